@@ -126,17 +126,19 @@ class App:
 
     def _tick(self, sample: HilSample, stamp_us: int) -> None:
         """Run one tick, answer the sample, then send telemetry and write the log."""
+        attitude_silent_s, motion_silent_s = self._ground.targets_silent_s
         inputs = Inputs(
-            sample.sensors,
-            sample.gps,
-            sample.altimeter,
-            self._ground.ground_silent_s,
-            self._ground.stick,
-            sample.dvl,
-            sample.battery,
-            sample.leak,
-            sample.duct,
-            *self._ground.targets_silent_s,
+            sensors=sample.sensors,
+            gps=sample.gps,
+            altimeter=sample.altimeter,
+            ground_silent_s=self._ground.ground_silent_s,
+            stick=self._ground.stick,
+            dvl=sample.dvl,
+            battery=sample.battery,
+            leak=sample.leak,
+            duct=sample.duct,
+            attitude_silent_s=attitude_silent_s,
+            motion_silent_s=motion_silent_s,
         )
         self._answer(self._vehicle.tick(inputs), stamp_us)
         if sample.links_silent is False:

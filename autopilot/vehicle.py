@@ -242,8 +242,8 @@ def mission_progress(state: AutopilotState, config: Config) -> MissionProgress:
         stage = PAUSED if mission_state.reached >= 0 else NOT_STARTED
     item_count = total - config.mission_seq0_home if total else NO_ITEMS
     return MissionProgress(
-        min(mission_state.current, max(0, total - 1)),
-        item_count,
-        stage,
-        1 if in_mission_mode else 2,
+        sequence=min(mission_state.current, max(0, total - 1)),
+        total=item_count,
+        mission_state=stage,
+        mission_mode=1 if in_mission_mode else 2,
     )

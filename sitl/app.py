@@ -112,7 +112,7 @@ def _open_truth_log(path: Path | None) -> Iterator[RecordTruth]:
         log = TruthLog(path)
     except OSError as error:
         reason = (
-            "the file exists; give a new one"
+            "the file exists; choose another name"
             if isinstance(error, FileExistsError)
             else error.strerror
         )

@@ -81,7 +81,10 @@ def _header(path: Path, lines: list[str]) -> dict[str, float]:
 
 
 def _number(path: Path, key: str, text: str) -> float:
-    """Parse a finite number. Raises ScenarioError."""
+    """Parse a finite number.
+
+    Raises ScenarioError.
+    """
     try:
         value = float(text)
     except ValueError:

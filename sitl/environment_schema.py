@@ -135,7 +135,7 @@ def check_consistency(
     _check_ascending("density", [layer.depth_m for layer in density.layer])
     if current.layer and current.speed_mps:
         raise ScenarioError(
-            f"current.speed_mps = {current.speed_mps}: expected this or current.layer, not both"
+            f"current.speed_mps = {current.speed_mps}: expected either this key or current.layer"
         )
     if waves.significant_height_m and waves.spectrum == "jonswap" and waves.peak_period_s is None:
         raise ScenarioError(
@@ -143,7 +143,8 @@ def check_consistency(
         )
     if waves.significant_height_m and ice.draft_m:
         raise ScenarioError(
-            f"ice.draft_m = {ice.draft_m}: expected no [waves] with it; there are none under ice"
+            f"ice.draft_m = {ice.draft_m}: expected no [waves] with it:"
+            " waves under ice are not simulated"
         )
     height_m, period_s = waves.significant_height_m, waves.peak_period_s
     if period_s is not None and height_m > (
@@ -169,6 +170,6 @@ def _check_ascending(table: str, depths_m: Sequence[float]) -> None:
     for number, (above, below) in enumerate(pairwise(depths_m), 1):
         if below <= above:
             raise ScenarioError(
-                f"{table}.layer[{number}].depth_m = {below}: expected more than {above}, that of"
-                " the layer before"
+                f"{table}.layer[{number}].depth_m = {below}: expected more than {above}, the"
+                " depth of the layer before"
             )

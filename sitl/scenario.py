@@ -112,7 +112,10 @@ class Scenario(ScenarioTable, frozen=True):
 
     @property
     def faults(self) -> list[Fault]:
-        """Scheduled faults, parsed. Raises FaultError."""
+        """Scheduled faults, parsed.
+
+        Raises FaultError.
+        """
         return [catalogue.read(row) for row in self.fault]
 
 
@@ -203,7 +206,10 @@ def _shipped() -> Any:
 
 
 def _read(path: str) -> str:
-    """Return the text of a scenario file. Raises ScenarioError."""
+    """Return the text of a scenario file.
+
+    Raises ScenarioError.
+    """
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

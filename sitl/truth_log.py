@@ -60,7 +60,10 @@ class TruthLog:
     """
 
     def __init__(self, path: Path) -> None:
-        """Create the file. Raises OSError, also when it exists: a log is never overwritten."""
+        """Create the file.
+
+        Raises OSError, also when it exists: a log is never overwritten.
+        """
         self._file = path.open("xb")
         self._launch_ns = self._newest_ns = time.time_ns()
         self._flush = Every(FLUSH_PERIOD_S)

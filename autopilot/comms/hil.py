@@ -168,17 +168,17 @@ class HilLink:
 def _gps_fix(m: Message) -> GpsFix:
     """Convert HIL_GPS to degrees, m and m/s."""
     return GpsFix(
-        m.time_usec,
-        m.fix_type,
-        m.lat * 1e-7,
-        m.lon * 1e-7,
-        m.alt * 1e-3,
-        m.vn * 1e-2,
-        m.ve * 1e-2,
-        m.vd * 1e-2,
-        m.satellites_visible,
-        _metres(m.eph),
-        _metres(m.epv),
+        time_us=m.time_usec,
+        fix_type=m.fix_type,
+        lat_deg=m.lat * 1e-7,
+        lon_deg=m.lon * 1e-7,
+        alt_m=m.alt * 1e-3,
+        velocity_north_mps=m.vn * 1e-2,
+        velocity_east_mps=m.ve * 1e-2,
+        velocity_down_mps=m.vd * 1e-2,
+        satellites=m.satellites_visible,
+        eph_m=_metres(m.eph),
+        epv_m=_metres(m.epv),
     )
 
 
@@ -192,10 +192,10 @@ def _altimeter(m: Message) -> Altimeter | None:
     if m.orientation != _LOOKING_DOWN:
         return None
     return Altimeter(
-        m.time_boot_ms * 1000,
-        m.current_distance * 1e-2,
-        m.min_distance * 1e-2,
-        m.max_distance * 1e-2,
+        time_us=m.time_boot_ms * 1000,
+        range_m=m.current_distance * 1e-2,
+        min_range_m=m.min_distance * 1e-2,
+        max_range_m=m.max_distance * 1e-2,
     )
 
 

@@ -10,11 +10,16 @@ _AT_REST = (0.0,) * CHANNELS
 def begin(state: AutopilotState, channel: int, value: float, seconds: float) -> AutopilotState:
     """Start a test of one actuator, which replaces an earlier test of the same actuator.
 
-    Parameters:
-        state: state of a disarmed vehicle.
-        channel: 0 rudder, 1 elevator, 2 thrust.
-        value: command in [-1, 1].
-        seconds: duration in vehicle time; 0 ends the test at once.
+    Parameters
+    ----------
+    state
+        State of a disarmed vehicle.
+    channel
+        0 rudder, 1 elevator, 2 thrust.
+    value
+        Command in [-1, 1].
+    seconds
+        Duration in vehicle time; 0 ends the test at once.
     """
     others = tuple(test for test in state.actuator_tests if test.channel != channel)
     if seconds <= 0.0:

@@ -58,12 +58,18 @@ def tick(
 ) -> tuple[AutopilotState, ActuatorFrame, Trace, Events]:
     """Advance the autopilot by one tick, to the vehicle time of the sensor frame.
 
-    Parameters:
-        state: state after the last tick.
-        inputs: sensors and link ages of this tick.
-        config: parameters.
+    Parameters
+    ----------
+    state
+        State after the last tick.
+    inputs
+        Sensors and link ages of this tick.
+    config
+        Parameters.
 
-    Returns:
+    Returns
+    -------
+    tuple[AutopilotState, ActuatorFrame, Trace, Events]
         New state; actuator frame that answers the sensor frame; signals of the loops; events to
         send.
     """

@@ -15,8 +15,8 @@ Position
     ``autopilot.control.navigation``.
 
 Only the sensor groups in ``fields_updated`` are used. Without the gyro, a second-order observer
-estimates the rates from gravity and magnetic field; without the pressure sensor, depth is dead
-reckoned from the vertical speed.
+estimates the rates from gravity and magnetic field; without the pressure sensor, depth is
+the integral of the vertical speed.
 """
 
 import math
@@ -89,15 +89,24 @@ def update(
 ) -> VehicleEstimate:
     """Advance the estimate by one tick.
 
-    Parameters:
-        old: estimate after the last tick.
-        inputs: sensors of this tick, checked.
-        thrust: last commanded thrust (fraction of full).
-        home: home position.
-        config: parameters.
-        dt_s: time since the last tick.
+    Parameters
+    ----------
+    old
+        Estimate after the last tick.
+    inputs
+        Sensors of this tick, checked.
+    thrust
+        Last commanded thrust (fraction of full).
+    home
+        Home position.
+    config
+        Parameters.
+    dt_s
+        Time since the last tick.
 
-    Returns:
+    Returns
+    -------
+    VehicleEstimate
         Estimate of this tick.
     """
     sensors, now_us = inputs.sensors, inputs.sensors.time_us

@@ -78,14 +78,21 @@ def from_numbers(
 ) -> requests.StartTest:
     """Return the test that the parameters of MAV_CMD_USER_1 request.
 
-    Parameters:
-        axis: as SID_AXIS.
-        magnitude: amplitude, degrees of rudder or elevator, percent of thrust.
-        p3, p4: start and stop frequency (Hz); PRBS: seed and clock (Hz); square wave: switch
-            intervals as digits.
-        duration_s: duration.
-        wave: as SID_WAVE.
-        fade_s: fade time at both ends.
+    Parameters
+    ----------
+    axis
+        As SID_AXIS.
+    magnitude
+        Amplitude, degrees of rudder or elevator, percent of thrust.
+    p3, p4
+        Start and stop frequency (Hz); PRBS: seed and clock (Hz); square wave: switch
+        intervals as digits.
+    duration_s
+        Duration.
+    wave
+        As SID_WAVE.
+    fade_s
+        Fade time at both ends.
     """
     if wave == Wave.PRBS:
         return requests.StartTest(
@@ -140,11 +147,15 @@ def _to_integer(value: float) -> int:
 def precompute(request: requests.StartTest, state: AutopilotState, config: Config) -> Excitation:
     """Return the test that a request starts now.
 
-    Parameters:
-        request: requested test. If both axes are tested, the amplitude is that of the rudder, and
-            the elevator has SID_ELE_PCT of it.
-        state: state with the start time and the set-points.
-        config: parameters.
+    Parameters
+    ----------
+    request
+        Requested test. If both axes are tested, the amplitude is that of the rudder, and
+        the elevator has SID_ELE_PCT of it.
+    state
+        State with the start time and the set-points.
+    config
+        Parameters.
     """
     axis = AXES.get(request.axis, NO_AXIS)
     amplitude_rad = math.radians(request.magnitude)
@@ -229,11 +240,16 @@ def _multisine_frequencies(test: Excitation, part: int) -> waveforms.Comb:
 def check(test: Excitation, travel_deg: float) -> str:
     """Check a test.
 
-    Parameters:
-        test: test to check.
-        travel_deg: maximum angle of the duct, which limits the amplitude.
+    Parameters
+    ----------
+    test
+        Test to check.
+    travel_deg
+        Maximum angle of the duct, which limits the amplitude.
 
-    Returns:
+    Returns
+    -------
+    str
         What is wrong, with value and limit; empty if the test is valid.
     """
     if test.axis not in AXES:

@@ -105,16 +105,26 @@ def step_loops(
 
     The surface of an open loop rests at its trim, and its integrators keep their values.
 
-    Parameters:
-        estimate: estimated attitude, rates, depth and speed.
-        setpoint: heading (rad), depth (m), or pitch (rad) in place of the depth.
-        memory: state of the loops after the last tick.
-        config: parameters.
-        dt_s: time since the last tick.
-        heading: whether the heading loop is closed.
-        depth: whether the depth and pitch loops are closed.
+    Parameters
+    ----------
+    estimate
+        Estimated attitude, rates, depth and speed.
+    setpoint
+        Heading (rad), depth (m), or pitch (rad) in place of the depth.
+    memory
+        State of the loops after the last tick.
+    config
+        Parameters.
+    dt_s
+        Time since the last tick.
+    heading
+        Whether the heading loop is closed.
+    depth
+        Whether the depth and pitch loops are closed.
 
-    Returns:
+    Returns
+    -------
+    tuple[ControlOutput, LoopMemory]
         Commands and errors of this tick, and the new state of the loops. Commands may exceed the
         travel of the duct after rotation by the roll angle.
     """
@@ -399,21 +409,27 @@ def pitch_feedforward(
 def schedule_gains(gains: Gains, speed_ratio: float) -> Gains:
     """Scale heading or pitch gains with speed.
 
-    Parameters:
-        gains: gains at the design speed.
-        speed_ratio: speed over the design speed; limited to MIN_SPEED_RATIO .. MAX_SPEED_RATIO.
+    Parameters
+    ----------
+    gains
+        Gains at the design speed.
+    speed_ratio
+        Speed over the design speed; limited to MIN_SPEED_RATIO .. MAX_SPEED_RATIO.
 
-    Returns:
+    Returns
+    -------
+    Gains
         Gains at that speed. With x the speed ratio::
 
             x <= 1    P         D / x      I x
             x >  1    P / x^2   D / x^2    I / x^2
 
-    Notes:
-        Hydrodynamic forces grow with U for a rate and with U^2 for an angle, also for an angle of
-        the duct (Fossen 2021, section 6.7). Below the design speed all motion of the vehicle slows
-        in proportion; a loop that slows equally keeps its margins. Above it delay and lag of the
-        tailcone do not shrink with the vehicle's time constants; the loop keeps its bandwidth.
+    Notes
+    -----
+    Hydrodynamic forces grow with U for a rate and with U^2 for an angle, also for an angle of
+    the duct (Fossen 2021, section 6.7). Below the design speed all motion of the vehicle slows
+    in proportion; a loop that slows equally keeps its margins. Above it delay and lag of the
+    tailcone do not shrink with the vehicle's time constants; the loop keeps its bandwidth.
     """
     x = min(MAX_SPEED_RATIO, max(MIN_SPEED_RATIO, speed_ratio))
     if x <= 1.0:

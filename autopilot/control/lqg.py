@@ -38,9 +38,9 @@ class LqgControllers(NamedTuple):
     speed_mps: float
     """Design speed."""
     heading: LqgController
-    """From yaw rate (rad/s) and heading (rad) to rudder (rad)."""
+    """Controller of the rudder (rad) from yaw rate (rad/s) and heading (rad)."""
     depth: LqgController
-    """From pitch rate (rad/s), pitch (rad), depth (m) and depth rate (m/s) to elevator (rad)."""
+    """Controller of the elevator (rad) from pitch rate, pitch, depth and depth rate (SI)."""
     pitch_per_metre: float
     """Nose-down pitch (rad) that has the same effect on the elevator as 1 m too deep.
 
@@ -82,11 +82,21 @@ def from_matrices(
 ) -> LqgController:
     """Return a controller with its feed-forward -F S.
 
-    Parameters:
-        rows: matrix (A B L), shape (n, n + 1 + m).
-        feedback: F, shape (n,).
-        start: S, shape (n, m).
-        loads: number of states, the last ones, that are constant disturbances.
+    Parameters
+    ----------
+    rows
+        Matrix (A B L), shape (n, n + 1 + m).
+    feedback
+        F, shape (n,).
+    start
+        S, shape (n, m).
+    loads
+        Number of states, the last ones, that are constant disturbances.
+
+    Returns
+    -------
+    LqgController
+        Controller for ``step``.
     """
     forward = tuple(-sum(map(mul, feedback, column)) for column in zip(*start, strict=True))
     return LqgController(rows, feedback, start, forward, loads)
@@ -100,14 +110,21 @@ def step(
 ) -> tuple[float, ObserverState]:
     """Run a controller for one tick.
 
-    Parameters:
-        controller: matrices.
-        observer: state after the last tick; None starts at x = S y.
-        measured: y.
-        target: reference and limits. A new reference changes the command at once; the observer
-            follows the measurements only.
+    Parameters
+    ----------
+    controller
+        Matrices.
+    observer
+        State after the last tick; None starts at x = S y.
+    measured
+        y, in the units of the controller, shape (m,).
+    target
+        Reference and limits. A new reference changes the command at once; the observer
+        follows the measurements only.
 
-    Returns:
+    Returns
+    -------
+    tuple[float, ObserverState]
         Limited command u (rad) relative to the trim, and the new observer state.
     """
     if observer is None:

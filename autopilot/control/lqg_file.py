@@ -27,8 +27,10 @@ class LqgFileError(ValueError):
 def load(path: Path) -> LqgControllers:
     """Read controllers from a file.
 
-    Raises:
-        LqgFileError: the file cannot be read or is not a valid controller file.
+    Raises
+    ------
+    LqgFileError
+        The file cannot be read or is not a valid controller file.
     """
     try:
         return parse(path.read_text(encoding="utf-8"))
@@ -41,8 +43,10 @@ def load(path: Path) -> LqgControllers:
 def parse(text: str) -> LqgControllers:
     """Read controllers from the text of a file.
 
-    Raises:
-        LqgFileError: the text is not a valid controller file.
+    Raises
+    ------
+    LqgFileError
+        The text is not a valid controller file.
     """
     try:
         decoded = json.loads(text)
@@ -123,9 +127,12 @@ def _parse_numbers(values: Any, key: str, count: int) -> tuple[float, ...]:
 def to_json(controllers: LqgControllers, model_sha256: str) -> str:
     """Return the text of a controller file.
 
-    Parameters:
-        controllers: controllers to write.
-        model_sha256: SHA-256 of the model file that they were designed with.
+    Parameters
+    ----------
+    controllers
+        Controllers to write.
+    model_sha256
+        SHA-256 of the model file that they were designed with.
     """
     head = {"format": FORMAT, "tick_s": TICK_S, "model_sha256": model_sha256}
     numbers = {"speed_mps": controllers.speed_mps, "pitch_per_metre": controllers.pitch_per_metre}

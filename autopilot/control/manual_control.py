@@ -25,9 +25,12 @@ class Helm:
     def take(self, message: Any, now_s: float) -> None:
         """Take a MANUAL_CONTROL message: x forward is nose down, r is rudder, z is thrust.
 
-        Parameters:
-            message: decoded message with the axes x, r and z, each in [-1000, 1000].
-            now_s: wall time.
+        Parameters
+        ----------
+        message
+            Decoded message with the axes x, r and z, each in [-1000, 1000].
+        now_s
+            Wall time.
         """
         nose_down, rudder, thrust = (
             0.0 if axis == _NOT_GIVEN else max(-1.0, min(1.0, axis / _STICK_FULL))
@@ -38,8 +41,10 @@ class Helm:
     def fix(self, rudder: float, elevator: float, thrust: float) -> None:
         """Set the actuators until a stick message comes or mode MANUAL ends.
 
-        Parameters:
-            rudder, elevator, thrust: commands in [-1, 1]; NaN keeps the present command.
+        Parameters
+        ----------
+        rudder, elevator, thrust
+            Commands in [-1, 1]; NaN keeps the present command.
         """
         previous = self._fixed or _RELEASED
         pairs = zip((rudder, elevator, thrust), previous, strict=True)

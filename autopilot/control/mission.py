@@ -94,11 +94,16 @@ class Fault(NamedTuple):
 def check(items: tuple[MissionItem, ...], config: Config) -> tuple[int, str]:
     """Check a mission without regard to home.
 
-    Parameters:
-        items: mission items.
-        config: parameters with the limits.
+    Parameters
+    ----------
+    items
+        Mission items.
+    config
+        Parameters with the limits.
 
-    Returns:
+    Returns
+    -------
+    tuple[int, str]
         Sequence of the first item that cannot be flown and the reason; (-1, "") if all can.
     """
     fault = find_fault(items, Home(), config)

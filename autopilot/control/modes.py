@@ -60,11 +60,16 @@ def enter(state: AutopilotState, mode: Mode) -> tuple[AutopilotState, tuple[Even
 
     A test and a path end. The set-points of an interrupted mission are kept for its resumption.
 
-    Parameters:
-        state: present state.
-        mode: new mode.
+    Parameters
+    ----------
+    state
+        Present state.
+    mode
+        New mode.
 
-    Returns:
+    Returns
+    -------
+    tuple[AutopilotState, tuple[Event, ...]]
         New state and events; the same state without events if the mode does not change.
     """
     if mode.number == state.mode:

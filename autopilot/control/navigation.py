@@ -111,17 +111,27 @@ def predict_and_update(
 ) -> NavSolution:
     """Advance dead reckoning by one tick and apply the measurements.
 
-    Parameters:
-        position_m: position after the last tick, from home, or from the start while home is
-            unknown.
-        old: state of the filter after the last tick.
-        motion: attitude and motion in this tick.
-        inputs: satellite fix and Doppler log velocity, if any.
-        home: home position.
-        config: parameters NAV_*.
-        dt_s: time since the last tick.
+    Parameters
+    ----------
+    position_m
+        Position after the last tick, from home, or from the start while home is
+        unknown.
+    old
+        State of the filter after the last tick.
+    motion
+        Attitude and motion in this tick.
+    inputs
+        Satellite fix and Doppler log velocity, if any.
+    home
+        Home position.
+    config
+        Parameters NAV_*.
+    dt_s
+        Time since the last tick.
 
-    Returns:
+    Returns
+    -------
+    NavSolution
         Position, velocity over ground and new state of the filter.
     """
     water = motion.water_mps
@@ -156,10 +166,14 @@ def current_sd_mps(memory: Navigation) -> float:
 def velocity_sd_mps(memory: Navigation, speed_mps: float, time_us: int) -> float:
     """Return the standard deviation of the velocity over ground (m/s) along each axis.
 
-    Parameters:
-        memory: state of the filter.
-        speed_mps: speed through the water.
-        time_us: vehicle time.
+    Parameters
+    ----------
+    memory
+        State of the filter.
+    speed_mps
+        Speed through the water.
+    time_us
+        Vehicle time.
     """
     covariance = memory.covariance
     if _has_dvl(memory, time_us):

@@ -639,15 +639,22 @@ _BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
 def validate(name: str, value: float) -> float:
     """Check a value of a parameter.
 
-    Parameters:
-        name: name of the parameter.
-        value: value in the parameter's unit.
+    Parameters
+    ----------
+    name
+        Name of the parameter.
+    value
+        Value in the parameter's unit.
 
-    Returns:
+    Returns
+    -------
+    float
         The value as it is stored: integers are rounded.
 
-    Raises:
-        ParamError: the parameter does not exist, or the value is NaN or out of range.
+    Raises
+    ------
+    ParamError
+        The parameter does not exist, or the value is NaN or out of range.
     """
     row = _BY_NAME.get(name)
     if row is None:
@@ -662,11 +669,20 @@ def validate(name: str, value: float) -> float:
 def config(values: Mapping[str, float]) -> Config:
     """Return a configuration.
 
-    Parameters:
-        values: values by parameter name, which replace the defaults.
+    Parameters
+    ----------
+    values
+        Values by parameter name, which replace the defaults.
 
-    Raises:
-        ParamError: a parameter does not exist, or a value is out of range.
+    Returns
+    -------
+    Config
+        Values in the fields of the tick, with derived values in SI units.
+
+    Raises
+    ------
+    ParamError
+        A parameter does not exist, or a value is out of range.
     """
     changed = {}
     for name, value in values.items():

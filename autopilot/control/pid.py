@@ -27,22 +27,32 @@ def pid(
 
         u = P e - D y' + I, limited to [low, high]        I <- I + K_i e dt, |I| <= i_max
 
-    Parameters:
-        error: set-point minus measurement.
-        rate: rate of the measurement, so that a new set-point causes no kick.
-        gains: gains and limits of the integrator.
-        integral: integrator I after the last tick, in the unit of the output, so that new gains
-            cause no jump.
-        dt_s: time since the last tick.
-        low, high: limits of the output.
+    Parameters
+    ----------
+    error
+        Set-point minus measurement.
+    rate
+        Rate of the measurement, so that a new set-point causes no kick.
+    gains
+        Gains and limits of the integrator.
+    integral
+        Integrator I after the last tick, in the unit of the output, so that new gains
+        cause no jump.
+    dt_s
+        Time since the last tick.
+    low, high
+        Limits of the output.
 
-    Returns:
+    Returns
+    -------
+    tuple[float, float]
         Output and new integral.
 
-    Notes:
-        The integrator is frozen while the output is at a limit and the error pushes further out
-        (conditional integration, Astrom and Murray 2008, section 10.4), and while the rate
-        exceeds ``i_rate``: the error during a manoeuvre is transient.
+    Notes
+    -----
+    The integrator is frozen while the output is at a limit and the error pushes further out
+    (conditional integration, Astrom and Murray 2008, section 10.4), and while the rate
+    exceeds ``i_rate``: the error during a manoeuvre is transient.
     """
     p, d, i, i_max, i_rate = gains
     wanted = p * error - d * rate + integral

@@ -40,14 +40,22 @@ def step_reference(
 
         x'' = w^2 (r - x) - 2 w x',    |x'| <= max_rate
 
-    Parameters:
-        to_go: r - x, in the unit of ``state.value``; a heading difference is wrapped.
-        state: reference after the last tick.
-        bandwidth_radps: w.
-        max_rate: limit of the rate, in units of ``state.value`` per second.
-        dt_s: time since the last tick.
+    Parameters
+    ----------
+    to_go
+        r - x, in the unit of ``state.value``; a heading difference is wrapped.
+    state
+        Reference after the last tick.
+    bandwidth_radps
+        w.
+    max_rate
+        Limit of the rate, in units of ``state.value`` per second.
+    dt_s
+        Time since the last tick.
 
-    Returns:
+    Returns
+    -------
+    ReferenceState
         Reference of this tick.
     """
     w = bandwidth_radps
@@ -85,13 +93,20 @@ def lead(
     rate of the tailcone. If u would exceed the travel, a'' is reduced so that the tailcone can
     follow the model.
 
-    Parameters:
-        command_rad: c.
-        state: a and a' after the last tick; None starts at rest at c.
-        servo: parameters of both lags.
-        dt_s: time since the last tick.
+    Parameters
+    ----------
+    command_rad
+        c.
+    state
+        a and a' after the last tick; None starts at rest at c.
+    servo
+        Parameters of both lags.
+    dt_s
+        Time since the last tick.
 
-    Returns:
+    Returns
+    -------
+    tuple[float, ReferenceState]
         u (rad), and the new state of the model.
     """
     angle, rate = state or ReferenceState(command_rad)

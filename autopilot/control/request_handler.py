@@ -37,12 +37,18 @@ def handle_request(
 ) -> tuple[AutopilotState, Answer, Events]:
     """Handle a request of a ground station.
 
-    Parameters:
-        state: present state.
-        request: request.
-        config: parameters.
+    Parameters
+    ----------
+    state
+        Present state.
+    request
+        Request.
+    config
+        Parameters.
 
-    Returns:
+    Returns
+    -------
+    tuple[AutopilotState, Answer, Events]
         New state, result to send to the ground station, and events.
     """
     match request:

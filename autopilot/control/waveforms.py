@@ -52,12 +52,18 @@ def chirp(t_s: float, start_hz: float, stop_hz: float, duration_s: float) -> tup
         t < t_0:   f = f_0                       u = sin(2 pi f_0 t)
         else:      f = f_0 exp(g (t - t_0))      u = sin(2 pi (f_0 t_0 + (f - f_0) / g))
 
-    Parameters:
-        t_s: t.
-        start_hz, stop_hz: f_0 and f_1.
-        duration_s: T.
+    Parameters
+    ----------
+    t_s
+        t.
+    start_hz, stop_hz
+        f_0 and f_1.
+    duration_s
+        T.
 
-    Returns:
+    Returns
+    -------
+    tuple[float, float]
         u in [-1, 1], and f (Hz).
     """
     lead_s = min(CHIRP_LEAD_CYCLES / start_hz, 0.5 * duration_s)
@@ -70,17 +76,34 @@ def chirp(t_s: float, start_hz: float, stop_hz: float, duration_s: float) -> tup
 
 
 def doublet(t_s: float, duration_s: float) -> float:
-    """Compute a doublet: +1 for half of the duration, then -1; its mean is zero."""
+    """Compute a doublet: +1 for half of the duration, then -1; its mean is zero.
+
+    Parameters
+    ----------
+    t_s
+        Time since the start.
+    duration_s
+        Duration of the test.
+
+    Returns
+    -------
+    float
+        +1 or -1.
+    """
     return 1.0 if t_s < 0.5 * duration_s else -1.0
 
 
 def square(t_s: float, intervals: tuple[int, ...], duration_s: float) -> float:
     """Compute a square wave that starts at +1 and changes sign after each interval.
 
-    Parameters:
-        t_s: time since the start.
-        intervals: relative lengths of the intervals; (3, 2, 1, 1) is a 3-2-1-1.
-        duration_s: sum of the intervals in seconds.
+    Parameters
+    ----------
+    t_s
+        Time since the start.
+    intervals
+        Relative lengths of the intervals; (3, 2, 1, 1) is a 3-2-1-1.
+    duration_s
+        Sum of the intervals in seconds.
     """
     remaining, level = t_s / duration_s * sum(intervals) + _TOLERANCE, 1.0
     for length in intervals[:-1]:
@@ -97,11 +120,16 @@ def prbs(t_s: float, clock_hz: float, duration_s: float, seed: int) -> float:
     ``clock_hz * duration_s`` is 2^n - 1 the test is one full period: the spectrum is flat except
     for the sinc of the hold, and the sum of all bits is one.
 
-    Parameters:
-        t_s: time since the start.
-        clock_hz: clock rate.
-        duration_s: duration of the test, which sets the order.
-        seed: starting point in the sequence.
+    Parameters
+    ----------
+    t_s
+        Time since the start.
+    clock_hz
+        Clock rate.
+    duration_s
+        Duration of the test, which sets the order.
+    seed
+        Starting point in the sequence.
     """
     bits = maximal_sequence(_order(clock_hz, duration_s), seed)
     return bits[min(len(bits) - 1, int(t_s * clock_hz + _TOLERANCE))]
@@ -155,11 +183,16 @@ def comb(start_hz: float, stop_hz: float, duration_s: float, part: int, parts: i
     Tone k of N has the phase -pi k (k - 1) / N, which gives a low peak (M. R. Schroeder, Synthesis
     of low-peak-factor signals, IEEE Trans. Inf. Theory 16 (1970), eq. 11).
 
-    Parameters:
-        start_hz, stop_hz: band.
-        duration_s: T.
-        part: index of the comb, from 0.
-        parts: number of combs.
+    Parameters
+    ----------
+    start_hz, stop_hz
+        Band.
+    duration_s
+        T.
+    part
+        Index of the comb, from 0.
+    parts
+        Number of combs.
     """
     lowest, highest = _harmonics(start_hz, stop_hz, duration_s)
     stride = max(1, math.ceil((highest - lowest + 1) / (MAX_TONES * parts)))
@@ -181,6 +214,20 @@ def multisine(t_s: float, tones: Comb, duration_s: float) -> float:
     """Compute a multisine: u = Im sum_k A_k exp(2 pi i n_k t / T), n_k = first + k spacing.
 
     The sum is evaluated by Horner's rule in the phasor of the spacing.
+
+    Parameters
+    ----------
+    t_s
+        Time t since the start.
+    tones
+        Tones with the complex amplitudes A_k.
+    duration_s
+        Duration T.
+
+    Returns
+    -------
+    float
+        u in [-1, 1].
     """
     phase_rate = 2j * math.pi * t_s / duration_s
     return (
@@ -210,7 +257,22 @@ def _peak(amplitudes: list[complex]) -> float:
 
 
 def fade(t_s: float, duration_s: float, fade_s: float) -> float:
-    """Return the factor of a half-cosine fade of ``fade_s`` at both ends of a test, in [0, 1]."""
+    """Return the factor of a half-cosine fade at both ends of a test.
+
+    Parameters
+    ----------
+    t_s
+        Time since the start.
+    duration_s
+        Duration of the test.
+    fade_s
+        Length of the fade at each end; 0 for none.
+
+    Returns
+    -------
+    float
+        Factor in [0, 1].
+    """
     to_edge_s = min(t_s, duration_s - t_s)
     if fade_s <= 0.0 or to_edge_s >= fade_s:
         return 1.0

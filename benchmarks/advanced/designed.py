@@ -4,8 +4,7 @@ from dataclasses import replace
 from time import process_time
 from typing import NamedTuple
 
-from autopilot.control import loops as aboard
-from autopilot.control import params
+from autopilot.control import loops, params
 from autopilot.control.lqg import LqgControllers
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import LoopMemory, VehicleEstimate
@@ -43,7 +42,10 @@ class Designed(NamedTuple):
 
 
 def designed(model: IdentifiedModel, trims: Values) -> Designed:
-    """Design both with the same reference models and limits. Raises DesignInfeasibleError."""
+    """Design both with the same reference models and limits.
+
+    Raises DesignInfeasibleError.
+    """
     pid, lqg = design.redesign(model), optimal.design_lqg(model)
     values = {**pid.gains, **trims}
     return Designed(
@@ -124,7 +126,7 @@ def _cost(name: str, contender: Contender) -> Figure:
     estimate, memory = VehicleEstimate(speed_mps=config.cruise_speed_mps), LoopMemory()
     began_s = process_time()
     for _ in range(TICKS):
-        _, memory = aboard.step_loops(
+        _, memory = loops.step_loops(
             estimate, Setpoint(), memory, config, TICK_S, heading=True, depth=True
         )
     return Figure(

@@ -26,9 +26,9 @@ REWEIGHTED = 1
 """Number of fits after which the output weights are updated."""
 
 
-def estimate(records: Sequence[LinearRun], belief: LinearPrior) -> tuple[Array, Array]:
+def estimate(records: Sequence[LinearRun], prior: LinearPrior) -> tuple[Array, Array]:
     """Return the derived parameters, as ``linear_model.derived``, and their covariance."""
-    first, free = belief.model, _free(belief)
+    first, free = prior.model, _free(prior)
     measured = [
         record.measured - np.mean(record.measured[: int(REST_S / DT)], axis=0) for record in records
     ]
@@ -36,7 +36,7 @@ def estimate(records: Sequence[LinearRun], belief: LinearPrior) -> tuple[Array, 
 
     def plant(u: Array) -> LinearModel:
         values = first.values.copy()
-        values[free] = u * belief.spread[free]
+        values[free] = u * prior.spread[free]
         return LinearModel(first.frame, values)
 
     def errors(u: Array) -> Array:
@@ -44,8 +44,8 @@ def estimate(records: Sequence[LinearRun], belief: LinearPrior) -> tuple[Array, 
         pairs = zip(records, measured, strict=True)
         return np.concatenate([((y - simulate(at, record)) / sds).ravel() for record, y in pairs])
 
-    u = first.values[free] / belief.spread[free]
-    bounds = belief.lowest[free] / belief.spread[free], belief.highest[free] / belief.spread[free]
+    u = first.values[free] / prior.spread[free]
+    bounds = prior.lowest[free] / prior.spread[free], prior.highest[free] / prior.spread[free]
     for _ in range(REWEIGHTED):
         found = least_squares(errors, u, bounds=bounds)
         u = found.x
@@ -53,7 +53,7 @@ def estimate(records: Sequence[LinearRun], belief: LinearPrior) -> tuple[Array, 
     found = least_squares(errors, u, bounds=bounds)
     covariance = np.zeros((first.values.size, first.values.size))
     covariance[np.ix_(free, free)] = np.linalg.pinv(found.jac.T @ found.jac) * np.outer(
-        belief.spread[free], belief.spread[free]
+        prior.spread[free], prior.spread[free]
     )
     at = plant(found.x)
     return plants.derived(*at), plants.propagate(*at, covariance)
@@ -71,6 +71,6 @@ def simulate(plant: LinearModel, record: LinearRun) -> Array:
     ).reshape(-1, count)
 
 
-def _free(belief: LinearPrior) -> NDArray[np.int64]:
+def _free(prior: LinearPrior) -> NDArray[np.int64]:
     """Return the indices of the free parameters: those of the equation, delay and bias."""
-    return np.arange(len(NUMBERS[belief.model.frame.plane]) + 2)
+    return np.arange(len(NUMBERS[prior.model.frame.plane]) + 2)

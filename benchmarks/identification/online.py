@@ -86,8 +86,8 @@ def trial(vehicle: str, seed: int) -> list[float]:
         online = _figures(report.read(known.prior, known.information, plane, at))
         beside = np.full_like(online, math.nan)
         if batch is not None:
-            told = square_root_information.from_normal(batch.z, batch.covariance)
-            beside = _figures(report.read(together, told, plane, at))
+            batch_information = square_root_information.from_normal(batch.z, batch.covariance)
+            beside = _figures(report.read(together, batch_information, plane, at))
         differences += ((online[0] - beside[0]) / beside[1]).tolist()
         errors += ((online[0] - _truth(case, plane, at)) / online[1]).tolist()
     flown_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in runs)

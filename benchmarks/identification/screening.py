@@ -132,8 +132,8 @@ def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
         evidence = _evidence(vehicle, wave, runs)
         for k in struck.values():
             verdict = verdicts[runs[k].name]
-            told = _told(evidence, runs[k], kind, asked[k].middle_s)
-            numbers += [float(_flagged(verdict)), float(bool(verdict.reason)), float(told)]
+            ideal = _detected_ideally(evidence, runs[k], kind, asked[k].middle_s)
+            numbers += [float(_flagged(verdict)), float(bool(verdict.reason)), float(ideal)]
     return numbers
 
 
@@ -142,7 +142,7 @@ def _flagged(verdict: RunScreening) -> bool:
     return verdict.scores.p_value <= FALSE_ALARM
 
 
-def _told(evidence: Residuals, run: Run, kind: Kind, at_s: float) -> bool:
+def _detected_ideally(evidence: Residuals, run: Run, kind: Kind, at_s: float) -> bool:
     """Tell whether a test for one kind of anomaly at its true time detects it: the ideal case."""
     exhibit = next(e for e in evidence.runs if e.dataset.run.name == run.name)
     mark = next(s for s in exhibit.signatures if s.kind == kind)
@@ -195,10 +195,10 @@ def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
         Figure("clean runs left out", dropped / runs),
     ]
     for what, by_plane in zip(("slip of 0.5 deg", "gain error of 10 %"), power, strict=True):
-        for plane, (found, left_out, told) in zip(PLANES, by_plane, strict=True):
+        for plane, (found, left_out, ideal) in zip(PLANES, by_plane, strict=True):
             figures += [
                 Figure(f"{plane}: {what} detected", found, lowest=0.9),
-                Figure(f"{plane}: {what} detected, kind and time known", told),
+                Figure(f"{plane}: {what} detected, kind and time known", ideal),
                 Figure(f"{plane}: {what} left out", left_out),
             ]
     return figures

@@ -79,7 +79,10 @@ def cases() -> tuple[Case, ...]:
 
 
 def case(name: str) -> Case:
-    """Return a vehicle of the study. Raises KeyError."""
+    """Return a vehicle of the study.
+
+    Raises KeyError.
+    """
     return {case.name: case for case in cases()}[name]
 
 

@@ -49,7 +49,10 @@ def _questions(asked: argparse.Namespace) -> Iterator[tuple[Cell, str]]:
 
 
 def _gains(model: Path | None, seed: int) -> dict[str, Values]:
-    """Return the sets of gains to compare. Raises ModelError, DesignInfeasibleError."""
+    """Return the sets of gains to compare.
+
+    Raises ModelError, DesignInfeasibleError.
+    """
     flown = campaign.load_or_fly(model, seed)
     return campaign.gain_sets(flown.trims, campaign.redesigned(flown).gains)
 

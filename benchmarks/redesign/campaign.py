@@ -47,7 +47,10 @@ class Campaign(NamedTuple):
 
 
 def load_or_fly(model: Path | None, seed: int) -> Campaign:
-    """Return a campaign with a given model, or run a new one. Raises ModelError."""
+    """Return a campaign with a given model, or run a new one.
+
+    Raises ModelError.
+    """
     return Campaign(models.read(model), measured_trims(seed)) if model else fly(seed)
 
 
@@ -130,7 +133,10 @@ def log(dive: Dive, name: str, values: Values) -> Log:
 
 
 def redesigned(flown: Campaign) -> Design:
-    """Redesign the gains from the campaign's model. Raises DesignInfeasibleError."""
+    """Redesign the gains from the campaign's model.
+
+    Raises DesignInfeasibleError.
+    """
     return pid.redesign(flown.model)
 
 

@@ -28,7 +28,7 @@ MAGIC_16, MAGIC_32 = 18458, 29569
 NEUTRAL_US, FULL_TRAVEL_US = 1500, 400
 """Servo pulse at neutral and its change at full travel: 1100 to 1900 us, as for ArduSub."""
 MIN_STEP_US = 100
-"""Shortest step; a higher frame rate is limited to it. The longest is Caribou's own tick."""
+"""Shortest step, also used for higher frame rates; the longest is Caribou's own tick."""
 
 _LAYOUTS = {
     struct.calcsize(f"<HHI{n}H"): (magic, struct.Struct(f"<HHI{n}H"))

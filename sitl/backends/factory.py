@@ -57,7 +57,10 @@ class BackendOptions(NamedTuple):
 
 
 def defaults_of(autopilot: str) -> BackendDefaults:
-    """Return the defaults of a backend. Raises BackendError: the autopilot is unknown."""
+    """Return the defaults of a backend.
+
+    Raises BackendError: the autopilot is unknown.
+    """
     defaults = KINDS.get(autopilot)
     if defaults is None:
         raise BackendError(f"--autopilot {autopilot}: expected {', '.join(KINDS)}")
@@ -65,7 +68,10 @@ def defaults_of(autopilot: str) -> BackendDefaults:
 
 
 def check_options(choice: BackendOptions) -> None:
-    """Check the options. Raises BackendError or OutputsError."""
+    """Check the options.
+
+    Raises BackendError or OutputsError.
+    """
     given = {
         "--wait-for-arm": choice.wait_for_arm or None,
         "--rate": choice.rate_hz,

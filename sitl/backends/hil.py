@@ -41,7 +41,7 @@ _WARNING, _NOTICE = (
 
 
 class HilClient:
-    """Sends the sensors of one tick and receives the actuators that answer them."""
+    """Client of the HIL link: sends the sensors of one tick, receives the actuators for it."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
@@ -61,7 +61,7 @@ class HilClient:
     def datagram(
         self, sensors: Sensors, truth: TruthFrame | None, changes: Sequence[FaultChange] = ()
     ) -> bytes:
-        """Encode the frames of one tick, with HIL_SENSOR last: it makes the autopilot's tick start.
+        """Encode the frames of one tick, with HIL_SENSOR last: it starts the autopilot's tick.
 
         Parameters
         ----------

@@ -28,7 +28,10 @@ class AutopilotTimeoutError(ConnectionError):
 
 
 class Lockstep:
-    """Sends one sensor datagram at a time until it is answered. All times are wall time."""
+    """Lockstep exchange: one sensor datagram at a time, repeated until it is answered.
+
+    All times are wall time.
+    """
 
     def __init__(self, link: HilClient, stopped: Callable[[], bool]) -> None:
         self._link, self._stopped = link, stopped

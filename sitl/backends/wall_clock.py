@@ -46,7 +46,10 @@ class WallClock:
     """Backend that runs in real time; the vehicle drifts at neutral until actuators arrive."""
 
     def __init__(self, transport: Transport, stopped: Callable[[], bool]) -> None:
-        """Raises TooSlowError."""
+        """Open the backend on a transport.
+
+        Raises TooSlowError: the serial line is too slow.
+        """
         self._timestep = timestep_for_line(transport.address)
         self._link, self._stopped = HilClient(transport), stopped
         self._watchdog = Watchdog(_report_on_stderr, wall_s())
@@ -70,7 +73,7 @@ class WallClock:
         lag_s = wall_s() - self._start_s - vehicle_s
         if lag_s > MAX_LAG_S:
             self._start_s += lag_s
-            _report_on_stderr(f"too busy: vehicle time {vehicle_s:.1f} s comes {lag_s:.1f} s late")
+            _report_on_stderr(f"too busy: vehicle time {vehicle_s:.1f} s is {lag_s:.1f} s late")
 
     def take_injections(self) -> Sequence[InjectionResult]:
         """Return the failures that were commanded since the last call."""
@@ -118,7 +121,7 @@ def timestep_for_line(address: str) -> Timestep:
     rate_hz = next((rate for rate in RATES_HZ if rate * SAMPLE_BYTES <= available), None)
     if rate_hz is None:
         raise TooSlowError(
-            f"address {address!r}: too slow for the instruments: expected {MIN_BAUD} baud or more"
+            f"address {address!r}: too slow for the sensors: expected {MIN_BAUD} baud or more"
         )
     return Timestep(1_000_000 // rate_hz)
 

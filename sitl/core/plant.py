@@ -85,7 +85,7 @@ class Plant(NamedTuple):
 
 
 class PlantState(NamedTuple):
-    """Variables of a run at one tick. The arrays of a state are never modified."""
+    """Variables of a run at one tick; the arrays of a state are never modified."""
 
     time_us: int
     """Vehicle time."""

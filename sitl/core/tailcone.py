@@ -85,6 +85,29 @@ def discretise(
 ) -> TailconeAxis:
     """Discretise an axis, under- or overdamped; the delay may be any number of substeps.
 
+    Parameters
+    ----------
+    natural_frequency_radps, damping : float
+        Natural frequency and damping ratio of the second-order lag.
+    delay_s : float
+        Transport delay of the command.
+    travel_rad : float
+        Largest duct angle to either side.
+    rate_limit_radps : float
+        Largest rate of the duct angle.
+    bias_rad : float
+        Duct angle at a motor count of zero.
+    substep_s : float
+        Length of a substep.
+    step_rad : float
+        Duct angle per motor step; 0 for a continuous drive.
+    backlash_rad : float
+        Total play between motor and duct.
+    lost_step_chance : float
+        Probability of losing a step above ``lost_step_above_radps``.
+    lost_step_above_radps : float
+        Rate above which steps may be lost.
+
     Notes
     -----
     With the error e = angle - command (rad), natural frequency w (rad/s), damping ratio z and

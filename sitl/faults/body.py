@@ -11,7 +11,10 @@ from sitl.vehicle.model import VehicleModel
 
 
 def check_feasible(model: VehicleModel, faults: Sequence[Fault]) -> None:
-    """Check that ballast faults, singly and together, leave inertia positive. Raises FaultError."""
+    """Check that ballast faults, singly and together, leave inertia positive.
+
+    Raises FaultError.
+    """
     for combination in (*((fault,) for fault in faults), faults):
         faulted = apply(model, combination)
         if faulted is not None and np.linalg.eigvalsh(faulted.inertia.M_RB).min() <= 0.0:
@@ -21,7 +24,7 @@ def check_feasible(model: VehicleModel, faults: Sequence[Fault]) -> None:
                 if fault.unit == "ballast"
             )
             raise FaultError(
-                f"mass_kg: {masses}: expected less, of a vehicle of {model.inertia.mass_kg:.4g} kg"
+                f"mass_kg: {masses}: expected less: the vehicle has {model.inertia.mass_kg:.4g} kg"
             )
 
 

@@ -120,7 +120,10 @@ once. Wrong and drifting: error of every component; for the encoder in percent o
 
 
 def read(row: Mapping[str, float | str]) -> Fault:
-    """Parse a table ``[[fault]]`` of a scenario file. Raises FaultError."""
+    """Parse a table ``[[fault]]`` of a scenario file.
+
+    Raises FaultError.
+    """
     words = {key: value for key, value in row.items() if isinstance(value, str)}
     numbers = {key: value for key, value in row.items() if not isinstance(value, str)}
     for key in row:
@@ -141,13 +144,16 @@ def read(row: Mapping[str, float | str]) -> Fault:
 def make(
     unit: str, kind: str, from_us: int, until_us: int | None, given: Mapping[str, float]
 ) -> Fault:
-    """Build a fault with the parameters ``given`` by key, else defaults. Raises FaultError."""
+    """Build a fault with the parameters ``given`` by key, else defaults.
+
+    Raises FaultError.
+    """
     sizes = _sizes(unit, kind)
     known = [size.key for size in sizes]
     for key in given:
         if key not in known:
             raise FaultError(
-                f"{key} = {given[key]:g}: {unit} {kind} takes {', '.join(known) or 'no size'}"
+                f"{key} = {given[key]:g}: {unit} {kind} takes {', '.join(known) or 'no parameter'}"
             )
     if until_us is not None and until_us <= from_us:
         raise FaultError(
@@ -163,7 +169,10 @@ def make(
 
 
 def _sizes(unit: str, kind: str) -> tuple[Size, ...]:
-    """Return the parameters of a fault. Raises FaultError: unknown unit or kind."""
+    """Return the parameters of a fault.
+
+    Raises FaultError: unknown unit or kind.
+    """
     if unit not in CATALOGUE:
         raise FaultError(f"unit = {unit!r}: expected {', '.join(CATALOGUE)}")
     kinds = CATALOGUE[unit]

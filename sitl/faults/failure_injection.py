@@ -104,7 +104,7 @@ def parse_command(unit: float, kind: float, instance: float, size: float) -> Inj
 
 
 def apply_injection(running: Timeline, injection: InjectionResult, time_us: int) -> Timeline:
-    """Return the timeline after an accepted command at vehicle time ``time_us``."""
+    """Return the timeline after an accepted command at vehicle time ``time_us`` (us)."""
     if not injection.kind:
         return timeline.end_faults(running, injection.units, time_us)
     for unit in injection.units:
@@ -136,7 +136,10 @@ def _names(table: dict[int, tuple[str, ...]], number: float) -> tuple[str, ...]:
 
 
 def _fault(injection: InjectionResult, unit: str, time_us: int) -> Fault:
-    """Build the fault of one unit, starting at ``time_us``. Raises FaultError."""
+    """Build the fault of one unit, starting at ``time_us``.
+
+    Raises FaultError.
+    """
     sizes = CATALOGUE[unit][injection.kind]
     if unit == "link":
         silent_s = LINK_SILENT_S if isnan(injection.size) else injection.size

@@ -47,8 +47,9 @@ class PlaneReport(NamedTuple):
     moment_tail_nm: float
     """Moment of the tail per radian of incidence; it counteracts that of the hull."""
     straight_line_index: float
-    """1 - N_v (Y_r - m U)/(Y_v (N_r - m x U)), and its equal in pitch; positive where straight
-    motion is stable without control."""
+    """Straight-line stability index; positive where straight motion is stable without control.
+
+    Yaw: 1 - N_v (Y_r - m U)/(Y_v (N_r - m x U)); pitch: the same with its own coefficients."""
 
 
 class Report(NamedTuple):

@@ -11,11 +11,13 @@ from math import atanh, degrees, log10, pi, sqrt
 VISCOSITY_M2PS = 1.19e-6
 """Kinematic viscosity of sea water at 15 C, m2/s (ITTC 2011, 7.5-02-01-03)."""
 HULL_LIFT_PER_DEG = 0.003
-"""Side force coefficient on d^2, per l/d and per degree of incidence, for l/d of 6 to 10 (Hoerner
-and Borst 1975, "Fluid-Dynamic Lift", ch. 19)."""
+"""Side force coefficient on d^2, per l/d and per degree of incidence, for l/d of 6 to 10.
+
+Hoerner and Borst 1975, "Fluid-Dynamic Lift", ch. 19."""
 HULL_LIFT_AT = -0.15
-"""Position of the hull lift in lengths forward of mid-length: 65 % of the length behind the nose
-(Hoerner and Borst 1975, ch. 19)."""
+"""Position of the hull lift in lengths forward of mid-length (65 % of the length from the nose).
+
+Hoerner and Borst 1975, ch. 19."""
 ROUGHNESS = 2.0
 """Drag of a vehicle with holes, joints and instruments over the drag of the smooth hull.
 

@@ -274,8 +274,7 @@ class Power(VehicleTable, frozen=True):
     hotel_w: NonNegative = 60.0
     """Constant power of computers, instruments and radio; typical of a vehicle of this size."""
     drive_efficiency: FullFraction = 0.45
-    """Thrust times speed over electric power at the operating point; typical of propeller, motor
-    and drive together."""
+    """Thrust times speed over electric power at the operating point; a typical value."""
 
 
 class Instruments(VehicleTable, frozen=True):

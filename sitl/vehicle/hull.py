@@ -256,8 +256,9 @@ class Integrals(NamedTuple):
     roll_inertia_m5: float
     """Moment of inertia about the axis at unit density: integral of pi R^4 / 2 dx."""
     pitch_inertia_m5: float
-    """Moment of inertia about a transverse axis at mid-length at unit density: integral of
-    (pi R^2 x^2 + pi R^4 / 4) dx."""
+    """Moment of inertia about a transverse axis at mid-length at unit density.
+
+    Integral of (pi R^2 x^2 + pi R^4 / 4) dx."""
     section_moment_m5: float
     """Integral of pi R^2 x^2 dx: added moment of inertia of strip theory at unit density."""
 

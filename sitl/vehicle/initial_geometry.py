@@ -10,8 +10,9 @@ Steering = Literal["duct", "cruciform", "x"]
 DUCT_DIAMETER, DUCT_CHORD = 0.78, 0.23
 """Duct diameter and chord over hull diameter, from Caribou."""
 FIN_SPAN, FIN_CHORD = 0.50, 0.45
-"""Fin span and chord over hull diameter, between a REMUS 100 (0.45, 0.39) and an Explorer (0.52,
-0.52)."""
+"""Fin span and chord over hull diameter.
+
+REMUS 100: 0.45 and 0.39; Explorer: 0.52 and 0.52."""
 
 
 def starter(

@@ -60,8 +60,7 @@ class Hull(NamedTuple):
     M_uw_kg: float
     M_uq_kgm: float
     Y_uudr_kgpm: float
-    """Interaction of duct and hull: side force per u|u| and radian of rudder, beyond the isolated
-    duct."""
+    """Side force per u|u| and radian of rudder, beyond that of the isolated duct."""
     N_uudr_kg: float
     Z_uude_kgpm: float
     M_uude_kg: float

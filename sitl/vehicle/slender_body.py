@@ -93,7 +93,8 @@ class Flow(NamedTuple):
     moment_per_rad: float
     """C_M' of the hull, on length squared times diameter; includes the Munk moment."""
     lift_at_m: float
-    """Position x_h, forward of mid-length, where the hull's lift takes its incidence in a turn;
+    """Position x_h, forward of mid-length, at which the hull's lift takes its incidence in a turn.
+
     0 takes the incidence from sway alone."""
     tails: tuple[Tail, ...]
     hull_source: str

@@ -21,8 +21,9 @@ from sysid.data.segments import RATE_HZ, Array, Run
 MAX_PITCH_RAD = math.radians(75.0)
 """Pitch above which heading is not evaluated, because of the singularity at 90 degrees."""
 MIN_DEPTH_SENSITIVITY_S = 0.5
-"""Minimum range of the integral of -sin(theta), i.e. depth change (m) at 1 m/s, for a comparison of
-depth and pitch."""
+"""Minimum range of the integral of -sin(theta) for a comparison of depth and pitch.
+
+It is the depth change (m) at 1 m/s."""
 
 
 class AngleRateMismatch(NamedTuple):

@@ -20,8 +20,7 @@ Plane = Literal["yaw", "pitch"]
 RATE_HZ = 50.0
 """Sample rate of a run: the autopilot's tick."""
 PREROLL_S = 15.0
-"""Time before a test that belongs to the run, for the commands, the actuator bias and the initial
-state."""
+"""Duration of the pre-roll, which gives the commands, actuator bias and initial state of a test."""
 STEADY_S = 5.0
 """Last part of the pre-roll, which must be steady."""
 
@@ -81,8 +80,7 @@ class Run:
     both: bool = False
     """True if the other surface was under test at the same time; this run is for one plane."""
     earlier_rad: tuple[Array, Array] = (np.empty(0), np.empty(0))
-    """Known rudder and elevator commands before the first sample, which the delayed duct still
-    follows."""
+    """Known rudder and elevator commands before the first sample, for the delay of the duct."""
 
     @property
     def command_rad(self) -> Array:

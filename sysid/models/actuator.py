@@ -29,8 +29,9 @@ SUBSTEPS = 4
 BLOCK_S = 2.0
 """Length of a block of residuals; residuals of different blocks are treated as independent."""
 TIMESTAMP_SD_S = 1e-3
-"""Standard deviation of telemetry time stamps, which are whole milliseconds; lower bound for the
-standard deviation of the delay."""
+"""Standard deviation of telemetry time stamps, which are whole milliseconds.
+
+It is the lower bound for the standard deviation of the delay."""
 DIFFERENCE = 0.02
 """Step of the finite differences, in units of ``_SCALE``."""
 MIN_SENSITIVITY = 1e-6

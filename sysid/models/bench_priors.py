@@ -26,8 +26,7 @@ AxisName = Literal["rudder", "elevator"]
 _PLANE_OF_AXIS: dict[AxisName, Plane] = {"rudder": "yaw", "elevator": "pitch"}
 
 SENSOR_DELAY_S = 0.03
-"""Additional delay of sensors and computing, which a bench test does not measure (one standard
-deviation)."""
+"""Standard deviation of the delay of sensors and computing, which a bench test does not measure."""
 MIN_RELATIVE_SD = 0.005
 """Minimum relative standard deviation of a bench measurement."""
 MIN_BACKLASH_DEG = 0.02

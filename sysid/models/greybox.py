@@ -34,8 +34,10 @@ Array = NDArray[np.float64]
 SUBMERGED_Z_M = -50.0
 """Height of the simulated vehicle, deep enough that the surface has no effect."""
 N_COUPLING = 6
-"""Number of cross-plane inputs: the other plane's cross speed, rate and pitch, roll rate, roll, and
-the angle of the other surface, in the paper's axes."""
+"""Number of cross-plane inputs.
+
+They are the other plane's cross speed, rate and pitch, roll rate, roll, and the angle of the other
+surface, in the paper's axes."""
 SMOOTHING = 101
 """Samples (2 s) over which the other plane's motion is smoothed; a closed loop changes it slowly.
 """
@@ -323,10 +325,10 @@ def initial_motion(run: Run) -> InitialMotion:
     )
     angle = run.heading_rad if run.plane == "yaw" else run.pitch_rad
     return InitialMotion(
-        float(np.mean(run.rate_radps[:settling_samples])),
-        float(angle[0]),
-        float(run.depth_m[0]),
-        slope,
+        rate_radps=float(np.mean(run.rate_radps[:settling_samples])),
+        angle_rad=float(angle[0]),
+        depth_m=float(run.depth_m[0]),
+        depth_rate_mps=slope,
     )
 
 
@@ -387,5 +389,8 @@ def simulate(
 def to_mavlink_axes(track: Array, start: InitialMotion) -> PlaneTrajectory:
     """Return a track of states in MAVLink's axes, with depth relative to the start of the run."""
     return PlaneTrajectory(
-        -track[:, 2], -track[:, 3], start.depth_m - (track[:, 4] - SUBMERGED_Z_M), track[:, 0]
+        rate_radps=-track[:, 2],
+        angle_rad=-track[:, 3],
+        depth_m=start.depth_m - (track[:, 4] - SUBMERGED_Z_M),
+        speed_mps=track[:, 0],
     )

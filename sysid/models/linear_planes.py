@@ -92,7 +92,7 @@ def yaw_plane(
     )
     # From FLU to FRD every state changes its sign and the rudder angle does not: B changes sign.
     B = -np.array([c.Y_dr / total_mass_kg, c.N_dr / total_inertia_kgm2, 0.0])
-    return LinearPlane(A, B, ("v", "r", "psi"), np.array([0.0, 1.0, 0.0]))
+    return LinearPlane(A=A, B=B, states=("v", "r", "psi"), moment=np.array([0.0, 1.0, 0.0]))
 
 
 def pitch_plane(
@@ -138,7 +138,9 @@ def pitch_plane(
         ]
     )
     B = -np.array([c.Z_de / total_mass_kg, c.M_de / total_inertia_kgm2, 0.0, 0.0])
-    return LinearPlane(A, B, ("w", "q", "theta", "depth"), np.array([0.0, 1.0, 0.0, 0.0]))
+    return LinearPlane(
+        A=A, B=B, states=("w", "q", "theta", "depth"), moment=np.array([0.0, 1.0, 0.0, 0.0])
+    )
 
 
 def small_signal(plane: LinearPlane) -> SmallSignal:
@@ -164,4 +166,10 @@ def small_signal(plane: LinearPlane) -> SmallSignal:
     b0 = float(A[1, 0] * B[0] - A[0, 0] * B[1])
     slow, fast = sorted(np.linalg.eigvals(A).real, key=abs)
     restoring = float(plane.A[1, 2])
-    return SmallSignal(b0 / a0, float(B[1]), float(fast), float(slow), restoring)
+    return SmallSignal(
+        static_gain_per_s=b0 / a0,
+        b1_per_s2=float(B[1]),
+        p_fast_per_s=float(fast),
+        p_slow_per_s=float(slow),
+        restoring_per_s2=restoring,
+    )

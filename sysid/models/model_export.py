@@ -35,8 +35,7 @@ Array = NDArray[np.float64]
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 RANK_TOLERANCE = 1e-6
-"""Eigenvalue of the data's information matrix, relative to the largest, below which a direction
-counts as unobserved."""
+"""Relative eigenvalue of the information matrix below which a direction counts as unobserved."""
 
 
 def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
@@ -194,7 +193,15 @@ def _coefficients(fit: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coe
     for name in Table1Column._fields:
         value, first, unit = getattr(after, name), getattr(before, name), str(getattr(UNITS, name))
         if name not in NAMES:
-            report[name] = Coefficient(value, 0.0, first, 0.0, 1.0, "prior", unit)
+            report[name] = Coefficient(
+                value=value,
+                sd=0.0,
+                prior=first,
+                prior_sd=0.0,
+                shrink=1.0,
+                status="prior",
+                unit=unit,
+            )
             continue
         i = NAMES.index(name)
         parameter = PARAMETERS[i]

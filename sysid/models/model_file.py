@@ -47,8 +47,7 @@ class Coefficient(ModelRecord, frozen=True):
     """Prior value."""
     prior_sd: float
     shrink: float | None
-    """Posterior over prior standard deviation of the estimated quantity; 1 means that the data give
-    no information."""
+    """Posterior over prior standard deviation; 1 means that the data give no information."""
     status: Status
     unit: str
 
@@ -99,8 +98,7 @@ class DataFile(ModelRecord, frozen=True):
 
     name: str
     sha256: str
-    """SHA-256 of the vehicle's messages and parameters in the log (``dataset.Log.sha256``), not of
-    the file."""
+    """SHA-256 of the log's messages and parameters (``dataset.Log.sha256``), not of the file."""
 
 
 class AnomalyTest(ModelRecord, frozen=True):
@@ -111,8 +109,9 @@ class AnomalyTest(ModelRecord, frozen=True):
 
     kind: str
     statistic: float
-    """Size over its standard deviation; standard normal in a run without anomaly for a time chosen
-    in advance."""
+    """Size over its standard deviation.
+
+    It is standard normal in a run without anomaly for a time chosen in advance."""
     size: float
     """Estimated size of the anomaly, in ``unit``."""
     sd: float
@@ -137,11 +136,12 @@ class ScreenedRun(ModelRecord, frozen=True):
     warnings: tuple[str, ...] = ()
     """Anomalies in a run that is used."""
     p_value: float | None = None
-    """Probability of an anomaly at least as significant in a run without anomalies, over all kinds
-    and times. Null for a run rejected by the hard rules, and for a method without a noise model."""
+    """Probability of an anomaly at least as significant in a run without anomalies.
+
+    It is over all kinds and times. Null for a run rejected by the hard rules, and for a method
+    without a noise model."""
     repeat_p_value: float | None = None
-    """Probability of a difference from repeated runs at least as significant; null without such
-    runs."""
+    """Probability of a difference from repeated runs as significant; null without any."""
     anomalies: tuple[AnomalyTest, ...] = ()
     """Anomalies, the most likely first."""
 
@@ -209,8 +209,9 @@ class Convergence(ModelRecord, frozen=True):
     at_bounds: tuple[str, ...]
     """Names of the parameters at a bound."""
     failures: tuple[str, ...] = ()
-    """Reasons why the fit is unreliable, one sentence each; such a file is written only on request
-    (``--force``)."""
+    """Reasons why the fit is unreliable, one sentence each.
+
+    Such a file is written only on request (``--force``)."""
 
 
 class VehicleRecord(ModelRecord, frozen=True):
@@ -266,11 +267,9 @@ class IdentifiedModel(ModelRecord, frozen=True):
     held_out_data: tuple[DataFile, ...] = ()
     held_out_screening: tuple[ScreenedRun, ...] = ()
     left_out_moved: tuple[Shift, ...] = ()
-    """Changes of the numbers in ``planes`` by the rejection of runs that the fit found anomalous;
-    empty without rejected runs."""
+    """Changes of numbers in ``planes`` by the rejection of anomalous runs; empty without any."""
     design: dict[Plane, ParameterCovariance] = {}
-    """Covariance of the numbers in ``planes``, each in the unit of its name; empty for a method
-    without covariance."""
+    """Covariance of the numbers in ``planes``, each in its unit; empty if the method gives none."""
     validation: dict[Plane, PlaneValidation] = {}
     verdict: ModelAssessment | None = None
     """Null for a model without assessment: one made by the library, not from logs."""

@@ -147,7 +147,9 @@ def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
     A, density, C, R, P0 = system(plane, noise)
     transition, process = discrete(A, density, dt)
     gains, whiteners, log_dets = riccati(transition, process, C, R, P0, samples)
-    return Filter(transition, C, gains, whiteners, log_dets)
+    return Filter(
+        transition=transition, output=C, gains=gains, whiteners=whiteners, log_dets=log_dets
+    )
 
 
 def discrete(A: Array, density: Array, dt: float) -> tuple[Array, Array]:

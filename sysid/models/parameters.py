@@ -35,8 +35,7 @@ MAX_DAMPING = 0.99
 The step response at 0.99 is practically that of an overdamped lag."""
 
 ASYMMETRY = 0.07
-"""Difference of yaw and pitch coefficients of a body of revolution (log ratio, one standard
-deviation)."""
+"""Standard deviation of the log ratio of yaw and pitch coefficients of a body of revolution."""
 
 
 class ModelParameter(NamedTuple):

@@ -20,9 +20,10 @@ class Cause(NamedTuple):
     """One likely cause."""
 
     name: str
-    """Cause, one of: rudder, ballast, elevator, integrator, heading loop, pitch loop, rudder noise,
+    """Name of the cause.
 
-    elevator noise, sea.
+    One of: rudder, ballast, elevator, integrator, heading loop, pitch loop, rudder noise, elevator
+    noise, sea.
     """
     words: str
     """Measured deviation and recommended action."""

@@ -36,7 +36,7 @@ pitch by half a degree.
 CLEAR_SHIFT_SD = 1.5
 """Shift beyond the allowance for which the test is optimal, in standard deviations of the mean."""
 ALLOWED_RATIO, CLEAR_RATIO = 2.0, 4.0
-"""Allowed and clear ratio of variances; disturbances differ between dives by about 40 % in rms."""
+"""Allowed and clear ratio of variances; the rms of a disturbance is known to about 40 %."""
 HINT = 3.0
 """Log-likelihood ratio (about 20 to 1) that suggests a cause after another test's alarm."""
 
@@ -130,8 +130,9 @@ def _update_sum(
 ) -> Sum:
     """Return one test updated with one block.
 
-    The variance of a block is compared with the predicted variance about the block's mean, rms^2 -
-    average_sd^2.
+    The variance of a block is compared with the predicted variance about the block's mean::
+
+        sigma_block^2 = rms^2 - average_sd^2
     """
     if kind == "variance":
         statistic = block.variances[name] / (expected.rms**2 - expected.average_sd**2)
@@ -148,8 +149,9 @@ def _update_sum(
 def _mean_log_likelihood_ratio(departure: float, name: str, expected: PredictedStatistic) -> float:
     """Return the log-likelihood ratio of a block's mean, `departure` above the predicted mean.
 
-    For a normal mean with standard deviation s, allowance a and clear shift d beyond it: d (x - a -
-    d / 2) / s^2.
+    For a normal mean with standard deviation s, allowance a and clear shift d beyond it::
+
+        ln(p_1 / p_0) = d (x - a - d / 2) / s^2
     """
     # The predicted means of a design with integrators vary less than this bound; slow currents,
     # which the model does not contain, increase their variation.
@@ -161,8 +163,9 @@ def _mean_log_likelihood_ratio(departure: float, name: str, expected: PredictedS
 def _variance_log_likelihood_ratio(ratio: float, freedom: float) -> float:
     """Return the log-likelihood ratio of a block's variance over the predicted one.
 
-    For `freedom` n and ratio x of variances, allowed r0 and clear r1: n / 2 (x (1 / r0 - 1 / r1) -
-    ln(r1 / r0)).
+    For n degrees of freedom and ratio x of variances, with allowed ratio r0 and clear ratio r1::
+
+        ln(p_1 / p_0) = n / 2 (x (1 / r0 - 1 / r1) - ln(r1 / r0))
     """
     slope = 1.0 / ALLOWED_RATIO - 1.0 / CLEAR_RATIO
     return 0.5 * freedom * (ratio * slope - math.log(CLEAR_RATIO / ALLOWED_RATIO))

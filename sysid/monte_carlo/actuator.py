@@ -14,9 +14,10 @@ from sysid.models.greybox import Actuator
 Array = NDArray[np.float64]
 
 ANGLE, RATE, DUCT, QUEUE = range(4)
-"""Layout of an axis: motor angle (rad) and rate (rad/s), duct angle behind the play (rad), and the
+"""Indices of an axis.
 
-queue of delayed commands (rad), newest first.
+Motor angle (rad) and rate (rad/s), duct angle behind the play (rad), and the queue of delayed
+commands (rad), newest first.
 """
 
 

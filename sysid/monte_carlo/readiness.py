@@ -1,4 +1,4 @@
-"""Check before a campaign's first dive: can the vehicle of the prior complete its missions?
+"""Check before a campaign's first dive whether the vehicle of the prior can complete its missions.
 
 Each mission is simulated in process with the vehicle of the prior's mean, the gains of the first
 dive and the disturbing moments of the scenario, scaled with the vehicle's inertia. Currents, waves

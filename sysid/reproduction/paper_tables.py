@@ -98,9 +98,9 @@ class RateError(NamedTuple):
 TABLE_2 = {"15 deg rudder": RateError(0.37, 0.11), "15 deg elevator": RateError(7.96, 3.71)}
 
 CARIBOU_TURN_PER_S2 = 0.482
-"""Angular acceleration per radian of duct (1/s^2) of the vehicle for which Table 3's initial gains
+"""Angular acceleration per radian of duct (1/s^2) of the first-principles vehicle.
 
-were designed.
+Table 3's initial gains were designed for this vehicle.
 """
 
 TABLE_3_INITIAL = {

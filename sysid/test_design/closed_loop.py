@@ -164,8 +164,11 @@ def _simulate(
 ) -> tuple[Array, Array]:
     """Run the recursion tick by tick; returns states (ticks, n) and commands (ticks,).
 
-    u[k] = signal[k] + integral_rad[k] + feedback x[k]; integral_rad[k+1] = integral_rad[k] +
-    integral x[k]; x[k+1] = transition x[k] + drive u[k - delay_ticks] + draws[k].
+    With i the command of the integrator (rad)::
+
+        u[k]   = signal[k] + i[k] + feedback x[k]
+        i[k+1] = i[k] + integral x[k]
+        x[k+1] = transition x[k] + drive u[k - delay_ticks] + draws[k]
     """
     ticks, n = draws.shape
     states, command = np.empty((ticks, n)), np.empty(ticks)

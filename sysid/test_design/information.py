@@ -171,13 +171,15 @@ def numbers(slope: Slopes, covariance: Array) -> DesignUncertainty:
     """Return the standard deviations that a covariance of z implies: sqrt(diag(S P S^T))."""
     sd = np.sqrt(np.einsum("ij,jk,ik->i", slope.reported, covariance, slope.reported))
     gain, phase = np.sqrt(np.einsum("ij,jk,ik->i", slope.crossover, covariance, slope.crossover))
-    gain_pct, b1_pct, fast_pct, slow_pct = (100.0 * float(part) for part in sd[:4])
+    gain_pct, b1_pct, p_fast_pct, p_slow_pct = (
+        100.0 * float(relative_sd) for relative_sd in sd[:4]
+    )
     gain_db = 20.0 * float(gain) / math.log(10.0)
     return DesignUncertainty(
         static_gain_pct=gain_pct,
         b1_pct=b1_pct,
-        p_fast_pct=fast_pct,
-        p_slow_pct=slow_pct,
+        p_fast_pct=p_fast_pct,
+        p_slow_pct=p_slow_pct,
         delay_s=float(sd[4]),
         crossover_db=gain_db,
         crossover_deg=math.degrees(phase),
@@ -185,15 +187,18 @@ def numbers(slope: Slopes, covariance: Array) -> DesignUncertainty:
 
 
 def determinant(slope: Slopes, covariance: Array) -> float:
-    """Criterion D: log determinant of the design numbers' covariance; smaller is better."""
+    """Return criterion "d": log determinant of the covariance of the design parameters."""
     return float(np.linalg.slogdet(slope.transfer @ covariance @ slope.transfer.T)[1])
 
 
 def phase(slope: Slopes, covariance: Array) -> float:
-    """Criterion crossover: variance of the crossover phase, deg²; smaller is better, the worse
-    plane counts more."""
+    """Return criterion "crossover": variance of the crossover phase (deg^2).
+
+    The sum over planes is dominated by the less certain plane.
+    """
     row = np.degrees(slope.crossover[1])
     return float(row @ covariance @ row)
 
 
 CRITERIA: dict[str, Callable[[Slopes, Array], float]] = {"d": determinant, "crossover": phase}
+"""Criteria by name; smaller is better."""

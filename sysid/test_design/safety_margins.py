@@ -273,7 +273,9 @@ def _open_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResp
 def _risk(plane: Plane, tracks: Sequence[Array], limits: ExcursionLimits) -> float:
     """Return the probability that a track exceeds a limit.
 
-    P(ln s > 0) = Phi(mean(ln s) / sd(ln s)) with s the largest share of a limit.
+    With s the largest share of a limit over a track, taken as log-normal over the samples::
+
+        P(s > 1) = Phi(mean(ln s) / sd(ln s))
     """
     shares = np.array([_worst_share(plane, track, limits) for track in tracks])
     logs = np.log(np.maximum(shares, 1e-9))

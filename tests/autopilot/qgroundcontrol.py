@@ -32,14 +32,14 @@ class Connection(NamedTuple):
 
     def message(self, number: int, parameter: float = 0.0) -> Any:
         """Request a message like ``Vehicle::requestMessage`` and return it."""
-        heard = self.command(REQUEST_MESSAGE, number, parameter)
-        acknowledgement = only(heard, "COMMAND_ACK")
+        received = self.command(REQUEST_MESSAGE, number, parameter)
+        acknowledgement = only(received, "COMMAND_ACK")
         assert (acknowledgement.command, acknowledgement.result) == (
             REQUEST_MESSAGE,
             mavlink.MAV_RESULT_ACCEPTED,
         )
         (answer,) = [
-            m for m in heard if m.get_msgId() == number or m.get_type() == f"UNKNOWN_{number}"
+            m for m in received if m.get_msgId() == number or m.get_type() == f"UNKNOWN_{number}"
         ]
         return answer
 
@@ -79,14 +79,14 @@ class Ftp:
             0,
             offset,
         )
-        heard = self._qgc.ask(
+        received = self._qgc.ask(
             mavlink.MAVLink_file_transfer_protocol_message(
                 0, 1, AUTOPILOT, (head + data).ljust(251, b"\0")
             )
         )
-        answers = [bytes(m.payload) for m in heard if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
+        answers = [bytes(m.payload) for m in received if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
         for answer in answers:
-            assert answer[5] == opcode, "hdr.req_opcode, or the answer is disregarded"
+            assert answer[5] == opcode, "hdr.req_opcode, otherwise the reply is ignored"
             assert struct.unpack_from("<H", answer)[0] >= self._sequence + 1, "hdr.seqNumber"
         self._sequence += 2
         return answers
@@ -111,7 +111,7 @@ class Ftp:
                     continue
                 assert packet[2] == session
                 assert struct.unpack_from("<I", packet, 8)[0] == len(content), (
-                    "a hole would be filled by single reads"
+                    "a gap would need single reads"
                 )
                 content += packet[12 : 12 + packet[4]]
         (reset,) = self.ask(mavlink.MAV_FTP_OPCODE_RESETSESSION)
@@ -133,13 +133,13 @@ def legs() -> list[tuple[Any, ...]]:
 def write_mission(qgc: Connection) -> list[Any]:
     """Send a mission like ``PlanManager::_handleMissionRequest``; return the last reply."""
     items = legs()
-    heard = qgc.ask(mavlink.MAVLink_mission_count_message(1, AUTOPILOT, len(items), MISSION))
+    received = qgc.ask(mavlink.MAVLink_mission_count_message(1, AUTOPILOT, len(items), MISSION))
     for n, (frame, command, p1, p2, p3, p4, x, y, z) in enumerate(items):
-        request = only(heard, "MISSION_REQUEST_INT")
+        request = only(received, "MISSION_REQUEST_INT")
         assert (request.seq, request.mission_type) == (n, MISSION)
-        heard = qgc.ask(
+        received = qgc.ask(
             mavlink.MAVLink_mission_item_int_message(
                 1, AUTOPILOT, n, frame, command, int(n == 0), 1, p1, p2, p3, p4, x, y, z, MISSION
             )
         )
-    return heard
+    return received

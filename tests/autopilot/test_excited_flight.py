@@ -12,19 +12,21 @@ from tests.helpers.missions import Flight, excitation_item, leg, under_way
 
 def test_step_excitation_opens_only_its_plane_and_ends() -> None:
     flight = under_way(rudder_trim_deg=2.0)
-    wish = requests.StartTest(12, 5.0, 0.0, 0.0, 4.0, 1, 0.0)
-    assert flight.ask(wish) == ACCEPTED
+    request = requests.StartTest(12, 5.0, 0.0, 0.0, 4.0, 1, 0.0)
+    assert flight.ask(request) == ACCEPTED
     before = flight.state.loops.heading_integral_rad
     flight.step()
     assert math.degrees(flight.trace.rudder_rad) == pytest.approx(7.0)
     assert flight.state.mode == modes.SYSID.number
     for _ in flight.run(3.9):
         pass
-    assert flight.state.loops.heading_integral_rad == before, "an open loop's integrator waits"
+    assert flight.state.loops.heading_integral_rad == before, (
+        "the integrator of an open loop is frozen"
+    )
     assert flight.run_until(lambda s: s.test is None, 1.0) == pytest.approx(0.1, abs=0.03)
     assert flight.texts()[-2:] == ["SystemID Finished", "Mode DEPTH"]
     assert flight.heading > math.radians(5.0)
-    assert abs(flight.depth_m - 5.0) < 0.1, "the other plane's loop stayed on"
+    assert abs(flight.depth_m - 5.0) < 0.1, "the loop of the other plane stays closed"
 
 
 @pytest.mark.parametrize(
@@ -72,11 +74,11 @@ def test_added_excitation_keeps_loop_closed() -> None:
 
     The command differs first by the signal only; later the loop balances it."""
     flight, plain = under_way(), under_way()
-    for each in (flight, plain):
-        each.ask(requests.ChangeTarget(heading_rad=math.radians(3.0)))
+    for run in (flight, plain):
+        run.ask(requests.ChangeTarget(heading_rad=math.radians(3.0)))
     assert flight.ask(requests.StartTest(112, 5.0, 0.0, 0.0, 40.0, 1, 0.0)) == ACCEPTED
-    for each in (flight, plain):
-        each.step()
+    for run in (flight, plain):
+        run.step()
     assert flight.trace.rudder_rad == pytest.approx(plain.trace.rudder_rad + math.radians(5.0))
     assert flight.trace.excitation_rad == pytest.approx(math.radians(5.0))
     for _ in flight.run(38.0):
@@ -89,8 +91,8 @@ def test_added_excitation_keeps_loop_closed() -> None:
 def test_combined_excitation_opens_both_loops() -> None:
     flight = under_way(rudder_trim_deg=2.0, elevator_trim_deg=-1.0, sid_elevator_pct=25.0)
     assert flight.ask(requests.StartTest(23, 4.0, 0.05, 0.5, 40.0, 4, 0.0)) == ACCEPTED
-    moved = [(flight.trace.rudder_rad, flight.trace.elevator_rad) for _ in flight.run(39.9)]
-    rudder, elevator = zip(*moved, strict=True)
+    outputs = [(flight.trace.rudder_rad, flight.trace.elevator_rad) for _ in flight.run(39.9)]
+    rudder, elevator = zip(*outputs, strict=True)
     for surface, trim_deg, size_deg in ((rudder, 2.0, 4.0), (elevator, -1.0, 1.0)):
         assert math.degrees(sum(surface) / len(surface)) == pytest.approx(trim_deg, abs=0.05)
         peak = max(abs(math.degrees(angle) - trim_deg) for angle in surface)

@@ -100,7 +100,7 @@ def test_paused_mission_continues_with_its_setpoints() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wish", "result"),
+    ("command", "result"),
     [
         (requests.SetMode(12345), UNSUPPORTED),
         (requests.SetMode(modes.SYSID.number), DENIED),
@@ -116,11 +116,13 @@ def test_paused_mission_continues_with_its_setpoints() -> None:
         ),
     ],
 )
-def test_impossible_request_is_refused_without_effect(wish: requests.Request, result: int) -> None:
+def test_impossible_request_is_refused_without_effect(
+    command: requests.Request, result: int
+) -> None:
     flight = Flight()
     flight.step()
     before = flight.state
-    assert flight.ask(wish) == result
+    assert flight.ask(command) == result
     assert flight.state == before
 
 
@@ -204,12 +206,12 @@ def test_failsafe_surfaces_and_remains_until_disarmed(
 def test_item_altitude_sign_depends_on_frame(item: MissionItem, depth_m: float) -> None:
     flight = under_way()
     assert mission.begin_item(item, flight.state, flight.config)[0].setpoint.depth_m == depth_m
-    there, here = (
+    at_depth, deeper = (
         flight.state._replace(estimate=flight.state.estimate._replace(depth_m=depth))
         for depth in (depth_m, 9.0)
     )
     waits = item.command == MavCmd.CONDITION_CHANGE_ALT
-    assert [mission.item_done(item, state, flight.config) for state in (here, there)] == [
+    assert [mission.item_done(item, state, flight.config) for state in (deeper, at_depth)] == [
         not waits,
         True,
     ]
@@ -253,9 +255,9 @@ def test_endless_jumps_are_bounded_per_tick() -> None:
         first = tick * mission.ITEMS_PER_TICK % 1000
         assert reached == list(range(first, first + mission.ITEMS_PER_TICK))  # no item is missing
     assert state.mode == modes.MISSION.number
-    taken = dict(state.mission.jumps)
-    assert list(taken) == sorted(taken)
-    assert sum(taken.values()) == 250 * mission.ITEMS_PER_TICK
+    jump_counts = dict(state.mission.jumps)
+    assert list(jump_counts) == sorted(jump_counts)
+    assert sum(jump_counts.values()) == 250 * mission.ITEMS_PER_TICK
 
 
 def test_items_beyond_tick_limit_continue_in_next_tick() -> None:

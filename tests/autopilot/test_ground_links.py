@@ -118,7 +118,7 @@ def test_request_data_stream_does_not_change_rates() -> None:
 def test_reply_is_sent_during_parameter_list(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = 0.0
     monkeypatch.setattr("autopilot.comms.ground_server.wall_s", lambda: now_s)
-    deck, heard = Deck(serial_station(9600)), list[str]()
+    deck, received = Deck(serial_station(9600)), list[str]()
     deck.station.say(mavlink.MAVLink_param_request_list_message(1, 1))
 
     def pass_time(duration_s: float) -> None:
@@ -128,16 +128,16 @@ def test_reply_is_sent_during_parameter_list(monkeypatch: pytest.MonkeyPatch) ->
             now_s += 0.02
             deck.server.receive(deck.server.links[0])
             deck.server.poll()
-            heard.extend(kinds(deck.station.heard()))
+            received.extend(kinds(deck.station.heard()))
 
     pass_time(1.0)
     deck.station.say(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 131_072, 0, 0, 0, 0, 0))
     pass_time(0.8)
-    assert "COMMAND_ACK" in heard
-    listed = heard.count("PARAM_VALUE")
+    assert "COMMAND_ACK" in received
+    listed = received.count("PARAM_VALUE")
     assert 10 < listed < len(PARAMETERS)
     pass_time(30.0)
-    assert heard.count("PARAM_VALUE") == len(PARAMETERS)
+    assert received.count("PARAM_VALUE") == len(PARAMETERS)
 
 
 def two_stations() -> Deck:
@@ -152,15 +152,15 @@ def two_stations() -> Deck:
 
 def test_frames_are_forwarded_between_stations() -> None:
     deck = two_stations()
-    one, two = deck.stations
-    echo = deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 7, 0, 3), one)
-    assert [m.custom_mode for m in two.heard() if m.get_srcSystem() == 255] == [7]
+    first, second = deck.stations
+    echo = deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 7, 0, 3), first)
+    assert [m.custom_mode for m in second.heard() if m.get_srcSystem() == 255] == [7]
     assert [m for m in echo if m.get_srcSystem() == 255] == []
-    deck.ask(mavlink.MAVLink_command_long_message(250, 190, 400, 0, 1, 0, 0, 0, 0, 0, 0), one)
-    assert [m.get_type() for m in two.heard() if m.get_srcSystem() == 255] == ["COMMAND_LONG"]
-    deck.ask(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 131_072, 0, 0, 0, 0, 0), one)
-    deck.ask(mavlink.MAVLink_command_long_message(77, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0), one)
-    assert [m for m in two.heard() if m.get_srcSystem() == 255] == []
+    deck.ask(mavlink.MAVLink_command_long_message(250, 190, 400, 0, 1, 0, 0, 0, 0, 0, 0), first)
+    assert [m.get_type() for m in second.heard() if m.get_srcSystem() == 255] == ["COMMAND_LONG"]
+    deck.ask(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 131_072, 0, 0, 0, 0, 0), first)
+    deck.ask(mavlink.MAVLink_command_long_message(77, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0), first)
+    assert [m for m in second.heard() if m.get_srcSystem() == 255] == []
     assert deck.vehicle.state.mode == 131_072
     assert not deck.vehicle.state.armed
 
@@ -172,31 +172,31 @@ def test_component_behind_link_is_reachable() -> None:
     camera.heard()
     deck.ask(mavlink.MAVLink_command_long_message(1, 100, 2000, 0, 1, 0, 0, 0, 0, 0, 0))
     assert [m.command for m in camera.heard() if m.get_type() == "COMMAND_LONG"] == [2000]
-    heard = deck.command(400, 1, component=0)
-    assert [m.get_srcComponent() for m in heard if m.get_type() == "COMMAND_ACK"] == [1], (
-        "the vehicle obeys"
+    received = deck.command(400, 1, component=0)
+    assert [m.get_srcComponent() for m in received if m.get_type() == "COMMAND_ACK"] == [1], (
+        "the vehicle executes the command"
     )
     assert [m.command for m in camera.heard() if m.get_type() == "COMMAND_LONG"] == [400], (
-        "and all others hear it"
+        "the other stations receive it"
     )
 
 
 def test_unknown_messages_are_forwarded_unchanged() -> None:
     deck = two_stations()
-    one, two = deck.stations
+    first, second = deck.stations
     body = (
         struct.pack("<BBBBBBBHB", 4, 0, 0, 9, 255, 190, 0x34, 0xABCD, 0)[:9] + b"\x01\x02\x03\x04"
     )
     crc = mavlink.x25crc(body + bytes((77,))).crc
     raw = b"\xfd" + body + struct.pack("<H", crc)
     stranger = b"\xfd" + body.replace(b"\xff\xbe", b"\xfe\xbe") + struct.pack("<H", crc)
-    one._outgoing += [raw, stranger, raw[:-1] + bytes((raw[-1] ^ 0x10,))]
+    first._outgoing += [raw, stranger, raw[:-1] + bytes((raw[-1] ^ 0x10,))]
     sent: list[bytes] = []
-    two.send = sent.append  # type: ignore[method-assign]
+    second.send = sent.append  # type: ignore[method-assign]
     deck.serve()
     assert raw in b"".join(sent)
     assert b"".join(sent).count(body[-4:]) == 1, (
-        "of a sender that is known, and with a CRC that some seed explains"
+        "only from a known sender, with a CRC that one seed matches"
     )
 
 
@@ -294,7 +294,7 @@ def test_key_change_over_untrusted_link_or_armed_is_refused(tmp_path: Path) -> N
     tmp_path.chmod(0o700)
     if lost != ["Signing key changed on 1 link"]:  # root can write everywhere
         assert lost == ["Signing key refused: it cannot be stored: Permission denied"]
-        assert "COMMAND_ACK" in kinds(deck.command(400, 1)), "the old key still holds"
+        assert "COMMAND_ACK" in kinds(deck.command(400, 1)), "the old key is still valid"
     assert texts(Deck(wire).ask(setup(NEW_KEY), wire)) == [
         "Signing key refused: no link is signed; start with --sign"
     ]
@@ -314,7 +314,7 @@ def test_key_change_is_not_forwarded(tmp_path: Path) -> None:
     assert sent
     assert NEW_KEY[:8] not in b"".join(sent)
     assert mavlink.MAVLINK_MSG_ID_SETUP_SIGNING not in channels.LOGGED_FROM_GROUND, (
-        "nor is it logged"
+        "the key is not logged"
     )
 
 

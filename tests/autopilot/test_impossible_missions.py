@@ -41,7 +41,7 @@ def deck() -> Deck:
 
 def upload(deck: Deck, *items: MissionItem) -> tuple[int, list[str]]:
     """Return the MISSION_ACK of an upload, and the texts that were sent."""
-    heard = deck.ask(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0))
+    received = deck.ask(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0))
     for n, i in enumerate(items):
         fields = (
             1,
@@ -60,9 +60,9 @@ def upload(deck: Deck, *items: MissionItem) -> tuple[int, list[str]]:
             i.z,
             0,
         )
-        heard += deck.ask(mavlink.MAVLink_mission_item_int_message(*fields))
-    (ack,) = [m for m in heard if m.get_type() == "MISSION_ACK"]
-    return ack.type, texts(heard)
+        received += deck.ask(mavlink.MAVLink_mission_item_int_message(*fields))
+    (ack,) = [m for m in received if m.get_type() == "MISSION_ACK"]
+    return ack.type, texts(received)
 
 
 IMPOSSIBLE: list[tuple[MissionItem, int, str]] = [
@@ -216,9 +216,9 @@ def test_position_beyond_antimeridian_is_near() -> None:
 
 
 def set_home(deck: Deck, *parameters: float) -> tuple[int, list[str]]:
-    heard = deck.command(179, *parameters)
-    (ack,) = [m for m in heard if m.get_type() == "COMMAND_ACK"]
-    return ack.result, texts(heard)
+    received = deck.command(179, *parameters)
+    (ack,) = [m for m in received if m.get_type() == "COMMAND_ACK"]
+    return ack.result, texts(received)
 
 
 def test_home_at_zero_zero_from_afar_is_refused(deck: Deck) -> None:
@@ -240,4 +240,4 @@ def test_home_at_unknown_position_is_refused() -> None:
     deck.tick(3)
     assert set_home(deck, 1) == (TEMPORARILY_REJECTED, ["Home refused: the position is not known"])
     assert not deck.vehicle.state.home.known
-    assert set_home(deck, 0, 0, 0, 0, 0.0, 0.0, 0.0)[0] == ACCEPTED, "somebody who knows it says so"
+    assert set_home(deck, 0, 0, 0, 0, 0.0, 0.0, 0.0)[0] == ACCEPTED, "near 0, 0 it is a position"

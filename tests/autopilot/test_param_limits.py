@@ -77,9 +77,9 @@ def fly(mode: modes.Mode, config: Config, step_us: int) -> AutopilotState:
         tick += 1
         assert all(-1.0 <= control <= 1.0 for control in frame.controls), (mode.name, frame)
 
-    def ask(wish: requests.Request) -> None:
+    def ask(request: requests.Request) -> None:
         nonlocal state
-        state = request_handler.handle_request(state, wish, config)[0]
+        state = request_handler.handle_request(state, request, config)[0]
 
     step()
     ask(requests.LoadMission((*ITEMS, FULL_THRUST)))

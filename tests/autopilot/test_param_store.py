@@ -14,19 +14,19 @@ from autopilot.param_store import FILE, ParamStore
 def restart(folder: Path) -> tuple[ParamTable, ParamStore]:
     """Return what a restarted program loads."""
     store = ParamStore(folder)
-    kept = store.load()
-    return ParamTable(kept, kept), store
+    stored = store.load()
+    return ParamTable(stored, stored), store
 
 
 def settle(store: ParamStore, table: ParamTable, until: Callable[[], bool]) -> list[str]:
     """Poll as the autopilot does."""
-    said: list[str] = []
+    sent_texts: list[str] = []
     deadline_s = time.monotonic() + 5.0
     while not until() and time.monotonic() < deadline_s:
-        store.poll(table, said.append)
+        store.poll(table, sent_texts.append)
         time.sleep(0.005)
-    assert until(), said
-    return said
+    assert until(), sent_texts
+    return sent_texts
 
 
 def test_values_are_loaded_at_next_start(tmp_path: Path) -> None:
@@ -140,12 +140,12 @@ def test_unwritable_disk_is_reported_and_value_applies(tmp_path: Path) -> None:
     blocked.write_text("in the way")
     table, store = restart(blocked)
     table.set("HDG_P", 0.7)
-    said: list[str] = []
+    sent_texts: list[str] = []
     deadline_s = time.monotonic() + 5.0
-    while not said and time.monotonic() < deadline_s:
-        store.poll(table, said.append)
+    while not sent_texts and time.monotonic() < deadline_s:
+        store.poll(table, sent_texts.append)
         time.sleep(0.005)
-    assert len(said) == 1
-    assert said[0].startswith("Parameters are not stored: ")
+    assert len(sent_texts) == 1
+    assert sent_texts[0].startswith("Parameters are not stored: ")
     assert table.get("HDG_P") == 0.7
     assert store.close(table).startswith("parameters are not stored: ")

@@ -41,21 +41,18 @@ SAFE_RECOVERY, STANDARD_MISSION, LAND = 5, 6, 7
 
 
 def test_heartbeat_comes_from_component_1(qgc: Connection) -> None:
-    """``MultiVehicleManager::_vehicleHeartbeatInfo`` ignores every component but
-    MAV_COMP_ID_AUTOPILOT1.
+    """``MultiVehicleManager::_vehicleHeartbeatInfo`` ignores all other components.
 
-    ``VehicleLinkManager``: 3500 ms without one is a lost link.
+    ``VehicleLinkManager``: a link is lost after 3500 ms without a heartbeat.
     """
     qgc.deck.server._heartbeat.hasten()
     qgc.deck.serve()
     beat = only(qgc.deck.station.heard(), "HEARTBEAT")
     assert beat.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
-    assert beat.type == mavlink.MAV_TYPE_SUBMARINE, (
-        "its vehicle class, and the toolbar that goes with it"
-    )
+    assert beat.type == mavlink.MAV_TYPE_SUBMARINE, "selects vehicle class and toolbar"
     assert beat.autopilot == {AutopilotId.GENERIC: 0, AutopilotId.PX4: 12}[qgc.autopilot]
     assert beat.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, (
-        "or no flight mode has a name"
+        "otherwise no flight mode has a name"
     )
 
 
@@ -63,57 +60,58 @@ def test_heartbeat_comes_from_component_1(qgc: Connection) -> None:
 
 
 def test_version_reports_supported_protocols(qgc: Connection) -> None:
-    """``_autopilotVersionRequestMessageHandler``, ``Vehicle::_setCapabilities``,
-    ``GeoFenceManager::supported``."""
+    """``Vehicle::_setCapabilities``, ``GeoFenceManager::supported``.
+
+    Called by ``_autopilotVersionRequestMessageHandler``."""
     version = qgc.message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
     able = version.capabilities
     for name in ("MISSION_INT", "COMMAND_INT", "MAVLINK2", "FTP"):
         assert able & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{name}"), name
     for name in ("MISSION_FENCE", "MISSION_RALLY"):
         assert not able & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{name}"), (
-            "it would ask for a plan she has not"
+            "it would request an unsupported plan"
         )
     assert version.flight_sw_version >> 8, "major, minor and patch: zero is taken for unknown"
 
 
 def test_modes_are_sent_all_or_one_by_one(qgc: Connection) -> None:
     """``StandardModes::request`` requests index 0; older releases request the modes one by one."""
-    heard = qgc.command(REQUEST_MESSAGE, AVAILABLE_MODES, 0)
-    assert heard[0].get_type() == "COMMAND_ACK", (
+    received = qgc.command(REQUEST_MESSAGE, AVAILABLE_MODES, 0)
+    assert received[0].get_type() == "COMMAND_ACK", (
         "commandResultHandler: anything but ACCEPTED ends the request"
     )
-    assert heard[0].result == mavlink.MAV_RESULT_ACCEPTED
-    listed = heard[1:]
+    assert received[0].result == mavlink.MAV_RESULT_ACCEPTED
+    listed = received[1:]
     assert [m.mode_index for m in listed] == list(range(1, listed[0].number_modes + 1))
     for mode in listed:
         assert qgc.message(AVAILABLE_MODES, mode.mode_index).custom_mode == mode.custom_mode
 
 
 def test_modes_have_unique_names_and_settable_numbers(qgc: Connection) -> None:
-    """``StandardModes::availableModesReceived`` names the standard ones itself;
-    ``ensureUniqueModeNames``."""
+    """``StandardModes::availableModesReceived``, ``ensureUniqueModeNames``.
+
+    QGroundControl has its own names for standard modes."""
     listed = qgc.command(REQUEST_MESSAGE, AVAILABLE_MODES, 0)[1:]
-    given = {SAFE_RECOVERY: "Safe Recovery", STANDARD_MISSION: "Mission", LAND: "Land"}
-    names = [given.get(m.standard_mode, m.mode_name) for m in listed]
+    standard_names = {SAFE_RECOVERY: "Safe Recovery", STANDARD_MISSION: "Mission", LAND: "Land"}
+    names = [standard_names.get(m.standard_mode, m.mode_name) for m in listed]
     assert len(set(names)) == len(names)
     assert all(names)
-    assert {m.standard_mode for m in listed} <= {0, *given}, "the others are for aircraft"
+    assert {m.standard_mode for m in listed} <= {0, *standard_names}, "the others are for aircraft"
     assert not any(m.properties & mavlink.MAV_MODE_PROPERTY_NOT_USER_SELECTABLE for m in listed)
     assert {m.custom_mode for m in listed} == {mode.number for mode in modes.MODES}
 
 
 def test_parameter_metadata_is_downloaded_and_read(qgc: Connection) -> None:
-    """``RequestMetaDataTypeStateMachine``, ``CompInfoGeneral::setJson``,
-    ``CompInfoParam::setJson``."""
+    """``CompInfoGeneral::setJson``, ``CompInfoParam::setJson``.
+
+    Called by ``RequestMetaDataTypeStateMachine``."""
     answer = qgc.message(COMPONENT_METADATA)
     _, crc, padded = struct.unpack("<II100s", bytes(answer.data)[10:-2].ljust(108, b"\0"))
     uri = padded.rstrip(b"\0").decode()
     assert uri.startswith("mftp://")
     ftp = Ftp(qgc)
     content = ftp.download(uri.removeprefix("mftp://"))
-    assert crc == zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF, (
-        "by which it keeps the file for the next time"
-    )
+    assert crc == zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF, "cache key of the file"
     general = json.loads(content)
     assert general["version"] == 1, "'Metadata json unsupported version' otherwise"
     uris = {row["type"]: row["uri"] for row in general["metadataTypes"]}
@@ -121,7 +119,7 @@ def test_parameter_metadata_is_downloaded_and_read(qgc: Connection) -> None:
     assert parameters["version"] == 1
     assert [row["name"] for row in parameters["parameters"]] == [row.name for row in PARAMETERS]
     assert all(row["type"] == "Float" for row in parameters["parameters"]), (
-        "the type of PARAM_VALUE, or no metadata"
+        "type of PARAM_VALUE, otherwise no metadata"
     )
 
 
@@ -143,9 +141,9 @@ def test_missing_file_is_refused_at_once(qgc: Connection) -> None:
 
 
 def test_parameter_list_is_complete_and_indexed(qgc: Connection) -> None:
-    """``refreshAllParameters`` asks component 0; ``_parameterUpdate`` needs every index."""
-    heard = qgc.ask(mavlink.MAVLink_param_request_list_message(1, ALL_COMPONENTS))
-    values = [m for m in heard if m.get_type() == "PARAM_VALUE"]
+    """``refreshAllParameters`` sends to component 0; ``_parameterUpdate`` needs every index."""
+    received = qgc.ask(mavlink.MAVLink_param_request_list_message(1, ALL_COMPONENTS))
+    values = [m for m in received if m.get_type() == "PARAM_VALUE"]
     assert {m.param_count for m in values} == {len(PARAMETERS)}
     assert [m.param_index for m in values] == list(range(len(PARAMETERS))), (
         "65535 is disregarded before the list"
@@ -169,18 +167,16 @@ def test_missing_parameter_is_sent_by_index(qgc: Connection) -> None:
 
 def test_set_parameter_is_sent_with_stored_value(qgc: Connection) -> None:
     """``_valueUpdated``: the write ends with PARAM_VALUE of that name, whose value is used."""
-    told = only(
+    reported = only(
         qgc.ask(mavlink.MAVLink_param_set_message(1, AUTOPILOT, b"HDG_P", 0.75, 9)), "PARAM_VALUE"
     )
-    assert (told.param_id, told.param_value, told.param_index) == (
+    assert (reported.param_id, reported.param_value, reported.param_index) == (
         "HDG_P",
         0.75,
         only_index("HDG_P"),
     )
     refused = qgc.ask(mavlink.MAVLink_param_set_message(1, AUTOPILOT, b"HDG_P", 99.0, 9))
-    assert only(refused, "PARAM_VALUE").param_value == 0.75, (
-        "so that the page shows what is in force"
-    )
+    assert only(refused, "PARAM_VALUE").param_value == 0.75, "the page shows the stored value"
     assert texts(refused)
 
 
@@ -190,8 +186,8 @@ def only_index(name: str) -> int:
 
 def test_parameter_hash_is_refused_at_once(qgc: Connection) -> None:
     """``ParamHashCheckStateMachine``: PARAM_ERROR ends it without a wait of one second."""
-    heard = qgc.ask(mavlink.MAVLink_param_request_read_message(1, AUTOPILOT, b"_HASH_CHECK", -1))
-    assert only(heard, "PARAM_ERROR").error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+    received = qgc.ask(mavlink.MAVLink_param_request_read_message(1, AUTOPILOT, b"_HASH_CHECK", -1))
+    assert only(received, "PARAM_ERROR").error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
 
 
 # PlanManager.cc
@@ -215,8 +211,8 @@ def test_every_plan_type_has_a_count(qgc: Connection, kind: int) -> None:
 
 def test_mission_is_written_and_read_back(qgc: Connection) -> None:
     """``_handleMissionAck`` after all items, ``_handleMissionItem``."""
-    items, heard = legs(), write_mission(qgc)
-    acknowledgement = only(heard, "MISSION_ACK")
+    items, received = legs(), write_mission(qgc)
+    acknowledgement = only(received, "MISSION_ACK")
     assert (acknowledgement.type, acknowledgement.mission_type) == (
         mavlink.MAV_MISSION_ACCEPTED,
         MISSION,
@@ -252,9 +248,9 @@ def test_refused_item_is_named_in_text(qgc: Connection) -> None:
     camera = mavlink.MAVLink_mission_item_int_message(
         1, AUTOPILOT, 0, 2, 2000, 1, 1, 0, 0, 0, 0, 0, 0, 0, MISSION
     )
-    heard = qgc.ask(camera)
-    assert only(heard, "MISSION_ACK").type == mavlink.MAV_MISSION_UNSUPPORTED
-    assert texts(heard) == ["Mission item 0: command 2000 is not one this vehicle flies"]
+    received = qgc.ask(camera)
+    assert only(received, "MISSION_ACK").type == mavlink.MAV_MISSION_UNSUPPORTED
+    assert texts(received) == ["Mission item 0: command 2000 is not one this vehicle flies"]
 
 
 @pytest.mark.parametrize(("kind", "result"), [(MISSION, 0), (ALL_PLANS, 0), (FENCE, 3), (RALLY, 3)])

@@ -1,4 +1,4 @@
-"""What QGroundControl shows of a connected vehicle and what its buttons send, after its source."""
+"""Displays and buttons of QGroundControl for a connected vehicle, after its source."""
 
 import math
 from typing import Any
@@ -11,7 +11,7 @@ from mavlink_io.records import Altimeter, Battery, Leak
 from tests.autopilot.qgroundcontrol import AUTOPILOT, FIX, Connection, write_mission
 from tests.helpers.fake_hil import only
 
-# Displays, from QGroundControl's Vehicle.cc
+# What QGroundControl displays (Vehicle.cc)
 
 
 def streams(qgc: Connection, seconds: int = 6) -> dict[str, Any]:
@@ -22,17 +22,16 @@ def streams(qgc: Connection, seconds: int = 6) -> dict[str, Any]:
 
 
 def test_position_messages_are_sent_by_default(qgc: Connection) -> None:
-    """``_handleGlobalPositionInt``, ``_handleHomePosition``, ``_handleAltitude``,
-    ``_handleGpsRawInt``."""
-    heard = streams(qgc)
-    assert heard["GLOBAL_POSITION_INT"].lat == pytest.approx(415_000_000, abs=100)
-    home = heard["HOME_POSITION"]
+    """``_handleGlobalPositionInt``, ``_handleHomePosition``, ``_handleGpsRawInt``."""
+    received = streams(qgc)
+    assert received["GLOBAL_POSITION_INT"].lat == pytest.approx(415_000_000, abs=100)
+    home = received["HOME_POSITION"]
     assert (home.latitude, home.longitude, home.altitude) == (415_000_000, -707_000_000, 0)
     assert home.get_srcComponent() == AUTOPILOT, (
         "_handleHomePosition takes it from the default component only"
     )
-    assert "ALTITUDE" in heard
-    assert heard["GPS_RAW_INT"].fix_type == mavlink.GPS_FIX_TYPE_3D_FIX
+    assert "ALTITUDE" in received
+    assert received["GPS_RAW_INT"].fix_type == mavlink.GPS_FIX_TYPE_3D_FIX
 
 
 def test_enabled_sensors_are_healthy(qgc: Connection) -> None:
@@ -54,9 +53,9 @@ def test_flying_state_is_submerged_or_armed(qgc: Connection) -> None:
 
 def test_current_mode_reports_intended_mode(qgc: Connection) -> None:
     """``_handleCurrentMode``: an intended mode of 0 means unknown."""
-    heard = streams(qgc)
-    assert heard["CURRENT_MODE"].intended_custom_mode == modes.HOLD.number
-    assert heard["CURRENT_MODE"].custom_mode == modes.HOLD.number
+    received = streams(qgc)
+    assert received["CURRENT_MODE"].intended_custom_mode == modes.HOLD.number
+    assert received["CURRENT_MODE"].custom_mode == modes.HOLD.number
 
 
 def test_battery_is_unknown_without_gauge(qgc: Connection) -> None:
@@ -73,9 +72,9 @@ def test_battery_is_unknown_without_gauge(qgc: Connection) -> None:
         Leak(False),
         Altimeter(0, 9.0, 0.3, 30.0),
     )
-    told = streams(qgc)["BATTERY_STATUS"]
-    assert (told.voltages[0], told.battery_remaining) == (29_600, 90)
-    assert told.charge_state == mavlink.MAV_BATTERY_CHARGE_STATE_OK
+    reported = streams(qgc)["BATTERY_STATUS"]
+    assert (reported.voltages[0], reported.battery_remaining) == (29_600, 90)
+    assert reported.charge_state == mavlink.MAV_BATTERY_CHARGE_STATE_OK
 
 
 def test_mission_current_has_progress(qgc: Connection) -> None:
@@ -95,9 +94,9 @@ def test_mission_current_has_progress(qgc: Connection) -> None:
 
 def test_arming_is_acknowledged_and_in_heartbeat(qgc: Connection) -> None:
     """``Vehicle::setArmed``; ``MavCommandQueue`` repeats after 3 s and shows a refusal."""
-    heard = qgc.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-    assert only(heard, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
-    assert only(heard, "HEARTBEAT").base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    received = qgc.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+    assert only(received, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+    assert only(received, "HEARTBEAT").base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
 @pytest.mark.parametrize(
@@ -105,9 +104,9 @@ def test_arming_is_acknowledged_and_in_heartbeat(qgc: Connection) -> None:
 )
 def test_mode_menu_is_answered_by_heartbeat(qgc: Connection, mode: modes.Mode) -> None:
     """``Vehicle::setFlightMode``: SET_MODE; ``_setFlightModeAndValidate`` needs a heartbeat."""
-    heard = qgc.ask(mavlink.MAVLink_set_mode_message(1, 1, mode.number))
-    assert only(heard, "HEARTBEAT").custom_mode == mode.number
-    assert not [m for m in heard if m.get_type() == "COMMAND_ACK"], "an ack that it never queued"
+    received = qgc.ask(mavlink.MAVLink_set_mode_message(1, 1, mode.number))
+    assert only(received, "HEARTBEAT").custom_mode == mode.number
+    assert not [m for m in received if m.get_type() == "COMMAND_ACK"], "an ack that it never queued"
 
 
 def test_pause_button_selects_hold(qgc: Connection) -> None:
@@ -115,7 +114,7 @@ def test_pause_button_selects_hold(qgc: Connection) -> None:
     qgc.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     qgc.ask(mavlink.MAVLink_set_mode_message(1, 1, modes.DEPTH.number))
     nan = math.nan
-    heard = qgc.command(
+    received = qgc.command(
         mavlink.MAV_CMD_DO_REPOSITION,
         -1,
         mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE,
@@ -125,8 +124,8 @@ def test_pause_button_selects_hold(qgc: Connection) -> None:
         nan,
         nan,
     )
-    assert only(heard, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
-    assert only(heard, "HEARTBEAT").custom_mode == modes.HOLD.number
+    assert only(received, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+    assert only(received, "HEARTBEAT").custom_mode == modes.HOLD.number
 
 
 def test_home_set_on_map_keeps_depth(qgc: Connection) -> None:
@@ -134,9 +133,9 @@ def test_home_set_on_map_keeps_depth(qgc: Connection) -> None:
     message = mavlink.MAVLink_command_int_message(
         1, AUTOPILOT, 0, 179, 0, 0, 0, 0, 0, 0, 415_100_000, -707_100_000, 35.0
     )
-    heard = qgc.ask(message)
-    assert only(heard, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
-    assert only(heard, "HOME_POSITION").altitude == 0
+    received = qgc.ask(message)
+    assert only(received, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+    assert only(received, "HOME_POSITION").altitude == 0
     assert abs(streams(qgc)["GLOBAL_POSITION_INT"].relative_alt) < 50
 
 

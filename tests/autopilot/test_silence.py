@@ -80,9 +80,9 @@ def ends(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[MemoryTransport, Mem
 @pytest.fixture
 def cable(ends: tuple[MemoryTransport, MemoryTransport], monkeypatch: pytest.MonkeyPatch) -> Rig:
     ends[1].address = "serial:/dev/ttyS0:115200"
-    aboard = Rig(*ends)
-    monkeypatch.setattr(app, "wall_s", lambda: aboard.wall_s)
-    return aboard
+    rig = Rig(*ends)
+    monkeypatch.setattr(app, "wall_s", lambda: rig.wall_s)
+    return rig
 
 
 def test_sensor_loss_is_reported_once_and_blocks_arming(cable: Rig) -> None:
@@ -125,10 +125,10 @@ def test_wrong_baud_rate_is_reported_once_but_noise_is_not(cable: Rig) -> None:
 def test_lockstep_pause_is_not_reported(
     ends: tuple[MemoryTransport, MemoryTransport], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    aboard = Rig(*ends)
-    monkeypatch.setattr(app, "wall_s", lambda: aboard.wall_s)
-    assert aboard.sample(50) == LOCKSTEP_FLAG
-    assert aboard.silence(60.0) == []
+    rig = Rig(*ends)
+    monkeypatch.setattr(app, "wall_s", lambda: rig.wall_s)
+    assert rig.sample(50) == LOCKSTEP_FLAG
+    assert rig.silence(60.0) == []
 
 
 def test_answers_on_serial_line_have_no_lockstep_flag(cable: Rig) -> None:

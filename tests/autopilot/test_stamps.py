@@ -26,7 +26,7 @@ BEGAN_US = 30_000_000
 
 
 Ends = tuple[MemoryTransport, MemoryTransport]
-"""The HIL link: the simulator's end, and the autopilot's."""
+"""Both ends of the HIL link: simulator, autopilot."""
 
 
 class Rig:
@@ -54,8 +54,8 @@ class Rig:
     def arm(self) -> None:
         items = leg(depth_m=DEPTH_M, heading_deg=0.0, duration_s=60.0)
         mode = requests.SetMode(modes.MISSION.number)
-        for wish in (requests.LoadMission(items), mode, requests.Arm()):
-            assert self.deck.vehicle.handle_request(wish).result == 0
+        for request in (requests.LoadMission(items), mode, requests.Arm()):
+            assert self.deck.vehicle.handle_request(request).result == 0
 
     def received_texts(self) -> list[str]:
         self.deck.serve()
@@ -141,10 +141,10 @@ def test_telemetry_time_continues_over_new_time_bases(rig: Rig) -> None:
         rig.send(base_us + 100 * TICK_US, fix(base_us + 99 * TICK_US))
         rig.send_samples(60, base_us + 101 * TICK_US)
     rig.deck.serve()
-    heard = rig.deck.station.heard()
+    received = rig.deck.station.heard()
     stamps = {"ATTITUDE": "time_boot_ms", "ALTITUDE": "time_usec", "GPS_RAW_INT": "time_usec"}
     for name, field in stamps.items():
-        times = [getattr(message, field) for message in heard if message.get_type() == name]
+        times = [getattr(message, field) for message in received if message.get_type() == name]
         assert len(times) > 2
         assert times == sorted(times), name
 

@@ -1,12 +1,12 @@
-"""The benchmark of recorded dives: its words, and the load that it makes."""
+"""The benchmark of recorded dives: its output text, and its load processes."""
 
 from benchmarks import lockstep
 
 
-def test_in_words_tells_median_and_range() -> None:
-    told = lockstep.in_words([30.0, 90.0, 60.0], 300.0)
-    assert "3 dives: median 60 x real time (30 to 90)" in told
-    assert "300 x; ratio 0.20" in told
+def test_in_words_gives_median_and_range() -> None:
+    text = lockstep.in_words([30.0, 90.0, 60.0], 300.0)
+    assert "3 dives: median 60 x real time (30 to 90)" in text
+    assert "300 x; ratio 0.20" in text
 
 
 def test_busy_loops_run_until_the_context_ends() -> None:

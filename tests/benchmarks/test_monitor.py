@@ -1,5 +1,4 @@
-"""The monitor's study: its figures from made-up rows, and one dive on which something breaks in the
-water."""
+"""The monitor study: figures from synthetic rows, and one dive with a fault."""
 
 import math
 
@@ -18,7 +17,7 @@ def figures(case: str, rows: list[list[float]]) -> dict[str, float]:
     return {figure.name: figure.value for figure in monitor.judge(case, np.array(rows))}
 
 
-def test_one_false_alarm_is_one_too_many() -> None:
+def test_one_false_alarm_misses_the_target() -> None:
     found = monitor.judge("matched", np.array([[0.2, math.nan, 0.0], [0.2, 130.0, 0.0]]))
     assert [(figure.name, figure.met) for figure in found] == [
         ("steady flight", True),
@@ -26,20 +25,19 @@ def test_one_false_alarm_is_one_too_many() -> None:
     ]
 
 
-def test_what_is_noticed_late_or_never_counts() -> None:
+def test_missed_fault_gives_infinite_delay() -> None:
     assert figures("buoyancy", [[0.1, 40.0, 1.0], [0.1, 80.0, 1.0]])["after, slowest"] == 80.0
     never = figures("buoyancy", [[0.1, 40.0, 1.0], [0.1, math.nan, 0.0]])
     assert (never["noticed"], never["after, median"], never["cause named"]) == (0.5, math.inf, 0.5)
 
 
-def test_a_rudder_that_bends_in_the_water_is_noticed_by_its_name(
+def test_bent_rudder_is_detected_with_its_cause(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Gains and promise by hand, twice as wide as a design's: three degrees stand out all the
-    same."""
+    """The baseline is set by hand, twice as wide as a design's; three degrees still exceed it."""
     monkeypatch.setattr(monitor, "FROM_S", 120.0)
     monkeypatch.setattr(monitor, "LASTS_S", 240.0)
-    promise = made.promise()
+    promise = made.baseline()
     wide = {name: wider(expected) for name, expected in promise.predicted.items()}
     hours, after_s, right = monitor.trial(
         structs.replace(promise, predicted=wide), GAINS, "bent rudder", 1

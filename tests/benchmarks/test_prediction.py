@@ -1,4 +1,4 @@
-"""The study's campaigns of other vehicles: what must hold of every one of them, on one."""
+"""Convergence of the study's campaigns, tested on one of the other vehicles."""
 
 import pytest
 
@@ -6,9 +6,8 @@ from benchmarks.identification import prediction, vehicles
 from sysid.estimation.map.convergence import START_COST_TOLERANCE
 
 
-def test_every_start_of_a_lively_vehicle_leads_to_the_same_end() -> None:
-    """Other vehicles of her prior run away where she does not: a search on whole runs is lost from
-    there."""
+def test_all_starts_converge_for_unstable_vehicle() -> None:
+    """Some vehicles of this prior are unstable: a search on whole runs diverges from there."""
     found = prediction.campaign(vehicles.case("remus100"), 1).found
     assert len(found.start_costs) == 8
     assert found.start_costs == pytest.approx([found.cost] * 8, rel=START_COST_TOLERANCE)

@@ -1,5 +1,4 @@
-"""The study of redesigned gains judges as it should: made-up rows, made-up dives, and a short real
-one."""
+"""The study of redesigned gains: figures from synthetic rows and dives, and one short dive."""
 
 from typing import Any
 
@@ -37,8 +36,8 @@ def missed(figures: list[Figure]) -> set[str]:
     return {figure.name for figure in figures if not figure.met}
 
 
-class MadeUpDive(dict[str, Any]):
-    """Columns by name, and what she said."""
+class SyntheticDive(dict[str, Any]):
+    """Columns by name, and STATUSTEXTs."""
 
     told = ((150.0, "Mode SURFACE"),)
 
@@ -49,7 +48,7 @@ class MadeUpDive(dict[str, Any]):
         return [text for _, text in self.told]
 
 
-def made_up(**columns: float) -> MadeUpDive:
+def synthetic_dive(**columns: float) -> SyntheticDive:
     t = np.arange(0.0, 200.0, 0.1)
     level = {
         "true_pitch": 0.0,
@@ -57,22 +56,22 @@ def made_up(**columns: float) -> MadeUpDive:
         "true_depth_m": 3.0,
         "surface_m": 0.0,
     }
-    return MadeUpDive(
+    return SyntheticDive(
         t_s=t, **{name: np.full(t.size, value) for name, value in {**level, **columns}.items()}
     )
 
 
-def test_a_run_that_holds_its_set_points_has_no_error_and_one_across_north_is_not_lost() -> None:
-    assert holding.tracking_error(made_up()) == TrackingError(0.0, 0.0, 0.0, 0.0)
-    beyond = made_up(true_heading=np.radians(20.0 - 360.0 + 2.0), true_depth_m=2.9)
+def test_tracking_error_wraps_heading_and_detects_loss() -> None:
+    assert holding.tracking_error(synthetic_dive()) == TrackingError(0.0, 0.0, 0.0, 0.0)
+    beyond = synthetic_dive(true_heading=np.radians(20.0 - 360.0 + 2.0), true_depth_m=2.9)
     assert holding.tracking_error(beyond) == pytest.approx(TrackingError(2.0, 10.0, 0.0, 0.0))
-    assert holding.tracking_error(made_up(true_depth_m=0.3)).lost == 1.0
-    surfaced = made_up()
+    assert holding.tracking_error(synthetic_dive(true_depth_m=0.3)).lost == 1.0
+    surfaced = synthetic_dive()
     surfaced.told = ((140.0, "Failsafe: leak -> SURFACE"), *surfaced.told)
     assert holding.tracking_error(surfaced).lost == 1.0
 
 
-def test_only_our_gains_have_targets_and_only_where_they_are_set() -> None:
+def test_only_redesigned_gains_have_targets() -> None:
     rows = np.array([row(BAD, BAD, GOOD), row(BAD, BAD, GOOD)])
     assert not missed(steady.judge("disturbed", rows))
     assert missed(steady.judge("calm", rows)) == {f"{what}, 95 %: ours" for what in holding.WHAT}
@@ -81,14 +80,14 @@ def test_only_our_gains_have_targets_and_only_where_they_are_set() -> None:
     assert not missed(steady.judge("rough", worse))
 
 
-def test_a_rough_sea_has_twice_the_moments_of_the_disturbed_one() -> None:
+def test_rough_sea_has_twice_the_disturbed_moments() -> None:
     rough, disturbed = steady.sea("rough").disturbance, steady.sea("disturbed").disturbance
     assert rough.slow.yaw_rms_nm == 2.0 * disturbed.slow.yaw_rms_nm
     assert rough.waves.pitch_rms_nm == 2.0 * disturbed.waves.pitch_rms_nm
     assert rough.waves.frequency_hz == disturbed.waves.frequency_hz
 
 
-def test_one_strange_vehicle_beyond_twice_the_targets_is_one_too_many() -> None:
+def test_one_vehicle_beyond_twice_the_targets_is_a_miss() -> None:
     held = np.array([[0.0, *GOOD], [1.0, *GOOD], [2.0, *BAD._replace(heading_deg=2.3)]])
     figures = robust.judge("caribou_truth", held)
     assert figures[0].value == 3.0
@@ -101,7 +100,7 @@ def test_one_strange_vehicle_beyond_twice_the_targets_is_one_too_many() -> None:
     assert "lost: ours" in missed(robust.judge("caribou_truth", np.array([[0.0, *LOST]])))
 
 
-def test_strange_vehicles_are_off_in_every_coefficient_by_a_fifth_at_most() -> None:
+def test_drawn_vehicle_coefficients_differ_up_to_20_percent() -> None:
     drawn, first = robust.draw("caribou_truth", 7).vehicle, config.load("caribou_truth")
     ratios = [
         getattr(drawn.linear, name) / getattr(first.linear, name)
@@ -113,7 +112,7 @@ def test_strange_vehicles_are_off_in_every_coefficient_by_a_fifth_at_most() -> N
     assert drawn.tailcone.rudder_bias_deg == -6.0
 
 
-def test_a_leg_that_does_not_settle_and_a_back_out_of_water_are_misses() -> None:
+def test_unsettled_leg_and_emerged_hull_are_misses() -> None:
     settled, late = [1.0, 10.0, 1.0, 13.9, 0.4], [1.0, 10.0, 1.0, 14.1, -0.1]
     figures = missions.judge(
         "combined/disturbed", np.array([late + late + settled, late + late + settled])
@@ -131,21 +130,18 @@ def test_a_leg_that_does_not_settle_and_a_back_out_of_water_are_misses() -> None
     }
 
 
-def test_water_over_her_is_counted_from_her_highest_part_and_from_the_surface_as_it_stands() -> (
-    None
-):
-    """Level, half her diameter over the axis; nose up, half her length; a trough takes off what it
-    is deep."""
-    level = missions.water_above_m(made_up(true_depth_m=2.0))
+def test_water_above_counts_from_highest_part_to_surface() -> None:
+    """Level: half the diameter above the axis; nose up: half the length; a trough is subtracted."""
+    level = missions.water_above_m(synthetic_dive(true_depth_m=2.0))
     assert level == pytest.approx(2.0 - 0.5334 / 2, abs=0.01)
-    assert missions.water_above_m(made_up(true_depth_m=2.0, surface_m=-0.3)) == pytest.approx(
-        level - 0.3
-    )
-    upright = missions.water_above_m(made_up(true_depth_m=2.5, true_pitch=np.radians(90.0)))
+    assert missions.water_above_m(
+        synthetic_dive(true_depth_m=2.0, surface_m=-0.3)
+    ) == pytest.approx(level - 0.3)
+    upright = missions.water_above_m(synthetic_dive(true_depth_m=2.5, true_pitch=np.radians(90.0)))
     assert upright == pytest.approx(2.5 - 3.543 / 2, abs=0.01)
 
 
-def test_a_probability_that_is_not_kept_is_no_honest_one() -> None:
+def test_overestimated_probability_is_a_miss() -> None:
     kept, broken = [1.0, 1.0, 0.9, 1.0, 0.99, 1.0, *GOOD], [1.0, 1.0, 0.9, 0.0, 0.99, 1.0, *GOOD]
     refused = [0.0, 0.0, *[np.nan] * (4 + len(TrackingError._fields))]
     assert not missed(probability.judge("caribou_truth", np.array([kept, kept, kept, refused])))
@@ -157,18 +153,18 @@ def test_a_probability_that_is_not_kept_is_no_honest_one() -> None:
     }
 
 
-def test_a_fault_that_loses_her_is_a_miss_with_our_gains_alone() -> None:
+def test_lost_dive_is_a_miss_for_redesigned_gains_only() -> None:
     assert not missed(faults.judge("gyro off", np.array([row(LOST, LOST, BAD)])))
     assert missed(faults.judge("gyro off", np.array([row(GOOD, GOOD, LOST)]))) == {"lost: ours"}
 
 
 @pytest.mark.parametrize("fault", faults.FAULTS)
-def test_every_fault_is_one_that_the_simulator_knows(fault: str) -> None:
+def test_every_fault_is_in_the_catalogue(fault: str) -> None:
     (read,) = faults.sea(fault).faults
     assert read.name == fault
 
 
-def test_a_short_flight_is_held_and_its_test_is_cut_from_what_she_tells() -> None:
+def test_short_dive_is_tracked_and_its_segment_is_cut() -> None:
     values = {**TABLE_3_IMPROVED, **TRIM}
     items = (*legs((3.0, 20.0, 90.0)), excitation_item(4, axis=12, magnitude_deg=5.0, duration_s=8))
     dive = Dive(items, values=values)
@@ -179,7 +175,7 @@ def test_a_short_flight_is_held_and_its_test_is_cut_from_what_she_tells() -> Non
     assert holding.tracking_error(dive, 70.0).heading_deg < 1.0
 
 
-def test_gain_sets_fly_on_the_same_trims() -> None:
+def test_gain_sets_have_the_same_trims() -> None:
     sets = campaign.gain_sets(TRIM, {"HDG_P": 0.9})
     assert tuple(sets) == GAIN_SETS
     assert all(values["TRIM_RUD_DEG"] == TRIM["TRIM_RUD_DEG"] for values in sets.values())

@@ -21,7 +21,7 @@ from sysid.data.dataset import Log
 from tests.ground.test_live import TRAVEL_RAD, frame
 from tests.sysid.monitor import made
 
-BENT = made.flight(300.0, seed=2, moved={"rudder_deg": 3.0}, from_s=150.0)
+BENT = made.flight(300.0, seed=2, shifts={"rudder_deg": 3.0}, from_s=150.0)
 
 
 def frames(log: Log, shift_s: float = 0.0) -> Iterator[Frame]:
@@ -50,7 +50,7 @@ def frames(log: Log, shift_s: float = 0.0) -> Iterator[Frame]:
 def watched(
     log: Log, announced: list[str] | None = None, shift_s: float = 0.0
 ) -> PerformanceMonitor:
-    keeping = PerformanceMonitor(made.promise(), None if announced is None else announced.append)
+    keeping = PerformanceMonitor(made.baseline(), None if announced is None else announced.append)
     keeping.begin({})
     follow(keeping, log, shift_s)
     return keeping
@@ -67,7 +67,7 @@ def follow(keeping: PerformanceMonitor, log: Log, shift_s: float = 0.0) -> None:
 def test_live_it_says_what_the_log_says_and_says_it_once() -> None:
     announced: list[str] = []
     told = watched(BENT, announced).as_json()
-    after = monitor_view.as_json(monitor.monitor_log(BENT, made.promise()))
+    after = monitor_view.as_json(monitor.monitor_log(BENT, made.baseline()))
     assert [cause["name"] for cause in told["causes"]] == ["rudder"]
     assert told["found_s"] == pytest.approx(after["found_s"])
     assert told["rms"]["rudder_deg"]["measured"] == pytest.approx(
@@ -86,7 +86,7 @@ def test_a_clock_that_begins_anew_loses_nothing_that_was_seen() -> None:
 
 
 def test_a_test_in_the_water_is_not_judged() -> None:
-    keeping = PerformanceMonitor(made.promise())
+    keeping = PerformanceMonitor(made.baseline())
     keeping.begin({})
     keeping.on_text(StatusText(6, "SystemID Starting: axis=12"))
     follow(keeping, made.flight(200.0, seed=1))

@@ -62,7 +62,10 @@ class ArduPilot:
         self._socket.sendto(datagram, self._simulator)
 
     def receive(self, patience_s: float = PATIENCE_S) -> bytes:
-        """Return one datagram. Raises TimeoutError: none has arrived."""
+        """Return one datagram.
+
+        Raises TimeoutError: none has arrived.
+        """
         self._socket.settimeout(patience_s)
         return self._socket.recv(65536)
 

@@ -67,7 +67,10 @@ class Px4:
         )
 
     def receive(self, patience_s: float = PATIENCE_S) -> Instant:
-        """Wait for HIL_SENSOR, as PX4 does. Raises TimeoutError: none has arrived."""
+        """Wait for HIL_SENSOR, as PX4 does.
+
+        Raises TimeoutError: none has arrived.
+        """
         messages: list[Any] = []
         until_s = time.monotonic() + patience_s
         while True:

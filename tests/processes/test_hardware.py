@@ -370,5 +370,5 @@ def test_a_line_too_slow_for_the_sensors_is_refused(tmp_path: Path) -> None:
     with line(tmp_path, 9600), process("-m", "sitl", "--no-lockstep", "--hil", slow) as sea:
         finished = sea.finish()
     assert finished.status == 2
-    assert finished.stderr.endswith("too slow for the instruments: expected 38400 baud or more\n")
+    assert finished.stderr.endswith("too slow for the sensors: expected 38400 baud or more\n")
     assert finished.stderr.count("\n") == 1

@@ -1,7 +1,6 @@
-"""Every check-case's figure beside its reference and tolerance: ``python -m tests.reference
-[--json]``.
+"""Print all check-cases with reference and tolerance: ``python -m tests.reference [--json]``.
 
-Exit status 1 when one of them misses.
+The exit status is 1 if a value is outside its tolerance.
 """
 
 from __future__ import annotations
@@ -18,18 +17,18 @@ from tests.reference.cases import CASES
 from tests.reference.check import Check, run, title
 
 PLAIN_WIDTH = 190
-"""Columns of the table where there is no terminal to fit."""
+"""Width of the table in columns without a terminal."""
 
 
 class Row(NamedTuple):
-    """A line of the table."""
+    """One line of the table."""
 
     case: str
     check: Check
 
 
 def main() -> int:
-    """Run all cases, print them, and say by the exit status whether all of them hold."""
+    """Run and print all cases; return 0 if all pass, else 1."""
     as_json = "--json" in sys.argv[1:]
     progress = Console(stderr=True)
     rows = [
@@ -82,7 +81,7 @@ def _print(rows: list[Row]) -> None:
 
 
 def _figure(value: float) -> str:
-    """Seven digits where the sixth matters, powers of ten where rounding is all there is."""
+    """Return a number with seven digits, or as a power of ten below 0.001."""
     return "0" if value == 0.0 else f"{value:.7g}" if abs(value) >= 1e-3 else f"{value:.2e}"
 
 

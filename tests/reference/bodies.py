@@ -1,4 +1,4 @@
-"""Simple bodies whose motion is known in closed form, as the simulator's models."""
+"""Models of simple bodies whose motion is known in closed form."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ STATIONS = 16
 
 
 class LambFactors(NamedTuple):
-    """Added mass of a prolate spheroid along and across its axis, and in rotation, as parts of what
-    it displaces."""
+    """Added mass of a prolate spheroid along and across its axis and in rotation, over the mass and
+    inertia of the displaced water."""
 
     k_1: float
     k_2: float
@@ -29,8 +29,10 @@ class LambFactors(NamedTuple):
 
 
 def lamb_factors(slenderness: float) -> LambFactors:
-    """Added mass of a spheroid of length over diameter ``slenderness`` (Lamb 1932, secs. 114, 115),
-    by quadrature."""
+    """Return the added mass of a spheroid (Lamb 1932, secs. 114, 115), by quadrature.
+
+    ``slenderness`` is length over diameter.
+    """
     if slenderness == 1.0:
         return LambFactors(0.5, 0.5, 0.0)
     aa, bb = slenderness**2, 1.0
@@ -44,7 +46,7 @@ def lamb_factors(slenderness: float) -> LambFactors:
 
 
 def rigid_body(mass_kg: float, cm_m: ArrayLike, inertia_kgm2: Array) -> VehicleModel:
-    """Nothing but a rigid body in empty space; moments of inertia about the origin."""
+    """Return a rigid body in vacuum; moments of inertia are about the origin."""
     x, y, z = np.asarray(cm_m, float)
     M = np.zeros((6, 6))
     M[:3, :3] = mass_kg * np.eye(3)
@@ -55,8 +57,10 @@ def rigid_body(mass_kg: float, cm_m: ArrayLike, inertia_kgm2: Array) -> VehicleM
 
 
 def spheroid(length_m: float, diameter_m: float, mass_ratio: float = 1.0) -> VehicleModel:
-    """A homogeneous prolate spheroid in inviscid water, ``mass_ratio`` its density over that of the
-    water."""
+    """Return a homogeneous prolate spheroid in inviscid water.
+
+    ``mass_ratio`` is its density over the density of the water.
+    """
     displaced_kg = RHO_KGPM3 * pi / 6 * length_m * diameter_m**2
     across = (length_m**2 + diameter_m**2) / 20
     k = lamb_factors(length_m / diameter_m)
@@ -73,8 +77,7 @@ def spheroid(length_m: float, diameter_m: float, mass_ratio: float = 1.0) -> Veh
 def cylinder(
     length_m: float, diameter_m: float, crossflow_cd: float, mass_ratio: float = 1.0
 ) -> VehicleModel:
-    """A homogeneous circular cylinder with flat ends: strip theory's added mass, and drag across
-    it."""
+    """Return a homogeneous circular cylinder with added mass by strips and crossflow drag."""
     displaced_kg = RHO_KGPM3 * pi / 4 * length_m * diameter_m**2
     across = length_m**2 / 12
     body = displaced_kg * np.array(
@@ -90,7 +93,7 @@ def cylinder(
 
 
 def _alone(mass_kg: float, M_RB: Array, M_A: Array) -> VehicleModel:
-    """Inertia only."""
+    """Return a model with inertia only."""
     M = M_RB + M_A
     model = flight.without_weight(flight.without_fluid_forces(flight.model("caribou_nominal")))
     return model._replace(inertia=Inertia(mass_kg, M_RB, M_A, M, np.linalg.inv(M)))
@@ -103,7 +106,7 @@ def _floating(
     radius_m: Array,
     dx_m: Array,
 ) -> VehicleModel:
-    """The body with its weight, its buoyancy and its sections, centres of both at the origin."""
+    """Return the body with weight, buoyancy and sections; both centres are at the origin."""
     share = radius_m**2 * dx_m / float(radius_m**2 @ dx_m)
     hydrostatics = model.hydrostatics._replace(
         weight_n=model.inertia.mass_kg * GRAVITY_MPS2,

@@ -1,9 +1,10 @@
-"""What a check-case yields, and what of it counts as a pass.
+"""Result of a check-case, and the criterion of a pass.
 
-A case is a module of ``tests.reference.cases``. Its docstring says what it verifies, what it leaves
-out, where the reference comes from and how the tolerance was chosen, as NASA's flight check-cases
-do (NESC 2015, "Check-cases for verification of 6-degree-of-freedom flight vehicle simulations").
-Its ``checks()`` yields a ``Check`` for every figure."""
+A case is a module of ``tests.reference.cases``. Its docstring states what it verifies, what it
+leaves out, the source of the reference and the reason of the tolerance, as NASA's flight
+check-cases do (NESC 2015, "Check-cases for verification of 6-degree-of-freedom flight vehicle
+simulations"). Its ``checks()`` yields one ``Check`` per value.
+"""
 
 from __future__ import annotations
 
@@ -15,31 +16,31 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 HEADINGS = ("Verifies:", "Leaves out:", "Reference:", "Tolerance:")
-"""What every case's docstring says, in this order."""
+"""Headings in the docstring of each case, in this order."""
 
 
 class Check(NamedTuple):
-    """One figure of the simulator beside its reference."""
+    """Value of the simulator with its reference."""
 
     quantity: str
     unit: str
     value: float
     reference: float
     tolerance: float
-    """Largest difference that passes, in ``unit``."""
+    """Maximum difference that passes, in ``unit``."""
     source: str
-    """Where ``reference`` comes from."""
+    """Source of ``reference``."""
 
     @property
     def passed(self) -> bool:
-        """Within tolerance; not-a-number never is."""
+        """Return True if the difference is within tolerance; False for not-a-number."""
         return bool(abs(self.value - self.reference) <= self.tolerance)
 
 
 def relative(
     quantity: str, unit: str, value: float, reference: float, part: float, source: str
 ) -> Check:
-    """A figure allowed to miss its reference by ``part`` of it."""
+    """Return a check with a tolerance of ``part`` times the reference."""
     return Check(
         quantity, unit, float(value), float(reference), part * abs(float(reference)), source
     )
@@ -53,7 +54,7 @@ def worst(
     tolerance: float,
     source: str,
 ) -> Check:
-    """The largest difference between many figures and their references, which should be nothing."""
+    """Return a check that the largest difference of many values and references is zero."""
     return Check(
         quantity,
         unit,
@@ -65,10 +66,10 @@ def worst(
 
 
 def title(case: ModuleType) -> str:
-    """The name of a case as the table prints it."""
+    """Return the name of a case for the table."""
     return case.__name__.rpartition(".")[2].replace("_", " ")
 
 
 def run(case: ModuleType) -> Iterator[Check]:
-    """Every figure of a case."""
+    """Yield all checks of a case."""
     yield from case.checks()

@@ -1,4 +1,4 @@
-"""Mechanical energy of a vehicle and the water she sets in motion."""
+"""Mechanical energy of a vehicle and of the water that it accelerates (added mass)."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ Array = NDArray[np.float64]
 
 
 def kinetic_j(model: VehicleModel, state: Array) -> float:
-    """Of body and entrained water."""
+    """Return the kinetic energy of body and added mass, 1/2 nu^T M nu, J."""
     return float(state[7:13] @ model.inertia.M @ state[7:13] / 2)
 
 
 def potential_j(model: VehicleModel, state: Array) -> float:
-    """Of weight and buoyancy, deep under water."""
+    """Return the potential energy of weight and buoyancy, deep under water, J."""
     h = model.hydrostatics
     up = flight.rotation(state)[2]
     cm = state[2] + up @ [h.x_cm_m, h.y_cm_m, h.z_cm_m]
@@ -26,7 +26,7 @@ def potential_j(model: VehicleModel, state: Array) -> float:
 
 
 def mechanical_j(model: VehicleModel, track: Array) -> Array:
-    """Of each state of a track; zero for a body at rest at the track's beginning."""
+    """Return the mechanical energy of each state, J; zero for a body at rest at the first state."""
     ground = potential_j(model, track[0])
     return np.array(
         [kinetic_j(model, state) + potential_j(model, state) - ground for state in track]
@@ -34,13 +34,12 @@ def mechanical_j(model: VehicleModel, track: Array) -> Array:
 
 
 def power_w(model: VehicleModel, nu: Array) -> float:
-    """Rate of change of kinetic energy at rest relative to gravity: weight and buoyancy taken away,
-    no thrust."""
+    """Return the rate of change of kinetic energy without weight, buoyancy and thrust, W."""
     return float(nu @ model.inertia.M @ _rate(model, nu))
 
 
 def power_scale_w(model: VehicleModel, nu: Array) -> float:
-    """All that is added up in ``power_w``, whatever its sign: the measure of its rounding."""
+    """Return the sum of the magnitudes of the terms in ``power_w``, as a scale of its rounding."""
     return float(np.abs(nu) @ np.abs(model.inertia.M) @ np.abs(_rate(model, nu)))
 
 

@@ -1,9 +1,9 @@
-"""A second opinion: the same vehicle by Fossen's equations in matrix form.
+"""Independent implementation of the vehicle: Fossen's equations in matrix form.
 
-Written from T. I. Fossen, "Handbook of Marine Craft Hydrodynamics and Motion Control", 2nd ed.,
-2021, in his axes and structure: NED and FRD, Euler angles, rigid body over ground and added mass
-through the water kept apart, Coriolis and damping as matrices, numpy. Of the simulator it shares
-the vehicle's numbers and nothing else: no kernel is called.
+Source: T. I. Fossen, "Handbook of Marine Craft Hydrodynamics and Motion Control", 2nd ed., 2021, in
+his axes and structure: NED and FRD, Euler angles, separate terms for the rigid body over ground and
+for added mass through the water, Coriolis and damping as matrices, numpy. It uses the numbers of
+the simulator's vehicle model but calls no kernel.
 
     M_RB nu' + C_RB(nu) nu + M_A nu_r' + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau
     (ch. 6 and 10)
@@ -24,13 +24,13 @@ from sitl.vehicle.model import Fins, Polar, VehicleModel
 Array = NDArray[np.float64]
 
 TURN = np.diag([1.0, -1.0, -1.0])
-"""Between FLU and FRD; its own inverse."""
+"""Rotation between FLU and FRD; it is its own inverse."""
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
-"""The same for velocities and wrenches of six components."""
+"""Rotation between FLU and FRD for velocities and wrenches of six components."""
 
 
 class Inputs(NamedTuple):
-    """What the actuators do."""
+    """Surface angles and shaft speed."""
 
     rudder_rad: float = 0.0
     elevator_rad: float = 0.0
@@ -49,11 +49,11 @@ class Craft(NamedTuple):
     B: float
     r_b: Array
     model: VehicleModel
-    """For the geometry of strips, ring and fins."""
+    """Geometry of strips, ring and fins."""
 
 
 def craft(model: VehicleModel) -> Craft:
-    """Read the numbers of a simulator's vehicle."""
+    """Convert the numbers of the simulator's model."""
     h, m = model.hydrostatics, model.inertia.mass_kg
     M_RB = FLIP @ model.inertia.M_RB @ FLIP
     return Craft(
@@ -209,7 +209,7 @@ def tail(nu_r: Array, inputs: Inputs, ship: Craft) -> Array:
 
 
 def fins(nu_r: Array, inputs: Inputs, tail: Fins) -> Array:
-    """Each fin a wing in the plane of its chord and normal; flow along its span does nothing."""
+    """Return the wrench of the fins: wings in the plane of chord and normal."""
     total = np.zeros(6)
     for y, z, by_rudder, by_elevator in zip(
         tail.span_y, tail.span_z, tail.rudder, tail.elevator, strict=True

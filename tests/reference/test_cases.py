@@ -1,5 +1,4 @@
-"""Every figure of every check-case stands within its tolerance, and every case says what it is
-worth."""
+"""All values of all check-cases are within tolerance, and the cases have the required headings."""
 
 from types import ModuleType
 
@@ -10,14 +9,14 @@ from tests.reference.check import HEADINGS, Check, relative, run, title, worst
 
 
 @pytest.mark.parametrize("case", CASES, ids=title)
-def test_figures_stand_within_tolerance(case: ModuleType):
+def test_check_case_values_within_tolerance(case: ModuleType):
     checks = list(run(case))
     assert checks, "a case without figures verifies nothing"
     assert [check for check in checks if not check.passed] == []
 
 
 @pytest.mark.parametrize("case", CASES, ids=title)
-def test_a_case_says_what_it_verifies_and_what_it_leaves_out(case: ModuleType):
+def test_check_case_docstring_has_headings_in_order(case: ModuleType):
     places = [(case.__doc__ or "").find(heading) for heading in HEADINGS]
     assert -1 not in places
     assert places == sorted(places)
@@ -26,7 +25,7 @@ def test_a_case_says_what_it_verifies_and_what_it_leaves_out(case: ModuleType):
 @pytest.mark.parametrize(
     ("value", "passed"), [(1.0, True), (1.1, True), (1.11, False), (float("nan"), False)]
 )
-def test_what_passes(value, passed):
+def test_check_difference_beyond_tolerance_or_nan_fails(value, passed):
     assert Check("", "", value, 1.0, 0.1000001, "").passed is passed
     assert relative("", "", value, 1.0, 0.1000001, "").passed is passed
     assert worst("", "", [1.0, value], 1.0, 0.1000001, "").passed is passed

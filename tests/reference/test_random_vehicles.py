@@ -1,5 +1,4 @@
-"""What must hold for any vehicle: ring-ducted or finned, of any size, ballast and shape that could
-be built.
+"""Properties of all vehicles: with ring duct or fins, of any feasible size, ballast and shape.
 
 The vehicles are those of ``tests/reference/vehicles.py``; hypothesis draws one, and how it moves.
 """
@@ -40,7 +39,7 @@ def state_of(attitude, motion, z_up_m=-500.0):
 
 @given(VEHICLE)
 @any_vehicle
-def test_mass_matrices_are_symmetric_and_positive_definite(model):
+def test_mass_matrices_symmetric_and_positive_definite(model):
     for matrix in (model.inertia.M_RB, model.inertia.M):
         assert np.array_equal(matrix, matrix.T)
         assert np.linalg.eigvalsh(matrix).min() > 0
@@ -49,22 +48,21 @@ def test_mass_matrices_are_symmetric_and_positive_definite(model):
 
 @given(VEHICLE, MOTION)
 @any_vehicle
-def test_coriolis_terms_do_no_work(model, nu):
+def test_coriolis_terms_have_zero_power(model, nu):
     terms = np.multiply(dynamics.coriolis(tuple(nu.tolist()), model.inertia), nu)
     assert abs(terms.sum()) <= 1e-14 * max(np.abs(terms).sum(), 1.0)
 
 
 @given(VEHICLE, MOTION)
 @settings(max_examples=200)
-def test_still_water_takes_energy_at_every_motion(model, nu):
+def test_still_water_power_is_never_positive(model, nu):
     assert energy.power_w(model, nu) <= 1e-12 * energy.power_scale_w(model, nu)
 
 
 @given(VEHICLE, ATTITUDE, MOTION)
 @settings(max_examples=30)
-def test_no_vehicle_gains_energy(model, attitude, motion):
-    """Adrift in still water without thrust, weight and buoyancy on: mechanical energy falls from
-    step to step."""
+def test_free_motion_energy_never_increases(model, attitude, motion):
+    """In still water without thrust, mechanical energy decreases in every step."""
     kept = energy.mechanical_j(model, flight.fly(model, state_of(attitude, motion), 30.0)[::10])
     moved = np.abs(kept).max() + energy.kinetic_j(model, state_of(attitude, motion)) + 1e-9
     assert np.diff(kept).max() <= 1e-10 * moved
@@ -72,9 +70,7 @@ def test_no_vehicle_gains_energy(model, attitude, motion):
 
 @given(VEHICLE, ATTITUDE, MOTION, ANGLE, ANGLE, THRUST)
 @flown
-def test_the_mirror_image_is_flown_as_the_mirror_image(
-    model, attitude, motion, rudder, elevator, thrust
-):
+def test_mirrored_inputs_give_mirrored_track(model, attitude, motion, rudder, elevator, thrust):
     start, push = state_of(attitude, motion), np.array([3.0, -5.0, 2.0, 0.1, -0.6, 0.7])
     inputs = {"elevator_rad": elevator, "thrust_fraction": thrust}
     track = flight.fly(
@@ -96,9 +92,7 @@ def test_the_mirror_image_is_flown_as_the_mirror_image(
 
 @given(VEHICLE, ATTITUDE, MOTION, ANGLE, THRUST, st.tuples(*[st.floats(-1, 1)] * 3))
 @flown
-def test_a_vehicle_drifting_with_the_current_sees_nothing(
-    model, attitude, motion, rudder, thrust, current
-):
+def test_uniform_current_only_adds_drift(model, attitude, motion, rudder, thrust, current):
     start = state_of(attitude, motion)
     still = flight.fly(model, start, 10.0, rudder, thrust_fraction=thrust)
     carried = start.copy()
@@ -112,7 +106,7 @@ def test_a_vehicle_drifting_with_the_current_sees_nothing(
 
 @given(VEHICLE, ATTITUDE, MOTION, ANGLE, ANGLE, THRUST, st.tuples(*[st.floats(-1, 1)] * 3))
 @any_vehicle
-def test_accelerations_are_those_of_fossens_matrices(
+def test_accelerations_equal_fossen_matrix_form(
     model, attitude, motion, rudder, elevator, thrust, current
 ):
     state, shaft_rps = state_of(attitude, motion), thrust * model.propeller.full_rps
@@ -128,8 +122,8 @@ def test_accelerations_are_those_of_fossens_matrices(
 
 @given(VEHICLE, st.floats(-3, 2), ATTITUDE, MOTION, ANGLE, ANGLE, THRUST)
 @flown
-def test_no_state_makes_it_blow_up(model, z_up_m, attitude, motion, rudder, elevator, thrust):
-    """At the surface too, where it leaps and dives."""
+def test_random_states_stay_bounded(model, z_up_m, attitude, motion, rudder, elevator, thrust):
+    """States at the surface are included."""
     track = flight.fly(model, state_of(attitude, motion, z_up_m), 30.0, rudder, elevator, thrust)
     assert np.isfinite(track).all()
     assert np.linalg.norm(track[:, 3:7], axis=1) == pytest.approx(1.0, abs=1e-12)
@@ -138,14 +132,14 @@ def test_no_state_makes_it_blow_up(model, z_up_m, attitude, motion, rudder, elev
 
 @given(VEHICLE, st.floats(0.5, 2.0))
 @flown
-def test_nothing_turns_a_symmetric_vehicle(model, u_mps):
+def test_symmetric_vehicle_runs_straight(model, u_mps):
     track = flight.fly(model, flight.cruising(u_mps), 60.0, thrust_fraction=0.6)
     assert track[:, [1, 4, 6, 8, 10, 12]] == pytest.approx(0.0, abs=1e-9)
 
 
 @given(VEHICLE, st.floats(0.5, 2.0))
 @flown
-def test_forces_of_small_motion_are_the_linear_ones(model, u_mps):
+def test_small_motion_forces_equal_linear_plane(model, u_mps):
     plane = linearise(model, u_mps, thrust_fraction=0.0).yaw
     rudder, v, r = 1e-7, 3e-7, -2e-7
     ahead, state = flight.cruising(u_mps), flight.cruising(u_mps)

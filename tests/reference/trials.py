@@ -1,4 +1,4 @@
-"""A ship's sea trials, turning circle and zig-zag, for whatever can simulate them."""
+"""Standard manoeuvres, turning circle and zig-zag, for any simulator."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from tests.sitl.vehicle import flight
 
 Array = NDArray[np.float64]
 Event = Callable[[Array], float]
-"""Of (eta, nu) in Fossen's axes; a run ends where it passes through zero."""
+"""Function of (eta, nu) in Fossen's axes; a run ends at its zero crossing."""
 
 STEP_S = 0.005
-"""Of the kernels."""
+"""Integration step of the kernels."""
 LONGEST_S = 120.0
-"""A leg that takes longer never ends."""
+"""Maximum duration of a leg."""
 BISECTIONS = 40
 
 
@@ -108,7 +108,7 @@ def kernels(model: VehicleModel, speed_mps: float, shaft_rps: float) -> Simulato
 
 
 def _root(event: Callable[[float], float]) -> float:
-    """Where in a step an event passes through zero."""
+    """Return the zero crossing of an event within a step."""
     low, high, sign = 0.0, STEP_S, np.sign(event(0.0))
     for _ in range(BISECTIONS):
         middle = (low + high) / 2

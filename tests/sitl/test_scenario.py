@@ -59,14 +59,14 @@ def test_scenario_file_overrides_defaults(tmp_path: Path) -> None:
         ),
         (
             2 * "[[density.layer]]\ndepth_m = 2\ndensity_kgpm3 = 1010\n",
-            "density.layer[1].depth_m = 2.0: expected more than 2.0, that of the layer before",
+            "density.layer[1].depth_m = 2.0: expected more than 2.0, the depth of the layer before",
         ),
         (
             (
                 "[current]\nspeed_mps = 0.1\n[[current.layer]]\ndepth_m = 1\nspeed_mps ="
                 " 0.2\ntowards_deg = 0"
             ),
-            "current.speed_mps = 0.1: expected this or current.layer, not both",
+            "current.speed_mps = 0.1: expected either this key or current.layer",
         ),
         (
             "[waves]\nsignificant_height_m = 1",

@@ -66,13 +66,20 @@ def check_imu(
 ) -> ImuCheckResult:
     """Check a sensor frame.
 
-    Parameters:
-        old: history of the frames.
-        frame: frame of this tick, as received.
-        excluded: names of the groups that must not be used.
-        config: parameters HLTH_LOST_S and HLTH_STUCK_S.
+    Parameters
+    ----------
+    old
+        History of the frames.
+    frame
+        Frame of this tick, as received.
+    excluded
+        Names of the groups that must not be used.
+    config
+        Parameters HLTH_LOST_S and HLTH_STUCK_S.
 
-    Returns:
+    Returns
+    -------
+    ImuCheckResult
         The new history, the frame to use, and the faults. In the frame to use, ``fields_updated``
         names the groups that may be used: those with a recent plausible reading that are not
         excluded. If such a group has no plausible reading in this frame, its last one is used.
@@ -80,7 +87,7 @@ def check_imu(
     now_us = frame.time_us
     changed_us = _accepted_frame(old, frame) if old.per_group is None and not excluded else ()
     if changed_us and (
-        (least_us := min(changed_us)) == now_us or not _is_frozen(now_us, least_us, config)
+        (oldest_us := min(changed_us)) == now_us or not _is_frozen(now_us, oldest_us, config)
     ):
         return Ahrs(frame, changed_us, None), frame, ()
     return _check_partial_frame(old, frame, excluded, config)

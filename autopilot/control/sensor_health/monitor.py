@@ -78,12 +78,18 @@ SensorCheckResult = tuple[Ahrs, Health, Inputs, tuple[Event, ...]]
 def check_sensors(state: AutopilotState, inputs: Inputs, config: Config) -> SensorCheckResult:
     """Check all sensors of a tick.
 
-    Parameters:
-        state: state after the last tick.
-        inputs: inputs of this tick, as received.
-        config: parameters.
+    Parameters
+    ----------
+    state
+        State after the last tick.
+    inputs
+        Inputs of this tick, as received.
+    config
+        Parameters.
 
-    Returns:
+    Returns
+    -------
+    SensorCheckResult
         The history of the sensor frame, the history of the other sensors with their faults, the
         inputs without the readings that must not be used, and the events to send. In the sensor
         frame returned, ``fields_updated`` names the groups that may be used.
@@ -114,12 +120,18 @@ def predict_duct(
     First-order lag, explicit Euler: ``delta <- delta + dt / T (command - delta)`` with
     T = ``DUCT_LAG_S``; ``dt_s`` must be less than T.
 
-    Parameters:
-        duct_rad: predicted rudder and elevator angle before the tick.
-        rudder_rad, elevator_rad: commanded angles, positive turns the nose to starboard and up.
-        dt_s: length of the tick.
+    Parameters
+    ----------
+    duct_rad
+        Predicted rudder and elevator angle before the tick.
+    rudder_rad, elevator_rad
+        Commanded angles, positive turns the nose to starboard and up.
+    dt_s
+        Length of the tick.
 
-    Returns:
+    Returns
+    -------
+    tuple[float, float]
         Predicted rudder and elevator angle (rad) after the tick.
     """
     alpha, (rudder, elevator) = dt_s / DUCT_LAG_S, duct_rad
@@ -218,7 +230,7 @@ def _confirm_fault(
 def _slow_checks(
     health: Health, state: AutopilotState, now_us: int, config: Config
 ) -> tuple[Fault, ...]:
-    """Return the faults that need no check every tick: silent, stuck, low, leak and deviations."""
+    """Return the faults that change slowly: silent, stuck, low, leak and deviations."""
     silent, stuck = sensor_checks.is_silent, sensor_checks.is_frozen
     checks = (
         (GPS, SILENT, silent(health.gps, now_us) and _fix_expected(health, state, config)),
@@ -261,6 +273,7 @@ def _echo_expected(health: Health, state: AutopilotState) -> bool:
 
 
 def _battery_low(battery: Battery | None, config: Config) -> bool:
+    """Return whether charge or voltage is below its limit (FS_BATT_PCT, FS_BATT_V)."""
     if battery is None:
         return False
     return (
@@ -269,6 +282,7 @@ def _battery_low(battery: Battery | None, config: Config) -> bool:
 
 
 def _leak_detected(leak: Leak | None) -> bool:
+    """Return whether the leak sensor is wet."""
     return leak is not None and leak.wet
 
 

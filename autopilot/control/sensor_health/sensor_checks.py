@@ -31,6 +31,7 @@ log (DVL). The charge is a fraction of full."""
 JUMP_WITHIN_US = 2 * US_PER_S
 """Maximum age of the last plausible record to which a change is compared."""
 _METRES_PER_DEG = 111_000.0
+"""Metres per degree of latitude."""
 _NEITHER, _NONE_OF_FOUR = (None,) * 2, (None,) * 4
 """Inputs without GPS and altimeter, and without DVL, battery, leak and duct."""
 
@@ -45,12 +46,18 @@ def update(
 ) -> tuple[Health, Inputs, tuple[Fault, ...]]:
     """Check the records of a tick.
 
-    Parameters:
-        health: history of the sensors.
-        inputs: inputs of this tick.
-        excluded: names of the sensors whose records must not be used.
+    Parameters
+    ----------
+    health
+        History of the sensors.
+    inputs
+        Inputs of this tick.
+    excluded
+        Names of the sensors whose records must not be used.
 
-    Returns:
+    Returns
+    -------
+    tuple[Health, Inputs, tuple[Fault, ...]]
         The new history, the inputs without implausible and excluded records, and the faults.
     """
     now_us = inputs.sensors.time_us
@@ -159,27 +166,32 @@ def _plausible_battery(battery: Battery, before: Battery | None) -> bool:
 
 
 def _always_plausible(record: object, before: object) -> bool:
+    """Accept any record."""
     return True
 
 
 def _position(fix: GpsFix) -> tuple[float, float]:
+    """Return latitude and longitude (deg)."""
     return fix.lat_deg, fix.lon_deg
 
 
 def _range(echo: Altimeter) -> float:
+    """Return the range (m)."""
     return echo.range_m
 
 
 def _velocity(ping: Dvl) -> tuple[float, float, float]:
+    """Return the velocity in body axes (m/s)."""
     return ping.velocity_x_mps, ping.velocity_y_mps, ping.velocity_z_mps
 
 
 def _whole_record(record: object) -> object:
+    """Return the record: all its fields are compared."""
     return record
 
 
 class _DeviceKind(NamedTuple):
-    """How the records of one kind of sensor are checked."""
+    """Checks of the records of one kind of sensor."""
 
     field: str
     """Field of ``Inputs`` and of ``Health``."""

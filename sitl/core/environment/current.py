@@ -1,4 +1,4 @@
-"""The current: uniform or in layers, plus a slow variation that is uniform in space. NWU axes."""
+"""The current: uniform or in layers, plus a slow variation uniform in space (NWU axes)."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ _OUTER, _MIDDLE = 5.0 / 18.0, 8.0 / 18.0
 
 
 class WaterField(NamedTuple):
-    """Water that varies in space and time. NWU axes."""
+    """Water that varies in space and time, in NWU axes."""
 
     sea: Vector
     """Wave components of ``waves.draw_components``, one row each."""

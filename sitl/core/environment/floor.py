@@ -1,4 +1,4 @@
-"""The sea floor: a plane or a grid; its height, slope and the range of a sonar beam. NWU axes."""
+"""The sea floor: a plane or a grid; its height, slope and the range of a sonar beam (NWU)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ class SeaFloor(NamedTuple):
 
 
 def build(floor: environment_schema.FloorTable) -> SeaFloor:
-    """Build the floor of a scenario. Raises ScenarioError: its file cannot be used."""
+    """Build the floor of a scenario.
+
+    Raises ScenarioError: its file cannot be used.
+    """
     if floor.file:
         grid = bathymetry.read(Path(floor.file))
         return SeaFloor(

@@ -155,7 +155,10 @@ def catalogue() -> Catalogue:
 
 
 def find(kind: str, sheets: dict[str, Kind], carried: Instruments, vehicle: str) -> Kind | None:
-    """Return the data sheet of a vehicle's sensor, or None. Raises VehicleFileError: unknown."""
+    """Return the data sheet of a vehicle's sensor, or None.
+
+    Raises VehicleFileError: unknown.
+    """
     name: str = getattr(carried, kind)
     if name == NONE:
         return None

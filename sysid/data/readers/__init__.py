@@ -13,8 +13,9 @@ _FORMAT_BY_MAGIC = {b"\x89MCAP0\r\n": "mcap", b"ULog\x01\x12\x35": "ulog", b"\xa
 _FORMAT_BY_SUFFIX = {".mcap": "mcap", ".ulg": "ulog", ".bin": "dataflash", ".tlog": "tlog"}
 _STAMP_LENGTH = 8
 _FRAME_MAGIC = b"\xfd\xfe"
-"""First bytes of MAVLink 2 and 1 frames. A tlog has no signature: it begins with a time stamp of 8
-bytes and a frame."""
+"""First bytes of MAVLink 2 and 1 frames.
+
+A tlog has no signature: it begins with a time stamp of 8 bytes and a frame."""
 
 
 def format_of(path: Path) -> str:

@@ -118,7 +118,11 @@ class _MessageFormat(NamedTuple):
 def _index(data: bytes) -> list[tuple[_MessageFormat, list[int]]]:
     """Return the message types with the offsets of their messages; other bytes are skipped."""
     kinds, offsets_by_kind, offset = (
-        {_FMT: _MessageFormat("FMT", _HEAD_LENGTH + _format.size, "", ())},
+        {
+            _FMT: _MessageFormat(
+                name="FMT", length=_HEAD_LENGTH + _format.size, codes="", columns=()
+            )
+        },
         defaultdict[int, list[int]](list),
         0,
     )
@@ -135,7 +139,10 @@ def _index(data: bytes) -> list[tuple[_MessageFormat, list[int]]]:
             )
             if length > _HEAD_LENGTH:
                 kinds.setdefault(
-                    number, _MessageFormat(name, length, codes, tuple(columns.split(",")))
+                    number,
+                    _MessageFormat(
+                        name=name, length=length, codes=codes, columns=tuple(columns.split(","))
+                    ),
                 )
         offset += kind.length
     return [(kinds[number], offsets) for number, offsets in offsets_by_kind.items()]
@@ -214,7 +221,15 @@ def _attitude(path: Path, message_tables: Tables) -> Attitude:
     )
     if not near.any():
         raise LogError(f"{path}: ATT and the rates were never logged at the same time")
-    return Attitude(time_s[near], roll, pitch, np.unwrap(yaw), p, q, r)
+    return Attitude(
+        time_s=time_s[near],
+        roll_rad=roll,
+        pitch_rad=pitch,
+        yaw_rad=np.unwrap(yaw),
+        p_radps=p,
+        q_radps=q,
+        r_radps=r,
+    )
 
 
 def _actuators(
@@ -228,7 +243,10 @@ def _actuators(
     pulses = np.stack([columns[name].astype(np.float64) for name in names], axis=1)
     rudder, elevator, thrust = surface_commands(pulses, outputs, f"{path}: RCOU")
     return Actuators(
-        time_s, rudder * np.radians(travel_deg), elevator * np.radians(travel_deg), thrust
+        time_s=time_s,
+        rudder_rad=rudder * np.radians(travel_deg),
+        elevator_rad=elevator * np.radians(travel_deg),
+        thrust=thrust,
     )
 
 
@@ -256,7 +274,11 @@ def _setpoints(message_tables: Tables) -> Setpoints:
     )
     depth_s, depth_m = _setpoint_column(message_tables, "CTUN", "DAlt")
     return Setpoints(
-        heading_s, np.unwrap(np.radians(heading)), np.radians(pitch), depth_s, -depth_m
+        attitude_time_s=heading_s,
+        heading_rad=np.unwrap(np.radians(heading)),
+        pitch_rad=np.radians(pitch),
+        depth_time_s=depth_s,
+        depth_m=-depth_m,
     )
 
 

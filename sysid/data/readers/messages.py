@@ -154,7 +154,15 @@ def _attitude(time_s: Array, record: NDArray[Any]) -> Attitude:
     roll, pitch, yaw, p, q, r = _columns(
         record, keep, "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"
     )
-    return Attitude(time_s[keep], roll, pitch, np.unwrap(yaw), p, q, r)
+    return Attitude(
+        time_s=time_s[keep],
+        roll_rad=roll,
+        pitch_rad=pitch,
+        yaw_rad=np.unwrap(yaw),
+        p_radps=p,
+        q_radps=q,
+        r_radps=r,
+    )
 
 
 def _actuators(
@@ -163,7 +171,12 @@ def _actuators(
     """Return the commands in radians and fractions of thrust."""
     keep = strictly_increasing(time_s)
     rudder, elevator, thrust = surface_commands(_outputs(record[keep]), outputs, where)
-    return Actuators(time_s[keep], rudder * travel_rad, elevator * travel_rad, thrust)
+    return Actuators(
+        time_s=time_s[keep],
+        rudder_rad=rudder * travel_rad,
+        elevator_rad=elevator * travel_rad,
+        thrust=thrust,
+    )
 
 
 def _outputs(record: NDArray[Any]) -> Array:
@@ -202,7 +215,13 @@ def _setpoints(messages: Messages) -> Setpoints:
         time_s, record = messages["POSITION_TARGET_LOCAL_NED"]
         keep = strictly_increasing(time_s)
         depth_time, (depth,) = time_s[keep], _columns(record, keep, "z")
-    return Setpoints(attitude_time, heading, pitch, depth_time, depth)
+    return Setpoints(
+        attitude_time_s=attitude_time,
+        heading_rad=heading,
+        pitch_rad=pitch,
+        depth_time_s=depth_time,
+        depth_m=depth,
+    )
 
 
 def _events(time_s: Array, record: NDArray[Any]) -> tuple[TextEvent, ...]:

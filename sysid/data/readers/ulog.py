@@ -146,7 +146,15 @@ def _attitude(path: Path, topic_tables: Tables) -> Attitude:
     roll, pitch, yaw = euler_rad(
         *(columns[f"q{part}"][near].astype(np.float64) for part in _QUATERNION)
     )
-    return Attitude(time_s[near], roll, pitch, np.unwrap(yaw), p, q, r)
+    return Attitude(
+        time_s=time_s[near],
+        roll_rad=roll,
+        pitch_rad=pitch,
+        yaw_rad=np.unwrap(yaw),
+        p_radps=p,
+        q_radps=q,
+        r_radps=r,
+    )
 
 
 def _actuators(
@@ -158,7 +166,12 @@ def _actuators(
     count = sum(column.startswith("output[") for column in columns)
     values = np.stack([columns[f"output[{k}]"].astype(np.float64) for k in range(count)], axis=1)
     rudder, elevator, thrust = surface_commands(values, outputs, f"{path}: {name}")
-    return Actuators(time_s, rudder * travel_rad, elevator * travel_rad, thrust)
+    return Actuators(
+        time_s=time_s,
+        rudder_rad=rudder * travel_rad,
+        elevator_rad=elevator * travel_rad,
+        thrust=thrust,
+    )
 
 
 def _depth(path: Path, topic_tables: Tables) -> Depth:
@@ -182,4 +195,10 @@ def _setpoints(topic_tables: Tables) -> Setpoints:
     if position and "z" in position.columns:
         keep = strictly_increasing(position.time_s)
         depth_s, depth_m = position.time_s[keep], position.columns["z"][keep].astype(np.float64)
-    return Setpoints(attitude_s, np.unwrap(heading), pitch, depth_s, depth_m)
+    return Setpoints(
+        attitude_time_s=attitude_s,
+        heading_rad=np.unwrap(heading),
+        pitch_rad=pitch,
+        depth_time_s=depth_s,
+        depth_m=depth_m,
+    )

@@ -75,7 +75,7 @@ class InitialDesign(NamedTuple):
             f"{name},{value:.6g}  # {self.reasons[name]}" for name, value in self.parameters.items()
         ]
         path.write_text(
-            "\n".join(["# prototype controller, from the vehicle file", *lines]) + "\n",
+            "\n".join(["# initial gains, from the vehicle file", *lines]) + "\n",
             encoding="utf-8",
         )
 

@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 STEP = 1.04
 """Ratio of neighbouring gains on a locus."""
 TURN_FACTORS = STEP ** np.arange(-72.0, 20.0)
-"""Loop gains that are tried, relative to the gain at which a pure turn-rate integrator crosses unit
+"""Loop gains that are tried, as factors.
 
-gain at half the bandwidth.
+The factor is one where a pure turn-rate integrator crosses unit gain at half the bandwidth.
 """
 DEPTH_FACTORS = STEP ** np.arange(-80.0, 1.0)
 """DPT_P relative to the largest permitted pitch per metre."""

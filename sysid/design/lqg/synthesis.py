@@ -111,7 +111,19 @@ def controller(
 def build_model(
     plane: LinearPlane, lag: Lag, disturbance: Noise, weights: Weights
 ) -> AugmentedModel:
-    """Return the filter model of one plane with disturbance, loads and noise densities."""
+    """Return the filter model of one plane with disturbance, loads and noise densities.
+
+    Notes
+    -----
+    With x_p the plane behind its tailcone (A_p, B_p), d the disturbance states (slow moment and
+    waves, shaping filter A_d), b the offset of the surface and g the buoyancy::
+
+        x_p' = A_p x_p + B_p (u + b + n_u) + E d (+ g on the heave acceleration)
+        d'   = A_d d + w_d        b' = w_b        g' = w_g
+
+    n_u has the density `Weights.recovery`^2, w_b `Weights.load`^2 and w_g `Weights.buoyancy`^2.
+    Sensor noise: gyro, angle and, in pitch, depth and depth rate, each sd^2 `NOISE_STEP_S`.
+    """
     A_plane, B_plane = loop_transfer.plane_with_tailcone(plane, lag, PADE_ORDER)
     n, load = len(plane.B), len(B_plane) + SEA_STATES
     size = load + count_loads(plane)
@@ -160,7 +172,9 @@ def count_loads(plane: LinearPlane) -> int:
 def filter_gains(model: AugmentedModel) -> Array:
     """Return the steady Kalman gain, (states, outputs).
 
-    A P + P A^T - P C^T V^-1 C P + W = 0, L = P C^T V^-1 with W and V the densities of w and v.
+    With W and V the densities of process and measurement noise::
+
+        A P + P A^T - P C^T V^-1 C P + W = 0        L = P C^T V^-1
     """
     P = solve_continuous_are(model.A.T, model.C.T, model.process, model.measurement)
     return np.asarray(np.linalg.solve(model.measurement, model.C @ P).T)
@@ -169,9 +183,12 @@ def filter_gains(model: AugmentedModel) -> Array:
 def feedback(model: AugmentedModel, weights: Weights) -> Array:
     """Return the feedback row F of the optimal regulator with load compensation.
 
-    Minimises the integral of x^T Q x + R u^2: A^T X + X A - X B R^-1 B^T X + Q = 0, K = R^-1 B^T X.
-    The regulator acts about the equilibrium x_e d, u_e d of the estimated loads d, so F = [-K, u_e
-    + K x_e].
+    It minimises the integral of x^T Q x + R u^2::
+
+        A^T X + X A - X B R^-1 B^T X + Q = 0        K = R^-1 B^T X
+        u = u_e d - K (x - x_e d)                   F = [-K, u_e + K x_e]
+
+    d are the estimated loads, x_e and u_e the equilibrium per unit of load.
     """
     load, in_pitch = model.load, len(model.C) == 4
     A, B = model.A[:load, :load], model.B[:load, None]

@@ -146,20 +146,22 @@ def _step_response(values: list[float], commands: list[float]) -> StepResponse:
 class _PlaneWithTailcone:
     """Plane behind the tailcone's delay, lag, rate limit and travel, relative to level flight.
 
-    x' = A x + B a with the duct angle a held over a tick (exact discretisation); the lag a'' = wn^2
-    (u - a) - 2 zeta wn a' is integrated by semi-implicit Euler.
+    Plane: x' = A x + B a with the duct angle a constant over a tick (exact discretisation). Lag:
+    a'' = wn^2 (u - a) - 2 zeta wn a' with |a'| limited (semi-implicit Euler).
     """
 
     def __init__(self, plane: LinearPlane, lag: Lag, spec: Spec) -> None:
-        n = len(plane.B)
-        step = expm(np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n + 1))]]) * TICK_S)
-        self._Phi, self._Gamma = step[:n, :n], step[:n, n]
+        n_states = len(plane.B)
+        transition = expm(
+            np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n_states + 1))]]) * TICK_S
+        )
+        self._Phi, self._Gamma = transition[:n_states, :n_states], transition[:n_states, n_states]
         self._lag, self._max_rate_radps = lag, math.radians(spec.rate_degps)
         # The hold of a tick is simulated here, so the queue must not contain it as a delay.
         ticks = max(0, round((lag.delay_s - SAMPLING_S) / TICK_S)) + 1
         self._queue = deque([0.0] * ticks)
         self._angle = self._rate = 0.0
-        self.state: Array = np.zeros(n)
+        self.state: Array = np.zeros(n_states)
 
     def advance(self, command_rad: float) -> None:
         """Advance the plane by one tick under a surface command (rad)."""

@@ -83,5 +83,5 @@ def test_actuator_test_armed_or_unknown_channel_is_refused(deck: Deck) -> None:
     assert results(deck.command(310, 0.5, 1.0, 0, 0, 99)) == [UNSUPPORTED]
     assert results(deck.command(310, 1.5, 1.0, 0, 0, ELEVATOR)) == [DENIED]
     deck.command(400, 1)
-    heard = deck.command(310, 0.5, 1.0, 0, 0, ELEVATOR)
-    assert (results(heard), texts(heard)) == ([REJECTED], ["Actuator test refused: armed"])
+    received = deck.command(310, 0.5, 1.0, 0, 0, ELEVATOR)
+    assert (results(received), texts(received)) == ([REJECTED], ["Actuator test refused: armed"])

@@ -31,17 +31,19 @@ def test_excitation_reports_progress_until_its_end(
 ) -> None:
     under_way(deck)
     assert results(deck.command(31010, 12, 5, NAN, NAN, 4, 1, NAN)) == [IN_PROGRESS]
-    heard = []
+    received = []
     for _ in range(4):
         pass_time(0.5)
         deck.tick(50, depth_m=5.0)
         deck.serve()
-        heard += [m for m in deck.station.heard() if m.get_type() in ("COMMAND_ACK", "STATUSTEXT")]
-    progress = [(m.result, m.progress) for m in heard if m.get_type() == "COMMAND_ACK"]
+        received += [
+            m for m in deck.station.heard() if m.get_type() in ("COMMAND_ACK", "STATUSTEXT")
+        ]
+    progress = [(m.result, m.progress) for m in received if m.get_type() == "COMMAND_ACK"]
     assert [result for result, _ in progress] == [IN_PROGRESS, IN_PROGRESS, IN_PROGRESS, ACCEPTED]
     assert [percent for _, percent in progress[:3]] == pytest.approx([25, 50, 75], abs=2)
-    assert heard[-1].get_type() == "COMMAND_ACK", "what happened is told before the acknowledgement"
-    assert (heard[-1].target_system, heard[-1].target_component, heard[-1].command) == (
+    assert received[-1].get_type() == "COMMAND_ACK", "events are sent before the acknowledgement"
+    assert (received[-1].target_system, received[-1].target_component, received[-1].command) == (
         255,
         190,
         31010,
@@ -67,15 +69,17 @@ def test_excitation_repeated_after_end_gets_its_result(deck: Deck) -> None:
     assert deck.vehicle.state.test is None
     again = deck.ask(long(31010, 12, 5, NAN, NAN, 2, 1, NAN, confirmation=1))
     assert (results(again), deck.vehicle.state.test) == ([ACCEPTED], None)
-    assert results(deck.command(31010, 12, 5, NAN, NAN, 2, 1, NAN)) == [IN_PROGRESS], "a new wish"
+    assert results(deck.command(31010, 12, 5, NAN, NAN, 2, 1, NAN)) == [IN_PROGRESS], (
+        "a new command"
+    )
 
 
 @pytest.mark.parametrize("stop", [long(31010, 0), long(176, 1, 2), long(212, 0)])
 def test_excitation_stopped_reports_cancelled(deck: Deck, stop: Any) -> None:
     under_way(deck)
     deck.command(31010, 12, 5, NAN, NAN, 10, 1, NAN)
-    heard = deck.ask(stop)
-    acknowledged = {(m.command, m.result) for m in heard if m.get_type() == "COMMAND_ACK"}
+    received = deck.ask(stop)
+    acknowledged = {(m.command, m.result) for m in received if m.get_type() == "COMMAND_ACK"}
     assert (31010, CANCELLED) in acknowledged
     assert deck.vehicle.state.test is None
 

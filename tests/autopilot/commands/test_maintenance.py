@@ -17,10 +17,10 @@ def test_storage_reset_sends_defaults_on_every_link() -> None:
     deck.stations[1].heard()
     assert results(deck.command(245, 2, -1)) == [ACCEPTED]
     assert deck.vehicle.params.config == ParamTable().config
-    told = {
+    reported = {
         m.param_id: m.param_value for m in deck.stations[1].heard() if m.get_type() == "PARAM_VALUE"
     }
-    assert told == pytest.approx({"HDG_P": 0.65, "DPT_P": 0.13})
+    assert reported == pytest.approx({"HDG_P": 0.65, "DPT_P": 0.13})
 
 
 def test_storage_armed_or_unknown_action_is_refused(deck: Deck) -> None:
@@ -49,19 +49,19 @@ def test_calibration_at_surface_sets_ground_pressure(deck: Deck) -> None:
     weather_hpa = SURFACE_HPA - 20.0
     deck.tick(300, depth_m=-20.0 / HPA_PER_M)
     assert deck.vehicle.state.estimate.depth_m == pytest.approx(-0.2, abs=0.01)
-    heard = deck.command(241, 0, 0, 1, 0, 0, 0, 0)
-    assert results(heard) == [ACCEPTED]
-    assert texts(heard)[0].startswith("Ground pressure is 993.")
-    assert only(heard, "PARAM_VALUE").param_value == pytest.approx(weather_hpa, abs=0.5)
+    received = deck.command(241, 0, 0, 1, 0, 0, 0, 0)
+    assert results(received) == [ACCEPTED]
+    assert texts(received)[0].startswith("Ground pressure is 993.")
+    assert only(received, "PARAM_VALUE").param_value == pytest.approx(weather_hpa, abs=0.5)
     deck.tick(300, depth_m=-20.0 / HPA_PER_M)
     assert deck.vehicle.state.estimate.depth_m == pytest.approx(0.0, abs=0.005)
 
 
 def test_calibration_under_water_is_refused(deck: Deck) -> None:
     deck.tick(300, depth_m=(maintenance.MAX_PRESSURE_CHANGE_HPA + 5.0) / HPA_PER_M)
-    heard = deck.command(241, 0, 0, 1, 0, 0, 0, 0)
-    assert results(heard) == [REJECTED]
-    assert "hPa exceeds 60 hPa" in texts(heard)[0]
+    received = deck.command(241, 0, 0, 1, 0, 0, 0, 0)
+    assert results(received) == [REJECTED]
+    assert "hPa exceeds 60 hPa" in texts(received)[0]
     assert deck.vehicle.params.get("EST_SURF_HPA") == SURFACE_HPA
 
 
@@ -69,9 +69,9 @@ def test_calibration_under_water_is_refused(deck: Deck) -> None:
 def test_calibration_of_other_sensors_is_denied_with_reason(
     deck: Deck, wanted: tuple[float, ...]
 ) -> None:
-    heard = deck.command(241, *wanted, *[0.0] * (7 - len(wanted)))
-    assert results(heard) == [DENIED]
-    assert texts(heard)
+    received = deck.command(241, *wanted, *[0.0] * (7 - len(wanted)))
+    assert results(received) == [DENIED]
+    assert texts(received)
 
 
 def test_calibration_of_all_zeros_is_accepted(deck: Deck) -> None:

@@ -21,9 +21,7 @@ def test_heartbeat_interval_is_readable_but_constant(deck: Deck) -> None:
 def test_request_data_stream_has_no_effect_and_no_reply(deck: Deck) -> None:
     before = [link.schedule.interval_us(30) for link in deck.server.links]
     answers = deck.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 4, 1))
-    assert [m.get_type() for m in answers] == ["HEARTBEAT"], (
-        "the greeting of a newcomer, and nothing else"
-    )
+    assert [m.get_type() for m in answers] == ["HEARTBEAT"], "only the heartbeat for a new sender"
     assert [link.schedule.interval_us(30) for link in deck.server.links] == before
 
 
@@ -33,12 +31,12 @@ def test_requested_loop_signals_match_trace(deck: Deck) -> None:
     deck.command(511, 350, 100_000)
     deck.station.heard()
     deck.tick(10, depth_m=5.0)
-    heard = deck.station.heard()
-    named = {m.name: m.value for m in heard if m.get_type() == "NAMED_VALUE_FLOAT"}
+    received = deck.station.heard()
+    named = {m.name: m.value for m in received if m.get_type() == "NAMED_VALUE_FLOAT"}
     assert set(named) == {"DPT_ERR", "PTCH_ERR", "HDG_ERR", "SID_IN", "SID_FREQ"}
     trace = deck.vehicle.snapshot().trace
     assert named["DPT_ERR"] == pytest.approx(trace.depth_error_m, abs=0.05)
-    arrays = [m for m in heard if m.get_type() == "DEBUG_FLOAT_ARRAY"]
+    arrays = [m for m in received if m.get_type() == "DEBUG_FLOAT_ARRAY"]
     assert len(arrays) == 2
     assert (arrays[-1].name, arrays[-1].array_id) == ("TRACE", 1)
     assert arrays[-1].data[: len(trace)] == pytest.approx(list(trace), abs=0.05)
@@ -51,11 +49,11 @@ def test_text_rate_limit_drops_texts_but_not_critical_ones(
         deck.vehicle.send_statustext(f"text {number}")
     deck.vehicle.send_statustext("Leak detected", Severity.EMERGENCY)
     deck.serve()
-    said = texts(deck.station.heard())
-    assert said[:3] == ["text 0", "text 1", "text 2"]
-    assert 15 <= len(said) <= 25
-    assert said[-1] == "Leak detected"
-    assert f"{100 - (len(said) - 2)} messages left out" in said
+    sent_texts = texts(deck.station.heard())
+    assert sent_texts[:3] == ["text 0", "text 1", "text 2"]
+    assert 15 <= len(sent_texts) <= 25
+    assert sent_texts[-1] == "Leak detected"
+    assert f"{100 - (len(sent_texts) - 2)} messages left out" in sent_texts
     pass_time(10.0)
     deck.vehicle.send_statustext("later")
     deck.serve()

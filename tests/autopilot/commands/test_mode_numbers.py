@@ -28,20 +28,20 @@ def by_message(number: int) -> Any:
 
 
 @pytest.mark.parametrize("armed", [False, True])
-@pytest.mark.parametrize("way", [set_mode_apm, by_command_int, by_message])
+@pytest.mark.parametrize("build_message", [set_mode_apm, by_command_int, by_message])
 @pytest.mark.parametrize("number", ARDUSUB)
 def test_ardusub_mode_number_is_refused_without_effect(
-    deck: Deck, number: int, way: Any, armed: bool
+    deck: Deck, number: int, build_message: Any, armed: bool
 ) -> None:
     if armed:
         deck.command(400, 1)
-    heard = deck.ask(way(number))
+    received = deck.ask(build_message(number))
     deck.command(400, 1)
     deck.tick(50)
     state = deck.vehicle.state
     assert (state.mode, state.setpoint.thrust, state.thrust) == (modes.HOLD.number, 0.0, 0.0)
-    assert results(heard) == ([] if way is by_message else [DENIED])
-    assert texts(heard) == [
+    assert results(received) == ([] if build_message is by_message else [DENIED])
+    assert texts(received) == [
         f"Mode {number} refused: not a mode of this vehicle (AVAILABLE_MODES); "
         "MAVProxy needs `ground modes export-mavproxy`"
     ]
@@ -55,11 +55,11 @@ def test_mavsdk_main_mode_is_set(deck: Deck, mode: modes.Mode) -> None:
 
 
 @pytest.mark.parametrize("mode", [m for m in modes.MODES if m not in (modes.SYSID, modes.OFFBOARD)])
-@pytest.mark.parametrize("way", [set_mode_apm, by_message])
-def test_complete_custom_mode_is_set(deck: Deck, mode: modes.Mode, way: Any) -> None:
+@pytest.mark.parametrize("build_message", [set_mode_apm, by_message])
+def test_complete_custom_mode_is_set(deck: Deck, mode: modes.Mode, build_message: Any) -> None:
     """MAVProxy after ``ground modes export-mavproxy``; QGroundControl with SET_MODE."""
     deck.command(176, 1, float(modes.MANUAL.number if mode == modes.HOLD else modes.HOLD.number))
-    deck.ask(way(mode.number))
+    deck.ask(build_message(mode.number))
     assert deck.vehicle.state.mode == mode.number
 
 

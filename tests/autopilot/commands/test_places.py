@@ -29,9 +29,9 @@ def test_do_set_home_command_int_keeps_exact_position(deck: Deck) -> None:
 
 
 def test_home_change_is_published_once(deck: Deck) -> None:
-    heard = deck.command(179, 0, 0, 0, 0, 41.25, -70.5, 0)
-    assert only(heard, "HOME_POSITION").latitude == 412_500_000
-    assert only(heard, "GPS_GLOBAL_ORIGIN").longitude == -705_000_000
+    received = deck.command(179, 0, 0, 0, 0, 41.25, -70.5, 0)
+    assert only(received, "HOME_POSITION").latitude == 412_500_000
+    assert only(received, "GPS_GLOBAL_ORIGIN").longitude == -705_000_000
     again = deck.command(179, 0, 0, 0, 0, 41.25, -70.5, 0)
     assert [m.get_type() for m in again] == ["COMMAND_ACK"]
 
@@ -47,11 +47,11 @@ def test_home_change_is_published_once(deck: Deck) -> None:
     ids=lambda message: str(message.get_type()),
 )
 def test_home_set_by_message_stays_at_surface(deck: Deck, message: Any) -> None:
-    heard = deck.ask(message)
-    home = only(heard, "HOME_POSITION")
+    received = deck.ask(message)
+    home = only(received, "HOME_POSITION")
     assert (home.latitude, home.longitude, home.altitude) == (412_500_000, -705_000_000, 0)
-    assert texts(heard) == ["Home stays at the surface: altitude ignored"]
-    assert {m.latitude for m in heard if m.get_type() == "GPS_GLOBAL_ORIGIN"} == {412_500_000}
+    assert texts(received) == ["Home stays at the surface: altitude ignored"]
+    assert {m.latitude for m in received if m.get_type() == "GPS_GLOBAL_ORIGIN"} == {412_500_000}
 
 
 def test_do_set_home_without_position_is_denied(deck: Deck) -> None:

@@ -83,7 +83,7 @@ def send_step(link: GroundLink, step: Step, stamp: int) -> None:
         link.write(FILE, (0, 255, 190, payload))
 
 
-def run(baud: int, said: list[Step]) -> Line:
+def run(baud: int, step_list: list[Step]) -> Line:
     """Send the steps on a link that is flushed like in the server, until the queue is empty."""
     line = Line(f"serial:/dev/x:{baud}")
     link = ground_link(line, 1)
@@ -96,7 +96,7 @@ def run(baud: int, said: list[Step]) -> Line:
             link.flush(line.now_s)
         line.now_s = max(line.now_s, until_s)
 
-    for stamp, step in enumerate(said, start=1):
+    for stamp, step in enumerate(step_list, start=1):
         send_step(link, step, stamp)
         pass_time(step.pause_s)
     pass_time(600.0)
@@ -112,8 +112,8 @@ def stamps(line: Line, name: str) -> list[int]:
 
 
 @given(BAUDS, steps)
-def test_limited_link_never_exceeds_rate(baud: int, said: list[Step]) -> None:
-    written = run(baud, said).written
+def test_limited_link_never_exceeds_rate(baud: int, step_list: list[Step]) -> None:
+    written = run(baud, step_list).written
     rate = 0.7 * baud / 10
     for first in range(len(written)):
         sent = 0
@@ -125,31 +125,31 @@ def test_limited_link_never_exceeds_rate(baud: int, said: list[Step]) -> None:
 
 
 @given(BAUDS, steps)
-def test_limited_link_sends_every_reply_in_order(baud: int, said: list[Step]) -> None:
-    line = run(baud, said)
-    numbered = list(enumerate(said, start=1))
+def test_limited_link_sends_every_reply_in_order(baud: int, step_list: list[Step]) -> None:
+    line = run(baud, step_list)
+    numbered = list(enumerate(step_list, start=1))
     assert stamps(line, "PING") == [stamp for stamp, step in numbered if step.kind == "vital"]
     assert stamps(line, "FILE_TRANSFER_PROTOCOL") == [
         stamp for stamp, step in numbered if step.kind == "bulk"
     ]
     sequences = [frame.sequence for frame in line.frames()]
     assert sequences == [n & 0xFF for n in range(1, len(sequences) + 1)], (
-        "what is left out leaves no gap"
+        "dropped frames leave no gap in the sequence"
     )
 
 
 @given(BAUDS, steps)
-def test_limited_link_sends_newest_telemetry_in_order(baud: int, said: list[Step]) -> None:
-    line = run(baud, said)
+def test_limited_link_sends_newest_telemetry_in_order(baud: int, step_list: list[Step]) -> None:
+    line = run(baud, step_list)
     for number, message in enumerate(STREAMS):
-        made = [
+        queued = [
             n
-            for n, step in enumerate(said, start=1)
+            for n, step in enumerate(step_list, start=1)
             if (step.kind, step.number) == ("telemetry", number)
         ]
-        left = stamps(line, message.name)
-        assert left == sorted(set(left))
-        assert left[-1:] == made[-1:]
+        sent = stamps(line, message.name)
+        assert sent == sorted(set(sent))
+        assert sent[-1:] == queued[-1:]
 
 
 def test_limited_link_sends_reply_before_queued_frames() -> None:
@@ -180,7 +180,7 @@ def test_limited_link_shares_rate_between_bulk_and_telemetry() -> None:
     for frame in line.frames():
         amounts["bulk" if frame.name == "FILE_TRANSFER_PROTOCOL" else "telemetry"] += len(frame.raw)
     total = sum(amounts.values())
-    assert total == pytest.approx(0.7 * 5760 * 60.0, rel=0.02), "the budget is used"
+    assert total == pytest.approx(0.7 * 5760 * 60.0, rel=0.02), "the whole rate is used"
     assert amounts["bulk"] == pytest.approx(0.5 * total, rel=0.02)
     assert all(stamps(line, message.name) for message in STREAMS)
 
@@ -234,11 +234,13 @@ def test_forwarded_frames_follow_the_same_priorities() -> None:
         link.forward(forwarded("FILE_TRANSFER_PROTOCOL", stamp))
     for second in range(100):
         link.flush(float(second))
-    heard = [(frame.system, frame.sequence) for frame in line.frames() if frame.name == "ATTITUDE"]
-    assert heard == [(9, 29), (8, 29)]
+    received = [
+        (frame.system, frame.sequence) for frame in line.frames() if frame.name == "ATTITUDE"
+    ]
+    assert received == [(9, 29), (8, 29)]
     assert [f.sequence for f in line.frames() if f.name == "PARAM_VALUE"] == list(range(1, 30))
     assert 0 < len([f for f in line.frames() if f.name == "FILE_TRANSFER_PROTOCOL"]) < 29, (
-        "its sender asks again"
+        "dropped frames are requested again"
     )
 
 

@@ -102,25 +102,25 @@ def test_do_set_mode_selects_mode_by_number(
 ) -> None:
     start = modes.MANUAL if mode == modes.HOLD else modes.HOLD
     deck.command(176, 1, float(start.number))
-    heard = deck.command(176, *parameters)
-    assert result(heard) == mavlink.MAV_RESULT_ACCEPTED
-    assert [m.custom_mode for m in heard if m.get_type() == "HEARTBEAT"][:1] == [mode.number]
-    assert only(heard, "CURRENT_MODE").custom_mode == mode.number
-    assert texts(heard) == [f"Mode {mode.name}"]
+    received = deck.command(176, *parameters)
+    assert result(received) == mavlink.MAV_RESULT_ACCEPTED
+    assert [m.custom_mode for m in received if m.get_type() == "HEARTBEAT"][:1] == [mode.number]
+    assert only(received, "CURRENT_MODE").custom_mode == mode.number
+    assert texts(received) == [f"Mode {mode.name}"]
 
 
 def test_unknown_mode_is_refused_with_list_of_modes(deck: Deck) -> None:
-    heard = deck.command(176, 1, 9, 9)
-    assert result(heard) == mavlink.MAV_RESULT_UNSUPPORTED
-    assert ", ".join(mode.name for mode in modes.MODES) in "".join(texts(heard))
+    received = deck.command(176, 1, 9, 9)
+    assert result(received) == mavlink.MAV_RESULT_UNSUPPORTED
+    assert ", ".join(mode.name for mode in modes.MODES) in "".join(texts(received))
     assert result(deck.command(176, 0, 4, 4)) == mavlink.MAV_RESULT_DENIED
     assert deck.vehicle.state.mode == modes.HOLD.number
 
 
 def test_set_mode_sends_heartbeat_but_no_acknowledgement(deck: Deck) -> None:
-    heard = deck.ask(mavlink.MAVLink_set_mode_message(1, 1, modes.SURFACE.number))
-    assert {m.get_type() for m in heard} == {"STATUSTEXT", "CURRENT_MODE", "HEARTBEAT"}
-    assert only(heard, "HEARTBEAT").custom_mode == modes.SURFACE.number
+    received = deck.ask(mavlink.MAVLink_set_mode_message(1, 1, modes.SURFACE.number))
+    assert {m.get_type() for m in received} == {"STATUSTEXT", "CURRENT_MODE", "HEARTBEAT"}
+    assert only(received, "HEARTBEAT").custom_mode == modes.SURFACE.number
     again = deck.ask(mavlink.MAVLink_set_mode_message(1, 1, modes.SURFACE.number))
     assert {m.get_type() for m in again} == {"CURRENT_MODE", "HEARTBEAT"}
 
@@ -166,10 +166,10 @@ def test_arm_disarm_command_changes_arming(deck: Deck, component: int) -> None:
 
 def test_arming_without_sensors_is_refused_with_reason() -> None:
     deck = Deck()
-    heard = deck.command(400, 1)
-    assert result(heard) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-    assert texts(heard) == ["Not armed: no sensors"]
-    kinds = [m.get_type() for m in heard]
+    received = deck.command(400, 1)
+    assert result(received) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    assert texts(received) == ["Not armed: no sensors"]
+    kinds = [m.get_type() for m in received]
     assert kinds.index("STATUSTEXT") < kinds.index("COMMAND_ACK")
 
 
@@ -218,8 +218,13 @@ def test_known_commands_with_nan_and_infinity_do_not_raise(deck: Deck) -> None:
     )
     for fill in (NAN, math.inf, -math.inf, 3.4e38):
         for number in known:
-            heard = deck.command(number, *[fill] * 7)
-            assert result(heard) != mavlink.MAV_RESULT_UNSUPPORTED or number in (511, 510, 512, 246)
+            received = deck.command(number, *[fill] * 7)
+            assert result(received) != mavlink.MAV_RESULT_UNSUPPORTED or number in (
+                511,
+                510,
+                512,
+                246,
+            )
     deck.tick(10)
 
 
@@ -270,9 +275,9 @@ def test_setpoint_commands_change_setpoint(
 def test_change_altitude_invalid_depth_is_denied(deck: Deck) -> None:
     deck.command(400, 1)
     for altitude in (3.0, NAN):
-        heard = deck.command(186, altitude, 3)
-        assert result(heard) == mavlink.MAV_RESULT_DENIED
-        assert texts(heard)
+        received = deck.command(186, altitude, 3)
+        assert result(received) == mavlink.MAV_RESULT_DENIED
+        assert texts(received)
 
 
 def test_user_1_starts_and_stops_excitation(deck: Deck) -> None:
@@ -295,9 +300,9 @@ def test_home_altitude_is_always_zero(deck: Deck) -> None:
     message = mavlink.MAVLink_command_int_message(
         1, 1, 0, 179, 0, 0, 0, 0, 0, 0, 420_000_000, -700_000_000, 55.0
     )
-    heard = deck.ask(message)
-    assert result(heard) == mavlink.MAV_RESULT_ACCEPTED
-    assert texts(heard) == ["Home stays at the surface: altitude ignored"]
+    received = deck.ask(message)
+    assert result(received) == mavlink.MAV_RESULT_ACCEPTED
+    assert texts(received) == ["Home stays at the surface: altitude ignored"]
     home = only(deck.command(512, 242), "HOME_POSITION")
     assert (home.latitude, home.longitude, home.altitude) == (420_000_000, -700_000_000, 0)
     assert result(deck.command(179, 0, 0, 0, 0, 91.0, 0.0)) == mavlink.MAV_RESULT_DENIED
@@ -325,8 +330,8 @@ def test_parameters_are_listed_set_and_sent_on_every_link() -> None:
     assert {m.param_type for m in listed} == {mavlink.MAV_PARAM_TYPE_REAL32}
     deck.stations[1].heard()
     deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"HDG_P", 0.75, 9))
-    told = only(deck.stations[1].heard(), "PARAM_VALUE")
-    assert (told.param_id, told.param_value) == ("HDG_P", 0.75)
+    reported = only(deck.stations[1].heard(), "PARAM_VALUE")
+    assert (reported.param_id, reported.param_value) == ("HDG_P", 0.75)
     refused = deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"HDG_P", 99.0, 9))
     assert only(refused, "PARAM_ERROR").error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
     assert texts(refused) == ["HDG_P = 99: must be 0 to 5 rad/rad"]

@@ -92,17 +92,17 @@ def fail(*_: object, **__: object) -> None:
 
 
 def test_guard_reports_each_source_line_once() -> None:
-    said: list[tuple[str, Severity]] = []
-    guard = Guard(lambda text, severity: said.append((text, severity)))
+    sent_texts: list[tuple[str, Severity]] = []
+    guard = Guard(lambda text, severity: sent_texts.append((text, severity)))
     assert [guard.run("logs", fail) for _ in range(3)] == [False] * 3
     assert guard.run("logs", lambda: None)
     assert not guard.run("telemetry", lambda: 1 / 0)
-    assert [severity for _, severity in said] == [Severity.CRITICAL] * 2
-    assert said[0][0].startswith(
+    assert [severity for _, severity in sent_texts] == [Severity.CRITICAL] * 2
+    assert sent_texts[0][0].startswith(
         "Internal error in logs: ValueError broken on purpose (test_guard.py:"
     )
-    assert "ZeroDivisionError" in said[1][0]
-    assert all(len(text) <= MAX_TEXT for text, _ in said)
+    assert "ZeroDivisionError" in sent_texts[1][0]
+    assert all(len(text) <= MAX_TEXT for text, _ in sent_texts)
 
 
 @pytest.mark.parametrize(
@@ -131,9 +131,9 @@ def test_ticks_continue_when_another_part_raises(
         assert rig.tick(tick * TICK_US).time_usec == tick * TICK_US
     (report,) = rig.reports()
     assert report.text.startswith(f"Internal error in {part}: ValueError")
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert said.startswith(
+    sent_texts = capsys.readouterr().err
+    assert sent_texts.count("\n") == 1
+    assert sent_texts.startswith(
         f"autopilot: Internal error in {part}: ValueError broken on purpose (test_guard.py:"
     )
 

@@ -51,8 +51,8 @@ def line() -> Iterator[Line]:
     far.close()
 
 
-def heard(line: Line, said: Sensors) -> HilSample:
-    line.near.send(line.sitl.datagram(said, None))
+def heard(line: Line, sent: Sensors) -> HilSample:
+    line.near.send(line.sitl.datagram(sent, None))
     (sample,) = line.autopilot.receive()
     return sample
 
@@ -61,8 +61,8 @@ def test_sample_contains_all_device_records(line: Line) -> None:
     sample = heard(line, FULL)
     assert sample.sensors.fields_updated == SENSORS_ALL
     for name in ("gps", "altimeter", "dvl", "battery"):
-        told = getattr(sample, name)
-        assert told == pytest.approx(getattr(FULL, name), abs=1e-6), name
+        reported = getattr(sample, name)
+        assert reported == pytest.approx(getattr(FULL, name), abs=1e-6), name
     assert (sample.leak, sample.duct) == (FULL.leak, FULL.duct)
 
 
@@ -84,10 +84,10 @@ def _again(time_us: int) -> object:
 
 def test_relayed_devices_have_own_ids_and_sequences(line: Line) -> None:
     frames = Framer().feed(line.sitl.datagram(FULL, None) + line.sitl.datagram(FULL, None))
-    told = [
+    reported = [
         (frame.name, frame.component, frame.sequence) for frame in frames if frame.component != 25
     ]
-    assert told == [
+    assert reported == [
         ("ODOMETRY", 197, 1),
         ("BATTERY_STATUS", 180, 1),
         ("SYS_STATUS", 158, 1),
@@ -106,8 +106,10 @@ def test_relay_sends_dvl_and_encoders_but_not_battery(
     deck.server.relay(heard(line, FULL).relayed)
     deck.server.flush()
     for station in deck.stations:
-        told = [(m.get_type(), m.get_srcSystem(), m.get_srcComponent()) for m in station.heard()]
-        assert told == [
+        reported = [
+            (m.get_type(), m.get_srcSystem(), m.get_srcComponent()) for m in station.heard()
+        ]
+        assert reported == [
             ("ODOMETRY", 1, device_messages.DVL_COMPONENT),
             ("ACTUATOR_OUTPUT_STATUS", 1, device_messages.DUCT_COMPONENT),
         ]
@@ -121,8 +123,12 @@ def test_relay_sends_hull_pressure(line: Line) -> None:
     deck = Deck()
     deck.server.relay(sample.relayed)
     deck.server.flush()
-    told = only(deck.station.heard(), "SCALED_PRESSURE")
-    assert (told.get_srcComponent(), told.press_abs, told.temperature) == (component, 985.5, 2150)
+    reported = only(deck.station.heard(), "SCALED_PRESSURE")
+    assert (reported.get_srcComponent(), reported.press_abs, reported.temperature) == (
+        component,
+        985.5,
+        2150,
+    )
 
 
 def test_device_frames_without_samples_are_limited(line: Line) -> None:

@@ -28,22 +28,26 @@ def frame_to(target: MavlinkId, sender: MavlinkId) -> Frame:
     return frame
 
 
-def routed(heard: list[tuple[MavlinkId, str]]) -> Router[str]:
+def routed(received: list[tuple[MavlinkId, str]]) -> Router[str]:
     router: Router[str] = Router(OWN)
-    for party, link in heard:
+    for party, link in received:
         router.learn(party, link)
     return router
 
 
 @given(traffic, systems, components, parties, st.sampled_from(LINKS))
 def test_destinations_follow_mavlink_rules(
-    heard: list[tuple[MavlinkId, str]], system: int, component: int, sender: MavlinkId, arrival: str
+    received: list[tuple[MavlinkId, str]],
+    system: int,
+    component: int,
+    sender: MavlinkId,
+    arrival: str,
 ) -> None:
-    destinations = routed(heard).destinations(
+    destinations = routed(received).destinations(
         frame_to(MavlinkId(system, component), sender), arrival, LINKS
     )
-    assert arrival not in destinations, "never back"
-    assert len(set(destinations)) == len(destinations), "once"
+    assert arrival not in destinations, "not back to its link"
+    assert len(set(destinations)) == len(destinations), "each link once"
     if sender == OWN or (system, component) == OWN:
         assert destinations == []
     elif system == 0:
@@ -51,7 +55,7 @@ def test_destinations_follow_mavlink_rules(
     else:
         meant = {
             link
-            for party, link in heard
+            for party, link in received
             if party.system == system and component in (0, party.component)
         }
         assert set(destinations) == meant - {arrival}

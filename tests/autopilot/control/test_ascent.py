@@ -16,14 +16,14 @@ FIXED = "Surfaced by satellite fix, though depth reads 5.0 m: disarmed"
 
 
 def surfacing(**changes: object) -> Flight:
-    """In mode SURFACE at 5 m, from level flight."""
+    """Return a flight in mode SURFACE at 5 m, started from level flight."""
     flight = under_way(**changes)  # type: ignore[arg-type]
     assert flight.ask(requests.SetMode(modes.SURFACE.number)) == ACCEPTED
     return flight
 
 
 Course = Callable[[float], float]
-"""Depth (m) by time (s)."""
+"""Depth (m) as a function of time (s)."""
 
 
 def at_5_m(t_s: float) -> float:
@@ -85,7 +85,7 @@ def test_surface_heavy_or_switched_off_keeps_propeller(changes: dict[str, float]
 
 
 def test_surface_slow_rise_keeps_propeller() -> None:
-    """0.02 m/s is 0.4 m in SURF_RISE_S, twice what counts as a rise."""
+    """A rise of 0.02 m/s is 0.4 m in SURF_RISE_S, twice RISE_M."""
     flight = surfacing()
     hold_down(flight, 200.0, lambda t_s: 5.0 - 0.02 * t_s)
     assert flight.trace.thrust == pytest.approx(0.58)
@@ -93,7 +93,7 @@ def test_surface_slow_rise_keeps_propeller() -> None:
 
 
 def test_surface_rise_after_deep_sinking_is_not_ended() -> None:
-    """Sinks 10 m under power, then floats up at 0.1 m/s for longer than SURF_TIME_S."""
+    """The vehicle sinks 10 m under power, then rises at 0.1 m/s for longer than SURF_TIME_S."""
     flight = surfacing(surface_time_s=60.0)
     hold_down(flight, 20.0, lambda t_s: 5.0 + 0.5 * t_s)
     hold_down(flight, 100.0, lambda t_s: 15.0 - 0.1 * t_s)
@@ -102,7 +102,7 @@ def test_surface_rise_after_deep_sinking_is_not_ended() -> None:
 
 
 def test_surface_not_reached_ends_at_time_limit() -> None:
-    """SURF_RISE_S under power and SURF_TIME_S without."""
+    """The limit is SURF_RISE_S with propeller plus SURF_TIME_S without."""
     flight = surfacing(surface_time_s=60.0)
     assert hold_down(flight, 100.0) == pytest.approx(80.0, abs=0.2)
     assert flight.texts()[-1] == ENDED
@@ -116,7 +116,7 @@ def test_surface_heavy_vehicle_ends_at_time_limit() -> None:
 
 
 def test_surface_time_limit_zero_never_ends() -> None:
-    """Longer than the default, 20 s and 300 s."""
+    """The run is longer than the default limits, 20 s and 300 s."""
     flight = surfacing(surface_time_s=0.0)
     hold_down(flight, 1.0)
     for second in range(1, 400):
@@ -125,7 +125,7 @@ def test_surface_time_limit_zero_never_ends() -> None:
 
 
 def test_surface_blind_without_fix_ends_at_time_limit() -> None:
-    """Depth is not measured for longer than FS_PRESS_S, though its estimate drifts up."""
+    """Depth is not measured for longer than FS_PRESS_S while its estimate drifts up."""
     flight = surfacing()
     flight.step()
     at = flight.state.estimate._replace(depth_m=4.0)
@@ -139,7 +139,7 @@ def test_surface_blind_without_fix_ends_at_time_limit() -> None:
         assert flight.state.setpoint.thrust == 0.0
 
 
-def test_surface_entered_again_drives_again() -> None:
+def test_surface_entered_again_restarts_propeller() -> None:
     flight = surfacing()
     hold_down(flight, 30.0)
     assert flight.ask(requests.SetMode(modes.MANUAL.number)) == ACCEPTED
@@ -148,7 +148,7 @@ def test_surface_entered_again_drives_again() -> None:
     assert flight.trace.thrust == pytest.approx(0.58)
 
 
-def test_surface_fix_that_holds_ends_it_whatever_depth_reads() -> None:
+def test_surface_fix_that_holds_ends_it_at_any_depth_reading() -> None:
     flight = surfacing()
     hold_down(flight, 6.0)
     receive(flight, 5, lambda n: fix(flight, east_deg=1e-6 * n))
@@ -159,33 +159,33 @@ def test_surface_fix_that_holds_ends_it_whatever_depth_reads() -> None:
 
 
 @pytest.mark.parametrize("changes", [{"surface_fix_s": 0.0}, {"surface_fix_s": 60.0}])
-def test_surface_fix_that_holds_too_short_goes_on(changes: dict[str, float]) -> None:
+def test_surface_fix_too_short_continues(changes: dict[str, float]) -> None:
     flight = surfacing(**changes)
     receive(flight, 15, lambda n: fix(flight, east_deg=1e-6 * n))
     assert flight.state.armed
 
 
-def test_surface_receiver_that_repeats_its_last_fix_is_ignored() -> None:
+def test_surface_repeated_fix_is_ignored() -> None:
     flight = surfacing()
     receive(flight, 15, lambda n: fix(flight))
     assert flight.state.armed
 
 
-def test_surface_fixes_from_before_the_dive_are_ignored() -> None:
-    """Reports that come 5 s late: the instant of each is in its stamp."""
+def test_surface_late_fixes_from_before_dive_are_ignored() -> None:
+    """The reports come 5 s late; their time stamps are those of the fixes."""
     flight = surfacing()
     receive(flight, 15, lambda n: fix(flight, east_deg=1e-6 * n, late_s=5.0))
     assert flight.state.armed
 
 
-def test_surface_fix_lost_in_between_begins_anew() -> None:
+def test_surface_fix_lost_restarts_the_time() -> None:
     flight = surfacing()
     receive(flight, 16, lambda n: fix(flight, east_deg=1e-6 * n, fix_type=1 if n % 4 == 3 else 3))
     assert flight.state.armed
 
 
 def test_surface_fix_while_rising_is_ignored() -> None:
-    """A receiver with a fix at any depth, as of some simulators, does not end an ascent."""
+    """A receiver with fixes at any depth, as in some simulators, does not end an ascent."""
     flight = surfacing()
     for second in range(15):
         flight.more = {"gps": fix(flight, east_deg=1e-6 * second)}

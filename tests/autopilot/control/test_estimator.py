@@ -1,4 +1,4 @@
-"""The estimator against motions whose truth is known."""
+"""Estimator against motions with known truth."""
 
 import math
 
@@ -33,7 +33,7 @@ def run(
     heading=st.floats(-3.14, 3.14),
     depth_m=st.floats(0.0, 50.0),
 )
-def test_the_first_estimate_is_right_at_any_attitude(
+def test_initial_estimate_any_attitude_is_exact(
     roll: float, pitch: float, heading: float, depth_m: float
 ) -> None:
     estimate = estimator.initial_estimate(
@@ -45,7 +45,7 @@ def test_the_first_estimate_is_right_at_any_attitude(
     assert estimate.depth_m == pytest.approx(depth_m, abs=1e-9)
 
 
-def test_a_wrong_attitude_is_pulled_to_the_measured_one() -> None:
+def test_attitude_wrong_start_converges() -> None:
     wrong = estimator.initial_estimate(sensors(0, roll=0.2, pitch=-0.2, heading=1.0), Config())
     estimate = run(wrong, 120.0, roll=-0.05, pitch=0.1, heading=0.8)
     assert estimate.roll_rad == pytest.approx(-0.05, abs=2e-3)
@@ -53,7 +53,7 @@ def test_a_wrong_attitude_is_pulled_to_the_measured_one() -> None:
     assert estimate.heading_rad == pytest.approx(0.8, abs=2e-3)
 
 
-def test_gyro_bias_is_found_and_taken_off() -> None:
+def test_gyro_bias_constant_is_estimated_and_removed() -> None:
     bias = (0.002, -0.003, 0.004)
     estimate = run(estimator.initial_estimate(sensors(0), Config()), 300.0, rates=bias)
     assert estimate.gyro_bias_radps == pytest.approx(bias, abs=1e-4)
@@ -61,9 +61,8 @@ def test_gyro_bias_is_found_and_taken_off() -> None:
     assert estimate.heading_rad == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_steady_turn_does_not_roll_the_estimate() -> None:
-    """A level turn at 1.3 m/s and 10 deg/s pulls the accelerometer 1.3 deg off; the filter must
-    know."""
+def test_attitude_steady_turn_keeps_roll() -> None:
+    """A level turn at 1.3 m/s and 10 deg/s tilts the specific force by 1.3 deg."""
     rate, speed, config = math.radians(10.0), 1.3, Config()
     estimate = estimator.initial_estimate(sensors(0), config)._replace(speed_mps=speed)
     for k in range(1, 3000):
@@ -76,7 +75,7 @@ def test_a_steady_turn_does_not_roll_the_estimate() -> None:
     assert abs(estimate.pitch_rad) < math.radians(0.05)
 
 
-def test_depth_follows_a_dive_without_lag_and_knows_its_rate() -> None:
+def test_depth_constant_rate_is_tracked_without_lag() -> None:
     estimate = estimator.initial_estimate(sensors(0, depth_m=1.0), Config())
     for k in range(1, 1000):
         reading = sensors(k * TICK_US, depth_m=1.0 + 0.3 * 0.02 * k)
@@ -87,13 +86,13 @@ def test_depth_follows_a_dive_without_lag_and_knows_its_rate() -> None:
     assert estimate.depth_m == pytest.approx(1.0 + 0.3 * 0.02 * 999, abs=2e-3)
 
 
-def test_speed_settles_at_cruise_under_cruise_thrust() -> None:
+def test_speed_cruise_thrust_settles_at_cruise_speed() -> None:
     assert run(
         estimator.initial_estimate(sensors(0), Config()), 200.0, thrust=0.58
     ).speed_mps == pytest.approx(1.3, rel=1e-3)
 
 
-def test_dead_reckoning_counts_the_way_and_a_fix_resets_it() -> None:
+def test_position_fix_replaces_dead_reckoning() -> None:
     start = estimator.initial_estimate(sensors(0, heading=math.pi / 2), Config())._replace(
         speed_mps=1.3
     )

@@ -1,4 +1,4 @@
-"""Tests as they are asked for: sizes on each axis, fades, and what is refused."""
+"""Test signals: amplitudes on each axis, fades, and rejected requests."""
 
 import math
 
@@ -52,7 +52,7 @@ def a_test(
     elevator_pct: float = 50.0,
 ) -> Excitation:
     own = OWN_NUMBERS[Wave(wave)] if wave in WAVES else (0.0, 0.0)
-    wish = from_numbers(
+    request = from_numbers(
         axis,
         size,
         own[0] if p3 is None else p3,
@@ -61,7 +61,7 @@ def a_test(
         wave,
         fade_s,
     )
-    return precompute(wish, AutopilotState(), Config(sid_elevator_pct=elevator_pct))
+    return precompute(request, AutopilotState(), Config(sid_elevator_pct=elevator_pct))
 
 
 def rudder(test: Excitation, t_s: float) -> float:
@@ -74,7 +74,9 @@ def rudder(test: Excitation, t_s: float) -> float:
     fade_s=st.floats(0.0, 50.0),
     axis=st.sampled_from([*AXES]),
 )
-def test_no_signal_exceeds_its_size(t_s: float, wave: Wave, fade_s: float, axis: int) -> None:
+def test_sample_any_wave_stays_within_amplitude(
+    t_s: float, wave: Wave, fade_s: float, axis: int
+) -> None:
     test = a_test(axis, wave, fade_s=fade_s)
     if check(test, 15.0):
         assert axis % LOOP_ON == BOTH_AXIS
@@ -86,11 +88,11 @@ def test_no_signal_exceeds_its_size(t_s: float, wave: Wave, fade_s: float, axis:
     assert abs(played.thrust) <= 0.01 * SIZE_DEG * (1.0 + 1e-9)
 
 
-def test_step_is_there_from_its_first_instant_to_its_last() -> None:
+def test_step_is_constant_over_the_duration() -> None:
     assert rudder(a_test(), 0.0) == rudder(a_test(), 99.99) == SIZE_RAD
 
 
-def test_doublet_changes_sign_in_the_middle_and_has_no_mean() -> None:
+def test_doublet_changes_sign_in_the_middle_with_zero_mean() -> None:
     samples = [rudder(a_test(wave=Wave.DOUBLET), 0.02 * k) for k in range(5000)]
     assert samples[0] == SIZE_RAD
     assert samples[-1] == -SIZE_RAD
@@ -98,18 +100,18 @@ def test_doublet_changes_sign_in_the_middle_and_has_no_mean() -> None:
 
 
 @pytest.mark.parametrize("wave", Wave)
-def test_fade_starts_and_ends_at_zero(wave: Wave) -> None:
+def test_fade_any_wave_starts_and_ends_at_zero(wave: Wave) -> None:
     faded, plain = a_test(wave=wave, fade_s=5.0), a_test(wave=wave)
     assert rudder(faded, 0.0) == rudder(faded, 100.0) == 0.0
     assert math.isclose(rudder(faded, 2.5), 0.5 * rudder(plain, 2.5))
     assert rudder(faded, 50.0) == rudder(plain, 50.0)
 
 
-def test_thrust_fades_too() -> None:
+def test_fade_thrust_starts_and_ends_at_zero() -> None:
     assert sample(a_test(THRUST_AXIS, fade_s=5.0), 2.5).thrust == pytest.approx(0.03)
 
 
-def test_only_a_chirp_has_a_frequency() -> None:
+def test_frequency_is_reported_for_chirp_only() -> None:
     assert [sample(a_test(wave=wave), 0.0).frequency_hz for wave in Wave] == [0.02] + [0.0] * (
         len(Wave) - 1
     )
@@ -125,11 +127,11 @@ def test_only_a_chirp_has_a_frequency() -> None:
         (LOOP_ON + RUDDER_AXIS, (SIZE_RAD, 0.0, 0.0)),
     ],
 )
-def test_an_axis_moves_what_it_says(axis: int, sizes: tuple[float, float, float]) -> None:
+def test_axis_excites_its_actuators_only(axis: int, sizes: tuple[float, float, float]) -> None:
     assert sample(a_test(axis), 1.0)[:3] == pytest.approx(sizes)
 
 
-def test_both_axes_at_once_are_each_a_multisine_of_its_own_size() -> None:
+def test_both_axes_have_multisines_of_their_amplitudes() -> None:
     both = a_test(BOTH_AXIS, Wave.MULTISINE, elevator_pct=25.0)
     played = [sample(both, 0.02 * k) for k in range(5000)]
     product = sum(p.rudder_rad * p.elevator_rad for p in played)
@@ -138,7 +140,7 @@ def test_both_axes_at_once_are_each_a_multisine_of_its_own_size() -> None:
     assert sum(p.elevator_rad**2 for p in played) / power == pytest.approx(0.0625, rel=0.2)
 
 
-def test_seeds_and_runs_arrive_from_the_numbers_of_the_command_and_from_parameters() -> None:
+def test_seed_and_intervals_from_command_and_parameters() -> None:
     prbs, square = a_test(wave=Wave.PRBS), a_test(wave=Wave.SQUARE)
     assert (prbs.seed, prbs.stop_hz, square.switch_intervals) == (7, 0.5, (3, 2, 1, 4, 5, 2))
     set_up = Config(
@@ -159,14 +161,14 @@ def test_seeds_and_runs_arrive_from_the_numbers_of_the_command_and_from_paramete
     ] == [rudder(prbs, t) for t in range(100)]
 
 
-def test_a_3211_needs_no_numbers() -> None:
+def test_3211_without_intervals_is_valid() -> None:
     test = a_test(wave=Wave.THREE_TWO_ONE_ONE, duration_s=7.0)
     assert [rudder(test, t + 0.5) / SIZE_RAD for t in range(7)] == [1, 1, 1, -1, -1, 1, -1]
 
 
 @pytest.mark.parametrize("wave", Wave)
 @pytest.mark.parametrize("axis", AXES)
-def test_a_log_tells_what_was_tested(axis: int, wave: Wave) -> None:
+def test_describe_is_parsed_by_log_reader(axis: int, wave: Wave) -> None:
     said = describe(a_test(axis, wave))
     assert said.startswith(f"axis={axis} wave={WAVES[wave]} magnitude=6.00")
     assert ("elevator=3.00" in said) == (axis % LOOP_ON == BOTH_AXIS)
@@ -202,19 +204,17 @@ def test_a_log_tells_what_was_tested(axis: int, wave: Wave) -> None:
         ({"wave": Wave.SQUARE, "p3": -3.0}, "runs"),
     ],
 )
-def test_an_impossible_test_is_refused_with_its_reason(
-    changes: dict[str, float], word: str
-) -> None:
+def test_check_invalid_test_returns_reason(changes: dict[str, float], word: str) -> None:
     assert word in check(a_test(**changes), 15.0)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("wave", Wave)
-def test_a_possible_test_is_not_refused(wave: Wave) -> None:
+def test_check_valid_test_returns_empty(wave: Wave) -> None:
     assert check(a_test(wave=wave), 15.0) == ""
 
 
 @given(*[st.floats(width=32)] * 3, st.integers(-200, 200), st.integers(-1, 9))
-def test_whatever_a_command_says_is_refused_or_can_be_played(
+def test_any_command_is_rejected_or_can_be_sampled(
     size: float, p3: float, p4: float, axis: int, wave: int
 ) -> None:
     test = precompute(
@@ -227,5 +227,5 @@ def test_whatever_a_command_says_is_refused_or_can_be_played(
 
 
 @given(st.floats(), st.floats())
-def test_runs_are_digits_or_marked_as_none(first: float, second: float) -> None:
+def test_switch_intervals_are_digits_or_invalid(first: float, second: float) -> None:
     assert all(0 <= run <= 9 for run in switch_intervals(first, second))

@@ -1,4 +1,4 @@
-"""Line-of-sight geometry: what must hold of any line, circle and current."""
+"""Line-of-sight guidance: properties for any line, circle and current."""
 
 import cmath
 import math
@@ -33,35 +33,33 @@ def over_ground(heading_rad: float, current_mps: complex) -> complex:
 
 
 @given(course=COURSES, current=CURRENTS)
-def test_the_crab_angle_makes_the_course_good(course: float, current: complex) -> None:
+def test_crab_heading_gives_course_in_any_current(course: float, current: complex) -> None:
     velocity = over_ground(guidance.crab_heading(course, at(0j, current)), current)
     assert abs(wrap_pi(cmath.phase(velocity) - course)) < 1e-9
 
 
 @given(course=COURSES, current=st.complex_numbers(min_magnitude=1.5, max_magnitude=5.0))
-def test_a_current_too_strong_is_headed_into_as_far_as_is_sane(
-    course: float, current: complex
-) -> None:
+def test_crab_heading_strong_current_is_limited(course: float, current: complex) -> None:
     crab = wrap_pi(guidance.crab_heading(course, at(0j, current)) - course)
     assert abs(crab) <= math.radians(60.0) + 1e-9
     assert crab * (current * cmath.rect(1.0, -course)).imag <= 0.0
 
 
 @given(start=PLACES, end=PLACES, off=PLACES)
-def test_cross_track_error_is_that_of_the_cross_product(
-    start: complex, end: complex, off: complex
-) -> None:
+def test_cross_track_error_equals_cross_product(start: complex, end: complex, off: complex) -> None:
     assume(abs(end - start) > 1.0)
     cross, azimuth, along, length = guidance.along_track_m(TrackLine(start, end), start + off)
-    way = end - start
-    assert cross == pytest.approx((way.real * off.imag - way.imag * off.real) / abs(way), abs=1e-6)
+    line = end - start
+    assert cross == pytest.approx(
+        (line.real * off.imag - line.imag * off.real) / abs(line), abs=1e-6
+    )
     assert cross**2 + along**2 == pytest.approx(abs(off) ** 2, abs=1e-4)
-    assert length == abs(way)
-    assert abs(wrap_pi(azimuth - math.atan2(way.imag, way.real))) < 1e-12
+    assert length == abs(line)
+    assert abs(wrap_pi(azimuth - math.atan2(line.imag, line.real))) < 1e-12
 
 
 @given(start=PLACES, azimuth=COURSES, aside=st.floats(-60.0, 60.0), current=CURRENTS)
-def test_a_line_is_reached_from_either_side_in_any_current_it_can_stem(
+def test_line_converges_from_either_side_in_current(
     start: complex, azimuth: float, aside: float, current: complex
 ) -> None:
     line = TrackLine(start, start + cmath.rect(2000.0, azimuth))
@@ -79,7 +77,7 @@ def test_a_line_is_reached_from_either_side_in_any_current_it_can_stem(
     clockwise=st.booleans(),
     current=CURRENTS,
 )
-def test_a_circle_is_reached_from_anywhere_and_kept_the_right_way_round(
+def test_circle_converges_from_anywhere_in_its_direction(
     centre: complex, off: complex, radius: float, clockwise: bool, current: complex
 ) -> None:
     path: Circle | TrackLine = Circle(centre, radius, clockwise)
@@ -93,14 +91,14 @@ def test_a_circle_is_reached_from_anywhere_and_kept_the_right_way_round(
 
 
 @given(place=PLACES)
-def test_an_end_is_reached_within_its_radius_or_abeam(place: complex) -> None:
+def test_line_end_is_reached_within_radius_or_abeam(place: complex) -> None:
     line = TrackLine(0j, 100.0 + 0j)
     assert guidance.reached(line, at(place), 5.0) == (
         abs(place - 100.0) <= 5.0 or place.real >= 100.0
     )
 
 
-def test_places_of_items() -> None:
+def test_item_position_by_frame() -> None:
     home = Home(42.35, -71.0, True)
     assert guidance.item_position(MissionItem(0, 1, 16, x=105_000, y=-20_000), home) == 10.5 - 2j
     assert guidance.item_position(MissionItem(0, 3, 16, x=0, y=0), home) is None

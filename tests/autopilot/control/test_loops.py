@@ -1,4 +1,4 @@
-"""The loops' structure: each part does what it is for, and nothing where its parameter is off."""
+"""Control loops: effect of each optional part, and no effect if its parameter is off."""
 
 import math
 
@@ -20,11 +20,10 @@ angle = st.floats(-0.5, 0.5)
 
 
 @given(heading=angle, pitch=angle, q=angle, r=angle, roll=st.floats(-1.0, 1.0), wanted=angle)
-def test_a_rolled_hull_turns_as_a_level_one_would(
+def test_roll_compensation_any_roll_gives_level_commands(
     heading: float, pitch: float, q: float, r: float, roll: float, wanted: float
 ) -> None:
-    """The same turning about vertical and horizontal, whatever the roll: what is wanted there is
-    the same."""
+    """Equal rates about vertical and horizontal give equal commands about them at any roll."""
     config = Config(roll_compensated=1, travel_deg=45.0, heading_d=0.5, pitch_d=0.5)
     level = VehicleEstimate(heading_rad=heading, pitch_rad=pitch, q_radps=q, r_radps=r)
     c, s = math.cos(roll), math.sin(roll)
@@ -40,14 +39,13 @@ def test_a_rolled_hull_turns_as_a_level_one_would(
     assert about_horizontal == pytest.approx(flat.elevator_rad, abs=1e-9)
 
 
-def test_slower_than_designed_the_loop_keeps_its_shape() -> None:
-    """A vehicle at half speed with everything in her own time: gains per radian and per turned
-    length stay."""
+def test_schedule_gains_half_speed_slows_the_loop() -> None:
+    """At half speed all time constants double: D doubles, I halves, P stays."""
     slow = loops.schedule_gains(Gains(0.6, 1.5, 0.02, 0.1), 0.5)
     assert (slow.p, slow.d, slow.i, slow.i_max) == (0.6, 3.0, 0.01, 0.1)
 
 
-def test_faster_than_designed_the_loop_keeps_its_gain() -> None:
+def test_schedule_gains_double_speed_keeps_bandwidth() -> None:
     fast = loops.schedule_gains(Gains(0.6, 1.5, 0.02, 0.1), 2.0)
     assert (fast.p, fast.d, fast.i) == (0.15, 0.375, 0.005)
     assert loops.schedule_gains(Gains(0.6, 1.5, 0.02, 0.1), 50.0) == loops.schedule_gains(
@@ -55,9 +53,8 @@ def test_faster_than_designed_the_loop_keeps_its_gain() -> None:
     )
 
 
-def test_a_big_turn_on_a_way_leaves_the_travel_alone() -> None:
-    """The kinematic vehicle turns at once with her rudder: on the way no more rudder is asked than
-    its rate takes."""
+def test_heading_reference_large_turn_stays_within_travel() -> None:
+    """The kinematic vehicle turns at once with its rudder: the reference rate limits the rudder."""
     direct, shaped = (under_way(modes.DEPTH, heading_ref_radps=w) for w in (0.0, 0.5))
     most = {}
     for name, flight in (("direct", direct), ("shaped", shaped)):
@@ -70,7 +67,7 @@ def test_a_big_turn_on_a_way_leaves_the_travel_alone() -> None:
     assert most["shaped"] < math.radians(14.0)
 
 
-def test_a_change_of_depth_on_a_way_is_no_faster_than_it_may() -> None:
+def test_depth_reference_step_keeps_rate_limit() -> None:
     fastest = {}
     for w in (0.0, 0.3):
         flight = under_way(modes.DEPTH, depth_ref_radps=w, depth_ref_mps=0.2, depth_i=0.0)
@@ -83,15 +80,14 @@ def test_a_change_of_depth_on_a_way_is_no_faster_than_it_may() -> None:
 
 
 @pytest.mark.parametrize(("speed", "share"), [(1.3, 1.0), (0.65, 4.0), (0.1, 6.25), (2.6, 0.25)])
-def test_the_elevator_holds_the_pitch_that_a_way_in_depth_takes(speed: float, share: float) -> None:
-    """On top of what the loops ask: 0.2 of the pitch at cruise speed, more as the flow on the duct
-    gets less."""
+def test_pitch_feedforward_scales_with_inverse_square_of_speed(speed: float, share: float) -> None:
+    """Added to the command of the loops: 0.2 of the pitch at cruise speed, more at lower speed."""
     config = {"depth_ref_radps": 0.5, "depth_ref_mps": 0.1, "travel_deg": 45.0}
     held, bare = Config(pitch_feedforward=0.2, **config), Config(**config)
-    on_her_way = LoopMemory(depth_reference=ReferenceState(3.0, 0.1))
+    memory = LoopMemory(depth_reference=ReferenceState(3.0, 0.1))
     estimate, asked = VehicleEstimate(depth_m=3.0, speed_mps=speed), Setpoint(depth_m=9.0)
     with_it, without = (
-        loops.step_loops(estimate, asked, on_her_way, each, 0.02, heading=False, depth=True)[
+        loops.step_loops(estimate, asked, memory, each, 0.02, heading=False, depth=True)[
             0
         ].elevator_rad
         for each in (held, bare)
@@ -105,8 +101,8 @@ def test_the_elevator_holds_the_pitch_that_a_way_in_depth_takes(speed: float, sh
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.4, 0.9])
-def test_set_point_weighting_is_the_textbook_law(weight: float) -> None:
-    """P (b r - y) + I integral(r - y), for heading past south and for depth."""
+def test_setpoint_weighting_equals_textbook_equation(weight: float) -> None:
+    """Reference: P (b r - y) + I integral(r - y), for a heading past south and for depth."""
     config = Config(
         heading_setpoint_weight=weight,
         depth_setpoint_weight=weight,
@@ -139,9 +135,8 @@ def test_set_point_weighting_is_the_textbook_law(weight: float) -> None:
         nose_down_i += 0.02 * (sink - depth) * 0.02
 
 
-def test_trims_are_learned_in_steady_flight_and_kept() -> None:
-    """A rudder that is 4 deg off: the integrator holds it first, then the trim, and the heading
-    stays where it was."""
+def test_trim_steady_flight_takes_over_integrator() -> None:
+    """With a rudder bias of 4 deg the trim takes over from the integrator at constant heading."""
     config = Config(trim_time_s=10.0, heading_i=0.05, heading_i_max=0.2)
     memory, estimate, offset = LoopMemory(), VehicleEstimate(speed_mps=1.3), math.radians(4.0)
     asked = Setpoint()
@@ -158,20 +153,18 @@ def test_trims_are_learned_in_steady_flight_and_kept() -> None:
 
 
 @pytest.mark.parametrize(("learned_s", "kept_deg"), [(25.0, 4.5), (15.0, 2.0)])
-def test_trims_outlive_the_dive_when_they_were_learned_for_long_enough(
-    learned_s: float, kept_deg: float
-) -> None:
+def test_trim_learned_long_enough_is_stored(learned_s: float, kept_deg: float) -> None:
     vehicle = Vehicle(ParamTable({"TRIM_AUTO_S": 10.0, "TRIM_RUD_DEG": 2.0}))
     trim = Trim(math.radians(2.5), math.radians(-1.0), learned_s)
     vehicle.state = vehicle.state._replace(armed=True, loops=LoopMemory(trim=trim))
     vehicle.handle_request(requests.Disarm(force=True))
     assert vehicle.params.get("TRIM_RUD_DEG") == pytest.approx(kept_deg)
-    told = [
+    texts = [
         event.text
         for event in vehicle.pop_events()
         if isinstance(event, Event) and "Trim" in event.text
     ]
-    assert told == (["Trim learned: TRIM_RUD_DEG 4.5, TRIM_ELE_DEG -1"] if kept_deg == 4.5 else [])
+    assert texts == (["Trim learned: TRIM_RUD_DEG 4.5, TRIM_ELE_DEG -1"] if kept_deg == 4.5 else [])
 
 
 STANDING = VehicleEstimate(heading_rad=math.radians(-9.0), speed_mps=1.3)
@@ -183,7 +176,7 @@ def close_both(
     return loops.step_loops(estimate, Setpoint(), memory, config, 0.02, heading=True, depth=True)
 
 
-def test_standing_heading_error_with_a_limited_integrator_becomes_trim() -> None:
+def test_trim_standing_error_with_limited_integrator() -> None:
     """HDG_IMAX carries 0.57 of 6 deg of rudder: the trim must take out 8.4 deg of heading."""
     config = Config(trim_time_s=10.0)
     memory, estimate, offset = LoopMemory(), VehicleEstimate(speed_mps=1.3), math.radians(6.0)
@@ -204,14 +197,14 @@ def test_standing_heading_error_with_a_limited_integrator_becomes_trim() -> None
         pytest.param(STANDING._replace(r_radps=math.radians(1.0)), False, id="turning"),
     ],
 )
-def test_large_heading_error_is_learned_only_standing(
+def test_trim_large_heading_error_only_if_standing(
     estimate: VehicleEstimate, learned: bool
 ) -> None:
     _, memory = close_both(estimate, LoopMemory(), Config(trim_time_s=10.0))
     assert (memory.trim.rudder_rad > 0.0) == learned
 
 
-def test_nothing_is_learned_while_turning() -> None:
+def test_trim_turning_is_not_learned() -> None:
     config = Config(trim_time_s=10.0)
     turning = VehicleEstimate(r_radps=math.radians(5.0))
     _, memory = loops.step_loops(
@@ -220,7 +213,7 @@ def test_nothing_is_learned_while_turning() -> None:
     assert memory.trim == LoopMemory().trim
 
 
-def test_an_open_loop_forgets_its_way() -> None:
+def test_references_open_loop_are_reset() -> None:
     config = Config(heading_ref_radps=0.5, depth_ref_radps=0.5, actuator_lead_radps=8.0)
     _, closed = loops.step_loops(
         VehicleEstimate(), Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True

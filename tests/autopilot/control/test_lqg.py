@@ -1,4 +1,4 @@
-"""Laws aboard: the arithmetic against numpy, limits, and when the PIDs fly instead."""
+"""LQG controllers: arithmetic against numpy, limits, and use of the PIDs instead."""
 
 import math
 
@@ -24,7 +24,7 @@ DIVES = lqg.from_matrices(
     loads=0,
 )
 STILL = LqgReference((0.0, 0.0), 0.0, -0.2, 0.2)
-LAWS = LqgControllers(speed_mps=1.3, heading=TURNS, depth=DIVES, pitch_per_metre=0.2)
+CONTROLLERS = LqgControllers(speed_mps=1.3, heading=TURNS, depth=DIVES, pitch_per_metre=0.2)
 LEFT = Setpoint(heading_rad=-0.1)
 
 
@@ -35,47 +35,47 @@ def rudder(estimate: VehicleEstimate, config: Config, asked: Setpoint = LEFT) ->
     return wanted.rudder_rad
 
 
-def test_a_law_is_its_matrices() -> None:
+def test_step_equals_matrix_equations() -> None:
     matrix, feedback, start = np.array(TURNS.rows), np.array(TURNS.feedback), np.array(TURNS.start)
     target, rng = (
         STILL._replace(wanted=(0.01, 0.05), feedforward_rad=0.02),
         np.random.default_rng(1),
     )
-    belief, states, before, command = None, np.empty(0), np.empty(0), 0.0
+    observer, states, before, command = None, np.empty(0), np.empty(0), 0.0
     for measured in rng.standard_normal((20, 2)):
-        u, belief = lqg.step(TURNS, belief, tuple(measured.tolist()), target)
-        told = (
+        u, observer = lqg.step(TURNS, observer, tuple(measured.tolist()), target)
+        inputs = (
             np.concatenate([states, [command], 0.5 * (before + measured)]) if states.size else None
         )
-        states = start @ measured if told is None else matrix @ told
+        states = start @ measured if inputs is None else matrix @ inputs
         command = float(np.clip(feedback @ (states - start @ target.wanted) + 0.02, -0.2, 0.2))
         before = measured
         assert u == pytest.approx(command, abs=1e-14)
-    assert belief is not None
-    assert belief.states == pytest.approx(states, abs=1e-14)
+    assert observer is not None
+    assert observer.states == pytest.approx(states, abs=1e-14)
 
 
-def test_a_new_set_point_moves_the_command_alone() -> None:
-    _, belief = lqg.step(TURNS, None, (0.01, 0.02), STILL)
+def test_new_reference_changes_command_not_observer() -> None:
+    _, observer = lqg.step(TURNS, None, (0.01, 0.02), STILL)
     held, moved = (
-        lqg.step(TURNS, belief, (0.01, 0.02), STILL._replace(wanted=wanted))
+        lqg.step(TURNS, observer, (0.01, 0.02), STILL._replace(wanted=wanted))
         for wanted in ((0.0, 0.0), (0.0, 0.05))
     )
     assert moved[0] != held[0]
     assert moved[1].states == held[1].states
 
 
-def test_on_the_way_no_constant_load_is_learnt() -> None:
-    _, belief = lqg.step(TURNS, None, (0.01, 0.02), STILL)
-    _, held = lqg.step(TURNS, belief, (0.03, 0.05), STILL)
-    _, turning = lqg.step(TURNS, belief, (0.03, 0.05), STILL._replace(moving=True))
-    assert turning.states == (held.states[0], belief.states[1])
-    assert held.states[1] != belief.states[1]
+def test_moving_reference_freezes_disturbance_states() -> None:
+    _, observer = lqg.step(TURNS, None, (0.01, 0.02), STILL)
+    _, held = lqg.step(TURNS, observer, (0.03, 0.05), STILL)
+    _, turning = lqg.step(TURNS, observer, (0.03, 0.05), STILL._replace(moving=True))
+    assert turning.states == (held.states[0], observer.states[1])
+    assert held.states[1] != observer.states[1]
 
 
-def test_headings_past_south_are_counted_on() -> None:
-    """From 179 to 181 degrees she turns by two, not by 358."""
-    config = Config(lqg_controllers=LAWS)
+def test_heading_past_south_is_unwrapped() -> None:
+    """From 179 to 181 degrees the vehicle turns by 2 degrees, not by 358."""
+    config = Config(lqg_controllers=CONTROLLERS)
     seen, memory = VehicleEstimate(speed_mps=1.3, heading_rad=math.radians(179.0)), LoopMemory()
     asked = Setpoint(heading_rad=math.radians(-179.0))
     for heading_deg in (179.0, 180.5, -178.5):
@@ -85,8 +85,8 @@ def test_headings_past_south_are_counted_on() -> None:
     assert memory.rudder_observer.measured[1] == pytest.approx(math.radians(181.5))
 
 
-def test_a_law_flies_about_its_speed_and_the_pid_elsewhere() -> None:
-    law, pid = Config(lqg_controllers=LAWS), Config()
+def test_lqg_outside_its_speed_range_pid_is_used() -> None:
+    lqg_config, pid = Config(lqg_controllers=CONTROLLERS), Config()
     for speed, flies in (
         (1.3, True),
         (1.1, True),
@@ -96,11 +96,14 @@ def test_a_law_flies_about_its_speed_and_the_pid_elsewhere() -> None:
         (0.0, False),
     ):
         seen = VehicleEstimate(speed_mps=speed, r_radps=0.01)
-        assert (rudder(seen, law) == rudder(seen, pid)) != flies, speed
+        assert (rudder(seen, lqg_config) == rudder(seen, pid)) != flies, speed
 
 
-def test_the_pid_is_one_parameter_away() -> None:
-    table, seen = ParamTable(lqg_controllers=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.01)
+def test_lqg_disabled_by_parameter_pid_is_used() -> None:
+    table, seen = (
+        ParamTable(lqg_controllers=CONTROLLERS),
+        VehicleEstimate(speed_mps=1.3, r_radps=0.01),
+    )
     by_law = rudder(seen, table.config)
     table.set("LAW_ENABLE", 0.0)
     assert rudder(seen, table.config) == rudder(seen, Config()) != by_law
@@ -108,8 +111,8 @@ def test_the_pid_is_one_parameter_away() -> None:
     assert rudder(seen, table.config) == by_law
 
 
-def test_the_command_keeps_to_the_travel_that_the_trim_leaves() -> None:
-    config = Config(lqg_controllers=LAWS, rudder_trim_deg=6.0)
+def test_command_stays_within_travel_with_trim() -> None:
+    config = Config(lqg_controllers=CONTROLLERS, rudder_trim_deg=6.0)
     for heading in (-3.0, 3.0):
         seen = VehicleEstimate(
             speed_mps=1.3, r_radps=math.copysign(30.0, heading), heading_rad=heading
@@ -119,12 +122,12 @@ def test_the_command_keeps_to_the_travel_that_the_trim_leaves() -> None:
     assert abs(wanted) == pytest.approx(math.radians(15.0))
 
 
-def test_a_depth_error_counts_as_far_as_the_pitch_limit_goes() -> None:
+def test_depth_error_is_limited_by_pitch_limit() -> None:
     config, seen = (
-        Config(lqg_controllers=LAWS, pitch_limit_deg=20.0),
+        Config(lqg_controllers=CONTROLLERS, pitch_limit_deg=20.0),
         VehicleEstimate(speed_mps=1.3),
     )
-    metres = math.radians(20.0) / LAWS.pitch_per_metre
+    metres = math.radians(20.0) / CONTROLLERS.pitch_per_metre
 
     def elevator(depth_m: float) -> float:
         wanted, _ = loops.step_loops(
@@ -137,18 +140,18 @@ def test_a_depth_error_counts_as_far_as_the_pitch_limit_goes() -> None:
     assert elevator(5.0 * metres) == elevator(metres)
 
 
-def test_a_pitch_that_is_asked_for_is_held_by_the_pid() -> None:
-    """Stabilize and the rise without a depth ask for one; the law knows none."""
+def test_pitch_setpoint_is_held_by_pid() -> None:
+    """STABILIZE and the ascent without depth have a pitch set-point, which LQG does not support."""
     seen, asked = VehicleEstimate(speed_mps=1.3, depth_m=1.0), Setpoint(pitch_rad=0.1)
     by_law, by_pid = (
         loops.step_loops(seen, asked, LoopMemory(), config, 0.02, heading=False, depth=True)[0]
-        for config in (Config(lqg_controllers=LAWS), Config())
+        for config in (Config(lqg_controllers=CONTROLLERS), Config())
     )
     assert by_law == by_pid
 
 
-def test_a_loop_that_was_open_begins_anew() -> None:
-    config, seen = Config(lqg_controllers=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.02)
+def test_observer_open_loop_is_reset() -> None:
+    config, seen = Config(lqg_controllers=CONTROLLERS), VehicleEstimate(speed_mps=1.3, r_radps=0.02)
     _, memory = loops.step_loops(seen, LEFT, LoopMemory(), config, 0.02, heading=True, depth=True)
     assert memory.rudder_observer is not None
     assert memory.elevator_observer is not None

@@ -1,5 +1,4 @@
-"""The plot's filter against a plain Kalman filter of real matrices, and against errors that are
-known."""
+"""Navigation filter against a Kalman filter of real matrices, and against known errors."""
 
 import cmath
 import math
@@ -24,7 +23,7 @@ SMALL = st.complex_numbers(max_magnitude=1.5, allow_nan=False, allow_infinity=Fa
 
 
 def hermitian(c: NavCovariance) -> NDArray[np.complex128]:
-    """The covariance as a matrix, shape (4, 4)."""
+    """Return the covariance as a matrix, shape (4, 4)."""
     upper = np.array(
         [
             [c.position / 2, c.position_current, c.position_speed, c.position_dvl],
@@ -53,7 +52,7 @@ def covariance(matrix: NDArray[np.complex128]) -> NavCovariance:
 
 
 def real(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Complex numbers as two by two blocks of reals."""
+    """Return a complex matrix as a real one with 2 x 2 blocks."""
     return np.block(
         [[np.array([[z.real, -z.imag], [z.imag, z.real]]) for z in row] for row in matrix]
     )
@@ -72,10 +71,10 @@ def covariances(draw: st.DrawFn) -> NavCovariance:
     error=SMALL,
     variance=st.floats(0.01, 4.0),
 )
-def test_an_update_is_kalmans(
+def test_kalman_update_equals_real_valued_filter(
     before: NavCovariance, row: list[complex], error: complex, variance: float
 ) -> None:
-    """In eight real variables, by the textbook (Gelb 1974, table 4.2-1)."""
+    """Reference: Kalman filter in eight real variables (Gelb 1974, table 4.2-1)."""
     after = navigation._kalman_update(
         NavSolution(0j, 0j, Navigation(covariance=before)), tuple(row), error, variance
     )  # type: ignore[arg-type]
@@ -96,28 +95,32 @@ def test_an_update_is_kalmans(
 
 @given(
     before=covariances(),
-    way=SMALL,
+    distance=SMALL,
     turn=st.floats(-0.5, 0.5),
-    heard=st.booleans(),
+    has_dvl=st.booleans(),
     over_ground=st.booleans(),
 )
-def test_dead_reckoning_spreads_as_its_errors_do(
-    before: NavCovariance, way: complex, turn: float, heard: bool, over_ground: bool
+def test_covariance_propagation_equals_matrix_equation(
+    before: NavCovariance, distance: complex, turn: float, has_dvl: bool, over_ground: bool
 ) -> None:
-    """F P F' in complex numbers; noise only adds, so the rest stays as it is."""
+    """Reference: F P F^H in complex numbers; process noise only adds to the diagonal."""
     memory = Navigation(
         current_mps=0.1 - 0.2j,
         covariance=before,
-        ping_us=0 if heard else -1,
+        ping_us=0 if has_dvl else -1,
         over_ground=over_ground,
     )
-    motion = MotionInput(100_000, (1.0, 0.0, 0.0, 0.0), way / 0.2, True, turn, 0.0)
-    after = hermitian(navigation._propagate_covariance(memory, 0.2, way, motion, CONFIG).covariance)
+    motion = MotionInput(100_000, (1.0, 0.0, 0.0, 0.0), distance / 0.2, True, turn, 0.0)
+    after = hermitian(
+        navigation._propagate_covariance(memory, 0.2, distance, motion, CONFIG).covariance
+    )
     f = np.eye(4, dtype=complex)
-    f[0, 1:] = (0.2, way, 0.0)
-    if heard:
+    f[0, 1:] = (0.2, distance, 0.0)
+    if has_dvl:
         f[0, 1:] = (
-            (0.0, 0.0, -(way + memory.current_mps * 0.2)) if over_ground else (0.2, 0.0, -way)
+            (0.0, 0.0, -(distance + memory.current_mps * 0.2))
+            if over_ground
+            else (0.2, 0.0, -distance)
         )
     noise = after - f @ hermitian(before) @ f.conj().T
     off_diagonal = noise - np.diag(np.diag(noise))
@@ -137,10 +140,12 @@ def drive(
     start_us: int = 0,
     place: complex = 0j,
 ) -> tuple[NavSolution, complex, int]:
-    """Straight on at 1.3 m/s by the thrust, of which the truth is ``water`` times; the plot and the
-    true place."""
+    """Drive straight at 1.3 m/s by thrust, ``water`` times that in truth.
+
+    Returns the solution, the true position and the time.
+    """
     ahead = cmath.rect(1.3, heading_rad)
-    true_mps, now_us, told, true = (
+    true_mps, now_us, solution, true = (
         ahead * water + current,
         start_us,
         NavSolution(place, 0j, memory),
@@ -164,17 +169,17 @@ def drive(
         )
         inputs = Inputs(sensors(now_us), fix if tick % 10 == 0 else None, None, None, dvl=ping)
         motion = MotionInput(now_us, attitude, ahead, True, 0.0, 0.0)
-        told = navigation.predict_and_update(
-            told.position_m, told.memory, motion, inputs, HOME, CONFIG, 0.02
+        solution = navigation.predict_and_update(
+            solution.position_m, solution.memory, motion, inputs, HOME, CONFIG, 0.02
         )
-    return told, true, now_us
+    return solution, true, now_us
 
 
-def test_a_turn_tells_a_slow_propeller_from_a_current() -> None:
-    """On one course 5 % of speed and 6.5 cm/s of current are the same; on two they are not."""
+def test_turn_separates_speed_error_from_current() -> None:
+    """On one course 5 % of speed equals 6.5 cm/s of current; on two courses they differ."""
     memory, place, now_us = navigation.initial_solution(CONFIG), 0j, 0
     for heading in (0.0, 0.5 * math.pi, math.pi, 0.0):
-        told, place, now_us = drive(
+        solution, place, now_us = drive(
             memory,
             seconds=60.0,
             heading_rad=heading,
@@ -184,24 +189,24 @@ def test_a_turn_tells_a_slow_propeller_from_a_current() -> None:
             start_us=now_us,
             place=place,
         )
-        memory = told.memory
+        memory = solution.memory
     assert memory.current_mps == pytest.approx(0.1j, abs=0.01)
     assert memory.speed_error == pytest.approx(-0.04 + 0.02j, abs=0.01)
-    assert abs(told.position_m - place) < 0.02 * abs(place) + 1.0
+    assert abs(solution.position_m - place) < 0.02 * abs(place) + 1.0
 
 
-def test_without_a_log_the_error_grows_as_is_told() -> None:
-    told, true, _ = drive(
+def test_position_sd_without_dvl_matches_error() -> None:
+    solution, true, _ = drive(
         navigation.initial_solution(CONFIG), seconds=100.0, heading_rad=0.3, current=0.2 + 0j
     )
-    assert abs(told.position_m - true) == pytest.approx(20.0, rel=0.01)
-    assert navigation.sd_m(told.memory) == pytest.approx(
+    assert abs(solution.position_m - true) == pytest.approx(20.0, rel=0.01)
+    assert navigation.sd_m(solution.memory) == pytest.approx(
         math.hypot(100 * 0.2, 130 * 0.05), rel=0.02
     )
 
 
-def test_an_outlier_is_refused_but_a_new_truth_is_taken() -> None:
-    told, true, now_us = drive(
+def test_fix_outlier_is_rejected_until_it_persists() -> None:
+    solution, true, now_us = drive(
         navigation.initial_solution(CONFIG), seconds=20.0, heading_rad=0.0, gps=True
     )
     for k in range(1, 40):
@@ -210,18 +215,18 @@ def test_an_outlier_is_refused_but_a_new_truth_is_taken() -> None:
         fix = GpsFix(now_us, 3, lat, lon, 0.0, 1.3, 0.0, 0.0, 10, 1.5)
         motion = MotionInput(now_us, (1.0, 0.0, 0.0, 0.0), 1.3 + 0j, True, 0.0, 0.0)
         inputs = Inputs(sensors(now_us), fix, None, None)
-        told = navigation.predict_and_update(
-            told.position_m, told.memory, motion, inputs, HOME, CONFIG, 0.2
+        solution = navigation.predict_and_update(
+            solution.position_m, solution.memory, motion, inputs, HOME, CONFIG, 0.2
         )
         if k == 10:
-            assert abs(told.position_m - true) < 3.0
-            assert told.memory.fixes_rejected == 10
-    assert abs(told.position_m - (true + 40.0)) < 10.0
+            assert abs(solution.position_m - true) < 3.0
+            assert solution.memory.fixes_rejected == 10
+    assert abs(solution.position_m - (true + 40.0)) < 10.0
 
 
 @settings(max_examples=20)
 @given(north=st.floats(-500, 500), east=st.floats(-500, 500))
-def test_a_new_home_leaves_her_where_she_is(north: float, east: float) -> None:
+def test_set_home_keeps_position_over_ground(north: float, east: float) -> None:
     moved = Home(*offset_to_geodetic(north, east, HOME.lat_deg, HOME.lon_deg), True)
     assert navigation.shift_home(3 + 4j, HOME, moved) == pytest.approx(
         3 - north + (4 - east) * 1j, abs=0.1

@@ -1,5 +1,4 @@
-"""Set-points from outside, the stick's attitude mode, and what a lost ground does: flown through
-the pure tick."""
+"""Modes OFFBOARD and STABILIZE and the loss of the ground station, through the pure tick."""
 
 import math
 from types import SimpleNamespace
@@ -27,11 +26,11 @@ from tests.helpers.missions import Flight, sensors
 HOME = Home(42.35, -71.0, True)
 
 
-def armed(mode: modes.Mode, *wishes: requests.Request, **changes: Any) -> Flight:
+def armed(mode: modes.Mode, *initial_requests: requests.Request, **changes: Any) -> Flight:
     flight = Flight(config=Config(**changes))
     flight.step()
-    for wish in (*wishes, requests.SetMode(mode.number), requests.Arm()):
-        assert flight.ask(wish) == ACCEPTED, wish
+    for request in (*initial_requests, requests.SetMode(mode.number), requests.Arm()):
+        assert flight.ask(request) == ACCEPTED, request
     flight.step()
     return flight
 
@@ -41,7 +40,7 @@ def target(flight: Flight, wanted: AttitudeTarget | MotionTarget) -> Flight:
     return flight
 
 
-def test_attitude_is_flown_as_asked() -> None:
+def test_attitude_target_is_flown() -> None:
     flight = armed(modes.OFFBOARD, requests.SetTarget(AttitudeTarget(-0.1, 0.5, thrust=0.4)))
     for _ in flight.run(20.0):
         pass
@@ -50,8 +49,8 @@ def test_attitude_is_flown_as_asked() -> None:
     assert flight.trace.thrust == 0.4
 
 
-def test_depth_and_attitude_at_once_without_any_position() -> None:
-    """Depth by SET_POSITION_TARGET, heading and thrust by SET_ATTITUDE_TARGET, both streaming."""
+def test_depth_and_attitude_targets_without_position() -> None:
+    """SET_POSITION_TARGET streams the depth, SET_ATTITUDE_TARGET heading and thrust."""
     flight = armed(modes.OFFBOARD, requests.SetTarget(AttitudeTarget(0.3, -1.0, thrust=0.6)))
     target(flight, MotionTarget(depth_m=8.0))
     for _ in flight.run(60.0):
@@ -61,7 +60,7 @@ def test_depth_and_attitude_at_once_without_any_position() -> None:
     assert flight.trace.thrust == 0.6
 
 
-def test_rates_move_the_set_points_within_their_limits() -> None:
+def test_rates_move_setpoints_within_limits() -> None:
     flight = armed(
         modes.OFFBOARD,
         requests.SetTarget(AttitudeTarget(heading_rate_radps=0.05, pitch_rate_radps=-0.1)),
@@ -72,7 +71,7 @@ def test_rates_move_the_set_points_within_their_limits() -> None:
     assert flight.state.setpoint.pitch_rad == pytest.approx(-flight.config.pitch_limit_rad)
 
 
-def test_without_set_points_offboard_is_refused_and_left() -> None:
+def test_offboard_without_streams_is_refused_and_ends() -> None:
     flight = armed(modes.DEPTH)
     assert flight.ask(requests.SetMode(modes.OFFBOARD.number)) == TEMPORARILY_REJECTED
     target(flight, AttitudeTarget(0.0, 0.2, thrust=0.5))
@@ -88,7 +87,7 @@ def test_without_set_points_offboard_is_refused_and_left() -> None:
     assert flight.state.setpoint.thrust == 0.5
 
 
-def test_a_stream_that_stops_beside_another_no_longer_counts() -> None:
+def test_stream_timeout_beside_another_is_dropped() -> None:
     kept = offboard.drop_stale_targets(
         Targets(AttitudeTarget(0.0, 0.0), MotionTarget(depth_m=3.0)),
         Inputs(sensors(0), None, None, None, attitude_silent_s=5.0, motion_silent_s=0.1),
@@ -97,7 +96,7 @@ def test_a_stream_that_stops_beside_another_no_longer_counts() -> None:
     assert kept == Targets(None, MotionTarget(depth_m=3.0))
 
 
-def test_a_place_is_gone_to_and_circled() -> None:
+def test_position_target_is_reached_and_circled() -> None:
     flight = armed(
         modes.OFFBOARD, requests.SetTarget(MotionTarget(position_m=60 + 0j, depth_m=6.0))
     )
@@ -110,7 +109,7 @@ def test_a_place_is_gone_to_and_circled() -> None:
     assert flight.state.setpoint.depth_m == 6.0
 
 
-def test_a_velocity_is_made_good_in_the_current() -> None:
+def test_velocity_target_is_corrected_for_current() -> None:
     flight = armed(
         modes.OFFBOARD, requests.SetTarget(MotionTarget(velocity_mps=0.8 + 0j, depth_rate_mps=0.1))
     )
@@ -130,7 +129,7 @@ def test_a_velocity_is_made_good_in_the_current() -> None:
     assert (flight.state.setpoint.thrust, flight.state.setpoint.heading_rad) == (0.0, 0.7)
 
 
-def test_stabilize_flies_the_stick() -> None:
+def test_stabilize_follows_stick() -> None:
     flight = armed(modes.STABILIZE)
     flight.more = {"stick": Stick(rudder=0.5, elevator=-0.5, thrust=0.6)}
     for _ in flight.run(15.0):
@@ -154,11 +153,11 @@ def test_stabilize_flies_the_stick() -> None:
         (2, False, modes.SURFACE),
     ],
 )
-def test_a_lost_ground_does_what_was_chosen_and_may_come_back(
+def test_ground_lost_action_ends_when_ground_returns(
     action: int, home: bool, mode: modes.Mode
 ) -> None:
-    wishes = (requests.SetHome(HOME.lat_deg, HOME.lon_deg),) if home else ()
-    flight = armed(modes.DEPTH, *wishes, fs_ground_s=10.0, fs_ground_action=action)
+    initial_requests = (requests.SetHome(HOME.lat_deg, HOME.lon_deg),) if home else ()
+    flight = armed(modes.DEPTH, *initial_requests, fs_ground_s=10.0, fs_ground_action=action)
     flight.state = flight.state._replace(estimate=flight.state.estimate._replace(north_m=200.0))
     flight.more = {"ground_silent_s": 11.0}
     flight.step()
@@ -169,7 +168,7 @@ def test_a_lost_ground_does_what_was_chosen_and_may_come_back(
     assert flight.state.failsafe == ""
 
 
-def test_a_worse_failsafe_takes_over_from_a_lost_ground() -> None:
+def test_ground_lost_is_replaced_by_other_failsafe() -> None:
     flight = armed(modes.DEPTH, fs_ground_s=10.0, fs_ground_action=0)
     flight.more = {"ground_silent_s": 11.0}
     flight.step()
@@ -179,7 +178,7 @@ def test_a_worse_failsafe_takes_over_from_a_lost_ground() -> None:
     assert flight.state.failsafe.startswith("depth")
 
 
-def test_rtl_and_places_need_a_home() -> None:
+def test_rtl_and_positions_without_home_are_refused() -> None:
     flight = armed(modes.DEPTH)
     assert flight.ask(requests.SetMode(modes.RTL.number)) == TEMPORARILY_REJECTED
     items = (MissionItem(0, 3, 16, x=423_500_000, y=-710_000_000, z=-3.0),)
@@ -189,7 +188,7 @@ def test_rtl_and_places_need_a_home() -> None:
     assert flight.ask(requests.SetMode(modes.MISSION.number)) == ACCEPTED
 
 
-def test_home_may_move_under_a_leg() -> None:
+def test_set_home_during_leg_keeps_path() -> None:
     flight = armed(modes.DEPTH, requests.SetHome(HOME.lat_deg, HOME.lon_deg))
     path = TrackLine(0j, 100 + 0j)
     flight.state = flight.state._replace(path=path)
@@ -211,7 +210,7 @@ def message(**fields: Any) -> Any:
     roll=st.floats(-1.0, 1.0),
     scale=st.floats(0.6, 1.9),
 )
-def test_attitudes_are_read_whatever_the_roll(
+def test_attitude_message_any_roll_is_read(
     pitch: float, heading: float, roll: float, scale: float
 ) -> None:
     q = [scale * part for part in quaternion_from_euler(roll, pitch, heading)]
@@ -220,7 +219,7 @@ def test_attitudes_are_read_whatever_the_roll(
     assert read.heading_rad == pytest.approx(heading, abs=1e-6)
 
 
-def test_masks_and_frames_are_read() -> None:
+def test_position_message_masks_and_frames_are_read() -> None:
     local, world = offboard_messages.LOCAL, offboard_messages.GLOBAL
     place = offboard_messages.read(
         local, message(x=3.0, y=-4.0, z=5.0, yaw=0.2, type_mask=0b1001_1111_1000), HOME
@@ -275,6 +274,6 @@ def test_masks_and_frames_are_read() -> None:
         (offboard_messages.ATTITUDE, {"q": [1.0, 0.0, 0.0, 0.0], "thrust": math.nan}, "thrust"),
     ],
 )
-def test_what_cannot_be_followed_says_why(name: str, fields: dict[str, Any], word: str) -> None:
+def test_unsupported_message_returns_reason(name: str, fields: dict[str, Any], word: str) -> None:
     with pytest.raises(offboard_messages.TargetError, match=word):
         offboard_messages.read(name, message(**fields), HOME)

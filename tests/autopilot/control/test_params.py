@@ -1,4 +1,4 @@
-"""The parameter table: MAVLink's rules for names and values, ranges, and files."""
+"""Parameter table: MAVLink rules for names and values, ranges, and files."""
 
 import inspect
 import re
@@ -20,7 +20,7 @@ from autopilot.param_file import lines, load, to_text
 from mavlink_io.services.params import as_real32
 
 
-def test_every_parameter_can_travel_as_mavlink_real32() -> None:
+def test_every_parameter_is_representable_in_mavlink() -> None:
     names = [row.name for row in PARAMETERS]
     assert names == sorted(set(names))
     for row in PARAMETERS:
@@ -32,8 +32,8 @@ def test_every_parameter_can_travel_as_mavlink_real32() -> None:
     )
 
 
-def test_defaults_are_the_papers_initial_gains() -> None:
-    """Table 3, initial column."""
+def test_defaults_equal_initial_gains_of_paper() -> None:
+    """Reference: Table 3 of the paper, initial column."""
     table = ParamTable()
     given_gains = {
         "HDG": (0.65, 1.5, 0.001, 0.01),
@@ -45,7 +45,7 @@ def test_defaults_are_the_papers_initial_gains() -> None:
 
 
 @given(st.data())
-def test_a_value_in_range_is_kept_and_one_out_of_range_changes_nothing(data: st.DataObject) -> None:
+def test_set_in_range_is_stored_out_of_range_is_rejected(data: st.DataObject) -> None:
     row = data.draw(st.sampled_from(PARAMETERS))
     table = ParamTable()
     value = data.draw(st.floats(row.minimum, row.maximum).filter(lambda x: far_from_zero(row, x)))
@@ -62,18 +62,18 @@ def test_a_value_in_range_is_kept_and_one_out_of_range_changes_nothing(data: st.
 
 
 def far_from_zero(row: ParamInfo, value: float) -> bool:
-    """Whether a value in the range of a parameter is not so close to 0 that it is refused."""
+    """Return whether a value is not rejected for being too close to 0."""
     return row.integer or value == 0.0 or abs(value) >= row.smallest
 
 
-def test_unknown_names_are_refused() -> None:
+def test_unknown_name_is_rejected() -> None:
     with pytest.raises(ParamError, match="HDG_Q"):
         config({"HDG_Q": 1.0})
     with pytest.raises(ParamError, match="HDG_Q"):
         ParamTable().get("HDG_Q")
 
 
-def test_files_take_commas_spaces_and_comments(tmp_path: Path) -> None:
+def test_file_with_commas_spaces_and_comments_is_read(tmp_path: Path) -> None:
     path = tmp_path / "gains.param"
     path.write_text("# gains\nHDG_P,0.55\nHDG_D 1.35  # faster\n\n")
     assert load(path) == {"HDG_P": 0.55, "HDG_D": 1.35}
@@ -88,7 +88,7 @@ def test_files_take_commas_spaces_and_comments(tmp_path: Path) -> None:
         ("HDG_P,x", "NAME,VALUE"),
     ],
 )
-def test_a_bad_line_is_named(tmp_path: Path, line: str, words: str) -> None:
+def test_file_bad_line_is_reported(tmp_path: Path, line: str, words: str) -> None:
     path = tmp_path / "bad.param"
     path.write_text(f"HDG_D,1\n{line}\n")
     with pytest.raises(ParamError, match=words) as error:
@@ -97,7 +97,7 @@ def test_a_bad_line_is_named(tmp_path: Path, line: str, words: str) -> None:
 
 
 @given(st.data())
-def test_a_file_gives_back_every_float32(data: st.DataObject) -> None:
+def test_file_round_trip_any_float32_is_exact(data: st.DataObject) -> None:
     row = data.draw(st.sampled_from([row for row in PARAMETERS if not row.integer]))
     value = data.draw(st.floats(row.minimum, row.maximum).filter(lambda x: far_from_zero(row, x)))
     ((_, name, read),) = lines(
@@ -107,6 +107,6 @@ def test_a_file_gives_back_every_float32(data: st.DataObject) -> None:
     assert (name, as_real32(read)) == (row.name, as_real32(value))
 
 
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
+def test_file_missing_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ParamError, match=r"none\.param"):
         load(tmp_path / "none.param")

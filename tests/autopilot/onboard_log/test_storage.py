@@ -63,9 +63,9 @@ def test_oldest_logs_are_removed_above_size_limit(tmp_path: Path) -> None:
 def test_oldest_logs_are_removed_below_free_space_limit(tmp_path: Path, monkeypatch: Any) -> None:
     store = LogStore(tmp_path)
     paths = fill(store, 400, 400, 400)
-    left = [700_000, 700_000, 1_100_000]
+    free_bytes = [700_000, 700_000, 1_100_000]
     monkeypatch.setattr(
-        "shutil.disk_usage", lambda folder: type("Usage", (), {"free": left.pop(0)})
+        "shutil.disk_usage", lambda folder: type("Usage", (), {"free": free_bytes.pop(0)})
     )
     store.make_room(StorageLimits(1000.0, 1.0))
     assert [path.exists() for path in paths] == [False, False, True]

@@ -35,9 +35,9 @@ PARAMETER: dict[str, Any] = {
 Source: mavlink/mavlink, component_metadata; the schemas allow no other properties."""
 
 
-def check(found: dict[str, Any], allowed: dict[str, Any], required: tuple[str, ...]) -> None:
-    assert set(required) <= set(found) <= set(allowed)
-    for key, value in found.items():
+def check(description: dict[str, Any], allowed: dict[str, Any], required: tuple[str, ...]) -> None:
+    assert set(required) <= set(description) <= set(allowed)
+    for key, value in description.items():
         assert isinstance(value, allowed[key]), key
 
 
@@ -59,17 +59,17 @@ def test_parameters_json_matches_schema() -> None:
     rows = {row["name"]: row for row in described["parameters"]}
     assert set(rows) == {row.name for row in PARAMETERS}
     for row in PARAMETERS:
-        found = rows[row.name]
-        check(found, PARAMETER, ("name",))
-        assert re.fullmatch(r"[.\-a-zA-Z0-9_{}]{1,16}", found["name"])
-        assert found["type"] == "Float", "all travel as REAL32"
-        assert (found["min"], found["max"], found["default"]) == (
+        description = rows[row.name]
+        check(description, PARAMETER, ("name",))
+        assert re.fullmatch(r"[.\-a-zA-Z0-9_{}]{1,16}", description["name"])
+        assert description["type"] == "Float", "all travel as REAL32"
+        assert (description["min"], description["max"], description["default"]) == (
             row.minimum,
             row.maximum,
             row.default,
         )
-        assert (found["units"], found["shortDesc"]) == (row.unit, row.doc)
-        assert found.get("increment") == (1 if row.integer else None)
+        assert (description["units"], description["shortDesc"]) == (row.unit, row.doc)
+        assert description.get("increment") == (1 if row.integer else None)
     assert rows["MAV_SYS_ID"]["rebootRequired"]
     assert "rebootRequired" not in rows["HDG_P"]
 

@@ -23,19 +23,19 @@ def on(path: TrackLine | Circle, north_m: float, east_m: float) -> Snapshot:
 
 def test_line_reports_end_and_cross_track_error() -> None:
     s = on(TrackLine(0j, 100 + 0j), 40.0, 3.0)
-    told = message("NAV_CONTROLLER_OUTPUT", s)
-    assert (told.wp_dist, told.target_bearing) == (60, -3)
-    assert told.xtrack_error == pytest.approx(3.0)
-    assert told.nav_bearing == round(math.degrees(-1.0))
+    reported = message("NAV_CONTROLLER_OUTPUT", s)
+    assert (reported.wp_dist, reported.target_bearing) == (60, -3)
+    assert reported.xtrack_error == pytest.approx(3.0)
+    assert reported.nav_bearing == round(math.degrees(-1.0))
     target = message("POSITION_TARGET_LOCAL_NED", s)
     assert (target.x, target.y, target.z) == (100.0, 0.0, 4.0)
     assert not target.type_mask & mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
 
 
 def test_circle_reports_centre() -> None:
-    told = message("NAV_CONTROLLER_OUTPUT", on(Circle(10 + 0j, 20.0), 10.0, -25.0))
-    assert (told.wp_dist, told.target_bearing) == (25, 90)
-    assert told.xtrack_error == pytest.approx(5.0)
+    reported = message("NAV_CONTROLLER_OUTPUT", on(Circle(10 + 0j, 20.0), 10.0, -25.0))
+    assert (reported.wp_dist, reported.target_bearing) == (25, 90)
+    assert reported.xtrack_error == pytest.approx(5.0)
 
 
 def test_odometry_reports_velocity_and_covariance() -> None:
@@ -48,11 +48,13 @@ def test_odometry_reports_velocity_and_covariance() -> None:
         position_sd_m=3.0,
         navigation=learned,
     )
-    told = message("ODOMETRY", s)
-    assert (told.vx, told.vy) == pytest.approx((1.1, -0.2), abs=1e-6), "she looks east"
-    assert (told.pose_covariance[0], told.pose_covariance[6]) == (9.0, 9.0)
-    assert told.pose_covariance[1] == 0.0
-    assert told.velocity_covariance[0] == pytest.approx(0.04, abs=1e-3)
+    reported = message("ODOMETRY", s)
+    assert (reported.vx, reported.vy) == pytest.approx((1.1, -0.2), abs=1e-6), (
+        "body axes: heading is east"
+    )
+    assert (reported.pose_covariance[0], reported.pose_covariance[6]) == (9.0, 9.0)
+    assert reported.pose_covariance[1] == 0.0
+    assert reported.velocity_covariance[0] == pytest.approx(0.04, abs=1e-3)
 
 
 def test_estimator_status_reports_accuracy_and_glitch() -> None:
@@ -60,11 +62,11 @@ def test_estimator_status_reports_accuracy_and_glitch() -> None:
         current_mps=0.2 - 0.1j, covariance=NavCovariance(4.0, 0.01, 0.0, 0.0), fixes_rejected=3
     )
     s = snapshot(position_sd_m=2.0, navigation=learned, depth_time_us=12_340_000)
-    told = message("ESTIMATOR_STATUS", s)
-    assert told.pos_horiz_accuracy == 2.0
+    reported = message("ESTIMATOR_STATUS", s)
+    assert reported.pos_horiz_accuracy == 2.0
     for flag in ("POS_HORIZ_REL", "POS_HORIZ_ABS", "POS_VERT_ABS", "GPS_GLITCH"):
-        assert told.flags & getattr(mavlink, f"ESTIMATOR_{flag}"), flag
-    assert not told.flags & mavlink.ESTIMATOR_POS_VERT_AGL
+        assert reported.flags & getattr(mavlink, f"ESTIMATOR_{flag}"), flag
+    assert not reported.flags & mavlink.ESTIMATOR_POS_VERT_AGL
     current = message("WIND_COV", s)
     assert (current.wind_x, current.wind_y, current.horiz_accuracy) == pytest.approx(
         (0.2, -0.1, 0.1)
@@ -104,8 +106,8 @@ def test_unsupported_setpoint_is_reported_once() -> None:
     sideways = mavlink.MAVLink_set_position_target_local_ned_message(
         0, 1, 1, 7, Z_ONLY, 0, 0, 6.0, *[0.0] * 8
     )
-    (told,) = texts(deck.ask(sideways))
-    assert told.startswith("Set-point ignored: frame 7")
+    (reported,) = texts(deck.ask(sideways))
+    assert reported.startswith("Set-point ignored: frame 7")
     assert texts(deck.ask(sideways)) == []
 
 

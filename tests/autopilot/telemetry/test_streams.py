@@ -147,16 +147,16 @@ def test_depth_sign_per_message_is_correct() -> None:
 
 
 def test_position_is_relative_to_home() -> None:
-    at = message("GLOBAL_POSITION_INT", snapshot(north_m=111.19, east_m=0.0))
-    assert (at.lat, at.lon) == (pytest.approx(415_010_000, abs=20), -707_000_000)
+    reported = message("GLOBAL_POSITION_INT", snapshot(north_m=111.19, east_m=0.0))
+    assert (reported.lat, reported.lon) == (pytest.approx(415_010_000, abs=20), -707_000_000)
 
 
 @pytest.mark.parametrize(
     ("heading_rad", "centidegrees"), [(0.0, 0), (-0.5 * math.pi, 27_000), (-1e-6, 0), (3.0, 17_189)]
 )
 def test_heading_is_within_its_range(heading_rad: float, centidegrees: int) -> None:
-    at = message("GLOBAL_POSITION_INT", snapshot(heading_rad=heading_rad))
-    assert at.hdg == centidegrees
+    reported = message("GLOBAL_POSITION_INT", snapshot(heading_rad=heading_rad))
+    assert reported.hdg == centidegrees
     assert 0 <= message("VFR_HUD", snapshot(heading_rad=heading_rad)).heading < 360
 
 
@@ -272,19 +272,19 @@ def test_invalid_state_does_not_block_messages(nonsense: float) -> None:
 def test_every_message_can_be_built_before_first_tick() -> None:
     deck = Deck()
     for stream in STREAMS:
-        told = [
+        reported = [
             m
             for m in deck.command(512, stream.message.message_id)
             if m.get_type() == stream.message.name
         ]
-        assert len(told) == len(stream.builders)
+        assert len(reported) == len(stream.builders)
 
 
 def counts(deck: Deck, ticks: int) -> dict[str, int]:
     deck.station.heard()
     deck.tick(ticks)
-    heard = [m.get_type() for m in deck.station.heard()]
-    return {name: heard.count(name) for name in heard}
+    received = [m.get_type() for m in deck.station.heard()]
+    return {name: received.count(name) for name in received}
 
 
 def test_every_stream_has_default_rate() -> None:
@@ -316,10 +316,13 @@ def test_links_have_own_rates_and_sequences() -> None:
     for station in deck.stations:
         station.heard()
     deck.tick(10 * SECOND_TICKS)
-    one, two = (station.heard() for station in deck.stations)
-    assert [sum(m.get_type() == "ATTITUDE" for m in heard) for heard in (one, two)] == [500, 100]
-    for heard in (one, two):
-        numbers = [m.get_seq() for m in heard]
+    first, second = (station.heard() for station in deck.stations)
+    assert [sum(m.get_type() == "ATTITUDE" for m in received) for received in (first, second)] == [
+        500,
+        100,
+    ]
+    for received in (first, second):
+        numbers = [m.get_seq() for m in received]
         assert numbers == [(numbers[0] + n) % 256 for n in range(len(numbers))]
 
 

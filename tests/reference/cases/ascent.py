@@ -49,7 +49,7 @@ def checks() -> Iterator[Check]:
 
 
 def _upright(model: VehicleModel) -> VehicleModel:
-    """The vehicle with its weights on the axis and low in the tail, so that she rides upright like
+    """The vehicle with its weights on the axis and low in the tail, so that it rises upright like
     a spar buoy."""
     inertia = flight.balanced(model).inertia
     centred = model.hydrostatics._replace(

@@ -39,8 +39,10 @@ def checks() -> Iterator[Check]:
     )
     for ratio, reference in ((0.5, 3 / 2), (5 / 3, 9 / 13)):
         sphere = bodies.spheroid(1.0, 1.0, mass_ratio=ratio)
-        ashore = flight.rate(sphere, state)[7:10]
-        gained = flight.rotation(state) @ (flight.rate(sphere, state, water=SURGING)[7:10] - ashore)
+        still_water_rate = flight.rate(sphere, state)[7:10]
+        gained = flight.rotation(state) @ (
+            flight.rate(sphere, state, water=SURGING)[7:10] - still_water_rate
+        )
         quotient = gained[0] / SURGING.acceleration_mps2[0]
         yield relative(
             f"sphere of {ratio:.3g} the density",

@@ -34,7 +34,7 @@ def checks() -> Iterator[Check]:
 
 
 def _lost(label: str, models: list[VehicleModel]) -> Iterator[Check]:
-    """What the worst motion gains; nothing, if all is well."""
+    """Return the largest gain of energy of all motions; zero is expected."""
     rng = np.random.default_rng(3)
     power, gain = 0.0, 0.0
     for model in models:

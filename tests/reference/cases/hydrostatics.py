@@ -55,7 +55,7 @@ def checks() -> Iterator[Check]:
 
 
 def _cylinder(load: float) -> VehicleModel:
-    """Of ``load`` times the water's density, ballasted so that it knows which way is up."""
+    """Return a cylinder of ``load`` times the density of water, with a low centre of mass."""
     body = bodies.cylinder(LENGTH_M, 2 * RADIUS_M, 0.0, mass_ratio=load)
     return body._replace(hydrostatics=body.hydrostatics._replace(z_cm_m=-RADIUS_M / 10))
 

@@ -1,10 +1,10 @@
-"""REMUS 100 from her drawing.
+"""REMUS 100 from its dimensions.
 
-Verifies: that geometry alone, by the formulas a user's vehicle goes through, gives the hull, the
-added mass and the crossflow drag that her thesis prints. Leaves out: hull lift in a turn and N_rr,
-in which thesis and formulas choose differently; drag, which was measured and stands in the file.
-Manoeuvres: with the thesis' crossflow terms as printed and as its own formula gives them, ten times
-less, her turns differ several times over, so they are held to the matrix form instead. Reference:
+Verifies: that the formulas for a user's vehicle give, from geometry alone, the hull, the added mass
+and the crossflow drag printed in the thesis. Leaves out: hull lift in a turn and N_rr, which thesis
+and formulas define differently; drag, which is a measured value in the vehicle file. Manoeuvres are
+compared with the matrix form instead, because the printed crossflow terms of the thesis and those
+of its own formula differ by a factor of ten and so do not define the turns. Reference:
 T. Prestero, "Verification of a Six-Degree of Freedom Simulation Model for the REMUS Autonomous
 Underwater Vehicle", MIT/WHOI, 2001, hull parameters and appendix C; Y_vv with the decimal point
 that his own formula gives. Tolerance: 3 %, two printed digits and the difference between his

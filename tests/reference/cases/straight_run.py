@@ -1,10 +1,10 @@
 """Ten minutes of straight run.
 
-Verifies: that a symmetric vehicle with her duct amidships, in still water, goes straight: no
-heading, roll or sway of her own; and how little rounding makes of it where symmetry is not to the
-bit, in a current that meets her obliquely. Leaves out: the autopilot and the sensors, whose errors
-steer a real one; bias of the tailcone. Reference: symmetry: nothing. Tolerance: 0.1 deg of heading
-in ten minutes, as asked for; the figure is zero to the bit without current."""
+Verifies: that a symmetric vehicle with zero duct angle in still water runs straight, without
+heading, roll or sway; and that rounding errors stay small in an oblique current, where symmetry is
+not exact to the bit. Leaves out: the autopilot and the sensors, whose errors steer a real vehicle;
+bias of the tailcone. Reference: symmetry, hence zero. Tolerance: 0.1 deg of heading in ten minutes,
+the requirement; the value is zero to the bit without current."""
 
 from collections.abc import Iterator
 from math import degrees
@@ -20,7 +20,7 @@ OBLIQUE_MPS = (0.31, -0.17, 0.0)
 
 
 def checks() -> Iterator[Check]:
-    """Still water, then a current that she drifts with."""
+    """Yield the checks in still water, then in a current with which the vehicle drifts."""
     for name in config.SHIPPED:
         model, point = flight.model(name), config.load(name).operating_point
         track = flight.fly(

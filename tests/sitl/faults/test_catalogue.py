@@ -54,7 +54,7 @@ def test_every_fault_can_be_scheduled(unit: str, kind: str, tmp_path: Path) -> N
         ({"at_s": 1, "unit": "leak", "kind": "off"}, "kind = 'off': leak can be wet"),
         (
             {"at_s": 1, "unit": "gps", "kind": "off", "period_s": 2},
-            "period_s = 2: gps off takes no size",
+            "period_s = 2: gps off takes no parameter",
         ),
         (
             {"at_s": 1, "unit": "gps", "kind": "slow", "delay_s": 2},
@@ -97,7 +97,7 @@ def test_infeasible_ballast_is_rejected(
     load(tmp_path, row(at_s=1, unit="ballast", kind=kind, mass_kg=mass_kg, x_m=x_m))
     asked, vehicle = scenario.load(str(tmp_path / "faults.toml")), config.load("caribou_truth")
     with pytest.raises(
-        ScenarioError, match=f"ballast {kind} {mass_kg:g}: expected less, of a vehicle of"
+        ScenarioError, match=f"ballast {kind} {mass_kg:g}: expected less: the vehicle has"
     ):
         plant.build(vehicle, asked)
 

@@ -1,4 +1,4 @@
-"""Flying a model without autopilot or sensors: what every test of the vehicle needs."""
+"""Helpers of the vehicle tests: simulate a model without autopilot and sensors."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ SHIPPED = ("caribou_nominal", "caribou_truth")
 
 
 def model(name: str) -> VehicleModel:
-    """A shipped vehicle."""
+    """Return the model of a shipped vehicle."""
     return build_model.build(config.load(name))
 
 
 def cruising(u_mps: float = 1.3) -> Vector:
-    """Deep, level, heading north, under way."""
+    """Return the state of a deep, level vehicle that moves north at ``u_mps``."""
     state = dynamics.state_at_rest(DEEP_M)
     state[7] = u_mps
     return state
 
 
 def tumbling(z_up_m: float = -1000.0) -> Vector:
-    """Deep and moving in all six degrees of freedom, at an attitude without symmetry."""
+    """Return a state with motion in six degrees of freedom and an attitude without symmetry."""
     state = dynamics.state_at_rest(z_up_m)
     state[3:7] = np.array([0.7, 0.3, -0.5, 0.4]) / np.linalg.norm([0.7, 0.3, -0.5, 0.4])
     state[7:13] = 1.1, -0.4, 0.3, 0.9, -0.5, 0.6
@@ -35,7 +35,7 @@ def tumbling(z_up_m: float = -1000.0) -> Vector:
 
 
 def without_fluid_forces(model: VehicleModel) -> VehicleModel:
-    """Added mass, weight and buoyancy only: no drag, no lift, no thrust, no pull of walls."""
+    """Return the model with inertia, weight and buoyancy only: no drag, lift, thrust or walls."""
     return model._replace(
         hull=model.hull._replace(**dict.fromkeys(model.hull._fields, 0.0)),
         stations=model.stations._replace(drag_kgpm=np.zeros_like(model.stations.drag_kgpm)),
@@ -46,12 +46,15 @@ def without_fluid_forces(model: VehicleModel) -> VehicleModel:
 
 
 def without_weight(model: VehicleModel) -> VehicleModel:
-    """Neither weight nor buoyancy."""
+    """Return the model without weight and buoyancy."""
     return model._replace(hydrostatics=model.hydrostatics._replace(weight_n=0.0, buoyancy_n=0.0))
 
 
 def balanced(model: VehicleModel) -> VehicleModel:
-    """Neither weight nor buoyancy, centre of mass on the axis: yaw and pitch do not stir roll."""
+    """Return the model without weight and buoyancy and with a diagonal mass matrix.
+
+    Yaw and pitch then do not excite roll.
+    """
     M = np.diag(np.diag(model.inertia.M))
     inertia = model.inertia._replace(M=M, M_inverse=np.linalg.inv(M))
     return without_weight(model)._replace(inertia=inertia)
@@ -66,7 +69,7 @@ def rate(
     disturbance: Vector | None = None,
     water: Water = STILL,
 ) -> Vector:
-    """d(state)/dt."""
+    """Return d(state)/dt, shape (13,)."""
     out = np.empty(dynamics.STATE_SIZE)
     push = np.zeros(6) if disturbance is None else disturbance
     dynamics.derivative(state, rudder_rad, elevator_rad, shaft_rps, push, water, model, out)
@@ -93,7 +96,7 @@ def fly(
     disturbance: Vector | None = None,
     dt_s: float = 0.005,
 ) -> Vector:
-    """States before each step and after the last, shape (n + 1, 13); inputs held throughout."""
+    """Return the states before each step and after the last, shape (n + 1, 13), inputs constant."""
     track = np.empty((round(seconds / dt_s) + 1, dynamics.STATE_SIZE))
     push = np.zeros(6) if disturbance is None else disturbance
     shaft_rps = thrust_fraction * model.propeller.full_rps
@@ -105,5 +108,5 @@ def fly(
 
 
 def rotation(state: Vector) -> Vector:
-    """R, body FLU to NWU, shape (3, 3)."""
+    """Return R, body FLU to NWU, shape (3, 3)."""
     return np.array(dynamics.rotation(state))

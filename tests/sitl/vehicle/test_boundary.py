@@ -1,4 +1,4 @@
-"""Walls: what they push, rub and draw, and that they give nothing."""
+"""Forces of floor, ice and surface: contact, friction and suction; none of them adds energy."""
 
 import math
 
@@ -23,23 +23,23 @@ SLOPE = np.array([-math.sin(0.2), 0.0, math.cos(0.2)])
 
 
 def frictionless(model: VehicleModel) -> VehicleModel:
-    """Neither drag nor lift, but with walls that draw."""
+    """Return the model without drag and lift, but with suction of walls."""
     return flight.without_fluid_forces(model)._replace(walls=model.walls)
 
 
 def pulled(state: Vector, water: Water, model: VehicleModel = FIELD) -> Vector:
-    """Wrench of the walls' pull alone: with walls, less without."""
+    """Return the wrench of wall suction alone: with walls minus without walls."""
     blind = model._replace(walls=model.walls._replace(far_m=0.0))
     difference = flight.rate(model, state, water=water) - flight.rate(blind, state, water=water)
     return np.asarray(model.inertia.M @ difference[7:13])
 
 
 @pytest.mark.parametrize("distance_m", [0.4, 1.0, 2.0])
-def test_the_pull_is_the_suction_on_the_wall_itself(distance_m: float) -> None:
-    """Bernoulli on the wall: what the wall feels is 1/2 rho v^2 over all of it, v the flow of hull
-    and mirror image.
+def test_wall_pull_equals_pressure_integral_on_wall(distance_m: float) -> None:
+    """Reference: integral of the Bernoulli pressure 1/2 rho v^2 over the wall.
 
-    The part of the pressure linear in v is that of sources in pairs and sums to nothing.
+    v is the flow of hull and mirror image. The part of the pressure that is linear in v comes from
+    pairs of sources and sums to zero.
     """
     x, dx = wall_effects.geometry.quadrature(HULL, wall_effects.NODES)
     source = -wall_effects._section_growth(HULL, x) * dx / (4 * math.pi)
@@ -54,7 +54,7 @@ def test_the_pull_is_the_suction_on_the_wall_itself(distance_m: float) -> None:
     assert wall_effects.pull(HULL, RHO, distance_m)[0] == pytest.approx(suction, rel=0.01)
 
 
-def test_the_table_is_the_integral_less_what_is_left_a_length_off() -> None:
+def test_wall_table_equals_integral_minus_far_value() -> None:
     rest = wall_effects.pull(HULL, RHO, FIELD.walls.far_m)
     assert rest[0] < 0.003 * FIELD.walls.pull_kgpm[-1]
     for distance_m in (0.3, 0.5, 1.0, 2.0):
@@ -66,7 +66,7 @@ def test_the_table_is_the_integral_less_what_is_left_a_length_off() -> None:
         assert force[4] / 1.3**2 == pytest.approx(-exact[1], rel=0.02, abs=1e-3)
 
 
-def test_floor_draws_down_ice_and_the_still_surface_up_and_all_alike() -> None:
+def test_floor_ice_and_surface_attract_equally() -> None:
     state = flight.cruising()
     state[2] = -1.0
     up = pulled(state, Water(surface_m=50.0, ceiling_m=0.0))
@@ -76,14 +76,14 @@ def test_floor_draws_down_ice_and_the_still_surface_up_and_all_alike() -> None:
     np.testing.assert_allclose(pulled(state, Water()), up, atol=1e-12)
 
 
-def test_at_speed_the_surface_is_no_wall_but_ice_is() -> None:
+def test_surface_suction_vanishes_at_speed_but_not_under_ice() -> None:
     state = flight.cruising(boundary.SOFT_FROUDE * math.sqrt(H.gravity_mps2 * 1.0) + 0.01)
     state[2] = -1.0
     assert pulled(state, Water())[2] == 0.0
     assert pulled(state, Water(ceiling_m=0.0, surface_m=9.0))[2] > 1.0
 
 
-def test_a_hull_that_rests_or_drifts_with_the_water_is_not_drawn() -> None:
+def test_hull_at_rest_in_water_has_no_suction() -> None:
     state = flight.cruising()
     state[2] = -1.0
     np.testing.assert_array_equal(pulled(state, Water(velocity_mps=(1.3, 0.0, 0.0))), 0.0)
@@ -96,7 +96,7 @@ def test_a_hull_that_rests_or_drifts_with_the_water_is_not_drawn() -> None:
     st.floats(-3.0, 3.0),
     st.sampled_from(["floor", "slope", "ice"]),
 )
-def test_what_draws_her_gives_no_power(
+def test_wall_suction_has_zero_power(
     nu: tuple[float, ...], distance_m: float, pitch: float, roll: float, wall: str
 ) -> None:
     state = flight.cruising()
@@ -116,7 +116,7 @@ def test_what_draws_her_gives_no_power(
 
 
 def spring_j(model: VehicleModel, track: Vector, floor_m: float, normal: Vector) -> Vector:
-    """Energy in the contact springs: both ends, rounded with the hull's radius."""
+    """Return the energy in the contact springs of both ends, J."""
     h = model.hydrostatics
     arm, stiffness = (
         h.half_length_m - h.radius_m,
@@ -132,8 +132,10 @@ def spring_j(model: VehicleModel, track: Vector, floor_m: float, normal: Vector)
 
 
 def thrown(normal: Vector) -> tuple[VehicleModel, Vector]:
-    """A hull without drag that drifts down onto a floor; as in the plant, what is under her is told
-    anew every tick."""
+    """Return model and track of a hull without drag that sinks onto a floor.
+
+    As in the simulator, the height of the floor under the hull is updated every tick.
+    """
     model, state = frictionless(FIELD), flight.cruising()
     heavy = model.hydrostatics._replace(weight_n=1.01 * model.hydrostatics.buoyancy_n)
     model = model._replace(hydrostatics=heavy)
@@ -152,8 +154,8 @@ def thrown(normal: Vector) -> tuple[VehicleModel, Vector]:
 
 
 @pytest.mark.parametrize("normal", [np.array([0.0, 0.0, 1.0]), SLOPE], ids=["level", "slope"])
-def test_a_hull_thrown_on_the_floor_bounces_slides_and_loses_energy(normal: Vector) -> None:
-    """Body, water and springs together: no step, nor any number of them, brings energy back."""
+def test_hull_impact_on_floor_loses_energy(normal: Vector) -> None:
+    """The total energy of body, water and springs does not increase, within 1 %."""
     model, track = thrown(normal)
     stored = spring_j(model, track, FLOOR_M, normal)
     total = energy.mechanical_j(model, track) + stored
@@ -162,7 +164,7 @@ def test_a_hull_thrown_on_the_floor_bounces_slides_and_loses_energy(normal: Vect
     assert total[-1] < total[0] - 100.0
 
 
-def test_ice_holds_a_buoyant_vehicle_down_flat_against_it() -> None:
+def test_ice_holds_buoyant_vehicle_level_below_it() -> None:
     track = flight.fly(
         FIELD, flight.dynamics.state_at_rest(-3.0), 120.0, water=Water(ceiling_m=-0.5)
     )

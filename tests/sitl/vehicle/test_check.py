@@ -1,5 +1,4 @@
-"""A vehicle that cannot be is refused in one line; of one that can be, the report agrees with known
-vehicles."""
+"""Impossible vehicles are rejected in one line; reports of possible ones agree with references."""
 
 import json
 import subprocess
@@ -47,12 +46,12 @@ def refused(text, tmp_path):
         ("span_m = 0.12", "", "fins: missing key span_m"),
     ],
 )
-def test_the_impossible_is_refused_by_name(old, new, message, tmp_path):
+def test_impossible_vehicle_rejected_with_key(old, new, message, tmp_path):
     assert old in WHOLE
     assert message in refused(WHOLE.replace(old, new), tmp_path)
 
 
-def test_a_vehicle_needs_something_to_steer_by(tmp_path):
+def test_vehicle_without_duct_and_fins_rejected(tmp_path):
     bare = FINNED[: FINNED.index("[fins]")]
     assert "neither a table duct nor fins" in refused(bare, tmp_path)
 
@@ -68,13 +67,13 @@ def test_a_vehicle_needs_something_to_steer_by(tmp_path):
         ("[[0.0, 0.0], [1.0, 0.0]]", "hull.points_m = "),
     ],
 )
-def test_a_profile_that_is_none_is_refused(points, message, tmp_path):
+def test_invalid_profile_rejected(points, message, tmp_path):
     hull = f'shape = "profile"\npoints_m = {points}\n'
     text = FINNED.replace('shape = "cylinder"\nlength_m = 2.0\ndiameter_m = 0.2\n', hull)
     assert message in refused(text, tmp_path)
 
 
-def test_a_profile_may_lie_in_a_table_of_its_own(tmp_path):
+def test_profile_read_from_csv_file(tmp_path):
     (tmp_path / "hull.csv").write_text("x_m,radius_m\n0.0,0.0\n0.5,0.1\n1.5,0.1\n2.0,0.03\n")
     file = tmp_path / "mine.toml"
     inner = 'shape = "profile"\nfile = "hull.csv"\n'
@@ -87,12 +86,12 @@ def test_a_profile_may_lie_in_a_table_of_its_own(tmp_path):
         check.check(file)
 
 
-def test_the_field_vehicle_is_effective_and_says_so():
+def test_caribou_truth_warns_of_effective_coefficients():
     assert any("effective" in text for text in check.check("caribou_truth").warnings)
     assert check.check("caribou_nominal").warnings == []
 
 
-def test_periods_and_speeds_of_bench():
+def test_caribou_nominal_periods_and_speeds():
     found = check.check("caribou_nominal")
     stiffness = 640.0 * 9.80665 * 0.021
     assert found.pitch_period_s == pytest.approx(
@@ -108,8 +107,8 @@ def test_periods_and_speeds_of_bench():
     )
 
 
-def test_level_flight_balances_and_stays_level():
-    """Against identification's own solver of the same equations."""
+def test_level_trim_equals_identification_solver():
+    """Reference: the solver of the identification for the same equations."""
     from sitl.vehicle import build_model
     from sysid.estimation.map import fit
 
@@ -123,7 +122,7 @@ def test_level_flight_balances_and_stays_level():
     )
 
 
-def test_a_vehicle_that_cannot_fly_level_is_refused(tmp_path):
+def test_vehicle_without_level_trim_rejected(tmp_path):
     said = refused(FINNED + "[ballast]\nmass_kg = 1e9\n", tmp_path)
     assert "operating_point.speed_mps = 1.5: expected a speed at which level motion" in said
 
@@ -137,7 +136,7 @@ def run(*arguments):
     )
 
 
-def test_the_command_line_writes_once_and_checks(tmp_path):
+def test_command_line_writes_once_and_checks(tmp_path):
     out = str(tmp_path / "mine.toml")
     options = [
         "new",
@@ -159,7 +158,7 @@ def test_the_command_line_writes_once_and_checks(tmp_path):
     assert (again.returncode, again.stderr) == (2, f"vehicle: {out}: exists; give a new name\n")
 
 
-def test_the_command_line_refuses_in_one_line(tmp_path):
+def test_command_line_errors_are_one_line(tmp_path):
     for arguments in (["check", "nowhere"], ["new", "--out", str(tmp_path / "x.toml")]):
         refusal = run(*arguments)
         assert refusal.returncode == 2

@@ -1,5 +1,4 @@
-"""A vehicle file is taken whole or refused in one line that names file, key, value and what would
-be right."""
+"""A vehicle file is read, or rejected in one line with file, key, value and what is expected."""
 
 import re
 from pathlib import Path
@@ -13,7 +12,7 @@ BENCH = (Path(config.__file__).parent / "caribou_nominal.toml").read_text()
 
 
 def altered(key: str, value: str) -> str:
-    """The bench file with the first ``key`` set to ``value``, or dropped when that is empty."""
+    """Return caribou_nominal with the first ``key`` set to ``value``, or removed if empty."""
     line = f"{key} = {value}" if value else ""
     text, n = re.subn(rf"(?m)^{key} = .*$", line, BENCH, count=1)
     assert n == 1
@@ -21,16 +20,16 @@ def altered(key: str, value: str) -> str:
 
 
 @pytest.mark.parametrize("name", flight.SHIPPED)
-def test_shipped_vehicles_load_by_name(name):
+def test_shipped_vehicle_loads_by_name(name):
     assert config.load(name).name == name
 
 
-def test_only_the_field_vehicle_carries_the_rudder_bias():
+def test_only_caribou_truth_has_rudder_bias():
     assert config.load("caribou_nominal").tailcone.rudder_bias_deg == 0.0
     assert config.load("caribou_truth").tailcone.rudder_bias_deg == -6.0
 
 
-def test_any_other_name_is_a_path(tmp_path):
+def test_unknown_name_is_read_as_path(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(BENCH)
     assert config.load(file) == config.load("caribou_nominal")
@@ -68,13 +67,13 @@ def test_any_other_name_is_a_path(tmp_path):
         ),
     ],
 )
-def test_a_bad_value_is_refused_by_name(key, value, message):
+def test_bad_value_rejected_with_key(key, value, message):
     with pytest.raises(config.VehicleFileError, match=rf"^mine\.toml: {message}") as refusal:
         config.parse(altered(key, value), "mine.toml")
     assert "\n" not in str(refusal.value)
 
 
-def test_a_propeller_must_fit_its_duct():
+def test_propeller_larger_than_duct_rejected():
     text = BENCH.replace("diameter_m = 0.38 ", "diameter_m = 0.50 ")
     with pytest.raises(
         config.VehicleFileError,
@@ -83,7 +82,7 @@ def test_a_propeller_must_fit_its_duct():
         config.parse(text, "mine.toml")
 
 
-def test_a_table_in_place_of_a_number_is_refused_by_name():
+def test_table_instead_of_number_rejected_with_key():
     with pytest.raises(
         config.VehicleFileError, match=r"^mine\.toml: water = 3: expected object, got int"
     ):
@@ -97,39 +96,39 @@ def test_a_table_in_place_of_a_number_is_refused_by_name():
         )
 
 
-def test_broken_toml_names_the_line():
+def test_invalid_toml_error_has_line():
     with pytest.raises(config.VehicleFileError, match=r"^mine\.toml: not valid TOML: .*line 2"):
         config.parse("name = 'x'\nwater =\n", "mine.toml")
 
 
 @pytest.mark.parametrize("name", ["no_such_vehicle", "no/such/file.toml", "."])
-def test_a_file_that_cannot_be_read_says_what_to_give(name):
+def test_unreadable_file_error_lists_vehicles(name):
     with pytest.raises(
         config.VehicleFileError, match=r"cannot be read .* give .*caribou_nominal.*, or a TOML file"
     ):
         config.load(name)
 
 
-def test_a_file_that_is_not_text_is_refused(tmp_path):
+def test_binary_file_rejected(tmp_path):
     file = tmp_path / "vehicle.toml"
     file.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(config.VehicleFileError, match="not UTF-8 text"):
         config.load(file)
 
 
-def test_a_mass_matrix_that_is_not_positive_definite_is_refused():
+def test_indefinite_mass_matrix_rejected():
     with pytest.raises(config.VehicleFileError, match="mass matrix has an eigenvalue -"):
         build_model.build(config.parse(altered("z_CM_m", "-0.5"), "mine.toml"))
 
 
-def test_thrust_below_the_duct_drag_is_refused():
+def test_thrust_below_duct_drag_rejected():
     with pytest.raises(
         config.VehicleFileError, match=r"thrust_n = 0\.1: expected more than the duct's own drag"
     ):
         build_model.build(config.parse(altered("thrust_n", "0.1"), "mine.toml"))
 
 
-def test_steps_are_lost_only_by_a_tailcone_that_steps():
+def test_lost_steps_without_motor_steps_rejected():
     text = altered("lost_step_chance", "0.01")
     with pytest.raises(
         config.VehicleFileError,

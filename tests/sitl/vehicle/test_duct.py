@@ -1,5 +1,4 @@
-"""The ring duct against the published slopes, the paper's own transformation matrices, and common
-sense past stall."""
+"""Ring duct: published lift slopes, the paper's transformation matrices, and stall."""
 
 from math import cos, pi, radians, sin
 
@@ -24,7 +23,7 @@ SPEED = st.floats(-3, 3)
     ANGLE,
     st.floats(-radians(15), -radians(1)),
 )
-def test_attached_flow_is_the_papers(u, v, w, rudder, elevator):
+def test_attached_duct_force_equals_paper(u, v, w, rudder, elevator):
     velocity = (u, v, w)
     axis = duct.ring_axis(rudder, elevator)
     incidence = np.arccos(np.dot(velocity, axis) / np.linalg.norm(velocity))
@@ -34,7 +33,7 @@ def test_attached_flow_is_the_papers(u, v, w, rudder, elevator):
         )
 
 
-def test_zero_incidence_and_rest_are_defined():
+def test_duct_force_defined_at_zero_incidence_and_rest():
     assert duct.force((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), DUCT) == (0.0, 0.0, 0.0)
     X, Y, Z = duct.force((1.3, 0.0, 0.0), (1.0, 0.0, 0.0), DUCT)
     assert (Y, Z) == (0.0, 0.0)
@@ -42,18 +41,18 @@ def test_zero_incidence_and_rest_are_defined():
 
 
 @given(SPEED, SPEED, SPEED, ANGLE, ANGLE)
-def test_the_passive_ring_never_drives(u, v, w, rudder, elevator):
+def test_duct_force_power_is_never_positive(u, v, w, rudder, elevator):
     X, Y, Z = duct.force((u, v, w), duct.ring_axis(rudder, elevator), DUCT)
     assert X * u + Y * v + Z * w <= 1e-12
 
 
 @given(st.floats(0, 2 * pi))
-def test_force_is_bounded_at_every_incidence(alpha):
+def test_duct_force_bounded_at_all_incidences(alpha):
     force = duct.force((cos(alpha), sin(alpha), 0.0), (1.0, 0.0, 0.0), DUCT)
     assert np.linalg.norm(force) <= DUCT.half_rho_area_kgpm * 3.5
 
 
-def test_lift_falls_past_stall_and_never_jumps():
+def test_duct_lift_decreases_past_stall_without_jump():
     alpha = np.linspace(0, pi, 20001)
     lift = np.array([duct.force((cos(a), sin(a), 0.0), (1.0, 0.0, 0.0), DUCT) for a in alpha])
     across = lift[:, 0] * np.sin(alpha) - lift[:, 1] * np.cos(alpha)
@@ -63,6 +62,6 @@ def test_lift_falls_past_stall_and_never_jumps():
 
 
 @given(SPEED, SPEED, SPEED, ANGLE, ANGLE)
-def test_port_is_the_mirror_of_starboard_to_the_bit(u, v, w, rudder, elevator):
+def test_duct_force_mirror_symmetric_to_the_bit(u, v, w, rudder, elevator):
     X, Y, Z = duct.force((u, v, w), duct.ring_axis(rudder, elevator), DUCT)
     assert duct.force((u, -v, w), duct.ring_axis(-rudder, elevator), DUCT) == (X, -Y, Z)

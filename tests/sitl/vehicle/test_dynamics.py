@@ -1,4 +1,4 @@
-"""What the vehicle does: signs, trim, symmetry, current, and no state that makes it blow up."""
+"""Equations of motion: signs, trim, symmetry, current, stability of the integration."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from tests.sitl.vehicle import flight
 
 FIVE_DEG = np.radians(5)
 MIRROR = np.array([1, -1, 1, 1, -1, 1, -1, 1, -1, 1, -1, 1, -1])
-"""Reflection in the vertical plane through north: port becomes starboard."""
+"""Signs of the state's reflection in the vertical plane through north: port becomes starboard."""
 
 
 @pytest.fixture(params=flight.SHIPPED)
@@ -21,7 +21,7 @@ def model(request):
 
 
 def heading_rad(track):
-    """Clockwise from north: NWU's yaw counts to port."""
+    """Return the heading clockwise from north; yaw in NWU is positive to port."""
     w, x, y, z = track[:, 3:7].T
     return -np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
@@ -30,20 +30,20 @@ def nose_up_rad(state):
     return np.arcsin(flight.rotation(state)[2, 0])
 
 
-def test_right_rudder_turns_to_starboard(model):
+def test_positive_rudder_turns_to_starboard(model):
     track = flight.fly(model, flight.cruising(), 10.0, rudder_rad=FIVE_DEG, thrust_fraction=0.58)
     assert np.degrees(heading_rad(track)[-1]) > 10
     assert track[-1, 1] < -1.0
 
 
-def test_up_elevator_lifts_the_nose_and_climbs(model):
+def test_positive_elevator_raises_nose_and_climbs(model):
     track = flight.fly(model, flight.cruising(), 10.0, elevator_rad=FIVE_DEG, thrust_fraction=0.58)
     assert np.degrees(nose_up_rad(track[-1])) > 5
     assert track[-1, 2] > track[0, 2] + 0.3
 
 
 def level_trim(model, thrust_fraction):
-    """(u, pitch, elevator) of steady level flight, by root search on the full equations."""
+    """Return state and elevator of steady level motion, by root search on the full equations."""
 
     def state_of(u, theta):
         state = flight.cruising()
@@ -62,7 +62,7 @@ def level_trim(model, thrust_fraction):
     return state_of(u, theta), elevator
 
 
-def test_58_percent_flies_level_at_1_3_mps(model):
+def test_58_percent_thrust_gives_level_1_3_mps(model):
     state, elevator = level_trim(model, 0.58)
     velocity = flight.rotation(state) @ state[7:10]
     assert np.linalg.norm(velocity) == pytest.approx(1.30, rel=0.01)
@@ -71,14 +71,14 @@ def test_58_percent_flies_level_at_1_3_mps(model):
     assert abs(np.degrees(elevator)) < 3
 
 
-def test_level_trim_holds_in_time(model):
+def test_level_trim_is_steady_in_time(model):
     state, elevator = level_trim(model, 0.58)
     track = flight.fly(model, state, 30.0, elevator_rad=elevator, thrust_fraction=0.58)
     assert track[-1, 2] == pytest.approx(state[2], abs=1e-3)
     assert track[-1, 7:13] == pytest.approx(state[7:13], abs=1e-4)
 
 
-def test_a_mirrored_manoeuvre_gives_the_mirrored_track_to_the_bit(model):
+def test_mirrored_manoeuvre_gives_mirrored_track_to_the_bit(model):
     start = flight.tumbling(-50.0)
     push = np.array([3.0, -5.0, 2.0, 4.0, -6.0, 7.0])
     inputs = {"elevator_rad": 0.1, "thrust_fraction": 0.8}
@@ -103,14 +103,13 @@ def test_a_mirrored_manoeuvre_gives_the_mirrored_track_to_the_bit(model):
     assert np.array_equal(mirrored, track * MIRROR)
 
 
-def test_an_undisturbed_straight_run_never_leaves_its_plane(model):
+def test_straight_run_stays_in_vertical_plane(model):
     track = flight.fly(model, flight.cruising(), 600.0, thrust_fraction=0.58)
     assert not track[:, [1, 4, 6, 8, 10, 12]].any()
 
 
-def test_the_hull_knows_no_preferred_roll_angle():
-    """Quarter turn about x of velocity and duct gives the quarter-turned force, weight aside: yaw
-    and pitch are one."""
+def test_yaw_and_pitch_forces_equal_after_rotation_about_x():
+    """A rotation of velocity and duct by 90 degrees about x rotates the force, without weight."""
     model = flight.balanced(flight.model("caribou_nominal"))
     yawing, pitching = flight.cruising(), flight.cruising()
     yawing[[8, 12]] = 0.3, 0.2
@@ -124,7 +123,7 @@ def test_the_hull_knows_no_preferred_roll_angle():
 
 @given(st.tuples(*[st.floats(-1, 1)] * 3))
 @settings(max_examples=20)
-def test_a_vehicle_drifting_with_the_current_sees_nothing(current):
+def test_uniform_current_only_adds_drift(current):
     model, start = flight.model("caribou_truth"), flight.tumbling(-500.0)
     inputs = {"rudder_rad": 0.1, "elevator_rad": -0.05, "thrust_fraction": 0.6}
     still = flight.fly(model, start, 20.0, **inputs)
@@ -152,7 +151,7 @@ STATE = st.tuples(
     st.sampled_from(flight.SHIPPED),
 )
 @settings(max_examples=60)
-def test_no_state_makes_it_blow_up(start, rudder, elevator, thrust, name):
+def test_random_states_stay_bounded(start, rudder, elevator, thrust, name):
     z, quaternion, velocity, rates = start
     state = dynamics.state_at_rest(z)
     if np.linalg.norm(quaternion) > 0.1:
@@ -165,7 +164,7 @@ def test_no_state_makes_it_blow_up(start, rudder, elevator, thrust, name):
     assert np.linalg.norm(track[:, 3:7], axis=1) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_at_rest_the_accelerometer_reads_gravity_upwards(model):
+def test_specific_force_at_rest_is_upward_gravity(model):
     state = flight.tumbling()
     state[7:13] = 0.0
     held = np.zeros(dynamics.STATE_SIZE)
@@ -174,8 +173,8 @@ def test_at_rest_the_accelerometer_reads_gravity_upwards(model):
     )
 
 
-def test_the_accelerometer_reads_inertial_acceleration_less_gravity(model):
-    """Against the second difference of position along a manoeuvre."""
+def test_specific_force_is_acceleration_minus_gravity(model):
+    """Reference: second difference of position in a manoeuvre."""
     dt = 1e-3
     track = flight.fly(
         model, flight.tumbling(-50.0), 1.0, rudder_rad=0.1, thrust_fraction=0.5, dt_s=dt

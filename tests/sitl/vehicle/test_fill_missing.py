@@ -1,4 +1,4 @@
-"""What a vehicle file leaves out is derived, once: the numbers flown are the numbers told."""
+"""Derived keys of a vehicle file: the linearised model has the derived coefficients."""
 
 import tomllib
 from math import degrees, pi
@@ -32,24 +32,24 @@ def described(text: str = FINNED) -> config.VehicleConfig:
     return config.parse(text, "finned.toml")
 
 
-def test_a_vehicle_takes_less_than_thirty_lines():
+def test_minimal_vehicle_file_is_short():
     assert len(SHORTEST.read_text().splitlines()) < 30
     assert check.check(SHORTEST).yaw.straight_line_index > 0
 
 
-def test_a_whole_file_is_left_as_it_is():
+def test_complete_file_is_unchanged():
     for name in ("caribou_nominal", "caribou_truth"):
         assert config.describe(name).steps == {}
 
 
-def test_what_is_given_is_not_derived():
+def test_given_key_is_not_derived():
     steps = config.finish({**_tables(), "linear": {"Y_v_kgps": -77.0}}, "x").steps
     assert ("linear", "Y_v_kgps") not in steps
     assert ("linear", "N_v_kgmps") in steps
 
 
 @pytest.mark.parametrize("name", ["remus100", "xfin_auv"])
-def test_the_trace_tells_the_numbers_that_fly(name):
+def test_linearised_model_equals_derived_coefficients(name):
     whole, vehicle = config.describe(name), config.load(name)
     for (table, key), step in whole.steps.items():
         assert getattr(getattr(vehicle, table), key) == step.value
@@ -60,7 +60,7 @@ def test_the_trace_tells_the_numbers_that_fly(name):
         assert value == pytest.approx(getattr(vehicle.linear, key), rel=1e-6), key
 
 
-def test_mass_and_net_buoyancy_follow_from_each_other():
+def test_mass_and_net_buoyancy_are_consistent():
     light = config.finish({**_tables(), "ballast": {"mass_kg": 50.0}}, "x").tables["ballast"]
     volume = pi * 0.1**2 * 1.8 + 4 / 3 * pi * 0.1**3
     assert light["net_buoyancy_n"] == pytest.approx(9.80665 * (1025.0 * volume - 50.0), rel=1e-9)
@@ -70,7 +70,7 @@ def test_mass_and_net_buoyancy_follow_from_each_other():
     assert same["mass_kg"] == pytest.approx(50.0, rel=1e-9)
 
 
-def test_an_x_is_a_cross_but_for_the_gain_of_its_commands():
+def test_x_fins_equal_cruciform_except_command_gain():
     cross, x = (
         described(FINNED.replace("cruciform", layout)).linear for layout in ("cruciform", "x")
     )
@@ -107,9 +107,9 @@ TOLERANCE = {
 m), ours is not."""
 
 
-def test_remus_coefficients_beside_presteros():
-    """But for the hull's lift in a turn, which he leaves out: in sway alone it would drive some
-    motions."""
+def test_remus_coefficients_near_prestero():
+    """Except for the hull's lift in a turn, which Prestero neglects: with lift in sway alone, some
+    motions would gain energy."""
     found, with_his_fins = remus_coefficients(), remus_coefficients(1 / FIN_LIFT)
     for symbol, published in PRESTERO.items():
         ours, his = found[symbol], with_his_fins[symbol]
@@ -122,8 +122,10 @@ def test_remus_coefficients_beside_presteros():
 
 
 def remus_coefficients(fin_lift: float = 1.0) -> dict[str, float]:
-    """About the centre of buoyancy, as Prestero has them; ours stand about mid-length, d aft of
-    it."""
+    """Return the coefficients about the centre of buoyancy, as Prestero gives them.
+
+    The vehicle file has them about mid-length, which is d aft of it.
+    """
     tables = tomllib.loads(Path(config.__file__).with_name("remus100.toml").read_text())
     slope = config.load("remus100").fins.lift_slope_per_rad
     tables["fins"]["lift_slope_per_rad"] = fin_lift * slope
@@ -155,7 +157,7 @@ def hull_lift(vehicle: config.VehicleConfig) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("name", ["remus100", "xfin_auv", str(SHORTEST)])
-def test_hull_lift_is_one_force_on_the_flow_where_it_acts(name):
+def test_hull_lift_acts_at_one_position(name):
     vehicle = config.load(name)
     found, (h, x_h) = build_model.build(vehicle).hull, hull_lift(vehicle)
     in_yaw = [[found.Y_uv_kgpm, found.Y_ur_kg], [found.N_uv_kg, found.N_ur_kgm]]
@@ -168,7 +170,7 @@ def test_hull_lift_is_one_force_on_the_flow_where_it_acts(name):
 
 
 @pytest.mark.parametrize("name", ["remus100", "xfin_auv", str(SHORTEST)])
-def test_a_file_written_out_is_the_same_vehicle(name, tmp_path):
+def test_exported_file_is_the_same_vehicle(name, tmp_path):
     file = tmp_path / "whole.toml"
     file.write_text(write(config.describe(name)))
     again, first = msgspec.to_builtins(config.load(file)), msgspec.to_builtins(config.load(name))
@@ -190,7 +192,7 @@ def is_number(value):
     st.floats(1.0, 8.0),
     st.floats(5.0, 12.0),
 )
-def test_any_starter_is_a_vehicle(kind, steering, length_m, slenderness):
+def test_every_initial_geometry_builds(kind, steering, length_m, slenderness):
     tables = initial_geometry.starter("any", kind, steering, length_m, length_m / slenderness)
     vehicle = config.parse(write(config.finish(tables, "any")), "any.toml")
     model = build_model.build(vehicle)

@@ -1,4 +1,4 @@
-"""Four fins: what they push where, and that they know no favourite side."""
+"""Four fins: signs of their forces, mirror symmetry, limits and energy."""
 
 from math import radians
 
@@ -21,7 +21,7 @@ def wrench(name, nu=CRUISE, rudder=0.0, elevator=0.0):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_positive_rudder_pushes_the_tail_to_port_and_elevator_down(name):
+def test_fin_signs_of_rudder_and_elevator(name):
     X, Y, Z, K, M, N = wrench(name, rudder=0.1)
     assert (X < 0, Y > 0, N < 0) == (True, True, True)
     assert pytest.approx([0.0, 0.0, 0.0], abs=1e-12 * Y) == [Z, K, M]
@@ -31,7 +31,7 @@ def test_positive_rudder_pushes_the_tail_to_port_and_elevator_down(name):
 
 
 @given(LAYOUT, SMALL, SMALL, SMALL, SMALL, SMALL, SMALL, SMALL)
-def test_the_mirror_image_meets_the_mirror_image(name, v, w, p, q, r, rudder, elevator):
+def test_fin_wrench_mirror_symmetric(name, v, w, p, q, r, rudder, elevator):
     here = wrench(name, (1.5, v, w, p, q, r), rudder, elevator)
     there = wrench(name, (1.5, -v, w, -p, q, -r), -rudder, elevator)
     assert there == pytest.approx(
@@ -40,19 +40,19 @@ def test_the_mirror_image_meets_the_mirror_image(name, v, w, p, q, r, rudder, el
 
 
 @given(LAYOUT, SMALL, SMALL)
-def test_commands_alone_roll_nobody(name, rudder, elevator):
-    if name == "remus100":  # upright fins meet rudder and elevator apart
+def test_fin_commands_give_no_roll_moment(name, rudder, elevator):
+    if name == "remus100":  # cruciform fins follow rudder and elevator separately
         assert wrench(name, rudder=rudder, elevator=elevator)[3] == pytest.approx(0.0, abs=1e-9)
     assert wrench(name, rudder=rudder)[3] == pytest.approx(0.0, abs=1e-9)
     assert wrench(name, elevator=elevator)[3] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_fins_brake_roll(name):
+def test_fins_damp_roll(name):
     assert wrench(name, (1.5, 0, 0, 0.2, 0, 0))[3] < 0 < wrench(name, (1.5, 0, 0, -0.2, 0, 0))[3]
 
 
-def test_demands_of_both_planes_end_at_the_travel_of_a_fin():
+def test_fin_angle_limited_to_travel():
     full = radians(15.0)
     both, more = (
         wrench("xfin_auv", rudder=full, elevator=full),
@@ -63,6 +63,6 @@ def test_demands_of_both_planes_end_at_the_travel_of_a_fin():
 
 
 @given(LAYOUT, SMALL, SMALL, SMALL, SMALL, SMALL)
-def test_fixed_fins_only_ever_take_energy(name, v, w, p, q, r):
+def test_fixed_fins_power_is_never_positive(name, v, w, p, q, r):
     nu = np.array([1.5, v, w, p, q, r])
     assert nu @ wrench(name, tuple(nu)) <= 0.0

@@ -1,5 +1,4 @@
-"""The first-principles trace lands where the paper's initial column does, and says where it does
-not."""
+"""The first-principles derivation against the paper's initial column, with known differences."""
 
 import os
 import subprocess
@@ -29,23 +28,23 @@ PERCENT = {
 
 
 @pytest.mark.parametrize(("symbol", "percent"), PERCENT.items())
-def test_derived_coefficients_are_near_the_table(symbol, percent):
+def test_derived_coefficients_near_table_1(symbol, percent):
     assert abs(STEPS[symbol].difference_pct) < percent
 
 
-def test_the_sway_coefficient_misses_by_u_squared():
+def test_sway_coefficient_differs_by_u_squared():
     assert STEPS["Y_v"].value == pytest.approx(-335, abs=1)
     assert STEPS["Y_v slip"].value == pytest.approx(STEPS["Y_v slip"].table, rel=1e-3)
 
 
-def test_printed_values_that_do_not_follow_are_named():
+def test_inconsistent_printed_values_are_listed():
     assert STEPS["C_D"].value == pytest.approx(0.130, abs=5e-4)
     assert STEPS["C_D balance"].value == pytest.approx(0.153, abs=5e-4)
     assert STEPS["dC_L/da"].value == pytest.approx(4.946, abs=5e-4)
     assert STEPS["duct lift"].value == pytest.approx(131.0, abs=0.05)
 
 
-def test_the_module_prints_the_table_and_the_cause():
+def test_module_prints_table_and_remarks():
     run = subprocess.run(
         [sys.executable, "-m", "sitl.vehicle.first_principles"],
         capture_output=True,

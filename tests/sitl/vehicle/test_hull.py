@@ -1,4 +1,4 @@
-"""The hull's shape against its published figures and scipy's adaptive quadrature."""
+"""Hull geometry against published values and scipy's adaptive quadrature."""
 
 from math import pi
 
@@ -14,7 +14,7 @@ BREAKS = (NOSE - 0.4 * HULL.base_length_m, NOSE - 0.4 * HULL.base_length_m - HUL
 
 
 def integrate(integrand):
-    """Integral over the hull of ``integrand(x, R)``."""
+    """Return the integral of ``integrand(x, R)`` over the hull."""
 
     def at(x):
         return integrand(x, float(hull.radius_m(HULL, np.array([x]))[0]))
@@ -23,12 +23,12 @@ def integrate(integrand):
     return value
 
 
-def test_model_4154_has_its_published_coefficients():
+def test_model_4154_has_published_coefficients():
     published = [1.0, 2.14965, -17.7735, 36.71658, -33.51128, 11.41855]
     assert hull.series_58(0.5, 0.1, 0.65, 0.4) == pytest.approx(published, rel=1e-5)
 
 
-def test_the_prismatic_coefficient_is_that_of_the_profile():
+def test_series_58_volume_equals_prismatic_coefficient():
     base = config.Series58(2.1336, 0.5334, 0.0, 0.5, 0.1, 0.65, 0.4)
     assert hull.integrals(base).volume_m3 == pytest.approx(
         0.65 * pi / 4 * 0.5334**2 * 2.1336, rel=1e-12
@@ -45,11 +45,11 @@ def test_the_prismatic_coefficient_is_that_of_the_profile():
         ("section_moment_m5", lambda x, R: pi * R**2 * x**2),
     ],
 )
-def test_integrals_agree_with_adaptive_quadrature(field, integrand):
+def test_hull_integrals_equal_adaptive_quadrature(field, integrand):
     assert getattr(hull.integrals(HULL), field) == pytest.approx(integrate(integrand), rel=1e-6)
 
 
-def test_the_centroid_lies_forward_of_mid_length():
+def test_centroid_is_forward_of_mid_length():
     shape = hull.integrals(HULL)
     assert shape.centroid_m == pytest.approx(
         integrate(lambda x, R: pi * R**2 * x) / shape.volume_m3, rel=1e-6
@@ -57,7 +57,7 @@ def test_the_centroid_lies_forward_of_mid_length():
     assert shape.centroid_m == pytest.approx(0.084, abs=1e-3)
 
 
-def test_there_is_no_hull_beyond_its_ends_and_the_middle_is_cylindrical():
+def test_radius_zero_outside_and_constant_in_mid_body():
     radii = hull.radius_m(
         HULL, np.array([NOSE + 0.01, NOSE, BREAKS[0], 0.0, BREAKS[1], TAIL - 0.01])
     )
@@ -66,7 +66,7 @@ def test_there_is_no_hull_beyond_its_ends_and_the_middle_is_cylindrical():
     )
 
 
-def test_the_stations_carry_the_whole_planform_and_volume():
+def test_stations_sum_to_planform_and_volume():
     stations = build_model.build(config.load("caribou_nominal")).stations
     crossflow = 1025.0 / 2 * 1.1
     assert stations.drag_kgpm.sum() / crossflow == pytest.approx(

@@ -1,4 +1,4 @@
-"""Cached machine code is never older than the physics it was made from."""
+"""Cached machine code is never older than the source files it was compiled from."""
 
 import importlib.util
 import os
@@ -24,7 +24,7 @@ def load(path):
     return module
 
 
-def test_a_cache_older_than_the_physics_is_dropped(tmp_path):
+def test_cache_older_than_sources_is_removed(tmp_path):
     path = tmp_path / "doubling.py"
     path.write_text(SOURCE)
     assert load(path).doubled(2.0) == 4.0
@@ -34,7 +34,7 @@ def test_a_cache_older_than_the_physics_is_dropped(tmp_path):
     assert not index.exists()
 
 
-def test_a_cache_newer_than_the_physics_is_used(tmp_path):
+def test_cache_newer_than_sources_is_used(tmp_path):
     path = tmp_path / "doubling.py"
     path.write_text(SOURCE)
     load(path).doubled(2.0)
@@ -51,9 +51,9 @@ class Two(NamedTuple):
     number: float
 
 
-def test_what_is_cached_of_one_type_does_not_name_another():
-    # Reading an index imports the modules of all types in it: the simulator would load whoever else
-    # packs a value.
+def test_cache_index_names_only_its_own_type():
+    # Reading an index imports the modules of all types in it; the simulator would import modules
+    # that it does not need.
     for kind in (One, Two):
         jit.native(kind(1.0))
     packer = jit._packer(One)

@@ -14,21 +14,21 @@ NET_BUOYANCY_N = 22.24
 
 
 def submerged(up):
-    """Weight and buoyancy ten metres down."""
+    """Return the wrench of weight and buoyancy at 10 m depth."""
     return restoring.wrench(-10.0, up[0], up, 1.0, H, STATIONS)
 
 
-def test_deep_and_level_only_the_net_buoyancy_is_left():
+def test_deep_and_level_gives_net_buoyancy():
     force = submerged((0.0, 0.0, 1.0))
     assert force == pytest.approx((0, 0, NET_BUOYANCY_N, 0, 0, 0), abs=1e-9)
 
 
-def test_high_and_dry_only_the_weight_is_left():
+def test_above_water_gives_weight():
     force = restoring.wrench(10.0, 0.0, (0.0, 0.0, 1.0), 1.0, H, STATIONS)
     assert force == pytest.approx((0, 0, -H.weight_n, 0, 0, 0), rel=1e-12, abs=1e-9)
 
 
-def test_pitch_and_roll_are_righted_by_the_low_centre_of_mass():
+def test_low_centre_of_mass_rights_pitch_and_roll():
     angle = 0.1
     *_, roll, _, _ = submerged((0.0, np.sin(angle), np.cos(angle)))
     *_, pitch, _ = submerged((-np.sin(angle), 0.0, np.cos(angle)))
@@ -37,9 +37,8 @@ def test_pitch_and_roll_are_righted_by_the_low_centre_of_mass():
 
 
 @given(st.floats(-1.5, 1.5), st.floats(-1.2, 1.2))
-def test_surface_forces_derive_from_a_potential(z, pitch):
-    """Moment in pitch and force in heave are one potential's slopes: their cross derivatives
-    agree."""
+def test_surface_forces_have_a_potential(z, pitch):
+    """Pitch moment and heave force derive from one potential: cross derivatives are equal."""
 
     def heave_and_pitch(z, pitch):
         up = (-np.sin(pitch), 0.0, np.cos(pitch))
@@ -54,7 +53,7 @@ def test_surface_forces_derive_from_a_potential(z, pitch):
 
 @pytest.mark.parametrize("thrust", [0.0, 0.58, 1.0])
 @pytest.mark.parametrize("elevator", [0.0, 0.2])
-def test_a_surfaced_vehicle_floats(thrust, elevator):
+def test_surfaced_vehicle_floats(thrust, elevator):
     track = flight.fly(
         MODEL,
         flight.dynamics.state_at_rest(-3.0),
@@ -74,5 +73,5 @@ def test_a_surfaced_vehicle_floats(thrust, elevator):
 @pytest.mark.parametrize(
     ("z", "fraction"), [(-1.0, 1.0), (-0.3, 1.0), (0.0, 0.5), (0.3, 0.0), (5.0, 0.0)]
 )
-def test_immersion(z, fraction):
+def test_immersion_of_circular_section(z, fraction):
     assert restoring.immersion(z, 0.3) == fraction

@@ -1,5 +1,4 @@
-"""Every hull shape against bodies with integrals in closed form, and Myring's against adaptive
-quadrature."""
+"""Hull shapes against bodies with closed-form integrals; Myring against adaptive quadrature."""
 
 from math import cos, pi, radians, tan
 
@@ -17,14 +16,14 @@ REMUS = config.load("remus100").hull
 
 
 def spheroid(points: int = 2001) -> ProfileHull:
-    """Half axes 1 and 0.2 m, as a table."""
+    """Return a profile of a spheroid with half axes of 1 and 0.2 m."""
     angles = np.linspace(0.0, pi, points)
     return ProfileHull(
         tuple((1.0 - cos(a), 0.2 * float(np.sin(a)) if 0 < a < pi else 0.0) for a in angles)
     )
 
 
-def test_a_capsule_is_a_cylinder_and_a_sphere():
+def test_capsule_equals_cylinder_and_sphere():
     shape = hull.integrals(CAPSULE)
     assert shape.volume_m3 == pytest.approx(pi * R**2 * (L - 2 * R) + 4 / 3 * pi * R**3, rel=1e-12)
     assert shape.planform_m2 == pytest.approx(2 * R * (L - 2 * R) + pi * R**2, rel=1e-5)
@@ -35,7 +34,7 @@ def test_a_capsule_is_a_cylinder_and_a_sphere():
     )
 
 
-def test_flat_ends_leave_a_plain_cylinder():
+def test_flat_caps_give_plain_cylinder():
     shape = hull.integrals(Cylinder(length_m=L, diameter_m=2 * R, nose_cap_m=0.0, tail_cap_m=0.0))
     assert shape.volume_m3 == pytest.approx(pi * R**2 * L, rel=1e-12)
     assert shape.pitch_inertia_m5 == pytest.approx(
@@ -43,13 +42,13 @@ def test_flat_ends_leave_a_plain_cylinder():
     )
 
 
-def test_ellipsoid_caps_hold_two_thirds_of_their_cylinders():
+def test_ellipsoid_caps_have_two_thirds_of_cylinder_volume():
     shape = hull.integrals(Cylinder(length_m=L, diameter_m=2 * R, nose_cap_m=0.3, tail_cap_m=0.6))
     assert shape.volume_m3 == pytest.approx(pi * R**2 * (L - 0.9 + 2 / 3 * 0.9), rel=1e-12)
     assert shape.centroid_m > 0.0  # the long tail is the slender end
 
 
-def test_a_table_of_a_spheroid_is_one():
+def test_profile_of_spheroid_equals_spheroid():
     shape = hull.integrals(spheroid())
     volume = 4 / 3 * pi * 0.2**2
     assert shape.volume_m3 == pytest.approx(volume, rel=1e-5)
@@ -58,14 +57,14 @@ def test_a_table_of_a_spheroid_is_one():
     assert shape.section_moment_m5 == pytest.approx(volume / 5, rel=1e-5)
 
 
-def test_a_table_of_two_cones_is_exact():
+def test_profile_of_two_cones_is_exact():
     shape = hull.integrals(ProfileHull(((0.0, 0.0), (1.0, 0.3), (3.0, 0.0))))
     assert shape.volume_m3 == pytest.approx(pi * 0.3**2 * 3.0 / 3, rel=1e-12)
     assert shape.centroid_m == pytest.approx(1.5 - (0.75 * 1 + 1.5 * 2) / 3, rel=1e-12)
 
 
 def myring_radius(s: float) -> float:
-    """Prestero 2001, eqs. 2.1 and 2.3, for the REMUS; ``s`` from the cut nose."""
+    """Return the REMUS radius of Prestero 2001, eqs. 2.1 and 2.3; ``s`` is from the cut nose."""
     a, b, c, d, ahead = 0.191, 0.654, 0.541, 0.191, 0.0165
     if s < a - ahead:
         return d / 2 * (1 - ((s + ahead - a) / a) ** 2) ** 0.5
@@ -77,7 +76,7 @@ def myring_radius(s: float) -> float:
     )
 
 
-def test_myring_agrees_with_its_equations_and_with_the_published_remus():
+def test_myring_equals_its_equations_and_published_remus():
     length = 0.191 + 0.654 + 0.541 - 0.0165 - 0.0368
     shape, breaks = hull.integrals(REMUS), (0.1745, 0.8285)
     volume = quad(lambda s: pi * myring_radius(s) ** 2, 0, length, points=breaks)[0]
@@ -102,7 +101,7 @@ def test_myring_agrees_with_its_equations_and_with_the_published_remus():
         ProfileHull(((0.0, 0.0), (0.4, 0.2), (1.6, 0.0))),
     ],
 )
-def test_a_payload_section_adds_a_cylinder_and_length(shape):
+def test_payload_section_adds_cylinder_and_length(shape):
     longer = msgspec.structs.replace(shape, midbody_length_m=0.7)
     grown = hull.integrals(longer).volume_m3 - hull.integrals(shape).volume_m3
     assert grown == pytest.approx(pi / 4 * shape.diameter_m**2 * 0.7, rel=1e-9)

@@ -38,12 +38,12 @@ def test_margins_equal_those_of_python_control() -> None:
     loop = transfer(YAW, 2) * (g["HDG_P"] + g["HDG_I"] / S + g["HDG_D"] * S)
     gm, pm, _, _, crossover, _ = control.stability_margins(control.minreal(loop, verbose=False))[:6]
     _, _, sm, *_ = control.stability_margins(control.minreal(loop, verbose=False))
-    found = loop_transfer.margins(
+    computed = loop_transfer.margins(
         loop_transfer.heading_loops(loop_transfer.responses(YAW, LAG), g)["rudder"]
     )
-    assert found.gm_db == pytest.approx(20 * math.log10(gm), abs=0.05)
-    assert found.pm_deg == pytest.approx(pm, abs=0.2)
-    assert found.ms == pytest.approx(1 / sm, rel=5e-3)
+    assert computed.gm_db == pytest.approx(20 * math.log10(gm), abs=0.05)
+    assert computed.pm_deg == pytest.approx(pm, abs=0.2)
+    assert computed.ms == pytest.approx(1 / sm, rel=5e-3)
     assert np.isfinite(crossover)
 
 

@@ -25,9 +25,9 @@ def test_locus_unit_gain_gives_closed_loop_poles() -> None:
         (depth, root_locus.open_at_depth(depth)),
     )
     for closed, cut in opened:
-        found = root_locus.poles(cut, np.array([0.5, 1.0, 2.0]))[1]
+        locus_poles = root_locus.poles(cut, np.array([0.5, 1.0, 2.0]))[1]
         np.testing.assert_allclose(
-            np.sort_complex(found), np.sort_complex(loop_transfer.poles(closed)), atol=1e-9
+            np.sort_complex(locus_poles), np.sort_complex(loop_transfer.poles(closed)), atol=1e-9
         )
 
 
@@ -46,9 +46,9 @@ def test_locus_crosses_axis_at_gain_margin() -> None:
 
 def test_locus_zero_gain_gives_open_loop_poles() -> None:
     cut = root_locus.open_at_duct(loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL), 3)
-    found = root_locus.poles(cut, np.array([0.0, 1.0]))[0]
+    locus_poles = root_locus.poles(cut, np.array([0.0, 1.0]))[0]
     for pole in (*np.linalg.eigvals(YAW.A), complex(-1.8, 2.4)):
-        assert np.min(np.abs(found - pole)) < 1e-6
+        assert np.min(np.abs(locus_poles - pole)) < 1e-6
 
 
 def test_damping_unstable_real_pole_is_minus_one() -> None:

@@ -1,4 +1,4 @@
-"""A log written by pymavlink and the mcap library reads back as what was sent."""
+"""A log written by pymavlink and the mcap library is read with the same values."""
 
 import math
 from pathlib import Path
@@ -48,13 +48,13 @@ def depth_target(time_s: float, depth: float) -> Entry:
 
 
 Test = tuple[float, float, str]
-"""Start, end, and the text of its end."""
+"""Start and end time of a test, and the text at its end."""
 
 
 def dive(
     seconds: float = 40.0, test: Test | None = (20.0, 30.0, "SystemID Finished")
 ) -> list[Entry]:
-    """Yaw grows past pi at 0.1 rad/s; rudder steps to 1/3 of its travel within the test."""
+    """Return a dive: yaw increases past pi at 0.1 rad/s; rudder at 1/3 travel in the test."""
     entries: list[Entry] = []
     for k in range(int(seconds * 50)):
         t = k / 50
@@ -77,7 +77,7 @@ def path(tmp_path: Path) -> Path:
     )
 
 
-def test_values_come_back(path: Path) -> None:
+def test_log_values_read_as_written(path: Path) -> None:
     read = readers.read(path)
     assert read.name == "dive.mcap"
     assert read.parameters == {"ACT_TRAVEL_DEG": 12.0, "TRIM_RUD_DEG": 6.0}
@@ -93,14 +93,14 @@ def test_values_come_back(path: Path) -> None:
     np.testing.assert_allclose(read.setpoints.depth_m, 4.0)
 
 
-def test_a_long_text_is_joined(path: Path) -> None:
+def test_long_text_chunks_are_joined(path: Path) -> None:
     assert [event.text for event in readers.read(path).events] == [
         "SystemID Starting: axis=12 wave=step magnitude=-5.25",
         "SystemID Finished",
     ]
 
 
-def test_a_run_is_cut_on_an_even_grid(path: Path) -> None:
+def test_run_is_cut_on_uniform_grid(path: Path) -> None:
     (run,) = segments.cut_runs(readers.read(path))
     assert (run.name, run.plane, run.wave, run.magnitude_deg) == ("dive/1", "yaw", "step", -5.25)
     assert run.time_s[0] == pytest.approx(-segments.PREROLL_S)
@@ -121,26 +121,26 @@ def test_a_run_is_cut_on_an_even_grid(path: Path) -> None:
         ("nothing of note", "the log ended"),
     ],
 )
-def test_a_stop_keeps_its_reason(tmp_path: Path, ending: str, reason: str) -> None:
+def test_stopped_run_has_stop_reason(tmp_path: Path, ending: str, reason: str) -> None:
     entries = dive(test=(20.0, 25.0, ending))
     (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "a.mcap", entries, {})))
     assert run.stop_reason == reason
 
 
-def test_a_gap_is_measured(tmp_path: Path) -> None:
+def test_longest_gap_is_measured(tmp_path: Path) -> None:
     entries = [e for e in dive() if not (24.0 < e[0] < 24.5 and e[1].msgname == "ATTITUDE")]
     (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "gap.mcap", entries, {})))
     assert run.longest_gap_s == pytest.approx(0.5, abs=0.021)
 
 
-def test_repeated_and_late_samples_are_left_out(tmp_path: Path) -> None:
+def test_repeated_and_late_samples_are_dropped(tmp_path: Path) -> None:
     entries = dive(seconds=2.0, test=None)
     stale = attitude(0.5, 3.05, 0.1)
     read = readers.read(recording.write(tmp_path / "late.mcap", [*entries, stale], {}))
     assert np.all(np.diff(read.attitude.time_s) > 0)
 
 
-def test_errors_name_the_file_and_the_remedy(tmp_path: Path, path: Path) -> None:
+def test_log_errors_name_file_and_remedy(tmp_path: Path, path: Path) -> None:
     with pytest.raises(LogError, match=r"nowhere\.mcap: No such file.*give an MCAP log"):
         readers.read(tmp_path / "nowhere.mcap")
     cut = tmp_path / "cut.mcap"
@@ -157,9 +157,8 @@ def test_errors_name_the_file_and_the_remedy(tmp_path: Path, path: Path) -> None
         refit.refit([quiet])
 
 
-def test_tracking_leaves_out_settling_and_tests(tmp_path: Path) -> None:
-    """Heading error is 0.5 deg throughout, depth error 0.1 m after an excursion of a metre at each
-    change."""
+def test_tracking_excludes_settling_and_tests(tmp_path: Path) -> None:
+    """The heading error is 0.5 deg; the depth error is 1 m at each change and then 0.1 m."""
     entries: list[Entry] = []
     for k in range(100 * 50):
         t = k / 50

@@ -1,4 +1,4 @@
-"""A dive given twice is refused, in whatever file its samples are; two dives are not."""
+"""A dive that is given twice is rejected in any file format; two different dives are accepted."""
 
 import struct
 from collections.abc import Callable
@@ -17,11 +17,11 @@ from tests.sysid.data.test_dataset import actuators, dive, position
 from tests.sysid.recording import Entry
 
 NOISE_RADPS = 1e-3
-"""Of a gyro such as sitl's: 0.06 deg/s."""
+"""Standard deviation of the gyro noise, as in sitl: 0.06 deg/s."""
 
 
 def noisy_dive(seed: int, start: int = 0, stop: int = 2000) -> list[Entry]:
-    """The dive of test_log, whose rates carry noise; the part between two samples at 50 Hz."""
+    """Return the dive of test_dataset with noise on the rates, cut to a range of samples."""
     noise = np.random.default_rng(seed).normal(0.0, NOISE_RADPS, (2000, 3))
     entries = []
     for time_s, message in dive():
@@ -37,7 +37,7 @@ def noisy_dive(seed: int, start: int = 0, stop: int = 2000) -> list[Entry]:
 
 
 def as_tlog(path: Path, entries: list[Entry]) -> Path:
-    """By MAVProxy's mav.tlog: 8 bytes of microseconds, big-endian, then the frame."""
+    """Write a tlog as MAVProxy does: 8 bytes of microseconds, big-endian, then the frame."""
     link = mavlink.MAVLink(None, 1, 1)
     frames = (struct.pack(">Q", round(1e6 * t)) + bytes(m.pack(link)) for t, m in entries)
     path.write_bytes(b"".join(frames))
@@ -49,12 +49,12 @@ def mcap(path: Path, entries: list[Entry]) -> Path:
 
 
 def shifted(entries: list[Entry], by_s: float) -> list[Entry]:
-    """The same dive, recorded by a clock that is ahead by so much."""
+    """Return the same dive, recorded by a clock that is ahead by a given time."""
     return [(time_s + by_s, message) for time_s, message in entries]
 
 
 def thinned(entries: list[Entry]) -> list[Entry]:
-    """Every second sample of attitude, as over a slower link."""
+    """Return the dive with every second attitude sample, as over a slower link."""
     kept, count = [], 0
     for time_s, message in entries:
         count += message.msgname == "ATTITUDE"
@@ -85,7 +85,7 @@ COPIES: dict[str, Callable[[Path, Path], Path]] = {
 
 
 @pytest.mark.parametrize("copy", COPIES)
-def test_fitted_log_given_as_held_out_is_refused(copy: str, folder: Path) -> None:
+def test_fitted_log_as_held_out_is_rejected(copy: str, folder: Path) -> None:
     path, held = folder / "dive.mcap", COPIES[copy](folder, folder / "copies" / "c.mcap")
     with pytest.raises(refit.RefitError, match="hold out another dive") as refused:
         refit.refit([folder / "other.mcap", path], held_out=[held])
@@ -94,14 +94,14 @@ def test_fitted_log_given_as_held_out_is_refused(copy: str, folder: Path) -> Non
 
 
 @pytest.mark.parametrize("copy", COPIES)
-def test_log_fitted_twice_is_refused(copy: str, folder: Path) -> None:
+def test_log_fitted_twice_is_rejected(copy: str, folder: Path) -> None:
     path, again = folder / "dive.mcap", COPIES[copy](folder, folder / "copies" / "c.mcap")
     with pytest.raises(refit.RefitError, match="give one of them") as refused:
         refit.refit([path, folder / "other.mcap", again])
     assert str(refused.value).startswith(f"{path} and {again} hold the same samples")
 
 
-def test_log_held_out_twice_is_refused(folder: Path) -> None:
+def test_log_held_out_twice_is_rejected(folder: Path) -> None:
     path = folder / "dive.mcap"
     with pytest.raises(refit.RefitError, match="held out, hold the same samples"):
         refit.refit([folder / "other.mcap"], held_out=[path, path])
@@ -112,15 +112,15 @@ def found(paths: list[Path], marks: tuple[MarkedInterval, ...] = ()) -> list[dup
 
 
 def test_two_dives_of_the_same_test_are_accepted(folder: Path) -> None:
-    """They differ by noise alone."""
+    """The two dives differ only by noise."""
     one, other = found([folder / "dive.mcap", folder / "other.mcap"])
     assert len(one.samples) == len(other.samples) == 501
     assert one.samples & other.samples == frozenset()
     assert duplicates.refusal([one], [other]) == ""
 
 
-def test_vehicle_at_rest_is_no_evidence_of_a_copy(tmp_path: Path) -> None:
-    """Ten seconds of one and the same sample, within a marked test."""
+def test_constant_samples_do_not_count_as_copy(tmp_path: Path) -> None:
+    """A marked test contains the same sample for ten seconds."""
     still = [
         entry
         for k in range(2000)
@@ -136,7 +136,7 @@ def test_vehicle_at_rest_is_no_evidence_of_a_copy(tmp_path: Path) -> None:
     assert duplicates.refusal([one], [other]) == ""
 
 
-def test_log_behind_the_prior_is_refused(folder: Path) -> None:
+def test_log_of_prior_fit_is_rejected(folder: Path) -> None:
     (one,) = found([folder / "dive.mcap"])
     said = duplicates.refusal([], [one], [DataFile("first.mcap", one.log.sha256)])
     assert said.startswith(f"{one.path}: the prior model was already fitted to it")

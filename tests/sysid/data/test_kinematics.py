@@ -1,5 +1,4 @@
-"""Data that cannot be of one body are refused by name, before any model sees them; so are clocks
-that slipped."""
+"""Kinematically inconsistent runs and clock errors are rejected before any model is used."""
 
 import math
 from dataclasses import replace
@@ -36,7 +35,7 @@ def named(run: Run, name: str) -> list[str]:
     return [reason for reason in screening.reasons if reason.startswith(f"{name}: ")]
 
 
-def test_a_simulated_vehicle_obeys_them(yaw: Run, pitch: Run) -> None:
+def test_simulated_run_is_kinematically_consistent(yaw: Run, pitch: Run) -> None:
     for run in (yaw, pitch):
         assert named(run, "kinematics") == []
     sinking = kinematics.depth_mismatch(pitch)
@@ -44,7 +43,7 @@ def test_a_simulated_vehicle_obeys_them(yaw: Run, pitch: Run) -> None:
     assert 0.5 < sinking.speed_mps < 1.5
 
 
-def test_what_no_body_does_is_refused(yaw: Run, pitch: Run) -> None:
+def test_inconsistent_run_is_rejected_with_name(yaw: Run, pitch: Run) -> None:
     impossible = {
         "heading and yaw rate": [
             replace(yaw, r_radps=-yaw.r_radps),
@@ -61,8 +60,8 @@ def test_what_no_body_does_is_refused(yaw: Run, pitch: Run) -> None:
             assert any(what in reason for reason in named(run, "kinematics")), what
 
 
-def test_a_roll_is_taken_into_account(yaw: Run) -> None:
-    """On her side, a vehicle turns by her pitch rate."""
+def test_heading_mismatch_accounts_for_roll(yaw: Run) -> None:
+    """At 90 degrees of roll the heading changes with the pitch rate."""
     side = math.radians(90.0)
     rolled = replace(
         yaw,
@@ -76,9 +75,8 @@ def test_a_roll_is_taken_into_account(yaw: Run) -> None:
     assert math.degrees(found.rms_rad) < 1.0
 
 
-def test_a_clock_that_went_back_is_told(tmp_path: Path) -> None:
-    """An autopilot that starts anew in the middle of a test; a single late datagram is no such
-    thing."""
+def test_backward_clock_step_is_reported(tmp_path: Path) -> None:
+    """The autopilot restarts in the middle of a test. A single late datagram is no clock step."""
     entries = dive()
     reborn = [attitude(24.0 + k / 50, 3.0, 0.1) for k in range(100)]
     at = next(k for k, entry in enumerate(entries) if entry[0] >= 26.0)
@@ -93,9 +91,8 @@ def test_a_clock_that_went_back_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("gain", "refused"), [(1.0, False), (1.001, False), (1.02, True)])
-def test_a_recorder_that_runs_fast_is_told(tmp_path: Path, gain: float, refused: bool) -> None:
-    """Stamps of the recorder's that gain 2 % on the vehicle's own; 0.1 % is a quartz of the
-    cheapest sort."""
+def test_fast_recorder_clock_is_reported(tmp_path: Path, gain: float, refused: bool) -> None:
+    """A recorder clock 2 % too fast is rejected; 0.1 %, as of a cheap quartz, is accepted."""
     entries = [
         (time_s * gain, message)
         for time_s, message in dive()

@@ -135,12 +135,12 @@ def test_gain_uncertain_delay_is_smaller(caribou: DesignModel) -> None:
         )
         for delay in (0.35, 1.2, 1.4)
     ]
-    sure = root_locus.heading(caribou, [], BOUNDS)
-    doubtful = root_locus.heading(caribou, late, BOUNDS)
-    assert doubtful.gains["HDG_P"] < 0.9 * sure.gains["HDG_P"]
+    certain = root_locus.heading(caribou, [], BOUNDS)
+    uncertain = root_locus.heading(caribou, late, BOUNDS)
+    assert uncertain.gains["HDG_P"] < 0.9 * certain.gains["HDG_P"]
     for vehicle in late:
         margins = loop_transfer.margins(
-            loop_transfer.heading_loops(vehicle.yaw, doubtful.gains)["rudder"]
+            loop_transfer.heading_loops(vehicle.yaw, uncertain.gains)["rudder"]
         )
         assert margins.gm_db >= prior.MIN_GM_DB
 
@@ -148,9 +148,11 @@ def test_gain_uncertain_delay_is_smaller(caribou: DesignModel) -> None:
 def test_gain_doubled_effectiveness_is_half(caribou: DesignModel) -> None:
     yaw = caribou.planes.yaw
     planes = caribou.planes._replace(yaw=yaw._replace(B=2.0 * yaw.B))
-    lively = build(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.disturbance)
-    once, twice = (root_locus.heading(vehicle, [], BOUNDS).gains for vehicle in (caribou, lively))
-    assert twice == pytest.approx({name: gain / 2.0 for name, gain in once.items()}, rel=1e-6)
+    effective = build(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.disturbance)
+    single, doubled = (
+        root_locus.heading(vehicle, [], BOUNDS).gains for vehicle in (caribou, effective)
+    )
+    assert doubled == pytest.approx({name: gain / 2.0 for name, gain in single.items()}, rel=1e-6)
 
 
 def test_bandwidth_without_delay_is_natural_frequency() -> None:

@@ -17,7 +17,7 @@ from sysid.control_analysis.margins import Planes
 from sysid.data.segments import Plane
 from sysid.design import lqg as optimal
 from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel, build
-from sysid.design.lqg import controller as laws
+from sysid.design.lqg import controller as lqg_controller
 from sysid.design.lqg import loop_analysis, synthesis, weights
 from sysid.design.lqg.controller import DiscreteController
 from sysid.design.lqg.synthesis import AugmentedModel
@@ -65,13 +65,13 @@ def test_filter_gains_random_walk_equal_closed_form() -> None:
 
 @pytest.mark.parametrize("plane", PLANES)
 def test_gains_equal_those_of_python_control(vehicle: DesignModel, plane: Plane) -> None:
-    model, law = designed(vehicle, plane)
+    model, controller = designed(vehicle, plane)
     K, _, _ = control.lqr(
         model.A[: model.load, : model.load], model.B[: model.load, None], *weighted(model, plane)
     )
-    assert np.allclose(-K[0], law.F[: model.load], rtol=1e-6, atol=1e-9)
+    assert np.allclose(-K[0], controller.F[: model.load], rtol=1e-6, atol=1e-9)
     L, _, _ = control.lqe(model.A, np.eye(len(model.A)), model.C, model.process, model.measurement)
-    assert np.allclose(L, law.L, rtol=1e-5, atol=1e-7)
+    assert np.allclose(L, controller.L, rtol=1e-5, atol=1e-7)
 
 
 def weighted(model: AugmentedModel, plane: Plane) -> tuple[np.ndarray, np.ndarray]:
@@ -85,46 +85,50 @@ def test_closed_loop_poles_are_those_of_filter_and_feedback(
     vehicle: DesignModel, plane: Plane
 ) -> None:
     """Separation principle; the constant loads are not affected by feedback."""
-    model, law = designed(vehicle, plane)
-    closed = laws.close(law, model.A, model.B, model.C).A
-    apart = block_diag(model.A + np.outer(model.B, law.F), law.A)
-    found, expected = (np.linalg.eigvals(block) for block in (closed, apart))
+    model, controller = designed(vehicle, plane)
+    closed = lqg_controller.close(controller, model.A, model.B, model.C).A
+    apart = block_diag(model.A + np.outer(model.B, controller.F), controller.A)
+    computed, expected = (np.linalg.eigvals(block) for block in (closed, apart))
     for pole in expected:
-        assert np.min(np.abs(found - pole)) < 1e-4 * max(1.0, abs(pole))
+        assert np.min(np.abs(computed - pole)) < 1e-4 * max(1.0, abs(pole))
 
 
 @pytest.mark.parametrize("plane", PLANES)
 def test_response_equals_that_of_python_control(vehicle: DesignModel, plane: Plane) -> None:
-    _, law = designed(vehicle, plane)
+    _, controller = designed(vehicle, plane)
     frequencies = np.geomspace(0.01, 50.0, 30)
-    system = control.ss(law.closed, law.L, law.F[None, :], 0)
-    assert np.allclose(laws.response(law, frequencies), system(1j * frequencies)[0].T, rtol=1e-6)
+    system = control.ss(controller.closed, controller.L, controller.F[None, :], 0)
+    assert np.allclose(
+        lqg_controller.response(controller, frequencies), system(1j * frequencies)[0].T, rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("plane", PLANES)
 def test_tick_controller_response_equals_continuous_one(vehicle: DesignModel, plane: Plane) -> None:
     """Gain within 1 % and phase within one degree up to three times the crossover frequency."""
-    _, law = designed(vehicle, plane)
+    _, controller = designed(vehicle, plane)
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
-    ticked, frequencies = optimal.tick_controllers(law, linear), np.array([0.1, 0.9, 2.7])
+    ticked, frequencies = optimal.tick_controllers(controller, linear), np.array([0.1, 0.9, 2.7])
     n, F = len(ticked.feedback), np.array(ticked.feedback)
     A, B, L = np.split(np.array(ticked.rows), [n, n + 1], axis=1)
-    for omega, wanted in zip(frequencies, laws.response(law, frequencies), strict=True):
+    for omega, expected in zip(
+        frequencies, lqg_controller.response(controller, frequencies), strict=True
+    ):
         z = np.exp(1j * omega * TICK_S)
-        found = F @ np.linalg.solve(z * np.eye(n) - A - B * F, 0.5 * (1.0 + z) * L)
-        assert np.abs(found / wanted) == pytest.approx(1.0, abs=0.01)
-        assert np.max(np.abs(np.degrees(np.angle(found / wanted)))) < 1.0
+        computed = F @ np.linalg.solve(z * np.eye(n) - A - B * F, 0.5 * (1.0 + z) * L)
+        assert np.abs(computed / expected) == pytest.approx(1.0, abs=0.01)
+        assert np.max(np.abs(np.degrees(np.angle(computed / expected)))) < 1.0
 
 
 @pytest.mark.parametrize("plane", PLANES)
 def test_constant_load_other_vehicle_leaves_no_error(vehicle: DesignModel, plane: Plane) -> None:
     """Loads of the surface and, in pitch, of buoyancy; the controller has other coefficients."""
-    _, law = designed(vehicle, plane)
+    _, controller = designed(vehicle, plane)
     other = yaw_plane(TABLE_1_INITIAL) if plane == "yaw" else pitch_plane(TABLE_1_INITIAL)
     A, B = loop_transfer.plane_with_tailcone(other, LAG, loop_analysis.PADE_ORDER)
-    C = np.zeros((law.L.shape[1], len(B)))
+    C = np.zeros((controller.L.shape[1], len(B)))
     C[:, : len(other.B)] = loop_analysis.outputs(other)
-    closed = laws.close(law, A, B, C).A
+    closed = lqg_controller.close(controller, A, B, C).A
     assert np.max(np.linalg.eigvals(closed).real) < 0.0
     for load in (other.B, np.eye(len(other.B))[0]):
         pushed = np.zeros(len(closed))
@@ -138,37 +142,37 @@ def test_constant_load_other_vehicle_leaves_no_error(vehicle: DesignModel, plane
 def test_predicted_heading_equals_lyapunov_equation(vehicle: DesignModel) -> None:
     """For the slow disturbance alone: frequency integral against the closed loop's covariance."""
     sea = msgspec.structs.replace(DEFAULT_DISTURBANCE, wave_accel_degps2=0.0)
-    _, law = designed(vehicle, "yaw")
+    _, controller = designed(vehicle, "yaw")
     seen = loop_analysis.measured_plane(
         vehicle._replace(disturbance={"yaw": sea, "pitch": sea}), "yaw"
     )
-    closed = loop_analysis._close(seen, law).A
+    closed = loop_analysis._close(seen, controller).A
     n = len(closed)
     A, density = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     A[:n, :n], A[1, n], A[n, n] = closed, 1.0, -1.0 / sea.slow_time_s
     density[n, n] = 2.0 * math.radians(sea.slow_accel_degps2) ** 2 / sea.slow_time_s
     covariance = solve_continuous_lyapunov(A, -density)
-    assert loop_analysis.disturbance_response(seen, law).outputs[1] == pytest.approx(
+    assert loop_analysis.disturbance_response(seen, controller).outputs[1] == pytest.approx(
         math.sqrt(covariance[2, 2]), rel=0.01
     )
 
 
 def test_gain_margin_true_delay_is_the_stability_limit(vehicle: DesignModel) -> None:
     """In simulation the loop is stable just below the gain margin and unstable above it."""
-    _, law = designed(vehicle, "yaw")
+    _, controller = designed(vehicle, "yaw")
     margin = 10 ** (
         loop_transfer.margins(
-            loop_analysis.cuts(loop_analysis.measured_plane(vehicle, "yaw"), law).surface
+            loop_analysis.cuts(loop_analysis.measured_plane(vehicle, "yaw"), controller).surface
         ).gm_db
         / 20.0
     )
     for factor, stable in ((0.93 * margin, True), (1.07 * margin, False)):
-        assert (growth(vehicle, law, factor) < 1.0) == stable
+        assert (growth(vehicle, controller, factor) < 1.0) == stable
 
 
 def growth(vehicle: DesignModel, controller: DiscreteController, factor: float) -> float:
     """Return late over early amplitude of the heading; the observer receives its own command."""
-    dt, plane, ticked = TICK_S, vehicle.planes.yaw, laws.discretise(controller, TICK_S)
+    dt, plane, ticked = TICK_S, vehicle.planes.yaw, lqg_controller.discretise(controller, TICK_S)
     wn, zeta = LAG.natural_frequency_radps, LAG.damping_ratio
     block = np.zeros((6, 6))
     block[:3, :3], block[:3, 3], block[3, 4] = plane.A, plane.B, 1.0

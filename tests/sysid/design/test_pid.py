@@ -96,11 +96,11 @@ def test_heading_step_reference_model_avoids_saturation(
     """
     vehicle, loads = from_model(model), pid.constant_loads(model)
     room = math.radians(15.0) - loads.rudder_rad
-    flown = step_response.heading_step(
+    response = step_response.heading_step(
         vehicle, designed.gains, math.radians(20.0), 30.0, designed.spec
     )
-    assert np.max(np.abs(flown.command_rad)) <= room
-    assert abs(flown.value[-1] - math.radians(20.0)) < math.radians(0.5)
+    assert np.max(np.abs(response.command_rad)) <= room
+    assert abs(response.value[-1] - math.radians(20.0)) < math.radians(0.5)
     bare = step_response.heading_step(
         vehicle, {**designed.gains, "HDG_REF_W": 0.0}, math.radians(20.0), 30.0, designed.spec
     )
@@ -112,12 +112,12 @@ def test_depth_step_overshoot_is_small(
     model: IdentifiedModel, designed: Design, step_m: float
 ) -> None:
     level = pid.constant_loads(model).level_pitch_rad
-    flown = step_response.depth_step(
+    response = step_response.depth_step(
         from_model(model), designed.gains, step_m, 60.0, designed.spec, level
     )
-    way = math.copysign(1.0, step_m)
-    assert np.max(way * flown.value) <= 1.1 * abs(step_m)
-    assert abs(flown.value[-1] - step_m) < 0.1
+    direction = math.copysign(1.0, step_m)
+    assert np.max(direction * response.value) <= 1.1 * abs(step_m)
+    assert abs(response.value[-1] - step_m) < 0.1
 
 
 def test_depth_step_pitch_feedforward_reduces_lag(model: IdentifiedModel, designed: Design) -> None:
@@ -126,12 +126,14 @@ def test_depth_step_pitch_feedforward_reduces_lag(model: IdentifiedModel, design
     missing = {}
     for stiffness in (0.0, designed.gains["PTCH_FF"]):
         values = {**designed.gains, "PTCH_FF": stiffness}
-        flown = step_response.depth_step(
+        response = step_response.depth_step(
             from_model(model), values, step_m, 30.0, designed.spec, level
         )
         missing[stiffness] = (
             step_m
-            - flown.value[np.searchsorted(flown.time_s, step_m / values["DPT_REF_RATE"] + 2.0)]
+            - response.value[
+                np.searchsorted(response.time_s, step_m / values["DPT_REF_RATE"] + 2.0)
+            ]
         )
     assert missing[designed.gains["PTCH_FF"]] < 0.6 * missing[0.0]
 
@@ -175,7 +177,7 @@ def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> flo
     servo = ActuatorLead(
         gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"], math.inf, math.inf
     )
-    way: ReferenceState | None = None
+    reference: ReferenceState | None = None
     queue = [0.0] * round(lag.delay_s / dt)
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
     A = np.zeros((5, 5))
@@ -188,7 +190,7 @@ def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> flo
     for _ in range(int(120 / dt)):
         integral -= gains["HDG_I"] * x[2] * dt
         wanted = factor * (integral - gains["HDG_P"] * x[2] - gains["HDG_D"] * x[1])
-        command, way = reference_model.lead(float(wanted), way, servo, dt)
+        command, reference = reference_model.lead(float(wanted), reference, servo, dt)
         queue.append(command)
         x = step[:5, :5] @ x + step[:5, 5] * queue.pop(0)
         sizes.append(abs(x[2]))

@@ -22,9 +22,9 @@ STEP_S, LASTS_S = 0.1, 20_000.0
 
 @pytest.fixture(scope="module")
 def baseline(model: IdentifiedModel) -> PerformanceBaseline:
-    sure = DesignRobustness(0.9, 1.0, "", 240)
+    robustness = DesignRobustness(0.9, 1.0, "", 240)
     return predicted_performance.performance_baseline(
-        model, design_model.from_model(model), TABLE_3_IMPROVED, Spec(), sure
+        model, design_model.from_model(model), TABLE_3_IMPROVED, Spec(), robustness
     )
 
 
@@ -38,11 +38,11 @@ def heading_deg(model: IdentifiedModel) -> Array:
     moment = np.zeros(len(closed.A))
     moment[: vehicle.planes.yaw.moment.size] = vehicle.planes.yaw.moment
     whole = expm(np.block([[closed.A, moment[:, None]], [np.zeros((1, len(moment) + 1))]]) * STEP_S)
-    x, told = np.zeros(len(moment)), []
+    x, headings_rad = np.zeros(len(moment)), []
     for push in pushed:
         x = whole[:-1, :-1] @ x + whole[:-1, -1] * push
-        told.append(x[2])
-    return np.degrees(told) + rng.normal(0.0, sea.angle_noise_deg, len(told))
+        headings_rad.append(x[2])
+    return np.degrees(headings_rad) + rng.normal(0.0, sea.angle_noise_deg, len(headings_rad))
 
 
 def disturbance(sea: NoiseModel, rng: np.random.Generator, count: int) -> Array:

@@ -1,5 +1,4 @@
-"""What was measured ashore, as belief: one Gaussian update a number, and bad files refused in one
-line."""
+"""Update of the prior with bench measurements, and errors for invalid files."""
 
 import json
 import math
@@ -35,8 +34,8 @@ def written(path: Path, value: object) -> Path:
     return path
 
 
-def test_each_number_is_weighed_against_what_was_known(prior: Prior, tmp_path: Path) -> None:
-    """Of two independent normal estimates the mean weighs each by its information."""
+def test_bench_measurement_updates_prior(prior: Prior, tmp_path: Path) -> None:
+    """The mean of two independent normal estimates is weighted by their information."""
     bench = written(tmp_path / "bench.json", {"elevator": {"model": AXIS, "points": []}})
     incline = written(
         tmp_path / "incline.json",
@@ -62,13 +61,13 @@ def test_each_number_is_weighed_against_what_was_known(prior: Prior, tmp_path: P
         assert after.covariance[NAMES.index(name), NAMES.index(name)] == 1.0
 
 
-def test_a_centre_of_mass_above_the_axis_is_no_news_of_this_vehicle(prior: Prior) -> None:
+def test_centre_of_mass_above_axis_is_rejected(prior: Prior) -> None:
     with pytest.raises(bench_priors.BenchResultError, match=r"z_CM = 0.01 .*-0.021"):
         bench_priors.update_prior(prior, [bench_priors.BenchMeasurement("z_CM", 0.01, 0.001)])
 
 
 @pytest.mark.parametrize("text", ["{", '{"rudder": {}}', '{"keel": {}}'])
-def test_a_file_that_is_no_bench_test_is_refused_in_one_line(text: str, tmp_path: Path) -> None:
+def test_invalid_bench_file_rejected_in_one_line(text: str, tmp_path: Path) -> None:
     path = tmp_path / "other.json"
     path.write_text(text, encoding="utf-8")
     for bad in (path, tmp_path / "missing.json"):

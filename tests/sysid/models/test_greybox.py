@@ -1,4 +1,4 @@
-"""The plane model is the simulator's physics, and its actuator is the tailcone's."""
+"""The plane model equals the simulator's physics, and its actuator equals the tailcone."""
 
 import math
 
@@ -31,7 +31,7 @@ def nominal(vehicle: config.VehicleConfig, plane: Plane) -> greybox.Actuator:
 @pytest.mark.parametrize(
     ("delay_s", "play_deg"), [(0.3, 0.0), (0.317, 0.0), (0.05, 0.0), (0.3, 2.0)]
 )
-def test_duct_follows_commands_as_the_tailcone_does(
+def test_actuator_model_equals_simulated_tailcone(
     bench: config.VehicleConfig, delay_s: float, play_deg: float
 ) -> None:
     rng = np.random.default_rng(2)
@@ -53,18 +53,20 @@ def test_duct_follows_commands_as_the_tailcone_does(
         expected.append(tailcone.duct_angle_rad(axis, state))
         tailcone.advance(axis, state, angle, substeps)
     found = greybox.duct_angles(command, actuator, 1.0 / RATE_HZ)
-    # Steps of up to 30 deg: the two integrate the rate limit over 20 and 5 ms.
+    # Steps of up to 30 deg: the two models integrate the rate limit over 20 and 5 ms.
     assert np.max(np.abs(found - np.array(expected))) < math.radians(0.15)
 
 
 @pytest.mark.parametrize(
     ("plane", "degrees", "bound_degps"), [("yaw", 5.0, 0.08), ("pitch", 4.0, 0.12)]
 )
-def test_a_plane_alone_moves_as_the_whole_vehicle(
+def test_plane_model_equals_six_dof_simulation(
     bench: config.VehicleConfig, plane: Plane, degrees: float, bound_degps: float
 ) -> None:
-    """Six degrees of freedom under loops against one plane: what differs is roll and the other
-    plane."""
+    """Compare six degrees of freedom with closed loops against one plane.
+
+    The difference is roll and the other plane.
+    """
     run = sea.fly(bench, plane, sea.step(degrees, 8.0), level=sea.CALM, sensors=QUIET).since(-5.0)
     model = build_model.build(bench)
     motion = greybox.simulate(
@@ -74,7 +76,7 @@ def test_a_plane_alone_moves_as_the_whole_vehicle(
     assert np.ptp(np.degrees(run.rate_radps)) > 2.0
 
 
-def test_the_fit_step_is_as_good_as_the_fine_one(bench: config.VehicleConfig) -> None:
+def test_fit_step_equals_fine_step(bench: config.VehicleConfig) -> None:
     run = sea.fly(bench, "yaw", sea.step(9.0), level=sea.CALM, sensors=QUIET)
     model, actuator, start = (
         build_model.build(bench),
@@ -86,9 +88,9 @@ def test_the_fit_step_is_as_good_as_the_fine_one(bench: config.VehicleConfig) ->
     assert np.max(np.abs(np.degrees(fine.rate_radps[:: fit.STRIDE] - coarse.rate_radps))) < 1e-3
 
 
-def test_linear_planes_are_the_slope_of_the_nonlinear_ones(bench: config.VehicleConfig) -> None:
-    """Within half a per cent: buoyancy's surge force, with z_CM off the axis, adds to the righting
-    moment."""
+def test_linear_planes_are_derivatives_of_plane_model(bench: config.VehicleConfig) -> None:
+    """The tolerance is 0.5 %: with z_CM off the axis, the surge force of the net buoyancy adds to
+    the righting moment."""
     vehicle = parameters.candidate_vehicle(
         bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(parameters.NAMES))
     )
@@ -112,7 +114,7 @@ def test_linear_planes_are_the_slope_of_the_nonlinear_ones(bench: config.Vehicle
         np.testing.assert_allclose(slope, linear.B[:2], rtol=5e-3)
 
 
-def test_small_signal_numbers_of_the_paper() -> None:
+def test_small_signal_equals_paper_accelerations() -> None:
     """The adjusted column gives the accelerations that the paper measured: 0.51 in yaw, 0.46 in
     pitch."""
     from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED
@@ -125,8 +127,8 @@ def test_small_signal_numbers_of_the_paper() -> None:
     assert yaw.p_fast_per_s < yaw.p_slow_per_s < 0
 
 
-def test_play_follows_from_flank_to_flank() -> None:
-    """Behind a lag so fast that the motor is where it was told a sample ago."""
+def test_backlash_full_width_is_crossed_before_motion() -> None:
+    """The lag is so fast that the motor reaches its command within one sample."""
     motor = np.array([0.0, 1.0, 3.0, 2.0, 1.0, -4.0, -4.0])
     found = greybox.duct_angles(motor, greybox.Actuator(0.0, 1e3, 0.7, 0.0, 9.0, 1e3, 2.0), 1.0)
     np.testing.assert_allclose(found[1:], [0.0, 0.0, 2.0, 2.0, 2.0, -3.0])

@@ -1,5 +1,4 @@
-"""``model.json`` as a format: its schema is published, it survives a file, and other formats are
-refused in a line."""
+"""Format of ``model.json``: published schema, writing and reading, and errors for other formats."""
 
 import json
 from pathlib import Path
@@ -15,9 +14,9 @@ PUBLISHED = Path(__file__).parents[3] / "docs" / "model.schema.json"
 DESCRIBED = PUBLISHED.with_name("model.md")
 
 
-def test_the_published_schema_is_that_of_the_records() -> None:
-    told = "python -m sysid.schema > docs/model.schema.json"
-    assert PUBLISHED.read_bytes() == schema(), f"the records have changed; {told}"
+def test_published_schema_equals_records() -> None:
+    command = "python -m sysid.schema > docs/model.schema.json"
+    assert PUBLISHED.read_bytes() == schema(), f"the records have changed; run {command}"
 
 
 def test_every_field_is_described() -> None:
@@ -30,7 +29,7 @@ def test_every_field_is_described() -> None:
     assert {name for name in fields if f"`{name}`" not in text} == set()
 
 
-def test_a_model_survives_its_file(model: IdentifiedModel, tmp_path: Path) -> None:
+def test_model_written_and_read_is_equal(model: IdentifiedModel, tmp_path: Path) -> None:
     models.write(model, tmp_path / "model.json")
     assert models.read(tmp_path / "model.json") == model
 
@@ -45,9 +44,7 @@ def test_a_model_survives_its_file(model: IdentifiedModel, tmp_path: Path) -> No
         ("not json", "malformed"),
     ],
 )
-def test_what_is_no_model_of_this_format_is_refused_in_one_line(
-    text: str, said: str, tmp_path: Path
-) -> None:
+def test_invalid_model_file_rejected_in_one_line(text: str, said: str, tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     path.write_text(text)
     with pytest.raises(ModelError, match=said) as refusal:
@@ -56,14 +53,14 @@ def test_what_is_no_model_of_this_format_is_refused_in_one_line(
     assert "\n" not in str(refusal.value)
 
 
-def test_the_design_numbers_covariance_is_that_of_their_sds(model: IdentifiedModel) -> None:
+def test_design_covariance_diagonal_equals_sds(model: IdentifiedModel) -> None:
     for plane, found in model.design.items():
         for i, name in enumerate(found.names):
             sd = getattr(model.planes[plane], name).sd
             assert found.matrix[i][i] ** 0.5 == pytest.approx(sd, rel=1e-9), (plane, name)
 
 
-def test_an_unknown_key_is_named(model: IdentifiedModel, tmp_path: Path) -> None:
+def test_unknown_key_is_named_in_error(model: IdentifiedModel, tmp_path: Path) -> None:
     plain = msgspec.to_builtins(model) | {"colour": "blue"}
     (tmp_path / "model.json").write_text(json.dumps(plain))
     with pytest.raises(ModelError, match="colour"):

@@ -1,5 +1,4 @@
-"""The whitening filter against draws from the very process it describes, and against a dense
-covariance."""
+"""The whitening filter against samples of its own process, and against a dense covariance."""
 
 import math
 
@@ -21,7 +20,7 @@ PLANES = {
 def draw(
     plane: linear_planes.LinearPlane, level: Noise, samples: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Residuals simulated at a step twenty times finer than the filter's."""
+    """Return residuals simulated with a twentieth of the filter's step."""
     A, density, C, R, P0 = noise.system(plane, level)
     fine = 20
     h = DT / fine
@@ -37,7 +36,7 @@ def draw(
 
 
 @pytest.mark.parametrize("name", ["yaw", "pitch"])
-def test_innovations_are_white_and_of_unit_variance(name: str) -> None:
+def test_innovations_white_with_unit_variance(name: str) -> None:
     rng = np.random.default_rng(7)
     plane, level = PLANES[name], Noise()
     by = noise.build(plane, level, DT, 400)
@@ -45,7 +44,7 @@ def test_innovations_are_white_and_of_unit_variance(name: str) -> None:
     n = white.shape[0] * white.shape[1]
     for output in range(white.shape[2]):
         series = white[:, :, output]
-        # Four standard deviations of the estimates' own scatter.
+        # Tolerance: four standard deviations of the estimates.
         assert np.var(series) == pytest.approx(1.0, abs=4 * math.sqrt(2 / n))
         for lag in (1, 3, 10, 60):
             assert abs(np.mean(series[:, lag:] * series[:, :-lag])) < 4 / math.sqrt(n)
@@ -53,8 +52,8 @@ def test_innovations_are_white_and_of_unit_variance(name: str) -> None:
             assert abs(np.mean(series * white[:, :, other])) < 4 / math.sqrt(n)
 
 
-def test_cost_is_the_gaussian_likelihood() -> None:
-    """Against the dense covariance of a short record, built without any filter."""
+def test_cost_equals_gaussian_likelihood() -> None:
+    """Reference: dense covariance of a short record, without a filter."""
     plane, level, samples = PLANES["yaw"], Noise(), 25
     A, density, C, R, P0 = noise.system(plane, level)
     n, steps = A.shape[0], 400
@@ -83,7 +82,7 @@ def test_cost_is_the_gaussian_likelihood() -> None:
     )
 
 
-def test_levels_are_found_again() -> None:
+def test_estimate_recovers_true_noise_levels() -> None:
     rng = np.random.default_rng(5)
     plane = PLANES["yaw"]
     truth = Noise(rate_radps=0.004, slow_radps2=0.008, wave_radps2=0.012, wave_frequency_hz=0.17)

@@ -31,19 +31,21 @@ UNSURE = {"pitch_deg": 0.1, "elevator_deg": 0.15, "rudder_deg": 0.04}
 DEPTH_M, HEADING_RAD, THRUST = 5.0, 3.1, 0.58
 
 
-def promise() -> PerformanceBaseline:
+def baseline() -> PerformanceBaseline:
     """Return a baseline of first-order noise with the matching rms in the band about 2 rad/s."""
     share = AVERAGED_S / MEMORY_S
     averaged = 2.0 / share * (1.0 - (1.0 - math.exp(-share)) / share)
     band = 0.5 * math.pi * 0.5 * 2.0 * (2.0 * MEMORY_S / (1.0 + (2.0 * MEMORY_S) ** 2)) / math.pi
-    told = {name: _expected(name, rms, averaged) for name, rms in RMS.items()}
-    swings = {
+    statistics = {name: _expected(name, rms, averaged) for name, rms in RMS.items()}
+    resonances = {
         f"{plane}_swing_deg": PredictedStatistic(
             0.0, 0.0, 0.4 * math.sqrt(band), 0.8 * math.sqrt(band), 1e-3, 5.0
         )
         for plane in ("heading", "pitch")
     }
-    return PerformanceBaseline("ab" * 32, "0", 1.3, THRUST, 2.0, 2.0, {}, {**told, **swings})
+    return PerformanceBaseline(
+        "ab" * 32, "0", 1.3, THRUST, 2.0, 2.0, {}, {**statistics, **resonances}
+    )
 
 
 def _expected(name: str, rms: float, averaged: float) -> PredictedStatistic:
@@ -64,29 +66,32 @@ def noise(rng: np.random.Generator, count: int, rms: float) -> Array:
 def flight(
     seconds: float,
     seed: int,
-    moved: Mapping[str, float] | None = None,
-    louder: float = 1.0,
+    shifts: Mapping[str, float] | None = None,
+    noise_factor: float = 1.0,
     from_s: float = 0.0,
 ) -> Log:
-    """Return a log of steady flight; `moved` is added to the means from a time on."""
+    """Return a log of steady flight.
+
+    `shifts` is added to the means from `from_s` (s) on; `noise_factor` scales the noise.
+    """
     rng, t = np.random.default_rng(seed), STEP_S * np.arange(1.0, round(seconds / STEP_S) + 1.0)
-    told = {
+    series = {
         name: MEANS[name]
-        + (t >= from_s) * (moved or {}).get(name, 0.0)
-        + louder * noise(rng, t.size, rms)
+        + (t >= from_s) * (shifts or {}).get(name, 0.0)
+        + noise_factor * noise(rng, t.size, rms)
         for name, rms in RMS.items()
     }
     zero, nothing = np.zeros_like(t), np.empty(0)
-    yaw = HEADING_RAD + np.radians(told["heading_deg"])
+    yaw = HEADING_RAD + np.radians(series["heading_deg"])
     steady = np.full_like(t, HEADING_RAD)
     return Log(
         name="made",
         sha256="",
-        attitude=Attitude(t, zero, np.radians(told["pitch_deg"]), yaw, zero, zero, zero),
+        attitude=Attitude(t, zero, np.radians(series["pitch_deg"]), yaw, zero, zero, zero),
         actuators=Actuators(
-            t, np.radians(told["rudder_deg"]), np.radians(told["elevator_deg"]), zero + THRUST
+            t, np.radians(series["rudder_deg"]), np.radians(series["elevator_deg"]), zero + THRUST
         ),
-        depth=Depth(t, DEPTH_M + told["depth_m"], zero),
+        depth=Depth(t, DEPTH_M + series["depth_m"], zero),
         setpoints=Setpoints(t, steady, zero, t, zero + DEPTH_M),
         events=(),
         parameters={},

@@ -14,37 +14,37 @@ from sysid.monitor.tracking_metrics import SETTLING_S
 from tests.sysid.monitor import made
 
 HOUR_S = 3600.0
-PROMISE = made.promise()
+BASELINE = made.baseline()
 
 
 def blocks(log: Log) -> list[monitor.Block]:
     """Return the blocks of a log."""
-    return list(BlockCutter(PROMISE).take(sample(log, None, float(log.attitude.time_s[-1]))))
+    return list(BlockCutter(BASELINE).take(sample(log, None, float(log.attitude.time_s[-1]))))
 
 
 def test_monitor_flight_as_predicted_raises_no_alarm() -> None:
-    kept = monitor.monitor_log(made.flight(4.0 * HOUR_S, seed=1), PROMISE)
-    assert kept.steady_s > 3.9 * HOUR_S
-    assert kept.causes == ()
-    assert kept.found_s is None
-    for name, (measured, promised) in kept.errors.items():
-        assert measured == pytest.approx(promised, rel=0.1), name
+    report = monitor.monitor_log(made.flight(4.0 * HOUR_S, seed=1), BASELINE)
+    assert report.steady_s > 3.9 * HOUR_S
+    assert report.causes == ()
+    assert report.found_s is None
+    for name, (measured, predicted) in report.errors.items():
+        assert measured == pytest.approx(predicted, rel=0.1), name
 
 
 def test_threshold_allowed_shift_keeps_false_alarm_rate() -> None:
     """Means at the allowed limit, where sums grow most; threshold for one alarm in 40 blocks."""
-    expected = PROMISE.predicted["rudder_deg"]
+    expected = BASELINE.predicted["rudder_deg"]
     rng, crossings, count, h = np.random.default_rng(3), 0, 40_000, np.log(40.0)
     allowed = sequential.MIN_SHIFT["rudder_deg"] + 2.0 * expected.mean_sd
     block = blocks(made.flight(100.0, seed=1))[0]
-    found = sequential.Sum()
+    test = sequential.Sum()
     for departure in rng.normal(allowed, expected.average_sd, count):
         means = {**block.means, "rudder_deg": expected.mean + departure}
-        found = sequential._update_sum(
-            "rudder_deg", "higher", expected, found, block._replace(means=means)
+        test = sequential._update_sum(
+            "rudder_deg", "higher", expected, test, block._replace(means=means)
         )
-        if found.value > h:
-            crossings, found = crossings + 1, sequential.Sum()
+        if test.value > h:
+            crossings, test = crossings + 1, sequential.Sum()
     assert 0 < crossings < count / 40
 
 
@@ -63,21 +63,24 @@ def test_threshold_allowed_shift_keeps_false_alarm_rate() -> None:
 def test_monitor_shifted_mean_names_cause_in_two_minutes(
     moved: dict[str, float], cause: str
 ) -> None:
-    kept = monitor.monitor_log(made.flight(900.0, seed=2, moved=moved, from_s=400.0), PROMISE)
-    assert [found.name for found in kept.causes] == [cause]
-    assert kept.found_s is not None
-    assert 400.0 < kept.found_s < 520.0
-    assert kept.refit_due == (cause != "integrator")
+    report = monitor.monitor_log(made.flight(900.0, seed=2, shifts=moved, from_s=400.0), BASELINE)
+    assert [likely.name for likely in report.causes] == [cause]
+    assert report.found_s is not None
+    assert 400.0 < report.found_s < 520.0
+    assert report.refit_due == (cause != "integrator")
 
 
 def test_monitor_larger_disturbance_needs_no_refit() -> None:
-    kept = monitor.monitor_log(made.flight(900.0, seed=2, louder=2.5), PROMISE)
-    assert [found.name for found in kept.causes] == ["sea"]
-    assert not kept.refit_due
+    report = monitor.monitor_log(made.flight(900.0, seed=2, noise_factor=2.5), BASELINE)
+    assert [likely.name for likely in report.causes] == ["sea"]
+    assert not report.refit_due
 
 
 def test_monitor_slightly_larger_disturbance_is_no_alarm() -> None:
-    assert monitor.monitor_log(made.flight(2.0 * HOUR_S, seed=2, louder=1.25), PROMISE).causes == ()
+    assert (
+        monitor.monitor_log(made.flight(2.0 * HOUR_S, seed=2, noise_factor=1.25), BASELINE).causes
+        == ()
+    )
 
 
 @pytest.mark.parametrize("plane", ["heading", "pitch"])
@@ -87,9 +90,9 @@ def test_monitor_resonance_is_distinguished_from_disturbance(plane: str) -> None
     swing = np.radians(0.5) * np.sin(2.0 * t)
     column = {"heading": "yaw_rad", "pitch": "pitch_rad"}[plane]
     swinging = replace(log.attitude, **{column: getattr(log.attitude, column) + swing})
-    kept = monitor.monitor_log(replace(log, attitude=swinging), PROMISE)
-    assert [found.name for found in kept.causes] == [f"{plane} loop"]
-    assert kept.refit_due
+    report = monitor.monitor_log(replace(log, attitude=swinging), BASELINE)
+    assert [likely.name for likely in report.causes] == [f"{plane} loop"]
+    assert report.refit_due
 
 
 def test_monitor_surface_noise_is_not_disturbance() -> None:
@@ -98,68 +101,68 @@ def test_monitor_surface_noise_is_not_disturbance() -> None:
         log.actuators,
         rudder_rad=np.radians(6.0) + 3.0 * (log.actuators.rudder_rad - np.radians(6.0)),
     )
-    assert [c.name for c in monitor.monitor_log(replace(log, actuators=busy), PROMISE).causes] == [
+    assert [c.name for c in monitor.monitor_log(replace(log, actuators=busy), BASELINE).causes] == [
         "rudder noise"
     ]
 
 
 def test_monitor_piecewise_equals_whole_log() -> None:
-    log = made.flight(700.0, seed=4, moved={"rudder_deg": 3.0}, from_s=300.0)
-    piecewise = Monitor(PROMISE)
+    log = made.flight(700.0, seed=4, shifts={"rudder_deg": 3.0}, from_s=300.0)
+    piecewise = Monitor(BASELINE)
     for until_s in np.arange(0.7, 701.0, 3.3):
         piecewise.take(log, min(float(until_s), 700.0))
     piecewise.take(log, 700.0)
-    assert piecewise.report() == monitor.monitor_log(log, PROMISE)
+    assert piecewise.report() == monitor.monitor_log(log, BASELINE)
 
 
 def test_blocks_settling_is_excluded() -> None:
     log = made.flight(400.0, seed=1)
     turned = log.setpoints.heading_rad - np.radians(2.0) * (log.setpoints.attitude_time_s > 150.0)
-    found = blocks(replace(log, setpoints=replace(log.setpoints, heading_rad=turned)))
-    after = [block.start_s for block in found if block.stop_s > 150.0]
+    cause = blocks(replace(log, setpoints=replace(log.setpoints, heading_rad=turned)))
+    after = [block.start_s for block in cause if block.stop_s > 150.0]
     assert min(after) == pytest.approx(150.0 + SETTLING_S, abs=0.5)
-    assert all(block.stop_s - block.start_s == pytest.approx(AVERAGED_S) for block in found)
+    assert all(block.stop_s - block.start_s == pytest.approx(AVERAGED_S) for block in cause)
 
 
 def test_blocks_identification_tests_are_excluded() -> None:
     log = made.flight(400.0, seed=1)
     told = made.event(100.0, "SystemID Starting: axis=10"), made.event(200.0, "SystemID Finished")
-    found = blocks(replace(log, events=told))
+    cause = blocks(replace(log, events=told))
     assert not [
         block
-        for block in found
+        for block in cause
         if block.stop_s > 100.0 and block.start_s < 200.0 + SETTLING_S - 0.5
     ]
-    assert len([block for block in found if block.start_s > 200.0]) >= 8
+    assert len([block for block in cause if block.start_s > 200.0]) >= 8
 
 
 def test_blocks_telemetry_gap_restarts_settling() -> None:
     log = made.flight(200.0, seed=1)
     heard = (log.attitude.time_s < 100.0) | (log.attitude.time_s > 104.0)
     thin = log.attitude.__class__(*(values[heard] for values in vars(log.attitude).values()))
-    found = blocks(replace(log, attitude=thin))
+    cause = blocks(replace(log, attitude=thin))
     assert not [
         block
-        for block in found
+        for block in cause
         if block.stop_s > 101.5 and block.start_s < 104.0 + SETTLING_S - 0.5
     ]
 
 
 def test_monitor_other_speed_is_ignored() -> None:
-    log = made.flight(400.0, seed=1, moved={"pitch_deg": 3.0})
+    log = made.flight(400.0, seed=1, shifts={"pitch_deg": 3.0})
     fast = replace(log.actuators, thrust=log.actuators.thrust * 1.3)
-    assert monitor.monitor_log(replace(log, actuators=fast), PROMISE).blocks == 0
+    assert monitor.monitor_log(replace(log, actuators=fast), BASELINE).blocks == 0
 
 
 def test_blocks_near_surface_are_excluded() -> None:
     log = made.flight(400.0, seed=1)
     points = replace(log.setpoints, depth_m=np.full_like(log.setpoints.depth_m, 1.0))
     shallow = replace(log.depth, depth_m=log.depth.depth_m - 4.0)
-    assert monitor.monitor_log(replace(log, setpoints=points, depth=shallow), PROMISE).blocks == 0
+    assert monitor.monitor_log(replace(log, setpoints=points, depth=shallow), BASELINE).blocks == 0
 
 
 def test_blocks_transit_is_excluded() -> None:
     log = made.flight(400.0, seed=1)
     late = np.maximum(0.0, 4.5 - 0.03 * log.depth.time_s)
-    found = blocks(replace(log, depth=replace(log.depth, depth_m=log.depth.depth_m - late)))
-    assert found[0].start_s > 4.0 / 0.03 + SETTLING_S - 5.0
+    cause = blocks(replace(log, depth=replace(log.depth, depth_m=log.depth.depth_m - late)))
+    assert cause[0].start_s > 4.0 / 0.03 + SETTLING_S - 5.0

@@ -15,7 +15,7 @@ from sysid.monitor.performance_spec import (
 
 GAINS = {"HDG_P": 0.8046312, "PTCH_I": 0.0, "DPT_I": 1.25e-5}
 REASONS = {"HDG_P": "GM 9.8 dB at the rudder", "PTCH_I": "no integrator", "DPT_I": "done in 30 s"}
-PROMISED = PerformanceBaseline(
+BASELINE = PerformanceBaseline(
     model_sha256="ab" * 32,
     version="0.1.0",
     speed_mps=1.3,
@@ -38,17 +38,17 @@ def values(text: str) -> dict[str, float]:
 
 @pytest.fixture
 def text() -> str:
-    return performance_spec.encode(PROMISED, GAINS, REASONS)
+    return performance_spec.encode(BASELINE, GAINS, REASONS)
 
 
 def test_decode_encoded_baseline_is_equal(text: str) -> None:
-    assert performance_spec.decode(text, values(text)) == PROMISED
+    assert performance_spec.decode(text, values(text)) == BASELINE
     assert "HDG_P,0.804631  # GM 9.8 dB at the rudder" in text
 
 
 def test_encode_without_covariance_omits_robustness() -> None:
-    bare = PROMISED.__class__(
-        **{**{n: getattr(PROMISED, n) for n in PROMISED.__struct_fields__}, "kept": None}
+    bare = BASELINE.__class__(
+        **{**{n: getattr(BASELINE, n) for n in BASELINE.__struct_fields__}, "kept": None}
     )
     text = performance_spec.encode(bare, GAINS, REASONS)
     assert performance_spec.decode(text, values(text)) == bare

@@ -45,10 +45,10 @@ def known() -> DesignPrior:
 
 
 @pytest.fixture(scope="package")
-def believed(known: DesignPrior) -> DesignPrior:
+def uncertain(known: DesignPrior) -> DesignPrior:
     """Return the same vehicle with uncertainty of every parameter."""
     return known._replace(covariance=0.04 * beliefs.from_file(known.config).covariance)
 
 
 silent = partial(Noise, 0.0, 0.0, 0.0, 0.0, wave_radps2=0.0, force_mps15=0.0)
-"""A sea that does nothing, seen by perfect instruments."""
+"""Noise model without disturbance and without sensor noise."""

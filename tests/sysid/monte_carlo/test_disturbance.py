@@ -18,12 +18,12 @@ def accelerations(known: DesignPrior, times: float, ticks: int) -> np.ndarray:  
 
 
 def test_wrenches_rms_equals_noise_model(known: DesignPrior) -> None:
-    found, level = accelerations(known, 1.0, 100_000), known.noise["yaw"]
-    assert np.std(found[:, 5]) == pytest.approx(
+    rms_of, level = accelerations(known, 1.0, 100_000), known.noise["yaw"]
+    assert np.std(rms_of[:, 5]) == pytest.approx(
         np.hypot(level.slow_radps2, level.wave_radps2), rel=0.1
     )
-    assert np.std(found[:, 1]) * TICK_S**0.5 == pytest.approx(level.force_mps15, rel=0.02)
-    assert np.all(np.abs(found[:, (0, 3)]) < 1e-9)
+    assert np.std(rms_of[:, 1]) * TICK_S**0.5 == pytest.approx(level.force_mps15, rel=0.02)
+    assert np.all(np.abs(rms_of[:, (0, 3)]) < 1e-9)
 
 
 def test_wrenches_factor_scales_same_draws(known: DesignPrior) -> None:

@@ -61,11 +61,11 @@ def test_steady_error_excludes_settling() -> None:
 
 def test_steady_error_on_path_uses_current_setpoint() -> None:
     course_deg = 0.5 * TIME_S
-    found = dive_metrics(heading_deg=course_deg + 0.5, course_deg=course_deg)
-    assert found.steady is not None
-    assert found.steady.heading_deg == pytest.approx(0.5)
-    assert found.legs[0].settled_s == 0.0
-    assert found.diverged == ""
+    metrics_on_path = dive_metrics(heading_deg=course_deg + 0.5, course_deg=course_deg)
+    assert metrics_on_path.steady is not None
+    assert metrics_on_path.steady.heading_deg == pytest.approx(0.5)
+    assert metrics_on_path.legs[0].settled_s == 0.0
+    assert metrics_on_path.diverged == ""
 
 
 @pytest.mark.parametrize(

@@ -42,26 +42,26 @@ def obstacle(vehicle: str, moments: Moments, *missions: str) -> Obstacle | None:
 
 def test_obstacle_large_disturbance_is_failsafe() -> None:
     """The campaign of remus100 ended so in its first dive: `Failsafe: pitch -75 deg`."""
-    found = obstacle("remus100", DISTURBED, "trim")
-    assert found is not None
-    assert found.where == "trim"
-    assert found.reason.startswith("it ends with the failsafe 'pitch")
+    reported = obstacle("remus100", DISTURBED, "trim")
+    assert reported is not None
+    assert reported.where == "trim"
+    assert reported.reason.startswith("it ends with the failsafe 'pitch")
     # hypot(34.2, 19.4) deg/s2: moments over I_zz - N_rdot of 8.3 kg m2
-    assert "39 deg/s²" in found.reason
+    assert "39 deg/s²" in reported.reason
 
 
 def test_obstacle_test_beyond_travel_is_rejection() -> None:
-    found = obstacle("remus100", CALM, "elevator_steps")
+    reported = obstacle("remus100", CALM, "elevator_steps")
     refusal = "Mission item 32: magnitude 14 deg: must be within 13.6 deg, and not 0"
-    assert found == Obstacle("elevator_steps", f"the autopilot refuses the mission ({refusal})")
+    assert reported == Obstacle("elevator_steps", f"the autopilot refuses the mission ({refusal})")
 
 
 def test_obstacle_masked_tests_is_low_coherence() -> None:
     """That campaign was refused by its verdict: coherence about crossover 0.30 and 0.28."""
-    found = obstacle("docs/my_vehicle.toml", DISTURBED, "rudder_sweeps")
-    assert found is not None
-    assert found.where == "rudder tests"
-    assert "the disturbance masks them: coherence about crossover" in found.reason
+    reported = obstacle("docs/my_vehicle.toml", DISTURBED, "rudder_sweeps")
+    assert reported is not None
+    assert reported.where == "rudder tests"
+    assert "the disturbance masks them: coherence about crossover" in reported.reason
     assert obstacle("docs/my_vehicle.toml", CALM, "rudder_sweeps") is None
 
 
@@ -71,9 +71,9 @@ def test_obstacle_heavy_vehicle_same_disturbance_is_none() -> None:
 
 def test_noise_levels_equal_moment_over_inertia() -> None:
     """Caribou: 4.96 N m over I_zz - N_rdot = 927 kg m2 (Table 1); sway adds less than 5 %."""
-    from sysid.test_design import prior as beliefs
+    from sysid.test_design import prior as design_priors
 
-    belief = beliefs.from_file(config.load("caribou_nominal"))
-    level = readiness.noise_levels(belief.vehicle(belief.mean), DISTURBED)["yaw"]
+    prior = design_priors.from_file(config.load("caribou_nominal"))
+    level = readiness.noise_levels(prior.vehicle(prior.mean), DISTURBED)["yaw"]
     assert level.wave_radps2 == pytest.approx(4.96 / 927.0, rel=0.05)
     assert math.degrees(level.slow_radps2) == pytest.approx(0.174, abs=0.01)

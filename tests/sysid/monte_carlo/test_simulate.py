@@ -24,7 +24,7 @@ from sysid.test_design.prior import DesignPrior
 from tests.sysid.monte_carlo.conftest import HELD, mission, silent
 
 
-def flown(
+def simulated(
     known: DesignPrior, sea: Sea, *, calm: bool = True, duration_s: float = 60.0, **more: float
 ) -> SimulatedDive:
     vehicle = known.vehicle(known.mean)
@@ -34,7 +34,7 @@ def flown(
 
 
 def test_fly_known_vehicle_calm_has_no_error(known: DesignPrior) -> None:
-    dive = flown(known, Sea(0.0), duration_s=150.0)
+    dive = simulated(known, Sea(0.0), duration_s=150.0)
     assert dive.finished
     assert dive.log.setpoints.depth_m[0] == 3.0
     steady = tracking_metrics.tracking(dive.log, settling_s=110.0)
@@ -46,7 +46,8 @@ def test_fly_known_vehicle_calm_has_no_error(known: DesignPrior) -> None:
 
 def test_fly_larger_disturbance_has_larger_errors(known: DesignPrior) -> None:
     calm, rough = (
-        tracking_metrics.tracking(flown(known, Sea(times), calm=False).log) for times in (0.5, 2.0)
+        tracking_metrics.tracking(simulated(known, Sea(times), calm=False).log)
+        for times in (0.5, 2.0)
     )
     assert calm is not None
     assert rough is not None
@@ -58,7 +59,7 @@ def test_fly_rudder_bias_is_compensated_by_integrator(known: DesignPrior) -> Non
         float(
             np.mean(
                 np.degrees(
-                    flown(
+                    simulated(
                         known, Sea(0.0, bias_shift_rad=math.radians(shift))
                     ).log.actuators.rudder_rad[-50:]
                 )
@@ -70,13 +71,13 @@ def test_fly_rudder_bias_is_compensated_by_integrator(known: DesignPrior) -> Non
 
 
 def test_fly_failsafe_ends_dive_and_is_named(known: DesignPrior) -> None:
-    found = flown(known, Sea(0.0), FS_TIME_S=20.0)
-    assert found.failsafe.startswith("armed")
-    assert not found.finished
+    result = simulated(known, Sea(0.0), FS_TIME_S=20.0)
+    assert result.failsafe.startswith("armed")
+    assert not result.finished
 
 
 def test_fly_mission_of_zero_duration_is_finished(known: DesignPrior) -> None:
-    found = dive.fly(
+    result = dive.fly(
         known.vehicle(known.mean),
         known.noise,
         mission(2.0, 0.0, 0.0),
@@ -84,8 +85,8 @@ def test_fly_mission_of_zero_duration_is_finished(known: DesignPrior) -> None:
         Sea(),
         (1,),
     )
-    assert found.finished
-    assert found.seconds < 0.1
+    assert result.finished
+    assert result.seconds < 0.1
 
 
 def test_fly_unknown_command_raises(known: DesignPrior) -> None:
@@ -122,9 +123,9 @@ def test_instruments_at_rest_give_attitude_and_depth(known: DesignPrior) -> None
 
 
 def test_deviations_mean_over_100_ms_equals_noise_model(known: DesignPrior) -> None:
-    told = instruments.errors(known.noise, np.random.default_rng(1))
+    errors = instruments.errors(known.noise, np.random.default_rng(1))
     means = (
-        np.array([next(told) for _ in range(20_000)])
+        np.array([next(errors) for _ in range(20_000)])
         .reshape(-1, 5, dynamics.N_OBSERVED)
         .mean(axis=1)
     )

@@ -18,9 +18,9 @@ from tests.sysid.monte_carlo.files import model_of
 ITEMS = mission(2.0, 10.0, 44.0)
 
 
-def test_study_unstable_gains_are_reported(believed: DesignPrior) -> None:
+def test_study_unstable_gains_are_reported(uncertain: DesignPrior) -> None:
     held, unstable = simulate_samples(
-        believed, StudyRequest(ITEMS, {"held": HELD, "unstable": UNSTABLE}, vehicles=2)
+        uncertain, StudyRequest(ITEMS, {"held": HELD, "unstable": UNSTABLE}, vehicles=2)
     )
     assert (held.gains, held.failed, held.diverged) == ("held", 0, {})
     assert (unstable.gains, unstable.failed, unstable.diverged) == ("unstable", 2, {"heading": 2})
@@ -37,9 +37,9 @@ def test_study_seed_determines_result(known: DesignPrior) -> None:
     assert first != other
 
 
-def test_study_sets_share_vehicles_and_disturbance(believed: DesignPrior) -> None:
+def test_study_sets_share_vehicles_and_disturbance(uncertain: DesignPrior) -> None:
     one, other = simulate_samples(
-        believed, StudyRequest(mission(2.0, 10.0, 12.0), {"one": HELD, "other": HELD}, vehicles=2)
+        uncertain, StudyRequest(mission(2.0, 10.0, 12.0), {"one": HELD, "other": HELD}, vehicles=2)
     )
     assert one._replace(gains="") == other._replace(gains="")
 
@@ -55,9 +55,9 @@ def test_study_gains_without_trims_use_model_trims(known: DesignPrior) -> None:
     assert without._replace(gains="") != none._replace(gains="")
 
 
-def test_draw_spread_equals_posterior(believed: DesignPrior) -> None:
-    drawn = np.array(samples.draw(believed, 200, seed=1))
-    assert np.cov(drawn.T) == pytest.approx(believed.covariance, abs=0.02)
+def test_draw_spread_equals_posterior(uncertain: DesignPrior) -> None:
+    drawn = np.array(samples.draw(uncertain, 200, seed=1))
+    assert np.cov(drawn.T) == pytest.approx(uncertain.covariance, abs=0.02)
 
 
 def test_study_progress_ends_at_one(known: DesignPrior) -> None:
@@ -76,11 +76,11 @@ def test_study_invalid_gain_raises_with_name(known: DesignPrior) -> None:
         simulate_samples(known, StudyRequest(ITEMS, {"new.param": {"HDG_P": 9.0}}))
 
 
-def test_read_model_gives_posterior_of_file(believed: DesignPrior, tmp_path: Path) -> None:
-    models.write(model_of(believed), tmp_path / "model.json")
+def test_read_model_gives_posterior_of_file(uncertain: DesignPrior, tmp_path: Path) -> None:
+    models.write(model_of(uncertain), tmp_path / "model.json")
     read = samples.read(tmp_path / "model.json")
-    assert np.array_equal(read.covariance, believed.covariance)
-    assert read.biases_rad == pytest.approx(believed.biases_rad)
+    assert np.array_equal(read.covariance, uncertain.covariance)
+    assert read.biases_rad == pytest.approx(uncertain.biases_rad)
 
 
 def test_read_model_without_covariance_raises(known: DesignPrior, tmp_path: Path) -> None:
@@ -90,8 +90,8 @@ def test_read_model_without_covariance_raises(known: DesignPrior, tmp_path: Path
         samples.read(path)
 
 
-def test_read_model_of_unshipped_vehicle_raises(believed: DesignPrior, tmp_path: Path) -> None:
-    path, model = tmp_path / "model.json", model_of(believed)
+def test_read_model_of_unshipped_vehicle_raises(uncertain: DesignPrior, tmp_path: Path) -> None:
+    path, model = tmp_path / "model.json", model_of(uncertain)
     models.write(
         msgspec.structs.replace(
             model, vehicle=msgspec.structs.replace(model.vehicle, prior="mine")
@@ -100,4 +100,4 @@ def test_read_model_of_unshipped_vehicle_raises(believed: DesignPrior, tmp_path:
     )
     with pytest.raises(NoCovarianceError, match=r"vehicle\.prior = 'mine'.*--prior"):
         samples.read(path)
-    assert samples.read(path, believed.config).name == "model.json"
+    assert samples.read(path, uncertain.config).name == "model.json"

@@ -1,4 +1,4 @@
-"""What the vehicle makes of what her devices say, and what she does about it."""
+"""Sensor monitor: detection, confirmation, reports and reactions, through the pure tick."""
 
 import math
 
@@ -18,7 +18,7 @@ def live(
     state: AutopilotState | None = None,
     **devices: object,
 ) -> tuple[AutopilotState, list[str]]:
-    """Ticks with the same devices' word once a second; the state and what was said."""
+    """Run ticks with the same records once a second; return the state and the texts."""
     state, said = state or AutopilotState(), []
     for tick in range(round(seconds * 50)):
         time_us = state.time_us + TICK_US
@@ -30,7 +30,7 @@ def live(
     return state, said
 
 
-def test_a_low_battery_is_told_refuses_arming_and_under_way_brings_her_up() -> None:
+def test_battery_low_is_reported_prevents_arming_and_surfaces() -> None:
     low = Battery(28.0, 3.0, 1.0, 0.1)
     state, said = live(5.0, battery=low)
     assert said == ["Battery low"]
@@ -39,14 +39,14 @@ def test_a_low_battery_is_told_refuses_arming_and_under_way_brings_her_up() -> N
     assert said[0] == "Failsafe: Battery low -> SURFACE"
 
 
-def test_voltage_may_say_so_too_and_either_can_be_switched_off() -> None:
+def test_battery_low_voltage_is_reported_and_can_be_disabled() -> None:
     weak = Battery(24.0, 3.0, 1.0, 0.9)
     assert live(5.0, battery=weak)[1] == []
     assert live(5.0, Config(fs_battery_v=25.0), battery=weak)[1] == ["Battery low"]
     assert live(5.0, Config(fs_battery_pct=0.0), battery=Battery(28.0, 3.0, 1.0, 0.1))[1] == []
 
 
-def test_a_leak_is_told_once_however_often_it_is_heard() -> None:
+def test_leak_repeated_is_reported_once() -> None:
     state, said = live(10.0, leak=Leak(True))
     assert said == ["Leak detected"]
     _, said = live(10.0, state=state, leak=Leak(False))
@@ -55,7 +55,7 @@ def test_a_leak_is_told_once_however_often_it_is_heard() -> None:
 
 @pytest.mark.parametrize("nonsense", [math.nan, math.inf, -math.inf, 1e30])
 @pytest.mark.parametrize("field", SensorFrame._fields[1:11])
-def test_no_nonsense_reaches_the_estimate(field: str, nonsense: float) -> None:
+def test_sensors_implausible_reading_is_not_used(field: str, nonsense: float) -> None:
     state, _ = live(2.0)
     for tick in range(100):
         frame = sensors(state.time_us + TICK_US)
@@ -74,8 +74,8 @@ def test_no_nonsense_reaches_the_estimate(field: str, nonsense: float) -> None:
     assert len(monitor.active_faults(state.health)) == 1
 
 
-def hear_battery(intervals_s: list[float]) -> list[tuple[float, str]]:
-    """When what was said, with the gauge's words so far apart."""
+def battery_events(intervals_s: list[float]) -> list[tuple[float, str]]:
+    """Return (time, text) of the events for battery records at the given intervals."""
     due_us, words, state, said = TICK_US, list(intervals_s), AutopilotState(), []
     while words:
         time_us = state.time_us + TICK_US
@@ -89,31 +89,30 @@ def hear_battery(intervals_s: list[float]) -> list[tuple[float, str]]:
 
 
 @pytest.mark.parametrize("interval_s", [0.1, 9.0, 25.0])
-def test_a_device_is_silent_by_its_own_pace(interval_s: float) -> None:
-    """A steady one never; one that stops, after three of its intervals or ten seconds, the
-    longer."""
+def test_device_silence_limit_follows_its_interval(interval_s: float) -> None:
+    """A steady device is not reported; one that stops is, after three intervals, at least 10 s."""
     steady = [interval_s] * 8
-    assert hear_battery(steady) == []
+    assert battery_events(steady) == []
     stopped_s = 7 * interval_s
-    ((lost_s, lost), (_, back)) = hear_battery(
+    ((lost_s, lost), (_, back)) = battery_events(
         [*steady[1:], 90.0, *[interval_s] * max(3, round(8.0 / interval_s))]
     )
     assert (lost, back) == ("Battery silent", "Battery recovered")
     assert lost_s - stopped_s == pytest.approx(max(10.0, 3.0 * interval_s), abs=0.5)
 
 
-def test_a_device_that_turns_slow_is_told_so_and_never_flaps() -> None:
-    said = [text for _, text in hear_battery([*[1.0] * 5, *[12.0] * 9, *[1.0] * 8])]
+def test_device_slowing_down_is_reported_once() -> None:
+    said = [text for _, text in battery_events([*[1.0] * 5, *[12.0] * 9, *[1.0] * 8])]
     assert said == ["Battery silent", "Battery recovered"]
 
 
-def test_a_device_that_speaks_only_once_is_told_silent_in_the_end() -> None:
-    ((lost_s, lost),) = hear_battery([40.0, 0.0])
+def test_device_single_record_is_reported_silent() -> None:
+    ((lost_s, lost),) = battery_events([40.0, 0.0])
     assert lost == "Battery silent"
     assert lost_s == pytest.approx(30.0, abs=0.5)
 
 
-def test_a_single_spike_is_passed_over_in_silence() -> None:
+def test_device_single_spike_is_not_reported() -> None:
     state, _ = live(2.0)
     spike = sensors(state.time_us + TICK_US)._replace(pressure_hpa=3000.0)
     state, _, _, events = core.tick(state, Inputs(spike, None, None, None), Config())

@@ -22,8 +22,10 @@ BOOTED_S = 100.0
 
 
 class Sample(NamedTuple):
-    """What the vehicle did at one time. The rudder, a third of its travel within the test, turns
-    her at 3 deg/s."""
+    """Motion of the vehicle at one time.
+
+    In the test the rudder is at a third of its travel and turns the vehicle at 3 deg/s.
+    """
 
     time_s: float
     rudder: float
@@ -54,8 +56,10 @@ def pulse(fraction: float) -> int:
 def tlog(
     path: Path, commands: Callable[[Sample], object] | None = None, texts: bool = True
 ) -> Path:
-    """``commands`` makes the message that tells what was commanded; ACTUATOR_OUTPUT_STATUS if left
-    out."""
+    """Yield the messages of the dive.
+
+    ``commands`` makes the message with the commands; the default is ACTUATOR_OUTPUT_STATUS.
+    """
     link = mavlink.MAVLink(None, 1, 1)
     data = b""
     for entry in _messages(commands or _output_status, texts):
@@ -95,7 +99,7 @@ def _output_status(s: Sample) -> object:
 
 
 def servo_pulses(s: Sample) -> object:
-    """SERVO_OUTPUT_RAW with the elevator on output 1 turned round, thrust on 2, rudder on 3."""
+    """Return SERVO_OUTPUT_RAW with reversed elevator on output 1, thrust on 2, rudder on 3."""
     us = (pulse(-s.elevator), pulse(s.thrust), pulse(s.rudder))
     return mavlink.MAVLink_servo_output_raw_message(round(1e6 * s.time_s), 0, *us, *[0] * 5)
 
@@ -125,7 +129,7 @@ _DATAFLASH_CODES = {
 
 
 def dataflash(path: Path, ending: str = "SystemID Finished", sids: bool = True) -> Path:
-    """``ending``: the text that ends the test, or MODE for a change of mode."""
+    """Write a .bin; ``ending`` is the text that ends the test, or MODE for a change of mode."""
     data = b"".join(_format(name) for name in _DATAFLASH)
     data += _record("PARM", 0, b"ACT_TRAVEL_DEG", 12.0, 15.0)
     for k, s in enumerate(samples()):
@@ -179,7 +183,7 @@ _ULOG: dict[str, tuple[int, str, str]] = {
     "actuator_outputs": (3, "Q16f", "uint64_t timestamp;float[16] output;"),
 }
 LATENCY_S = 0.012
-"""By which a topic's time stamp is later than the sample that it tells of."""
+"""Delay of a topic's time stamp after the time of its sample."""
 
 
 def ulog(path: Path, texts: bool = True) -> Path:

@@ -1,4 +1,4 @@
-"""A damaged or hostile log is refused in one line, in bounded memory, never read as other data."""
+"""Damaged or hostile logs are rejected in one line and bounded memory, never read as other data."""
 
 import random
 import struct
@@ -26,13 +26,13 @@ PARAMETERS = {"ACT_TRAVEL_DEG": 12.0, "TRIM_RUD_DEG": 6.0}
 SECONDS = 6.0
 TEST = (2.0, 5.0, "SystemID Finished")
 BOMB_BYTES = 400_000_000
-"""Size that the bombs below unpack to, from a file of some ten kB."""
+"""Unpacked size of the decompression bombs below, from a file of about ten kB."""
 MOST_BYTES = 250_000_000
-"""Bound on memory: twice the cap on a chunk, and the interpreter's own overhead on top of it."""
+"""Limit of memory: twice the maximum chunk size plus the overhead of the interpreter."""
 
 
 def write_own(path: Path) -> Path:
-    """The same dive as ground's recorder and the vehicle write it, in several chunks."""
+    """Write the dive as ground and the vehicle do, in several chunks."""
     with path.open("wb") as file:
         log = MavlinkLog(file)
         channels = {}
@@ -58,7 +58,7 @@ WRITERS: dict[str, Callable[[Path], Path]] = {"own": write_own, "library": write
 
 
 def content(log: Log) -> bytes:
-    """Everything that identification takes from a log, to the last bit."""
+    """Return all data that identification reads from a log."""
     parts = (log.attitude, log.actuators, log.depth, log.setpoints, log.duct)
     arrays = [np.ascontiguousarray(v).tobytes() for part in parts for v in vars(part).values()]
     return b"".join(arrays) + repr((log.events, sorted(log.parameters.items()))).encode()
@@ -72,7 +72,7 @@ def flipped(data: bytes, seed: int) -> tuple[int, bytes]:
 
 
 @pytest.mark.parametrize("writer", WRITERS)
-def test_mcap_flipped_bit_is_never_read_as_other_data(writer: str, tmp_path: Path) -> None:
+def test_mcap_flipped_bit_never_gives_other_data(writer: str, tmp_path: Path) -> None:
     path = WRITERS[writer](tmp_path / "dive.mcap")
     data, expected = path.read_bytes(), content(readers.read(path))
     wrong: list[str] = []
@@ -91,7 +91,7 @@ def test_mcap_flipped_bit_is_never_read_as_other_data(writer: str, tmp_path: Pat
                 wrong.append(f"byte {bit // 8} of {len(data)}: read as other data")
     assert wrong == []
     assert [said for said in refusals if not said.startswith(f"{path}: ") or "\n" in said] == []
-    if writer == "own":  # the checksum of its data section covers what the others leave out
+    if writer == "own":  # its data section has a checksum, which the others do not write
         assert len(refusals) == FLIPS
 
 
@@ -107,7 +107,7 @@ def mcap_text(text: bytes) -> bytes:
 
 
 def mcap_file(*records: bytes) -> bytes:
-    """A finished file without summary, by https://mcap.dev/spec."""
+    """Return a finished file without summary, by https://mcap.dev/spec."""
     magic = b"\x89MCAP0\r\n"
     header, end = mcap_record(1, mcap_text(b"") * 2), mcap_record(15, bytes(4))
     footer = mcap_record(2, bytes(20))
@@ -125,7 +125,7 @@ def zstd_without_size(data: bytes) -> bytes:
 
 
 def messages_in_many_chunks() -> bytes:
-    """Chunks below the limit of one chunk, each full of messages that identification wants."""
+    """Return chunks below the maximum size, each full of messages that identification reads."""
     described = mcap_text(b"m") + mcap_text(b"ros1msg") + mcap_text(ATTITUDE_SCHEMA)
     schema = mcap_record(3, b"\1\0" + described)
     topic = mcap_text(b"/mavlink/1/1/ATTITUDE") + mcap_text(b"ros1") + mcap_text(b"")
@@ -156,7 +156,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
 
 
 @pytest.mark.parametrize("bomb", BOMBS)
-def test_mcap_bomb_is_refused_in_bounded_memory(bomb: str, tmp_path: Path) -> None:
+def test_mcap_bomb_rejected_in_bounded_memory(bomb: str, tmp_path: Path) -> None:
     make, reason = BOMBS[bomb]
     path = tmp_path / "bomb.mcap"
     path.write_bytes(make())
@@ -179,7 +179,7 @@ def test_mcap_length_beyond_the_file_allocates_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("parameters", [b"[" * 100_000, b'{"A": 1' + b"0" * 400 + b"}", b"[]"])
-def test_parameters_that_are_no_numbers_are_refused(parameters: bytes, tmp_path: Path) -> None:
+def test_mcap_non_numeric_parameters_rejected(parameters: bytes, tmp_path: Path) -> None:
     head = bytes(16) + mcap_text(b"params.json") + mcap_text(b"")
     content = head + struct.pack("<Q", len(parameters)) + parameters + bytes(4)
     path = tmp_path / "odd.mcap"
@@ -188,7 +188,7 @@ def test_parameters_that_are_no_numbers_are_refused(parameters: bytes, tmp_path:
         readers.read(path)
 
 
-def test_mavlink_message_without_its_fields_is_refused(tmp_path: Path) -> None:
+def test_mavlink_message_with_missing_field_rejected(tmp_path: Path) -> None:
     path = tmp_path / "odd.mcap"
     with path.open("wb") as file:
         writer = Writer(file)
@@ -226,7 +226,7 @@ ULOG_BOMBS = {
 
 
 @pytest.mark.parametrize("bomb", ULOG_BOMBS)
-def test_ulog_bomb_is_refused_in_bounded_memory(bomb: str, tmp_path: Path) -> None:
+def test_ulog_bomb_rejected_in_bounded_memory(bomb: str, tmp_path: Path) -> None:
     path = tmp_path / "bomb.ulg"
     path.write_bytes(ulog_file(*ULOG_BOMBS[bomb]))
     tracemalloc.start()
@@ -238,7 +238,7 @@ def test_ulog_bomb_is_refused_in_bounded_memory(bomb: str, tmp_path: Path) -> No
 
 
 def test_dataflash_memory_is_a_few_times_the_file(tmp_path: Path) -> None:
-    """Messages of the largest length: 255 bytes, of which 8 are the time."""
+    """The messages have the maximum length: 255 bytes, of which 8 are the time."""
     codes, columns = "Q" + "Z" * 3 + "N" * 3 + "B" * 4, "TimeUS,A,B,C,D,E,F,G,H,I,J"
     body = struct.pack("<BB4s16s64s", 1, 255, b"BIG", codes.encode(), columns.encode())
     data = bytes((0xA3, 0x95, 0x80)) + body + (bytes((0xA3, 0x95, 1)) + bytes(252)) * 20_000
@@ -253,13 +253,13 @@ def test_dataflash_memory_is_a_few_times_the_file(tmp_path: Path) -> None:
 
 
 def attitude_rows(log: Log) -> set[bytes]:
-    """Each sample of attitude as bytes; yaw is unwrapped by sums, hence the rounding."""
+    """Return each attitude sample as bytes, rounded because unwrapping of yaw adds rounding."""
     table = np.stack(tuple(vars(log.attitude).values()), axis=1).round(9)
     return {row.tobytes() for row in table}
 
 
-def test_tlog_flipped_bit_loses_samples_and_alters_none(tmp_path: Path) -> None:
-    """A damaged frame fails its CRC-16 and is left out; the stamps between frames are not used."""
+def test_tlog_flipped_bit_loses_samples_but_alters_none(tmp_path: Path) -> None:
+    """A damaged frame fails its CRC-16 and is dropped; time stamps between frames are not used."""
     path = files.tlog(tmp_path / "dive.tlog")
     data, expected = path.read_bytes(), attitude_rows(readers.read(path))
     for seed in range(5):

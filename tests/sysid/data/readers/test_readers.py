@@ -1,4 +1,4 @@
-"""One dive, written in every format by its document, reads back as one and the same run."""
+"""One dive, written in each format by its specification, is read as the same run."""
 
 import math
 from collections.abc import Callable
@@ -38,8 +38,8 @@ def the_run(
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-def test_every_format_tells_of_the_same_run(written: dict[str, Path], suffix: str) -> None:
-    """To the resolution of the format: a hundredth of a degree in ATT, a microsecond in pulses."""
+def test_all_formats_give_the_same_run(written: dict[str, Path], suffix: str) -> None:
+    """Tolerance: resolution of the format, 0.01 degree in ATT and 1 us in pulses."""
     run = the_run(written[suffix])
     testing = (run.time_s >= 0.0) & (run.time_s < 9.99)
     assert (run.plane, run.stop_reason) == ("yaw", "")
@@ -59,15 +59,15 @@ def test_every_format_tells_of_the_same_run(written: dict[str, Path], suffix: st
     assert screening.reasons == ()
 
 
-def test_a_sample_counts_from_when_it_was_taken(written: dict[str, Path]) -> None:
-    """PX4's topics are stamped later than their samples, whose times they carry."""
+def test_ulog_uses_time_of_sample(written: dict[str, Path]) -> None:
+    """The time stamp of a PX4 topic is later than ``timestamp_sample``, which is used."""
     read = readers.read(written["ulg"])
     assert read.attitude.time_s[0] == pytest.approx(files.BOOTED_S, abs=1e-6)
     turning = read.attitude.time_s[np.flatnonzero(read.attitude.r_radps > 0.01)[0]]
     assert turning == pytest.approx(files.BOOTED_S + files.TEST[0], abs=1e-6)
 
 
-def test_the_contents_say_what_a_file_is(written: dict[str, Path], tmp_path: Path) -> None:
+def test_format_is_detected_from_content(written: dict[str, Path], tmp_path: Path) -> None:
     for suffix, path in written.items():
         renamed = tmp_path / f"{suffix}.log"
         renamed.write_bytes(path.read_bytes())
@@ -81,11 +81,11 @@ def test_the_contents_say_what_a_file_is(written: dict[str, Path], tmp_path: Pat
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-def test_parameters_come_along(written: dict[str, Path], suffix: str) -> None:
+def test_parameters_are_read(written: dict[str, Path], suffix: str) -> None:
     assert readers.read(written[suffix]).parameters == {"ACT_TRAVEL_DEG": 12.0}
 
 
-def test_outputs_are_chosen_and_turned_round(tmp_path: Path) -> None:
+def test_outputs_selected_and_reversed(tmp_path: Path) -> None:
     path = files.tlog(tmp_path / "servos.tlog", files.servo_pulses)
     run = the_run(path, chosen=servo_channels.parse("3,-1,2"))
     assert np.degrees(run.rudder_rad[run.time_s == 0.0]) == pytest.approx(4.0, abs=0.02)
@@ -100,7 +100,7 @@ def test_outputs_are_chosen_and_turned_round(tmp_path: Path) -> None:
             servo_channels.parse(text)
 
 
-def test_a_test_that_no_text_tells_of_is_marked(tmp_path: Path) -> None:
+def test_marked_interval_without_texts_gives_run(tmp_path: Path) -> None:
     path = files.ulog(tmp_path / "silent.ulg", texts=False)
     assert segments.cut_runs(readers.read(path)) == []
     run = the_run(path, (MarkedInterval(120.0, 130.0, "yaw"),))
@@ -113,8 +113,8 @@ def test_a_test_that_no_text_tells_of_is_marked(tmp_path: Path) -> None:
         the_run(path, (MarkedInterval(120.0, 150.0, "yaw"),))
 
 
-def test_leaving_the_mode_ends_ardupilots_test(tmp_path: Path) -> None:
-    """The mode that the test itself begins with does not."""
+def test_ardupilot_mode_change_ends_test(tmp_path: Path) -> None:
+    """The mode change at the start of the test does not end it."""
     run = the_run(files.dataflash(tmp_path / "left.bin", ending="MODE"))
     assert run.stop_reason == "the mode changed"
     assert run.time_s[-1] == pytest.approx(10.0, abs=0.03)
@@ -128,7 +128,7 @@ def test_leaving_the_mode_ends_ardupilots_test(tmp_path: Path) -> None:
         ("ulg", b"actuator_outputs", "actuator_outputs"),
     ],
 )
-def test_what_is_missing_is_named(
+def test_missing_message_is_named_in_error(
     written: dict[str, Path], tmp_path: Path, suffix: str, lost: bytes, named: str
 ) -> None:
     path = tmp_path / f"less.{suffix}"
@@ -140,7 +140,7 @@ def test_what_is_missing_is_named(
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-def test_tables_hold_every_message(written: dict[str, Path], suffix: str) -> None:
+def test_tables_contain_all_messages(written: dict[str, Path], suffix: str) -> None:
     found = readers.tables(written[suffix])
     attitude = {"tlog": "/mavlink/1/1/ATTITUDE", "bin": "ATT", "ulg": "vehicle_attitude"}[suffix]
     assert found[attitude].time_s.size == files.SECONDS * files.RATE_HZ
@@ -150,7 +150,7 @@ def test_tables_hold_every_message(written: dict[str, Path], suffix: str) -> Non
 @pytest.mark.parametrize("suffix", WRITERS)
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_a_broken_file_is_read_or_refused_in_one_line(
+def test_damaged_file_read_or_rejected_in_one_line(
     written: dict[str, Path], tmp_path: Path, suffix: str, data: st.DataObject
 ) -> None:
     whole = written[suffix].read_bytes()
@@ -171,7 +171,7 @@ def test_a_broken_file_is_read_or_refused_in_one_line(
     assert "\n" not in said
 
 
-def test_a_torn_end_costs_only_the_end(written: dict[str, Path], tmp_path: Path) -> None:
+def test_truncated_file_loses_only_its_end(written: dict[str, Path], tmp_path: Path) -> None:
     for suffix, path in written.items():
         whole = path.read_bytes()
         torn = tmp_path / f"torn.{suffix}"
@@ -182,9 +182,7 @@ def test_a_torn_end_costs_only_the_end(written: dict[str, Path], tmp_path: Path)
         assert the_run(torn).stop_reason == ""
 
 
-def test_a_ulg_with_wrong_sizes_is_read_on_behind_them(
-    written: dict[str, Path], tmp_path: Path
-) -> None:
+def test_ulog_wrong_sizes_are_skipped(written: dict[str, Path], tmp_path: Path) -> None:
     whole = written["ulg"].read_bytes()
     torn = bytearray(whole)
     for at in range(len(whole) // 2, len(whole), len(whole) // 7):
@@ -198,9 +196,8 @@ def test_a_ulg_with_wrong_sizes_is_read_on_behind_them(
 
 
 @pytest.mark.timeout(60)
-def test_a_ulg_whose_topics_are_lost_is_refused_and_not_read_for_ever(tmp_path: Path) -> None:
-    """pyulog by itself goes on to look for them, and from a size that reaches beyond the end it
-    steps back."""
+def test_ulog_without_topics_rejected_without_endless_loop(tmp_path: Path) -> None:
+    """pyulog alone would search for the topics without end; a size beyond the end moves it back."""
     path = files.ulog(tmp_path / "lost.ulg", texts=False)
     torn, at, starts = bytearray(path.read_bytes()), 16, []
     while at < len(torn):
@@ -214,6 +211,6 @@ def test_a_ulg_whose_topics_are_lost_is_refused_and_not_read_for_ever(tmp_path: 
         readers.read(path)
 
 
-def test_a_sound_ulg_is_given_on_as_it_is(written: dict[str, Path]) -> None:
+def test_undamaged_ulog_is_unchanged(written: dict[str, Path]) -> None:
     whole = written["ulg"].read_bytes()
     assert ulog_recovery.keep_sound_messages(whole) == whole
