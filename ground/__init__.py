@@ -1,2 +1,1 @@
-"""The people's tool: scripts missions, flies vehicles, records what they say, refits, redesigns and
-reports."""
+"""Ground software: fly missions, record telemetry, identify models, redesign gains and report."""

@@ -139,6 +139,7 @@ def _run() -> None:
 
 
 def _interrupt(number: int, frame: object) -> None:
+    """Raise Interrupted; handler of SIGINT, SIGTERM and SIGHUP."""
     if number == signal.SIGHUP:
         # A closing terminal may send SIGHUP twice: the second must not interrupt the cleanup.
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
@@ -146,6 +147,7 @@ def _interrupt(number: int, frame: object) -> None:
 
 
 def _exit_with_error(problem: object, status: int) -> None:
+    """Print one line on stderr and exit."""
     remark(problem)
     sys.exit(status)
 

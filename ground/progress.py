@@ -1,4 +1,4 @@
-"""Progress on stderr: what a dive, a campaign or a computation is doing."""
+"""Display of the progress of dives and computations on stderr."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -21,11 +21,11 @@ from ground.client.vehicle import StatusText
 from ground.terminal import Escaped, console, heading, literal
 
 URGENT_SEVERITY = 4
-"""MAV_SEVERITY_WARNING: texts as urgent as this are shown between the bars."""
+"""MAV_SEVERITY_WARNING: texts of this or a lower severity number are shown."""
 
 
 class ProgressDisplay:
-    """A live display: one line a dive, words about what begins, and a picture below."""
+    """A live display: messages, one progress bar per dive, and a picture below."""
 
     def __init__(self, bars: Progress, *, quiet: bool) -> None:
         self._bars, self._quiet = bars, quiet
@@ -34,46 +34,52 @@ class ProgressDisplay:
         self._below: RenderableType | None = None
         self.dive = "dive"
 
-    def watch(self, at: DiveProgress) -> None:
-        """Show where the one dive stands."""
-        self.watch_named(self.dive, at)
+    def watch(self, progress: DiveProgress) -> None:
+        """Show the progress of the only dive."""
+        self.watch_named(self.dive, progress)
 
-    def watch_named(self, name: str, at: DiveProgress) -> None:
-        """Show where a dive stands."""
-        ratio = at.vehicle_s / at.wall_s if at.wall_s > 0 else 0.0
-        words = f"{at.depth_m:5.1f} m {at.heading_deg:4.0f} deg {at.vehicle_s:6.0f} s {ratio:4.0f}x"
-        self._bars.update(self._task(name), completed=at.item + 1, total=at.items, words=words)
+    def watch_named(self, name: str, progress: DiveProgress) -> None:
+        """Show the progress of a dive by its name."""
+        speed = progress.vehicle_s / progress.wall_s if progress.wall_s > 0 else 0.0
+        text = (
+            f"{progress.depth_m:5.1f} m {progress.heading_deg:4.0f} deg "
+            f"{progress.vehicle_s:6.0f} s {speed:4.0f}x"
+        )
+        self._bars.update(
+            self._task(name), completed=progress.item + 1, total=progress.items, words=text
+        )
 
-    def hear(self, text: StatusText) -> None:
-        """Show what the vehicle says, when it is urgent or about a test."""
+    def show_text(self, text: StatusText) -> None:
+        """Print a text of the vehicle if it is urgent or about a test."""
         if not self._quiet and (
             text.severity <= URGENT_SEVERITY or text.text.startswith("SystemID")
         ):
             self._bars.console.print(literal(text.text))
 
     def show(self, picture: RenderableType) -> None:
-        """Show a picture below the bars, in place of the one before."""
+        """Show a picture below the bars instead of the last one."""
         self._below = picture
 
     def picture(self) -> RenderableType:
-        """The whole display."""
+        """Return the complete display."""
         return Escaped(Group(self._bars, *([self._below] if self._below else [])))
 
-    def say(self, words: str) -> None:
-        """Leave a line."""
+    def print_line(self, text: str) -> None:
+        """Print a line."""
         if not self._quiet:
-            self._bars.console.print(literal(words))
+            self._bars.console.print(literal(text))
 
-    def announce(self, words: str) -> None:
-        """Say what begins."""
+    def announce(self, text: str) -> None:
+        """Print what begins, in bold."""
         if not self._quiet:
-            self._bars.console.print(heading(words))
+            self._bars.console.print(heading(text))
 
-    def share(self, words: str, share: float) -> None:
-        """Show how much of a computation is done."""
-        self._bars.update(self._task(self.dive), completed=share, total=1.0, words=words)
+    def show_fraction(self, text: str, fraction: float) -> None:
+        """Show the completed fraction of a computation."""
+        self._bars.update(self._task(self.dive), completed=fraction, total=1.0, words=text)
 
     def _task(self, name: str) -> TaskID:
+        """Return the bar of a name; create it on first use."""
         with self._lock:
             if name not in self._tasks:
                 self._tasks[name] = self._bars.add_task(name, total=None, words="")
@@ -81,7 +87,7 @@ class ProgressDisplay:
 
 
 def columns() -> tuple[ProgressColumn, ...]:
-    """Return the columns of a line: the work, its share done, where the vehicle is, the time."""
+    """Return the columns of a bar: name, bar, state of the vehicle, elapsed time."""
     return (
         SpinnerColumn(),
         TextColumn("{task.description:28s}", markup=False),
@@ -93,8 +99,15 @@ def columns() -> tuple[ProgressColumn, ...]:
 
 @contextmanager
 def display(name: str, *, quiet: bool) -> Iterator[ProgressDisplay]:
-    """A display that is gone when the work is done; ``name`` is that of the only dive or work, if
-    there is one."""
+    """Show a display while the work lasts.
+
+    Parameters
+    ----------
+    name : str
+        Name of the dive or computation, if there is only one.
+    quiet : bool
+        Print no messages, and no bars.
+    """
     page = console(stderr=True)
     bars = Progress(*columns(), console=page)
     shown = ProgressDisplay(bars, quiet=quiet)

@@ -1,4 +1,4 @@
-"""What reaches a terminal: no markup and no control characters of anyone but this program."""
+"""Output to a terminal without markup or control characters from outside this program."""
 
 import sys
 from collections.abc import Sequence
@@ -13,13 +13,13 @@ from mavlink_io.printable import printable, printable_lines
 
 
 class Rendered(str):
-    """Words that `render` made: escaped, with no control sequences but those of colour."""
+    """Text from `render`: escaped, with no control sequences except colours."""
 
     __slots__ = ()
 
 
 class Escaped:
-    """A renderable whose text is escaped when it is drawn, whatever it is made of."""
+    """A renderable whose text is escaped when it is drawn."""
 
     def __init__(self, renderable: RenderableType) -> None:
         self._renderable = renderable
@@ -35,14 +35,14 @@ class Escaped:
 def console(
     *, file: IO[str] | None = None, stderr: bool = False, width: int | None = None
 ) -> Console:
-    """Return a console that takes square brackets and colons in a text for what they are."""
+    """Return a console that does not interpret markup in square brackets, or emoji names."""
     return Console(
         file=file, stderr=stderr, width=width, markup=False, emoji=False, highlight=False
     )
 
 
 def literal(text: object, style: str = "") -> Text:
-    """Return a text for rich that is drawn as it stands, with its control characters escaped."""
+    """Return a text for rich without markup, with control characters escaped."""
     return Text(printable(text), style=style)
 
 
@@ -52,10 +52,10 @@ def heading(text: object) -> Text:
 
 
 def render(parts: Sequence[RenderableType], width: int) -> Rendered:
-    """Draw parts one below the other, in colour where stdout is a terminal."""
-    page = StringIO()
+    """Draw parts one below the other, in colour if stdout is a terminal."""
+    output = StringIO()
     drawing = Console(
-        file=page,
+        file=output,
         width=width,
         force_terminal=sys.stdout.isatty(),
         markup=False,
@@ -64,4 +64,4 @@ def render(parts: Sequence[RenderableType], width: int) -> Rendered:
     )
     for part in parts:
         drawing.print(Escaped(part))
-    return Rendered(page.getvalue())
+    return Rendered(output.getvalue())

@@ -1,1 +1,1 @@
-"""Tests on the bench: tailcone sweep and inclining test."""
+"""Tests of the vehicle on the bench: frequency sweep of the tailcone, and inclining test."""

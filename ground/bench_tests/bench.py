@@ -1,9 +1,9 @@
-"""The tailcone's bench test: sinusoids over frequency and amplitude, one axis at a time, on a
-vehicle that lies still.
+"""Bench test of the tailcone: sine sweeps over frequency and amplitude, one axis at a time.
 
-The vehicle plays them herself, as the open-loop tests she flies at sea, so that a slow radio shifts
-nothing. Her propeller stands still: she is armed in HOLD without thrust, and even her failsafes
-find no thrust to surface with."""
+The autopilot generates the signals, as in open-loop tests at sea, so the delay of the link has no
+effect. The vehicle is armed in mode HOLD without thrust, and the cruise thrust is set to zero, so
+that no failsafe can start the propeller.
+"""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -27,13 +27,14 @@ from sysid.estimation import bench_test
 from sysid.estimation.bench_test import AxisBench, AxisName
 
 AMPLITUDES_DEG = (5.0, 10.0, 20.0, 30.0)
-"""Peak to peak; the paper fitted its model to 10 and gives limits for 10 and 30."""
+"""Amplitudes, peak to peak. The paper fitted its model at 10 deg and gives limits at 10 and 30."""
 FREQUENCIES_HZ = (0.05, 0.08, 0.12, 0.18, 0.25, 0.35, 0.5, 0.75, 1.0, 1.5)
 TRANSIENT_S, MIN_TEST_S, CYCLES = 3.3, 7.0, 2.0
-"""Of a test: before anything is measured, and how long and how many cycles are."""
+"""Time before the measurement; minimum time and minimum number of cycles of the measurement."""
 MIN_HZ, MAX_HZ = 0.005, 4.0
-"""What the longest test has room for, and what an encoder's ten reports a second still show."""
+"""Frequency limits: the longest test (600 s) and the 10 Hz reports of an encoder."""
 RATES_HZ = {"ACTUATOR_OUTPUT_STATUS": 50.0, "ATTITUDE": 10.0, "LOCAL_POSITION_NED": 5.0}
+"""Message rates during the test."""
 PARAMETERS = {
     "SID_DEPTH_MIN": -10.0,
     "SID_ALT_MIN": 0.0,
@@ -43,15 +44,16 @@ PARAMETERS = {
     "TRIM_ELE_DEG": 0.0,
     "THR_CRUISE_PCT": 0.0,
 }
-"""What a test on land needs: limits that are not the sea's, the whole travel, and no thrust."""
+"""Parameters of a test on land: no depth and altitude limits, the whole travel, no thrust."""
 TEST_END_TIMEOUT_S = 10.0
-"""Vehicle seconds by which a test may end late before it counts as lost."""
+"""Vehicle time after the expected end of a test at which it counts as lost."""
 LISTEN_S = 3.0
+"""Vehicle time in which the first report of an encoder must arrive."""
 _SERVO = constant("MAV_COMP_ID_SERVO1")
 
 
 class Sweep(NamedTuple):
-    """One sinusoid on one axis."""
+    """One sine on one axis."""
 
     axis: str
     amplitude_deg: float
@@ -60,11 +62,12 @@ class Sweep(NamedTuple):
 
     @property
     def duration_s(self) -> float:
+        """Duration of the test."""
         return TRANSIENT_S + max(MIN_TEST_S, CYCLES / self.frequency_hz)
 
 
 class Session(NamedTuple):
-    """What to sweep, and where to keep what comes of it."""
+    """Axes, amplitudes and frequencies of a bench test, and the folder for its results."""
 
     folder: Path
     axes: tuple[str, ...] = tuple(AXES)
@@ -73,6 +76,7 @@ class Session(NamedTuple):
 
     @property
     def sweeps(self) -> list[Sweep]:
+        """All sines in the order of the test."""
         return [
             Sweep(a, size, hz)
             for a in self.axes
@@ -82,7 +86,7 @@ class Session(NamedTuple):
 
 
 def check(session: Session) -> None:
-    """Raises BadInputError for sweeps that no duct can make or no log can show."""
+    """Raise InputError if an axis, amplitude or frequency is invalid."""
     for axis in session.axes:
         if axis not in AXES:
             raise InputError(f"--axis {axis}: expected {' or '.join(AXES)}")
@@ -93,21 +97,36 @@ def check(session: Session) -> None:
         if not MIN_HZ <= hz <= MAX_HZ:
             raise InputError(f"--frequency {hz:g}: expected {MIN_HZ:g} to {MAX_HZ:g} Hz")
     if len(set(session.frequencies_hz)) < 2:
-        raise InputError(
-            "--frequency: expected at least two of them, or no lag can be told from a delay"
-        )
+        raise InputError("--frequency: expected at least two, to distinguish lag and delay")
 
 
 def measure(
     session: Session,
-    where: str | SimulatedVehicle,
+    target: str | SimulatedVehicle,
     watch: Callable[[FlightProgress], None],
     key_file: Path | None = None,
 ) -> dict[AxisName, AxisBench]:
-    """Run a session and say what it shows. Raises AddressError, BadInputError, FailedError."""
+    """Run a bench test and return the identified actuator of each axis.
+
+    Parameters
+    ----------
+    session : Session
+        Sines to run.
+    target : str or SimulatedVehicle
+        Address of a vehicle, or a simulated vehicle.
+    watch : Callable
+        Called with the progress before each sine.
+    key_file : Path, optional
+        Key with which the link is signed.
+
+    Raises
+    ------
+    AddressError, InputError, OperationError
+        The vehicle was not found or refused, has no encoder, or the data allow no fit.
+    """
 
     path = session.folder / "bench.mcap"
-    with flight.open_recorded_vehicle(where, path, key_file=key_file) as (vehicle, recorder):
+    with flight.open_recorded_vehicle(target, path, key_file=key_file) as (vehicle, recorder):
         vehicle.connect()
         _check_travel(session, vehicle.parameter("ACT_TRAVEL_DEG"))
         with armed_without_thrust(vehicle) as before:
@@ -120,6 +139,7 @@ def measure(
 
 
 def _check_travel(session: Session, travel_deg: float) -> None:
+    """Raise InputError if an amplitude exceeds the travel of the duct."""
     largest = max(session.amplitudes_deg)
     if largest > 2.0 * travel_deg:
         raise InputError(
@@ -129,8 +149,10 @@ def _check_travel(session: Session, travel_deg: float) -> None:
 
 @contextmanager
 def armed_without_thrust(vehicle: VehicleClient) -> Iterator[dict[str, float]]:
-    """The vehicle armed without thrust, and afterwards disarmed and with the parameters that it
-    had."""
+    """Arm the vehicle without thrust; disarm it and restore its parameters at the end.
+
+    Yields the parameters before the test. Raises OperationError, VehicleClientError.
+    """
     before = vehicle.parameters()
     if vehicle.armed:
         raise OperationError("the vehicle is armed; a bench test begins with a vehicle at rest")
@@ -155,58 +177,61 @@ def _sweep(
     recorder: Recorder,
     watch: Callable[[FlightProgress], None],
 ) -> None:
+    """Run the sines. Raises OperationError if no encoder reports, or a test is stopped."""
     listen_until(vehicle, recorder, recorder.vehicle_s + LISTEN_S)
     if not recorder.heard(_SERVO, "ACTUATOR_OUTPUT_STATUS"):
         raise OperationError(
-            "nothing measures the duct's angle: fit an encoder that sends ACTUATOR_OUTPUT_STATUS as"
-            " SERVO1"
+            "the angle of the duct is not measured: fit an encoder that sends"
+            " ACTUATOR_OUTPUT_STATUS as SERVO1"
         )
-    began_s, vehicle_began_s = wall_s(), recorder.vehicle_s
+    start_s, vehicle_start_s = wall_s(), recorder.vehicle_s
     for number, sweep in enumerate(sweeps):
         watch(
             FlightProgress(
-                number,
-                len(sweeps),
-                recorder.vehicle_s - vehicle_began_s,
-                wall_s() - began_s,
-                0.0,
-                0.0,
+                item=number,
+                items=len(sweeps),
+                vehicle_s=recorder.vehicle_s - vehicle_start_s,
+                wall_s=wall_s() - start_s,
+                depth_m=0.0,
+                heading_deg=0.0,
             )
         )
-        _play(sweep, vehicle, recorder)
+        _run_sweep(sweep, vehicle, recorder)
 
 
-def _play(sweep: Sweep, vehicle: VehicleClient, recorder: Recorder) -> None:
-    """One test from its start to the vehicle's word that it is finished."""
-    told, late_s = len(vehicle.texts), recorder.vehicle_s + sweep.duration_s + TEST_END_TIMEOUT_S
+def _run_sweep(sweep: Sweep, vehicle: VehicleClient, recorder: Recorder) -> None:
+    """Run one sine, and wait until the vehicle reports its end."""
+    first_text = len(vehicle.texts)
+    deadline_s = recorder.vehicle_s + sweep.duration_s + TEST_END_TIMEOUT_S
     hz = sweep.frequency_hz
     axis, chirp = AXES[sweep.axis], SIGNALS["chirp"]
     vehicle.command(
         MavCmd.USER_1, axis, 0.5 * sweep.amplitude_deg, hz, hz, sweep.duration_s, chirp, 0.0
     )
-    while not any(text.text == "SystemID Finished" for text in vehicle.texts[told:]):
-        for text in vehicle.texts[told:]:
+    while not any(text.text == "SystemID Finished" for text in vehicle.texts[first_text:]):
+        for text in vehicle.texts[first_text:]:
             if text.text.startswith("SystemID Stopped"):
                 raise OperationError(f"{sweep.axis} at {hz:g} Hz: {text.text}")
-        if recorder.vehicle_s > late_s:
+        if recorder.vehicle_s > deadline_s:
             raise VehicleClientError(
-                f"{sweep.axis} at {hz:g} Hz: the vehicle did not say that the test is finished"
+                f"{sweep.axis} at {hz:g} Hz: the vehicle did not report the end of the test"
             )
         vehicle.pump(0.02)
 
 
 def listen_until(vehicle: VehicleClient, recorder: Recorder, vehicle_s: float) -> None:
-    """Listen until the vehicle's clock says so."""
+    """Receive until a vehicle time."""
     while recorder.vehicle_s < vehicle_s:
         vehicle.pump(0.02)
 
 
-def as_json(found: Mapping[AxisName, AxisBench]) -> dict[str, Any]:
-    """The result with degrees where people read them."""
-    return {name: _axis_json(axis) for name, axis in found.items()}
+def as_json(axes: Mapping[AxisName, AxisBench]) -> dict[str, Any]:
+    """Return the result by axis as plain numbers, angles in degrees."""
+    return {name: _axis_json(axis) for name, axis in axes.items()}
 
 
 def _axis_json(axis: AxisBench) -> dict[str, Any]:
+    """Return model, limits and frequency response of one axis as plain numbers."""
     model = axis.model
     return {
         "model": {
@@ -233,6 +258,7 @@ def _axis_json(axis: AxisBench) -> dict[str, Any]:
 
 
 def _pair(estimate: Any, scale: float = 1.0) -> dict[str, float | None]:
+    """Return an estimate and its standard deviation, both multiplied by `scale`."""
     sd = None if estimate.sd is None else estimate.sd * scale
     return {"value": estimate.value * scale, "sd": sd}
 
@@ -244,21 +270,21 @@ PAPER = {
     "delay_s": 0.3,
     "rate_degps": 15.0,
 }
-"""1/(s^2/9 + 4s/10 + 1) with 0.3 s of delay, at no more than 15 deg/s."""
+"""Actuator of the paper: 1/(s^2/9 + 4s/10 + 1) with a delay of 0.3 s, at most 15 deg/s."""
 
 
 def format_text(result: Mapping[str, Any], folder: Path) -> str:
-    """The result as a person reads it."""
+    """Return the result as a table."""
     lines = []
     for name, axis in result.items():
         lines += [f"{name:24s}     fitted +- sd            the paper"]
-        for key, found in axis["model"].items():
+        for key, value in axis["model"].items():
             paper = f"{PAPER[key]:10.3f}" if key in PAPER else " " * 9 + "-"
-            if isinstance(found, dict):
-                sd = "not shown by the data" if found["sd"] is None else f"{found['sd']:.4f}"
-                lines.append(f"  {key:24s} {found['value']:9.4f} +- {sd:10s} {paper}")
+            if isinstance(value, dict):
+                sd = "not shown by the data" if value["sd"] is None else f"{value['sd']:.4f}"
+                lines.append(f"  {key:24s} {value['value']:9.4f} +- {sd:10s} {paper}")
             else:
-                lines.append(f"  {key:24s} {found:9.4f}")
+                lines.append(f"  {key:24s} {value:9.4f}")
         lines += ["  rate limit at            triangle Hz   sine Hz   -3 dB Hz    the paper Hz"]
         lines += [_format_limit(limit) for limit in axis["limits"]]
         lines += [""]
@@ -266,6 +292,7 @@ def format_text(result: Mapping[str, Any], folder: Path) -> str:
 
 
 def _format_limit(limit: Mapping[str, Any]) -> str:
+    """Return the row of one amplitude in the table of limits."""
     half, paper = (
         f"{value:8.3f}" if value is not None else "       -"
         for value in (limit["half_power_hz"], limit["paper_hz"])

@@ -1,5 +1,4 @@
-"""The inclining test: she floats without thrust, a weight goes to one side and the other, and her
-heel is read."""
+"""Inclining test: weights are moved across a floating vehicle, and its heel is measured."""
 
 import tomllib
 from collections.abc import Callable
@@ -23,16 +22,17 @@ from sysid.estimation.inclining_test import Inclining, WeightPeriod
 
 SHIPPED = files("ground.bench_tests") / "inclining.toml"
 MAX_MASS_KG, MAX_OFFSET_M = 1000.0, 10.0
+"""Limits of a weight and of its lever arm."""
 
 
 class WeightMove(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """What is brought out of the middle; nothing, where both are left out."""
+    """A weight and its distance from the centre plane; zero for no weight."""
 
     mass_kg: float = 0.0
     to_port_m: float = 0.0
 
-    def in_words(self) -> str:
-        """What the person at the vehicle has to do."""
+    def format_text(self) -> str:
+        """Return the instruction for the person at the vehicle."""
         if not self.mass_kg * self.to_port_m:
             return "all weights amidships"
         side = "port" if self.to_port_m > 0.0 else "starboard"
@@ -40,13 +40,13 @@ class WeightMove(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class IncliningPlan(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A list of moves, each as long as the others."""
+    """A list of weight positions, each held for `duration_s`."""
 
     duration_s: float
     move: tuple[WeightMove, ...]
 
     def dated(self) -> list[WeightPeriod]:
-        """When each stands, counted from arming."""
+        """Return the moment (kg m, positive to port) of each move with its time since arming."""
 
         span = self.duration_s
         return [
@@ -56,7 +56,7 @@ class IncliningPlan(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 def load(path: Path | None) -> IncliningPlan:
-    """Read a list of moves; None is the one that comes with the tool. Raises BadInputError."""
+    """Read a list of moves; None selects the shipped one. Raises InputError."""
     source = path or SHIPPED
     try:
         plan = msgspec.convert(tomllib.loads(source.read_text(encoding="utf-8")), IncliningPlan)
@@ -77,7 +77,7 @@ def load(path: Path | None) -> IncliningPlan:
             )
     if len(plan.move) < 3 or len({move.mass_kg * move.to_port_m for move in plan.move}) < 2:
         raise InputError(
-            f"--moves {path}: move: expected three or more, of two different moments at least"
+            f"--moves {path}: move: expected at least three, with at least two different moments"
         )
     return plan
 
@@ -86,30 +86,50 @@ def measure(
     plan: IncliningPlan,
     log: Path,
     prior: str,
-    where: str | SimulatedVehicle,
+    target: str | SimulatedVehicle,
     watch: Callable[[FlightProgress], None],
     announce: Callable[[str], None],
     key_file: Path | None = None,
 ) -> Inclining:
-    """Run the test and say where the centre of mass is. Raises AddressError, BadInputError,
-    FailedError."""
+    """Run the test and return the height of the centre of mass.
+
+    Parameters
+    ----------
+    plan : IncliningPlan
+        Moves of the weights.
+    log : Path
+        Log to write.
+    prior : str
+        Vehicle file with mass and centre of buoyancy.
+    target : str or SimulatedVehicle
+        Address of a vehicle, or a simulated vehicle.
+    watch, announce : Callable
+        Called with the progress, and with the instruction for each move.
+    key_file : Path, optional
+        Key with which the link is signed.
+
+    Raises
+    ------
+    AddressError, InputError, OperationError
+        The vehicle was not found or refused, or the data allow no estimate.
+    """
 
     vehicle_file = refit.read_vehicle(prior)
-    with flight.open_recorded_vehicle(where, log, key_file=key_file) as (vehicle, recorder):
+    with flight.open_recorded_vehicle(target, log, key_file=key_file) as (vehicle, recorder):
         vehicle.connect()
         with bench.armed_without_thrust(vehicle) as before:
             recorder.attach_parameters(before | bench.PARAMETERS)
-            began_s, armed_s = wall_s(), recorder.vehicle_s
+            start_s, armed_s = wall_s(), recorder.vehicle_s
             for number, move in enumerate(plan.move):
-                announce(move.in_words())
+                announce(move.format_text())
                 watch(
                     FlightProgress(
-                        number,
-                        len(plan.move),
-                        recorder.vehicle_s - armed_s,
-                        wall_s() - began_s,
-                        0.0,
-                        0.0,
+                        item=number,
+                        items=len(plan.move),
+                        vehicle_s=recorder.vehicle_s - armed_s,
+                        wall_s=wall_s() - start_s,
+                        depth_m=0.0,
+                        heading_deg=0.0,
                     )
                 )
                 bench.listen_until(vehicle, recorder, armed_s + (number + 1) * plan.duration_s)
@@ -119,20 +139,20 @@ def measure(
         raise OperationError(str(error)) from None
 
 
-def as_json(found: Inclining, prior: str, file_z_cm_m: float) -> dict[str, Any]:
-    """The result beside what the vehicle's file says."""
+def as_json(measured: Inclining, prior: str, file_z_cm_m: float) -> dict[str, Any]:
+    """Return the result and the value in the vehicle file as plain numbers."""
     return {
-        "z_cm_m": {"value": found.z_cm_m.value, "sd": found.z_cm_m.sd},
-        "height_m": {"value": found.height_m.value, "sd": found.height_m.sd},
-        "list_deg": found.list_deg,
+        "z_cm_m": {"value": measured.z_cm_m.value, "sd": measured.z_cm_m.sd},
+        "height_m": {"value": measured.height_m.value, "sd": measured.height_m.sd},
+        "list_deg": measured.list_deg,
         "file": prior,
         "file_z_cm_m": file_z_cm_m,
-        "readings": [reading._asdict() for reading in found.readings],
+        "readings": [reading._asdict() for reading in measured.readings],
     }
 
 
 def format_text(result: dict[str, Any], log: Path) -> str:
-    """The result as a person reads it."""
+    """Return the result as a table."""
     lines = ["to port, kg m   heel to starboard, deg   fitted"]
     lines += [
         f"{r['moment_kgm']:13.3f} {r['roll_deg']:24.3f} {r['fitted_deg']:8.3f}"
@@ -140,7 +160,7 @@ def format_text(result: dict[str, Any], log: Path) -> str:
     ]
     z_cm, file = result["z_cm_m"], result["file"]
     lines += [
-        f"z_CM = {z_cm['value']:.5f} +- {z_cm['sd']:.5f} m; the file {file} says"
+        f"z_CM = {z_cm['value']:.5f} +- {z_cm['sd']:.5f} m; the file {file} has"
         f" {result['file_z_cm_m']:g}"
     ]
     return "\n".join([*lines, str(log)])

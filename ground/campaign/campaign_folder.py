@@ -1,4 +1,4 @@
-"""A campaign's folder, read back: each log once."""
+"""Reader of a campaign folder, which reads each log once."""
 
 import json
 import tomllib
@@ -16,13 +16,12 @@ from sysid.models.model_file import IdentifiedModel
 from sysid.monitor.performance_spec import PerformanceBaseline
 
 STAGES = {"initial": "baseline", "improved": "improved", "redesigned": "verification"}
-"""Where the dives of each set of gains are kept; the paper's improved ones are flown where that was
-asked for."""
+"""Folder of the dives by set of gains; `improved` exists only with `--include-paper-gains`."""
 CAMPAIGN_FILE = "campaign.toml"
 
 
 class CampaignFolder:
-    """What a campaign left behind. Raises BadInputError where something is missing."""
+    """The files of a campaign. Methods raise InputError if a file is missing or invalid."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -30,9 +29,9 @@ class CampaignFolder:
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """``summary.json``."""
+        """Content of `summary.json`."""
         try:
-            found: dict[str, Any] = json.loads(
+            content: dict[str, Any] = json.loads(
                 (self.path / "summary.json").read_text(encoding="utf-8")
             )
         except OSError:
@@ -41,21 +40,21 @@ class CampaignFolder:
             ) from None
         except json.JSONDecodeError as error:
             raise InputError(f"{self.path / 'summary.json'}: not JSON: {error}") from None
-        return found
+        return content
 
     @cached_property
     def model(self) -> IdentifiedModel:
-        """``model.json``."""
+        """The model in `model.json`."""
         return refit.read_model(self.path / "model.json")
 
     @cached_property
     def promise(self) -> PerformanceBaseline:
-        """What ``param_file.param`` promises."""
+        """Predicted performance in `gains.param`."""
         return param_file.require_baseline(self.path / "gains.param")
 
     @cached_property
     def asked(self) -> str:
-        """``campaign.toml`` as text."""
+        """Text of `campaign.toml`."""
         try:
             return (self.path / CAMPAIGN_FILE).read_text(encoding="utf-8")
         except OSError:
@@ -65,8 +64,7 @@ class CampaignFolder:
 
     @cached_property
     def prior(self) -> str:
-        """Vehicle file that is known before the campaign: the flown vehicle's own, for Caribou
-        ``bench``."""
+        """Vehicle file that is known before the campaign; `caribou_nominal` for Caribou."""
         try:
             vehicle = tomllib.loads(self.asked)["vehicle"]
         except (tomllib.TOMLDecodeError, KeyError) as error:
@@ -75,21 +73,21 @@ class CampaignFolder:
 
     @cached_property
     def prior_config(self) -> Any:
-        """Content of the vehicle file ``prior``. Raises BadInputError."""
+        """Content of the vehicle file `prior`. Raises InputError."""
         return refit.read_vehicle(self.prior)
 
     def log_path(self, stage: str, mission: str) -> Path:
-        """Where the log of a dive is kept."""
+        """Return the path of the log of a dive."""
         return self.path / stage / f"{mission}.mcap"
 
     def log(self, stage: str, mission: str) -> Log:
-        """One dive."""
+        """Return the log of a dive."""
         key = stage, mission
         if key not in self._logs:
             self._logs[key] = refit.read_log(self.log_path(stage, mission))
         return self._logs[key]
 
     def runs(self, mission: str) -> list[Run]:
-        """The tests of one identification dive."""
+        """Return the tests of an identification dive."""
 
         return segments.cut_runs(self.log("identification", mission))

@@ -1,5 +1,4 @@
-"""What an identified model comes to: as numbers for ``--json`` and ``summary.json``, and as tables
-for people."""
+"""Summary of an identified model, as plain numbers and as tables."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -17,14 +16,13 @@ from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 from sysid.validation.results import Gate
 
 WIDTH = 118
+"""Width of the tables in characters."""
 PAPER_VEHICLE = "caribou_nominal"
-"""The prior that is the paper's vehicle: beside it stand the paper's own columns."""
+"""Prior that is the paper's vehicle; for it the table shows the paper's coefficients too."""
 
 
 def summarise_model(model: IdentifiedModel) -> dict[str, Any]:
-    """Planes, coefficients, errors on fitted and held-out runs, validation, verdict, and other
-    methods beside."""
-
+    """Return the summary of a model for `--json` and `summary.json`."""
     validation: Any = msgspec.to_builtins(model.validation)
     for plane in validation.values():
         del plane["runs"], plane["overlay"]
@@ -55,28 +53,29 @@ def summarise_model(model: IdentifiedModel) -> dict[str, Any]:
 
 
 def rate_errors(qualities: Any) -> dict[str, Any]:
-    """By plane: mean squared rate errors of the initial and the refitted model, the whole tests and
-    their opening."""
+    """Return the mean squared rate errors (deg/s)^2 by plane.
 
-    found = {}
+    They are those of the initial and of the refitted model, over whole tests and over their first
+    10 s.
+    """
+    errors = {}
     for plane in ("yaw", "pitch"):
         whole, opening = mean_rate_errors(qualities, plane), opening_rate_errors(qualities, plane)
         if whole and opening:
-            found[plane] = {
+            errors[plane] = {
                 "initial_model_deg2ps2": whole[0],
                 "refitted_model_deg2ps2": whole[1],
                 "opening_initial_model_deg2ps2": opening[0],
                 "opening_refitted_model_deg2ps2": opening[1],
             }
-    return found
+    return errors
 
 
 def format_text(model: IdentifiedModel, out: Path) -> Rendered:
-    """The model as tables: what control rests on, the gates, other methods beside, and the
-    verdict."""
-    kept, held_out = sum(run.kept for run in model.screening), len(model.held_out)
+    """Return a model as tables: design numbers, errors, checks, other methods, assessment."""
+    n_fitted, n_held_out = sum(run.kept for run in model.screening), len(model.held_out)
     lines: list[RenderableType] = [
-        f"{out}: {kept} of {len(model.screening)} runs fitted, {held_out} held out"
+        f"{out}: {n_fitted} of {len(model.screening)} runs fitted, {n_held_out} held out"
     ]
     lines += [
         f"  rejected {run.run}: {'; '.join(run.reasons)}" for run in model.screening if not run.kept
@@ -87,17 +86,17 @@ def format_text(model: IdentifiedModel, out: Path) -> Rendered:
         if not run.kept
     ]
     lines += [
-        f"  kept {run.run}, with doubt: {'; '.join(run.warnings)}"
+        f"  kept {run.run}, with warnings: {'; '.join(run.warnings)}"
         for run in model.screening
         if run.warnings
     ]
     if model.left_out_moved:
         most = max(model.left_out_moved, key=lambda shift: abs(shift.sds))
         lines.append(
-            f"  leaving them out moved {most.plane} {most.number} by {most.sds:+.1f} sd, the others"
-            " less"
+            f"  leaving them out changed {most.plane} {most.number} by {most.sds:+.1f} sd,"
+            " the others less"
         )
-    lines += [heading(f"what control rests on, at {model.speed_mps:g} m/s"), _numbers(model)]
+    lines += [heading(f"design numbers at {model.speed_mps:g} m/s"), _numbers(model)]
     if model.beside:
         lines += [heading("coefficients"), _coefficients(model)]
     lines += [
@@ -106,36 +105,38 @@ def format_text(model: IdentifiedModel, out: Path) -> Rendered:
     ]
     if model.verdict:
         lines += [
-            heading("gates; a figure in brackets is a remark and does not decide"),
+            heading("checks; a value in brackets is a remark and not decisive"),
             _gates(model.verdict.gates),
         ]
     return _render([*lines, *verdict_lines(model)])
 
 
 def verdict_lines(model: IdentifiedModel) -> list[str]:
-    """The verdict, and the test to fly next."""
-    found = model.verdict
-    if found is None:
-        return ["nobody has judged this model: refit it from its logs"]
-    lines = ["fit for redesign"] if found.fit_for_redesign else ["not fit for redesign:"]
-    lines += [f"  {reason}" for reason in found.reasons]
-    if found.next_test:
-        lines += [f"next test: {found.next_test}", f"  why: {found.next_test.reason}"]
+    """Return the assessment of a model, and the test to fly next."""
+    verdict = model.verdict
+    if verdict is None:
+        return ["this model has no assessment: refit it from its logs"]
+    lines = ["fit for redesign"] if verdict.fit_for_redesign else ["not fit for redesign:"]
+    lines += [f"  {reason}" for reason in verdict.reasons]
+    if verdict.next_test:
+        lines += [f"next test: {verdict.next_test}", f"  why: {verdict.next_test.reason}"]
     return lines
 
 
 def _method_name(method: str) -> str:
-    return "the paper's way" if method == "paper" else method
+    """Return the name of a method in table headings."""
+    return "paper's method" if method == "paper" else method
 
 
 def _numbers(model: IdentifiedModel) -> Table:
+    """Return the table of design numbers, with standard deviations and other methods."""
     rivals = [(rival.method, rival.planes) for rival in model.beside]
     table = _table(
         "plane", "", f"{model.method}", "1 sd", *(_method_name(method) for method, _ in rivals)
     )
-    for plane, found in model.planes.items():
-        for name in found.__struct_fields__:
-            estimate = getattr(found, name)
+    for plane, estimates in model.planes.items():
+        for name in estimates.__struct_fields__:
+            estimate = getattr(estimates, name)
             if estimate is not None:
                 sd = "not known" if estimate.sd is None else f"{estimate.sd:.2g}"
                 others = [f"{getattr(planes[plane], name).value:.4g}" for _, planes in rivals]
@@ -144,8 +145,7 @@ def _numbers(model: IdentifiedModel) -> Table:
 
 
 def _errors(model: IdentifiedModel) -> Table:
-    """Table 2's figures: whole tests, and their first ten seconds, which the paper's comparison
-    cannot exceed."""
+    """Return the table of rate errors, as in the paper's Table 2: whole tests and first 10 s."""
     table = _table(
         "plane",
         "runs",
@@ -153,27 +153,26 @@ def _errors(model: IdentifiedModel) -> Table:
         model.method,
         *(_method_name(rival.method) for rival in model.beside),
     )
-    for what, of in (("fitted", "fit_quality"), ("held out", "held_out")):
-        ours = rate_errors(getattr(model, of))
-        others = [rate_errors(getattr(rival, of)) for rival in model.beside]
+    for label, field in (("fitted", "fit_quality"), ("held out", "held_out")):
+        ours = rate_errors(getattr(model, field))
+        others = [rate_errors(getattr(rival, field)) for rival in model.beside]
         for plane, errors in ours.items():
             cells = [
                 _error(errors, "initial"),
                 *(_error(e[plane], "refitted") for e in (ours, *others)),
             ]
-            table.add_row(plane, what, *cells)
+            table.add_row(plane, label, *cells)
     return table
 
 
-def _error(errors: Mapping[str, float], which: str) -> str:
-    whole, opening = errors[f"{which}_model_deg2ps2"], errors[f"opening_{which}_model_deg2ps2"]
+def _error(errors: Mapping[str, float], model: str) -> str:
+    """Return the errors of the `initial` or `refitted` model as a table cell."""
+    whole, opening = errors[f"{model}_model_deg2ps2"], errors[f"opening_{model}_model_deg2ps2"]
     return f"{whole:.3f} ({opening:.3f})"
 
 
 def _coefficients(model: IdentifiedModel) -> Table:
-    """Table 1: the paper's columns for its own vehicle, the prior, ours, and other methods on the
-    same runs."""
-
+    """Return the table of coefficients: paper (Table 1), prior, estimate and other methods."""
     columns = (TABLE_1_INITIAL, TABLE_1_ADJUSTED) if model.vehicle.prior == PAPER_VEHICLE else ()
     heads = ("paper, initial", "paper, adjusted")[: len(columns)]
     table = _table(
@@ -199,7 +198,7 @@ def _coefficients(model: IdentifiedModel) -> Table:
 
 
 def _gates(gates: Sequence[Gate]) -> Table:
-    """One row a gate, one column a plane; what is not required is a remark, in brackets."""
+    """Return the table of checks, one row per check; values of optional checks are in brackets."""
     table = _table("", "yaw", "pitch", "limit", "")
     for (name, limit), row in _gates_by_name(gates).items():
         failed = [
@@ -218,6 +217,7 @@ def _gates(gates: Sequence[Gate]) -> Table:
 
 
 def _gates_by_name(gates: Sequence[Gate]) -> dict[tuple[str, str], dict[str | None, Gate]]:
+    """Return the checks by name and limit, then by plane (None: both planes)."""
     rows: dict[tuple[str, str], dict[str | None, Gate]] = {}
     for name in dict.fromkeys(gate.name for gate in gates):
         same: dict[str | None, Gate] = {gate.plane: gate for gate in gates if gate.name == name}
@@ -228,11 +228,13 @@ def _gates_by_name(gates: Sequence[Gate]) -> dict[tuple[str, str], dict[str | No
 
 
 def _format_value(gate: Gate) -> str:
+    """Return the value of a check as a table cell."""
     value = "not known" if gate.value is None else f"{gate.value:.3g}"
     return value if gate.required else f"({value})"
 
 
 def _table(*heads: str) -> Table:
+    """Return an empty table with these columns."""
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for number, head in enumerate(heads):
@@ -243,14 +245,14 @@ def _table(*heads: str) -> Table:
 
 
 def _render(parts: Sequence[RenderableType]) -> Rendered:
-    """As text; in colour where stdout is a terminal."""
+    """Return the parts as text, in colour if stdout is a terminal."""
     return Rendered("\n".join(_without_blanks(render(parts, WIDTH).split("\n"))))
 
 
 def _without_blanks(lines: Sequence[str]) -> Iterator[str]:
-    """No spaces at the ends, and no more than one empty line in a row."""
-    last = " "
+    """Yield lines without trailing spaces and without repeated empty lines."""
+    previous = " "
     for line in (text.rstrip() for text in lines):
-        if line or last:
+        if line or previous:
             yield line
-        last = line
+        previous = line

@@ -1,4 +1,4 @@
-"""First gains for a vehicle of one's own, designed from her file."""
+"""First gains of a vehicle, designed from its vehicle file."""
 
 from typing import Any
 
@@ -9,43 +9,45 @@ from sysid.design.pid import DesignInfeasibleError
 from sysid.refit import VehicleFileError
 
 CARIBOU = ("caribou_truth", "caribou_nominal")
-"""Vehicles for which the autopilot's defaults, the paper's prototype controller, were made."""
+"""Vehicles that need no first design: the autopilot's defaults are the paper's prototype gains."""
 
 TRIM_LEARNING = {"TRIM_AUTO_S": 10.0}
-"""Caribou's trims are unknown in a first dive, and the paper's first gains hardly integrate.
+"""Parameters by which Caribou learns its trims in a first dive.
 
-With 10 s the heading loop keeps 11.6 dB and 48 deg (12.0 dB and 67 deg without learning), and 6 deg
-of rudder bias are carried within a minute.
+The trims are unknown then, and the integral gains of the paper's prototype are small. With a time
+constant of 10 s the heading loop has margins of 11.6 dB and 48 deg (12.0 dB and 67 deg without trim
+learning), and a rudder bias of 6 deg is compensated within a minute.
 """
 
 
 def first_dive_parameters(vehicle: str) -> dict[str, float]:
-    """What to set before a simulated vehicle's first dive: nothing for Caribou. Raises as
-    ``design``."""
+    """Return the parameters of a vehicle's first dive; empty for Caribou. Raises as `design`."""
     return {} if vehicle in CARIBOU else design(vehicle).parameters
 
 
 def trim_learning_for(vehicle: str) -> dict[str, float]:
-    """Return what makes a simulated vehicle learn its trims in a first dive.
+    """Return the parameters by which a simulated vehicle learns its trims in a first dive.
 
-    Nothing for a vehicle file, whose first gains carry an unknown trim.
+    Empty for a vehicle file: its first gains compensate an unknown trim by integral action.
     """
     return dict(TRIM_LEARNING) if vehicle in CARIBOU else {}
 
 
 def prior_file_of(vehicle: str) -> str:
-    """The vehicle file that an engineer would have of a simulated vehicle."""
+    """Return the vehicle file that is known of a simulated vehicle before any test."""
     return "caribou_nominal" if vehicle in CARIBOU else vehicle
 
 
 def design(vehicle: str) -> InitialDesign:
-    """The prototype controller of a vehicle file.
+    """Design the first gains of a vehicle from its file.
 
-    Raises:
-        BadInputError: the file cannot be used, or is the simulated truth.
-        FailedError: no gains make this vehicle behave.
+    Raises
+    ------
+    InputError
+        The file cannot be used, or is that of the simulated truth.
+    OperationError
+        No gains meet the specification.
     """
-
     if vehicle == "caribou_truth":
         raise InputError(
             "vehicle 'caribou_truth': is the simulated truth; "
@@ -53,26 +55,25 @@ def design(vehicle: str) -> InitialDesign:
         )
     try:
         return initial.design_initial_gains(vehicle)
-    except DesignInfeasibleError as refusal:
-        raise OperationError(f"{vehicle}: {refusal}") from None
+    except DesignInfeasibleError as error:
+        raise OperationError(f"{vehicle}: {error}") from None
     except VehicleFileError as error:
         raise InputError(str(error)) from None
 
 
-def format_text(found: InitialDesign) -> str:
-    """Every parameter with its reason; how the loops stand; and Table 3's initial column beside
-    them."""
+def format_text(initial_design: InitialDesign) -> str:
+    """Return parameters with reasons, margins of the loops, and a comparison with Table 3."""
     lines = [
-        f"{name:16s} {value:<10.5g} {found.reasons[name]}"
-        for name, value in found.parameters.items()
+        f"{name:16s} {value:<10.5g} {initial_design.reasons[name]}"
+        for name, value in initial_design.parameters.items()
     ]
     lines += [
         "",
-        "Loops on the vehicle of the file, and on 95 % of those that the prior allows for",
+        "Loops on the vehicle of the file, and on 95 % of the vehicles sampled from the prior",
     ]
     lines += [f"  {'':8s}{'damping':>14s}{'gain margin, dB':>18s}{'phase margin, deg':>20s}"]
-    for loop, low in found.over_prior.items():
-        own = found.nominal[loop]
+    for loop, low in initial_design.over_prior.items():
+        own = initial_design.nominal[loop]
         lines.append(
             f"  {loop:8s}{own.damping:7.2f}{low.damping:7.2f}{own.gm_db:11.1f}{low.gm_db:7.1f}"
             f"{own.pm_deg:13.0f}{low.pm_deg:7.0f}"
@@ -80,21 +81,22 @@ def format_text(found: InitialDesign) -> str:
         )
     lines += [
         "",
-        "Beside Table 3's initial gains, as much weaker as this tail is livelier than Caribou's",
+        "Compared with Table 3's initial gains, scaled with the tail's effectiveness",
     ]
     lines += [f"  {'':8s}{'ours':>10s}{'Table 3':>10s}{'ratio':>7s}"]
-    for name, row in found.comparison.items():
+    for name, row in initial_design.comparison.items():
         lines.append(f"  {name:8s}{row.ours:10.3g}{row.paper:10.3g}{row.times:>7s}  {row.why}")
     return "\n".join(lines)
 
 
-def as_json(found: InitialDesign) -> dict[str, Any]:
+def as_json(initial_design: InitialDesign) -> dict[str, Any]:
+    """Return parameters, margins and the comparison with Table 3 as plain numbers."""
     return {
-        "parameters": found.parameters,
-        "reasons": found.reasons,
+        "parameters": initial_design.parameters,
+        "reasons": initial_design.reasons,
         "loops": {
-            loop: {"nominal": own._asdict(), "prior": found.over_prior[loop]._asdict()}
-            for loop, own in found.nominal.items()
+            loop: {"nominal": own._asdict(), "prior": initial_design.over_prior[loop]._asdict()}
+            for loop, own in initial_design.nominal.items()
         },
-        "table_3": {name: row._asdict() for name, row in found.comparison.items()},
+        "table_3": {name: row._asdict() for name, row in initial_design.comparison.items()},
     }

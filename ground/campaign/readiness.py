@@ -1,4 +1,4 @@
-"""Checks before a campaign's first dive: deep enough water, missions that the vehicle can fly."""
+"""Checks before the first dive of a campaign: depth of the water, and simulated missions."""
 
 import json
 import subprocess
@@ -16,23 +16,23 @@ from sysid.monte_carlo.readiness import Moments
 CLEARANCE_M = 3.0
 """Height above the floor below which the autopilot stops a test (SID_ALT_MIN)."""
 SEED = 1
-"""Seed of the rehearsed sea, for every campaign."""
+"""Seed of the simulated sea, the same for all campaigns."""
 
 
 def scenario_content(scenario: str) -> dict[str, Any]:
-    """Return a scenario with its defaults, as the simulator reads it. Raises BadInputError."""
+    """Return a scenario with its defaults, as the simulator reads it. Raises InputError."""
     command = [sys.executable, "-m", "sitl.scenario_check", scenario]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode == 0:
-        content: dict[str, Any] = json.loads(done.stdout)
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    if process.returncode == 0:
+        content: dict[str, Any] = json.loads(process.stdout)
         return content
-    lines = done.stderr.strip().splitlines() or ["no reason given"]
+    lines = process.stderr.strip().splitlines() or ["no reason given"]
     message = lines[-1].removeprefix("sitl: ")
-    raise InputError(message) if done.returncode == BAD_INPUT else OperationError(message)
+    raise InputError(message) if process.returncode == BAD_INPUT else OperationError(message)
 
 
 def check_scenario(scenario: str, content: Mapping[str, Any], missions: Sequence[str]) -> None:
-    """Raise BadInputError where the vehicle is clamped, or a flat floor too near to a leg."""
+    """Raise InputError if the vehicle is clamped, or a flat floor is too close to a leg."""
     if content["rig"]["clamped"]:
         raise InputError(f"--scenario {scenario}: rig.clamped = true: the vehicle cannot fly")
     floor = content["floor"]
@@ -48,31 +48,40 @@ def check_scenario(scenario: str, content: Mapping[str, Any], missions: Sequence
 def first_parameters(
     vehicle: str, scenario: str, content: Mapping[str, Any], missions: Sequence[str]
 ) -> dict[str, float]:
-    """Design the parameters of the first dive from a vehicle file and rehearse the missions.
+    """Design the parameters of the first dive from a vehicle file, and simulate the missions.
+
+    Parameters
+    ----------
+    vehicle, scenario : str
+        Names or files.
+    content : Mapping
+        The scenario, as `scenario_content` returns it.
+    missions : Sequence of str
+        Missions to simulate.
 
     Raises
     ------
-    BadInputError: the vehicle file cannot be used, no gains meet the specification, or a mission
-        cannot be completed.
+    InputError
+        The vehicle file cannot be used, no gains meet the specification, or a mission cannot be
+        completed.
     """
-
     try:
         parameters = prototype.design(vehicle).parameters
     except OperationError as error:
         raise InputError(f"--vehicle {vehicle}: no first gains: {error}") from None
     items = {name: plans.load_items(name) for name in missions}
     prior = refit.vehicle_file(vehicle)
-    found = readiness.find_obstacle(prior, parameters, _moments(content), items, SEED)
-    if found is not None:
+    obstacle = readiness.find_obstacle(prior, parameters, _moments(content), items, SEED)
+    if obstacle is not None:
         raise InputError(
             f"--vehicle {vehicle}: cannot complete a campaign in scenario {scenario}: "
-            f"{found.where}, rehearsed with the vehicle file: {found.reason}"
+            f"{obstacle.where}, simulated with the vehicle file: {obstacle.reason}"
         )
     return parameters
 
 
 def _moments(content: Mapping[str, Any]) -> Any:
-
+    """Return the disturbance moments of a scenario."""
     slow, waves = content["disturbance"]["slow"], content["disturbance"]["waves"]
     return Moments(
         slow_nm={"yaw": slow["yaw_rms_nm"], "pitch": slow["pitch_rms_nm"]},

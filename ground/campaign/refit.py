@@ -1,6 +1,6 @@
-"""From logs to a model and from a model to gains, as the command line and the campaign ask for it.
+"""Interface to identification and design in sysid, for the commands and the campaign.
 
-The work is sysid's; here its refusals become this tool's.
+Errors of sysid are raised as InputError or OperationError.
 """
 
 import re
@@ -39,28 +39,41 @@ from sysid.reproduction import paper_tables
 
 Method = Literal["map", "paper", "output-error", "filter-error"]
 MAX_TRIM_DEG = 15.0
+"""Largest plausible trim: the travel of Caribou's duct."""
 
 
 def initial_gains() -> dict[str, float]:
-    """The prototype's gains: the initial column of the paper's Table 3."""
-
+    """Return the prototype gains: the initial column of the paper's Table 3."""
     return dict(paper_tables.TABLE_3_INITIAL)
 
 
 def improved_gains() -> dict[str, float]:
-    """What the paper's engineers came to: the improved column of its Table 3."""
-
+    """Return the improved column of the paper's Table 3."""
     return dict(paper_tables.TABLE_3_IMPROVED)
 
 
 def measure_trims(path: Path, window_s: float) -> dict[str, float]:
-    """What rudder and elevator had to be, on average, over the last ``window_s`` of a straight and
-    level mission.
+    """Return the trim parameters: mean surface commands at the end of a straight, level mission.
 
-    Raises:
-        FailedError: the flight was not steady, or would take more than the duct's travel.
+    Parameters
+    ----------
+    path : Path
+        Log of the mission.
+    window_s : float
+        Time before surfacing over which the commands are averaged.
+
+    Returns
+    -------
+    dict
+        TRIM_RUD_DEG and TRIM_ELE_DEG, deg.
+
+    Raises
+    ------
+    InputError
+        The log cannot be read.
+    OperationError
+        The mission did not end with surfacing, or a trim exceeds `MAX_TRIM_DEG`.
     """
-
     log = read_log(path)
     ends = [event.time_s for event in log.events if event.text == "Mode SURFACE"]
     if not ends:
@@ -93,13 +106,36 @@ def refit(
     *,
     force: bool = False,
 ) -> IdentifiedModel:
-    """The model that explains the tests in the logs.
+    """Identify a model from the tests in logs.
 
-    Raises:
-        BadInputError: of the logs, the prior or what was measured ashore.
-        FailedError: the fit cannot be believed, unless ``force``; the model then says so itself.
+    Parameters
+    ----------
+    paths, held_out : Sequence of Path
+        Logs that are fitted, and logs that are only predicted.
+    prior : str
+        `caribou_nominal`, a vehicle file or a model.
+    method : str
+        `map`, `output-error`, `filter-error` or `paper`.
+    progress : Callable, optional
+        Called with a text and the completed fraction.
+    marked : Sequence of str
+        Tests that the logs do not mark, as `[LOG:]START..STOP:rudder` or `:elevator`, s.
+    outputs : str
+        Servo outputs of rudder, elevator and thrust, as `1,2,3`.
+    beside : Sequence of str
+        Methods by which the same tests are fitted for comparison.
+    tailcone, inclining : Path, optional
+        Results of the bench test and of the inclining test, used as priors.
+    force : bool
+        Return the model even if the fit failed; the model records the failure.
+
+    Raises
+    ------
+    InputError
+        A log, the prior or a bench result cannot be used.
+    OperationError
+        The fit failed.
     """
-
     with _translate_errors():
         model = fitting.refit(
             list(paths),
@@ -122,17 +158,15 @@ def refit(
 
 
 def _parse_mark(text: str) -> MarkedInterval:
-    """A test by hand, ``[LOG:]START..STOP:rudder`` or ``:elevator``, in seconds of the log's own
-    time."""
-
-    found = re.fullmatch(r"(?:(.+):)?(\d+\.?\d*)\.\.(\d+\.?\d*):(rudder|elevator)", text)
-    if found is None:
+    """Parse a test that a user marks, in seconds of the log's time. Raises InputError."""
+    match = re.fullmatch(r"(?:(.+):)?(\d+\.?\d*)\.\.(\d+\.?\d*):(rudder|elevator)", text)
+    if match is None:
         raise InputError(
             f"--segment {text}: give [LOG:]START..STOP:rudder or :elevator, in seconds of the log's"
             " time"
         )
     return MarkedInterval(
-        float(found[2]), float(found[3]), "yaw" if found[4] == "rudder" else "pitch", found[1] or ""
+        float(match[2]), float(match[3]), "yaw" if match[4] == "rudder" else "pitch", match[1] or ""
     )
 
 
@@ -143,13 +177,25 @@ def redesign(
     *,
     force: bool = False,
 ) -> Design:
-    """Gains for a model, by default asked for what ``specification`` says.
+    """Design PID gains for a model.
 
-    ``prior``: the vehicle file it was refitted from, where that is not shipped.
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The model.
+    spec : Spec, optional
+        Limits that the gains must meet. The default is `specification`.
+    prior : str, optional
+        Vehicle file that the model was fitted from, if it is not shipped.
+    force : bool
+        Design even if the model is assessed as unfit for redesign.
 
-    Raises:
-        BadInputError: there is no such vehicle file. FailedError: its verdict is against it, unless
-        ``force``; or no gains meet the specification.
+    Raises
+    ------
+    InputError
+        The vehicle file cannot be used.
+    OperationError
+        The model is not fit for redesign, or no gains meet the specification.
     """
 
     _check_fit_for_redesign(model, "redesign", force)
@@ -165,7 +211,7 @@ def redesign_lqg(
     *,
     force: bool = False,
 ) -> LqgDesign:
-    """LQG laws for a model; otherwise as ``redesign``."""
+    """Design an LQG controller for a model. Parameters and errors as for `redesign`."""
 
     _check_fit_for_redesign(model, "redesign --method lqg", force)
     with _translate_errors():
@@ -175,19 +221,17 @@ def redesign_lqg(
 
 
 def _check_fit_for_redesign(model: IdentifiedModel, command: str, force: bool) -> None:
+    """Raise OperationError if the model is not fit for redesign, unless `force`."""
     if not force and (model.verdict is None or not model.verdict.fit_for_redesign):
-        advice = f"fly what it asks for, or `ground {command} --force`"
+        advice = f"fly the proposed test, or use `ground {command} --force`"
         raise OperationError(f"the model is not fit for redesign: {_reasons(model)}; {advice}")
 
 
 def specification(model: IdentifiedModel, prior: str | None = None) -> Spec:
-    """What is asked of gains by default, within the travel and rate of the vehicle's own tailcone,
-    where it is known.
+    """Return the default specification, with travel and rate limit of the vehicle's tailcone.
 
-    Raises:
-        BadInputError: there is no such vehicle file.
+    Raises InputError if the vehicle file cannot be used.
     """
-
     vehicle = _vehicle_file_of(model, prior)
     if vehicle is None:
         return Spec()
@@ -196,15 +240,12 @@ def specification(model: IdentifiedModel, prior: str | None = None) -> Spec:
 
 
 def _vehicle_file_of(model: IdentifiedModel, prior: str | None) -> str | None:
-    """The vehicle file behind a model; None where it is not shipped and nobody gives it."""
-
+    """Return the vehicle file of a model; None if it is neither given nor shipped."""
     return prior or (model.vehicle.prior if model.vehicle.prior in SHIPPED else None)
 
 
 def _initial_gains_of(model: IdentifiedModel, prior: str | None) -> dict[str, float]:
-    """What the vehicle flew with first: Table 3's gains on Caribou, on others the prototype of
-    their file."""
-
+    """Return the gains of the first dive: Table 3 for Caribou, else a prototype design."""
     vehicle, table_3 = _vehicle_file_of(model, prior), initial_gains()
     if vehicle is None or vehicle in prototype.CARIBOU:
         return table_3
@@ -213,71 +254,63 @@ def _initial_gains_of(model: IdentifiedModel, prior: str | None) -> dict[str, fl
 
 
 def _reasons(model: IdentifiedModel) -> str:
+    """Return why a model is not fit for redesign."""
     if model.verdict is None:
-        return "nobody has judged it"
+        return "it has no assessment"
     first, *others = model.verdict.reasons
     return f"{first} (and {len(others)} more)" if others else first
 
 
 def read_log(path: Path) -> Log:
-    """Read a log for identification. Raises BadInputError."""
-
+    """Read a log for identification. Raises InputError."""
     with _translate_errors():
         return readers.read(path)
 
 
 def tracking(log: Log) -> dict[str, Any]:
-    """Steady errors over a dive and over each window between changes of set-point, as plain numbers
-    by name.
+    """Return tracking errors of a dive and of each steady window as plain numbers.
 
-    Raises:
-        FailedError: no stretch of the dive was steady for long enough.
+    Raises OperationError if no window with constant set-points is long enough.
     """
-
-    found = tracking_metrics.tracking(log)
-    if found is None:
-        raise OperationError(f"{log.name}: no stretch of constant set-points outlasts its settling")
-    plain: dict[str, Any] = _to_plain(found)
+    result = tracking_metrics.tracking(log)
+    if result is None:
+        raise OperationError(
+            f"{log.name}: no interval of constant set-points is longer than the settling time"
+        )
+    plain: dict[str, Any] = _to_plain(result)
     return plain
 
 
-def monitor_log(log: Log, promise: PerformanceBaseline) -> MonitorReport:
-    """How a dive kept what her gains promise."""
-
-    return monitor.monitor_log(log, promise)
+def monitor_log(log: Log, baseline: PerformanceBaseline) -> MonitorReport:
+    """Compare a dive with the performance predicted for its gains."""
+    return monitor.monitor_log(log, baseline)
 
 
 def read_model(path: Path) -> IdentifiedModel:
-    """Read a model file. Raises BadInputError."""
-
+    """Read a model file. Raises InputError."""
     with _translate_errors():
         return model_file.read(path)
 
 
 def sha256_of_model(path: Path) -> str:
-    """By which gains name the model in a file. Raises BadInputError."""
-
+    """Return the SHA-256 by which gains files identify the model in a file. Raises InputError."""
     return model_file.sha256_of_model(read_model(path))
 
 
 def read_vehicle(prior: str) -> Any:
-    """What a vehicle file tells beforehand, as sysid takes it. Raises BadInputError."""
-
+    """Read a vehicle file, or the vehicle of a model, for sysid. Raises InputError."""
     with _translate_errors():
         return fitting.vehicle_file(prior)
 
 
 def write_model(model: IdentifiedModel, path: Path) -> None:
-    """Write ``model.json``."""
-
+    """Write a model file."""
     model_file.write(model, path)
 
 
 @contextmanager
 def _translate_errors() -> Iterator[None]:
-    """sysid's refusals as this tool's: wrong files are bad input, a missed specification is failed
-    work."""
-
+    """Raise errors of sysid as InputError (invalid files) or OperationError (failed work)."""
     try:
         yield
     except LinAlgError as error:
@@ -289,7 +322,7 @@ def _translate_errors() -> Iterator[None]:
 
 
 def _to_plain(value: Any) -> Any:
-    """Named tuples as dictionaries, all the way down."""
+    """Convert named tuples to dictionaries, recursively."""
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         return {name: _to_plain(part) for name, part in value._asdict().items()}
     return [_to_plain(part) for part in value] if isinstance(value, tuple) else value

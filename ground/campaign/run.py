@@ -1,9 +1,10 @@
-"""Prototype, identify, redesign, verify: the paper's afternoon at sea as one command.
+"""Campaign: trim flight, identification tests, refit, redesign and verification in one command.
 
-Each dive has its own pair of processes and its own log. A dive's seed depends on the campaign's
-seed and the mission alone, so the initial and the redesigned gains meet the same sea. What does not
-wait for something else goes on two at a time, a dive or a computation: vehicle time is lockstepped,
-so that changes nothing in any log."""
+Each dive has its own simulator and autopilot process and its own log. The seed of a dive depends
+only on the seed of the campaign and on the mission, so that all sets of gains are flown in the same
+sea. Two dives or computations run at the same time; vehicle time is in lockstep, so this does not
+change the logs.
+"""
 
 import importlib.metadata
 import json
@@ -28,38 +29,41 @@ from ground.simulation.subprocesses import ForkedProcess
 from mavlink_io.clock import wall_s
 
 TRIM_MISSION = "trim"
+"""Straight and level mission from which the trims are measured."""
 MISSIONS = ("straight_run", "depth_change", "combined", "shallow_1m")
+"""Missions that are flown with each set of gains."""
 FITTED = ("rudder_steps", "elevator_steps", "rudder_sweeps", "elevator_sweeps")
-"""The paper's steps, and the sweeps that tell what steps leave open: the dynamics near
+"""Test missions that are fitted: the paper's steps, and sweeps, which excite the dynamics near the
 crossover."""
 HELD_OUT = ("rudder_heldout", "elevator_heldout")
+"""Test missions that are predicted but not fitted."""
 IDENTIFICATION = (*FITTED[:2], *HELD_OUT, *FITTED[2:])
-"""In the order of flying, the longest first: so both places are busy until the last."""
+"""Test missions in the order of flying, longest first, so that both workers finish together."""
 ALL_MISSIONS = (TRIM_MISSION, *IDENTIFICATION, *MISSIONS)
 DIVES = {
     "prototype": (TRIM_MISSION,),
     "identification": IDENTIFICATION,
     **dict.fromkeys(STAGES.values(), MISSIONS),
 }
-"""Missions by the folder in which their logs are kept."""
+"""Missions by the folder of their logs."""
 RESULTS = ("report.html", "summary.json")
-"""Files that only a campaign which came to its end has."""
+"""Files that only a finished campaign has."""
 PARALLEL_DIVES = 2
-"""Dives and computations that go on at the same time: each keeps about one core busy."""
+"""Number of dives and computations that run at the same time; each uses about one core."""
 TRIM_WINDOW_S = 60.0
-"""The end of the trim mission over which the commands are averaged."""
+"""Time at the end of the trim mission over which the surface commands are averaged."""
 PRELOADED_MODULES = (
     "sysid.refit",
     "sysid.design.pid",
     "sysid.data.readers",
     "sysid.monitor.tracking_metrics",
 )
-"""What the computations need, loaded while the trims are measured."""
+"""Modules of the computations, which the worker loads during the trim flight."""
 _PACKAGES = ("numpy", "scipy", "numba", "control", "mcap", "pymavlink")
 
 
 class CampaignRequest(NamedTuple):
-    """What is asked of a campaign."""
+    """Options of a campaign."""
 
     out: Path
     vehicle: str = "caribou_truth"
@@ -67,96 +71,96 @@ class CampaignRequest(NamedTuple):
     seed: int = 1
     speed: str = "max"
     include_paper_gains: bool = False
-    """The paper's improved gains fly the missions too."""
+    """Also fly the missions with the paper's improved gains."""
     force: bool = False
-    """Replace the campaign that the folder holds."""
+    """Replace the campaign that is in the folder."""
 
 
 WatchCallback = Callable[[str, FlightProgress], None]
-"""Gets the name of a dive and where it stands."""
+"""Called with the name and the progress of a dive."""
 AnnounceCallback = Callable[[str], None]
-"""Gets what begins now, in words."""
+"""Called with a text about what begins."""
 
 
 @dataclass
 class Campaign:
-    """One campaign under way."""
+    """A running campaign."""
 
     request: CampaignRequest
     watch: WatchCallback
     announce: AnnounceCallback
     outcomes: dict[str, FlightResult] = field(default_factory=dict)
-    _afloat: list[SimulatedVehicle] = field(default_factory=list)
+    _simulated: list[SimulatedVehicle] = field(default_factory=list)
     _lock: Lock = field(default_factory=Lock)
     _cancelled: bool = False
     _prepared: bool = False
 
     def run(self) -> dict[str, Any]:
-        """The whole campaign; returns the summary that is also written. Raises BadInputError,
-        FailedError."""
+        """Run the campaign; write and return the summary. Raises InputError, OperationError."""
         refuse_folder(self.request)
         try:
             return self._run()
         except BaseException:
-            # stopped between the summary and the report: neither may tell of a campaign that is
-            # complete
+            # Stopped between summary and report: neither may look like that of a finished campaign.
             for name in RESULTS if self._prepared else ():
                 (self.request.out / name).unlink(missing_ok=True)
             raise
 
     def _run(self) -> dict[str, Any]:
-        began_s = wall_s()
-        with self._at_work() as (places, worker):
+        """Run all stages; return the summary."""
+        start_s = wall_s()
+        with self._executors() as (dives, worker):
             first = self._first_parameters(worker)
             self._prepare()
-            trims = self._measure_trims(places, worker, first)
+            trims = self._measure_trims(dives, worker, first)
             gains = self._first_gains(first, trims)
             self.announce("flying the tests with the initial gains")
-            _finish_dives(self._begin(places, "identification", IDENTIFICATION, gains["initial"]))
+            _finish_dives(self._begin(dives, "identification", IDENTIFICATION, gains["initial"]))
             self.announce(
                 f"refitting the model; flying the missions with the {' and the '.join(gains)} gains"
             )
-            redesigning = places.submit(self._redesign, worker)
+            redesigning = dives.submit(self._redesign, worker)
             missions = [
                 dive
                 for name in gains
-                for dive in self._begin(places, STAGES[name], MISSIONS, gains[name])
+                for dive in self._begin(dives, STAGES[name], MISSIONS, gains[name])
             ]
             design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
             gains["redesigned"] = {
                 **design["gains"],
-                **_beside(design["gains"], gains["initial"]),
+                **_not_designed(design["gains"], gains["initial"]),
                 **trims,
             }
             _finish_dives(
                 [
                     *missions,
-                    *self._begin(places, STAGES["redesigned"], MISSIONS, gains["redesigned"]),
+                    *self._begin(dives, STAGES["redesigned"], MISSIONS, gains["redesigned"]),
                 ]
             )
             self.announce("comparing")
-            found = worker.call(summary.build, self.folder, design, gains, trims, MISSIONS)
-            result = {**self._account(wall_s() - began_s), **found}
+            results = worker.call(summary.build, self.folder, design, gains, trims, MISSIONS)
+            result = {**self._account(wall_s() - start_s), **results}
             _write(self.request.out / "summary.json", json.dumps(result, indent=1) + "\n")
             self.announce("writing the report")
             worker.call(_report, self.folder)
         return result
 
     def _prepare(self) -> None:
+        """Prepare the folder."""
         prepare_folder(self.request)
         self._prepared = True
 
     @cached_property
     def folder(self) -> CampaignFolder:
-        """What has been flown, read back."""
+        """The folder of this campaign, for reading."""
         return CampaignFolder(self.request.out)
 
     def _first_parameters(self, worker: Worker) -> dict[str, float]:
-        """Return the parameters of the first dive: Table 3 for Caribou, a prototype design for
-        other vehicles.
+        """Return the parameters of the first dive.
 
-        Raises BadInputError where it can be foreseen that the campaign cannot be completed.
+        They are the paper's Table 3 for Caribou, and a prototype design for other vehicles. Raises
+        InputError if a check shows that the campaign cannot be completed.
         """
         vehicle, scenario = self.request.vehicle, self.request.scenario
         content = readiness.scenario_content(scenario)
@@ -168,95 +172,101 @@ class Campaign:
                 "--include-paper-gains: the paper's gains are for Caribou; "
                 f"leave it out for {vehicle}"
             )
-        self.announce("designing the first gains; rehearsing the missions with the vehicle file")
+        self.announce("designing the first gains; simulating the missions with the vehicle file")
         return worker.call(readiness.first_parameters, vehicle, scenario, content, ALL_MISSIONS)
 
     def _first_gains(
         self, first: Mapping[str, float], trims: Mapping[str, float]
     ) -> dict[str, dict[str, float]]:
-        """The sets of gains that are there before any model, by name."""
+        """Return the sets of gains that need no model, by name."""
         gains = {"initial": {**first, **trims}}
         if self.request.include_paper_gains:
             gains["improved"] = {**refit.improved_gains(), **trims}
         return gains
 
     def _account(self, spent_s: float) -> dict[str, Any]:
-        """What was flown, and in what time."""
-        flown = self.outcomes.values()
+        """Return totals of the dives, and the wall time."""
+        results = self.outcomes.values()
         return {
             "wall_s": round(spent_s, 3),
-            "vehicle_s": round(sum(outcome.vehicle_s for outcome in flown), 3),
-            "messages": sum(outcome.messages for outcome in flown),
-            "lost_frames": sum(outcome.lost_frames for outcome in flown),
+            "vehicle_s": round(sum(outcome.vehicle_s for outcome in results), 3),
+            "messages": sum(outcome.messages for outcome in results),
+            "lost_frames": sum(outcome.lost_frames for outcome in results),
             "seed": self.request.seed,
         }
 
     def _measure_trims(
-        self, places: Executor, worker: Worker, first: Mapping[str, float]
+        self, dives: Executor, worker: Worker, first: Mapping[str, float]
     ) -> dict[str, float]:
+        """Fly the trim mission; return the trim parameters."""
         self.announce("prototype flight: measuring the trims")
-        _finish_dives(self._begin(places, "prototype", (TRIM_MISSION,), first))
+        _finish_dives(self._begin(dives, "prototype", (TRIM_MISSION,), first))
         return worker.call(
             refit.measure_trims, self.folder.log_path("prototype", TRIM_MISSION), TRIM_WINDOW_S
         )
 
     def _redesign(self, worker: Worker) -> dict[str, Any]:
+        """Refit and redesign; return the summary of the design."""
         worker.call(_identify, self.folder)
         self.announce("redesigning the gains")
         return worker.call(_design, self.folder)
 
     def _begin(
-        self, places: Executor, stage: str, missions: Sequence[str], parameters: Mapping[str, float]
+        self, dives: Executor, stage: str, missions: Sequence[str], parameters: Mapping[str, float]
     ) -> list[Future[None]]:
-        return [places.submit(self._fly, stage, mission, parameters) for mission in missions]
+        """Submit dives."""
+        return [dives.submit(self._fly, stage, mission, parameters) for mission in missions]
 
     def _fly(self, stage: str, mission: str, parameters: Mapping[str, float]) -> None:
+        """Fly one dive. Raises OperationError after a failsafe."""
         log = self.folder.log_path(stage, mission)
         log.parent.mkdir(exist_ok=True)
         name = f"{stage}/{mission}"
         notes = {"stage": stage, "seed": str(dive_seed(self.request.seed, mission))}
         dive = Dive.load(mission, log, parameters=parameters, notes=notes)
-        outcome = fly_simulated(dive, self._launch(mission), lambda at: self.watch(name, at))
+        outcome = fly_simulated(
+            dive, self._launch(mission), lambda progress: self.watch(name, progress)
+        )
         if outcome.failsafes:
             raise OperationError(f"{name}: {outcome.failsafes[0]}")
         self.outcomes[name] = outcome
 
     def _launch(self, mission: str) -> SimulatedVehicle:
+        """Start the processes of a dive. Raises OperationError after a cancellation."""
         r = self.request
         with self._lock:
             if self._cancelled:
                 raise OperationError("cancelled")
             simulation = Simulation(r.vehicle, r.scenario, dive_seed(r.seed, mission), r.speed)
             simulated = SimulatedVehicle(simulation, start=ForkedProcess)
-            self._afloat.append(simulated)
+            self._simulated.append(simulated)
         return simulated
 
     @contextmanager
-    def _at_work(self) -> Iterator[tuple[Executor, Worker]]:
-        """Places for dives and computations, and who computes; in the end all are free, whatever
-        was under way."""
+    def _executors(self) -> Iterator[tuple[Executor, Worker]]:
+        """Yield an executor for dives and a worker for computations; stop both at the end."""
         with ExitStack() as stack:
-            places = stack.enter_context(ThreadPoolExecutor(PARALLEL_DIVES))
+            dives = stack.enter_context(ThreadPoolExecutor(PARALLEL_DIVES))
             worker = stack.enter_context(Worker(PRELOADED_MODULES))
             stack.callback(self._stop_all)
-            stack.callback(places.shutdown, wait=False, cancel_futures=True)
-            yield places, worker
+            stack.callback(dives.shutdown, wait=False, cancel_futures=True)
+            yield dives, worker
 
     def _stop_all(self) -> None:
+        """Stop all simulations, and start no more."""
         with self._lock:
             self._cancelled = True
-            for simulated in self._afloat:
+            for simulated in self._simulated:
                 simulated.stop()
 
 
 def dive_seed(seed: int, mission: str) -> int:
-    """The seed of a mission's sea: its own for every mission, the same for every set of gains."""
+    """Return the seed of a dive: different for each mission, equal for all sets of gains."""
     return seed * 1000 + (TRIM_MISSION, *MISSIONS, *FITTED, *HELD_OUT).index(mission)
 
 
 def refuse_folder(request: CampaignRequest) -> None:
-    """Raise BadInputError where the folder cannot take this campaign: a file, other files, or a
-    campaign to keep."""
+    """Raise InputError if the folder is a file, or holds other files or another campaign."""
     out = request.out
     if out.is_dir():
         if any(out.iterdir()) and not (out / CAMPAIGN_FILE).is_file():
@@ -279,9 +289,9 @@ def refuse_folder(request: CampaignRequest) -> None:
 
 
 def prepare_folder(request: CampaignRequest) -> None:
-    """Make the campaign folder, remove the campaign that it replaces, and note what was asked.
+    """Create the campaign folder, remove an old campaign from it, and write the options.
 
-    Files that no campaign writes stay. Raises BadInputError as ``refuse_folder``.
+    Files that no campaign writes are kept. Raises InputError, as `refuse_folder`.
     """
     refuse_folder(request)
     out = request.out
@@ -295,8 +305,7 @@ def prepare_folder(request: CampaignRequest) -> None:
 
 
 def _campaign_files(out: Path) -> list[Path]:
-    """Return the files in a folder that a campaign writes; the note of what was asked comes
-    last."""
+    """Return the files of a campaign that are in a folder; the file of its options is last."""
     logs = [
         CampaignFolder(out).log_path(stage, name)
         for stage, names in DIVES.items()
@@ -307,10 +316,11 @@ def _campaign_files(out: Path) -> list[Path]:
 
 
 def _campaign_toml(request: CampaignRequest) -> str:
-    asked = request._asdict()
+    """Return options, seeds and versions of a campaign as TOML."""
+    options = request._asdict()
     lines = [
         f"{key} = {json.dumps(value)}"
-        for key, value in asked.items()
+        for key, value in options.items()
         if key not in ("out", "force")
     ]
     lines += ["", "[seeds]"]
@@ -324,14 +334,13 @@ def _campaign_toml(request: CampaignRequest) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _beside(designed: Mapping[str, float], flown: Mapping[str, float]) -> dict[str, float]:
-    """Return the parameters that were flown and that a redesign does not set: trims, travel, cruise
-    speed."""
+def _not_designed(designed: Mapping[str, float], flown: Mapping[str, float]) -> dict[str, float]:
+    """Return the flown parameters that a redesign does not set: trims, travel, cruise speed."""
     return {name: value for name, value in flown.items() if name not in designed}
 
 
 def _identify(folder: CampaignFolder) -> None:
-    """Write ``model.json``."""
+    """Refit the tests and write `model.json`."""
     fitted, held_out = (
         [folder.log_path("identification", name) for name in names] for names in (FITTED, HELD_OUT)
     )
@@ -340,24 +349,25 @@ def _identify(folder: CampaignFolder) -> None:
 
 
 def _design(folder: CampaignFolder) -> dict[str, Any]:
-    """Write ``gains.param``; returns what there is to tell of them."""
+    """Redesign the gains and write `gains.param`; return the summary of the design."""
     design = refit.redesign(folder.model, prior=folder.prior)
     design.write_params(folder.path / "gains.param")
     return summary.summarise_design(design)
 
 
 def _report(folder: CampaignFolder) -> None:
-    """Write ``report.html``."""
+    """Write `report.html`."""
 
     page.write(folder)
 
 
 def _finish_dives(dives: Sequence[Future[None]]) -> None:
-    """Wait for the dives, or raise what makes the first of them fail."""
+    """Wait for the dives; raise the error of the first one that fails."""
     done, _ = wait(dives, return_when=FIRST_EXCEPTION)
     for dive in done:
         dive.result()
 
 
 def _write(path: Path, text: str) -> None:
+    """Write a text file."""
     path.write_text(text, encoding="utf-8")

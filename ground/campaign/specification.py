@@ -1,7 +1,6 @@
-"""What a redesign is asked for: the tool's own specification, a file that changes some of it,
-options that change more.
+"""Specification of a redesign: defaults, changed by a file, changed by options.
 
-The file is TOML, one ``name = number`` a line with the names of `sysid.design.Spec`.
+The file is TOML with one `name = number` per line; the names are those of `sysid.design.pid.Spec`.
 """
 
 import math
@@ -43,29 +42,39 @@ OPTIONS = {
 
 
 def read(file: Path | None, options: Mapping[str, float | None], first: Spec | None = None) -> Spec:
-    """A specification: ``first`` or the default, then what the file says, then the options that are
-    given.
+    """Return a specification.
 
-    Raises:
-        BadInputError: names the file or option, the name, the value and what would be right.
+    Parameters
+    ----------
+    file : Path, optional
+        TOML file with limits that replace those of `first`.
+    options : Mapping
+        Limits that replace those of the file; None for an option that is not given.
+    first : Spec, optional
+        Specification to start from; the default one if missing.
+
+    Raises
+    ------
+    InputError
+        A limit is unknown or out of range, or the file cannot be read.
     """
-
     table = _table(file) if file else {}
     unknown = next((name for name in table if name not in BOUNDS), None)
     if unknown:
         raise InputError(
-            f"{file}: {unknown}: there is no such limit; there are {', '.join(BOUNDS)}"
+            f"{file}: {unknown}: there is no such limit; expected one of {', '.join(BOUNDS)}"
         )
     given = {name: value for name, value in options.items() if value is not None}
-    asked = {name: _number(f"{file}: {name} =", name, value) for name, value in table.items()}
-    asked |= {
+    limits = {name: _number(f"{file}: {name} =", name, value) for name, value in table.items()}
+    limits |= {
         name: _number(OPTIONS.get(name, f"--{name.replace('_', '-')}"), name, value)
         for name, value in given.items()
     }
-    return (first or Spec())._replace(**asked)
+    return (first or Spec())._replace(**limits)
 
 
 def _table(file: Path) -> dict[str, object]:
+    """Read a TOML file. Raises InputError."""
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
@@ -75,6 +84,7 @@ def _table(file: Path) -> dict[str, object]:
 
 
 def _number(where: str, name: str, value: object) -> float:
+    """Return a limit as a number. Raises InputError."""
     low, high = BOUNDS[name]
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
         raise InputError(f"{where} {value}: must be a number from {low:g} to {high:g}")

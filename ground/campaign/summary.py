@@ -1,4 +1,4 @@
-"""What a campaign or a design came to: as numbers for ``summary.json`` and as words for people."""
+"""Summary of a campaign or of a design, as plain numbers and as text."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from sysid.control_analysis.margins import Analysis, damping
 from sysid.design.pid import Design
 
 ERRORS = ("heading_deg", "pitch_deg", "depth_m")
-"""The three errors of the paper's Table 5."""
+"""Errors of the paper's Table 5."""
 
 
 def build(
@@ -22,11 +22,20 @@ def build(
     trims: Mapping[str, float],
     missions: Sequence[str],
 ) -> dict[str, Any]:
-    """Model, design and flights of a campaign, every quantity with its unit in its name.
+    """Return the summary of a campaign, each quantity with its unit in its name.
 
-    Args:
-        design: as ``summarise_design`` tells it.
-        gains: what was flown by set, as in ``STAGES``.
+    Parameters
+    ----------
+    folder : CampaignFolder
+        Logs and model.
+    design : Mapping
+        Result of `summarise_design`.
+    gains : Mapping
+        Flown gains by set, as in `STAGES`.
+    trims : Mapping
+        Trim parameters.
+    missions : Sequence of str
+        Missions that were flown with each set.
     """
     tracking = {mission: _tracking(folder, mission, list(gains)) for mission in missions}
     return {
@@ -41,8 +50,7 @@ def build(
 
 
 def summarise_design(design: Design) -> dict[str, Any]:
-    """Margins, poles and predicted errors of the initial and the redesigned gains on the identified
-    model."""
+    """Return margins, poles and predicted errors of the initial and the redesigned gains."""
     return {
         "redesigned": {**_analysis(design.analysis), "predicted": design.predicted._asdict()},
         "initial": {**_analysis(design.initial_analysis), "predicted": design.initial._asdict()},
@@ -61,12 +69,12 @@ def summarise_design(design: Design) -> dict[str, Any]:
 
 
 def format_text(summary: Mapping[str, Any], out: Path) -> str:
-    """The result of a campaign in a few lines."""
+    """Return the result of a campaign as text."""
     steady = summary["steady_error"]
     paper = {"heading_deg": "2.5 -> 2.0", "pitch_deg": "10 -> 2.5", "depth_m": "0.50 -> 0.10"}
     lines = [f"{'steady error, 95 %':20s}{''.join(f'{name:>12s}' for name in steady)}   the paper"]
     for e in ERRORS:
-        figures = "".join(f"{found[e]:12.3f}" for found in steady.values())
+        figures = "".join(f"{errors[e]:12.3f}" for errors in steady.values())
         lines.append(f"  {e.replace('_', ', '):18s}{figures}   {paper[e]}")
     lines += [
         "held-out rate error, (deg/s)^2",
@@ -86,7 +94,7 @@ def format_text(summary: Mapping[str, Any], out: Path) -> str:
 
 
 def format_design(design: Design, out: Path) -> str:
-    """The gains with their reasons."""
+    """Return gains, reasons, limits and predicted performance as text."""
     lines = [
         f"{out}:",
         *(f"  {n:14s}{v:9.4g}  {design.reasons[n]}" for n, v in design.gains.items()),
@@ -94,7 +102,7 @@ def format_design(design: Design, out: Path) -> str:
     lines += [
         "on the identified model:",
         *design_summary.format_lines(summarise_design(design)),
-        "foretold in the sea of the tests, 95 %:",
+        "predicted in the sea of the tests, 95 %:",
     ]
     lines += [
         f"  {label:32s}{design.baseline.predicted[name].p95:9.3f}"
@@ -103,59 +111,62 @@ def format_design(design: Design, out: Path) -> str:
     return "\n".join(lines)
 
 
-def _performance_warnings(kept: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """A line for each mission and likely cause; one that says so where there is none."""
+def _performance_warnings(monitoring: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return one line per mission and likely cause of a deviation from the prediction."""
     lines = [
         f"{mission}: {'REFIT DUE: ' if cause['refit_due'] else ''}{cause['words']}"
-        for mission, found in kept.items()
-        for cause in found["causes"]
+        for mission, monitored in monitoring.items()
+        for cause in monitored["causes"]
     ]
-    return lines or ["the redesigned gains keep what they promise"]
+    return lines or ["the redesigned gains perform as predicted"]
 
 
 def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Return the rate errors on held-out tests, initial and refitted, one line per plane."""
     return [
         f"  {plane:18s}{pair['initial_model_deg2ps2']:12.3f}{pair['refitted_model_deg2ps2']:12.3f}"
         for plane, pair in errors.items()
     ]
 
 
-def _analysis(found: Analysis) -> dict[str, Any]:
+def _analysis(analysis: Analysis) -> dict[str, Any]:
+    """Return damping, poles and margins as plain numbers."""
 
     return {
-        "damping": {loop: damping(poles) for loop, poles in found.visible.items()},
+        "damping": {loop: damping(poles) for loop, poles in analysis.visible.items()},
         "poles_radps": {
-            loop: [[p.real, p.imag] for p in poles] for loop, poles in found.poles.items()
+            loop: [[p.real, p.imag] for p in poles] for loop, poles in analysis.poles.items()
         },
         "shown_poles_radps": {
-            loop: [[p.real, p.imag] for p in poles] for loop, poles in found.visible.items()
+            loop: [[p.real, p.imag] for p in poles] for loop, poles in analysis.visible.items()
         },
         "margins": {
             cut: {k: _finite_or_none(v) for k, v in m._asdict().items()}
-            for cut, m in found.margins.items()
+            for cut, m in analysis.margins.items()
         },
     }
 
 
 def _finite_or_none(value: float) -> float | None:
-    """A number that JSON can hold; None for infinity: no margin to lose, or no limit."""
+    """Return the value, or None if it is infinite, which JSON cannot represent."""
     return value if math.isfinite(value) else None
 
 
 def _monitoring(folder: CampaignFolder, mission: str) -> dict[str, Any]:
-    """Whether the redesigned gains kept their promise."""
+    """Compare a dive of the redesigned gains with their predicted performance."""
     return monitor_view.as_json(
         refit.monitor_log(folder.log(STAGES["redesigned"], mission), folder.promise)
     )
 
 
 def _tracking(folder: CampaignFolder, mission: str, sets: Sequence[str]) -> dict[str, Any]:
+    """Return the tracking errors of a mission by set of gains."""
     return {name: refit.tracking(folder.log(STAGES[name], mission)) for name in sets}
 
 
 def _steady(straight_run: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
-    """Table 5's errors, which the paper takes from straight runs."""
+    """Return the errors of the paper's Table 5, which are those of straight runs."""
     return {
-        name: {error: found[error]["p95"] for error in ERRORS}
-        for name, found in straight_run.items()
+        name: {error: errors[error]["p95"] for error in ERRORS}
+        for name, errors in straight_run.items()
     }

@@ -1,7 +1,8 @@
-"""A process of its own for what is computed while dives fly.
+"""Process for computations that run during dives.
 
-Fits and designs compute in Python: in a thread of this process they would hold up the threads that
-listen to vehicles."""
+Fits and designs hold Python's interpreter lock: in a thread of this process they would delay the
+threads that receive telemetry.
+"""
 
 import importlib
 import signal
@@ -19,16 +20,17 @@ T = TypeVar("T")
 
 
 class Worker:
-    """Does one thing at a time, in a process that knows nothing of this one but what it is
-    given."""
+    """A separate process that runs one function at a time."""
 
     def __init__(self, modules: Sequence[str] = ()) -> None:
-        """``modules`` are loaded at once, before the first thing there is to do."""
+        """Start the process, which imports `modules` at once."""
         context = get_context("spawn")
-        self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, tuple(modules)), daemon=True)
+        self._connection, child_end = context.Pipe()
+        self._process = context.Process(
+            target=_serve, args=(child_end, tuple(modules)), daemon=True
+        )
         self._process.start()
-        theirs.close()
+        child_end.close()
 
     def __enter__(self) -> Self:
         return self
@@ -42,8 +44,10 @@ class Worker:
         self.stop()
 
     def call(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """What ``function`` gives there, or raises. Raises FailedError when the process died of
-        it."""
+        """Run a function in the process; return its result or raise its exception.
+
+        Raises OperationError if the process ended.
+        """
         try:
             self._connection.send((function, args, kwargs))
             result, error = self._connection.recv()
@@ -56,13 +60,16 @@ class Worker:
         return result  # type: ignore[no-any-return]
 
     def stop(self) -> None:
-        """End the process, whatever it does."""
+        """Terminate the process."""
         self._process.terminate()
         self._process.join()
 
 
 def _serve(connection: Connection, modules: Sequence[str]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who asked is interrupted too, and stops us
+    """Run the functions that the parent sends, until it closes the connection."""
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # the parent is interrupted too, and stops this process
     for name in modules:
         importlib.import_module(name)
     while True:
@@ -70,12 +77,13 @@ def _serve(connection: Connection, modules: Sequence[str]) -> None:
             function, args, kwargs = connection.recv()
         except EOFError:
             return
-        connection.send(_outcome(function, args, kwargs))
+        connection.send(_call(function, args, kwargs))
 
 
-def _outcome(
+def _call(
     function: Callable[..., Any], args: Sequence[Any], kwargs: dict[str, Any]
 ) -> tuple[Any, Exception | None]:
+    """Return the result of a function, or its exception with the traceback as a note."""
     try:
         return function(*args, **kwargs), None
     except Exception as error:

@@ -111,9 +111,11 @@ def fly(
         )
         if sitl:
             simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed, truth))
-            result = flight.fly_simulated(dive, simulated, display.watch, display.hear, listeners)
+            result = flight.fly_simulated(
+                dive, simulated, display.watch, display.show_text, listeners
+            )
         else:
-            result = flight.fly(dive, connect, display.watch, display.hear, sign, listeners)
+            result = flight.fly(dive, connect, display.watch, display.show_text, sign, listeners)
     assessed = assessment.assess_dive(result.log, result.texts)
     print_result(
         {
@@ -125,7 +127,7 @@ def fly(
         },
         f"{result.log}: {result.vehicle_s:.0f} s flown in {result.wall_s:.1f} s, "
         f"{result.messages} messages, {result.lost_frames} lost\n"
-        f"{assessment.format_text(assessed)}" + (f"\n{monitor.in_words()}" if monitor else ""),
+        f"{assessment.format_text(assessed)}" + (f"\n{monitor.format_text()}" if monitor else ""),
         json,
     )
     if result.failsafes:
@@ -179,7 +181,7 @@ def _live_estimate(dive: "Dive", prior: str, display: "ProgressDisplay") -> "Liv
         return None
     from ground.live.session import LiveSession
 
-    return LiveSession(prior, None, display.say)
+    return LiveSession(prior, None, display.print_line)
 
 
 def _performance_monitor(gains_file: Path, display: "ProgressDisplay") -> "PerformanceMonitor":
@@ -187,4 +189,4 @@ def _performance_monitor(gains_file: Path, display: "ProgressDisplay") -> "Perfo
     from ground.client import param_file
     from ground.live.performance_monitor import PerformanceMonitor
 
-    return PerformanceMonitor(param_file.require_baseline(gains_file), display.say)
+    return PerformanceMonitor(param_file.require_baseline(gains_file), display.print_line)

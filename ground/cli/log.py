@@ -52,7 +52,9 @@ def download(
 
     with connected(connect, sign) as vehicle, progress.display("logs", quiet=json) as display:
         selected = log_download.select_logs(log_download.list_logs(vehicle), which)
-        downloads = [log_download.fetch(vehicle, log, out, display.share) for log in selected]
+        downloads = [
+            log_download.fetch(vehicle, log, out, display.show_fraction) for log in selected
+        ]
     rows = [{**download._asdict(), "file": str(download.file)} for download in downloads]
     print_result({"logs": rows}, "\n".join(map(_format_download, downloads)), json)
 

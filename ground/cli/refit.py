@@ -90,7 +90,7 @@ def refit(
             held_out or (),
             prior,
             method.value,
-            display.share,
+            display.show_fraction,
             segment or (),
             servo_channels,
             [other.value for other in compare_method or ()],

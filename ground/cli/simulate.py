@@ -88,7 +88,7 @@ def simulate(
 
         def report(fraction: float, vehicle_s: float) -> None:
             rate = vehicle_s / (wall_s() - start_s)
-            display.share(f"{vehicle_s:.0f} s, {rate:.0f} a second", fraction)
+            display.show_fraction(f"{vehicle_s:.0f} s, {rate:.0f} a second", fraction)
 
         summaries = study.simulate_samples(posterior, request, report)
     if not json:

@@ -26,9 +26,9 @@ def surface(
     with connected(connect, sign) as vehicle, progress.display("surface", quiet=json) as display:
         state = stopping.enter(vehicle, stopping.SURFACE)
         if wait:
-            vehicle.on_text = display.hear
+            vehicle.on_text = display.show_text
             state = stopping.wait_until_disarmed(
-                vehicle, lambda state: display.share(state.in_words(), 0.0)
+                vehicle, lambda state: display.show_fraction(state.format_text(), 0.0)
             )
     _print_state(state, json)
 
@@ -45,4 +45,4 @@ def hold(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) 
 
 def _print_state(state: "State", json: bool) -> None:
     """Print the mode and state of the vehicle."""
-    print_result(state._asdict(), state.in_words(), json)
+    print_result(state._asdict(), state.format_text(), json)

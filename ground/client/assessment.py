@@ -351,4 +351,5 @@ def _row(leg: AssessedLeg) -> str:
 
 
 def _count(number: int, noun: str) -> str:
+    """Return a number with its noun in singular or plural."""
     return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -99,13 +99,13 @@ class TelemetryListener(Protocol):
     def begin(self, parameters: Mapping[str, float]) -> None:
         """Receive the vehicle's parameters, just before it is armed."""
 
-    def hear(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         """Receive a frame of the autopilot."""
 
-    def say(self, text: StatusText) -> None:
+    def on_text(self, text: StatusText) -> None:
         """Receive a text of the vehicle."""
 
-    def look(self, *, last: bool = False) -> None:
+    def poll(self, *, last: bool = False) -> None:
         """Update; called about 20 times a second, and with `last` once at the end."""
 
 
@@ -237,6 +237,7 @@ def _fly(
     hear: TextCallback | None,
     follower: TelemetryListener | None,
 ) -> FlightResult:
+    """Fly a dive with an open link."""
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
     recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
     vehicle.connect()
@@ -244,10 +245,10 @@ def _fly(
     recorder.attach_parameters(parameters)
     if follower is not None:
         follower.begin(parameters)
-        vehicle.on_frame = follower.hear
+        vehicle.on_frame = follower.on_frame
     start_s, vehicle_start_s = wall_s(), recorder.vehicle_s
     vehicle.arm()
-    vehicle.on_text = _call_both(hear, follower.say if follower else None)
+    vehicle.on_text = _call_both(hear, follower.on_text if follower else None)
     _until_disarmed(vehicle, recorder, len(dive.items), start_s, watch, follower)
     return FlightResult(
         log=dive.log,
@@ -278,20 +279,22 @@ def _until_disarmed(
     watch: WatchCallback | None,
     follower: TelemetryListener | None,
 ) -> None:
+    """Receive until the vehicle has disarmed."""
     report = Every(PROGRESS_PERIOD_S)
     while not vehicle.disarmings:
         vehicle.pump(0.05)
         if watch is not None and report.due():
             watch(_progress(vehicle, recorder, items, wall_s() - start_s))
         if follower is not None:
-            follower.look()
+            follower.poll()
     if follower is not None:
-        follower.look(last=True)
+        follower.poll(last=True)
 
 
 def _progress(
     vehicle: VehicleClient, recorder: Recorder, items: int, wall: float
 ) -> FlightProgress:
+    """Return the progress according to the last messages."""
     current = vehicle.latest("MISSION_CURRENT")
     position = vehicle.latest("LOCAL_POSITION_NED")
     attitude = vehicle.latest("ATTITUDE")

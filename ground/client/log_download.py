@@ -179,17 +179,20 @@ def _is_same(vehicle: VehicleClient, log: LogOnVehicle, file: Path) -> bool:
 
 
 def _size_on_vehicle(vehicle: VehicleClient, log: LogOnVehicle) -> int:
+    """Return the present size of a log on the file server; 0 if it is gone."""
     entries = vehicle.use(FileClient, lambda files: files.list(FOLDER))
     return next((entry.size or 0 for entry in entries if f"{FOLDER}/{entry.name}" == log.path), 0)
 
 
 def _size(file: Path) -> int:
+    """Return the size of a file; 0 if it does not exist."""
     return file.stat().st_size if file.exists() else 0
 
 
 def _as_fraction(
     log: LogOnVehicle, watch: WatchCallback | None
 ) -> Callable[[int, int], None] | None:
+    """Return a callback for byte counts that reports fractions to `watch`."""
     return (
         None if watch is None else lambda received, total: watch(log.name, received / max(1, total))
     )

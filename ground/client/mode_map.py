@@ -109,4 +109,5 @@ def write(path: Path, modes: ModeMap) -> None:
 
 
 def _is_number(key: str) -> bool:
+    """Return whether a key is a decimal number."""
     return key.isascii() and key.isdecimal()

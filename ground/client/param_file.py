@@ -91,6 +91,7 @@ def save(path: Path, values: Mapping[str, float]) -> None:
 
 
 def _text(path: Path) -> str:
+    """Read a text file. Raises InputError."""
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

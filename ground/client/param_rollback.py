@@ -128,6 +128,7 @@ class History:
         self._write(self._read()[:-1])
 
     def _read(self) -> list[ParamUpload]:
+        """Read the stored uploads. Raises InputError."""
         try:
             return msgspec.json.decode(self.path.read_bytes(), type=list[ParamUpload])
         except FileNotFoundError:
@@ -138,6 +139,7 @@ class History:
             ) from None
 
     def _write(self, changes: list[ParamUpload]) -> None:
+        """Store the uploads. Raises OSError."""
         replace_file(
             self.path, msgspec.json.format(msgspec.json.encode(changes), indent=1).decode() + "\n"
         )

@@ -123,6 +123,7 @@ class Recorder:
             self._tlog.close()
 
     def _set_clock(self, system: int, clock: _Clock, vehicle_us: int) -> None:
+        """Update the vehicle time of a system; its first time stamp fixes the UNIX time at zero."""
         if not clock.known:
             clock.known = True
             clock.start_unix_ns = self._now_unix_ns() - vehicle_us * 1000
@@ -133,6 +134,7 @@ class Recorder:
             clock.vehicle_us = vehicle_us
 
     def _open_stream(self, frame: Frame) -> _Stream:
+        """Create the channel of a message at its first frame."""
         message = dialect.by_id(frame.message_id)
         assert message is not None, "the codec lets only known messages pass"
         channel = self._log.channel(frame.system, frame.component, message)

@@ -9,7 +9,7 @@ from ground.client.vehicle import VehicleClient
 from ground.errors import OperationError
 
 SURFACE, HOLD = "SURFACE", "HOLD"
-CONFIRM_WITHIN_S = 5.0
+CONFIRM_TIMEOUT_S = 5.0
 """Wall time in which a HEARTBEAT must report the mode that the vehicle has accepted; it sends one
 per second."""
 
@@ -21,7 +21,7 @@ class State(NamedTuple):
     armed: bool
     depth_m: float | None
 
-    def in_words(self) -> str:
+    def format_text(self) -> str:
         """Return the state as a sentence."""
         if not self.armed:
             return f"the vehicle is disarmed, in mode {self.mode}"
@@ -66,9 +66,9 @@ def enter(vehicle: VehicleClient, mode: str) -> State:
         ended = was_armed and not vehicle.armed
         return vehicle.heartbeats > heartbeats and (vehicle.custom_mode == offered[name] or ended)
 
-    if not vehicle.pump_until(is_confirmed, CONFIRM_WITHIN_S):
+    if not vehicle.pump_until(is_confirmed, CONFIRM_TIMEOUT_S):
         raise OperationError(
-            f"mode {name}: the vehicle accepted it, but {CONFIRM_WITHIN_S:g} s later reports"
+            f"mode {name}: the vehicle accepted it, but {CONFIRM_TIMEOUT_S:g} s later reports"
             f" {vehicle.mode}"
         )
     return state(vehicle)

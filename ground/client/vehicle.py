@@ -40,7 +40,7 @@ WATCHDOG_PERIOD_S = 0.2
 """Wall time between calls of the watchdog."""
 READY_TIMEOUT_S = 60.0
 """Maximum wall time (s) in which a vehicle may reach MAV_STATE_STANDBY before it is armed."""
-SIMULATED_READY_WITHIN_S = 300.0
+SIMULATED_READY_TIMEOUT_S = 300.0
 """The same limit for a simulated vehicle, whose processes are monitored: on a new or busy machine
 the simulator may compile its numeric code for minutes before the first sensor sample."""
 ARM_RETRY_S, ARM_RETRY_PERIOD_S = 15.0, 1.0
@@ -264,7 +264,7 @@ class VehicleClient:
         ----------
         patience_s : float, optional
             Wall time (s) in which a vehicle that starts may reach MAV_STATE_STANDBY. The default is
-            `READY_TIMEOUT_S`, for a simulated vehicle `SIMULATED_READY_WITHIN_S`.
+            `READY_TIMEOUT_S`, for a simulated vehicle `SIMULATED_READY_TIMEOUT_S`.
 
         Raises
         ------
@@ -273,7 +273,7 @@ class VehicleClient:
             pre-arm checks pass; or a temporary refusal lasted for `ARM_RETRY_S`.
         """
         if patience_s is None:
-            patience_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_WITHIN_S
+            patience_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_TIMEOUT_S
         self.pump_until(lambda: self._status >= _STANDBY, patience_s)
         deadline_s, passed = wall_s() + ARM_RETRY_S, False
         while True:
@@ -342,14 +342,17 @@ class VehicleClient:
 
     @property
     def _peer(self) -> MavlinkId:
+        """The autopilot. Raises VehicleClientError before it is found."""
         if self.party is None:
             raise VehicleClientError("not connected to a vehicle yet")
         return self.party
 
     def _client(self, kind: Callable[..., T]) -> T:
+        """Return a client of one MAVLink service."""
         return kind(self._endpoint.send, GROUND, self._peer)
 
     def _run(self, exchange: Exchange[T]) -> T:
+        """Receive until a request is done; return its result."""
         first_text = len(self.texts)
         self._listener = exchange.feed
         try:
@@ -388,6 +391,7 @@ class VehicleClient:
                 self.on_frame(frame)
 
     def _on_heartbeat(self, frame: Frame) -> None:
+        """Update the state from a HEARTBEAT; the first one of an autopilot selects the vehicle."""
         message = frame.decode()
         sender = MavlinkId(frame.system, frame.component)
         if self.party is None and connection_diagnosis.is_vehicle(message):
@@ -405,6 +409,7 @@ class VehicleClient:
             self.armed = armed
 
     def _on_statustext(self, frame: Frame) -> None:
+        """Assemble a text, store it and call the listener."""
         message = frame.decode()
         complete = self._joiner.add(frame.system, message)
         if complete is None:
@@ -415,12 +420,14 @@ class VehicleClient:
             self.on_text(text)
 
     def _not_found(self, timeout_s: float) -> str:
+        """Return why no vehicle was found."""
         address = self._endpoint.transport.address
         senders = {MavlinkId(frame.system, frame.component) for frame in self._latest.values()}
         reason = connection_diagnosis.explain(address, senders, self._endpoint.skipped_bytes)
         return f"no vehicle on {address} within {timeout_s:g} s: {reason}"
 
     def _send_heartbeat(self) -> None:
+        """Send the HEARTBEAT of a ground station."""
         self._endpoint.send(
             "HEARTBEAT",
             type=connection_diagnosis.GROUND_STATION,

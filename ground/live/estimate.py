@@ -54,18 +54,18 @@ class LiveEstimate:
             plane: report.crossover_radps(knowledge.prior, plane, gains) for plane in PLANES
         }
 
-    def hear(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         """Take a frame of the vehicle's autopilot."""
         before_s = self._telemetry.now_s
-        if self._telemetry.hear(frame) < before_s - CLOCK_RESTART_S:
+        if self._telemetry.on_frame(frame) < before_s - CLOCK_RESTART_S:
             self._begin_anew(frame)
 
-    def say(self, text: StatusText) -> None:
+    def on_text(self, text: StatusText) -> None:
         """Take a text of the vehicle's."""
         if text.text.startswith((START_TEXT, *END_TEXTS)):
-            self._telemetry.say(text.severity, text.text)
+            self._telemetry.on_text(text.severity, text.text)
 
-    def look(self) -> EstimateStatus:
+    def poll(self) -> EstimateStatus:
         """What has been told up to now."""
         self._trouble = ""
         while (gap := self._telemetry.gap()) is not None:
@@ -81,7 +81,7 @@ class LiveEstimate:
         stays."""
         self._end()
         self._telemetry.restart()
-        self._telemetry.hear(frame)
+        self._telemetry.on_frame(frame)
 
     def _pass_over(self, gap: Gap) -> None:
         """A test that was under way goes on behind the gap as one of its own; what it told before

@@ -30,17 +30,17 @@ class Listeners:
         for follower in self._each:
             follower.begin(parameters)
 
-    def hear(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         for follower in self._each:
-            follower.hear(frame)
+            follower.on_frame(frame)
 
-    def say(self, text: StatusText) -> None:
+    def on_text(self, text: StatusText) -> None:
         for follower in self._each:
-            follower.say(text)
+            follower.on_text(text)
 
-    def look(self, *, last: bool = False) -> None:
+    def poll(self, *, last: bool = False) -> None:
         for follower in self._each:
-            follower.look(last=last)
+            follower.poll(last=last)
         if self._each and self._show is not None and (last or self._due.due()):
             self._show(self.picture())
 

@@ -42,17 +42,17 @@ class PerformanceMonitor:
         }
         self._telemetry = Telemetry({**travel, **parameters})
 
-    def hear(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         before_s = self._telemetry.now_s
-        if self._telemetry.hear(frame) < before_s - CLOCK_RESTART_S:
+        if self._telemetry.on_frame(frame) < before_s - CLOCK_RESTART_S:
             self._telemetry.restart()
             self._monitor.interrupt()
-            self._telemetry.hear(frame)
+            self._telemetry.on_frame(frame)
 
-    def say(self, text: StatusText) -> None:
-        self._telemetry.say(text.severity, text.text)
+    def on_text(self, text: StatusText) -> None:
+        self._telemetry.on_text(text.severity, text.text)
 
-    def look(self, *, last: bool = False) -> None:
+    def poll(self, *, last: bool = False) -> None:
         if not (last or self._due.due()):
             return
         until_s = self._telemetry.complete_s
@@ -76,6 +76,6 @@ class PerformanceMonitor:
     def as_json(self) -> dict[str, Any]:
         return monitor_view.as_json(self._monitor.report())
 
-    def in_words(self) -> str:
+    def format_text(self) -> str:
         """The same in a few lines, for when the dive is over."""
         return monitor_view.format_text(self._monitor.report())

@@ -51,20 +51,20 @@ class LiveSession:
         """The vehicle is there; ``parameters`` are those aboard, as far as they are known."""
         self._estimate = LiveEstimate(self._knowledge, parameters)
 
-    def hear(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         if self._estimate is not None:
-            self._estimate.hear(frame)
+            self._estimate.on_frame(frame)
 
-    def say(self, text: StatusText) -> None:
+    def on_text(self, text: StatusText) -> None:
         if self._estimate is not None:
-            self._estimate.say(text)
+            self._estimate.on_text(text)
 
-    def look(self, *, last: bool = False) -> None:
+    def poll(self, *, last: bool = False) -> None:
         if self._estimate is None or not (last or self._due.due()):
             return
         before = self._standing
         try:
-            self._standing = self._estimate.look()
+            self._standing = self._estimate.poll()
         except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
             # Who watches must not end the dive: it goes on without an estimate.
             self._standing, self._estimate = before._replace(testing=(), trouble=str(error)), None

@@ -53,7 +53,7 @@ class Telemetry:
         self.now_s = 0.0
         """Vehicle time of the newest message."""
 
-    def hear(self, frame: Frame) -> float:
+    def on_frame(self, frame: Frame) -> float:
         """Take a frame. Returns its vehicle time; that of the newest one where it carries none."""
         name = _STORED_MESSAGES.get(frame.message_id)
         if name is None:
@@ -66,7 +66,7 @@ class Telemetry:
         self.now_s = max(self.now_s, time_s)
         return time_s
 
-    def say(self, severity: int, text: str) -> None:
+    def on_text(self, severity: int, text: str) -> None:
         """Take a text."""
         self.events.append(TextEvent(self.now_s, severity, text))
 

@@ -1,5 +1,4 @@
-"""Other tools' mission files: QGroundControl's ``.plan`` and the ``QGC WPL 110`` text, read and
-written."""
+"""Mission files of other tools: QGroundControl's `.plan` and the text format `QGC WPL 110`."""
 
 import json
 import math
@@ -24,45 +23,47 @@ from mavlink_io.mission_items import (
 
 WPL_HEADER = "QGC WPL 110"
 SUBMARINE, GENERIC = 12, 0
-"""MAV_TYPE and MAV_AUTOPILOT, for the plan's own note of its vehicle."""
+"""MAV_TYPE and MAV_AUTOPILOT that a plan file names."""
 _MAX_COORDINATE, _MAX_FRAME, _MAX_COMMAND = 1 << 31, (1 << 8) - 1, (1 << 16) - 1
-"""What the fields of MISSION_ITEM_INT hold."""
+"""Limits of the fields of MISSION_ITEM_INT."""
 
 
 class Plan(NamedTuple):
-    """A mission as its file has it."""
+    """The items of a mission, with their places in the file."""
 
     items: tuple[MissionItem, ...]
     labels: tuple[str, ...]
-    """Where each item stands in the file: ``step 2``, or ``item 3`` where the file has no steps."""
+    """Place of each item in the file: `step 2`, or `item 3` if the file has no steps."""
 
 
 class Limits(NamedTuple):
-    """What a vehicle allows a mission, infinite where it does not say."""
+    """Limits of a vehicle for missions; infinite if it has no such parameter."""
 
     depth_m: float = math.inf
-    """FS_DEPTH_M: the failsafe surfaces below it."""
+    """FS_DEPTH_M: depth at which the failsafe surfaces."""
     distance_m: float = math.inf
-    """MIS_DIST_MAX: the farthest place from home."""
+    """MIS_DIST_MAX: maximum distance of a waypoint from home."""
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, float]) -> "Limits":
         """Read the limits from the parameters of a vehicle."""
         return cls(
             parameters.get("FS_DEPTH_M", math.inf),
-            parameters.get("MIS_DIST_MAX", 0.0) or math.inf,  # 0 is no limit
+            parameters.get("MIS_DIST_MAX", 0.0) or math.inf,  # 0 means no limit
         )
 
 
 DEPTH_ROUNDING_M = 1e-3
-"""Rounding of a depth and of its limit to float32, at 6000 m."""
+"""Tolerance for the rounding of depths up to 6000 m to float32."""
 
 
 def load(name_or_path: str) -> Plan:
-    """Read a mission script, a ``.plan`` or a ``QGC WPL 110`` file, told apart by their content.
+    """Read a mission script, a `.plan` or a `QGC WPL 110` file, recognised by its content.
 
-    Raises:
-        ScriptError: the file is missing or wrong; the message says where.
+    Raises
+    ------
+    ScriptError
+        The file is missing or invalid; the message names the place.
     """
     path = Path(name_or_path)
     if not path.is_file() or path.suffix == ".toml":
@@ -85,17 +86,29 @@ def load(name_or_path: str) -> Plan:
 
 
 def load_items(name_or_path: str) -> tuple[MissionItem, ...]:
-    """Return the items of ``load``. Raises ScriptError."""
+    """Return only the items of `load`. Raises ScriptError."""
     return load(name_or_path).items
 
 
 def check_limits(where: str, plan: Plan, limits: Limits) -> None:
-    """Refuse a mission that goes deeper or farther than a vehicle allows.
+    """Check depths and distances of a mission against the limits of a vehicle.
 
-    Places in latitude and longitude are left to the vehicle, which knows its home.
+    Positions in latitude and longitude are not checked here: the vehicle checks them, as it knows
+    its home position.
 
-    Raises:
-        ScriptError: names ``where``, the step or item, the key, its value and the limit.
+    Parameters
+    ----------
+    where : str
+        Name of the mission in error messages.
+    plan : Plan
+        The mission.
+    limits : Limits
+        Limits of the vehicle.
+
+    Raises
+    ------
+    ScriptError
+        The message names the step or item, the key, its value and the limit.
     """
     for item, label in zip(plan.items, plan.labels, strict=True):
         depth_m = _depth_m(item)
@@ -114,7 +127,7 @@ def check_limits(where: str, plan: Plan, limits: Limits) -> None:
 
 
 def _depth_m(item: MissionItem) -> float:
-    """The depth that an item asks for, NaN for none."""
+    """Return the depth (m) that an item commands; NaN for none."""
     if item.command == MavCmd.DO_CHANGE_ALTITUDE:
         return -item.p1
     if item.command == MavCmd.CONDITION_CHANGE_ALT or has_location(item.command):
@@ -123,18 +136,21 @@ def _depth_m(item: MissionItem) -> float:
 
 
 def write_wpl(items: Sequence[MissionItem]) -> str:
-    """The text form that MAVProxy and Mission Planner read.
+    """Return a mission in the text format of MAVProxy and Mission Planner.
 
-    Line 0 is those tools' home position: it is written as one at the surface, and the mission
-    follows from line 1. Set the vehicle's MIS_SEQ0_HOME to 1 when such a tool uploads the file."""
+    Line 0 is the home position of these tools, at the surface; the mission begins at line 1. Set
+    the vehicle's parameter MIS_SEQ0_HOME to 1 if such a tool uploads the file.
+    """
     home = MissionItem(0, 0, 16)
     rows = [_wpl_row(n, item) for n, item in enumerate((home, *items))]
     return "\n".join([WPL_HEADER, *rows]) + "\n"
 
 
 def read_wpl(text: str, where: str) -> tuple[MissionItem, ...]:
-    """The items of a ``QGC WPL 110`` text without its line 0, the home position. Raises
-    ScriptError."""
+    """Return the items of a `QGC WPL 110` text without line 0, the home position.
+
+    Raises ScriptError.
+    """
     rows = [line.split() for line in text.splitlines()[1:] if line.strip()]
     items = []
     for number, row in enumerate(rows):
@@ -152,7 +168,7 @@ def read_wpl(text: str, where: str) -> tuple[MissionItem, ...]:
 
 
 def write_plan(items: Sequence[MissionItem]) -> str:
-    """QGroundControl's plan file."""
+    """Return a mission in the format of QGroundControl's plan file."""
     mission = {
         "cruiseSpeed": 1.3,
         "firmwareType": GENERIC,
@@ -174,7 +190,7 @@ def write_plan(items: Sequence[MissionItem]) -> str:
 
 
 def read_plan(text: str, where: str) -> tuple[MissionItem, ...]:
-    """The items of a plan file made of simple items. Raises ScriptError."""
+    """Return the items of a plan file that holds only simple items. Raises ScriptError."""
     try:
         entries = json.loads(text)["mission"]["items"]
         if any(entry.get("type") != "SimpleItem" for entry in entries):
@@ -193,6 +209,7 @@ def read_plan(text: str, where: str) -> tuple[MissionItem, ...]:
 
 
 def _wpl_row(number: int, item: MissionItem) -> str:
+    """Return one line of the text format."""
     x, y = _location(item)
     columns: list[Any] = [
         number,
@@ -208,6 +225,7 @@ def _wpl_row(number: int, item: MissionItem) -> str:
 
 
 def _wpl_item(row: list[str]) -> MissionItem:
+    """Parse one line of the text format. Raises ValueError."""
     frame, command, autocontinue = int(row[2]), int(row[3]), int(row[11])
     p1, p2, p3, p4, x, y, z = (float(column) for column in row[4:11])
     return _with_location(
@@ -216,8 +234,9 @@ def _wpl_item(row: list[str]) -> MissionItem:
 
 
 def _plan_item(number: int, item: MissionItem) -> dict[str, Any]:
+    """Return one entry of a plan file."""
     x, y = _location(item)
-    if _takes_place(item) and item.x == item.y == NOT_GIVEN:
+    if _has_global_position(item) and item.x == item.y == NOT_GIVEN:
         x = y = math.nan
     values = [item.p1, item.p2, item.p3, item.p4, x, y, item.z]
     return {
@@ -231,6 +250,7 @@ def _plan_item(number: int, item: MissionItem) -> dict[str, Any]:
 
 
 def _from_plan(entry: dict[str, Any]) -> MissionItem:
+    """Parse one entry of a plan file. Raises KeyError, TypeError, ValueError."""
     p1, p2, p3, p4, x, y, z = (
         math.nan if value is None else float(value) for value in entry["params"]
     )
@@ -238,21 +258,23 @@ def _from_plan(entry: dict[str, Any]) -> MissionItem:
     item = MissionItem(
         0, int(entry["frame"]), int(entry["command"]), 0, autocontinue, p1, p2, p3, p4, z=z
     )
-    if _takes_place(item) and math.isnan(x) and math.isnan(y):
+    if _has_global_position(item) and math.isnan(x) and math.isnan(y):
         return item._replace(x=NOT_GIVEN, y=NOT_GIVEN)
     return _with_location(item, 0.0 if math.isnan(x) else x, 0.0 if math.isnan(y) else y)
 
 
 def _location(item: MissionItem) -> tuple[float, float]:
-    """Columns 5 and 6 of a file: degrees, or metres from home, where the item has a place, else the
-    plain numbers."""
+    """Return parameters 5 and 6 as files hold them.
+
+    They are degrees or metres from home if the item has a position, else the plain numbers.
+    """
     if item.frame == FRAME_MISSION:
         return item.x, item.y
     return item.x / _scale(item), item.y / _scale(item)
 
 
 def _with_location(item: MissionItem, x: float, y: float) -> MissionItem:
-    """The item at a place of a file. Raises ValueError where no message can carry it."""
+    """Return the item with a position of a file. Raises ValueError if it is out of range."""
     if not (0 <= item.frame <= _MAX_FRAME and 0 <= item.command <= _MAX_COMMAND):
         raise ValueError(f"frame {item.frame}, command {item.command}")
     if not all(-_MAX_COORDINATE <= value * _scale(item) < _MAX_COORDINATE for value in (x, y)):
@@ -260,16 +282,18 @@ def _with_location(item: MissionItem, x: float, y: float) -> MissionItem:
     return item._replace(x=round(x * _scale(item)), y=round(y * _scale(item)))
 
 
-def _takes_place(item: MissionItem) -> bool:
-    """Whether x and y are a latitude and longitude, which may be left out."""
+def _has_global_position(item: MissionItem) -> bool:
+    """Return whether x and y are latitude and longitude, which may be omitted."""
     return item.frame in GLOBAL_FRAMES and has_location(item.command)
 
 
 def _scale(item: MissionItem) -> int:
+    """Return the factor from degrees or metres to the integers of MISSION_ITEM_INT."""
     if item.frame == FRAME_MISSION:
         return 1
     return LOCAL_SCALE if item.frame == FRAME_LOCAL_NED else GLOBAL_SCALE
 
 
 def _renumber(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
+    """Number the items from 0; the first one is current."""
     return tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))

@@ -1,37 +1,41 @@
-"""Missions in people's terms, and the standard MAVLink items they compile to.
+"""Mission scripts in TOML, and their compilation to standard MAVLink mission items.
 
-A script is a TOML file: a name, what it is for, and steps in order::
+A script has a name, a description and a list of steps::
 
     name = "combined"
     about = "a depth and heading change together"
 
-    [[step]]                 # a leg; what it leaves out stays as it was
+    [[step]]                 # a leg; a key that is missing keeps its last value
     depth_m = 4.0
     heading_deg = -80.0
     thrust_pct = 58.0        # or speed_mps
     duration_s = 30.0
     wait_depth = false       # true: the duration counts from when the depth is reached
 
-    [[step]]                 # a way over ground; heading_deg is not given
+    [[step]]                 # a waypoint; heading_deg must be missing
     to = [120.0, -40.0]      # metres north and east of home; or lat_deg and lon_deg
-    accept_m = 5.0           # how near is near enough
-    duration_s = 60.0        # how long to circle there
+    accept_m = 5.0           # acceptance radius
+    duration_s = 60.0        # time to circle there
 
-    [[step]]                 # an open-loop test about the trim, the other plane's loop left on
+    [[step]]                 # an open-loop test about the trim; the other plane stays controlled
     test = { signal = "step", axis = "rudder", magnitude_deg = 5.0, duration_s = 15 }
 
-    # signal      its own keys # step, doublet, 3211 # chirp       f_start_hz, f_stop_hz # multisine
-    f_start_hz, f_stop_hz; with axis = "both" on rudder and elevator at once # prbs        clock_hz,
-    seed # square      runs = [3, 2, 1, 1]: up and down by turns, in parts of the whole # axis =
-    "thrust" takes magnitude_pct instead of magnitude_deg; fade_s at both ends suits all of them; #
-    loop_on = true leaves the loops on and adds the signal to what they ask for
+    # Keys by signal:
+    #   step, doublet, 3211   none
+    #   chirp                 f_start_hz, f_stop_hz
+    #   multisine             f_start_hz, f_stop_hz; axis = "both" excites rudder and elevator
+    #   prbs                  clock_hz, seed
+    #   square                runs = [3, 2, 1, 1]: relative lengths between switches
+    # axis = "thrust" takes magnitude_pct instead of magnitude_deg. All signals take fade_s, the
+    # time of fading in and out, and loop_on = true, which keeps the control loops on and adds the
+    # signal to their commands.
 
     [[step]]
     surface = true           # always the last step
 
-A leg becomes DO_CHANGE_SPEED, DO_CHANGE_ALTITUDE, CONDITION_YAW and NAV_DELAY, a way NAV_WAYPOINT,
-a test MAV_CMD_USER_1, the end NAV_LAND, so that any vehicle of the same vocabulary can fly a script
-and any ground station can show it."""
+A leg is compiled to DO_CHANGE_SPEED, DO_CHANGE_ALTITUDE, CONDITION_YAW and NAV_DELAY, a waypoint to
+NAV_WAYPOINT, a test to MAV_CMD_USER_1 and the end to NAV_LAND.
+"""
 
 import math
 import tomllib
@@ -55,16 +59,16 @@ from mavlink_io.mission_items import (
 )
 
 RELATIVE_ALTITUDE = 3
-"""MAV_FRAME_GLOBAL_RELATIVE_ALT: altitude above home, which lies at the water surface."""
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT: altitude above home, which is at the water surface."""
 
 MAX_DISTANCE_M = 100_000.0
-"""From home: the neighbourhood in which the earth counts as flat."""
+"""Maximum distance of a waypoint from home: the range of the flat-earth approximation."""
 SHIPPED = files("ground") / "missions"
+"""Folder of the shipped missions."""
 
 
 class ScriptError(InputError):
-    """A mission that cannot be flown: names the file, the key, the value and what would be
-    right."""
+    """An invalid mission; the message names file, key, value and what is expected."""
 
 
 class MissionStep(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -90,6 +94,7 @@ class MissionStep(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
     @property
     def goes_somewhere(self) -> bool:
+        """True for a waypoint."""
         return self.to is not None or self.lat_deg is not None or self.lon_deg is not None
 
 
@@ -108,7 +113,7 @@ _LEG_KEYS = (
 
 
 class Script(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A mission as its file says it."""
+    """A mission as in its file."""
 
     name: str
     step: tuple[MissionStep, ...]
@@ -116,7 +121,7 @@ class Script(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 def shipped_names() -> list[str]:
-    """The missions that come with the tool."""
+    """Return the names of the shipped missions."""
     return sorted(
         entry.name.removesuffix(".toml")
         for entry in SHIPPED.iterdir()
@@ -127,8 +132,10 @@ def shipped_names() -> list[str]:
 def load(name_or_path: str) -> Script:
     """Read a shipped mission by its name, or a file by its path.
 
-    Raises:
-        ScriptError: there is no such mission, or its text is wrong.
+    Raises
+    ------
+    ScriptError
+        There is no such mission, or it is invalid.
     """
     source: Traversable = SHIPPED / f"{name_or_path}.toml"
     if not source.is_file():
@@ -144,7 +151,7 @@ def load(name_or_path: str) -> Script:
 
 
 def parse(text: str, where: str) -> Script:
-    """Read a mission from TOML text; ``where`` names it in errors. Raises ScriptError."""
+    """Parse a mission from TOML text; `where` names it in errors. Raises ScriptError."""
     try:
         script = msgspec.convert(tomllib.loads(text), Script)
     except tomllib.TOMLDecodeError as error:
@@ -152,8 +159,8 @@ def parse(text: str, where: str) -> Script:
     except msgspec.ValidationError as error:
         raise ScriptError(f"{where}: {str(error).replace('`', '')}") from None
     for number, step in enumerate(script.step, start=1):
-        if wrong := _step_fault(step, is_first=number == 1, is_last=number == len(script.step)):
-            raise ScriptError(f"{where}: step {number}: {wrong}")
+        if fault := _step_fault(step, is_first=number == 1, is_last=number == len(script.step)):
+            raise ScriptError(f"{where}: step {number}: {fault}")
     if not script.step:
         raise ScriptError(
             f"{where}: step: is empty; give at least one [[step]] and a last one with surface ="
@@ -163,23 +170,24 @@ def parse(text: str, where: str) -> Script:
 
 
 def compile_items(script: Script) -> tuple[MissionItem, ...]:
-    """The standard mission items of a script, numbered from 0, the first one current."""
-    items = [item for of_step in _items_by_step(script) for item in of_step]
+    """Return the mission items of a script, numbered from 0; the first one is current."""
+    items = [item for step_items in _items_by_step(script) for item in step_items]
     return tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))
 
 
 def step_numbers(script: Script) -> tuple[int, ...]:
-    """Return the step, counted from 1, that each item of ``compile_items`` comes from."""
+    """Return the number of the step, from 1, for each item of `compile_items`."""
     numbered = enumerate(_items_by_step(script), start=1)
-    return tuple(number for number, of_step in numbered for _ in of_step)
+    return tuple(number for number, step_items in numbered for _ in step_items)
 
 
 def duration_s(script: Script) -> float:
-    """Seconds of legs and tests, without the ways between places, down and up."""
+    """Return the duration of legs and tests, without transits, descent and ascent."""
     return sum((s.duration_s or 0.0) + (s.test.duration_s if s.test else 0) for s in script.step)
 
 
 def _items_by_step(script: Script) -> Iterator[list[MissionItem]]:
+    """Yield the mission items of each step."""
     depth_m = 0.0
     for step in script.step:
         depth_m = depth_m if step.depth_m is None else step.depth_m
@@ -187,6 +195,7 @@ def _items_by_step(script: Script) -> Iterator[list[MissionItem]]:
 
 
 def _step_fault(step: MissionStep, *, is_first: bool, is_last: bool) -> str:
+    """Return the first error of a step; empty if it is valid."""
     kinds = [bool(step.leg_keys), step.test is not None, step.surface is not None]
     if sum(kinds) != 1:
         return "must be a leg (depth_m, heading_deg, ...), a test or surface = true, one of them"
@@ -206,17 +215,18 @@ def _step_fault(step: MissionStep, *, is_first: bool, is_last: bool) -> str:
 
 
 def _leg_fault(step: MissionStep, *, is_first: bool) -> str:
+    """Return the first error of a leg or waypoint; empty if it is valid."""
     if step.thrust_pct is not None and step.speed_mps is not None:
         return "thrust_pct and speed_mps: give one of them"
     has_speed = step.thrust_pct is not None or step.speed_mps is not None
-    headed = step.heading_deg is not None or step.goes_somewhere
-    if is_first and (step.depth_m is None or not headed or not has_speed):
+    has_heading = step.heading_deg is not None or step.goes_somewhere
+    if is_first and (step.depth_m is None or not has_heading or not has_speed):
         return "the first leg must give depth_m, heading_deg (or to) and thrust_pct or speed_mps"
     if step.wait_depth and step.depth_m is None:
         return "wait_depth = true: needs depth_m"
     if step.goes_somewhere:
-        if wrong := _place_fault(step):
-            return wrong
+        if fault := _place_fault(step):
+            return fault
     elif step.accept_m is not None:
         return "accept_m: needs to, or lat_deg and lon_deg"
     elif step.duration_s is None:
@@ -239,6 +249,7 @@ def _leg_fault(step: MissionStep, *, is_first: bool) -> str:
 
 
 def _place_fault(step: MissionStep) -> str:
+    """Return the first error in the position of a waypoint; empty if it is valid."""
     if (step.lat_deg is None) != (step.lon_deg is None):
         return "lat_deg and lon_deg: give both or none"
     if step.to is not None and step.lat_deg is not None:
@@ -246,10 +257,13 @@ def _place_fault(step: MissionStep) -> str:
     clash = next(
         (key for key in ("heading_deg", "wait_depth") if getattr(step, key) is not None), ""
     )
-    return f"{clash}: cannot stand beside a place; give it in a step of its own" if clash else ""
+    return (
+        f"{clash}: cannot be combined with a position; give it in a separate step" if clash else ""
+    )
 
 
 def _items(step: MissionStep, depth_m: float) -> Iterator[MissionItem]:
+    """Yield the items of a step; `depth_m` is the depth of a waypoint."""
     if step.surface:
         yield _item(MavCmd.NAV_LAND)
     elif step.test is not None:
@@ -260,6 +274,7 @@ def _items(step: MissionStep, depth_m: float) -> Iterator[MissionItem]:
 
 
 def _speed_items(step: MissionStep) -> Iterator[MissionItem]:
+    """Yield the item that sets thrust or speed, if the step has one."""
     if step.thrust_pct is not None:
         yield _item(MavCmd.DO_CHANGE_SPEED, 0.0, -1.0, step.thrust_pct)
     if step.speed_mps is not None:
@@ -267,18 +282,19 @@ def _speed_items(step: MissionStep) -> Iterator[MissionItem]:
 
 
 def _waypoint_item(step: MissionStep, depth_m: float) -> MissionItem:
-    """A waypoint at the depth of this step, or else of the last that gave one."""
+    """Return a waypoint at a depth."""
     item = _item(MavCmd.NAV_WAYPOINT, step.duration_s or 0.0, step.accept_m or 0.0)
     if step.to is not None:
         north, east = (round(metres * LOCAL_SCALE) for metres in step.to)
         return item._replace(frame=FRAME_LOCAL_NED, x=north, y=east, z=depth_m)
     lat, lon = (round((angle or 0.0) * GLOBAL_SCALE) for angle in (step.lat_deg, step.lon_deg))
     if lat == lon == 0:
-        lat = 1  # 11 mm beside it: exactly 0, 0 means "here" to most vehicles
+        lat = 1  # 11 mm off: exactly 0, 0 means "here" to most vehicles
     return item._replace(frame=RELATIVE_ALTITUDE, x=lat, y=lon, z=-depth_m)
 
 
 def _leg_items(step: MissionStep) -> Iterator[MissionItem]:
+    """Yield the items of a leg."""
     if step.depth_m is not None:
         yield _item(MavCmd.DO_CHANGE_ALTITUDE, -step.depth_m, RELATIVE_ALTITUDE)
     if step.heading_deg is not None:
@@ -290,6 +306,7 @@ def _leg_items(step: MissionStep) -> Iterator[MissionItem]:
 
 
 def _test_item(test: signals.TestSignal) -> MissionItem:
+    """Return the item of a test."""
     axis, magnitude, p3, p4, duration_s, wave, fade_s = signals.command_parameters(test)
     return _item(MavCmd.USER_1, axis, magnitude, p3, p4, fade_s)._replace(x=duration_s, y=wave)
 
@@ -297,5 +314,6 @@ def _test_item(test: signals.TestSignal) -> MissionItem:
 def _item(
     command: int, p1: float = 0.0, p2: float = 0.0, p3: float = 0.0, p4: float = 0.0, z: float = 0.0
 ) -> MissionItem:
+    """Return an item without a position."""
     assert all(map(math.isfinite, (p1, p2, p3, p4, z)))
     return MissionItem(0, FRAME_MISSION, command, p1=p1, p2=p2, p3=p3, p4=p4, z=z)

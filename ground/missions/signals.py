@@ -1,5 +1,4 @@
-"""Tests in a mission script: signals, axes, and the numbers in which MAV_CMD_USER_1 carries
-them."""
+"""Identification tests in a mission script, and their encoding in MAV_CMD_USER_1."""
 
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
@@ -9,38 +8,41 @@ import msgspec
 from ground.errors import out_of_range
 
 SIGNALS = {"chirp": 0, "step": 1, "doublet": 2, "prbs": 3, "multisine": 4, "3211": 5, "square": 6}
-"""SID_WAVE by name."""
+"""Value of SID_WAVE by name of the signal."""
 AXES = {"rudder": 12, "elevator": 11}
-"""SID_AXIS by name: the mixer's pitch and yaw inputs."""
+"""Value of SID_AXIS by surface: the yaw and pitch inputs of the mixer."""
 _MORE_AXES = {"thrust": 13, "both": 23}
+"""Value of SID_AXIS for thrust, and for rudder and elevator at the same time."""
 LOOP_ON = 100
-"""Added to an axis: the loop stays on, and the signal is added to what it asks for."""
+"""Added to SID_AXIS: the control loop stays on, and the signal is added to its command."""
 MAX_HZ = 25.0
-"""Half of the rate that the autopilot ticks at."""
+"""Half of the autopilot's control rate of 50 Hz."""
 MAX_CLOCK_HZ = 10.0
+"""Maximum clock frequency of a PRBS."""
 _DIGITS = 7
-"""Runs of a square wave that one number carries, a digit each."""
+"""Number of intervals of a square wave that one parameter encodes, one decimal digit each."""
 
 _OWN_KEYS = {"clock_hz": "prbs", "seed": "prbs", "runs": "square"}
-"""Keys that only one signal knows."""
+"""Signal that takes a key, for keys that only one signal takes."""
 
 
 class TestSignal(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A signal on one surface, on both, or on the thrust."""
+    """A signal on one surface, on both surfaces, or on the thrust."""
 
     signal: Literal["chirp", "step", "doublet", "prbs", "multisine", "3211", "square"]
     axis: Literal["rudder", "elevator", "thrust", "both"]
     duration_s: int
     magnitude_deg: float | None = None
+    """Amplitude on a surface."""
     magnitude_pct: float | None = None
-    """Of full thrust."""
+    """Amplitude of thrust, as a percentage of full thrust."""
     f_start_hz: float = 0.0
     f_stop_hz: float = 0.0
     fade_s: float = 0.0
     clock_hz: float | None = None
     seed: int | None = None
     runs: tuple[int, ...] | None = None
-    """Up and down by turns, in parts of the whole length."""
+    """Relative lengths of the intervals between the switches of a square wave."""
     loop_on: bool = False
 
 
@@ -57,8 +59,7 @@ class SignalParameters(NamedTuple):
 
 
 def command_parameters(test: TestSignal) -> SignalParameters:
-    """What MAV_CMD_USER_1 says of a test that is right; its third and fourth number are the
-    signal's own."""
+    """Return the parameters of MAV_CMD_USER_1 for a valid test."""
     axis = (AXES | _MORE_AXES)[test.axis] + (LOOP_ON if test.loop_on else 0)
     magnitude = (test.magnitude_pct if test.axis == "thrust" else test.magnitude_deg) or 0.0
     return SignalParameters(
@@ -72,6 +73,7 @@ def command_parameters(test: TestSignal) -> SignalParameters:
 
 
 def _signal_parameters(test: TestSignal) -> tuple[float, float]:
+    """Return the third and fourth parameter, whose meaning depends on the signal."""
     if test.signal == "prbs":
         return float(test.seed or 0), test.clock_hz or 0.0
     if test.signal == "square":
@@ -81,11 +83,12 @@ def _signal_parameters(test: TestSignal) -> tuple[float, float]:
 
 
 def signal_fault(test: TestSignal) -> str:
-    """What is wrong with a test; empty when it can be flown."""
+    """Return the first error of a test; empty if it is valid."""
     return next((fault for fault in _faults(test) if fault), "")
 
 
 def _faults(test: TestSignal) -> Iterator[str]:
+    """Yield an error text, or an empty text, for each check of a test."""
     size, other = (
         ("magnitude_pct", "magnitude_deg")
         if test.axis == "thrust"
@@ -101,7 +104,7 @@ def _faults(test: TestSignal) -> Iterator[str]:
     if magnitude == 0.0:
         yield f"test.{size} = 0: must not be 0"
     if test.axis == "both" and test.signal != "multisine":
-        yield f"test.signal = {test.signal}: must be multisine where axis = both"
+        yield f"test.signal = {test.signal}: must be multisine with axis = both"
     if test.axis == "thrust" and test.loop_on:
         yield "test.loop_on = true: thrust has no loop"
     for key, signal in _OWN_KEYS.items():
@@ -111,8 +114,8 @@ def _faults(test: TestSignal) -> Iterator[str]:
     yield _intervals_fault(test.runs) if test.signal == "square" else ""
     if test.signal == "prbs" and test.clock_hz is None:
         yield "test.clock_hz: is missing"
-    most = 100.0 if test.axis == "thrust" else 15.0
-    yield out_of_range(f"test.{size}", magnitude, -most, most)
+    max_magnitude = 100.0 if test.axis == "thrust" else 15.0
+    yield out_of_range(f"test.{size}", magnitude, -max_magnitude, max_magnitude)
     yield out_of_range("test.duration_s", float(test.duration_s), 1.0, 600.0)
     yield out_of_range("test.f_start_hz", test.f_start_hz, 0.0, MAX_HZ)
     yield out_of_range("test.f_stop_hz", test.f_stop_hz, 0.0, MAX_HZ)
@@ -122,6 +125,7 @@ def _faults(test: TestSignal) -> Iterator[str]:
 
 
 def _band_fault(test: TestSignal) -> str:
+    """Return an error if the frequencies are not in rising order; otherwise an empty text."""
     if 0.0 < test.f_start_hz <= test.f_stop_hz:
         return ""
     return (
@@ -131,6 +135,7 @@ def _band_fault(test: TestSignal) -> str:
 
 
 def _intervals_fault(runs: tuple[int, ...] | None) -> str:
+    """Return an error of the intervals of a square wave; otherwise an empty text."""
     if runs and len(runs) <= 2 * _DIGITS and all(1 <= run <= 9 for run in runs):
         return ""
     return f"test.runs = {list(runs or ())}: must be 1 to {2 * _DIGITS} whole numbers from 1 to 9"

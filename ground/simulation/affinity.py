@@ -2,8 +2,8 @@
 
 The two processes of a dive in lockstep take turns: one computes while the other waits. On one core
 each can block while it waits, and the operating system switches to the other one. On two cores both
-have to poll to answer quickly (`link.transport.wait`), which fails as soon as other programs need
-the processor. So both processes of a dive are restricted to the same core.
+have to poll to answer quickly (`mavlink_io.transport.wait`), which is slow as soon as other
+programs need the processor. So both processes of a dive are restricted to the same core.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ from pathlib import Path
 from threading import Lock
 
 SAMPLE_S = 0.05
-"""Time over which the load of the cores is measured: five ticks of the counters in /proc/stat."""
+"""Time over which the load of the cores is measured: five clock ticks of /proc/stat."""
 STATISTICS = Path("/proc/stat")
 _lock = Lock()
 _dives_on: Counter[int] = Counter()
@@ -24,20 +24,20 @@ _dives_on: Counter[int] = Counter()
 
 
 def cores() -> list[int]:
-    """Return the cores that this process may use; an empty list where the system does not tell."""
+    """Return the cores that this process may use; empty if the system cannot report them."""
     return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 
 
 def take_core() -> int | None:
     """Choose a core for a dive; `release_core` gives it back.
 
-    Of the cores that this process may use, those with the fewest of its dives are candidates; among
-    them the one with the least load of any program is chosen, at random where the load is the same.
+    Candidates are the usable cores with the fewest dives of this process. Among them the core with
+    the least load is chosen, at random if several have the same load.
 
     Returns
     -------
     int or None
-        Number of the core. None where the system cannot restrict a process to a core.
+        Number of the core; None if the system cannot restrict a process to a core.
     """
     with _lock:
         usable = cores()
@@ -56,8 +56,8 @@ def release_core(core: int) -> None:
 
 
 def pin(pid: int, core: int) -> None:
-    """Restrict a process to a core, where the system lets us; otherwise it stays as it is."""
-    with contextlib.suppress(OSError):  # it has ended, or the core has been taken away meanwhile
+    """Restrict a process to a core, if the system allows it."""
+    with contextlib.suppress(OSError):  # it has ended, or the core is no longer allowed
         os.sched_setaffinity(pid, {core})
 
 
@@ -69,6 +69,7 @@ def idle_ticks(statistics: str) -> dict[int, int]:
 
 
 def _least_loaded(candidates: Sequence[int]) -> int:
+    """Return the core with the most idle time during `SAMPLE_S`."""
     if len(candidates) == 1:
         return candidates[0]
     before = _read_idle_ticks()
@@ -80,7 +81,7 @@ def _least_loaded(candidates: Sequence[int]) -> int:
 
 
 def _read_idle_ticks() -> dict[int, int]:
-    """Return the idle time of each core; nothing where the system does not count it."""
+    """Return the idle time of each core; empty if the system does not report it."""
     try:
         return idle_ticks(STATISTICS.read_text(encoding="ascii"))
     except (OSError, ValueError, IndexError):

@@ -18,31 +18,35 @@ from mavlink_io.clock import wall_s
 from mavlink_io.transport import AddressError, Transport, open_transport, wait
 
 START_TIMEOUT_S = 60.0
+"""Wall time in which the autopilot must open its port."""
 STOP_TIMEOUT_S = 5.0
+"""Wall time after which a process that does not end is killed."""
 PORTS = range(20_000, 32_000)
-"""Below those that the system deals out by itself: what was free stays free until a child takes
-it."""
+"""Ports for the processes: below the range of automatically assigned ports, so that a free port
+stays free until the process binds it."""
 _given_ports: set[int] = set()
+"""Ports that `free_port` has returned."""
 
 
 class Simulation(NamedTuple):
-    """What to simulate, as the simulator's command line names it."""
+    """Options of a simulation, as for the command line of the simulator."""
 
     vehicle: str = "caribou_truth"
     scenario: str = "calm"
     seed: int = 1
     speed: str = "max"
     truth: Path | None = None
-    """Where the simulator writes what really happened; nobody else reads it."""
+    """Log of the true state that the simulator writes."""
     logs: Path | None = None
-    """The folder in which the vehicle keeps her own log; None where ground's is enough."""
+    """Folder of the vehicle's own logs; None for no log on the vehicle."""
 
 
 class SimulatedVehicle:
-    """sitl and autopilot, started and stopped together. The vehicle's time begins when it is armed.
+    """A simulator and an autopilot that are started and stopped together.
 
-    Both run on one core (`ground.simulation.affinity`) from `connect` on. While they load their
-    libraries they use whatever cores are free."""
+    Vehicle time begins when the vehicle is armed. From `connect` on both processes run on one core
+    (`ground.simulation.affinity`); before that, while they load libraries, on any core.
+    """
 
     def __init__(
         self,
@@ -85,9 +89,12 @@ class SimulatedVehicle:
     def connect(self) -> Transport:
         """Open the link to the autopilot as soon as it listens.
 
-        Raises:
-            BadInputError: a process refused the vehicle, scenario or parameters.
-            VehicleError: a process died, or did not come up in time.
+        Raises
+        ------
+        InputError
+            A process refused the vehicle, scenario or parameters.
+        VehicleClientError
+            A process ended, or did not listen within `START_TIMEOUT_S`.
         """
         deadline_s = wall_s() + START_TIMEOUT_S
         while True:
@@ -105,12 +112,12 @@ class SimulatedVehicle:
                 return transport
 
     def check(self) -> None:
-        """Raise when one of the two has died, with what it said."""
+        """Raise InputError or VehicleClientError with its message if a process has ended."""
         for child in (self._sitl, self._autopilot):
             child.check()
 
     def stop(self) -> None:
-        """End both, and wait until they are gone."""
+        """Stop both processes and wait for their end."""
         for child in (self._sitl, self._autopilot):
             child.terminate()
         for child in (self._sitl, self._autopilot):
@@ -120,52 +127,57 @@ class SimulatedVehicle:
             affinity.release_core(core)
 
     def _pin(self) -> None:
-        """Restrict both processes to one core, where the system can."""
+        """Restrict both processes to one core, if the system can."""
         if self._core is not None:
             for child in (self._sitl, self._autopilot):
                 child.pin(self._core)
 
 
 class _Program:
-    """One of the two, and what it says."""
+    """One process, with a temporary file for its standard error."""
 
     def __init__(self, name: str, arguments: Sequence[str], start: ProcessFactory) -> None:
         self._name = name
-        self._said = tempfile.NamedTemporaryFile(prefix=f"{name}-")  # noqa: SIM115 - lives as long as the process
-        self._child = start(name, arguments, Path(self._said.name))
+        self._stderr = tempfile.NamedTemporaryFile(prefix=f"{name}-")  # noqa: SIM115 - lives as long as the process
+        self._child = start(name, arguments, Path(self._stderr.name))
 
     def check(self) -> None:
+        """Raise if the process has ended."""
         status = self._child.poll()
         if status is None:
             return
-        said = self._last_words()
+        message = self._last_line()
         if status == BAD_INPUT:
-            raise InputError(said or f"{self._name} refused its input")
-        how = (
+            raise InputError(message or f"{self._name} refused its input")
+        end = (
             f"was killed by {signal.Signals(-status).name}"
             if status < 0
             else f"ended with status {status}"
         )
-        raise VehicleClientError(f"{self._name} {how}" + (f": {said}" if said else ""))
+        raise VehicleClientError(f"{self._name} {end}" + (f": {message}" if message else ""))
 
     def pin(self, core: int) -> None:
+        """Restrict the process to a core."""
         self._child.pin(core)
 
     def terminate(self) -> None:
+        """Send SIGTERM."""
         self._child.terminate()
 
     def wait(self) -> None:
+        """Wait for the end of the process; kill it after a timeout."""
         self._child.end(STOP_TIMEOUT_S)
-        self._said.close()
+        self._stderr.close()
 
-    def _last_words(self) -> str:
-        self._said.seek(0)
-        lines = self._said.read().decode("utf-8", "replace").strip().splitlines()
+    def _last_line(self) -> str:
+        """Return the last line on standard error."""
+        self._stderr.seek(0)
+        lines = self._stderr.read().decode("utf-8", "replace").strip().splitlines()
         return lines[-1].strip() if lines else ""
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    """A UDP or TCP port of the loopback that nobody uses, and that this process gives once."""
+    """Return an unused UDP or TCP port of the loopback; each port is returned only once."""
     while True:
         port = secrets.choice(PORTS)
         with socket.socket(socket.AF_INET, kind) as probe, contextlib.suppress(OSError):

@@ -1,9 +1,9 @@
-"""Two ways to start a process that ends with this one: as a new interpreter, or forked from one
-that is warm.
+"""Start processes that end with this one: with a new interpreter, or forked from a preloaded one.
 
-A new one takes one or two seconds of processor time to load its libraries, a forked one a tenth;
-what takes many dives forks. Either is a process of its own, which learns nothing but its arguments
-and shares nothing but MAVLink."""
+A new interpreter needs one to two seconds of processor time to load its libraries, a forked one a
+tenth of that, so campaigns fork. Both kinds get only command-line arguments and share nothing with
+this process.
+"""
 
 import importlib
 import os
@@ -17,46 +17,47 @@ from typing import Protocol
 from ground.simulation import affinity
 
 PRELOADED_MODULES = ("__main__", "autopilot.__main__", "sitl.preload")
-"""What a process is loaded with before others are forked from it. ``__main__`` is the command under
-way, which multiprocessing would otherwise load in each of them."""
+"""Modules that the fork server loads before it forks. `__main__` is the running command, which
+multiprocessing would otherwise load in each child."""
 _SOURCES = str(Path(__file__).parents[2])
 
 
 class ChildProcess(Protocol):
-    """A process that was started. Its standard input ends when this process does."""
+    """A child process. Its standard input is closed when this process ends."""
 
     def poll(self) -> int | None:
-        """Its exit status, negative for a signal; None while it runs."""
+        """Return the exit status, negative for a signal; None while it runs."""
 
     def pin(self, core: int) -> None:
-        """Restrict it to a core; one that has ended is left alone."""
+        """Restrict the process to a core, if it still runs."""
 
     def terminate(self) -> None:
-        """Ask it to end."""
+        """Send SIGTERM."""
 
     def end(self, within_s: float) -> None:
-        """Wait until it is gone, and kill it when that takes too long."""
+        """Wait for the end of the process; kill it after `within_s` of wall time."""
 
 
 class ProcessFactory(Protocol):
-    """Runs ``python -m module`` with ``arguments``; what it says on standard error goes to the file
-    ``said``."""
+    """Start `python -m module` with arguments; its standard error is appended to a file."""
 
-    def __call__(self, module: str, arguments: Sequence[str], said: Path) -> ChildProcess: ...
+    def __call__(
+        self, module: str, arguments: Sequence[str], stderr_file: Path
+    ) -> ChildProcess: ...
 
 
 class SpawnedProcess:
-    """A child with an interpreter of its own."""
+    """A child process with a new interpreter."""
 
-    def __init__(self, module: str, arguments: Sequence[str], said: Path) -> None:
+    def __init__(self, module: str, arguments: Sequence[str], stderr_file: Path) -> None:
         paths = [_SOURCES, *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-        with said.open("ab") as heard:
+        with stderr_file.open("ab") as stderr:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", module, *arguments],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
-                stderr=heard,
+                stderr=stderr,
                 env=environment,
             )
 
@@ -82,13 +83,16 @@ class SpawnedProcess:
 
 
 class ForkedProcess:
-    """A child of a process that has loaded ``PRELOADED_MODULES``, which the first one starts."""
+    """A child forked from a server process that has loaded `PRELOADED_MODULES`.
 
-    def __init__(self, module: str, arguments: Sequence[str], said: Path) -> None:
+    The first instance starts the server.
+    """
+
+    def __init__(self, module: str, arguments: Sequence[str], stderr_file: Path) -> None:
         context = get_context("forkserver")
         context.set_forkserver_preload(list(PRELOADED_MODULES))
         self._process = context.Process(
-            target=_run, args=(module, list(arguments), said), daemon=True
+            target=_run, args=(module, list(arguments), stderr_file), daemon=True
         )
         self._process.start()
 
@@ -109,13 +113,13 @@ class ForkedProcess:
             self._process.join()
 
 
-def _run(module: str, arguments: list[str], said: Path) -> None:
-    """Become the process that ``python -m module`` would be."""
+def _run(module: str, arguments: list[str], stderr_file: Path) -> None:
+    """Run `python -m module` in this forked process."""
     parent = parent_process()
     assert parent is not None
     os.dup2(parent.sentinel, 0)
-    with Path(os.devnull).open("wb") as nowhere, said.open("ab") as heard:
-        os.dup2(nowhere.fileno(), 1)
-        os.dup2(heard.fileno(), 2)
+    with Path(os.devnull).open("wb") as null, stderr_file.open("ab") as stderr:
+        os.dup2(null.fileno(), 1)
+        os.dup2(stderr.fileno(), 2)
     sys.argv = [module, *arguments]
     importlib.import_module(f"{module}.__main__").main()

@@ -1,1 +1,1 @@
-"""``ground design-test``: the tests to fly next, as missions, an abort envelope and a table."""
+"""Output of `ground design-test`: missions, parameters with abort limits, and a table."""

@@ -1,4 +1,4 @@
-"""A plan as a table for people and as plain numbers."""
+"""A test plan as tables and as JSON."""
 
 from typing import Any
 
@@ -10,6 +10,7 @@ from sysid.test_design.information import DesignUncertainty
 from sysid.test_design.plan import Planned, TestPlan
 
 WIDTH = 130
+"""Width of the tables in characters."""
 COLUMNS = {
     "static_gain_pct": "gain %",
     "b1_pct": "b1 %",
@@ -22,7 +23,7 @@ COLUMNS = {
 
 
 def as_json(plan: TestPlan, files: dict[str, str], parameters: dict[str, float]) -> dict[str, Any]:
-    """Everything of a plan, each number with its unit in its name."""
+    """Return a plan as plain values, each number with its unit in its name."""
     return {
         "files": files,
         "parameters": parameters,
@@ -31,36 +32,41 @@ def as_json(plan: TestPlan, files: dict[str, str], parameters: dict[str, float])
         "tests": [_test_json(planned) for planned in plan.tests],
         "held_out": [_test_json(planned) for planned in plan.held_out],
         "standard_deviations": {
-            plane: {when: numbers[plane]._asdict() for when, numbers in _stages(plan).items()}
+            plane: {
+                stage: numbers[plane]._asdict() for stage, numbers in _uncertainties(plan).items()
+            }
             for plane in plan.before
         },
     }
 
 
-def _stages(plan: TestPlan) -> dict[str, dict[Any, DesignUncertainty]]:
+def _uncertainties(plan: TestPlan) -> dict[str, dict[Any, DesignUncertainty]]:
+    """Return standard deviations before and after the plan, and after the paper's steps."""
     return {"before": plan.before, "after": plan.after, "paper_steps": plan.paper}
 
 
 def _test_json(planned: Planned) -> dict[str, Any]:
-    what = planned.manoeuvre._asdict() | {"surface": planned.manoeuvre.surface}
+    """Return one test as plain values."""
+    manoeuvre = planned.manoeuvre._asdict() | {"surface": planned.manoeuvre.surface}
     return {
-        **what,
+        **manoeuvre,
         "excursion": planned.excursion._asdict(),
         **({"elevator_excursion": planned.elevator._asdict()} if planned.elevator else {}),
         "phase_sd_without_it": {plane: 1.0 + share for plane, share in planned.share.items()},
     }
 
 
-def format_text(plan: TestPlan, parts: list[str]) -> Rendered:
-    """Two tables: the tests, and what would be known after them."""
+def format_text(plan: TestPlan, notes: list[str]) -> Rendered:
+    """Return two tables, the tests and the predicted standard deviations, then the notes."""
     lines = [
         line.rstrip()
         for line in render([_tests(plan), _numbers(plan)], WIDTH).rstrip("\n").split("\n")
     ]
-    return Rendered("\n".join([*lines, *map(printable, parts)]))
+    return Rendered("\n".join([*lines, *map(printable, notes)]))
 
 
 def _tests(plan: TestPlan) -> Table:
+    """Return the table of the tests."""
 
     table = Table(
         "",
@@ -75,31 +81,32 @@ def _tests(plan: TestPlan) -> Table:
         "P(leave)",
         box=None,
     )
-    rows = [*enumerate(plan.tests, start=1), *(("held out", one) for one in plan.held_out)]
+    rows = [*enumerate(plan.tests, start=1), *(("held out", test) for test in plan.held_out)]
     for number, planned in rows:
-        for half, (what, found) in enumerate(
+        for half, (manoeuvre, excursion) in enumerate(
             zip(planned.manoeuvre.halves, planned.excursions, strict=True)
         ):
             table.add_row(
                 "and" if half else str(number),
-                what.surface,
-                what.wave,
-                "on" if what.loop_on else "off",
-                f"{what.size_deg:.3g}",
-                str(what.duration_s),
-                f"{found.angle_deg:.0f}",
-                f"{found.rate_degps:.1f}",
-                f"{found.depth_m:.1f}" if what.plane == "pitch" else "",
-                f"{found.probability:.3f}",
+                manoeuvre.surface,
+                manoeuvre.wave,
+                "on" if manoeuvre.loop_on else "off",
+                f"{manoeuvre.size_deg:.3g}",
+                str(manoeuvre.duration_s),
+                f"{excursion.angle_deg:.0f}",
+                f"{excursion.rate_degps:.1f}",
+                f"{excursion.depth_m:.1f}" if manoeuvre.plane == "pitch" else "",
+                f"{excursion.probability:.3f}",
             )
     return table
 
 
 def _numbers(plan: TestPlan) -> Table:
+    """Return the table of predicted standard deviations."""
 
-    table = Table("sd, foretold", "", *COLUMNS.values(), box=None)
+    table = Table("sd, predicted", "", *COLUMNS.values(), box=None)
     for plane in plan.before:
-        for when, numbers in _stages(plan).items():
+        for stage, numbers in _uncertainties(plan).items():
             values = [f"{value:.3g}" for value in numbers[plane]]
-            table.add_row(plane if when == "before" else "", when.replace("_", " "), *values)
+            table.add_row(plane if stage == "before" else "", stage.replace("_", " "), *values)
     return table

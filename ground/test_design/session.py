@@ -1,4 +1,4 @@
-"""sysid's planning as this tool asks for it; its refusals become this tool's."""
+"""Interface to the test design of sysid; its errors are raised as errors of ground."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -19,25 +19,43 @@ from sysid.test_design.safety_margins import UnstableLoopError
 
 
 def design_prior(prior: str | Path, trim: Path | None, window_s: float) -> DesignPrior:
-    """What is known beforehand, and from a trim flight where the surfaces stood. Raises
-    BadInputError, FailedError."""
+    """Return the prior of a test design.
+
+    Parameters
+    ----------
+    prior : str or Path
+        A shipped vehicle, a vehicle file or a model.
+    trim : Path, optional
+        Log of a straight and level flight, from which the trims are measured.
+    window_s : float
+        Time at the end of that flight over which the surface commands are averaged.
+
+    Raises
+    ------
+    InputError
+        A file cannot be used.
+    OperationError
+        The trim flight was not steady.
+    """
 
     with _translate_errors():
-        found = design_priors.read(prior)
+        design_prior = design_priors.read(prior)
         if trim is None:
-            return found
-        held = refit.measure_trims(trim, window_s)
+            return design_prior
+        trims_deg = refit.measure_trims(trim, window_s)
         return design_priors.with_trim(
-            found, math.radians(held["TRIM_RUD_DEG"]), math.radians(held["TRIM_ELE_DEG"])
+            design_prior,
+            math.radians(trims_deg["TRIM_RUD_DEG"]),
+            math.radians(trims_deg["TRIM_ELE_DEG"]),
         )
 
 
-def trims(known: DesignPrior) -> dict[str, float]:
-    """The parameters from which tests are counted, where they are known."""
+def trims(prior: DesignPrior) -> dict[str, float]:
+    """Return the trim parameters about which tests are flown; empty if they are not known."""
 
-    if not known.trims_known:
+    if not prior.trims_known:
         return {}
-    vehicle = known.vehicle(known.mean)
+    vehicle = prior.vehicle(prior.mean)
     return {
         "TRIM_RUD_DEG": math.degrees(design_priors.level_flight(vehicle, "yaw").trim_rad),
         "TRIM_ELE_DEG": math.degrees(design_priors.level_flight(vehicle, "pitch").trim_rad),
@@ -45,40 +63,48 @@ def trims(known: DesignPrior) -> dict[str, float]:
 
 
 def first_gains(model: Path | None, prior: str) -> dict[str, float]:
-    """Of a vehicle's first dive, by parameter name; nothing for Caribou, whose autopilot has them.
-    Raises as above."""
+    """Return the gains of a vehicle's first dive by parameter name.
+
+    Empty for Caribou, whose gains are the defaults of the autopilot, and for a model. Raises as
+    `design_prior`.
+    """
     return {} if model else prototype.first_dive_parameters(prior)
 
 
-def loop_gains(aboard: Mapping[str, float]) -> dict[str, float] | None:
-    """The loops' own among the parameters aboard; None for the prototype's, as far as the tail is
-    livelier weaker.
+def loop_gains(parameters: Mapping[str, float]) -> dict[str, float] | None:
+    """Return the gains of the control loops among the parameters.
 
-    Raises:
-        BadInputError: some are there and some are missing.
+    None if there is none: then the paper's prototype gains are used, scaled with the control
+    effectiveness of the tail.
+
+    Raises
+    ------
+    InputError
+        Some of the gains are missing.
     """
 
-    missing = [name for name in TABLE_3_INITIAL if name not in aboard]
+    missing = [name for name in TABLE_3_INITIAL if name not in parameters]
     if len(missing) == len(TABLE_3_INITIAL):
         return None
     if missing:
         raise InputError(
             f"--gains: has no {', '.join(missing)}; give all gains of the loops or none"
         )
-    return {name: aboard[name] for name in TABLE_3_INITIAL}
+    return {name: parameters[name] for name in TABLE_3_INITIAL}
 
 
 def plan_tests(
-    known: DesignPrior, request: PlanRequest, report: Callable[[str, float], None]
+    prior: DesignPrior, request: PlanRequest, report: Callable[[str, float], None]
 ) -> TestPlan:
-    """The plan. Raises FailedError where no set of tests is possible."""
+    """Return the plan. Raises OperationError if no set of tests is feasible."""
 
     with _translate_errors():
-        return plan.plan(known, request, report)
+        return plan.plan(prior, request, report)
 
 
 @contextmanager
 def _translate_errors() -> Iterator[None]:
+    """Raise errors of sysid as InputError or OperationError."""
 
     try:
         yield

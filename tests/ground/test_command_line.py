@@ -310,7 +310,7 @@ def test_the_papers_tables_need_no_flight(tmp_path: Path) -> None:
 def test_first_gains_are_set_beside_the_papers(tmp_path: Path) -> None:
     done = ground("vehicle", "gains", "caribou_nominal", "--out", "first.param", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    stands, _, beside = done.stdout.partition("Beside Table 3's initial gains")
+    stands, _, beside = done.stdout.partition("Compared with Table 3's initial gains")
     assert "stable" in stands
     for gain in ("HDG_P", "HDG_D", "HDG_I", "PTCH_P", "PTCH_D", "DPT_P", "DPT_I"):
         assert f"\n{gain}," in (tmp_path / "first.param").read_text()

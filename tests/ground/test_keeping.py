@@ -25,7 +25,7 @@ BENT = made.flight(300.0, seed=2, shifts={"rudder_deg": 3.0}, from_s=150.0)
 
 
 def frames(log: Log, shift_s: float = 0.0) -> Iterator[Frame]:
-    """What she tells, at the rate of the log."""
+    """Return the frames of the vehicle at the rate of the log."""
     half = made.HEADING_RAD / 2.0
     for k, time_s in enumerate(log.attitude.time_s):
         ms = round((time_s + shift_s) * 1000)
@@ -58,10 +58,10 @@ def watched(
 
 def follow(keeping: PerformanceMonitor, log: Log, shift_s: float = 0.0) -> None:
     for count, each in enumerate(frames(log, shift_s)):
-        keeping.hear(each)
+        keeping.on_frame(each)
         if count % 700 == 699:
-            keeping.look(last=True)
-    keeping.look(last=True)
+            keeping.poll(last=True)
+    keeping.poll(last=True)
 
 
 def test_live_it_says_what_the_log_says_and_says_it_once() -> None:
@@ -88,7 +88,7 @@ def test_a_clock_that_begins_anew_loses_nothing_that_was_seen() -> None:
 def test_a_test_in_the_water_is_not_judged() -> None:
     keeping = PerformanceMonitor(made.baseline())
     keeping.begin({})
-    keeping.say(StatusText(6, "SystemID Starting: axis=12"))
+    keeping.on_text(StatusText(6, "SystemID Starting: axis=12"))
     follow(keeping, made.flight(200.0, seed=1))
     assert keeping.as_json()["blocks"] == 0
 
@@ -96,7 +96,7 @@ def test_a_test_in_the_water_is_not_judged() -> None:
 def test_the_picture_sets_measured_beside_foretold() -> None:
     shown: list[object] = []
     followers = Listeners([watched(BENT)], shown.append)
-    followers.look(last=True)
+    followers.poll(last=True)
     console = Console(width=120, record=True, file=StringIO())
     console.print(shown[-1])
     text = console.export_text()
@@ -106,10 +106,12 @@ def test_the_picture_sets_measured_beside_foretold() -> None:
 
 def test_before_any_steady_flight_there_is_nothing_to_compare() -> None:
     keeping = watched(made.flight(20.0, seed=1))
-    assert keeping.in_words() == "no steady flight to compare with what the gains promise"
+    assert keeping.format_text() == "no steady flight to compare with what the gains promise"
 
 
 def test_gains_that_nobody_designed_cannot_be_watched(tmp_path: Path) -> None:
     (tmp_path / "mine.param").write_text("HDG_P,0.5\n")
-    with pytest.raises(InputError, match=r"mine\.param: promises nothing; give a gains\.param"):
+    with pytest.raises(
+        InputError, match=r"mine\.param: holds no predicted performance; give a gains\.param"
+    ):
         param_file.require_baseline(tmp_path / "mine.param")

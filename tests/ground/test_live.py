@@ -42,7 +42,7 @@ def frame(name: str, **fields: object) -> Frame:
 def frames(
     run, first_s: float, last_s: float, shift_s: float = 100.0, every: int = 1
 ) -> Iterator[Frame]:
-    """What she tells between two times of the run, at 50 Hz or a part of it."""
+    """Return the frames of the vehicle between two times of the run, at 50 Hz or less."""
     inside = np.flatnonzero((run.time_s >= first_s) & (run.time_s < last_s))
     for k in inside[::every]:
         ms = round((run.time_s[k] + shift_s) * 1000)
@@ -65,19 +65,19 @@ def frames(
 
 def heard(estimate: LiveEstimate, told: Iterator[Frame]) -> None:
     for each in told:
-        estimate.hear(each)
+        estimate.on_frame(each)
 
 
 def after_the_test(known, run, *, look_every_s: float = 100.0) -> EstimateStatus:
     estimate = LiveEstimate(known, {})
     heard(estimate, frames(run, -15.0, 0.0))
-    estimate.say(START)
+    estimate.on_text(START)
     for first in np.arange(0.0, 12.0, look_every_s):
         heard(estimate, frames(run, first, first + look_every_s))
-        estimate.look()
-    estimate.say(FINISHED)
+        estimate.poll()
+    estimate.on_text(FINISHED)
     heard(estimate, frames(run, 12.0, 13.0, 100.02))
-    return estimate.look()
+    return estimate.poll()
 
 
 def test_a_test_makes_b1_sure(known, run) -> None:
@@ -102,14 +102,14 @@ def test_often_looking_changes_nothing_in_the_end(known, run) -> None:
 def test_behind_a_gap_the_test_goes_on_and_is_told_less_of(known, run) -> None:
     estimate = LiveEstimate(known, {})
     heard(estimate, frames(run, -15.0, 0.0))
-    estimate.say(START)
+    estimate.on_text(START)
     heard(estimate, frames(run, 0.0, 5.0))
     heard(estimate, frames(run, 7.0, 12.0))
-    standing = estimate.look()
+    standing = estimate.poll()
     assert "without" in standing.trouble
-    estimate.say(FINISHED)
+    estimate.on_text(FINISHED)
     heard(estimate, frames(run, 12.0, 13.0, 100.02))
-    standing = estimate.look()
+    standing = estimate.poll()
     whole = after_the_test(known, run).readings["yaw"].numbers["b1_per_s2"]
     b1 = standing.readings["yaw"].numbers["b1_per_s2"]
     assert whole.sd < b1.sd < 0.6 * b1.before
@@ -119,16 +119,16 @@ def test_behind_a_gap_the_test_goes_on_and_is_told_less_of(known, run) -> None:
 def test_a_clock_that_goes_back_ends_the_test_and_the_next_one_is_told_of(known, run) -> None:
     estimate = LiveEstimate(known, {})
     heard(estimate, frames(run, -15.0, 0.0))
-    estimate.say(START)
+    estimate.on_text(START)
     heard(estimate, frames(run, 0.0, 6.0))
-    estimate.look()
+    estimate.poll()
     heard(estimate, frames(run, -15.0, 0.0, shift_s=20.0))
-    standing = estimate.look()
+    standing = estimate.poll()
     assert standing.testing == ()
     once = standing.readings["yaw"].numbers["b1_per_s2"].sd
-    estimate.say(START)
+    estimate.on_text(START)
     heard(estimate, frames(run, 0.0, 8.0, shift_s=20.0))
-    standing = estimate.look()
+    standing = estimate.poll()
     assert standing.testing == ("yaw",)
     assert standing.readings["yaw"].numbers["b1_per_s2"].sd < once
 
@@ -136,8 +136,8 @@ def test_a_clock_that_goes_back_ends_the_test_and_the_next_one_is_told_of(known,
 def test_commands_too_seldom_for_an_estimate_are_named(known, run) -> None:
     estimate = LiveEstimate(known, {})
     heard(estimate, frames(run, -15.0, 0.0, every=12))
-    estimate.say(START)
+    estimate.on_text(START)
     heard(estimate, frames(run, 0.0, 10.0, every=12))
-    standing = estimate.look()
+    standing = estimate.poll()
     assert not standing.readings
     assert "ACTUATOR_OUTPUT_STATUS, at most 0.12" in standing.trouble

@@ -103,8 +103,8 @@ def test_display_any_text_is_printed_as_it_is(text: str) -> None:
     page = io.StringIO()
     shown = shown_on(page)
     for say in (
-        lambda: shown.hear(StatusText(4, text)),
-        lambda: shown.say(text),
+        lambda: shown.show_text(StatusText(4, text)),
+        lambda: shown.print_line(text),
         lambda: shown.announce(text),
     ):
         before = page.tell()
@@ -119,7 +119,7 @@ def test_display_any_name_of_work_is_drawn(text: str) -> None:
     page = io.StringIO()
     shown = shown_on(page)
     shown.dive = text
-    shown.share(text, 0.5)
+    shown.show_fraction(text, 0.5)
     shown.watch_named(text, DiveProgress(0, 3, 1.0, 1.0, 2.0, 90.0))
     terminal.console(file=page, width=200).print(shown.picture())
     assert forbidden(page.getvalue()) == []

@@ -182,14 +182,14 @@ class Receiver:
             return
         self._note(frame.name, message, now_s)
         if self.follower is not None:
-            self.follower.hear(frame)
+            self.follower.on_frame(frame)
         if (
             frame.name == "STATUSTEXT"
             and (text := self._joiner.add(frame.system, message)) is not None
         ):
             self.texts.append(ReceivedText(now_s, message.severity, text))
             if self.follower is not None:
-                self.follower.say(StatusText(message.severity, text))
+                self.follower.on_text(StatusText(message.severity, text))
         if self._mode_list is not None and not self.modes:
             self._learn_modes(self._mode_list, frame)
 

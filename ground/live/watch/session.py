@@ -119,6 +119,6 @@ def _show_live(
             if wall_s() - drawn_s > REFRESH_S:
                 drawn_s = wall_s()
                 if follower is not None:
-                    follower.look()
+                    follower.poll()
                 told = follower.picture() if follower is not None else None
                 live.update(view.draw(ears, drawn_s, told), refresh=True)

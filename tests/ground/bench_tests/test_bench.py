@@ -91,7 +91,7 @@ def test_sweeps_that_cannot_be_made_are_refused(
         ("duration_s = 60.0\n[[move]]\nmas_kg = 1.0", "unknown field `mas_kg`"),
         ("duration_s =", "Invalid value"),
         ("duration_s = 60.0\n[[move]]\nmass_kg = nan", "move 1: mass_kg = nan"),
-        ("duration_s = 60.0\nmove = []", "three or more"),
+        ("duration_s = 60.0\nmove = []", "at least three"),
     ],
 )
 def test_lists_of_moves_are_read_strictly(tmp_path: Path, text: str, reason: str) -> None:

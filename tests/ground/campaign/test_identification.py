@@ -26,7 +26,7 @@ TRIM = (math.radians(6.0), math.radians(1.0))
 
 @pytest.fixture(scope="module")
 def told() -> IdentifiedModel:
-    """A quick one, by the paper's way, which cannot vouch for itself; set beside itself."""
+    """A model by the paper's method, which is fast; also compared with itself."""
     field = config.load("caribou_truth")
     runs = [
         sea.fly(field, "yaw", sea.step(d), name=f"r/{d}", seed=int(d) + 20, trim_rad=TRIM)
@@ -48,7 +48,7 @@ def with_verdict(model: IdentifiedModel, fit: bool) -> IdentifiedModel:
     [
         (
             VehicleFileError("bench: the mass matrix has an eigenvalue -0.007"),
-            "edge of the vehicles that are possible",
+            "edge of the possible vehicles",
         ),
         (np.linalg.LinAlgError("Singular matrix"), "undetermined"),
     ],
@@ -98,7 +98,7 @@ def test_an_unfit_model_is_refused_with_its_first_reason(
 
 
 def test_a_model_that_nobody_judged_is_refused(told: IdentifiedModel) -> None:
-    with pytest.raises(OperationError, match="nobody has judged it"):
+    with pytest.raises(OperationError, match="it has no assessment"):
         refit.redesign(msgspec.structs.replace(told, verdict=None))
 
 

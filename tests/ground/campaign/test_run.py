@@ -188,7 +188,7 @@ def test_campaign_second_into_a_folder_is_refused_before_anything_flies(
     finished: bool, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = old_campaign(tmp_path, finished=finished)
-    monkeypatch.setattr(Campaign, "_at_work", lambda *asked: pytest.fail("something was started"))
+    monkeypatch.setattr(Campaign, "_executors", lambda *asked: pytest.fail("something was started"))
     asked = ["campaign", "--out", str(tmp_path)]
     ended = CliRunner().invoke(app, asked)
     assert isinstance(ended.exception, InputError)  # exit status 2
@@ -267,7 +267,7 @@ def test_campaign_prior_is_the_vehicles_own_file(
 
 def test_campaign_redesigned_gains_keep_the_vehicles_own_parameters() -> None:
     flown = {"HDG_P": 1.0, "ACT_TRAVEL_DEG": 13.6, "THR_CRUISE_PCT": 60.0, "TRIM_RUD_DEG": 0.1}
-    assert run._beside({"HDG_P": 2.0, "ACT_LEAD_W": 5.0}, flown) == {
+    assert run._not_designed({"HDG_P": 2.0, "ACT_LEAD_W": 5.0}, flown) == {
         "ACT_TRAVEL_DEG": 13.6,
         "THR_CRUISE_PCT": 60.0,
         "TRIM_RUD_DEG": 0.1,

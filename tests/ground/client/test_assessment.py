@@ -123,8 +123,10 @@ def test_poor_hold_names_its_cause_and_figures(cause: Cause, flown: dict[str, An
 
 def test_trim_being_learned_is_not_called_unset() -> None:
     """A leg of 40 s ends before 10 s of TRIM_AUTO_S have taken the error out."""
-    aboard = {"TRIM_AUTO_S": 10.0}
-    flown = dive(length_s=40.0, heading_error_deg=constant(-8.0), rudder_deg=6.0, parameters=aboard)
+    parameters = {"TRIM_AUTO_S": 10.0}
+    flown = dive(
+        length_s=40.0, heading_error_deg=constant(-8.0), rudder_deg=6.0, parameters=parameters
+    )
     (finding,) = assessment.assess_log(flown).findings
     assert finding.cause == Cause.LEARNING
     assert "fly `trim` first" in finding.words

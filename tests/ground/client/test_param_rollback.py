@@ -40,7 +40,7 @@ def vehicle(fake: FakeVehicle) -> VehicleClient:
 
 
 def refuse(fake: FakeVehicle, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """She refuses a parameter's new value, and takes the old one."""
+    """The vehicle refuses the new value of a parameter and accepts the old one."""
     store = fake.table.set
 
     def refusing(asked: str, value: float) -> float:
@@ -52,7 +52,7 @@ def refuse(fake: FakeVehicle, name: str, monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def fall_silent(fake: FakeVehicle, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """She stores a parameter, and nothing is heard of her any more."""
+    """The vehicle stores a parameter and is then silent."""
     store = fake.table.set
 
     def losing(asked: str, value: float) -> float:

@@ -29,7 +29,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
     fake.modes, fake.custom_mode = MODES, MISSION
     monkeypatch.setattr(client, "wait", attend(fake))
     monkeypatch.setattr(client, "open_transport", lambda address: fake.ground_end)
-    monkeypatch.setattr(stopping, "CONFIRM_WITHIN_S", 0.2)
+    monkeypatch.setattr(stopping, "CONFIRM_TIMEOUT_S", 0.2)
     fake.heartbeat(armed=True)
     yield fake
     fake.close()

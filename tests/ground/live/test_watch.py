@@ -182,7 +182,7 @@ def test_ground_stations_are_not_taken_for_vehicles_and_that_is_said(sea: Sea) -
     sea.heartbeat(type=GCS, autopilot=INVALID)
     assert sea.ears.party is None
     assert "no vehicle yet" in sea.drawn()
-    assert "MAVLink was heard of 1/1" in sea.drawn()
+    assert "MAVLink was received from 1/1" in sea.drawn()
 
 
 def test_losses_and_texts_are_shown(sea: Sea) -> None:

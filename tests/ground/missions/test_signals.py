@@ -1,4 +1,4 @@
-"""Tests in scripts: they reach the vehicle as what she says they are, and mistakes are named."""
+"""Identification tests in mission scripts: encoding, and error messages."""
 
 import pytest
 from hypothesis import given
@@ -79,12 +79,12 @@ def test_names_mean_on_board_what_they_say() -> None:
 
 
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=14))
-def test_runs_arrive_on_board_in_their_order(runs: list[int]) -> None:
+def test_square_wave_intervals_keep_their_order(runs: list[int]) -> None:
     item = item_of(
         f'signal = "square", axis = "rudder", magnitude_deg = 3, duration_s = 40, runs = {runs}'
     )
     assert mission.check((item,), Config()) == (-1, "")
-    assert mission.excitation_of(item, AutopilotState(), Config()).runs == tuple(runs)
+    assert mission.excitation_of(item, AutopilotState(), Config()).switch_intervals == tuple(runs)
 
 
 @pytest.mark.parametrize("name", script.shipped_names())
