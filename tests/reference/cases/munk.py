@@ -20,7 +20,7 @@ from tests.sitl.vehicle import flight
 
 LENGTH_M, SLENDERNESS = 3.0, 6.01
 LAMB = bodies.LambFactors(k_1=0.045, k_2=0.918, k_rotation=0.764)
-"""As printed for a/b = 6.01."""
+"""Lamb's factors as printed for a/b = 6.01."""
 SPEED_MPS = 1.3
 
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 MASS = 640.0
 CM = np.array([0.12, -0.07, -0.05])
 INERTIA = np.array([[42.0, 3.0, -5.0], [3.0, 480.0, 7.0], [-5.0, 7.0, 510.0]])
-"""About the origin, off-diagonal elements as tensor elements: I_xy = -int x y dm."""
+"""Inertia tensor about the origin; off-diagonal elements as tensor elements: I_xy = -int x y dm."""
 MOTIONS = 200
 SECONDS = 60.0
 
