@@ -26,7 +26,7 @@ INERTIA_KGM2 = (40.0, 480.0, 510.0)
 SECONDS = 60.0
 STABLE_RADPS = (0.5, 0.0, 0.8)
 NEAR_SEPARATRIX_RADPS = (0.8, 0.0, 0.8 * (40 * 440 / (510 * 30)) ** 0.5 * 1.0005)
-"""Initial rates, mostly about the intermediate axis, which is unstable."""
+"""Initial rates near the separatrix: the spin passes close to the unstable intermediate axis."""
 
 
 def checks() -> Iterator[Check]:
