@@ -39,7 +39,7 @@ def decoded(message: MessageType, values: device_messages.Values) -> Any:
         st.integers(1, 100),
     )
 )
-def test_a_doppler_velocity_comes_back(dvl: Dvl) -> None:
+def test_dvl_round_trip_is_equal(dvl: Dvl) -> None:
     back = device_messages.dvl_record(
         across(device_messages.ODOMETRY, device_messages.dvl_values(dvl))
     )
@@ -52,7 +52,7 @@ def test_a_doppler_velocity_comes_back(dvl: Dvl) -> None:
     ("over_ground", "frame"),
     [(True, mavlink.MAV_FRAME_LOCAL_FRD), (False, mavlink.MAV_FRAME_BODY_FRD)],
 )
-def test_the_frame_says_what_the_velocity_is_relative_to(over_ground: bool, frame: int) -> None:
+def test_dvl_frame_id_gives_reference_of_velocity(over_ground: bool, frame: int) -> None:
     m = decoded(
         device_messages.ODOMETRY,
         device_messages.dvl_values(Dvl(7, 1.25, -0.5, 0.0, over_ground, 0.25, 75)),
@@ -65,7 +65,7 @@ def test_the_frame_says_what_the_velocity_is_relative_to(over_ground: bool, fram
     assert (m.vx, m.vy, m.quality) == (1.25, -0.5, 75)
 
 
-def test_a_pose_is_no_doppler_velocity() -> None:
+def test_dvl_odometry_without_body_velocity_is_none() -> None:
     values = device_messages.ODOMETRY.record._make(
         device_messages.dvl_values(Dvl(7, 1.0, 0.0, 0.0, True, 0.1, 100))
     )
@@ -82,7 +82,7 @@ def test_a_pose_is_no_doppler_velocity() -> None:
         st.floats(0.0, 1.0),
     ),
 )
-def test_a_battery_comes_back_within_the_fields_resolution(battery: Battery) -> None:
+def test_battery_round_trip_is_within_resolution(battery: Battery) -> None:
     back = device_messages.battery_record(
         across(device_messages.BATTERY_STATUS, device_messages.battery_values(battery))
     )
@@ -91,7 +91,7 @@ def test_a_battery_comes_back_within_the_fields_resolution(battery: Battery) -> 
         assert value == pytest.approx(told, abs=0.51 * step)
 
 
-def test_what_a_gauge_does_not_know_stays_unknown() -> None:
+def test_battery_unknown_values_stay_unknown() -> None:
     unknown = Battery(24.0, math.nan, math.nan, math.nan)
     back = device_messages.battery_record(
         across(device_messages.BATTERY_STATUS, device_messages.battery_values(unknown))
@@ -102,7 +102,7 @@ def test_what_a_gauge_does_not_know_stays_unknown() -> None:
 
 
 @pytest.mark.parametrize("wet", [True, False])
-def test_a_leak_detector_is_healthy_while_dry(wet: bool) -> None:
+def test_leak_detector_is_healthy_while_dry(wet: bool) -> None:
     m = decoded(device_messages.SYS_STATUS, device_messages.leak_values(Leak(wet)))
     assert m.onboard_control_sensors_present & mavlink.MAV_SYS_STATUS_EXTENSION_USED
     assert m.onboard_control_sensors_present_extended == mavlink.MAV_SYS_STATUS_SENSOR_LEAK
@@ -115,13 +115,13 @@ def test_a_leak_detector_is_healthy_while_dry(wet: bool) -> None:
     ) == Leak(wet)
 
 
-def test_a_status_without_a_leak_detector_tells_of_none() -> None:
+def test_leak_status_without_detector_is_none() -> None:
     other = device_messages.SYS_STATUS.record._make(device_messages.leak_values(Leak(False)))
     silent = other._replace(onboard_control_sensors_present_extended=0)
     assert device_messages.leak_record(across(device_messages.SYS_STATUS, silent)) is None
 
 
-def test_duct_angles_stand_in_the_channels_that_command_them() -> None:
+def test_duct_angles_are_in_command_channels() -> None:
     duct = DuctFeedback(40_000, 0.5, -0.25)
     m = decoded(device_messages.ACTUATOR_OUTPUTS, device_messages.duct_values(duct))
     assert (m.active, m.actuator[0], m.actuator[1]) == (0b11, 0.5, -0.25)

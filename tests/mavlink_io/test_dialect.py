@@ -52,7 +52,7 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
         ),
     ],
 )
-def test_an_added_message_is_packed_as_the_generator_packs_it(
+def test_added_message_equals_pymavlink_generator(
     generated: ModuleType, name: str, fields: dict[str, Any]
 ) -> None:
     assert not hasattr(mavlink, f"MAVLINK_MSG_ID_{name}"), (
@@ -70,7 +70,7 @@ def test_an_added_message_is_packed_as_the_generator_packs_it(
         assert message.unpack(frame[10:-2])._asdict() == given
 
 
-def test_a_command_that_names_a_place_is_told_from_one_that_does_not() -> None:
+def test_has_location_follows_the_command() -> None:
     assert [n for n in (16, 20, 21, 93, 115, 178, 31_010, 65_535) if dialect.has_location(n)] == [
         16,
         21,

@@ -36,7 +36,7 @@ class Inbox:
         pass
 
 
-def test_sends_by_name_as_itself() -> None:
+def test_endpoint_send_has_own_ids_and_sequence() -> None:
     inbox = Inbox()
     endpoint = Endpoint(inbox, 42, 190)
     for _ in range(300):
@@ -56,7 +56,7 @@ def test_sends_by_name_as_itself() -> None:
 
 
 @given(st.lists(st.booleans(), min_size=2, max_size=600))
-def test_counts_what_was_lost_by_the_gaps(arrives: list[bool]) -> None:
+def test_endpoint_counts_lost_frames_by_gaps(arrives: list[bool]) -> None:
     arrives[0] = arrives[-1] = True
     frames = [encode(HEARTBEAT, VALUES, n % 256, 1, 1) for n in range(len(arrives))]
     endpoint = Endpoint(Inbox(*(f for f, a in zip(frames, arrives, strict=True) if a)), 255, 190)
@@ -67,7 +67,7 @@ def test_counts_what_was_lost_by_the_gaps(arrives: list[bool]) -> None:
         assert endpoint.lost_frames == len(arrives) - sum(arrives)
 
 
-def test_counts_each_sender_by_itself() -> None:
+def test_endpoint_counts_lost_frames_per_sender() -> None:
     senders = [(1, 1, 7), (2, 1, 90), (1, 1, 8), (2, 1, 91), (1, 1, 11)]
     data = b"".join(
         encode(HEARTBEAT, VALUES, n, system, component) for system, component, n in senders
@@ -77,7 +77,7 @@ def test_counts_each_sender_by_itself() -> None:
     assert endpoint.lost_frames == 2
 
 
-def test_counts_frames_whose_checksum_was_wrong() -> None:
+def test_endpoint_counts_rejected_frames() -> None:
     broken = bytearray(encode(HEARTBEAT, VALUES, 0, 1, 1))
     broken[-1] ^= 1
     endpoint = Endpoint(Inbox(bytes(broken) + bytes(300)), 255, 190)

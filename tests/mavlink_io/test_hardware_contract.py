@@ -31,14 +31,14 @@ def test_components_have_their_ids() -> None:
     }
 
 
-def test_lines_carry_the_rates_that_the_table_gives() -> None:
+def test_line_rates_match_the_table() -> None:
     told = re.findall(r"\| (\d+) \| (\d+) Hz \|", TEXT)
     assert len(told) == 3
     for baud, rate_hz in told:
         assert timestep_for_line(f"serial:x:{baud}").tick_us == 1_000_000 / int(rate_hz)
 
 
-def test_sizes_are_those_of_the_wire() -> None:
+def test_message_sizes_match_the_wire() -> None:
     sizes = {
         name: dialect.by_name(name).struct.size + 12
         for name in ("HIL_SENSOR", "HIL_ACTUATOR_CONTROLS")
@@ -47,12 +47,12 @@ def test_sizes_are_those_of_the_wire() -> None:
     assert f"{sizes['HIL_ACTUATOR_CONTROLS']} (HIL_ACTUATOR_CONTROLS)" in TEXT
 
 
-def test_every_parameter_that_is_named_exists() -> None:
+def test_documented_parameters_exist() -> None:
     known = {parameter.name for parameter in PARAMETERS}
     named = set(re.findall(r"`((?:MAV|FS|ACT|TRIM|HLTH|EST)_[A-Z_]+)`", TEXT))
     assert len(named) >= 8
     assert named <= known
 
 
-def test_the_watchdog_is_the_one_told() -> None:
+def test_watchdog_matches_the_document() -> None:
     assert f"heard nothing for {ACTUATOR_TIMEOUT_S:g} s**" in TEXT

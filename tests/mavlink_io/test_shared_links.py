@@ -77,7 +77,7 @@ def test_shared_link_frames_split_by_turns_all_arrive(
     assert sorted(heard) == [11, 11, 12, 12]
 
 
-def test_tcp_client_that_left_leaves_nothing_behind() -> None:
+def test_tcp_disconnected_client_leaves_no_partial_frame() -> None:
     with closing(TcpServer("tcpin:127.0.0.1:0", "127.0.0.1", 0)) as server:
         endpoint = Endpoint(server, 1, 1)
         with closing(open_transport(f"tcp:127.0.0.1:{server.port}")) as client:
@@ -113,7 +113,7 @@ class Crowd:
         pass
 
 
-def test_flood_of_half_frames_is_bounded_and_a_busy_stream_kept() -> None:
+def test_framer_partial_frame_flood_keeps_busy_stream() -> None:
     crowd = Crowd()
     endpoint = Endpoint(crowd, 1, 1)
     whole = frame(0, 11)

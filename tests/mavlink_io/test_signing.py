@@ -69,7 +69,7 @@ def signed(signer: Signing) -> bytes:
     st.integers(0, 255),
     st.floats(EPOCH_UNIX_S, EPOCH_UNIX_S + 2.8e9),
 )
-def test_pymavlink_makes_the_same_signature(key: bytes, link_id: int, unix_s: float) -> None:
+def test_signature_equals_pymavlink(key: bytes, link_id: int, unix_s: float) -> None:
     ours = Signing(key, link_id, Timestamp(unix_s=lambda: unix_s)).sign(
         encode(HEARTBEAT, VALUES, 0, 7, 9, SIGNED_FLAG)
     )
@@ -79,7 +79,7 @@ def test_pymavlink_makes_the_same_signature(key: bytes, link_id: int, unix_s: fl
     assert ours == theirs
 
 
-def test_pymavlink_accepts_what_we_sign_and_no_other_key() -> None:
+def test_signed_frame_is_accepted_by_pymavlink() -> None:
     signer, stranger = signing(), signing(OTHER_KEY)
     listener = peer()
     listener.signing.timestamp = NOW
@@ -88,7 +88,7 @@ def test_pymavlink_accepts_what_we_sign_and_no_other_key() -> None:
     assert listener.parse_buffer(signed(stranger))[0].get_type() == "BAD_DATA"
 
 
-def test_what_pymavlink_signs_is_accepted_once() -> None:
+def test_pymavlink_signed_frame_is_accepted_once() -> None:
     ours, theirs = signing(), peer()
     first, second = framed(beat(theirs)), framed(beat(theirs))
     assert ours.accepts(first)
@@ -99,7 +99,7 @@ def test_what_pymavlink_signs_is_accepted_once() -> None:
 
 
 @pytest.mark.parametrize("field", [0, 12, -13, -7, -1])
-def test_a_signature_covers_every_byte(field: int) -> None:
+def test_signature_covers_every_byte(field: int) -> None:
     raw = bytearray(beat(peer()))
     frame = framed(bytes(raw))
     raw[field] ^= 1
@@ -107,13 +107,13 @@ def test_a_signature_covers_every_byte(field: int) -> None:
     assert not signing().accepts(frame._replace(raw=bytes(raw)))
 
 
-def test_what_is_not_signed_or_with_another_key_does_not_count() -> None:
+def test_unsigned_or_other_key_is_refused() -> None:
     ours = signing()
     assert not ours.accepts(framed(encode(HEARTBEAT, VALUES, 0, 7, 9)))
     assert not ours.accepts(framed(beat(peer(OTHER_KEY))))
 
 
-def test_a_radio_may_tell_of_itself_without_a_key() -> None:
+def test_unsigned_radio_status_is_accepted() -> None:
     plain = peer()
     plain.signing.sign_outgoing = False
     status = mavlink.MAVLink_radio_status_message(100, 100, 90, 20, 20, 0, 0)
@@ -123,21 +123,21 @@ def test_a_radio_may_tell_of_itself_without_a_key() -> None:
 
 
 @pytest.mark.parametrize(("behind_s", "accepted"), [(59.9, True), (60.1, False), (-3600.0, True)])
-def test_a_stream_may_begin_a_minute_behind_at_most(behind_s: float, accepted: bool) -> None:
+def test_new_stream_over_a_minute_late_is_refused(behind_s: float, accepted: bool) -> None:
     assert (
         signing().accepts(framed(beat(peer(timestamp=NOW - round(behind_s * UNITS_PER_S)))))
         is accepted
     )
 
 
-def test_each_stream_grows_by_itself() -> None:
+def test_stream_timestamps_must_grow_per_stream() -> None:
     ours = signing()
     assert ours.accepts(framed(beat(peer(timestamp=NOW + 10, link_id=1))))
     assert ours.accepts(framed(beat(peer(timestamp=NOW + 5, link_id=2))))
     assert not ours.accepts(framed(beat(peer(timestamp=NOW + 4, link_id=2))))
 
 
-def test_time_moves_on_to_that_of_whoever_is_ahead_and_is_known_to_hold_the_key() -> None:
+def test_timestamp_advances_to_signed_frame() -> None:
     ours = signing()
     ahead = NOW + 3600 * UNITS_PER_S
     ours.accepts(framed(beat(peer(OTHER_KEY, timestamp=ahead))))
@@ -151,7 +151,7 @@ def stamp(raw: bytes) -> int:
 
 
 @given(st.lists(st.one_of(st.just("send"), st.floats(-1e6, 1e6)), max_size=40))
-def test_no_two_frames_have_one_timestamp_however_the_clock_is_set(steps: list[Any]) -> None:
+def test_timestamp_is_unique_for_any_clock(steps: list[Any]) -> None:
     unix_s = NOW_S
     timestamp = Timestamp(unix_s=lambda: unix_s)
     given_out = []
@@ -163,7 +163,7 @@ def test_no_two_frames_have_one_timestamp_however_the_clock_is_set(steps: list[A
     assert given_out == sorted(set(given_out))
 
 
-def test_a_timestamp_outlives_its_program(tmp_path: Path) -> None:
+def test_timestamp_is_kept_over_restart(tmp_path: Path) -> None:
     path = tmp_path / "state" / "timestamp"
     first = Timestamp(path, lambda: NOW_S)
     first.advance_to(NOW + 77)
@@ -180,7 +180,9 @@ def test_a_timestamp_outlives_its_program(tmp_path: Path) -> None:
     assert [file.name for file in path.parent.iterdir()] == ["timestamp"]
 
 
-def test_a_timestamp_is_kept_once_a_minute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_timestamp_is_saved_once_per_minute(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     wall_s = [0.0]
     monkeypatch.setattr("mavlink_io.clock.wall_s", lambda: wall_s[0])
     path = tmp_path / "timestamp"
@@ -196,7 +198,7 @@ def test_a_timestamp_is_kept_once_a_minute(tmp_path: Path, monkeypatch: pytest.M
     assert len(kept) == 4
 
 
-def test_an_endpoint_hears_only_those_with_the_key() -> None:
+def test_endpoint_with_key_receives_signed_frames_only() -> None:
     plain = encode(HEARTBEAT, VALUES, 0, 9, 9)
     endpoint = Endpoint(
         Inbox(plain + beat(peer()) + beat(peer(OTHER_KEY))), 1, 1, Signing(KEY, 0, Timestamp(None))
@@ -212,7 +214,7 @@ def test_an_endpoint_hears_only_those_with_the_key() -> None:
 @given(
     st.lists(st.tuples(st.binary(max_size=30), st.booleans()), min_size=1, max_size=8), st.data()
 )
-def test_signed_frames_come_whole_out_of_noise(
+def test_framer_signed_frames_in_noise_are_complete(
     parts: list[tuple[bytes, bool]], data: st.DataObject
 ) -> None:
     signer = signing()
@@ -273,7 +275,7 @@ def test_key_file_is_private_from_its_creation(
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_keys_come_from_a_passphrase_or_as_they_are(tmp_path: Path) -> None:
+def test_key_file_passphrase_or_hex_is_loaded(tmp_path: Path) -> None:
     file = tmp_path / "key"
     write_private(file, b"under the ice\n")
     assert load_key(file) == KEY
@@ -283,7 +285,7 @@ def test_keys_come_from_a_passphrase_or_as_they_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", [b"", b"\n", b"one\ntwo", b"\xff\xfe"])
-def test_a_file_without_a_key_is_named(tmp_path: Path, text: bytes) -> None:
+def test_key_file_without_key_raises_error(tmp_path: Path, text: bytes) -> None:
     file = tmp_path / "key"
     write_private(file, text)
     with pytest.raises(KeyFileError, match=r"key: (must hold one line|no text)"):

@@ -8,7 +8,7 @@ import socket
 import threading
 import time
 import tty
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +22,7 @@ from mavlink_io.transport import (
     AddressError,
     LinkLostError,
     MemoryTransport,
+    Piece,
     SerialTransport,
     TcpServer,
     Transport,
@@ -47,6 +48,11 @@ def receive(transport: Transport) -> bytes:
     return transport.receive()
 
 
+def receive_from(server: TcpServer) -> Sequence[Piece]:
+    assert wait([server], PATIENCE_S) == [server]
+    return server.receive_from()
+
+
 @pytest.fixture
 def server() -> Iterator[TcpServer]:
     with closing(TcpServer("tcpin:127.0.0.1:0", "127.0.0.1", 0)) as tcp:
@@ -59,7 +65,7 @@ def client(server: TcpServer) -> Any:
     return connection
 
 
-def test_udp_answers_whoever_spoke() -> None:
+def test_udp_server_sends_to_every_peer() -> None:
     port = free_port(socket.SOCK_DGRAM)
     with (
         closing(open_transport(f"udpin:127.0.0.1:{port}")) as vehicle,
@@ -75,14 +81,14 @@ def test_udp_answers_whoever_spoke() -> None:
         assert (receive(one), receive(two)) == (b"to both", b"to both")
 
 
-def test_nothing_to_receive_is_no_bytes() -> None:
+def test_receive_without_data_is_empty() -> None:
     port = free_port(socket.SOCK_DGRAM)
     with closing(open_transport(f"udpin:127.0.0.1:{port}")) as transport:
         assert wait([transport], 0.0) == []
         assert transport.receive() == b""
 
 
-def test_wait_names_those_that_are_ready() -> None:
+def test_wait_returns_ready_transports() -> None:
     with (
         closing(open_transport("memory:a")) as a,
         closing(open_transport("memory:a")) as far_a,
@@ -142,7 +148,7 @@ def test_eager_wait_on_two_cores_polls(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(polls) > 10, "one poll would be no polling"
 
 
-def test_a_tcp_server_serves_every_client(server: TcpServer) -> None:
+def test_tcp_server_sends_to_every_client(server: TcpServer) -> None:
     with client(server) as one, client(server) as two:
         server.send(b"to all")
         assert (receive(one), receive(two)) == (b"to all", b"to all")
@@ -150,7 +156,7 @@ def test_a_tcp_server_serves_every_client(server: TcpServer) -> None:
         assert receive(server) == b"from one"
 
 
-def test_a_tcp_server_outlives_its_clients(server: TcpServer) -> None:
+def test_tcp_server_continues_after_client_leaves(server: TcpServer) -> None:
     with client(server):
         pass
     with client(server) as other:
@@ -158,7 +164,7 @@ def test_a_tcp_server_outlives_its_clients(server: TcpServer) -> None:
         assert receive(other) == b"still here"
 
 
-def test_tcp_loses_nothing_and_pushes_back(server: TcpServer) -> None:
+def test_tcp_slow_reader_loses_nothing(server: TcpServer) -> None:
     blocks = [bytes([n % 256]) * 50_000 for n in range(400)]
     received = bytearray()
     with client(server) as ground:
@@ -175,7 +181,7 @@ def test_tcp_loses_nothing_and_pushes_back(server: TcpServer) -> None:
     assert bytes(received) == b"".join(blocks)
 
 
-def test_a_client_that_never_reads_is_dropped_in_the_end() -> None:
+def test_tcp_client_that_never_reads_is_disconnected() -> None:
     server = open_transport("tcpin:127.0.0.1:0", send_timeout_s=0.05)
     assert isinstance(server, TcpServer)
     with closing(server), client(server):
@@ -184,7 +190,7 @@ def test_a_client_that_never_reads_is_dropped_in_the_end() -> None:
         assert len(server.handles()) == 1
 
 
-def test_a_closed_server_is_a_lost_link(server: TcpServer) -> None:
+def test_tcp_closed_server_raises_link_lost(server: TcpServer) -> None:
     with client(server) as ground:
         server.close()
         assert wait([ground], PATIENCE_S) == [ground]
@@ -205,7 +211,7 @@ def serial_line() -> Iterator[tuple[int, SerialTransport]]:
     os.close(far)
 
 
-def test_a_serial_line_carries_every_byte(serial_line: tuple[int, SerialTransport]) -> None:
+def test_serial_line_transfers_every_byte(serial_line: tuple[int, SerialTransport]) -> None:
     far, transport = serial_line
     every = bytes(range(256))
     os.write(far, every)
@@ -217,7 +223,7 @@ def test_a_serial_line_carries_every_byte(serial_line: tuple[int, SerialTranspor
     assert os.read(far, 4096) == every
 
 
-def test_a_memory_pair_keeps_datagrams_whole() -> None:
+def test_memory_pair_keeps_datagrams() -> None:
     with (
         closing(open_transport("memory:pair")) as one,
         closing(open_transport("memory:pair")) as two,
@@ -246,7 +252,7 @@ def test_a_memory_pair_keeps_datagrams_whole() -> None:
         ("memory:", "expected udpin:HOST:PORT"),
     ],
 )
-def test_a_bad_address_is_named_with_what_would_be_right(address: str, complaint: str) -> None:
+def test_bad_address_raises_error_with_syntax(address: str, complaint: str) -> None:
     with pytest.raises(AddressError) as error:
         open_transport(address)
     assert repr(address) in str(error.value)
@@ -343,15 +349,15 @@ def test_tcp_server_without_files_pauses_and_serves_its_clients(
     second.close()
 
 
-def test_tcp_server_half_a_frame_does_not_spoil_another_clients(server: TcpServer) -> None:
+def test_tcp_server_partial_frame_keeps_other_client(server: TcpServer) -> None:
     heartbeat = encode(dialect.by_name("HEARTBEAT"), (0, 6, 8, 0, 0, 3), 0, 255, 190)
     slow, quick = connected(server, 2)
     receive(server)
-    framer, heard = Framer(), []
+    framer, counts = Framer(), []
     for sender, data in ((slow, heartbeat[:7]), (quick, heartbeat), (slow, heartbeat[7:])):
         sender.send(data)
-        heard.append(len(framer.feed(receive(server))))
-    assert (heard, framer.rejected_frames) == ([0, 1, 1], 0)
+        counts.append(sum(len(framer.feed(piece, peer)) for peer, piece in receive_from(server)))
+    assert (counts, framer.rejected_frames) == ([0, 1, 1], 0)
     slow.close()
     quick.close()
 
@@ -365,14 +371,14 @@ def test_tcp_server_reads_a_bounded_amount_and_loses_nothing(server: TcpServer) 
         sender.sendall(count * heartbeat)
     framer, frames = Framer(), 0
     while frames < 2 * count:
-        data = receive(server)
-        assert len(data) <= READ_BYTES + LARGEST_FRAME * len(senders)
-        frames += len(framer.feed(data))
+        pieces = receive_from(server)
+        assert sum(len(data) for _, data in pieces) <= READ_BYTES + LARGEST_FRAME * len(senders)
+        frames += sum(len(framer.feed(data, peer)) for peer, data in pieces)
     assert (frames, framer.rejected_frames) == (2 * count, 0)
     for sender in senders:
         sender.close()
 
 
-def test_a_port_in_use_is_an_address_error(server: TcpServer) -> None:
+def test_tcp_port_in_use_raises_address_error(server: TcpServer) -> None:
     with pytest.raises(AddressError, match="in use"):
         open_transport(f"tcpin:127.0.0.1:{server.port}")

@@ -129,7 +129,7 @@ def test_udpout_without_a_network_waits_for_one(
         assert receive(vehicle) == b"heartbeat"
 
 
-def test_udpin_tells_which_peer_each_datagram_came_from() -> None:
+def test_udpin_datagrams_have_their_peer() -> None:
     with udp_socket() as reserved:
         port = port_of(reserved)
     with (

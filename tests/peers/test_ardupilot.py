@@ -55,7 +55,7 @@ def heading_rad(motion: Motion) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def test_the_mandatory_fields_say_where_she_is(ardupilot: ArduPilot) -> None:
+def test_mandatory_fields_give_the_state(ardupilot: ArduPilot) -> None:
     first, *_, last = ardupilot.fly(400)
     assert first.timestamp_s == 1 / 400
     assert last.timestamp_s == pytest.approx(1.0)
@@ -71,7 +71,7 @@ def test_the_mandatory_fields_say_where_she_is(ardupilot: ArduPilot) -> None:
     assert last.current_a > 0.0
 
 
-def test_position_velocity_and_attitude_belong_together(ardupilot: ArduPilot) -> None:
+def test_position_velocity_attitude_are_consistent(ardupilot: ArduPilot) -> None:
     """Each is the integral of the next, by the trapezoid rule over 2.5 ms."""
     motions = ardupilot.fly(800, (1600, 1450, 1732))
     for axis in range(3):
@@ -89,7 +89,7 @@ def test_position_velocity_and_attitude_belong_together(ardupilot: ArduPilot) ->
 @pytest.mark.parametrize(
     ("frame_rate_hz", "step_s"), [(50, 0.02), (400, 0.0025), (1200, 0.000833), (10, 0.02)]
 )
-def test_every_frame_is_one_step_of_the_frame_rate(
+def test_each_frame_is_one_step_of_the_frame_rate(
     port: int, frame_rate_hz: int, step_s: float
 ) -> None:
     with closing(ArduPilot(port, frame_rate_hz)) as ardupilot:
@@ -98,7 +98,7 @@ def test_every_frame_is_one_step_of_the_frame_rate(
     assert steps_s(motions) == pytest.approx([step_s] * 119, abs=1e-9)
 
 
-def test_the_motion_hardly_depends_on_the_frame_rate(port: int) -> None:
+def test_motion_hardly_depends_on_frame_rate(port: int) -> None:
     ends = []
     for frame_rate_hz in (50, 400):
         with closing(ArduPilot(port, frame_rate_hz)) as ardupilot:
@@ -107,12 +107,12 @@ def test_the_motion_hardly_depends_on_the_frame_rate(port: int) -> None:
     assert heading_rad(ends[0]) == pytest.approx(heading_rad(ends[1]), abs=0.01)
 
 
-def test_thirty_two_channels_are_understood(port: int) -> None:
+def test_32_channels_are_accepted(port: int) -> None:
     with closing(ArduPilot(port, channels=32)) as ardupilot:
         assert len(ardupilot.fly(10)) == 10
 
 
-def test_a_frame_that_comes_again_is_answered_again_and_moves_nothing(ardupilot: ArduPilot) -> None:
+def test_repeated_frame_is_answered_without_a_step(ardupilot: ArduPilot) -> None:
     before = ardupilot.fly(20)[-1]
     asked = ardupilot.frame()
     ardupilot.send(asked)
@@ -126,13 +126,13 @@ def test_a_frame_that_comes_again_is_answered_again_and_moves_nothing(ardupilot:
     assert steps_s([before, read(answers[0]), after]) == pytest.approx([1 / 400, 1 / 400])
 
 
-def test_lost_frames_leave_no_gap_in_time_and_nobody_waits_for_them(ardupilot: ArduPilot) -> None:
+def test_lost_frames_leave_no_gap_in_time(ardupilot: ArduPilot) -> None:
     before = ardupilot.fly(20)[-1]
     ardupilot.count += 7
     assert steps_s([before, ardupilot.step()]) == pytest.approx([1 / 400])
 
 
-def test_late_and_foreign_datagrams_are_passed_over(ardupilot: ArduPilot) -> None:
+def test_late_and_foreign_datagrams_are_ignored(ardupilot: ArduPilot) -> None:
     before = ardupilot.fly(30)[-1]
     junk = (
         b"",
@@ -148,7 +148,7 @@ def test_late_and_foreign_datagrams_are_passed_over(ardupilot: ArduPilot) -> Non
     assert steps_s([before, ardupilot.step()]) == pytest.approx([1 / 400])
 
 
-def test_one_that_is_started_again_finds_a_vehicle_that_begins_anew(ardupilot: ArduPilot) -> None:
+def test_restarted_ardupilot_gets_restarted_vehicle(ardupilot: ArduPilot) -> None:
     first = ardupilot.fly(200, (1800, 1500, 1732))
     ardupilot.restart(400)
     assert ardupilot.fly(200, (1800, 1500, 1732)) == first
@@ -156,7 +156,7 @@ def test_one_that_is_started_again_finds_a_vehicle_that_begins_anew(ardupilot: A
     assert steps_s(ardupilot.fly(20)) == pytest.approx([0.000833] * 19, abs=1e-9)
 
 
-def test_a_pause_stops_time_and_nothing_else(ardupilot: ArduPilot) -> None:
+def test_pause_stops_vehicle_time_only(ardupilot: ArduPilot) -> None:
     before = ardupilot.fly(20)[-1]
     with pytest.raises(TimeoutError):
         ardupilot.receive(1.0)
@@ -169,7 +169,7 @@ def steered(port: int, *pulses_us: int) -> Motion:
         return ardupilot.fly(800, pulses_us)[-1]
 
 
-def test_servos_steer(port: int) -> None:
+def test_servos_steer_the_vehicle(port: int) -> None:
     straight = steered(port, 1500, 1500, 1732)
     to_starboard, to_port = steered(port, 1740, 1500, 1732), steered(port, 1260, 1500, 1732)
     assert heading_rad(to_starboard) > heading_rad(straight) + math.radians(3.0)
@@ -182,7 +182,7 @@ def test_servos_steer(port: int) -> None:
     assert steered(port, 1500, 1500, 2200) == steered(port, 1500, 1500, 1900), "no more than all"
 
 
-def test_a_stop_while_nobody_asks_ends_the_run_cleanly() -> None:
+def test_stop_without_requests_ends_run_cleanly() -> None:
     port = free_port()
     with process(
         "-m", "sitl", "--autopilot", "ardupilot", "--hil", f"udpin:127.0.0.1:{port}"

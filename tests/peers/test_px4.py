@@ -62,7 +62,7 @@ def is_waited_for(px4: Px4, nth: int = 1) -> bool:
     return False
 
 
-def test_sensors_come_unasked_in_equal_steps_and_in_whole_groups(px4: Px4) -> None:
+def test_sensors_come_in_equal_steps_and_whole_groups(px4: Px4) -> None:
     instants = list(px4.fly(500))
     assert instants[0].time_us > 0, "PX4 takes a time of zero for never"
     assert steps_us(instants) == {STEP_US}
@@ -74,7 +74,7 @@ def test_sensors_come_unasked_in_equal_steps_and_in_whole_groups(px4: Px4) -> No
         assert sum(bool(bits & GROUPS[slower]) for bits in updated) == 100, "50 Hz"
 
 
-def test_units_are_those_that_px4_reads(px4: Px4) -> None:
+def test_sensor_units_match_px4(px4: Px4) -> None:
     instants = list(px4.fly(300))
     sensor = instants[-1].sensor
     assert sensor.zacc == pytest.approx(-9.81, abs=0.1)
@@ -94,7 +94,7 @@ def test_units_are_those_that_px4_reads(px4: Px4) -> None:
     assert ranges[-1].current_distance == pytest.approx(2000, abs=60), "centimetres"
 
 
-def test_truth_comes_as_often_as_px4_asks(px4: Px4) -> None:
+def test_truth_is_sent_at_requested_interval(px4: Px4) -> None:
     def told(count: int) -> int:
         return sum(instant.find("HIL_STATE_QUATERNION") is not None for instant in px4.fly(count))
 
@@ -111,7 +111,7 @@ def test_truth_comes_as_often_as_px4_asks(px4: Px4) -> None:
     assert acknowledged == [None] * 3, "acknowledged long ago"
 
 
-def test_the_sensors_of_an_instant_come_last(px4: Px4) -> None:
+def test_hil_sensor_is_last_message_of_an_instant(px4: Px4) -> None:
     """PX4 stamps what it hears by the clock as it stands: what is of this instant must not come in
     the next."""
     instants = list(px4.fly(250))
@@ -122,13 +122,13 @@ def test_the_sensors_of_an_instant_come_last(px4: Px4) -> None:
     assert all(heard_us == fix_us for heard_us, fix_us in fixes)
 
 
-def test_no_step_is_made_before_the_answer_to_the_one_before(px4: Px4) -> None:
+def test_step_waits_for_the_previous_answer(px4: Px4) -> None:
     *_, before = px4.fly(50)
     assert is_waited_for(px4)
     assert px4.hear().time_us > before.time_us
 
 
-def test_before_the_first_answer_time_flows_at_the_pace_of_the_clock(px4: Px4) -> None:
+def test_before_first_answer_time_follows_wall_clock(px4: Px4) -> None:
     silent = [px4.hear() for _ in range(150)]
     took_s = silent[-1].wall_s - silent[0].wall_s
     assert steps_us(silent) == {STEP_US}
@@ -141,9 +141,7 @@ def test_before_the_first_answer_time_flows_at_the_pace_of_the_clock(px4: Px4) -
 
 
 @pytest.mark.parametrize("nth", [2, 5])
-def test_answers_to_every_nth_frame_are_waited_for_and_the_frames_between_are_not(
-    px4: Px4, nth: int
-) -> None:
+def test_every_nth_answer_is_awaited(px4: Px4, nth: int) -> None:
     """Waiting for each that never comes would take half a second a frame."""
     instants = list(px4.fly(20))
     for _ in range(40):
@@ -158,7 +156,7 @@ def test_answers_to_every_nth_frame_are_waited_for_and_the_frames_between_are_no
     assert is_waited_for(px4, nth)
 
 
-def test_two_seconds_of_silence_neither_stop_time_nor_end_the_lockstep(px4: Px4) -> None:
+def test_two_seconds_of_silence_keep_the_lockstep(px4: Px4) -> None:
     instants = list(px4.fly(50))
     while instants[-1].wall_s - instants[49].wall_s < 2.0:
         instants.append(px4.hear(patience_s=1.0))  # PX4 complains when nothing comes for a second
@@ -170,7 +168,7 @@ def test_two_seconds_of_silence_neither_stop_time_nor_end_the_lockstep(px4: Px4)
     assert is_waited_for(px4)
 
 
-def test_one_that_hangs_for_two_seconds_finds_every_step_in_its_queue(px4: Px4) -> None:
+def test_hanging_px4_finds_every_step_in_its_queue(px4: Px4) -> None:
     instants = list(px4.fly(50))
     time.sleep(2.0)
     instants += px4.fly(700)
@@ -178,7 +176,7 @@ def test_one_that_hangs_for_two_seconds_finds_every_step_in_its_queue(px4: Px4) 
     assert instants[-1].time_us > instants[49].time_us + 2_000_000
 
 
-def test_a_new_connection_finds_a_vehicle_that_begins_anew(port: int) -> None:
+def test_new_connection_gets_restarted_vehicle(port: int) -> None:
     def told() -> list[list[str]]:
         with closing(Px4(port)) as px4:
             return [
@@ -191,7 +189,7 @@ def test_a_new_connection_finds_a_vehicle_that_begins_anew(port: int) -> None:
     assert first[5:] == second[5:], "the request for truth may be heard an instant sooner or later"
 
 
-def test_without_lockstep_nobody_is_waited_for(px4: Px4) -> None:
+def test_without_lockstep_answers_are_not_awaited(px4: Px4) -> None:
     """A flight controller in a hardware loop answers by its own clock."""
     instants = []
     for gap in range(1, 16):
@@ -249,7 +247,7 @@ def steered(
     return told[-1]
 
 
-def test_outputs_steer_as_they_are_assigned(deep_port: int) -> None:
+def test_outputs_steer_as_assigned(deep_port: int) -> None:
     straight = steered(deep_port, thrust=0.58)
     to_starboard = steered(deep_port, thrust=0.58, rudder=0.6)
     upwards = steered(deep_port, thrust=0.58, elevator=0.6)
@@ -268,7 +266,7 @@ def test_outputs_steer_as_they_are_assigned(deep_port: int) -> None:
     assert disarmed.vy == adrift.vy
 
 
-def test_the_air_equivalent_barometer_gives_px4_the_depth(deep_port: int) -> None:
+def test_air_equivalent_barometer_gives_depth(deep_port: int) -> None:
     """PX4's own formula: the standard atmosphere's, whatever it measures."""
     with closing(Px4(deep_port)) as px4:
         instants = list(px4.fly(20))
@@ -288,7 +286,7 @@ def test_the_air_equivalent_barometer_gives_px4_the_depth(deep_port: int) -> Non
     assert altitude_m == pytest.approx(-5.0, abs=0.1)
 
 
-def test_px4_that_binds_udp_is_spoken_to_first(tmp_path: Path) -> None:
+def test_px4_with_udp_server_is_contacted_first(tmp_path: Path) -> None:
     with (
         closing(UdpPx4()) as px4,
         process(
@@ -310,7 +308,7 @@ def test_px4_that_binds_udp_is_spoken_to_first(tmp_path: Path) -> None:
     assert (ended.status, ended.stdout, ended.stderr) == (0, "", "")
 
 
-def test_a_stop_while_nobody_is_connected_ends_the_run_cleanly() -> None:
+def test_stop_without_connection_ends_run_cleanly() -> None:
     port = free_port(SOCK_STREAM)
     with process("-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}") as sitl:
         Px4(port).close()

@@ -132,7 +132,7 @@ def set_parameter(deck: Deck, name: str, value: float) -> None:
     )
 
 
-def test_a_denormal_parameter_is_refused_and_not_stored(tmp_path: Path) -> None:
+def test_denormal_parameter_is_refused_and_not_stored(tmp_path: Path) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--state", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:
@@ -150,7 +150,7 @@ def test_a_denormal_parameter_is_refused_and_not_stored(tmp_path: Path) -> None:
     assert not (tmp_path / FILE).exists()
 
 
-def test_a_stored_denormal_parameter_is_reported_and_defaulted(tmp_path: Path) -> None:
+def test_stored_denormal_parameter_becomes_default(tmp_path: Path) -> None:
     (tmp_path / FILE).write_text("HDG_P,0.7\nTHR_CRUISE_PCT,1e-40\n")
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--state", str(tmp_path))
@@ -166,9 +166,7 @@ def test_a_stored_denormal_parameter_is_reported_and_defaulted(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("time_us", [1 << 63, (1 << 64) - 1])
-def test_a_sample_of_an_impossible_time_is_reported_and_not_flown(
-    tmp_path: Path, time_us: int
-) -> None:
+def test_sample_with_impossible_time_is_rejected(tmp_path: Path, time_us: int) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--logs", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:
@@ -207,7 +205,7 @@ def attitudes(folder: Path) -> int:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_autopilot_finishes_its_log_on_a_signal(tmp_path: Path, number: signal.Signals) -> None:
+def test_autopilot_on_signal_finishes_its_log(tmp_path: Path, number: signal.Signals) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--logs", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:
@@ -224,7 +222,7 @@ def test_autopilot_finishes_its_log_on_a_signal(tmp_path: Path, number: signal.S
     )  # the log begins when the vehicle is armed, after the first tick
 
 
-def test_a_terminal_that_closes_does_not_end_a_program_under_nohup() -> None:
+def test_closed_terminal_does_not_end_nohup_program() -> None:
     """`nohup` starts a program with SIGHUP ignored; it must stay ignored."""
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     code = (

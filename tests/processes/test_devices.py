@@ -54,7 +54,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
     return logged(flown.log)
 
 
-def test_the_log_holds_the_doppler_log_over_ground(dive: dict[str, list[Any]]) -> None:
+def test_log_contains_dvl_velocity_over_ground(dive: dict[str, list[Any]]) -> None:
     told = dive["/mavlink/1/197/ODOMETRY"]
     times_us = np.array([m.time_usec for m in told])
     assert np.median(np.diff(times_us)) == 200_000
@@ -64,7 +64,7 @@ def test_the_log_holds_the_doppler_log_over_ground(dive: dict[str, list[Any]]) -
     assert all(np.isnan([m.x, m.y, m.z]).all() for m in told)
 
 
-def test_the_log_holds_the_battery_as_it_empties(dive: dict[str, list[Any]]) -> None:
+def test_log_contains_discharging_battery(dive: dict[str, list[Any]]) -> None:
     told = dive["/mavlink/1/1/BATTERY_STATUS"]
     assert "/mavlink/1/180/BATTERY_STATUS" not in dive
     consumed_mah = [m.current_consumed for m in told]
@@ -78,7 +78,7 @@ def test_the_log_holds_the_battery_as_it_empties(dive: dict[str, list[Any]]) -> 
     )
 
 
-def test_the_log_holds_where_the_duct_really_stood(dive: dict[str, list[Any]]) -> None:
+def test_log_contains_measured_duct_deflection(dive: dict[str, list[Any]]) -> None:
     """The field vehicle's rudder stands 6 deg to the side of its command, of 15 deg of travel."""
     commanded = np.median(
         [m.actuator[0] for m in dive["/mavlink/1/1/ACTUATOR_OUTPUT_STATUS"][20:-20]]
@@ -89,7 +89,7 @@ def test_the_log_holds_where_the_duct_really_stood(dive: dict[str, list[Any]]) -
     assert 15.0 * (measured - commanded) == pytest.approx(-6.0, abs=0.6)
 
 
-def test_altimeter_and_depth_add_up_to_the_floor(dive: dict[str, list[Any]]) -> None:
+def test_altimeter_plus_depth_is_water_depth(dive: dict[str, list[Any]]) -> None:
     """Pitched, the echo of the beam that is 3 deg to either side comes slantwise."""
     depths_m = {m.time_boot_ms: m.z for m in dive["/mavlink/1/1/LOCAL_POSITION_NED"]}
     slants_rad = {

@@ -141,7 +141,7 @@ def every_fault(texts: list[str], prefix: str) -> list[str]:
     return [text.removeprefix(prefix) for text in texts if text.startswith(prefix)]
 
 
-def test_a_stock_client_hears_of_every_fault_and_of_its_end(dive: Dive) -> None:
+def test_client_receives_start_and_end_of_each_fault(dive: Dive) -> None:
     assert every_fault(dive.heard, "Fault: ") == EVERY
     assert every_fault(dive.heard, "Fault over: ") == EVERY
     assert {
@@ -153,7 +153,7 @@ def test_a_stock_client_hears_of_every_fault_and_of_its_end(dive: Dive) -> None:
     assert dive.heard[-1] == "Surfaced: disarmed"
 
 
-def test_the_log_of_a_dive_holds_every_fault_and_what_the_vehicle_found_out(dive: Dive) -> None:
+def test_log_contains_faults_and_detections(dive: Dive) -> None:
     told = texts(dive.flown.log, 25)
     assert every_fault(told, "Fault: ") == every_fault(told, "Fault over: ") == EVERY
     assert {"Gyro recovered", "Accelerometer silent", "Leak recovered"} <= set(
@@ -162,7 +162,7 @@ def test_the_log_of_a_dive_holds_every_fault_and_what_the_vehicle_found_out(dive
     assert dive.flown.failsafes == ()
 
 
-def test_the_truth_names_every_fault(dive: Dive) -> None:
+def test_truth_log_contains_every_fault(dive: Dive) -> None:
     with dive.truth.open("rb") as file:
         seen = {
             name
@@ -177,7 +177,7 @@ def client(*plan: str, ground: int) -> Finished:
         return running.finish()
 
 
-def test_a_stock_client_breaks_and_mends_what_it_likes_and_reads_what_became_of_it() -> None:
+def test_client_injects_and_clears_faults() -> None:
     hil, ground = free_port(), free_port()
     with (
         autopilot(f"udpin:127.0.0.1:{hil}", f"udpout:127.0.0.1:{ground}") as steering,
@@ -218,7 +218,7 @@ def test_a_stock_client_breaks_and_mends_what_it_likes_and_reads_what_became_of_
     assert seen["back"]
 
 
-def test_a_vehicle_without_a_simulator_breaks_nothing() -> None:
+def test_injection_without_simulator_is_refused() -> None:
     hil, ground = free_port(), free_port()
     with autopilot(f"udpin:127.0.0.1:{hil}", f"udpout:127.0.0.1:{ground}"):
         finished = client("real", ground=ground)

@@ -276,9 +276,7 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scenes]:
 
 
 @pytest.mark.parametrize("width", ["wide", "narrow"])
-def test_a_dive_over_two_noisy_serial_lines_holds_its_depth_and_is_logged(
-    scenes: Scenes, width: str
-) -> None:
+def test_dive_over_noisy_lines_holds_depth_and_is_logged(scenes: Scenes, width: str) -> None:
     flown: Flown = getattr(scenes, width).result()
     assert flown.ground.status == 0, flown.ground
     outcome = json.loads(flown.ground.stdout)
@@ -302,13 +300,13 @@ def test_a_dive_over_two_noisy_serial_lines_holds_its_depth_and_is_logged(
     )
 
 
-def test_time_runs_on_the_wall_clock_at_the_rate_that_the_line_can_carry(scenes: Scenes) -> None:
+def test_time_follows_wall_clock_at_line_rate(scenes: Scenes) -> None:
     for flown, step_us in ((scenes.wide.result(), 20_000), (scenes.narrow.result(), 40_000)):
         times_us = [row["time_us"] for row in flown.truth.rows]
         assert {after - before for before, after in pairwise(times_us)} == {step_us}
 
 
-def test_a_hil_line_pulled_out_in_mid_dive_is_told_and_survived(scenes: Scenes) -> None:
+def test_unplugged_hil_line_is_reported_and_tolerated(scenes: Scenes) -> None:
     found = scenes.interrupted.result()
     assert "Sensors recovered" in found.texts[found.texts.index("Sensors silent") :]
     assert not any(text.startswith(("Failsafe", "Restarted")) for text in found.texts)
@@ -321,7 +319,7 @@ def test_a_hil_line_pulled_out_in_mid_dive_is_told_and_survived(scenes: Scenes) 
     assert "sitl: no actuators for 1 s: duct straight, propeller stopped\n" in sea_said
 
 
-def test_without_orders_the_propeller_stops_until_there_are_some_again(scenes: Scenes) -> None:
+def test_propeller_stops_without_actuator_commands(scenes: Scenes) -> None:
     rows = scenes.interrupted.result().truth.rows
     turning = [row["propeller_rps"] > 0.0 for row in rows]
     started = turning.index(True)
@@ -336,7 +334,7 @@ def test_without_orders_the_propeller_stops_until_there_are_some_again(scenes: S
         )
 
 
-def test_the_example_turns_its_duct_and_lets_go_when_the_autopilot_dies(scenes: Scenes) -> None:
+def test_example_centres_duct_when_autopilot_ends(scenes: Scenes) -> None:
     found = scenes.bench.result()
     assert found.duct == pytest.approx(0.5)
     assert 0.7 < found.released_s < 3.0
@@ -356,14 +354,14 @@ def test_the_example_turns_its_duct_and_lets_go_when_the_autopilot_dies(scenes: 
         ),
     ],
 )
-def test_what_does_not_go_with_a_clock_of_ones_own_is_refused(
+def test_options_incompatible_with_wall_clock_are_refused(
     options: tuple[str, ...], complaint: str
 ) -> None:
     with process("-m", "sitl", "--no-lockstep", *options) as sea:
         assert sea.finish() == (2, "", complaint)
 
 
-def test_a_line_too_slow_for_the_sensors_is_refused(tmp_path: Path) -> None:
+def test_line_too_slow_for_sensors_is_refused(tmp_path: Path) -> None:
     slow = f"serial:{tmp_path}/tty-ground:9600"
     with line(tmp_path, 9600), process("-m", "sitl", "--no-lockstep", "--hil", slow) as sea:
         finished = sea.finish()

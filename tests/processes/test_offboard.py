@@ -12,7 +12,7 @@ pytestmark = pytest.mark.process
 CLIENT = Path(__file__).with_name("mavsdk_offboard_client.py")
 
 
-def test_mavsdk_steers_by_set_points_and_sends_her_home() -> None:
+def test_mavsdk_offboard_setpoints_and_return() -> None:
     port = free_port()
     with (
         vehicle(f"udpout:127.0.0.1:{port}", speed="5") as _,

@@ -108,7 +108,7 @@ def until_finished(board: Path) -> Path:
     raise AssertionError("the dive never came to an end")
 
 
-def test_a_dive_without_any_link_is_flown_recorded_and_identified(
+def test_dive_without_link_is_recorded_and_identified(
     folder: Path, mission: str, told: tuple[Path, Path]
 ) -> None:
     board, home = folder / "silent", folder / "home"
@@ -165,7 +165,7 @@ def content(number: int, size: int) -> bytes:
     return random.Random(number).randbytes(size)
 
 
-def test_logs_are_listed_and_chosen(tmp_path: Path) -> None:
+def test_logs_are_listed_and_selected(tmp_path: Path) -> None:
     with moored(tmp_path / "board", 1000, 0, 239) as address:
         link = ("--connect", address)
         listed = ask("log", "list", *link)["logs"]
@@ -189,7 +189,7 @@ def test_logs_are_listed_and_chosen(tmp_path: Path) -> None:
         )
 
 
-def test_a_download_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_killed_download_is_resumed(tmp_path: Path) -> None:
     size, out = 3_000_000, tmp_path / "home"
     part = out / "00001-20260131T120000Z.mcap.part"
     with moored(tmp_path / "board", size) as address:
@@ -210,7 +210,7 @@ def test_a_download_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
     assert not part.exists()
 
 
-def test_what_is_left_of_another_log_is_found_out_by_its_checksum(tmp_path: Path) -> None:
+def test_download_rest_of_other_log_fails_checksum(tmp_path: Path) -> None:
     out = tmp_path / "home"
     out.mkdir()
     (out / "00001-20260131T120000Z.mcap.part").write_bytes(content(9, 5000))
@@ -220,7 +220,7 @@ def test_what_is_left_of_another_log_is_found_out_by_its_checksum(tmp_path: Path
     assert fetched["checked"]
 
 
-def test_a_log_comes_whole_over_a_slow_and_lossy_serial_line(tmp_path: Path) -> None:
+def test_log_download_over_slow_lossy_line_is_complete(tmp_path: Path) -> None:
     with line(tmp_path, 57_600, Noise(drop=3e-4, flip=3e-4)) as cable:
         links = (f"serial:{cable.device['vehicle']}:57600",)
         with moored(tmp_path / "board", 30_000, links=links):
@@ -231,7 +231,7 @@ def test_a_log_comes_whole_over_a_slow_and_lossy_serial_line(tmp_path: Path) -> 
     assert fetched["checked"]
 
 
-def test_a_killed_autopilot_loses_the_last_moment_only(tmp_path: Path) -> None:
+def test_killed_autopilot_loses_last_moment_only(tmp_path: Path) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--logs", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:

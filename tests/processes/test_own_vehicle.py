@@ -52,7 +52,7 @@ HELD_S = 10.0
 DEPTH_M, HEADING_DEG = 0.15, 1.0
 
 
-def test_a_vehicle_of_thirty_lines_holds_depth_and_heading(tmp_path: Path) -> None:
+def test_vehicle_of_thirty_lines_holds_depth_and_heading(tmp_path: Path) -> None:
     """What really happened, not what she thinks; all gains come from her file."""
     assert len(VEHICLE.splitlines()) < 30
     (tmp_path / "mine.toml").write_text(VEHICLE, encoding="utf-8")

@@ -106,7 +106,7 @@ def flown(sitl: Start, fly: Callable[[Peer], list[bytes]], *arguments: str) -> l
         return fly(peer)
 
 
-def test_vehicle_time_waits_for_each_answer_and_the_same_seed_gives_the_same_bytes(
+def test_lockstep_same_seed_gives_same_bytes(
     sitl: Start,
 ) -> None:
     rough = ("--scenario", "disturbed", "--seed", "7")
@@ -134,14 +134,12 @@ def test_lost_and_repeated_datagrams_change_nothing(sitl: Start) -> None:
     assert flown(sitl, fly_badly) == flown(sitl, lambda peer: peer.fly(40))
 
 
-def test_before_the_first_answer_frames_of_time_zero_flow(sitl: Start, peer: Peer) -> None:
+def test_before_first_answer_time_zero_is_repeated(sitl: Start, peer: Peer) -> None:
     sitl("--hil", peer.address)
     assert [peer.hear()[0] for _ in range(20)] == [0] * 20
 
 
-def test_with_wait_for_arm_time_stands_until_armed_and_after_disarming(
-    sitl: Start, peer: Peer
-) -> None:
+def test_wait_for_arm_time_stands_while_disarmed(sitl: Start, peer: Peer) -> None:
     sitl("--hil", peer.address, "--speed", "max", "--wait-for-arm")
     standing = []
     for _ in range(10):
@@ -165,7 +163,7 @@ def test_without_wait_for_arm_time_runs_disarmed(sitl: Start, peer: Peer) -> Non
         peer.answer(time_us, DISARMED)
 
 
-def test_an_autopilot_that_falls_silent_ends_the_run_with_a_reason(sitl: Start, peer: Peer) -> None:
+def test_silent_autopilot_ends_run_with_reason(sitl: Start, peer: Peer) -> None:
     process = sitl("--hil", peer.address, "--speed", "max")
     peer.fly(50)
     _, complaint = process.communicate(timeout=10.0)
@@ -174,7 +172,7 @@ def test_an_autopilot_that_falls_silent_ends_the_run_with_a_reason(sitl: Start, 
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_stop_signal_ends_the_run_cleanly(
+def test_stop_signal_ends_run_cleanly(
     sitl: Start, peer: Peer, tmp_path: Path, number: signal.Signals
 ) -> None:
     log = tmp_path / "truth.mcap"
@@ -187,9 +185,7 @@ def test_a_stop_signal_ends_the_run_cleanly(
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal here")
-def test_a_killed_run_leaves_its_truth_up_to_the_last_flush(
-    sitl: Start, peer: Peer, tmp_path: Path
-) -> None:
+def test_killed_run_keeps_truth_to_last_flush(sitl: Start, peer: Peer, tmp_path: Path) -> None:
     log = tmp_path / "truth.mcap"
     process = sitl("--hil", peer.address, "--speed", "1", "--truth", str(log))
     peer.fly(150)

@@ -49,7 +49,7 @@ def messages(reader: Any) -> list[tuple[int, int, bytes, int]]:
 
 @settings(max_examples=60)
 @given(st.lists(st.one_of(MESSAGE, FILE, FLUSH), max_size=25))
-def test_the_library_reads_back_all_that_was_written(items: list[Any]) -> None:
+def test_mcap_written_file_read_by_library_is_equal(items: list[Any]) -> None:
     file = io.BytesIO()
     writer = opened(file)
     for item in items:
@@ -75,7 +75,7 @@ def test_the_library_reads_back_all_that_was_written(items: list[Any]) -> None:
     assert len(summary.chunk_indexes) == summary.statistics.chunk_count
 
 
-def test_every_index_entry_points_at_its_message() -> None:
+def test_mcap_index_entries_point_to_messages() -> None:
     file = io.BytesIO()
     writer = opened(file)
     rows = writer.open_rows(((1, 0), (3, 36)))
@@ -115,7 +115,7 @@ def index_at(data: bytes, start: int, channel: int) -> tuple[list[int], list[int
     return numbers[::2], numbers[1::2]
 
 
-def test_a_file_that_was_never_finished_holds_what_was_flushed() -> None:
+def test_mcap_unfinished_file_contains_flushed_data() -> None:
     file = io.BytesIO()
     writer = opened(file)
     writer.add_message(1, 7, b"kept", 1)
@@ -128,7 +128,7 @@ def test_a_file_that_was_never_finished_holds_what_was_flushed() -> None:
     assert seen == [b"kept"]
 
 
-def test_the_same_messages_give_the_same_bytes() -> None:
+def test_mcap_same_messages_give_same_bytes() -> None:
     def file() -> bytes:
         out = io.BytesIO()
         writer = opened(out)

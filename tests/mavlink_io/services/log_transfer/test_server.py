@@ -67,7 +67,7 @@ def put_together(messages: Sequence[Any]) -> bytes:
     return bytes(data)
 
 
-def test_the_list_counts_from_zero_without_gaps(tmp_path: Path) -> None:
+def test_log_list_counts_from_zero_without_gaps(tmp_path: Path) -> None:
     client = Client(server_of(Shelf(tmp_path, 10, 0, 500)))
     entries = client.list()
     assert [(e.id, e.num_logs, e.last_log_num, e.size) for e in entries] == [
@@ -80,13 +80,13 @@ def test_the_list_counts_from_zero_without_gaps(tmp_path: Path) -> None:
     assert [e.id for e in client.hear()] == [1]
 
 
-def test_no_logs_is_an_answer_too(tmp_path: Path) -> None:
+def test_log_list_without_logs_is_answered(tmp_path: Path) -> None:
     (entry,) = Client(server_of(Shelf(tmp_path))).list()
     assert (entry.id, entry.num_logs, entry.last_log_num, entry.size) == (0, 0, 0, 0)
 
 
 @pytest.mark.parametrize("size", [0, 1, 89, 90, 91, 180, 40_000])
-def test_the_whole_log_arrives(tmp_path: Path, size: int) -> None:
+def test_log_data_whole_log_arrives(tmp_path: Path, size: int) -> None:
     shelf = Shelf(tmp_path, size)
     client = Client(server_of(shelf))
     client.list()
@@ -100,7 +100,7 @@ def test_the_whole_log_arrives(tmp_path: Path, size: int) -> None:
     assert [(m.ofs, m.count) for m in client.hear()] == [(size, 0)]
 
 
-def test_exactly_what_is_asked_for_arrives(tmp_path: Path) -> None:
+def test_log_data_requested_range_arrives(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 1000)
     client = Client(server_of(shelf))
     client.say("LOG_REQUEST_DATA", id=0, ofs=180, count=270)
@@ -113,7 +113,7 @@ def test_exactly_what_is_asked_for_arrives(tmp_path: Path) -> None:
     assert [(m.id, m.count) for m in client.hear()] == [(5, 0)]
 
 
-def test_a_full_link_is_waited_for_and_others_are_not_kept_waiting(tmp_path: Path) -> None:
+def test_log_data_full_link_does_not_delay_others(tmp_path: Path) -> None:
     server = server_of(Shelf(tmp_path, 3000))
     slow, fast = Client(server), Client(server, (255, 190))
     slow.room = 100
@@ -125,7 +125,7 @@ def test_a_full_link_is_waited_for_and_others_are_not_kept_waiting(tmp_path: Pat
     assert len(slow.hear()) == 10
 
 
-def test_two_clients_of_the_same_ids_are_told_apart_by_their_links(tmp_path: Path) -> None:
+def test_log_clients_with_same_ids_differ_by_link(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 40_000)
     server = server_of(shelf)
     first, second = Client(server), Client(server)
@@ -138,7 +138,7 @@ def test_two_clients_of_the_same_ids_are_told_apart_by_their_links(tmp_path: Pat
     assert 0 < len(second.hear()) < 40_000 // 90
 
 
-def test_the_end_is_the_end(tmp_path: Path) -> None:
+def test_log_request_end_stops_data(tmp_path: Path) -> None:
     client = Client(server_of(Shelf(tmp_path, 200_000)))
     client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
     assert client.hear()
@@ -146,7 +146,7 @@ def test_the_end_is_the_end(tmp_path: Path) -> None:
     assert client.hear() == []
 
 
-def test_a_numbers_meaning_outlives_the_oldest_log(tmp_path: Path) -> None:
+def test_log_numbers_stay_valid_after_deletion(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 100, 200)
     client = Client(server_of(shelf))
     client.list()
@@ -156,7 +156,7 @@ def test_a_numbers_meaning_outlives_the_oldest_log(tmp_path: Path) -> None:
     assert [e.size for e in client.list()] == [200]
 
 
-def test_a_log_that_went_away_has_no_data(tmp_path: Path) -> None:
+def test_log_data_of_deleted_log_is_empty(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 100)
     client = Client(server_of(shelf))
     client.list()
@@ -165,7 +165,7 @@ def test_a_log_that_went_away_has_no_data(tmp_path: Path) -> None:
     assert [m.count for m in client.hear(3)] == [0]
 
 
-def test_erasing_is_for_vehicles_at_rest(tmp_path: Path) -> None:
+def test_log_erase_while_armed_is_refused(tmp_path: Path) -> None:
     shelf, said = Shelf(tmp_path, 100), list[str]()
     client = Client(server_of(shelf, armed=True, said=said))
     client.say("LOG_ERASE")
@@ -179,7 +179,7 @@ def test_erasing_is_for_vehicles_at_rest(tmp_path: Path) -> None:
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 9000), st.integers(0, 1000))
 @pytest.mark.parametrize("download", ["mavproxy", "mavsdk"])
-def test_clients_get_it_all_over_a_link_that_loses_every_sixth(
+def test_log_data_with_losses_is_completed_by_clients(
     tmp_path: Path, download: str, size: int, seed: int
 ) -> None:
     shelf, chance = Shelf(tmp_path, size), random.Random(seed)
