@@ -1,5 +1,4 @@
-"""What a person at MAVProxy's prompt can do with the vehicle, check by check: prints one JSON
-object.
+"""Check the use of the vehicle at MAVProxy's prompt; print one JSON object.
 
 Usage: python -m tests.clients.mavproxy_checks FOLDER MASTER [--baud N] [--speed N] [--slow]
 [--short]
@@ -45,12 +44,11 @@ ITEMS = [
     (115, 40.0, 0.0, 0.0, 0.0),
     (93, 1e4, -1.0, -1.0, -1.0),
 ]
-"""Thrust, depth, heading, and more time than any list of checks takes: command and first four
-parameters."""
+"""Thrust, depth, heading and a long delay: command and first four parameters."""
 
 
 class Person:
-    """At the prompt; on a noisy line patient enough to type a command again."""
+    """MAVProxy at its prompt; on a noisy line a command is typed again."""
 
     def __init__(self, console: Console, *, speed: float, slow: bool) -> None:
         self.console, self.speed, self.slow = console, speed, slow
@@ -62,8 +60,7 @@ class Person:
         return self.console.ask(line, pattern, attempts=4 if self.slow else 1, within_s=within_s)
 
     def until(self, wanted: Callable[[], bool], what: str, within_s: float = 15.0) -> None:
-        """Wait for something. Raises RefutedError, saying ``what`` is wrong, when it never
-        comes."""
+        """Wait for a condition. Raises RefutedError with ``what`` after the time limit."""
         deadline_s = time.monotonic() + within_s
         while not wanted():
             require(time.monotonic() < deadline_s, what)
@@ -80,7 +77,7 @@ Check = Callable[[Person], None]
 def write_plan(
     path: Path, items: list[tuple[float, ...]], *, frame: int = 2, z: float = 0.0
 ) -> Path:
-    """A QGC WPL 110 file, as waypoint editors write it."""
+    """Return a QGC WPL 110 file, as waypoint editors write it."""
     lines = [
         f"{n}\t{int(n == 0)}\t{frame}\t{command}\t{p1}\t{p2}\t{p3}\t{p4}\t0\t0\t{z}\t1"
         for n, (command, p1, p2, p3, p4) in enumerate(items)
@@ -99,8 +96,7 @@ def detects_the_vehicle(p: Person) -> None:
 
 
 def receives_the_parameters(p: Person) -> None:
-    """By file or one by one, as MAVProxy likes; on a noisy line it may have to ask again for
-    some."""
+    """Check the parameter download, by file or by messages; repeat it on a noisy line."""
     p.ask("param fetch", f"Received {len(DEFAULTS)} parameters", 60.0)
     wrong = list(DEFAULTS)
 
@@ -213,7 +209,7 @@ def starts_the_mission(p: Person) -> None:
 
 
 def dives(p: Person) -> None:
-    """Counting streams on the way; what does not come by itself is asked for first."""
+    """Count streams during the dive; request the messages that are not streamed."""
     p.ask("module load messagerate", "Loaded module messagerate|already loaded")
     for name, sense in SENSES.items():
         if sense.must_be_asked_for(slow=p.slow):
@@ -229,7 +225,7 @@ def dives(p: Person) -> None:
 
 
 def stream(name: str) -> Check:
-    """How often a message comes, and what its numbers say."""
+    """Check the rate of a message and its values."""
 
     def check(p: Person) -> None:
         require(name in p.counted, "was never heard")
@@ -253,7 +249,7 @@ def stream(name: str) -> Check:
 
 
 def hears_every_stream(p: Person) -> None:
-    """Without a dive, which takes minutes where vehicle time is slow."""
+    """Check without a dive, which takes minutes at a low speed of vehicle time."""
     deadline_s = time.monotonic() + 10.0 * max(1.0, 1.0 / p.speed)
     while missing := BY_THEMSELVES - set(p.console.messages()):
         require(time.monotonic() < deadline_s, f"never heard {sorted(missing)}")
@@ -272,7 +268,7 @@ def is_refused_the_rate_of_no_stream(p: Person) -> None:
 
 
 def is_not_upset_by_its_stream_requests(p: Person) -> None:
-    """MAVProxy sends REQUEST_DATA_STREAM again and again, here for 50 messages a second."""
+    """Check that repeated REQUEST_DATA_STREAM, here at 50 Hz, keeps the rates of the table."""
     p.console.say("set streamrate 50")
     time.sleep(1.5)
     rate_hz = float(p.ask("messagerate get ATTITUDE", r"Msg:ATTITUDE +rate:([\d.]+)Hz")[1])
@@ -306,7 +302,7 @@ def is_refused_to_disarm_under_water(p: Person) -> None:
 
 
 def reads_why(p: Person) -> None:
-    """Also where the reason is longer than one message."""
+    """Check the reason of a refusal, including one longer than one message."""
     p.ask("reboot", "AP: Reboot refused: armed")
     p.ask("disarm", "AP: Not disarmed: under water; use SURFACE, or force")
 
@@ -324,7 +320,7 @@ def lists_logs(p: Person) -> None:
 
 
 def downloads_a_log(p: Person) -> None:
-    """The first: of the short time when she was armed at the quay."""
+    """Check the first log, of the short armed time before the dive."""
     size = int(p.ask("log list", LOG_ROW, 20.0)[2])
     path = p.console.folder / "log.mcap"
     p.console.say(f"log download 0 {path}")

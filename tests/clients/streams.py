@@ -1,7 +1,6 @@
-"""Every telemetry stream, as any client hears it: how often, and whether its numbers make sense
-beside the others'.
+"""Every telemetry stream as a client receives it: rates, and values that must be consistent.
 
-The vehicle is meant to be under way in the simulator, some way down: so that a wrong sign shows.
+The vehicle should be in motion and submerged in the simulator, so that a wrong sign is detected.
 """
 
 import math
@@ -21,7 +20,7 @@ NED, FRD = 1, 12
 UNKNOWN_U16 = 65_535
 WATER_DENSITY_KGPM3, GRAVITY_MPS2, SURFACE_HPA = 1025.0, 9.81, 1013.25
 DEPTH_SLACK_M = 0.8
-"""What a vehicle sinks between two messages, some of which were lost."""
+"""Maximum change of depth between two messages, some of which were lost, in m."""
 HEALTHY_BITS = 0x1 | 0x2 | 0x4 | 0x8 | 0x20 | 1 << 20 | 1 << 28
 """Gyro, accelerometer, magnetometer, absolute pressure, GPS, geofence, pre-arm check."""
 
@@ -191,11 +190,10 @@ def loops_inside(m: Fields, heard: Heard) -> None:
 
 
 class Sense(NamedTuple):
-    """One row: how often the message comes on a fast link, whether a slow one leaves it out, what
-    its numbers mean."""
+    """One row: rate of a message, whether slow links have it, and a check of its values."""
 
     rate_hz: float
-    """Zero for a message that is sent on request only."""
+    """Rate in Hz; zero for a message that is sent on request only."""
     check: Callable[[Fields, Heard], None]
     on_request_when_slow: bool = False
 
@@ -235,12 +233,14 @@ SENSES: dict[str, Sense] = {
 }
 BY_THEMSELVES = {name for name, sense in SENSES.items() if sense.rate_hz}
 SLOW_SHARE = 0.5
-"""A 57600 baud link carries every stream half as often."""
+"""Return the rate on a link: a 57600 baud link has every stream at half the rate."""
 
 
 def check_rate(name: str, heard_hz: float, *, slow: bool) -> None:
-    """Between 60 and 130 % of the rate in the table; a noisy line may lose a good part more, and is
-    never faster."""
+    """Check that a rate is between 60 and 130 % of the table's.
+
+    A noisy line may lose more, and is never faster.
+    """
     promised_hz = SENSES[name].rate_hz * (SLOW_SHARE if slow and name != "HEARTBEAT" else 1.0)
     least = 0.35 if slow else 0.6
     require(

@@ -1,4 +1,4 @@
-"""Every method of MAVSDK's plugin `action` gives what docs/mavlink.md says."""
+"""Every method of MAVSDK's plugin `action` gives the result in docs/mavlink.md."""
 
 import json
 

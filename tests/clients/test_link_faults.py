@@ -1,7 +1,6 @@
-"""What happens to real clients: others at the same time, sudden ends, a power failure, a loose
-cable.
+"""Real clients with link faults: other clients, sudden ends, power failures, unplugged cables.
 
-One vehicle is talked to by two MAVSDK programs on UDP and by MAVProxy on a noisy serial line.
+Two MAVSDK programs on UDP and MAVProxy on a noisy serial line use one vehicle.
 """
 
 import contextlib
@@ -22,7 +21,7 @@ pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
 
 
 class Puppet:
-    """A MAVSDK program that does as it is told."""
+    """A MAVSDK program that executes commands."""
 
     def __init__(self, program: Process) -> None:
         self.program = program
@@ -45,7 +44,7 @@ class Scene(NamedTuple):
     person: Console
     cable: Line
     spare_line: str
-    """The ground's end of a second serial line, which is clean and free."""
+    """The ground's end of a second serial line, without noise and unused."""
 
 
 @contextlib.contextmanager
@@ -115,7 +114,7 @@ def test_two_uploads_at_once_give_complete_missions(
 def test_killed_upload_keeps_old_mission_and_allows_next(
     scene: Scene,
 ) -> None:
-    """It is killed on the slow line, where 500 items take many seconds."""
+    """The client is killed on the slow line, where 500 items take many seconds."""
     assert scene.anna.do("upload", 4, 70) == "SUCCESS"
     with puppet(f"serial://{scene.spare_line}:{BAUD}") as victim:
         assert victim.result() == "connected"

@@ -1,4 +1,4 @@
-"""The vehicle and her autopilot without sockets: the two pure functions called in turn."""
+"""The vehicle and its autopilot without sockets: the two pure functions called in turn."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -66,7 +66,7 @@ class Dive:
         self.body, reading = plant.initial_state(self._plant, self._rng)
         self.state = core.initial_state()
         self.told: list[tuple[float, str]] = []
-        """When (s) she said what."""
+        """Return the vehicle times, in s, at which a text was sent."""
         self._rows: list[tuple[float, ...]] = []
         frame = self._tick(reading)
         for wish in (

@@ -1,4 +1,4 @@
-"""Timers with a wall clock of the test's own."""
+"""Timers with a simulated wall clock."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from mavlink_io.clock import Every, Pacer
 
 
 class Wall:
-    """A wall clock that moves when it is slept on."""
+    """A wall clock that advances when it is slept on."""
 
     def __init__(self) -> None:
         self.now_s = 100.0

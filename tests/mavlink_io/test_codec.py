@@ -1,5 +1,4 @@
-"""The codec against pymavlink, which nobody here wrote: every message of the dialect, both ways,
-byte for byte."""
+"""The codec against pymavlink: every message of the dialect in both directions, byte for byte."""
 
 from typing import Any
 
@@ -50,7 +49,7 @@ def message_values(message: MessageType) -> st.SearchStrategy[tuple[Any, ...]]:
 
 
 def peer(sequence: int = 0) -> Any:
-    """Pymavlink's own codec, as system 7, component 9."""
+    """Return pymavlink's codec as system 7, component 9."""
     other = mavlink.MAVLink(None, srcSystem=7, srcComponent=9)
     other.seq = sequence
     other.robust_parsing = True
@@ -151,7 +150,7 @@ def test_framer_signed_frame_has_correct_length() -> None:
 
 
 def stranger(seed: int, payload: bytes = b"\x01\x02\x03") -> bytes:
-    """A frame of system 7, component 9 with a message that the dialect lacks."""
+    """Return a frame of system 7, component 9 with a message that the dialect lacks."""
     body = bytes((len(payload), 0, 0, 5, 7, 9, 0x34, 0x12, 0xAB)) + payload
     return b"\xfd" + body + mavlink.x25crc(body + bytes((seed,))).crc.to_bytes(2, "little")
 

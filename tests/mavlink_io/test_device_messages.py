@@ -1,5 +1,4 @@
-"""The devices' records on the wire and back, and as pymavlink, which nobody here wrote, decodes
-them."""
+"""Round trips of the devices' records, and their messages as pymavlink decodes them."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""The messages that pymavlink lacks, against what its generator makes of their definition."""
+"""The messages that pymavlink lacks, compared with the output of its generator."""
 
 import importlib.util
 from pathlib import Path
@@ -27,7 +27,7 @@ DEFINITION = """<?xml version="1.0"?>
 
 @pytest.fixture(scope="module")
 def generated(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
-    """The dialect of these messages alone, as pymavlink would have it."""
+    """Return the dialect of these messages alone, as pymavlink would generate it."""
     folder: Path = tmp_path_factory.mktemp("dialect")
     (folder / "added.xml").write_text(DEFINITION)
     options = mavgen.Opts(

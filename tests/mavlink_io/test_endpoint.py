@@ -1,4 +1,4 @@
-"""An endpoint's identity, its sequence numbers, and the gaps that it counts."""
+"""Ids, sequence numbers and loss counts of an endpoint."""
 
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ VALUES = (0, 12, 0, 1, 3, 3)
 
 
 class Inbox:
-    """A transport that has received what the test says."""
+    """A transport that has received the given datagrams."""
 
     address = "test"
 

@@ -1,4 +1,4 @@
-"""Axes and angles against scipy's rotations, which nobody here wrote."""
+"""Axes and angles against scipy's rotations."""
 
 import math
 

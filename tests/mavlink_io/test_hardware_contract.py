@@ -1,4 +1,4 @@
-"""docs/hardware.md, which people build vehicles from, against the code."""
+"""docs/hardware.md, from which users build vehicles, agrees with the code."""
 
 import re
 from pathlib import Path

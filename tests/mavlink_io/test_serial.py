@@ -1,4 +1,4 @@
-"""A serial line that is pulled out, put back, blocked and missing: over pseudo terminals."""
+"""A serial line that is unplugged, replugged, blocked and missing, with pseudo terminals."""
 
 import os
 import select
@@ -37,7 +37,7 @@ def opened(
 
 
 def until(happened: Callable[[], bool], transport: SerialTransport) -> None:
-    """Wait on a transport, as its owner does, until something has happened."""
+    """Wait on a transport, as its user does, until a condition holds."""
     deadline_s = time.monotonic() + PATIENCE_S
     while not happened():
         assert time.monotonic() < deadline_s

@@ -21,7 +21,7 @@ def frame(sequence: int, system: int) -> bytes:
 
 
 def systems(endpoint: Endpoint) -> list[int]:
-    """Who is received within the time; [] when nobody is."""
+    """Return the systems received within the time; [] if none."""
     heard: list[int] = []
     while wait([endpoint.transport], 0.05 if heard else 0.3):
         heard += [received.system for received in endpoint.receive()]
@@ -66,7 +66,7 @@ def test_shared_link_half_frame_of_one_client_leaves_the_other(
 def test_shared_link_frames_split_by_turns_all_arrive(
     shared: tuple[Endpoint, list[Transport]],
 ) -> None:
-    """As from two serial-to-UDP bridges, which cut where they like."""
+    """The datagrams are cut anywhere, as by two serial-to-UDP bridges."""
     endpoint, (one, two) = shared
     first, second = frame(1, 11) + frame(2, 11), frame(1, 12) + frame(2, 12)
     heard = []
@@ -89,7 +89,7 @@ def test_tcp_disconnected_client_leaves_no_partial_frame() -> None:
 
 
 class Crowd:
-    """A transport on which every piece comes from a peer of its own."""
+    """A transport on which every piece comes from its own peer."""
 
     address = "crowd"
 

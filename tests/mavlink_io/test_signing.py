@@ -1,5 +1,4 @@
-"""Signatures against pymavlink's, which nobody here wrote, in both directions; and the rules on
-timestamps."""
+"""Signatures compared with pymavlink's in both directions, and the rules on timestamps."""
 
 import os
 import stat
@@ -35,7 +34,7 @@ VALUES = (0, 12, 0, 1, 3, 3)
 
 
 def peer(key: bytes = KEY, timestamp: int = NOW, link_id: int = 3) -> Any:
-    """Pymavlink's own end of a signed link, as system 7."""
+    """Return pymavlink's end of a signed link, as system 7."""
     other = mavlink.MAVLink(None, srcSystem=7, srcComponent=9)
     other.robust_parsing = True
     other.signing.secret_key, other.signing.link_id, other.signing.timestamp = (
@@ -235,7 +234,7 @@ def write_private(file: Path, text: bytes) -> None:
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o644, 0o660, 0o666])
 def test_key_file_that_others_may_use_is_refused(tmp_path: Path, mode: int) -> None:
-    """As ssh does ("UNPROTECTED PRIVATE KEY FILE", sshkey_perm_ok in OpenSSH's authfile.c)."""
+    """ssh refuses such files too ("UNPROTECTED PRIVATE KEY FILE", sshkey_perm_ok in authfile.c)."""
     file = tmp_path / "key"
     file.write_text("under the ice\n")
     file.chmod(mode)
@@ -252,7 +251,7 @@ def test_key_file_that_others_may_use_is_refused(tmp_path: Path, mode: int) -> N
 def test_key_file_is_private_from_its_creation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also where the old file was open to all, or a program that died left half a file behind."""
+    """The new file is private even if the old or a temporary file was readable for all."""
     file, created = tmp_path / "key", []
     half = tmp_path / f".key.{os.getpid()}"
     for old in (file, half):

@@ -1,4 +1,4 @@
-"""A telemetry log as pymavlink's own tool reads it."""
+"""A telemetry log, read by pymavlink's tool."""
 
 import struct
 import subprocess

@@ -34,7 +34,7 @@ from mavlink_io.transport.tcp import ACCEPT_PAUSE_S, MAX_CLIENTS, READ_BYTES
 
 PATIENCE_S = 10.0
 SELECT_LIMIT = 1024
-"""FD_SETSIZE of Linux: `select` takes handle numbers below it."""
+"""FD_SETSIZE of Linux: `select` accepts file descriptors below it."""
 
 
 def free_port(kind: int = socket.SOCK_STREAM) -> int:
@@ -111,7 +111,7 @@ def one_core() -> Iterator[None]:
 
 
 def processor_time_of_eager_waits_s() -> float:
-    """Ten waits of 10 ms for what never arrives; polling for `SPIN_S` each takes up to 50 ms."""
+    """Return the CPU time of ten waits of 10 ms; polling for `SPIN_S` each takes up to 50 ms."""
     port = free_port(socket.SOCK_DGRAM)
     with closing(open_transport(f"udpin:127.0.0.1:{port}")) as transport:
         began_s = time.thread_time()
@@ -261,7 +261,7 @@ def test_bad_address_raises_error_with_syntax(address: str, complaint: str) -> N
 
 @pytest.fixture
 def many_files() -> Iterator[None]:
-    """Let this process have handles that `select` refuses: 1,024 and above."""
+    """Let this process have file descriptors that `select` refuses: 1,024 and above."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard != resource.RLIM_INFINITY and hard < SELECT_LIMIT + 100:
         pytest.skip(f"only {hard} files may be open here")
@@ -271,7 +271,7 @@ def many_files() -> Iterator[None]:
 
 
 class HighHandle:
-    """A transport whose handle has a number beyond those that `select` can watch."""
+    """A transport whose file descriptor is beyond those that `select` accepts."""
 
     def __init__(self, number: int) -> None:
         self.address, self._socket = "high", socket.socket(fileno=number)

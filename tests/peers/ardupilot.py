@@ -1,10 +1,10 @@
-"""ArduPilot's end of its JSON backend, written from libraries/SITL/examples/JSON/readme.md and the
-reader of SIM_JSON.
+"""ArduPilot's end of its JSON backend, in the test.
 
-Nothing of Caribou's is used. What is imitated of ArduPilot: it sends its servos from a port of its
-own, counts a frame when its answer has come, and sends it again when none comes; it takes the last
-whole line of what it has received, and finds its numbers there by searching for text, not by
-parsing JSON."""
+Written from libraries/SITL/examples/JSON/readme.md and the reader of SIM_JSON, without code of
+Caribou. Imitated behaviour of ArduPilot: it sends servos from its own port, counts a frame when the
+answer arrives, and repeats a frame without an answer; it uses the last complete line that it has
+received, and searches that text for the numbers instead of parsing JSON.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +16,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 START_S = 180.0
-"""Until the simulator answers the first frame: on a busy machine it may have to compile its physics
-first."""
+"""Wall time until the simulator answers, in s: it may have to compile its physics first."""
 PATIENCE_S = 30.0
 RESEND_S = 1.0
 NEUTRAL = 1500
 
 
 class Motion(NamedTuple):
-    """What one line told, as ArduPilot understands it."""
+    """Content of one line as ArduPilot parses it."""
 
     timestamp_s: float
     gyro_radps: list[float]
@@ -38,24 +37,23 @@ class Motion(NamedTuple):
 
 
 class ArduPilot:
-    """An ArduPilot that does what the test tells it, one frame after the other."""
+    """An ArduPilot that the test controls frame by frame."""
 
     def __init__(self, port: int, frame_rate_hz: int = 400, channels: int = 16) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._simulator = "127.0.0.1", port
         self._channels, self._frame_rate_hz = channels, frame_rate_hz
         self.count = 0
-        """Of the next frame."""
+        """Rate in the next frame, in Hz."""
 
     def restart(self, frame_rate_hz: int) -> None:
-        """The same program started again: it counts from the beginning, and speaks from another
-        port."""
+        """Restart the program: it counts from the beginning and sends from another port."""
         self._socket.close()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._frame_rate_hz, self.count = frame_rate_hz, 0
 
     def frame(self, pulses_us: Sequence[int] = (), count: int | None = None) -> bytes:
-        """One datagram of servos."""
+        """Send one datagram of servos."""
         magic = {16: 18458, 32: 29569}[self._channels]
         pulses = [*pulses_us, *(NEUTRAL,) * (self._channels - len(pulses_us))]
         number = self.count if count is None else count
@@ -65,7 +63,7 @@ class ArduPilot:
         self._socket.sendto(datagram, self._simulator)
 
     def receive(self, patience_s: float = PATIENCE_S) -> bytes:
-        """One datagram. Raises TimeoutError when none comes."""
+        """Receive one datagram. Raises TimeoutError."""
         self._socket.settimeout(patience_s)
         return self._socket.recv(65536)
 
@@ -91,8 +89,10 @@ class ArduPilot:
 
 
 def read(datagram: bytes) -> Motion:
-    """The last line between two line feeds, searched as ArduPilot does: section, key, then what
-    follows ``":``."""
+    """Parse the last line between two line feeds as ArduPilot does.
+
+    It searches the section, then the key, and reads what follows ``":``.
+    """
     *_, before, line, after = datagram.decode().split("\n")
     assert (before, after) == ("", "")
     return Motion(

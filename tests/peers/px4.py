@@ -1,10 +1,10 @@
-"""PX4's end of its simulator API, written from PX4's documentation and the behaviour of its module
-simulator_mavlink.
+"""PX4's end of its simulator API, in the test.
 
-Nothing of Caribou's is used: pymavlink reads and writes. What is imitated of PX4: it connects by
-TCP and keeps trying; it says HEARTBEAT and asks for HIL_STATE_QUATERNION every 5 ms; it has no time
-of its own, HIL_SENSOR moves its clock, which counts from the first of them; its controls are all
-zero while it is disarmed."""
+Written from PX4's documentation and the behaviour of its module simulator_mavlink, with pymavlink
+and without code of Caribou. Imitated behaviour of PX4: it connects by TCP and keeps trying; it
+sends HEARTBEAT and requests HIL_STATE_QUATERNION every 5 ms; its clock follows HIL_SENSOR and
+counts from the first one; its controls are zero while it is disarmed.
+"""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from pymavlink.dialects.v20 import all as mavlink
 
 PATIENCE_S = 30.0
 START_S = 180.0
-"""Until the simulator listens: on a busy machine it may have to compile its physics first."""
+"""Wall time until the simulator listens, in s: it may have to compile its physics first."""
 TRUTH_INTERVAL_US = 5000
 LOCKSTEP, CUSTOM, ARMED = 1, 1, 128
 
 
 class Instant(NamedTuple):
-    """What came up to one HIL_SENSOR, which is the last of it."""
+    """Messages up to and including one HIL_SENSOR."""
 
     time_us: int
     messages: tuple[Any, ...]
     wall_s: float
-    """When it had come."""
+    """Wall time of arrival, in s."""
 
     @property
     def sensor(self) -> Any:
@@ -39,7 +39,7 @@ class Instant(NamedTuple):
 
 
 class Px4:
-    """A PX4 that does what the test tells it, one HIL_SENSOR after the other."""
+    """A PX4 that the test controls by HIL_SENSOR messages."""
 
     def __init__(self, port: int) -> None:
         self._socket = _connected(port)
@@ -68,7 +68,7 @@ class Px4:
         )
 
     def hear(self, patience_s: float = PATIENCE_S) -> Instant:
-        """Block until HIL_SENSOR, as PX4 does. Raises TimeoutError when none comes."""
+        """Block until HIL_SENSOR arrives, as PX4 does. Raises TimeoutError."""
         messages: list[Any] = []
         until_s = time.monotonic() + patience_s
         while True:
@@ -99,7 +99,7 @@ class Px4:
     def answer(
         self, controls: Sequence[float] = (), *, armed: bool = True, lockstep: bool = True
     ) -> None:
-        """HIL_ACTUATOR_CONTROLS of the clock as it stands."""
+        """Send HIL_ACTUATOR_CONTROLS with the present clock."""
         outputs = [*controls, *(0.0,) * (16 - len(controls))] if armed else [0.0] * 16
         mode, flags = CUSTOM | (ARMED if armed else 0), LOCKSTEP if lockstep else 0
         self._say(self._mavlink.hil_actuator_controls_encode(self._clock_us, outputs, mode, flags))
@@ -107,7 +107,7 @@ class Px4:
     def fly(
         self, count: int, controls: Sequence[float] = (), *, armed: bool = True
     ) -> Iterator[Instant]:
-        """Answer so many instants, each before the next."""
+        """Answer a number of instants, each before the next."""
         for _ in range(count):
             instant = self.hear()
             self.answer(controls, armed=armed)
@@ -121,7 +121,7 @@ class Px4:
 
 
 class UdpPx4(Px4):
-    """PX4 started with -u: it binds, and says nothing before the simulator does."""
+    """PX4 started with -u: it binds, and sends only after the simulator has sent."""
 
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -136,7 +136,7 @@ class UdpPx4(Px4):
 
 
 def _connected(port: int) -> socket.socket:
-    """Try every half a millisecond until somebody listens."""
+    """Try to connect every 0.5 ms until the simulator listens."""
     until_s = time.monotonic() + START_S
     while time.monotonic() < until_s:
         try:

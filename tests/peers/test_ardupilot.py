@@ -1,4 +1,4 @@
-"""The real simulator flown by a peer that behaves as ArduPilot does."""
+"""The real simulator with a peer that behaves like ArduPilot."""
 
 import math
 import signal
@@ -15,12 +15,12 @@ pytestmark = pytest.mark.process
 
 DEEP = "[start]\ndepth_m = 5.0\nheading_deg = 90.0\nspeed_mps = 1.0\n"
 LEFT_TO_STAND = 0.2
-"""Seconds after which an answer that has not come will not come."""
+"""Wall time after which a missing answer is considered absent, in s."""
 
 
 @pytest.fixture(scope="module")
 def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
-    """One simulator for all of this file: a frame number 0 finds a vehicle that begins anew."""
+    """One simulator for this file; frame number 0 restarts the vehicle."""
     scenario, port = tmp_path_factory.mktemp("ardupilot") / "deep.toml", free_port()
     scenario.write_text(DEEP)
     address = f"udpin:127.0.0.1:{port}"
@@ -72,7 +72,7 @@ def test_mandatory_fields_give_the_state(ardupilot: ArduPilot) -> None:
 
 
 def test_position_velocity_attitude_are_consistent(ardupilot: ArduPilot) -> None:
-    """Each is the integral of the next, by the trapezoid rule over 2.5 ms."""
+    """Each quantity is the integral of the next, by the trapezoidal rule over 2.5 ms."""
     motions = ardupilot.fly(800, (1600, 1450, 1732))
     for axis in range(3):
         gone = sum(
@@ -164,7 +164,7 @@ def test_pause_stops_vehicle_time_only(ardupilot: ArduPilot) -> None:
 
 
 def steered(port: int, *pulses_us: int) -> Motion:
-    """After eight seconds with these servos."""
+    """Return the state after eight seconds with these servos."""
     with closing(ArduPilot(port, 100)) as ardupilot:
         return ardupilot.fly(800, pulses_us)[-1]
 

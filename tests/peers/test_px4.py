@@ -1,4 +1,4 @@
-"""The real simulator flown by a peer that behaves as PX4 does."""
+"""The real simulator with a peer that behaves like PX4."""
 
 import math
 import signal
@@ -18,16 +18,18 @@ pytestmark = pytest.mark.process
 
 STEP_US = 4000
 GROUPS = {"accel": 0x07, "gyro": 0x38, "mag": 0x1C0, "baro": 0x1A00}
-"""HIL_SENSOR.fields_updated: PX4 takes each of them whole or not at all."""
+"""HIL_SENSOR.fields_updated: PX4 uses each group completely or not at all."""
 NOTHING_S = 0.15
-"""Seconds after which a frame that has not come is held back: less than PX4 is waited for, many
-steps of the clock."""
+"""Wall time after which a missing frame is considered held back, in s.
+
+It is less than the wait for PX4 and many steps of the clock.
+"""
 DEEP = "[start]\ndepth_m = 5.0\nheading_deg = 90.0\nspeed_mps = 1.0\n"
 
 
 @pytest.fixture(scope="module")
 def port() -> Iterator[int]:
-    """One simulator for all of this file: every connection finds a vehicle that begins anew."""
+    """One simulator for this file; every connection restarts the vehicle."""
     port = free_port(SOCK_STREAM)
     with process(
         "-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}", "--speed", "max"
@@ -47,9 +49,11 @@ def steps_us(instants: list[Instant]) -> set[int]:
 
 
 def is_waited_for(px4: Px4, nth: int = 1) -> bool:
-    """Whether no further frame comes while the n-th is unanswered. One try of three will do: where
-    nobody waits, frames come every few milliseconds, but on a busy machine the peer itself may be
-    too late for the simulator's patience."""
+    """Return whether no further frame comes while the n-th is unanswered.
+
+    One of three attempts is enough: without a wait, frames come every few milliseconds, but on a
+    busy machine the peer may be slower than the simulator's timeout.
+    """
     for _ in range(3):
         for _ in range(nth):
             px4.hear()
@@ -112,8 +116,10 @@ def test_truth_is_sent_at_requested_interval(px4: Px4) -> None:
 
 
 def test_hil_sensor_is_last_message_of_an_instant(px4: Px4) -> None:
-    """PX4 stamps what it hears by the clock as it stands: what is of this instant must not come in
-    the next."""
+    """PX4 stamps received messages with its present clock.
+
+    The messages of an instant must not arrive in the next one.
+    """
     instants = list(px4.fly(250))
     fixes = [
         (instant.time_us, fix.time_usec) for instant in instants if (fix := instant.find("HIL_GPS"))
@@ -142,7 +148,7 @@ def test_before_first_answer_time_follows_wall_clock(px4: Px4) -> None:
 
 @pytest.mark.parametrize("nth", [2, 5])
 def test_every_nth_answer_is_awaited(px4: Px4, nth: int) -> None:
-    """Waiting for each that never comes would take half a second a frame."""
+    """A wait for each missing answer would take half a second per frame."""
     instants = list(px4.fly(20))
     for _ in range(40):
         instants += [px4.hear() for _ in range(nth)]
@@ -203,8 +209,7 @@ def test_without_lockstep_answers_are_not_awaited(px4: Px4) -> None:
 
 @pytest.fixture(scope="module")
 def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
-    """A simulator with options: under water and under way, 100 Hz, outputs of its own, air for a
-    barometer."""
+    """A simulator with options: submerged and moving, 100 Hz, own outputs, air-equivalent barometer."""
     scenario, port = tmp_path_factory.mktemp("px4") / "deep.toml", free_port(SOCK_STREAM)
     scenario.write_text(DEEP)
     options = (
@@ -235,7 +240,7 @@ def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
 def steered(
     port: int, rudder: float = 0.0, elevator: float = 0.0, thrust: float = 0.0, armed: bool = True
 ) -> Instant:
-    """The last instant with truth of eight seconds with these orders."""
+    """Return the last instant with truth after eight seconds with these commands."""
     controls = [0.0] * 6
     controls[3], controls[5], controls[0] = rudder, -elevator, thrust
     with closing(Px4(port)) as px4:
@@ -267,7 +272,7 @@ def test_outputs_steer_as_assigned(deep_port: int) -> None:
 
 
 def test_air_equivalent_barometer_gives_depth(deep_port: int) -> None:
-    """PX4's own formula: the standard atmosphere's, whatever it measures."""
+    """Return the altitude by PX4's formula, that of the standard atmosphere."""
     with closing(Px4(deep_port)) as px4:
         instants = list(px4.fly(20))
     pressure_pa = (

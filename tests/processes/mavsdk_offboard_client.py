@@ -1,5 +1,4 @@
-"""A stock MAVSDK program that steers by streamed set-points: prints one JSON object. Run as a
-program of its own.
+"""A stock MAVSDK program that sends offboard setpoints; prints one JSON object.
 
 Usage: python mavsdk_offboard_client.py udpin://127.0.0.1:PORT
 """

@@ -1,4 +1,4 @@
-"""Attacks and accidents from network, files and terminals: none of them ends a flight."""
+"""Attacks and accidents from network, files and terminals do not end a flight."""
 
 import resource
 import selectors
@@ -30,10 +30,12 @@ from tests.processes.test_autopilot import ARMED, GROUND, VEHICLE, Deck
 pytestmark = pytest.mark.process
 
 FLOOD = 1100
-"""Connections: more than `select` can watch and more files than may usually be open (1,024)."""
+"""Number of connections, above the usual limits of `select` and of open files (1,024)."""
 BATCH = 50
-"""Connections that are begun at once: fewer than the 128 that the system lets wait to be accepted,
-so that it drops none of them by itself."""
+"""Number of connections that are begun at once.
+
+It is below the 128 that the system queues, so that the system drops none of them.
+"""
 USUAL_OPEN_FILES = 1024
 SPARE_FILES = 200
 
@@ -62,7 +64,7 @@ def connect_many(port: int, count: int, stack: ExitStack) -> list[socket.socket]
 
 
 def closed_by_peer(sockets: list[socket.socket], patience_s: float) -> int:
-    """How many connections the other end has closed within that time."""
+    """Return how many connections the other end closes within a time."""
     closed, deadline_s = 0, time.monotonic() + patience_s
     with selectors.DefaultSelector() as selector:
         for connection in sockets:
@@ -82,7 +84,7 @@ def closed_by_peer(sockets: list[socket.socket], patience_s: float) -> int:
 
 
 class FloodDeck(Deck):
-    """An autopilot with the usual limit of open files, between a simulator and a ground station."""
+    """Start an autopilot with the usual limit of open files, a simulator and a ground station."""
 
     def __init__(self, child: Process, hil_port: int, ground_port: int) -> None:
         super().__init__(child, hil_port, ground_port)
@@ -121,7 +123,7 @@ def test_connection_flood_leaves_the_first_client_served(flood_deck: FloodDeck) 
 
 
 def set_parameter(deck: Deck, name: str, value: float) -> None:
-    """Send PARAM_SET as it is: the project's own client checks the value before."""
+    """Send PARAM_SET without the check of the project's own client."""
     deck.ground.endpoint.send(
         "PARAM_SET",
         target_system=1,
@@ -189,7 +191,7 @@ def test_sample_with_impossible_time_is_rejected(tmp_path: Path, time_us: int) -
 
 
 def attitudes(folder: Path) -> int:
-    """How many attitudes the one log of a folder holds; fails where the log was not finished."""
+    """Return the number of attitudes in the one log of a folder; fail if it was not finished."""
     (path,) = folder.glob("*.mcap")
     assert path.read_bytes()[-len(MAGIC) :] == MAGIC
     with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""The autopilot as a process: the lockstep contract, its links, its signals, its complaints."""
+"""The autopilot as a process: lockstep contract, links, signals and error messages."""
 
 import signal
 import socket
@@ -34,7 +34,7 @@ ARMED = 128
 
 
 class Simulator:
-    """The far end of the HIL link."""
+    """The other end of the HIL link."""
 
     def __init__(self, port: int) -> None:
         self._transport = open_transport(f"udpout:127.0.0.1:{port}")
@@ -60,7 +60,7 @@ class Simulator:
 
 
 class Ground:
-    """A ground station on a TCP link, which loses nothing."""
+    """A ground station on a TCP link, which is lossless."""
 
     def __init__(self, port: int) -> None:
         self.transport: Transport = open_transport(f"tcp:127.0.0.1:{port}")

@@ -1,5 +1,4 @@
-"""From a vehicle's file to a model: tests designed, flown and fitted by the command line, and none
-of them lost."""
+"""From a vehicle file to a model: tests are designed, flown and fitted by the command line."""
 
 import json
 import subprocess

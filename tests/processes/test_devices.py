@@ -1,5 +1,4 @@
-"""The vehicle's devices through the wire: what a dive's log holds of them, under their own
-component ids."""
+"""The vehicle's devices over the wire: their messages in a dive's log, by component id."""
 
 from pathlib import Path
 from typing import Any
@@ -30,7 +29,7 @@ surface = true
 
 
 def logged(path: Path) -> dict[str, list[Any]]:
-    """Every message by topic."""
+    """Return all messages by topic."""
     messages: dict[str, list[Any]] = {}
     with path.open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
@@ -42,7 +41,7 @@ def logged(path: Path) -> dict[str, list[Any]]:
 
 @pytest.fixture(scope="module")
 def dive(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
-    """A dive of the field vehicle with encoders at her duct."""
+    """Fly a dive of the field vehicle with encoders at its duct."""
     folder = tmp_path_factory.mktemp("devices")
     vehicle, script = folder / "vehicle.toml", folder / "devices.toml"
     shipped = Path(config.__file__).with_name("caribou_truth.toml").read_text(encoding="utf-8")
@@ -79,7 +78,7 @@ def test_log_contains_discharging_battery(dive: dict[str, list[Any]]) -> None:
 
 
 def test_log_contains_measured_duct_deflection(dive: dict[str, list[Any]]) -> None:
-    """The field vehicle's rudder stands 6 deg to the side of its command, of 15 deg of travel."""
+    """The field vehicle's rudder is 6 deg off its command, of 15 deg of travel."""
     commanded = np.median(
         [m.actuator[0] for m in dive["/mavlink/1/1/ACTUATOR_OUTPUT_STATUS"][20:-20]]
     )
@@ -90,7 +89,7 @@ def test_log_contains_measured_duct_deflection(dive: dict[str, list[Any]]) -> No
 
 
 def test_altimeter_plus_depth_is_water_depth(dive: dict[str, list[Any]]) -> None:
-    """Pitched, the echo of the beam that is 3 deg to either side comes slantwise."""
+    """In a pitched vehicle, the echo within the beam's half-width of 3 deg is slanted."""
     depths_m = {m.time_boot_ms: m.z for m in dive["/mavlink/1/1/LOCAL_POSITION_NED"]}
     slants_rad = {
         m.time_boot_ms: max(0.0, abs(m.pitch) - np.radians(3.0))

@@ -1,5 +1,4 @@
-"""Faults through real processes: a scenario of every kind in one dive, and a stock client that
-orders its own."""
+"""Faults in real processes: a scenario with every kind in one dive, and injection by a client."""
 
 import json
 import signal
@@ -54,8 +53,10 @@ EVERY = [
     ),
     "link off",
 ]
-"""In turns, so that a unit has recovered when its next fault comes; what falls into the link's
-silence nobody hears."""
+"""Faults in turns, so that a unit recovers before its next fault.
+
+Texts during the link's silence are lost.
+"""
 FIRST_S, APART_S, LASTING_S = 5.0, 0.9, 1.6
 TELL_ONLY = {"FS_LEAK_ACT": 0.0, "FS_PRESS_ACT": 0.0, "FS_BATT_ACT": 0.0, "TRIM_RUD_DEG": 6.0}
 
@@ -75,7 +76,7 @@ def scenario_of_every_fault(file: Path) -> None:
 
 
 def texts(log: Path, component: int) -> list[str]:
-    """The STATUSTEXTs of a component, as the log holds them."""
+    """Return the STATUSTEXTs of a component in the log."""
     with log.open("rb") as file:
         return [
             dialect.by_name("STATUSTEXT").unpack(message.data).text
@@ -88,13 +89,12 @@ class Dive(NamedTuple):
     flown: flight.FlightResult
     truth: Path
     heard: list[str]
-    """By the stock client, beside the one that flew her."""
+    """Texts that the stock client received, beside the program that flew the vehicle."""
 
 
 @pytest.fixture(scope="module")
 def dive(tmp_path_factory: pytest.TempPathFactory) -> Dive:
-    """One dive through every fault at full speed, recorded by ground while a MAVSDK program
-    listens."""
+    """Fly one dive with every fault at full speed, recorded by ground and by a MAVSDK program."""
     folder = tmp_path_factory.mktemp("dive")
     sea, script, vehicle, truth = (
         folder / name for name in ("sea.toml", "faults.toml", "vehicle.toml", "truth.mcap")
@@ -137,7 +137,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Dive:
 
 
 def every_fault(texts: list[str], prefix: str) -> list[str]:
-    """The faults that texts tell of, as they come."""
+    """Return the faults in the texts, in order."""
     return [text.removeprefix(prefix) for text in texts if text.startswith(prefix)]
 
 

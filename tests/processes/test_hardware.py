@@ -1,6 +1,6 @@
-"""Hardware in the loop: the sea on one serial line, ground on another, nobody waiting for anybody.
+"""Hardware in the loop: the simulator on one serial line, ground on another, without lockstep.
 
-The voyages run on the wall clock; so they run side by side.
+The dives run on the wall clock, and therefore in parallel.
 """
 
 import json
@@ -46,7 +46,7 @@ SERVO_1, DUCT = 33, 140
 
 
 class Truth(NamedTuple):
-    """What really happened, a row a tick."""
+    """The true state, one row per tick."""
 
     rows: list[Any]
 
@@ -71,7 +71,7 @@ class Rig(NamedTuple):
     truth: Path
 
     def stop(self) -> tuple[str, str]:
-        """What the two said on stderr, having ended well."""
+        """End both programs; return their output on stderr."""
         said = []
         for child in (self.autopilot, self.sea):
             child.signal(15)
@@ -136,13 +136,13 @@ def fly(folder: Path, hil_baud: int, ground_baud: int) -> Flown:
 
 
 class Interrupted(NamedTuple):
-    """A dive whose HIL line was pulled out and put back."""
+    """A dive whose HIL line was unplugged and replugged."""
 
     texts: list[str]
     armed: bool
     said: tuple[str, str]
     depths_m: tuple[float, float]
-    """Told before the line was pulled, and at the end."""
+    """Texts before the line was unplugged, and at the end."""
     truth: Truth
 
 
@@ -193,9 +193,9 @@ class OnTheBench(NamedTuple):
 
     told: list[str]
     duct: float
-    """Where ground heard the duct to stand."""
+    """Duct deflections that ground received."""
     released_s: float
-    """How long after the autopilot died the duct was straight again."""
+    """Time from the autopilot's end until the duct was centred, in s."""
 
 
 def try_example(folder: Path) -> OnTheBench:
@@ -224,7 +224,7 @@ def try_example(folder: Path) -> OnTheBench:
 
 
 def begin_test(ground: Endpoint, rudder: float, seconds: float) -> None:
-    """ACTUATOR_TEST of the rudder."""
+    """Send ACTUATOR_TEST for the rudder."""
     ground.send(
         "COMMAND_LONG",
         target_system=1,
@@ -242,7 +242,7 @@ def begin_test(ground: Endpoint, rudder: float, seconds: float) -> None:
 
 
 def hear(ground: Endpoint, told: list[str], wanted: Callable[[Any], bool]) -> Any:
-    """The first frame that is wanted; texts that come before it are told."""
+    """Return the first matching frame; store the texts that come before it."""
     deadline_s = time.monotonic() + 30.0
     while time.monotonic() < deadline_s:
         for frame in ground.receive():
@@ -255,7 +255,7 @@ def hear(ground: Endpoint, told: list[str], wanted: Callable[[Any], bool]) -> An
 
 
 class Scenes(NamedTuple):
-    """All voyages, under way at once."""
+    """Run all dives at once."""
 
     wide: Future[Flown]
     narrow: Future[Flown]

@@ -1,4 +1,4 @@
-"""The serial cable that other tests rely on: as slow, as lossy and as unreliable as it claims."""
+"""The serial cable of other tests: its rate, its noise and its plugs behave as configured."""
 
 import os
 import time
@@ -19,7 +19,7 @@ def opened(device: str) -> serial.Serial:
 
 
 def heard(port: serial.Serial) -> bytes:
-    """All that arrives until the line is quiet."""
+    """Return all bytes that arrive until the line is quiet."""
     parts = []
     while part := port.read(65_536):
         parts.append(part)

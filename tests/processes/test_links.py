@@ -1,5 +1,4 @@
-"""Links between real processes: signed ones, and a serial cable that is slow, pulled out and put
-back."""
+"""Links between real processes: signed links, and a serial cable that is slow and unplugged."""
 
 import contextlib
 import itertools
@@ -30,7 +29,7 @@ PATIENCE_S = 30.0
 
 @pytest.fixture
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder in which the programs of a test keep what they know at their next start."""
+    """The folder with the stored state of a test's programs."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "caribou"
 

@@ -1,4 +1,4 @@
-"""What a test tells is shown while she flies, and stands in the result."""
+"""The estimate of a test is shown during the flight and is part of the result."""
 
 import json
 import subprocess

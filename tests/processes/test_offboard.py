@@ -1,4 +1,4 @@
-"""MAVSDK's own offboard plugin steers her by attitude, depth and place, and sends her home."""
+"""MAVSDK's offboard plugin controls attitude, depth and position, and starts the return."""
 
 import json
 from pathlib import Path

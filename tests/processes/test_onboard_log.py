@@ -1,5 +1,4 @@
-"""What the vehicle records herself, with real processes: a dive without any link, downloads that
-break off, kills."""
+"""The vehicle's own log, with real processes: a dive without a link, broken downloads, kills."""
 
 import json
 import random
@@ -30,7 +29,7 @@ from tests.processes.test_autopilot import Deck
 pytestmark = pytest.mark.process
 
 LONGEST_S = 200.0
-"""For a dive or a fit, on a machine that has much else to do."""
+"""Wall time for a dive or a fit on a busy machine, in s."""
 
 MISSION = """
 name = "one test of each"
@@ -98,7 +97,7 @@ def ask(*words: str) -> dict[str, Any]:
 
 
 def until_finished(board: Path) -> Path:
-    """The log on board, once the vehicle has ended it."""
+    """Return the log on the vehicle, after the vehicle has ended it."""
     deadline = time.monotonic() + LONGEST_S
     while time.monotonic() < deadline:
         for path in board.glob("*.mcap"):
@@ -136,7 +135,7 @@ def test_dive_without_link_is_recorded_and_identified(
 
 
 def refitted(log: Path) -> dict[str, float]:
-    """What a log alone makes of the vehicle, by the fit that is done in a moment."""
+    """Return the model from a log alone, by the fast fit."""
     out = log.with_suffix(".json")
     finished = ground("refit", str(log), "--method", "paper", "--out", str(out))
     assert finished.status == 0, finished.stderr
@@ -151,7 +150,7 @@ def refitted(log: Path) -> dict[str, float]:
 
 @contextmanager
 def moored(folder: Path, *bytes_on_board: int, links: tuple[str, ...] = ()) -> Iterator[str]:
-    """The address of a vehicle with logs of these sizes, that do not compress."""
+    """Return the address of a vehicle with incompressible logs of these sizes."""
     folder.mkdir()
     for number, size in enumerate(bytes_on_board, 1):
         (folder / f"{number:05d}-20260131T120000Z.mcap").write_bytes(content(number, size))

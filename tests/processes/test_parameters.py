@@ -1,5 +1,4 @@
-"""Parameters through other people's programs: fetched as one file, and kept from one start to the
-next."""
+"""Parameters with third-party programs: download as one file, and storage over restarts."""
 
 import json
 from pathlib import Path

@@ -26,7 +26,7 @@ TICK_US = 20_000
 
 
 class Peer:
-    """Binds as the autopilot does; hears datagrams and answers them when told to."""
+    """Bind as the autopilot does; receive datagrams and answer them on request of the test."""
 
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -36,7 +36,7 @@ class Peer:
         self.address = f"udpout:127.0.0.1:{self._socket.getsockname()[1]}"
 
     def hear(self) -> tuple[int, bytes]:
-        """(vehicle time, datagram) of the next datagram, which holds exactly one HIL_SENSOR."""
+        """Return vehicle time and datagram of the next datagram; it must contain one HIL_SENSOR."""
         datagram, self._from = self._socket.recvfrom(65_535)
         times = [
             frame.decode().time_usec
@@ -47,8 +47,7 @@ class Peer:
         return times[0], datagram
 
     def hear_of(self, time_us: int) -> bytes:
-        """The next datagram of a vehicle time; those of earlier times, sent again, are passed
-        over."""
+        """Return the next datagram of a vehicle time; ignore repeated earlier ones."""
         while (heard := self.hear())[0] != time_us:
             assert heard[0] < time_us
         return heard[1]
@@ -59,7 +58,7 @@ class Peer:
         self._socket.sendto(encode(CONTROLS, frame, 0, 1, 1), self._from)
 
     def fly(self, ticks: int, start_us: int = 0) -> list[bytes]:
-        """Answer so many ticks; their datagrams."""
+        """Answer a number of ticks; return their datagrams."""
         datagrams = []
         for time_us in range(start_us, start_us + ticks * TICK_US, TICK_US):
             datagrams.append(self.hear_of(time_us))
@@ -100,7 +99,7 @@ def sitl() -> Iterator[Start]:
 
 
 def flown(sitl: Start, fly: Callable[[Peer], list[bytes]], *arguments: str) -> list[bytes]:
-    """What a fresh simulator sent during a flight."""
+    """The datagrams that a new simulator sent during a flight."""
     with closing(Peer()) as peer:
         sitl("--hil", peer.address, "--speed", "max", *arguments)
         return fly(peer)
@@ -197,7 +196,7 @@ def test_killed_run_keeps_truth_to_last_flush(sitl: Start, peer: Peer, tmp_path:
 
 
 def truth_times(log: Path) -> list[int]:
-    """Vehicle times of the messages of a log that may have no end."""
+    """Return the vehicle times of the messages of a log that may be unfinished."""
     times: list[int] = []
     with log.open("rb") as file, suppress(EndOfFile):
         records = StreamReader(file).records

@@ -15,7 +15,7 @@ from tests.helpers.subprocesses import Finished, autopilot, free_port, process
 pytestmark = pytest.mark.process
 
 LONGEST_S = 200.0
-"""For one command, on a machine that has much else to do."""
+"""Wall time for one command on a busy machine, in s."""
 SPEED = "5"
 MISSION = """
 name = "long"
@@ -38,7 +38,7 @@ def ground(*words: str) -> Finished:
 
 @pytest.fixture
 def address() -> Iterator[str]:
-    """The ground link of a vehicle whose simulated sea outlives every ground program."""
+    """The ground link of a vehicle whose simulator runs longer than every ground program."""
     hil, link = free_port(), free_port(socket.SOCK_STREAM)
     sea = ("-m", "sitl", "--hil", f"udpout:127.0.0.1:{hil}", "--speed", SPEED, "--wait-for-arm")
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{link}"), process(*sea):

@@ -1,4 +1,4 @@
-"""``ground fly`` ends by itself, with a reason, where the vehicle cannot surface as it should."""
+"""``ground fly`` ends with a reason if the vehicle cannot surface."""
 
 from pathlib import Path
 

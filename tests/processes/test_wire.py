@@ -1,5 +1,4 @@
-"""The whole vehicle through the wire: signs as ground sees them, speed as the simulator's own log
-tells it."""
+"""The whole vehicle over the wire: signs as ground receives them, speed by the truth log."""
 
 import json
 from pathlib import Path
@@ -75,7 +74,7 @@ def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_
 def test_58_percent_thrust_gives_1_30_mps_in_steady_level_flight(
     vehicle: str, tmp_path: Path
 ) -> None:
-    """Within 1 %, as the simulator's truth log has it: the vehicle's own speed is an estimate."""
+    """Compare the speed of the truth log within 1 %; the vehicle's own speed is an estimate."""
     script = tmp_path / "level.toml"
     script.write_text(LEVEL)
     truth = tmp_path / "truth.mcap"

@@ -1,4 +1,4 @@
-"""Files of our own writer, read by the MCAP project's library with every checksum verified."""
+"""Files of McapWriter, read by the MCAP project's library with every checksum verified."""
 
 import contextlib
 import io

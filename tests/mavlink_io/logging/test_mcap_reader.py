@@ -1,4 +1,4 @@
-"""The reader gives what the MCAP project's library reads, and names what is damaged."""
+"""McapReader gives the same items as the MCAP project's library, and reports damage."""
 
 import io
 import struct
@@ -52,7 +52,7 @@ def written(**how: object) -> bytes:
 
 
 def written_by_us(chunks: int = 3, finish: bool = True) -> bytes:
-    """``COUNT`` messages in so many chunks; all definitions are in the first."""
+    """Return a file with ``COUNT`` messages in chunks; all definitions are in the first chunk."""
     file = io.BytesIO()
     writer = McapWriter(file, "", "a test")
     schema = writer.register_schema("Number", "ros1msg", b"uint8 number\n")
@@ -77,7 +77,7 @@ def values(items: Iterable[McapItem]) -> list[int]:
 
 
 def place(data: bytes, opcode: int, number: int = 0) -> int:
-    """Where the content of a record of the data section begins; records follow each other."""
+    """Return the position of the content of a record of the data section."""
     at = 8
     while True:
         kind, length = struct.unpack_from("<BQ", data, at)
@@ -148,7 +148,7 @@ def test_reader_lost_channels_without_summary_lose_messages() -> None:
 
 
 def test_reader_broken_record_length_keeps_later_chunks() -> None:
-    """The length of a message index, which is 8 bytes ahead of its content."""
+    """The length of a message index is 8 bytes before its content."""
     data = written_by_us()
     for bit in range(20):
         at = place(data, 7) - 8 + bit // 8
@@ -158,7 +158,7 @@ def test_reader_broken_record_length_keeps_later_chunks() -> None:
 
 
 def test_reader_unknown_compression_is_reported() -> None:
-    """Records of private kinds, from 0x80 on, are legal, and a reader steps over them."""
+    """Private record types, from 0x80 on, are legal, and a reader skips them."""
     data = written_by_us()
     items, reader = read(changed(data, place(data, 6, 1) - 9, 0x80))
     assert values(items) == [*range(30), *range(60, 90)]
@@ -181,7 +181,7 @@ def test_reader_damaged_summary_keeps_messages() -> None:
 
 
 def test_reader_missing_chunk_differs_from_statistics() -> None:
-    """No data checksum and no index; the second chunk became a record that readers skip."""
+    """The file has no data checksum and no index; readers skip the second chunk's record."""
     data = written(chunk_size=200, index_types=IndexType.NONE)
     _, reader = read(changed(data, place(data, 6, 1) - 9, 0x80))
     assert "its statistics say 90" in format_damage(reader)

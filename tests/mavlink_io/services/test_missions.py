@@ -1,5 +1,4 @@
-"""The mission protocol: whole or not at all, over links that lose messages, against pymavlink's
-reading of the wire."""
+"""The mission protocol over lossy links, with pymavlink as the reference of the wire format."""
 
 import math
 from typing import Any
@@ -76,7 +75,7 @@ class Sea:
         down: Wire | None = None,
         **fields: Any,
     ) -> list[Any]:
-        """Send one raw message; what the vehicle answers on the link ``down``, decoded."""
+        """Send one raw message; return the vehicle's decoded answers on the link ``down``."""
         wire, down = Wire(sender), down or self.down
         wire.send(name, **{"target_system": 1, "target_component": 1, **fields})
         for frame in wire.take():
@@ -112,7 +111,7 @@ def leg(count: int = 4) -> list[MissionItem]:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Equal field by field, NaN being equal to NaN."""
+    """Compare field by field; NaN equals NaN."""
     return repr(tuple(a)) == repr(tuple(b))
 
 
@@ -180,7 +179,7 @@ def test_mission_second_uploader_is_denied() -> None:
 
 
 def test_mission_second_uploader_with_same_ids_is_denied() -> None:
-    """Every MAVSDK program is 245/190."""
+    """Every MAVSDK program has the ids 245/190."""
     sea, elsewhere = Sea(), Wire(VEHICLE)
     sea.ask("MISSION_COUNT", count=1, mission_type=0)
     (denied,) = sea.ask("MISSION_COUNT", down=elsewhere, count=9, mission_type=0)

@@ -1,4 +1,4 @@
-"""The packed parameter list, read by pymavlink's own decoder."""
+"""The packed parameter file, read by pymavlink's decoder."""
 
 import string
 

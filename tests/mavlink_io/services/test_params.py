@@ -1,4 +1,4 @@
-"""The parameter protocol, over links that lose messages."""
+"""The parameter protocol over lossy links."""
 
 import math
 from typing import Any
@@ -21,7 +21,7 @@ from tests.helpers.lossy_link import GROUND, VEHICLE, Lost, Wire, nothing, settl
 
 
 class Table:
-    """Fifty parameters that take 0 to 10."""
+    """Fifty parameters with the range 0 to 10."""
 
     def __init__(self) -> None:
         self.values = {f"P_{n:02}": n / 10 for n in range(50)}

@@ -1,5 +1,4 @@
-"""Downloads over a link that loses messages: all arrives, and what is there at any moment is the
-file's beginning."""
+"""FTP downloads over a lossy link are complete, and contiguous at any moment."""
 
 import io
 import random
@@ -24,7 +23,7 @@ QUIET = settings(max_examples=40, suppress_health_check=[HealthCheck.function_sc
 
 
 class Rig:
-    """A client and a server with a seeded share of losses each way."""
+    """A client and a server with a seeded loss rate in each direction."""
 
     def __init__(self, files: dict[str, bytes], share: float = 0.0, seed: int = 0) -> None:
         chance = random.Random(seed)
@@ -58,7 +57,7 @@ def test_ftp_download_resumed_is_complete(size: int, start: int, share: float, s
 
 
 class Prefix(io.BytesIO):
-    """Accepts nothing but what comes next."""
+    """A sink that accepts only the next bytes of the file."""
 
     def __init__(self, content: bytes, start: int) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The file server, asked in pymavlink's own packing of the FTP payload."""
+"""The file server with requests in pymavlink's packing of the FTP payload."""
 
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ def error(name: str) -> bytes:
 
 
 def build(folder: Path) -> FileServer:
-    """A server of one folder, beside which a secret lies."""
+    """A server of one folder with a secret file beside the folder."""
     logs = folder / "logs"
     (logs / "inner").mkdir(parents=True, exist_ok=True)
     (logs / "one.mcap").write_bytes(CONTENT)
@@ -50,7 +50,7 @@ def build(folder: Path) -> FileServer:
 
 
 class Client:
-    """Asks, and reads the answers."""
+    """A client that sends requests and reads the answers."""
 
     def __init__(self, server: FileServer, party: tuple[int, int] = GROUND) -> None:
         self.server, self.party = server, party
@@ -226,8 +226,7 @@ def test_ftp_checksum_equals_mavlink_crc32(client: Client) -> None:
 
 
 def bitwise_crc(data: bytes) -> int:
-    """Polynomial 0x04C11DB7 reflected, start 0, no final inversion:
-    mavlink.io/en/guide/crc.html."""
+    """Reflected polynomial 0x04C11DB7, start 0, no inversion (mavlink.io/en/guide/crc.html)."""
     crc = 0
     for byte in data:
         crc ^= byte
@@ -255,7 +254,7 @@ def test_ftp_repeated_request_gets_same_answer(client: Client, tmp_path: Path, n
 
 @pytest.mark.parametrize("party", [(255, 190), GROUND])
 def test_ftp_sessions_are_separate_per_client(tmp_path: Path, party: tuple[int, int]) -> None:
-    """Also those of the same ids on two links."""
+    """Clients with the same ids on two links have separate sessions too."""
     server = build(tmp_path)
     one, other = Client(server), Client(server, party)
     one.ask("OPENFILERO", b"/logs/one.mcap")
@@ -302,7 +301,7 @@ def test_ftp_server_closes_files(client: Client) -> None:
 
 
 def open_files() -> int:
-    """Of this process, where the system tells; 0 where it does not."""
+    """Return the open files of this process; 0 if the system does not report them."""
     listing = Path("/proc/self/fd")
     return len(list(listing.iterdir())) if listing.exists() else 0
 

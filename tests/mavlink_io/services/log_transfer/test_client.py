@@ -1,4 +1,4 @@
-"""The LOG_* client against the LOG_* server, over a link that loses messages."""
+"""The LOG_* client with the LOG_* server over a lossy link."""
 
 import io
 import random

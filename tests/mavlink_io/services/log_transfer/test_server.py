@@ -1,5 +1,4 @@
-"""The LOG_* service as MAVProxy and MAVSDK use it, over links that lose messages and over such that
-are full."""
+"""The LOG_* server with requests of MAVProxy and MAVSDK, over lossy and full links."""
 
 import random
 from collections.abc import Callable, Sequence
@@ -190,8 +189,7 @@ def test_log_data_with_losses_is_completed_by_clients(
 
 
 def as_mavproxy(client: Client, size: int) -> bytes:
-    """Ask for all, then for up to 20 gaps at a time and for what follows, until a message that is
-    not full."""
+    """Request everything, then up to 20 gaps at a time, until a LOG_DATA that is not full."""
     parts: dict[int, bytes] = {}
     client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
     for _ in range(200):
@@ -210,7 +208,7 @@ def as_mavproxy(client: Client, size: int) -> bytes:
 
 
 def as_mavsdk(client: Client, size: int) -> bytes:
-    """Ask for chunks of 512 messages, and for the first gap of a chunk until there is none."""
+    """Request chunks of 512 messages, and the first gap of a chunk until there is none."""
     data = b""
     while len(data) < size:
         bins = (min(512 * 90, size - len(data)) + 89) // 90
