@@ -109,7 +109,7 @@ def test_udpout_host_name_is_resolved_to_its_ipv4_address(ground: socket.socket)
 def test_udpout_without_a_network_waits_for_one(
     ground: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """connect() fails without a route (ENETUNREACH), as when a vehicle starts before the network."""
+    """connect() fails without a route (ENETUNREACH), as before the network is up."""
     up = [False]
     connect = socket.socket.connect
 

@@ -209,7 +209,7 @@ def test_without_lockstep_answers_are_not_awaited(px4: Px4) -> None:
 
 @pytest.fixture(scope="module")
 def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
-    """A simulator with options: submerged and moving, 100 Hz, own outputs, air-equivalent barometer."""
+    """A simulator with options: in motion, 100 Hz, own outputs, air-equivalent barometer."""
     scenario, port = tmp_path_factory.mktemp("px4") / "deep.toml", free_port(SOCK_STREAM)
     scenario.write_text(DEEP)
     options = (
