@@ -80,12 +80,12 @@ async def serve(address: str) -> None:
     while line := await asyncio.to_thread(sys.stdin.readline):
         name, *words = line.split()
         try:
-            told = {"result": await asyncio.wait_for(ORDERS[name](client, *words), PATIENCE_S)}
+            answer = {"result": await asyncio.wait_for(ORDERS[name](client, *words), PATIENCE_S)}
         except MavsdkError as error:
-            told = {"result": error.result.name}
+            answer = {"result": error.result.name}
         except TimeoutError:
-            told = {"result": "nothing came of it"}
-        print(json.dumps(told), flush=True)
+            answer = {"result": "nothing came of it"}
+        print(json.dumps(answer), flush=True)
 
 
 if __name__ == "__main__":

@@ -66,9 +66,9 @@ class Person:
             require(time.monotonic() < deadline_s, what)
 
     def latest(self, name: str) -> dict[str, Any]:
-        heard = self.console.messages()
-        require(name in heard, f"{name} was never heard")
-        return heard[name][1]
+        received = self.console.messages()
+        require(name in received, f"{name} was never heard")
+        return received[name][1]
 
 
 Check = Callable[[Person], None]
@@ -220,7 +220,9 @@ def dives(p: Person) -> None:
         require(time.monotonic() < deadline_s, "is never 1.5 m down")
     time.sleep(max(0.0, began_s + STREAMS_COUNTED_S - time.monotonic()))
     p.counted, p.counted_s = p.console.messages(), time.monotonic() - began_s
-    then_ms, now_ms = (heard["ATTITUDE"][1]["time_boot_ms"] for heard in (p.before, p.counted))
+    then_ms, now_ms = (
+        received["ATTITUDE"][1]["time_boot_ms"] for received in (p.before, p.counted)
+    )
     p.counted_vehicle_s = (now_ms - then_ms) / 1e3
 
 
@@ -229,7 +231,7 @@ def stream(name: str) -> Check:
 
     def check(p: Person) -> None:
         require(name in p.counted, "was never heard")
-        sense, heard = SENSES[name], {key: fields for key, (_, fields) in p.counted.items()}
+        sense, received = SENSES[name], {key: fields for key, (_, fields) in p.counted.items()}
         span_s = p.counted_s if name == "HEARTBEAT" else p.counted_vehicle_s
         come = p.counted[name][0] - p.before.get(name, (0, {}))[0]
         two_speak = (
@@ -241,8 +243,8 @@ def stream(name: str) -> Check:
             and not sense.must_be_asked_for(slow=p.slow)
         ):
             check_rate(name, come / span_s, slow=p.slow)
-        if not (two_speak and math.isnan(heard[name]["x"])):
-            sense.check(heard[name], heard)
+        if not (two_speak and math.isnan(received[name]["x"])):
+            sense.check(received[name], received)
 
     check.__name__ = f"stream_{name}"
     return check
@@ -352,12 +354,12 @@ def clears_the_mission(p: Person) -> None:
 
 
 def never_sees_a_breach_or_a_lost_link(p: Person) -> None:
-    said = [
+    texts = [
         words
         for words in ("breach", "link 1 down", "no link", "Time has wrapped", "Traceback")
         if words in p.console.said
     ]
-    equal(said, [], "what should never be said")
+    equal(texts, [], "what should never be said")
 
 
 def keeps_a_log_that_pymavlink_reads(p: Person) -> None:
@@ -446,13 +448,14 @@ if __name__ == "__main__":
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--slow", action="store_true")
     parser.add_argument("--short", action="store_true")
-    asked = parser.parse_args()
-    console = Console(asked.folder, asked.master, asked.baud)
+    options = parser.parse_args()
+    console = Console(options.folder, options.master, options.baud)
     try:
-        found = carry_out(
-            SHORT if asked.short else EVERY, Person(console, speed=asked.speed, slow=asked.slow)
+        results = carry_out(
+            SHORT if options.short else EVERY,
+            Person(console, speed=options.speed, slow=options.slow),
         )
     finally:
         console.close()
-    (asked.folder / "said.txt").write_text(console.said)
-    print(report(found), flush=True)
+    (options.folder / "said.txt").write_text(console.said)
+    print(report(results), flush=True)

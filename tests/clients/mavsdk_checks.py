@@ -801,10 +801,13 @@ if __name__ == "__main__":
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--slow", action="store_true")
     parser.add_argument("--short", action="store_true")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     found = asyncio.run(
         carry_out(
-            SHORT if asked.short else EVERY, asked.address, speed=asked.speed, slow=asked.slow
+            SHORT if options.short else EVERY,
+            options.address,
+            speed=options.speed,
+            slow=options.slow,
         )
     )
     print(report(found), flush=True)

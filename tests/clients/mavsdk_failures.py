@@ -67,9 +67,9 @@ class Ears:
         }
 
 
-async def until(wanted: Any, patience_s: float = PATIENCE_S) -> bool:
+async def until(condition: Any, patience_s: float = PATIENCE_S) -> bool:
     deadline_s = time.monotonic() + patience_s
-    while not wanted():
+    while not condition():
         if time.monotonic() > deadline_s:
             return False
         await asyncio.sleep(0.05)

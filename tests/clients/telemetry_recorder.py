@@ -28,13 +28,13 @@ Fields = dict[str, Any]
 
 
 async def first(
-    stream: Any, wanted: Callable[[Any], bool] = lambda value: True, within_s: float = PATIENCE_S
+    stream: Any, condition: Callable[[Any], bool] = lambda value: True, within_s: float = PATIENCE_S
 ) -> Any:
     """Return the first value of a subscription that meets a condition. Raises TimeoutError."""
 
     async def take() -> Any:
         async for value in stream:
-            if wanted(value):
+            if condition(value):
                 return value
 
     return await asyncio.wait_for(take(), within_s)
@@ -111,12 +111,12 @@ class Client:
     async def next(
         self,
         name: str,
-        wanted: Callable[[Fields], bool] = lambda fields: True,
+        condition: Callable[[Fields], bool] = lambda fields: True,
         within_s: float = PATIENCE_S,
     ) -> Fields:
         """Return the next message of a name. Raises TimeoutError."""
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
-        entry = name, wanted, future
+        entry = name, condition, future
         self._waiting.append(entry)
         try:
             return await asyncio.wait_for(future, within_s)
@@ -132,15 +132,15 @@ class Client:
         )
 
     async def ask(
-        self, answer: str, wanted: Callable[[Fields], bool], name: str, **fields: Any
+        self, answer: str, condition: Callable[[Fields], bool], name: str, **fields: Any
     ) -> Fields:
         """Send a message until its answer arrives; ignore further answers. Raises TimeoutError."""
-        waiting, asked = asyncio.create_task(self.next(answer, wanted)), 0
+        waiting, attempts = asyncio.create_task(self.next(answer, condition)), 0
         while not waiting.done():
             await self.send(name, **fields)
-            asked += 1
+            attempts += 1
             await asyncio.wait([waiting], timeout=RETRY_S)
-        if asked > 1:
+        if attempts > 1:
             await asyncio.sleep(RETRY_S)
         return await waiting
 
@@ -149,12 +149,12 @@ class Client:
         number: int,
         name: str,
         parameter: float = 0.0,
-        wanted: Callable[[Fields], bool] = lambda fields: True,
+        condition: Callable[[Fields], bool] = lambda fields: True,
     ) -> Fields:
         """Return a message that REQUEST_MESSAGE asks for; repeat the request until it arrives."""
         return await self.ask(
             name,
-            wanted,
+            condition,
             "COMMAND_LONG",
             target_system=1,
             target_component=AUTOPILOT,

@@ -75,9 +75,11 @@ class Flight:
     trace: Trace = field(default_factory=Trace)
     frame: ActuatorFrame | None = None
 
-    def ask(self, wish: requests.Request) -> int:
-        self.state, answer, said = request_handler.handle_request(self.state, wish, self.config)
-        self.events += said
+    def ask(self, request: requests.Request) -> int:
+        self.state, answer, events = request_handler.handle_request(
+            self.state, request, self.config
+        )
+        self.events += events
         return answer.result
 
     def step(self) -> AutopilotState:
@@ -89,7 +91,9 @@ class Flight:
         self.speed_mps += (steady**2 - self.speed_mps**2) / self.config.speed_length_m * 0.02
         self.depth_m -= self.speed_mps * math.sin(self.pitch) * 0.02
         rates = (0.0, pitch_rate, yaw_rate)
-        seen = None if self.altitude_m is None else Altimeter(time_us, self.altitude_m, 0.3, 30.0)
+        altimeter = (
+            None if self.altitude_m is None else Altimeter(time_us, self.altitude_m, 0.3, 30.0)
+        )
         reading = sensors(
             time_us, pitch=self.pitch, heading=self.heading, depth_m=self.depth_m, rates=rates
         )
@@ -97,20 +101,20 @@ class Flight:
             accel_y_mps2=reading.accel_y_mps2 + yaw_rate * self.speed_mps,
             accel_z_mps2=reading.accel_z_mps2 - pitch_rate * self.speed_mps,
         )
-        inputs = Inputs(turning, None, seen, None)._replace(**self.more)
-        self.state, self.frame, self.trace, said = core.tick(self.state, inputs, self.config)
-        self.events += said
+        inputs = Inputs(turning, None, altimeter, None)._replace(**self.more)
+        self.state, self.frame, self.trace, events = core.tick(self.state, inputs, self.config)
+        self.events += events
         return self.state
 
     def run(self, seconds: float) -> Iterator[AutopilotState]:
         for _ in range(round(seconds * 50)):
             yield self.step()
 
-    def run_until(self, wanted: Callable[[AutopilotState], bool], limit_s: float) -> float:
+    def run_until(self, condition: Callable[[AutopilotState], bool], limit_s: float) -> float:
         """Run until a condition holds and return the vehicle time, in s; fail after the limit."""
         start = self.state.time_us
         for state in self.run(limit_s):
-            if wanted(state):
+            if condition(state):
                 return (state.time_us - start) / 1e6
         raise AssertionError(f"not within {limit_s} s; said: {self.texts()}")
 

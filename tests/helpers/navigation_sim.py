@@ -78,12 +78,14 @@ class Voyage:
         self._rows: list[tuple[float, ...]] = []
         self._frame = self._tick(reading)
 
-    def ask(self, *wishes: requests.Request) -> None:
+    def ask(self, *requests_: requests.Request) -> None:
         """Requests to handle; each must be accepted."""
-        for wish in wishes:
-            self.state, answer, said = request_handler.handle_request(self.state, wish, self.config)
-            self.events += said
-            assert answer.result == ACCEPTED, (wish, answer.text)
+        for request in requests_:
+            self.state, answer, events = request_handler.handle_request(
+                self.state, request, self.config
+            )
+            self.events += events
+            assert answer.result == ACCEPTED, (request, answer.text)
 
     def fly(self, *items: MissionItem) -> None:
         self.ask(
@@ -118,15 +120,15 @@ class Voyage:
         inputs = Inputs(reading.frame, reading.gps, reading.altimeter, None, None, *devices)
         if self.silences:
             inputs = inputs._replace(**self.silences)
-        self.state, frame, self.trace, said = core.tick(self.state, inputs, self.config)
-        self.events += said
+        self.state, frame, self.trace, events = core.tick(self.state, inputs, self.config)
+        self.events += events
         if self.state.time_us % 100_000 == 0:
             self._keep()
         return frame
 
     def _keep(self) -> None:
         """Positions relative to the scenario's origin, which is only near home."""
-        truth, told, home, site = (
+        truth, estimated, home, site = (
             self.body.truth,
             self.state.estimate,
             self.state.home,
@@ -137,15 +139,15 @@ class Voyage:
             north, east = geodetic_to_offset(
                 home.lat_deg, home.lon_deg, site.latitude_deg, site.longitude_deg
             )
-        drift = told.navigation.current_mps
+        drift = estimated.navigation.current_mps
         self._rows.append(
             (
                 self.state.time_us / 1e6,
                 *truth.position_ned_m,
                 euler_from_quaternion(*truth.attitude_q)[2],
-                told.north_m + north,
-                told.east_m + east,
-                told.position_sd_m,
+                estimated.north_m + north,
+                estimated.east_m + east,
+                estimated.position_sd_m,
                 drift.real,
                 drift.imag,
                 self.trace.thrust,

@@ -78,7 +78,7 @@ class _Way:
         Every byte takes the same number of random draws, so that the errors do not depend on how
         the stream was divided.
         """
-        kept = bytearray()
+        received = bytearray()
         for byte in data:
             drop, flip, bit = (
                 self._random.random(),
@@ -86,10 +86,10 @@ class _Way:
                 self._random.randrange(8),
             )
             if drop >= self._noise.drop:
-                kept.append(byte ^ (1 << bit if flip < self._noise.flip else 0))
+                received.append(byte ^ (1 << bit if flip < self._noise.flip else 0))
             self.spoilt += drop < self._noise.drop or flip < self._noise.flip
         self.carried += len(data)
-        return bytes(kept)
+        return bytes(received)
 
 
 class _Port:
@@ -168,18 +168,18 @@ class Line:
         with self._lock:
             wait_s = IDLE_S
             for end, other in (ENDS, ENDS[::-1]):
-                way, source, target = (
+                direction, source, target = (
                     self._ways[end],
                     self._ports[end].master,
                     self._ports[other].master,
                 )
-                due_s = way.due_s()
+                due_s = direction.due_s()
                 if due_s is not None and due_s <= time.monotonic():
-                    way.deliver(target)
+                    direction.deliver(target)
                     due_s = None
                 if due_s is None and source is not None:
-                    way.take(source, time.monotonic())
-                    due_s = way.due_s()
+                    direction.take(source, time.monotonic())
+                    due_s = direction.due_s()
                 if due_s is not None:
                     wait_s = min(wait_s, max(0.0, due_s - time.monotonic()))
             idle = [port.master for port in self._ports.values() if port.master is not None]

@@ -50,12 +50,12 @@ class Process:
     def hear(self, pattern: str) -> re.Match[str]:
         """Read stdout up to the first line that matches."""
         assert self._popen.stdout is not None
-        heard = []
+        output = []
         for line in self._popen.stdout:
-            heard.append(line)
+            output.append(line)
             if match := re.search(pattern, line):
                 return match
-        raise AssertionError(f"{pattern!r} was never said in:\n{''.join(heard)}")
+        raise AssertionError(f"{pattern!r} was never said in:\n{''.join(output)}")
 
     def pin(self, core: int) -> None:
         """Restrict the process to one core."""

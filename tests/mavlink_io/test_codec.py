@@ -119,8 +119,8 @@ def test_framer_noise_between_frames_loses_no_frame(
 @given(message_values(ATTITUDE), st.data())
 def test_framer_flipped_bit_is_rejected(values: tuple[Any, ...], data: st.DataObject) -> None:
     frame = bytearray(encode(ATTITUDE, values, 0, 1, 1))
-    at = data.draw(st.integers(3, len(frame) - 1))
-    frame[at] ^= 1 << data.draw(st.integers(0, 7))
+    position = data.draw(st.integers(3, len(frame) - 1))
+    frame[position] ^= 1 << data.draw(st.integers(0, 7))
     framer = Framer()
     assert framer.feed(bytes(frame) + bytes(LONGEST_FRAME)) == []
     assert framer.skipped_bytes > 0

@@ -39,12 +39,12 @@ def decoded(message: MessageType, values: device_messages.Values) -> Any:
     )
 )
 def test_dvl_round_trip_is_equal(dvl: Dvl) -> None:
-    back = device_messages.dvl_record(
+    decoded = device_messages.dvl_record(
         across(device_messages.ODOMETRY, device_messages.dvl_values(dvl))
     )
-    assert back is not None
-    assert back._replace(figure_of_merit_mps=0.0) == dvl._replace(figure_of_merit_mps=0.0)
-    assert back.figure_of_merit_mps == pytest.approx(dvl.figure_of_merit_mps, rel=1e-5)
+    assert decoded is not None
+    assert decoded._replace(figure_of_merit_mps=0.0) == dvl._replace(figure_of_merit_mps=0.0)
+    assert decoded.figure_of_merit_mps == pytest.approx(dvl.figure_of_merit_mps, rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -82,22 +82,22 @@ def test_dvl_odometry_without_body_velocity_is_none() -> None:
     ),
 )
 def test_battery_round_trip_is_within_resolution(battery: Battery) -> None:
-    back = device_messages.battery_record(
+    decoded = device_messages.battery_record(
         across(device_messages.BATTERY_STATUS, device_messages.battery_values(battery))
     )
-    assert back is not None
-    for value, told, step in zip(back, battery, (1e-3, 1e-2, 1e-3, 1e-2), strict=True):
-        assert value == pytest.approx(told, abs=0.51 * step)
+    assert decoded is not None
+    for value, original, step in zip(decoded, battery, (1e-3, 1e-2, 1e-3, 1e-2), strict=True):
+        assert value == pytest.approx(original, abs=0.51 * step)
 
 
 def test_battery_unknown_values_stay_unknown() -> None:
     unknown = Battery(24.0, math.nan, math.nan, math.nan)
-    back = device_messages.battery_record(
+    decoded = device_messages.battery_record(
         across(device_messages.BATTERY_STATUS, device_messages.battery_values(unknown))
     )
-    assert back is not None
-    assert back.voltage_v == 24.0
-    assert all(math.isnan(value) for value in back[1:])
+    assert decoded is not None
+    assert decoded.voltage_v == 24.0
+    assert all(math.isnan(value) for value in decoded[1:])
 
 
 @pytest.mark.parametrize("wet", [True, False])

@@ -59,15 +59,15 @@ def test_added_message_equals_pymavlink_generator(
         "pymavlink knows it now: drop the addition"
     )
     message = dialect.by_name(name)
-    for given in fields, dict.fromkeys(fields, 0) | ({"uri": ""} if "uri" in fields else {}):
+    for values in fields, dict.fromkeys(fields, 0) | ({"uri": ""} if "uri" in fields else {}):
         raw = {
             field: value.encode() if isinstance(value, str) else value
-            for field, value in given.items()
+            for field, value in values.items()
         }
         peer = generated.MAVLink(None, srcSystem=7, srcComponent=9)
         frame = getattr(generated, f"MAVLink_{name.lower()}_message")(**raw).pack(peer)
-        assert encode(message, message.values(**given), 0, 7, 9) == frame
-        assert message.unpack(frame[10:-2])._asdict() == given
+        assert encode(message, message.values(**values), 0, 7, 9) == frame
+        assert message.unpack(frame[10:-2])._asdict() == values
 
 
 def test_has_location_follows_the_command() -> None:

@@ -49,9 +49,9 @@ def test_endpoint_send_has_own_ids_and_sequence() -> None:
             system_status=3,
             mavlink_version=3,
         )
-    heard = mavlink.MAVLink(None).parse_buffer(b"".join(inbox.sent))
-    assert {(m.get_srcSystem(), m.get_srcComponent(), m.type) for m in heard} == {(42, 190, 12)}
-    sequences = [m.get_seq() for m in heard]
+    received = mavlink.MAVLink(None).parse_buffer(b"".join(inbox.sent))
+    assert {(m.get_srcSystem(), m.get_srcComponent(), m.type) for m in received} == {(42, 190, 12)}
+    sequences = [m.get_seq() for m in received]
     assert all((b - a) % 256 == 1 for a, b in pairwise(sequences))
 
 
@@ -60,8 +60,8 @@ def test_endpoint_counts_lost_frames_by_gaps(arrives: list[bool]) -> None:
     arrives[0] = arrives[-1] = True
     frames = [encode(HEARTBEAT, VALUES, n % 256, 1, 1) for n in range(len(arrives))]
     endpoint = Endpoint(Inbox(*(f for f, a in zip(frames, arrives, strict=True) if a)), 255, 190)
-    heard = sum(len(endpoint.receive()) for _ in frames)
-    assert heard == sum(arrives)
+    received = sum(len(endpoint.receive()) for _ in frames)
+    assert received == sum(arrives)
     longest_gap = max(len(gap) for gap in "".join("1" if a else "0" for a in arrives).split("1"))
     if longest_gap < 256:
         assert endpoint.lost_frames == len(arrives) - sum(arrives)

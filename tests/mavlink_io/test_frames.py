@@ -32,8 +32,8 @@ def test_flip_quaternion_rotates_flipped_vectors(
     roll: float, pitch: float, yaw: float, v: frames.Vector
 ) -> None:
     q = frames.quaternion_from_euler(roll, pitch, yaw)
-    turned = frames.rotate(frames.flip_quaternion(*q), frames.flip(*v))
-    assert turned == pytest.approx(frames.flip(*frames.rotate(q, v)), abs=1e-9)
+    rotated = frames.rotate(frames.flip_quaternion(*q), frames.flip(*v))
+    assert rotated == pytest.approx(frames.flip(*frames.rotate(q, v)), abs=1e-9)
 
 
 @given(angles, pitches, angles)
@@ -41,8 +41,8 @@ def test_euler_angles_are_yaw_pitch_roll(roll: float, pitch: float, yaw: float) 
     q = frames.quaternion_from_euler(roll, pitch, yaw)
     reference = Rotation.from_euler("ZYX", (yaw, pitch, roll))
     np.testing.assert_allclose(rotation(q).as_matrix(), reference.as_matrix(), atol=1e-12)
-    back = frames.quaternion_from_euler(*frames.euler_from_quaternion(*q))
-    np.testing.assert_allclose(rotation(back).as_matrix(), reference.as_matrix(), atol=1e-7)
+    restored = frames.quaternion_from_euler(*frames.euler_from_quaternion(*q))
+    np.testing.assert_allclose(rotation(restored).as_matrix(), reference.as_matrix(), atol=1e-7)
 
 
 @given(angles, pitches, angles, vectors)

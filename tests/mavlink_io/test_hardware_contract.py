@@ -12,16 +12,18 @@ TEXT = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text(encoding="
 
 
 def test_messages_have_their_numbers_and_seeds() -> None:
-    told = re.findall(r"([A-Z_]+) \((\d+), (\d+)\)", TEXT)
-    assert len(told) == 9
-    for name, number, seed in told:
+    documented = re.findall(r"([A-Z_]+) \((\d+), (\d+)\)", TEXT)
+    assert len(documented) == 9
+    for name, number, seed in documented:
         message = dialect.by_name(name)
         assert (int(number), int(seed)) == (message.message_id, message.crc_extra), name
 
 
 def test_components_have_their_ids() -> None:
-    told = dict(re.findall(r"^\| ([^|`\n]+) \| (\d+)(?: \([A-Z0-9_]+\))? \|$", TEXT, re.MULTILINE))
-    assert told == {
+    documented = dict(
+        re.findall(r"^\| ([^|`\n]+) \| (\d+)(?: \([A-Z0-9_]+\))? \|$", TEXT, re.MULTILINE)
+    )
+    assert documented == {
         "autopilot": "1",
         "head: inertial, magnetic, pressure, GPS, altimeter": str(COMPONENT),
         "Doppler log": str(device_messages.DVL_COMPONENT),
@@ -32,9 +34,9 @@ def test_components_have_their_ids() -> None:
 
 
 def test_line_rates_match_the_table() -> None:
-    told = re.findall(r"\| (\d+) \| (\d+) Hz \|", TEXT)
-    assert len(told) == 3
-    for baud, rate_hz in told:
+    documented = re.findall(r"\| (\d+) \| (\d+) Hz \|", TEXT)
+    assert len(documented) == 3
+    for baud, rate_hz in documented:
         assert timestep_for_line(f"serial:x:{baud}").tick_us == 1_000_000 / int(rate_hz)
 
 

@@ -20,8 +20,8 @@ PATIENCE_S = 10.0
 
 @pytest.fixture
 def cable(tmp_path: Path) -> Iterator[Line]:
-    with line(tmp_path, BAUD) as laid:
-        yield laid
+    with line(tmp_path, BAUD) as cable_:
+        yield cable_
 
 
 def opened(
@@ -119,7 +119,7 @@ def test_serial_blocked_line_drops_whole_sends() -> None:
     os.close(near)
     assert len(read) >= BACKLOG_BYTES
     size = len(blocks[0])
-    arrived = [read[at : at + size] for at in range(0, len(read) - size, size)]
+    arrived = [read[start : start + size] for start in range(0, len(read) - size, size)]
     assert set(arrived) <= set(blocks)
     assert arrived == sorted(arrived)
 

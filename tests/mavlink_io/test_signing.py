@@ -188,13 +188,13 @@ def test_timestamp_is_saved_once_per_minute(
     timestamp = Timestamp(path, lambda: NOW_S + wall_s[0])
     timestamp._save._now = lambda: wall_s[0]
     timestamp._save.hasten()
-    kept = set()
+    saved = set()
     for second in range(181):
         wall_s[0] = float(second)
         timestamp.next()
         timestamp.save_when_due()
-        kept.add(path.read_text())
-    assert len(kept) == 4
+        saved.add(path.read_text())
+    assert len(saved) == 4
 
 
 def test_endpoint_with_key_receives_signed_frames_only() -> None:
@@ -223,8 +223,8 @@ def test_framer_signed_frames_in_noise_are_complete(
     ) + bytes(300)
     cut = data.draw(st.integers(0, len(stream)))
     framer = Framer()
-    heard = [frame.raw for part in (stream[:cut], stream[cut:]) for frame in framer.feed(part)]
-    assert [raw for raw in heard if raw in frames] == frames
+    received = [frame.raw for part in (stream[:cut], stream[cut:]) for frame in framer.feed(part)]
+    assert [raw for raw in received if raw in frames] == frames
 
 
 def write_private(file: Path, text: bytes) -> None:

@@ -109,9 +109,9 @@ def read(datagram: bytes) -> Motion:
 
 
 def _value(line: str, section: str, key: str) -> str | None:
-    at = line.find(section)
-    found = line.find(key, at + len(section)) if at >= 0 else -1
-    return None if found < 0 else line[found + len(key) + 2 :]
+    section_start = line.find(section)
+    key_start = line.find(key, section_start + len(section)) if section_start >= 0 else -1
+    return None if key_start < 0 else line[key_start + len(key) + 2 :]
 
 
 def _number(line: str, section: str, key: str, *, required: bool = False) -> float | None:

@@ -61,10 +61,12 @@ class Px4:
         self.ask_for_truth(TRUTH_INTERVAL_US)
 
     def ask_for_truth(self, interval_us: float) -> None:
-        wanted = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
+        truth_id = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
         command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
         self._say(
-            self._mavlink.command_long_encode(0, 0, command, 0, wanted, interval_us, 0, 0, 0, 0, 0)
+            self._mavlink.command_long_encode(
+                0, 0, command, 0, truth_id, interval_us, 0, 0, 0, 0, 0
+            )
         )
 
     def hear(self, patience_s: float = PATIENCE_S) -> Instant:

@@ -75,15 +75,15 @@ def test_position_velocity_attitude_are_consistent(ardupilot: ArduPilot) -> None
     """Each quantity is the integral of the next, by the trapezoidal rule over 2.5 ms."""
     motions = ardupilot.fly(800, (1600, 1450, 1732))
     for axis in range(3):
-        gone = sum(
+        distance = sum(
             0.5 * (a.velocity_ned_mps[axis] + b.velocity_ned_mps[axis]) / 400
             for a, b in pairwise(motions)
         )
         assert motions[-1].position_ned_m[axis] - motions[0].position_ned_m[axis] == pytest.approx(
-            gone, abs=1e-4
+            distance, abs=1e-4
         )
-    turned = sum(0.5 * (a.gyro_radps[2] + b.gyro_radps[2]) / 400 for a, b in pairwise(motions))
-    assert heading_rad(motions[-1]) - heading_rad(motions[0]) == pytest.approx(turned, abs=2e-3)
+    yaw_change = sum(0.5 * (a.gyro_radps[2] + b.gyro_radps[2]) / 400 for a, b in pairwise(motions))
+    assert heading_rad(motions[-1]) - heading_rad(motions[0]) == pytest.approx(yaw_change, abs=2e-3)
 
 
 @pytest.mark.parametrize(

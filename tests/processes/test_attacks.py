@@ -44,10 +44,10 @@ SPARE_FILES = 200
 def many_files() -> Iterator[None]:
     """Let this process open the sockets of a flood."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = FLOOD + SPARE_FILES
-    if hard != resource.RLIM_INFINITY and hard < wanted:
-        pytest.skip(f"only {hard} files may be open here, {wanted} are needed")
-    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, wanted), hard))
+    file_limit = FLOOD + SPARE_FILES
+    if hard != resource.RLIM_INFINITY and hard < file_limit:
+        pytest.skip(f"only {hard} files may be open here, {file_limit} are needed")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, file_limit), hard))
     yield
     resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 

@@ -241,14 +241,14 @@ def begin_test(ground: Endpoint, rudder: float, seconds: float) -> None:
     )
 
 
-def hear(ground: Endpoint, told: list[str], wanted: Callable[[Any], bool]) -> Any:
+def hear(ground: Endpoint, told: list[str], condition: Callable[[Any], bool]) -> Any:
     """Return the first matching frame; store the texts that come before it."""
     deadline_s = time.monotonic() + 30.0
     while time.monotonic() < deadline_s:
         for frame in ground.receive():
             if frame.name == "STATUSTEXT":
                 told.append(frame.decode().text)
-            if wanted(frame):
+            if condition(frame):
                 return frame
         time.sleep(0.01)
     raise AssertionError(told)

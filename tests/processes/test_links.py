@@ -86,8 +86,8 @@ def test_ground_signs_with_its_key_and_is_refused_without(
     assert "no answer to the request for parameter HDG_P" in unsigned.stderr
     aboard.process.signal(2)
     aboard.process.finish()
-    kept = int((state / "signing_timestamp").read_text())
-    assert abs(kept / 1e5 + 1_420_070_400 - time.time()) < 60.0
+    saved = int((state / "signing_timestamp").read_text())
+    assert abs(saved / 1e5 + 1_420_070_400 - time.time()) < 60.0
 
 
 def test_bad_key_file_gives_one_error_line(tmp_path: Path) -> None:
@@ -130,8 +130,8 @@ def test_mavproxy_reads_without_a_key_and_commands_with_it(
 
 @pytest.fixture
 def cable(tmp_path: Path) -> Iterator[Line]:
-    with line(tmp_path, 57_600) as laid:
-        yield laid
+    with line(tmp_path, 57_600) as cable_:
+        yield cable_
 
 
 def test_unplugged_radio_reconnects(cable: Line, state: Path) -> None:

@@ -48,9 +48,9 @@ class Peer:
 
     def hear_of(self, time_us: int) -> bytes:
         """Return the next datagram of a vehicle time; ignore repeated earlier ones."""
-        while (heard := self.hear())[0] != time_us:
-            assert heard[0] < time_us
-        return heard[1]
+        while (received := self.hear())[0] != time_us:
+            assert received[0] < time_us
+        return received[1]
 
     def answer(self, time_us: int, mode: int = ARMED) -> None:
         assert self._from is not None

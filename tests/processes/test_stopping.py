@@ -73,13 +73,13 @@ def test_interrupted_dive_is_held_and_ended_by_commands(address: str, tmp_path: 
 
     held = ground("hold", "--connect", address, "--json")
     assert held.status == 0, held
-    told = json.loads(held.stdout)
-    assert (told["mode"], told["armed"]) == ("HOLD", True)
+    report = json.loads(held.stdout)
+    assert (report["mode"], report["armed"]) == ("HOLD", True)
 
     surfaced = ground("surface", "--connect", address, "--wait", "--json")
     assert surfaced.status == 0, surfaced
-    told = json.loads(surfaced.stdout)
-    assert not told["armed"]
-    assert told["depth_m"] < 0.6, (
+    report = json.loads(surfaced.stdout)
+    assert not report["armed"]
+    assert report["depth_m"] < 0.6, (
         "the vehicle disarms itself where SURF_DEPTH_M counts as the surface"
     )

@@ -43,8 +43,8 @@ def put(writer: McapWriter, item: Any) -> None:
 
 
 def messages(reader: Any) -> list[tuple[int, int, bytes, int]]:
-    found = reader.iter_messages(log_time_order=False)
-    return [(m.channel_id, m.log_time, m.data, m.sequence) for _, _, m in found]
+    messages = reader.iter_messages(log_time_order=False)
+    return [(m.channel_id, m.log_time, m.data, m.sequence) for _, _, m in messages]
 
 
 @settings(max_examples=60)
@@ -91,7 +91,7 @@ def test_mcap_index_entries_point_to_messages() -> None:
     summary = make_reader(io.BytesIO(data)).get_summary()
     assert summary is not None
     assert len(summary.chunk_indexes) > 2
-    seen = 0
+    counted = 0
     for chunk in summary.chunk_indexes:
         assert chunk.uncompressed_size < CHUNK_BYTES + 200
         for channel, start in chunk.message_index_offsets.items():
@@ -100,8 +100,8 @@ def test_mcap_index_entries_point_to_messages() -> None:
             assert times == sorted(times)
             assert (min(times), max(times)) >= (chunk.message_start_time, 0)
             assert max(times) <= chunk.message_end_time
-            seen += len(times)
-    assert seen == 9000
+            counted += len(times)
+    assert counted == 9000
     reader = make_reader(io.BytesIO(data), validate_crcs=True)
     assert [m.data for _, _, m in reader.iter_messages(["/topic/2"])] == [b"third"] * 3000
     assert [m.log_time for _, _, m in reader.iter_messages(["/topic/0"])] == list(range(3000))
@@ -122,10 +122,10 @@ def test_mcap_unfinished_file_contains_flushed_data() -> None:
     writer.flush()
     writer.add_message(1, 8, b"lost", 2)
     records = StreamReader(io.BytesIO(file.getvalue()), validate_crcs=True).records
-    seen: list[bytes] = []
+    contents: list[bytes] = []
     with contextlib.suppress(struct.error, McapError):
-        seen.extend(record.data for record in records if isinstance(record, Message))
-    assert seen == [b"kept"]
+        contents.extend(record.data for record in records if isinstance(record, Message))
+    assert contents == [b"kept"]
 
 
 def test_mcap_same_messages_give_same_bytes() -> None:

@@ -78,19 +78,19 @@ def values(items: Iterable[McapItem]) -> list[int]:
 
 def place(data: bytes, opcode: int, number: int = 0) -> int:
     """Return the position of the content of a record of the data section."""
-    at = 8
+    position = 8
     while True:
-        kind, length = struct.unpack_from("<BQ", data, at)
+        kind, length = struct.unpack_from("<BQ", data, position)
         if kind == opcode:
             if number == 0:
-                return at + 9
+                return position + 9
             number -= 1
-        at += 9 + length
+        position += 9 + length
 
 
-def changed(data: bytes, at: int, by: int = 1) -> bytes:
+def changed(data: bytes, position: int, by: int = 1) -> bytes:
     damaged = bytearray(data)
-    damaged[at] ^= by
+    damaged[position] ^= by
     return bytes(damaged)
 
 
@@ -103,9 +103,9 @@ def test_reader_items_equal_the_librarys(how: dict[str, object]) -> None:
     library = NonSeekingReader(io.BytesIO(data), validate_crcs=True)
     theirs = library.iter_messages(["/wanted", "/wanted too"], log_time_order=False)
     expected = [(c.topic, m.sequence, m.log_time, m.data) for _, c, m in theirs]
-    found = [(topics[i.channel], *i[1:]) for i in items if isinstance(i, McapMessage)]
-    assert found == expected
-    assert len(found) == 2 * COUNT // 3
+    messages = [(topics[i.channel], *i[1:]) for i in items if isinstance(i, McapMessage)]
+    assert messages == expected
+    assert len(messages) == 2 * COUNT // 3
     assert sorted(topics.values()) == ["/not", "/wanted", "/wanted too"]
     others = [i[-1] for i in items if not isinstance(i, McapMessage | McapChannel)]
     assert others == [b"attached", {"one": "1"}]
@@ -151,8 +151,8 @@ def test_reader_broken_record_length_keeps_later_chunks() -> None:
     """The length of a message index is 8 bytes before its content."""
     data = written_by_us()
     for bit in range(20):
-        at = place(data, 7) - 8 + bit // 8
-        items, reader = read(changed(data, at, 1 << bit % 8))
+        position = place(data, 7) - 8 + bit // 8
+        items, reader = read(changed(data, position, 1 << bit % 8))
         assert values(items) == list(range(90))
         assert reader.damage
 

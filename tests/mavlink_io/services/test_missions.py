@@ -27,7 +27,7 @@ class Store:
     def __init__(self) -> None:
         self.items: tuple[MissionItem, ...] = ()
         self.current = 0
-        self.said: list[str] = []
+        self.texts: list[str] = []
         self.verdict = MissionResult()
 
     @property
@@ -46,7 +46,7 @@ class Store:
         return True
 
     def explain(self, text: str) -> None:
-        self.said.append(text)
+        self.texts.append(text)
 
 
 class Sea:
@@ -152,13 +152,13 @@ def test_mission_abandoned_upload_keeps_old_mission() -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg(3)))
     sea.ask("MISSION_COUNT", count=5, mission_type=0)
-    asked = 0
+    request_count = 0
     for tenth in range(200):
         sea.server.poll(tenth * 0.1)
         for frame in sea.down.take():
-            asked += frame.name == "MISSION_REQUEST_INT"
+            request_count += frame.name == "MISSION_REQUEST_INT"
             last = frame
-    assert asked == RE_REQUESTS
+    assert request_count == RE_REQUESTS
     assert last.decode().type == missions.CANCELLED
     assert sea.store.items == tuple(leg(3))
     sea.run(sea.client.upload(leg(2)))
@@ -201,7 +201,7 @@ def test_mission_altitude_above_water_is_refused(frame: int) -> None:
         ExchangeError, match="refused the mission at item 1: MAV_MISSION_INVALID_PARAM7"
     ):
         sea.run(sea.client.upload(plan))
-    assert sea.store.said == ["Mission item 1: altitude 3 m; depth is given as <= 0"]
+    assert sea.store.texts == ["Mission item 1: altitude 3 m; depth is given as <= 0"]
     assert sea.store.items == tuple(leg(2))
 
 
@@ -210,7 +210,7 @@ def test_mission_negative_local_depth_is_refused(command: int) -> None:
     sea = Sea()
     with pytest.raises(ExchangeError, match="MAV_MISSION_INVALID_PARAM7"):
         sea.run(sea.client.upload([MissionItem(0, 1, command, z=-1.0)]))
-    assert sea.store.said == ["Mission item 0: z -1 m; down is positive"]
+    assert sea.store.texts == ["Mission item 0: z -1 m; down is positive"]
 
 
 @pytest.mark.parametrize("command", [31_010, 115, 178])
@@ -246,7 +246,7 @@ def test_mission_vehicle_refusal_reaches_client() -> None:
     )
     with pytest.raises(ExchangeError, match="MAV_MISSION_UNSUPPORTED"):
         sea.run(sea.client.upload(leg()))
-    assert sea.store.said == ["command 22 is not one this vehicle flies"]
+    assert sea.store.texts == ["command 22 is not one this vehicle flies"]
 
 
 def test_mission_clear_gives_empty_mission() -> None:
@@ -266,7 +266,7 @@ def test_mission_set_current_is_answered() -> None:
     assert sea.run(sea.client.set_current(2)) == 2
     (answer,) = sea.ask("MISSION_SET_CURRENT", seq=9)
     assert (answer.seq, answer.total) == (2, 4)
-    assert sea.store.said == ["No mission item 9: the mission has 4"]
+    assert sea.store.texts == ["No mission item 9: the mission has 4"]
 
 
 @pytest.mark.parametrize("kind", [1, 2])
@@ -277,8 +277,8 @@ def test_mission_fence_and_rally_lists_are_empty(kind: int) -> None:
     assert (count.count, count.mission_type) == (0, kind)
     (refusal,) = sea.ask("MISSION_COUNT", count=3, mission_type=kind)
     assert (refusal.type, refusal.mission_type) == (missions.UNSUPPORTED, kind)
-    (kept,) = sea.ask("MISSION_CLEAR_ALL", mission_type=kind)
-    assert kept.type == missions.UNSUPPORTED
+    (answer,) = sea.ask("MISSION_CLEAR_ALL", mission_type=kind)
+    assert answer.type == missions.UNSUPPORTED
     assert sea.store.items == tuple(leg())
 
 
@@ -294,10 +294,10 @@ def test_mission_partial_upload_keeps_other_items() -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg(5)))
     new = [item._replace(p1=100.0 + item.sequence) for item in leg(5)]
-    (asked,) = sea.ask("MISSION_WRITE_PARTIAL_LIST", start_index=2, end_index=3)
-    assert asked.seq == 2
-    (asked,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(new[2], VEHICLE))
-    assert asked.seq == 3
+    (request_count,) = sea.ask("MISSION_WRITE_PARTIAL_LIST", start_index=2, end_index=3)
+    assert request_count.seq == 2
+    (request_count,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(new[2], VEHICLE))
+    assert request_count.seq == 3
     assert sea.store.items == tuple(leg(5))
     (accepted,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(new[3], VEHICLE))
     assert accepted.type == missions.ACCEPTED
@@ -311,7 +311,7 @@ def test_mission_partial_upload_out_of_range_is_refused(first: int, last: int) -
     sea.run(sea.client.upload(leg(5)))
     (refused,) = sea.ask("MISSION_WRITE_PARTIAL_LIST", start_index=first, end_index=last)
     assert refused.type == missions.INVALID_SEQUENCE
-    assert sea.store.said == [f"Mission items {first} to {last} refused: the mission has 5"]
+    assert sea.store.texts == [f"Mission items {first} to {last} refused: the mission has 5"]
 
 
 def test_mission_unknown_item_is_invalid_sequence() -> None:

@@ -44,9 +44,9 @@ class Sea:
         self.up, self.down = Wire(GROUND, lost_up), Wire(VEHICLE, lost_down)
         self.other_link = Wire(VEHICLE)
         self.table = Table()
-        self.said: list[str] = []
+        self.texts: list[str] = []
         self.room = 1000
-        self.server = ParamServer(self.table, self._broadcast, self.said.append)
+        self.server = ParamServer(self.table, self._broadcast, self.texts.append)
         self.client = ParamClient(self.up.send, GROUND, VEHICLE)
 
     def _broadcast(self, name: str, **fields: Any) -> None:
@@ -132,8 +132,8 @@ def test_param_set_value_is_reported_back(value: float) -> None:
 def test_param_change_is_sent_on_every_link() -> None:
     sea = Sea()
     sea.run(sea.client.set("P_07", 3.5))
-    (told,) = [frame.decode() for frame in sea.other_link.take()]
-    assert (told.param_id, told.param_value, told.param_index) == ("P_07", 3.5, 7)
+    (announced,) = [frame.decode() for frame in sea.other_link.take()]
+    assert (announced.param_id, announced.param_value, announced.param_index) == ("P_07", 3.5, 7)
 
 
 def test_param_read_is_answered_on_its_link_only() -> None:
@@ -157,7 +157,7 @@ def test_param_out_of_range_is_refused_with_reason() -> None:
     sea = Sea()
     with pytest.raises(ExchangeError, match="out of range"):
         sea.run(sea.client.set("P_07", 11.0))
-    assert sea.said == ["P_07 = 11: must be 0 to 10"]
+    assert sea.texts == ["P_07 = 11: must be 0 to 10"]
     assert sea.table.values["P_07"] == 0.7
     assert sea.down.names == ["PARAM_ERROR", "PARAM_VALUE"]
 
@@ -176,5 +176,5 @@ def test_param_integer_type_is_refused() -> None:
     sea = Sea()
     answers = sea.ask("PARAM_SET", param_id="P_07", param_value=4.2e-45, param_type=6)
     assert answers[0].error == OUT_OF_RANGE
-    assert sea.said == ["Parameter P_07: to be sent as REAL32, not as an integer"]
+    assert sea.texts == ["Parameter P_07: to be sent as REAL32, not as an integer"]
     assert sea.table.values["P_07"] == 0.7

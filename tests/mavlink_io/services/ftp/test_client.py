@@ -64,8 +64,8 @@ class Prefix(io.BytesIO):
         self._content, self._start = content, start
 
     def write(self, data: bytes, /) -> int:  # type: ignore[override]
-        at = self._start + self.tell()
-        assert data == self._content[at : at + len(data)]
+        position = self._start + self.tell()
+        assert data == self._content[position : position + len(data)]
         return super().write(data)
 
 
@@ -73,13 +73,13 @@ def test_ftp_download_vehicle_restart_reopens_file() -> None:
     content = random.Random(1).randbytes(100_000)
     rig, sink, watched = Rig({"/a": content}), io.BytesIO(), list[int]()
 
-    def watch(there: int, of: int) -> None:
-        assert of == len(content)
-        watched.append(there)
-        if there > 30_000 and rig.server._sessions and len(watched) < 1000:
+    def watch(received: int, size_: int) -> None:
+        assert size_ == len(content)
+        watched.append(received)
+        if received > 30_000 and rig.server._sessions and len(watched) < 1000:
             rig.server._sessions.clear()
             rig.server._jobs.clear()
-            watched.extend([there] * 1000)
+            watched.extend([received] * 1000)
 
     assert rig.settle(rig.client.download("/a", sink, 0, watch)) == len(content)
     assert sink.getvalue() == content

@@ -382,9 +382,9 @@ def test_ftp_path_never_leaves_tree(
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.binary(min_size=0, max_size=251), min_size=1, max_size=12))
-def test_ftp_any_payload_gets_one_answer_or_a_burst(tmp_path: Path, said: list[bytes]) -> None:
+def test_ftp_any_payload_gets_one_answer_or_a_burst(tmp_path: Path, payloads: list[bytes]) -> None:
     client = Client(build(tmp_path))
-    for payload in said:
+    for payload in payloads:
         client.put(payload)
         answers = client.answers(2)
         if payload[3:4] not in (bytes((ACK,)), bytes((NAK,)), bytes((opcode("BURSTREADFILE"),))):
@@ -412,10 +412,10 @@ FIELDS = st.tuples(
     )
 )
 def test_ftp_any_request_order_does_not_raise(
-    tmp_path: Path, asked: list[tuple[tuple[int, ...], bytes]]
+    tmp_path: Path, requests: list[tuple[tuple[int, ...], bytes]]
 ) -> None:
     client = Client(build(tmp_path))
-    for (sequence, session, number, size, offset), path in asked:
+    for (sequence, session, number, size, offset), path in requests:
         client.put(
             bytes(FTP_OP(sequence, session, number, size, 0, 0, offset, bytearray(path)).pack())
         )

@@ -53,8 +53,8 @@ class Client:
         return self.hear()
 
 
-def server_of(shelf: Shelf, armed: bool = False, said: list[str] | None = None) -> LogServer:
-    return LogServer(shelf, ([] if said is None else said).append, lambda: armed)
+def server_of(shelf: Shelf, armed: bool = False, texts: list[str] | None = None) -> LogServer:
+    return LogServer(shelf, ([] if texts is None else texts).append, lambda: armed)
 
 
 def put_together(messages: Sequence[Any]) -> bytes:
@@ -90,9 +90,9 @@ def test_log_data_whole_log_arrives(tmp_path: Path, size: int) -> None:
     client = Client(server_of(shelf))
     client.list()
     client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
-    heard = client.hear(10)
-    assert put_together(heard) == shelf.logs[0].path.read_bytes()
-    assert [m.count for m in heard] == [90] * (size // 90) + (
+    received = client.hear(10)
+    assert put_together(received) == shelf.logs[0].path.read_bytes()
+    assert [m.count for m in received] == [90] * (size // 90) + (
         [size % 90] if size % 90 or not size else []
     )
     client.say("LOG_REQUEST_DATA", id=0, ofs=size, count=ALL)
@@ -103,9 +103,9 @@ def test_log_data_requested_range_arrives(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 1000)
     client = Client(server_of(shelf))
     client.say("LOG_REQUEST_DATA", id=0, ofs=180, count=270)
-    heard = client.hear(3)
-    assert [(m.ofs, m.count) for m in heard] == [(180, 90), (270, 90), (360, 90)]
-    assert b"".join(bytes(m.data) for m in heard) == shelf.logs[0].path.read_bytes()[180:450]
+    received = client.hear(3)
+    assert [(m.ofs, m.count) for m in received] == [(180, 90), (270, 90), (360, 90)]
+    assert b"".join(bytes(m.data) for m in received) == shelf.logs[0].path.read_bytes()[180:450]
     client.say("LOG_REQUEST_DATA", id=0, ofs=1000, count=90)
     assert [(m.ofs, m.count) for m in client.hear()] == [(1000, 0)]
     client.say("LOG_REQUEST_DATA", id=5, ofs=0, count=90)
@@ -149,9 +149,9 @@ def test_log_numbers_stay_valid_after_deletion(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 100, 200)
     client = Client(server_of(shelf))
     client.list()
-    wanted = shelf.logs.pop(0).path.with_name("8.mcap").read_bytes()
+    expected = shelf.logs.pop(0).path.with_name("8.mcap").read_bytes()
     client.say("LOG_REQUEST_DATA", id=1, ofs=0, count=ALL)
-    assert put_together(client.hear()) == wanted
+    assert put_together(client.hear()) == expected
     assert [e.size for e in client.list()] == [200]
 
 
@@ -165,10 +165,10 @@ def test_log_data_of_deleted_log_is_empty(tmp_path: Path) -> None:
 
 
 def test_log_erase_while_armed_is_refused(tmp_path: Path) -> None:
-    shelf, said = Shelf(tmp_path, 100), list[str]()
-    client = Client(server_of(shelf, armed=True, said=said))
+    shelf, texts = Shelf(tmp_path, 100), list[str]()
+    client = Client(server_of(shelf, armed=True, texts=texts))
     client.say("LOG_ERASE")
-    assert said == ["Logs not erased: armed"]
+    assert texts == ["Logs not erased: armed"]
     assert [e.num_logs for e in client.list()] == [1]
     client = Client(server_of(shelf))
     client.say("LOG_ERASE")
