@@ -312,7 +312,7 @@ def test_unplugged_hil_line_is_reported_and_tolerated(scenes: Scenes) -> None:
     assert not any(text.startswith(("Failsafe", "Restarted")) for text in found.texts)
     assert found.armed
     before_m, after_m = found.depths_m
-    assert after_m > before_m + 0.2, "she flies on"
+    assert after_m > before_m + 0.2, "the vehicle must continue its dive"
     autopilot_said, sea_said = found.said
     assert "lost (" in autopilot_said
     assert autopilot_said.rstrip().endswith(": back")
