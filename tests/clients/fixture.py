@@ -89,7 +89,7 @@ def wait_for_heartbeat(address: str, status: int = 0, within_s: float = STARTS_W
             for frame in endpoint.receive():
                 if frame.name == "HEARTBEAT" and frame.decode().system_status >= status:
                     return frame.decode()
-    raise AssertionError(f"no vehicle stands by on {address}")
+    raise AssertionError(f"no vehicle is in standby on {address}")
 
 
 class Act(NamedTuple):

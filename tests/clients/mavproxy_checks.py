@@ -67,7 +67,7 @@ class Person:
 
     def latest(self, name: str) -> dict[str, Any]:
         received = self.console.messages()
-        require(name in received, f"{name} was never heard")
+        require(name in received, f"{name} was never received")
         return received[name][1]
 
 
@@ -204,7 +204,7 @@ def starts_the_mission(p: Person) -> None:
     p.ask("long MISSION_START 0 0", "MISSION_START: ACCEPTED")
     p.until(
         lambda: p.latest("HEARTBEAT")["custom_mode"] == MISSION_MODE,
-        "the heartbeat never told of MISSION",
+        "no heartbeat reported MISSION",
     )
 
 
@@ -230,7 +230,7 @@ def stream(name: str) -> Check:
     """Check the rate of a message and its values."""
 
     def check(p: Person) -> None:
-        require(name in p.counted, "was never heard")
+        require(name in p.counted, "was never received")
         sense, received = SENSES[name], {key: fields for key, (_, fields) in p.counted.items()}
         span_s = p.counted_s if name == "HEARTBEAT" else p.counted_vehicle_s
         come = p.counted[name][0] - p.before.get(name, (0, {}))[0]
@@ -254,7 +254,7 @@ def hears_every_stream(p: Person) -> None:
     """Check without a dive, which takes minutes at a low speed of vehicle time."""
     deadline_s = time.monotonic() + 10.0 * max(1.0, 1.0 / p.speed)
     while missing := BY_THEMSELVES - set(p.console.messages()):
-        require(time.monotonic() < deadline_s, f"never heard {sorted(missing)}")
+        require(time.monotonic() < deadline_s, f"never received {sorted(missing)}")
 
 
 def sets_a_rate(p: Person) -> None:

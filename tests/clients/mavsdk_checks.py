@@ -374,7 +374,7 @@ async def hears_every_stream(c: Client) -> None:
     """Check without a dive, which takes minutes at a low speed of vehicle time."""
     deadline_s = time.monotonic() + 10.0 * c.stretch
     while missing := BY_THEMSELVES - set(c.latest):
-        require(time.monotonic() < deadline_s, f"never heard {sorted(missing)}")
+        require(time.monotonic() < deadline_s, f"never received {sorted(missing)}")
         await asyncio.sleep(0.1)
 
 
@@ -420,7 +420,7 @@ def stream(name: str) -> Check:
     """Check the rate of a message and its values."""
 
     async def check(c: Client) -> None:
-        require(c.counted.get(name) or name in c.latest, "was never heard")
+        require(c.counted.get(name) or name in c.latest, "was never received")
         sense = SENSES[name]
         span_s = c.counted_s if name == "HEARTBEAT" else c.counted_vehicle_s
         if sense.rate_hz * span_s >= 5 and not sense.must_be_asked_for(slow=c.slow):
@@ -594,7 +594,7 @@ async def keeps_home_at_the_surface(c: Client) -> None:
     moved = {"x": home["latitude"] + 100, "y": home["longitude"], "z": 55.0}
     equal(await c.command_int(SET_HOME, 0, **moved), ACCEPTED, "result")
     with contextlib.suppress(*([TimeoutError] if c.slow else [])):
-        equal((await told)["altitude"], 0, "altitude that is told at once")
+        equal((await told)["altitude"], 0, "altitude of the announced home")
     home = await c.request(HOME_POSITION, "HOME_POSITION")
     equal((home["latitude"], home["altitude"]), (moved["x"], 0), "home")
 

@@ -148,4 +148,4 @@ def _connected(port: int) -> socket.socket:
             continue
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return connection
-    raise AssertionError(f"nobody listens on port {port}")
+    raise AssertionError(f"no program listens on port {port}")

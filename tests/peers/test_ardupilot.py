@@ -28,7 +28,7 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         "-m", "sitl", "--autopilot", "ardupilot", "--hil", address, "--scenario", str(scenario)
     ) as sitl:
         yield port
-        assert sitl.running, "nobody but the simulator was to answer here"
+        assert sitl.running, "only the simulator may answer here"
 
 
 @pytest.fixture

@@ -35,7 +35,7 @@ def port() -> Iterator[int]:
         "-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}", "--speed", "max"
     ) as sitl:
         yield port
-        assert sitl.running, "nobody but the simulator was to answer here"
+        assert sitl.running, "only the simulator may answer here"
 
 
 @pytest.fixture
@@ -192,7 +192,7 @@ def test_new_connection_gets_restarted_vehicle(port: int) -> None:
 
     first, second = told(), told()
     assert [each[-1] for each in first] == [each[-1] for each in second]
-    assert first[5:] == second[5:], "the request for truth may be heard an instant sooner or later"
+    assert first[5:] == second[5:], "the request for truth may arrive an instant sooner or later"
 
 
 def test_without_lockstep_answers_are_not_awaited(px4: Px4) -> None:
@@ -234,7 +234,7 @@ def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         *options,
     ) as sitl:
         yield port
-        assert sitl.running, "nobody but the simulator was to answer here"
+        assert sitl.running, "only the simulator may answer here"
 
 
 def steered(

@@ -84,7 +84,7 @@ class Ground:
     def hear(self, name: str) -> Any:
         while True:
             frames = self.frames()
-            assert frames, f"no {name} was heard"
+            assert frames, f"no {name} was received"
             for frame in frames:
                 if frame.name == name:
                     return frame.decode()

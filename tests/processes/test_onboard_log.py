@@ -124,7 +124,7 @@ def test_dive_without_link_is_recorded_and_identified(
     assert here.read_bytes() == kept.read_bytes()
 
     silent, spoken, grounds = (identification.read(path) for path in (here, told[1], told[0]))
-    assert silent.sha256 == spoken.sha256, "the vehicle records the same, whoever listens"
+    assert silent.sha256 == spoken.sha256, "the record must not depend on the link"
     assert [event.text for event in silent.events][-1] == "Surfaced: disarmed"
     assert silent.attitude.time_s.size == pytest.approx(50.0 * silent.attitude.time_s[-1], abs=150)
     assert set(grounds.attitude.time_s) <= set(silent.attitude.time_s)
