@@ -176,6 +176,7 @@ class UdpClient:
         self._socket = connecting
 
     def _disconnect(self) -> None:
+        """Close the socket."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

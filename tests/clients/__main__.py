@@ -1,5 +1,4 @@
-"""Every client on every link at every speed, with whole lists of checks: prints the table of pass
-counts.
+"""Run every client on every link at every speed with the full lists, and print pass counts.
 
 Usage: python -m tests.clients [--out FILE.json]. Exit status 1 when a check failed.
 """
@@ -18,7 +17,7 @@ from tests.clients.fixture import ACTS, PROGRAMS, Verdicts, all_at_once
 
 
 def carry_out(where: str) -> dict[str, Verdicts]:
-    """Both clients at once, each with a vehicle of its own."""
+    """Run both clients at once, each with its own vehicle."""
     with tempfile.TemporaryDirectory() as folder:
         homes = {client: Path(folder) / client for client in PROGRAMS}
         for home in homes.values():

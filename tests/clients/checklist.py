@@ -1,5 +1,4 @@
-"""A list of named checks that a client program carries out, one after the other, and prints as one
-JSON object."""
+"""A list of named checks that a client program runs in order and prints as one JSON object."""
 
 import json
 import time
@@ -10,12 +9,14 @@ Check = Callable[[Any], Any]
 
 
 class RefutedError(AssertionError):
-    """What was seen is not what should have been; the message says both."""
+    """An observation differs from the expectation; the text contains both."""
 
 
 def require(seen: object, what: str) -> None:
-    """Raises RefutedError unless ``seen``: plain assertions would vanish under ``python -O``, and
-    say nothing here."""
+    """Raise RefutedError unless ``seen`` is true.
+
+    Plain assertions do nothing under ``python -O``, and have no text here.
+    """
     if not seen:
         raise RefutedError(what)
 
@@ -36,7 +37,7 @@ def name_of(check: Check) -> str:
 
 
 def report(verdicts: dict[str, dict[str, Any]]) -> str:
-    """``{check: {"pass": ..., "why": ..., "s": ...}}``, as the last line of a program's output."""
+    """Return ``{check: {"pass": ..., "why": ..., "s": ...}}`` from the last line of the output."""
     return json.dumps(verdicts)
 
 
@@ -50,10 +51,10 @@ def verdict(problem: BaseException | None, began_s: float) -> dict[str, Any]:
 
 
 def failed(verdicts: dict[str, dict[str, Any]]) -> dict[str, str]:
-    """The checks that failed, and why."""
+    """Return the failed checks with their reasons."""
     return {name: result["why"] for name, result in verdicts.items() if not result["pass"]}
 
 
 def score(verdicts: dict[str, dict[str, Any]]) -> str:
-    """As ``41/41``."""
+    """Return the pass count, such as ``41/41``."""
     return f"{sum(result['pass'] for result in verdicts.values())}/{len(verdicts)}"

@@ -1,5 +1,4 @@
-"""A stock MAVSDK program that does what it is told, a line at a time, and prints what came of it as
-JSON.
+"""A stock MAVSDK program that executes commands from stdin and prints their results as JSON.
 
 Usage: python -m tests.clients.mavsdk_puppet ADDRESS, then lines on stdin: see ``ORDERS``.
 """
@@ -22,7 +21,7 @@ DELAY = 93
 
 
 def mission(count: int, base: int) -> list[MissionItem]:
-    """Delays that tell by their length whose they are and where they stand."""
+    """Items with delays that identify the mission and the position of the item."""
     return [
         MissionItem(n, 2, DELAY, int(n == 0), 1, float(base + n), -1, -1, 0, 0, 0, 0.0, 0)
         for n in range(count)
@@ -52,7 +51,7 @@ async def count(c: Client) -> int:
 
 
 async def overhear(c: Client, name: str, value: str) -> bool:
-    """Wait until somebody's setting of a parameter was told."""
+    """Wait until a parameter that another client has set is reported."""
     while c.parameters.get(name) != float(value):
         await asyncio.sleep(POLL_S)
     return True
@@ -64,7 +63,7 @@ async def hold(c: Client) -> str:
 
 
 async def see(c: Client, connection: str) -> bool:
-    """Wait until MAVSDK holds the vehicle for ``connected`` or ``lost``."""
+    """Wait until MAVSDK reports the vehicle as ``connected`` or ``lost``."""
     while await c.system.is_connected() != (connection == "connected"):
         await asyncio.sleep(POLL_S)
     return True
@@ -81,12 +80,12 @@ async def serve(address: str) -> None:
     while line := await asyncio.to_thread(sys.stdin.readline):
         name, *words = line.split()
         try:
-            told = {"result": await asyncio.wait_for(ORDERS[name](client, *words), PATIENCE_S)}
+            answer = {"result": await asyncio.wait_for(ORDERS[name](client, *words), PATIENCE_S)}
         except MavsdkError as error:
-            told = {"result": error.result.name}
+            answer = {"result": error.result.name}
         except TimeoutError:
-            told = {"result": "nothing came of it"}
-        print(json.dumps(told), flush=True)
+            answer = {"result": "nothing came of it"}
+        print(json.dumps(answer), flush=True)
 
 
 if __name__ == "__main__":

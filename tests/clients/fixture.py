@@ -1,5 +1,4 @@
-"""Stages on which stock clients act: a vehicle afloat, a link to it, and a client program that goes
-down its list."""
+"""Test set-ups for stock clients: a simulated vehicle, a link to it, and a client program."""
 
 import contextlib
 import json
@@ -27,17 +26,17 @@ from tests.helpers.subprocesses import (
 )
 
 BAUD, NOISE = 57_600, Noise(drop=3e-4, flip=3e-4)
-"""A radio's line: of each ten thousand bytes three are lost and three arrive wrong."""
+"""Noise of a radio: 3 of 10,000 bytes are lost and 3 arrive wrong."""
 STANDBY = 3
 STARTS_WITHIN_S = 180.0
-"""On a new machine the simulator compiles its kernels first, and several may do so at once."""
+"""Wall time for a start, in s: on a new machine several simulators may compile their kernels."""
 PROGRAMS = {"mavsdk": "tests.clients.mavsdk_checks", "mavproxy": "tests.clients.mavproxy_checks"}
 Verdicts = dict[str, dict[str, Any]]
 Key, T = TypeVar("Key", bound=Hashable), TypeVar("T")
 
 
 class Afloat:
-    """A simulated vehicle; on ``spare``, a UDP port, ours may listen to it."""
+    """A simulated vehicle; the test may listen to it on ``spare``, a UDP port."""
 
     def __init__(self, links: tuple[str, ...], speed: str) -> None:
         hil, spare = free_port(), free_port()
@@ -47,7 +46,7 @@ class Afloat:
         self._processes = contextlib.ExitStack()
 
     def start(self) -> None:
-        """Put her afloat; done when she stands by, with her sensors going."""
+        """Start the vehicle; return when it is in standby with working sensors."""
         sea = (
             "-m",
             "sitl",
@@ -65,13 +64,13 @@ class Afloat:
         wait_for_heartbeat(self.spare, STANDBY)
 
     def kill(self) -> None:
-        """The power fails."""
+        """Kill the vehicle's programs, as a power failure does."""
         self._processes.close()
 
 
 @contextlib.contextmanager
 def afloat(*links: str, speed: str = "1") -> Iterator[Afloat]:
-    """A vehicle that stands by in the simulator."""
+    """Yield a vehicle in standby in the simulator."""
     vehicle = Afloat(links, speed)
     try:
         vehicle.start()
@@ -81,7 +80,7 @@ def afloat(*links: str, speed: str = "1") -> Iterator[Afloat]:
 
 
 def wait_for_heartbeat(address: str, status: int = 0, within_s: float = STARTS_WITHIN_S) -> Any:
-    """The first heartbeat of a vehicle that is at least as ready as ``status`` (MAV_STATE)."""
+    """Return the first heartbeat of a vehicle with at least a MAV_STATE."""
     transport = open_transport(address)
     with contextlib.closing(transport):
         endpoint, deadline_s = Endpoint(transport, 250, 191), time.monotonic() + within_s
@@ -90,18 +89,18 @@ def wait_for_heartbeat(address: str, status: int = 0, within_s: float = STARTS_W
             for frame in endpoint.receive():
                 if frame.name == "HEARTBEAT" and frame.decode().system_status >= status:
                     return frame.decode()
-    raise AssertionError(f"no vehicle stands by on {address}")
+    raise AssertionError(f"no vehicle is in standby on {address}")
 
 
 class Act(NamedTuple):
-    """A client program under way, and the line it talks by, if it is one."""
+    """A running client program, and its serial line if it uses one."""
 
     program: Process
     line: Line | None
     vehicle: Afloat
 
     def verdicts(self) -> Verdicts:
-        """What it found, when it is done."""
+        """Return the results of the finished program."""
         finished = self.program.finish(patience_s=400.0)
         assert finished.status == 0, finished.stderr[-3000:]
         found: Verdicts = json.loads(finished.stdout.splitlines()[-1])
@@ -110,7 +109,7 @@ class Act(NamedTuple):
 
 @contextlib.contextmanager
 def over_udp(client: str, folder: Path, *options: str, speed: str = "1") -> Iterator[Act]:
-    """A client that goes down its list on a UDP link."""
+    """Start a client with its checks on a UDP link."""
     port = free_port()
     with (
         afloat(f"udpout:127.0.0.1:{port}", speed=speed) as vehicle,
@@ -121,7 +120,7 @@ def over_udp(client: str, folder: Path, *options: str, speed: str = "1") -> Iter
 
 @contextlib.contextmanager
 def over_serial(client: str, folder: Path, *options: str) -> Iterator[Act]:
-    """A client that goes down its list on a noisy serial line."""
+    """Start a client with its checks on a noisy serial line."""
     with (
         line(folder, BAUD, NOISE) as cable,
         afloat(f"serial:{cable.device['vehicle']}:{BAUD}") as vehicle,
@@ -137,12 +136,12 @@ ACTS: dict[str, Callable[..., AbstractContextManager[Act]]] = {
     "udp 10x": partial(over_udp, speed="10"),
     "udp 50x": partial(over_udp, speed="50"),
 }
-"""Every link and speed on which a client goes down its list."""
+"""Every link and speed on which a client runs its checks."""
 
 
 @contextlib.contextmanager
 def all_at_once(acts: Mapping[Key, AbstractContextManager[T]]) -> Iterator[dict[Key, T]]:
-    """Several stages set up side by side: most of it is waiting for programs to start."""
+    """Start several set-ups at once, because most of the time is spent waiting for programs."""
     with contextlib.ExitStack() as stack:
         with ThreadPoolExecutor(len(acts)) as pool:
             entered = {key: pool.submit(act.__enter__) for key, act in acts.items()}
@@ -154,7 +153,7 @@ def all_at_once(acts: Mapping[Key, AbstractContextManager[T]]) -> Iterator[dict[
 
 @contextlib.contextmanager
 def run(client: str, folder: Path, vehicle: Afloat, where: str, *options: str) -> Iterator[Process]:
-    """A client's list of checks as a program; ``where`` is HOST:PORT to listen on, or a device."""
+    """Return a client's checks as a program; ``where`` is HOST:PORT to listen on, or a device."""
     serial = where.startswith("/")
     if client == "mavsdk":
         arguments = [f"serial://{where}:{BAUD}" if serial else f"udpin://{where}"]
@@ -166,7 +165,7 @@ def run(client: str, folder: Path, vehicle: Afloat, where: str, *options: str) -
 
 
 def install_modes(home: Path, vehicle: Afloat) -> None:
-    """What ``ground modes export-mavproxy`` does for somebody with this home directory."""
+    """Run ``ground modes export-mavproxy`` with this home directory."""
     path = home / ".pymavlink" / "custom_mode_map.json"
     command = [
         sys.executable,

@@ -1,5 +1,4 @@
-"""What a person at MAVProxy's prompt can do with the vehicle, check by check: prints one JSON
-object.
+"""Check the use of the vehicle at MAVProxy's prompt; print one JSON object.
 
 Usage: python -m tests.clients.mavproxy_checks FOLDER MASTER [--baud N] [--speed N] [--slow]
 [--short]
@@ -46,12 +45,11 @@ ITEMS = [
     (115, 40.0, 0.0, 0.0, 0.0),
     (93, 1e4, -1.0, -1.0, -1.0),
 ]
-"""Thrust, depth, heading, and more time than any list of checks takes: command and first four
-parameters."""
+"""Thrust, depth, heading and a long delay: command and first four parameters."""
 
 
 class Person:
-    """At the prompt; on a noisy line patient enough to type a command again."""
+    """MAVProxy at its prompt; on a noisy line a command is typed again."""
 
     def __init__(self, console: Console, *, speed: float, slow: bool) -> None:
         self.console, self.speed, self.slow = console, speed, slow
@@ -63,16 +61,15 @@ class Person:
         return self.console.ask(line, pattern, attempts=4 if self.slow else 1, within_s=within_s)
 
     def until(self, wanted: Callable[[], bool], what: str, within_s: float = 15.0) -> None:
-        """Wait for something. Raises RefutedError, saying ``what`` is wrong, when it never
-        comes."""
+        """Wait for a condition. Raises RefutedError with ``what`` after the time limit."""
         deadline_s = time.monotonic() + within_s
         while not wanted():
             require(time.monotonic() < deadline_s, what)
 
     def latest(self, name: str) -> dict[str, Any]:
-        heard = self.console.messages()
-        require(name in heard, f"{name} was never heard")
-        return heard[name][1]
+        received = self.console.messages()
+        require(name in received, f"{name} was never received")
+        return received[name][1]
 
 
 Check = Callable[[Person], None]
@@ -81,7 +78,7 @@ Check = Callable[[Person], None]
 def write_plan(
     path: Path, items: list[tuple[float, ...]], *, frame: int = 2, z: float = 0.0
 ) -> Path:
-    """A QGC WPL 110 file, as waypoint editors write it."""
+    """Return a QGC WPL 110 file, as waypoint editors write it."""
     lines = [
         f"{n}\t{int(n == 0)}\t{frame}\t{command}\t{p1}\t{p2}\t{p3}\t{p4}\t0\t0\t{z}\t1"
         for n, (command, p1, p2, p3, p4) in enumerate(items)
@@ -100,8 +97,7 @@ def detects_the_vehicle(p: Person) -> None:
 
 
 def receives_the_parameters(p: Person) -> None:
-    """By file or one by one, as MAVProxy likes; on a noisy line it may have to ask again for
-    some."""
+    """Check the parameter download, by file or by messages; repeat it on a noisy line."""
     p.ask("param fetch", f"Received {len(DEFAULTS)} parameters", 60.0)
     wrong = list(DEFAULTS)
 
@@ -209,12 +205,12 @@ def starts_the_mission(p: Person) -> None:
     p.ask("long MISSION_START 0 0", "MISSION_START: ACCEPTED")
     p.until(
         lambda: p.latest("HEARTBEAT")["custom_mode"] == MISSION_MODE,
-        "the heartbeat never told of MISSION",
+        "no heartbeat reported MISSION",
     )
 
 
 def dives(p: Person) -> None:
-    """Counting streams on the way; what does not come by itself is asked for first."""
+    """Count streams during the dive; request the messages that are not streamed."""
     p.ask("module load messagerate", "Loaded module messagerate|already loaded")
     for name, sense in SENSES.items():
         if sense.must_be_asked_for(slow=p.slow):
@@ -225,16 +221,18 @@ def dives(p: Person) -> None:
         require(time.monotonic() < deadline_s, "is never 1.5 m down")
     time.sleep(max(0.0, began_s + STREAMS_COUNTED_S - time.monotonic()))
     p.counted, p.counted_s = p.console.messages(), time.monotonic() - began_s
-    then_ms, now_ms = (heard["ATTITUDE"][1]["time_boot_ms"] for heard in (p.before, p.counted))
+    then_ms, now_ms = (
+        received["ATTITUDE"][1]["time_boot_ms"] for received in (p.before, p.counted)
+    )
     p.counted_vehicle_s = (now_ms - then_ms) / 1e3
 
 
 def stream(name: str) -> Check:
-    """How often a message comes, and what its numbers say."""
+    """Check the rate of a message and its values."""
 
     def check(p: Person) -> None:
-        require(name in p.counted, "was never heard")
-        sense, heard = SENSES[name], {key: fields for key, (_, fields) in p.counted.items()}
+        require(name in p.counted, "was never received")
+        sense, received = SENSES[name], {key: fields for key, (_, fields) in p.counted.items()}
         span_s = p.counted_s if name == "HEARTBEAT" else p.counted_vehicle_s
         come = p.counted[name][0] - p.before.get(name, (0, {}))[0]
         two_speak = (
@@ -246,18 +244,18 @@ def stream(name: str) -> Check:
             and not sense.must_be_asked_for(slow=p.slow)
         ):
             check_rate(name, come / span_s, slow=p.slow)
-        if not (two_speak and math.isnan(heard[name]["x"])):
-            sense.check(heard[name], heard)
+        if not (two_speak and math.isnan(received[name]["x"])):
+            sense.check(received[name], received)
 
     check.__name__ = f"stream_{name}"
     return check
 
 
 def hears_every_stream(p: Person) -> None:
-    """Without a dive, which takes minutes where vehicle time is slow."""
+    """Check without a dive, which takes minutes at a low speed of vehicle time."""
     deadline_s = time.monotonic() + 10.0 * max(1.0, 1.0 / p.speed)
     while missing := BY_THEMSELVES - set(p.console.messages()):
-        require(time.monotonic() < deadline_s, f"never heard {sorted(missing)}")
+        require(time.monotonic() < deadline_s, f"never received {sorted(missing)}")
 
 
 def sets_a_rate(p: Person) -> None:
@@ -273,7 +271,7 @@ def is_refused_the_rate_of_no_stream(p: Person) -> None:
 
 
 def is_not_upset_by_its_stream_requests(p: Person) -> None:
-    """MAVProxy sends REQUEST_DATA_STREAM again and again, here for 50 messages a second."""
+    """Check that repeated REQUEST_DATA_STREAM, here at 50 Hz, keeps the rates of the table."""
     p.console.say("set streamrate 50")
     time.sleep(1.5)
     rate_hz = float(p.ask("messagerate get ATTITUDE", r"Msg:ATTITUDE +rate:([\d.]+)Hz")[1])
@@ -307,7 +305,7 @@ def is_refused_to_disarm_under_water(p: Person) -> None:
 
 
 def reads_why(p: Person) -> None:
-    """Also where the reason is longer than one message."""
+    """Check the reason of a refusal, including one longer than one message."""
     p.ask("reboot", "AP: Reboot refused: armed")
     p.ask("disarm", "AP: Not disarmed: under water; use SURFACE, or force")
 
@@ -325,7 +323,7 @@ def lists_logs(p: Person) -> None:
 
 
 def downloads_a_log(p: Person) -> None:
-    """The first: of the short time when she was armed at the quay."""
+    """Check the first log, of the short armed time before the dive."""
     size = int(p.ask("log list", LOG_ROW, 20.0)[2])
     path = p.console.folder / "log.mcap"
     p.console.say(f"log download 0 {path}")
@@ -357,12 +355,12 @@ def clears_the_mission(p: Person) -> None:
 
 
 def never_sees_a_breach_or_a_lost_link(p: Person) -> None:
-    said = [
+    texts = [
         words
         for words in ("breach", "link 1 down", "no link", "Time has wrapped", "Traceback")
         if words in p.console.said
     ]
-    equal(said, [], "what should never be said")
+    equal(texts, [], "what should never be said")
 
 
 def keeps_a_log_that_pymavlink_reads(p: Person) -> None:
@@ -451,13 +449,14 @@ if __name__ == "__main__":
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--slow", action="store_true")
     parser.add_argument("--short", action="store_true")
-    asked = parser.parse_args()
-    console = Console(asked.folder, asked.master, asked.baud)
+    options = parser.parse_args()
+    console = Console(options.folder, options.master, options.baud)
     try:
-        found = carry_out(
-            SHORT if asked.short else EVERY, Person(console, speed=asked.speed, slow=asked.slow)
+        results = carry_out(
+            SHORT if options.short else EVERY,
+            Person(console, speed=options.speed, slow=options.slow),
         )
     finally:
         console.close()
-    (asked.folder / "said.txt").write_text(console.said)
-    print(report(found), flush=True)
+    (options.folder / "said.txt").write_text(console.said)
+    print(report(results), flush=True)

@@ -1,4 +1,4 @@
-"""MAVProxy at its prompt: a real process, typed to and read like a person would."""
+"""MAVProxy at its prompt: a real process with typed input and parsed output."""
 
 import os
 import re
@@ -12,13 +12,12 @@ from typing import Any
 PATIENCE_S = 15.0
 POLL_S = 0.02
 END = "end-of-list"
-"""No command: what MAVProxy says to it shows that all before it was carried out."""
+"""Not a command: MAVProxy's error for it shows that all commands before it were executed."""
 PROGRAM = str(Path(sys.executable).with_name("mavproxy.py"))
 
 
 class Console:
-    """A running MAVProxy whose home directory is ``folder``. What it has said is read on from where
-    it was left."""
+    """A running MAVProxy whose home directory is ``folder``; its output is read incrementally."""
 
     def __init__(self, folder: Path, master: str, baud: int | None = None) -> None:
         command = [
@@ -56,14 +55,14 @@ class Console:
         return self._process.pid
 
     def say(self, line: str) -> None:
-        """Type a line; what was said before is not waited for any more."""
+        """Type a line; ignore the output before it."""
         self._mark = len(self.said)
         assert self._process.stdin is not None
         self._process.stdin.write(line.encode() + b"\n")
         self._process.stdin.flush()
 
     def hear(self, pattern: str, within_s: float = PATIENCE_S) -> re.Match[str]:
-        """The next that matches in what it says. Raises TimeoutError with what it said instead."""
+        """Return the next match in the output. Raises TimeoutError with the output."""
         deadline_s = time.monotonic() + within_s
         while (match := re.compile(pattern, re.MULTILINE).search(self.said, self._mark)) is None:
             if time.monotonic() > deadline_s:
@@ -78,7 +77,7 @@ class Console:
     def ask(
         self, line: str, pattern: str, *, attempts: int = 1, within_s: float = PATIENCE_S
     ) -> re.Match[str]:
-        """Type a line and read the answer; again, where the line may be lost on the way."""
+        """Type a line and return the match in the answer; repeat it on a lossy line."""
         for _ in range(attempts - 1):
             self.say(line)
             try:
@@ -89,7 +88,7 @@ class Console:
         return self.hear(pattern, within_s)
 
     def messages(self) -> dict[str, tuple[int, dict[str, Any]]]:
-        """How often each message has come, and its last fields, as ``status`` shows them."""
+        """Return the number of each message and its last fields, as ``status`` shows them."""
         self.say("status *")
         start = self._mark
         self.say(END)

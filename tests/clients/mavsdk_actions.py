@@ -1,4 +1,4 @@
-"""What MAVSDK's plugin `action` gets from the vehicle, method by method: prints one JSON object.
+"""Check the results of MAVSDK's plugin `action`, method by method; print one JSON object.
 
 Usage: python -m tests.clients.mavsdk_actions ADDRESS
 
@@ -26,22 +26,22 @@ HOLD, MANUAL = (4, 3), (1 << 16, 0)
 DO_SET_MODE = 176
 WORKS, UNSUPPORTED = ("SUCCESS",), ("UNSUPPORTED",)
 NO_TRANSITION = ("NO_VTOL_TRANSITION_SUPPORT", "VTOL_TRANSITION_SUPPORT_UNKNOWN")
-"""The second until MAVSDK has received the first EXTENDED_SYS_STATE."""
+"""Time until MAVSDK has received the first EXTENDED_SYS_STATE, in s."""
 
 
 class Call(NamedTuple):
-    """One method, what it is called with, and what comes of it."""
+    """One method with its arguments and expected results."""
 
     method: str
     arguments: tuple[Any, ...] = ()
     results: tuple[str, ...] = WORKS
-    """Any of these is right."""
+    """Accepted results."""
     armed_in: tuple[int, int] | None = None
-    """Arm first, in this mode; None to begin disarmed."""
+    """Mode in which the vehicle is armed before the call; None for a disarmed start."""
     mode: str | None = None
-    """The flight mode that MAVSDK reports afterwards."""
+    """Flight mode that MAVSDK reports afterwards."""
     armed: bool | None = None
-    """Whether the vehicle is armed afterwards; None where the call does not decide it."""
+    """Whether the vehicle is armed afterwards; None if the call does not decide it."""
 
 
 CALLS = (
@@ -99,7 +99,7 @@ async def prepare(client: Client, call: Call) -> None:
 
 
 async def carry_out(client: Client, call: Call) -> dict[str, str]:
-    """Return the result of a call, and why it is not the expected one; "" where it is."""
+    """Return the result of a call, and its difference from the expected one ("" for none)."""
     await prepare(client, call)
     method: Callable[..., Awaitable[Any]] = getattr(client.action, call.method)
     result, why = await result_of(method(*call.arguments)), ""
@@ -115,7 +115,7 @@ async def carry_out(client: Client, call: Call) -> dict[str, str]:
 
 
 def methods(client: Client) -> set[str]:
-    """Return the methods that the plugin has, without its destructor."""
+    """Return the methods of the plugin, without its destructor."""
     return {name for name in dir(client.action) if not name.startswith("_")} - {"destroy"}
 
 

@@ -1,9 +1,10 @@
-"""What a stock MAVSDK program can do with the vehicle, check by check: prints one JSON object.
+"""Check the use of the vehicle by a stock MAVSDK program; print one JSON object.
 
 Usage: python -m tests.clients.mavsdk_checks ADDRESS [--speed N] [--slow] [--short]
 
 ``--slow`` expects the rates of a 57600 baud link, ``--short`` makes do with one check of each
-service."""
+service.
+"""
 
 import argparse
 import asyncio
@@ -38,7 +39,7 @@ ARM, SET_HOME, MISSION_START, LOITER, REBOOT, TAKEOFF, CONTINUE = 400, 179, 300,
 ARDUSUB_AUTO = 3
 AVAILABLE_MODES, AUTOPILOT_VERSION, HOME_POSITION, ATTITUDE, NO_STREAM = 435, 148, 242, 30, 77
 CAPABILITIES = 4 | 8 | 16 | 32 | 8192
-"""MISSION_INT, COMMAND_INT, PARAM_ENCODE_BYTEWISE, FTP, MAVLINK2."""
+"""Capabilities MISSION_INT, COMMAND_INT, PARAM_ENCODE_BYTEWISE, FTP, MAVLINK2."""
 MODES = {
     "MANUAL": (1, 0, "MANUAL"),
     "DEPTH": (2, 0, "ALTCTL"),
@@ -51,15 +52,15 @@ MODES = {
     "SYSID": (4, 11, "UNKNOWN"),
     "MISSION": (4, 4, "MISSION"),
 }
-"""Each mode's main and sub number in DO_SET_MODE, and what MAVSDK makes of it."""
+"""Main and sub number of each mode in DO_SET_MODE, and MAVSDK's name for it."""
 UNUSED = (None,) * 4
-"""How MAVSDK itself fills what a command does not use: NaN, which its JSON takes as null."""
+"""Value that MAVSDK gives unused parameters: NaN, which is null in its JSON."""
 NOT_WHEN_MOORED = ("SYSID", "OFFBOARD")
-"""Modes that want something to follow first."""
+"""Modes that require further messages or items."""
 DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 STREAMS_COUNTED_S = 11.0
-"""At least: twice the slowest one's period."""
+"""Minimum wait, in s: twice the period of the slowest message."""
 
 NOISY_ATTEMPTS = 6
 
@@ -75,7 +76,7 @@ def item(
 
 
 def leg(depth_m: float = 4.0, seconds: float = 10_000.0) -> list[MissionItem]:
-    """Thrust, depth, heading, and more time than any list of checks takes at any speed."""
+    """Thrust, depth, heading and a delay that is longer than all checks at any speed."""
     return [
         item(0, 178, 1.0, -1.0, 58.0),
         item(1, 186, -depth_m, 3.0),
@@ -101,8 +102,7 @@ async def refused(result: str, attempt: Awaitable[Any], kind: type[Exception]) -
 
 
 async def patiently(c: Client, attempt: Callable[[], Awaitable[T]], passing: str) -> T:
-    """Again where the line is noisy and all that came of an attempt is ``passing``: as its user
-    would."""
+    """Repeat an attempt on a noisy line, as a user does, if its result is ``passing``."""
     for _ in range(NOISY_ATTEMPTS if c.slow else 0):
         try:
             return await attempt()
@@ -113,8 +113,10 @@ async def patiently(c: Client, attempt: Callable[[], Awaitable[T]], passing: str
 
 
 async def upload(c: Client, items: list[MissionItem]) -> None:
-    """MAVSDK never repeats its last item: where the acknowledgement is lost it gives up after 2.5
-    s."""
+    """Upload again on a lossy line.
+
+    MAVSDK never repeats its last item; if the acknowledgement is lost it fails after 2.5 s.
+    """
     await patiently(c, lambda: c.missions.upload_mission(items), "TIMEOUT")
 
 
@@ -202,7 +204,7 @@ async def carries_a_long_mission(c: Client) -> None:
 
 
 async def carries_a_plan_of_waypoints(c: Client) -> None:
-    """MAVSDK's own mission plugin, with depth as a negative altitude; it sends frame 3 and NaN."""
+    """Check the mission plugin, with depth as a negative altitude; it sends frame 3 and NaN."""
     nan = math.nan
     place = PlanItem(
         42.35,
@@ -298,7 +300,7 @@ async def sets_each_mode_by_its_whole_number(c: Client) -> None:
 
 
 async def sets_a_mode_the_old_way(c: Client) -> None:
-    """SET_MODE is never acknowledged: heartbeat and CURRENT_MODE tell at once."""
+    """Check SET_MODE, which has no acknowledgement, by the next heartbeat and CURRENT_MODE."""
     acks = len(c.times["COMMAND_ACK"])
     depth = 2 << 16
     told = asyncio.create_task(c.next("CURRENT_MODE", lambda m: m["custom_mode"] == depth))
@@ -369,10 +371,10 @@ async def starts_the_mission(c: Client) -> None:
 
 
 async def hears_every_stream(c: Client) -> None:
-    """Without a dive, which takes minutes where vehicle time is slow."""
+    """Check without a dive, which takes minutes at a low speed of vehicle time."""
     deadline_s = time.monotonic() + 10.0 * c.stretch
     while missing := BY_THEMSELVES - set(c.latest):
-        require(time.monotonic() < deadline_s, f"never heard {sorted(missing)}")
+        require(time.monotonic() < deadline_s, f"never received {sorted(missing)}")
         await asyncio.sleep(0.1)
 
 
@@ -391,7 +393,7 @@ async def is_refused_a_mission_while_one_is_flown(c: Client) -> None:
 
 
 async def dives(c: Client) -> None:
-    """Counting streams on the way; what does not come by itself is asked for first."""
+    """Count streams during the dive; request the messages that are not streamed."""
     for name, sense in SENSES.items():
         if sense.must_be_asked_for(slow=c.slow):
             equal(
@@ -415,10 +417,10 @@ async def dives(c: Client) -> None:
 
 
 def stream(name: str) -> Check:
-    """How often a message comes, and what its numbers say."""
+    """Check the rate of a message and its values."""
 
     async def check(c: Client) -> None:
-        require(c.counted.get(name) or name in c.latest, "was never heard")
+        require(c.counted.get(name) or name in c.latest, "was never received")
         sense = SENSES[name]
         span_s = c.counted_s if name == "HEARTBEAT" else c.counted_vehicle_s
         if sense.rate_hz * span_s >= 5 and not sense.must_be_asked_for(slow=c.slow):
@@ -486,7 +488,7 @@ async def interval_of_attitude_us(c: Client) -> float:
 
 
 async def sets_rates(c: Client) -> None:
-    """Twice the rate of the table, or a fifth of it on a slow line: it is that of vehicle time."""
+    """Check a requested rate in vehicle time: twice the table or a fifth of it (slow line)."""
     rate_hz = 2.0 if c.slow else 20.0
     await c.telemetry.set_rate_attitude_euler(rate_hz)
     close(await interval_of_attitude_us(c), 1e6 / rate_hz, 1, "interval_us")
@@ -547,7 +549,7 @@ async def keeps_time(c: Client) -> None:
 
 
 async def pings(c: Client) -> None:
-    """MAVSDK pings by itself, every five seconds."""
+    """Check the PINGs that MAVSDK sends every five seconds."""
     answer = c.latest.get("PING") or await c.next("PING")
     equal((answer["target_system"], answer["target_component"]), (245, 190), "target")
 
@@ -568,8 +570,10 @@ async def hears_the_answer_after_the_acknowledgement(c: Client) -> None:
 
 
 async def may_leave_parameters_out(c: Client) -> None:
-    """NaN means "not given" everywhere; JSON has no NaN, so MAVSDK's own plugins send it: they fill
-    with NaN."""
+    """Check that NaN means "not given" everywhere.
+
+    JSON has no NaN, so that MAVSDK's own plugins are used, which fill with NaN.
+    """
     await c.action.hold()
     require((await c.info.get_version()).flight_sw_major is not None, "no version")
     await c.missions.start_mission()
@@ -590,7 +594,7 @@ async def keeps_home_at_the_surface(c: Client) -> None:
     moved = {"x": home["latitude"] + 100, "y": home["longitude"], "z": 55.0}
     equal(await c.command_int(SET_HOME, 0, **moved), ACCEPTED, "result")
     with contextlib.suppress(*([TimeoutError] if c.slow else [])):
-        equal((await told)["altitude"], 0, "altitude that is told at once")
+        equal((await told)["altitude"], 0, "altitude of the announced home")
     home = await c.request(HOME_POSITION, "HOME_POSITION")
     equal((home["latitude"], home["altitude"]), (moved["x"], 0), "home")
 
@@ -625,7 +629,7 @@ async def lists_logs(c: Client) -> None:
 
 
 async def downloads_a_log(c: Client) -> None:
-    """The first: of the short time when she was armed at the quay."""
+    """Check the first log, of the short armed time before the dive."""
     entry = min(await c.logs.get_entries(), key=lambda e: e.id)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.mcap"
@@ -645,7 +649,7 @@ async def lists_files(c: Client) -> None:
 
 
 async def downloads_a_file(c: Client) -> None:
-    """In bursts, and compared by its checksum: a log, or on a slow line what is smaller."""
+    """Check a download in bursts by its checksum: a log, or on a slow line a smaller file."""
     where = "/params" if c.slow else "/logs"
     found = await c.ftp.list_directory(where)
     smallest = min((e for e in found.entries if e.size_bytes), key=lambda e: e.size_bytes)
@@ -678,7 +682,7 @@ async def kills(c: Client) -> None:
 
 
 async def hears_a_heartbeat_every_second(c: Client) -> None:
-    """By the wall clock, whatever the speed; a noisy line loses some."""
+    """Check the heartbeat rate on the wall clock at any speed; a noisy line loses some."""
     times = c.times["HEARTBEAT"]
     share = (len(times) - 1) / (times[-1] - times[0])
     require(share > (0.7 if c.slow else 0.9), f"{share:.2f} a second")
@@ -797,10 +801,13 @@ if __name__ == "__main__":
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--slow", action="store_true")
     parser.add_argument("--short", action="store_true")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     found = asyncio.run(
         carry_out(
-            SHORT if asked.short else EVERY, asked.address, speed=asked.speed, slow=asked.slow
+            SHORT if options.short else EVERY,
+            options.address,
+            speed=options.speed,
+            slow=options.slow,
         )
     )
     print(report(found), flush=True)

@@ -1,5 +1,4 @@
-"""A stock MAVSDK program that injects failures and listens to what is said of them: prints one JSON
-object.
+"""A stock MAVSDK program that injects failures and records the texts; prints one JSON object.
 
 Usage: python mavsdk_failures.py ADDRESS simulated|real|listen
 """
@@ -28,7 +27,7 @@ BROKEN = [
 
 
 class Ears:
-    """Everything that is told, from the start."""
+    """All received texts."""
 
     def __init__(self, telemetry: Any) -> None:
         self.texts: list[str] = []
@@ -68,9 +67,9 @@ class Ears:
         }
 
 
-async def until(wanted: Any, patience_s: float = PATIENCE_S) -> bool:
+async def until(condition: Any, patience_s: float = PATIENCE_S) -> bool:
     deadline_s = time.monotonic() + patience_s
-    while not wanted():
+    while not condition():
         if time.monotonic() > deadline_s:
             return False
         await asyncio.sleep(0.05)

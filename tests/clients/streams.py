@@ -1,7 +1,6 @@
-"""Every telemetry stream, as any client hears it: how often, and whether its numbers make sense
-beside the others'.
+"""Every telemetry stream as a client receives it: rates, and values that must be consistent.
 
-The vehicle is meant to be under way in the simulator, some way down: so that a wrong sign shows.
+The vehicle should be in motion and submerged in the simulator, so that a wrong sign is detected.
 """
 
 import math
@@ -11,7 +10,7 @@ from typing import Any, NamedTuple
 from tests.clients.checklist import close, equal, require
 
 Fields = Mapping[str, Any]
-Heard = Mapping[str, Fields]
+Latest = Mapping[str, Fields]
 """The latest fields of each message by name."""
 
 SUBMARINE, GENERIC = 12, 0
@@ -21,137 +20,137 @@ NED, FRD = 1, 12
 UNKNOWN_U16 = 65_535
 WATER_DENSITY_KGPM3, GRAVITY_MPS2, SURFACE_HPA = 1025.0, 9.81, 1013.25
 DEPTH_SLACK_M = 0.8
-"""What a vehicle sinks between two messages, some of which were lost."""
+"""Maximum change of depth between two messages, some of which were lost, in m."""
 HEALTHY_BITS = 0x1 | 0x2 | 0x4 | 0x8 | 0x20 | 1 << 20 | 1 << 28
 """Gyro, accelerometer, magnetometer, absolute pressure, GPS, geofence, pre-arm check."""
 
 
-def heartbeat(m: Fields, heard: Heard) -> None:
+def heartbeat(m: Fields, latest: Latest) -> None:
     equal((m["type"], m["autopilot"]), (SUBMARINE, GENERIC), "type and autopilot")
     equal(m["base_mode"], ARMED_AND_CUSTOM, "base_mode")
     require(m["custom_mode"] >> 16, "custom_mode is not in PX4's numbering")
 
 
-def system_status(m: Fields, heard: Heard) -> None:
+def system_status(m: Fields, latest: Latest) -> None:
     health = m["onboard_control_sensors_health"]
     equal(health & HEALTHY_BITS, HEALTHY_BITS, "health")
     equal(m["onboard_control_sensors_present"] & 0x2F, 0x2F, "present")
     require(0 < m["voltage_battery"] <= UNKNOWN_U16, "no voltage_battery")
 
 
-def system_time(m: Fields, heard: Heard) -> None:
+def system_time(m: Fields, latest: Latest) -> None:
     close(
         m["time_boot_ms"],
-        heard["ATTITUDE"]["time_boot_ms"],
+        latest["ATTITUDE"]["time_boot_ms"],
         60_000,
         "time_boot_ms beside ATTITUDE's",
     )
 
 
-def extended_state(m: Fields, heard: Heard) -> None:
+def extended_state(m: Fields, latest: Latest) -> None:
     equal(m["landed_state"], 2, "landed_state under way")
 
 
-def mission_current(m: Fields, heard: Heard) -> None:
+def mission_current(m: Fields, latest: Latest) -> None:
     require(m["total"] > m["seq"] >= 0, f"item {m['seq']} of {m['total']}")
     equal(m["mission_mode"], 1, "mission_mode in MISSION")
 
 
-def gps(m: Fields, heard: Heard) -> None:
+def gps(m: Fields, latest: Latest) -> None:
     require(m["fix_type"] in (0, 1, 3), f"fix_type is {m['fix_type']}")
 
 
-def current_mode(m: Fields, heard: Heard) -> None:
-    equal(m["custom_mode"], heard["HEARTBEAT"]["custom_mode"], "custom_mode")
+def current_mode(m: Fields, latest: Latest) -> None:
+    equal(m["custom_mode"], latest["HEARTBEAT"]["custom_mode"], "custom_mode")
     equal(m["intended_custom_mode"], m["custom_mode"], "intended_custom_mode")
 
 
-def battery(m: Fields, heard: Heard) -> None:
+def battery(m: Fields, latest: Latest) -> None:
     require(m["voltages"][0] != UNKNOWN_U16, "the first cell is unknown")
     equal(m["voltages"][9], UNKNOWN_U16, "an unused cell")
     require(-1 <= m["battery_remaining"] <= 100, f"battery_remaining is {m['battery_remaining']}")
 
 
-def home(m: Fields, heard: Heard) -> None:
+def home(m: Fields, latest: Latest) -> None:
     equal(m["altitude"], 0, "altitude")
     equal(list(m["q"]), [1.0, 0.0, 0.0, 0.0], "q")
     require(m["latitude"] and m["longitude"], "home lies nowhere")
 
 
-def attitude(m: Fields, heard: Heard) -> None:
+def attitude(m: Fields, latest: Latest) -> None:
     require(
         abs(m["roll"]) < 1.0 and abs(m["pitch"]) < 1.0, f"rolls {m['roll']}, pitches {m['pitch']}"
     )
     require(-math.pi <= m["yaw"] <= math.pi, f"yaw is {m['yaw']}")
 
 
-def quaternion(m: Fields, heard: Heard) -> None:
+def quaternion(m: Fields, latest: Latest) -> None:
     q = [m[f"q{n}"] for n in (1, 2, 3, 4)]
     close(sum(x * x for x in q), 1.0, 1e-3, "norm of q")
     yaw = math.atan2(2 * (q[0] * q[3] + q[1] * q[2]), 1 - 2 * (q[2] ** 2 + q[3] ** 2))
-    apart = (yaw - heard["ATTITUDE"]["yaw"] + math.pi) % (2 * math.pi) - math.pi
+    apart = (yaw - latest["ATTITUDE"]["yaw"] + math.pi) % (2 * math.pi) - math.pi
     close(apart, 0.0, 0.5, "yaw beside ATTITUDE's")
 
 
-def global_position(m: Fields, heard: Heard) -> None:
-    depth_m = heard["LOCAL_POSITION_NED"]["z"]
+def global_position(m: Fields, latest: Latest) -> None:
+    depth_m = latest["LOCAL_POSITION_NED"]["z"]
     equal(m["alt"], m["relative_alt"], "alt")
     close(m["relative_alt"] / 1000.0, -depth_m, DEPTH_SLACK_M, "relative_alt")
     require(0 <= m["hdg"] < 36_000, f"hdg is {m['hdg']}")
     require(m["lat"] and m["lon"], "position lies nowhere")
 
 
-def local_position(m: Fields, heard: Heard) -> None:
+def local_position(m: Fields, latest: Latest) -> None:
     require(m["z"] > 1.0, f"z is {m['z']} under water, not down-positive")
 
 
-def vfr_hud(m: Fields, heard: Heard) -> None:
-    close(m["alt"], -heard["LOCAL_POSITION_NED"]["z"], DEPTH_SLACK_M, "alt")
+def vfr_hud(m: Fields, latest: Latest) -> None:
+    close(m["alt"], -latest["LOCAL_POSITION_NED"]["z"], DEPTH_SLACK_M, "alt")
     require(0 <= m["throttle"] <= 100, f"throttle is {m['throttle']}")
     require(m["airspeed"] > 0.2, f"airspeed is {m['airspeed']} under thrust")
 
 
-def altitude(m: Fields, heard: Heard) -> None:
-    depth_m = heard["LOCAL_POSITION_NED"]["z"]
+def altitude(m: Fields, latest: Latest) -> None:
+    depth_m = latest["LOCAL_POSITION_NED"]["z"]
     for field in ("altitude_amsl", "altitude_local", "altitude_relative"):
         close(m[field], -depth_m, DEPTH_SLACK_M, field)
     require(m["bottom_clearance"] == -1 or m["bottom_clearance"] > 0, "bottom_clearance")
     require(m["altitude_terrain"] < -1000, "altitude_terrain is not unknown")
 
 
-def water_pressure(m: Fields, heard: Heard) -> None:
-    depth_m = heard["LOCAL_POSITION_NED"]["z"]
+def water_pressure(m: Fields, latest: Latest) -> None:
+    depth_m = latest["LOCAL_POSITION_NED"]["z"]
     expected_hpa = SURFACE_HPA + WATER_DENSITY_KGPM3 * GRAVITY_MPS2 * depth_m / 100.0
     close(m["press_abs"], expected_hpa, 100.0 * DEPTH_SLACK_M + 30.0, "press_abs")
 
 
-def distance(m: Fields, heard: Heard) -> None:
+def distance(m: Fields, latest: Latest) -> None:
     equal(m["orientation"], LOOKING_DOWN, "orientation")
     require(m["min_distance"] < m["max_distance"], "min_distance is not below max_distance")
 
 
-def navigation(m: Fields, heard: Heard) -> None:
+def navigation(m: Fields, latest: Latest) -> None:
     require(-180 <= m["target_bearing"] <= 360, f"target_bearing is {m['target_bearing']}")
     require(abs(m["alt_error"]) < 20.0, f"alt_error is {m['alt_error']}")
 
 
-def attitude_target(m: Fields, heard: Heard) -> None:
+def attitude_target(m: Fields, latest: Latest) -> None:
     require(0.1 < m["thrust"] <= 1.0, f"thrust is {m['thrust']} under way")
     close(sum(x * x for x in m["q"]), 1.0, 1e-3, "norm of q")
 
 
-def position_target(m: Fields, heard: Heard) -> None:
+def position_target(m: Fields, latest: Latest) -> None:
     require(m["z"] > 0.0, f"z is {m['z']}, not the depth that is wanted")
     equal(m["coordinate_frame"], NED, "coordinate_frame")
 
 
-def servos(m: Fields, heard: Heard) -> None:
+def servos(m: Fields, latest: Latest) -> None:
     pulses = [m[f"servo{n}_raw"] for n in (1, 2, 3)]
     require(all(1100 <= pulse <= 1900 for pulse in pulses), f"pulses are {pulses}")
     require(pulses[2] > 1500, f"thrust is {pulses[2]} us under way")
 
 
-def actuators(m: Fields, heard: Heard) -> None:
+def actuators(m: Fields, latest: Latest) -> None:
     equal(m["active"], 0b111, "active")
     require(
         all(-1.0 <= a <= 1.0 for a in m["actuator"]) and m["actuator"][2] > 0.1,
@@ -159,44 +158,43 @@ def actuators(m: Fields, heard: Heard) -> None:
     )
 
 
-def imu(m: Fields, heard: Heard) -> None:
+def imu(m: Fields, latest: Latest) -> None:
     close(m["zacc"], -9.81, 3.0, "zacc")
     require(m["abs_pressure"] > 1000.0, f"abs_pressure is {m['abs_pressure']} hPa under water")
 
 
-def odometry(m: Fields, heard: Heard) -> None:
+def odometry(m: Fields, latest: Latest) -> None:
     equal((m["frame_id"], m["child_frame_id"]), (NED, FRD), "frames")
-    close(m["z"], heard["LOCAL_POSITION_NED"]["z"], DEPTH_SLACK_M, "z")
+    close(m["z"], latest["LOCAL_POSITION_NED"]["z"], DEPTH_SLACK_M, "z")
 
 
-def estimator(m: Fields, heard: Heard) -> None:
+def estimator(m: Fields, latest: Latest) -> None:
     require(m["flags"] & 1, "attitude is not said to be good")
     require(0.0 < m["pos_horiz_accuracy"] < 1e4, f"pos_horiz_accuracy is {m['pos_horiz_accuracy']}")
 
 
-def current(m: Fields, heard: Heard) -> None:
+def current(m: Fields, latest: Latest) -> None:
     require(
         math.hypot(m["wind_x"], m["wind_y"]) < 3.0, f"the current is {m['wind_x']}, {m['wind_y']}"
     )
 
 
-def named_value(m: Fields, heard: Heard) -> None:
+def named_value(m: Fields, latest: Latest) -> None:
     require(0 < len(m["name"]) <= 10, f"name is {m['name']!r}")
     require(math.isfinite(m["value"]), f"value is {m['value']}")
 
 
-def loops_inside(m: Fields, heard: Heard) -> None:
+def loops_inside(m: Fields, latest: Latest) -> None:
     require(0 < len(m["name"]) <= 10, f"name is {m['name']!r}")
     require(any(m["data"]), "all numbers are zero under way")
 
 
 class Sense(NamedTuple):
-    """One row: how often the message comes on a fast link, whether a slow one leaves it out, what
-    its numbers mean."""
+    """One row: rate of a message, whether slow links have it, and a check of its values."""
 
     rate_hz: float
-    """Zero for a message that is sent on request only."""
-    check: Callable[[Fields, Heard], None]
+    """Rate in Hz; zero for a message that is sent on request only."""
+    check: Callable[[Fields, Latest], None]
     on_request_when_slow: bool = False
 
     def must_be_asked_for(self, *, slow: bool) -> bool:
@@ -235,12 +233,14 @@ SENSES: dict[str, Sense] = {
 }
 BY_THEMSELVES = {name for name, sense in SENSES.items() if sense.rate_hz}
 SLOW_SHARE = 0.5
-"""A 57600 baud link carries every stream half as often."""
+"""Return the rate on a link: a 57600 baud link has every stream at half the rate."""
 
 
 def check_rate(name: str, heard_hz: float, *, slow: bool) -> None:
-    """Between 60 and 130 % of the rate in the table; a noisy line may lose a good part more, and is
-    never faster."""
+    """Check that a rate is between 60 and 130 % of the table's.
+
+    A noisy line may lose more, and is never faster.
+    """
     promised_hz = SENSES[name].rate_hz * (SLOW_SHARE if slow and name != "HEARTBEAT" else 1.0)
     least = 0.35 if slow else 0.6
     require(

@@ -1,5 +1,4 @@
-"""A MAVSDK connection that checks share: its plugins, and everything the autopilot says, as MAVSDK
-decodes it."""
+"""A MAVSDK connection that the checks share: its plugins, and all messages of the autopilot."""
 
 import asyncio
 import json
@@ -22,27 +21,27 @@ from mavsdk.plugins.mavlink_direct import MavlinkMessage
 
 PATIENCE_S = 15.0
 RETRY_S = 1.0
-"""A lossy line wants questions that MAVSDK does not repeat by itself to be asked again."""
+"""Repeat a request on a lossy line, because MAVSDK does not."""
 AUTOPILOT = 1
 REQUEST_MESSAGE = 512
 Fields = dict[str, Any]
 
 
 async def first(
-    stream: Any, wanted: Callable[[Any], bool] = lambda value: True, within_s: float = PATIENCE_S
+    stream: Any, condition: Callable[[Any], bool] = lambda value: True, within_s: float = PATIENCE_S
 ) -> Any:
-    """The first value of a subscription that is wanted. Raises TimeoutError."""
+    """Return the first value of a subscription that meets a condition. Raises TimeoutError."""
 
     async def take() -> Any:
         async for value in stream:
-            if wanted(value):
+            if condition(value):
                 return value
 
     return await asyncio.wait_for(take(), within_s)
 
 
 class Client:
-    """One MAVSDK program's view of the vehicle."""
+    """The connection of one MAVSDK program to the vehicle."""
 
     def __init__(self, mavsdk: Any, system: Any, *, speed: float, slow: bool) -> None:
         self.mavsdk, self.system, self.speed, self.slow = mavsdk, system, speed, slow
@@ -58,10 +57,10 @@ class Client:
         self.latest: dict[str, Fields] = {}
         self.times: dict[str, list[float]] = defaultdict(list)
         self.order: list[str] = []
-        """Names of messages as they came."""
+        """Names of the received messages in order."""
         self.texts: list[str] = []
         self.parameters: dict[str, float] = {}
-        """As told to everybody."""
+        """Values of parameters that the vehicle has sent on all links."""
         self._waiting: list[tuple[str, Callable[[Fields], bool], asyncio.Future[Fields]]] = []
         self.flight_mode, self.armed = "", False
         self.counted: dict[str, int] = {}
@@ -73,12 +72,12 @@ class Client:
 
     @property
     def vehicle_s(self) -> float:
-        """Vehicle time, as the last message that tells it."""
+        """Vehicle time of the last message with a time stamp, in s."""
         return float(self.latest["LOCAL_POSITION_NED"]["time_boot_ms"]) / 1e3
 
     @property
     def stretch(self) -> float:
-        """How much longer than at real time one must wait for what happens in vehicle time."""
+        """Factor by which waits for vehicle time are longer than at real time."""
         return max(1.0, 1.0 / self.speed)
 
     async def _listen(self) -> None:
@@ -112,12 +111,12 @@ class Client:
     async def next(
         self,
         name: str,
-        wanted: Callable[[Fields], bool] = lambda fields: True,
+        condition: Callable[[Fields], bool] = lambda fields: True,
         within_s: float = PATIENCE_S,
     ) -> Fields:
-        """The next message of a name from now on. Raises TimeoutError."""
+        """Return the next message of a name. Raises TimeoutError."""
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
-        entry = name, wanted, future
+        entry = name, condition, future
         self._waiting.append(entry)
         try:
             return await asyncio.wait_for(future, within_s)
@@ -133,16 +132,15 @@ class Client:
         )
 
     async def ask(
-        self, answer: str, wanted: Callable[[Fields], bool], name: str, **fields: Any
+        self, answer: str, condition: Callable[[Fields], bool], name: str, **fields: Any
     ) -> Fields:
-        """Send a message until its answer has come; further answers are let pass. Raises
-        TimeoutError."""
-        waiting, asked = asyncio.create_task(self.next(answer, wanted)), 0
+        """Send a message until its answer arrives; ignore further answers. Raises TimeoutError."""
+        waiting, attempts = asyncio.create_task(self.next(answer, condition)), 0
         while not waiting.done():
             await self.send(name, **fields)
-            asked += 1
+            attempts += 1
             await asyncio.wait([waiting], timeout=RETRY_S)
-        if asked > 1:
+        if attempts > 1:
             await asyncio.sleep(RETRY_S)
         return await waiting
 
@@ -151,13 +149,12 @@ class Client:
         number: int,
         name: str,
         parameter: float = 0.0,
-        wanted: Callable[[Fields], bool] = lambda fields: True,
+        condition: Callable[[Fields], bool] = lambda fields: True,
     ) -> Fields:
-        """A message that REQUEST_MESSAGE asks for, again and again as both it and the question may
-        be lost."""
+        """Return a message that REQUEST_MESSAGE asks for; repeat the request until it arrives."""
         return await self.ask(
             name,
-            wanted,
+            condition,
             "COMMAND_LONG",
             target_system=1,
             target_component=AUTOPILOT,
@@ -175,8 +172,10 @@ class Client:
     async def command(
         self, number: int, *parameters: float | None, component: int = AUTOPILOT
     ) -> int:
-        """Return the MAV_RESULT of a COMMAND_LONG. None is sent as NaN, a parameter left out as
-        0."""
+        """Return the MAV_RESULT of a COMMAND_LONG.
+
+        None is sent as NaN, and a missing parameter as 0.
+        """
         values = {
             f"param{n}": value
             for n, value in enumerate((*parameters, *(0.0,) * (7 - len(parameters))), 1)
@@ -186,7 +185,7 @@ class Client:
     async def command_int(
         self, number: int, *parameters: float, x: int = 0, y: int = 0, z: float = 0.0
     ) -> int:
-        """The MAV_RESULT of a COMMAND_INT."""
+        """Return the MAV_RESULT of a COMMAND_INT."""
         values = {
             f"param{n}": value
             for n, value in enumerate((*parameters, *(0.0,) * (4 - len(parameters))), 1)
@@ -203,8 +202,7 @@ class Client:
         )
 
     async def becomes(self, *, mode: str = "", armed: bool | None = None) -> None:
-        """Wait until MAVSDK itself reports a flight mode, or that the vehicle is armed. Raises
-        TimeoutError."""
+        """Wait until MAVSDK reports a flight mode, or the vehicle as armed. Raises TimeoutError."""
         deadline_s = time.monotonic() + PATIENCE_S
         while mode not in ("", self.flight_mode) or armed not in (None, self.armed):
             if time.monotonic() > deadline_s:
@@ -213,7 +211,7 @@ class Client:
 
 
 async def connected(address: str, *, speed: float = 1.0, slow: bool = False) -> Client:
-    """A client of the first autopilot at an address. Raises TimeoutError."""
+    """Connect to the first autopilot at an address. Raises TimeoutError."""
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await mavsdk.add_any_connection(address)
     system = await mavsdk.first_autopilot(timeout_s=2 * PATIENCE_S)

@@ -1,4 +1,4 @@
-"""Every method of MAVSDK's plugin `action` gives what docs/mavlink.md says."""
+"""Every method of MAVSDK's plugin `action` gives the result in docs/mavlink.md."""
 
 import json
 
@@ -21,6 +21,6 @@ def test_mavsdk_action_methods_give_documented_results(capsys: pytest.CaptureFix
     assert finished.status == 0, finished.stderr[-3000:]
     results = json.loads(finished.stdout.splitlines()[-1])
     with capsys.disabled():
-        print("", *(f"{name}: {found['result']}" for name, found in results.items()), sep="\n")
-    assert {name: found for name, found in results.items() if found["why"]} == {}
+        print("", *(f"{name}: {outcome['result']}" for name, outcome in results.items()), sep="\n")
+    assert {name: outcome for name, outcome in results.items() if outcome["why"]} == {}
     assert len(results) == len(CALLS)

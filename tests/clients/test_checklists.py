@@ -1,5 +1,4 @@
-"""MAVSDK and MAVProxy, as they are, go down their whole lists: over UDP, a noisy serial line, and
-at every speed."""
+"""MAVSDK and MAVProxy run their checks over UDP, a noisy serial line, and at every speed."""
 
 from collections.abc import Iterator
 
@@ -13,14 +12,14 @@ from tests.clients.streams import SENSES
 pytestmark = [pytest.mark.process, pytest.mark.timeout(500)]
 CHECKS = {"mavsdk": 85, "mavproxy": 63}
 SHORT = {"mavsdk": 19, "mavproxy": 15}
-"""At 0.2x a dive takes minutes; ``make clients`` goes down the whole lists there too."""
+"""At 0.2x, where a dive takes minutes, short lists; ``make clients`` runs the full lists."""
 NOISE_SPOILS = {"vehicle": 20, "ground": 1}
-"""At least so many bytes from each end, or the line was not as noisy as it should have been."""
+"""Minimum number of bytes from each end, so that the line was noisy enough."""
 
 
 @pytest.fixture(scope="module")
 def acts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[tuple[str, str], Act]]:
-    """All at once, each with a vehicle of its own: clients spend their time waiting."""
+    """Run all clients at once, each with its own vehicle, because clients mostly wait."""
     stages = {
         (client, where): start(
             client, tmp_path_factory.mktemp("act"), *(["--short"] if where == "udp 0.2x" else [])

@@ -1,7 +1,6 @@
-"""What happens to real clients: others at the same time, sudden ends, a power failure, a loose
-cable.
+"""Real clients with link faults: other clients, sudden ends, power failures, unplugged cables.
 
-One vehicle is talked to by two MAVSDK programs on UDP and by MAVProxy on a noisy serial line.
+Two MAVSDK programs on UDP and MAVProxy on a noisy serial line use one vehicle.
 """
 
 import contextlib
@@ -22,7 +21,7 @@ pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
 
 
 class Puppet:
-    """A MAVSDK program that does as it is told."""
+    """A MAVSDK program that executes commands."""
 
     def __init__(self, program: Process) -> None:
         self.program = program
@@ -45,7 +44,7 @@ class Scene(NamedTuple):
     person: Console
     cable: Line
     spare_line: str
-    """The ground's end of a second serial line, which is clean and free."""
+    """The ground's end of a second serial line, without noise and unused."""
 
 
 @contextlib.contextmanager
@@ -87,7 +86,7 @@ def test_three_clients_read_every_parameter_at_once(scene: Scene) -> None:
     scene.person.hear(f"Received {len(PARAMETERS)} parameters", 60.0)
 
 
-def test_what_one_client_sets_all_others_are_told(scene: Scene) -> None:
+def test_parameter_set_by_one_client_reaches_all(scene: Scene) -> None:
     assert scene.anna.do("write", "HDG_P", 0.75) == "SUCCESS"
     assert scene.bert.do("overhear", "HDG_P", 0.75)
     scene.person.say("param set HDG_P 0.5")
@@ -95,7 +94,7 @@ def test_what_one_client_sets_all_others_are_told(scene: Scene) -> None:
     assert scene.bert.do("read", "HDG_P") == 0.5
 
 
-def test_of_two_missions_sent_at_once_one_arrives_whole_and_the_other_is_refused_or_follows(
+def test_two_uploads_at_once_give_complete_missions(
     scene: Scene,
 ) -> None:
     scene.anna.begin("upload", 300, 1000)
@@ -112,10 +111,10 @@ def test_of_two_missions_sent_at_once_one_arrives_whole_and_the_other_is_refused
         assert scene.anna.do("download") == [base + n for n in range(5)]
 
 
-def test_a_client_killed_in_mid_upload_leaves_the_old_mission_and_the_way_free(
+def test_killed_upload_keeps_old_mission_and_allows_next(
     scene: Scene,
 ) -> None:
-    """It is killed on the slow line, where 500 items take many seconds."""
+    """The client is killed on the slow line, where 500 items take many seconds."""
     assert scene.anna.do("upload", 4, 70) == "SUCCESS"
     with puppet(f"serial://{scene.spare_line}:{BAUD}") as victim:
         assert victim.result() == "connected"
@@ -134,7 +133,7 @@ def test_a_client_killed_in_mid_upload_leaves_the_old_mission_and_the_way_free(
     assert scene.anna.do("download") == [80, 81, 82, 83]
 
 
-def test_a_cable_pulled_at_the_vehicle_and_put_back_carries_on(scene: Scene) -> None:
+def test_vehicle_cable_replugged_link_continues(scene: Scene) -> None:
     scene.cable.unplug("vehicle")
     scene.person.hear("link 1 down|no link", 30.0)
     scene.cable.plug("vehicle")
@@ -142,7 +141,7 @@ def test_a_cable_pulled_at_the_vehicle_and_put_back_carries_on(scene: Scene) -> 
     ask(scene.person, "mode DEPTH", "Mode DEPTH")
 
 
-def test_a_cable_pulled_at_the_client_and_put_back_carries_on(scene: Scene) -> None:
+def test_client_cable_replugged_link_continues(scene: Scene) -> None:
     scene.cable.unplug("ground")
     scene.person.hear("is dead", 30.0)
     scene.cable.plug("ground")
@@ -150,7 +149,7 @@ def test_a_cable_pulled_at_the_client_and_put_back_carries_on(scene: Scene) -> N
     ask(scene.person, "mode MANUAL", "Mode MANUAL")
 
 
-def test_every_client_finds_a_vehicle_again_whose_power_failed(scene: Scene) -> None:
+def test_clients_reconnect_after_power_failure(scene: Scene) -> None:
     scene.vehicle.kill()
     assert scene.anna.do("see", "lost")
     assert scene.bert.do("see", "lost")

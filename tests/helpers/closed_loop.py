@@ -1,4 +1,4 @@
-"""The vehicle and her autopilot without sockets: the two pure functions called in turn."""
+"""The vehicle and its autopilot without sockets: the two pure functions called in turn."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -66,15 +66,15 @@ class Dive:
         self.body, reading = plant.initial_state(self._plant, self._rng)
         self.state = core.initial_state()
         self.told: list[tuple[float, str]] = []
-        """When (s) she said what."""
+        """Return the vehicle times, in s, at which a text was sent."""
         self._rows: list[tuple[float, ...]] = []
         frame = self._tick(reading)
-        for wish in (
+        for request in (
             requests.LoadMission(items),
             requests.SetMode(modes.MISSION.number),
             requests.Arm(),
         ):
-            self.state, answer, _ = request_handler.handle_request(self.state, wish, self.config)
+            self.state, answer, _ = request_handler.handle_request(self.state, request, self.config)
             assert answer.result == 0, answer.text
         while self.state.armed and self.state.time_us < limit_s * 1e6:
             self.body, reading = plant.step(self._plant, self.body, frame, self._rng)
@@ -93,34 +93,34 @@ class Dive:
     def _tick(self, reading: Any) -> Any:
         devices = reading.dvl, reading.battery, reading.leak, reading.duct
         inputs = Inputs(reading.frame, reading.gps, reading.altimeter, None, None, *devices)
-        self.state, frame, trace, said = core.tick(self.state, inputs, self.config)
+        self.state, frame, trace, events = core.tick(self.state, inputs, self.config)
         self.told += [
-            (self.state.time_us / 1e6, event.text) for event in said if isinstance(event, Event)
+            (self.state.time_us / 1e6, event.text) for event in events if isinstance(event, Event)
         ]
         self._keep(trace)
         return frame
 
     def _keep(self, trace: Trace) -> None:
-        truth, seen = self.body.truth, self.state.estimate
+        truth, estimate = self.body.truth, self.state.estimate
         self._rows.append(
             (
                 self.state.time_us / 1e6,
                 *euler_from_quaternion(*truth.attitude_q),
                 truth.position_ned_m[2],
-                seen.heading_rad,
-                seen.pitch_rad,
-                seen.roll_rad,
-                seen.depth_m,
+                estimate.heading_rad,
+                estimate.pitch_rad,
+                estimate.roll_rad,
+                estimate.depth_m,
                 trace.rudder_rad,
                 trace.elevator_rad,
                 truth.rudder_rad,
                 float(self.body.body[7]),
                 truth.position_ned_m[0],
                 truth.position_ned_m[1],
-                seen.p_radps,
-                seen.q_radps,
-                seen.r_radps,
-                seen.depth_rate_mps,
+                estimate.p_radps,
+                estimate.q_radps,
+                estimate.r_radps,
+                estimate.depth_rate_mps,
                 trace.thrust,
                 truth.surface_m,
             )

@@ -1,4 +1,4 @@
-"""Commands as pymavlink sends them, and what their acknowledgements say."""
+"""Commands as pymavlink encodes them, and the results in their acknowledgements."""
 
 import math
 from typing import Any

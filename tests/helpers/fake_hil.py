@@ -1,5 +1,4 @@
-"""An autopilot server in memory with a ground station on each link, read and written by
-pymavlink."""
+"""An autopilot server in memory with a ground station on each link that uses pymavlink."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -19,8 +18,10 @@ HPA_PER_M = 100.5525
 
 
 def sensors(time_us: int, depth_m: float = 0.0) -> SensorFrame:
-    """A level vehicle at rest that looks to magnetic north; the last digit flickers as an
-    instrument's does."""
+    """A sample of a level vehicle at rest that faces magnetic north.
+
+    The last digit flickers, because the autopilot detects constant readings as a fault.
+    """
     pressure = SURFACE_HPA + HPA_PER_M * depth_m
     dither = 1e-4 if time_us // TICK_US % 2 else -1e-4
     return SensorFrame(
@@ -44,7 +45,7 @@ def sensors(time_us: int, depth_m: float = 0.0) -> SensorFrame:
 
 
 class Station:
-    """A ground station at the far end of a link; a transport for the server."""
+    """A ground station at the other end of a link; it is also the server's transport."""
 
     def __init__(self, system: int = 255, component: int = 190) -> None:
         self.address = f"station {system}/{component}"
@@ -78,7 +79,7 @@ class Station:
 
 
 class Deck:
-    """A vehicle, its server, and one station for each link."""
+    """A vehicle, its server, and one station per link."""
 
     def __init__(self, *stations: Station, autopilot: AutopilotId = AutopilotId.GENERIC) -> None:
         self.stations = stations or (Station(),)
@@ -98,7 +99,7 @@ class Deck:
         self.server.flush()
 
     def serve(self) -> None:
-        """Have the server read everything that the stations have said."""
+        """Make the server process all messages that the stations have sent."""
         for link in self.server.links:
             for _ in range(20):
                 self.server.receive(link)
@@ -107,7 +108,7 @@ class Deck:
         self.server.flush()
 
     def ask(self, message: Any, station: Station | None = None) -> list[Any]:
-        """What a station hears when it says one thing."""
+        """Send one message and return the answers that the station receives."""
         asker = station or self.station
         asker.heard()
         asker.say(message)
@@ -115,19 +116,19 @@ class Deck:
         return asker.heard()
 
     def command(self, number: int, *parameters: float, component: int = 1) -> list[Any]:
-        """What is heard after a COMMAND_LONG whose other parameters are NaN."""
+        """Send a COMMAND_LONG whose other parameters are NaN, and return the answers."""
         filled = [*parameters, *[float("nan")] * (7 - len(parameters))]
         return self.ask(mavlink.MAVLink_command_long_message(1, component, number, 0, *filled))
 
 
 def only(messages: Sequence[Any], name: str) -> Any:
-    """The one message of a name."""
+    """Return the only message of a name."""
     (message,) = [m for m in messages if m.get_type() == name]
     return message
 
 
 def texts(messages: Sequence[Any]) -> list[str]:
-    """The texts of STATUSTEXTs, chunks put together again."""
+    """Return the texts of STATUSTEXTs with their chunks joined."""
     whole: list[str] = []
     for message in messages:
         if message.get_type() == "STATUSTEXT":

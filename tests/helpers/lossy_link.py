@@ -1,4 +1,4 @@
-"""Two ends joined in memory, with a wall clock of their own and a say in what gets lost."""
+"""Two ends joined in memory, with a simulated wall clock and selectable losses."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -11,9 +11,9 @@ T = TypeVar("T")
 
 GROUND, VEHICLE = MavlinkId(250, 190), MavlinkId(1, 1)
 ATTEMPTS = 5
-"""So often an exchange asks before it gives up."""
+"""Number of times that an exchange sends its request."""
 Lost = Callable[[int, str], bool]
-"""Whether the n-th message that is sent, of this name, gets lost."""
+"""Return whether the n-th sent message, which has this name, is lost."""
 
 
 def nothing(count: int, name: str) -> bool:
@@ -21,7 +21,7 @@ def nothing(count: int, name: str) -> bool:
 
 
 class Wire:
-    """One direction: what is sent becomes frames for the other end."""
+    """One direction: encode sent messages to frames for the other end."""
 
     def __init__(self, sender: MavlinkId, lost: Lost = nothing) -> None:
         self._sender, self._lost = sender, lost
@@ -29,7 +29,7 @@ class Wire:
         self._waiting: list[Frame] = []
         self.names: list[str] = []
         self.lost = 0
-        """Messages since something last came down, as ``settle`` counts."""
+        """Number of messages since the last one from the other end, for ``settle``."""
 
     def send(self, name: str, **fields: Any) -> None:
         message = dialect.by_name(name)
@@ -53,7 +53,7 @@ def settle(
     serve: Callable[[Frame, float], None],
     poll: Callable[[float], None],
 ) -> T:
-    """Carry an exchange through, a tenth of a second of pretended wall time at a time."""
+    """Run an exchange to its end, in steps of 0.1 s of simulated wall time."""
     for tenth in range(2000):
         now_s = tenth * 0.1
         exchange.poll(now_s)
@@ -69,8 +69,7 @@ def settle(
 
 
 def insist(attempt: Callable[[], T], up: Wire, down: Wire, times: int = 5) -> T:
-    """The same once more, as a user does, but only where chance took every question of an exchange,
-    or its answer."""
+    """Run an exchange again, as a user does, only if all requests or all answers were lost."""
     for _ in range(times - 1):
         try:
             return attempt()

@@ -1,5 +1,4 @@
-"""A vehicle of kinematics alone, to fly the tick without any hydrodynamics: rates follow the
-surfaces at once."""
+"""A kinematic vehicle without hydrodynamics: its angular rates follow the surfaces at once."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -34,8 +33,10 @@ def sensors(
     rates: tuple[float, float, float] = (0.0, 0.0, 0.0),
     declination_deg: float = -14.4,
 ) -> SensorFrame:
-    """What all but perfect sensors read at an attitude and depth, unaccelerated: their last digit
-    flickers."""
+    """Readings of nearly perfect sensors at an attitude and depth, without acceleration.
+
+    The last digit flickers, because the autopilot detects constant readings as a fault.
+    """
     dither = 1e-9 if time_us // TICK_US % 2 else -1e-9
     attitude = quaternion_from_euler(roll, pitch, heading)
     force = rotate_back(attitude, (0.0, 0.0, -STANDARD_GRAVITY_MPS2 + dither))
@@ -59,7 +60,7 @@ def sensors(
 
 @dataclass
 class Flight:
-    """Flies ``core.tick`` against the kinematic vehicle and keeps what was said."""
+    """Run ``core.tick`` with the kinematic vehicle and store the events."""
 
     config: Config = field(default_factory=Config)
     state: AutopilotState = field(default_factory=AutopilotState)
@@ -69,14 +70,16 @@ class Flight:
     speed_mps: float = 0.0
     altitude_m: float | None = None
     more: dict[str, Any] = field(default_factory=dict)
-    """Further fields of ``Inputs``."""
+    """Additional fields of ``Inputs``."""
     events: list[Event | ItemReached] = field(default_factory=list)
     trace: Trace = field(default_factory=Trace)
     frame: ActuatorFrame | None = None
 
-    def ask(self, wish: requests.Request) -> int:
-        self.state, answer, said = request_handler.handle_request(self.state, wish, self.config)
-        self.events += said
+    def ask(self, request: requests.Request) -> int:
+        self.state, answer, events = request_handler.handle_request(
+            self.state, request, self.config
+        )
+        self.events += events
         return answer.result
 
     def step(self) -> AutopilotState:
@@ -88,7 +91,9 @@ class Flight:
         self.speed_mps += (steady**2 - self.speed_mps**2) / self.config.speed_length_m * 0.02
         self.depth_m -= self.speed_mps * math.sin(self.pitch) * 0.02
         rates = (0.0, pitch_rate, yaw_rate)
-        seen = None if self.altitude_m is None else Altimeter(time_us, self.altitude_m, 0.3, 30.0)
+        altimeter = (
+            None if self.altitude_m is None else Altimeter(time_us, self.altitude_m, 0.3, 30.0)
+        )
         reading = sensors(
             time_us, pitch=self.pitch, heading=self.heading, depth_m=self.depth_m, rates=rates
         )
@@ -96,21 +101,20 @@ class Flight:
             accel_y_mps2=reading.accel_y_mps2 + yaw_rate * self.speed_mps,
             accel_z_mps2=reading.accel_z_mps2 - pitch_rate * self.speed_mps,
         )
-        inputs = Inputs(turning, None, seen, None)._replace(**self.more)
-        self.state, self.frame, self.trace, said = core.tick(self.state, inputs, self.config)
-        self.events += said
+        inputs = Inputs(turning, None, altimeter, None)._replace(**self.more)
+        self.state, self.frame, self.trace, events = core.tick(self.state, inputs, self.config)
+        self.events += events
         return self.state
 
     def run(self, seconds: float) -> Iterator[AutopilotState]:
         for _ in range(round(seconds * 50)):
             yield self.step()
 
-    def run_until(self, wanted: Callable[[AutopilotState], bool], limit_s: float) -> float:
-        """Vehicle seconds until the wish holds; fails the test when it does not within the
-        limit."""
+    def run_until(self, condition: Callable[[AutopilotState], bool], limit_s: float) -> float:
+        """Run until a condition holds and return the vehicle time, in s; fail after the limit."""
         start = self.state.time_us
         for state in self.run(limit_s):
-            if wanted(state):
+            if condition(state):
                 return (state.time_us - start) / 1e6
         raise AssertionError(f"not within {limit_s} s; said: {self.texts()}")
 
@@ -119,7 +123,7 @@ class Flight:
 
 
 def under_way(mode: modes.Mode = modes.DEPTH, **changes: object) -> Flight:
-    """Armed and in a mode, with a configuration of these changes."""
+    """Return a flight that is armed and in a mode, with changes of the configuration."""
     flight = Flight(config=Config(**changes))  # type: ignore[arg-type]
     flight.step()
     assert flight.ask(requests.SetMode(mode.number)) == ACCEPTED
@@ -131,7 +135,7 @@ def under_way(mode: modes.Mode = modes.DEPTH, **changes: object) -> Flight:
 def leg(
     *, depth_m: float, heading_deg: float, duration_s: float, first: int = 0
 ) -> tuple[MissionItem, ...]:
-    """Speed, depth, heading, time: the canonical dead-reckoned leg."""
+    """Return the items of a leg: speed, depth, heading and duration."""
     return (
         MissionItem(first, 2, 178, p1=1.0, p2=-1.0, p3=58.0),
         MissionItem(first + 1, 2, 186, p1=-depth_m, p2=3.0),

@@ -1,5 +1,4 @@
-"""The vehicle and her autopilot without sockets, asked for this and that on the way, in any
-water."""
+"""The vehicle and its autopilot without sockets, with requests on the way, in any environment."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,7 +17,7 @@ from sitl.environment_schema import Current, Variation
 from sitl.vehicle import config as vehicles
 
 TRIM = {"TRIM_RUD_DEG": 6.0, "TRIM_ELE_DEG": 0.4}
-"""Of the field vehicle, whose duct is mounted askew."""
+"""Trims of the field vehicle, whose duct is mounted at an angle."""
 COLUMNS = (
     "t_s",
     "north_m",
@@ -38,7 +37,7 @@ COLUMNS = (
 def water(
     name: str, north_mps: float = 0.0, east_mps: float = 0.0, rms_mps: float = 0.0
 ) -> scenario.Scenario:
-    """A shipped scenario with a current."""
+    """Return a shipped scenario with a current."""
     speed, towards = (
         float(np.hypot(north_mps, east_mps)),
         float(np.degrees(np.arctan2(east_mps, north_mps))),
@@ -52,8 +51,7 @@ def water(
 
 
 class Voyage:
-    """She lies at the surface; what becomes of her is kept as columns by name, ten times a
-    second."""
+    """A vehicle that starts at the surface; its history is stored as columns by name, at 10 Hz."""
 
     def __init__(
         self,
@@ -76,16 +74,18 @@ class Voyage:
         self.body, reading = plant.initial_state(self._plant, self._rng)
         self.state, self.trace, self.events = core.initial_state(), Trace(), list[Any]()
         self.silences: dict[str, float] = {}
-        """Further fields of ``Inputs``."""
+        """Additional fields of ``Inputs``."""
         self._rows: list[tuple[float, ...]] = []
         self._frame = self._tick(reading)
 
-    def ask(self, *wishes: requests.Request) -> None:
-        """Each must be granted."""
-        for wish in wishes:
-            self.state, answer, said = request_handler.handle_request(self.state, wish, self.config)
-            self.events += said
-            assert answer.result == ACCEPTED, (wish, answer.text)
+    def ask(self, *requests_: requests.Request) -> None:
+        """Requests to handle; each must be accepted."""
+        for request in requests_:
+            self.state, answer, events = request_handler.handle_request(
+                self.state, request, self.config
+            )
+            self.events += events
+            assert answer.result == ACCEPTED, (request, answer.text)
 
     def fly(self, *items: MissionItem) -> None:
         self.ask(
@@ -107,7 +107,7 @@ class Voyage:
         return np.array(self._rows)[:, COLUMNS.index(column)]
 
     def error_m(self) -> NDArray[np.complex128]:
-        """Told position minus true, north + i east."""
+        """Return the estimated minus the true position, north + i east, in m."""
         return (self["told_north_m"] - self["north_m"]) + 1j * (
             self["told_east_m"] - self["east_m"]
         )
@@ -120,15 +120,15 @@ class Voyage:
         inputs = Inputs(reading.frame, reading.gps, reading.altimeter, None, None, *devices)
         if self.silences:
             inputs = inputs._replace(**self.silences)
-        self.state, frame, self.trace, said = core.tick(self.state, inputs, self.config)
-        self.events += said
+        self.state, frame, self.trace, events = core.tick(self.state, inputs, self.config)
+        self.events += events
         if self.state.time_us % 100_000 == 0:
             self._keep()
         return frame
 
     def _keep(self) -> None:
-        """Positions from the scenario's own origin, which home is only near to."""
-        truth, told, home, site = (
+        """Positions relative to the scenario's origin, which is only near home."""
+        truth, estimated, home, site = (
             self.body.truth,
             self.state.estimate,
             self.state.home,
@@ -139,15 +139,15 @@ class Voyage:
             north, east = geodetic_to_offset(
                 home.lat_deg, home.lon_deg, site.latitude_deg, site.longitude_deg
             )
-        drift = told.navigation.current_mps
+        drift = estimated.navigation.current_mps
         self._rows.append(
             (
                 self.state.time_us / 1e6,
                 *truth.position_ned_m,
                 euler_from_quaternion(*truth.attitude_q)[2],
-                told.north_m + north,
-                told.east_m + east,
-                told.position_sd_m,
+                estimated.north_m + north,
+                estimated.east_m + east,
+                estimated.position_sd_m,
                 drift.real,
                 drift.imag,
                 self.trace.thrust,

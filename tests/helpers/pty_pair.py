@@ -1,8 +1,8 @@
-"""A serial cable for tests: two pseudo terminals, joined by a thread that is as slow and as lossy
-as a real line.
+"""A serial cable for tests: two pseudo terminals, joined by a thread with rate and noise.
 
-Each end is a device path that programs open as they would a USB adapter's, and that goes away while
-it is unplugged."""
+Each end is a device path that programs open like a USB adapter's. The path disappears while the
+device is unplugged.
+"""
 
 import contextlib
 import os
@@ -17,26 +17,26 @@ from pathlib import Path
 from typing import NamedTuple
 
 BITS_PER_BYTE = 10
-"""8N1: a start bit, eight of data, a stop bit."""
+"""Bits per byte, 8N1: a start bit, eight data bits, a stop bit."""
 QUANTUM_S = 8e-3
-"""How much of the line's time is carried at once: USB adapters gather bytes for about as long."""
+"""Line time that is transferred at once, in s: USB adapters buffer bytes for about as long."""
 IDLE_S = 0.2
 ENDS = ("vehicle", "ground")
 
 
 class Noise(NamedTuple):
-    """What befalls a byte, as probabilities."""
+    """Probabilities of the errors of a byte."""
 
     drop: float = 0.0
     flip: float = 0.0
-    """One bit of it, any of the eight."""
+    """Probability that one of its eight bits is inverted."""
 
 
 CLEAN = Noise()
 
 
 class _Way:
-    """One direction: when it is free again, and what the noise made of it."""
+    """One direction: the time at which it is free again, and the noise on its bytes."""
 
     def __init__(self, baud: int, noise: Noise, seed: str) -> None:
         self._byte_s, self._noise, self._random = BITS_PER_BYTE / baud, noise, random.Random(seed)
@@ -46,16 +46,18 @@ class _Way:
         self.spoilt = 0
 
     def rest(self, now_s: float) -> None:
-        """Nothing was sent up to now."""
+        """Mark the direction as idle until now."""
         self._free_s = now_s
 
     def due_s(self) -> float | None:
-        """When the bytes on the wire have arrived, None for an empty wire."""
+        """Return when the bytes on the wire arrive; None for an empty wire."""
         return self._free_s if self._wire else None
 
     def take(self, source: int, now_s: float) -> None:
-        """Put the next bytes of a device on the free wire. A late thread makes up for it, an idle
-        line does not."""
+        """Put the next bytes of a device on the free wire.
+
+        The delay of a late thread is made up; the idle time of the line is not.
+        """
         try:
             self._wire = os.read(source, max(1, int(QUANTUM_S / self._byte_s)))
         except OSError:
@@ -64,17 +66,19 @@ class _Way:
             self._free_s += len(self._wire) * self._byte_s
 
     def deliver(self, target: int | None) -> None:
-        """Give the other end what has arrived; where nobody takes it, or its buffer is full, it is
-        lost."""
+        """Pass the arrived bytes to the other end; they are lost if its buffer is full."""
         data, self._wire = self._spoil(self._wire), b""
         if target is not None:
             with contextlib.suppress(OSError):
                 os.write(target, data)
 
     def _spoil(self, data: bytes) -> bytes:
-        """The same draws for every byte, so that what is spoilt does not depend on how the stream
-        was cut up."""
-        kept = bytearray()
+        """Apply the noise to bytes.
+
+        Every byte takes the same number of random draws, so that the errors do not depend on how
+        the stream was divided.
+        """
+        received = bytearray()
         for byte in data:
             drop, flip, bit = (
                 self._random.random(),
@@ -82,15 +86,17 @@ class _Way:
                 self._random.randrange(8),
             )
             if drop >= self._noise.drop:
-                kept.append(byte ^ (1 << bit if flip < self._noise.flip else 0))
+                received.append(byte ^ (1 << bit if flip < self._noise.flip else 0))
             self.spoilt += drop < self._noise.drop or flip < self._noise.flip
         self.carried += len(data)
-        return bytes(kept)
+        return bytes(received)
 
 
 class _Port:
-    """One end: a pseudo terminal behind a path. We keep its device open, so that programs may come
-    and go."""
+    """One end: a pseudo terminal behind a path.
+
+    The class keeps the device open, so that programs can open and close it.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -124,22 +130,22 @@ class Line:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def plug(self, end: str) -> None:
-        """The device appears."""
+        """Create the device path."""
         with self._lock:
             self._ports[end].plug()
             self._ways[end].rest(time.monotonic())
 
     def unplug(self, end: str) -> None:
-        """The device goes away under whoever has it open, with what was on the wire."""
+        """Remove the device from the programs that have it open, and drop the bytes on the wire."""
         with self._lock:
             self._ports[end].unplug()
 
     def carried(self, end: str) -> int:
-        """Bytes that left an end."""
+        """Number of bytes that left an end."""
         return self._ways[end].carried
 
     def spoilt(self, end: str) -> int:
-        """Bytes that left an end and arrived wrong or not at all."""
+        """Number of bytes that left an end and arrived wrong or not at all."""
         return self._ways[end].spoilt
 
     def start(self) -> None:
@@ -158,22 +164,22 @@ class Line:
             time.sleep(self._carry())
 
     def _carry(self) -> float:
-        """Move what can be moved; how long there is nothing to do."""
+        """Transfer what is due; return the time until the next transfer, in s."""
         with self._lock:
             wait_s = IDLE_S
             for end, other in (ENDS, ENDS[::-1]):
-                way, source, target = (
+                direction, source, target = (
                     self._ways[end],
                     self._ports[end].master,
                     self._ports[other].master,
                 )
-                due_s = way.due_s()
+                due_s = direction.due_s()
                 if due_s is not None and due_s <= time.monotonic():
-                    way.deliver(target)
+                    direction.deliver(target)
                     due_s = None
                 if due_s is None and source is not None:
-                    way.take(source, time.monotonic())
-                    due_s = way.due_s()
+                    direction.take(source, time.monotonic())
+                    due_s = direction.due_s()
                 if due_s is not None:
                     wait_s = min(wait_s, max(0.0, due_s - time.monotonic()))
             idle = [port.master for port in self._ports.values() if port.master is not None]
@@ -186,7 +192,7 @@ class Line:
 
 @contextlib.contextmanager
 def line(folder: Path, baud: int, noise: Noise = CLEAN, seed: int = 1) -> Iterator[Line]:
-    """A cable that is gone when the test is over."""
+    """Yield a cable that is removed after the test."""
     cable = Line(folder, baud, noise, seed)
     cable.start()
     try:

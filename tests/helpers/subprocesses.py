@@ -1,4 +1,4 @@
-"""Real processes for tests: an autopilot, a simulator, and programs that nobody here wrote."""
+"""Real processes for tests: an autopilot, a simulator and third-party programs."""
 
 import contextlib
 import re
@@ -21,7 +21,7 @@ class Finished(NamedTuple):
 
 
 class Process:
-    """A child process whose output is read when it has ended."""
+    """A child process whose output is read after its end."""
 
     def __init__(self, *arguments: str) -> None:
         self._popen = subprocess.Popen(
@@ -37,12 +37,12 @@ class Process:
         return self._popen.poll() is None
 
     def wait_for_line(self) -> str:
-        """The next line on stderr: a process that is ready says so there."""
+        """Return the next line on stderr, which a process prints when it is ready."""
         assert self._popen.stderr is not None
         return self._popen.stderr.readline()
 
     def say(self, line: str) -> None:
-        """Type a line."""
+        """Write a line to its standard input."""
         assert self._popen.stdin is not None
         self._popen.stdin.write(line + "\n")
         self._popen.stdin.flush()
@@ -50,22 +50,22 @@ class Process:
     def hear(self, pattern: str) -> re.Match[str]:
         """Read stdout up to the first line that matches."""
         assert self._popen.stdout is not None
-        heard = []
+        output = []
         for line in self._popen.stdout:
-            heard.append(line)
+            output.append(line)
             if match := re.search(pattern, line):
                 return match
-        raise AssertionError(f"{pattern!r} was never said in:\n{''.join(heard)}")
+        raise AssertionError(f"{pattern!r} was never said in:\n{''.join(output)}")
 
     def pin(self, core: int) -> None:
-        """Restrict it to a core."""
+        """Restrict the process to one core."""
         affinity.pin(self._popen.pid, core)
 
     def signal(self, number: signal.Signals) -> None:
         self._popen.send_signal(number)
 
     def finish(self, text: str = "", patience_s: float = PATIENCE_S) -> Finished:
-        """Give it the rest of its input and wait for its end."""
+        """Write the rest of its input and wait for its end."""
         stdout, stderr = self._popen.communicate(text, timeout=patience_s)
         return Finished(self._popen.returncode, stdout, stderr)
 
@@ -77,7 +77,7 @@ class Process:
 
 @contextlib.contextmanager
 def process(*arguments: str) -> Iterator[Process]:
-    """A process that does not outlive the test."""
+    """Start a process that ends with the test at the latest."""
     child = Process(*arguments)
     try:
         yield child
@@ -87,8 +87,10 @@ def process(*arguments: str) -> Iterator[Process]:
 
 @contextlib.contextmanager
 def autopilot(hil: str, *ground: str, options: tuple[str, ...] = ()) -> Iterator[Process]:
-    """An autopilot that is ready to be spoken to; unless it is told otherwise, it knows nothing of
-    those before it."""
+    """Start an autopilot and wait until it is ready.
+
+    Without other options it starts with no stored state.
+    """
     links = [word for address in ground for word in ("--gcs", address)]
     with process(
         "-m", "autopilot", "--hil", hil, *links, "--state", "off", "--logs", "off", *options
@@ -115,7 +117,7 @@ def on_one_core(*programs: Process) -> Iterator[None]:
 
 @contextlib.contextmanager
 def vehicle(*ground: str, speed: str = "1", options: tuple[str, ...] = ()) -> Iterator[Process]:
-    """An autopilot afloat in the simulator."""
+    """Start an autopilot and a simulator with the vehicle at the surface."""
     port = free_port()
     with (
         autopilot(f"udpin:127.0.0.1:{port}", *ground, options=options) as child,

@@ -1,4 +1,4 @@
-"""Timers with a wall clock of the test's own."""
+"""Timers with a simulated wall clock."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from mavlink_io.clock import Every, Pacer
 
 
 class Wall:
-    """A wall clock that moves when it is slept on."""
+    """A wall clock that advances when it is slept on."""
 
     def __init__(self) -> None:
         self.now_s = 100.0
@@ -28,7 +28,7 @@ def wall(monkeypatch: pytest.MonkeyPatch) -> Wall:
     return wall
 
 
-def test_a_timer_is_due_at_once_then_once_a_period() -> None:
+def test_timer_is_due_at_once_then_once_per_period() -> None:
     wall = Wall()
     timer = Every(1.0, wall)
     assert (timer.due(), timer.due()) == (True, False)
@@ -38,7 +38,7 @@ def test_a_timer_is_due_at_once_then_once_a_period() -> None:
     assert timer.due()
 
 
-def test_a_timer_does_not_catch_up() -> None:
+def test_timer_does_not_catch_up() -> None:
     wall = Wall()
     timer = Every(1.0, wall)
     timer.due()
@@ -46,7 +46,7 @@ def test_a_timer_does_not_catch_up() -> None:
     assert (timer.due(), timer.due()) == (True, False)
 
 
-def test_a_hastened_timer_is_due() -> None:
+def test_timer_hastened_is_due() -> None:
     timer = Every(1.0, Wall())
     timer.due()
     timer.hasten()
@@ -54,21 +54,21 @@ def test_a_hastened_timer_is_due() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.2, 1.0, 50.0])
-def test_vehicle_time_is_held_to_a_multiple_of_the_wall(wall: Wall, speed: float) -> None:
+def test_pacer_holds_vehicle_time_to_speed(wall: Wall, speed: float) -> None:
     pacer = Pacer(speed)
     for tick in range(51):
         pacer.wait(tick * 0.02)
     assert wall.now_s - 100.0 == pytest.approx(1.0 / speed)
 
 
-def test_without_a_speed_nothing_waits(wall: Wall) -> None:
+def test_pacer_without_speed_does_not_wait(wall: Wall) -> None:
     pacer = Pacer(None)
     for tick in range(100):
         pacer.wait(tick * 0.02)
     assert wall.now_s == 100.0
 
 
-def test_a_machine_that_fell_far_behind_does_not_race_to_catch_up(wall: Wall) -> None:
+def test_pacer_far_behind_does_not_catch_up(wall: Wall) -> None:
     pacer = Pacer(1.0)
     pacer.wait(0.0)
     wall.now_s += 10.0

@@ -1,5 +1,4 @@
-"""The codec against pymavlink, which nobody here wrote: every message of the dialect, both ways,
-byte for byte."""
+"""The codec against pymavlink: every message of the dialect in both directions, byte for byte."""
 
 from typing import Any
 
@@ -50,7 +49,7 @@ def message_values(message: MessageType) -> st.SearchStrategy[tuple[Any, ...]]:
 
 
 def peer(sequence: int = 0) -> Any:
-    """Pymavlink's own codec, as system 7, component 9."""
+    """Return pymavlink's codec as system 7, component 9."""
     other = mavlink.MAVLink(None, srcSystem=7, srcComponent=9)
     other.seq = sequence
     other.robust_parsing = True
@@ -68,9 +67,7 @@ def peer_message(message: MessageType, values: tuple[Any, ...]) -> Any:
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.name)
 @given(data=st.data(), sequence=st.integers(0, 255))
 @settings(max_examples=8)
-def test_every_message_is_packed_as_pymavlink_packs_it(
-    message: MessageType, data: st.DataObject, sequence: int
-) -> None:
+def test_encode_equals_pymavlink(message: MessageType, data: st.DataObject, sequence: int) -> None:
     values = data.draw(message_values(message))
     assert encode(message, values, sequence, 7, 9) == peer_message(message, values).pack(
         peer(sequence)
@@ -80,9 +77,7 @@ def test_every_message_is_packed_as_pymavlink_packs_it(
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.name)
 @given(data=st.data())
 @settings(max_examples=4)
-def test_every_message_from_pymavlink_is_read_back(
-    message: MessageType, data: st.DataObject
-) -> None:
+def test_decode_of_pymavlink_frames_is_equal(message: MessageType, data: st.DataObject) -> None:
     values = data.draw(message_values(message))
     frames = Framer().feed(peer_message(message, values).pack(peer(5)))
     assert [(f.system, f.component, f.sequence, f.name) for f in frames] == [
@@ -100,7 +95,7 @@ def stream(values: list[tuple[Any, ...]]) -> list[bytes]:
 
 
 @given(attitudes, st.data())
-def test_frames_survive_any_split_of_the_stream(
+def test_framer_any_split_of_stream_gives_all_frames(
     values: list[tuple[Any, ...]], data: st.DataObject
 ) -> None:
     sent = b"".join(stream(values))
@@ -113,7 +108,7 @@ def test_frames_survive_any_split_of_the_stream(
 
 
 @given(attitudes, st.lists(st.binary(max_size=40), min_size=7, max_size=7))
-def test_noise_between_frames_costs_no_frame(
+def test_framer_noise_between_frames_loses_no_frame(
     values: list[tuple[Any, ...]], noise: list[bytes]
 ) -> None:
     sent = b"".join(n + frame for n, frame in zip(noise, stream(values), strict=False))
@@ -122,16 +117,16 @@ def test_noise_between_frames_costs_no_frame(
 
 
 @given(message_values(ATTITUDE), st.data())
-def test_a_flipped_bit_is_never_delivered(values: tuple[Any, ...], data: st.DataObject) -> None:
+def test_framer_flipped_bit_is_rejected(values: tuple[Any, ...], data: st.DataObject) -> None:
     frame = bytearray(encode(ATTITUDE, values, 0, 1, 1))
-    at = data.draw(st.integers(3, len(frame) - 1))
-    frame[at] ^= 1 << data.draw(st.integers(0, 7))
+    position = data.draw(st.integers(3, len(frame) - 1))
+    frame[position] ^= 1 << data.draw(st.integers(0, 7))
     framer = Framer()
     assert framer.feed(bytes(frame) + bytes(LONGEST_FRAME)) == []
     assert framer.skipped_bytes > 0
 
 
-def test_mavlink_1_frames_are_read() -> None:
+def test_framer_mavlink_1_frames_are_decoded() -> None:
     raw = mavlink.MAVLink_heartbeat_message(12, 0, 1, 50_593_792, 3, 3).pack(
         peer(), force_mavlink1=True
     )
@@ -141,7 +136,7 @@ def test_mavlink_1_frames_are_read() -> None:
     assert frame.decode().custom_mode == 50_593_792
 
 
-def test_a_signed_frame_is_cut_at_its_right_length() -> None:
+def test_framer_signed_frame_has_correct_length() -> None:
     other = peer()
     other.signing.secret_key, other.signing.link_id, other.signing.sign_outgoing = (
         bytes(32),
@@ -155,15 +150,13 @@ def test_a_signed_frame_is_cut_at_its_right_length() -> None:
 
 
 def stranger(seed: int, payload: bytes = b"\x01\x02\x03") -> bytes:
-    """A frame of system 7, component 9 with a message that the dialect lacks."""
+    """Return a frame of system 7, component 9 with a message that the dialect lacks."""
     body = bytes((len(payload), 0, 0, 5, 7, 9, 0x34, 0x12, 0xAB)) + payload
     return b"\xfd" + body + mavlink.x25crc(body + bytes((seed,))).crc.to_bytes(2, "little")
 
 
 @given(st.integers(0, 255), st.binary(min_size=1, max_size=255))
-def test_a_message_that_nobody_knows_passes_from_senders_that_are_known(
-    seed: int, payload: bytes
-) -> None:
+def test_framer_unknown_message_of_known_sender_passes(seed: int, payload: bytes) -> None:
     raw = stranger(seed, payload)
     (frame,) = Framer({(7, 9)}).feed(raw)
     assert (frame.system, frame.component, frame.message_id, frame.raw) == (7, 9, 0xAB1234, raw)
@@ -173,7 +166,7 @@ def test_a_message_that_nobody_knows_passes_from_senders_that_are_known(
         assert framer.rejected_frames > 0
 
 
-def test_of_all_wrong_sums_one_in_256_may_be_right() -> None:
+def test_framer_unknown_message_1_of_256_crcs_passes() -> None:
     raw = stranger(0)
     passed = [
         crc
@@ -183,19 +176,19 @@ def test_of_all_wrong_sums_one_in_256_may_be_right() -> None:
     assert len(passed) <= 65_536 / 7 / 256 * 1.5
 
 
-def test_a_frame_made_in_a_way_that_we_do_not_know_is_refused() -> None:
+def test_framer_unknown_incompat_flag_is_rejected() -> None:
     body = b"\x01\x02\x00\x00\x07\x09\x00\x00\x00\x01"
     seed = dialect.by_name("HEARTBEAT").crc_extra
     raw = b"\xfd" + body + mavlink.x25crc(body + bytes((seed,))).crc.to_bytes(2, "little")
     assert Framer().feed(raw + bytes(LONGEST_FRAME)) == []
 
 
-def test_an_unknown_message_cannot_be_decoded() -> None:
+def test_decode_unknown_message_raises_error() -> None:
     with pytest.raises(KeyError, match="no message number 16777215"):
         Frame(1, 1, 0xFFFFFF, 0, b"", b"").decode()
 
 
-def test_fields_are_checked_by_name() -> None:
+def test_values_wrong_field_names_raise_error() -> None:
     with pytest.raises(TypeError, match="HEARTBEAT has no field depth"):
         dialect.by_name("HEARTBEAT").values(
             type=1,

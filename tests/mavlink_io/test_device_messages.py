@@ -1,5 +1,4 @@
-"""The devices' records on the wire and back, and as pymavlink, which nobody here wrote, decodes
-them."""
+"""Round trips of the devices' records, and their messages as pymavlink decodes them."""
 
 import math
 from typing import Any
@@ -39,20 +38,20 @@ def decoded(message: MessageType, values: device_messages.Values) -> Any:
         st.integers(1, 100),
     )
 )
-def test_a_doppler_velocity_comes_back(dvl: Dvl) -> None:
-    back = device_messages.dvl_record(
+def test_dvl_round_trip_is_equal(dvl: Dvl) -> None:
+    decoded = device_messages.dvl_record(
         across(device_messages.ODOMETRY, device_messages.dvl_values(dvl))
     )
-    assert back is not None
-    assert back._replace(figure_of_merit_mps=0.0) == dvl._replace(figure_of_merit_mps=0.0)
-    assert back.figure_of_merit_mps == pytest.approx(dvl.figure_of_merit_mps, rel=1e-5)
+    assert decoded is not None
+    assert decoded._replace(figure_of_merit_mps=0.0) == dvl._replace(figure_of_merit_mps=0.0)
+    assert decoded.figure_of_merit_mps == pytest.approx(dvl.figure_of_merit_mps, rel=1e-5)
 
 
 @pytest.mark.parametrize(
     ("over_ground", "frame"),
     [(True, mavlink.MAV_FRAME_LOCAL_FRD), (False, mavlink.MAV_FRAME_BODY_FRD)],
 )
-def test_the_frame_says_what_the_velocity_is_relative_to(over_ground: bool, frame: int) -> None:
+def test_dvl_frame_id_gives_reference_of_velocity(over_ground: bool, frame: int) -> None:
     m = decoded(
         device_messages.ODOMETRY,
         device_messages.dvl_values(Dvl(7, 1.25, -0.5, 0.0, over_ground, 0.25, 75)),
@@ -65,7 +64,7 @@ def test_the_frame_says_what_the_velocity_is_relative_to(over_ground: bool, fram
     assert (m.vx, m.vy, m.quality) == (1.25, -0.5, 75)
 
 
-def test_a_pose_is_no_doppler_velocity() -> None:
+def test_dvl_odometry_without_body_velocity_is_none() -> None:
     values = device_messages.ODOMETRY.record._make(
         device_messages.dvl_values(Dvl(7, 1.0, 0.0, 0.0, True, 0.1, 100))
     )
@@ -82,27 +81,27 @@ def test_a_pose_is_no_doppler_velocity() -> None:
         st.floats(0.0, 1.0),
     ),
 )
-def test_a_battery_comes_back_within_the_fields_resolution(battery: Battery) -> None:
-    back = device_messages.battery_record(
+def test_battery_round_trip_is_within_resolution(battery: Battery) -> None:
+    decoded = device_messages.battery_record(
         across(device_messages.BATTERY_STATUS, device_messages.battery_values(battery))
     )
-    assert back is not None
-    for value, told, step in zip(back, battery, (1e-3, 1e-2, 1e-3, 1e-2), strict=True):
-        assert value == pytest.approx(told, abs=0.51 * step)
+    assert decoded is not None
+    for value, original, step in zip(decoded, battery, (1e-3, 1e-2, 1e-3, 1e-2), strict=True):
+        assert value == pytest.approx(original, abs=0.51 * step)
 
 
-def test_what_a_gauge_does_not_know_stays_unknown() -> None:
+def test_battery_unknown_values_stay_unknown() -> None:
     unknown = Battery(24.0, math.nan, math.nan, math.nan)
-    back = device_messages.battery_record(
+    decoded = device_messages.battery_record(
         across(device_messages.BATTERY_STATUS, device_messages.battery_values(unknown))
     )
-    assert back is not None
-    assert back.voltage_v == 24.0
-    assert all(math.isnan(value) for value in back[1:])
+    assert decoded is not None
+    assert decoded.voltage_v == 24.0
+    assert all(math.isnan(value) for value in decoded[1:])
 
 
 @pytest.mark.parametrize("wet", [True, False])
-def test_a_leak_detector_is_healthy_while_dry(wet: bool) -> None:
+def test_leak_detector_is_healthy_while_dry(wet: bool) -> None:
     m = decoded(device_messages.SYS_STATUS, device_messages.leak_values(Leak(wet)))
     assert m.onboard_control_sensors_present & mavlink.MAV_SYS_STATUS_EXTENSION_USED
     assert m.onboard_control_sensors_present_extended == mavlink.MAV_SYS_STATUS_SENSOR_LEAK
@@ -115,13 +114,13 @@ def test_a_leak_detector_is_healthy_while_dry(wet: bool) -> None:
     ) == Leak(wet)
 
 
-def test_a_status_without_a_leak_detector_tells_of_none() -> None:
+def test_leak_status_without_detector_is_none() -> None:
     other = device_messages.SYS_STATUS.record._make(device_messages.leak_values(Leak(False)))
     silent = other._replace(onboard_control_sensors_present_extended=0)
     assert device_messages.leak_record(across(device_messages.SYS_STATUS, silent)) is None
 
 
-def test_duct_angles_stand_in_the_channels_that_command_them() -> None:
+def test_duct_angles_are_in_command_channels() -> None:
     duct = DuctFeedback(40_000, 0.5, -0.25)
     m = decoded(device_messages.ACTUATOR_OUTPUTS, device_messages.duct_values(duct))
     assert (m.active, m.actuator[0], m.actuator[1]) == (0b11, 0.5, -0.25)

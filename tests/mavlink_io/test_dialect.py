@@ -1,4 +1,4 @@
-"""The messages that pymavlink lacks, against what its generator makes of their definition."""
+"""The messages that pymavlink lacks, compared with the output of its generator."""
 
 import importlib.util
 from pathlib import Path
@@ -27,7 +27,7 @@ DEFINITION = """<?xml version="1.0"?>
 
 @pytest.fixture(scope="module")
 def generated(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
-    """The dialect of these messages alone, as pymavlink would have it."""
+    """Return the dialect of these messages alone, as pymavlink would generate it."""
     folder: Path = tmp_path_factory.mktemp("dialect")
     (folder / "added.xml").write_text(DEFINITION)
     options = mavgen.Opts(
@@ -52,25 +52,25 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
         ),
     ],
 )
-def test_an_added_message_is_packed_as_the_generator_packs_it(
+def test_added_message_equals_pymavlink_generator(
     generated: ModuleType, name: str, fields: dict[str, Any]
 ) -> None:
     assert not hasattr(mavlink, f"MAVLINK_MSG_ID_{name}"), (
         "pymavlink knows it now: drop the addition"
     )
     message = dialect.by_name(name)
-    for given in fields, dict.fromkeys(fields, 0) | ({"uri": ""} if "uri" in fields else {}):
+    for values in fields, dict.fromkeys(fields, 0) | ({"uri": ""} if "uri" in fields else {}):
         raw = {
             field: value.encode() if isinstance(value, str) else value
-            for field, value in given.items()
+            for field, value in values.items()
         }
         peer = generated.MAVLink(None, srcSystem=7, srcComponent=9)
         frame = getattr(generated, f"MAVLink_{name.lower()}_message")(**raw).pack(peer)
-        assert encode(message, message.values(**given), 0, 7, 9) == frame
-        assert message.unpack(frame[10:-2])._asdict() == given
+        assert encode(message, message.values(**values), 0, 7, 9) == frame
+        assert message.unpack(frame[10:-2])._asdict() == values
 
 
-def test_a_command_that_names_a_place_is_told_from_one_that_does_not() -> None:
+def test_has_location_follows_the_command() -> None:
     assert [n for n in (16, 20, 21, 93, 115, 178, 31_010, 65_535) if dialect.has_location(n)] == [
         16,
         21,

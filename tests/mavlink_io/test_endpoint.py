@@ -1,4 +1,4 @@
-"""An endpoint's identity, its sequence numbers, and the gaps that it counts."""
+"""Ids, sequence numbers and loss counts of an endpoint."""
 
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ VALUES = (0, 12, 0, 1, 3, 3)
 
 
 class Inbox:
-    """A transport that has received what the test says."""
+    """A transport that has received the given datagrams."""
 
     address = "test"
 
@@ -36,7 +36,7 @@ class Inbox:
         pass
 
 
-def test_sends_by_name_as_itself() -> None:
+def test_endpoint_send_has_own_ids_and_sequence() -> None:
     inbox = Inbox()
     endpoint = Endpoint(inbox, 42, 190)
     for _ in range(300):
@@ -49,25 +49,25 @@ def test_sends_by_name_as_itself() -> None:
             system_status=3,
             mavlink_version=3,
         )
-    heard = mavlink.MAVLink(None).parse_buffer(b"".join(inbox.sent))
-    assert {(m.get_srcSystem(), m.get_srcComponent(), m.type) for m in heard} == {(42, 190, 12)}
-    sequences = [m.get_seq() for m in heard]
+    received = mavlink.MAVLink(None).parse_buffer(b"".join(inbox.sent))
+    assert {(m.get_srcSystem(), m.get_srcComponent(), m.type) for m in received} == {(42, 190, 12)}
+    sequences = [m.get_seq() for m in received]
     assert all((b - a) % 256 == 1 for a, b in pairwise(sequences))
 
 
 @given(st.lists(st.booleans(), min_size=2, max_size=600))
-def test_counts_what_was_lost_by_the_gaps(arrives: list[bool]) -> None:
+def test_endpoint_counts_lost_frames_by_gaps(arrives: list[bool]) -> None:
     arrives[0] = arrives[-1] = True
     frames = [encode(HEARTBEAT, VALUES, n % 256, 1, 1) for n in range(len(arrives))]
     endpoint = Endpoint(Inbox(*(f for f, a in zip(frames, arrives, strict=True) if a)), 255, 190)
-    heard = sum(len(endpoint.receive()) for _ in frames)
-    assert heard == sum(arrives)
+    received = sum(len(endpoint.receive()) for _ in frames)
+    assert received == sum(arrives)
     longest_gap = max(len(gap) for gap in "".join("1" if a else "0" for a in arrives).split("1"))
     if longest_gap < 256:
         assert endpoint.lost_frames == len(arrives) - sum(arrives)
 
 
-def test_counts_each_sender_by_itself() -> None:
+def test_endpoint_counts_lost_frames_per_sender() -> None:
     senders = [(1, 1, 7), (2, 1, 90), (1, 1, 8), (2, 1, 91), (1, 1, 11)]
     data = b"".join(
         encode(HEARTBEAT, VALUES, n, system, component) for system, component, n in senders
@@ -77,7 +77,7 @@ def test_counts_each_sender_by_itself() -> None:
     assert endpoint.lost_frames == 2
 
 
-def test_counts_frames_whose_checksum_was_wrong() -> None:
+def test_endpoint_counts_rejected_frames() -> None:
     broken = bytearray(encode(HEARTBEAT, VALUES, 0, 1, 1))
     broken[-1] ^= 1
     endpoint = Endpoint(Inbox(bytes(broken) + bytes(300)), 255, 190)

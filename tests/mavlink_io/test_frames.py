@@ -1,4 +1,4 @@
-"""Axes and angles against scipy's rotations, which nobody here wrote."""
+"""Axes and angles against scipy's rotations."""
 
 import math
 
@@ -22,18 +22,18 @@ def rotation(q: frames.Quaternion) -> Rotation:
 
 
 @given(vectors)
-def test_flip_is_half_a_turn_about_x_and_its_own_inverse(v: frames.Vector) -> None:
+def test_flip_is_half_turn_about_x_and_own_inverse(v: frames.Vector) -> None:
     assert frames.flip(*v) == pytest.approx(tuple(HALF_TURN_ABOUT_X.apply(v)), abs=1e-9)
     assert frames.flip(*frames.flip(*v)) == v
 
 
 @given(angles, pitches, angles, vectors)
-def test_a_flipped_attitude_turns_flipped_vectors(
+def test_flip_quaternion_rotates_flipped_vectors(
     roll: float, pitch: float, yaw: float, v: frames.Vector
 ) -> None:
     q = frames.quaternion_from_euler(roll, pitch, yaw)
-    turned = frames.rotate(frames.flip_quaternion(*q), frames.flip(*v))
-    assert turned == pytest.approx(frames.flip(*frames.rotate(q, v)), abs=1e-9)
+    rotated = frames.rotate(frames.flip_quaternion(*q), frames.flip(*v))
+    assert rotated == pytest.approx(frames.flip(*frames.rotate(q, v)), abs=1e-9)
 
 
 @given(angles, pitches, angles)
@@ -41,12 +41,12 @@ def test_euler_angles_are_yaw_pitch_roll(roll: float, pitch: float, yaw: float) 
     q = frames.quaternion_from_euler(roll, pitch, yaw)
     reference = Rotation.from_euler("ZYX", (yaw, pitch, roll))
     np.testing.assert_allclose(rotation(q).as_matrix(), reference.as_matrix(), atol=1e-12)
-    back = frames.quaternion_from_euler(*frames.euler_from_quaternion(*q))
-    np.testing.assert_allclose(rotation(back).as_matrix(), reference.as_matrix(), atol=1e-7)
+    restored = frames.quaternion_from_euler(*frames.euler_from_quaternion(*q))
+    np.testing.assert_allclose(rotation(restored).as_matrix(), reference.as_matrix(), atol=1e-7)
 
 
 @given(angles, pitches, angles, vectors)
-def test_rotate_goes_from_body_to_world_and_back(
+def test_rotate_body_to_world_and_back_is_identity(
     roll: float, pitch: float, yaw: float, v: frames.Vector
 ) -> None:
     q = frames.quaternion_from_euler(roll, pitch, yaw)
@@ -55,7 +55,7 @@ def test_rotate_goes_from_body_to_world_and_back(
 
 
 @given(st.floats(-1e4, 1e4))
-def test_wrapping_keeps_the_angle(angle: float) -> None:
+def test_wrap_pi_keeps_the_angle(angle: float) -> None:
     wrapped = frames.wrap_pi(angle)
     assert -math.pi <= wrapped < math.pi
     assert (math.cos(wrapped), math.sin(wrapped)) == pytest.approx(
@@ -64,11 +64,11 @@ def test_wrapping_keeps_the_angle(angle: float) -> None:
 
 
 @given(st.floats(-5e3, 5e3), st.floats(-5e3, 5e3), st.floats(-70, 70), st.floats(-179, 179))
-def test_places_and_offsets_are_inverse(north: float, east: float, lat: float, lon: float) -> None:
+def test_geodetic_and_offset_are_inverse(north: float, east: float, lat: float, lon: float) -> None:
     place = frames.offset_to_geodetic(north, east, lat, lon)
     assert frames.geodetic_to_offset(*place, lat, lon) == pytest.approx((north, east), abs=1e-4)
 
 
-def test_a_minute_of_latitude_is_a_nautical_mile() -> None:
+def test_minute_of_latitude_is_a_nautical_mile() -> None:
     north, east = frames.geodetic_to_offset(1 / 60, 0.0, 0.0, 0.0)
     assert (north, east) == (pytest.approx(1852.0, rel=2e-3), 0.0)

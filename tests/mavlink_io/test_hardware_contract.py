@@ -1,4 +1,4 @@
-"""docs/hardware.md, which people build vehicles from, against the code."""
+"""docs/hardware.md, from which users build vehicles, agrees with the code."""
 
 import re
 from pathlib import Path
@@ -12,16 +12,18 @@ TEXT = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text(encoding="
 
 
 def test_messages_have_their_numbers_and_seeds() -> None:
-    told = re.findall(r"([A-Z_]+) \((\d+), (\d+)\)", TEXT)
-    assert len(told) == 9
-    for name, number, seed in told:
+    documented = re.findall(r"([A-Z_]+) \((\d+), (\d+)\)", TEXT)
+    assert len(documented) == 9
+    for name, number, seed in documented:
         message = dialect.by_name(name)
         assert (int(number), int(seed)) == (message.message_id, message.crc_extra), name
 
 
 def test_components_have_their_ids() -> None:
-    told = dict(re.findall(r"^\| ([^|`\n]+) \| (\d+)(?: \([A-Z0-9_]+\))? \|$", TEXT, re.MULTILINE))
-    assert told == {
+    documented = dict(
+        re.findall(r"^\| ([^|`\n]+) \| (\d+)(?: \([A-Z0-9_]+\))? \|$", TEXT, re.MULTILINE)
+    )
+    assert documented == {
         "autopilot": "1",
         "interface computer: inertial, magnetic, pressure, GPS, altimeter": str(COMPONENT),
         "DVL": str(device_messages.DVL_COMPONENT),
@@ -31,14 +33,14 @@ def test_components_have_their_ids() -> None:
     }
 
 
-def test_lines_carry_the_rates_that_the_table_gives() -> None:
-    told = re.findall(r"\| (\d+) \| (\d+) Hz \|", TEXT)
-    assert len(told) == 3
-    for baud, rate_hz in told:
+def test_line_rates_match_the_table() -> None:
+    documented = re.findall(r"\| (\d+) \| (\d+) Hz \|", TEXT)
+    assert len(documented) == 3
+    for baud, rate_hz in documented:
         assert timestep_for_line(f"serial:x:{baud}").tick_us == 1_000_000 / int(rate_hz)
 
 
-def test_sizes_are_those_of_the_wire() -> None:
+def test_message_sizes_match_the_wire() -> None:
     sizes = {
         name: dialect.by_name(name).struct.size + 12
         for name in ("HIL_SENSOR", "HIL_ACTUATOR_CONTROLS")
@@ -47,12 +49,12 @@ def test_sizes_are_those_of_the_wire() -> None:
     assert f"{sizes['HIL_ACTUATOR_CONTROLS']} (HIL_ACTUATOR_CONTROLS)" in TEXT
 
 
-def test_every_parameter_that_is_named_exists() -> None:
+def test_documented_parameters_exist() -> None:
     known = {parameter.name for parameter in PARAMETERS}
     named = set(re.findall(r"`((?:MAV|FS|ACT|TRIM|HLTH|EST)_[A-Z_]+)`", TEXT))
     assert len(named) >= 8
     assert named <= known
 
 
-def test_the_watchdog_is_the_one_told() -> None:
+def test_watchdog_matches_the_document() -> None:
     assert f"received nothing for {ACTUATOR_TIMEOUT_S:g} s**" in TEXT

@@ -1,4 +1,4 @@
-"""A serial line that is pulled out, put back, blocked and missing: over pseudo terminals."""
+"""A serial line that is unplugged, replugged, blocked and missing, with pseudo terminals."""
 
 import os
 import select
@@ -20,8 +20,8 @@ PATIENCE_S = 10.0
 
 @pytest.fixture
 def cable(tmp_path: Path) -> Iterator[Line]:
-    with line(tmp_path, BAUD) as laid:
-        yield laid
+    with line(tmp_path, BAUD) as cable_:
+        yield cable_
 
 
 def opened(
@@ -37,7 +37,7 @@ def opened(
 
 
 def until(happened: Callable[[], bool], transport: SerialTransport) -> None:
-    """Wait on a transport, as its owner does, until something has happened."""
+    """Wait on a transport, as its user does, until a condition holds."""
     deadline_s = time.monotonic() + PATIENCE_S
     while not happened():
         assert time.monotonic() < deadline_s
@@ -45,7 +45,7 @@ def until(happened: Callable[[], bool], transport: SerialTransport) -> None:
             transport.receive()
 
 
-def test_a_line_that_was_unplugged_comes_back(cable: Line) -> None:
+def test_serial_unplugged_line_reopens(cable: Line) -> None:
     texts: list[str] = []
     with (
         closing(opened(cable, "vehicle", texts)) as vehicle,
@@ -67,7 +67,7 @@ def test_a_line_that_was_unplugged_comes_back(cable: Line) -> None:
         assert ground.receive().startswith(b"here")
 
 
-def test_a_loss_that_shows_in_writing_is_told_once(cable: Line) -> None:
+def test_serial_loss_during_write_is_reported_once(cable: Line) -> None:
     texts: list[str] = []
     with closing(opened(cable, "vehicle", texts)) as vehicle:
         cable.unplug("vehicle")
@@ -80,7 +80,9 @@ def test_a_loss_that_shows_in_writing_is_told_once(cable: Line) -> None:
         assert texts[0].startswith("serial:vehicle: lost")
 
 
-def test_a_lost_line_is_tried_once_a_second(cable: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_serial_lost_line_is_reopened_once_per_second(
+    cable: Line, monkeypatch: pytest.MonkeyPatch
+) -> None:
     now_s, attempts = [100.0], 0
     monkeypatch.setattr("mavlink_io.transport.serial_line.wall_s", lambda: now_s[0])
     texts: list[str] = []
@@ -100,7 +102,7 @@ def test_a_lost_line_is_tried_once_a_second(cable: Line, monkeypatch: pytest.Mon
         assert round(10.0 / REOPEN_S) - 1 <= attempts <= round(10.0 / REOPEN_S)
 
 
-def test_writing_to_a_blocked_line_never_waits_and_cuts_no_send() -> None:
+def test_serial_blocked_line_drops_whole_sends() -> None:
     far, near = os.openpty()
     tty.setraw(near)
     blocks = [b"<%06d>" % n * 8 for n in range(20_000)]
@@ -117,12 +119,12 @@ def test_writing_to_a_blocked_line_never_waits_and_cuts_no_send() -> None:
     os.close(near)
     assert len(read) >= BACKLOG_BYTES
     size = len(blocks[0])
-    arrived = [read[at : at + size] for at in range(0, len(read) - size, size)]
+    arrived = [read[start : start + size] for start in range(0, len(read) - size, size)]
     assert set(arrived) <= set(blocks)
     assert arrived == sorted(arrived)
 
 
-def test_a_device_that_does_not_exist_is_an_error_or_waited_for(cable: Line) -> None:
+def test_serial_missing_device_is_error_or_awaited(cable: Line) -> None:
     cable.unplug("vehicle")
     with pytest.raises(AddressError, match=r"serial:vehicle.*No such file"):
         opened(cable, "vehicle", [])
@@ -134,16 +136,14 @@ def test_a_device_that_does_not_exist_is_an_error_or_waited_for(cable: Line) -> 
 
 
 @pytest.mark.parametrize("wait_for_device", [False, True])
-def test_what_is_no_serial_line_or_taken_is_an_error_all_the_same(
-    cable: Line, wait_for_device: bool
-) -> None:
+def test_serial_wrong_or_busy_device_is_an_error(cable: Line, wait_for_device: bool) -> None:
     with pytest.raises(AddressError, match="/dev/null"):
         open_transport("serial:/dev/null:57600", wait_for_device=wait_for_device)
     with closing(opened(cable, "vehicle", [])), pytest.raises(AddressError, match="lock"):
         opened(cable, "vehicle", [], wait_for_device=wait_for_device)
 
 
-def test_a_closed_line_stays_closed(cable: Line) -> None:
+def test_serial_closed_line_stays_closed(cable: Line) -> None:
     vehicle = opened(cable, "vehicle", [])
     vehicle.close()
     assert vehicle.handles() == ()

@@ -21,11 +21,11 @@ def frame(sequence: int, system: int) -> bytes:
 
 
 def systems(endpoint: Endpoint) -> list[int]:
-    """Who is received within the time; [] when nobody is."""
-    heard: list[int] = []
-    while wait([endpoint.transport], 0.05 if heard else 0.3):
-        heard += [received.system for received in endpoint.receive()]
-    return heard
+    """Return the systems received within the time; [] if none."""
+    received_systems: list[int] = []
+    while wait([endpoint.transport], 0.05 if received_systems else 0.3):
+        received_systems += [received.system for received in endpoint.receive()]
+    return received_systems
 
 
 @pytest.fixture(params=["tcpin", "udpin"])
@@ -66,18 +66,18 @@ def test_shared_link_half_frame_of_one_client_leaves_the_other(
 def test_shared_link_frames_split_by_turns_all_arrive(
     shared: tuple[Endpoint, list[Transport]],
 ) -> None:
-    """As from two serial-to-UDP bridges, which cut where they like."""
+    """The datagrams are cut anywhere, as by two serial-to-UDP bridges."""
     endpoint, (one, two) = shared
     first, second = frame(1, 11) + frame(2, 11), frame(1, 12) + frame(2, 12)
-    heard = []
-    for at in range(0, len(first), 7):
-        one.send(first[at : at + 7])
-        two.send(second[at : at + 7])
-        heard += systems(endpoint)
-    assert sorted(heard) == [11, 11, 12, 12]
+    received_systems = []
+    for start in range(0, len(first), 7):
+        one.send(first[start : start + 7])
+        two.send(second[start : start + 7])
+        received_systems += systems(endpoint)
+    assert sorted(received_systems) == [11, 11, 12, 12]
 
 
-def test_tcp_client_that_left_leaves_nothing_behind() -> None:
+def test_tcp_disconnected_client_leaves_no_partial_frame() -> None:
     with closing(TcpServer("tcpin:127.0.0.1:0", "127.0.0.1", 0)) as server:
         endpoint = Endpoint(server, 1, 1)
         with closing(open_transport(f"tcp:127.0.0.1:{server.port}")) as client:
@@ -89,7 +89,7 @@ def test_tcp_client_that_left_leaves_nothing_behind() -> None:
 
 
 class Crowd:
-    """A transport on which every piece comes from a peer of its own."""
+    """A transport on which every piece comes from its own peer."""
 
     address = "crowd"
 
@@ -113,13 +113,13 @@ class Crowd:
         pass
 
 
-def test_flood_of_half_frames_is_bounded_and_a_busy_stream_kept() -> None:
+def test_framer_partial_frame_flood_keeps_busy_stream() -> None:
     crowd = Crowd()
     endpoint = Endpoint(crowd, 1, 1)
     whole = frame(0, 11)
-    for at in range(len(whole)):
-        crowd.pieces.append(("bridge", whole[at : at + 1]))
-        crowd.pieces += [((at, port), whole[:10]) for port in range(MAX_PARTIAL_STREAMS - 1)]
+    for start in range(len(whole)):
+        crowd.pieces.append(("bridge", whole[start : start + 1]))
+        crowd.pieces += [((start, port), whole[:10]) for port in range(MAX_PARTIAL_STREAMS - 1)]
     assert [received.system for received in endpoint.receive()] == [11]
     assert endpoint.partial_streams <= MAX_PARTIAL_STREAMS
 

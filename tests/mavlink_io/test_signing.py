@@ -1,5 +1,4 @@
-"""Signatures against pymavlink's, which nobody here wrote, in both directions; and the rules on
-timestamps."""
+"""Signatures compared with pymavlink's in both directions, and the rules on timestamps."""
 
 import os
 import stat
@@ -35,7 +34,7 @@ VALUES = (0, 12, 0, 1, 3, 3)
 
 
 def peer(key: bytes = KEY, timestamp: int = NOW, link_id: int = 3) -> Any:
-    """Pymavlink's own end of a signed link, as system 7."""
+    """Return pymavlink's end of a signed link, as system 7."""
     other = mavlink.MAVLink(None, srcSystem=7, srcComponent=9)
     other.robust_parsing = True
     other.signing.secret_key, other.signing.link_id, other.signing.timestamp = (
@@ -69,7 +68,7 @@ def signed(signer: Signing) -> bytes:
     st.integers(0, 255),
     st.floats(EPOCH_UNIX_S, EPOCH_UNIX_S + 2.8e9),
 )
-def test_pymavlink_makes_the_same_signature(key: bytes, link_id: int, unix_s: float) -> None:
+def test_signature_equals_pymavlink(key: bytes, link_id: int, unix_s: float) -> None:
     ours = Signing(key, link_id, Timestamp(unix_s=lambda: unix_s)).sign(
         encode(HEARTBEAT, VALUES, 0, 7, 9, SIGNED_FLAG)
     )
@@ -79,7 +78,7 @@ def test_pymavlink_makes_the_same_signature(key: bytes, link_id: int, unix_s: fl
     assert ours == theirs
 
 
-def test_pymavlink_accepts_what_we_sign_and_no_other_key() -> None:
+def test_signed_frame_is_accepted_by_pymavlink() -> None:
     signer, stranger = signing(), signing(OTHER_KEY)
     listener = peer()
     listener.signing.timestamp = NOW
@@ -88,7 +87,7 @@ def test_pymavlink_accepts_what_we_sign_and_no_other_key() -> None:
     assert listener.parse_buffer(signed(stranger))[0].get_type() == "BAD_DATA"
 
 
-def test_what_pymavlink_signs_is_accepted_once() -> None:
+def test_pymavlink_signed_frame_is_accepted_once() -> None:
     ours, theirs = signing(), peer()
     first, second = framed(beat(theirs)), framed(beat(theirs))
     assert ours.accepts(first)
@@ -99,7 +98,7 @@ def test_what_pymavlink_signs_is_accepted_once() -> None:
 
 
 @pytest.mark.parametrize("field", [0, 12, -13, -7, -1])
-def test_a_signature_covers_every_byte(field: int) -> None:
+def test_signature_covers_every_byte(field: int) -> None:
     raw = bytearray(beat(peer()))
     frame = framed(bytes(raw))
     raw[field] ^= 1
@@ -107,13 +106,13 @@ def test_a_signature_covers_every_byte(field: int) -> None:
     assert not signing().accepts(frame._replace(raw=bytes(raw)))
 
 
-def test_what_is_not_signed_or_with_another_key_does_not_count() -> None:
+def test_unsigned_or_other_key_is_refused() -> None:
     ours = signing()
     assert not ours.accepts(framed(encode(HEARTBEAT, VALUES, 0, 7, 9)))
     assert not ours.accepts(framed(beat(peer(OTHER_KEY))))
 
 
-def test_a_radio_may_tell_of_itself_without_a_key() -> None:
+def test_unsigned_radio_status_is_accepted() -> None:
     plain = peer()
     plain.signing.sign_outgoing = False
     status = mavlink.MAVLink_radio_status_message(100, 100, 90, 20, 20, 0, 0)
@@ -123,21 +122,21 @@ def test_a_radio_may_tell_of_itself_without_a_key() -> None:
 
 
 @pytest.mark.parametrize(("behind_s", "accepted"), [(59.9, True), (60.1, False), (-3600.0, True)])
-def test_a_stream_may_begin_a_minute_behind_at_most(behind_s: float, accepted: bool) -> None:
+def test_new_stream_over_a_minute_late_is_refused(behind_s: float, accepted: bool) -> None:
     assert (
         signing().accepts(framed(beat(peer(timestamp=NOW - round(behind_s * UNITS_PER_S)))))
         is accepted
     )
 
 
-def test_each_stream_grows_by_itself() -> None:
+def test_stream_timestamps_must_grow_per_stream() -> None:
     ours = signing()
     assert ours.accepts(framed(beat(peer(timestamp=NOW + 10, link_id=1))))
     assert ours.accepts(framed(beat(peer(timestamp=NOW + 5, link_id=2))))
     assert not ours.accepts(framed(beat(peer(timestamp=NOW + 4, link_id=2))))
 
 
-def test_time_moves_on_to_that_of_whoever_is_ahead_and_is_known_to_hold_the_key() -> None:
+def test_timestamp_advances_to_signed_frame() -> None:
     ours = signing()
     ahead = NOW + 3600 * UNITS_PER_S
     ours.accepts(framed(beat(peer(OTHER_KEY, timestamp=ahead))))
@@ -151,7 +150,7 @@ def stamp(raw: bytes) -> int:
 
 
 @given(st.lists(st.one_of(st.just("send"), st.floats(-1e6, 1e6)), max_size=40))
-def test_no_two_frames_have_one_timestamp_however_the_clock_is_set(steps: list[Any]) -> None:
+def test_timestamp_is_unique_for_any_clock(steps: list[Any]) -> None:
     unix_s = NOW_S
     timestamp = Timestamp(unix_s=lambda: unix_s)
     given_out = []
@@ -163,7 +162,7 @@ def test_no_two_frames_have_one_timestamp_however_the_clock_is_set(steps: list[A
     assert given_out == sorted(set(given_out))
 
 
-def test_a_timestamp_outlives_its_program(tmp_path: Path) -> None:
+def test_timestamp_is_kept_over_restart(tmp_path: Path) -> None:
     path = tmp_path / "state" / "timestamp"
     first = Timestamp(path, lambda: NOW_S)
     first.advance_to(NOW + 77)
@@ -180,23 +179,25 @@ def test_a_timestamp_outlives_its_program(tmp_path: Path) -> None:
     assert [file.name for file in path.parent.iterdir()] == ["timestamp"]
 
 
-def test_a_timestamp_is_kept_once_a_minute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_timestamp_is_saved_once_per_minute(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     wall_s = [0.0]
     monkeypatch.setattr("mavlink_io.clock.wall_s", lambda: wall_s[0])
     path = tmp_path / "timestamp"
     timestamp = Timestamp(path, lambda: NOW_S + wall_s[0])
     timestamp._save._now = lambda: wall_s[0]
     timestamp._save.hasten()
-    kept = set()
+    saved = set()
     for second in range(181):
         wall_s[0] = float(second)
         timestamp.next()
         timestamp.save_when_due()
-        kept.add(path.read_text())
-    assert len(kept) == 4
+        saved.add(path.read_text())
+    assert len(saved) == 4
 
 
-def test_an_endpoint_hears_only_those_with_the_key() -> None:
+def test_endpoint_with_key_receives_signed_frames_only() -> None:
     plain = encode(HEARTBEAT, VALUES, 0, 9, 9)
     endpoint = Endpoint(
         Inbox(plain + beat(peer()) + beat(peer(OTHER_KEY))), 1, 1, Signing(KEY, 0, Timestamp(None))
@@ -212,7 +213,7 @@ def test_an_endpoint_hears_only_those_with_the_key() -> None:
 @given(
     st.lists(st.tuples(st.binary(max_size=30), st.booleans()), min_size=1, max_size=8), st.data()
 )
-def test_signed_frames_come_whole_out_of_noise(
+def test_framer_signed_frames_in_noise_are_complete(
     parts: list[tuple[bytes, bool]], data: st.DataObject
 ) -> None:
     signer = signing()
@@ -222,8 +223,8 @@ def test_signed_frames_come_whole_out_of_noise(
     ) + bytes(300)
     cut = data.draw(st.integers(0, len(stream)))
     framer = Framer()
-    heard = [frame.raw for part in (stream[:cut], stream[cut:]) for frame in framer.feed(part)]
-    assert [raw for raw in heard if raw in frames] == frames
+    received = [frame.raw for part in (stream[:cut], stream[cut:]) for frame in framer.feed(part)]
+    assert [raw for raw in received if raw in frames] == frames
 
 
 def write_private(file: Path, text: bytes) -> None:
@@ -233,7 +234,7 @@ def write_private(file: Path, text: bytes) -> None:
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o644, 0o660, 0o666])
 def test_key_file_that_others_may_use_is_refused(tmp_path: Path, mode: int) -> None:
-    """As ssh does ("UNPROTECTED PRIVATE KEY FILE", sshkey_perm_ok in OpenSSH's authfile.c)."""
+    """ssh refuses such files too ("UNPROTECTED PRIVATE KEY FILE", sshkey_perm_ok in authfile.c)."""
     file = tmp_path / "key"
     file.write_text("under the ice\n")
     file.chmod(mode)
@@ -250,7 +251,7 @@ def test_key_file_that_others_may_use_is_refused(tmp_path: Path, mode: int) -> N
 def test_key_file_is_private_from_its_creation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also where the old file was open to all, or a program that died left half a file behind."""
+    """The new file is private even if the old or a temporary file was readable for all."""
     file, created = tmp_path / "key", []
     half = tmp_path / f".key.{os.getpid()}"
     for old in (file, half):
@@ -273,7 +274,7 @@ def test_key_file_is_private_from_its_creation(
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_keys_come_from_a_passphrase_or_as_they_are(tmp_path: Path) -> None:
+def test_key_file_passphrase_or_hex_is_loaded(tmp_path: Path) -> None:
     file = tmp_path / "key"
     write_private(file, b"under the ice\n")
     assert load_key(file) == KEY
@@ -283,7 +284,7 @@ def test_keys_come_from_a_passphrase_or_as_they_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", [b"", b"\n", b"one\ntwo", b"\xff\xfe"])
-def test_a_file_without_a_key_is_named(tmp_path: Path, text: bytes) -> None:
+def test_key_file_without_key_raises_error(tmp_path: Path, text: bytes) -> None:
     file = tmp_path / "key"
     write_private(file, text)
     with pytest.raises(KeyFileError, match=r"key: (must hold one line|no text)"):

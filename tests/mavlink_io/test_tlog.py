@@ -1,4 +1,4 @@
-"""A telemetry log as pymavlink's own tool reads it."""
+"""A telemetry log, read by pymavlink's tool."""
 
 import struct
 import subprocess
@@ -22,7 +22,7 @@ def frame(boot_ms: int, flags: int = 0) -> bytes:
     return encode(ATTITUDE, (boot_ms, 0.0, 0.1, 0.2, 0.0, 0.0, 0.0), boot_ms & 0xFF, 1, 1, flags)
 
 
-def test_pymavlink_reads_every_frame_signed_or_not(tmp_path: Path) -> None:
+def test_tlog_is_read_by_pymavlink(tmp_path: Path) -> None:
     path = tmp_path / "dive.tlog"
     log = TelemetryLog(path)
     log.write(START_US, frame(1))
@@ -39,7 +39,7 @@ def test_pymavlink_reads_every_frame_signed_or_not(tmp_path: Path) -> None:
 
 
 @given(st.lists(st.integers(0, 1 << 62), min_size=1, max_size=30))
-def test_time_never_falls_back(times_us: list[int]) -> None:
+def test_tlog_time_never_decreases(times_us: list[int]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "dive.tlog"
         log = TelemetryLog(path)

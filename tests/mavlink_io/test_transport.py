@@ -8,7 +8,7 @@ import socket
 import threading
 import time
 import tty
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +22,7 @@ from mavlink_io.transport import (
     AddressError,
     LinkLostError,
     MemoryTransport,
+    Piece,
     SerialTransport,
     TcpServer,
     Transport,
@@ -33,7 +34,7 @@ from mavlink_io.transport.tcp import ACCEPT_PAUSE_S, MAX_CLIENTS, READ_BYTES
 
 PATIENCE_S = 10.0
 SELECT_LIMIT = 1024
-"""FD_SETSIZE of Linux: `select` takes handle numbers below it."""
+"""FD_SETSIZE of Linux: `select` accepts file descriptors below it."""
 
 
 def free_port(kind: int = socket.SOCK_STREAM) -> int:
@@ -45,6 +46,11 @@ def free_port(kind: int = socket.SOCK_STREAM) -> int:
 def receive(transport: Transport) -> bytes:
     assert wait([transport], PATIENCE_S) == [transport]
     return transport.receive()
+
+
+def receive_from(server: TcpServer) -> Sequence[Piece]:
+    assert wait([server], PATIENCE_S) == [server]
+    return server.receive_from()
 
 
 @pytest.fixture
@@ -59,7 +65,7 @@ def client(server: TcpServer) -> Any:
     return connection
 
 
-def test_udp_answers_whoever_spoke() -> None:
+def test_udp_server_sends_to_every_peer() -> None:
     port = free_port(socket.SOCK_DGRAM)
     with (
         closing(open_transport(f"udpin:127.0.0.1:{port}")) as vehicle,
@@ -75,14 +81,14 @@ def test_udp_answers_whoever_spoke() -> None:
         assert (receive(one), receive(two)) == (b"to both", b"to both")
 
 
-def test_nothing_to_receive_is_no_bytes() -> None:
+def test_receive_without_data_is_empty() -> None:
     port = free_port(socket.SOCK_DGRAM)
     with closing(open_transport(f"udpin:127.0.0.1:{port}")) as transport:
         assert wait([transport], 0.0) == []
         assert transport.receive() == b""
 
 
-def test_wait_names_those_that_are_ready() -> None:
+def test_wait_returns_ready_transports() -> None:
     with (
         closing(open_transport("memory:a")) as a,
         closing(open_transport("memory:a")) as far_a,
@@ -105,7 +111,7 @@ def one_core() -> Iterator[None]:
 
 
 def processor_time_of_eager_waits_s() -> float:
-    """Ten waits of 10 ms for what never arrives; polling for `SPIN_S` each takes up to 50 ms."""
+    """Return the CPU time of ten waits of 10 ms; polling for `SPIN_S` each takes up to 50 ms."""
     port = free_port(socket.SOCK_DGRAM)
     with closing(open_transport(f"udpin:127.0.0.1:{port}")) as transport:
         began_s = time.thread_time()
@@ -142,7 +148,7 @@ def test_eager_wait_on_two_cores_polls(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(polls) > 10, "one poll would be no polling"
 
 
-def test_a_tcp_server_serves_every_client(server: TcpServer) -> None:
+def test_tcp_server_sends_to_every_client(server: TcpServer) -> None:
     with client(server) as one, client(server) as two:
         server.send(b"to all")
         assert (receive(one), receive(two)) == (b"to all", b"to all")
@@ -150,7 +156,7 @@ def test_a_tcp_server_serves_every_client(server: TcpServer) -> None:
         assert receive(server) == b"from one"
 
 
-def test_a_tcp_server_outlives_its_clients(server: TcpServer) -> None:
+def test_tcp_server_continues_after_client_leaves(server: TcpServer) -> None:
     with client(server):
         pass
     with client(server) as other:
@@ -158,7 +164,7 @@ def test_a_tcp_server_outlives_its_clients(server: TcpServer) -> None:
         assert receive(other) == b"still here"
 
 
-def test_tcp_loses_nothing_and_pushes_back(server: TcpServer) -> None:
+def test_tcp_slow_reader_loses_nothing(server: TcpServer) -> None:
     blocks = [bytes([n % 256]) * 50_000 for n in range(400)]
     received = bytearray()
     with client(server) as ground:
@@ -175,7 +181,7 @@ def test_tcp_loses_nothing_and_pushes_back(server: TcpServer) -> None:
     assert bytes(received) == b"".join(blocks)
 
 
-def test_a_client_that_never_reads_is_dropped_in_the_end() -> None:
+def test_tcp_client_that_never_reads_is_disconnected() -> None:
     server = open_transport("tcpin:127.0.0.1:0", send_timeout_s=0.05)
     assert isinstance(server, TcpServer)
     with closing(server), client(server):
@@ -184,7 +190,7 @@ def test_a_client_that_never_reads_is_dropped_in_the_end() -> None:
         assert len(server.handles()) == 1
 
 
-def test_a_closed_server_is_a_lost_link(server: TcpServer) -> None:
+def test_tcp_closed_server_raises_link_lost(server: TcpServer) -> None:
     with client(server) as ground:
         server.close()
         assert wait([ground], PATIENCE_S) == [ground]
@@ -205,7 +211,7 @@ def serial_line() -> Iterator[tuple[int, SerialTransport]]:
     os.close(far)
 
 
-def test_a_serial_line_carries_every_byte(serial_line: tuple[int, SerialTransport]) -> None:
+def test_serial_line_transfers_every_byte(serial_line: tuple[int, SerialTransport]) -> None:
     far, transport = serial_line
     every = bytes(range(256))
     os.write(far, every)
@@ -217,7 +223,7 @@ def test_a_serial_line_carries_every_byte(serial_line: tuple[int, SerialTranspor
     assert os.read(far, 4096) == every
 
 
-def test_a_memory_pair_keeps_datagrams_whole() -> None:
+def test_memory_pair_keeps_datagrams() -> None:
     with (
         closing(open_transport("memory:pair")) as one,
         closing(open_transport("memory:pair")) as two,
@@ -246,7 +252,7 @@ def test_a_memory_pair_keeps_datagrams_whole() -> None:
         ("memory:", "expected udpin:HOST:PORT"),
     ],
 )
-def test_a_bad_address_is_named_with_what_would_be_right(address: str, complaint: str) -> None:
+def test_bad_address_raises_error_with_syntax(address: str, complaint: str) -> None:
     with pytest.raises(AddressError) as error:
         open_transport(address)
     assert repr(address) in str(error.value)
@@ -255,7 +261,7 @@ def test_a_bad_address_is_named_with_what_would_be_right(address: str, complaint
 
 @pytest.fixture
 def many_files() -> Iterator[None]:
-    """Let this process have handles that `select` refuses: 1,024 and above."""
+    """Let this process have file descriptors that `select` refuses: 1,024 and above."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard != resource.RLIM_INFINITY and hard < SELECT_LIMIT + 100:
         pytest.skip(f"only {hard} files may be open here")
@@ -265,7 +271,7 @@ def many_files() -> Iterator[None]:
 
 
 class HighHandle:
-    """A transport whose handle has a number beyond those that `select` can watch."""
+    """A transport whose file descriptor is beyond those that `select` accepts."""
 
     def __init__(self, number: int) -> None:
         self.address, self._socket = "high", socket.socket(fileno=number)
@@ -343,16 +349,16 @@ def test_tcp_server_without_files_pauses_and_serves_its_clients(
     second.close()
 
 
-def test_tcp_server_half_a_frame_does_not_spoil_another_clients(server: TcpServer) -> None:
+def test_tcp_server_partial_frame_keeps_other_client(server: TcpServer) -> None:
     heartbeat = encode(dialect.by_name("HEARTBEAT"), (0, 6, 8, 0, 0, 3), 0, 255, 190)
     slow, quick = connected(server, 2)
     receive(server)
-    framer, heard = Framer(), []
+    framer, counts = Framer(), []
     for sender, data in ((slow, heartbeat[:7]), (quick, heartbeat), (slow, heartbeat[7:])):
         sender.send(data)
         assert wait([server], PATIENCE_S) == [server]
-        heard.append(sum(len(framer.feed(part, peer)) for peer, part in server.receive_from()))
-    assert (heard, framer.rejected_frames) == ([0, 1, 1], 0)
+        counts.append(sum(len(framer.feed(part, peer)) for peer, part in server.receive_from()))
+    assert (counts, framer.rejected_frames) == ([0, 1, 1], 0)
     slow.close()
     quick.close()
 
@@ -375,6 +381,6 @@ def test_tcp_server_reads_a_bounded_amount_and_loses_nothing(server: TcpServer) 
         sender.close()
 
 
-def test_a_port_in_use_is_an_address_error(server: TcpServer) -> None:
+def test_tcp_port_in_use_raises_address_error(server: TcpServer) -> None:
     with pytest.raises(AddressError, match="in use"):
         open_transport(f"tcpin:127.0.0.1:{server.port}")

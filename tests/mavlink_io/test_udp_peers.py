@@ -1,4 +1,4 @@
-"""UDP peers over real sockets: who is received, and what a missing or restarted peer does."""
+"""UDP peers over real sockets: accepted senders, and missing or restarted peers."""
 
 import socket
 import time
@@ -12,7 +12,7 @@ from mavlink_io.transport.udp import MAX_PEERS
 
 PATIENCE_S = 10.0
 SILENCE_S = 0.1
-"""Loopback delivers within microseconds; a datagram that has not come by then was dropped."""
+"""Loopback delivers within microseconds; a datagram that is missing after it was dropped."""
 
 
 def udp_socket(port: int = 0) -> socket.socket:
@@ -27,7 +27,7 @@ def port_of(bound: socket.socket) -> int:
 
 
 def receive(transport: Transport, within_s: float = PATIENCE_S) -> bytes:
-    """What arrives within the time; a socket may be ready for an error alone."""
+    """Return the data received within the time; a socket may be ready for an error alone."""
     deadline_s = time.monotonic() + within_s
     while (left_s := deadline_s - time.monotonic()) > 0.0:
         if wait([transport], left_s) and (data := transport.receive()):
@@ -48,7 +48,7 @@ def vehicle(ground: socket.socket) -> Iterator[Transport]:
 
 
 def learn_port(vehicle: Transport, ground: socket.socket) -> tuple[str, int]:
-    """The address that the vehicle sends from."""
+    """Return the address that the vehicle sends from."""
     vehicle.send(b"telemetry")
     data, address = ground.recvfrom(100)
     assert data == b"telemetry"
@@ -85,7 +85,7 @@ def test_udpout_peer_that_answers_from_its_port_is_received(
 
 
 def test_udpout_peer_that_starts_late_and_restarts_is_reached() -> None:
-    """The kernel reports ECONNREFUSED while nobody listens, at the cost of no later datagram."""
+    """The kernel reports ECONNREFUSED without a listener; later datagrams must not be lost."""
     with udp_socket() as reserved:
         port = port_of(reserved)
     with closing(open_transport(f"udpout:127.0.0.1:{port}")) as vehicle:
@@ -109,8 +109,7 @@ def test_udpout_host_name_is_resolved_to_its_ipv4_address(ground: socket.socket)
 def test_udpout_without_a_network_waits_for_one(
     ground: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """connect() fails without a route (ENETUNREACH), as when a vehicle starts before its
-    network."""
+    """connect() fails without a route (ENETUNREACH), as before the network is up."""
     up = [False]
     connect = socket.socket.connect
 
@@ -129,7 +128,7 @@ def test_udpout_without_a_network_waits_for_one(
         assert receive(vehicle) == b"heartbeat"
 
 
-def test_udpin_tells_which_peer_each_datagram_came_from() -> None:
+def test_udpin_datagrams_have_their_peer() -> None:
     with udp_socket() as reserved:
         port = port_of(reserved)
     with (
@@ -157,13 +156,13 @@ def test_udpin_flood_of_peers_is_bounded_and_keeps_those_it_has() -> None:
     ):
         ground.sendto(b"first", ("127.0.0.1", port))
         assert receive(vehicle) == b"first"
-        heard = 0
+        accepted = 0
         for _ in range(2 * MAX_PEERS):
             # All stay open: the system may give the port of a closed one to the next.
             stranger = flood.enter_context(udp_socket())
             stranger.sendto(b"x", ("127.0.0.1", port))
-            heard += bool(receive(vehicle, SILENCE_S / 10))
-        assert heard == MAX_PEERS - 1
+            accepted += bool(receive(vehicle, SILENCE_S / 10))
+        assert accepted == MAX_PEERS - 1
         vehicle.send(b"telemetry")
         assert ground.recv(100) == b"telemetry"
         ground.sendto(b"again", ("127.0.0.1", port))

@@ -1,4 +1,4 @@
-"""A MAVSDK program that fetches what the vehicle's parameters mean; prints the JSON that it got."""
+"""A MAVSDK program that downloads the parameters' metadata and prints the JSON."""
 
 import asyncio
 import sys

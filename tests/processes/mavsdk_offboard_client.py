@@ -1,5 +1,4 @@
-"""A stock MAVSDK program that steers by streamed set-points: prints one JSON object. Run as a
-program of its own.
+"""A stock MAVSDK program that sends offboard setpoints; prints one JSON object.
 
 Usage: python mavsdk_offboard_client.py udpin://127.0.0.1:PORT
 """
@@ -19,10 +18,10 @@ from mavsdk.plugins.offboard import Attitude, PositionNedYaw
 PATIENCE_S = 30.0
 
 
-async def until(stream: Any, wanted: Any) -> Any:
+async def until(stream: Any, condition: Any) -> Any:
     async def take() -> Any:
         async for value in stream:
-            if wanted(value):
+            if condition(value):
                 return value
 
     return await asyncio.wait_for(take(), PATIENCE_S)
@@ -33,20 +32,20 @@ async def steer(address: str) -> dict[str, Any]:
     await mavsdk.add_any_connection(address)
     system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
     action, offboard, telemetry = ActionAsync(system), OffboardAsync(system), TelemetryAsync(system)
-    seen: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     await until(telemetry.subscribe_health_all_ok(), lambda healthy: healthy)
     await action.arm()
     await offboard.set_attitude(Attitude(0.0, -8.0, 40.0, 0.6))
     await offboard.start()
-    seen["mode"] = (
+    results["mode"] = (
         await until(telemetry.subscribe_flight_mode(), lambda m: m.name == "OFFBOARD")
     ).name
-    turned = await until(
+    turned_attitude = await until(
         telemetry.subscribe_attitude_euler(), lambda a: abs(a.yaw_deg - 40.0) < 12.0
     )
-    seen["attitude"] = [turned.yaw_deg, turned.pitch_deg]
+    results["attitude"] = [turned_attitude.yaw_deg, turned_attitude.pitch_deg]
     dived = await until(telemetry.subscribe_position(), lambda p: p.relative_altitude_m < -2.0)
-    seen["altitude_m"] = dived.relative_altitude_m
+    results["altitude_m"] = dived.relative_altitude_m
     await offboard.set_position_ned(PositionNedYaw(60.0, 0.0, 3.0, 0.0))
     near = await until(
         telemetry.subscribe_position_velocity_ned(),
@@ -55,20 +54,22 @@ async def steer(address: str) -> dict[str, Any]:
             and abs(o.position.down_m - 3.0) < 0.5
         ),
     )
-    seen["position"] = [near.position.north_m, near.position.east_m, near.position.down_m]
-    told = telemetry.subscribe_odometry()  # the Doppler log's own too: it knows no position
-    odometry = await until(told, lambda o: next(iter(o.pose_covariance.covariance_matrix)) > 0.0)
-    seen["variance"] = next(iter(odometry.pose_covariance.covariance_matrix))
+    results["position"] = [near.position.north_m, near.position.east_m, near.position.down_m]
+    odometry = telemetry.subscribe_odometry()  # the Doppler log's own too: it knows no position
+    odometry = await until(
+        odometry, lambda o: next(iter(o.pose_covariance.covariance_matrix)) > 0.0
+    )
+    results["variance"] = next(iter(odometry.pose_covariance.covariance_matrix))
     await offboard.stop()
-    seen["after"] = (
+    results["after"] = (
         await until(telemetry.subscribe_flight_mode(), lambda m: m.name == "HOLD")
     ).name
     await action.return_to_launch()
-    seen["home"] = (
+    results["home"] = (
         await until(telemetry.subscribe_flight_mode(), lambda m: m.name == "RETURN_TO_LAUNCH")
     ).name
-    seen["disarmed"] = not await until(telemetry.subscribe_armed(), lambda armed: not armed)
-    return seen
+    results["disarmed"] = not await until(telemetry.subscribe_armed(), lambda armed: not armed)
+    return results
 
 
 if __name__ == "__main__":

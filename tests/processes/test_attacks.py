@@ -1,4 +1,4 @@
-"""Attacks and accidents from network, files and terminals: none of them ends a flight."""
+"""Attacks and accidents from network, files and terminals do not end a flight."""
 
 import resource
 import selectors
@@ -30,10 +30,12 @@ from tests.processes.test_autopilot import ARMED, GROUND, VEHICLE, Deck
 pytestmark = pytest.mark.process
 
 FLOOD = 1100
-"""Connections: more than `select` can watch and more files than may usually be open (1,024)."""
+"""Number of connections, above the usual limits of `select` and of open files (1,024)."""
 BATCH = 50
-"""Connections that are begun at once: fewer than the 128 that the system lets wait to be accepted,
-so that it drops none of them by itself."""
+"""Number of connections that are begun at once.
+
+It is below the 128 that the system queues, so that the system drops none of them.
+"""
 USUAL_OPEN_FILES = 1024
 SPARE_FILES = 200
 
@@ -42,10 +44,10 @@ SPARE_FILES = 200
 def many_files() -> Iterator[None]:
     """Let this process open the sockets of a flood."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = FLOOD + SPARE_FILES
-    if hard != resource.RLIM_INFINITY and hard < wanted:
-        pytest.skip(f"only {hard} files may be open here, {wanted} are needed")
-    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, wanted), hard))
+    file_limit = FLOOD + SPARE_FILES
+    if hard != resource.RLIM_INFINITY and hard < file_limit:
+        pytest.skip(f"only {hard} files may be open here, {file_limit} are needed")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, file_limit), hard))
     yield
     resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
@@ -62,7 +64,7 @@ def connect_many(port: int, count: int, stack: ExitStack) -> list[socket.socket]
 
 
 def closed_by_peer(sockets: list[socket.socket], patience_s: float) -> int:
-    """How many connections the other end has closed within that time."""
+    """Return how many connections the other end closes within a time."""
     closed, deadline_s = 0, time.monotonic() + patience_s
     with selectors.DefaultSelector() as selector:
         for connection in sockets:
@@ -82,7 +84,7 @@ def closed_by_peer(sockets: list[socket.socket], patience_s: float) -> int:
 
 
 class FloodDeck(Deck):
-    """An autopilot with the usual limit of open files, between a simulator and a ground station."""
+    """Start an autopilot with the usual limit of open files, a simulator and a ground station."""
 
     def __init__(self, child: Process, hil_port: int, ground_port: int) -> None:
         super().__init__(child, hil_port, ground_port)
@@ -121,7 +123,7 @@ def test_connection_flood_leaves_the_first_client_served(flood_deck: FloodDeck) 
 
 
 def set_parameter(deck: Deck, name: str, value: float) -> None:
-    """Send PARAM_SET as it is: the project's own client checks the value before."""
+    """Send PARAM_SET without the check of the project's own client."""
     deck.ground.endpoint.send(
         "PARAM_SET",
         target_system=1,
@@ -132,7 +134,7 @@ def set_parameter(deck: Deck, name: str, value: float) -> None:
     )
 
 
-def test_a_denormal_parameter_is_refused_and_not_stored(tmp_path: Path) -> None:
+def test_denormal_parameter_is_refused_and_not_stored(tmp_path: Path) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--state", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:
@@ -150,7 +152,7 @@ def test_a_denormal_parameter_is_refused_and_not_stored(tmp_path: Path) -> None:
     assert not (tmp_path / FILE).exists()
 
 
-def test_a_stored_denormal_parameter_is_reported_and_defaulted(tmp_path: Path) -> None:
+def test_stored_denormal_parameter_becomes_default(tmp_path: Path) -> None:
     (tmp_path / FILE).write_text("HDG_P,0.7\nTHR_CRUISE_PCT,1e-40\n")
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--state", str(tmp_path))
@@ -166,9 +168,7 @@ def test_a_stored_denormal_parameter_is_reported_and_defaulted(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("time_us", [1 << 63, (1 << 64) - 1])
-def test_a_sample_of_an_impossible_time_is_reported_and_not_flown(
-    tmp_path: Path, time_us: int
-) -> None:
+def test_sample_with_impossible_time_is_rejected(tmp_path: Path, time_us: int) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--logs", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:
@@ -191,7 +191,7 @@ def test_a_sample_of_an_impossible_time_is_reported_and_not_flown(
 
 
 def attitudes(folder: Path) -> int:
-    """How many attitudes the one log of a folder holds; fails where the log was not finished."""
+    """Return the number of attitudes in the one log of a folder; fail if it was not finished."""
     (path,) = folder.glob("*.mcap")
     assert path.read_bytes()[-len(MAGIC) :] == MAGIC
     with path.open("rb") as file:
@@ -207,7 +207,7 @@ def attitudes(folder: Path) -> int:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_autopilot_finishes_its_log_on_a_signal(tmp_path: Path, number: signal.Signals) -> None:
+def test_autopilot_on_signal_finishes_its_log(tmp_path: Path, number: signal.Signals) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--logs", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:
@@ -224,7 +224,7 @@ def test_autopilot_finishes_its_log_on_a_signal(tmp_path: Path, number: signal.S
     )  # the log begins when the vehicle is armed, after the first tick
 
 
-def test_a_terminal_that_closes_does_not_end_a_program_under_nohup() -> None:
+def test_closed_terminal_does_not_end_nohup_program() -> None:
     """`nohup` starts a program with SIGHUP ignored; it must stay ignored."""
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     code = (

@@ -1,4 +1,4 @@
-"""The autopilot as a process: the lockstep contract, its links, its signals, its complaints."""
+"""The autopilot as a process: lockstep contract, links, signals and error messages."""
 
 import signal
 import socket
@@ -34,7 +34,7 @@ ARMED = 128
 
 
 class Simulator:
-    """The far end of the HIL link."""
+    """The other end of the HIL link."""
 
     def __init__(self, port: int) -> None:
         self._transport = open_transport(f"udpout:127.0.0.1:{port}")
@@ -60,7 +60,7 @@ class Simulator:
 
 
 class Ground:
-    """A ground station on a TCP link, which loses nothing."""
+    """A ground station on a TCP link, which is lossless."""
 
     def __init__(self, port: int) -> None:
         self.transport: Transport = open_transport(f"tcp:127.0.0.1:{port}")
@@ -84,7 +84,7 @@ class Ground:
     def hear(self, name: str) -> Any:
         while True:
             frames = self.frames()
-            assert frames, f"no {name} was heard"
+            assert frames, f"no {name} was received"
             for frame in frames:
                 if frame.name == name:
                     return frame.decode()
@@ -110,14 +110,14 @@ def deck() -> Iterator[Deck]:
             yield built
 
 
-def test_every_sensor_frame_is_answered_with_its_time(deck: Deck) -> None:
+def test_each_sensor_frame_is_answered_with_its_time(deck: Deck) -> None:
     for tick in range(100):
         answer = deck.simulator.ask(tick * TICK_US)
         assert (answer.time_usec, answer.flags, answer.mode) == (tick * TICK_US, 1, 1)
         assert answer.controls == (0.0,) * 16
 
 
-def test_a_frame_that_comes_again_is_answered_alike_but_shows_the_arming(deck: Deck) -> None:
+def test_repeated_frame_answer_differs_in_armed_only(deck: Deck) -> None:
     first = deck.simulator.ask(0)
     assert deck.simulator.ask(0) == first
     assert deck.ground.command(400, 1) == 0
@@ -126,7 +126,7 @@ def test_a_frame_that_comes_again_is_answered_alike_but_shows_the_arming(deck: D
     assert (again.time_usec, again.controls) == (first.time_usec, first.controls)
 
 
-def test_sensors_are_answered_before_the_truth_is_looked_at(deck: Deck) -> None:
+def test_sensors_are_answered_before_truth_arrives(deck: Deck) -> None:
     deck.simulator.ask(0)
     truth = dialect.by_name("HIL_STATE_QUATERNION")
     lies = encode(truth, (0, (0.0, 0.0, 1.0, 0.0), 9.0, 9.0, 9.0, 1, 1, 1, *(32_000,) * 8), 0, 2, 1)
@@ -138,7 +138,7 @@ def test_sensors_are_answered_before_the_truth_is_looked_at(deck: Deck) -> None:
         assert deck.simulator.answer() == expected
 
 
-def test_a_straggler_is_not_answered(deck: Deck) -> None:
+def test_late_sensor_frame_is_not_answered(deck: Deck) -> None:
     for n in range(3):
         deck.simulator.ask(n * TICK_US)
     deck.simulator.send(TICK_US)
@@ -146,7 +146,7 @@ def test_a_straggler_is_not_answered(deck: Deck) -> None:
 
 
 @pytest.mark.parametrize("ticks", [3, 100])
-def test_a_simulator_that_begins_again_is_served_afresh(deck: Deck, ticks: int) -> None:
+def test_restarted_simulator_is_served(deck: Deck, ticks: int) -> None:
     for n in range(ticks):
         deck.simulator.ask(n * TICK_US)
     for _ in range(5):
@@ -157,7 +157,7 @@ def test_a_simulator_that_begins_again_is_served_afresh(deck: Deck, ticks: int) 
         pass
 
 
-def test_sensor_clock_that_begins_again_leaves_vehicle_armed(deck: Deck) -> None:
+def test_restarted_sensor_clock_keeps_vehicle_armed(deck: Deck) -> None:
     for n in range(100):
         deck.simulator.ask(n * TICK_US)
     assert deck.ground.command(400, 1) == 0
@@ -181,7 +181,7 @@ def test_sample_with_bad_stamp_is_not_answered(deck: Deck, bad_us: int) -> None:
         assert (answer.time_usec, answer.mode) == (n * TICK_US, 1 | ARMED)
 
 
-def test_ground_is_served_while_no_sensors_come(deck: Deck) -> None:
+def test_ground_is_served_without_sensors(deck: Deck) -> None:
     listed = run(
         ParamClient(deck.ground.endpoint.send, GROUND, VEHICLE).list(), deck.ground.endpoint
     )
@@ -193,7 +193,7 @@ def test_ground_is_served_while_no_sensors_come(deck: Deck) -> None:
     assert deck.ground.command(400, 1) == 1
 
 
-def test_ground_misses_nothing_at_full_speed(deck: Deck) -> None:
+def test_ground_at_full_speed_loses_nothing(deck: Deck) -> None:
     deck.simulator.ask(0)
     for name in ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS"):
         assert deck.ground.command(511, dialect.by_name(name).message_id, 20_000) == 0
@@ -211,7 +211,7 @@ def heard_attitudes(frames: list[Frame]) -> list[int]:
     return [frame.decode().time_boot_ms for frame in frames if frame.name == "ATTITUDE"]
 
 
-def test_a_ground_station_that_goes_away_is_no_matter(deck: Deck) -> None:
+def test_ground_station_disconnect_is_tolerated(deck: Deck) -> None:
     deck.simulator.ask(0)
     deck.ground.close()
     for tick in range(1, 200):
@@ -220,14 +220,14 @@ def test_a_ground_station_that_goes_away_is_no_matter(deck: Deck) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_ends_cleanly_when_asked_to(deck: Deck, number: signal.Signals) -> None:
+def test_autopilot_on_signal_ends_cleanly(deck: Deck, number: signal.Signals) -> None:
     deck.simulator.ask(0)
     deck.process.signal(number)
     finished = deck.process.finish()
     assert (finished.status, finished.stdout, finished.stderr) == (0, "", "")
 
 
-def test_parameters_come_from_the_file(tmp_path: Path) -> None:
+def test_parameters_are_read_from_the_file(tmp_path: Path) -> None:
     file = tmp_path / "boat.param"
     file.write_text("HDG_P,0.5  # from the sea trial\nMAV_SYS_ID 7\n")
     ground = free_port(socket.SOCK_STREAM)
@@ -257,7 +257,7 @@ def test_parameters_come_from_the_file(tmp_path: Path) -> None:
         (("--params", "nowhere.param"), "autopilot: nowhere.param: No such file"),
     ],
 )
-def test_bad_input_is_one_clear_line(arguments: tuple[str, ...], complaint: str) -> None:
+def test_bad_input_gives_one_error_line(arguments: tuple[str, ...], complaint: str) -> None:
     with process("-m", "autopilot", "--hil", f"udpin:127.0.0.1:{free_port()}", *arguments) as child:
         finished = child.finish()
     assert finished.status == 2
@@ -265,7 +265,7 @@ def test_bad_input_is_one_clear_line(arguments: tuple[str, ...], complaint: str)
     assert finished.stderr.count("\n") == 1
 
 
-def test_a_bad_parameter_names_file_line_and_range(tmp_path: Path) -> None:
+def test_bad_parameter_gives_file_line_and_range(tmp_path: Path) -> None:
     file = tmp_path / "boat.param"
     file.write_text("HDG_P,0.5\nHDG_D,99\n")
     with process("-m", "autopilot", "--params", str(file)) as child:

@@ -1,5 +1,4 @@
-"""From a vehicle's file to a model: tests designed, flown and fitted by the command line, and none
-of them lost."""
+"""From a vehicle file to a model: tests are designed, flown and fitted by the command line."""
 
 import json
 import subprocess
@@ -28,7 +27,7 @@ def ground(folder: Path, *asked: str) -> dict[str, Any]:
 
 
 @pytest.mark.timeout(900)
-def test_every_designed_test_is_flown_to_its_end_and_fitted(tmp_path: Path) -> None:
+def test_designed_tests_are_flown_and_fitted(tmp_path: Path) -> None:
     ground(tmp_path, "fly", "trim", *FLIGHT, "--log", "trim.mcap")
     plan = ground(
         tmp_path, "design-test", "--trim", "trim.mcap", "--duration", "10", "--samples", "60"

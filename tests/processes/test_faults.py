@@ -1,5 +1,4 @@
-"""Faults through real processes: a scenario of every kind in one dive, and a stock client that
-orders its own."""
+"""Faults in real processes: a scenario with every kind in one dive, and injection by a client."""
 
 import json
 import signal
@@ -54,8 +53,10 @@ EVERY = [
     ),
     "link off",
 ]
-"""In turns, so that a unit has recovered when its next fault comes; what falls into the link's
-silence nobody hears."""
+"""Faults in turns, so that a unit recovers before its next fault.
+
+Texts during the link's silence are lost.
+"""
 FIRST_S, APART_S, LASTING_S = 5.0, 0.9, 1.6
 TELL_ONLY = {"FS_LEAK_ACT": 0.0, "FS_PRESS_ACT": 0.0, "FS_BATT_ACT": 0.0, "TRIM_RUD_DEG": 6.0}
 
@@ -75,7 +76,7 @@ def scenario_of_every_fault(file: Path) -> None:
 
 
 def texts(log: Path, component: int) -> list[str]:
-    """The STATUSTEXTs of a component, as the log holds them."""
+    """Return the STATUSTEXTs of a component in the log."""
     with log.open("rb") as file:
         return [
             dialect.by_name("STATUSTEXT").unpack(message.data).text
@@ -88,13 +89,12 @@ class Dive(NamedTuple):
     flown: flight.FlightResult
     truth: Path
     heard: list[str]
-    """By the stock client, beside the one that flew her."""
+    """Texts that the stock client received, beside the program that flew the vehicle."""
 
 
 @pytest.fixture(scope="module")
 def dive(tmp_path_factory: pytest.TempPathFactory) -> Dive:
-    """One dive through every fault at full speed, recorded by ground while a MAVSDK program
-    listens."""
+    """Fly one dive with every fault at full speed, recorded by ground and by a MAVSDK program."""
     folder = tmp_path_factory.mktemp("dive")
     sea, script, vehicle, truth = (
         folder / name for name in ("sea.toml", "faults.toml", "vehicle.toml", "truth.mcap")
@@ -137,11 +137,11 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Dive:
 
 
 def every_fault(texts: list[str], prefix: str) -> list[str]:
-    """The faults that texts tell of, as they come."""
+    """Return the faults in the texts, in order."""
     return [text.removeprefix(prefix) for text in texts if text.startswith(prefix)]
 
 
-def test_a_stock_client_hears_of_every_fault_and_of_its_end(dive: Dive) -> None:
+def test_client_receives_start_and_end_of_each_fault(dive: Dive) -> None:
     assert every_fault(dive.heard, "Fault: ") == EVERY
     assert every_fault(dive.heard, "Fault over: ") == EVERY
     assert {
@@ -153,7 +153,7 @@ def test_a_stock_client_hears_of_every_fault_and_of_its_end(dive: Dive) -> None:
     assert dive.heard[-1] == "Surfaced: disarmed"
 
 
-def test_the_log_of_a_dive_holds_every_fault_and_what_the_vehicle_found_out(dive: Dive) -> None:
+def test_log_contains_faults_and_detections(dive: Dive) -> None:
     told = texts(dive.flown.log, 25)
     assert every_fault(told, "Fault: ") == every_fault(told, "Fault over: ") == EVERY
     assert {"Gyro recovered", "Accelerometer silent", "Leak recovered"} <= set(
@@ -162,7 +162,7 @@ def test_the_log_of_a_dive_holds_every_fault_and_what_the_vehicle_found_out(dive
     assert dive.flown.failsafes == ()
 
 
-def test_the_truth_names_every_fault(dive: Dive) -> None:
+def test_truth_log_contains_every_fault(dive: Dive) -> None:
     with dive.truth.open("rb") as file:
         seen = {
             name
@@ -177,7 +177,7 @@ def client(*plan: str, ground: int) -> Finished:
         return running.finish()
 
 
-def test_a_stock_client_breaks_and_mends_what_it_likes_and_reads_what_became_of_it() -> None:
+def test_client_injects_and_clears_faults() -> None:
     hil, ground = free_port(), free_port()
     with (
         autopilot(f"udpin:127.0.0.1:{hil}", f"udpout:127.0.0.1:{ground}") as steering,
@@ -218,7 +218,7 @@ def test_a_stock_client_breaks_and_mends_what_it_likes_and_reads_what_became_of_
     assert seen["back"]
 
 
-def test_a_vehicle_without_a_simulator_breaks_nothing() -> None:
+def test_injection_without_simulator_is_refused() -> None:
     hil, ground = free_port(), free_port()
     with autopilot(f"udpin:127.0.0.1:{hil}", f"udpout:127.0.0.1:{ground}"):
         finished = client("real", ground=ground)

@@ -1,4 +1,4 @@
-"""The first flight of the README: it holds its heading, and says after the flight how well."""
+"""The first flight of the README holds its heading and reports the error after the flight."""
 
 import json
 import re
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).parents[2]
 HEADING_DEG = 20.0
-"""Of `straight_run`, which lasts 300 s."""
+"""Wall time for `straight_run`, which lasts 300 s of vehicle time."""
 TEST_DIVE = """
 name = "one test"
 
@@ -46,7 +46,10 @@ def first_flight() -> list[str]:
 
 
 def test_first_flight_of_the_readme_holds_its_heading(tmp_path: Path) -> None:
-    """By the truth log, not by the vehicle's own instruments. It was 8.4 deg off without a trim."""
+    """Check the heading with the truth log.
+
+    Without a trim the error was 8.4 deg.
+    """
     done = ground(*first_flight(), "--truth", "truth.mcap", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)

@@ -1,6 +1,6 @@
-"""Hardware in the loop: the sea on one serial line, ground on another, nobody waiting for anybody.
+"""Hardware in the loop: the simulator on one serial line, ground on another, without lockstep.
 
-The voyages run on the wall clock; so they run side by side.
+The dives run on the wall clock, and therefore in parallel.
 """
 
 import json
@@ -46,7 +46,7 @@ SERVO_1, DUCT = 33, 140
 
 
 class Truth(NamedTuple):
-    """What really happened, a row a tick."""
+    """The true state, one row per tick."""
 
     rows: list[Any]
 
@@ -71,7 +71,7 @@ class Rig(NamedTuple):
     truth: Path
 
     def stop(self) -> tuple[str, str]:
-        """What the two said on stderr, having ended well."""
+        """End both programs; return their output on stderr."""
         said = []
         for child in (self.autopilot, self.sea):
             child.signal(15)
@@ -136,13 +136,13 @@ def fly(folder: Path, hil_baud: int, ground_baud: int) -> Flown:
 
 
 class Interrupted(NamedTuple):
-    """A dive whose HIL line was pulled out and put back."""
+    """A dive whose HIL line was unplugged and replugged."""
 
     texts: list[str]
     armed: bool
     said: tuple[str, str]
     depths_m: tuple[float, float]
-    """Told before the line was pulled, and at the end."""
+    """Texts before the line was unplugged, and at the end."""
     truth: Truth
 
 
@@ -193,9 +193,9 @@ class OnTheBench(NamedTuple):
 
     told: list[str]
     duct: float
-    """Where ground heard the duct to stand."""
+    """Duct deflections that ground received."""
     released_s: float
-    """How long after the autopilot died the duct was straight again."""
+    """Time from the autopilot's end until the duct was centred, in s."""
 
 
 def try_example(folder: Path) -> OnTheBench:
@@ -224,7 +224,7 @@ def try_example(folder: Path) -> OnTheBench:
 
 
 def begin_test(ground: Endpoint, rudder: float, seconds: float) -> None:
-    """ACTUATOR_TEST of the rudder."""
+    """Send ACTUATOR_TEST for the rudder."""
     ground.send(
         "COMMAND_LONG",
         target_system=1,
@@ -241,21 +241,21 @@ def begin_test(ground: Endpoint, rudder: float, seconds: float) -> None:
     )
 
 
-def hear(ground: Endpoint, told: list[str], wanted: Callable[[Any], bool]) -> Any:
-    """The first frame that is wanted; texts that come before it are told."""
+def hear(ground: Endpoint, told: list[str], condition: Callable[[Any], bool]) -> Any:
+    """Return the first matching frame; store the texts that come before it."""
     deadline_s = time.monotonic() + 30.0
     while time.monotonic() < deadline_s:
         for frame in ground.receive():
             if frame.name == "STATUSTEXT":
                 told.append(frame.decode().text)
-            if wanted(frame):
+            if condition(frame):
                 return frame
         time.sleep(0.01)
     raise AssertionError(told)
 
 
 class Scenes(NamedTuple):
-    """All voyages, under way at once."""
+    """Run all dives at once."""
 
     wide: Future[Flown]
     narrow: Future[Flown]
@@ -276,9 +276,7 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scenes]:
 
 
 @pytest.mark.parametrize("width", ["wide", "narrow"])
-def test_a_dive_over_two_noisy_serial_lines_holds_its_depth_and_is_logged(
-    scenes: Scenes, width: str
-) -> None:
+def test_dive_over_noisy_lines_holds_depth_and_is_logged(scenes: Scenes, width: str) -> None:
     flown: Flown = getattr(scenes, width).result()
     assert flown.ground.status == 0, flown.ground
     outcome = json.loads(flown.ground.stdout)
@@ -302,26 +300,26 @@ def test_a_dive_over_two_noisy_serial_lines_holds_its_depth_and_is_logged(
     )
 
 
-def test_time_runs_on_the_wall_clock_at_the_rate_that_the_line_can_carry(scenes: Scenes) -> None:
+def test_time_follows_wall_clock_at_line_rate(scenes: Scenes) -> None:
     for flown, step_us in ((scenes.wide.result(), 20_000), (scenes.narrow.result(), 40_000)):
         times_us = [row["time_us"] for row in flown.truth.rows]
         assert {after - before for before, after in pairwise(times_us)} == {step_us}
 
 
-def test_a_hil_line_pulled_out_in_mid_dive_is_told_and_survived(scenes: Scenes) -> None:
+def test_unplugged_hil_line_is_reported_and_tolerated(scenes: Scenes) -> None:
     found = scenes.interrupted.result()
     assert "Sensors recovered" in found.texts[found.texts.index("Sensor timeout") :]
     assert not any(text.startswith(("Failsafe", "Restarted")) for text in found.texts)
     assert found.armed
     before_m, after_m = found.depths_m
-    assert after_m > before_m + 0.2, "she flies on"
+    assert after_m > before_m + 0.2, "the vehicle must continue its dive"
     autopilot_said, sea_said = found.said
     assert "lost (" in autopilot_said
     assert autopilot_said.rstrip().endswith(": back")
     assert "sitl: no actuators for 1 s: duct straight, propeller stopped\n" in sea_said
 
 
-def test_without_orders_the_propeller_stops_until_there_are_some_again(scenes: Scenes) -> None:
+def test_propeller_stops_without_actuator_commands(scenes: Scenes) -> None:
     rows = scenes.interrupted.result().truth.rows
     turning = [row["propeller_rps"] > 0.0 for row in rows]
     started = turning.index(True)
@@ -336,7 +334,7 @@ def test_without_orders_the_propeller_stops_until_there_are_some_again(scenes: S
         )
 
 
-def test_the_example_turns_its_duct_and_lets_go_when_the_autopilot_dies(scenes: Scenes) -> None:
+def test_example_centres_duct_when_autopilot_ends(scenes: Scenes) -> None:
     found = scenes.bench.result()
     assert found.duct == pytest.approx(0.5)
     assert 0.7 < found.released_s < 3.0
@@ -358,14 +356,14 @@ def test_the_example_turns_its_duct_and_lets_go_when_the_autopilot_dies(scenes: 
         ),
     ],
 )
-def test_what_does_not_go_with_a_clock_of_ones_own_is_refused(
+def test_options_incompatible_with_wall_clock_are_refused(
     options: tuple[str, ...], complaint: str
 ) -> None:
     with process("-m", "sitl", "--no-lockstep", *options) as sea:
         assert sea.finish() == (2, "", complaint)
 
 
-def test_a_line_too_slow_for_the_sensors_is_refused(tmp_path: Path) -> None:
+def test_line_too_slow_for_sensors_is_refused(tmp_path: Path) -> None:
     slow = f"serial:{tmp_path}/tty-ground:9600"
     with line(tmp_path, 9600), process("-m", "sitl", "--no-lockstep", "--hil", slow) as sea:
         finished = sea.finish()

@@ -1,4 +1,4 @@
-"""An autopilot that is reached before its first sensor sample arrives, with real processes."""
+"""An autopilot that is connected before its first sensor sample arrives, with real processes."""
 
 import socket
 from contextlib import ExitStack, closing
@@ -15,14 +15,16 @@ from tests.helpers.subprocesses import autopilot, process
 pytestmark = pytest.mark.process
 
 DELAY_S = 3.0
-"""From the first attempt to arm to the start of the simulator."""
+"""Wall time from the first attempt to arm to the start of the simulator, in s."""
 STANDBY_S, RETRY_S = 0.5, 120.0
-"""Instead of 60 s and 15 s: late by the first, in time by the second on a busy machine."""
+"""Timeouts instead of 60 s and 15 s.
+
+The start is too late for the first and in time for the second on a busy machine.
+"""
 
 
 def test_arm_before_first_sensor_sample_waits_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Until then every attempt is refused with "Not armed: no sensors", which is no final
-    answer."""
+    """Until then every attempt is refused with "Not armed: no sensors", which is not final."""
     monkeypatch.setattr(client, "READY_TIMEOUT_S", STANDBY_S)
     monkeypatch.setattr(client, "ARM_RETRY_S", RETRY_S, raising=False)
     hil, ground = free_port(), free_port(socket.SOCK_STREAM)

@@ -1,4 +1,4 @@
-"""The serial cable that other tests rely on: as slow, as lossy and as unreliable as it claims."""
+"""The serial cable of other tests: its rate, its noise and its plugs behave as configured."""
 
 import os
 import time
@@ -19,7 +19,7 @@ def opened(device: str) -> serial.Serial:
 
 
 def heard(port: serial.Serial) -> bytes:
-    """All that arrives until the line is quiet."""
+    """Return all bytes that arrive until the line is quiet."""
     parts = []
     while part := port.read(65_536):
         parts.append(part)
@@ -33,13 +33,13 @@ def through(cable: Line, data: bytes, end: str = "vehicle", other: str = "ground
 
 
 @pytest.mark.parametrize(("end", "other"), [("vehicle", "ground"), ("ground", "vehicle")])
-def test_a_clean_line_carries_every_byte_both_ways(tmp_path: Path, end: str, other: str) -> None:
+def test_clean_line_transfers_every_byte(tmp_path: Path, end: str, other: str) -> None:
     with line(tmp_path, 921_600) as cable:
         assert through(cable, TEXT, end, other) == TEXT
         assert (cable.carried(end), cable.carried(other), cable.spoilt(end)) == (len(TEXT), 0, 0)
 
 
-def test_no_byte_comes_sooner_than_its_ten_bits_take(tmp_path: Path) -> None:
+def test_byte_takes_ten_bit_times(tmp_path: Path) -> None:
     data = TEXT[:2880]  # half a second at this rate
     with (
         line(tmp_path, BAUD) as cable,
@@ -54,7 +54,7 @@ def test_no_byte_comes_sooner_than_its_ten_bits_take(tmp_path: Path) -> None:
         assert time.monotonic() - began_s < 2.0
 
 
-def test_noise_drops_and_flips_as_often_as_told_and_the_same_way_each_time(tmp_path: Path) -> None:
+def test_noise_has_given_rates_and_is_repeatable(tmp_path: Path) -> None:
     noise = Noise(drop=0.02, flip=0.03)
     results = []
     for run in range(2):
@@ -68,14 +68,14 @@ def test_noise_drops_and_flips_as_often_as_told_and_the_same_way_each_time(tmp_p
     assert lost == pytest.approx(0.02 * len(TEXT), rel=0.4)
 
 
-def test_a_flipped_byte_differs_in_one_bit(tmp_path: Path) -> None:
+def test_flipped_byte_differs_in_one_bit(tmp_path: Path) -> None:
     with line(tmp_path, 921_600, Noise(flip=1.0)) as cable:
         got = through(cable, TEXT)
     bits = Counter((a ^ b).bit_count() for a, b in zip(TEXT, got, strict=True))
     assert bits == {1: len(TEXT)}
 
 
-def test_an_unplugged_device_is_gone_and_its_reader_told(tmp_path: Path) -> None:
+def test_unplugged_device_disappears_and_reader_gets_error(tmp_path: Path) -> None:
     with line(tmp_path, BAUD) as cable, opened(cable.device["ground"]) as port:
         cable.unplug("ground")
         assert not Path(cable.device["ground"]).exists()
@@ -83,7 +83,7 @@ def test_an_unplugged_device_is_gone_and_its_reader_told(tmp_path: Path) -> None
             port.read(1)
 
 
-def test_a_device_plugged_in_again_carries_on(tmp_path: Path) -> None:
+def test_replugged_device_continues(tmp_path: Path) -> None:
     with line(tmp_path, BAUD) as cable, opened(cable.device["vehicle"]) as far:
         cable.unplug("ground")
         far.write(b"nobody hears this")
@@ -96,7 +96,7 @@ def test_a_device_plugged_in_again_carries_on(tmp_path: Path) -> None:
             assert far.read(8) == b"and here"
 
 
-def test_what_nobody_reads_is_lost_and_never_stops_the_line(tmp_path: Path) -> None:
+def test_unread_bytes_are_lost_without_blocking(tmp_path: Path) -> None:
     with line(tmp_path, 3_000_000) as cable:
         device = os.open(cable.device["vehicle"], os.O_WRONLY | os.O_NOCTTY)
         for _ in range(20):

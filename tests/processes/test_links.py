@@ -1,5 +1,4 @@
-"""Links between real processes: signed ones, and a serial cable that is slow, pulled out and put
-back."""
+"""Links between real processes: signed links, and a serial cable that is slow and unplugged."""
 
 import contextlib
 import itertools
@@ -30,7 +29,7 @@ PATIENCE_S = 30.0
 
 @pytest.fixture
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder in which the programs of a test keep what they know at their next start."""
+    """The folder with the stored state of a test's programs."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "caribou"
 
@@ -87,11 +86,11 @@ def test_ground_signs_with_its_key_and_is_refused_without(
     assert "no answer to the request for parameter HDG_P" in unsigned.stderr
     aboard.process.signal(2)
     aboard.process.finish()
-    kept = int((state / "signing_timestamp").read_text())
-    assert abs(kept / 1e5 + 1_420_070_400 - time.time()) < 60.0
+    saved = int((state / "signing_timestamp").read_text())
+    assert abs(saved / 1e5 + 1_420_070_400 - time.time()) < 60.0
 
 
-def test_a_bad_key_file_is_one_clear_line(tmp_path: Path) -> None:
+def test_bad_key_file_gives_one_error_line(tmp_path: Path) -> None:
     finished = get_parameter("udpin:127.0.0.1:14550", "--sign", str(tmp_path / "none"))
     assert (finished.status, finished.stderr) == (
         2,
@@ -131,11 +130,11 @@ def test_mavproxy_reads_without_a_key_and_commands_with_it(
 
 @pytest.fixture
 def cable(tmp_path: Path) -> Iterator[Line]:
-    with line(tmp_path, 57_600) as laid:
-        yield laid
+    with line(tmp_path, 57_600) as cable_:
+        yield cable_
 
 
-def test_a_radio_that_is_pulled_out_comes_back(cable: Line, state: Path) -> None:
+def test_unplugged_radio_reconnects(cable: Line, state: Path) -> None:
     address = f"serial:{cable.device['vehicle']}:57600"
     near = f"serial:{cable.device['ground']}:57600"
     with autopilot(f"udpin:127.0.0.1:{free_port()}", address) as child:
@@ -155,9 +154,7 @@ def processor_s(child: Process) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def test_sensors_that_are_pulled_out_are_answered_when_they_are_back(
-    cable: Line, state: Path
-) -> None:
+def test_replugged_sensors_are_answered(cable: Line, state: Path) -> None:
     hil = f"serial:{cable.device['vehicle']}:57600"
     far = open_transport(f"serial:{cable.device['ground']}:57600")
     controller = Endpoint(far, 1, 200)
@@ -185,7 +182,7 @@ def test_sensors_that_are_pulled_out_are_answered_when_they_are_back(
         eventually(lambda: answered(next(ticks) * TICK_US))
 
 
-def test_a_radio_that_is_not_there_yet_is_waited_for(cable: Line, state: Path) -> None:
+def test_missing_radio_is_awaited(cable: Line, state: Path) -> None:
     cable.unplug("vehicle")
     address = f"serial:{cable.device['vehicle']}:57600"
     arguments = ("--hil", f"udpin:127.0.0.1:{free_port()}", "--gcs", address)

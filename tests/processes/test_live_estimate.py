@@ -1,4 +1,4 @@
-"""What a test tells is shown while she flies, and stands in the result."""
+"""The estimate of a test is shown during the flight and is part of the result."""
 
 import json
 import subprocess
@@ -27,7 +27,7 @@ surface = true
 
 
 @pytest.mark.parametrize("as_json", [False, True])
-def test_a_test_in_a_dive_is_estimated_while_it_is_flown(tmp_path: Path, as_json: bool) -> None:
+def test_live_estimate_during_a_test(tmp_path: Path, as_json: bool) -> None:
     (tmp_path / "one.toml").write_text(MISSION, encoding="utf-8")
     asked = ["fly", "one.toml", "--sitl", "--scenario", "calm", *(["--json"] if as_json else [])]
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""MAVSDK's own offboard plugin steers her by attitude, depth and place, and sends her home."""
+"""MAVSDK's offboard plugin controls attitude, depth and position, and starts the return."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.process
 CLIENT = Path(__file__).with_name("mavsdk_offboard_client.py")
 
 
-def test_mavsdk_steers_by_set_points_and_sends_her_home() -> None:
+def test_mavsdk_offboard_setpoints_and_return() -> None:
     port = free_port()
     with (
         vehicle(f"udpout:127.0.0.1:{port}", speed="5") as _,

@@ -1,5 +1,4 @@
-"""What the vehicle records herself, with real processes: a dive without any link, downloads that
-break off, kills."""
+"""The vehicle's own log, with real processes: a dive without a link, broken downloads, kills."""
 
 import json
 import random
@@ -30,7 +29,7 @@ from tests.processes.test_autopilot import Deck
 pytestmark = pytest.mark.process
 
 LONGEST_S = 200.0
-"""For a dive or a fit, on a machine that has much else to do."""
+"""Wall time for a dive or a fit on a busy machine, in s."""
 
 MISSION = """
 name = "one test of each"
@@ -98,7 +97,7 @@ def ask(*words: str) -> dict[str, Any]:
 
 
 def until_finished(board: Path) -> Path:
-    """The log on board, once the vehicle has ended it."""
+    """Return the log on the vehicle, after the vehicle has ended it."""
     deadline = time.monotonic() + LONGEST_S
     while time.monotonic() < deadline:
         for path in board.glob("*.mcap"):
@@ -108,7 +107,7 @@ def until_finished(board: Path) -> Path:
     raise AssertionError("the dive never came to an end")
 
 
-def test_a_dive_without_any_link_is_flown_recorded_and_identified(
+def test_dive_without_link_is_recorded_and_identified(
     folder: Path, mission: str, told: tuple[Path, Path]
 ) -> None:
     board, home = folder / "silent", folder / "home"
@@ -125,7 +124,7 @@ def test_a_dive_without_any_link_is_flown_recorded_and_identified(
     assert here.read_bytes() == kept.read_bytes()
 
     silent, spoken, grounds = (identification.read(path) for path in (here, told[1], told[0]))
-    assert silent.sha256 == spoken.sha256, "the vehicle records the same, whoever listens"
+    assert silent.sha256 == spoken.sha256, "the record must not depend on the link"
     assert [event.text for event in silent.events][-1] == "Surfaced: disarmed"
     assert silent.attitude.time_s.size == pytest.approx(50.0 * silent.attitude.time_s[-1], abs=150)
     assert set(grounds.attitude.time_s) <= set(silent.attitude.time_s)
@@ -136,7 +135,7 @@ def test_a_dive_without_any_link_is_flown_recorded_and_identified(
 
 
 def refitted(log: Path) -> dict[str, float]:
-    """What a log alone makes of the vehicle, by the fit that is done in a moment."""
+    """Return the model from a log alone, by the fast fit."""
     out = log.with_suffix(".json")
     finished = ground("refit", str(log), "--method", "paper", "--out", str(out))
     assert finished.status == 0, finished.stderr
@@ -151,7 +150,7 @@ def refitted(log: Path) -> dict[str, float]:
 
 @contextmanager
 def moored(folder: Path, *bytes_on_board: int, links: tuple[str, ...] = ()) -> Iterator[str]:
-    """The address of a vehicle with logs of these sizes, that do not compress."""
+    """Return the address of a vehicle with incompressible logs of these sizes."""
     folder.mkdir()
     for number, size in enumerate(bytes_on_board, 1):
         (folder / f"{number:05d}-20260131T120000Z.mcap").write_bytes(content(number, size))
@@ -165,7 +164,7 @@ def content(number: int, size: int) -> bytes:
     return random.Random(number).randbytes(size)
 
 
-def test_logs_are_listed_and_chosen(tmp_path: Path) -> None:
+def test_logs_are_listed_and_selected(tmp_path: Path) -> None:
     with moored(tmp_path / "board", 1000, 0, 239) as address:
         link = ("--connect", address)
         listed = ask("log", "list", *link)["logs"]
@@ -189,7 +188,7 @@ def test_logs_are_listed_and_chosen(tmp_path: Path) -> None:
         )
 
 
-def test_a_download_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_killed_download_is_resumed(tmp_path: Path) -> None:
     size, out = 3_000_000, tmp_path / "home"
     part = out / "00001-20260131T120000Z.mcap.part"
     with moored(tmp_path / "board", size) as address:
@@ -210,7 +209,7 @@ def test_a_download_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
     assert not part.exists()
 
 
-def test_what_is_left_of_another_log_is_found_out_by_its_checksum(tmp_path: Path) -> None:
+def test_download_rest_of_other_log_fails_checksum(tmp_path: Path) -> None:
     out = tmp_path / "home"
     out.mkdir()
     (out / "00001-20260131T120000Z.mcap.part").write_bytes(content(9, 5000))
@@ -220,7 +219,7 @@ def test_what_is_left_of_another_log_is_found_out_by_its_checksum(tmp_path: Path
     assert fetched["checked"]
 
 
-def test_a_log_comes_whole_over_a_slow_and_lossy_serial_line(tmp_path: Path) -> None:
+def test_log_download_over_slow_lossy_line_is_complete(tmp_path: Path) -> None:
     with line(tmp_path, 57_600, Noise(drop=3e-4, flip=3e-4)) as cable:
         links = (f"serial:{cable.device['vehicle']}:57600",)
         with moored(tmp_path / "board", 30_000, links=links):
@@ -231,7 +230,7 @@ def test_a_log_comes_whole_over_a_slow_and_lossy_serial_line(tmp_path: Path) -> 
     assert fetched["checked"]
 
 
-def test_a_killed_autopilot_loses_the_last_moment_only(tmp_path: Path) -> None:
+def test_killed_autopilot_loses_last_moment_only(tmp_path: Path) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--logs", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:

@@ -1,5 +1,4 @@
-"""A vehicle that a newcomer describes in a few lines is flown by the command line, and goes where
-she is told."""
+"""A vehicle described in a few lines is flown by the command line and follows its mission."""
 
 import json
 import subprocess
@@ -47,13 +46,13 @@ duration_s = 45.0
 surface = true
 """
 LEGS = ((45.0, 3.0, 20.0), (90.0, 5.0, -40.0))
-"""End, depth and heading of each leg."""
+"""End time, depth and heading of each leg."""
 HELD_S = 10.0
 DEPTH_M, HEADING_DEG = 0.15, 1.0
 
 
-def test_a_vehicle_of_thirty_lines_holds_depth_and_heading(tmp_path: Path) -> None:
-    """What really happened, not what she thinks; all gains come from her file."""
+def test_vehicle_of_thirty_lines_holds_depth_and_heading(tmp_path: Path) -> None:
+    """The check uses the true state, not the estimate; all gains come from the vehicle's file."""
     assert len(VEHICLE.splitlines()) < 30
     (tmp_path / "mine.toml").write_text(VEHICLE, encoding="utf-8")
     (tmp_path / "legs.toml").write_text(MISSION, encoding="utf-8")

@@ -1,5 +1,4 @@
-"""Parameters through other people's programs: fetched as one file, and kept from one start to the
-next."""
+"""Parameters with third-party programs: download as one file, and storage over restarts."""
 
 import json
 from pathlib import Path
@@ -16,7 +15,7 @@ METADATA_CLIENT = str(Path(__file__).with_name("mavsdk_metadata_client.py"))
 VEHICLE, GROUND = MavlinkId(1, 1), MavlinkId(250, 190)
 
 
-def test_mavproxy_fetches_the_whole_list_as_one_file(tmp_path: Path) -> None:
+def test_mavproxy_downloads_parameter_file(tmp_path: Path) -> None:
     port = free_port()
     with autopilot(f"udpin:127.0.0.1:{free_port()}", f"udpout:127.0.0.1:{port}"):
         console = Console(tmp_path, f"udp:127.0.0.1:{port}")
@@ -29,7 +28,7 @@ def test_mavproxy_fetches_the_whole_list_as_one_file(tmp_path: Path) -> None:
             console.close()
 
 
-def test_mavsdk_fetches_what_parameters_mean() -> None:
+def test_mavsdk_downloads_parameter_metadata() -> None:
     port = free_port()
     with (
         autopilot(f"udpin:127.0.0.1:{free_port()}", f"udpout:127.0.0.1:{port}"),
@@ -43,7 +42,7 @@ def test_mavsdk_fetches_what_parameters_mean() -> None:
     }
 
 
-def test_what_ground_sets_outlives_a_kill(tmp_path: Path) -> None:
+def test_parameter_set_by_ground_survives_kill(tmp_path: Path) -> None:
     def ask(value: float | None) -> float:
         port = free_port()
         options = ("--state", str(tmp_path))

@@ -26,7 +26,7 @@ TICK_US = 20_000
 
 
 class Peer:
-    """Binds as the autopilot does; hears datagrams and answers them when told to."""
+    """Bind as the autopilot does; receive datagrams and answer them on request of the test."""
 
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -36,7 +36,7 @@ class Peer:
         self.address = f"udpout:127.0.0.1:{self._socket.getsockname()[1]}"
 
     def hear(self) -> tuple[int, bytes]:
-        """(vehicle time, datagram) of the next datagram, which holds exactly one HIL_SENSOR."""
+        """Return vehicle time and datagram of the next datagram; it must contain one HIL_SENSOR."""
         datagram, self._from = self._socket.recvfrom(65_535)
         times = [
             frame.decode().time_usec
@@ -47,11 +47,10 @@ class Peer:
         return times[0], datagram
 
     def hear_of(self, time_us: int) -> bytes:
-        """The next datagram of a vehicle time; those of earlier times, sent again, are passed
-        over."""
-        while (heard := self.hear())[0] != time_us:
-            assert heard[0] < time_us
-        return heard[1]
+        """Return the next datagram of a vehicle time; ignore repeated earlier ones."""
+        while (received := self.hear())[0] != time_us:
+            assert received[0] < time_us
+        return received[1]
 
     def answer(self, time_us: int, mode: int = ARMED) -> None:
         assert self._from is not None
@@ -59,7 +58,7 @@ class Peer:
         self._socket.sendto(encode(CONTROLS, frame, 0, 1, 1), self._from)
 
     def fly(self, ticks: int, start_us: int = 0) -> list[bytes]:
-        """Answer so many ticks; their datagrams."""
+        """Answer a number of ticks; return their datagrams."""
         datagrams = []
         for time_us in range(start_us, start_us + ticks * TICK_US, TICK_US):
             datagrams.append(self.hear_of(time_us))
@@ -100,13 +99,13 @@ def sitl() -> Iterator[Start]:
 
 
 def flown(sitl: Start, fly: Callable[[Peer], list[bytes]], *arguments: str) -> list[bytes]:
-    """What a fresh simulator sent during a flight."""
+    """The datagrams that a new simulator sent during a flight."""
     with closing(Peer()) as peer:
         sitl("--hil", peer.address, "--speed", "max", *arguments)
         return fly(peer)
 
 
-def test_vehicle_time_waits_for_each_answer_and_the_same_seed_gives_the_same_bytes(
+def test_lockstep_same_seed_gives_same_bytes(
     sitl: Start,
 ) -> None:
     rough = ("--scenario", "disturbed", "--seed", "7")
@@ -134,14 +133,12 @@ def test_lost_and_repeated_datagrams_change_nothing(sitl: Start) -> None:
     assert flown(sitl, fly_badly) == flown(sitl, lambda peer: peer.fly(40))
 
 
-def test_before_the_first_answer_frames_of_time_zero_flow(sitl: Start, peer: Peer) -> None:
+def test_before_first_answer_time_zero_is_repeated(sitl: Start, peer: Peer) -> None:
     sitl("--hil", peer.address)
     assert [peer.hear()[0] for _ in range(20)] == [0] * 20
 
 
-def test_with_wait_for_arm_time_stands_until_armed_and_after_disarming(
-    sitl: Start, peer: Peer
-) -> None:
+def test_wait_for_arm_time_stands_while_disarmed(sitl: Start, peer: Peer) -> None:
     sitl("--hil", peer.address, "--speed", "max", "--wait-for-arm")
     standing = []
     for _ in range(10):
@@ -165,7 +162,7 @@ def test_without_wait_for_arm_time_runs_disarmed(sitl: Start, peer: Peer) -> Non
         peer.answer(time_us, DISARMED)
 
 
-def test_an_autopilot_that_falls_silent_ends_the_run_with_a_reason(sitl: Start, peer: Peer) -> None:
+def test_silent_autopilot_ends_run_with_reason(sitl: Start, peer: Peer) -> None:
     process = sitl("--hil", peer.address, "--speed", "max")
     peer.fly(50)
     _, complaint = process.communicate(timeout=10.0)
@@ -174,7 +171,7 @@ def test_an_autopilot_that_falls_silent_ends_the_run_with_a_reason(sitl: Start, 
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_stop_signal_ends_the_run_cleanly(
+def test_stop_signal_ends_run_cleanly(
     sitl: Start, peer: Peer, tmp_path: Path, number: signal.Signals
 ) -> None:
     log = tmp_path / "truth.mcap"
@@ -187,9 +184,7 @@ def test_a_stop_signal_ends_the_run_cleanly(
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal here")
-def test_a_killed_run_leaves_its_truth_up_to_the_last_flush(
-    sitl: Start, peer: Peer, tmp_path: Path
-) -> None:
+def test_killed_run_keeps_truth_to_last_flush(sitl: Start, peer: Peer, tmp_path: Path) -> None:
     log = tmp_path / "truth.mcap"
     process = sitl("--hil", peer.address, "--speed", "1", "--truth", str(log))
     peer.fly(150)
@@ -201,7 +196,7 @@ def test_a_killed_run_leaves_its_truth_up_to_the_last_flush(
 
 
 def truth_times(log: Path) -> list[int]:
-    """Vehicle times of the messages of a log that may have no end."""
+    """Return the vehicle times of the messages of a log that may be unfinished."""
     times: list[int] = []
     with log.open("rb") as file, suppress(EndOfFile):
         records = StreamReader(file).records

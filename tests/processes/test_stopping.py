@@ -15,7 +15,7 @@ from tests.helpers.subprocesses import Finished, autopilot, free_port, process
 pytestmark = pytest.mark.process
 
 LONGEST_S = 200.0
-"""For one command, on a machine that has much else to do."""
+"""Wall time for one command on a busy machine, in s."""
 SPEED = "5"
 MISSION = """
 name = "long"
@@ -38,7 +38,7 @@ def ground(*words: str) -> Finished:
 
 @pytest.fixture
 def address() -> Iterator[str]:
-    """The ground link of a vehicle whose simulated sea outlives every ground program."""
+    """The ground link of a vehicle whose simulator runs longer than every ground program."""
     hil, link = free_port(), free_port(socket.SOCK_STREAM)
     sea = ("-m", "sitl", "--hil", f"udpout:127.0.0.1:{hil}", "--speed", SPEED, "--wait-for-arm")
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{link}"), process(*sea):
@@ -73,13 +73,13 @@ def test_interrupted_dive_is_held_and_ended_by_commands(address: str, tmp_path: 
 
     held = ground("hold", "--connect", address, "--json")
     assert held.status == 0, held
-    told = json.loads(held.stdout)
-    assert (told["mode"], told["armed"]) == ("HOLD", True)
+    report = json.loads(held.stdout)
+    assert (report["mode"], report["armed"]) == ("HOLD", True)
 
     surfaced = ground("surface", "--connect", address, "--wait", "--json")
     assert surfaced.status == 0, surfaced
-    told = json.loads(surfaced.stdout)
-    assert not told["armed"]
-    assert told["depth_m"] < 0.6, (
+    report = json.loads(surfaced.stdout)
+    assert not report["armed"]
+    assert report["depth_m"] < 0.6, (
         "the vehicle disarms itself where SURF_DEPTH_M counts as the surface"
     )

@@ -1,4 +1,4 @@
-"""``ground fly`` ends by itself, with a reason, where the vehicle cannot surface as it should."""
+"""``ground fly`` ends with a reason if the vehicle cannot surface."""
 
 from pathlib import Path
 
@@ -59,5 +59,5 @@ def test_fly_elevator_stuck_down_ends_with_reason(tmp_path: Path) -> None:
 def test_fly_vehicle_too_heavy_to_surface_ends_with_reason(tmp_path: Path) -> None:
     finished = fly(tmp_path, HEAVY)
     assert finished.status == 1, finished
-    told = "Failsafe: surface not reached, no rise for 300 s -> disarmed"
-    assert finished.stderr.splitlines()[-1].endswith(told)
+    reason = "Failsafe: surface not reached, no rise for 300 s -> disarmed"
+    assert finished.stderr.splitlines()[-1].endswith(reason)

@@ -1,5 +1,4 @@
-"""The whole vehicle through the wire: signs as ground sees them, speed as the simulator's own log
-tells it."""
+"""The whole vehicle over the wire: signs as ground receives them, speed by the truth log."""
 
 import json
 from pathlib import Path
@@ -58,12 +57,12 @@ def flown(axis: str, folder: Path) -> Log:
 def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_path: Path) -> None:
     read = flown(axis, tmp_path)
     (run,) = segments.cut_runs(read)
-    told = read.attitude
+    attitude = read.attitude
     start_s = next(
         event.time_s for event in read.events if event.text.startswith("SystemID Starting")
     )
-    before, after = (np.argmin(np.abs(told.time_s - t)) for t in (start_s, start_s + 5.5))
-    values = told.yaw_rad if angle == "heading" else told.pitch_rad
+    before, after = (np.argmin(np.abs(attitude.time_s - t)) for t in (start_s, start_s + 5.5))
+    values = attitude.yaw_rad if angle == "heading" else attitude.pitch_rad
     assert run.plane == ("yaw" if axis == "rudder" else "pitch")
     assert 5.0 < np.degrees(values[after] - values[before]) < 60.0
     surface = read.actuators.rudder_rad if axis == "rudder" else read.actuators.elevator_rad
@@ -75,7 +74,7 @@ def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_
 def test_58_percent_thrust_gives_1_30_mps_in_steady_level_flight(
     vehicle: str, tmp_path: Path
 ) -> None:
-    """Within 1 %, as the simulator's truth log has it: the vehicle's own speed is an estimate."""
+    """Compare the speed of the truth log within 1 %; the vehicle's own speed is an estimate."""
     script = tmp_path / "level.toml"
     script.write_text(LEVEL)
     truth = tmp_path / "truth.mcap"

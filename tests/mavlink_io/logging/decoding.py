@@ -1,4 +1,4 @@
-"""Decodes every message of a log by the MCAP project's own decoders."""
+"""Decode every message of a log with the MCAP project's own decoders."""
 
 import json
 from collections import Counter
@@ -13,14 +13,14 @@ from mcap_ros1.decoder import DecoderFactory as Ros1DecoderFactory
 
 
 class JsonDecoderFactory(DecoderFactory):
-    """Decodes the JSON channels; the mcap package comes with none."""
+    """Decode the JSON channels; the mcap package has no decoder for them."""
 
     def decoder_for(self, encoding: str, schema: Schema | None) -> Callable[[bytes], Any] | None:
         return json.loads if encoding == "json" else None
 
 
 def decode(path: Path) -> tuple[str, int, Counter[str]]:
-    """Profile, number of messages by the file's statistics, messages decoded by encoding."""
+    """Return profile, number of messages by the statistics, and decoded messages by encoding."""
     counts: Counter[str] = Counter()
     with path.open("rb") as file:
         factories = [Ros1DecoderFactory(), JsonDecoderFactory()]

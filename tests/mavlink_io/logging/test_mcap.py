@@ -1,4 +1,4 @@
-"""Files of our own writer, read by the MCAP project's library with every checksum verified."""
+"""Files of McapWriter, read by the MCAP project's library with every checksum verified."""
 
 import contextlib
 import io
@@ -43,13 +43,13 @@ def put(writer: McapWriter, item: Any) -> None:
 
 
 def messages(reader: Any) -> list[tuple[int, int, bytes, int]]:
-    found = reader.iter_messages(log_time_order=False)
-    return [(m.channel_id, m.log_time, m.data, m.sequence) for _, _, m in found]
+    messages = reader.iter_messages(log_time_order=False)
+    return [(m.channel_id, m.log_time, m.data, m.sequence) for _, _, m in messages]
 
 
 @settings(max_examples=60)
 @given(st.lists(st.one_of(MESSAGE, FILE, FLUSH), max_size=25))
-def test_the_library_reads_back_all_that_was_written(items: list[Any]) -> None:
+def test_mcap_written_file_read_by_library_is_equal(items: list[Any]) -> None:
     file = io.BytesIO()
     writer = opened(file)
     for item in items:
@@ -75,7 +75,7 @@ def test_the_library_reads_back_all_that_was_written(items: list[Any]) -> None:
     assert len(summary.chunk_indexes) == summary.statistics.chunk_count
 
 
-def test_every_index_entry_points_at_its_message() -> None:
+def test_mcap_index_entries_point_to_messages() -> None:
     file = io.BytesIO()
     writer = opened(file)
     rows = writer.open_rows(((1, 0), (3, 36)))
@@ -91,7 +91,7 @@ def test_every_index_entry_points_at_its_message() -> None:
     summary = make_reader(io.BytesIO(data)).get_summary()
     assert summary is not None
     assert len(summary.chunk_indexes) > 2
-    seen = 0
+    counted = 0
     for chunk in summary.chunk_indexes:
         assert chunk.uncompressed_size < CHUNK_BYTES + 200
         for channel, start in chunk.message_index_offsets.items():
@@ -100,8 +100,8 @@ def test_every_index_entry_points_at_its_message() -> None:
             assert times == sorted(times)
             assert (min(times), max(times)) >= (chunk.message_start_time, 0)
             assert max(times) <= chunk.message_end_time
-            seen += len(times)
-    assert seen == 9000
+            counted += len(times)
+    assert counted == 9000
     reader = make_reader(io.BytesIO(data), validate_crcs=True)
     assert [m.data for _, _, m in reader.iter_messages(["/topic/2"])] == [b"third"] * 3000
     assert [m.log_time for _, _, m in reader.iter_messages(["/topic/0"])] == list(range(3000))
@@ -115,20 +115,20 @@ def index_at(data: bytes, start: int, channel: int) -> tuple[list[int], list[int
     return numbers[::2], numbers[1::2]
 
 
-def test_a_file_that_was_never_finished_holds_what_was_flushed() -> None:
+def test_mcap_unfinished_file_contains_flushed_data() -> None:
     file = io.BytesIO()
     writer = opened(file)
     writer.add_message(1, 7, b"kept", 1)
     writer.flush()
     writer.add_message(1, 8, b"lost", 2)
     records = StreamReader(io.BytesIO(file.getvalue()), validate_crcs=True).records
-    seen: list[bytes] = []
+    contents: list[bytes] = []
     with contextlib.suppress(struct.error, McapError):
-        seen.extend(record.data for record in records if isinstance(record, Message))
-    assert seen == [b"kept"]
+        contents.extend(record.data for record in records if isinstance(record, Message))
+    assert contents == [b"kept"]
 
 
-def test_the_same_messages_give_the_same_bytes() -> None:
+def test_mcap_same_messages_give_same_bytes() -> None:
     def file() -> bytes:
         out = io.BytesIO()
         writer = opened(out)

@@ -1,4 +1,4 @@
-"""The reader gives what the MCAP project's library reads, and names what is damaged."""
+"""McapReader gives the same items as the MCAP project's library, and reports damage."""
 
 import io
 import struct
@@ -52,7 +52,7 @@ def written(**how: object) -> bytes:
 
 
 def written_by_us(chunks: int = 3, finish: bool = True) -> bytes:
-    """``COUNT`` messages in so many chunks; all definitions are in the first."""
+    """Return a file with ``COUNT`` messages in chunks; all definitions are in the first chunk."""
     file = io.BytesIO()
     writer = McapWriter(file, "", "a test")
     schema = writer.register_schema("Number", "ros1msg", b"uint8 number\n")
@@ -77,25 +77,25 @@ def values(items: Iterable[McapItem]) -> list[int]:
 
 
 def place(data: bytes, opcode: int, number: int = 0) -> int:
-    """Where the content of a record of the data section begins; records follow each other."""
-    at = 8
+    """Return the position of the content of a record of the data section."""
+    position = 8
     while True:
-        kind, length = struct.unpack_from("<BQ", data, at)
+        kind, length = struct.unpack_from("<BQ", data, position)
         if kind == opcode:
             if number == 0:
-                return at + 9
+                return position + 9
             number -= 1
-        at += 9 + length
+        position += 9 + length
 
 
-def changed(data: bytes, at: int, by: int = 1) -> bytes:
+def changed(data: bytes, position: int, by: int = 1) -> bytes:
     damaged = bytearray(data)
-    damaged[at] ^= by
+    damaged[position] ^= by
     return bytes(damaged)
 
 
 @pytest.mark.parametrize("how", HOWEVER_WRITTEN.values(), ids=HOWEVER_WRITTEN)
-def test_items_are_those_that_the_library_reads(how: dict[str, object]) -> None:
+def test_reader_items_equal_the_librarys(how: dict[str, object]) -> None:
     data = written(**how)
     reader = McapReader(io.BytesIO(data), lambda channel: channel.topic != "/not")
     items = list(reader.items())
@@ -103,16 +103,16 @@ def test_items_are_those_that_the_library_reads(how: dict[str, object]) -> None:
     library = NonSeekingReader(io.BytesIO(data), validate_crcs=True)
     theirs = library.iter_messages(["/wanted", "/wanted too"], log_time_order=False)
     expected = [(c.topic, m.sequence, m.log_time, m.data) for _, c, m in theirs]
-    found = [(topics[i.channel], *i[1:]) for i in items if isinstance(i, McapMessage)]
-    assert found == expected
-    assert len(found) == 2 * COUNT // 3
+    messages = [(topics[i.channel], *i[1:]) for i in items if isinstance(i, McapMessage)]
+    assert messages == expected
+    assert len(messages) == 2 * COUNT // 3
     assert sorted(topics.values()) == ["/not", "/wanted", "/wanted too"]
     others = [i[-1] for i in items if not isinstance(i, McapMessage | McapChannel)]
     assert others == [b"attached", {"one": "1"}]
     assert (reader.finished, reader.damage) == (True, [])
 
 
-def test_written_checksum_of_the_data_section_is_the_librarys() -> None:
+def test_writer_data_checksum_equals_the_librarys() -> None:
     data = written_by_us()
     declared = struct.unpack_from("<I", data, place(data, 15))[0]
     assert declared != 0
@@ -120,7 +120,7 @@ def test_written_checksum_of_the_data_section_is_the_librarys() -> None:
     assert len(list(messages)) == COUNT
 
 
-def test_damaged_chunk_is_left_out_and_named_with_its_times() -> None:
+def test_reader_damaged_chunk_is_skipped_and_reported() -> None:
     data = written_by_us()
     items, reader = read(changed(data, place(data, 6, 1) + 60))
     assert values(items) == [*range(30), *range(60, 90)]
@@ -131,7 +131,7 @@ def test_damaged_chunk_is_left_out_and_named_with_its_times() -> None:
     assert words.endswith("(3.00 to 5.90 s of the log are lost)")
 
 
-def test_channels_lost_with_the_first_chunk_come_from_the_summary() -> None:
+def test_reader_lost_channels_are_taken_from_summary() -> None:
     data = written_by_us()
     items, reader = read(changed(data, place(data, 6) + 60))
     assert values(items) == list(range(30, 90))
@@ -139,7 +139,7 @@ def test_channels_lost_with_the_first_chunk_come_from_the_summary() -> None:
     assert len(reader.damage) == 1
 
 
-def test_channels_lost_in_an_unfinished_file_leave_no_message() -> None:
+def test_reader_lost_channels_without_summary_lose_messages() -> None:
     data = written_by_us(finish=False)
     items, reader = read(changed(data, place(data, 6) + 60))
     assert values(items) == []
@@ -147,32 +147,32 @@ def test_channels_lost_in_an_unfinished_file_leave_no_message() -> None:
     assert ["not described" in damage.reason for damage in reader.damage] == [False, True, True]
 
 
-def test_broken_record_length_costs_no_later_chunk() -> None:
-    """The length of a message index, which is 8 bytes ahead of its content."""
+def test_reader_broken_record_length_keeps_later_chunks() -> None:
+    """The length of a message index is 8 bytes before its content."""
     data = written_by_us()
     for bit in range(20):
-        at = place(data, 7) - 8 + bit // 8
-        items, reader = read(changed(data, at, 1 << bit % 8))
+        position = place(data, 7) - 8 + bit // 8
+        items, reader = read(changed(data, position, 1 << bit % 8))
         assert values(items) == list(range(90))
         assert reader.damage
 
 
-def test_chunk_of_unknown_kind_is_lost_and_named() -> None:
-    """Records of private kinds, from 0x80 on, are legal, and a reader steps over them."""
+def test_reader_unknown_compression_is_reported() -> None:
+    """Private record types, from 0x80 on, are legal, and a reader skips them."""
     data = written_by_us()
     items, reader = read(changed(data, place(data, 6, 1) - 9, 0x80))
     assert values(items) == [*range(30), *range(60, 90)]
     assert "3.00 to 5.90 s" in format_damage(reader)
 
 
-def test_damage_outside_the_chunks_is_found_by_the_data_sections_checksum() -> None:
+def test_reader_damage_outside_chunks_fails_data_checksum() -> None:
     data = written_by_us()
     _, reader = read(changed(data, data.index(b"notes") + 1))
     words = format_damage(reader)
     assert words == "the checksum of its data section is wrong, its chunks are whole"
 
 
-def test_damaged_summary_changes_no_message() -> None:
+def test_reader_damaged_summary_keeps_messages() -> None:
     data = written_by_us()
     start = struct.unpack_from("<Q", data, len(data) - 28)[0]
     items, reader = read(changed(data, start + 20))
@@ -180,14 +180,14 @@ def test_damaged_summary_changes_no_message() -> None:
     assert format_damage(reader) == "the checksum of its summary is wrong"
 
 
-def test_statistics_tell_of_a_chunk_that_is_missing() -> None:
-    """No data checksum and no index; the second chunk became a record that readers skip."""
+def test_reader_missing_chunk_differs_from_statistics() -> None:
+    """The file has no data checksum and no index; readers skip the second chunk's record."""
     data = written(chunk_size=200, index_types=IndexType.NONE)
     _, reader = read(changed(data, place(data, 6, 1) - 9, 0x80))
     assert "its statistics say 90" in format_damage(reader)
 
 
-def test_chunk_that_ends_within_a_record_is_damage() -> None:
+def test_reader_chunk_with_cut_record_is_damage() -> None:
     inner = bytes((5, 30, 0, 0, 0, 0, 0, 0, 0, 1))
     chunk = struct.pack("<QQQI", 0, 0, len(inner), 0) + bytes(4)
     chunk += struct.pack("<Q", len(inner)) + inner
@@ -196,14 +196,14 @@ def test_chunk_that_ends_within_a_record_is_damage() -> None:
     assert "a record in it reaches beyond its end" in format_damage(reader)
 
 
-def test_file_of_another_kind_is_refused() -> None:
+def test_reader_other_file_type_raises_error() -> None:
     for data in (b"", b"MCAP", b"not an MCAP file, but longer than its magic bytes"):
         with pytest.raises(McapError, match="magic"):
             McapReader(io.BytesIO(data))
 
 
 @pytest.mark.parametrize("finish", [True, False])
-def test_cut_file_gives_whole_chunks_and_no_other_data(finish: bool) -> None:
+def test_reader_cut_file_gives_complete_chunks_only(finish: bool) -> None:
     data = written_by_us(finish=finish)
     for length in range(8, len(data), 7):
         items, reader = read(data[:length])

@@ -1,5 +1,4 @@
-"""The mission protocol: whole or not at all, over links that lose messages, against pymavlink's
-reading of the wire."""
+"""The mission protocol over lossy links, with pymavlink as the reference of the wire format."""
 
 import math
 from typing import Any
@@ -28,7 +27,7 @@ class Store:
     def __init__(self) -> None:
         self.items: tuple[MissionItem, ...] = ()
         self.current = 0
-        self.said: list[str] = []
+        self.texts: list[str] = []
         self.verdict = MissionResult()
 
     @property
@@ -47,7 +46,7 @@ class Store:
         return True
 
     def explain(self, text: str) -> None:
-        self.said.append(text)
+        self.texts.append(text)
 
 
 class Sea:
@@ -76,7 +75,7 @@ class Sea:
         down: Wire | None = None,
         **fields: Any,
     ) -> list[Any]:
-        """Send one raw message; what the vehicle answers on the link ``down``, decoded."""
+        """Send one raw message; return the vehicle's decoded answers on the link ``down``."""
         wire, down = Wire(sender), down or self.down
         wire.send(name, **{"target_system": 1, "target_component": 1, **fields})
         for frame in wire.take():
@@ -112,12 +111,12 @@ def leg(count: int = 4) -> list[MissionItem]:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Equal field by field, NaN being equal to NaN."""
+    """Compare field by field; NaN equals NaN."""
     return repr(tuple(a)) == repr(tuple(b))
 
 
 @given(plans)
-def test_what_is_uploaded_comes_back_verbatim(plan: list[MissionItem]) -> None:
+def test_mission_upload_is_downloaded_unchanged(plan: list[MissionItem]) -> None:
     sea = Sea()
     sea.run(sea.client.upload(plan))
     assert same(sea.store.items, plan)
@@ -125,7 +124,7 @@ def test_what_is_uploaded_comes_back_verbatim(plan: list[MissionItem]) -> None:
 
 
 @given(plans, st.sets(st.integers(0, 12), max_size=2), st.sets(st.integers(0, 12), max_size=2))
-def test_lost_messages_are_asked_for_again(
+def test_mission_lost_messages_are_requested_again(
     plan: list[MissionItem], up: set[int], down: set[int]
 ) -> None:
     sea = Sea(lambda n, name: n in up, lambda n, name: n in down)
@@ -137,36 +136,36 @@ def test_lost_messages_are_asked_for_again(
 @pytest.mark.parametrize(
     "lost", ["MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_REQUEST_INT", "MISSION_ACK"]
 )
-def test_a_link_that_never_carries_a_message_ends_in_an_error(lost: str) -> None:
+def test_mission_dead_link_raises_error(lost: str) -> None:
     sea = Sea(lambda n, name: name == lost, lambda n, name: name == lost)
     with pytest.raises(ExchangeError, match=r"no answer to the upload of 4|OPERATION_CANCELLED"):
         sea.run(sea.client.upload(leg()))
 
 
-def test_the_server_asks_with_request_int_only() -> None:
+def test_mission_server_sends_request_int_only() -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg()))
     assert sea.down.names == ["MISSION_REQUEST_INT"] * 4 + ["MISSION_ACK"]
 
 
-def test_an_abandoned_upload_keeps_the_old_mission() -> None:
+def test_mission_abandoned_upload_keeps_old_mission() -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg(3)))
     sea.ask("MISSION_COUNT", count=5, mission_type=0)
-    asked = 0
+    request_count = 0
     for tenth in range(200):
         sea.server.poll(tenth * 0.1)
         for frame in sea.down.take():
-            asked += frame.name == "MISSION_REQUEST_INT"
+            request_count += frame.name == "MISSION_REQUEST_INT"
             last = frame
-    assert asked == RE_REQUESTS
+    assert request_count == RE_REQUESTS
     assert last.decode().type == missions.CANCELLED
     assert sea.store.items == tuple(leg(3))
     sea.run(sea.client.upload(leg(2)))
     assert sea.store.items == tuple(leg(2))
 
 
-def test_a_second_uploader_is_denied_and_the_first_goes_on() -> None:
+def test_mission_second_uploader_is_denied() -> None:
     sea = Sea()
     (request,) = sea.ask("MISSION_COUNT", count=1, mission_type=0)
     assert (request.seq, request.target_system) == (0, GROUND.system)
@@ -179,8 +178,8 @@ def test_a_second_uploader_is_denied_and_the_first_goes_on() -> None:
     assert sea.store.items == tuple(leg(1))
 
 
-def test_a_second_uploader_of_the_same_ids_on_another_link_is_denied_too() -> None:
-    """Every MAVSDK program is 245/190."""
+def test_mission_second_uploader_with_same_ids_is_denied() -> None:
+    """Every MAVSDK program has the ids 245/190."""
     sea, elsewhere = Sea(), Wire(VEHICLE)
     sea.ask("MISSION_COUNT", count=1, mission_type=0)
     (denied,) = sea.ask("MISSION_COUNT", down=elsewhere, count=9, mission_type=0)
@@ -194,7 +193,7 @@ def test_a_second_uploader_of_the_same_ids_on_another_link_is_denied_too() -> No
 
 
 @pytest.mark.parametrize("frame", [0, 3, 5, 6])
-def test_an_altitude_above_the_water_is_refused_whole(frame: int) -> None:
+def test_mission_altitude_above_water_is_refused(frame: int) -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg(2)))
     plan = [*leg(1), MissionItem(1, frame, 16, z=3.0)]
@@ -202,20 +201,20 @@ def test_an_altitude_above_the_water_is_refused_whole(frame: int) -> None:
         ExchangeError, match="refused the mission at item 1: MAV_MISSION_INVALID_PARAM7"
     ):
         sea.run(sea.client.upload(plan))
-    assert sea.store.said == ["Mission item 1: altitude 3 m; depth is given as <= 0"]
+    assert sea.store.texts == ["Mission item 1: altitude 3 m; depth is given as <= 0"]
     assert sea.store.items == tuple(leg(2))
 
 
 @pytest.mark.parametrize("command", [16, 113])
-def test_a_height_above_a_local_origin_is_refused(command: int) -> None:
+def test_mission_negative_local_depth_is_refused(command: int) -> None:
     sea = Sea()
     with pytest.raises(ExchangeError, match="MAV_MISSION_INVALID_PARAM7"):
         sea.run(sea.client.upload([MissionItem(0, 1, command, z=-1.0)]))
-    assert sea.store.said == ["Mission item 0: z -1 m; down is positive"]
+    assert sea.store.texts == ["Mission item 0: z -1 m; down is positive"]
 
 
 @pytest.mark.parametrize("command", [31_010, 115, 178])
-def test_z_is_no_height_in_a_command_without_a_place(command: int) -> None:
+def test_mission_z_without_position_is_not_checked(command: int) -> None:
     sea = Sea()
     plan = [MissionItem(0, frame, command, z=2.0) for frame in (0, 3)]
     sea.run(sea.client.upload(plan))
@@ -225,7 +224,7 @@ def test_z_is_no_height_in_a_command_without_a_place(command: int) -> None:
 @pytest.mark.parametrize(
     ("frame", "z"), [(0, 0.0), (3, -5.0), (6, math.nan), (5, -1.0), (1, 7.0), (2, 7.0)]
 )
-def test_depths_are_taken_in_every_frame(frame: int, z: float) -> None:
+def test_mission_depth_is_accepted_in_every_frame(frame: int, z: float) -> None:
     sea = Sea()
     plan = [MissionItem(0, frame, 16, z=z)]
     sea.run(sea.client.upload(plan))
@@ -233,24 +232,24 @@ def test_depths_are_taken_in_every_frame(frame: int, z: float) -> None:
 
 
 @pytest.mark.parametrize("frame", [4, 10, 11, 8])
-def test_other_frames_are_not_supported(frame: int) -> None:
+def test_mission_other_frames_are_refused(frame: int) -> None:
     sea = Sea()
     with pytest.raises(ExchangeError, match="UNSUPPORTED_FRAME"):
         sea.run(sea.client.upload([MissionItem(0, frame, 16)]))
     assert sea.store.items == ()
 
 
-def test_the_vehicles_own_refusal_reaches_the_client() -> None:
+def test_mission_vehicle_refusal_reaches_client() -> None:
     sea = Sea()
     sea.store.verdict = MissionResult(
         missions.UNSUPPORTED, "command 22 is not one this vehicle flies"
     )
     with pytest.raises(ExchangeError, match="MAV_MISSION_UNSUPPORTED"):
         sea.run(sea.client.upload(leg()))
-    assert sea.store.said == ["command 22 is not one this vehicle flies"]
+    assert sea.store.texts == ["command 22 is not one this vehicle flies"]
 
 
-def test_clear_and_the_empty_mission() -> None:
+def test_mission_clear_gives_empty_mission() -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg()))
     sea.run(sea.client.clear())
@@ -261,29 +260,29 @@ def test_clear_and_the_empty_mission() -> None:
     assert sea.store.items == ()
 
 
-def test_set_current_is_answered_by_mission_current() -> None:
+def test_mission_set_current_is_answered() -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg()))
     assert sea.run(sea.client.set_current(2)) == 2
     (answer,) = sea.ask("MISSION_SET_CURRENT", seq=9)
     assert (answer.seq, answer.total) == (2, 4)
-    assert sea.store.said == ["No mission item 9: the mission has 4"]
+    assert sea.store.texts == ["No mission item 9: the mission has 4"]
 
 
 @pytest.mark.parametrize("kind", [1, 2])
-def test_fences_and_rally_points_are_answered_as_empty(kind: int) -> None:
+def test_mission_fence_and_rally_lists_are_empty(kind: int) -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg()))
     (count,) = sea.ask("MISSION_REQUEST_LIST", mission_type=kind)
     assert (count.count, count.mission_type) == (0, kind)
     (refusal,) = sea.ask("MISSION_COUNT", count=3, mission_type=kind)
     assert (refusal.type, refusal.mission_type) == (missions.UNSUPPORTED, kind)
-    (kept,) = sea.ask("MISSION_CLEAR_ALL", mission_type=kind)
-    assert kept.type == missions.UNSUPPORTED
+    (answer,) = sea.ask("MISSION_CLEAR_ALL", mission_type=kind)
+    assert answer.type == missions.UNSUPPORTED
     assert sea.store.items == tuple(leg())
 
 
-def test_every_kind_may_be_cleared_at_once() -> None:
+def test_mission_clear_all_types_is_accepted() -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg()))
     (cleared,) = sea.ask("MISSION_CLEAR_ALL", mission_type=255)
@@ -291,14 +290,14 @@ def test_every_kind_may_be_cleared_at_once() -> None:
     assert sea.store.items == ()
 
 
-def test_some_items_may_be_changed_and_the_rest_stay() -> None:
+def test_mission_partial_upload_keeps_other_items() -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg(5)))
     new = [item._replace(p1=100.0 + item.sequence) for item in leg(5)]
-    (asked,) = sea.ask("MISSION_WRITE_PARTIAL_LIST", start_index=2, end_index=3)
-    assert asked.seq == 2
-    (asked,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(new[2], VEHICLE))
-    assert asked.seq == 3
+    (request_count,) = sea.ask("MISSION_WRITE_PARTIAL_LIST", start_index=2, end_index=3)
+    assert request_count.seq == 2
+    (request_count,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(new[2], VEHICLE))
+    assert request_count.seq == 3
     assert sea.store.items == tuple(leg(5))
     (accepted,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(new[3], VEHICLE))
     assert accepted.type == missions.ACCEPTED
@@ -307,26 +306,26 @@ def test_some_items_may_be_changed_and_the_rest_stay() -> None:
 
 
 @pytest.mark.parametrize(("first", "last"), [(-1, 0), (3, 2), (4, 5), (0, 5)])
-def test_items_that_are_not_there_cannot_be_changed(first: int, last: int) -> None:
+def test_mission_partial_upload_out_of_range_is_refused(first: int, last: int) -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg(5)))
     (refused,) = sea.ask("MISSION_WRITE_PARTIAL_LIST", start_index=first, end_index=last)
     assert refused.type == missions.INVALID_SEQUENCE
-    assert sea.store.said == [f"Mission items {first} to {last} refused: the mission has 5"]
+    assert sea.store.texts == [f"Mission items {first} to {last} refused: the mission has 5"]
 
 
-def test_an_item_that_does_not_exist_is_an_invalid_sequence() -> None:
+def test_mission_unknown_item_is_invalid_sequence() -> None:
     (refusal,) = Sea().ask("MISSION_REQUEST_INT", seq=0, mission_type=0)
     assert refusal.type == missions.INVALID_SEQUENCE
 
 
-def test_too_long_a_mission_has_no_space() -> None:
+def test_mission_too_long_is_refused() -> None:
     sea = Sea()
     (refusal,) = sea.ask("MISSION_COUNT", count=1001, mission_type=0)
     assert refusal.type == missions.NO_SPACE
 
 
-def test_numbers_are_kept_as_float32() -> None:
+def test_mission_parameters_are_float32() -> None:
     sea = Sea()
     sea.run(sea.client.upload([MissionItem(0, 2, 93, p1=0.1)]))
     assert sea.store.items[0].p1 == as_real32(0.1)

@@ -1,4 +1,4 @@
-"""The packed parameter list, read by pymavlink's own decoder."""
+"""The packed parameter file, read by pymavlink's decoder."""
 
 import string
 
@@ -15,7 +15,7 @@ lists = st.dictionaries(names, st.builds(PackedParameter, reals, reals), max_siz
 
 
 @given(lists)
-def test_every_value_and_default_is_read_back(parameters: dict[str, PackedParameter]) -> None:
+def test_param_file_values_and_defaults_are_equal(parameters: dict[str, PackedParameter]) -> None:
     read = MAVFTP.ftp_param_decode(pack(parameters, with_defaults=True))
     assert [(name.decode(), value) for name, value, _ in read.params] == [
         (name, parameters[name].value) for name in sorted(parameters)
@@ -26,7 +26,7 @@ def test_every_value_and_default_is_read_back(parameters: dict[str, PackedParame
 
 
 @given(lists)
-def test_without_defaults_there_are_none(parameters: dict[str, PackedParameter]) -> None:
+def test_param_file_without_defaults_contains_none(parameters: dict[str, PackedParameter]) -> None:
     read = MAVFTP.ftp_param_decode(pack(parameters))
     assert {name.decode(): value for name, value, _ in read.params} == {
         n: p.value for n, p in parameters.items()
@@ -34,14 +34,14 @@ def test_without_defaults_there_are_none(parameters: dict[str, PackedParameter])
     assert not read.defaults
 
 
-def test_names_share_what_they_begin_with() -> None:
+def test_param_file_names_share_prefix() -> None:
     rows = {f"LONG_NAME_{n:02d}": PackedParameter(float(n), 0.0) for n in range(20)}
     assert len(pack(rows)) < 20 * 8 + 30
     assert pack({}) == bytes.fromhex("1b6700000000")
 
 
 @pytest.mark.parametrize("name", ["A" * 16, "A"])
-def test_the_longest_and_the_shortest_name(name: str) -> None:
+def test_param_file_longest_and_shortest_name(name: str) -> None:
     read = MAVFTP.ftp_param_decode(
         pack(
             {

@@ -1,4 +1,4 @@
-"""The parameter protocol, over links that lose messages."""
+"""The parameter protocol over lossy links."""
 
 import math
 from typing import Any
@@ -21,7 +21,7 @@ from tests.helpers.lossy_link import GROUND, VEHICLE, Lost, Wire, nothing, settl
 
 
 class Table:
-    """Fifty parameters that take 0 to 10."""
+    """Fifty parameters with the range 0 to 10."""
 
     def __init__(self) -> None:
         self.values = {f"P_{n:02}": n / 10 for n in range(50)}
@@ -44,9 +44,9 @@ class Sea:
         self.up, self.down = Wire(GROUND, lost_up), Wire(VEHICLE, lost_down)
         self.other_link = Wire(VEHICLE)
         self.table = Table()
-        self.said: list[str] = []
+        self.texts: list[str] = []
         self.room = 1000
-        self.server = ParamServer(self.table, self._broadcast, self.said.append)
+        self.server = ParamServer(self.table, self._broadcast, self.texts.append)
         self.client = ParamClient(self.up.send, GROUND, VEHICLE)
 
     def _broadcast(self, name: str, **fields: Any) -> None:
@@ -72,7 +72,7 @@ def expected(sea: Sea) -> dict[str, float]:
     return {name: as_real32(value) for name, value in sorted(sea.table.values.items())}
 
 
-def test_a_list_waits_for_room_and_goes_on() -> None:
+def test_param_list_waits_for_room() -> None:
     sea = Sea()
     sea.room = 0
     assert sea.ask("PARAM_REQUEST_LIST") == []
@@ -82,7 +82,7 @@ def test_a_list_waits_for_room_and_goes_on() -> None:
     assert [frame.decode().param_id for frame in sea.down.take()] == sorted(sea.table.values)
 
 
-def test_two_clients_of_the_same_ids_are_each_sent_the_whole_list() -> None:
+def test_param_clients_with_same_ids_get_whole_list() -> None:
     sea = Sea()
     request = Wire(GROUND)
     request.send("PARAM_REQUEST_LIST", target_system=1, target_component=1)
@@ -95,7 +95,7 @@ def test_two_clients_of_the_same_ids_are_each_sent_the_whole_list() -> None:
         assert [frame.decode().param_id for frame in link.take()] == sorted(sea.table.values)
 
 
-def test_the_list_is_complete_and_sorted() -> None:
+def test_param_list_is_complete_and_sorted() -> None:
     sea = Sea()
     listed = sea.run(sea.client.list())
     assert list(listed.items()) == list(expected(sea).items())
@@ -103,18 +103,18 @@ def test_the_list_is_complete_and_sorted() -> None:
 
 
 @given(st.sets(st.integers(0, 60), max_size=30), st.sets(st.integers(1, 4), max_size=2))
-def test_values_that_were_lost_are_asked_for_by_index(down: set[int], up: set[int]) -> None:
+def test_param_lost_values_are_requested_by_index(down: set[int], up: set[int]) -> None:
     sea = Sea(lambda n, name: n in up, lambda n, name: n in down)
     assert sea.run(sea.client.list()) == expected(sea)
 
 
-def test_a_vehicle_that_never_answers_is_an_error() -> None:
+def test_param_silent_vehicle_raises_error() -> None:
     sea = Sea(lost_down=lambda n, name: True)
     with pytest.raises(ExchangeError, match="no answer to the parameter list after 5 attempts"):
         sea.run(sea.client.list())
 
 
-def test_a_list_is_sent_in_parts() -> None:
+def test_param_list_is_sent_in_parts() -> None:
     sea = Sea()
     first = sea.ask("PARAM_REQUEST_LIST")
     assert 0 < len(first) < 50
@@ -122,27 +122,27 @@ def test_a_list_is_sent_in_parts() -> None:
 
 
 @given(st.floats(0.0, 10.0, allow_subnormal=False))
-def test_a_value_that_was_set_reads_back(value: float) -> None:
+def test_param_set_value_is_reported_back(value: float) -> None:
     sea = Sea()
     assert sea.run(sea.client.set("P_07", value)) == as_real32(value)
     assert sea.table.values["P_07"] == as_real32(value)
     assert sea.run(sea.client.get("P_07")) == as_real32(value)
 
 
-def test_a_change_is_told_to_every_link() -> None:
+def test_param_change_is_sent_on_every_link() -> None:
     sea = Sea()
     sea.run(sea.client.set("P_07", 3.5))
-    (told,) = [frame.decode() for frame in sea.other_link.take()]
-    assert (told.param_id, told.param_value, told.param_index) == ("P_07", 3.5, 7)
+    (announced,) = [frame.decode() for frame in sea.other_link.take()]
+    assert (announced.param_id, announced.param_value, announced.param_index) == ("P_07", 3.5, 7)
 
 
-def test_reading_is_answered_to_the_asker_only() -> None:
+def test_param_read_is_answered_on_its_link_only() -> None:
     sea = Sea()
     sea.run(sea.client.get("P_07"))
     assert sea.other_link.take() == []
 
 
-def test_an_unknown_parameter_is_an_error_at_once() -> None:
+def test_param_unknown_name_raises_error() -> None:
     sea = Sea()
     with pytest.raises(ExchangeError, match=r"^parameter P_99: there is no such parameter$"):
         sea.run(sea.client.get("P_99"))
@@ -153,17 +153,17 @@ def test_an_unknown_parameter_is_an_error_at_once() -> None:
     assert (error.error, error.target_system) == (DOES_NOT_EXIST, GROUND.system)
 
 
-def test_a_value_out_of_range_is_refused_with_the_reason_and_the_value_in_force() -> None:
+def test_param_out_of_range_is_refused_with_reason() -> None:
     sea = Sea()
     with pytest.raises(ExchangeError, match="out of range"):
         sea.run(sea.client.set("P_07", 11.0))
-    assert sea.said == ["P_07 = 11: must be 0 to 10"]
+    assert sea.texts == ["P_07 = 11: must be 0 to 10"]
     assert sea.table.values["P_07"] == 0.7
     assert sea.down.names == ["PARAM_ERROR", "PARAM_VALUE"]
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_is_refused_at_both_ends(value: float) -> None:
+def test_param_non_finite_value_is_refused_at_both_ends(value: float) -> None:
     sea = Sea()
     with pytest.raises(ValueError, match="no finite number"):
         sea.client.set("P_07", value)
@@ -172,9 +172,9 @@ def test_what_is_no_number_is_refused_at_both_ends(value: float) -> None:
     assert sea.table.values["P_07"] == 0.7
 
 
-def test_an_integer_type_is_refused_rather_than_misread() -> None:
+def test_param_integer_type_is_refused() -> None:
     sea = Sea()
     answers = sea.ask("PARAM_SET", param_id="P_07", param_value=4.2e-45, param_type=6)
     assert answers[0].error == OUT_OF_RANGE
-    assert sea.said == ["Parameter P_07: to be sent as REAL32, not as an integer"]
+    assert sea.texts == ["Parameter P_07: to be sent as REAL32, not as an integer"]
     assert sea.table.values["P_07"] == 0.7

@@ -1,5 +1,4 @@
-"""Downloads over a link that loses messages: all arrives, and what is there at any moment is the
-file's beginning."""
+"""FTP downloads over a lossy link are complete, and contiguous at any moment."""
 
 import io
 import random
@@ -24,7 +23,7 @@ QUIET = settings(max_examples=40, suppress_health_check=[HealthCheck.function_sc
 
 
 class Rig:
-    """A client and a server with a seeded share of losses each way."""
+    """A client and a server with a seeded loss rate in each direction."""
 
     def __init__(self, files: dict[str, bytes], share: float = 0.0, seed: int = 0) -> None:
         chance = random.Random(seed)
@@ -49,9 +48,7 @@ class Rig:
 
 @QUIET
 @given(st.integers(0, 40_000), st.integers(0, 40_000), st.floats(0.0, 0.2), st.integers(0, 1000))
-def test_a_download_goes_on_where_it_was_and_misses_nothing(
-    size: int, start: int, share: float, seed: int
-) -> None:
+def test_ftp_download_resumed_is_complete(size: int, start: int, share: float, seed: int) -> None:
     content = random.Random(seed).randbytes(size)
     rig, start = Rig({"/logs/a": content}, share, seed), min(start, size)
     sink = Prefix(content, start)
@@ -60,29 +57,29 @@ def test_a_download_goes_on_where_it_was_and_misses_nothing(
 
 
 class Prefix(io.BytesIO):
-    """Accepts nothing but what comes next."""
+    """A sink that accepts only the next bytes of the file."""
 
     def __init__(self, content: bytes, start: int) -> None:
         super().__init__()
         self._content, self._start = content, start
 
     def write(self, data: bytes, /) -> int:  # type: ignore[override]
-        at = self._start + self.tell()
-        assert data == self._content[at : at + len(data)]
+        position = self._start + self.tell()
+        assert data == self._content[position : position + len(data)]
         return super().write(data)
 
 
-def test_a_vehicle_that_begins_anew_is_asked_again() -> None:
+def test_ftp_download_vehicle_restart_reopens_file() -> None:
     content = random.Random(1).randbytes(100_000)
     rig, sink, watched = Rig({"/a": content}), io.BytesIO(), list[int]()
 
-    def watch(there: int, of: int) -> None:
-        assert of == len(content)
-        watched.append(there)
-        if there > 30_000 and rig.server._sessions and len(watched) < 1000:
+    def watch(received: int, size_: int) -> None:
+        assert size_ == len(content)
+        watched.append(received)
+        if received > 30_000 and rig.server._sessions and len(watched) < 1000:
             rig.server._sessions.clear()
             rig.server._jobs.clear()
-            watched.extend([there] * 1000)
+            watched.extend([received] * 1000)
 
     assert rig.settle(rig.client.download("/a", sink, 0, watch)) == len(content)
     assert sink.getvalue() == content
@@ -91,7 +88,7 @@ def test_a_vehicle_that_begins_anew_is_asked_again() -> None:
 
 @QUIET
 @given(st.integers(0, 1000), st.floats(0.0, 0.1))
-def test_lists_and_checksums_outlive_losses(seed: int, share: float) -> None:
+def test_ftp_list_and_checksum_with_losses_are_correct(seed: int, share: float) -> None:
     files = {f"/logs/{n:04d}-a-rather-long-name": bytes(n) for n in range(30)}
     rig = Rig(files, share, seed)
     listed = rig.insist(lambda: rig.client.list("/logs"))
@@ -104,7 +101,7 @@ def test_lists_and_checksums_outlive_losses(seed: int, share: float) -> None:
 
 
 @pytest.mark.parametrize("ask", ["list", "checksum", "download"])
-def test_what_is_not_there_is_said(ask: str, tmp_path: Path) -> None:
+def test_ftp_missing_file_raises_error(ask: str, tmp_path: Path) -> None:
     rig = Rig({"/logs/a": b"x"})
     exchange = {
         "list": lambda: rig.client.list("/nowhere"),
@@ -115,7 +112,7 @@ def test_what_is_not_there_is_said(ask: str, tmp_path: Path) -> None:
         rig.settle(exchange)  # type: ignore[arg-type]
 
 
-def test_a_file_shorter_than_what_is_here_is_another_file() -> None:
+def test_ftp_resume_of_shorter_file_raises_error() -> None:
     rig = Rig({"/logs/a": b"short"})
     with pytest.raises(ExchangeError, match="holds 5 bytes, fewer than the 9 that are here"):
         rig.settle(rig.client.download("/logs/a", io.BytesIO(), 9))

@@ -1,4 +1,4 @@
-"""The file server, asked in pymavlink's own packing of the FTP payload."""
+"""The file server with requests in pymavlink's packing of the FTP payload."""
 
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ def error(name: str) -> bytes:
 
 
 def build(folder: Path) -> FileServer:
-    """A server of one folder, beside which a secret lies."""
+    """A server of one folder with a secret file beside the folder."""
     logs = folder / "logs"
     (logs / "inner").mkdir(parents=True, exist_ok=True)
     (logs / "one.mcap").write_bytes(CONTENT)
@@ -50,7 +50,7 @@ def build(folder: Path) -> FileServer:
 
 
 class Client:
-    """Asks, and reads the answers."""
+    """A client that sends requests and reads the answers."""
 
     def __init__(self, server: FileServer, party: tuple[int, int] = GROUND) -> None:
         self.server, self.party = server, party
@@ -131,7 +131,7 @@ def client(tmp_path: Path) -> Client:
     return Client(build(tmp_path))
 
 
-def test_a_file_is_opened_read_and_closed(client: Client) -> None:
+def test_ftp_file_is_opened_read_and_closed(client: Client) -> None:
     opened = client.ask("OPENFILERO", b"/logs/one.mcap", session=5)
     assert (opened.opcode, int.from_bytes(opened.payload, "little")) == (ACK, len(CONTENT))
     assert client.ask("READFILE", offset=1000, size=80, session=5).payload == CONTENT[1000:1080]
@@ -144,7 +144,7 @@ def test_a_file_is_opened_read_and_closed(client: Client) -> None:
     assert client.ask("READFILE", size=9, session=5).payload == error("INVALIDSESSION")
 
 
-def test_text_that_is_made_on_demand_is_a_file_too(client: Client) -> None:
+def test_ftp_generated_text_is_read_as_file(client: Client) -> None:
     client.ask("OPENFILERO", b"params/current.param\0")
     assert client.ask("READFILE", size=239).payload == b"HDG_P,0.65\n"
 
@@ -159,7 +159,7 @@ def test_text_that_is_made_on_demand_is_a_file_too(client: Client) -> None:
         (b"/params", [b"Fcurrent.param\t11"]),
     ],
 )
-def test_a_directory_is_listed_from_any_entry_on(
+def test_ftp_directory_is_listed_from_any_entry(
     client: Client, path: bytes, lines: list[bytes]
 ) -> None:
     for start in range(len(lines)):
@@ -170,7 +170,7 @@ def test_a_directory_is_listed_from_any_entry_on(
     assert client.ask("LISTDIRECTORY", path, offset=len(lines)).payload == error("EOF")
 
 
-def test_a_listing_longer_than_a_message_comes_in_parts(tmp_path: Path) -> None:
+def test_ftp_long_listing_is_sent_in_parts(tmp_path: Path) -> None:
     client = Client(build(tmp_path))
     for number in range(100):
         (tmp_path / "logs" / f"{number:03d}").write_bytes(b"x" * number)
@@ -185,7 +185,7 @@ def test_a_listing_longer_than_a_message_comes_in_parts(tmp_path: Path) -> None:
     assert found[-1] == b"S"
 
 
-def test_a_burst_brings_the_rest_of_a_file(client: Client) -> None:
+def test_ftp_burst_sends_rest_of_file(client: Client) -> None:
     client.ask("OPENFILERO", b"/logs/one.mcap")
     data, offset = b"", 500
     for _ in range(3):
@@ -207,7 +207,7 @@ def test_a_burst_brings_the_rest_of_a_file(client: Client) -> None:
     assert offset + len(data) == len(CONTENT)
 
 
-def test_a_burst_takes_no_more_than_its_link_has_room_for(client: Client) -> None:
+def test_ftp_burst_stays_within_link_room(client: Client) -> None:
     client.ask("OPENFILERO", b"/logs/one.mcap")
     client.room = 278
     client.say("BURSTREADFILE", size=239)
@@ -216,7 +216,7 @@ def test_a_burst_takes_no_more_than_its_link_has_room_for(client: Client) -> Non
     assert len(client.answers()) == BURST_PACKETS
 
 
-def test_the_checksum_is_mavlinks(client: Client) -> None:
+def test_ftp_checksum_equals_mavlink_crc32(client: Client) -> None:
     client.say("CALCFILECRC", b"/logs/one.mcap")
     (answer,) = client.answers(3)
     assert int.from_bytes(answer.payload, "little") == bitwise_crc(CONTENT)
@@ -226,8 +226,7 @@ def test_the_checksum_is_mavlinks(client: Client) -> None:
 
 
 def bitwise_crc(data: bytes) -> int:
-    """Polynomial 0x04C11DB7 reflected, start 0, no final inversion:
-    mavlink.io/en/guide/crc.html."""
+    """Reflected polynomial 0x04C11DB7, start 0, no inversion (mavlink.io/en/guide/crc.html)."""
     crc = 0
     for byte in data:
         crc ^= byte
@@ -239,9 +238,7 @@ def bitwise_crc(data: bytes) -> int:
 @pytest.mark.parametrize(
     "name", ["READFILE", "OPENFILERO", "LISTDIRECTORY", "CALCFILECRC", "TERMINATESESSION"]
 )
-def test_a_request_that_comes_again_is_answered_alike(
-    client: Client, tmp_path: Path, name: str
-) -> None:
+def test_ftp_repeated_request_gets_same_answer(client: Client, tmp_path: Path, name: str) -> None:
     client.ask("OPENFILERO", b"/logs/two.mcap")
     data = {"READFILE": b"", "TERMINATESESSION": b"", "LISTDIRECTORY": b"/logs"}.get(
         name, b"/logs/two.mcap"
@@ -256,8 +253,8 @@ def test_a_request_that_comes_again_is_answered_alike(
 
 
 @pytest.mark.parametrize("party", [(255, 190), GROUND])
-def test_every_client_has_sessions_of_its_own(tmp_path: Path, party: tuple[int, int]) -> None:
-    """Also those of the same ids on two links."""
+def test_ftp_sessions_are_separate_per_client(tmp_path: Path, party: tuple[int, int]) -> None:
+    """Clients with the same ids on two links have separate sessions too."""
     server = build(tmp_path)
     one, other = Client(server), Client(server, party)
     one.ask("OPENFILERO", b"/logs/one.mcap")
@@ -269,7 +266,7 @@ def test_every_client_has_sessions_of_its_own(tmp_path: Path, party: tuple[int, 
     assert one.ask("READFILE", size=5).payload == CONTENT[:5]
 
 
-def test_sessions_run_out_and_idle_ones_make_room(client: Client) -> None:
+def test_ftp_idle_session_is_closed_for_new_one(client: Client) -> None:
     for session in range(MAX_SESSIONS):
         assert client.ask("OPENFILERO", b"/logs/two.mcap", session=session).opcode == ACK
     assert client.ask("OPENFILERO", b"/logs/two.mcap", session=99).payload == error(
@@ -291,7 +288,7 @@ def test_sessions_run_out_and_idle_ones_make_room(client: Client) -> None:
     assert read(bytes(client.down.take()[-1].decode().payload)).opcode == ACK
 
 
-def test_files_are_closed(client: Client) -> None:
+def test_ftp_server_closes_files(client: Client) -> None:
     before = open_files()
     for _ in range(20):
         client.ask("OPENFILERO", b"/logs/one.mcap")
@@ -304,7 +301,7 @@ def test_files_are_closed(client: Client) -> None:
 
 
 def open_files() -> int:
-    """Of this process, where the system tells; 0 where it does not."""
+    """Return the open files of this process; 0 if the system does not report them."""
     listing = Path("/proc/self/fd")
     return len(list(listing.iterdir())) if listing.exists() else 0
 
@@ -324,14 +321,14 @@ def open_files() -> int:
         ("BURSTREADFILE", b"", "INVALIDSESSION"),
     ],
 )
-def test_what_cannot_be_done_is_refused_at_once(
+def test_ftp_impossible_request_is_refused(
     client: Client, name: str, path: bytes, refusal: str
 ) -> None:
     answer = client.ask(name, path, session=9)
     assert (answer.opcode, answer.payload) == (NAK, error(refusal))
 
 
-def test_an_unknown_request_is_refused_and_an_answer_never_answered(client: Client) -> None:
+def test_ftp_unknown_opcode_refused_answer_ignored(client: Client) -> None:
     assert client.ask(77).payload == error("UNKNOWNCOMMAND")
     client.say(ACK)
     client.say(NAK)
@@ -365,7 +362,7 @@ STEP = st.sampled_from(
 @example(["logs", "inner", "deep"], True, False)
 @example(["secret"], True, True)
 @given(st.lists(STEP, max_size=8), st.booleans(), st.booleans())
-def test_no_path_leads_out(
+def test_ftp_path_never_leaves_tree(
     tmp_path: Path, steps: list[str], absolute: bool, from_disk: bool
 ) -> None:
     client = Client(build(tmp_path))
@@ -385,11 +382,9 @@ def test_no_path_leads_out(
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.binary(min_size=0, max_size=251), min_size=1, max_size=12))
-def test_no_payload_raises_and_each_is_answered_at_most_once_or_by_a_burst(
-    tmp_path: Path, said: list[bytes]
-) -> None:
+def test_ftp_any_payload_gets_one_answer_or_a_burst(tmp_path: Path, payloads: list[bytes]) -> None:
     client = Client(build(tmp_path))
-    for payload in said:
+    for payload in payloads:
         client.put(payload)
         answers = client.answers(2)
         if payload[3:4] not in (bytes((ACK,)), bytes((NAK,)), bytes((opcode("BURSTREADFILE"),))):
@@ -416,11 +411,11 @@ FIELDS = st.tuples(
         max_size=30,
     )
 )
-def test_no_order_of_requests_raises(
-    tmp_path: Path, asked: list[tuple[tuple[int, ...], bytes]]
+def test_ftp_any_request_order_does_not_raise(
+    tmp_path: Path, requests: list[tuple[tuple[int, ...], bytes]]
 ) -> None:
     client = Client(build(tmp_path))
-    for (sequence, session, number, size, offset), path in asked:
+    for (sequence, session, number, size, offset), path in requests:
         client.put(
             bytes(FTP_OP(sequence, session, number, size, 0, 0, offset, bytearray(path)).pack())
         )

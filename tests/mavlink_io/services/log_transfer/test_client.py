@@ -1,4 +1,4 @@
-"""The LOG_* client against the LOG_* server, over a link that loses messages."""
+"""The LOG_* client with the LOG_* server over a lossy link."""
 
 import io
 import random
@@ -14,7 +14,7 @@ from tests.mavlink_io.services.log_transfer.test_server import Shelf, server_of
 
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 100_000), st.integers(0, 1000), st.floats(0.0, 0.1), st.integers(0, 1000))
-def test_list_and_download_outlive_losses(
+def test_log_client_list_and_download_with_losses(
     tmp_path: Path, size: int, begun: int, share: float, seed: int
 ) -> None:
     chance, shelf = random.Random(seed), Shelf(tmp_path, 77, size)

@@ -1,5 +1,4 @@
-"""The LOG_* service as MAVProxy and MAVSDK use it, over links that lose messages and over such that
-are full."""
+"""The LOG_* server with requests of MAVProxy and MAVSDK, over lossy and full links."""
 
 import random
 from collections.abc import Callable, Sequence
@@ -54,8 +53,8 @@ class Client:
         return self.hear()
 
 
-def server_of(shelf: Shelf, armed: bool = False, said: list[str] | None = None) -> LogServer:
-    return LogServer(shelf, ([] if said is None else said).append, lambda: armed)
+def server_of(shelf: Shelf, armed: bool = False, texts: list[str] | None = None) -> LogServer:
+    return LogServer(shelf, ([] if texts is None else texts).append, lambda: armed)
 
 
 def put_together(messages: Sequence[Any]) -> bytes:
@@ -67,7 +66,7 @@ def put_together(messages: Sequence[Any]) -> bytes:
     return bytes(data)
 
 
-def test_the_list_counts_from_zero_without_gaps(tmp_path: Path) -> None:
+def test_log_list_counts_from_zero_without_gaps(tmp_path: Path) -> None:
     client = Client(server_of(Shelf(tmp_path, 10, 0, 500)))
     entries = client.list()
     assert [(e.id, e.num_logs, e.last_log_num, e.size) for e in entries] == [
@@ -80,40 +79,40 @@ def test_the_list_counts_from_zero_without_gaps(tmp_path: Path) -> None:
     assert [e.id for e in client.hear()] == [1]
 
 
-def test_no_logs_is_an_answer_too(tmp_path: Path) -> None:
+def test_log_list_without_logs_is_answered(tmp_path: Path) -> None:
     (entry,) = Client(server_of(Shelf(tmp_path))).list()
     assert (entry.id, entry.num_logs, entry.last_log_num, entry.size) == (0, 0, 0, 0)
 
 
 @pytest.mark.parametrize("size", [0, 1, 89, 90, 91, 180, 40_000])
-def test_the_whole_log_arrives(tmp_path: Path, size: int) -> None:
+def test_log_data_whole_log_arrives(tmp_path: Path, size: int) -> None:
     shelf = Shelf(tmp_path, size)
     client = Client(server_of(shelf))
     client.list()
     client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
-    heard = client.hear(10)
-    assert put_together(heard) == shelf.logs[0].path.read_bytes()
-    assert [m.count for m in heard] == [90] * (size // 90) + (
+    received = client.hear(10)
+    assert put_together(received) == shelf.logs[0].path.read_bytes()
+    assert [m.count for m in received] == [90] * (size // 90) + (
         [size % 90] if size % 90 or not size else []
     )
     client.say("LOG_REQUEST_DATA", id=0, ofs=size, count=ALL)
     assert [(m.ofs, m.count) for m in client.hear()] == [(size, 0)]
 
 
-def test_exactly_what_is_asked_for_arrives(tmp_path: Path) -> None:
+def test_log_data_requested_range_arrives(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 1000)
     client = Client(server_of(shelf))
     client.say("LOG_REQUEST_DATA", id=0, ofs=180, count=270)
-    heard = client.hear(3)
-    assert [(m.ofs, m.count) for m in heard] == [(180, 90), (270, 90), (360, 90)]
-    assert b"".join(bytes(m.data) for m in heard) == shelf.logs[0].path.read_bytes()[180:450]
+    received = client.hear(3)
+    assert [(m.ofs, m.count) for m in received] == [(180, 90), (270, 90), (360, 90)]
+    assert b"".join(bytes(m.data) for m in received) == shelf.logs[0].path.read_bytes()[180:450]
     client.say("LOG_REQUEST_DATA", id=0, ofs=1000, count=90)
     assert [(m.ofs, m.count) for m in client.hear()] == [(1000, 0)]
     client.say("LOG_REQUEST_DATA", id=5, ofs=0, count=90)
     assert [(m.id, m.count) for m in client.hear()] == [(5, 0)]
 
 
-def test_a_full_link_is_waited_for_and_others_are_not_kept_waiting(tmp_path: Path) -> None:
+def test_log_data_full_link_does_not_delay_others(tmp_path: Path) -> None:
     server = server_of(Shelf(tmp_path, 3000))
     slow, fast = Client(server), Client(server, (255, 190))
     slow.room = 100
@@ -125,7 +124,7 @@ def test_a_full_link_is_waited_for_and_others_are_not_kept_waiting(tmp_path: Pat
     assert len(slow.hear()) == 10
 
 
-def test_two_clients_of_the_same_ids_are_told_apart_by_their_links(tmp_path: Path) -> None:
+def test_log_clients_with_same_ids_differ_by_link(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 40_000)
     server = server_of(shelf)
     first, second = Client(server), Client(server)
@@ -138,7 +137,7 @@ def test_two_clients_of_the_same_ids_are_told_apart_by_their_links(tmp_path: Pat
     assert 0 < len(second.hear()) < 40_000 // 90
 
 
-def test_the_end_is_the_end(tmp_path: Path) -> None:
+def test_log_request_end_stops_data(tmp_path: Path) -> None:
     client = Client(server_of(Shelf(tmp_path, 200_000)))
     client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
     assert client.hear()
@@ -146,17 +145,17 @@ def test_the_end_is_the_end(tmp_path: Path) -> None:
     assert client.hear() == []
 
 
-def test_a_numbers_meaning_outlives_the_oldest_log(tmp_path: Path) -> None:
+def test_log_numbers_stay_valid_after_deletion(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 100, 200)
     client = Client(server_of(shelf))
     client.list()
-    wanted = shelf.logs.pop(0).path.with_name("8.mcap").read_bytes()
+    expected = shelf.logs.pop(0).path.with_name("8.mcap").read_bytes()
     client.say("LOG_REQUEST_DATA", id=1, ofs=0, count=ALL)
-    assert put_together(client.hear()) == wanted
+    assert put_together(client.hear()) == expected
     assert [e.size for e in client.list()] == [200]
 
 
-def test_a_log_that_went_away_has_no_data(tmp_path: Path) -> None:
+def test_log_data_of_deleted_log_is_empty(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 100)
     client = Client(server_of(shelf))
     client.list()
@@ -165,11 +164,11 @@ def test_a_log_that_went_away_has_no_data(tmp_path: Path) -> None:
     assert [m.count for m in client.hear(3)] == [0]
 
 
-def test_erasing_is_for_vehicles_at_rest(tmp_path: Path) -> None:
-    shelf, said = Shelf(tmp_path, 100), list[str]()
-    client = Client(server_of(shelf, armed=True, said=said))
+def test_log_erase_while_armed_is_refused(tmp_path: Path) -> None:
+    shelf, texts = Shelf(tmp_path, 100), list[str]()
+    client = Client(server_of(shelf, armed=True, texts=texts))
     client.say("LOG_ERASE")
-    assert said == ["Logs not erased: armed"]
+    assert texts == ["Logs not erased: armed"]
     assert [e.num_logs for e in client.list()] == [1]
     client = Client(server_of(shelf))
     client.say("LOG_ERASE")
@@ -179,7 +178,7 @@ def test_erasing_is_for_vehicles_at_rest(tmp_path: Path) -> None:
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 9000), st.integers(0, 1000))
 @pytest.mark.parametrize("download", ["mavproxy", "mavsdk"])
-def test_clients_get_it_all_over_a_link_that_loses_every_sixth(
+def test_log_data_with_losses_is_completed_by_clients(
     tmp_path: Path, download: str, size: int, seed: int
 ) -> None:
     shelf, chance = Shelf(tmp_path, size), random.Random(seed)
@@ -190,8 +189,7 @@ def test_clients_get_it_all_over_a_link_that_loses_every_sixth(
 
 
 def as_mavproxy(client: Client, size: int) -> bytes:
-    """Ask for all, then for up to 20 gaps at a time and for what follows, until a message that is
-    not full."""
+    """Request everything, then up to 20 gaps at a time, until a LOG_DATA that is not full."""
     parts: dict[int, bytes] = {}
     client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
     for _ in range(200):
@@ -210,7 +208,7 @@ def as_mavproxy(client: Client, size: int) -> bytes:
 
 
 def as_mavsdk(client: Client, size: int) -> bytes:
-    """Ask for chunks of 512 messages, and for the first gap of a chunk until there is none."""
+    """Request chunks of 512 messages, and the first gap of a chunk until there is none."""
     data = b""
     while len(data) < size:
         bins = (min(512 * 90, size - len(data)) + 89) // 90
