@@ -108,15 +108,15 @@ def refit(
     marks : sequence of MarkedInterval
         Time ranges (s) of tests that the logs do not mark.
     outputs : ServoChannels
-        Servo channels that move the rudder and the elevator, for logs with SERVO_OUTPUT_RAW.
+        Output channels of rudder, elevator and thrust, counted from 1; negative if reversed.
     beside : sequence of str
         Further methods that are applied to the same runs, for comparison.
     tailcone : Path, optional
-        Output file of ``ground bench``. Its actuator parameters update the prior of method
+        Output of ``ground bench --json``. Its actuator parameters update the prior of method
         ``map``.
     inclining : Path, optional
-        Output file of ``ground incline``. Its height of the centre of mass updates the prior of
-        method ``map``.
+        Output of ``ground incline --json``. Its height of the centre of mass updates the prior
+        of method ``map``.
 
     Returns
     -------
