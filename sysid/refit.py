@@ -108,7 +108,7 @@ def refit(
     marks : sequence of MarkedInterval
         Time ranges (s) of tests that the logs do not mark.
     outputs : ServoChannels
-        Servo channels that move the rudder and the elevator, for logs with SERVO_OUTPUT_RAW.
+        Output channels of rudder, elevator and thrust, counted from 1; negative if reversed.
     beside : sequence of str
         Further methods that are applied to the same runs, for comparison.
     tailcone : Path, optional

@@ -25,7 +25,7 @@ from sysid.models.parameters import CandidateVehicle
 Array = NDArray[np.float64]
 Kind = Literal["actuator slip", "actuator offset", "gain error", "gust", "speed off"]
 
-EVERY_S = 1.0
+SEARCH_INTERVAL_S = 1.0
 """Distance between the times at which a slip or a gust is sought, s."""
 MARGIN_S = 2.0
 """Margin at both ends of a run without search, s.
@@ -82,7 +82,9 @@ def signatures(
         greybox.first_state(run, dataset.start, k * speed_mps) for k in (1.0, 1.0 + SMALL_SHARE)
     )
     nominal_track = _track(vehicle, dataset, first, duct)
-    rows = np.arange(_rows(MARGIN_S), len(nominal_track) - _rows(MARGIN_S), _rows(EVERY_S))
+    rows = np.arange(
+        _rows(MARGIN_S), len(nominal_track) - _rows(MARGIN_S), _rows(SEARCH_INTERVAL_S)
+    )
     slip_tracks = [_simulate_slip(vehicle, dataset, nominal_track, duct, int(row)) for row in rows]
     offset_track, gain_track = (
         _track(vehicle, dataset, first, angles) for angles in (duct + SMALL_RAD, scaled_duct)
@@ -208,7 +210,7 @@ def _scale_deflections(run: Run) -> Run:
 
 def _pulses(steps: Array) -> Array:
     """Step signatures minus the same steps GUST_S later."""
-    rows_later = round(GUST_S / EVERY_S)
+    rows_later = round(GUST_S / SEARCH_INTERVAL_S)
     return_steps = np.zeros_like(steps)
     return_steps[:-rows_later] = steps[rows_later:]
     return steps - return_steps

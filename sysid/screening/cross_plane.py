@@ -21,9 +21,9 @@ They overlap by half, and each is a quarter of the run long.
 """
 HANN_OVERLAP = 1.0 / 6.0
 """Correlation of two Hann windows that overlap by half (Welch 1967, equation 10)."""
-INDEPENDENT = SEGMENTS / (1.0 + 2.0 * HANN_OVERLAP**2 * (SEGMENTS - 1) / SEGMENTS)
+EQUIVALENT_SEGMENTS = SEGMENTS / (1.0 + 2.0 * HANN_OVERLAP**2 * (SEGMENTS - 1) / SEGMENTS)
 """Equivalent number of independent segments: n / (1 + 2 rho^2 (n - 1) / n) (Welch 1967)."""
-EXCITED = 0.1
+MIN_RELATIVE_POWER = 0.1
 """Power of the surface, as a share of its largest, from which on a frequency counts as excited."""
 
 
@@ -158,7 +158,7 @@ def coherence(run: Run, rate_radps: Array) -> tuple[float, int]:
     _, cross_power = signal.csd(surface, rate, **welch_options)
     excited = (
         (frequency_hz > 0.0)
-        & (surface_power > EXCITED * np.max(surface_power[1:]))
+        & (surface_power > MIN_RELATIVE_POWER * np.max(surface_power[1:]))
         & (rate_power > 0.0)
     )
     coherences = np.abs(cross_power[excited]) ** 2 / (surface_power[excited] * rate_power[excited])
@@ -171,4 +171,4 @@ def significant(bins: int) -> float:
     With n independent segments, one frequency exceeds c with the probability (1 - c)^(n - 1)
     (Carter 1987, equation 24).
     """
-    return 1.0 - float((FALSE_ALARM / bins) ** (1.0 / (INDEPENDENT - 1.0)))
+    return 1.0 - float((FALSE_ALARM / bins) ** (1.0 / (EQUIVALENT_SEGMENTS - 1.0)))

@@ -14,9 +14,9 @@ from sysid.screening.anomaly_models import Kind, Signature, departure_rad, signa
 
 Array = NDArray[np.float64]
 
-GROWTH = 0.3
+GROWTH_PRIOR_SD = 0.3
 """Prior standard deviation of the relative error of the response at the largest test of a plane."""
-SIZES = 1.5
+MIN_SIZE_RATIO = 1.5
 """Minimum ratio of the largest to the smallest test of a plane.
 
 Below it, growth of the response with size cannot be distinguished from gain.
@@ -84,7 +84,7 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
     for (plane, dataset), (whitened, slopes) in zip(datasets, linear, strict=True):
         run_signatures = signatures(fit.vehicle, dataset, filters[plane])
         growth = np.zeros((whitened.size, 2))
-        if largest[plane] > SIZES * smallest[plane]:
+        if largest[plane] > MIN_SIZE_RATIO * smallest[plane]:
             growth[:, int(plane == "pitch")] = (
                 -100.0
                 * _single_signature(run_signatures, "gain error")
@@ -110,8 +110,8 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
 def update_parameters(runs: Sequence[RunResiduals], fit: Fit, prior: Prior) -> Residuals:
     """Compute the optimum of a subset of the runs, to first order.
 
-    With A = diag(P0^-1, 1/GROWTH^2) the prior information of z and growth, J_k and e_k slopes and
-    residual of run k, m the prior mean, and d = (z - m, 0)::
+    With A = diag(P0^-1, 1/GROWTH_PRIOR_SD^2) the prior information of z and growth, J_k and e_k
+    slopes and residual of run k, m the prior mean, and d = (z - m, 0)::
 
         information = A + sum_k J_k'J_k
         shift = -information^-1 (A d + sum_k J_k'e_k)
@@ -133,7 +133,7 @@ def update_parameters(runs: Sequence[RunResiduals], fit: Fit, prior: Prior) -> R
     p = fit.z.size
     prior_information = np.zeros((p + 2, p + 2))
     prior_information[:p, :p] = np.linalg.inv(prior.covariance)
-    prior_information[p:, p:] = np.eye(2) / GROWTH**2
+    prior_information[p:, p:] = np.eye(2) / GROWTH_PRIOR_SD**2
     information = prior_information + sum(run.slopes.T @ run.slopes for run in runs)
     departure = np.concatenate([fit.z - prior.mean, np.zeros(2)])
     gradient = prior_information @ departure + sum(run.slopes.T @ run.residual for run in runs)

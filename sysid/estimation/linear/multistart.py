@@ -177,7 +177,7 @@ def weakest_direction(information: Array) -> WeakestDirection:
 
 
 def information_at(objective: Objective, values: Array) -> Array:
-    """Information J'J of an objective at ``values``, (p, p)."""
+    """Return the information J'J of an objective at ``values``, (p, p)."""
     J = objective.jacobian(values)
     information: Array = J.T @ J
     return information

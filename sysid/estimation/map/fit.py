@@ -59,7 +59,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 """Called with the present step and the completed share of the work, 0 to 1."""
 
-NONE_IS_POSSIBLE = ("backlash",)
+MAY_BE_ZERO = ("backlash",)
 """Ratios to the prior whose true value may be zero, which a ratio only reaches at its lower bound.
 
 At four prior standard deviations the assumed backlash of 0.2 deg is 0.004 deg, less than any test
@@ -76,7 +76,7 @@ In passes before the noise is updated again, and in the last pass.
 """
 MULTISTART_DECIMATION = 2
 """Restarts use every second sample: enough to distinguish local minima, at half the cost."""
-OPENINGS_S = (5.0, 15.0)
+RESTART_SPANS_S = (5.0, 15.0)
 """Initial parts of every run (s) that a restart fits before the whole.
 
 A vehicle drawn from the prior may turn the other way, or be unstable where the true one is stable.
@@ -177,12 +177,12 @@ def fit(
 def at_bounds(z: Array) -> tuple[str, ...]:
     """Return the names of the parameters at a bound of the search that the data should not reach.
 
-    The lower bound of a parameter of ``NONE_IS_POSSIBLE`` is a result and does not count.
+    The lower bound of a parameter of ``MAY_BE_ZERO`` is a result and does not count.
     """
     return tuple(
         name
         for name, value in zip(NAMES, z, strict=True)
-        if abs(value) > 0.99 * Z_LIMIT and not (name in NONE_IS_POSSIBLE and value < 0.0)
+        if abs(value) > 0.99 * Z_LIMIT and not (name in MAY_BE_ZERO and value < 0.0)
     )
 
 
@@ -242,7 +242,7 @@ def _search_other_starts(
         report(index / start_count)
         sample = prior.mean + root @ generator.standard_normal(len(NAMES))
         start = _feasible_start(decimated, np.clip(sample, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
-        for seconds in OPENINGS_S:
+        for seconds in RESTART_SPANS_S:
             opening_end = descend(_truncate(decimated, seconds), start, COARSE_TOLERANCE)
             start, steps = opening_end.z, steps + opening_end.steps
         end = descend(decimated, start, COARSE_TOLERANCE)
