@@ -1,4 +1,4 @@
-"""Text from outside on its way to a terminal: no markup, no control characters."""
+"""Output to the terminal has no markup and no control characters from outside."""
 
 import io
 import json
