@@ -275,7 +275,7 @@ def test_pump_late_reader_finds_vehicle_alive(
     late_s = client.wall_s() + client.HEARTBEAT_TIMEOUT_S + 1.0
     monkeypatch.setattr(client, "wall_s", lambda: late_s)
     pump(vehicle, 10)
-    assert vehicle.party == (1, 1)
+    assert vehicle.vehicle_id == (1, 1)
 
 
 def test_pump_late_reader_finds_silent_vehicle_gone(
@@ -298,7 +298,7 @@ def test_connect_late_reader_finds_vehicle(backlog: Backlog) -> None:
     backlog.chatter(200)
     backlog.heartbeat()
     vehicle.connect(timeout_s=0.0)
-    assert vehicle.party == (1, 1)
+    assert vehicle.vehicle_id == (1, 1)
 
 
 def test_last_words_before_a_broken_link_are_received() -> None:
