@@ -26,7 +26,7 @@ test: $(VENV)/dev.stamp check        ## run all checks and tests
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST)
 
 test-fast: $(VENV)/dev.stamp check   ## run the checks and the tests without processes
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not process and not client and not slow" $(PYTEST)
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not process and not slow" $(PYTEST)
 
 test-clients: $(VENV)/dev.stamp      ## MAVSDK and MAVProxy on every link and speed: pass counts
 	$(BIN)/python -m tests.clients
@@ -52,7 +52,7 @@ format: $(VENV)/dev.stamp            ## apply the formatter and the safe lint fi
 	$(BIN)/ruff format .
 
 coverage: $(VENV)/dev.stamp          ## line coverage of the tests without processes
-	$(BIN)/python -m pytest -n 2 -m "not process and not client" --cov --cov-report=term $(PYTEST)
+	$(BIN)/python -m pytest -n 2 -m "not process" --cov --cov-report=term $(PYTEST)
 
 audit: $(VENV)/dev.stamp             ## known vulnerabilities of the pinned packages (needs a network)
 	$(BIN)/python -m pip_audit -r requirements/run.lock --no-deps --disable-pip

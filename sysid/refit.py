@@ -345,9 +345,19 @@ def prior_of(
     """
     if earlier is None:
         biases = fit.trim_biases(prior, build_model.build(prior), runs)
-        return Prior(prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
+        return Prior(
+            config=prior,
+            biases_rad=biases,
+            mean=np.zeros(len(NAMES)),
+            covariance=parameters.prior_covariance(),
+        )
     biases = {plane: float(np.radians(b)) for plane, b in earlier.vehicle.prior_biases_deg.items()}
-    return Prior(prior, biases, np.array(earlier.joint.z), np.array(earlier.joint.covariance))
+    return Prior(
+        config=prior,
+        biases_rad=biases,
+        mean=np.array(earlier.joint.z),
+        covariance=np.array(earlier.joint.covariance),
+    )
 
 
 def prior_knowledge(prior: str | Path) -> PriorKnowledge:
@@ -490,13 +500,13 @@ def _screened_run(screening: Screening, outlier_test: RunScreening | None = None
     """Return the ``model.json`` record of a run, with the outlier tests if the run was fitted."""
     run, reasons = screening.run, screening.reasons
     record = ScreenedRun(
-        run.name,
-        run.plane,
-        run.wave,
-        run.magnitude_deg,
-        float(run.time_s[-1]),
-        not reasons,
-        reasons,
+        run=run.name,
+        plane=run.plane,
+        wave=run.wave,
+        magnitude_deg=run.magnitude_deg,
+        duration_s=float(run.time_s[-1]),
+        kept=not reasons,
+        reasons=reasons,
     )
     if outlier_test is None:
         return record

@@ -174,14 +174,14 @@ def _report(
     """Return the report of a valid vehicle; ``level_rad`` is (pitch nose up, elevator)."""
     # With BG = z_CB - z_CM: roll frequency sqrt(W BG / M_44), pitch frequency sqrt(W BG / M_55).
     h, U = model.hydrostatics, config.operating_point.speed_mps
-    righting = h.z_cb_m - h.z_cm_m
+    height_of_cb = h.z_cb_m - h.z_cm_m
     pitch, elevator = level_rad
     if abs(degrees(elevator)) > config.tailcone.travel_deg:
         warnings = [
             *warnings,
             f"level motion needs {degrees(elevator):.0f} deg of elevator, beyond its travel",
         ]
-    stiffness = h.weight_n * righting
+    stiffness = h.weight_n * height_of_cb
     roll = sqrt(stiffness / model.inertia.M[3, 3])
     planes = linearise(model, U)
     yaw, pitch_plane = (
@@ -199,8 +199,8 @@ def _report(
         length_m=hull.length_m(config.hull),
         mass_kg=model.inertia.mass_kg,
         net_buoyancy_n=h.buoyancy_n - h.weight_n,
-        float_pitch_deg=degrees(atan2(h.x_cb_m - h.x_cm_m, righting)),
-        float_heel_deg=degrees(atan2(-h.y_cm_m, righting)),
+        float_pitch_deg=degrees(atan2(h.x_cb_m - h.x_cm_m, height_of_cb)),
+        float_heel_deg=degrees(atan2(-h.y_cm_m, height_of_cb)),
         speed_mps=U,
         level_pitch_deg=degrees(pitch),
         level_elevator_deg=degrees(elevator),
@@ -228,8 +228,8 @@ def _plane(plane: Plane, states: tuple[str, ...], model: VehicleModel, U: float)
         model.inertia.M_A[1 if sign > 0 else 2, 1 if sign > 0 else 2],
     )
     lift = model.hull.N_uv_kg if sign > 0 else -model.hull.M_uw_kg
-    body = U**2 * (lift - (A_v - A_u))
-    whole = sign * F[1, 0] * U
+    hull_moment = U**2 * (lift - (A_v - A_u))
+    total_moment = sign * F[1, 0] * U
     return PlaneReport(
         states=states,
         A=plane.A.tolist(),
@@ -238,8 +238,8 @@ def _plane(plane: Plane, states: tuple[str, ...], model: VehicleModel, U: float)
             _mode(complex(pole))
             for pole in sorted(np.linalg.eigvals(plane.A), key=abs, reverse=True)
         ],
-        moment_hull_nm=-body,
-        moment_tail_nm=whole - body,
+        moment_hull_nm=-hull_moment,
+        moment_tail_nm=total_moment - hull_moment,
         straight_line_index=float(1 - F[1, 0] * F[0, 1] / (F[0, 0] * F[1, 1])),
     )
 

@@ -39,9 +39,21 @@ def ring_wing_lift_slope_per_rad(aspect_ratio: float) -> float:
 
 @kernel
 def ring_axis(rudder_rad: float, elevator_rad: float) -> Vector3:
-    """Return the unit vector along the ring axis, forward, in body FLU; thrust acts along it.
+    """Return the unit vector along the ring axis, forward; thrust acts along it.
 
-    This is the first row of the paper's T_R/B: (cos dE cos dR, sin dR, -cos dR sin dE).
+    Parameters
+    ----------
+    rudder_rad, elevator_rad : float
+        Duct angles dR and dE, rad; positive turns the nose to starboard and up.
+
+    Returns
+    -------
+    tuple of 3 floats
+        Unit vector in body FLU axes.
+
+    Notes
+    -----
+    First row of the paper's T_R/B: (cos dE cos dR, sin dR, -cos dR sin dE).
     """
     cos_r = cos(rudder_rad)
     return cos_r * cos(elevator_rad), sin(rudder_rad), -cos_r * sin(elevator_rad)

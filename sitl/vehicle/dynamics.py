@@ -79,7 +79,24 @@ def rotation(state: Vector) -> tuple[Vector3, Vector3, Vector3]:
 
 @kernel
 def coriolis(nu: Wrench, inertia: Inertia) -> Wrench:
-    """Return -C(nu) nu of the body and its added mass, N and N m in FLU; it does no work."""
+    """Return the Coriolis and centripetal wrench of the body and its added mass.
+
+    Parameters
+    ----------
+    nu : tuple of 6 floats
+        Velocity (u, v, w, p, q, r) through the water, FLU, m/s and rad/s.
+    inertia : Inertia
+        Mass matrices; M = M_RB + M_A is used.
+
+    Returns
+    -------
+    tuple of 6 floats
+        -C(nu) nu about the origin, FLU, N and N m; it does no work.
+
+    Notes
+    -----
+    Kirchhoff's equations (Lamb 1932, sec. 124).
+    """
     # M = M_RB + M_A (6 x 6), nu = (v, omega) in FLU axes, m/s and rad/s.
     # Kirchhoff's equations (Lamb 1932, sec. 124), with momenta about the origin
     #     (P, H) = M nu:
@@ -113,10 +130,33 @@ def tail(
     immersed: float,
     model: VehicleModel,
 ) -> Wrench:
-    """Return the wrench of ring wing, propeller and fins, N and N m about the origin, FLU.
+    """Return the wrench of ring wing, propeller and fins.
 
-    ``nu`` is the velocity through the water, ``axis`` the unit vector along the ring (forward) and
-    ``immersed`` the fraction of the duct that is under water, 0 to 1.
+    Parameters
+    ----------
+    nu : tuple of 6 floats
+        Velocity (u, v, w, p, q, r) relative to the water, FLU, m/s and rad/s.
+    axis : tuple of 3 floats
+        Unit vector along the ring, forward, FLU, from ``duct.ring_axis``.
+    rudder_rad : float
+        Rudder angle, rad; positive turns the nose to starboard.
+    elevator_rad : float
+        Elevator angle, rad; positive turns the nose up.
+    shaft_rps : float
+        Shaft speed, rev/s; negative is astern.
+    immersed : float
+        Fraction of the duct that is under water, 0 to 1.
+    model : VehicleModel
+        The vehicle.
+
+    Returns
+    -------
+    tuple of 6 floats
+        Wrench about the origin, FLU, N and N m.
+
+    Notes
+    -----
+    ``duct.force``, ``propeller.thrust_n`` and ``fins.wrench`` have the equations and sources.
     """
     # Ring and thrust act at (x, 0, 0), x < 0. Velocity there: (u, v, w) + omega x (x, 0, 0).
     # Moment about the origin: (x, 0, 0) x (X, Y, Z) = (0, -x Z, x Y).

@@ -110,15 +110,17 @@ def _myring_outline(hull: Myring) -> Outline:
     )
 
     def radius(along_m: Vector) -> Vector:
-        to_shoulder, behind = (
+        to_shoulder, behind_m = (
             np.clip((nose - along_m) / a, 0.0, 1.0),
             np.maximum(along_m - nose, 0.0),
         )
-        rounded = d / 2 * (1 - to_shoulder**2) ** (1 / hull.nose_exponent)
-        pointed = (
-            d / 2 - (1.5 * d / c**2 - slope / c) * behind**2 + (d / c**3 - slope / c**2) * behind**3
+        nose_radius_m = d / 2 * (1 - to_shoulder**2) ** (1 / hull.nose_exponent)
+        tail_radius_m = (
+            d / 2
+            - (1.5 * d / c**2 - slope / c) * behind_m**2
+            + (d / c**3 - slope / c**2) * behind_m**3
         )
-        return np.where(along_m < nose, rounded, np.maximum(pointed, 0.0))
+        return np.where(along_m < nose, nose_radius_m, np.maximum(tail_radius_m, 0.0))
 
     middle = hull.mid_length_m + hull.midbody_length_m
     return Outline(
@@ -138,9 +140,9 @@ def _cylinder_outline(hull: Cylinder) -> Outline:
     tail = half if hull.tail_cap_m is None else hull.tail_cap_m
 
     def radius(along_m: Vector) -> Vector:
-        before, behind = nose - along_m, along_m - nose
+        before_m, behind_m = nose - along_m, along_m - nose
         reach = np.where(
-            before > 0.0, before / (nose or 1.0), np.maximum(behind, 0.0) / (tail or 1.0)
+            before_m > 0.0, before_m / (nose or 1.0), np.maximum(behind_m, 0.0) / (tail or 1.0)
         )
         return np.asarray(half * np.sqrt(np.maximum(1 - reach**2, 0.0)))
 
@@ -188,8 +190,8 @@ def length_m(hull: HullGeometry) -> float:
     float
         Length overall, m.
     """
-    whole = outline(hull)
-    return whole.ends_m + whole.middle_m
+    hull_outline = outline(hull)
+    return hull_outline.ends_m + hull_outline.middle_m
 
 
 def radius_m(hull: HullGeometry, x_m: Vector) -> Vector:
@@ -207,11 +209,15 @@ def radius_m(hull: HullGeometry, x_m: Vector) -> Vector:
     ndarray
         Radius, m, in the shape of ``x_m``; zero outside the hull.
     """
-    whole = outline(hull)
-    from_nose, nose = length_m(hull) / 2 - x_m, sum(whole.nose_m)
-    along = np.where(from_nose < nose, from_nose, np.maximum(nose, from_nose - whole.middle_m))
-    inside = (along >= 0.0) & (along <= whole.ends_m)
-    return np.asarray(np.where(inside, whole.radius(np.clip(along, 0.0, whole.ends_m)), 0.0))
+    hull_outline = outline(hull)
+    from_nose, nose = length_m(hull) / 2 - x_m, sum(hull_outline.nose_m)
+    along = np.where(
+        from_nose < nose, from_nose, np.maximum(nose, from_nose - hull_outline.middle_m)
+    )
+    inside = (along >= 0.0) & (along <= hull_outline.ends_m)
+    return np.asarray(
+        np.where(inside, hull_outline.radius(np.clip(along, 0.0, hull_outline.ends_m)), 0.0)
+    )
 
 
 _gauss_legendre = cache(np.polynomial.legendre.leggauss)
@@ -223,9 +229,11 @@ def quadrature(hull: HullGeometry, nodes: tuple[int, int, int]) -> tuple[Vector,
 
     ``nodes`` is the number of nodes on nose, mid-body and tail; abscissae run from nose to tail.
     """
-    whole = outline(hull)
+    hull_outline = outline(hull)
     return _quadrature(
-        length_m(hull), (sum(whole.nose_m), whole.middle_m, sum(whole.tail_m)), nodes
+        length_m(hull),
+        (sum(hull_outline.nose_m), hull_outline.middle_m, sum(hull_outline.tail_m)),
+        nodes,
     )
 
 
@@ -280,9 +288,9 @@ def integrals(hull: HullGeometry) -> Integrals:
     -----
     Gauss-Legendre quadrature on every smooth piece; exact where R^2 is a polynomial.
     """
-    whole = outline(hull)
-    pieces = (*whole.nose_m, whole.middle_m, *whole.tail_m)
-    x, dx = _quadrature(length_m(hull), pieces, (whole.nodes,) * len(pieces))
+    hull_outline = outline(hull)
+    pieces = (*hull_outline.nose_m, hull_outline.middle_m, *hull_outline.tail_m)
+    x, dx = _quadrature(length_m(hull), pieces, (hull_outline.nodes,) * len(pieces))
     radius = radius_m(hull, x)
     section = pi * radius**2
     volume = float(section @ dx)

@@ -15,9 +15,26 @@ from sitl.vehicle.model import Hull, Stations
 
 @kernel
 def crossflow_drag(v: float, w: float, q: float, r: float, stations: Stations) -> Wrench:
-    """Return the crossflow drag of the hull by strip theory, N and N m (Hoerner 1965, ch. 3).
+    """Return the crossflow drag of the hull by strip theory.
 
-    Sway and heave combine into one crossflow speed, so the force does not depend on the roll angle.
+    Parameters
+    ----------
+    v, w : float
+        Sway and heave velocity through the water, FLU, m/s.
+    q, r : float
+        Pitch and yaw rate relative to the water, FLU, rad/s.
+    stations : Stations
+        Sections of the hull.
+
+    Returns
+    -------
+    tuple of 6 floats
+        Wrench about the origin, FLU, N and N m.
+
+    Notes
+    -----
+    Strip theory (Hoerner 1965, ch. 3). Sway and heave combine into one crossflow speed, so the
+    force does not depend on the roll angle.
     """
     # Local crossflow at station x:  v_x = v + x r,  w_x = w - x q.
     # Section force, with drag_kgpm = 1/2 rho C_d 2R dx:
@@ -37,7 +54,27 @@ def crossflow_drag(v: float, w: float, q: float, r: float, stations: Stations) -
 
 @kernel
 def lift_and_drag(u: float, v: float, w: float, p: float, q: float, r: float, hull: Hull) -> Wrench:
-    """Return axial drag, hull lift and roll damping, N and N m; ``hull`` has the coefficients."""
+    """Return axial drag, hull lift and roll damping.
+
+    Parameters
+    ----------
+    u, v, w : float
+        Velocity through the water, FLU, m/s.
+    p, q, r : float
+        Angular velocity relative to the water, FLU, rad/s.
+    hull : Hull
+        Coefficients.
+
+    Returns
+    -------
+    tuple of 6 floats
+        Wrench about the origin, FLU, N and N m.
+
+    Notes
+    -----
+    The coefficients are what remains of the paper's Table 1 after added mass and tail
+    (``build_model``).
+    """
     # X = -X_uu u |u|                       K = -K_p p - K_pp p |p|
     # Y =  Y_uv |u| v + Y_ur u r            N =  N_uv u v + N_ur |u| r
     # Z =  Z_uw |u| w + Z_uq u q            M =  M_uw u w + M_uq |u| q
@@ -57,10 +94,26 @@ def lift_and_drag(u: float, v: float, w: float, p: float, q: float, r: float, hu
 
 @kernel
 def duct_interaction(pressure: float, rudder_rad: float, elevator_rad: float, hull: Hull) -> Wrench:
-    """Return the force of a deflected duct beyond that of the isolated ring wing, N and N m.
+    """Return the wrench of a deflected duct beyond that of the isolated ring wing.
 
-    ``pressure`` is u |u| in m2/s2 times the immersed fraction of the duct. The coefficients are
-    what remains of Table 1's Y_dr, N_dr, Z_de and M_de after the isolated duct (``build_model``).
+    Parameters
+    ----------
+    pressure : float
+        u |u| times the immersed fraction of the duct, m2/s2.
+    rudder_rad, elevator_rad : float
+        Surface angles, rad; positive turns the nose to starboard and up.
+    hull : Hull
+        Coefficients.
+
+    Returns
+    -------
+    tuple of 6 floats
+        Wrench about the origin, FLU, N and N m.
+
+    Notes
+    -----
+    The coefficients are what remains of Table 1's Y_dr, N_dr, Z_de and M_de after the isolated duct
+    (``build_model``).
     """
     return (
         0.0,

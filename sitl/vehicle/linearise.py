@@ -43,10 +43,15 @@ class Plane(NamedTuple):
     """Linear plane M x' = F x + G delta, and the same solved for x' = A x + B delta."""
 
     M: Vector
+    """Mass matrix, (n, n); identity for kinematic states."""
     F: Vector
+    """Force per state, (n, n)."""
     G: Vector
+    """Force per surface angle, (n, 1)."""
     A: Vector
+    """M^-1 F, (n, n)."""
     B: Vector
+    """M^-1 G, (n, 1)."""
 
 
 class LinearPlanes(NamedTuple):
@@ -144,11 +149,11 @@ def _slope_of(
     duct: int | None = None,
 ) -> Vector:
     """Return the derivative of nu' with respect to one component, shape (6,)."""
-    d_nu, d_turn, d_duct = (
+    d_nu, d_rotation, d_duct = (
         _unit(size, i) * STEP for size, i in ((6, nu), (3, rotation), (2, duct))
     )
-    ahead = acceleration(d_nu, d_turn, d_duct, np.zeros(6))
-    behind = acceleration(-d_nu, -d_turn, -d_duct, np.zeros(6))
+    ahead = acceleration(d_nu, d_rotation, d_duct, np.zeros(6))
+    behind = acceleration(-d_nu, -d_rotation, -d_duct, np.zeros(6))
     return (ahead - behind) / (2 * STEP)
 
 
@@ -182,26 +187,26 @@ def _plane(M: Vector, F: Vector, G: Vector) -> Plane:
 
 def _yaw(M: Vector, F: Vector, G: Vector) -> Plane:
     """Return the yaw plane: states (v, r, psi), input rudder."""
-    mass, force, effect = np.eye(3), np.zeros((3, 3)), np.zeros((3, 1))
-    pick = np.ix_([SWAY, YAW], [SWAY, YAW])
-    mass[:2, :2] = M[pick]
-    force[:2, :2] = F[pick]
+    mass, force, input_force = np.eye(3), np.zeros((3, 3)), np.zeros((3, 1))
+    block = np.ix_([SWAY, YAW], [SWAY, YAW])
+    mass[:2, :2] = M[block]
+    force[:2, :2] = F[block]
     force[2, 1] = 1.0
-    effect[:2, 0] = G[[SWAY, YAW], 0]
-    return _plane(mass, force, effect)
+    input_force[:2, 0] = G[[SWAY, YAW], 0]
+    return _plane(mass, force, input_force)
 
 
 def _pitch(M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float) -> Plane:
     """Return the pitch plane: states (w, q, theta, depth); theta' = q, depth' = U theta - w."""
-    mass, force, effect = np.eye(4), np.zeros((4, 4)), np.zeros((4, 1))
-    pick = np.ix_([HEAVE, PITCH], [HEAVE, PITCH])
-    mass[:2, :2] = M[pick]
-    force[:2, :2] = F[pick]
+    mass, force, input_force = np.eye(4), np.zeros((4, 4)), np.zeros((4, 1))
+    block = np.ix_([HEAVE, PITCH], [HEAVE, PITCH])
+    mass[:2, :2] = M[block]
+    force[:2, :2] = F[block]
     force[:2, 2] = F_angle[[HEAVE, PITCH], ABOUT_Y]
     force[2, 1] = 1.0
     force[3, :3] = -1.0, 0.0, u_mps
-    effect[:2, 0] = G[[HEAVE, PITCH], 1]
-    return _plane(mass, force, effect)
+    input_force[:2, 0] = G[[HEAVE, PITCH], 1]
+    return _plane(mass, force, input_force)
 
 
 def _coefficients(

@@ -59,12 +59,32 @@ def wrench(
     hydrostatics: Hydrostatics,
     stations: Stations,
 ) -> Wrench:
-    """Return weight at the centre of mass plus buoyancy at the centre of volume, N and N m, FLU.
+    """Return weight at the centre of mass plus buoyancy at the centre of volume.
 
-    ``up`` is opposite to effective gravity in the frame of the water, body axes: the inertial z
-    axis plus the acceleration of the water in units of g (Froude-Krylov force). ``z_m`` and
-    ``climb`` are as for ``lost_buoyancy``; ``density_ratio`` is the density over that of the water
-    in which the vehicle was ballasted.
+    Parameters
+    ----------
+    z_m : float
+        Height of the origin above the surface, m.
+    climb : float
+        Change of that height per metre forward along the hull.
+    up : tuple of 3 floats
+        Opposite direction of effective gravity in the frame of the water, FLU: the inertial z axis
+        plus the acceleration of the water in units of g (Froude-Krylov force).
+    density_ratio : float
+        Density over that of the water in which the vehicle was ballasted.
+    hydrostatics : Hydrostatics
+        Weight, buoyancy and their centres.
+    stations : Stations
+        Sections of the hull, for the buoyancy lost above the surface.
+
+    Returns
+    -------
+    tuple of 6 floats
+        Wrench about the origin, FLU, N and N m.
+
+    Notes
+    -----
+    Fossen 2021, ch. 4.
     """
     # With weight W at r_CM and buoyancy B at r_CB, both along "up" (Fossen 2021, ch. 4):
     #     force  = (B - W) up,

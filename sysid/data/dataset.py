@@ -84,7 +84,7 @@ class TextEvent:
 class ClockStep(NamedTuple):
     """Backward step of a clock; later samples of that clock are left out."""
 
-    what: str
+    message: str
     """Name of the message whose time stamps went back."""
     time_s: float
     """Latest time before the step."""

@@ -337,7 +337,7 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
 def _clock_step_reason(log: Log, grid_s: Array) -> str:
     """Return a text on the first clock step within the run; empty without one."""
     steps = [step for step in log.clock.steps if grid_s[0] <= step.time_s <= grid_s[-1] + STEADY_S]
-    return f"the time of {steps[0].what} went back by {steps[0].back_s:.1f} s" if steps else ""
+    return f"the time of {steps[0].message} went back by {steps[0].back_s:.1f} s" if steps else ""
 
 
 def _clock_drift_s(log: Log, grid_s: Array) -> float:

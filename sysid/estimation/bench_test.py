@@ -130,7 +130,12 @@ def _record(log: Log, name: AxisName, tests: list[TestInterval]) -> BenchRecord:
     periods = tuple((test.start_s, test.stop_s) for test in tests)
     angles_rad = getattr(duct, f"{name}_rad")[in_record]
     return BenchRecord(
-        start_s, commands_rad, duct.time_s[in_record], angles_rad, periods, travel_rad
+        start_s,
+        commands_rad,
+        duct.time_s[in_record],
+        angles_rad,
+        periods,
+        travel_rad,
     )
 
 
@@ -272,11 +277,11 @@ def _limit(points: tuple[FrequencyPoint, ...], model: ActuatorFit, amplitude_deg
     )
     amplitude_points = [point for point in points if point.amplitude_deg == amplitude_deg]
     return Limit(
-        amplitude_deg,
-        triangle,
-        sine,
-        half_power_hz(amplitude_points),
-        PAPER_LIMITS_HZ.get(amplitude_deg),
+        amplitude_deg=amplitude_deg,
+        triangle_hz=triangle,
+        sine_hz=sine,
+        half_power_hz=half_power_hz(amplitude_points),
+        paper_hz=PAPER_LIMITS_HZ.get(amplitude_deg),
     )
 
 

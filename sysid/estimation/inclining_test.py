@@ -131,7 +131,12 @@ def analyse(log: Log, moves: Sequence[WeightPeriod], vehicle: VehicleConfig) -> 
         )
     )
     z_cm = ParameterEstimate(vehicle.ballast.z_cb_m - height_m, height.sd)
-    return Inclining(height, z_cm, math.degrees(math.atan(tan_list)), tuple(readings))
+    return Inclining(
+        height_m=height,
+        z_cm_m=z_cm,
+        list_deg=math.degrees(math.atan(tan_list)),
+        readings=tuple(readings),
+    )
 
 
 def _heel_rad(log: Log, armed_s: float, period: WeightPeriod) -> float:

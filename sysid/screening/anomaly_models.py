@@ -103,13 +103,25 @@ def signatures(
     slip_times_s, no_time = run.time_s[rows * fit.STRIDE], np.array([math.nan])
     per_degree, percents = white(slip_tracks, math.degrees(SMALL_RAD)), 100.0 * SMALL_SHARE
     return [
-        Signature("actuator slip", slip_times_s, per_degree, "deg"),
-        Signature("gust", slip_times_s, _pulses(per_degree) / _push_per_s2(vehicle, run), "deg/s2"),
+        Signature(kind="actuator slip", times_s=slip_times_s, white=per_degree, unit="deg"),
         Signature(
-            "actuator offset", no_time, white([offset_track], math.degrees(SMALL_RAD)), "deg"
+            kind="gust",
+            times_s=slip_times_s,
+            white=_pulses(per_degree) / _push_per_s2(vehicle, run),
+            unit="deg/s2",
         ),
-        Signature("gain error", no_time, white([gain_track], percents), "%"),
-        Signature("speed off", no_time, white([speed_track], percents), "%"),
+        Signature(
+            kind="actuator offset",
+            times_s=no_time,
+            white=white([offset_track], math.degrees(SMALL_RAD)),
+            unit="deg",
+        ),
+        Signature(
+            kind="gain error", times_s=no_time, white=white([gain_track], percents), unit="%"
+        ),
+        Signature(
+            kind="speed off", times_s=no_time, white=white([speed_track], percents), unit="%"
+        ),
     ]
 
 

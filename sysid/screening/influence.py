@@ -27,6 +27,12 @@ def shifts(with_all: IdentifiedModel, without: IdentifiedModel) -> tuple[Shift, 
             if isinstance(after, ParameterEstimate) and after.sd:
                 first = before[number].value
                 changes.append(
-                    Shift(plane, number, first, after.value, (first - after.value) / after.sd)
+                    Shift(
+                        plane=plane,
+                        number=number,
+                        with_all=first,
+                        value=after.value,
+                        sds=(first - after.value) / after.sd,
+                    )
                 )
     return tuple(changes)

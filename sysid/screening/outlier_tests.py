@@ -117,7 +117,11 @@ def find_outliers(fit: Fit, prior: Prior, all_runs: Sequence[Run] = ()) -> Scree
             break
         name, alternatives = _name(worst.residuals), _alternatives(worst, tested)
         outliers[name] = RunScreening(
-            name, worst.scores, worst.repeat, _reason(worst, alternatives), ()
+            run=name,
+            scores=worst.scores,
+            repeat=worst.repeat,
+            reason=_reason(worst, alternatives),
+            warnings=(),
         )
         ambiguous |= {
             _name(alternative.residuals): _warn_alternative(alternative, name)
@@ -142,7 +146,9 @@ def _check_run(run: RunResiduals, optimum: Residuals) -> _TestedRun:
         run.signatures, optimum.residual_at_optimum(run), run.slopes, optimum.covariance
     )
     partners = tuple(_name(partner) for partner in repeated_runs(run, optimum.runs))
-    return _TestedRun(run, run_scores, repeatability(run, optimum), partners)
+    return _TestedRun(
+        residuals=run, scores=run_scores, repeat=repeatability(run, optimum), partners=partners
+    )
 
 
 def _select_outlier(
@@ -275,7 +281,11 @@ def _warn_alternative(alternative: _TestedRun, left_out: str) -> RunScreening:
         " the tests do not determine which"
     )
     return RunScreening(
-        _name(alternative.residuals), alternative.scores, alternative.repeat, "", (warning,)
+        run=_name(alternative.residuals),
+        scores=alternative.scores,
+        repeat=alternative.repeat,
+        reason="",
+        warnings=(warning,),
     )
 
 
@@ -311,7 +321,11 @@ def _keep(subject: _TestedRun, others: Sequence[_TestedRun]) -> RunScreening:
             f"non-repeatability: unlike {', '.join(subject.partners)}, as if by {explanation}"
         )
     return RunScreening(
-        _name(subject.residuals), subject.scores, subject.repeat, "", tuple(warnings)
+        run=_name(subject.residuals),
+        scores=subject.scores,
+        repeat=subject.repeat,
+        reason="",
+        warnings=tuple(warnings),
     )
 
 

@@ -60,11 +60,11 @@ def refit_until_clean(
         latest_fit = fit_runs(accepted)
     accepted_screenings = {run.name: _warning_only(screenings[run.name]) for run in accepted}
     return RefitResult(
-        latest_fit,
-        accepted,
-        screenings | accepted_screenings,
-        result.structure,
-        first_fit if len(accepted) < len(runs) else None,
+        fit=latest_fit,
+        accepted_runs=accepted,
+        screenings=screenings | accepted_screenings,
+        structure=result.structure,
+        fit_of_all_runs=first_fit if len(accepted) < len(runs) else None,
     )
 
 

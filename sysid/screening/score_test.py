@@ -142,7 +142,10 @@ def _statistic_over_time(
     sd = np.sqrt(variance)
     signature = signature._replace(times_s=signature.times_s[informative], white=white)
     return _StatisticOverTime(
-        signature, variance, white @ residual / sd, neighbour_covariance / (sd[1:] * sd[:-1])
+        signature=signature,
+        variance=variance,
+        statistic=white @ residual / sd,
+        correlation=neighbour_covariance / (sd[1:] * sd[:-1]),
     )
 
 
@@ -154,7 +157,12 @@ def _most_likely(statistics: _StatisticOverTime) -> Anomaly:
     statistic = float(statistics.statistic[index])
     kind, unit = statistics.signature.kind, statistics.signature.unit
     return Anomaly(
-        kind, statistic, statistic * sd, sd, unit, None if math.isnan(time_s) else time_s
+        kind=kind,
+        statistic=statistic,
+        size=statistic * sd,
+        sd=sd,
+        unit=unit,
+        at_s=None if math.isnan(time_s) else time_s,
     )
 
 

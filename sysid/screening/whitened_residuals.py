@@ -69,7 +69,9 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
         Residuals, slopes and signatures, in the order of ``fit.datasets``.
     """
     filters = problems.filters(fit.vehicle, fit.datasets, fit.noise, STRIDE)
-    problem = MapProblem(prior, fit.datasets, filters, fit.noise, STRIDE)
+    problem = MapProblem(
+        prior=prior, datasets=fit.datasets, filters=filters, levels=fit.noise, stride=STRIDE
+    )
     linear = problems.linearise(problem, fit.z)
     datasets = [(plane, dataset) for plane, group in fit.datasets.items() for dataset in group]
     largest = {
@@ -91,11 +93,11 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
             )
         play_sd_deg = math.degrees(fit.vehicle.actuators[plane].backlash_rad) / math.sqrt(12.0)
         without_backlash = RunResiduals(
-            dataset,
-            _size_rad(dataset),
-            whitened.ravel(),
-            np.hstack([slopes, growth]),
-            tuple(run_signatures),
+            dataset=dataset,
+            size_rad=_size_rad(dataset),
+            residual=whitened.ravel(),
+            slopes=np.hstack([slopes, growth]),
+            signatures=tuple(run_signatures),
         )
         runs.append(
             _with_backlash_noise(

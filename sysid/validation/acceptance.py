@@ -132,7 +132,16 @@ def _gate(
 ) -> Gate:
     """Evaluate a criterion; it fails if its value is unknown."""
     passed = value is not None and (value <= limit if sense == "at most" else value >= limit)
-    return Gate(name, plane, value, limit, sense, unit, passed, required)
+    return Gate(
+        name=name,
+        plane=plane,
+        value=value,
+        limit=limit,
+        sense=sense,
+        unit=unit,
+        passed=passed,
+        required=required,
+    )
 
 
 def _of_fit(model: IdentifiedModel) -> Iterator[Gate]:
@@ -342,7 +351,13 @@ def _next_test(
         if not worst.passed
         else f"every gate is passed; closest to its limit: {format_gate(worst)}"
     )
-    return NextTest(worst.plane, signal, _median_size_deg(model, worst.plane), duration_s, reason)
+    return NextTest(
+        plane=worst.plane,
+        signal=signal,
+        magnitude_deg=_median_size_deg(model, worst.plane),
+        duration_s=duration_s,
+        reason=reason,
+    )
 
 
 def _relative_violation(gate: Gate) -> float:

@@ -78,10 +78,12 @@ def _original_prior(model: IdentifiedModel, prior: VehicleConfig | None) -> Prio
     """Prior with the model's estimate as the mean and the covariance before any test."""
     estimates = dict(zip(model.joint.names, model.joint.z, strict=True))
     return Prior(
-        prior or vehicle_files.load(model.vehicle.prior),
-        {plane: math.radians(bias) for plane, bias in model.vehicle.prior_biases_deg.items()},
-        np.array([estimates.get(name, 0.0) for name in parameters.NAMES]),
-        parameters.prior_covariance(),
+        config=prior or vehicle_files.load(model.vehicle.prior),
+        biases_rad={
+            plane: math.radians(bias) for plane, bias in model.vehicle.prior_biases_deg.items()
+        },
+        mean=np.array([estimates.get(name, 0.0) for name in parameters.NAMES]),
+        covariance=parameters.prior_covariance(),
     )
 
 
@@ -96,7 +98,11 @@ def _problem(
     }
     levels = {plane: noise.from_model(model.noise[plane]) for plane in runs_of_planes}
     return MapProblem(
-        vague_prior, datasets, problems.filters(vehicle, datasets, levels, STRIDE), levels, STRIDE
+        prior=vague_prior,
+        datasets=datasets,
+        filters=problems.filters(vehicle, datasets, levels, STRIDE),
+        levels=levels,
+        stride=STRIDE,
     )
 
 
@@ -121,4 +127,9 @@ def _correction(
         change(z),
         crossover.propagate_sd(change, z, covariance),
     )
-    return Correction(float(gain_db), float(gain_sd_db), float(phase_deg), float(phase_sd_deg))
+    return Correction(
+        gain_db=float(gain_db),
+        gain_sd_db=float(gain_sd_db),
+        phase_deg=float(phase_deg),
+        phase_sd_deg=float(phase_sd_deg),
+    )

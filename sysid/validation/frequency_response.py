@@ -120,7 +120,13 @@ def spectra(pairs: Sequence[Pair], frequency_radps: Array) -> Spectra:
         ]
     ).T
     averages = np.maximum(1.0, 2.0 * half_width_hz * seconds)
-    return Spectra(frequency_radps, averaged[0].real, averaged[1].real, averaged[2], averages)
+    return Spectra(
+        frequency_radps=frequency_radps,
+        simulated=averaged[0].real,
+        measured=averaged[1].real,
+        cross=averaged[2],
+        averages=averages,
+    )
 
 
 def _cross(x: Array, y: Array) -> ComplexArray:

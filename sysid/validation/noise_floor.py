@@ -55,11 +55,14 @@ def theil(measured: Array, simulated: Array) -> Theil:
     mean_square = float(np.mean((measured - simulated) ** 2))
     rms_sum = np.sqrt(np.mean(measured**2)) + np.sqrt(np.mean(simulated**2))
     if mean_square == 0.0:
-        return Theil(0.0, 0.0, 0.0, 0.0)
+        return Theil(coefficient=0.0, bias_share=0.0, variance_share=0.0, covariance_share=0.0)
     bias = float(np.mean(measured) - np.mean(simulated)) ** 2 / mean_square
     variance = float(np.std(measured) - np.std(simulated)) ** 2 / mean_square
     return Theil(
-        float(np.sqrt(mean_square) / rms_sum), bias, variance, max(0.0, 1.0 - bias - variance)
+        coefficient=float(np.sqrt(mean_square) / rms_sum),
+        bias_share=bias,
+        variance_share=variance,
+        covariance_share=max(0.0, 1.0 - bias - variance),
     )
 
 

@@ -169,7 +169,12 @@ def validate(
                 else None
             )
             plane_model = _PlaneModel(
-                model, uncertain, prior_vehicle, plane, vehicle, noise_reference
+                model=model,
+                uncertain=uncertain,
+                prior_vehicle=prior_vehicle,
+                plane=plane,
+                vehicle=vehicle,
+                noise_reference=noise_reference,
             )
             validations[plane] = _plane(plane_model, fitted_runs, held_out_runs, loop_gains)
     crossovers_radps = {
@@ -271,7 +276,9 @@ def _compare(plane_model: _PlaneModel, run: Run, *, held_out: bool, new_type: bo
         else None,
     )
     pair = Pair(run.name, prediction.rate_radps[first_sample:], run.rate_radps[first_sample:])
-    return _ComparedRun(run, measured, simulated, prior_rate, pair, record)
+    return _ComparedRun(
+        run=run, measured=measured, model=simulated, prior=prior_rate, pair=pair, record=record
+    )
 
 
 def _floor(noise_reference: _NoiseReference, run: Run) -> NoiseFloor:

@@ -28,14 +28,16 @@ BISECTIONS = 40
 
 
 class Simulator(NamedTuple):
-    """One way to move a vehicle, in a state of its own."""
+    """Simulator of a vehicle with its own form of state."""
 
     start: Array
+    """Initial state."""
     run: Callable[[Array, float, float, Event | None], tuple[float, Array]]
-    """State, rudder (rad, positive to starboard), longest time (s) and event to time taken and
-    state at the end."""
+    """Function of state, rudder (rad, positive to starboard), maximum time (s) and event.
+
+    It returns the duration and the final state."""
     read: Callable[[Array], Array]
-    """State to (eta, nu)."""
+    """Function from state to (eta, nu)."""
 
 
 class Circle(NamedTuple):
@@ -48,16 +50,16 @@ class Circle(NamedTuple):
 
 
 class Zigzag(NamedTuple):
-    """Rudder over to one side until the heading has changed by as much, then to the other."""
+    """Zig-zag manoeuvre: the rudder is reversed when the heading change equals the rudder angle."""
 
     first_overshoot_deg: float
     second_overshoot_deg: float
     period_s: float
-    """From the second reversal of the rudder to the fourth."""
+    """Time from the second to the fourth reversal of the rudder."""
 
 
 def circle(ship: Simulator, rudder_rad: float, seconds: float) -> Circle:
-    """The turn that ``seconds`` of constant rudder end in."""
+    """Return the turn after ``seconds`` of constant rudder."""
     _, end = ship.run(ship.start, rudder_rad, seconds, None)
     u, v, w, _, _, r = ship.read(end)[6:]
     speed = hypot(u, v, w)
@@ -65,7 +67,7 @@ def circle(ship: Simulator, rudder_rad: float, seconds: float) -> Circle:
 
 
 def zigzag(ship: Simulator, angle_rad: float) -> Zigzag:
-    """Four reversals at ``angle_rad`` of rudder and of heading; the rudder turns at once."""
+    """Return the results of four reversals at ``angle_rad``; the rudder moves without delay."""
     state, time, rudder = ship.start, 0.0, angle_rad
     reversals, overshoots = [], []
     for _ in range(4):
@@ -80,7 +82,7 @@ def zigzag(ship: Simulator, angle_rad: float) -> Zigzag:
 
 
 def kernels(model: VehicleModel, speed_mps: float, shaft_rps: float) -> Simulator:
-    """The simulator itself: whole steps, then the part of one that ends at the event."""
+    """Return the product's simulator; the last step ends at the event."""
     work, no_push = dynamics.work_array(), np.zeros(6)
 
     def step(state: Array, rudder: float, dt_s: float) -> Array:
@@ -117,7 +119,7 @@ def _root(event: Callable[[float], float]) -> float:
 
 
 def matrices(model: VehicleModel, speed_mps: float, shaft_rps: float) -> Simulator:
-    """Fossen's equations in matrix form, integrated by scipy's DOP853."""
+    """Return Fossen's equations in matrix form, integrated by scipy's DOP853."""
     ship, still = fossen.craft(model), np.zeros(3)
 
     def run(
@@ -129,7 +131,7 @@ def matrices(model: VehicleModel, speed_mps: float, shaft_rps: float) -> Simulat
             return event(x) if event else 1.0
 
         reached.terminal = True  # type: ignore[attr-defined]
-        found = solve_ivp(
+        solution = solve_ivp(
             lambda _, x: fossen.rates(x, inputs, ship, still),
             (0.0, seconds),
             state,
@@ -138,6 +140,6 @@ def matrices(model: VehicleModel, speed_mps: float, shaft_rps: float) -> Simulat
             rtol=1e-7,
             atol=1e-9,
         )
-        return float(found.t[-1]), np.asarray(found.y[:, -1])
+        return float(solution.t[-1]), np.asarray(solution.y[:, -1])
 
     return Simulator(fossen.from_state(flight.cruising(speed_mps)), run, lambda state: state)

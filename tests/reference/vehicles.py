@@ -1,9 +1,10 @@
-"""Random vehicles that could be built: for what must hold for any vehicle, not for one.
+"""Random feasible vehicles, for properties that hold for any vehicle.
 
-Each is a point in the unit cube that becomes a vehicle file such as a user writes, geometry and
-ballast only, and takes a user's way from there: every coefficient is derived. Four kinds of hull,
-three of tail; port is the mirror of starboard. A vehicle takes long to make beside one look at it,
-so they are numbered, made once and drawn by number."""
+A point in the unit cube is converted to a vehicle file with geometry and ballast only, and all
+coefficients are derived as for a user's file. There are four kinds of hull and three of tail; port
+and starboard are symmetric. Building a vehicle is slow compared with one test of it, so a fixed
+number of vehicles is built once and selected by number.
+"""
 
 from __future__ import annotations
 
@@ -22,28 +23,28 @@ FLEET = 60
 
 
 def random_vehicles() -> st.SearchStrategy[VehicleModel]:
-    """Any of the fleet."""
+    """Return a strategy that selects one of the vehicles."""
     return st.integers(0, FLEET - 1).map(numbered)
 
 
 @cache
 def numbered(number: int) -> VehicleModel:
-    """Always the same vehicle."""
+    """Return the vehicle of a number, always the same one."""
     return vehicle(np.random.default_rng([RANDOM_SEED, number]).random(DIMENSIONS).tolist())
 
 
 def fleet() -> list[VehicleModel]:
-    """All of them."""
+    """Return all vehicles."""
     return [numbered(number) for number in range(FLEET)]
 
 
 def vehicle(point: Sequence[float]) -> VehicleModel:
-    """The vehicle at a point of the unit cube."""
+    """Return the model of the vehicle at a point of the unit cube."""
     return build_model.build(config.parse(vehicle_file(point), "random vehicle"))
 
 
 def vehicle_file(point: Sequence[float]) -> str:
-    """Its file."""
+    """Return the vehicle file at a point of the unit cube."""
     length, slenderness, shape, tail, size, aspect, net, low, cd, speed, nose = point
     length_m = 1.2 + 4.0 * length
     d = length_m / (5.0 + 5.0 * slenderness)
@@ -64,7 +65,7 @@ crossflow_cd = {0.5 + 0.7 * cd}
 
 
 def _hull(kind: float, length_m: float, d: float, nose: float) -> str:
-    """Series 58 with a payload section, Myring's, a cylinder with caps, or a profile by points."""
+    """Return a hull: Series 58 with payload section, Myring, cylinder with caps, or profile."""
     if kind < 0.25:
         middle = 0.4 * nose * length_m
         return f"""base_length_m = {length_m - middle}\ndiameter_m = {d}
@@ -89,7 +90,7 @@ tail_cap_m = {(0.5 + nose) * d}"""
 
 
 def _tail(kind: float, d: float, size: float, aspect: float) -> str:
-    """Ring duct, upright fins or diagonal ones."""
+    """Return a tail: ring duct, cruciform fins or X fins."""
     if kind < 1 / 3:
         ring = (0.5 + 0.4 * size) * d
         return f"[duct]\ndiameter_m = {ring}\nchord_m = {ring / (1.5 + 3.0 * aspect)}"

@@ -1,5 +1,4 @@
-"""One identification campaign in a disturbed sea, flown and fitted once for all tests that look at
-it."""
+"""One identification campaign with disturbances, simulated and fitted once for all tests."""
 
 import pytest
 
@@ -17,7 +16,7 @@ def bench() -> config.VehicleConfig:
 
 @pytest.fixture(scope="session")
 def field() -> config.VehicleConfig:
-    """The truth, which only tests may look at."""
+    """Vehicle file of the simulated truth; only tests may use it."""
     return config.load("caribou_truth")
 
 

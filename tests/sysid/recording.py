@@ -1,4 +1,4 @@
-"""Writes a log as the contract has it, by pymavlink's own packing and nothing of the product's."""
+"""Writer of MCAP logs for tests: pymavlink's own packing, none of the product's code."""
 
 import json
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""A sea to identify in: the simulator's vehicle and tailcone under simple loops, logged as runs."""
+"""Simulated tests with disturbances: the simulator's vehicle under simple loops, logged as runs."""
 
 import math
 from typing import NamedTuple
@@ -27,8 +27,7 @@ SLOW_RADPS2, WAVE_RADPS2 = math.radians(0.128), math.radians(0.261)
 
 
 class Hold(NamedTuple):
-    """Gains of the loops that hold heading and depth: before a test, and in the plane that is not
-    tested."""
+    """Gains of the loops that hold heading and depth before a test and in the untested plane."""
 
     heading_p: float = 0.6
     heading_d: float = 1.3
@@ -47,7 +46,7 @@ class Tests(NamedTuple):
 
 
 class Sensors(NamedTuple):
-    """Standard deviations of white noise; the gyro bias is drawn once a run."""
+    """Standard deviations of white noise; the gyro bias is sampled once per run."""
 
     rate_radps: float = math.radians(0.05)
     angle_rad: float = math.radians(0.1)
@@ -56,19 +55,21 @@ class Sensors(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """What a surface does that its command does not tell."""
+    """Deviation of a surface from its command."""
 
     gain: float = 1.0
-    """Of its departures from trim."""
+    """Factor of the deflection from trim."""
     slip_rad: float = 0.0
-    """Behind all play: the linkage let go and caught again."""
+    """Additional deflection after a slip of the linkage, rad."""
     slip_s: float = 0.0
-    """Since the test began."""
+    """Time of the slip since the start of the test, s."""
 
 
 def accelerations(seconds: float, level: float, rng: np.random.Generator) -> Array:
-    """(samples, 2): about pitch and yaw, rad/s^2: a 3 s Gauss-Markov process and a 0.15 Hz band, by
-    Euler-Maruyama."""
+    """Disturbing angular accelerations about pitch and yaw, (samples, 2), rad/s^2.
+
+    A Gauss-Markov process of 3 s and a narrow band at 0.15 Hz, by the Euler-Maruyama method.
+    """
     n = int(seconds * RATE_HZ)
     out = np.zeros((n, 2))
     omega, zeta = 2 * math.pi * 0.15, 0.1
@@ -115,8 +116,10 @@ def _fly(
     slips,
     added,
 ):
-    """Ticks of (time index): rates, angles, depth, commands. The loops hold heading 0 and
-    DEPTH_M."""
+    """Simulate all ticks: rates, angles, depth and commands.
+
+    The loops hold heading 0 and DEPTH_M.
+    """
     n = rudder_test.size
     log = np.empty((n, 9))
     state = np.zeros(13)
@@ -177,12 +180,13 @@ def fly_tests(
     faults: tuple[Fault, Fault] = (Fault(), Fault()),
     added: Tests | None = None,
 ) -> Array:
-    """(samples, 9) measured from PREROLL_S before the tests on, 50 Hz: p, q, r, roll, pitch,
-    heading (rad and rad/s), depth (m), and rudder and elevator as commanded (rad).
+    """Simulate tests; return measurements (samples, 9) at 50 Hz from PREROLL_S before the tests on.
 
-    ``sea_radps2``, (SETTLE_S and the tests, 2), takes the place of the usual sea about pitch and
-    yaw; ``faults`` are the rudder's and the elevator's. ``added`` signals come on top of what the
-    loops ask for."""
+    Columns: p, q, r (rad/s), roll, pitch, heading (rad), depth (m), commanded rudder and elevator
+    (rad). ``sea_radps2``, (SETTLE_S and the tests, 2), replaces the disturbance about pitch and
+    yaw; ``faults`` are those of rudder and elevator. ``added`` signals are added to the commands of
+    the loops.
+    """
     sensors = sensors or Sensors()
     settling = np.full(int(SETTLE_S * RATE_HZ), np.nan)
     signals = [np.concatenate([settling, signal]) for signal in tests]
@@ -241,10 +245,11 @@ def fly(
     fault: Fault | None = None,
     loop_on: bool = False,
 ) -> Run:
-    """One test of ``signal_rad`` (50 Hz, relative to trim) as identification would receive it.
+    """Simulate one test of ``signal_rad`` (50 Hz, relative to trim) and return its run.
 
-    ``fault`` is the tested surface's; with ``loop_on`` the signal is added to what the plane's loop
-    asks for."""
+    ``fault`` is that of the tested surface; with ``loop_on`` the signal is added to the loop's
+    command.
+    """
     closed, none = np.full(signal_rad.size, np.nan), np.zeros(signal_rad.size)
     tests = Tests(signal_rad, closed) if plane == "yaw" else Tests(closed, signal_rad)
     added = Tests(signal_rad, none) if plane == "yaw" else Tests(none, signal_rad)
@@ -274,7 +279,7 @@ def run_of(
     wave: str,
     trim_rad: tuple[float, float],
 ) -> Run:
-    """What ``fly_tests`` measured, as the run of one plane."""
+    """Return the measurements of ``fly_tests`` as the run of one plane."""
     n = len(log)
     return Run(
         name=name,
@@ -308,8 +313,7 @@ def doublet(degrees: float, half_s: float = 5.0) -> Array:
 
 
 def campaign(vehicle: config.VehicleConfig, seed: int = 0, level: float = ROUGH) -> list[Run]:
-    """The paper's kind of set: rudder steps of both signs, elevator steps nose up, from a trimmed
-    vehicle."""
+    """Simulate a set of tests like the paper's: rudder steps of both signs and elevator steps."""
     trim = -math.radians(vehicle.tailcone.rudder_bias_deg), math.radians(1.0)
     runs = []
     for number, degrees in enumerate((3.0, -3.0, 5.0, -5.0, 7.0, -7.0, 9.0)):

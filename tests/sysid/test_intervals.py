@@ -1,5 +1,4 @@
-"""Profile intervals of the joint estimate: the cost at their ends, and what a generic search makes
-of the same."""
+"""Profile intervals of the joint estimate: cost at their ends, and a generic constrained search."""
 
 import math
 
@@ -24,27 +23,27 @@ def prior(campaign: list[Run], bench: config.VehicleConfig) -> Prior:
 
 
 @pytest.fixture(scope="module")
-def found(campaign: list[Run], prior: Prior) -> Fit:
-    """One short step tells little of the static gain."""
+def step_fit(campaign: list[Run], prior: Prior) -> Fit:
+    """Fit of one short step, which hardly determines the static gain."""
     return fit.fit(campaign[:1], prior, starts=0)
 
 
-def test_what_one_step_leaves_wide_is_told_with_its_ends(found: Fit, prior: Prior) -> None:
-    told = {each.name: each for each in intervals.wide_intervals(found, prior)}
-    assert "static_gain_per_s" in told
-    assert "b1_per_s2" not in told
-    gain = intervals._number(prior, "yaw", "static_gain_per_s")(found.z)
-    assert told["static_gain_per_s"].low < gain < told["static_gain_per_s"].high
-    assert str(told["static_gain_per_s"]).startswith("yaw: static_gain_per_s lies in ")
+def test_wide_intervals_contain_the_estimate(step_fit: Fit, prior: Prior) -> None:
+    by_name = {interval.name: interval for interval in intervals.wide_intervals(step_fit, prior)}
+    assert "static_gain_per_s" in by_name
+    assert "b1_per_s2" not in by_name
+    gain = intervals._number(prior, "yaw", "static_gain_per_s")(step_fit.z)
+    assert by_name["static_gain_per_s"].low < gain < by_name["static_gain_per_s"].high
+    assert str(by_name["static_gain_per_s"]).startswith("yaw: static_gain_per_s lies in ")
 
 
-def test_at_its_ends_the_least_cost_has_grown_by_the_quantile(found: Fit, prior: Prior) -> None:
-    """And is the least: a generic constrained search on the residuals themselves ends no lower."""
+def test_interval_end_cost_grows_by_quantile(step_fit: Fit, prior: Prior) -> None:
+    """A generic constrained search on the residuals finds no lower cost at the ends."""
     problem, number = (
-        intervals.problem_at_estimate(found, prior),
+        intervals.problem_at_estimate(step_fit, prior),
         intervals._number(prior, "yaw", "static_gain_per_s"),
     )
-    least = problems.cost(problem, found.z)
+    least_cost = problems.cost(problem, step_fit.z)
     root = np.linalg.inv(np.linalg.cholesky(prior.covariance))
 
     def residuals(z: np.ndarray) -> np.ndarray:
@@ -57,21 +56,21 @@ def test_at_its_ends_the_least_cost_has_grown_by_the_quantile(found: Fit, prior:
     limits = np.full(len(NAMES), Z_LIMIT)
     generic = profile_likelihood.LeastSquaresEstimate(residuals, jacobian, -limits, limits)
     sd = math.sqrt(
-        intervals._slope(number, found.z) @ found.covariance @ intervals._slope(number, found.z)
+        intervals._slope(number, step_fit.z)
+        @ step_fit.covariance
+        @ intervals._slope(number, step_fit.z)
     )
     for sign in (-1.0, 1.0):
-        end, z = intervals.interval_end(problem, found, number, sign)
+        end, z = intervals.interval_end(problem, step_fit, number, sign)
         assert number(z) == pytest.approx(end)
-        grown = problems.cost(problem, z) - least
-        assert grown == pytest.approx(0.5 * 1.96**2, rel=0.15)
-        rival = profile_likelihood._constrained_optimum(generic, number, z, end, sd)
-        assert problems.cost(problem, rival) > least + 0.9 * grown
+        growth = problems.cost(problem, z) - least_cost
+        assert growth == pytest.approx(0.5 * 1.96**2, rel=0.15)
+        generic_z = profile_likelihood._constrained_optimum(generic, number, z, end, sd)
+        assert problems.cost(problem, generic_z) > least_cost + 0.9 * growth
 
 
-def test_where_data_abound_the_profile_is_the_standard_deviation(
-    campaign: list[Run], prior: Prior
-) -> None:
-    """Of b1, which every run tells."""
+def test_interval_rich_data_matches_standard_deviation(campaign: list[Run], prior: Prior) -> None:
+    """Example: b1, which every run determines."""
     rich = fit.fit(campaign[:7], prior, starts=0)
     number = intervals._number(prior, "yaw", "b1_per_s2")
     slope = intervals._slope(number, rich.z)

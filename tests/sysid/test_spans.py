@@ -1,4 +1,4 @@
-"""Which tests a log's texts tell of, and whose they are: one surface's, both's, or neither's."""
+"""Tests that a log's texts mark, and their planes: one surface, both, or neither."""
 
 import math
 
@@ -12,8 +12,8 @@ START_S, STOP_S = 20.0, 30.0
 RUDDER_DEG, ELEVATOR_DEG = 5.0, 3.0
 
 
-def cut(what: str) -> list[segments.Run]:
-    """The tests of forty seconds in which both surfaces step between the texts of one test."""
+def cut(description: str) -> list[segments.Run]:
+    """Cut a log of forty seconds in which both surfaces step between the texts of one test."""
     time_s = np.arange(0.0, 40.0, 0.02)
     none, empty = np.zeros_like(time_s), np.empty(0)
     inside = (time_s >= START_S) & (time_s < STOP_S)
@@ -26,7 +26,7 @@ def cut(what: str) -> list[segments.Run]:
         depth=Depth(time_s, none, none),
         setpoints=Setpoints(*(empty,) * 5),
         events=(
-            TextEvent(START_S, 6, f"SystemID Starting: {what}"),
+            TextEvent(START_S, 6, f"SystemID Starting: {description}"),
             TextEvent(STOP_S, 6, "SystemID Finished"),
         ),
         parameters={},
@@ -36,7 +36,7 @@ def cut(what: str) -> list[segments.Run]:
 
 
 @pytest.mark.parametrize(
-    ("what", "told"),
+    ("description", "expected"),
     [
         ("axis=12 wave=3211 magnitude=5.00", [("yaw", "3211", 5.0)]),
         ("axis=112 wave=prbs magnitude=-4.00", [("yaw", "prbs", -4.0)]),
@@ -53,13 +53,13 @@ def cut(what: str) -> list[segments.Run]:
         ("axis=10 wave=chirp magnitude=12.00", []),
     ],
 )
-def test_each_test_is_of_the_planes_that_it_moves(
-    what: str, told: list[tuple[str, str, float]]
+def test_cut_runs_gives_a_run_for_each_plane(
+    description: str, expected: list[tuple[str, str, float]]
 ) -> None:
-    assert [(run.plane, run.wave, run.magnitude_deg) for run in cut(what)] == told
+    assert [(run.plane, run.wave, run.magnitude_deg) for run in cut(description)] == expected
 
 
-def test_a_test_of_both_surfaces_is_each_ones_own_command_over_the_same_time() -> None:
+def test_cut_runs_dual_test_has_own_commands() -> None:
     yaw, pitch = cut("axis=23 wave=multisine magnitude=5.00 elevator=1.50")
     assert np.array_equal(yaw.time_s, pitch.time_s)
     assert math.degrees(yaw.command_rad[-10]) == pytest.approx(RUDDER_DEG)

@@ -45,16 +45,20 @@ def strictly_increasing(time_s: Array) -> NDArray[np.bool_]:
     return np.concatenate(([True], time_s[1:] > latest[:-1]))[: time_s.size]
 
 
-def clock_steps(what: str, time_s: Array) -> list[ClockStep]:
+def clock_steps(message: str, time_s: Array) -> list[ClockStep]:
     """Return the backward steps of a clock, e.g. by a restart of the autopilot.
 
-    ``what`` is the name of the message and ``time_s`` its time stamps.
+    ``message`` is the name of the message and ``time_s`` its time stamps.
     """
     stale = ~strictly_increasing(time_s)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], stale.astype(np.int8), [0]))))
     latest = np.maximum.accumulate(time_s)
     return [
-        ClockStep(what, float(latest[first]), float(latest[first] - time_s[first]))
+        ClockStep(
+            message=message,
+            time_s=float(latest[first]),
+            back_s=float(latest[first] - time_s[first]),
+        )
         for first, end in zip(edges[::2], edges[1::2], strict=True)
         if end - first >= CLOCK_STEP_SAMPLES and latest[first] > time_s[first]
     ]

@@ -136,16 +136,16 @@ def _estimate(
         model, multistart.information_at(weighted_objective, solution.values)
     ).covariance
     return PlaneEstimate(
-        model,
-        covariance,
-        level,
-        sensors,
-        weighted_objective,
-        solution.cost,
-        (),
-        solution.evaluations,
-        prior.lowest,
-        prior.highest,
+        model=model,
+        covariance=covariance,
+        level=level,
+        sensors=sensors,
+        objective=weighted_objective,
+        cost=solution.cost,
+        start_costs=(),
+        evaluations=solution.evaluations,
+        lowest=prior.lowest,
+        highest=prior.highest,
     )
 
 

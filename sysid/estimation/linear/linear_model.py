@@ -121,7 +121,11 @@ def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> Linea
         actuator.damping_ratio,
     ]
     frame = LinearModelStructure(
-        plane, speed_mps, (float(A[0, 0]), float(A[0, 1])), actuator.travel_rad, actuator.rate_radps
+        plane=plane,
+        speed_mps=speed_mps,
+        sway=(float(A[0, 0]), float(A[0, 1])),
+        travel_rad=actuator.travel_rad,
+        rate_radps=actuator.rate_radps,
     )
     if plane == "yaw":
         numbers = [
@@ -142,7 +146,12 @@ def actuator(model: LinearModel) -> Actuator:
         : len(TAIL)
     ].tolist()
     return Actuator(
-        delay_s, frequency_radps, damping, bias_rad, model.frame.travel_rad, model.frame.rate_radps
+        delay_s=delay_s,
+        natural_frequency_radps=frequency_radps,
+        damping_ratio=damping,
+        bias_rad=bias_rad,
+        travel_rad=model.frame.travel_rad,
+        rate_radps=model.frame.rate_radps,
     )
 
 
@@ -190,7 +199,9 @@ def linear_plane(model: LinearModel) -> LinearPlane:
     nv = (yv * nr - a0) / yr
     nv = math.copysign(max(abs(nv), MIN_COUPLING), nv)
     A = np.array([[yv, yr, 0.0], [nv, nr, 0.0], [0.0, 1.0, 0.0]])
-    return LinearPlane(A, np.array([(b0 + yv * b1) / nv, b1, 0.0]), ("v", "r", "psi"), moment)
+    return LinearPlane(
+        A=A, B=np.array([(b0 + yv * b1) / nv, b1, 0.0]), states=("v", "r", "psi"), moment=moment
+    )
 
 
 def derived_names(plane: Plane) -> tuple[str, ...]:
@@ -226,7 +237,13 @@ def small_signal(model: LinearModel) -> SmallSignal:
         return linear_planes.small_signal(linear_plane(model))
     b1, b0, a1, a0 = model.values[:4].tolist()
     slow, fast = sorted(np.roots([1.0, a1, a0]).real, key=abs)
-    return SmallSignal(b0 / a0, b1, float(fast), float(slow), 0.0)
+    return SmallSignal(
+        static_gain_per_s=b0 / a0,
+        b1_per_s2=b1,
+        p_fast_per_s=float(fast),
+        p_slow_per_s=float(slow),
+        restoring_per_s2=0.0,
+    )
 
 
 def propagate(frame: LinearModelStructure, values: Array, covariance: Array) -> Array:

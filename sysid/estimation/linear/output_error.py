@@ -163,7 +163,14 @@ def _run_residuals(
         record.measured
         - response.outputs_to_duct(model, discrete, duct.angle_rad, zero_state, sds.size)
     ) / sds
-    return _RunResiduals(model, discrete, duct, sds, nuisances, error.ravel())
+    return _RunResiduals(
+        model=model,
+        discrete=discrete,
+        duct=duct,
+        sds=sds,
+        nuisances=nuisances,
+        residuals=error.ravel(),
+    )
 
 
 def _slopes(part: _RunResiduals) -> Array:

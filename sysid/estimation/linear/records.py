@@ -109,7 +109,7 @@ def with_bounds(model: LinearModel, covariance: Array) -> LinearPrior:
             )
     damping = names.index("damping_ratio")
     highest[damping] = min(highest[damping], MAX_DAMPING)
-    return LinearPrior(model, covariance, lowest, highest)
+    return LinearPrior(model=model, covariance=covariance, lowest=lowest, highest=highest)
 
 
 def values_at(prior: fit.Prior, z: Array, plane: Plane) -> LinearModel:

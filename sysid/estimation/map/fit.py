@@ -206,7 +206,7 @@ def _problem(
 ) -> MapProblem:
     """Return the problem with noise filters linearised about the vehicle at z."""
     filters = problems.filters(problems.vehicle(prior, z), datasets, levels, STRIDE)
-    return MapProblem(prior, datasets, filters, levels, STRIDE)
+    return MapProblem(prior=prior, datasets=datasets, filters=filters, levels=levels, stride=STRIDE)
 
 
 def _noise(
@@ -286,4 +286,10 @@ def _decimate(problem: MapProblem, z: Array) -> MapProblem:
         for plane, group in problem.datasets.items()
     }
     filters = problems.filters(problems.vehicle(problem.prior, z), datasets, problem.levels, stride)
-    return MapProblem(problem.prior, datasets, filters, problem.levels, stride)
+    return MapProblem(
+        prior=problem.prior,
+        datasets=datasets,
+        filters=filters,
+        levels=problem.levels,
+        stride=stride,
+    )

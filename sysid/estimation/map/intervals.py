@@ -72,7 +72,7 @@ def wide_intervals(estimate: Fit, prior: Prior) -> Iterator[ParameterInterval]:
             sd, value = math.sqrt(gradient @ estimate.covariance @ gradient), number(estimate.z)
             if sd > WIDE_RELATIVE_SD * abs(value):
                 low, high = interval(problem, estimate, number)
-                yield ParameterInterval(plane, name, low, high)
+                yield ParameterInterval(plane=plane, name=name, low=low, high=high)
 
 
 def problem_at_estimate(estimate: Fit, prior: Prior) -> MapProblem:
@@ -80,7 +80,13 @@ def problem_at_estimate(estimate: Fit, prior: Prior) -> MapProblem:
     filters = problems.filters(
         problems.vehicle(prior, estimate.z), estimate.datasets, estimate.noise, STRIDE
     )
-    return MapProblem(prior, estimate.datasets, filters, estimate.noise, STRIDE)
+    return MapProblem(
+        prior=prior,
+        datasets=estimate.datasets,
+        filters=filters,
+        levels=estimate.noise,
+        stride=STRIDE,
+    )
 
 
 def interval(problem: MapProblem, estimate: Fit, number: Number) -> tuple[float, float]:

@@ -220,10 +220,10 @@ def _perturbations(
             )
         perturbations.append(
             Perturbation(
-                i,
-                part,
-                perturbed,
-                _cruise_speeds_mps(problem, perturbed)
+                column=i,
+                part=part,
+                vehicle=perturbed,
+                speeds_mps=_cruise_speeds_mps(problem, perturbed)
                 if PARAMETERS[i].name in SPEED_PARAMETERS
                 else {},
             )

@@ -100,7 +100,15 @@ def simulate(
             if cross_plane_inputs is None
             else cross_plane_inputs[rows]
         )
-        trajectories.append(Trajectory(track, duct, run.thrust[rows], row_inputs, first))
+        trajectories.append(
+            Trajectory(
+                track=track,
+                duct_rad=duct,
+                thrust=run.thrust[rows],
+                cross_plane_inputs=row_inputs,
+                first=first,
+            )
+        )
     return trajectories
 
 
@@ -124,11 +132,13 @@ def sensitivities(
         [trajectory.duct_rad[::stride][: len(trajectory.track)] for trajectory in trajectories]
     )
     dynamics = _SlopeInputs(
-        tracks,
-        ducts,
-        np.concatenate([trajectory.thrust for trajectory in trajectories]),
-        plane,
-        np.concatenate([trajectory.cross_plane_inputs for trajectory in trajectories]),
+        track=tracks,
+        duct_rad=ducts,
+        thrust=np.concatenate([trajectory.thrust for trajectory in trajectories]),
+        plane=plane,
+        cross_plane_inputs=np.concatenate(
+            [trajectory.cross_plane_inputs for trajectory in trajectories]
+        ),
     )
     base = dynamics.evaluate(vehicle)
     df_dx = np.zeros((len(tracks), STATES, STATES))

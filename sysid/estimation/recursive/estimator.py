@@ -128,7 +128,11 @@ def prior_knowledge(prior: Prior, levels: dict[Plane, Noise] | None = None) -> K
     """
     information = square_root_information.from_normal(prior.mean, prior.covariance)
     return Knowledge(
-        prior, {"yaw": Noise(), "pitch": Noise(), **(levels or {})}, (), information, prior.mean
+        prior=prior,
+        noise={"yaw": Noise(), "pitch": Noise(), **(levels or {})},
+        tests=(),
+        information=information,
+        z=prior.mean,
     )
 
 
@@ -152,7 +156,12 @@ def begin(knowledge: Knowledge, plane: Plane, held_rad: float) -> TestState:
     trimmed_knowledge = (
         knowledge if plane in knowledge.trimmed else _with_trim(knowledge, plane, held_rad)
     )
-    return TestState(trimmed_knowledge, plane, prediction.empty_samples(plane), None)
+    return TestState(
+        knowledge=trimmed_knowledge,
+        plane=plane,
+        steps=prediction.empty_samples(plane),
+        tracking=None,
+    )
 
 
 def _with_trim(knowledge: Knowledge, plane: Plane, held_rad: float) -> Knowledge:
@@ -274,7 +283,13 @@ def linearise(knowledge: Knowledge, plane: Plane, z: Array, thrust: float) -> Ca
     perturbed = tuple(_perturb(knowledge, plane, z, thrust, nominal, i) for i in active)
     linear = fit.linear_plane(vehicle, plane)
     noise_filter = noise.build(linear, knowledge.noise[plane], STEP_S, FILTER_STEPS)
-    return CandidateSet(z, active, (nominal, *perturbed), noise_filter, prediction.leak(linear))
+    return CandidateSet(
+        z=z,
+        active=active,
+        candidates=(nominal, *perturbed),
+        filter=noise_filter,
+        leak_share=prediction.leak(linear),
+    )
 
 
 def _perturb(
@@ -303,7 +318,11 @@ def _candidate(vehicle: CandidateVehicle, plane: Plane, speed_mps: float) -> Can
     """Reduce a vehicle to a plane."""
     model, actuator = vehicle.model, vehicle.actuators[plane]
     return Candidate(
-        model, actuator, greybox.constraint(model, plane), propeller.rps(1.0, model), speed_mps
+        model=model,
+        actuator=actuator,
+        inverse=greybox.constraint(model, plane),
+        full_rps=propeller.rps(1.0, model),
+        speed_mps=speed_mps,
     )
 
 

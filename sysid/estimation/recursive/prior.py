@@ -43,10 +43,10 @@ def knowledge(prior: str | Path) -> Knowledge:
 def _of_vehicle(known_vehicle: PriorKnowledge) -> Knowledge:
     """Knowledge from a vehicle file: parameters at zero, actuator biases unknown."""
     prior = Prior(
-        known_vehicle.config,
-        {"yaw": 0.0, "pitch": 0.0},
-        np.zeros(len(NAMES)),
-        parameters.prior_covariance(),
+        config=known_vehicle.config,
+        biases_rad={"yaw": 0.0, "pitch": 0.0},
+        mean=np.zeros(len(NAMES)),
+        covariance=parameters.prior_covariance(),
     )
     return estimator.prior_knowledge(prior)
 
@@ -60,7 +60,10 @@ def _of_model(known_vehicle: PriorKnowledge, model: IdentifiedModel) -> Knowledg
         plane: math.radians(degrees) for plane, degrees in model.vehicle.prior_biases_deg.items()
     }
     prior = Prior(
-        known_vehicle.config, biases, np.array(model.joint.z), np.array(model.joint.covariance)
+        config=known_vehicle.config,
+        biases_rad=biases,
+        mean=np.array(model.joint.z),
+        covariance=np.array(model.joint.covariance),
     )
     levels = {plane: noise.from_model(level) for plane, level in model.noise.items()}
     return estimator.prior_knowledge(prior, levels)._replace(trimmed=frozenset(biases))

@@ -24,7 +24,7 @@ SOURCE = "tanh solution"
 
 
 def checks() -> Iterator[Check]:
-    """End on, then broadside."""
+    """Yield the checks end on, then broadside."""
     bench = _upright(flight.model("caribou_nominal"))
     drag = bench.hull.X_uu_kgpm + bench.duct.half_rho_area_kgpm * bench.duct.polar.drag_zero_lift
     yield from _rise(
@@ -49,8 +49,7 @@ def checks() -> Iterator[Check]:
 
 
 def _upright(model: VehicleModel) -> VehicleModel:
-    """The vehicle with its weights on the axis and low in the tail, so that it rises upright like
-    a spar buoy."""
+    """Return the vehicle with a low centre of mass in the tail, so that it rises upright."""
     inertia = flight.balanced(model).inertia
     centred = model.hydrostatics._replace(
         x_cm_m=-0.3, y_cm_m=0.0, z_cm_m=0.0, x_cb_m=0.0, z_cb_m=0.0

@@ -1,7 +1,7 @@
 """Coriolis power.
 
-Verifies: that the Coriolis and centripetal terms of body and entrained water, Munk moment included,
-do no work, and that they are the ones Fossen's matrices give. Leaves out: everything else.
+Verifies: that the Coriolis and centripetal terms of body and added mass, including the Munk moment,
+do no work and are equal to those of Fossen's matrices. Leaves out: all other forces.
 Reference: nu^T C(nu) nu = 0 for any skew-symmetric C (Fossen 2021, ch. 3 and 6); C_RB and C_A as
 written there. Tolerance: rounding."""
 
@@ -18,7 +18,7 @@ MOTIONS = 1000
 
 
 def checks() -> Iterator[Check]:
-    """Power and force at a thousand motions."""
+    """Yield power and force at a thousand motions."""
     motions = np.random.default_rng(11).uniform(-3, 3, (MOTIONS, 6))
     for name in config.SHIPPED:
         inertia = flight.model(name).inertia

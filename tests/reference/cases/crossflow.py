@@ -24,7 +24,7 @@ K = bodies.RHO_KGPM3 / 2 * CD * DIAMETER_M
 
 
 def checks() -> Iterator[Check]:
-    """Cylinder, then shipped hulls."""
+    """Yield the checks of a cylinder, then of the shipped hulls."""
     stations = bodies.cylinder(LENGTH_M, DIAMETER_M, CD).stations
     v, r, L = 0.4, 0.3, LENGTH_M
     _, Y, *_ = hydrodynamics.crossflow_drag(v, 0.0, 0.0, 0.0, stations)
@@ -58,8 +58,10 @@ def checks() -> Iterator[Check]:
 
 
 def _moment(v: float, r: float) -> float:
-    """Integral of x (v + x r)|v + x r| with s = v + x r: r^-2 [ s^3|s|/4 - v s^2|s|/3 ] between the
-    ends."""
+    """Return the integral of x (v + x r)|v + x r| over the length.
+
+    With s = v + x r it is r^-2 [ s^3|s|/4 - v s^2|s|/3 ] between the ends.
+    """
 
     def antiderivative(s: float) -> float:
         return (abs(s) * s**3 / 4 - v * abs(s) ** 3 / 3) / r**2

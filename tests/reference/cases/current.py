@@ -1,8 +1,8 @@
 """Current and accelerating water.
 
-Verifies: that a vehicle drifting with a uniform current, moving and turning in it, sees nothing of
-it; that water which speeds up carries a neutral body along and a light or heavy one as added mass
-and pressure have it. Leaves out: shear along the hull; how a current varies with depth, which
+Verifies: that a uniform current only adds its drift to the motion of a vehicle; that accelerating
+water accelerates a neutral body equally, and a light or heavy body according to added mass and
+pressure. Leaves out: shear along the hull; how a current varies with depth, which
 belongs to the environment. Reference: Galilean invariance; (rho V + m_a) / (m + m_a) of the water's
 acceleration for a free body (Batchelor 1967, sec. 6.8), 3/2 and 9/13 for spheres of half and 5/3
 the water's density. Tolerance: rounding, as it grows in 60 s."""
@@ -23,7 +23,7 @@ SURGING = Water(acceleration_mps2=(0.3, -0.2, 0.1))
 
 
 def checks() -> Iterator[Check]:
-    """Steady current, then water that speeds up."""
+    """Yield the checks in a steady current, then in accelerating water."""
     for name in config.SHIPPED:
         yield from _drifting(name)
     neutral, state = bodies.spheroid(3.0, 0.5), flight.tumbling()

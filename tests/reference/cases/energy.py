@@ -1,8 +1,8 @@
 """Energy.
 
-Verifies: that mechanical energy of body and entrained water is kept where nothing damps, that water
-at rest only takes energy from a vehicle without thrust, and that this holds for any vehicle, not
-for the shipped ones. Leaves out: thrust; the surface, where waves would carry energy away.
+Verifies: that mechanical energy of body and added mass is constant without damping, that the energy
+of a vehicle without thrust in still water never increases, and that this holds for any vehicle.
+Leaves out: thrust; the surface, where waves would carry energy away.
 Reference: conservation; the second law. Sixty random vehicles, ring-ducted and finned, each at 40
 random motions and through a minute of free flight. Tolerance: 1e-6 of the energy moved for
 conservation; rounding for gains."""
@@ -21,7 +21,7 @@ MOTIONS, STEP_S = 40, 0.001
 
 
 def checks() -> Iterator[Check]:
-    """Conservation, then loss."""
+    """Yield the checks of conservation, then of loss."""
     start = flight.tumbling()
     for name in config.SHIPPED:
         model = flight.without_fluid_forces(flight.model(name))

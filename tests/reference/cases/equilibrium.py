@@ -17,7 +17,7 @@ from tests.sitl.vehicle import flight
 
 
 def checks() -> Iterator[Check]:
-    """Bodies, then shipped vehicles."""
+    """Yield the checks of simple bodies, then of shipped vehicles."""
     stone = bodies.rigid_body(12.0, np.zeros(3), np.eye(3))
     stone = stone._replace(
         hydrostatics=stone.hydrostatics._replace(weight_n=12.0 * bodies.GRAVITY_MPS2, z_cm_m=0.0)

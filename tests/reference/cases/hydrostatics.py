@@ -1,8 +1,8 @@
 """Weight and buoyancy.
 
 Verifies: Archimedes for shipped hulls and simple bodies; the righting moment; how deep a floating
-body lies and how stiff the water holds it up. Leaves out: waves; roll of a floating body, which a
-body of revolution does not feel. Reference: rho g V with V by adaptive quadrature of the profile; W
+body lies and its heave stiffness. Leaves out: waves; roll of a floating body, which has no effect
+on a body of revolution. Reference: rho g V with V by adaptive quadrature of the profile; W
 z_CM sin(angle); the area of a circular segment for a cylinder afloat, whose water-plane is its
 length times its chord. Tolerance: rounding and 1e-5 of a volume; for bodies afloat a nanometre, and
 1e-6 of the stiffness."""
@@ -27,7 +27,7 @@ LOADS = (0.1, 0.3, 0.5, 0.8, 0.97)
 
 
 def checks() -> Iterator[Check]:
-    """Submerged, then afloat."""
+    """Yield the checks of submerged, then of floating bodies."""
     for name in config.SHIPPED:
         yield from _shipped(name)
     for load in LOADS:
@@ -61,7 +61,7 @@ def _cylinder(load: float) -> VehicleModel:
 
 
 def _segment_beyond(z_up_m: float, load: float) -> float:
-    """Part of a circle below a line, its centre ``z_up_m`` above it, less ``load``."""
+    """Return the fraction of a circle below a line minus ``load``; centre ``z_up_m`` above it."""
     y = z_up_m / RADIUS_M
     return (acos(y) - y * sqrt(1 - y * y)) / pi - load
 

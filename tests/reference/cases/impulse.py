@@ -1,10 +1,10 @@
 """Added-mass impulse.
 
-Verifies: that a short push meets body and entrained water together, in all six directions and
-across them; a sphere's apparent mass, the oldest result there is. Leaves out: every force that
-grows with speed, by pushing a body at rest for one step. Reference: M^-1 J with M = M_RB + M_A
-assembled here from mass, centre of mass and inertia; 3/2 of the displaced mass for a sphere (Lamb
-1932, sec. 92). Tolerance: 1e-6 of the change of speed: what one step of Coriolis force adds."""
+Verifies: that a short push accelerates body and added mass together, in all six directions and
+their couplings; the apparent mass of a sphere. Leaves out: every force that depends on speed,
+because the body is pushed for one step from rest. Reference: M^-1 J with M = M_RB + M_A assembled
+here from mass, centre of mass and inertia; 3/2 of the displaced mass for a sphere (Lamb 1932, sec.
+92). Tolerance: 1e-6 of the change of speed: what one step of Coriolis force adds."""
 
 from collections.abc import Iterator
 
@@ -21,7 +21,7 @@ PUSH = 0.01 * np.array([100.0, -70.0, 40.0, 8.0, -20.0, 30.0])
 
 
 def checks() -> Iterator[Check]:
-    """Shipped vehicles, then the sphere."""
+    """Yield the checks of shipped vehicles, then of the sphere."""
     for name in config.SHIPPED:
         model = flight.without_weight(flight.without_fluid_forces(flight.model(name)))
         ship = fossen.craft(model)

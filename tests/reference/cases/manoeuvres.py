@@ -1,9 +1,9 @@
 """Turning circle and zig-zag.
 
-Verifies: everything that acts on a vehicle under way, together and in large motion: the kernels
-against a second implementation that shares the vehicle's numbers and no line of code; the same of
-accelerations at random states. Leaves out: the tailcone (the duct turns at once), the surface;
-whether the coefficients are right, which other cases ask. Reference: Fossen's equations in matrix
+Verifies: all forces on a moving vehicle together and in large motion: the kernels against a second
+implementation that shares the vehicle's numbers but no code; also the accelerations at random
+states. Leaves out: the tailcone (the duct moves without delay), the surface; the values of the
+coefficients, which other cases verify. Reference: Fossen's equations in matrix
 form with Euler angles (``tests/reference/fossen.py``), integrated by scipy's DOP853 at a tolerance
 of 1e-7. Tolerance: rounding for accelerations; for manoeuvres 1e-5 of the figure, what two
 integrators leave."""

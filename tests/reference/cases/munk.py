@@ -1,8 +1,8 @@
 """Munk moment on a spheroid.
 
-Verifies: that added mass, put into the equations as momentum, turns a drifting body broadside by
-the moment of ideal flow, and that ideal flow pushes it nowhere (d'Alembert); the spheroid's factors
-that give a hull its axial added mass. Leaves out: lift and drag, which ideal flow has not.
+Verifies: that added mass, as momentum in the equations, gives the moment of ideal flow that turns a
+drifting body broadside, and no force (d'Alembert); the spheroid's factors for the axial added mass
+of a hull. Leaves out: lift and drag, which do not exist in ideal flow.
 Reference: 1/2 rho V U^2 (k_2 - k_1) sin 2 alpha (Munk 1924, NACA report 184) with k_1, k_2 as Lamb
 tabulates them for a spheroid of slenderness 6.01 (Lamb 1932, sec. 114); the factors of the shipped
 hulls by quadrature of Lamb's integrals. Tolerance: 0.0015, Lamb's third decimal as his table has
@@ -20,7 +20,7 @@ from tests.sitl.vehicle import flight
 
 LENGTH_M, SLENDERNESS = 3.0, 6.01
 LAMB = bodies.LambFactors(k_1=0.045, k_2=0.918, k_rotation=0.764)
-"""As printed for a/b = 6.01."""
+"""Lamb's factors as printed for a/b = 6.01."""
 SPEED_MPS = 1.3
 
 

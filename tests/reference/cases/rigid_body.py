@@ -1,7 +1,7 @@
 """The rigid body.
 
 Verifies: the six equations of a rigid body with its centre of mass off the origin and a full
-inertia tensor; that without forces it keeps its momenta. Leaves out: water. Reference: the six
+inertia tensor; that its momenta are constant without forces. Leaves out: water. Reference: the six
 scalar equations that the source paper prints under "Overall Vehicle Modeling"; Newton's first law.
 Tolerance: rounding for accelerations; for a minute's tumble what steps of 2 ms leave."""
 
@@ -20,13 +20,13 @@ Array = NDArray[np.float64]
 MASS = 640.0
 CM = np.array([0.12, -0.07, -0.05])
 INERTIA = np.array([[42.0, 3.0, -5.0], [3.0, 480.0, 7.0], [-5.0, 7.0, 510.0]])
-"""About the origin, off-diagonal elements as tensor elements: I_xy = -int x y dm."""
+"""Inertia tensor about the origin; off-diagonal elements as tensor elements: I_xy = -int x y dm."""
 MOTIONS = 200
 SECONDS = 60.0
 
 
 def checks() -> Iterator[Check]:
-    """Accelerations under random wrenches, then momenta."""
+    """Yield the checks of accelerations under random wrenches, then of momenta."""
     body, rng = bodies.rigid_body(MASS, CM, INERTIA), np.random.default_rng(5)
     misses = []
     for _ in range(MOTIONS):

@@ -2,7 +2,7 @@
 
 Verifies: the slope of the ring duct's lift against the two published points; the whole force over
 incidence and duct angle below stall against the paper's formulas with its own matrices. Leaves out:
-stall, of which the paper says nothing; interaction with the hull. Reference: 3.4855 per rad at an
+stall, which the paper does not treat; interaction with the hull. Reference: 3.4855 per rad at an
 aspect ratio of 1.25 and 5.1566 at 4.3716 (Milewski and the DSRV report, as the source paper quotes
 them under "Tailcone"); the paper's C_L, C_D and transformation T_R/B. Tolerance: the five digits
 printed; rounding for the force."""
@@ -24,7 +24,7 @@ DIAMETER_M, CHORD_M = 0.415, 0.120
 
 
 def checks() -> Iterator[Check]:
-    """The two points, then the force at many attitudes."""
+    """Yield the checks of the two points, then of the force at many attitudes."""
     for aspect, published in POINTS:
         slope = duct.ring_wing_lift_slope_per_rad(aspect)
         yield relative(

@@ -1,9 +1,9 @@
 """Linear against nonlinear for small motion.
 
-Verifies: that the linear yaw and pitch planes, on which controllers are designed and models fitted,
-are what the nonlinear vehicle does for small duct angles. Leaves out: quadratic drag and lift,
-which vanish with the motion; roll and surge, which the planes do not hold: weight and buoyancy
-cancel and the centre of mass couples nothing but pitch. Reference: x(t) of x' = A x + B delta for a
+Verifies: that the nonlinear vehicle follows the linear yaw and pitch planes, which control design
+and identification use, for small duct angles. Leaves out: quadratic drag and lift, which vanish
+with the motion; roll and surge, which the planes do not contain: weight equals buoyancy and the
+centre of mass is coupled only to pitch. Reference: x(t) of x' = A x + B delta for a
 step, by the matrix exponential, A and B differentiated from the equations of motion. Tolerance:
 1e-4 of the largest response at a microradian over seven hull lengths, 1e-2 at a hundred: what is
 left out grows with the angle."""

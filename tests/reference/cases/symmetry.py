@@ -1,10 +1,9 @@
 """Mirror symmetry.
 
-Verifies: that the mirror image of a manoeuvre, disturbance and current included, is flown as the
-mirror image, to the last bit, so that no sign error hides and nothing turns by itself. Leaves out:
-a centre of mass off the plane of symmetry, and motion with no mirror image of its own. Reference:
-the same run, reflected in the vertical plane through north. Tolerance: none with a duct; with fins
-rounding, for they are summed in turn."""
+Verifies: that mirrored inputs, disturbance and current give the mirrored track to the last bit, so
+that a sign error or a spurious turn would be seen. Leaves out: a centre of mass off the plane of
+symmetry. Reference: the same run, reflected in the vertical plane through north. Tolerance: none
+with a duct; rounding with fins, whose forces are summed one after the other."""
 
 from collections.abc import Iterator
 
@@ -22,7 +21,7 @@ SECONDS = 60.0
 
 
 def checks() -> Iterator[Check]:
-    """Each shipped vehicle through a manoeuvre in all six degrees of freedom."""
+    """Yield the checks of each shipped vehicle in a manoeuvre in six degrees of freedom."""
     push = np.array([3.0, -5.0, 2.0, 0.4, -6.0, 7.0])
     inputs = {"elevator_rad": 0.1, "thrust_fraction": 0.8}
     for name in config.SHIPPED:

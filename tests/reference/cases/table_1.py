@@ -1,9 +1,9 @@
 """Table 1 of the source paper.
 
-Verifies: that both shipped columns come out of the nonlinear equations of motion when these are
-linearised at 1.3 m/s and 58 % thrust, and that the planes built of them are the paper's linear
-equations. Leaves out: other speeds; whether the paper's coefficients are right. Reference: Table 1,
-"Initial" and "Adjusted", typed here again from the paper; its linear equations with x_CM = 0.
+Verifies: that the linearised equations of motion at 1.3 m/s and 58 % thrust have the coefficients
+of both shipped columns, and that the planes equal the paper's linear equations. Leaves out: other
+speeds; the correctness of the paper's coefficients. Reference: Table 1, "Initial" and "Adjusted",
+typed here again from the paper; its linear equations with x_CM = 0.
 Tolerance: 1e-6 of each number, what differences of the equations leave."""
 
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ TABLE = {
 
 
 def checks() -> Iterator[Check]:
-    """Every number of both columns, then the planes."""
+    """Yield the checks of all numbers of both columns, then of the planes."""
     for column, vehicle in enumerate(("caribou_nominal", "caribou_truth")):
         found = linearise(flight.model(vehicle), SPEED_MPS, thrust_fraction=0.58)
         for key, printed in TABLE.items():

@@ -26,11 +26,11 @@ INERTIA_KGM2 = (40.0, 480.0, 510.0)
 SECONDS = 60.0
 STABLE_RADPS = (0.5, 0.0, 0.8)
 NEAR_SEPARATRIX_RADPS = (0.8, 0.0, 0.8 * (40 * 440 / (510 * 30)) ** 0.5 * 1.0005)
-"""Almost all of the spin would settle on the intermediate axis, were that stable."""
+"""Initial rates near the separatrix: the spin passes close to the unstable intermediate axis."""
 
 
 def checks() -> Iterator[Check]:
-    """Analytic tumbles first, then the one in water."""
+    """Yield the checks of the analytic tumbles, then of the one in water."""
     for name, start in (("stable axis", STABLE_RADPS), ("flipping axis", NEAR_SEPARATRIX_RADPS)):
         track = _spin(start)
         found, expected = track[:, 10:13], euler_radps(start, _time(track))

@@ -1,9 +1,9 @@
 """Floor and ice.
 
-Verifies: how strongly a wall draws a hull that passes along it, in the equations of motion and far
-away; that the pull does no work; that floor and ice hold what rests on them. Leaves out: the
-surface as a wall; what a wall does to added mass, which matters within a radius of it. Reference:
-the line of sources that a slender hull is, and its image (Lagally 1922; Newman 1965, DTMB report
+Verifies: the suction of a wall on a hull that moves along it, near and far away; that the suction
+does no work; that floor and ice support a resting hull. Leaves out: the surface as a wall; the
+effect of a wall on added mass, which is significant within one radius of it. Reference: the line of
+sources of a slender hull and its mirror image (Lagally 1922; Newman 1965, DTMB report
 2127), integrated here on a grid of its own; far away two dipoles side by side, 3 rho V^2 U^2 / (64
 pi h^4). Tolerance: 3 % near the wall, where the simulator reads a table that ends a hull's length
 off; 2 % far away; rounding for work; a centimetre of a resting hull."""

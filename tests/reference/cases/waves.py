@@ -1,15 +1,15 @@
 """Waves.
 
 Verifies: the dispersion relation; that the motion decays with depth, is free of divergence and
-spin, and obeys the free-surface condition; height and period of a drawn sea; the force of second
-order that draws a body held near the surface upwards. Leaves out: what linear theory leaves out:
-steepness, breaking, what the hull does to the waves. Reference: linear wave theory (Airy 1845;
-Newman 1977, ch. 6); differences of the velocity field itself; H_s = 4 sigma, T_z / T_p of both
-spectra (DNV-RP-C205, 2010, sec. 3.5.5); the long-wave limit 2 rho V k sigma^2 a^2 exp(-2 k h) of
-the mean force on a slender body held under waves (Ogilvie 1963, J. Fluid Mech. 16; Lee and Newman
-1971, J. Ship Res. 15). Tolerance: rounding and differences; 5 % of height and period for an hour of
-200 components, the last of which stands for all of the spectrum's tail; 1 % of the suction, whose
-limit is that of waves long against the hull."""
+rotation, and satisfies the free-surface condition; height and period of a random sea; the
+second-order force that pulls a body near the surface upwards. Leaves out: effects beyond linear
+theory: steepness, breaking, influence of the hull on the waves. Reference: linear wave theory (Airy
+1845; Newman 1977, ch. 6); differences of the velocity field itself; H_s = 4 sigma, T_z / T_p of
+both spectra (DNV-RP-C205, 2010, sec. 3.5.5); the long-wave limit 2 rho V k sigma^2 a^2 exp(-2 k h)
+of the mean force on a slender body held under waves (Ogilvie 1963, J. Fluid Mech. 16; Lee and
+Newman 1971, J. Ship Res. 15). Tolerance: rounding and differences; 5 % of height and period for an
+hour of 200 components, the last of which represents the whole tail of the spectrum; 1 % of the
+suction, whose limit is that of waves long against the hull."""
 
 from collections.abc import Iterator
 from itertools import pairwise

@@ -1,5 +1,4 @@
-"""The bench analysis against the tailcone that was simulated, textbook harmonics, and the paper's
-arithmetic."""
+"""Bench and inclining tests against simulated actuators, first harmonics and the paper's limits."""
 
 import math
 from typing import Any
@@ -54,7 +53,7 @@ def session(
     amplitudes_deg: tuple[float, ...] = (5.0, 10.0, 30.0),
     frequencies_hz: tuple[float, ...] = (0.05, 0.12, 0.25, 0.5, 0.75, 1.0),
 ) -> Log:
-    """A rudder session as the log of a vehicle with an encoder would hold it."""
+    """Simulate a rudder session as the log of a vehicle with an encoder."""
     axis = tailcone.discretise(travel_rad=TRAVEL_RAD, substep_s=0.25 / RATE_HZ, **servo)
     commands, events = [np.zeros(200)], []
     for size in amplitudes_deg:
@@ -107,8 +106,8 @@ def log_of(**given: Any) -> Log:
 @pytest.mark.parametrize(
     "servo", [PAPER, WORN, BRISK, SLUGGISH], ids=["paper", "worn", "brisk", "sluggish"]
 )
-def test_the_fit_finds_the_actuator_that_was_simulated(servo: dict[str, float]) -> None:
-    found = bench_test.analyse(session(servo, seed=3))["rudder"].model
+def test_analyse_recovers_simulated_actuator(servo: dict[str, float]) -> None:
+    model = bench_test.analyse(session(servo, seed=3))["rudder"].model
     simulated = {
         "gain": 1.0,
         "natural_frequency_radps": servo["natural_frequency_radps"],
@@ -117,19 +116,19 @@ def test_the_fit_finds_the_actuator_that_was_simulated(servo: dict[str, float]) 
         "rate_radps": servo["rate_limit_radps"],
         "backlash_rad": servo.get("backlash_rad", 0.0),
     }
-    off = {
-        name: (getattr(found, name).value - value) / getattr(found, name).sd
+    errors_sd = {
+        name: (getattr(model, name).value - value) / getattr(model, name).sd
         for name, value in simulated.items()
     }
-    assert all(abs(z) < 3.0 for z in off.values()), off
-    assert math.sqrt(np.mean(np.square(list(off.values())))) < 1.7, off
+    assert all(abs(error_sd) < 3.0 for error_sd in errors_sd.values()), errors_sd
+    assert math.sqrt(np.mean(np.square(list(errors_sd.values())))) < 1.7, errors_sd
     assert all(
-        getattr(found, name).sd < 0.03 * max(value, 0.3) for name, value in simulated.items()
+        getattr(model, name).sd < 0.03 * max(value, 0.3) for name, value in simulated.items()
     )
-    assert found.residual_rad < 1.3 * NOISE_RAD
+    assert model.residual_rad < 1.3 * NOISE_RAD
 
 
-def test_lost_steps_show_as_a_bias_that_moves() -> None:
+def test_analyse_lost_steps_increase_bias_sd() -> None:
     losing = PAPER | {
         "bias_rad": math.radians(-6.0),
         "step_rad": math.radians(0.1),
@@ -145,28 +144,26 @@ def test_lost_steps_show_as_a_bias_that_moves() -> None:
     assert moving.delay_s.value == pytest.approx(0.3, abs=0.01)
 
 
-def test_figure_4_and_its_limits() -> None:
-    found = bench_test.analyse(session(PAPER, seed=2, amplitudes_deg=(5.0, 10.0, 30.0)))["rudder"]
-    small = [point for point in found.points if point.amplitude_deg == 5.0]
-    late_deg = []
+def test_analyse_matches_lag_and_paper_limits() -> None:
+    bench = bench_test.analyse(session(PAPER, seed=2, amplitudes_deg=(5.0, 10.0, 30.0)))["rudder"]
+    small = [point for point in bench.points if point.amplitude_deg == 5.0]
+    phase_errors_deg = []
     for point in small:
         s = 2j * math.pi * point.frequency_hz
         expected = np.exp(-0.3 * s) / (s * s / 9.0 + 0.4 * s + 1.0)
         assert point.gain == pytest.approx(abs(expected), abs=4.0 * point.gain_sd + 0.005)
-        turned = math.degrees(np.angle(expected)) - point.phase_deg
-        late_deg.append((turned + 180.0) % 360.0 - 180.0)
-        assert late_deg[-1] == pytest.approx(0.0, abs=4.0 * point.phase_sd_deg)
+        phase_error_deg = math.degrees(np.angle(expected)) - point.phase_deg
+        phase_errors_deg.append((phase_error_deg + 180.0) % 360.0 - 180.0)
+        assert phase_errors_deg[-1] == pytest.approx(0.0, abs=4.0 * point.phase_sd_deg)
     hz = np.array([point.frequency_hz for point in small])
-    assert abs(late_deg @ hz) / (360.0 * hz @ hz) < 0.004, (
-        "seconds by which the phases are off together"
-    )
-    assert sorted(p.phase_deg for p in small) == [p.phase_deg for p in small][::-1]
-    limits = {limit.amplitude_deg: limit for limit in found.limits}
+    assert abs(phase_errors_deg @ hz) / (360.0 * hz @ hz) < 0.004, "common delay of all phases, s"
+    assert sorted(point.phase_deg for point in small) == [point.phase_deg for point in small][::-1]
+    limits = {limit.amplitude_deg: limit for limit in bench.limits}
     for size, hz in ((30.0, 0.25), (10.0, 0.75)):
         assert limits[size].paper_hz == hz
         assert limits[size].triangle_hz.value == pytest.approx(hz, rel=0.005)
         assert limits[size].sine_hz.value == pytest.approx(hz * 2.0 / math.pi, rel=0.005)
-    # Small motion falls by 3 dB where the lag alone does; the widest falls far earlier.
+    # Small motion is limited by the lag alone; the largest amplitude by the rate limit.
     assert limits[5.0].half_power_hz == pytest.approx(0.548, abs=0.02)
     assert limits[30.0].half_power_hz is not None
     assert limits[30.0].half_power_hz < 0.3
@@ -174,22 +171,22 @@ def test_figure_4_and_its_limits() -> None:
 
 @given(st.floats(0.03, 3.0), st.floats(0.0, 6.28), st.floats(-0.2, 0.2))
 @settings(max_examples=40)
-def test_the_frequency_of_a_sinusoid_is_found(hz: float, phase: float, offset: float) -> None:
+def test_frequency_hz_recovers_sinusoid(hz: float, phase: float, offset: float) -> None:
     t = np.arange(0.0, max(7.0, 2.0 / hz), 1.0 / RATE_HZ)
     assert bench_test.frequency_hz(
         t, offset + np.sin(2.0 * math.pi * hz * t + phase)
     ) == pytest.approx(hz, rel=2e-3)
 
 
-def test_a_rate_that_no_sweep_reaches_is_not_claimed() -> None:
-    slow = session(PAPER | {"rate_limit_radps": math.radians(90.0)}, 1, (4.0,), (0.1, 0.3, 0.6))
-    found = bench_test.analyse(slow)["rudder"]
-    assert found.model.rate_radps.sd is None
-    assert all(limit.triangle_hz.sd is None for limit in found.limits)
+def test_analyse_unreached_rate_limit_has_no_sd() -> None:
+    log = session(PAPER | {"rate_limit_radps": math.radians(90.0)}, 1, (4.0,), (0.1, 0.3, 0.6))
+    bench = bench_test.analyse(log)["rudder"]
+    assert bench.model.rate_radps.sd is None
+    assert all(limit.triangle_hz.sd is None for limit in bench.limits)
 
 
 @pytest.mark.parametrize(
-    ("broken", "reason"),
+    ("replaced", "reason"),
     [
         ({"duct": DuctAngles(*(NOTHING,) * 3)}, "no duct angles"),
         ({"events": ()}, "no sweeps"),
@@ -204,11 +201,9 @@ def test_a_rate_that_no_sweep_reaches_is_not_claimed() -> None:
         ),
     ],
 )
-def test_a_log_without_a_bench_test_is_refused_with_the_reason(
-    broken: dict[str, Any], reason: str
-) -> None:
-    whole = session(PAPER, 1, (10.0,), (0.5, 1.0))
-    fields = {"actuators": whole.actuators, "duct": whole.duct, "events": whole.events} | broken
+def test_analyse_unusable_log_is_rejected(replaced: dict[str, Any], reason: str) -> None:
+    log = session(PAPER, 1, (10.0,), (0.5, 1.0))
+    fields = {"actuators": log.actuators, "duct": log.duct, "events": log.events} | replaced
     with pytest.raises(bench_test.BenchError, match=reason):
         bench_test.analyse(log_of(**fields))
 
@@ -227,7 +222,7 @@ def heeled(
     seed: int,
     moves: list[WeightPeriod],
 ) -> Log:
-    """Heel as the balance of moments has it, with noise that lasts some seconds."""
+    """Log with the heel of the moment balance and noise with a correlation time of 5 s."""
     t = np.arange(0.0, moves[-1].until_s, 0.1)
     moment = np.array([next(m.moment_kgm for m in moves if time < m.until_s + 1e-9) for time in t])
     slow = np.repeat(np.random.default_rng(seed).standard_normal(t.size // 50 + 1), 50)[: t.size]
@@ -239,22 +234,20 @@ def heeled(
 
 @given(st.floats(0.005, 0.08), st.floats(-0.05, 0.05), st.integers(0, 1000))
 @settings(max_examples=30)
-def test_an_inclining_test_finds_the_height_that_heels(
-    height_m: float, list_kgm: float, seed: int
-) -> None:
+def test_inclining_recovers_height(height_m: float, list_kgm: float, seed: int) -> None:
     vehicle = config.load("caribou_nominal")
     mass_kg = vehicle.ballast.mass_kg
-    found = inclining_test.analyse(
+    result = inclining_test.analyse(
         heeled(height_m, mass_kg, list_kgm, 0.02, seed, MOVES), MOVES, vehicle
     )
-    assert found.height_m.sd is not None
+    assert result.height_m.sd is not None
     # Student's t with five degrees of freedom goes beyond 7 standard deviations once in a thousand.
-    assert abs(found.height_m.value - height_m) < 7.0 * found.height_m.sd + 1e-9
-    assert found.height_m.sd < 0.05 * height_m + 2e-3 * (height_m / 0.02) ** 2
-    assert found.z_cm_m.value == pytest.approx(vehicle.ballast.z_cb_m - found.height_m.value)
+    assert abs(result.height_m.value - height_m) < 7.0 * result.height_m.sd + 1e-9
+    assert result.height_m.sd < 0.05 * height_m + 2e-3 * (height_m / 0.02) ** 2
+    assert result.z_cm_m.value == pytest.approx(vehicle.ballast.z_cb_m - result.height_m.value)
 
 
-def test_an_inclining_test_that_shows_nothing_is_refused() -> None:
+def test_inclining_unusable_log_is_rejected() -> None:
     vehicle = config.load("caribou_nominal")
     good = heeled(0.02, 640.0, 0.0, 0.0, 0, MOVES)
     with pytest.raises(inclining_test.InclineError, match="at least three moves"):

@@ -1,5 +1,4 @@
-"""The joint problem: its slopes against differences of its cost, both surfaces at once, and
-failures said aloud."""
+"""Joint problem: derivatives against differences, tests of both surfaces, and failure criteria."""
 
 import math
 from collections.abc import Sequence
@@ -49,49 +48,45 @@ def few(campaign: list[Run]) -> list[Run]:
 
 
 @pytest.fixture(scope="module")
-def somewhere() -> np.ndarray:
+def random_z() -> np.ndarray:
     return 0.5 * np.random.default_rng(3).standard_normal(len(NAMES))
 
 
 @pytest.fixture(scope="module")
-def problem(few: list[Run], bench: config.VehicleConfig, somewhere: np.ndarray) -> MapProblem:
-    return problem_of(bench, few, somewhere)
+def problem(few: list[Run], bench: config.VehicleConfig, random_z: np.ndarray) -> MapProblem:
+    return problem_of(bench, few, random_z)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_slopes_are_differences_of_the_cost(
-    problem: MapProblem, somewhere: np.ndarray, name: str
+def test_score_slope_matches_differences_of_cost(
+    problem: MapProblem, random_z: np.ndarray, name: str
 ) -> None:
-    """The runs themselves, flown twice, against sensitivities taken along one track."""
+    """Reference: differences of the cost from two simulations of every run."""
     score, step = (
-        problems.score(problem, somewhere),
+        problems.score(problem, random_z),
         1e-3 * (np.arange(len(NAMES)) == NAMES.index(name)),
     )
     by_difference = (
-        problems.cost(problem, somewhere + step) - problems.cost(problem, somewhere - step)
+        problems.cost(problem, random_z + step) - problems.cost(problem, random_z - step)
     ) / 2e-3
     # Play and rate limit have corners, which a difference of two runs rounds off.
     assert score.slope[NAMES.index(name)] == pytest.approx(by_difference, abs=0.2, rel=2e-3)
-    assert score.cost == pytest.approx(problems.cost(problem, somewhere), rel=1e-12)
+    assert score.cost == pytest.approx(problems.cost(problem, random_z), rel=1e-12)
 
 
-def test_residuals_of_the_problem_are_those_of_whole_simulations(
-    problem: MapProblem, somewhere: np.ndarray
-) -> None:
-    vehicle, total = problems.vehicle(problem.prior, somewhere), 0.0
+def test_cost_matches_residuals_of_simulations(problem: MapProblem, random_z: np.ndarray) -> None:
+    vehicle, total = problems.vehicle(problem.prior, random_z), 0.0
     for plane, group in problem.datasets.items():
         total += sum(
             float(np.sum(noise.whiten_residual(r, problem.filters[plane]) ** 2))
             for r in fit.residuals(vehicle, group)
         )
-    away = np.linalg.solve(np.linalg.cholesky(problem.prior.covariance), somewhere)
-    assert problems.cost(problem, somewhere) == pytest.approx(0.5 * (total + away @ away), rel=1e-9)
+    away = np.linalg.solve(np.linalg.cholesky(problem.prior.covariance), random_z)
+    assert problems.cost(problem, random_z) == pytest.approx(0.5 * (total + away @ away), rel=1e-9)
 
 
-def test_a_search_ends_where_no_neighbour_is_better(
-    problem: MapProblem, somewhere: np.ndarray
-) -> None:
-    end = descend(problem, somewhere, 1e-8)
+def test_descend_ends_at_a_minimum(problem: MapProblem, random_z: np.ndarray) -> None:
+    end = descend(problem, random_z, 1e-8)
     sd = 1.0 / np.sqrt(
         np.diag(end.score.information) + np.diag(np.linalg.inv(problem.prior.covariance))
     )
@@ -101,33 +96,31 @@ def test_a_search_ends_where_no_neighbour_is_better(
             assert problems.cost(problem, beside) > end.score.cost, NAMES[i]
 
 
-def test_a_search_stays_within_its_bounds(few: list[Run], bench: config.VehicleConfig) -> None:
-    """A prior that is surer than right, its mean beyond the bounds in one parameter."""
+def test_descend_stays_within_bounds(few: list[Run], bench: config.VehicleConfig) -> None:
+    """The prior is too narrow, with its mean beyond the bounds in one parameter."""
     problem = problem_of(bench, few, np.zeros(len(NAMES)))
     i = NAMES.index("stall_angle")
-    sure = problem.prior._replace(mean=9.0 * (np.arange(len(NAMES)) == i))
-    end = descend(problem._replace(prior=sure), np.zeros(len(NAMES)), 1e-6)
+    narrow_prior = problem.prior._replace(mean=9.0 * (np.arange(len(NAMES)) == i))
+    end = descend(problem._replace(prior=narrow_prior), np.zeros(len(NAMES)), 1e-6)
     assert end.z[i] == pytest.approx(Z_LIMIT)
     assert np.max(np.abs(end.z)) <= Z_LIMIT
 
 
-def test_the_noises_levels_are_those_that_were_drawn(
-    few: list[Run], bench: config.VehicleConfig
-) -> None:
-    """White noise of one size on a plane that nothing else disturbs."""
+def test_noise_estimate_recovers_white_levels(few: list[Run], bench: config.VehicleConfig) -> None:
+    """White noise of one level on a plane without disturbance."""
     rng, vehicle = (
         np.random.default_rng(5),
         problems.vehicle(prior_of(bench, few), np.zeros(len(NAMES))),
     )
-    drawn = [math.radians(0.3) * rng.standard_normal((600, 2)) for _ in range(3)]
-    found = noise.estimate(fit.linear_plane(vehicle, "yaw"), drawn, 0.1, Noise())
-    assert found.rate_radps == pytest.approx(math.radians(0.3), rel=0.05)
-    assert found.angle_rad == pytest.approx(math.radians(0.3), rel=0.05)
-    assert found.slow_radps2 < 0.5 * Noise().slow_radps2
+    samples = [math.radians(0.3) * rng.standard_normal((600, 2)) for _ in range(3)]
+    levels = noise.estimate(fit.linear_plane(vehicle, "yaw"), samples, 0.1, Noise())
+    assert levels.rate_radps == pytest.approx(math.radians(0.3), rel=0.05)
+    assert levels.angle_rad == pytest.approx(math.radians(0.3), rel=0.05)
+    assert levels.slow_radps2 < 0.5 * Noise().slow_radps2
 
 
 def two_at_once(vehicle: config.VehicleConfig) -> tuple[Run, Run]:
-    """Rudder and elevator swung at the same time, in still water."""
+    """Simulate simultaneous rudder and elevator tests in still water."""
     time_s = np.arange(int(30.0 * 50)) / 50.0
     rudder = math.radians(7.0) * np.sign(np.sin(2.0 * math.pi * time_s / 15.0) + 0.3)
     elevator = math.radians(6.0) * np.sign(np.sin(2.0 * math.pi * time_s / 8.0 + 0.4))
@@ -147,11 +140,10 @@ def two_at_once(vehicle: config.VehicleConfig) -> tuple[Run, Run]:
 
 
 @pytest.mark.parametrize("plane", ["yaw", "pitch"])
-def test_a_test_of_both_surfaces_is_simulated_with_the_other_planes_motion(
+def test_coupling_inputs_reduce_error_of_dual_tests(
     plane: Plane, field: config.VehicleConfig
 ) -> None:
-    """The true vehicle's own plane explains its half of the test far better once it knows of the
-    other half."""
+    """With the motion of the other plane, the true vehicle's error in its own half is smaller."""
     from dataclasses import replace
 
     run = two_at_once(field)[0 if plane == "yaw" else 1]
@@ -163,18 +155,20 @@ def test_a_test_of_both_surfaces_is_simulated_with_the_other_planes_motion(
     vehicle = parameters.candidate_vehicle(field, biases, np.zeros(len(NAMES)))
     mse = []
     for both in (False, True):
-        what = with_coupling_inputs(vehicle, dataset(replace(run, both=both)))
-        (left,) = fit.residuals(vehicle, [what])
-        mse.append(float(np.mean(np.degrees(left[:, 0]) ** 2)))
+        data = with_coupling_inputs(vehicle, dataset(replace(run, both=both)))
+        (residual,) = fit.residuals(vehicle, [data])
+        mse.append(float(np.mean(np.degrees(residual[:, 0]) ** 2)))
     assert mse[1] < 0.3 * mse[0], mse
     assert mse[1] < 0.02
 
 
-def test_a_vehicle_that_flies_nose_down_turns_as_her_plane_says(
+def test_heave_coupling_reduces_error_of_pitched_vehicle(
     field: config.VehicleConfig,
 ) -> None:
-    """She slips through the water by her pitch, and drag across her hull holds sway: known, it is
-    no error."""
+    """A pitched vehicle has heave, whose cross-flow drag damps sway.
+
+    With it the error is smaller.
+    """
     run = sea.fly(
         field, "yaw", sea.doublet(4.0, 6.0), level=sea.CALM, sensors=QUIET, trim_rad=TRIM
     ).since(-1.0)
@@ -189,7 +183,7 @@ def test_a_vehicle_that_flies_nose_down_turns_as_her_plane_says(
     assert errors[0] < 0.4 * errors[1]
 
 
-def test_the_duct_of_a_cut_run_follows_what_came_before(campaign: list[Run]) -> None:
+def test_duct_along_cut_run_keeps_its_history(campaign: list[Run]) -> None:
     run, actuator = campaign[1], greybox.Actuator(0.3, 3.0, 0.6, 0.0, 0.26, 0.26)
     late = run.since(-4.0)
     whole = greybox.duct_along(run, "yaw", actuator)[-late.time_s.size :]
@@ -200,7 +194,7 @@ def test_the_duct_of_a_cut_run_follows_what_came_before(campaign: list[Run]) -> 
 
 
 @pytest.mark.parametrize(
-    ("starts", "bounds", "kept", "said"),
+    ("starts", "bounds", "sd_ratio", "expected"),
     [
         ((100.0, 100.5), (), 0.5, ""),
         ((100.0, 103.0), (), 0.5, "1 of 2 other starts end elsewhere"),
@@ -208,26 +202,27 @@ def test_the_duct_of_a_cut_run_follows_what_came_before(campaign: list[Run]) -> 
         ((100.0,), (), 0.99, "the yaw tests leave the prior's uncertainty of b1_per_s2"),
     ],
 )
-def test_a_fit_that_failed_says_why(
-    starts: tuple[float, ...], bounds: tuple[str, ...], kept: float, said: str
+def test_failures_name_the_reason(
+    starts: tuple[float, ...], bounds: tuple[str, ...], sd_ratio: float, expected: str
 ) -> None:
-    after = np.diag([0.25, kept**2, 0.25, 0.25, 0.25])
-    found = failures(100.0, starts, bounds, {"yaw": (np.eye(5), after)})
-    assert len(found) == bool(said)
-    assert said in "".join(found)
+    after = np.diag([0.25, sd_ratio**2, 0.25, 0.25, 0.25])
+    reasons = failures(100.0, starts, bounds, {"yaw": (np.eye(5), after)})
+    assert len(reasons) == bool(expected)
+    assert expected in "".join(reasons)
 
 
-def test_failures_number_without_spread_is_no_failure() -> None:
-    """A delay at its limit of zero has no spread, before or after the data: 0/0 must not reach the
-    verdict."""
+def test_failures_number_without_variance_is_ignored() -> None:
+    """A delay at its limit of zero has no variance before or after the data: 0/0 must not arise."""
     before, after = np.diag([1.0, 1.0, 1.0, 1.0, 0.0]), np.diag([0.25, 0.25, 0.25, 0.25, 0.0])
     with np.errstate(all="raise"):
         assert failures(100.0, (100.0,), (), {"yaw": (before, after)}) == ()
 
 
 def test_at_bounds_backlash_of_none_is_a_result() -> None:
-    """Backlash is a ratio to the prior: its lower bound, 0.004 deg, is how a tailcone without play
-    appears."""
+    """Backlash is a ratio to the prior.
+
+    A tailcone without backlash is at its lower bound, 0.004 deg.
+    """
     z = np.zeros(len(NAMES))
     z[NAMES.index("backlash")] = -4.0
     assert fit.at_bounds(z) == ()
@@ -235,16 +230,15 @@ def test_at_bounds_backlash_of_none_is_a_result() -> None:
     assert fit.at_bounds(z) == ("Y_v", "backlash")
 
 
-def test_a_test_without_a_test_leaves_the_prior(
+def test_fit_constant_command_is_reported_as_failure(
     field: config.VehicleConfig, bench: config.VehicleConfig
 ) -> None:
-    """The rudder stood still: nothing of the plane can be measured, and the fit must not
-    pretend."""
+    """A constant rudder command determines nothing of the plane; the fit must report it."""
     from sysid.models import model_export
 
     run = sea.fly(field, "yaw", sea.step(0.0, 6.0), trim_rad=TRIM).since(-4.0)
     prior = prior_of(bench, [run])
-    found = model_export.from_fit(
+    reasons = model_export.from_fit(
         fit.fit([run], prior), prior, "caribou_nominal"
     ).convergence.failures
-    assert any("static_gain_per_s" in reason for reason in found)
+    assert any("static_gain_per_s" in reason for reason in reasons)

@@ -1,5 +1,4 @@
-"""The plane that is not tested: what it may do by itself, and what it may not do with the
-surface."""
+"""Screening of the plane that is not tested: excursions and coherence with the tested surface."""
 
 import math
 from dataclasses import replace
@@ -30,48 +29,52 @@ def coupled(run: Run) -> list[str]:
 
 
 def coloured(rng: np.random.Generator, samples: int) -> np.ndarray:
-    """Rates of a vehicle in a sea: slow, not white."""
+    """Low-pass filtered noise, like the rate of a disturbed vehicle."""
     b, a = signal.butter(1, 0.3, fs=RATE_HZ)
     return signal.lfilter(b, a, rng.standard_normal(samples + 500))[500:]
 
 
-def test_unrelated_rates_are_coherent_once_in_a_hundred(run: Run) -> None:
+def test_coherence_unrelated_rates_rarely_significant(run: Run) -> None:
     rng, alarms, draws = np.random.default_rng(1), 0, 150
     for _ in range(draws):
-        found, bins = coherence(run, coloured(rng, run.time_s.size))
-        alarms += found > significant(bins)
+        largest, bins = coherence(run, coloured(rng, run.time_s.size))
+        alarms += largest > significant(bins)
     assert alarms <= 0.01 * draws + 3.0 * math.sqrt(0.01 * draws)
 
 
-def test_a_pitch_rate_that_follows_the_rudder_is_found(run: Run) -> None:
+def test_screen_coherent_pitch_rate_is_rejected(run: Run) -> None:
     assert coupled(run) == []
-    follows = replace(run, q_radps=run.q_radps + 0.4 * run.r_radps, pitch_rad=run.pitch_rad)
-    assert ["pitch rate follows the surface" in reason for reason in coupled(follows)] == [True]
-    little = replace(run, q_radps=run.q_radps + 0.05 * run.r_radps)
-    assert coupled(little) == []
+    strongly_coupled = replace(
+        run, q_radps=run.q_radps + 0.4 * run.r_radps, pitch_rad=run.pitch_rad
+    )
+    assert ["pitch rate follows the surface" in reason for reason in coupled(strongly_coupled)] == [
+        True
+    ]
+    weakly_coupled = replace(run, q_radps=run.q_radps + 0.05 * run.r_radps)
+    assert coupled(weakly_coupled) == []
 
 
-def test_a_test_of_both_surfaces_moves_both_planes(run: Run) -> None:
+def test_screen_dual_test_is_rejected_for_roll_only(run: Run) -> None:
     follows = replace(run, q_radps=run.q_radps + 0.4 * run.r_radps, both=True)
     assert coupled(follows) == []
     assert coupled(replace(follows, roll_rad=np.full_like(run.roll_rad, 0.5)))
 
 
-def test_a_sea_leaves_its_band_once_in_a_hundred_runs(run: Run) -> None:
-    """Rice's formula against draws of a sea that swings the vehicle at 0.15 Hz."""
-    rng, beyond, draws = np.random.default_rng(2), 0, 200
+def test_band_is_exceeded_in_one_percent_of_runs(run: Run) -> None:
+    """Rice's formula against samples of a narrow-band motion at 0.15 Hz."""
+    rng, exceedances, draws = np.random.default_rng(2), 0, 200
     b, a = signal.iirpeak(0.15, 2.0, fs=RATE_HZ)
     for _ in range(draws):
-        swings = [
+        motions = [
             signal.lfilter(b, a, rng.standard_normal(run.time_s.size + 2000))[2000:]
             for _ in range(12)
         ]
-        beyond += float(np.max(np.abs(swings[0]))) > band([run] * 12, swings, run)
-    assert beyond <= 0.01 * draws + 3.0 * math.sqrt(0.01 * draws)
+        exceedances += float(np.max(np.abs(motions[0]))) > band([run] * 12, motions, run)
+    assert exceedances <= 0.01 * draws + 3.0 * math.sqrt(0.01 * draws)
 
 
-def test_the_band_of_a_rough_sea_is_wider(run: Run) -> None:
-    """Five degrees of pitch are the sea's where it makes four before tests, and not in a calm."""
+def test_screen_excursion_limit_follows_preroll_motion(run: Run) -> None:
+    """An excursion of five degrees is accepted if the motion before the tests is similar."""
     swing = math.radians(5.0) * np.sin(0.7 * run.time_s)
     after = replace(run, pitch_rad=run.pitch_rad + swing * ~run.preroll)
     always = replace(run, pitch_rad=run.pitch_rad + swing)

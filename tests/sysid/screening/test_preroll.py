@@ -1,4 +1,4 @@
-"""What an unsteady start is depends on the sea: told by the pre-rolls of the other runs."""
+"""Limits of an unsteady start, from the pre-rolls of the other runs."""
 
 import math
 from dataclasses import replace
@@ -31,15 +31,13 @@ def _set(field: config.VehicleConfig, level: float) -> list[Run]:
 
 
 def unsteady(runs: list[Run], turning_degps: float) -> bool:
-    """Whether the first run is refused for a turn that was on before its test."""
+    """Return whether the first run is rejected for a turn rate before its test."""
     turn = math.radians(turning_degps) * runs[0].approach
     (first, *_) = screen([replace(runs[0], r_radps=runs[0].r_radps + turn), *runs[1:]])
     return any(reason.startswith("unsteady start: mean rate") for reason in first.reasons)
 
 
-def test_the_same_turn_is_unsteady_in_a_calm_and_nothing_in_a_rough_sea(
-    calm: list[Run], rough: list[Run]
-) -> None:
+def test_unsteady_start_limit_follows_disturbance(calm: list[Run], rough: list[Run]) -> None:
     for runs in (calm, rough):
         assert not unsteady(runs, 0.0)
     assert unsteady(calm, 0.7)
@@ -47,18 +45,18 @@ def test_the_same_turn_is_unsteady_in_a_calm_and_nothing_in_a_rough_sea(
     assert unsteady(rough, 4.0)
 
 
-def test_a_gyro_bias_that_all_runs_share_is_no_turn(calm: list[Run]) -> None:
+def test_unsteady_start_ignores_common_gyro_bias(calm: list[Run]) -> None:
     biased = [replace(run, r_radps=run.r_radps + math.radians(0.7)) for run in calm]
     assert not unsteady(biased, 0.0)
     assert unsteady(biased, 0.7)
 
 
-def test_without_other_runs_a_fixed_limit_holds(calm: list[Run]) -> None:
+def test_unsteady_start_single_run_has_fixed_limit(calm: list[Run]) -> None:
     assert not unsteady(calm[:1], 0.7)
     assert unsteady(calm[:1], 1.3)
 
 
-def test_one_wild_approach_does_not_excuse_the_next(calm: list[Run]) -> None:
+def test_unsteady_start_limit_is_robust_to_one_run(calm: list[Run]) -> None:
     wild = replace(
         calm[1],
         r_radps=calm[1].r_radps + math.radians(5.0) * np.sin(calm[1].time_s) * calm[1].preroll,

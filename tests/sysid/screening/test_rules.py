@@ -1,4 +1,4 @@
-"""Every rejection names its cause, and a clean run has none."""
+"""Screening rules: every rejection names its rule, and a clean run passes."""
 
 import math
 from dataclasses import replace
@@ -32,7 +32,7 @@ def reasons(run: Run) -> tuple[str, ...]:
     return screening.reasons
 
 
-def test_clean_runs_are_kept(yaw: Run, pitch: Run) -> None:
+def test_screen_clean_runs_are_accepted(yaw: Run, pitch: Run) -> None:
     assert all(s.accepted for s in screen([yaw, pitch]))
 
 
@@ -40,7 +40,7 @@ def during(run: Run, values: np.ndarray, change: float) -> np.ndarray:
     return values + change * (run.time_s > 2.0)
 
 
-def test_each_fault_is_called_by_its_name(yaw: Run, pitch: Run) -> None:
+def test_screen_names_each_fault(yaw: Run, pitch: Run) -> None:
     faults = {
         "gap": replace(yaw, longest_gap_s=0.5),
         "aborted too soon": replace(
@@ -70,15 +70,15 @@ def test_each_fault_is_called_by_its_name(yaw: Run, pitch: Run) -> None:
     )
 
 
-def test_a_gust_before_one_test_of_several_is_seen(yaw: Run) -> None:
+def test_screen_rough_preroll_of_one_run_is_rejected(yaw: Run) -> None:
     gust = np.radians(1.5) * np.sin(2.0 * yaw.time_s) * (yaw.time_s < 0)
     results = screen([yaw, replace(yaw, r_radps=yaw.r_radps + gust), yaw])
     assert [s.accepted for s in results] == [True, False, True]
     assert results[1].reasons[0].startswith("disturbance: ")
 
 
-def test_a_poorly_explained_run_is_not_dropped_for_it(yaw: Run) -> None:
-    """Twice the answer to the rudder is a finding about the vehicle, not a fault of the run."""
+def test_screen_large_response_is_accepted(yaw: Run) -> None:
+    """Twice the response to the rudder is a property of the vehicle, not a defect of the run."""
     rate = yaw.r_radps * np.where(yaw.time_s > 0, 2.0, 1.0)
     heading = yaw.heading_rad + np.maximum(
         yaw.heading_rad - yaw.heading_rad[np.argmax(yaw.time_s > 0)], 0.0

@@ -1,5 +1,4 @@
-"""Score tests on data of which everything is known: linear, Gaussian, with and without an
-anomaly."""
+"""Score tests on linear Gaussian data with known parameters, with and without an anomaly."""
 
 import math
 from typing import NamedTuple
@@ -25,7 +24,7 @@ class World(NamedTuple):
 
     slopes: list[Array]
     signatures: list[Signature]
-    """The same in every run."""
+    """Signatures, equal in every run."""
 
 
 def first_order(steps: int, time_constant: float) -> Array:
@@ -58,10 +57,10 @@ def world() -> World:
     return World(slopes, marks)
 
 
-def judged(
+def fit_and_test(
     world: World, rng: np.random.Generator, anomaly: Array | float = 0.0, run: int = 2
 ) -> Scores:
-    """Fit all runs of one draw jointly (prior: unit normal), then test one."""
+    """Fit all runs of one sample jointly (prior: unit normal) and test one of them."""
     z = rng.standard_normal(PARAMETERS)
     measured = [J @ z + rng.standard_normal(SAMPLES) for J in world.slopes]
     measured[run] = measured[run] + anomaly
@@ -75,81 +74,87 @@ def judged(
 @pytest.fixture(scope="module")
 def clean(world: World) -> list[Scores]:
     rng = np.random.default_rng(5)
-    return [judged(world, rng) for _ in range(2500)]
+    return [fit_and_test(world, rng) for _ in range(2500)]
 
 
-def test_one_clean_run_in_a_hundred_is_flagged(clean: list[Scores]) -> None:
-    """At most, and hardly fewer: the bound over all times and kinds is close to the truth."""
-    share = float(np.mean([found.p_value <= 0.01 for found in clean]))
+def test_scores_clean_runs_false_alarm_rate(clean: list[Scores]) -> None:
+    """The bound over all times and kinds is close to the true probability."""
+    share = float(np.mean([run_scores.p_value <= 0.01 for run_scores in clean]))
     assert 0.004 < share < 0.01 + 3.0 * math.sqrt(0.01 / len(clean))
 
 
-def test_a_single_statistic_is_standard_normal(clean: list[Scores]) -> None:
-    gain = [next(a.statistic for a in found.anomalies if a.kind == "gain error") for found in clean]
+def test_scores_statistic_is_standard_normal(clean: list[Scores]) -> None:
+    gain = [
+        next(anomaly.statistic for anomaly in run_scores.anomalies if anomaly.kind == "gain error")
+        for run_scores in clean
+    ]
     assert np.mean(gain) == pytest.approx(0.0, abs=4.0 / math.sqrt(len(clean)))
     assert np.std(gain) == pytest.approx(1.0, abs=4.0 / math.sqrt(2 * len(clean)))
 
 
 @pytest.mark.parametrize("kind", ["actuator slip", "actuator offset", "gain error"])
-def test_what_is_there_is_named_sized_and_dated(world: World, kind: str) -> None:
-    """Over many draws the likeliest is the one put in, as large as it was within what it claims of
-    itself."""
-    mark = next(s for s in world.signatures if s.kind == kind)
-    put_in = 2.0 * mark.white[len(mark.white) // 2]
-    rng, away, late, named = np.random.default_rng(7), [], [], 0
+def test_scores_recover_kind_size_and_time(world: World, kind: str) -> None:
+    """The simulated anomaly is usually the most likely one.
+
+    Its size is within its standard deviation.
+    """
+    signature = next(s for s in world.signatures if s.kind == kind)
+    anomaly = 2.0 * signature.white[len(signature.white) // 2]
+    rng, size_errors_sd, time_errors_s, named_count = np.random.default_rng(7), [], [], 0
     for _ in range(200):
-        found = judged(world, rng, put_in)
-        assert found.p_value < 1e-4
-        named += found.anomalies[0].kind == kind
-        first = next(a for a in found.anomalies if a.kind == kind)
-        late.append(
-            0.0 if first.at_s is None else abs(first.at_s - mark.times_s[len(mark.white) // 2])
+        run_scores = fit_and_test(world, rng, anomaly)
+        assert run_scores.p_value < 1e-4
+        named_count += run_scores.anomalies[0].kind == kind
+        estimated = next(a for a in run_scores.anomalies if a.kind == kind)
+        time_errors_s.append(
+            0.0
+            if estimated.at_s is None
+            else abs(estimated.at_s - signature.times_s[len(signature.white) // 2])
         )
-        away.append((first.size - 2.0) / first.sd)
-    assert named >= 160  # an offset and a slip at the very start are next of kin
-    assert np.mean(late) < 1.5
-    # The time of a slip is chosen to make it large: its size is a little more than it was.
-    assert abs(np.mean(away)) < 0.5
-    assert np.std(away) == pytest.approx(1.0, abs=0.2)
+        size_errors_sd.append((estimated.size - 2.0) / estimated.sd)
+    assert named_count >= 160  # an offset and a slip at the start are similar
+    assert np.mean(time_errors_s) < 1.5
+    # The time with the largest statistic is chosen, so that the size has a small positive bias.
+    assert abs(np.mean(size_errors_sd)) < 0.5
+    assert np.std(size_errors_sd) == pytest.approx(1.0, abs=0.2)
 
 
-def test_it_is_the_estimate_that_a_fit_of_the_other_runs_would_give(world: World) -> None:
-    """Generalised least squares of one anomaly in one run, parameters from the rest: done the long
-    way."""
+def test_scores_match_leave_one_run_out_estimate(world: World) -> None:
+    """Reference: generalised least squares of an anomaly in one run, parameters from the others."""
     rng = np.random.default_rng(8)
     state = rng.bit_generator.state
-    found = judged(world, rng, 0.3 * world.signatures[1].white[0])
+    run_scores = fit_and_test(world, rng, 0.3 * world.signatures[1].white[0])
     rng.bit_generator.state = state
     z = rng.standard_normal(PARAMETERS)
     measured = [J @ z + rng.standard_normal(SAMPLES) for J in world.slopes]
     measured[2] += 0.3
     others = [k for k in range(RUNS) if k != 2]
-    without = np.linalg.inv(
+    other_runs_covariance = np.linalg.inv(
         np.eye(PARAMETERS) + sum(world.slopes[k].T @ world.slopes[k] for k in others)
     )
-    rest = without @ sum(world.slopes[k].T @ measured[k] for k in others)
+    other_runs_z = other_runs_covariance @ sum(world.slopes[k].T @ measured[k] for k in others)
     J, a = world.slopes[2], np.ones(SAMPLES)
-    weight = np.linalg.inv(np.eye(SAMPLES) + J @ without @ J.T)
-    size = (a @ weight @ (measured[2] - J @ rest)) / (a @ weight @ a)
-    offset = next(x for x in found.anomalies if x.kind == "actuator offset")
+    weight = np.linalg.inv(np.eye(SAMPLES) + J @ other_runs_covariance @ J.T)
+    size = (a @ weight @ (measured[2] - J @ other_runs_z)) / (a @ weight @ a)
+    offset = next(x for x in run_scores.anomalies if x.kind == "actuator offset")
     assert offset.size == pytest.approx(size, rel=1e-6)
     assert offset.sd == pytest.approx(1.0 / math.sqrt(a @ weight @ a), rel=1e-6)
 
 
 @settings(max_examples=12)
 @given(st.floats(0.3, 0.98), st.integers(0, 20), st.floats(2.5, 4.0))
-def test_a_course_exceeds_its_level_no_oftener_than_the_bound_says(
-    alike: float, steps: int, level: float
+def test_exceedance_bounds_probability_of_a_chain(
+    correlation: float, steps: int, level: float
 ) -> None:
-    """A first-order chain is rougher than any smooth course: the bound must hold for it as well."""
+    """A first-order chain is rougher than a smooth path; the bound must hold for it too."""
     rng = np.random.default_rng(9)
     chain = np.empty((5000, steps + 1))
     chain[:, 0] = rng.standard_normal(5000)
     for k in range(steps):
-        chain[:, k + 1] = alike * chain[:, k] + math.sqrt(1.0 - alike**2) * rng.standard_normal(
-            5000
-        )
+        chain[:, k + 1] = correlation * chain[:, k] + math.sqrt(
+            1.0 - correlation**2
+        ) * rng.standard_normal(5000)
     share = float(np.mean(np.max(np.abs(chain), axis=1) > level))
-    bound = exceedance(level, np.full(steps, alike))
+    bound = exceedance(level, np.full(steps, correlation))
     assert share <= bound + 4.0 * math.sqrt(bound / 5000)
-    assert bound >= 2.0 * norm.sf(level)  # what a single point exceeds
+    assert bound >= 2.0 * norm.sf(level)  # probability at a single point

@@ -1,4 +1,4 @@
-"""A model that was made well passes every gate; spoil one thing and its gate says so, by name."""
+"""Acceptance: a good model passes every criterion, and one defect fails its criterion by name."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,7 +17,7 @@ from tests.sysid import sea
 from tests.sysid.estimation.map.test_fit import TRIM
 
 replace = msgspec.structs.replace
-Spoilt = Callable[[IdentifiedModel], IdentifiedModel]
+ModelChange = Callable[[IdentifiedModel], IdentifiedModel]
 
 
 @pytest.fixture(scope="module")
@@ -37,43 +37,42 @@ def held_out(field: config.VehicleConfig) -> list[Run]:
 
 
 @pytest.fixture(scope="module")
-def sound(model: IdentifiedModel, campaign: list[Run], held_out: list[Run]) -> IdentifiedModel:
+def good_model(model: IdentifiedModel, campaign: list[Run], held_out: list[Run]) -> IdentifiedModel:
     return with_assessment(model, campaign, held_out)
 
 
-def test_a_sound_model_is_fit(sound: IdentifiedModel) -> None:
-    assert sound.verdict is not None
-    assert sound.verdict.fit_for_redesign, sound.verdict.reasons
-    assert sound.verdict.reasons == ()
-    assert sound.verdict.next_test is not None
+def test_assess_good_model_is_accepted(good_model: IdentifiedModel) -> None:
+    assert good_model.verdict is not None
+    assert good_model.verdict.fit_for_redesign, good_model.verdict.reasons
+    assert good_model.verdict.reasons == ()
+    assert good_model.verdict.next_test is not None
     for plane in ("yaw", "pitch"):
-        found = sound.validation[plane].held_out
-        assert found is not None
-        assert found.new_types == 3
-        assert found.floor_deg2ps2 is not None
-        assert found.model_mse_deg2ps2 < found.floor_deg2ps2 + 3.0 * (
-            found.excess_sd_deg2ps2 or 0.0
+        excess = good_model.validation[plane].held_out
+        assert excess is not None
+        assert excess.new_types == 3
+        assert excess.floor_deg2ps2 is not None
+        assert excess.model_mse_deg2ps2 < excess.floor_deg2ps2 + 3.0 * (
+            excess.excess_sd_deg2ps2 or 0.0
         )
 
 
-def of_yaw(**changed: Any) -> Spoilt:
-    """The same model with another validation of its yaw plane."""
+def of_yaw(**changed: Any) -> ModelChange:
+    """Return a change of the validation of the yaw plane."""
     return lambda m: replace(
         m, validation={**m.validation, "yaw": replace(m.validation["yaw"], **changed)}
     )
 
 
-def within_yaw(part: str, **changed: Any) -> Spoilt:
+def within_yaw(part: str, **changed: Any) -> ModelChange:
     return lambda m: of_yaw(**{part: replace(getattr(m.validation["yaw"], part), **changed)})(m)
 
 
-def planes(**changed: Any) -> Spoilt:
+def planes(**changed: Any) -> ModelChange:
     return lambda m: replace(m, planes={**m.planes, "yaw": replace(m.planes["yaw"], **changed)})
 
 
-def uncorrelated(m: IdentifiedModel) -> IdentifiedModel:
-    """A covariance that is as wide in every direction as b1 is certain: 30 % when all else is
-    held."""
+def without_correlation(m: IdentifiedModel) -> IdentifiedModel:
+    """Replace the covariance by one without correlations: 30 % for every number."""
     names = m.design["yaw"].names
     rows = tuple(
         tuple((0.3 * abs(getattr(m.planes["yaw"], n).value)) ** 2 * (n == o) for o in names)
@@ -82,16 +81,16 @@ def uncorrelated(m: IdentifiedModel) -> IdentifiedModel:
     return replace(m, design={**m.design, "yaw": ParameterCovariance(names, rows)})
 
 
-def without_runs(kind: bool) -> Spoilt:
-    def spoil(m: IdentifiedModel) -> IdentifiedModel:
+def without_runs(kind: bool) -> ModelChange:
+    def change(m: IdentifiedModel) -> IdentifiedModel:
         yaw = m.validation["yaw"]
-        kept = tuple(run for run in yaw.runs if run.held_out != kind)
-        return of_yaw(runs=kept, held_out=None if kind else yaw.held_out)(m)
+        remaining = tuple(run for run in yaw.runs if run.held_out != kind)
+        return of_yaw(runs=remaining, held_out=None if kind else yaw.held_out)(m)
 
-    return spoil
+    return change
 
 
-SPOILT: dict[str, Spoilt] = {
+CHANGES: dict[str, ModelChange] = {
     "costs of other starts": lambda m: replace(
         m, convergence=replace(m.convergence, start_costs=(m.convergence.cost * 1.02,))
     ),
@@ -100,12 +99,12 @@ SPOILT: dict[str, Spoilt] = {
     ),
     "failures of the fit": lambda m: replace(
         m,
-        convergence=replace(m.convergence, failures=("failures of the fit are told as they are",)),
+        convergence=replace(m.convergence, failures=("failures of the fit are copied",)),
     ),
     "runs fitted": without_runs(kind=False),
     "runs held out": without_runs(kind=True),
     "b1, 1 sd": planes(b1_per_s2=ParameterEstimate(0.5, 0.11)),
-    "b1, insensitivity": uncorrelated,
+    "b1, insensitivity": without_correlation,
     "gain at crossover, 1 sd": within_yaw("crossover", gain_sd_db=1.2),
     "phase at crossover, 1 sd": within_yaw("crossover", phase_sd_deg=6.0),
     "coherence about crossover": of_yaw(coherence_at_crossover=0.4),
@@ -133,93 +132,105 @@ SPOILT: dict[str, Spoilt] = {
 }
 
 
-@pytest.mark.parametrize("name", SPOILT)
-def test_each_gate_can_fail(name: str, sound: IdentifiedModel) -> None:
-    assert sound.verdict is not None
-    already = {gate.name for gate in sound.verdict.gates if not gate.passed}
-    worse = SPOILT[name](sound)
-    found = assess(worse, worse.validation)
-    assert not found.fit_for_redesign
-    failed = [gate for gate in found.gates if not gate.passed and gate.name not in already]
-    assert [gate.name for gate in failed if gate.required and gate.name.startswith(name)], failed
-    assert any(name in reason for reason in found.reasons)
+@pytest.mark.parametrize("name", CHANGES)
+def test_assess_each_criterion_can_fail(name: str, good_model: IdentifiedModel) -> None:
+    assert good_model.verdict is not None
+    failed_before = {gate.name for gate in good_model.verdict.gates if not gate.passed}
+    changed = CHANGES[name](good_model)
+    assessment = assess(changed, changed.validation)
+    assert not assessment.fit_for_redesign
+    newly_failed = [
+        gate for gate in assessment.gates if not gate.passed and gate.name not in failed_before
+    ]
+    assert [gate.name for gate in newly_failed if gate.required and gate.name.startswith(name)], (
+        newly_failed
+    )
+    assert any(name in reason for reason in assessment.reasons)
 
 
-def test_verdict_delay_without_spread_leaves_the_other_gates(sound: IdentifiedModel) -> None:
-    """A delay that stands at its limit of zero has no variance; the insensitivity of b1 is that
-    with it held.
+def test_assess_delay_without_variance_is_held_fixed(good_model: IdentifiedModel) -> None:
+    """A delay at its limit of zero has no variance; the insensitivity of b1 holds it fixed.
 
-    It ended in LinAlgError: the correlation matrix held 0/0.
+    Regression: the correlation matrix held 0/0, and LinAlgError was raised.
     """
-    names, rows = sound.design["yaw"].names, [list(row) for row in sound.design["yaw"].matrix]
-    at = names.index("delay_s")
+    names, rows = (
+        good_model.design["yaw"].names,
+        [list(row) for row in good_model.design["yaw"].matrix],
+    )
+    index = names.index("delay_s")
     for k in range(len(names)):
-        rows[at][k] = rows[k][at] = 0.0
-    held = ParameterCovariance(names, tuple(map(tuple, rows)))
-    clipped = replace(sound, design={**sound.design, "yaw": held})
+        rows[index][k] = rows[k][index] = 0.0
+    covariance = ParameterCovariance(names, tuple(map(tuple, rows)))
+    clipped = replace(good_model, design={**good_model.design, "yaw": covariance})
     with np.errstate(all="raise"):
-        found = assess(clipped, clipped.validation)
-    gate = next(g for g in found.gates if (g.name, g.plane) == ("b1, insensitivity", "yaw"))
+        assessment = assess(clipped, clipped.validation)
+    gate = next(
+        candidate
+        for candidate in assessment.gates
+        if (candidate.name, candidate.plane) == ("b1, insensitivity", "yaw")
+    )
     assert gate.value is not None
     assert 0.0 < gate.value < 20.0
 
 
 @pytest.mark.parametrize("value", [0.0, float("nan")])
-def test_verdict_b1_without_finite_variance_is_not_known(
-    value: float, sound: IdentifiedModel
-) -> None:
-    names, rows = sound.design["yaw"].names, [list(row) for row in sound.design["yaw"].matrix]
-    at = names.index("b1_per_s2")
-    rows[at][at] = value
-    spoilt = replace(
-        sound, design={**sound.design, "yaw": ParameterCovariance(names, tuple(map(tuple, rows)))}
+def test_assess_b1_without_finite_variance_fails(value: float, good_model: IdentifiedModel) -> None:
+    names, rows = (
+        good_model.design["yaw"].names,
+        [list(row) for row in good_model.design["yaw"].matrix],
     )
-    found = assess(spoilt, spoilt.validation)
-    assert "yaw: b1, insensitivity not known, at most 10 %" in found.reasons
+    index = names.index("b1_per_s2")
+    rows[index][index] = value
+    changed = replace(
+        good_model,
+        design={**good_model.design, "yaw": ParameterCovariance(names, tuple(map(tuple, rows)))},
+    )
+    assessment = assess(changed, changed.validation)
+    assert "yaw: b1, insensitivity not known, at most 10 %" in assessment.reasons
 
 
-def test_no_gate_is_left_untried(sound: IdentifiedModel) -> None:
-    assert sound.verdict is not None
-    required = {gate.name for gate in sound.verdict.gates if gate.required}
+def test_assess_all_required_criteria_are_tested(good_model: IdentifiedModel) -> None:
+    assert good_model.verdict is not None
+    required = {gate.name for gate in good_model.verdict.gates if gate.required}
     assert {
-        name for name in required if not any(name.startswith(tried) for tried in SPOILT)
+        name for name in required if not any(name.startswith(tried) for tried in CHANGES)
     } == set()
 
 
-def test_what_is_not_known_does_not_pass(sound: IdentifiedModel) -> None:
-    worse = planes(b1_per_s2=ParameterEstimate(0.5, None))(sound)
-    found = assess(worse, worse.validation)
-    assert not found.fit_for_redesign
-    assert found.reasons == ("yaw: b1, 1 sd not known, at most 20 %",)
+def test_assess_unknown_value_fails(good_model: IdentifiedModel) -> None:
+    changed = planes(b1_per_s2=ParameterEstimate(0.5, None))(good_model)
+    assessment = assess(changed, changed.validation)
+    assert not assessment.fit_for_redesign
+    assert assessment.reasons == ("yaw: b1, 1 sd not known, at most 20 %",)
 
 
-def test_the_next_test_serves_the_worst_gate(sound: IdentifiedModel) -> None:
-    silent = of_yaw(coherence_at_crossover=None)(sound)
-    asked = assess(silent, silent.validation).next_test
-    assert asked is not None
-    assert (asked.plane, asked.signal) == ("yaw", "chirp")
-    unproven = without_runs(kind=True)(sound)
-    asked = assess(unproven, unproven.validation).next_test
-    assert asked is not None
-    assert asked.signal == "3211"
-    assert "runs held out" in asked.reason
+def test_assess_next_test_addresses_worst_criterion(good_model: IdentifiedModel) -> None:
+    without_coherence = of_yaw(coherence_at_crossover=None)(good_model)
+    next_test = assess(without_coherence, without_coherence.validation).next_test
+    assert next_test is not None
+    assert (next_test.plane, next_test.signal) == ("yaw", "chirp")
+    without_held_out = without_runs(kind=True)(good_model)
+    next_test = assess(without_held_out, without_held_out.validation).next_test
+    assert next_test is not None
+    assert next_test.signal == "3211"
+    assert "runs held out" in next_test.reason
 
 
-def test_the_papers_way_cannot_vouch_for_itself(
+def test_assess_paper_method_is_rejected(
     campaign: list[Run], held_out: list[Run], bench: config.VehicleConfig
 ) -> None:
     from sysid import refit
 
-    found = with_assessment(
+    paper_model = with_assessment(
         refit.identify(campaign, bench, method="paper"), campaign, held_out, prior=bench
     )
-    assert found.verdict is not None
-    assert not found.verdict.fit_for_redesign
-    assert any("not known" in reason for reason in found.verdict.reasons)
-    assert found.validation["yaw"].overlay is not None
+    assert paper_model.verdict is not None
+    assert not paper_model.verdict.fit_for_redesign
+    assert any("not known" in reason for reason in paper_model.verdict.reasons)
+    assert paper_model.validation["yaw"].overlay is not None
 
 
-def test_gates_read_as_lines() -> None:
+def test_format_gate_gives_one_line() -> None:
     gate = Gate("b1, 1 sd", "yaw", 25.0, 20.0, "at most", "%", passed=False, required=True)
     assert format_gate(gate) == "yaw: b1, 1 sd 25 %, at most 20 %"
     assert (
@@ -228,6 +239,6 @@ def test_gates_read_as_lines() -> None:
     )
 
 
-def test_a_validation_survives_its_file(sound: IdentifiedModel) -> None:
-    raw = msgspec.json.encode(sound.validation)
-    assert msgspec.json.decode(raw, type=dict[str, PlaneValidation]) == sound.validation
+def test_validation_json_round_trip(good_model: IdentifiedModel) -> None:
+    raw = msgspec.json.encode(good_model.validation)
+    assert msgspec.json.decode(raw, type=dict[str, PlaneValidation]) == good_model.validation

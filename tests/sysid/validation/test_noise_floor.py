@@ -1,5 +1,4 @@
-"""Theil against its closed forms, and the floor against what a sea of known roughness does to
-runs."""
+"""Theil's coefficient against closed forms, and the noise floor against simulated disturbances."""
 
 import math
 from dataclasses import replace
@@ -73,47 +72,47 @@ KNOWN_SEA = Noise(
     wave_damping=0.1,
     force_mps15=1e-4,
 )
-"""The sea that ``tests.sysid.sea`` makes at level 1, as the noise model writes it."""
+"""Disturbance of ``tests.sysid.sea`` at level 1, as noise levels of the model."""
 
 
 @pytest.mark.parametrize(("plane", "seconds"), [("yaw", 20.0), ("pitch", 8.0)])
-def test_the_floor_is_what_a_faultless_model_leaves(
+def test_noise_floor_matches_perfect_model(
     plane: Plane, seconds: float, bench: config.VehicleConfig
 ) -> None:
-    """The vehicle that flies is the model; the sea's levels are known. Mean and scatter of the mean
-    square agree.
+    """The simulated vehicle is the model: mean and standard deviation of the mean square agree.
 
-    The step is small: in a tight turn quadratic damping lets less of the sea through than the
-    linear plane does."""
+    The step is small, because quadratic damping in a tight turn reduces the response to
+    disturbances.
+    """
     vehicle = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
     signal = sea.step(0.3, seconds)
-    runs = [sea.fly(bench, plane, signal, seed=s, sensors=SENSORS) for s in range(60)]
+    runs = [sea.fly(bench, plane, signal, seed=seed, sensors=SENSORS) for seed in range(60)]
     errors = [_mean_square(vehicle, run) for run in runs]
     samples = int(np.count_nonzero(~runs[0].preroll)) // STRIDE
     linear = fit.linear_plane(vehicle, plane)
-    found = noise_floor.noise_floor_of(
+    floor = noise_floor.noise_floor_of(
         noise_floor.rate_covariance(
             linear, KNOWN_SEA, DT_S, round(prediction.LEAD_S / DT_S), samples
         )
     )
-    assert np.mean(errors) == pytest.approx(found.mean_deg2ps2, rel=0.25)
-    assert np.std(errors) == pytest.approx(found.sd_deg2ps2, rel=0.4)
+    assert np.mean(errors) == pytest.approx(floor.mean_deg2ps2, rel=0.25)
+    assert np.std(errors) == pytest.approx(floor.sd_deg2ps2, rel=0.4)
 
 
 def _mean_square(vehicle: parameters.CandidateVehicle, run: Run) -> float:
-    """Of the rate error at 10 Hz, simulated as predictions are."""
-    flown = run.since(-prediction.LEAD_S)
-    missed = np.degrees(flown.rate_radps - prediction.simulate(vehicle, flown).rate_radps)[
-        ~flown.preroll
-    ]
-    whole = missed.size // STRIDE * STRIDE
-    return float(np.mean(missed[:whole].reshape(-1, STRIDE).mean(axis=1) ** 2))
+    """Mean squared rate error at 10 Hz, (deg/s)^2, simulated as predictions are."""
+    predicted_run = run.since(-prediction.LEAD_S)
+    errors_degps = np.degrees(
+        predicted_run.rate_radps - prediction.simulate(vehicle, predicted_run).rate_radps
+    )[~predicted_run.preroll]
+    whole = errors_degps.size // STRIDE * STRIDE
+    return float(np.mean(errors_degps[:whole].reshape(-1, STRIDE).mean(axis=1) ** 2))
 
 
-def test_runs_of_the_same_test_give_the_floor_without_a_model(bench: config.VehicleConfig) -> None:
-    runs = [sea.fly(bench, "yaw", sea.step(3.0, 20.0), seed=s) for s in range(12)]
+def test_floor_from_repeats_matches_sample_variance(bench: config.VehicleConfig) -> None:
+    runs = [sea.fly(bench, "yaw", sea.step(3.0, 20.0), seed=seed) for seed in range(12)]
     others = [replace(run, magnitude_deg=-3.0) for run in runs[:1]]
-    found = noise_floor.floor_from_repeats_deg2ps2([*runs, *others])
+    floor = noise_floor.floor_from_repeats_deg2ps2([*runs, *others])
     rates = np.array([np.degrees(run.rate_radps[~run.preroll]) for run in runs])
-    assert found == pytest.approx(float(np.mean(np.var(rates, axis=0, ddof=1))), rel=1e-9)
+    assert floor == pytest.approx(float(np.mean(np.var(rates, axis=0, ddof=1))), rel=1e-9)
     assert noise_floor.floor_from_repeats_deg2ps2([runs[0], *others]) is None

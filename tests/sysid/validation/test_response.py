@@ -1,5 +1,4 @@
-"""The response that runs show is that of the vehicle which flew, and held-out runs say what a model
-has wrong."""
+"""Measured frequency response against the simulated vehicle, and corrections by held-out runs."""
 
 import math
 
@@ -39,9 +38,8 @@ def chirp(
     return math.radians(degrees) * np.sin(2.0 * math.pi * swept)
 
 
-def moved(bench: config.VehicleConfig, **z: float) -> CandidateVehicle:
-    """The bench vehicle, whose tailcone has no play, some coefficients moved by prior standard
-    deviations."""
+def perturbed_vehicle(bench: config.VehicleConfig, **z: float) -> CandidateVehicle:
+    """Nominal vehicle without backlash, with parameters at the given prior standard deviations."""
     z["backlash"] = -8.0
     return parameters.candidate_vehicle(
         bench, NO_BIAS, np.array([z.get(name, 0.0) for name in NAMES])
@@ -49,18 +47,19 @@ def moved(bench: config.VehicleConfig, **z: float) -> CandidateVehicle:
 
 
 def pair(vehicle: CandidateVehicle, run: Run) -> Pair:
-    flown = run.since(-prediction.LEAD_S)
-    return Pair(run.name, prediction.simulate(vehicle, flown).rate_radps, flown.rate_radps)
+    predicted_run = run.since(-prediction.LEAD_S)
+    return Pair(
+        run.name, prediction.simulate(vehicle, predicted_run).rate_radps, predicted_run.rate_radps
+    )
 
 
 @pytest.mark.parametrize("plane", ["yaw", "pitch"])
-def test_a_known_plane_is_recovered_under_a_wrong_model(
+def test_compare_responses_wrong_model_recovers_truth(
     plane: Plane, bench: config.VehicleConfig
 ) -> None:
-    """A model wrong by 20 % in its moment and by 0.1 s of delay is laid over runs of the right one,
-    in still water."""
-    truth = moved(bench)
-    wrong = moved(bench, N_dr=1.0, M_de=1.0, delay_yaw=-1.0, delay_pitch=-1.0)
+    """The model has errors of 20 % in its moment and 0.1 s in its delay; the water is still."""
+    truth = perturbed_vehicle(bench)
+    wrong = perturbed_vehicle(bench, N_dr=1.0, M_de=1.0, delay_yaw=-1.0, delay_pitch=-1.0)
     run = sea.fly(
         bench,
         plane,
@@ -70,70 +69,86 @@ def test_a_known_plane_is_recovered_under_a_wrong_model(
         sensors=sea.Sensors(1e-5, 1e-5, 1e-4, 0.0),
     )
     response = crossover.response(wrong, plane)
-    found = frequency_response.compare_responses(
+    comparison = frequency_response.compare_responses(
         [pair(wrong, run)], response, GRID_RADPS, CROSSOVER_RADPS
     )
-    right = crossover.response(truth, plane)
-    gain_db = np.interp(found.frequency_radps, GRID_RADPS, 20.0 * np.log10(np.abs(right)))
-    phase_deg = np.interp(found.frequency_radps, GRID_RADPS, np.degrees(np.unwrap(np.angle(right))))
-    np.testing.assert_allclose(found.gain_db, gain_db, atol=0.4)
-    np.testing.assert_allclose(found.phase_deg, phase_deg, atol=4.5)
-    assert np.max(np.abs(np.subtract(found.model_gain_db, gain_db))) > 1.5, (
+    true_response = crossover.response(truth, plane)
+    gain_db = np.interp(
+        comparison.frequency_radps, GRID_RADPS, 20.0 * np.log10(np.abs(true_response))
+    )
+    phase_deg = np.interp(
+        comparison.frequency_radps, GRID_RADPS, np.degrees(np.unwrap(np.angle(true_response)))
+    )
+    np.testing.assert_allclose(comparison.gain_db, gain_db, atol=0.4)
+    np.testing.assert_allclose(comparison.phase_deg, phase_deg, atol=4.5)
+    assert np.max(np.abs(np.subtract(comparison.model_gain_db, gain_db))) > 1.5, (
         "the model itself is further off"
     )
-    assert min(found.coherence) > 0.98
+    assert min(comparison.coherence) > 0.98
 
 
-def test_bars_hold_what_the_sea_does(bench: config.VehicleConfig) -> None:
-    """Errors of gain and phase over their stated standard deviations have a root mean square of
-    about one."""
-    truth, misses = moved(bench), []
+def test_compare_responses_sd_matches_scatter(bench: config.VehicleConfig) -> None:
+    """Errors of gain and phase over their stated standard deviations have an rms of about one."""
+    truth, normalised_errors = perturbed_vehicle(bench), []
     for seed in range(12):
         runs = [
             sea.fly(bench, "yaw", chirp(3.0), wave="chirp", seed=50 * seed + k) for k in range(3)
         ]
-        laid = frequency_response.compare_responses(
+        comparison = frequency_response.compare_responses(
             [pair(truth, run) for run in runs],
             crossover.response(truth, "yaw"),
             GRID_RADPS,
             CROSSOVER_RADPS,
         )
-        misses.append(np.subtract(laid.gain_db, laid.model_gain_db) / laid.gain_sd_db)
-        misses.append(np.subtract(laid.phase_deg, laid.model_phase_deg) / laid.phase_sd_deg)
-    assert 0.7 < np.sqrt(np.mean(np.square(misses))) < 1.4
+        normalised_errors.append(
+            np.subtract(comparison.gain_db, comparison.model_gain_db) / comparison.gain_sd_db
+        )
+        normalised_errors.append(
+            np.subtract(comparison.phase_deg, comparison.model_phase_deg) / comparison.phase_sd_deg
+        )
+    assert 0.7 < np.sqrt(np.mean(np.square(normalised_errors))) < 1.4
 
 
-def test_the_mismatch_cost_is_that_of_its_book() -> None:
-    """One decibel everywhere at full coherence: 20 times the weight at coherence 1, which is
-    0.9974."""
+def test_mismatch_cost_matches_definition() -> None:
+    """One decibel at coherence 1: 20 times the weight 0.9974 (Tischler and Remple 2006)."""
     factor = 10.0 ** (1.0 / 20.0) * np.ones(5, dtype=np.complex128)
-    one = np.ones(5)
-    found = frequency_response.Spectra(np.arange(1.0, 6.0), one, np.abs(factor) ** 2, factor, one)
-    assert frequency_response.mismatch_cost(found) == pytest.approx(
+    ones = np.ones(5)
+    spectra = frequency_response.Spectra(
+        np.arange(1.0, 6.0), ones, np.abs(factor) ** 2, factor, ones
+    )
+    assert frequency_response.mismatch_cost(spectra) == pytest.approx(
         20.0 * (1.58 * (1.0 - math.exp(-1.0))) ** 2, rel=1e-6
     )
-    turned = found._replace(cross=np.exp(1j * math.radians(10.0)) * one, measured=one)
-    assert frequency_response.mismatch_cost(turned) == pytest.approx(
+    rotated = spectra._replace(cross=np.exp(1j * math.radians(10.0)) * ones, measured=ones)
+    assert frequency_response.mismatch_cost(rotated) == pytest.approx(
         1.745 * 20.0 * (1.58 * (1.0 - math.exp(-1.0))) ** 2, rel=1e-6
     )
-    deaf = found._replace(measured=10.0 * one)
-    assert frequency_response.mismatch_cost(deaf) is None
+    incoherent = spectra._replace(measured=10.0 * ones)
+    assert frequency_response.mismatch_cost(incoherent) is None
 
 
-SPOILT: dict[str, float] = {"N_dr": -1.2, "M_de": 1.0, "delay_yaw": -1.0, "delay_pitch": 0.8}
-"""Prior standard deviations: surfaces too weak or too strong by a fourth, delays off by 0.1 and
-0.08 s."""
+PARAMETER_ERRORS: dict[str, float] = {
+    "N_dr": -1.2,
+    "M_de": 1.0,
+    "delay_yaw": -1.0,
+    "delay_pitch": 0.8,
+}
+"""Parameter errors in prior standard deviations.
+
+About 25 % in moments, 0.1 and 0.08 s in delays.
+"""
 
 
-@pytest.mark.parametrize("spoilt", [False, True])
-def test_held_out_runs_say_what_a_model_has_wrong(
-    spoilt: bool, model: IdentifiedModel, field: config.VehicleConfig
+@pytest.mark.parametrize("with_errors", [False, True])
+def test_corrections_match_model_errors(
+    with_errors: bool, model: IdentifiedModel, field: config.VehicleConfig
 ) -> None:
-    """What they would change is what parts the model from the vehicle that flew, within the doubt
-    that they state."""
-    moves = np.array([spoilt * SPOILT.get(name, 0.0) for name in model.joint.names])
+    """The correction is the difference of model and vehicle, within its standard deviations."""
+    parameter_errors = np.array(
+        [with_errors * PARAMETER_ERRORS.get(name, 0.0) for name in model.joint.names]
+    )
     joint = msgspec.structs.replace(
-        model.joint, z=tuple((np.array(model.joint.z) + moves).tolist())
+        model.joint, z=tuple((np.array(model.joint.z) + parameter_errors).tolist())
     )
     candidate = msgspec.structs.replace(model, joint=joint)
     tests: list[tuple[Plane, NDArray[np.float64]]] = [
@@ -145,48 +160,57 @@ def test_held_out_runs_say_what_a_model_has_wrong(
         sea.fly(field, p, s, wave="3211", seed=40 + k, trim_rad=TRIM)
         for k, (p, s) in enumerate(tests)
     ]
-    found = corrections(candidate, runs, {"yaw": CROSSOVER_RADPS, "pitch": CROSSOVER_RADPS})
+    plane_corrections = corrections(
+        candidate, runs, {"yaw": CROSSOVER_RADPS, "pitch": CROSSOVER_RADPS}
+    )
     truth = parameters.candidate_vehicle(field, NO_BIAS, np.zeros(len(NAMES)))
-    for plane, told in found.items():
+    for plane, correction in plane_corrections.items():
         ratio = crossover.response(truth, plane) / crossover.response(
             prediction.vehicles(candidate)[0], plane
         )
-        at = np.searchsorted(GRID_RADPS, CROSSOVER_RADPS)
-        gain_db, phase_deg = 20.0 * math.log10(abs(ratio[at])), math.degrees(np.angle(ratio[at]))
-        assert abs(told.gain_db - gain_db) < 3.0 * told.gain_sd_db, plane
-        assert abs(told.phase_deg - phase_deg) < 3.0 * told.phase_sd_deg, plane
-        assert told.gain_sd_db < 0.4
-        assert told.phase_sd_deg < 2.5
-        if spoilt:
-            assert abs(told.gain_db) > 3.0 * told.gain_sd_db
-    assert set(found) == {"yaw", "pitch"}
+        index = np.searchsorted(GRID_RADPS, CROSSOVER_RADPS)
+        gain_db, phase_deg = (
+            20.0 * math.log10(abs(ratio[index])),
+            math.degrees(np.angle(ratio[index])),
+        )
+        assert abs(correction.gain_db - gain_db) < 3.0 * correction.gain_sd_db, plane
+        assert abs(correction.phase_deg - phase_deg) < 3.0 * correction.phase_sd_deg, plane
+        assert correction.gain_sd_db < 0.4
+        assert correction.phase_sd_deg < 2.5
+        if with_errors:
+            assert abs(correction.gain_db) > 3.0 * correction.gain_sd_db
+    assert set(plane_corrections) == {"yaw", "pitch"}
     assert corrections(candidate, [], {"yaw": CROSSOVER_RADPS}) == {}
 
 
 @pytest.mark.parametrize("plane", ["yaw", "pitch"])
-def test_doubt_at_crossover_is_that_of_samples(plane: Plane, bench: config.VehicleConfig) -> None:
-    """The delta method against the scatter of loops drawn from the same covariance."""
-    free = [i for i, p in enumerate(PARAMETERS) if plane in p.planes and p.kind == "ratio"]
+def test_crossover_sd_matches_samples(plane: Plane, bench: config.VehicleConfig) -> None:
+    """The delta method against the scatter of loops sampled from the covariance."""
+    free = [
+        i
+        for i, parameter in enumerate(PARAMETERS)
+        if plane in parameter.planes and parameter.kind == "ratio"
+    ]
     z, covariance = np.zeros(len(NAMES)), np.zeros((len(NAMES), len(NAMES)))
     covariance[free, free] = 0.04
-    belief = UncertainVehicle(
-        lambda at: parameters.candidate_vehicle(bench, NO_BIAS, at), z, covariance
+    uncertain = UncertainVehicle(
+        lambda z_sample: parameters.candidate_vehicle(bench, NO_BIAS, z_sample), z, covariance
     )
-    found = crossover.crossover(belief, plane, TABLE_3_INITIAL)
-    assert found is not None
+    nominal = crossover.crossover(uncertain, plane, TABLE_3_INITIAL)
+    assert nominal is not None
     rng = np.random.default_rng(3)
-    drawn = [
+    loops = [
         crossover.loop(
-            belief.vehicle(rng.multivariate_normal(z, covariance)), plane, TABLE_3_INITIAL
+            uncertain.vehicle(rng.multivariate_normal(z, covariance)), plane, TABLE_3_INITIAL
         )
         for _ in range(150)
     ]
-    here = [np.interp(found.crossover_radps, GRID_RADPS, np.abs(loop)) for loop in drawn]
-    turn = [
-        np.interp(found.crossover_radps, GRID_RADPS, np.unwrap(np.angle(loop))) for loop in drawn
+    gains = [np.interp(nominal.crossover_radps, GRID_RADPS, np.abs(loop)) for loop in loops]
+    phases = [
+        np.interp(nominal.crossover_radps, GRID_RADPS, np.unwrap(np.angle(loop))) for loop in loops
     ]
-    assert found.gain_sd_db == pytest.approx(np.std(20.0 * np.log10(here)), rel=0.2)
-    assert found.phase_sd_deg == pytest.approx(np.degrees(np.std(turn)), rel=0.2)
-    unknown = crossover.crossover(belief._replace(covariance=None), plane, TABLE_3_INITIAL)
+    assert nominal.gain_sd_db == pytest.approx(np.std(20.0 * np.log10(gains)), rel=0.2)
+    assert nominal.phase_sd_deg == pytest.approx(np.degrees(np.std(phases)), rel=0.2)
+    unknown = crossover.crossover(uncertain._replace(covariance=None), plane, TABLE_3_INITIAL)
     assert unknown is not None
     assert unknown.gain_sd_db is None

@@ -1,5 +1,4 @@
-"""Tests of whiteness call white noise coloured as rarely as they say, and find colour that
-matters."""
+"""Whiteness tests: false alarm rate for white noise, and detection of coloured noise."""
 
 import numpy as np
 import pytest
@@ -14,33 +13,35 @@ SERIES = 1500
 
 def coloured(rng: np.random.Generator, samples: int, memory: float) -> NDArray[np.float64]:
     """A first-order autoregression of unit variance."""
-    drawn = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.standard_normal(samples + 200))[
-        200:
-    ]
-    return np.asarray(drawn, dtype=np.float64)
+    series = lfilter(
+        [np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.standard_normal(samples + 200)
+    )[200:]
+    return np.asarray(series, dtype=np.float64)
 
 
 @pytest.mark.parametrize("samples", [81, 200])
-def test_white_noise_is_called_coloured_as_often_as_promised(samples: int) -> None:
-    """Five in a hundred; the sampling error of 1500 series is 0.6."""
+def test_whiteness_white_noise_false_alarm_rate(samples: int) -> None:
+    """Level 5 %; the sampling error of 1500 series is 0.6 %."""
     rng = np.random.default_rng(1)
-    found = [whiteness(rng.standard_normal(samples), DT_S) for _ in range(SERIES)]
-    alarms = np.mean([f.periodogram_p < 0.05 for f in found if f])
+    results = [whiteness(rng.standard_normal(samples), DT_S) for _ in range(SERIES)]
+    alarms = np.mean([result.periodogram_p < 0.05 for result in results if result])
     assert 0.032 < alarms < 0.068
-    portmanteau = np.mean([f.ljung_box_p < 0.05 for f in found if f])
+    portmanteau = np.mean([result.ljung_box_p < 0.05 for result in results if result])
     assert 0.03 < portmanteau < 0.085, "chi-square is approximate for short series"
-    assert np.mean([f.mean_square for f in found if f]) == pytest.approx(1.0, abs=0.02)
+    assert np.mean([result.mean_square for result in results if result]) == pytest.approx(
+        1.0, abs=0.02
+    )
 
 
 @pytest.mark.parametrize("memory", [0.45, -0.45])
-def test_colour_is_found(memory: float) -> None:
+def test_whiteness_coloured_noise_is_detected(memory: float) -> None:
     rng = np.random.default_rng(2)
-    found = [whiteness(coloured(rng, 200, memory), DT_S) for _ in range(200)]
-    assert np.mean([f.periodogram_p < 0.05 for f in found if f]) > 0.95
-    assert np.mean([f.ljung_box_p < 0.05 for f in found if f]) > 0.9
+    results = [whiteness(coloured(rng, 200, memory), DT_S) for _ in range(200)]
+    assert np.mean([result.periodogram_p < 0.05 for result in results if result]) > 0.95
+    assert np.mean([result.ljung_box_p < 0.05 for result in results if result]) > 0.9
 
 
-def test_a_cumulative_periodogram_rises_to_where_the_power_lies() -> None:
+def test_cumulative_periodogram_steps_at_a_tone() -> None:
     n = 256
     tone = np.sin(2.0 * np.pi * 32 * np.arange(n) / n)
     rising = cumulative_periodogram(tone)
@@ -49,5 +50,5 @@ def test_a_cumulative_periodogram_rises_to_where_the_power_lies() -> None:
     np.testing.assert_allclose(rising[31:], 1.0, atol=1e-12)
 
 
-def test_a_moment_of_data_is_not_judged() -> None:
+def test_whiteness_short_series_gives_none() -> None:
     assert whiteness(np.ones(20), DT_S) is None

@@ -1,4 +1,4 @@
-"""A linear vehicle of either plane, and tests of her."""
+"""Linear vehicle models of both planes, and simulated tests of them."""
 
 import math
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sysid.data.segments import Plane
-from sysid.estimation.linear import linear_model as plants
-from sysid.estimation.linear import records, response
+from sysid.estimation.linear import linear_model, records, response
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.records import LinearPrior, LinearRun
 from sysid.estimation.linear.response import SurfaceCommand
@@ -18,22 +17,22 @@ from tests.sysid import sea
 
 TAIL = Actuator(0.3, 3.0, 0.6, math.radians(0.5), math.radians(15.0), math.radians(15.0))
 TAIL_STEPS = {"delay_s": 2e-3, "natural_frequency_radps": 1e-3, "damping_ratio": 1e-4}
-"""Of differences by the tailcone's values: its angle is nearly straight in each over so little."""
+"""Difference steps of the tailcone's values; the duct angle is nearly linear over each."""
 
 
-def plant(plane: Plane, adjusted: bool = True) -> LinearModel:
-    """Table 1's plane, trimmed to half a degree."""
+def true_model(plane: Plane, adjusted: bool = True) -> LinearModel:
+    """Return the plane of the paper's Table 1 with an actuator bias of half a degree."""
     column = TABLE_1_ADJUSTED if adjusted else TABLE_1_INITIAL
     linear = yaw_plane(column) if plane == "yaw" else pitch_plane(column)
-    found = plants.of_plane(linear, TAIL, 1.3)
-    values = found.values.copy()
+    model = linear_model.of_plane(linear, TAIL, 1.3)
+    values = model.values.copy()
     if plane == "pitch":
         values[-1] = math.radians(1.0)
-    return LinearModel(found.frame, values)
+    return LinearModel(model.frame, values)
 
 
 def commands() -> list[SurfaceCommand]:
-    """Six tests of unequal length, 3-2-1-1 and doublets both ways and steps."""
+    """Return six tests of different length: 3-2-1-1 and doublets of both signs, and steps."""
     still = sea.step(0.0, 4.0)
     shapes = [
         np.concatenate(
@@ -51,27 +50,30 @@ def commands() -> list[SurfaceCommand]:
     return [SurfaceCommand(np.concatenate([still, shape, still])) for shape in shapes]
 
 
-def flown(
-    truth: LinearModel, told: list[SurfaceCommand], sds: np.ndarray, rng: np.random.Generator
+def simulate_runs(
+    truth: LinearModel,
+    surface_commands: list[SurfaceCommand],
+    sds: np.ndarray,
+    rng: np.random.Generator,
 ) -> list[LinearRun]:
-    """Runs under white noise of the sensors, each from a start and with a gyro bias of its own."""
-    by, count = response.discretise(truth), plants.outputs(truth.frame.plane)
+    """Simulate runs with white sensor noise, random initial states and random gyro biases."""
+    discrete, count = response.discretise(truth), linear_model.outputs(truth.frame.plane)
     runs = []
-    for command in told:
-        start = 0.02 * rng.standard_normal(len(by.transition))
-        y = response.outputs(truth, by, command, start, count)
-        y[:, 0] += 0.01 * rng.standard_normal()
-        runs.append(LinearRun(command, y + sds[:count] * rng.standard_normal(y.shape)))
+    for command in surface_commands:
+        start = 0.02 * rng.standard_normal(len(discrete.transition))
+        outputs = response.outputs(truth, discrete, command, start, count)
+        outputs[:, 0] += 0.01 * rng.standard_normal()
+        runs.append(LinearRun(command, outputs + sds[:count] * rng.standard_normal(outputs.shape)))
     return runs
 
 
-def believed(plane: Plane) -> LinearPrior:
-    """The paper's first column, a third unsure of everything, the lag measured."""
-    first = plant(plane, adjusted=False)
-    spread = np.maximum(0.35 * np.abs(first.values), 0.03)
-    lag = plants.lag(plane)
-    spread[lag] = plants.LAG_SD * first.values[lag]
-    return records.with_bounds(first, np.diag(spread**2))
+def wide_prior(plane: Plane) -> LinearPrior:
+    """Return a prior from the paper's initial column: 35 % uncertainty, actuator lag measured."""
+    mean = true_model(plane, adjusted=False)
+    spread = np.maximum(0.35 * np.abs(mean.values), 0.03)
+    lag = linear_model.lag(plane)
+    spread[lag] = linear_model.LAG_SD * mean.values[lag]
+    return records.with_bounds(mean, np.diag(spread**2))
 
 
 @pytest.fixture(params=["yaw", "pitch"])

@@ -1,4 +1,4 @@
-"""Variable projection against the joint least squares that it stands for."""
+"""Variable projection against joint least squares over values, initial states and biases."""
 
 import math
 
@@ -7,77 +7,92 @@ import pytest
 from scipy.optimize import least_squares
 
 from sysid.data.segments import Plane
-from sysid.estimation.linear import cramer_rao, multistart, output_error, response
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import cramer_rao, linear_model, multistart, output_error, response
 from sysid.estimation.linear import objective as objectives
 from sysid.estimation.linear.linear_model import LinearModel
-from tests.sysid.estimation.linear.conftest import believed, commands, flown, plant
+from tests.sysid.estimation.linear.conftest import commands, simulate_runs, true_model, wide_prior
 
 SDS = np.array([math.radians(0.3), math.radians(0.3), 0.03])
 
 
-def test_projection_equals_joint_least_squares(plane: Plane) -> None:
-    """All starting states and biases as unknowns beside the values: same estimate, cost and
-    covariance."""
-    truth, count = plant(plane), plants.outputs(plane)
-    runs = flown(truth, commands()[:3], SDS, np.random.default_rng(1))
-    belief, sds = believed(plane), SDS[:count]
-    projected = objectives.with_bench(output_error.objective(truth.frame, runs, sds), belief.model)
-    found = multistart.search(projected, belief, belief.model.values, ftol=1e-12)
-    each, values = len(response.discretise(truth).transition) + 1, truth.values.size
+def test_objective_matches_joint_least_squares(plane: Plane) -> None:
+    """Reference: initial states and biases as further unknowns.
+
+    Same estimate, cost and covariance.
+    """
+    truth, count = true_model(plane), linear_model.outputs(plane)
+    runs = simulate_runs(truth, commands()[:3], SDS, np.random.default_rng(1))
+    prior, sds = wide_prior(plane), SDS[:count]
+    projected = objectives.with_bench(output_error.objective(truth.frame, runs, sds), prior.model)
+    projected_solution = multistart.search(projected, prior, prior.model.values, ftol=1e-12)
+    nuisance_count, values = len(response.discretise(truth).transition) + 1, truth.values.size
 
     def joint(x: np.ndarray) -> np.ndarray:
-        at = LinearModel(truth.frame, x[:values] * belief.spread)
-        by = response.discretise(at)
+        model = LinearModel(truth.frame, x[:values] * prior.spread)
+        discrete = response.discretise(model)
         errors = []
         for i, run in enumerate(runs):
-            unknown = 0.01 * x[values + i * each : values + (i + 1) * each]
-            y = response.outputs(at, by, run.command, unknown[:-1], count)
-            y[:, 0] += unknown[-1]
-            errors.append(((run.measured - y) / sds).ravel())
-        lag = plants.lag(plane)
-        bench = belief.model.values[lag]
-        return np.concatenate([*errors, (at.values[lag] - bench) / (plants.LAG_SD * bench)])
+            nuisances = 0.01 * x[values + i * nuisance_count : values + (i + 1) * nuisance_count]
+            outputs = response.outputs(model, discrete, run.command, nuisances[:-1], count)
+            outputs[:, 0] += nuisances[-1]
+            errors.append(((run.measured - outputs) / sds).ravel())
+        lag = linear_model.lag(plane)
+        bench = prior.model.values[lag]
+        return np.concatenate(
+            [*errors, (model.values[lag] - bench) / (linear_model.LAG_SD * bench)]
+        )
 
-    first = np.concatenate([found.values / belief.spread + 0.02, np.zeros(each * len(runs))])
-    brute = least_squares(joint, first, ftol=1e-14, xtol=1e-14, gtol=1e-14, max_nfev=200)
-    sd_joint = np.sqrt(np.diag(np.linalg.inv(brute.jac.T @ brute.jac))[:values]) * belief.spread
-    information = multistart.information_at(projected, found.values)
+    start = np.concatenate(
+        [projected_solution.values / prior.spread + 0.02, np.zeros(nuisance_count * len(runs))]
+    )
+    joint_solution = least_squares(joint, start, ftol=1e-14, xtol=1e-14, gtol=1e-14, max_nfev=200)
+    sd_joint = (
+        np.sqrt(np.diag(np.linalg.inv(joint_solution.jac.T @ joint_solution.jac))[:values])
+        * prior.spread
+    )
+    information = multistart.information_at(projected, projected_solution.values)
     sd = np.sqrt(
         np.diag(
             cramer_rao.of_information(
-                LinearModel(truth.frame, found.values), information
+                LinearModel(truth.frame, projected_solution.values), information
             ).covariance
         )
     )
-    assert abs(brute.cost - found.cost) < 1e-4 * brute.cost
-    assert np.max(np.abs(brute.x[:values] * belief.spread - found.values) / sd) < 0.02
+    assert abs(joint_solution.cost - projected_solution.cost) < 1e-4 * joint_solution.cost
+    assert (
+        np.max(np.abs(joint_solution.x[:values] * prior.spread - projected_solution.values) / sd)
+        < 0.02
+    )
     np.testing.assert_allclose(sd, sd_joint, rtol=0.02)
 
 
-def test_gradient_is_the_projected_costs_own(plane: Plane) -> None:
-    """Kaufman's slope leaves a term out that the residual does not see."""
-    truth, count = plant(plane), plants.outputs(plane)
-    runs = flown(truth, commands()[:3], SDS, np.random.default_rng(2))
+def test_objective_gradient_matches_differences(plane: Plane) -> None:
+    """Kaufman's derivative omits a term that is orthogonal to the residual."""
+    truth, count = true_model(plane), linear_model.outputs(plane)
+    runs = simulate_runs(truth, commands()[:3], SDS, np.random.default_rng(2))
     weighted = output_error.objective(truth.frame, runs, SDS[:count])
-    values = believed(plane).model.values
+    values = wide_prior(plane).model.values
     gradient = weighted.jacobian(values).T @ weighted.residuals(values)
-    for index in range(len(plants.NUMBERS[plane])):
+    for index in range(len(linear_model.NUMBERS[plane])):
         step = np.zeros(values.size)
         step[index] = 1e-6
-        rise = objectives.cost(weighted, values + step) - objectives.cost(weighted, values - step)
-        assert abs(rise / 2e-6 - gradient[index]) < 1e-3 * np.max(np.abs(gradient[: index + 1]))
+        cost_difference = objectives.cost(weighted, values + step) - objectives.cost(
+            weighted, values - step
+        )
+        assert abs(cost_difference / 2e-6 - gradient[index]) < 1e-3 * np.max(
+            np.abs(gradient[: index + 1])
+        )
 
 
-def test_reduced_has_the_cost_gradient_and_information_of_all_residuals(plane: Plane) -> None:
-    """A search reads nothing else."""
-    truth, count = plant(plane), plants.outputs(plane)
-    runs = flown(truth, commands()[:5], SDS, np.random.default_rng(3))
-    given = truth.frame, runs, SDS[:count]
-    whole, few = output_error.objective(*given), output_error.reduce_by_qr(*given)
-    values = believed(plane).model.values
-    J, r = whole.jacobian(values), whole.residuals(values)
-    A, b = few.jacobian(values), few.residuals(values)
+def test_reduce_by_qr_keeps_cost_gradient_and_information(plane: Plane) -> None:
+    """A search uses only cost, gradient and information."""
+    truth, count = true_model(plane), linear_model.outputs(plane)
+    runs = simulate_runs(truth, commands()[:5], SDS, np.random.default_rng(3))
+    arguments = truth.frame, runs, SDS[:count]
+    full, reduced = output_error.objective(*arguments), output_error.reduce_by_qr(*arguments)
+    values = wide_prior(plane).model.values
+    J, r = full.jacobian(values), full.residuals(values)
+    A, b = reduced.jacobian(values), reduced.residuals(values)
     assert b.size == values.size + 1
     scale = np.sqrt(np.diag(J.T @ J))
     assert b @ b == pytest.approx(r @ r, rel=1e-9)

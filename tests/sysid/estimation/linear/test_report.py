@@ -1,5 +1,4 @@
-"""A model.json of linear planes: what it says of a vehicle that the sea flew, and what it may be
-used for."""
+"""Model file from linear estimates of a vehicle that was simulated with disturbances."""
 
 import math
 from pathlib import Path
@@ -22,7 +21,7 @@ TRIM = (math.radians(6.0), math.radians(1.0))
 
 @pytest.fixture(scope="module")
 def flown() -> list[Run]:
-    """Small tests of the bench vehicle, small enough for her to be nearly linear."""
+    """Small tests of the nominal vehicle, in the range in which it is nearly linear."""
     bench = config.load("caribou_nominal")
     runs = []
     for number, sign in enumerate((1.0, -1.0, 1.0, -1.0)):
@@ -41,16 +40,16 @@ def model(flown: list[Run]) -> IdentifiedModel:
     return refit.identify(flown, config.load("caribou_nominal"), "caribou_nominal", "filter-error")
 
 
-def test_planes_are_the_vehicles_own(model: IdentifiedModel) -> None:
-    """Within four of the standard deviations it claims, and a twentieth for what is not linear."""
-    c = config.load("caribou_nominal")
-    true = linear_planes.small_signal(linear_planes.yaw_plane(coefficients(c)))
-    found = model.planes["yaw"]
+def test_identify_known_vehicle_recovers_planes(model: IdentifiedModel) -> None:
+    """Tolerance: four stated standard deviations, plus 5 % for nonlinearity."""
+    vehicle = config.load("caribou_nominal")
+    true = linear_planes.small_signal(linear_planes.yaw_plane(coefficients(vehicle)))
+    yaw = model.planes["yaw"]
     for name in ("b1_per_s2", "p_slow_per_s", "p_fast_per_s"):
-        told, value = getattr(found, name), getattr(true, name)
-        assert abs(told.value - value) < 4.0 * told.sd + 0.05 * abs(value), name
-    assert abs(found.delay_s.value - 0.3) < 4.0 * found.delay_s.sd + 0.02
-    assert found.b1_per_s2.sd < 0.1 * true.b1_per_s2
+        estimated, value = getattr(yaw, name), getattr(true, name)
+        assert abs(estimated.value - value) < 4.0 * estimated.sd + 0.05 * abs(value), name
+    assert abs(yaw.delay_s.value - 0.3) < 4.0 * yaw.delay_s.sd + 0.02
+    assert yaw.b1_per_s2.sd < 0.1 * true.b1_per_s2
 
 
 def coefficients(vehicle: config.VehicleConfig) -> Table1Column:
@@ -59,70 +58,74 @@ def coefficients(vehicle: config.VehicleConfig) -> Table1Column:
     return parameters.to_table_1_column(vehicle.linear)
 
 
-def test_coefficients_reproduce_the_planes(model: IdentifiedModel) -> None:
-    """Redesign takes the coefficients; they must be the planes that were identified."""
-    c = Table1Column(**{name: found.value for name, found in model.coefficients.items()})
-    again = {
+def test_identify_coefficients_reproduce_planes(model: IdentifiedModel) -> None:
+    """Redesign uses the coefficients, which must reproduce the identified planes."""
+    column = Table1Column(
+        **{name: coefficient.value for name, coefficient in model.coefficients.items()}
+    )
+    reproduced = {
         "yaw": linear_planes.small_signal(
-            linear_planes.yaw_plane(c, model.speed_mps, model.vehicle.mass_kg)
+            linear_planes.yaw_plane(column, model.speed_mps, model.vehicle.mass_kg)
         ),
         "pitch": linear_planes.small_signal(
-            linear_planes.pitch_plane(c, model.speed_mps, model.vehicle.mass_kg)
+            linear_planes.pitch_plane(column, model.speed_mps, model.vehicle.mass_kg)
         ),
     }
-    for plane, numbers in again.items():
+    for plane, signal in reproduced.items():
         for name in ("static_gain_per_s", "b1_per_s2", "p_slow_per_s"):
-            told = getattr(model.planes[plane], name)
-            assert abs(told.value - getattr(numbers, name)) < 0.5 * told.sd, (plane, name)
+            estimated = getattr(model.planes[plane], name)
+            assert abs(estimated.value - getattr(signal, name)) < 0.5 * estimated.sd, (plane, name)
 
 
-def test_what_motion_cannot_tell_says_so(model: IdentifiedModel) -> None:
+def test_identify_undetermined_coefficients_are_marked(model: IdentifiedModel) -> None:
     for name in ("Y_vdot", "Z_wdot"):
         assert model.coefficients[name].status == "unidentifiable"
     assert model.coefficients["N_rdot"].status == "prior"
     assert model.coefficients["N_dr"].status == "measured"
 
 
-def test_file_keeps_the_method_and_predicts(
+def test_model_file_keeps_method_and_predicts(
     model: IdentifiedModel, flown: list[Run], tmp_path: Path
 ) -> None:
     models.write(model, tmp_path / "model.json")
-    again = models.read(tmp_path / "model.json")
-    assert again.method == "filter-error"
-    assert again == model
-    assert {q.run for q in again.fit_quality} == {run.name for run in flown}
-    yaw = [q.model_mse_deg2ps2 for q in prediction.quality(again, flown) if q.plane == "yaw"]
+    stored = models.read(tmp_path / "model.json")
+    assert stored.method == "filter-error"
+    assert stored == model
+    assert {q.run for q in stored.fit_quality} == {run.name for run in flown}
+    yaw = [q.model_mse_deg2ps2 for q in prediction.quality(stored, flown) if q.plane == "yaw"]
     assert max(yaw) < 0.3
 
 
-def test_a_plane_without_runs_is_the_priors(flown: list[Run]) -> None:
-    """By output error, which knows of no sea; in one it need not find one plane, so nobody asks
-    here."""
+def test_of_estimates_plane_without_runs_is_the_prior(flown: list[Run]) -> None:
+    """Output error, by `descend`: with disturbances the minimum need not be unique."""
     yaw = [run for run in flown if run.plane == "yaw"]
     prior = refit.prior_of(yaw, config.load("caribou_nominal"))
-    belief = records.linear_prior(prior, "yaw")
+    linear_prior = records.linear_prior(prior, "yaw")
     records_of_yaw = [records.linear_run(run, estimate.LEADS_S["output-error"]) for run in yaw]
-    one = estimate.descend(records_of_yaw, belief, "output-error", belief.model.values)
-    found = report.of_estimates({"yaw": one}, prior, "caribou_nominal", "output-error")
-    assert found.method == "output-error"
-    assert found.noise == {}
-    assert any("no run in pitch" in note for note in found.notes)
-    assert found.planes["yaw"].b1_per_s2.value == pytest.approx(one.model.values[0])
-    assert found.planes["pitch"].b1_per_s2.sd > found.planes["yaw"].b1_per_s2.sd
+    yaw_estimate = estimate.descend(
+        records_of_yaw, linear_prior, "output-error", linear_prior.model.values
+    )
+    identified = report.of_estimates(
+        {"yaw": yaw_estimate}, prior, "caribou_nominal", "output-error"
+    )
+    assert identified.method == "output-error"
+    assert identified.noise == {}
+    assert any("no run in pitch" in note for note in identified.notes)
+    assert identified.planes["yaw"].b1_per_s2.value == pytest.approx(yaw_estimate.model.values[0])
+    assert identified.planes["pitch"].b1_per_s2.sd > identified.planes["yaw"].b1_per_s2.sd
 
 
 @pytest.mark.parametrize("plane", ["yaw", "pitch"])
-def test_a_record_holds_the_run_from_its_lead_on(flown: list[Run], plane: Plane) -> None:
-    """Heading and depth from where they begin; outputs stand at every fifth sample after the
-    command's lead."""
+def test_linear_run_starts_at_its_lead(flown: list[Run], plane: Plane) -> None:
+    """Heading and depth start at zero; outputs are at every fifth sample after the lead."""
     run = next(run for run in flown if run.plane == plane)
-    what = records.linear_run(run, 4.0)
-    begins_s = run.time_s[what.command.lead]
+    record = records.linear_run(run, 4.0)
+    begins_s = run.time_s[record.command.lead]
     assert begins_s == pytest.approx(-1.0, abs=0.02)
-    assert response.steps(what.command) == len(what.measured)
-    assert what.measured.shape[1] == (3 if plane == "pitch" else 2)
-    assert what.measured[0, 1 if plane == "yaw" else 2] == 0.0
-    at = what.command.lead + 5 * 40
-    assert what.measured[40, 0] == pytest.approx(
-        np.mean(run.rate_radps[at - 2 : at + 3]), abs=1e-12
+    assert response.steps(record.command) == len(record.measured)
+    assert record.measured.shape[1] == (3 if plane == "pitch" else 2)
+    assert record.measured[0, 1 if plane == "yaw" else 2] == 0.0
+    sample = record.command.lead + 5 * 40
+    assert record.measured[40, 0] == pytest.approx(
+        np.mean(run.rate_radps[sample - 2 : sample + 3]), abs=1e-12
     )

@@ -1,5 +1,4 @@
-"""The estimate against a truth that it never saw: errors within what it claims, and no claim
-without data."""
+"""Joint estimate against a known truth: errors within the stated ones, no claim without data."""
 
 import math
 from pathlib import Path
@@ -21,18 +20,20 @@ TRIM = (math.radians(6.0), math.radians(1.0))
 
 
 def true_z(truth: config.VehicleConfig, prior: config.VehicleConfig) -> dict[str, float]:
-    """Where the truth lies in the estimate's own coordinates, for the parameters that vehicle files
-    hold."""
-    there, here = (
+    """Parameters of the truth in the coordinates of the estimate, where vehicle files hold them."""
+    true_column, prior_column = (
         parameters.to_table_1_column(truth.linear)._asdict(),
         parameters.to_table_1_column(prior.linear)._asdict(),
     )
     z = {}
     for parameter in PARAMETERS:
         name = parameter.name
-        added = here[INERTIAS[name]] if name in INERTIAS else 0.0
-        if name in here:
-            z[name] = math.log((there[name] - added) / (here[name] - added)) / parameter.prior_sd
+        added_inertia = prior_column[INERTIAS[name]] if name in INERTIAS else 0.0
+        if name in prior_column:
+            z[name] = (
+                math.log((true_column[name] - added_inertia) / (prior_column[name] - added_inertia))
+                / parameter.prior_sd
+            )
         elif name == "backlash":
             z[name] = (
                 math.log(truth.tailcone.backlash_deg / parameters.backlash_deg(prior))
@@ -43,39 +44,38 @@ def true_z(truth: config.VehicleConfig, prior: config.VehicleConfig) -> dict[str
     return z
 
 
-def test_errors_are_as_large_as_claimed(
+def test_fit_errors_match_stated_covariance(
     model: IdentifiedModel, field: config.VehicleConfig, bench: config.VehicleConfig
 ) -> None:
-    """Squared error in the metric of the stated covariance: its mean is one for an honest
-    estimate."""
+    """Squared error in the metric of the stated covariance; its expectation is one."""
     truth = true_z(field, bench)
     index = [NAMES.index(name) for name in truth]
     covariance = np.array(model.joint.covariance)[np.ix_(index, index)]
     error = np.array(model.joint.z)[index] - np.array(list(truth.values()))
-    size = error @ np.linalg.solve(covariance, error) / len(error)
-    assert 0.2 < size < 2.5
+    normalised_square = error @ np.linalg.solve(covariance, error) / len(error)
+    assert 0.2 < normalised_square < 2.5
     assert np.max(np.abs(error) / np.sqrt(np.diag(covariance))) < 3.5
 
 
-def test_design_numbers_lie_within_three_standard_deviations(
+def test_fit_design_numbers_within_three_sd(
     model: IdentifiedModel, field: config.VehicleConfig
 ) -> None:
     vehicle = parameters.CandidateVehicle(field, build_model.build(field), {})
     for plane in ("yaw", "pitch"):
-        true, found = (
+        true_signal, plane_model = (
             linear_planes.small_signal(fit.linear_plane(vehicle, plane)),
             model.planes[plane],
         )
         for name in ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s"):
-            estimate = getattr(found, name)
-            assert abs(estimate.value - getattr(true, name)) < 3 * estimate.sd, (plane, name)
-        assert abs(found.delay_s.value - 0.3) < 3 * found.delay_s.sd
+            estimate = getattr(plane_model, name)
+            assert abs(estimate.value - getattr(true_signal, name)) < 3 * estimate.sd, (plane, name)
+        assert abs(plane_model.delay_s.value - 0.3) < 3 * plane_model.delay_s.sd
     bias = model.planes["yaw"].actuator_bias_deg
     assert abs(bias.value + 6.0) < 3 * bias.sd
     assert bias.sd < 0.3
 
 
-def test_the_data_narrow_what_control_rests_on(model: IdentifiedModel) -> None:
+def test_fit_design_numbers_are_precise(model: IdentifiedModel) -> None:
     for plane in ("yaw", "pitch"):
         assert model.planes[plane].b1_per_s2.sd / model.planes[plane].b1_per_s2.value < 0.06
         assert model.planes[plane].delay_s.sd < 0.03
@@ -83,8 +83,8 @@ def test_the_data_narrow_what_control_rests_on(model: IdentifiedModel) -> None:
     assert model.convergence.at_bounds == ()
 
 
-def test_what_motion_cannot_tell_is_not_called_measured(model: IdentifiedModel) -> None:
-    """Added mass against mass, and the scale of each equation, leave no trace in the motion."""
+def test_fit_undetermined_coefficients_keep_the_prior(model: IdentifiedModel) -> None:
+    """Motion does not determine added mass separately from mass, nor the scale of an equation."""
     coefficients = model.coefficients
     for name in ("Y_vdot", "N_rdot", "M_qdot", "Z_wdot"):
         assert coefficients[name].status == "prior", name
@@ -95,9 +95,8 @@ def test_what_motion_cannot_tell_is_not_called_measured(model: IdentifiedModel) 
     assert model.joint.condition_number is None or model.joint.condition_number > 1e4
 
 
-def test_scaling_an_equation_leaves_the_motion_as_it_was(bench: config.VehicleConfig) -> None:
-    """The null direction itself: moment coefficients, inertia and righting moment grown
-    together."""
+def test_scaled_equation_has_the_same_motion(bench: config.VehicleConfig) -> None:
+    """Moment coefficients, inertia and righting moment are scaled together: a null direction."""
     vehicle = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
     z = np.zeros(len(NAMES))
     for name in ("N_v", "N_r", "N_dr", "I_zz"):
@@ -109,7 +108,7 @@ def test_scaling_an_equation_leaves_the_motion_as_it_was(bench: config.VehicleCo
     np.testing.assert_allclose(after, before, rtol=1e-9)
 
 
-def test_a_plane_without_runs_is_not_called_measured(
+def test_fit_plane_without_runs_keeps_the_prior(
     campaign: list[Run], bench: config.VehicleConfig
 ) -> None:
     half = refit.identify([run for run in campaign if run.plane == "yaw"][:3], bench)
@@ -121,7 +120,7 @@ def test_a_plane_without_runs_is_not_called_measured(
     assert "pitch" not in half.noise
 
 
-def test_unseen_runs_are_predicted_better_than_by_first_principles(
+def test_fit_predicts_held_out_runs_better_than_prior(
     model: IdentifiedModel, field: config.VehicleConfig
 ) -> None:
     signals: list[tuple[Plane, np.ndarray]] = [
@@ -132,20 +131,22 @@ def test_unseen_runs_are_predicted_better_than_by_first_principles(
         ("pitch", sea.step(10.0, 6.0)),
         ("pitch", sea.doublet(4.0, 3.0)),
     ]
-    fresh = [
-        sea.fly(field, plane, signal, name=f"unseen/{k}", seed=5000 + 10 * k + again, trim_rad=TRIM)
+    held_out = [
+        sea.fly(
+            field, plane, signal, name=f"unseen/{k}", seed=5000 + 10 * k + repeat, trim_rad=TRIM
+        )
         for k, (plane, signal) in enumerate(signals)
-        for again in range(3)
+        for repeat in range(3)
     ]
-    scored = prediction.with_held_out_errors(model, fresh).held_out
+    qualities = prediction.with_held_out_errors(model, held_out).held_out
     for plane in ("yaw", "pitch"):
-        errors = prediction.mean_rate_errors(scored, plane)
+        errors = prediction.mean_rate_errors(qualities, plane)
         assert errors is not None
         prior, refitted = errors
         assert refitted < prior, plane
 
 
-def test_without_sea_or_sensor_noise_the_error_that_remains_is_structure(
+def test_fit_prediction_error_without_noise_is_small(
     model: IdentifiedModel, field: config.VehicleConfig
 ) -> None:
     quiet = sea.Sensors(0.0, 0.0, 0.0, 0.0)
@@ -157,7 +158,7 @@ def test_without_sea_or_sensor_noise_the_error_that_remains_is_structure(
         assert score.variance_accounted_for > 0.97
 
 
-def test_the_same_runs_give_the_same_bytes(
+def test_identify_same_runs_give_same_bytes(
     campaign: list[Run], bench: config.VehicleConfig, tmp_path: Path
 ) -> None:
     few = [campaign[0], campaign[1], campaign[7], campaign[8]]
@@ -167,25 +168,29 @@ def test_the_same_runs_give_the_same_bytes(
     assert models.read(tmp_path / "model.json") == first
 
 
-def test_an_earlier_model_serves_as_prior(campaign: list[Run], bench: config.VehicleConfig) -> None:
-    """Half of the runs, then the other half on top: surer than the first half alone, about where
-    all of them lead."""
-    first = refit.identify(campaign[:3] + campaign[7:9], bench)
-    both = refit.identify(campaign[3:7] + campaign[9:], bench, earlier=first)
-    assert np.all(np.diag(both.joint.covariance) <= np.diag(first.joint.covariance) * 1.001)
-
-
-def test_the_papers_way_confesses_its_rank(
+def test_identify_earlier_model_as_prior_reduces_covariance(
     campaign: list[Run], bench: config.VehicleConfig
 ) -> None:
-    found = refit.identify(campaign, bench, method="paper")
-    assert found.joint.rank < 15
-    assert all(c.status != "measured" and c.sd is None for c in found.coefficients.values())
-    assert any("no unique solution" in note for note in found.notes)
+    """The second half of the runs, with the first half as the prior, reduces the covariance."""
+    first = refit.identify(campaign[:3] + campaign[7:9], bench)
+    second = refit.identify(campaign[3:7] + campaign[9:], bench, earlier=first)
+    assert np.all(np.diag(second.joint.covariance) <= np.diag(first.joint.covariance) * 1.001)
+
+
+def test_identify_paper_method_reports_rank_deficiency(
+    campaign: list[Run], bench: config.VehicleConfig
+) -> None:
+    paper_model = refit.identify(campaign, bench, method="paper")
+    assert paper_model.joint.rank < 15
+    assert all(
+        coefficient.status != "measured" and coefficient.sd is None
+        for coefficient in paper_model.coefficients.values()
+    )
+    assert any("no unique solution" in note for note in paper_model.notes)
 
 
 @pytest.mark.parametrize("bad", ["caribou_truth", "nowhere.toml", "nowhere.json"])
-def test_a_prior_that_cannot_be_is_refused_in_one_line(bad: str) -> None:
+def test_refit_invalid_prior_is_rejected_in_one_line(bad: str) -> None:
     with pytest.raises(ValueError, match=bad.split(".")[0]) as refusal:
         refit.refit([], prior=bad)
     assert "\n" not in str(refusal.value)

@@ -1,5 +1,7 @@
-"""The recursive estimate on tests in a disturbed sea: what it is fed with, what it says, and beside
-the batch."""
+"""Recursive estimate on tests with disturbances.
+
+Its updates, its report, and the batch estimate.
+"""
 
 import numpy as np
 import pytest
@@ -49,7 +51,7 @@ def prior(bench: config.VehicleConfig) -> Prior:
     )
 
 
-def taught(known: Knowledge, runs: list[Run]) -> Knowledge:
+def learn(known: Knowledge, runs: list[Run]) -> Knowledge:
     for run in runs:
         state = estimator.begin(known, run.plane, float(np.mean(run.command_rad[run.preroll])))
         known = estimator.finish(estimator.update(state, prediction.steps(run)))
@@ -60,95 +62,102 @@ def part(steps: TestSamples, first: int, last: int) -> TestSamples:
     return TestSamples(*(column[first:last] for column in steps))
 
 
-def test_it_ends_where_the_batch_estimate_ends(flown: list[Run], prior: Prior) -> None:
-    known = taught(estimator.prior_knowledge(prior), flown)
+def test_finish_all_tests_matches_batch_estimate(flown: list[Run], prior: Prior) -> None:
+    knowledge = learn(estimator.prior_knowledge(prior), flown)
     model = parameters.candidate_vehicle(prior.config, prior.biases_rad, prior.mean).model
-    together = prior._replace(biases_rad=fit.trim_biases(prior.config, model, flown))
-    batch = fit.fit(flown, together)
+    batch_prior = prior._replace(biases_rad=fit.trim_biases(prior.config, model, flown))
+    batch = fit.fit(flown, batch_prior)
     for plane in ("yaw", "pitch"):
-        online = report.read(known.prior, known.information, plane, 0.8)
-        beside = report.read(
-            together, square_root_information.from_normal(batch.z, batch.covariance), plane, 0.8
+        recursive_report = report.read(knowledge.prior, knowledge.information, plane, 0.8)
+        batch_report = report.read(
+            batch_prior, square_root_information.from_normal(batch.z, batch.covariance), plane, 0.8
         )
-        for name, number in online.numbers.items():
-            other = beside.numbers[name]
-            assert abs(number.value - other.value) < 1.5 * other.sd, name
-            assert number.sd == pytest.approx(other.sd, rel=0.35), name
+        for name, number in recursive_report.numbers.items():
+            batch_number = batch_report.numbers[name]
+            assert abs(number.value - batch_number.value) < 1.5 * batch_number.sd, name
+            assert number.sd == pytest.approx(batch_number.sd, rel=0.35), name
 
 
-def test_each_test_makes_it_surer_of_its_plane(flown: list[Run], prior: Prior) -> None:
-    at_first = estimator.prior_knowledge(prior)
-    after = taught(at_first, flown[:2])
+def test_finish_reduces_standard_deviations(flown: list[Run], prior: Prior) -> None:
+    before = estimator.prior_knowledge(prior)
+    after = learn(before, flown[:2])
     for name, number in report.read(after.prior, after.information, "yaw", 0.8).numbers.items():
         assert number.sd < number.before, name
     assert report.read(after.prior, after.information, "yaw", 0.8).numbers["b1_per_s2"].sd < 0.05
 
 
 @pytest.mark.parametrize("size", [1, 7, 1000])
-def test_it_does_not_matter_how_many_steps_come_at_once(
+def test_update_division_into_steps_does_not_matter(
     flown: list[Run], prior: Prior, size: int
 ) -> None:
-    run, known = flown[0], estimator.prior_knowledge(prior)
+    run, knowledge = flown[0], estimator.prior_knowledge(prior)
     steps = part(prediction.steps(run), 0, 90)
-    whole = estimator.update(estimator.begin(known, "yaw", -0.1), steps)
-    state = estimator.begin(known, "yaw", -0.1)
+    at_once = estimator.update(estimator.begin(knowledge, "yaw", -0.1), steps)
+    state = estimator.begin(knowledge, "yaw", -0.1)
     for first in range(0, 90, size):
         state = estimator.update(state, part(steps, first, first + size))
-    told, expected = estimator.information_with_test(state), estimator.information_with_test(whole)
+    information, expected = (
+        estimator.information_with_test(state),
+        estimator.information_with_test(at_once),
+    )
     np.testing.assert_allclose(
-        square_root_information.mean(told),
+        square_root_information.mean(information),
         square_root_information.mean(expected),
         rtol=1e-5,
         atol=1e-6,
     )
     np.testing.assert_allclose(
-        square_root_information.covariance(told),
+        square_root_information.covariance(information),
         square_root_information.covariance(expected),
         rtol=1e-5,
         atol=1e-8,
     )
 
 
-def test_the_errors_of_a_stable_plane_are_those_of_its_whitened_simulation(
-    flown: list[Run], prior: Prior
-) -> None:
-    """The batch estimate whitens by `noise`, with code of its own."""
+def test_advance_stable_plane_matches_whitened_simulation(flown: list[Run], prior: Prior) -> None:
+    """Reference: the batch estimate's whitening by `noise`, a separate implementation."""
     run = flown[0]
-    known = estimator.begin(
+    knowledge = estimator.begin(
         estimator.prior_knowledge(prior), "yaw", float(np.mean(run.command_rad[run.preroll]))
     ).knowledge
     steps = prediction.steps(run)
-    about = estimator.linearise(known, "yaw", known.z, float(steps.thrust[0]))
-    assert about.leak_share == 0.0
-    first = about.candidates[0]
-    white = prediction.advance(first, prediction.start(first, steps), steps, 0, about.filter, 0.0)[
-        1
-    ]
-    vehicle = parameters.candidate_vehicle(known.prior.config, known.prior.biases_rad, known.z)
-    by = noise.build(fit.linear_plane(vehicle, "yaw"), noise.Noise(), STEP_S, len(white) + 1)
-    expected = noise.whiten_residual(fit.residuals(vehicle, [fit.dataset(run)])[0], by)
+    candidate_set = estimator.linearise(knowledge, "yaw", knowledge.z, float(steps.thrust[0]))
+    assert candidate_set.leak_share == 0.0
+    nominal = candidate_set.candidates[0]
+    white = prediction.advance(
+        nominal, prediction.start(nominal, steps), steps, 0, candidate_set.filter, 0.0
+    )[1]
+    vehicle = parameters.candidate_vehicle(
+        knowledge.prior.config, knowledge.prior.biases_rad, knowledge.z
+    )
+    noise_filter = noise.build(
+        fit.linear_plane(vehicle, "yaw"), noise.Noise(), STEP_S, len(white) + 1
+    )
+    expected = noise.whiten_residual(fit.residuals(vehicle, [fit.dataset(run)])[0], noise_filter)
     np.testing.assert_allclose(
         white, expected[: len(white)], atol=0.1
     )  # the two begin a sample's noise apart
     assert np.sqrt(np.mean((white - expected[: len(white)]) ** 2)) < 0.03
-    back = prediction.free_error(white, about.filter)
+    residual = prediction.free_error(white, candidate_set.filter)
     np.testing.assert_allclose(
-        noise.whiten_residual(back, by._replace(gains=about.filter.gains[: len(white)])),
+        noise.whiten_residual(
+            residual, noise_filter._replace(gains=candidate_set.filter.gains[: len(white)])
+        ),
         white,
         atol=1e-6,
     )
 
 
-def test_an_unstable_plane_stays_where_it_was_measured() -> None:
-    """Of its own accord she would be turned round within the minute."""
+def test_finish_unstable_plane_is_recovered() -> None:
+    """A free simulation of this vehicle would diverge within a minute."""
     remus = config.load("remus100")
     prior = Prior(
         remus, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)), parameters.prior_covariance()
     )
     hold = sea.Hold(0.49, 0.76, 0.04, 0.54, 0.67, 0.2, 0.01)
     runs = [
-        sea.fly(remus, "yaw", sea.doublet(s * 0.6, 20.0), seed=seed, hold=hold)
-        for seed, s in enumerate((1.0, -1.0))
+        sea.fly(remus, "yaw", sea.doublet(sign * 0.6, 20.0), seed=seed, hold=hold)
+        for seed, sign in enumerate((1.0, -1.0))
     ]
     assert (
         prediction.leak(
@@ -158,19 +167,21 @@ def test_an_unstable_plane_stays_where_it_was_measured() -> None:
         )
         > 0.0
     )
-    known = taught(estimator.prior_knowledge(prior), runs)
-    found = report.read(known.prior, known.information, "yaw", 0.8).numbers
+    knowledge = learn(estimator.prior_knowledge(prior), runs)
+    numbers = report.read(knowledge.prior, knowledge.information, "yaw", 0.8).numbers
     truth = report.numbers(
         parameters.candidate_vehicle(remus, prior.biases_rad, prior.mean), "yaw", 0.8
     )
     for name, true in zip(("b1_per_s2", "p_slow_per_s", "delay_s"), truth[[1, 3, 4]], strict=True):
-        assert abs(found[name].value - true) < 4.0 * found[name].sd, name
-    assert found["p_slow_per_s"].sd < 0.4 * found["p_slow_per_s"].before
+        assert abs(numbers[name].value - true) < 4.0 * numbers[name].sd, name
+    assert numbers["p_slow_per_s"].sd < 0.4 * numbers["p_slow_per_s"].before
 
 
-def test_a_test_too_short_to_begin_with_tells_nothing(flown: list[Run], prior: Prior) -> None:
-    known = estimator.prior_knowledge(prior)
+def test_finish_short_test_changes_nothing(flown: list[Run], prior: Prior) -> None:
+    knowledge = estimator.prior_knowledge(prior)
     state = estimator.update(
-        estimator.begin(known, "yaw", 0.0), part(prediction.steps(flown[0]), 0, 5)
+        estimator.begin(knowledge, "yaw", 0.0), part(prediction.steps(flown[0]), 0, 5)
     )
-    np.testing.assert_array_equal(estimator.finish(state).information.root, known.information.root)
+    np.testing.assert_array_equal(
+        estimator.finish(state).information.root, knowledge.information.root
+    )
