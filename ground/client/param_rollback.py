@@ -108,7 +108,7 @@ class History:
     @classmethod
     def of(cls, vehicle: VehicleClient) -> "History":
         """Return the history of a connected vehicle."""
-        system = vehicle.party.system if vehicle.party else 0
+        system = vehicle.vehicle_id.system if vehicle.vehicle_id else 0
         return cls(user_data_dir() / "changes" / f"system-{system}.json")
 
     def last(self) -> ParamUpload:

@@ -112,7 +112,7 @@ def left_behind(vehicle: VehicleClient, address: str, key_file: Path | None) -> 
     str
         One line; empty if the vehicle was never found.
     """
-    if vehicle.party is None:
+    if vehicle.vehicle_id is None:
         return ""
     if not vehicle.armed and not vehicle.arm_requested:
         return "the vehicle is disarmed"

@@ -111,7 +111,7 @@ class VehicleClient:
         self.on_text: Callable[[StatusText], None] | None = None
         self.on_frame: Callable[[Frame], None] | None = None
         """Called with each frame that the autopilot itself sends."""
-        self.party: MavlinkId | None = None
+        self.vehicle_id: MavlinkId | None = None
         """System and component of the autopilot; None until it is found."""
         self._status = 0
         self._own_status: Frame | None = None
@@ -159,7 +159,7 @@ class VehicleClient:
         while True:
             self._heartbeat_received_s = wall_s()
             is_all = self.pump(0.05)
-            if self.party is not None:
+            if self.vehicle_id is not None:
                 return
             if is_all and wall_s() > deadline_s:
                 raise VehicleClientError(self._not_found(timeout_s))
@@ -343,9 +343,9 @@ class VehicleClient:
     @property
     def _peer(self) -> MavlinkId:
         """The autopilot. Raises VehicleClientError before it is found."""
-        if self.party is None:
+        if self.vehicle_id is None:
             raise VehicleClientError("not connected to a vehicle yet")
-        return self.party
+        return self.vehicle_id
 
     def _client(self, kind: Callable[..., T]) -> T:
         """Return a client of one MAVLink service."""
@@ -383,20 +383,23 @@ class VehicleClient:
                 self._on_heartbeat(frame)
             elif frame.message_id == _STATUSTEXT:
                 self._on_statustext(frame)
-            elif frame.message_id == _SYS_STATUS and (frame.system, frame.component) == self.party:
+            elif (
+                frame.message_id == _SYS_STATUS
+                and (frame.system, frame.component) == self.vehicle_id
+            ):
                 self._own_status = frame
             if listener is not None:
                 listener(frame)
-            if self.on_frame is not None and (frame.system, frame.component) == self.party:
+            if self.on_frame is not None and (frame.system, frame.component) == self.vehicle_id:
                 self.on_frame(frame)
 
     def _on_heartbeat(self, frame: Frame) -> None:
         """Update the state from a HEARTBEAT; the first one of an autopilot selects the vehicle."""
         message = frame.decode()
         sender = MavlinkId(frame.system, frame.component)
-        if self.party is None and connection_diagnosis.is_vehicle(message):
-            self.party = sender
-        if sender == self.party:
+        if self.vehicle_id is None and connection_diagnosis.is_vehicle(message):
+            self.vehicle_id = sender
+        if sender == self.vehicle_id:
             self._heartbeat_received_s = wall_s()
             self.kind = message.type
             self.heartbeats += 1

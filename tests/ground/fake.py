@@ -1,5 +1,4 @@
-"""A vehicle that answers as told, on the other end of a memory transport: the link's own servers,
-no autopilot."""
+"""A scripted fake vehicle on a memory transport, with the servers of mavlink_io."""
 
 from collections.abc import Callable, Sequence
 from itertools import count

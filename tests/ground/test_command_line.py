@@ -1,5 +1,4 @@
-"""The command line as people meet it: real processes, exit status, one line for a mistake, clean
-JSON."""
+"""The command line with real processes: exit status, error messages and JSON."""
 
 import json
 import os
@@ -67,9 +66,7 @@ def mission(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_simulated_dive_loses_no_message_and_says_what_came_of_it(
-    tmp_path: Path, mission: Path
-) -> None:
+def test_fly_simulated_loses_no_message(tmp_path: Path, mission: Path) -> None:
     done = ground("fly", "short.toml", "--sitl", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -84,7 +81,7 @@ def test_a_simulated_dive_loses_no_message_and_says_what_came_of_it(
     assert {"/log", "/tf", "/foxglove/location"} <= set(found["topics"])
 
 
-def test_the_same_seed_gives_the_same_telemetry(tmp_path: Path, mission: Path) -> None:
+def test_fly_same_seed_same_telemetry(tmp_path: Path, mission: Path) -> None:
     def flown(name: str, seed: str) -> list[tuple[str, bytes]]:
         words = (
             "fly",
@@ -148,7 +145,7 @@ def telemetry(path: Path) -> list[tuple[str, bytes]]:
         (("campaign", "--out", "."), "holds files that are no campaign"),
     ],
 )
-def test_a_mistake_gets_one_line_and_status_2(
+def test_invalid_input_is_one_line_and_status_2(
     words: tuple[str, ...], message: str, tmp_path: Path, mission: Path
 ) -> None:
     (tmp_path / "wrong.toml").write_text(SHORT.replace("1.5", "-3.0"))
@@ -162,7 +159,7 @@ def test_a_mistake_gets_one_line_and_status_2(
     assert done.stdout == ""
 
 
-def test_a_parameter_that_the_vehicle_lacks_fails_the_flight(tmp_path: Path, mission: Path) -> None:
+def test_fly_unknown_parameter_fails(tmp_path: Path, mission: Path) -> None:
     (tmp_path / "odd.param").write_text("NO_SUCH,1\n")
     done = ground("fly", "short.toml", "--sitl", "--params", "odd.param", cwd=tmp_path)
     assert done.returncode == 1
@@ -202,7 +199,7 @@ def is_alive(pid: int) -> bool:
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="reads child processes from /proc")
 @pytest.mark.parametrize("victim", ["autopilot", "sitl"])
-def test_a_killed_process_is_named_and_the_log_is_closed(
+def test_fly_killed_process_is_named_and_log_closed(
     victim: str, flying: subprocess.Popen[str], tmp_path: Path
 ) -> None:
     started = children(flying)
@@ -217,7 +214,7 @@ def test_a_killed_process_is_named_and_the_log_is_closed(
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="reads child processes from /proc")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_terminated_ground_closes_its_log_and_stops_what_it_started(
+def test_fly_terminated_closes_log_and_processes(
     flying: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
 ) -> None:
     started = children(flying)
@@ -230,7 +227,7 @@ def test_a_terminated_ground_closes_its_log_and_stops_what_it_started(
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="reads child processes from /proc")
-def test_a_killed_ground_takes_what_it_started_along_and_leaves_a_log_to_recover(
+def test_fly_killed_ends_processes_log_recoverable(
     flying: subprocess.Popen[str], tmp_path: Path
 ) -> None:
     started = children(flying)
@@ -247,7 +244,7 @@ def test_a_killed_ground_takes_what_it_started_along_and_leaves_a_log_to_recover
     assert saved["lost_frames"] == 0
 
 
-def test_help_does_not_wait_for_the_numerics(tmp_path: Path) -> None:
+def test_help_loads_no_numerical_library(tmp_path: Path) -> None:
     probe = (
         "import sys; import ground.__main__; print([m for m in ('numpy', 'scipy', 'numba') if m in"
         " sys.modules])"
@@ -259,7 +256,7 @@ def test_help_does_not_wait_for_the_numerics(tmp_path: Path) -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_parameters_are_saved_changed_and_loaded_over_the_link(tmp_path: Path) -> None:
+def test_params_save_set_load_and_rollback(tmp_path: Path) -> None:
     with SimulatedVehicle(Simulation()) as simulated:
         simulated.connect().close()
         link = ("--connect", simulated.address)
@@ -289,7 +286,7 @@ def test_parameters_are_saved_changed_and_loaded_over_the_link(tmp_path: Path) -
     assert "Traceback" not in refused.stderr
 
 
-def test_the_papers_tables_need_no_flight(tmp_path: Path) -> None:
+def test_paper_tables_need_no_flight(tmp_path: Path) -> None:
     done = ground("paper", "--json", "--out", "paper", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -307,7 +304,7 @@ def test_the_papers_tables_need_no_flight(tmp_path: Path) -> None:
     assert "Y_vdot" in told["derivation"] or "Y_v'" in told["derivation"]
 
 
-def test_first_gains_are_set_beside_the_papers(tmp_path: Path) -> None:
+def test_vehicle_gains_are_compared_with_the_papers(tmp_path: Path) -> None:
     done = ground("vehicle", "gains", "caribou_nominal", "--out", "first.param", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     stands, _, beside = done.stdout.partition("Compared with Table 3's initial gains")

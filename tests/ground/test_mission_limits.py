@@ -1,4 +1,4 @@
-"""Missions beyond a vehicle's limits are refused before they are sent, by step, key and value."""
+"""Missions beyond the vehicle's limits are refused before the upload."""
 
 import math
 from collections.abc import Iterator

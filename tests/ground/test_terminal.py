@@ -1,4 +1,4 @@
-"""Text from outside on its way to a terminal: no markup, no control characters."""
+"""Output to the terminal has no markup and no control characters from outside."""
 
 import io
 import json
@@ -150,7 +150,7 @@ def test_watch_any_text_is_drawn(text: str) -> None:
         sea.ears.address = text
         sea.say("HEARTBEAT", type=12, base_mode=1)
         assert forbidden(sea.drawn()) == []
-        sea.ears.party = None
+        sea.ears.vehicle_id = None
         assert forbidden(sea.drawn()) == []
 
 

@@ -69,7 +69,7 @@ class Receiver:
         self._arrivals: deque[tuple[float, int]] = deque()
         self._senders: set[MavlinkId] = set()
         self.began_s = wall_s()
-        self.party: MavlinkId | None = None
+        self.vehicle_id: MavlinkId | None = None
         self.latest: dict[str, LatestMessage] = {}
         self.texts: deque[ReceivedText] = deque(maxlen=MAX_TEXTS)
         self.modes: dict[int, str] = {}
@@ -122,13 +122,13 @@ class Receiver:
                 system_status=0,
                 mavlink_version=3,
             )
-        if self.party is None:
+        if self.vehicle_id is None:
             return
         if self._mode_list is None:
-            self._mode_list = commands.ModeList(self._endpoint.send, OWN_ID, self.party)
+            self._mode_list = commands.ModeList(self._endpoint.send, OWN_ID, self.vehicle_id)
         self._mode_list.poll(wall_s())
         if self._questions.due():
-            self._ask(self.party)
+            self._ask(self.vehicle_id)
 
     def _ask(self, party: MavlinkId) -> None:
         """For the version, and for telemetry of an autopilot that sends none to strangers."""
@@ -173,12 +173,12 @@ class Receiver:
         self.frames += 1
         message = frame.decode() if not frame.name.startswith("UNKNOWN") else None
         if (
-            self.party is None
+            self.vehicle_id is None
             and frame.name == "HEARTBEAT"
             and connection_diagnosis.is_vehicle(message)
         ):
-            self.party = sender
-        if message is None or sender != self.party:
+            self.vehicle_id = sender
+        if message is None or sender != self.vehicle_id:
             return
         self._note(frame.name, message, now_s)
         if self.follower is not None:

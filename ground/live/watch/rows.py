@@ -340,8 +340,8 @@ def as_json(ears: Receiver, now_s: float) -> dict[str, Any]:
         if row.seen is not None
     }
     return {
-        "system": ears.party.system if ears.party else None,
-        "component": ears.party.component if ears.party else None,
+        "system": ears.vehicle_id.system if ears.vehicle_id else None,
+        "component": ears.vehicle_id.component if ears.vehicle_id else None,
         **heard,
         "link": {
             "address": ears.address,

@@ -100,9 +100,9 @@ def _listen_once(ears: Receiver, stopped: _Stopped) -> None:
     """Listen until a vehicle was heard for a while. Raises FailedError when there is none."""
     until_s = wall_s() + VEHICLE_TIMEOUT_S
     ears.listen(REFRESH_S)
-    while ears.party is None and wall_s() < until_s and not stopped():
+    while ears.vehicle_id is None and wall_s() < until_s and not stopped():
         ears.listen(REFRESH_S)
-    if ears.party is None:
+    if ears.vehicle_id is None:
         raise OperationError(f"no vehicle on {ears.address}: {ears.trouble or ears.why_nothing()}")
     until_s = wall_s() + LISTEN_S
     while wall_s() < until_s and not stopped():

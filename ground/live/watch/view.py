@@ -21,7 +21,7 @@ STALE_STYLE, ALARM_STYLE, LABEL_STYLE = "bright_black", "bold red", "cyan"
 def draw(ears: Receiver, now_s: float, followed: RenderableType | None = None) -> RenderableType:
     """The whole view; what was made of ``followed`` telemetry comes first: a low terminal cuts off
     what comes last."""
-    if ears.party is None:
+    if ears.vehicle_id is None:
         return Escaped(
             Panel(_waiting_text(ears, now_s), title=literal(ears.address), border_style="yellow")
         )
@@ -51,10 +51,10 @@ def _waiting_text(ears: Receiver, now_s: float) -> Text:
 
 
 def _headline(ears: Receiver, now_s: float) -> Text:
-    assert ears.party is not None
+    assert ears.vehicle_id is not None
     silent_s = now_s - ears.latest["HEARTBEAT"].at_s
     line = Text(
-        f" system {ears.party.system}, component {ears.party.component} on {ears.address}",
+        f" system {ears.vehicle_id.system}, component {ears.vehicle_id.component} on {ears.address}",
         style="bold",
     )
     if silent_s > HEARTBEAT_TIMEOUT_S:

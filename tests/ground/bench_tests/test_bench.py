@@ -1,5 +1,4 @@
-"""``ground bench-test`` and ``ground inclining-test`` from end to end: real processes, a simulated
-laboratory."""
+"""`ground bench-test` and `ground inclining-test` with real processes and a simulated vehicle."""
 
 import json
 import subprocess
@@ -26,7 +25,7 @@ def beyond(found: dict[str, Any], expected: float) -> float:
 
 
 @pytest.mark.process
-def test_a_short_bench_session_finds_the_field_vehicles_tailcone(tmp_path: Path) -> None:
+def test_bench_test_simulated_vehicle_tailcone_identified(tmp_path: Path) -> None:
     sweeps = ["--amplitude", "10", "--amplitude", "30", "--frequency", "0.2", "--frequency", "0.5"]
     ran = ground("bench-test", "--axis", "elevator", *sweeps, "--json", folder=tmp_path)
     assert ran.returncode == 0, ran.stderr
@@ -57,7 +56,7 @@ def test_a_short_bench_session_finds_the_field_vehicles_tailcone(tmp_path: Path)
 
 
 @pytest.mark.process
-def test_an_inclining_test_finds_the_centre_of_mass_that_is_simulated(tmp_path: Path) -> None:
+def test_inclining_test_finds_simulated_centre_of_mass(tmp_path: Path) -> None:
     """The vehicle's own file is not told: the prior is the bench's, whose z_CM is another."""
     ran = ground("inclining-test", "--vehicle", "caribou_truth", "--json", folder=tmp_path)
     assert ran.returncode == 0, ran.stderr
@@ -77,7 +76,7 @@ def test_an_inclining_test_finds_the_centre_of_mass_that_is_simulated(tmp_path: 
         ({"frequencies_hz": (0.1, 0.1)}, "--frequency: expected at least two"),
     ],
 )
-def test_sweeps_that_cannot_be_made_are_refused(
+def test_check_impossible_sweep_refused(
     tmp_path: Path, session: dict[str, Any], reason: str
 ) -> None:
     with pytest.raises(InputError, match=reason):
@@ -94,14 +93,14 @@ def test_sweeps_that_cannot_be_made_are_refused(
         ("duration_s = 60.0\nmove = []", "at least three"),
     ],
 )
-def test_lists_of_moves_are_read_strictly(tmp_path: Path, text: str, reason: str) -> None:
+def test_load_invalid_moves_refused(tmp_path: Path, text: str, reason: str) -> None:
     file = tmp_path / "moves.toml"
     file.write_text(text)
     with pytest.raises(InputError, match=reason):
         incline.load(file)
 
 
-def test_the_shipped_moves_are_those_of_the_shipped_scenario() -> None:
+def test_shipped_moves_equal_shipped_scenario() -> None:
     """What the simulator does to the vehicle, and what ground believes was done."""
     from sitl import scenario
 

@@ -1,5 +1,4 @@
-"""What was asked beside what was reached: the worst cut and loop count, and what is not known is
-said to be so."""
+"""Rows of limits and reached values of a design."""
 
 from html.parser import HTMLParser
 from typing import Any
@@ -31,7 +30,7 @@ def design() -> dict[str, Any]:
     }
 
 
-def test_the_worst_of_loops_and_cuts_stands_for_all(design: dict[str, Any]) -> None:
+def test_rows_show_worst_loop_and_point(design: dict[str, Any]) -> None:
     rows = {row.limit: row for row in design_summary.rows(design)}
     assert rows["damping"][1:] == (">= 0.6", "0.61", "depth")
     assert rows["gain margin, dB"][1:] == (">= 8", "9.8", "rudder")
@@ -41,7 +40,7 @@ def test_the_worst_of_loops_and_cuts_stands_for_all(design: dict[str, Any]) -> N
     assert "most others miss the damping of the heading loop" in rows["vehicles that meet it"].where
 
 
-def test_rows_with_a_worse_pitch_cut_leave_it_out(design: dict[str, Any]) -> None:
+def test_rows_ignore_pitch_point(design: dict[str, Any]) -> None:
     """The specification limits four cuts (`sysid/design/heading.py`, `depth.py`); pitch is not
     one."""
     design["redesigned"]["margins"]["pitch"] = margins(7.0, 50.0, 1.9)
@@ -51,20 +50,20 @@ def test_rows_with_a_worse_pitch_cut_leave_it_out(design: dict[str, Any]) -> Non
     assert rows["largest sensitivity"][1:] == ("<= 1.6", "1.60", "rudder")
 
 
-def test_the_page_marks_the_cut_that_is_not_limited(design: dict[str, Any]) -> None:
+def test_page_marks_point_without_limit(design: dict[str, Any]) -> None:
     cuts = design["redesigned"]["margins"]
     page = tables.margins({"initial": {"margins": cuts}, "redesigned": {"margins": cuts}})
     assert "pitch, not limited" in page
     assert "rudder, not limited" not in page
 
 
-def test_what_a_model_does_not_know_is_said_to_be_unknown(design: dict[str, Any]) -> None:
+def test_rows_unknown_robustness_is_reported(design: dict[str, Any]) -> None:
     *_, last = design_summary.rows({**design, "trust": None})
     assert last.reached == ""
     assert "--prior" in last.where
 
 
-def test_the_page_escapes_what_it_shows(design: dict[str, Any]) -> None:
+def test_page_escapes_text(design: dict[str, Any]) -> None:
     told: list[str] = []
     reader = HTMLParser()
     reader.handle_data = told.append  # type: ignore[method-assign]
@@ -73,7 +72,7 @@ def test_the_page_escapes_what_it_shows(design: dict[str, Any]) -> None:
     assert "GM 9.8 dB < infinity" in told
 
 
-def test_a_mission_without_steady_flight_shows_no_figures() -> None:
+def test_page_mission_without_steady_flight_has_no_values() -> None:
     kept = {
         "blocks": 0,
         "steady_s": 0.0,

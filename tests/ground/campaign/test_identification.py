@@ -1,4 +1,4 @@
-"""What is said of a model, and that nobody designs on one that is not fit without saying so."""
+"""Summary of an identified model, and refusal of unfit models."""
 
 import json
 import math
@@ -53,7 +53,7 @@ def with_verdict(model: IdentifiedModel, fit: bool) -> IdentifiedModel:
         (np.linalg.LinAlgError("Singular matrix"), "undetermined"),
     ],
 )
-def test_refit_without_a_result_fails_in_one_line(
+def test_refit_failure_is_one_line(
     error: Exception, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def identify(*asked: object) -> None:
@@ -67,7 +67,7 @@ def test_refit_without_a_result_fails_in_one_line(
         refit.refit([])
 
 
-def test_the_words_hold_numbers_gates_and_verdict(told: IdentifiedModel) -> None:
+def test_format_text_holds_numbers_checks_assessment(told: IdentifiedModel) -> None:
     words = identification.format_text(told, Path("model.json"))
     assert "b1_per_s2" in words
     assert "not fit for redesign" in words
@@ -75,7 +75,7 @@ def test_the_words_hold_numbers_gates_and_verdict(told: IdentifiedModel) -> None
     assert max(len(line) for line in words.splitlines()) <= 160
 
 
-def test_the_numbers_are_json_without_gaps(told: IdentifiedModel) -> None:
+def test_summarise_model_is_finite_json(told: IdentifiedModel) -> None:
     plain = json.loads(json.dumps(identification.summarise_model(told), allow_nan=False))
     assert plain["verdict"]["fit_for_redesign"] is False
     assert plain["verdict"]["reasons"]
@@ -87,9 +87,7 @@ def test_the_numbers_are_json_without_gaps(told: IdentifiedModel) -> None:
     }
 
 
-def test_an_unfit_model_is_refused_with_its_first_reason(
-    told: IdentifiedModel, tmp_path: Path
-) -> None:
+def test_redesign_unfit_model_refused_with_reason(told: IdentifiedModel, tmp_path: Path) -> None:
     models.write(with_verdict(told, fit=False), tmp_path / "model.json")
     with pytest.raises(
         OperationError, match=r"not fit for redesign: yaw: b1, 1 sd 25 %.* \(and 1 more\).*--force"
@@ -97,13 +95,13 @@ def test_an_unfit_model_is_refused_with_its_first_reason(
         CliRunner().invoke(app, ["redesign", str(tmp_path / "model.json")], catch_exceptions=False)
 
 
-def test_a_model_that_nobody_judged_is_refused(told: IdentifiedModel) -> None:
+def test_redesign_model_without_assessment_refused(told: IdentifiedModel) -> None:
     with pytest.raises(OperationError, match="it has no assessment"):
         refit.redesign(msgspec.structs.replace(told, verdict=None))
 
 
 @pytest.mark.parametrize(("fit", "force"), [(True, False), (False, True)])
-def test_a_fit_or_a_forced_model_is_designed_on(
+def test_redesign_fit_or_forced_model_accepted(
     fit: bool, force: bool, told: IdentifiedModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from sysid.design import pid

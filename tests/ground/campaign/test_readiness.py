@@ -1,4 +1,4 @@
-"""Scenarios in which no vehicle could fly a campaign are refused by key and value."""
+"""Scenarios in which no campaign can be flown are refused."""
 
 from typing import Any
 

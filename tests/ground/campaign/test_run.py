@@ -1,4 +1,4 @@
-"""The whole afternoon at sea, flown once by real processes, and what it leaves behind."""
+"""A complete campaign with real processes, and its folder."""
 
 import json
 import math
@@ -128,7 +128,7 @@ class CampaignTestCase:
         assert target.stat().st_size < 300_000
 
 
-def test_what_fails_elsewhere_ends_the_campaign_and_leaves_no_process(
+def test_campaign_worker_error_leaves_no_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Campaign, "_fly", lambda *dive: None)
@@ -137,9 +137,7 @@ def test_what_fails_elsewhere_ends_the_campaign_and_leaves_no_process(
     assert multiprocessing.active_children() == []
 
 
-def test_a_dive_that_fails_ends_the_campaign(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_campaign_failed_dive_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def sink(*dive: object) -> None:
         raise OperationError("sunk")
 
@@ -149,7 +147,7 @@ def test_a_dive_that_fails_ends_the_campaign(
     assert multiprocessing.active_children() == []
 
 
-def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
+def test_campaign_folder_with_other_files_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(InputError, match="no campaign"):
         run.prepare_folder(CampaignRequest(tmp_path))
@@ -184,7 +182,7 @@ def content(out: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("finished", "said"), [(True, "a finished"), (False, "an interrupted")])
-def test_campaign_second_into_a_folder_is_refused_before_anything_flies(
+def test_campaign_second_in_folder_refused_before_flying(
     finished: bool, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = old_campaign(tmp_path, finished=finished)
@@ -213,7 +211,7 @@ def test_campaign_by_force_removes_only_what_a_campaign_writes(tmp_path: Path) -
         run.prepare_folder(CampaignRequest(tmp_path))
 
 
-def test_campaign_by_force_refused_for_its_scenario_keeps_the_old_one(tmp_path: Path) -> None:
+def test_campaign_force_bad_scenario_keeps_old_campaign(tmp_path: Path) -> None:
     before = old_campaign(tmp_path, finished=True)
     with pytest.raises(InputError, match="clamped"):
         Campaign(
@@ -265,7 +263,7 @@ def test_campaign_prior_is_the_vehicles_own_file(
     assert handed == [prior, prior]
 
 
-def test_campaign_redesigned_gains_keep_the_vehicles_own_parameters() -> None:
+def test_campaign_redesign_keeps_other_parameters() -> None:
     flown = {"HDG_P": 1.0, "ACT_TRAVEL_DEG": 13.6, "THR_CRUISE_PCT": 60.0, "TRIM_RUD_DEG": 0.1}
     assert run._not_designed({"HDG_P": 2.0, "ACT_LEAD_W": 5.0}, flown) == {
         "ACT_TRAVEL_DEG": 13.6,
@@ -283,7 +281,7 @@ def test_campaign_papers_gains_on_another_vehicle_are_refused(tmp_path: Path) ->
 
 @pytest.mark.process
 @pytest.mark.timeout(600)
-def test_campaign_impossible_vehicle_is_refused_before_its_first_dive(tmp_path: Path) -> None:
+def test_campaign_impossible_vehicle_refused_before_dive(tmp_path: Path) -> None:
     ended = CliRunner().invoke(
         app, ["campaign", "--vehicle", "remus100", "--out", str(tmp_path / "out")]
     )
@@ -312,7 +310,7 @@ def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
     assert (out / "report.html").stat().st_size > 1_000_000
 
 
-def test_a_mission_has_its_own_sea_and_a_seed_another(tmp_path: Path) -> None:
+def test_dive_seed_differs_by_mission_and_seed(tmp_path: Path) -> None:
     names = (run.TRIM_MISSION, *run.MISSIONS, *run.FITTED, *run.HELD_OUT)
     seeds = [run.dive_seed(seed, name) for seed in range(3) for name in names]
     assert len(set(seeds)) == len(seeds)
@@ -322,20 +320,20 @@ def test_a_mission_has_its_own_sea_and_a_seed_another(tmp_path: Path) -> None:
     "text",
     ["HDG_P,0.5\n", "# gains\nHDG_P,0.5  # why\n", "HDG_P 0.5\n", "1\t1\tHDG_P\t0.5\t9\n"],
 )
-def test_parameter_files_of_other_tools_are_read(text: str, tmp_path: Path) -> None:
+def test_load_parameter_files_of_other_tools(text: str, tmp_path: Path) -> None:
     path = tmp_path / "gains.param"
     path.write_text(text)
     assert param_file.load(path) == {"HDG_P": 0.5}
 
 
-def test_parameters_survive_a_file(tmp_path: Path) -> None:
+def test_save_and_load_parameters_round_trip(tmp_path: Path) -> None:
     values = {"HDG_P": 0.65, "MAV_SYS_ID": 1.0, "DPT_I": 0.001, "NEGATIVE": -1e-7}
     param_file.save(tmp_path / "p.param", values)
     assert param_file.load(tmp_path / "p.param") == values
 
 
 @pytest.mark.parametrize("line", ["HDG_P", "HDG_P,nan", "HDG_P,x", "a,b,c"])
-def test_a_wrong_line_is_named(line: str, tmp_path: Path) -> None:
+def test_load_invalid_line_is_named(line: str, tmp_path: Path) -> None:
     path = tmp_path / "gains.param"
     path.write_text(f"HDG_D,1\n{line}\n")
     with pytest.raises(InputError, match=r"gains\.param: line 2: .* expected NAME,VALUE"):

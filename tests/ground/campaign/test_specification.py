@@ -1,5 +1,4 @@
-"""A specification of one's own: what is given counts, the option before the file, and what cannot
-be meant is named."""
+"""Specification from defaults, file and options; invalid limits are named."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,11 +18,11 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_without_anything_it_is_the_tools_own() -> None:
+def test_read_without_input_is_default() -> None:
     assert specification.read(None, {"ms": None}) == Spec()
 
 
-def test_an_option_goes_before_the_file_and_the_file_before_the_vehicle(file: Path) -> None:
+def test_read_option_overrides_file_overrides_vehicle(file: Path) -> None:
     found = specification.read(
         file, {"damping": 0.65, "gm_db": None}, Spec(travel_deg=20.0, ms=1.5)
     )
@@ -41,25 +40,25 @@ def test_an_option_goes_before_the_file_and_the_file_before_the_vehicle(file: Pa
         ("ms 2", r"spec\.toml: not TOML"),
     ],
 )
-def test_what_cannot_be_meant_is_named(text: str, wrong: str, tmp_path: Path) -> None:
+def test_read_implausible_limit_is_named(text: str, wrong: str, tmp_path: Path) -> None:
     path = tmp_path / "spec.toml"
     path.write_text(text)
     with pytest.raises(InputError, match=wrong):
         specification.read(path, {})
 
 
-def test_every_limit_can_be_set() -> None:
+def test_bounds_cover_every_limit() -> None:
     assert set(specification.BOUNDS) == set(Spec._fields)
     for name, (low, high) in specification.BOUNDS.items():
         assert low <= getattr(Spec(), name) <= high
 
 
-def test_an_option_is_named_as_it_was_typed() -> None:
+def test_read_error_names_the_option() -> None:
     with pytest.raises(InputError, match=r"--gm-db 99\.0: must be a number from 1 to 40"):
         specification.read(None, {"gm_db": 99.0})
 
 
-def test_renamed_option_is_named_in_the_error() -> None:
+def test_read_error_names_option_of_other_name() -> None:
     with pytest.raises(InputError, match=r"--max-sensitivity 0\.5: must be a number from 1\.05"):
         specification.read(None, {"ms": 0.5})
 
@@ -77,14 +76,14 @@ def of(prior: str) -> Any:
     return Refitted(Refitted.Vehicle(prior))
 
 
-def test_the_vehicles_own_tailcone_limits_her_steps() -> None:
+def test_specification_takes_limits_of_tailcone() -> None:
     tail = config.load("remus100").tailcone
     found = refit.specification(of("remus100"))
     assert found == Spec(travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
     assert found != Spec()
 
 
-def test_a_file_that_is_not_shipped_has_to_be_given() -> None:
+def test_specification_unshipped_vehicle_needs_prior() -> None:
     assert refit.specification(of("mine.toml")) == Spec()
     tail = config.load("docs/my_vehicle.toml").tailcone
     assert (

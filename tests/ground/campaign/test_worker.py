@@ -1,4 +1,4 @@
-"""A worker computes in a process of its own, tells what failed, and is gone when it is told to."""
+"""Worker process: results, exceptions and stopping."""
 
 import math
 import os
@@ -19,23 +19,23 @@ def worker() -> Iterator[Worker]:
         yield one
 
 
-def test_it_computes_elsewhere_and_can_be_asked_again(worker: Worker) -> None:
+def test_worker_runs_functions_in_other_process(worker: Worker) -> None:
     first, second = worker.call(os.getpid), worker.call(os.getpid)
     assert first == second != os.getpid()
 
 
-def test_what_it_raises_is_raised_here(worker: Worker, tmp_path) -> None:
+def test_worker_exception_is_raised_in_caller(worker: Worker, tmp_path) -> None:
     with pytest.raises(InputError, match=r"none\.mcap"):
         worker.call(read_log, tmp_path / "none.mcap")
     assert worker.call(math.sqrt, 4.0) == 2.0
 
 
-def test_its_death_is_a_failure_that_names_what_it_did(worker: Worker) -> None:
+def test_worker_end_of_process_is_an_error(worker: Worker) -> None:
     with pytest.raises(OperationError, match="process of _exit ended"):
         worker.call(os._exit, 3)
 
 
-def test_it_can_be_stopped_at_work() -> None:
+def test_worker_stop_during_call() -> None:
     worker = Worker()
     with ThreadPoolExecutor(1) as pool:
         asked = pool.submit(worker.call, time.sleep, 600.0)

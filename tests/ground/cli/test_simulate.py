@@ -1,5 +1,4 @@
-"""`ground simulate` as people meet it: clean JSON, the failure told in a line, one line for a
-mistake."""
+"""`ground simulate`: JSON output, failures and invalid input."""
 
 import json
 import math
@@ -58,7 +57,7 @@ def simulate(folder: Path, *options: str) -> tuple[str, BaseException | None]:
 
 
 @pytest.mark.process
-def test_sets_stand_side_by_side_in_clean_json_and_the_unstable_one_is_named(folder: Path) -> None:
+def test_simulate_json_compares_sets_names_unstable_one(folder: Path) -> None:
     held, wild = (folder / name for name in ("held.param", "wild.param"))
     out, failure = simulate(
         folder, "--gains", str(held), "--compare", str(wild), "--samples", "2", "--json"
@@ -92,7 +91,9 @@ def test_sets_stand_side_by_side_in_clean_json_and_the_unstable_one_is_named(fol
         (("--prior", "caribou_truth"), "is the simulated truth"),
     ],
 )
-def test_a_mistake_is_told_in_a_line(folder: Path, options: tuple[str, str], said: str) -> None:
+def test_simulate_invalid_option_is_one_line(
+    folder: Path, options: tuple[str, str], said: str
+) -> None:
     option, value = options
     given = str(folder / value) if value.endswith(".param") else value
     out, failure = simulate(folder, "--gains", str(folder / "held.param"), option, given)
@@ -102,14 +103,14 @@ def test_a_mistake_is_told_in_a_line(folder: Path, options: tuple[str, str], sai
     assert "\n" not in str(failure)
 
 
-def test_gains_that_no_autopilot_takes_are_named_with_their_file(folder: Path) -> None:
+def test_simulate_unknown_parameter_names_file(folder: Path) -> None:
     (folder / "odd.param").write_text("HDG_Q,1\n")
     _, failure = simulate(folder, "--gains", str(folder / "odd.param"))
     assert isinstance(failure, InputError)
     assert str(failure) == "odd.param: parameter HDG_Q does not exist"
 
 
-def test_a_model_that_does_not_say_how_sure_it_is_is_bad_input(folder: Path) -> None:
+def test_simulate_model_without_covariance_refused(folder: Path) -> None:
     known = prior.from_file(config.load("caribou_nominal"))
     models.write(model_of(known._replace(covariance=0.0 * known.covariance)), folder / "model.json")
     _, failure = simulate(folder, "--gains", str(folder / "held.param"))
@@ -117,7 +118,7 @@ def test_a_model_that_does_not_say_how_sure_it_is_is_bad_input(folder: Path) -> 
     assert "joint.covariance" in str(failure)
 
 
-def test_the_words_hold_figures_legs_and_verdict() -> None:
+def test_format_text_holds_values_legs_and_failures() -> None:
     two = Range(1.0, 2.0)
     leg = LegSummary(340.0, 3.0, Range(21.0, 25.0), 1)
     told = SimulationSummary(

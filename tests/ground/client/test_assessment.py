@@ -1,4 +1,4 @@
-"""How well a dive was held, and what to do where it was not: logs made up with a known answer."""
+"""Assessment of a dive from synthetic logs with a known cause."""
 
 import json
 import math
@@ -132,7 +132,7 @@ def test_trim_being_learned_is_not_called_unset() -> None:
     assert "fly `trim` first" in finding.words
 
 
-def test_short_dive_cannot_be_told() -> None:
+def test_short_dive_is_not_assessed() -> None:
     found = assessment.assess_log(dive(length_s=20.0, heading_error_deg=constant(-8.4)))
     assert (found.legs, found.findings, found.short_legs) == ((), (), 1)
     assert (
@@ -141,7 +141,7 @@ def test_short_dive_cannot_be_told() -> None:
     )
 
 
-def test_log_without_setpoints_cannot_be_told() -> None:
+def test_log_without_setpoints_is_not_assessed() -> None:
     silent = replace(dive(), setpoints=logs.Setpoints(EMPTY, EMPTY, EMPTY, EMPTY, EMPTY))
     assert (
         assessment.assess_log(silent).reason
@@ -156,7 +156,7 @@ def test_vehicle_of_unknown_parameters_names_no_trim() -> None:
 
 
 @pytest.mark.parametrize("axis", ["attitude", "depth", "actuators"])
-def test_gap_of_half_a_leg_is_not_judged(axis: str) -> None:
+def test_gap_of_half_a_leg_is_not_assessed(axis: str) -> None:
     whole = dive(length_s=60.0)
     part = getattr(whole, axis)
     kept = (part.time_s < 25.0) | (part.time_s > 55.0)
@@ -166,7 +166,7 @@ def test_gap_of_half_a_leg_is_not_judged(axis: str) -> None:
     assert found.reason
 
 
-def test_heading_along_a_line_is_compared_with_its_moving_setpoint() -> None:
+def test_heading_on_a_line_uses_moving_setpoint() -> None:
     """Line-of-sight guidance turns the set-point by 0.2 deg/s, in steps below those of a change."""
     moving = dive(turn_degps=0.2, heading_error_deg=constant(-1.0))
     (leg,) = assessment.assess_log(moving).legs

@@ -1,4 +1,4 @@
-"""A vehicle that is not found: what was heard instead tells where to look."""
+"""Error messages if no vehicle is found on a link."""
 
 import os
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ def complaint(transport: Transport) -> str:
     return str(refusal.value)
 
 
-def test_a_dumb_serial_line_asks_for_power_and_wiring(line: Line) -> None:
+def test_silent_serial_line_hints_at_power_and_wiring(line: Line) -> None:
     told = complaint(line.ground)
     assert told.startswith(
         f"no vehicle on {line.ground.address} within 0.3 s: nothing was received: "
@@ -45,13 +45,13 @@ def test_a_dumb_serial_line_asks_for_power_and_wiring(line: Line) -> None:
     assert "TX wired to RX" in told
 
 
-def test_bytes_without_mavlink_ask_for_the_baud_rate(line: Line) -> None:
+def test_bytes_without_mavlink_hint_at_baud_rate(line: Line) -> None:
     os.write(line.far_end, CHATTER)
     told = complaint(line.ground)
     assert "bytes were received and no MAVLink in them: is 57600 the vehicle's baud rate?" in told
 
 
-def test_others_than_vehicles_are_named() -> None:
+def test_senders_without_autopilot_are_named() -> None:
     with (
         closing(open_transport("memory:others")) as near,
         closing(open_transport("memory:others")) as far,
@@ -65,6 +65,6 @@ def test_others_than_vehicles_are_named() -> None:
         assert "received from 1/100, 255/190 (system/component)" in told
 
 
-def test_without_a_baud_rate_nobody_asks_for_wiring() -> None:
+def test_silent_udp_link_has_no_wiring_hint() -> None:
     with closing(open_transport("memory:nobody")) as near:
         assert complaint(near).endswith(": nothing was received")

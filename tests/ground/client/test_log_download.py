@@ -1,4 +1,4 @@
-"""Where a download is written: the vehicle chooses the bytes of a file, never its place."""
+"""Local names of downloaded files stay inside the folder."""
 
 import csv
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Names of modes for pymavlink's programs: added to what is there, never instead of it."""
+"""Export of mode names for pymavlink programs; existing names are kept."""
 
 import contextlib
 import json
@@ -21,7 +21,7 @@ MAPS = st.dictionaries(NUMBERS, st.dictionaries(NUMBERS, NAMES, max_size=4), max
 
 
 @given(MAPS, st.integers(0, 40), st.dictionaries(NAMES, st.integers(0, 2**32 - 1), max_size=4))
-def test_a_merge_keeps_all_that_was_there_and_adds_all_that_the_vehicle_has_or_refuses(
+def test_merge_keeps_old_and_adds_new_names_or_refuses(
     present: mode_map.ModeMap, kind: int, modes: dict[str, int]
 ) -> None:
     before = json.dumps(present)
@@ -45,12 +45,12 @@ def test_a_merge_keeps_all_that_was_there_and_adds_all_that_the_vehicle_has_or_r
         ),
     ],
 )
-def test_a_number_or_name_that_is_taken_is_named(theirs: dict[str, str], named: str) -> None:
+def test_merge_conflict_names_number_and_name(theirs: dict[str, str], named: str) -> None:
     with pytest.raises(InputError, match=named):
         mode_map.merge({"12": theirs}, 12, OURS, Path("map.json"))
 
 
-def test_a_second_install_adds_nothing() -> None:
+def test_merge_twice_adds_nothing() -> None:
     once = mode_map.merge({"2": {"0": "HOVER"}}, 12, OURS, Path("map.json"))
     assert once.merged == {"2": {"0": "HOVER"}, "12": {"65536": "MANUAL", "131072": "DEPTH"}}
     assert once.added == {"12.65536": "MANUAL", "12.131072": "DEPTH"}
@@ -67,9 +67,7 @@ def test_a_second_install_adds_nothing() -> None:
         ('{"12": {"MANUAL": 3}}', "12.MANUAL: expected a custom_mode number and a name"),
     ],
 )
-def test_a_file_that_pymavlink_could_not_read_is_refused_and_named(
-    tmp_path: Path, text: str, named: str
-) -> None:
+def test_read_malformed_file_refused(tmp_path: Path, text: str, named: str) -> None:
     path = tmp_path / "map.json"
     path.write_text(text)
     with pytest.raises(InputError, match=named) as refusal:
@@ -77,7 +75,7 @@ def test_a_file_that_pymavlink_could_not_read_is_refused_and_named(
     assert str(refusal.value).startswith(f"{path}: ")
 
 
-def test_a_map_is_written_whole_through_a_link_and_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_write_through_symlink_is_atomic(tmp_path: Path) -> None:
     real, link = tmp_path / "real.json", tmp_path / "deep" / "map.json"
     real.write_text("{}")
     real.chmod(0o600)
@@ -90,7 +88,7 @@ def test_a_map_is_written_whole_through_a_link_and_leaves_nothing_behind(tmp_pat
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["deep", "map.json", "real.json"]
 
 
-def test_pymavlink_itself_reads_the_file_where_it_is_put(tmp_path: Path) -> None:
+def test_pymavlink_reads_the_default_file(tmp_path: Path) -> None:
     target = Path(str(mode_map.DEFAULT_PATH).replace("~", str(tmp_path)))
     mode_map.write(target, mode_map.merge({}, 12, OURS, target).merged)
     program = "from pymavlink import mavutil; print(mavutil.mode_mapping_byname(12))"

@@ -1,5 +1,4 @@
-"""Parameters as one change: kept first, read back, put back when half of it fails, undone on
-request."""
+"""Upload of parameters as one change, and its rollback."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,7 +63,7 @@ def fall_silent(fake: FakeVehicle, name: str, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(fake.table, "set", losing)
 
 
-def test_a_change_tells_what_was_there_and_what_is_now(
+def test_upload_returns_old_and_new_values(
     vehicle: VehicleClient, fake: FakeVehicle, state: Path
 ) -> None:
     steps = param_rollback.upload(vehicle, NEW, "gains.param", "ab")
@@ -75,9 +74,7 @@ def test_a_change_tells_what_was_there_and_what_is_now(
     )
 
 
-def test_a_change_is_undone_and_then_there_is_none_left(
-    vehicle: VehicleClient, fake: FakeVehicle
-) -> None:
+def test_rollback_restores_and_empties_history(vehicle: VehicleClient, fake: FakeVehicle) -> None:
     param_rollback.upload(vehicle, NEW, "gains.param")
     undone, steps = param_rollback.rollback(vehicle)
     assert undone.source == "gains.param"
@@ -87,7 +84,7 @@ def test_a_change_is_undone_and_then_there_is_none_left(
         param_rollback.rollback(vehicle)
 
 
-def test_changes_are_undone_the_last_one_first(vehicle: VehicleClient, fake: FakeVehicle) -> None:
+def test_rollback_undoes_last_upload_first(vehicle: VehicleClient, fake: FakeVehicle) -> None:
     param_rollback.upload(vehicle, NEW, "first.param")
     param_rollback.upload(vehicle, {"HDG_P": 0.5}, "second.param")
     param_rollback.rollback(vehicle)
@@ -96,7 +93,7 @@ def test_changes_are_undone_the_last_one_first(vehicle: VehicleClient, fake: Fak
     assert fake.table.values == OLD
 
 
-def test_nothing_is_set_where_one_name_is_unknown(
+def test_upload_unknown_name_sets_nothing(
     vehicle: VehicleClient, fake: FakeVehicle, state: Path
 ) -> None:
     with pytest.raises(
@@ -107,7 +104,7 @@ def test_nothing_is_set_where_one_name_is_unknown(
     assert not state.exists()
 
 
-def test_half_a_change_is_put_back(
+def test_upload_refused_value_restores_the_others(
     vehicle: VehicleClient, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refuse(fake, "DPT_P", monkeypatch)
@@ -118,7 +115,7 @@ def test_half_a_change_is_put_back(
         History(state).last()
 
 
-def test_a_link_that_is_lost_leaves_the_record_and_says_how_to_go_on(
+def test_upload_lost_link_keeps_record_and_advises(
     vehicle: VehicleClient, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(client, "HEARTBEAT_TIMEOUT_S", 0.3)
@@ -130,9 +127,7 @@ def test_a_link_that_is_lost_leaves_the_record_and_says_how_to_go_on(
     assert History(state).last().before == OLD
 
 
-def test_what_somebody_changed_since_is_not_put_back_unasked(
-    vehicle: VehicleClient, fake: FakeVehicle
-) -> None:
+def test_rollback_changed_value_needs_force(vehicle: VehicleClient, fake: FakeVehicle) -> None:
     param_rollback.upload(vehicle, NEW, "gains.param")
     vehicle.set_parameter("HDG_P", 0.75)
     with pytest.raises(OperationError, match=r"HDG_P is 0\.75, and gains\.param set 0\.875"):
@@ -142,7 +137,7 @@ def test_what_somebody_changed_since_is_not_put_back_unasked(
     assert fake.table.values == OLD
 
 
-def test_half_a_change_that_was_left_can_be_undone(
+def test_rollback_of_incomplete_upload(
     vehicle: VehicleClient, fake: FakeVehicle, state: Path
 ) -> None:
     History(state).push(ParamUpload("gains.param", dict(fake.table.values), NEW))
@@ -151,7 +146,7 @@ def test_half_a_change_that_was_left_can_be_undone(
     assert fake.table.values == OLD
 
 
-def test_a_record_that_is_none_is_named(vehicle: VehicleClient, tmp_path: Path) -> None:
+def test_rollback_invalid_file_is_named(vehicle: VehicleClient, tmp_path: Path) -> None:
     (tmp_path / "mine.json").write_text("{}")
     with pytest.raises(InputError, match=r"mine\.json: Expected `array`"):
         param_rollback.rollback(vehicle, tmp_path / "mine.json")

@@ -1,4 +1,4 @@
-"""What is recorded equals what was sent, read back by a decoder that was written by others."""
+"""Recorded logs equal the sent messages, read by an independent decoder."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""Stopping a vehicle that is under way, by commands of their own and after Ctrl-C."""
+"""`ground surface`, `ground hold`, and the message after Ctrl-C."""
 
 import json
 from collections.abc import Iterator
@@ -163,7 +163,7 @@ def test_left_behind_disarmed(fake: FakeVehicle) -> None:
     assert stopping.left_behind(connected(fake), ADDRESS, None) == "the vehicle is disarmed"
 
 
-def test_left_behind_between_arming_and_heartbeat_is_no_disarmed_vehicle(fake: FakeVehicle) -> None:
+def test_left_behind_while_arming_is_not_disarmed(fake: FakeVehicle) -> None:
     fake.heartbeat(armed=False)
     vehicle = connected(fake)
     vehicle.arm()

@@ -1,4 +1,4 @@
-"""The vehicle client against a vehicle that answers as the test tells it to."""
+"""The vehicle client with a scripted fake vehicle."""
 
 import socket
 from collections.abc import Callable, Iterator
@@ -107,7 +107,7 @@ def test_arming_waits_for_a_vehicle_that_is_still_starting(meet: Meet) -> None:
     assert sum(c.command == ARM for c in fake.commands) == 1, "asked once, when it was ready"
 
 
-def test_a_vehicle_that_never_stands_by_is_asked_for_its_reason(
+def test_arm_never_ready_vehicle_reports_its_reason(
     meet: Meet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(client, "ARM_RETRY_S", 0.1)
@@ -208,7 +208,7 @@ def test_a_long_text_is_one_text(fake: FakeVehicle) -> None:
     assert heard == ["SystemID Starting: axis=12 wave=doublet magnitude=4.00", "SystemID Finished"]
 
 
-def test_arming_and_disarming_within_one_breath_is_noticed(fake: FakeVehicle) -> None:
+def test_arming_and_disarming_in_one_read_is_counted(fake: FakeVehicle) -> None:
     vehicle = connected(fake)
     fake.heartbeat(armed=True)
     fake.heartbeat(armed=False)
@@ -275,7 +275,7 @@ def test_pump_late_reader_finds_vehicle_alive(
     late_s = client.wall_s() + client.HEARTBEAT_TIMEOUT_S + 1.0
     monkeypatch.setattr(client, "wall_s", lambda: late_s)
     pump(vehicle, 10)
-    assert vehicle.party == (1, 1)
+    assert vehicle.vehicle_id == (1, 1)
 
 
 def test_pump_late_reader_finds_silent_vehicle_gone(
@@ -298,7 +298,7 @@ def test_connect_late_reader_finds_vehicle(backlog: Backlog) -> None:
     backlog.chatter(200)
     backlog.heartbeat()
     vehicle.connect(timeout_s=0.0)
-    assert vehicle.party == (1, 1)
+    assert vehicle.vehicle_id == (1, 1)
 
 
 def test_last_words_before_a_broken_link_are_received() -> None:
@@ -316,7 +316,7 @@ def test_last_words_before_a_broken_link_are_received() -> None:
     assert [said.text for said in vehicle.texts] == ["Leak"]
 
 
-def test_everything_is_recorded_while_a_question_is_open(fake: FakeVehicle, tmp_path: Path) -> None:
+def test_all_frames_are_recorded_during_a_request(fake: FakeVehicle, tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "log.mcap")
     vehicle = connected(fake, recorder)
     fake.say("meanwhile")

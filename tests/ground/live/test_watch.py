@@ -94,7 +94,7 @@ def test_listen_reads_what_has_arrived_before_it_judges(sea: Sea) -> None:
     fields = {"base_mode": 1, "custom_mode": 0, "system_status": 4, "mavlink_version": 3}
     sea.vehicle.send("HEARTBEAT", type=SUBMARINE, autopilot=GENERIC, **fields)
     sea.ears.listen(0.0)
-    assert sea.ears.party == (1, 1)
+    assert sea.ears.vehicle_id == (1, 1)
 
 
 def test_a_value_goes_stale_by_its_own_period(sea: Sea) -> None:
@@ -180,7 +180,7 @@ def test_a_watcher_is_no_ground_station_to_the_vehicle(sea: Sea) -> None:
 
 def test_ground_stations_are_not_taken_for_vehicles_and_that_is_said(sea: Sea) -> None:
     sea.heartbeat(type=GCS, autopilot=INVALID)
-    assert sea.ears.party is None
+    assert sea.ears.vehicle_id is None
     assert "no vehicle yet" in sea.drawn()
     assert "MAVLink was received from 1/1" in sea.drawn()
 

@@ -1,5 +1,4 @@
-"""Scripts compile to the vocabulary that vehicles share; mistakes are named with file, step, key
-and value."""
+"""Compilation of mission scripts to mission items; invalid scripts are named."""
 
 import math
 from typing import Any
@@ -108,7 +107,7 @@ def test_the_papers_missions_are_shipped() -> None:
         ),
     ],
 )
-def test_a_mistake_is_named_in_one_line(steps: str, message: str) -> None:
+def test_parse_error_is_one_line(steps: str, message: str) -> None:
     with pytest.raises(ScriptError) as caught:
         parse(steps)
     said = str(caught.value)
@@ -117,7 +116,7 @@ def test_a_mistake_is_named_in_one_line(steps: str, message: str) -> None:
     assert "\n" not in said
 
 
-def test_an_unknown_mission_is_answered_with_those_there_are() -> None:
+def test_load_unknown_mission_lists_shipped_ones() -> None:
     with pytest.raises(ScriptError, match="straight_run"):
         script.load("no_such_mission")
 
@@ -210,7 +209,7 @@ surface = true
 """
 
 
-def test_ways_become_waypoints_at_the_depth_that_was_last_given() -> None:
+def test_waypoints_take_the_last_depth() -> None:
     items = script.compile_items(script.parse(WAYS, "ways"))
     speed, first, second, end = items
     assert (speed.command, end.command) == (178, 21)
@@ -234,7 +233,7 @@ def test_ways_become_waypoints_at_the_depth_that_was_last_given() -> None:
 @pytest.mark.parametrize(
     ("write", "read"), [(plans.write_plan, plans.read_plan), (plans.write_wpl, plans.read_wpl)]
 )
-def test_ways_survive_other_tools_files(write: Any, read: Any) -> None:
+def test_waypoints_survive_other_file_formats(write: Any, read: Any) -> None:
     items = script.compile_items(script.parse(WAYS, "ways"))
     assert read(write(items), "file") == items
 
@@ -250,7 +249,7 @@ def test_ways_survive_other_tools_files(write: Any, read: Any) -> None:
         ("heading_deg = 1.0\nduration_s = 1.0\naccept_m = 5.0", "accept_m"),
     ],
 )
-def test_an_impossible_way_is_refused(wrong: str, word: str) -> None:
+def test_impossible_waypoint_refused(wrong: str, word: str) -> None:
     text = (
         f'name = "w"\n[[step]]\ndepth_m = 3.0\nthrust_pct = 58.0\n{wrong}\n[[step]]\nsurface ='
         " true\n"

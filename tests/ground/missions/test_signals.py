@@ -70,7 +70,7 @@ def test_a_test_becomes_the_numbers_of_its_item(test: str, numbers: tuple[float,
     assert (item.p1, item.p2, item.p3, item.p4, item.x, item.y, item.z) == numbers
 
 
-def test_names_mean_on_board_what_they_say() -> None:
+def test_signal_names_match_the_autopilot() -> None:
     assert {name: excitation.WAVES[number] for name, number in signals.SIGNALS.items()} == {
         name: name for name in signals.SIGNALS
     }
@@ -166,7 +166,7 @@ def test_the_vehicle_takes_every_shipped_mission(name: str) -> None:
         ('signal = "sawtooth", axis = "rudder", magnitude_deg = 3, duration_s = 9', "sawtooth"),
     ],
 )
-def test_a_mistake_is_named_in_one_line(test: str, message: str) -> None:
+def test_signal_error_is_one_line(test: str, message: str) -> None:
     with pytest.raises(script.ScriptError) as caught:
         item_of(test)
     assert message in str(caught.value)

@@ -1,4 +1,4 @@
-"""Each simulated dive has a core that its two processes share."""
+"""Choice of one processor core for both processes of a simulated dive."""
 
 import os
 import subprocess

@@ -1,5 +1,4 @@
-"""Both ways to start a process: each ends as it is told to, says why it failed, and does not
-outlive who started it."""
+"""Spawned and forked child processes: start, error messages and end."""
 
 import importlib
 import os
@@ -69,20 +68,20 @@ def afloat(start: ProcessFactory, said: Path) -> ChildProcess:
     return child
 
 
-def test_it_ends_when_it_is_told_to(start: ProcessFactory, said: Path) -> None:
+def test_process_terminate_ends_it(start: ProcessFactory, said: Path) -> None:
     child = afloat(start, said)
     child.terminate()
     child.end(10.0)
     assert child.poll() == 0
 
 
-def test_it_is_killed_when_it_does_not(start: ProcessFactory, said: Path) -> None:
+def test_process_end_kills_after_timeout(start: ProcessFactory, said: Path) -> None:
     child = afloat(start, said)
     child.end(0.1)
     assert child.poll() == -signal.SIGKILL
 
 
-def test_bad_input_is_its_status_and_its_last_words(start: ProcessFactory, said: Path) -> None:
+def test_process_bad_input_status_and_message(start: ProcessFactory, said: Path) -> None:
     child = start("sitl", ["--vehicle", "nobody"], said)
     wait_for(lambda: child.poll() is not None)
     assert child.poll() == 2
@@ -93,7 +92,7 @@ def test_bad_input_is_its_status_and_its_last_words(start: ProcessFactory, said:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads processes from /proc")
 @pytest.mark.parametrize("way", ["SpawnedProcess", "ForkedProcess"])
-def test_it_does_not_outlive_a_killed_parent(way: str, said: Path, tmp_path: Path) -> None:
+def test_process_ends_with_killed_parent(way: str, said: Path, tmp_path: Path) -> None:
     script = tmp_path / "parent.py"
     script.write_text(PARENT.format(start=way))
     command = [sys.executable, str(script), str(said), *arguments()]
@@ -107,7 +106,7 @@ def test_it_does_not_outlive_a_killed_parent(way: str, said: Path, tmp_path: Pat
 
 
 @pytest.mark.skipif(not cores(), reason="the system does not tell of cores")
-def test_a_child_keeps_to_the_core_it_is_given(start: ProcessFactory, said: Path) -> None:
+def test_process_pin_restricts_to_core(start: ProcessFactory, said: Path) -> None:
     core = cores()[-1]
     child = afloat(start, said)
     child.pin(core)
@@ -119,7 +118,7 @@ def test_a_child_keeps_to_the_core_it_is_given(start: ProcessFactory, said: Path
 
 
 @pytest.mark.parametrize("module", PRELOADED_MODULES)
-def test_what_is_loaded_beforehand_is_there(module: str) -> None:
+def test_preloaded_modules_exist(module: str) -> None:
     """A module that is not would go unnoticed: multiprocessing carries on without it, and starts
     take longer."""
     importlib.import_module(module)
