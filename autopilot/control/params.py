@@ -87,7 +87,7 @@ class Config:
     ] = 20.0
 
     lqg_enabled: Annotated[
-        int, Doc("LAW_ENABLE", 0, 1, "", "1: LQG controllers loaded at the start replace the PIDs")
+        int, Doc("LQG_ENABLE", 0, 1, "", "1: LQG controllers loaded at the start replace the PIDs")
     ] = 1
     lqg_controllers: LqgControllers | None = None
     """Not a parameter: controllers loaded from a file at the start; None without."""

@@ -122,7 +122,7 @@ def _trust(name: str, found: DesignRobustness | None) -> list[Figure]:
 
 def _cost(name: str, contender: Contender) -> Figure:
     """Return the CPU time of the loops per tick."""
-    config = replace(params.config(contender.values), laws=contender.laws)
+    config = replace(params.config(contender.values), lqg_controllers=contender.laws)
     estimate, memory = VehicleEstimate(speed_mps=config.cruise_speed_mps), LoopMemory()
     began_s = process_time()
     for _ in range(TICKS):

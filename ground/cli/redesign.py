@@ -163,7 +163,7 @@ def _format_lqg(design: "LqgDesign", out: Path) -> str:
     """Return the LQG design as lines of text."""
     predicted, robustness = design.predicted, design.robustness
     lines = [
-        f"{out}: start `autopilot --controller {out}`; LAW_ENABLE = 0 switches to the PID loops",
+        f"{out}: start `autopilot --controller {out}`; LQG_ENABLE = 0 switches to the PID loops",
         (
             f"  predicted rms in the sea of the tests: heading {predicted.heading_deg:.2f} deg, "
             f"pitch {predicted.pitch_deg:.2f} deg, depth {100.0 * predicted.depth_m:.1f} cm, "

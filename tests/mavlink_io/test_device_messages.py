@@ -10,18 +10,18 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from mavlink_io import device_messages
 from mavlink_io.codec import Framer, encode
-from mavlink_io.dialect import Message, MessageType
+from mavlink_io.dialect import Message, MessageType, Values
 from mavlink_io.records import Battery, DuctFeedback, Dvl, Leak
 
 SPEED = st.floats(-5.0, 5.0, width=32)
 
 
-def across(message: MessageType, values: device_messages.Values) -> Message:
+def across(message: MessageType, values: Values) -> Message:
     (frame,) = Framer().feed(encode(message, values, 0, 1, 1))
     return frame.decode()
 
 
-def decoded(message: MessageType, values: device_messages.Values) -> Any:
+def decoded(message: MessageType, values: Values) -> Any:
     (read,) = mavlink.MAVLink(None).parse_buffer(encode(message, values, 0, 1, 1))
     return read
 

@@ -54,7 +54,8 @@ def _headline(ears: Receiver, now_s: float) -> Text:
     assert ears.vehicle_id is not None
     silent_s = now_s - ears.latest["HEARTBEAT"].at_s
     line = Text(
-        f" system {ears.vehicle_id.system}, component {ears.vehicle_id.component} on {ears.address}",
+        f" system {ears.vehicle_id.system}, component {ears.vehicle_id.component}"
+        f" on {ears.address}",
         style="bold",
     )
     if silent_s > HEARTBEAT_TIMEOUT_S:

@@ -105,7 +105,7 @@ def test_lqg_disabled_by_parameter_pid_is_used() -> None:
         VehicleEstimate(speed_mps=1.3, r_radps=0.01),
     )
     by_law = rudder(seen, table.config)
-    table.set("LAW_ENABLE", 0.0)
+    table.set("LQG_ENABLE", 0.0)
     assert rudder(seen, table.config) == rudder(seen, Config()) != by_law
     table.reset()
     assert rudder(seen, table.config) == by_law
