@@ -6,6 +6,7 @@ from benchmarks.identification import prediction, vehicles
 from sysid.estimation.map.convergence import START_COST_TOLERANCE
 
 
+@pytest.mark.slow
 def test_all_starts_converge_for_unstable_vehicle() -> None:
     """Some vehicles of this prior are unstable: a search on whole runs diverges from there."""
     found = prediction.campaign(vehicles.case("remus100"), 1).found

@@ -8,7 +8,7 @@ from tests.clients.fixture import afloat
 from tests.clients.mavsdk_actions import CALLS
 from tests.helpers.subprocesses import free_port, process
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(500)]
+pytestmark = [pytest.mark.process, pytest.mark.client, pytest.mark.timeout(500)]
 
 
 def test_mavsdk_action_methods_give_documented_results(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,7 @@ from tests.clients.checklist import failed, score
 from tests.clients.fixture import ACTS, Act, all_at_once
 from tests.clients.streams import SENSES
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(500)]
+pytestmark = [pytest.mark.process, pytest.mark.client, pytest.mark.timeout(500)]
 CHECKS = {"mavsdk": 85, "mavproxy": 63}
 SHORT = {"mavsdk": 19, "mavproxy": 15}
 """At 0.2x, where a dive takes minutes, short lists; ``make clients`` runs the full lists."""

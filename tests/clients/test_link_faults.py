@@ -17,7 +17,7 @@ from tests.clients.mavproxy_console import Console
 from tests.helpers.pty_pair import Line, line
 from tests.helpers.subprocesses import Process, free_port, process
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.process, pytest.mark.client, pytest.mark.timeout(300)]
 
 
 class Puppet:

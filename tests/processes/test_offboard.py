@@ -7,7 +7,7 @@ import pytest
 
 from tests.helpers.subprocesses import free_port, process, vehicle
 
-pytestmark = pytest.mark.process
+pytestmark = [pytest.mark.process, pytest.mark.client]
 
 CLIENT = Path(__file__).with_name("mavsdk_offboard_client.py")
 

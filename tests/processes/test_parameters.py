@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from autopilot.control.params import PARAMETERS
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.request import MavlinkId, run
@@ -10,6 +12,8 @@ from mavlink_io.services import params
 from mavlink_io.transport import open_transport
 from tests.clients.mavproxy_console import Console
 from tests.helpers.subprocesses import PATIENCE_S, autopilot, free_port, process
+
+pytestmark = [pytest.mark.process, pytest.mark.client]
 
 METADATA_CLIENT = str(Path(__file__).with_name("mavsdk_metadata_client.py"))
 VEHICLE, GROUND = MavlinkId(1, 1), MavlinkId(250, 190)

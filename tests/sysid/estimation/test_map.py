@@ -57,6 +57,7 @@ def problem(few: list[Run], bench: config.VehicleConfig, random_z: np.ndarray) -
     return problem_of(bench, few, random_z)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_score_slope_matches_differences_of_cost(
     problem: MapProblem, random_z: np.ndarray, name: str

@@ -14,6 +14,7 @@ from tests.sysid.test_design.conftest import SHORT
 DIVE = TestDive(6.0, 58.0)
 
 
+@pytest.mark.slow
 def test_plan_same_seed_gives_same_bytes(bench: DesignPrior, few: plan.TestPlan) -> None:
     again = plan.plan(bench, SHORT)
     assert files.mission(again.tests, DIVE, SHORT, "a", "b") == files.mission(

@@ -20,6 +20,7 @@ TESTS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", TESTS, ids=lambda m: f"{m.plane} {m.wave}")
 def test_size_other_samples_stay_within_limits(
     bench: DesignPrior,

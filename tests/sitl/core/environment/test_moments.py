@@ -98,6 +98,7 @@ def linear_yaw_rates(moments_nm: Matrix) -> Matrix:
     return np.asarray(signal.dlsim(held, moments_nm)[1][:, 0])
 
 
+@pytest.mark.slow
 def test_yaw_rate_in_disturbed_sea_matches_linear_theory() -> None:
     """Compare the nonlinear vehicle with the linear plane, without and with crossflow drag.
 

@@ -158,6 +158,7 @@ def test_fit_prediction_error_without_noise_is_small(
         assert score.variance_accounted_for > 0.97
 
 
+@pytest.mark.slow
 def test_identify_same_runs_give_same_bytes(
     campaign: list[Run], bench: config.VehicleConfig, tmp_path: Path
 ) -> None:

@@ -62,6 +62,7 @@ def part(steps: TestSamples, first: int, last: int) -> TestSamples:
     return TestSamples(*(column[first:last] for column in steps))
 
 
+@pytest.mark.slow
 def test_finish_all_tests_matches_batch_estimate(flown: list[Run], prior: Prior) -> None:
     knowledge = learn(estimator.prior_knowledge(prior), flown)
     model = parameters.candidate_vehicle(prior.config, prior.biases_rad, prior.mean).model
