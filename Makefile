@@ -14,7 +14,7 @@ VEHICLE ?= .venv-vehicle
 PYTEST ?=
 
 .PHONY: help campaign test test-fast test-clients check check-physics benchmark-sysid benchmark-control \
-        format coverage vehicle lock clean
+        format coverage audit vehicle lock clean
 
 help:                                ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/	/' | expand -t 20
@@ -53,6 +53,10 @@ format: $(VENV)/dev.stamp            ## apply the formatter and the safe lint fi
 
 coverage: $(VENV)/dev.stamp          ## line coverage of the tests without processes
 	$(BIN)/python -m pytest -n 2 -m "not process" --cov --cov-report=term $(PYTEST)
+
+audit: $(VENV)/dev.stamp             ## known vulnerabilities of the pinned packages (needs a network)
+	$(BIN)/python -m pip install -q --disable-pip-version-check pip-audit
+	$(BIN)/python -m pip_audit -r requirements/run.lock --no-deps --disable-pip
 
 lock:                                ## renew the pinned versions (needs pip-tools)
 	pip-compile -q --strip-extras --no-header --annotation-style=line --no-emit-index-url --no-emit-find-links \

@@ -20,6 +20,7 @@ from autopilot.param_file import load
 from autopilot.param_store import ParamStore
 from autopilot.telemetry.identity import AutopilotId, version
 from autopilot.vehicle import Vehicle
+from mavlink_io.host_check import exit_if_unsupported
 from mavlink_io.parent_watch import end_with_stdin, on_end_signals
 from mavlink_io.printable import printable
 from mavlink_io.signing import KeyFileError
@@ -182,6 +183,7 @@ def _print_error(error: Exception, status: int) -> int:
 
 def main() -> None:
     """Run the ``autopilot`` command."""
+    exit_if_unsupported("autopilot")
     typer.run(fly)
 
 

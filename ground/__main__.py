@@ -44,6 +44,7 @@ from ground.errors import (
     Interrupted,
     OperationError,
 )
+from mavlink_io.host_check import exit_if_unsupported
 from mavlink_io.parent_watch import on_end_signals
 from mavlink_io.printable import printable
 from mavlink_io.transport import AddressError
@@ -101,6 +102,7 @@ def _options(
 
 def main() -> None:
     """Run the command line; each known error becomes one line on stderr and an exit status."""
+    exit_if_unsupported("ground")
     if isinstance(sys.stdout, TextIOWrapper):
         # escape letters that the encoding of stdout lacks
         sys.stdout.reconfigure(errors="backslashreplace")

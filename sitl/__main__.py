@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from mavlink_io.host_check import exit_if_unsupported
 from mavlink_io.parent_watch import end_with_stdin
 from mavlink_io.printable import printable
 from mavlink_io.transport import AddressError, LinkLostError
@@ -174,6 +175,7 @@ def _exit_with_error(problem: object, status: int) -> NoReturn:
 
 def main() -> None:
     """Run the command ``sitl``."""
+    exit_if_unsupported("sitl")
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command()(simulate)
     app()
