@@ -193,7 +193,7 @@ def mismatch_cost(estimated: Spectra) -> float | None:
     Parameters
     ----------
     estimated : Spectra
-        Spectra with the factor and the coherence c.
+        Spectra with the factor and the magnitude-squared coherence c.
 
     Returns
     -------
@@ -204,14 +204,14 @@ def mismatch_cost(estimated: Spectra) -> float | None:
     -----
     With gain error g (dB), phase error p (deg), the mean taken over the coherent frequencies::
 
-        J = 20 mean(W (g^2 + 0.01745 p^2)),    W = (1.58 (1 - exp(-c^2)))^2
+        J = 20 mean(W (g^2 + 0.01745 p^2)),    W = (1.58 (1 - exp(-c)))^2
 
     """
     is_coherent = estimated.coherence >= MIN_COHERENCE
     if not np.any(is_coherent):
         return None
     factor = estimated.factor[is_coherent]
-    weight = (1.58 * (1.0 - np.exp(-((estimated.coherence[is_coherent]) ** 2)))) ** 2
+    weight = (1.58 * (1.0 - np.exp(-estimated.coherence[is_coherent]))) ** 2
     errors = _db(factor) ** 2 + 0.01745 * np.degrees(np.angle(factor)) ** 2
     return float(20.0 * np.mean(weight * errors))
 

@@ -110,7 +110,7 @@ def test_compare_responses_sd_matches_scatter(bench: config.VehicleConfig) -> No
 
 
 def test_mismatch_cost_matches_definition() -> None:
-    """One decibel at coherence 1: 20 times the weight 0.9974 (Tischler and Remple 2006)."""
+    """One decibel: 20 times the weight of the coherence (Tischler and Remple 2006)."""
     factor = 10.0 ** (1.0 / 20.0) * np.ones(5, dtype=np.complex128)
     ones = np.ones(5)
     spectra = frequency_response.Spectra(
@@ -122,6 +122,10 @@ def test_mismatch_cost_matches_definition() -> None:
     rotated = spectra._replace(cross=np.exp(1j * math.radians(10.0)) * ones, measured=ones)
     assert frequency_response.mismatch_cost(rotated) == pytest.approx(
         1.745 * 20.0 * (1.58 * (1.0 - math.exp(-1.0))) ** 2, rel=1e-6
+    )
+    noisy = spectra._replace(measured=np.abs(factor) ** 2 / 0.7)  # coherence 0.7
+    assert frequency_response.mismatch_cost(noisy) == pytest.approx(
+        20.0 * (1.58 * (1.0 - math.exp(-0.7))) ** 2, rel=1e-6
     )
     incoherent = spectra._replace(measured=10.0 * ones)
     assert frequency_response.mismatch_cost(incoherent) is None
