@@ -1,9 +1,9 @@
-"""What every test keeps off, the state directory of whoever runs it; and the examples of
-properties.
+"""Configure all tests: a temporary state directory and the Hypothesis profiles.
 
-A checkout always tries the same ones; `make test PYTEST=--hypothesis-profile=search` tries new ones
-each time, and what it finds becomes an ``example`` of its test. None is timed: a kernel compiled on
-first call is no defect."""
+The default profile always tries the same examples. `make test PYTEST=--hypothesis-profile=search`
+tries new ones; add a failing example to its test with ``example``. Examples have no deadline
+because kernels are compiled on their first call.
+"""
 
 import os
 from collections.abc import Iterator
@@ -19,12 +19,12 @@ settings.load_profile("repeatable")
 
 @pytest.fixture(autouse=True, scope="session")
 def _state_directory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Programs under test keep their logs and keys in a folder of this run."""
+    """Let programs under test store logs and keys in a temporary folder."""
     folder = tmp_path_factory.mktemp("state")
-    kept = os.environ.get("XDG_STATE_HOME")
+    previous = os.environ.get("XDG_STATE_HOME")
     os.environ["XDG_STATE_HOME"] = str(folder)
     yield folder
-    if kept is None:
+    if previous is None:
         del os.environ["XDG_STATE_HOME"]
     else:
-        os.environ["XDG_STATE_HOME"] = kept
+        os.environ["XDG_STATE_HOME"] = previous

@@ -1,4 +1,4 @@
-"""The estimate of one vehicle under test, live: telemetry in, readings out."""
+"""Recursive estimate of one vehicle under test from live telemetry."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -19,34 +19,43 @@ from sysid.estimation.recursive.square_root_information import Information
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 MIN_RUN_TICKS = 60
-"""Ticks of a run that is worth looking at."""
+"""Minimum length of a test segment that is evaluated (ticks)."""
 CLOCK_RESTART_S = 1.0
-"""A clock that goes back by more has been started anew; by less, a datagram was late."""
+"""Backward step of the vehicle clock that means a restart (s); a smaller one is a late datagram."""
 LOG_ENDED_REASON = "the log ended"
-"""How `runs.cut` calls a test that its log does not see stop."""
+"""Stop reason that `segments.cut_runs` gives a test without an end in the log."""
 
 
 class EstimateStatus(NamedTuple):
-    """What there is to show."""
+    """Current estimate for display."""
 
     readings: dict[Plane, PlaneReport]
-    """Planes of which a test has told something."""
+    """Estimate of each plane that has been tested."""
     testing: tuple[Plane, ...]
-    """Under test now."""
+    """Planes under test now."""
     trouble: str
-    """Why a test that runs tells nothing; empty when it does."""
+    """Reason why the current test gives no estimate; empty without a problem."""
 
 
 class LiveEstimate:
-    """Grows with each test. It looks at what it heard only in ``look``: that is the dear part."""
+    """Estimate that is updated with each test.
+
+    Received data are evaluated only in `poll`, because the evaluation takes long.
+
+    Parameters
+    ----------
+    knowledge : Knowledge
+        Prior of the vehicle, with the information of earlier tests.
+    parameters : mapping of str to float
+        Known parameters of the vehicle.
+    """
 
     def __init__(self, knowledge: Knowledge, parameters: Mapping[str, float]) -> None:
-        """``parameters`` are those aboard, as far as they are known."""
         self._knowledge = knowledge
         self._telemetry = Telemetry(parameters)
         self._states: dict[Plane, TestState] = {}
-        self._told: dict[Plane, Information] = {}
-        """Since the last look."""
+        self._updated: dict[Plane, Information] = {}
+        """Information that was updated since the last evaluation, by plane."""
         self._readings: dict[Plane, PlaneReport] = {}
         self._trouble = ""
         gains = parameters if "HDG_P" in parameters else None
@@ -55,18 +64,18 @@ class LiveEstimate:
         }
 
     def on_frame(self, frame: Frame) -> None:
-        """Take a frame of the vehicle's autopilot."""
+        """Store a frame of the vehicle's autopilot."""
         before_s = self._telemetry.now_s
         if self._telemetry.on_frame(frame) < before_s - CLOCK_RESTART_S:
-            self._begin_anew(frame)
+            self._restart(frame)
 
     def on_text(self, text: StatusText) -> None:
-        """Take a text of the vehicle's."""
+        """Store a text of the vehicle if it marks the start or the end of a test."""
         if text.text.startswith((START_TEXT, *END_TEXTS)):
             self._telemetry.on_text(text.severity, text.text)
 
     def poll(self) -> EstimateStatus:
-        """What has been told up to now."""
+        """Evaluate all stored telemetry and return the estimate."""
         self._trouble = ""
         while (gap := self._telemetry.gap()) is not None:
             self._pass_over(gap)
@@ -76,46 +85,48 @@ class LiveEstimate:
         self._read()
         return EstimateStatus(dict(self._readings), tuple(self._states), self._trouble)
 
-    def _begin_anew(self, frame: Frame) -> None:
-        """The vehicle's clock has gone back: her test is over, and what she told of it before
-        stays."""
+    def _restart(self, frame: Frame) -> None:
+        """End the current test after a restart of the vehicle clock; its information is kept."""
         self._end()
         self._telemetry.restart()
         self._telemetry.on_frame(frame)
 
     def _pass_over(self, gap: Gap) -> None:
-        """A test that was under way goes on behind the gap as one of its own; what it told before
-        stays."""
+        """Split a test at a gap in the telemetry.
+
+        The part after the gap continues as a separate test. The information of the part before the
+        gap is kept.
+        """
         telemetry = self._telemetry
         self._follow(gap.start_s)
         self._end()
-        heard = [event for event in telemetry.events if event.time_s < gap.end_s]
+        past_events = [event for event in telemetry.events if event.time_s < gap.end_s]
         telemetry.events = [event for event in telemetry.events if event.time_s >= gap.end_s]
-        if heard and heard[-1].text.startswith(START_TEXT):
-            telemetry.events.insert(0, replace(heard[-1], time_s=gap.end_s))
-            limit_s = MAX_GAP_S[gap.what]
+        if past_events and past_events[-1].text.startswith(START_TEXT):
+            telemetry.events.insert(0, replace(past_events[-1], time_s=gap.end_s))
+            limit_s = MAX_GAP_S[gap.message_name]
             self._trouble = (
-                f"{gap.end_s - gap.start_s:.2f} s without {gap.what}, at most {limit_s:g}"
+                f"{gap.end_s - gap.start_s:.2f} s without {gap.message_name}, at most {limit_s:g}"
             )
         telemetry.forget(gap.end_s)
 
     def _follow(self, until_s: float) -> None:
-        """The tests up to a time: those that ended, and the one that is under way."""
+        """Evaluate all tests up to a vehicle time (s), finished and unfinished."""
         telemetry = self._telemetry
         if not telemetry.events:
             return
         try:
-            found = segments.cut_runs(telemetry.log(until_s))
+            runs = segments.cut_runs(telemetry.log(until_s))
         except LogError as error:
             self._trouble = str(error)
             return
-        for run in found:
+        for run in runs:
             self._advance(run)
-        heard = [event for event in telemetry.events if event.time_s <= until_s]
-        if heard and not heard[-1].text.startswith(START_TEXT):
-            telemetry.events = telemetry.events[len(heard) :]
-        elif len(heard) > 1:
-            telemetry.events = telemetry.events[len(heard) - 1 :]
+        past_events = [event for event in telemetry.events if event.time_s <= until_s]
+        if past_events and not past_events[-1].text.startswith(START_TEXT):
+            telemetry.events = telemetry.events[len(past_events) :]
+        elif len(past_events) > 1:
+            telemetry.events = telemetry.events[len(past_events) - 1 :]
 
     def _advance(self, run: Run) -> None:
         if run.time_s.size > MIN_RUN_TICKS:
@@ -125,25 +136,27 @@ class LiveEstimate:
             self._knowledge = state.knowledge
             state = estimator.update(state, prediction.steps(run, len(state.steps.thrust)))
             self._states[run.plane] = state
-            self._told[run.plane] = estimator.information_with_test(state)
+            self._updated[run.plane] = estimator.information_with_test(state)
         if run.stop_reason != LOG_ENDED_REASON:
             self._end([run.plane])
 
     def _end(self, planes: Iterable[Plane] = PLANES) -> None:
-        """No test of these is under way any more."""
+        """Finish the current tests of these planes."""
         for plane in planes:
             state = self._states.pop(plane, None)
             if state is not None:
                 self._knowledge = estimator.finish(state._replace(knowledge=self._knowledge))
-                self._told[plane] = self._knowledge.information
+                self._updated[plane] = self._knowledge.information
 
     def _read(self) -> None:
         prior = self._knowledge.prior
-        for plane, known in self._told.items():
-            self._readings[plane] = report.read(prior, known, plane, self._crossover_radps[plane])
-        self._told = {}
+        for plane, information in self._updated.items():
+            self._readings[plane] = report.read(
+                prior, information, plane, self._crossover_radps[plane]
+            )
+        self._updated = {}
 
 
 def _held_rad(run: Run) -> float:
-    """The command that steered her straight before the test."""
+    """Return the mean command before the test, which kept the vehicle straight (rad)."""
     return float(np.mean(run.command_rad[run.preroll])) if run.preroll.any() else run.trim_rad

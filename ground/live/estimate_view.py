@@ -1,5 +1,4 @@
-"""The estimate in a terminal: a table that grows surer, a line after each test, and plain numbers
-for programs."""
+"""Format the live estimate as a table, as one line per test and as JSON."""
 
 from typing import Any
 
@@ -26,74 +25,73 @@ ROWS = {
 ENOUGH_STYLE, NOT_ENOUGH_STYLE, ERROR_STYLE, LABEL_STYLE = "green", "", "bold red", "cyan"
 
 
-def table(standing: EstimateStatus) -> RenderableType:
-    """Each number with its standard deviation, and how much of the one before the first test that
-    is."""
-    if not standing.readings:
+def table(status: EstimateStatus) -> RenderableType:
+    """Return a table of the estimates with sd, and the ratio of sd to prior sd (percent)."""
+    if not status.readings:
         return Text(
-            standing.trouble or "no test yet",
-            style=ERROR_STYLE if standing.trouble else "bright_black",
+            status.trouble or "no test yet",
+            style=ERROR_STYLE if status.trouble else "bright_black",
         )
-    shown = [plane for plane in PLANES if plane in standing.readings]
-    drawn = Table(box=None, padding=(0, 2), title_justify="left")
-    drawn.add_column("and % of the prior's sd left", style=LABEL_STYLE, header_style="bright_black")
+    shown = [plane for plane in PLANES if plane in status.readings]
+    output = Table(box=None, padding=(0, 2), title_justify="left")
+    output.add_column("sd as % of prior sd", style=LABEL_STYLE, header_style="bright_black")
     for plane in shown:
-        drawn.add_column(f"{plane}, under test" if plane in standing.testing else plane)
-    readings = [standing.readings[plane] for plane in shown]
+        output.add_column(f"{plane}, under test" if plane in status.testing else plane)
+    readings = [status.readings[plane] for plane in shown]
     for name, label in ROWS.items():
-        drawn.add_row(label, *(_cell(found.numbers[name]) for found in readings))
-    drawn.add_row("crossover, rad/s", *(f"{found.crossover_radps:.2f}" for found in readings))
-    drawn.add_row("gain there, dB", *(_cell(found.gain_db) for found in readings))
-    drawn.add_row("phase there, deg", *(_cell(found.phase_deg) for found in readings))
-    drawn.add_row(
+        output.add_row(label, *(_cell(report.numbers[name]) for report in readings))
+    output.add_row("crossover, rad/s", *(f"{report.crossover_radps:.2f}" for report in readings))
+    output.add_row("gain there, dB", *(_cell(report.gain_db) for report in readings))
+    output.add_row("phase there, deg", *(_cell(report.phase_deg) for report in readings))
+    output.add_row(
         "",
         *(
-            Text(verdict(found), style=ENOUGH_STYLE if found.enough else NOT_ENOUGH_STYLE)
-            for found in readings
+            Text(verdict(report), style=ENOUGH_STYLE if report.enough else NOT_ENOUGH_STYLE)
+            for report in readings
         ),
     )
-    if standing.trouble:
-        drawn.add_row("no estimate", Text(standing.trouble, style=ERROR_STYLE))
-    return drawn
+    if status.trouble:
+        output.add_row("no estimate", Text(status.trouble, style=ERROR_STYLE))
+    return output
 
 
-def verdict(found: PlaneReport) -> str:
-    """Whether the tests have told enough."""
-    if found.enough:
+def verdict(report: PlaneReport) -> str:
+    """Return whether the estimate is accurate enough, or what to improve."""
+    if report.enough:
         return "enough, you may stop"
-    lacking = (
+    insufficient = (
         [f"phase to +-{ENOUGH_PHASE_SD_DEG:g} deg"]
-        if found.phase_deg.sd > ENOUGH_PHASE_SD_DEG
+        if report.phase_deg.sd > ENOUGH_PHASE_SD_DEG
         else []
     )
-    lacking += (
-        [f"gain to +-{ENOUGH_GAIN_SD_DB:g} dB"] if found.gain_db.sd > ENOUGH_GAIN_SD_DB else []
+    insufficient += (
+        [f"gain to +-{ENOUGH_GAIN_SD_DB:g} dB"] if report.gain_db.sd > ENOUGH_GAIN_SD_DB else []
     )
-    return f"go on: {' and '.join(lacking)}"
+    return f"go on: {' and '.join(insufficient)}"
 
 
-def line(found: PlaneReport) -> str:
-    """A plane in one line."""
-    b1, delay = found.numbers["b1_per_s2"], found.numbers["delay_s"]
+def line(report: PlaneReport) -> str:
+    """Return the estimate of one plane in one line."""
+    b1, delay = report.numbers["b1_per_s2"], report.numbers["delay_s"]
     return (
-        f"{found.plane}: b1 {_format_value(b1)} per s2 (prior +-{_format_short(b1.before)}), "
-        f"delay {_format_value(delay)} s; at {found.crossover_radps:.2f} rad/s"
-        f" +-{_format_short(found.gain_db.sd)} dB,"
-        f" +-{_format_short(found.phase_deg.sd)} deg: {verdict(found)}"
+        f"{report.plane}: b1 {_format_value(b1)} per s2 (prior +-{_format_short(b1.before)}), "
+        f"delay {_format_value(delay)} s; at {report.crossover_radps:.2f} rad/s"
+        f" +-{_format_short(report.gain_db.sd)} dB,"
+        f" +-{_format_short(report.phase_deg.sd)} deg: {verdict(report)}"
     )
 
 
-def as_json(standing: EstimateStatus) -> dict[str, Any]:
-    """By plane and name: value, standard deviation, and that before the first test."""
+def as_json(status: EstimateStatus) -> dict[str, Any]:
+    """Return value, standard deviation and prior standard deviation by plane and name."""
     return {
         plane: {
-            **{name: number._asdict() for name, number in found.numbers.items()},
-            "crossover_radps": found.crossover_radps,
-            "gain_db": found.gain_db._asdict(),
-            "phase_deg": found.phase_deg._asdict(),
-            "enough": found.enough,
+            **{name: number._asdict() for name, number in report.numbers.items()},
+            "crossover_radps": report.crossover_radps,
+            "gain_db": report.gain_db._asdict(),
+            "phase_deg": report.phase_deg._asdict(),
+            "enough": report.enough,
         }
-        for plane, found in standing.readings.items()
+        for plane, report in status.readings.items()
     }
 
 
@@ -102,7 +100,7 @@ def _cell(number: Number) -> str:
 
 
 def _format_value(number: Number) -> str:
-    """A value to the digits that its standard deviation lets count."""
+    """Format a value with the significant digits that its standard deviation allows."""
     return f"{number.value:.{_digits(number.sd)}f} +- {_format_short(number.sd)}"
 
 
@@ -111,5 +109,5 @@ def _format_short(value: float) -> str:
 
 
 def _digits(sd: float) -> int:
-    """Decimals that show two significant figures of it, four at most."""
+    """Return the number of decimals for two significant digits of `sd`, at most four."""
     return next((digits for digits in range(4) if round(sd, digits) >= 9.5 * 10.0**-digits), 4)

@@ -1,5 +1,4 @@
-"""Several who follow one vehicle: what she tells goes to each, what each makes of it is shown
-together."""
+"""Distribute the telemetry of one vehicle to several listeners and show their results together."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
@@ -15,34 +14,46 @@ REFRESH_PERIOD_S = 0.5
 
 
 class VisibleListener(TelemetryListener, Protocol):
-    """A follower whose findings can be looked at."""
+    """A telemetry listener with results that can be displayed."""
 
     def picture(self) -> RenderableType: ...
 
 
 class Listeners:
+    """Several listeners that appear as one.
+
+    Parameters
+    ----------
+    listeners : sequence of VisibleListener
+        Listeners that receive every frame and text.
+    show : callable, optional
+        Function that receives the joint display every `REFRESH_PERIOD_S`.
+    """
+
     def __init__(
-        self, each: Sequence[VisibleListener], show: Callable[[RenderableType], None] | None = None
+        self,
+        listeners: Sequence[VisibleListener],
+        show: Callable[[RenderableType], None] | None = None,
     ) -> None:
-        self._each, self._show, self._due = each, show, Every(REFRESH_PERIOD_S)
+        self._listeners, self._show, self._due = listeners, show, Every(REFRESH_PERIOD_S)
 
     def begin(self, parameters: Mapping[str, float]) -> None:
-        for follower in self._each:
-            follower.begin(parameters)
+        for listener in self._listeners:
+            listener.begin(parameters)
 
     def on_frame(self, frame: Frame) -> None:
-        for follower in self._each:
-            follower.on_frame(frame)
+        for listener in self._listeners:
+            listener.on_frame(frame)
 
     def on_text(self, text: StatusText) -> None:
-        for follower in self._each:
-            follower.on_text(text)
+        for listener in self._listeners:
+            listener.on_text(text)
 
     def poll(self, *, last: bool = False) -> None:
-        for follower in self._each:
-            follower.poll(last=last)
-        if self._each and self._show is not None and (last or self._due.due()):
+        for listener in self._listeners:
+            listener.poll(last=last)
+        if self._listeners and self._show is not None and (last or self._due.due()):
             self._show(self.picture())
 
     def picture(self) -> RenderableType:
-        return Group(*(follower.picture() for follower in self._each))
+        return Group(*(listener.picture() for listener in self._listeners))

@@ -1,4 +1,4 @@
-"""How a promise is kept: a table for the terminal, lines for people, plain numbers for programs."""
+"""Format the result of performance monitoring as a table, as text and as JSON."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -19,57 +19,59 @@ ROWS = {
 GOOD_STYLE, BAD_STYLE, LABEL_STYLE, FAINT_STYLE = "green", "bold red", "cyan", "bright_black"
 
 
-def table(kept: "MonitorReport") -> RenderableType:
-    """Each error's rms, measured and foretold, and what is likely the matter."""
-    if not kept.blocks:
+def table(report: "MonitorReport") -> RenderableType:
+    """Return a table of measured and predicted rms errors, with likely causes of a deviation."""
+    if not report.blocks:
         return Text(
-            "no steady flight yet to compare with what the gains promise", style=FAINT_STYLE
+            "no steady flight yet to compare with the predicted performance", style=FAINT_STYLE
         )
-    drawn = Table(box=None, padding=(0, 2), title_justify="left")
-    drawn.add_column("rms about what was foretold", header_style=FAINT_STYLE)
-    for head in ("measured", "foretold"):
-        drawn.add_column(head, header_style=FAINT_STYLE, justify="right")
+    output = Table(box=None, padding=(0, 2), title_justify="left")
+    output.add_column("rms about the predicted mean", header_style=FAINT_STYLE)
+    for head in ("measured", "predicted"):
+        output.add_column(head, header_style=FAINT_STYLE, justify="right")
     for name, label in ROWS.items():
-        measured, foretold = kept.errors[name]
-        drawn.add_row(Text(label, style=LABEL_STYLE), f"{measured:.3f}", f"{foretold:.3f}")
-    good = Text(f"  as foretold, {kept.steady_s:.0f} s of steady flight", style=GOOD_STYLE)
+        measured, predicted = report.errors[name]
+        output.add_row(Text(label, style=LABEL_STYLE), f"{measured:.3f}", f"{predicted:.3f}")
+    good = Text(f"  as predicted, {report.steady_s:.0f} s of steady flight", style=GOOD_STYLE)
     causes = [
         Text(f"  {line(cause)}", style=BAD_STYLE if cause.refit_due else "")
-        for cause in kept.causes
+        for cause in report.causes
     ]
-    return Group(drawn, *(causes or [good]))
+    return Group(output, *(causes or [good]))
 
 
 def line(cause: "Cause") -> str:
-    return f"{'REFIT DUE' if cause.refit_due else 'noticed'}: {cause.words}"
+    """Return a likely cause in one line."""
+    return f"{'REFIT DUE' if cause.refit_due else 'detected'}: {cause.words}"
 
 
-def format_text(kept: "MonitorReport") -> str:
-    """A dive's result in a few lines."""
-    if not kept.blocks:
-        return "no steady flight to compare with what the gains promise"
-    lines = [f"rms about what was foretold, over {kept.steady_s:.0f} s of steady flight"]
+def format_text(report: "MonitorReport") -> str:
+    """Return the result of a dive as text in a few lines."""
+    if not report.blocks:
+        return "no steady flight to compare with the predicted performance"
+    lines = [f"rms about the predicted mean, over {report.steady_s:.0f} s of steady flight"]
     for name, label in ROWS.items():
-        measured, foretold = kept.errors[name]
-        lines.append(f"  {label:16s}{measured:8.3f}   foretold {foretold:.3f}")
-    lines += [line(cause) for cause in kept.causes] or ["as foretold"]
+        measured, predicted = report.errors[name]
+        lines.append(f"  {label:16s}{measured:8.3f}   predicted {predicted:.3f}")
+    lines += [line(cause) for cause in report.causes] or ["as predicted"]
     lines += (
-        [f"first noticed at {kept.found_s:.0f} s of vehicle time"]
-        if kept.found_s is not None
+        [f"first detected at {report.found_s:.0f} s of vehicle time"]
+        if report.found_s is not None
         else []
     )
     return "\n".join(lines)
 
 
-def as_json(kept: "MonitorReport") -> dict[str, Any]:
+def as_json(report: "MonitorReport") -> dict[str, Any]:
+    """Return the result as JSON values; rms errors in the units of their names."""
     return {
-        "blocks": kept.blocks,
-        "steady_s": kept.steady_s,
+        "blocks": report.blocks,
+        "steady_s": report.steady_s,
         "rms": {
-            name: {"measured": measured, "foretold": told}
-            for name, (measured, told) in kept.errors.items()
+            name: {"measured": measured, "predicted": predicted}
+            for name, (measured, predicted) in report.errors.items()
         },
-        "causes": [cause._asdict() for cause in kept.causes],
-        "found_s": kept.found_s,
-        "refit_due": kept.refit_due,
+        "causes": [cause._asdict() for cause in report.causes],
+        "found_s": report.found_s,
+        "refit_due": report.refit_due,
     }

@@ -1,5 +1,4 @@
-"""Does she keep what her gains promise? Follows a vehicle's frames, and says so as soon as she does
-not."""
+"""Compare the measured performance of a vehicle with that predicted for its gains, live."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -17,28 +16,35 @@ from sysid.monitor import Monitor
 from sysid.monitor.performance_spec import PerformanceBaseline
 
 LOOK_PERIOD_S = 0.5
-"""Of the wall clock."""
+"""Time between two evaluations, by the wall clock (s)."""
 OVERLAP_S = 2.0
-"""What a look needs of the time before it: the values told last."""
+"""Telemetry from before an evaluation that the next one needs, for the latest values (s)."""
 
 
 class PerformanceMonitor:
-    """Made with the promise that stands in the head of a ``gains.param``."""
+    """Live monitor of the performance predicted in the header of a ``gains.param`` file.
+
+    Parameters
+    ----------
+    baseline : PerformanceBaseline
+        Predicted performance of the current gains.
+    announce : callable, optional
+        Function that receives one line for each likely cause of a deviation, once.
+    """
 
     def __init__(
-        self, promise: PerformanceBaseline, announce: Callable[[str], None] | None = None
+        self, baseline: PerformanceBaseline, announce: Callable[[str], None] | None = None
     ) -> None:
-        """``announce`` gets a line for each likely cause, once."""
-        self._promise, self._announce = promise, announce
-        self._monitor, self._telemetry = Monitor(promise), Telemetry({})
-        self._told: set[str] = set()
+        self._baseline, self._announce = baseline, announce
+        self._monitor, self._telemetry = Monitor(baseline), Telemetry({})
+        self._announced: set[str] = set()
         self._due = Every(LOOK_PERIOD_S)
 
     def begin(self, parameters: Mapping[str, float]) -> None:
-        """The vehicle is there; ``parameters`` are those aboard, as far as they are known."""
-        # A stranger is not told how far the duct turns; the design was.
+        """Start monitoring a vehicle; ``parameters`` are its known parameters."""
+        # ACT_TRAVEL_DEG is unknown without a parameter download; the design assumed a value.
         travel = {
-            "ACT_TRAVEL_DEG": self._promise.specification.get("travel_deg", DEFAULT_TRAVEL_DEG)
+            "ACT_TRAVEL_DEG": self._baseline.specification.get("travel_deg", DEFAULT_TRAVEL_DEG)
         }
         self._telemetry = Telemetry({**travel, **parameters})
 
@@ -58,24 +64,22 @@ class PerformanceMonitor:
         until_s = self._telemetry.complete_s
         try:
             self._monitor.take(self._telemetry.log(until_s), until_s)
-        except (
-            ArithmeticError,
-            ValueError,
-        ):  # not everything has been told yet; and who watches must not end a dive
+        except (ArithmeticError, ValueError):
+            # Data are still incomplete; an error of the monitor must not end a dive.
             return
         self._telemetry.forget(until_s - OVERLAP_S)
         for cause in self._monitor.report().causes:
-            if self._announce is not None and cause.name not in self._told:
+            if self._announce is not None and cause.name not in self._announced:
                 self._announce(monitor_view.line(cause))
-            self._told.add(cause.name)
+            self._announced.add(cause.name)
 
     def picture(self) -> RenderableType:
-        """Measured errors beside those foretold, as things stand."""
+        """Return a table of the measured and predicted errors up to now."""
         return monitor_view.table(self._monitor.report())
 
     def as_json(self) -> dict[str, Any]:
         return monitor_view.as_json(self._monitor.report())
 
     def format_text(self) -> str:
-        """The same in a few lines, for when the dive is over."""
+        """Return the result of the dive as text in a few lines."""
         return monitor_view.format_text(self._monitor.report())

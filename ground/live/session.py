@@ -1,5 +1,4 @@
-"""The live estimate of a dive: follows her frames, and shows what they tell as often as somebody
-could read it."""
+"""Estimate a vehicle live during a dive and display the estimate at a readable rate."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -21,13 +20,33 @@ from sysid.models.model_file import ModelError
 from sysid.refit import RefitError, VehicleFileError
 
 LOOK_PERIOD_S = 0.5
-"""Of the wall clock: at high speed a look has many seconds of a test to take in, and is the cheaper
-for it."""
+"""Time between two evaluations, by the wall clock (s).
+
+At high simulation speed one evaluation processes many seconds of a test, which costs less per
+second of the test.
+"""
 
 
 class LiveSession:
-    """Made before the vehicle is connected, as it compiles what it needs; a vehicle must not wait
-    for that."""
+    """Live estimate of one vehicle during a dive.
+
+    Create it before the vehicle is connected: it compiles its kernels, and a vehicle must not wait
+    for that.
+
+    Parameters
+    ----------
+    prior_name : str
+        Name or file of the prior.
+    show : callable, optional
+        Function that receives the display after every evaluation.
+    announce : callable, optional
+        Function that receives one line after each test.
+
+    Raises
+    ------
+    InputError
+        The prior does not exist or cannot be read.
+    """
 
     def __init__(
         self,
@@ -35,20 +54,15 @@ class LiveSession:
         show: Callable[[RenderableType], None] | None = None,
         announce: Callable[[str], None] | None = None,
     ) -> None:
-        """``show`` gets a picture at every look, ``announce`` a line after each test.
-
-        Raises:
-            BadInputError: there is no such prior.
-        """
         self._knowledge = _read_prior(prior_name)
         _compile_kernels(self._knowledge)
         self._show, self._announce = show, announce
         self._estimate: LiveEstimate | None = None
-        self._standing = EstimateStatus({}, (), "")
+        self._status = EstimateStatus({}, (), "")
         self._due = Every(LOOK_PERIOD_S)
 
     def begin(self, parameters: Mapping[str, float]) -> None:
-        """The vehicle is there; ``parameters`` are those aboard, as far as they are known."""
+        """Start the estimate of a vehicle; ``parameters`` are its known parameters."""
         self._estimate = LiveEstimate(self._knowledge, parameters)
 
     def on_frame(self, frame: Frame) -> None:
@@ -62,26 +76,26 @@ class LiveSession:
     def poll(self, *, last: bool = False) -> None:
         if self._estimate is None or not (last or self._due.due()):
             return
-        before = self._standing
+        before = self._status
         try:
-            self._standing = self._estimate.poll()
+            self._status = self._estimate.poll()
         except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
-            # Who watches must not end the dive: it goes on without an estimate.
-            self._standing, self._estimate = before._replace(testing=(), trouble=str(error)), None
-        if self._show is not None and self._standing.readings:
+            # An error of the estimate must not end the dive: it continues without an estimate.
+            self._status, self._estimate = before._replace(testing=(), trouble=str(error)), None
+        if self._show is not None and self._status.readings:
             self._show(self.picture())
-        for plane, found in self._standing.readings.items():
-            over = plane not in self._standing.testing and before.readings.get(plane) != found
-            if over and self._announce is not None:
-                self._announce(estimate_view.line(found))
+        for plane, reading in self._status.readings.items():
+            finished = plane not in self._status.testing and before.readings.get(plane) != reading
+            if finished and self._announce is not None:
+                self._announce(estimate_view.line(reading))
 
     def picture(self) -> RenderableType:
-        """The table as things stand."""
-        return estimate_view.table(self._standing)
+        """Return the table of the current estimate."""
+        return estimate_view.table(self._status)
 
     def as_json(self) -> dict[str, Any]:
-        """What has been told in the end."""
-        return estimate_view.as_json(self._standing)
+        """Return the current estimate as JSON values."""
+        return estimate_view.as_json(self._status)
 
 
 def _read_prior(prior_name: str) -> Knowledge:
@@ -92,10 +106,12 @@ def _read_prior(prior_name: str) -> Knowledge:
 
 
 def _compile_kernels(knowledge: Knowledge) -> None:
-    """Have everything compiled that a test will need, by a second of standing still."""
+    """Compile all kernels that a test needs, with a short data set of zeros."""
     for plane in PLANES:
         rows, outputs = START_STEPS + 2, 2 if plane == "yaw" else 3
         thrust = np.full(rows, knowledge.prior.config.operating_point.thrust_fraction)
         steps = TestSamples(np.zeros((rows, outputs)), np.zeros((rows, STRIDE)), thrust)
-        told = estimator.finish(estimator.update(estimator.begin(knowledge, plane, 0.0), steps))
-        report.read(told.prior, told.information, plane, 1.0)
+        knowledge_after = estimator.finish(
+            estimator.update(estimator.begin(knowledge, plane, 0.0), steps)
+        )
+        report.read(knowledge_after.prior, knowledge_after.information, plane, 1.0)

@@ -1,5 +1,4 @@
-"""Logs that are no MCAP, a MAVLink .tlog, an ArduPilot .bin or a PX4 .ulg: looked into and
-exported."""
+"""Inspect and export logs in other formats: MAVLink .tlog, ArduPilot .bin and PX4 .ulg."""
 
 import csv
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def is_foreign(path: Path) -> bool:
-    """Whether a file is one of them; whoever reads MCAP says what is wrong with the rest."""
+    """Return whether a file is a log in another format; unknown files count as MCAP."""
     from sysid.data import readers
     from sysid.data.dataset import LogError
 
@@ -27,19 +26,26 @@ def is_foreign(path: Path) -> bool:
 
 
 def info(path: Path) -> dict[str, Any]:
-    """Span and messages by name, as `ground.logs.info` has them; nothing numbers the frames. Raises
-    BadInputError."""
-    found = _tables(path)
-    first_s = min(float(table.time_s.min()) for table in found.values())
-    last_s = max(float(table.time_s.max()) for table in found.values())
+    """Return duration and messages by name, with the keys of `mcap.info`.
+
+    ``lost_frames`` is None because these logs contain no sequence numbers.
+
+    Raises
+    ------
+    InputError
+        The log cannot be read.
+    """
+    tables = _tables(path)
+    first_s = min(float(table.time_s.min()) for table in tables.values())
+    last_s = max(float(table.time_s.max()) for table in tables.values())
     return {
         "file": str(path),
         "bytes": path.stat().st_size,
         "first_s": first_s,
         "vehicle_s": last_s - first_s,
-        "messages": sum(table.time_s.size for table in found.values()),
+        "messages": sum(table.time_s.size for table in tables.values()),
         "lost_frames": None,
-        "topics": {name: table.time_s.size for name, table in sorted(found.items())},
+        "topics": {name: table.time_s.size for name, table in sorted(tables.items())},
         "attachments": [],
         "metadata": {},
         "damage": [],
@@ -47,16 +53,30 @@ def info(path: Path) -> dict[str, Any]:
 
 
 def export_csv(path: Path, out: Path) -> list[Path]:
-    """Write each message as a CSV file into folder ``out``, times as the vehicle told them; returns
-    the files.
+    """Write each message type as a CSV file, with vehicle time in s.
 
-    Raises:
-        BadInputError: the log is unreadable.
-        FileExistsError: a file of that name is there already.
+    Parameters
+    ----------
+    path : Path
+        Log file.
+    out : Path
+        Folder for the CSV files; created if missing.
+
+    Returns
+    -------
+    list of Path
+        Written files.
+
+    Raises
+    ------
+    InputError
+        The log cannot be read.
+    FileExistsError
+        A file to be written exists already.
     """
-    found = _tables(path)
+    tables = _tables(path)
     out.mkdir(parents=True, exist_ok=True)
-    return [_write(out, name, table) for name, table in sorted(found.items())]
+    return [_write(out, name, table) for name, table in sorted(tables.items())]
 
 
 def _tables(path: Path) -> "dict[str, MessageColumns]":
@@ -79,7 +99,7 @@ def _write(out: Path, name: str, table: "MessageColumns") -> Path:
 
 
 def _flatten(table: "MessageColumns") -> Iterator[tuple[str, list[Any]]]:
-    """Columns of single values: arrays as ``name[i]``, text as text."""
+    """Yield name and values of each column; an array becomes the columns ``name[i]``."""
     for name, values in table.columns.items():
         if values.dtype.kind == "S":
             yield name, [bytes(value).decode("utf-8", "replace") for value in values]

@@ -1,5 +1,4 @@
-"""What can be done with a finished or broken log: look into it, export it, save what is left of
-it."""
+"""Inspect, export and recover MCAP logs, also unfinished and damaged ones."""
 
 import csv
 import json
@@ -25,22 +24,25 @@ from mavlink_io.logging.mcap_reader import (
 
 
 class Recovered(NamedTuple):
-    """What was saved of an unfinished or damaged log."""
+    """Result of the recovery of an unfinished or damaged log."""
 
     messages: int
+    """Number of saved messages."""
     damage: list[str]
-    """What is lost, place by place."""
+    """Description of each lost part."""
 
 
 class McapFileError(InputError):
-    """A file that is no log, or no finished one; the message says which and what to do."""
+    """Error for a file that is not a finished MCAP log; the message includes the remedy."""
 
 
 def info(path: Path) -> dict[str, Any]:
-    """What a finished log holds: span, messages by topic, lost frames, attachments, damage.
+    """Return duration, messages by topic, lost frames, attachments and damage of a finished log.
 
-    Raises:
-        LogError: the file is missing, no MCAP, or unfinished.
+    Raises
+    ------
+    McapFileError
+        The file is missing, is not an MCAP file, or is unfinished.
     """
     topics: dict[str, int] = {}
     first_ns, last_ns = None, 0
@@ -77,14 +79,29 @@ def info(path: Path) -> dict[str, Any]:
 
 
 def export_csv(path: Path, out: Path) -> list[Path]:
-    """Write each MAVLink topic as a CSV file into folder ``out``; returns the files.
+    """Write each MAVLink topic as a CSV file.
 
-    Columns: vehicle or log time in seconds since the first message, then the fields, arrays as
-    ``name[i]``.
+    The first column is the time since the first message in s. The other columns are the fields;
+    an array becomes the columns ``name[i]``.
 
-    Raises:
-        LogError: the log is unreadable or damaged.
-        FileExistsError: a file of that name is there already.
+    Parameters
+    ----------
+    path : Path
+        Log file.
+    out : Path
+        Folder for the CSV files; created if missing.
+
+    Returns
+    -------
+    list of Path
+        Written files.
+
+    Raises
+    ------
+    McapFileError
+        The log cannot be read or is damaged.
+    FileExistsError
+        A file to be written exists already.
     """
     rows: dict[str, list[list[Any]]] = {}
     start_ns: int | None = None
@@ -105,11 +122,26 @@ def export_csv(path: Path, out: Path) -> list[Path]:
 
 
 def recover(path: Path, out: Path) -> Recovered:
-    """Copy every whole record of an unfinished or damaged log into a finished one.
+    """Copy every intact record of an unfinished or damaged log into a finished log.
 
-    Raises:
-        LogError: ``path`` is no MCAP file at all.
-        FileExistsError: ``out`` is there already.
+    Parameters
+    ----------
+    path : Path
+        Unfinished or damaged log.
+    out : Path
+        File to write.
+
+    Returns
+    -------
+    Recovered
+        Number of saved messages and list of damages.
+
+    Raises
+    ------
+    McapFileError
+        `path` is not an MCAP file.
+    FileExistsError
+        `out` exists already.
     """
     with _opened(path, unfinished=True) as reader, out.open("xb") as target:
         writer = McapWriter(target, PROFILE, "caribou recover")
@@ -123,7 +155,7 @@ def recover(path: Path, out: Path) -> Recovered:
 
 
 def read_attachment(path: Path, name: str) -> bytes | None:
-    """The file called ``name`` inside a finished log, or None. Raises LogError."""
+    """Return the attachment ``name`` of a finished log, or None. Raises McapFileError."""
     with _opened(path, lambda channel: False) as reader:
         files = [i.data for i in reader.items() if isinstance(i, McapAttachment) and i.name == name]
     _refuse_damaged(path, reader)
@@ -131,10 +163,10 @@ def read_attachment(path: Path, name: str) -> bytes | None:
 
 
 def read_parameters(path: Path) -> dict[str, float]:
-    """The parameters that were flown; LogError when the log carries none."""
+    """Return the parameters of the dive. Raises McapFileError if the log contains none."""
     data = read_attachment(path, "params.json")
     if data is None:
-        raise McapFileError(f"{path}: holds no attachment params.json")
+        raise McapFileError(f"{path}: contains no attachment params.json")
     try:
         values: dict[str, float] = json.loads(data)
     except (ValueError, RecursionError):
@@ -144,7 +176,7 @@ def read_parameters(path: Path) -> dict[str, float]:
 
 
 class _Gaps:
-    """Counts what is missing between the sequence numbers of each sender."""
+    """Counter of lost frames, from gaps in the sequence numbers of each sender."""
 
     def __init__(self) -> None:
         self.lost = 0
@@ -167,35 +199,34 @@ def _opened(
     *,
     unfinished: bool = False,
 ) -> Iterator[McapReader]:
-    """A reader of a log, which must be finished unless ``unfinished``.
+    """Open a log, which must be finished unless ``unfinished``.
 
-    Raises:
-        LogError: the file is no MCAP file, or exceeds a limit, also while it is read.
+    Raises McapFileError, also during reading, if the file is not MCAP or exceeds a limit.
     """
     try:
         file = path.open("rb")
     except OSError as error:
         raise McapFileError(f"{path}: {error.strerror}") from None
-    remedy = "" if unfinished else "; ground log recover saves what an unfinished one holds"
+    remedy = "" if unfinished else "; `ground log recover` saves the content of an unfinished log"
     with file:
         try:
             reader = McapReader(file, wanted)
             if not reader.finished and not unfinished:
-                raise McapError("it has no end")
+                raise McapError("it has no end record")
             yield reader
         except McapError as error:
-            what = "no readable MCAP file" if unfinished else "no finished MCAP log"
+            what = "not a readable MCAP file" if unfinished else "not a finished MCAP log"
             raise McapFileError(f"{path}: {what} ({error}){remedy}") from None
 
 
 def _refuse_damaged(path: Path, reader: McapReader) -> None:
     if reader.damage:
-        words = mcap_reader.format_damage(reader)
-        raise McapFileError(f"{path}: is damaged: {words}; ground log recover saves the rest")
+        damage = mcap_reader.format_damage(reader)
+        raise McapFileError(f"{path}: is damaged: {damage}; `ground log recover` saves the rest")
 
 
 def _is_mavlink(channel: McapChannel) -> bool:
-    """Whether a channel holds a message of the dialect."""
+    """Return whether a channel contains a message of the dialect."""
     if not channel.topic.startswith("/mavlink/") or channel.encoding != ros1.MESSAGE_ENCODING:
         return False
     return channel.topic.rsplit("/", 1)[1] in dialect.names()
@@ -204,7 +235,7 @@ def _is_mavlink(channel: McapChannel) -> bool:
 def _fields(path: Path, topic: str, payload: bytes) -> list[Any]:
     message = dialect.by_name(topic.rsplit("/", 1)[1])
     if len(payload) != message.struct.size:
-        sizes = f"{len(payload)} bytes long, MAVLink says {message.struct.size}"
+        sizes = f"{len(payload)} bytes, expected {message.struct.size}"
         raise McapFileError(f"{path}: {topic}: {sizes}")
     return _flatten(message.unpack(payload))
 

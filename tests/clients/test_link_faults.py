@@ -1,4 +1,4 @@
-"""Real clients with link faults: other clients, sudden ends, power failures, unplugged cables.
+"""Real clients with link faults: competing and killed clients, power failures, unplugged cables.
 
 Two MAVSDK programs on UDP and MAVProxy on a noisy serial line use one vehicle.
 """
@@ -20,37 +20,39 @@ from tests.helpers.subprocesses import Process, free_port, process
 pytestmark = [pytest.mark.process, pytest.mark.client, pytest.mark.timeout(300)]
 
 
-class Puppet:
-    """A MAVSDK program that executes commands."""
+class MavsdkClient:
+    """MAVSDK program that executes commands."""
 
     def __init__(self, program: Process) -> None:
         self.program = program
 
-    def begin(self, *order: object) -> None:
-        self.program.say(" ".join(str(word) for word in order))
+    def begin(self, *command: object) -> None:
+        self.program.say(" ".join(str(word) for word in command))
 
     def result(self) -> Any:
         return json.loads(self.program.hear(r'^\{"result"').string)["result"]
 
-    def do(self, *order: object) -> Any:
-        self.begin(*order)
+    def do(self, *command: object) -> Any:
+        self.begin(*command)
         return self.result()
 
 
 class Scene(NamedTuple):
+    """Vehicle with two MAVSDK clients and MAVProxy."""
+
     vehicle: Afloat
-    anna: Puppet
-    bert: Puppet
-    person: Console
+    anna: MavsdkClient
+    bert: MavsdkClient
+    mavproxy: Console
     cable: Line
     spare_line: str
-    """The ground's end of a second serial line, without noise and unused."""
+    """Ground end of a second serial line, which has no noise and no client."""
 
 
 @contextlib.contextmanager
-def puppet(address: str) -> Iterator[Puppet]:
+def mavsdk_client(address: str) -> Iterator[MavsdkClient]:
     with process("-m", "tests.clients.client_process", address) as program:
-        yield Puppet(program)
+        yield MavsdkClient(program)
 
 
 @pytest.fixture(scope="module")
@@ -62,72 +64,66 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
         afloat(
             f"udpout:127.0.0.1:{anna}",
             f"udpout:127.0.0.1:{bert}",
-            *(f"serial:{each.device['vehicle']}:{BAUD}" for each in (cable, spare)),
+            *(f"serial:{cable_.device['vehicle']}:{BAUD}" for cable_ in (cable, spare)),
         ) as vehicle,
-        puppet(f"udpin://127.0.0.1:{anna}") as first,
-        puppet(f"udpin://127.0.0.1:{bert}") as second,
+        mavsdk_client(f"udpin://127.0.0.1:{anna}") as first,
+        mavsdk_client(f"udpin://127.0.0.1:{bert}") as second,
     ):
         install_modes(folder, vehicle)
-        with contextlib.closing(Console(folder, cable.device["ground"], BAUD)) as person:
-            person.hear("Detected vehicle 1:1", 30.0)
+        with contextlib.closing(Console(folder, cable.device["ground"], BAUD)) as mavproxy:
+            mavproxy.hear("Detected vehicle 1:1", 30.0)
             assert [first.result(), second.result()] == ["connected", "connected"]
-            yield Scene(vehicle, first, second, person, cable, spare.device["ground"])
+            yield Scene(vehicle, first, second, mavproxy, cable, spare.device["ground"])
 
 
-def ask(person: Console, line_typed: str, pattern: str) -> str:
-    return person.ask(line_typed, pattern, attempts=4, within_s=30.0)[0]
+def ask(mavproxy: Console, line_typed: str, pattern: str) -> str:
+    return mavproxy.ask(line_typed, pattern, attempts=4, within_s=30.0)[0]
 
 
 def test_three_clients_read_every_parameter_at_once(scene: Scene) -> None:
-    scene.person.say("param fetch")
+    scene.mavproxy.say("param fetch")
     scene.anna.begin("count")
     scene.bert.begin("count")
     assert scene.anna.result() == scene.bert.result() == len(PARAMETERS)
-    scene.person.hear(f"Received {len(PARAMETERS)} parameters", 60.0)
+    scene.mavproxy.hear(f"Received {len(PARAMETERS)} parameters", 60.0)
 
 
 def test_parameter_set_by_one_client_reaches_all(scene: Scene) -> None:
     assert scene.anna.do("write", "HDG_P", 0.75) == "SUCCESS"
     assert scene.bert.do("overhear", "HDG_P", 0.75)
-    scene.person.say("param set HDG_P 0.5")
+    scene.mavproxy.say("param set HDG_P 0.5")
     assert scene.anna.do("overhear", "HDG_P", 0.5)
     assert scene.bert.do("read", "HDG_P") == 0.5
 
 
-def test_two_uploads_at_once_give_complete_missions(
-    scene: Scene,
-) -> None:
+def test_two_uploads_at_once_give_complete_missions(scene: Scene) -> None:
     scene.anna.begin("upload", 300, 1000)
     scene.bert.begin("upload", 300, 5000)
     results = {1000: scene.anna.result(), 5000: scene.bert.result()}
     assert "SUCCESS" in results.values()
     assert set(results.values()) <= {"SUCCESS", "DENIED"}
-    aboard = scene.anna.do("download")
-    assert results[aboard[0]] == "SUCCESS"
-    assert aboard == [aboard[0] + n for n in range(300)]
-    assert scene.bert.do("download") == aboard
+    mission = scene.anna.do("download")
+    assert results[mission[0]] == "SUCCESS"
+    assert mission == [mission[0] + n for n in range(300)]
+    assert scene.bert.do("download") == mission
     for client, base in ((scene.anna, 1000), (scene.bert, 5000)):
         assert client.do("upload", 5, base) == "SUCCESS"
         assert scene.anna.do("download") == [base + n for n in range(5)]
 
 
-def test_killed_upload_keeps_old_mission_and_allows_next(
-    scene: Scene,
-) -> None:
+def test_killed_upload_keeps_old_mission_and_allows_next(scene: Scene) -> None:
     """The client is killed on the slow line, where 500 items take many seconds."""
     assert scene.anna.do("upload", 4, 70) == "SUCCESS"
-    with puppet(f"serial://{scene.spare_line}:{BAUD}") as victim:
-        assert victim.result() == "connected"
-        victim.begin("upload", 500, 2000)
+    with mavsdk_client(f"serial://{scene.spare_line}:{BAUD}") as killed_client:
+        assert killed_client.result() == "connected"
+        killed_client.begin("upload", 500, 2000)
         time.sleep(2.0)
-        assert scene.bert.do("upload", 4, 80) == "DENIED", (
-            "the upload was over already, or never began"
-        )
-        victim.program.kill()
+        assert scene.bert.do("upload", 4, 80) == "DENIED", "no upload was in progress"
+        killed_client.program.kill()
     assert scene.anna.do("download") == [70, 71, 72, 73]
     deadline_s = time.monotonic() + 20.0
     while (result := scene.bert.do("upload", 4, 80)) == "DENIED":
-        assert time.monotonic() < deadline_s, "the dead client's upload was never given up"
+        assert time.monotonic() < deadline_s, "the upload of the killed client did not time out"
         time.sleep(0.5)
     assert result == "SUCCESS"
     assert scene.anna.do("download") == [80, 81, 82, 83]
@@ -135,29 +131,29 @@ def test_killed_upload_keeps_old_mission_and_allows_next(
 
 def test_vehicle_cable_replugged_link_continues(scene: Scene) -> None:
     scene.cable.unplug("vehicle")
-    scene.person.hear("link 1 down|no link", 30.0)
+    scene.mavproxy.hear("link 1 down|no link", 30.0)
     scene.cable.plug("vehicle")
-    scene.person.hear("link 1 OK|heartbeat OK", 30.0)
-    ask(scene.person, "mode DEPTH", "Mode DEPTH")
+    scene.mavproxy.hear("link 1 OK|heartbeat OK", 30.0)
+    ask(scene.mavproxy, "mode DEPTH", "Mode DEPTH")
 
 
 def test_client_cable_replugged_link_continues(scene: Scene) -> None:
     scene.cable.unplug("ground")
-    scene.person.hear("is dead", 30.0)
+    scene.mavproxy.hear("is dead", 30.0)
     scene.cable.plug("ground")
-    scene.person.hear("reopened OK", 30.0)
-    ask(scene.person, "mode MANUAL", "Mode MANUAL")
+    scene.mavproxy.hear("reopened OK", 30.0)
+    ask(scene.mavproxy, "mode MANUAL", "Mode MANUAL")
 
 
 def test_clients_reconnect_after_power_failure(scene: Scene) -> None:
     scene.vehicle.kill()
     assert scene.anna.do("see", "lost")
     assert scene.bert.do("see", "lost")
-    scene.person.hear("link 1 down|no link", 30.0)
+    scene.mavproxy.hear("link 1 down|no link", 30.0)
     scene.vehicle.start()
     assert scene.anna.do("see", "connected")
     assert scene.bert.do("see", "connected")
-    scene.person.hear("link 1 OK|heartbeat OK", 30.0)
+    scene.mavproxy.hear("link 1 OK|heartbeat OK", 30.0)
     assert scene.anna.do("upload", 3, 40) == "SUCCESS"
     assert scene.bert.do("download") == [40, 41, 42]
-    ask(scene.person, "mode DEPTH", "Mode DEPTH")
+    ask(scene.mavproxy, "mode DEPTH", "Mode DEPTH")

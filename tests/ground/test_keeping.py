@@ -93,7 +93,7 @@ def test_a_test_in_the_water_is_not_judged() -> None:
     assert keeping.as_json()["blocks"] == 0
 
 
-def test_the_picture_sets_measured_beside_foretold() -> None:
+def test_table_shows_measured_and_predicted_rms() -> None:
     shown: list[object] = []
     followers = Listeners([watched(BENT)], shown.append)
     followers.poll(last=True)
@@ -106,7 +106,7 @@ def test_the_picture_sets_measured_beside_foretold() -> None:
 
 def test_before_any_steady_flight_there_is_nothing_to_compare() -> None:
     keeping = watched(made.flight(20.0, seed=1))
-    assert keeping.format_text() == "no steady flight to compare with what the gains promise"
+    assert keeping.format_text() == "no steady flight to compare with the predicted performance"
 
 
 def test_gains_that_nobody_designed_cannot_be_watched(tmp_path: Path) -> None:

@@ -144,14 +144,14 @@ def test_give_any_words_have_no_control_characters(text: str) -> None:
 def test_watch_any_text_is_drawn(text: str) -> None:
     with closing(Sea()) as sea:
         sea.heartbeat()
-        sea.say("STATUSTEXT", severity=2, text=text.encode("utf-8", "replace")[:49])
-        sea.ears.modes = {0: text}
-        sea.ears.trouble = text
-        sea.ears.address = text
-        sea.say("HEARTBEAT", type=12, base_mode=1)
-        assert forbidden(sea.drawn()) == []
-        sea.ears.vehicle_id = None
-        assert forbidden(sea.drawn()) == []
+        sea.send("STATUSTEXT", severity=2, text=text.encode("utf-8", "replace")[:49])
+        sea.receiver.modes = {0: text}
+        sea.receiver.trouble = text
+        sea.receiver.address = text
+        sea.send("HEARTBEAT", type=12, base_mode=1)
+        assert forbidden(sea.screen()) == []
+        sea.receiver.vehicle_id = None
+        assert forbidden(sea.screen()) == []
 
 
 @attacked

@@ -1,6 +1,6 @@
 """Hardware in the loop: the simulator on one serial line, ground on another, without lockstep.
 
-The dives run on the wall clock, and therefore in parallel.
+The dives run in real time, therefore in parallel.
 """
 
 import json
@@ -63,22 +63,22 @@ class Truth(NamedTuple):
 
 
 class Rig(NamedTuple):
-    """A simulated vehicle on a serial line, with the autopilot at the other end of it."""
+    """Simulator and autopilot, connected by a serial line."""
 
     autopilot: Process
-    sea: Process
+    simulator: Process
     hil: Line
     truth: Path
 
     def stop(self) -> tuple[str, str]:
         """End both programs; return their output on stderr."""
-        said = []
-        for child in (self.autopilot, self.sea):
+        outputs = []
+        for child in (self.autopilot, self.simulator):
             child.signal(15)
             finished = child.finish()
             assert finished.status == 0, finished
-            said.append(finished.stderr)
-        return said[0], said[1]
+            outputs.append(finished.stderr)
+        return outputs[0], outputs[1]
 
 
 @contextmanager
@@ -97,16 +97,17 @@ def rig(folder: Path, baud: int, ground: str, noise: Noise) -> Iterator[Rig]:
             "--no-lockstep",
             "--truth",
             str(truth),
-        ) as sea,
+        ) as simulator,
     ):
-        yield Rig(child, sea, hil, truth)
+        yield Rig(child, simulator, hil, truth)
 
 
 class Flown(NamedTuple):
-    """A dive that ``ground fly`` flew over a second serial line."""
+    """Result of a dive with ``ground fly`` over a second serial line."""
 
     ground: Finished
-    said: tuple[str, str]
+    stderr: tuple[str, str]
+    """Output of the autopilot and of the simulator."""
     truth: Truth
     log: Path
 
@@ -117,7 +118,9 @@ def fly(folder: Path, hil_baud: int, ground_baud: int) -> Flown:
     script.write_text(MISSION)
     with (
         line(cables, ground_baud, NOISE, seed=2) as radio,
-        rig(folder, hil_baud, f"serial:{radio.device['vehicle']}:{ground_baud}", NOISE) as aboard,
+        rig(
+            folder, hil_baud, f"serial:{radio.device['vehicle']}:{ground_baud}", NOISE
+        ) as vehicle_rig,
         process(
             "-m",
             "ground",
@@ -131,25 +134,26 @@ def fly(folder: Path, hil_baud: int, ground_baud: int) -> Flown:
         ) as ground,
     ):
         finished = ground.finish(patience_s=120.0)
-        said = aboard.stop()
-    return Flown(finished, said, Truth.read(aboard.truth), log)
+        stderr = vehicle_rig.stop()
+    return Flown(finished, stderr, Truth.read(vehicle_rig.truth), log)
 
 
 class Interrupted(NamedTuple):
-    """A dive whose HIL line was unplugged and replugged."""
+    """Result of a dive with an interruption of the HIL line."""
 
     texts: list[str]
     armed: bool
-    said: tuple[str, str]
+    stderr: tuple[str, str]
+    """Output of the autopilot and of the simulator."""
     depths_m: tuple[float, float]
-    """Texts before the line was unplugged, and at the end."""
+    """Depths before the line was unplugged, and at the end."""
     truth: Truth
 
 
 def interrupt(folder: Path) -> Interrupted:
     script, port = folder / "short.toml", free_port(socket.SOCK_STREAM)
     script.write_text(MISSION)
-    with rig(folder, 57_600, f"tcpin:127.0.0.1:{port}", NOISE) as aboard:
+    with rig(folder, 57_600, f"tcpin:127.0.0.1:{port}", NOISE) as vehicle_rig:
         client = vehicle.VehicleClient(open_transport(f"tcp:127.0.0.1:{port}"))
         with closing(client):
             client.connect()
@@ -159,46 +163,48 @@ def interrupt(folder: Path) -> Interrupted:
             client.arm()
             pump(client, lambda: depth_m(client) > 0.6)
             before_m = depth_m(client)
-            aboard.hil.unplug("vehicle")
+            vehicle_rig.hil.unplug("vehicle")
             until_s = time.monotonic() + OUTAGE_S
             pump(client, lambda: time.monotonic() > until_s)
-            aboard.hil.plug("vehicle")
+            vehicle_rig.hil.plug("vehicle")
             pump(
                 client,
-                lambda: "Sensors recovered" in said_by(client) and depth_m(client) > before_m + 0.2,
+                lambda: (
+                    "Sensors recovered" in texts_of(client) and depth_m(client) > before_m + 0.2
+                ),
             )
-            texts, armed, after_m = said_by(client), client.armed, depth_m(client)
-        said = aboard.stop()
-    return Interrupted(texts, armed, said, (before_m, after_m), Truth.read(aboard.truth))
+            texts, armed, after_m = texts_of(client), client.armed, depth_m(client)
+        stderr = vehicle_rig.stop()
+    return Interrupted(texts, armed, stderr, (before_m, after_m), Truth.read(vehicle_rig.truth))
 
 
 def pump(client: vehicle.VehicleClient, done: Callable[[], bool], within_s: float = 60.0) -> None:
     deadline_s = time.monotonic() + within_s
     while not done():
-        assert time.monotonic() < deadline_s, said_by(client)
+        assert time.monotonic() < deadline_s, texts_of(client)
         client.pump(0.05)
 
 
 def depth_m(client: vehicle.VehicleClient) -> float:
-    told = client.latest("LOCAL_POSITION_NED")
-    return 0.0 if told is None else float(told.z)
+    position = client.latest("LOCAL_POSITION_NED")
+    return 0.0 if position is None else float(position.z)
 
 
-def said_by(client: vehicle.VehicleClient) -> list[str]:
+def texts_of(client: vehicle.VehicleClient) -> list[str]:
     return [text.text for text in client.texts]
 
 
-class OnTheBench(NamedTuple):
-    """The example of docs/hardware.md at the end of an autopilot's line."""
+class BenchResult(NamedTuple):
+    """Result of the example of docs/hardware.md, connected to an autopilot."""
 
-    told: list[str]
+    texts: list[str]
     duct: float
-    """Duct deflections that ground received."""
+    """Normalised rudder deflection that ground received."""
     released_s: float
     """Time from the autopilot's end until the duct was centred, in s."""
 
 
-def try_example(folder: Path) -> OnTheBench:
+def try_example(folder: Path) -> BenchResult:
     port = free_port()
     with ExitStack() as stack:
         cable = stack.enter_context(line(folder, 115_200, NOISE))
@@ -206,21 +212,23 @@ def try_example(folder: Path) -> OnTheBench:
         child = stack.enter_context(
             autopilot(hil, f"udpout:127.0.0.1:{port}", options=("--logs", "off"))
         )
-        tail = stack.enter_context(process(EXAMPLE, cable.device["ground"], "115200"))
+        tailcone = stack.enter_context(process(EXAMPLE, cable.device["ground"], "115200"))
         ground = Endpoint(
             stack.enter_context(closing(open_transport(f"udpin:127.0.0.1:{port}"))), 250, 190
         )
-        told: list[str] = []
-        hear(ground, told, lambda frame: frame.name == "ATTITUDE")
+        texts: list[str] = []
+        receive_until(ground, texts, lambda frame: frame.name == "ATTITUDE")
         begin_test(ground, rudder=0.5, seconds=3.0)
-        moved = hear(
-            ground, told, lambda frame: frame.component == DUCT and frame.decode().actuator[0] > 0.1
+        deflected = receive_until(
+            ground,
+            texts,
+            lambda frame: frame.component == DUCT and frame.decode().actuator[0] > 0.1,
         )
-        tail.hear(r"rudder \+7\.5 deg, elevator \+0\.0 deg, thrust \+0 %")
+        tailcone.hear(r"rudder \+7\.5 deg, elevator \+0\.0 deg, thrust \+0 %")
         child.kill()
-        died_s = time.monotonic()
-        tail.hear(r"rudder \+0\.0 deg")
-        return OnTheBench(told, moved.decode().actuator[0], time.monotonic() - died_s)
+        killed_s = time.monotonic()
+        tailcone.hear(r"rudder \+0\.0 deg")
+        return BenchResult(texts, deflected.decode().actuator[0], time.monotonic() - killed_s)
 
 
 def begin_test(ground: Endpoint, rudder: float, seconds: float) -> None:
@@ -241,37 +249,37 @@ def begin_test(ground: Endpoint, rudder: float, seconds: float) -> None:
     )
 
 
-def hear(ground: Endpoint, told: list[str], condition: Callable[[Any], bool]) -> Any:
+def receive_until(ground: Endpoint, texts: list[str], condition: Callable[[Any], bool]) -> Any:
     """Return the first matching frame; store the texts that come before it."""
     deadline_s = time.monotonic() + 30.0
     while time.monotonic() < deadline_s:
         for frame in ground.receive():
             if frame.name == "STATUSTEXT":
-                told.append(frame.decode().text)
+                texts.append(frame.decode().text)
             if condition(frame):
                 return frame
         time.sleep(0.01)
-    raise AssertionError(told)
+    raise AssertionError(texts)
 
 
 class Scenes(NamedTuple):
-    """Run all dives at once."""
+    """Results of all dives, which run in parallel."""
 
     wide: Future[Flown]
     narrow: Future[Flown]
     interrupted: Future[Interrupted]
-    bench: Future[OnTheBench]
+    bench: Future[BenchResult]
 
 
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scenes]:
     wide, narrow, interrupted, bench = (tmp_path_factory.mktemp(name) for name in Scenes._fields)
-    with ThreadPoolExecutor() as crew:
+    with ThreadPoolExecutor() as executor:
         yield Scenes(
-            crew.submit(fly, wide, 115_200, 57_600),
-            crew.submit(fly, narrow, 57_600, 9_600),
-            crew.submit(interrupt, interrupted),
-            crew.submit(try_example, bench),
+            executor.submit(fly, wide, 115_200, 57_600),
+            executor.submit(fly, narrow, 57_600, 9_600),
+            executor.submit(interrupt, interrupted),
+            executor.submit(try_example, bench),
         )
 
 
@@ -281,22 +289,28 @@ def test_dive_over_noisy_lines_holds_depth_and_is_logged(scenes: Scenes, width: 
     assert flown.ground.status == 0, flown.ground
     outcome = json.loads(flown.ground.stdout)
     texts = {"Mode MISSION", "Armed: MISSION", "Mode SURFACE", "Surfaced: disarmed"}
-    assert len(texts.intersection(outcome["texts"])) >= 2, "noise may eat any of them, hardly three"
+    assert len(texts.intersection(outcome["texts"])) >= 2, (
+        "noise can remove one or two texts, rarely three"
+    )
     assert not any(text.startswith("Failsafe") for text in outcome["texts"])
     assert outcome["lost_frames"] > 0, "the line was not noisy"
-    assert outcome["vehicle_s"] < outcome["wall_s"] + 1.0, "a busy machine may be late, never early"
+    assert outcome["vehicle_s"] < outcome["wall_s"] + 1.0, (
+        "vehicle time must not be ahead of the wall clock"
+    )
     assert max(flown.truth.depths_m) == pytest.approx(DEPTH_M, abs=0.15)
     assert flown.truth.depths_m[-1] < 0.6
     with flown.log.open("rb") as file:
         logged = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
     attitudes = logged.count("/mavlink/1/1/ATTITUDE")
     assert attitudes > LEG_S * (5 if width == "wide" else 0.5)
-    autopilot_said, sea_said = flown.said
-    assert autopilot_said == ""
-    told = [text for text in sea_said.splitlines() if not text.startswith("sitl: too busy")]
-    assert re.fullmatch(r"sitl: actuators after \d+\.\d s", told[0])
-    assert len(told) % 2 == 1, (
-        "a busy machine may let the watchdog bite, and each time orders come again"
+    autopilot_stderr, simulator_stderr = flown.stderr
+    assert autopilot_stderr == ""
+    messages = [
+        text for text in simulator_stderr.splitlines() if not text.startswith("sitl: too busy")
+    ]
+    assert re.fullmatch(r"sitl: actuators after \d+\.\d s", messages[0])
+    assert len(messages) % 2 == 1, (
+        "each actuator timeout on a busy machine must be followed by a recovery"
     )
 
 
@@ -307,16 +321,16 @@ def test_time_follows_wall_clock_at_line_rate(scenes: Scenes) -> None:
 
 
 def test_unplugged_hil_line_is_reported_and_tolerated(scenes: Scenes) -> None:
-    found = scenes.interrupted.result()
-    assert "Sensors recovered" in found.texts[found.texts.index("Sensor timeout") :]
-    assert not any(text.startswith(("Failsafe", "Restarted")) for text in found.texts)
-    assert found.armed
-    before_m, after_m = found.depths_m
+    result = scenes.interrupted.result()
+    assert "Sensors recovered" in result.texts[result.texts.index("Sensor timeout") :]
+    assert not any(text.startswith(("Failsafe", "Restarted")) for text in result.texts)
+    assert result.armed
+    before_m, after_m = result.depths_m
     assert after_m > before_m + 0.2, "the vehicle must continue its dive"
-    autopilot_said, sea_said = found.said
-    assert "lost (" in autopilot_said
-    assert autopilot_said.rstrip().endswith(": back")
-    assert "sitl: no actuators for 1 s: duct straight, propeller stopped\n" in sea_said
+    autopilot_stderr, simulator_stderr = result.stderr
+    assert "lost (" in autopilot_stderr
+    assert autopilot_stderr.rstrip().endswith(": back")
+    assert "sitl: no actuators for 1 s: duct straight, propeller stopped\n" in simulator_stderr
 
 
 def test_propeller_stops_without_actuator_commands(scenes: Scenes) -> None:
@@ -324,25 +338,27 @@ def test_propeller_stops_without_actuator_commands(scenes: Scenes) -> None:
     turning = [row["propeller_rps"] > 0.0 for row in rows]
     started = turning.index(True)
     stopped = turning.index(False, started)
-    again = turning.index(True, stopped)
+    restarted = turning.index(True, stopped)
     assert (
-        OUTAGE_S - 1.5 < 1e-6 * (rows[again]["time_us"] - rows[stopped]["time_us"]) < OUTAGE_S + 1.5
+        OUTAGE_S - 1.5
+        < 1e-6 * (rows[restarted]["time_us"] - rows[stopped]["time_us"])
+        < OUTAGE_S + 1.5
     )
     for axis in ("rudder_rad", "elevator_rad"):
-        assert rows[again][axis] == pytest.approx(rows[0][axis], abs=0.03), (
-            "straight, but for what the motors lost"
+        assert rows[restarted][axis] == pytest.approx(rows[0][axis], abs=0.03), (
+            "straight, except for position errors of the motors"
         )
 
 
 def test_example_centres_duct_when_autopilot_ends(scenes: Scenes) -> None:
-    found = scenes.bench.result()
-    assert found.duct == pytest.approx(0.5)
-    assert 0.7 < found.released_s < 3.0
-    assert found.told == [], "a healthy vehicle on the bench"
+    result = scenes.bench.result()
+    assert result.duct == pytest.approx(0.5)
+    assert 0.7 < result.released_s < 3.0
+    assert result.texts == [], "the vehicle must report no fault on the bench"
 
 
 @pytest.mark.parametrize(
-    ("options", "complaint"),
+    ("options", "error_line"),
     [
         (
             ("--speed", "2"),
@@ -357,16 +373,16 @@ def test_example_centres_duct_when_autopilot_ends(scenes: Scenes) -> None:
     ],
 )
 def test_options_incompatible_with_wall_clock_are_refused(
-    options: tuple[str, ...], complaint: str
+    options: tuple[str, ...], error_line: str
 ) -> None:
-    with process("-m", "sitl", "--no-lockstep", *options) as sea:
-        assert sea.finish() == (2, "", complaint)
+    with process("-m", "sitl", "--no-lockstep", *options) as simulator:
+        assert simulator.finish() == (2, "", error_line)
 
 
 def test_line_too_slow_for_sensors_is_refused(tmp_path: Path) -> None:
     slow = f"serial:{tmp_path}/tty-ground:9600"
-    with line(tmp_path, 9600), process("-m", "sitl", "--no-lockstep", "--hil", slow) as sea:
-        finished = sea.finish()
+    with line(tmp_path, 9600), process("-m", "sitl", "--no-lockstep", "--hil", slow) as simulator:
+        finished = simulator.finish()
     assert finished.status == 2
     assert finished.stderr.endswith("too slow for the sensors: expected 38400 baud or more\n")
     assert finished.stderr.count("\n") == 1

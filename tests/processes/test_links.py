@@ -1,4 +1,4 @@
-"""Links between real processes: signed links, and a serial cable that is slow and unplugged."""
+"""Links between real processes: signing, and unplugged serial cables."""
 
 import contextlib
 import itertools
@@ -24,12 +24,12 @@ from tests.helpers.subprocesses import Finished, Process, autopilot, free_port, 
 pytestmark = pytest.mark.process
 
 PASSPHRASE = "under-the-ice"
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 @pytest.fixture
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder with the stored state of a test's programs."""
+    """Set a temporary state directory and return the folder that the programs use."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "caribou"
 
@@ -51,41 +51,41 @@ def get_parameter(address: str, *options: str) -> Finished:
     return ground("params", "get", "HDG_P", "--connect", address, *options, "--json")
 
 
-def eventually(happened: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not happened():
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + TIMEOUT_S
+    while not condition():
         assert time.monotonic() < deadline_s
         time.sleep(0.05)
 
 
-class Aboard(NamedTuple):
-    """An autopilot with a signed and an open link."""
+class LinkedAutopilot(NamedTuple):
+    """Autopilot process with the addresses of its signed and its unsigned link."""
 
     process: Process
     signed: str
-    open: str
+    unsigned: str
 
 
 @pytest.fixture
-def aboard(state: Path, key_file: Path) -> Iterator[Aboard]:
+def linked_autopilot(state: Path, key_file: Path) -> Iterator[LinkedAutopilot]:
     ports = [free_port(socket.SOCK_STREAM) for _ in range(2)]
-    signed, open_link = (f"tcpin:127.0.0.1:{port}" for port in ports)
+    signed, unsigned = (f"tcpin:127.0.0.1:{port}" for port in ports)
     options = ("--sign", f"{signed}={key_file}")
-    with autopilot(f"udpin:127.0.0.1:{free_port()}", signed, open_link, options=options) as child:
-        yield Aboard(child, *(f"tcp:127.0.0.1:{port}" for port in ports))
+    with autopilot(f"udpin:127.0.0.1:{free_port()}", signed, unsigned, options=options) as child:
+        yield LinkedAutopilot(child, *(f"tcp:127.0.0.1:{port}" for port in ports))
 
 
-def test_ground_signs_with_its_key_and_is_refused_without(
-    aboard: Aboard, key_file: Path, state: Path
+def test_parameter_request_needs_signature_on_signed_link(
+    linked_autopilot: LinkedAutopilot, key_file: Path, state: Path
 ) -> None:
-    signed = get_parameter(aboard.signed, "--sign", str(key_file))
+    signed = get_parameter(linked_autopilot.signed, "--sign", str(key_file))
     assert (signed.status, json.loads(signed.stdout)) == (0, {"HDG_P": pytest.approx(0.65)})
-    assert get_parameter(aboard.open).status == 0
-    unsigned = get_parameter(aboard.signed)
+    assert get_parameter(linked_autopilot.unsigned).status == 0
+    unsigned = get_parameter(linked_autopilot.signed)
     assert (unsigned.status, unsigned.stdout) == (1, "")
     assert "no answer to the request for parameter HDG_P" in unsigned.stderr
-    aboard.process.signal(2)
-    aboard.process.finish()
+    linked_autopilot.process.signal(2)
+    linked_autopilot.process.finish()
     saved = int((state / "signing_timestamp").read_text())
     assert abs(saved / 1e5 + 1_420_070_400 - time.time()) < 60.0
 
@@ -103,9 +103,7 @@ def test_bad_key_file_gives_one_error_line(tmp_path: Path) -> None:
     assert finished.stderr.count("\n") == 1
 
 
-def test_mavproxy_reads_without_a_key_and_commands_with_it(
-    state: Path, key_file: Path, tmp_path: Path
-) -> None:
+def test_mavproxy_needs_key_for_commands_only(state: Path, key_file: Path, tmp_path: Path) -> None:
     port = free_port()
     address = f"udpout:127.0.0.1:{port}"
     with (
@@ -114,14 +112,14 @@ def test_mavproxy_reads_without_a_key_and_commands_with_it(
         ),
         contextlib.closing(Console(tmp_path, f"udpin:127.0.0.1:{port}")) as mavproxy,
     ):
-        mavproxy.hear("Detected vehicle 1:1 on link 0", PATIENCE_S)
+        mavproxy.hear("Detected vehicle 1:1 on link 0", TIMEOUT_S)
         with pytest.raises(TimeoutError):
             mavproxy.ask("param fetch HDG_P", "HDG_P = ", within_s=3.0)
-        assert mavproxy.messages()["HEARTBEAT"][0] > 1, "telemetry may be read by anybody"
+        assert mavproxy.messages()["HEARTBEAT"][0] > 1, "telemetry must be readable without a key"
         mavproxy.ask(f"signing key {PASSPHRASE}", "Setup signing key")
-        mavproxy.hear(f"Received {len(PARAMETERS)} parameters", PATIENCE_S)
+        mavproxy.hear(f"Received {len(PARAMETERS)} parameters", TIMEOUT_S)
         mavproxy.say("param set HDG_P 0.75")
-        eventually(
+        wait_until(
             lambda: (
                 float(mavproxy.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)", attempts=5)[1]) == 0.75
             )
@@ -136,17 +134,19 @@ def cable(tmp_path: Path) -> Iterator[Line]:
 
 def test_unplugged_radio_reconnects(cable: Line, state: Path) -> None:
     address = f"serial:{cable.device['vehicle']}:57600"
-    near = f"serial:{cable.device['ground']}:57600"
+    ground_address = f"serial:{cable.device['ground']}:57600"
     with autopilot(f"udpin:127.0.0.1:{free_port()}", address) as child:
-        assert get_parameter(near).status == 0
+        assert get_parameter(ground_address).status == 0
         cable.unplug("vehicle")
         assert child.wait_for_line().startswith(f"{address}: lost (")
         busy_s = processor_s(child)
         time.sleep(1.5)
-        assert processor_s(child) - busy_s < 0.5, "a lost line is no reason to be busy"
+        assert processor_s(child) - busy_s < 0.5, (
+            "waiting for a lost line must not use the processor"
+        )
         cable.plug("vehicle")
         assert child.wait_for_line() == f"{address}: back\n"
-        assert get_parameter(near).status == 0
+        assert get_parameter(ground_address).status == 0
 
 
 def processor_s(child: Process) -> float:
@@ -173,13 +173,13 @@ def test_replugged_sensors_are_answered(cable: Line, state: Path) -> None:
         autopilot(hil, f"udpout:127.0.0.1:{free_port()}") as child,
     ):
         ticks = itertools.count(1)
-        eventually(lambda: answered(next(ticks) * TICK_US))
+        wait_until(lambda: answered(next(ticks) * TICK_US))
         cable.unplug("vehicle")
         assert child.wait_for_line().startswith(f"{hil}: lost (")
         assert not answered(next(ticks) * TICK_US)
         cable.plug("vehicle")
         assert child.wait_for_line() == f"{hil}: back\n"
-        eventually(lambda: answered(next(ticks) * TICK_US))
+        wait_until(lambda: answered(next(ticks) * TICK_US))
 
 
 def test_missing_radio_is_awaited(cable: Line, state: Path) -> None:

@@ -1,5 +1,4 @@
-"""What a mode is called, on any vehicle: as she lists it herself, else by the tables that her
-makers publish."""
+"""Find the name of a flight mode: from the vehicle's own list, else from published tables."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -31,8 +30,8 @@ _PX4_AUTO = {
     9: "PRECLAND",
 }
 _PX4_AUTO_MAIN = 4
-"""PX4's custom_mode: the main mode in bits 16..23, the sub mode of AUTO in bits 24..31 (PX4,
-px4_custom_mode.h)."""
+"""Main mode AUTO of PX4. custom_mode has the main mode in bits 16 to 23 and the sub mode of AUTO in
+bits 24 to 31 (PX4, px4_custom_mode.h)."""
 
 _ARDUPILOT_TABLES = {
     "SUB_MODE": ("SUBMARINE",),
@@ -57,7 +56,7 @@ _TABLE_BY_TYPE = {
 
 
 def name(heartbeat: Any, offered: Mapping[int, str]) -> str:
-    """The mode in a HEARTBEAT; ``offered`` are the vehicle's own names by custom_mode."""
+    """Return the mode name of a HEARTBEAT; ``offered``: the vehicle's own names by custom_mode."""
     number = heartbeat.custom_mode
     if not heartbeat.base_mode & CUSTOM_MODE_FLAG:
         return f"base mode {heartbeat.base_mode:#04x}"
@@ -70,16 +69,18 @@ def name(heartbeat: Any, offered: Mapping[int, str]) -> str:
 
 
 def known(heartbeat: Any) -> dict[str, int]:
-    """Return custom_mode by name of a vehicle that does not list its modes: installed and
-    published."""
+    """Return custom_mode by name for a vehicle that does not list its modes.
+
+    The names are from published tables and from the user's ``custom_mode_map.json``.
+    """
     table = _TABLE_BY_TYPE.get(heartbeat.type) if heartbeat.autopilot == _ARDUPILOT else None
     published = enum_names(table) if table else {}
-    found = {entry.removeprefix(f"{table}_"): number for number, entry in published.items()}
-    return found | {entry: int(number) for number, entry in _installed(heartbeat.type).items()}
+    modes = {entry.removeprefix(f"{table}_"): number for number, entry in published.items()}
+    return modes | {entry: int(number) for number, entry in _installed(heartbeat.type).items()}
 
 
 def _installed(kind: int) -> Mapping[str, str]:
-    """The names of this user's ``custom_mode_map.json``; none where it cannot be read."""
+    """Return the names of the user's ``custom_mode_map.json``; none if it cannot be read."""
     try:
         return mode_map.read(mode_map.DEFAULT_PATH.expanduser()).get(str(kind), {})
     except InputError:

@@ -1,7 +1,8 @@
-"""Listens to one vehicle: the newest of each message, how old it is, and what the link carries.
+"""Receive telemetry of one vehicle: the latest messages, their age and the data rate of the link.
 
-A watcher only looks: its heartbeat is not a ground station's, so that a vehicle whose ground falls
-silent still notices while somebody watches."""
+The receiver sends heartbeats of type MAV_TYPE_LOG instead of MAV_TYPE_GCS, so that a vehicle still
+detects the loss of its ground station.
+"""
 
 from collections import deque
 from typing import Any, NamedTuple
@@ -23,34 +24,35 @@ from mavlink_io.transport import LinkLostError, Transport, wait
 OWN_ID = MavlinkId(250, constant("MAV_COMP_ID_LOG"))
 MAX_TEXTS = 8
 RATE_WINDOW_S = 5.0
-"""Over how long the link's rates are taken."""
+"""Averaging time of the data rates (s)."""
 SMOOTHING = 0.2
+"""Weight of the newest interval in the mean message period."""
 _OBSERVER = constant("MAV_TYPE_LOG")
 _ARDUPILOT = constant("MAV_AUTOPILOT_ARDUPILOTMEGA")
 _VERSION = float(constant("MAVLINK_MSG_ID_AUTOPILOT_VERSION"))
 
 
-FOLLOWED_HZ = {
+LISTENER_RATES_HZ = {
     "ATTITUDE": 20.0,
     "ACTUATOR_OUTPUT_STATUS": 20.0,
     "LOCAL_POSITION_NED": 20.0,
     "ATTITUDE_TARGET": 2.0,
     "POSITION_TARGET_LOCAL_NED": 2.0,
 }
-"""What followers need; more than most vehicles tell a stranger of their own accord."""
+"""Message rates that listeners need (Hz); most vehicles send less without a request."""
 
 
 class LatestMessage(NamedTuple):
-    """The newest message of a name."""
+    """Latest message of one type, with its time of reception."""
 
     message: Any
     at_s: float
     period_s: float
-    """The mean time between two of them; 0 after the first."""
+    """Mean time between two messages (s); 0 after the first."""
 
 
 class ReceivedText(NamedTuple):
-    """A text of the vehicle's."""
+    """STATUSTEXT of the vehicle, with its time of reception."""
 
     at_s: float
     severity: int
@@ -58,12 +60,12 @@ class ReceivedText(NamedTuple):
 
 
 class Receiver:
-    """Everything that is known of the first vehicle that is heard."""
+    """Latest telemetry of the first vehicle that is received."""
 
     def __init__(self, transport: Transport, signing: Signing | None = None) -> None:
         self.address = transport.address
         self._endpoint = Endpoint(transport, *OWN_ID, signing)
-        self._heartbeat, self._questions = Every(1.0), Every(3.0)
+        self._heartbeat, self._requests = Every(1.0), Every(3.0)
         self._mode_list: commands.ModeList | None = None
         self._joiner = TextJoiner()
         self._arrivals: deque[tuple[float, int]] = deque()
@@ -74,10 +76,10 @@ class Receiver:
         self.texts: deque[ReceivedText] = deque(maxlen=MAX_TEXTS)
         self.modes: dict[int, str] = {}
         self.frames = 0
-        self.follower: TelemetryListener | None = None
-        """Who estimates her while she is tested."""
+        self.listener: TelemetryListener | None = None
+        """Listener that receives the frames and texts of the vehicle, if any."""
         self.trouble = ""
-        """Why nothing can come any more, where that is known."""
+        """Reason of a link failure; empty without a failure."""
 
     @property
     def lost_frames(self) -> int:
@@ -88,30 +90,30 @@ class Receiver:
         return self._endpoint.rejected_frames
 
     def rates(self, now_s: float) -> tuple[float, float]:
-        """Bytes and messages a second of late."""
+        """Return the recent data rate in bytes/s and messages/s."""
         while self._arrivals and now_s - self._arrivals[0][0] > RATE_WINDOW_S:
             self._arrivals.popleft()
         span_s = max(1.0, min(RATE_WINDOW_S, now_s - self.began_s))
         return sum(size for _, size in self._arrivals) / span_s, len(self._arrivals) / span_s
 
-    def why_nothing(self) -> str:
-        """Why no vehicle was found."""
+    def diagnosis(self) -> str:
+        """Return the likely reason why no vehicle was found."""
         return connection_diagnosis.explain(
             self.address, self._senders, self._endpoint.skipped_bytes
         )
 
     def listen(self, timeout_s: float) -> None:
-        """Take what arrives within a time, and ask what can be asked."""
+        """Process frames that arrive within a time, and send requests."""
         try:
-            self._speak()
+            self._send_due()
             wait([self._endpoint.transport], timeout_s)
             for frame in connection_diagnosis.receive_all(self._endpoint).frames:
-                self._take(frame, wall_s())
+                self._process(frame, wall_s())
         except LinkLostError as error:
             self.trouble = str(error)
             wait([], timeout_s)
 
-    def _speak(self) -> None:
+    def _send_due(self) -> None:
         if self._heartbeat.due():
             self._endpoint.send(
                 "HEARTBEAT",
@@ -127,17 +129,17 @@ class Receiver:
         if self._mode_list is None:
             self._mode_list = commands.ModeList(self._endpoint.send, OWN_ID, self.vehicle_id)
         self._mode_list.poll(wall_s())
-        if self._questions.due():
-            self._ask(self.vehicle_id)
+        if self._requests.due():
+            self._request(self.vehicle_id)
 
-    def _ask(self, party: MavlinkId) -> None:
-        """For the version, and for telemetry of an autopilot that sends none to strangers."""
+    def _request(self, vehicle_id: MavlinkId) -> None:
+        """Request the version, and telemetry that the autopilot does not send unrequested."""
         if "AUTOPILOT_VERSION" not in self.latest:
-            self._command(party, MavCmd.REQUEST_MESSAGE, _VERSION)
-        for name, rate_hz in FOLLOWED_HZ.items() if self.follower else ():
+            self._command(vehicle_id, MavCmd.REQUEST_MESSAGE, _VERSION)
+        for name, rate_hz in LISTENER_RATES_HZ.items() if self.listener else ():
             if name not in self.latest or self.latest[name].period_s > 1.5 / rate_hz:
                 self._command(
-                    party,
+                    vehicle_id,
                     MavCmd.SET_MESSAGE_INTERVAL,
                     dialect.by_name(name).message_id,
                     1e6 / rate_hz,
@@ -148,25 +150,25 @@ class Receiver:
         ):
             self._endpoint.send(
                 "REQUEST_DATA_STREAM",
-                target_system=party.system,
-                target_component=party.component,
+                target_system=vehicle_id.system,
+                target_component=vehicle_id.component,
                 req_stream_id=0,
                 req_message_rate=2,
                 start_stop=1,
             )
 
-    def _command(self, party: MavlinkId, command: int, *parameters: float) -> None:
+    def _command(self, vehicle_id: MavlinkId, command: int, *parameters: float) -> None:
         numbers = {f"param{n + 1}": (*parameters, *[0.0] * 7)[n] for n in range(7)}
         self._endpoint.send(
             "COMMAND_LONG",
-            target_system=party.system,
-            target_component=party.component,
+            target_system=vehicle_id.system,
+            target_component=vehicle_id.component,
             command=command,
             confirmation=0,
             **numbers,
         )
 
-    def _take(self, frame: Frame, now_s: float) -> None:
+    def _process(self, frame: Frame, now_s: float) -> None:
         sender = MavlinkId(frame.system, frame.component)
         self._senders.add(sender)
         self._arrivals.append((now_s, len(frame.raw)))
@@ -180,20 +182,20 @@ class Receiver:
             self.vehicle_id = sender
         if message is None or sender != self.vehicle_id:
             return
-        self._note(frame.name, message, now_s)
-        if self.follower is not None:
-            self.follower.on_frame(frame)
+        self._store(frame.name, message, now_s)
+        if self.listener is not None:
+            self.listener.on_frame(frame)
         if (
             frame.name == "STATUSTEXT"
             and (text := self._joiner.add(frame.system, message)) is not None
         ):
             self.texts.append(ReceivedText(now_s, message.severity, text))
-            if self.follower is not None:
-                self.follower.on_text(StatusText(message.severity, text))
+            if self.listener is not None:
+                self.listener.on_text(StatusText(message.severity, text))
         if self._mode_list is not None and not self.modes:
-            self._learn_modes(self._mode_list, frame)
+            self._update_modes(self._mode_list, frame)
 
-    def _note(self, name: str, message: Any, now_s: float) -> None:
+    def _store(self, name: str, message: Any, now_s: float) -> None:
         before, period_s = self.latest.get(name), 0.0
         if before is not None:
             gap_s = now_s - before.at_s
@@ -204,10 +206,10 @@ class Receiver:
             )
         self.latest[name] = LatestMessage(message, now_s, period_s)
 
-    def _learn_modes(self, modes: commands.ModeList, frame: Frame) -> None:
+    def _update_modes(self, modes: commands.ModeList, frame: Frame) -> None:
         modes.feed(frame)
         if modes.done:
             try:
                 self.modes = {number: name for name, number in modes.result().items()}
-            except ExchangeError:  # she does not list them: the tables must do
+            except ExchangeError:  # the vehicle has no mode list: published tables are used
                 return

@@ -1,5 +1,7 @@
-"""What a vehicle's messages say, in words and numbers: one table of rows, and what each is read
-from."""
+"""Format the messages of a vehicle as rows of text and numbers.
+
+`ROWS` lists each row with the messages that it can be read from.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -13,6 +15,7 @@ from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.records import ARMED_FLAG
 
 LEVEL_MPS = 0.005
+"""Vertical speed below which no direction is shown."""
 STALE_AFTER_S, STALE_AFTER_PERIODS = 3.0, 3.0
 _SUBMARINE = constant("MAV_TYPE_SUBMARINE")
 _CRITICAL = constant("MAV_STATE_CRITICAL")
@@ -24,8 +27,7 @@ _FIX_3D = 3
 
 
 class Cell(NamedTuple):
-    """What a row says: for people, for programs (SI units, angles in degrees), and whether it is
-    alarming."""
+    """Content of a row: text, value for JSON (SI units, angles in degrees) and alarm flag."""
 
     words: str
     value: Any
@@ -33,17 +35,17 @@ class Cell(NamedTuple):
 
 
 class WatchRow(NamedTuple):
-    """One line of the view. ``age_s`` is None where nothing was heard of it."""
+    """One line of the view; ``cell`` and ``age_s`` are None without data."""
 
     section: str
     label: str
-    seen: Cell | None
+    cell: Cell | None
     age_s: float | None
     stale: bool
 
 
 class RowContext(NamedTuple):
-    """What a reader needs besides its message."""
+    """Data that a reader needs in addition to its message."""
 
     under_water: bool
     modes: Mapping[int, str]
@@ -52,55 +54,55 @@ class RowContext(NamedTuple):
 ReadCell = Callable[[Any, RowContext], Cell | None]
 
 
-def vehicle(m: Any, known: RowContext) -> Cell:
+def vehicle(m: Any, context: RowContext) -> Cell:
     kind, autopilot = readable_name(m.type, "MAV_TYPE"), readable_name(m.autopilot, "MAV_AUTOPILOT")
     return Cell(f"{kind} ({autopilot})", {"type": kind, "autopilot": autopilot})
 
 
-def version(m: Any, known: RowContext) -> Cell:
+def version(m: Any, context: RowContext) -> Cell:
     number = m.flight_sw_version
     words = ".".join(str(number >> shift & 0xFF) for shift in (24, 16, 8))
     return Cell(words, words)
 
 
-def mode(m: Any, known: RowContext) -> Cell:
-    words = mode_names.name(m, known.modes)
+def mode(m: Any, context: RowContext) -> Cell:
+    words = mode_names.name(m, context.modes)
     return Cell(words, words)
 
 
-def armed(m: Any, known: RowContext) -> Cell:
+def armed(m: Any, context: RowContext) -> Cell:
     is_armed = bool(m.base_mode & ARMED_FLAG)
     return Cell("ARMED" if is_armed else "disarmed", is_armed)
 
 
-def state(m: Any, known: RowContext) -> Cell:
+def state(m: Any, context: RowContext) -> Cell:
     words = readable_name(m.system_status, "MAV_STATE")
     return Cell(words, words, m.system_status >= _CRITICAL)
 
 
-def under_way(m: Any, known: RowContext) -> Cell:
+def under_way(m: Any, context: RowContext) -> Cell:
     words = readable_name(m.landed_state, "MAV_LANDED_STATE")
-    if known.under_water:
+    if context.under_water:
         words = {"on ground": "moored", "in air": "under way"}.get(words, words)
     return Cell(words, words)
 
 
-def _height(up_m: float, known: RowContext) -> Cell:
-    if known.under_water:
+def _height(up_m: float, context: RowContext) -> Cell:
+    if context.under_water:
         return Cell(f"{-up_m:.2f} m deep", {"depth_m": -up_m})
     return Cell(f"{up_m:.1f} m up", {"altitude_m": up_m})
 
 
-def height_of_global_position(m: Any, known: RowContext) -> Cell:
-    return _height(m.relative_alt / 1000.0, known)
+def height_of_global_position(m: Any, context: RowContext) -> Cell:
+    return _height(m.relative_alt / 1000.0, context)
 
 
-def height_of_local_position(m: Any, known: RowContext) -> Cell:
-    return _height(-m.z, known)
+def height_of_local_position(m: Any, context: RowContext) -> Cell:
+    return _height(-m.z, context)
 
 
-def height_of_hud(m: Any, known: RowContext) -> Cell:
-    return _height(m.alt, known)
+def height_of_hud(m: Any, context: RowContext) -> Cell:
+    return _height(m.alt, context)
 
 
 def _attitude(roll_rad: float, pitch_rad: float) -> Cell:
@@ -111,11 +113,11 @@ def _attitude(roll_rad: float, pitch_rad: float) -> Cell:
     )
 
 
-def attitude(m: Any, known: RowContext) -> Cell:
+def attitude(m: Any, context: RowContext) -> Cell:
     return _attitude(m.roll, m.pitch)
 
 
-def attitude_of_quaternion(m: Any, known: RowContext) -> Cell:
+def attitude_of_quaternion(m: Any, context: RowContext) -> Cell:
     roll_rad, pitch_rad, _ = euler_from_quaternion(m.q1, m.q2, m.q3, m.q4)
     return _attitude(roll_rad, pitch_rad)
 
@@ -124,25 +126,25 @@ def _heading(deg: float) -> Cell:
     return Cell(f"{round(deg) % 360:03d} deg", deg % 360.0)
 
 
-def heading_of_attitude(m: Any, known: RowContext) -> Cell:
+def heading_of_attitude(m: Any, context: RowContext) -> Cell:
     return _heading(math.degrees(m.yaw))
 
 
-def heading_of_global_position(m: Any, known: RowContext) -> Cell | None:
+def heading_of_global_position(m: Any, context: RowContext) -> Cell | None:
     return None if m.hdg == _UNKNOWN_HEADING else _heading(m.hdg / 100.0)
 
 
-def speed(m: Any, known: RowContext) -> Cell:
+def speed(m: Any, context: RowContext) -> Cell:
     words = f"{m.airspeed:.2f} m/s, {m.groundspeed:.2f} over ground"
     return Cell(words, {"through_mps": m.airspeed, "over_ground_mps": m.groundspeed})
 
 
-def vertical_speed(m: Any, known: RowContext) -> Cell:
-    way = "" if abs(m.climb) < LEVEL_MPS else " up" if m.climb > 0 else " down"
-    return Cell(f"{abs(m.climb):.2f} m/s{way}", {"climb_mps": m.climb})
+def vertical_speed(m: Any, context: RowContext) -> Cell:
+    direction = "" if abs(m.climb) < LEVEL_MPS else " up" if m.climb > 0 else " down"
+    return Cell(f"{abs(m.climb):.2f} m/s{direction}", {"climb_mps": m.climb})
 
 
-def position(m: Any, known: RowContext) -> Cell | None:
+def position(m: Any, context: RowContext) -> Cell | None:
     if not m.lat and not m.lon:
         return None
     return Cell(
@@ -150,17 +152,17 @@ def position(m: Any, known: RowContext) -> Cell | None:
     )
 
 
-def offset(m: Any, known: RowContext) -> Cell:
+def offset(m: Any, context: RowContext) -> Cell:
     return Cell(f"{m.x:+.1f} m north, {m.y:+.1f} m east", {"north_m": m.x, "east_m": m.y})
 
 
-def gps(m: Any, known: RowContext) -> Cell:
+def gps(m: Any, context: RowContext) -> Cell:
     fix = readable_name(m.fix_type, "GPS_FIX_TYPE")
     satellites = "" if m.satellites_visible in (0, 255) else f", {m.satellites_visible} satellites"
     return Cell(fix + satellites, {"fix": fix, "good": m.fix_type >= _FIX_3D})
 
 
-def bottom(m: Any, known: RowContext) -> Cell | None:
+def bottom(m: Any, context: RowContext) -> Cell | None:
     if m.orientation != _LOOKING_DOWN:
         return None
     if not m.min_distance <= m.current_distance <= m.max_distance:
@@ -168,33 +170,35 @@ def bottom(m: Any, known: RowContext) -> Cell | None:
     return Cell(f"{m.current_distance / 100.0:.1f} m below", m.current_distance / 100.0)
 
 
-def battery(m: Any, known: RowContext) -> Cell | None:
+def battery(m: Any, context: RowContext) -> Cell | None:
     cells_mv = [mv for mv in (*m.voltages, *m.voltages_ext) if mv not in (0, _UNKNOWN_U16)]
     return _battery(
         sum(cells_mv) / 1e3 if cells_mv else None, m.current_battery, m.battery_remaining
     )
 
 
-def battery_of_status(m: Any, known: RowContext) -> Cell | None:
+def battery_of_status(m: Any, context: RowContext) -> Cell | None:
     volts = None if m.voltage_battery == _UNKNOWN_U16 else m.voltage_battery / 1e3
     return _battery(volts, m.current_battery, m.battery_remaining)
 
 
 def _battery(volts: float | None, centiamperes: int, percent: int) -> Cell | None:
     amperes = None if centiamperes == -1 else centiamperes / 100.0
-    left = None if percent == -1 else percent
+    remaining_pct = None if percent == -1 else percent
     parts = [
         f"{volts:.2f} V" if volts is not None else "",
         f"{amperes:.1f} A" if amperes is not None else "",
     ]
-    parts.append(f"{left} % left" if left is not None else "")
+    parts.append(f"{remaining_pct} % left" if remaining_pct is not None else "")
     if not any(parts):
         return None
-    value = {"voltage_v": volts, "current_a": amperes, "remaining_pct": left}
-    return Cell(", ".join(filter(None, parts)), value, left is not None and left < 20)
+    value = {"voltage_v": volts, "current_a": amperes, "remaining_pct": remaining_pct}
+    return Cell(
+        ", ".join(filter(None, parts)), value, remaining_pct is not None and remaining_pct < 20
+    )
 
 
-def mission(m: Any, known: RowContext) -> Cell:
+def mission(m: Any, context: RowContext) -> Cell:
     stage = readable_name(m.mission_state, "MISSION_STATE") if m.mission_state else ""
     total = m.total if m.total not in (0, _UNKNOWN_U16) else None
     words = (
@@ -208,20 +212,20 @@ def mission(m: Any, known: RowContext) -> Cell:
     return Cell(words, {"item": m.seq, "items": total, "state": stage or None})
 
 
-def aim(m: Any, known: RowContext) -> Cell:
+def aim(m: Any, context: RowContext) -> Cell:
     words = f"{m.target_bearing % 360:03d} deg, {m.wp_dist} m to go"
     return Cell(words, {"bearing_deg": m.target_bearing % 360, "distance_m": m.wp_dist})
 
 
-def health(m: Any, known: RowContext) -> Cell:
-    """What is there and enabled and not well; the pre-arm check has a line of its own."""
-    wrong = (
+def health(m: Any, context: RowContext) -> Cell:
+    """Return the sensors that are present, enabled and unhealthy, without the pre-arm check."""
+    unhealthy = (
         m.onboard_control_sensors_enabled
         & m.onboard_control_sensors_present
         & ~m.onboard_control_sensors_health
     )
-    wrong &= ~(_EXTENSION_USED | _GEOFENCE | _PREARM)
-    names = [_sensor(bit) for bit in enum_names("MAV_SYS_STATUS_SENSOR") if wrong & bit]
+    unhealthy &= ~(_EXTENSION_USED | _GEOFENCE | _PREARM)
+    names = [_sensor(bit) for bit in enum_names("MAV_SYS_STATUS_SENSOR") if unhealthy & bit]
     if m.onboard_control_sensors_present & _EXTENSION_USED:
         extended = (
             m.onboard_control_sensors_enabled_extended & m.onboard_control_sensors_present_extended
@@ -232,10 +236,10 @@ def health(m: Any, known: RowContext) -> Cell:
             for bit in enum_names("MAV_SYS_STATUS_SENSOR_EXTENDED")
             if extended & bit
         ]
-    return Cell("not well: " + ", ".join(names) if names else "all well", names, bool(names))
+    return Cell("unhealthy: " + ", ".join(names) if names else "all healthy", names, bool(names))
 
 
-def ready(m: Any, known: RowContext) -> Cell | None:
+def ready(m: Any, context: RowContext) -> Cell | None:
     if not m.onboard_control_sensors_present & _PREARM:
         return None
     good = bool(m.onboard_control_sensors_health & _PREARM)
@@ -289,17 +293,20 @@ ROWS: tuple[tuple[str, str, tuple[tuple[str, ReadCell], ...]], ...] = (
     ("mission", "mission", (("MISSION_CURRENT", mission),)),
     ("mission", "aim", (("NAV_CONTROLLER_OUTPUT", aim),)),
 )
-"""(section, label, where to read it: of several messages the first that says something)."""
+"""Section, label and sources of each row; the first source with data is shown."""
 NEVER_STALE = frozenset(("AUTOPILOT_VERSION",))
-"""Messages that are sent once, and do not age."""
+"""Messages that are sent once and do not become stale."""
 
 
-def rows(ears: Receiver, now_s: float) -> list[WatchRow]:
-    """Every line of the view, as things stand."""
-    heartbeat = ears.latest.get("HEARTBEAT")
-    known = RowContext(heartbeat is not None and heartbeat.message.type == _SUBMARINE, ears.modes)
+def rows(receiver: Receiver, now_s: float) -> list[WatchRow]:
+    """Return every line of the view, with present ages."""
+    heartbeat = receiver.latest.get("HEARTBEAT")
+    context = RowContext(
+        heartbeat is not None and heartbeat.message.type == _SUBMARINE, receiver.modes
+    )
     return [
-        _row(section, label, sources, ears.latest, known, now_s) for section, label, sources in ROWS
+        _row(section, label, sources, receiver.latest, context, now_s)
+        for section, label, sources in ROWS
     ]
 
 
@@ -308,50 +315,59 @@ def _row(
     label: str,
     sources: tuple[tuple[str, ReadCell], ...],
     latest: Mapping[str, LatestMessage],
-    known: RowContext,
+    context: RowContext,
     now_s: float,
 ) -> WatchRow:
     for name, reader in sources:
-        heard = latest.get(name)
-        if heard is not None and (seen := reader(heard.message, known)) is not None:
-            age_s = now_s - heard.at_s
+        latest_message = latest.get(name)
+        if (
+            latest_message is not None
+            and (cell := reader(latest_message.message, context)) is not None
+        ):
+            age_s = now_s - latest_message.at_s
             return WatchRow(
-                section, label, seen, age_s, name not in NEVER_STALE and is_stale(heard, now_s)
+                section,
+                label,
+                cell,
+                age_s,
+                name not in NEVER_STALE and is_stale(latest_message, now_s),
             )
     return WatchRow(section, label, None, None, True)
 
 
-def is_stale(heard: LatestMessage, now_s: float) -> bool:
-    """Whether a message has missed its turn several times."""
-    return now_s - heard.at_s > max(STALE_AFTER_S, STALE_AFTER_PERIODS * heard.period_s)
+def is_stale(latest_message: LatestMessage, now_s: float) -> bool:
+    """Return whether a message is overdue by several periods."""
+    return now_s - latest_message.at_s > max(
+        STALE_AFTER_S, STALE_AFTER_PERIODS * latest_message.period_s
+    )
 
 
-def as_json(ears: Receiver, now_s: float) -> dict[str, Any]:
-    """The same for programs: each row with its value and age."""
-    rate_bytes, rate_messages = ears.rates(now_s)
-    heard = {
+def as_json(receiver: Receiver, now_s: float) -> dict[str, Any]:
+    """Return all rows with value and age (s) as JSON values."""
+    rate_bytes, rate_messages = receiver.rates(now_s)
+    row_values = {
         row.label: {
-            "value": row.seen.value,
-            "words": row.seen.words,
+            "value": row.cell.value,
+            "words": row.cell.words,
             "age_s": round(row.age_s or 0.0, 2),
             "stale": row.stale,
         }
-        for row in rows(ears, now_s)
-        if row.seen is not None
+        for row in rows(receiver, now_s)
+        if row.cell is not None
     }
     return {
-        "system": ears.vehicle_id.system if ears.vehicle_id else None,
-        "component": ears.vehicle_id.component if ears.vehicle_id else None,
-        **heard,
+        "system": receiver.vehicle_id.system if receiver.vehicle_id else None,
+        "component": receiver.vehicle_id.component if receiver.vehicle_id else None,
+        **row_values,
         "link": {
-            "address": ears.address,
+            "address": receiver.address,
             "bytes_per_s": round(rate_bytes),
             "messages_per_s": round(rate_messages, 1),
-            "lost_messages": ears.lost_frames,
-            "rejected_messages": ears.rejected_frames,
+            "lost_messages": receiver.lost_frames,
+            "rejected_messages": receiver.rejected_frames,
         },
         "texts": [
-            {"severity": said.severity, "text": said.text, "age_s": round(now_s - said.at_s, 1)}
-            for said in ears.texts
+            {"severity": text.severity, "text": text.text, "age_s": round(now_s - text.at_s, 1)}
+            for text in receiver.texts
         ],
     }

@@ -1,4 +1,4 @@
-"""One session of ``ground watch``: a look, or a live view until Ctrl-C."""
+"""Run ``ground watch``: one snapshot, or a live view until Ctrl-C."""
 
 from pathlib import Path
 from types import FrameType
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 REFRESH_S = 0.2
 VEHICLE_TIMEOUT_S = 5.0
-"""How long one look waits for a vehicle."""
+"""Maximum time that a snapshot waits for a vehicle (s)."""
 LISTEN_S = 3.0
-"""How long it then listens: long enough for what comes every two seconds."""
+"""Time that a snapshot then receives (s); some messages arrive every two seconds only."""
 
 
 def watch(
@@ -36,54 +36,73 @@ def watch(
     prior: str | None = None,
     gains: Path | None = None,
 ) -> None:
-    """Show what is heard at an address; with a ``prior``, also what tests tell of her, with
-    ``gains`` whether she keeps what they promise.
+    """Show the telemetry that is received at an address.
 
-    Raises:
-        AddressError, BadInputError, FailedError: as one would expect of each.
+    Parameters
+    ----------
+    connect : str
+        Address of the link.
+    sign : Path or None
+        File with the signing key.
+    once : bool
+        Whether to print one snapshot instead of the live view.
+    json : bool
+        Whether to print one snapshot as JSON.
+    prior : str, optional
+        Prior for a live estimate from tests.
+    gains : Path, optional
+        Gains file; its predicted performance is compared with the measured one.
+
+    Raises
+    ------
+    AddressError
+        The address is invalid or cannot be opened.
+    InputError
+        The prior, the gains or the key cannot be read.
+    OperationError
+        No vehicle was received for a snapshot.
     """
-    follower = _listeners(prior, gains)
+    listener = _listeners(prior, gains)
     stopped = _Stopped()
     page = console()
     with open_signing(sign) as key:
         transport = open_transport(connect)
         try:
-            ears = Receiver(transport, key)
-            ears.follower = follower
+            receiver = Receiver(transport, key)
+            receiver.listener = listener
             if once or json or not page.is_terminal:
-                _listen_once(ears, stopped)
+                _listen_once(receiver, stopped)
                 if json:
-                    print_result(rows.as_json(ears, wall_s()), "", json)
+                    print_result(rows.as_json(receiver, wall_s()), "", json)
                 else:
-                    page.print(view.draw(ears, wall_s()))
+                    page.print(view.draw(receiver, wall_s()))
             else:
-                _show_live(ears, page, stopped, follower)
+                _show_live(receiver, page, stopped, listener)
         finally:
             transport.close()
 
 
 def _listeners(prior: str | None, gains: Path | None) -> "Listeners | None":
-    """Who makes something of what she tells; nobody unless asked. Raises BadInputError."""
+    """Return the requested listeners, or None. Raises InputError."""
     from ground.live.listeners import Listeners, VisibleListener
 
-    each: list[VisibleListener] = []
+    listeners: list[VisibleListener] = []
     if prior:
-        from ground.live.session import LiveSession as Estimating
+        from ground.live.session import LiveSession
 
-        each.append(Estimating(prior))
+        listeners.append(LiveSession(prior))
     if gains:
         from ground.client.param_file import require_baseline
         from ground.live.performance_monitor import PerformanceMonitor
 
-        each.append(PerformanceMonitor(require_baseline(gains)))
-    found = Listeners(each)
-    found.begin({})
-    return found if each else None
+        listeners.append(PerformanceMonitor(require_baseline(gains)))
+    combined = Listeners(listeners)
+    combined.begin({})
+    return combined if listeners else None
 
 
 class _Stopped:
-    """Turns true at Ctrl-C: a view has nothing that would be lost, so that this is how it properly
-    ends."""
+    """Flag that becomes true at Ctrl-C, the normal end of a live view."""
 
     def __init__(self) -> None:
         self._stopped = False
@@ -96,29 +115,31 @@ class _Stopped:
         self._stopped = True
 
 
-def _listen_once(ears: Receiver, stopped: _Stopped) -> None:
-    """Listen until a vehicle was heard for a while. Raises FailedError when there is none."""
+def _listen_once(receiver: Receiver, stopped: _Stopped) -> None:
+    """Receive from a vehicle for `LISTEN_S`. Raises OperationError without a vehicle."""
     until_s = wall_s() + VEHICLE_TIMEOUT_S
-    ears.listen(REFRESH_S)
-    while ears.vehicle_id is None and wall_s() < until_s and not stopped():
-        ears.listen(REFRESH_S)
-    if ears.vehicle_id is None:
-        raise OperationError(f"no vehicle on {ears.address}: {ears.trouble or ears.why_nothing()}")
+    receiver.listen(REFRESH_S)
+    while receiver.vehicle_id is None and wall_s() < until_s and not stopped():
+        receiver.listen(REFRESH_S)
+    if receiver.vehicle_id is None:
+        raise OperationError(
+            f"no vehicle on {receiver.address}: {receiver.trouble or receiver.diagnosis()}"
+        )
     until_s = wall_s() + LISTEN_S
     while wall_s() < until_s and not stopped():
-        ears.listen(REFRESH_S)
+        receiver.listen(REFRESH_S)
 
 
 def _show_live(
-    ears: Receiver, page: Console, stopped: _Stopped, follower: "Listeners | None"
+    receiver: Receiver, page: Console, stopped: _Stopped, listener: "Listeners | None"
 ) -> None:
     drawn_s = 0.0
     with Live(console=page, auto_refresh=False, screen=True) as live:
         while not stopped():
-            ears.listen(REFRESH_S)
+            receiver.listen(REFRESH_S)
             if wall_s() - drawn_s > REFRESH_S:
                 drawn_s = wall_s()
-                if follower is not None:
-                    follower.poll()
-                told = follower.picture() if follower is not None else None
-                live.update(view.draw(ears, drawn_s, told), refresh=True)
+                if listener is not None:
+                    listener.poll()
+                estimate = listener.picture() if listener is not None else None
+                live.update(view.draw(receiver, drawn_s, estimate), refresh=True)

@@ -1,4 +1,4 @@
-"""The live view: of any vehicle, true to its messages, and calm when nothing comes."""
+"""Live view of any MAVLink vehicle: content, stale values and missing vehicles."""
 
 import io
 import json
@@ -34,41 +34,43 @@ _names = count()
 
 
 class Sea:
-    """A vehicle that says what it is told to, and the ears that listen to it."""
+    """Simulated vehicle connected to a receiver by a memory link."""
 
     def __init__(self) -> None:
         name = f"memory:watch-{next(_names)}"
         self._ends = open_transport(name), open_transport(name)
-        self.vehicle, self.ears = Endpoint(self._ends[0], 1, 1), Receiver(self._ends[1])
+        self.vehicle, self.receiver = Endpoint(self._ends[0], 1, 1), Receiver(self._ends[1])
 
     def close(self) -> None:
         for end in self._ends:
             end.close()
 
-    def say(self, message: str, **fields: Any) -> None:
-        """One message, zero where nothing is said; and the ears take it."""
+    def send(self, message: str, **fields: Any) -> None:
+        """Send a message, with zeros in all other fields, and let the receiver process it."""
         kind = dialect.by_name(message)
         blank = kind.unpack(b"")._asdict()
         self.vehicle.send(message, **{**blank, **fields})
-        self.ears.listen(0.0)
+        self.receiver.listen(0.0)
 
     def heartbeat(self, **fields: Any) -> None:
-        self.say("HEARTBEAT", **{"type": SUBMARINE, "autopilot": GENERIC, "base_mode": 1, **fields})
+        self.send(
+            "HEARTBEAT", **{"type": SUBMARINE, "autopilot": GENERIC, "base_mode": 1, **fields}
+        )
 
     def rows(self, later_s: float = 0.0) -> dict[str, reading.WatchRow]:
-        return {row.label: row for row in reading.rows(self.ears, time.monotonic() + later_s)}
+        return {row.label: row for row in reading.rows(self.receiver, time.monotonic() + later_s)}
 
-    def words(self, label: str) -> str:
-        seen = self.rows()[label].seen
-        return "" if seen is None else seen.words
+    def text(self, label: str) -> str:
+        cell = self.rows()[label].cell
+        return "" if cell is None else cell.words
 
-    def drawn(self, later_s: float = 0.0) -> str:
+    def screen(self, later_s: float = 0.0) -> str:
         console = Console(width=100, file=io.StringIO())
         with console.capture() as captured:
-            console.print(view.draw(self.ears, time.monotonic() + later_s))
+            console.print(view.draw(self.receiver, time.monotonic() + later_s))
         return captured.get()
 
-    def heard(self) -> list[str]:
+    def received_names(self) -> list[str]:
         return [frame.name for _ in range(5) for frame in self.vehicle.receive()]
 
 
@@ -78,38 +80,40 @@ def sea() -> Iterator[Sea]:
         yield sea
 
 
-def test_depth_is_told_of_a_submarine_and_height_of_others(sea: Sea) -> None:
+def test_height_row_shows_depth_for_submarine_only(sea: Sea) -> None:
     sea.heartbeat()
-    sea.say("GLOBAL_POSITION_INT", relative_alt=-4200, hdg=9000)
-    assert sea.words("height") == "4.20 m deep"
+    sea.send("GLOBAL_POSITION_INT", relative_alt=-4200, hdg=9000)
+    assert sea.text("height") == "4.20 m deep"
     sea.heartbeat(type=QUADROTOR)
-    assert sea.words("height") == "-4.2 m up"
+    assert sea.text("height") == "-4.2 m up"
 
 
-def test_listen_reads_what_has_arrived_before_it_judges(sea: Sea) -> None:
-    """One call reads the heartbeat that waits behind other messages; memory links queue ten
-    datagrams."""
+def test_listen_reads_all_queued_messages(sea: Sea) -> None:
+    """One call reads a heartbeat that is queued behind other messages.
+
+    Memory links queue ten datagrams.
+    """
     for n in range(8):
         sea.vehicle.send("STATUSTEXT", severity=6, text=f"text {n}")
     fields = {"base_mode": 1, "custom_mode": 0, "system_status": 4, "mavlink_version": 3}
     sea.vehicle.send("HEARTBEAT", type=SUBMARINE, autopilot=GENERIC, **fields)
-    sea.ears.listen(0.0)
-    assert sea.ears.vehicle_id == (1, 1)
+    sea.receiver.listen(0.0)
+    assert sea.receiver.vehicle_id == (1, 1)
 
 
-def test_a_value_goes_stale_by_its_own_period(sea: Sea) -> None:
+def test_value_becomes_stale_after_several_of_its_periods(sea: Sea) -> None:
     sea.heartbeat()
-    sea.say("VFR_HUD", airspeed=1.3)
+    sea.send("VFR_HUD", airspeed=1.3)
     assert not sea.rows()["speed"].stale
     assert sea.rows(later_s=4.0)["speed"].stale
-    assert "4 s ago" in sea.drawn(later_s=4.0)
-    assert "no heartbeat for 4 s" in sea.drawn(later_s=4.0)
+    assert "4 s ago" in sea.screen(later_s=4.0)
+    assert "no heartbeat for 4 s" in sea.screen(later_s=4.0)
     slow = reading.LatestMessage(None, 0.0, 5.0)
     assert not reading.is_stale(slow, 14.0)
     assert reading.is_stale(slow, 16.0)
 
 
-def test_a_leak_and_a_sick_gyro_are_alarming_and_named(sea: Sea) -> None:
+def test_unhealthy_sensors_are_named_with_alarm(sea: Sea) -> None:
     sea.heartbeat()
     bits = GYRO | EXTENSION
     well = {
@@ -120,9 +124,9 @@ def test_a_leak_and_a_sick_gyro_are_alarming_and_named(sea: Sea) -> None:
         "onboard_control_sensors_enabled_extended": LEAK,
         "onboard_control_sensors_health_extended": LEAK,
     }
-    sea.say("SYS_STATUS", **well)
-    assert sea.rows()["health"].seen == ("all well", [], False)
-    sea.say(
+    sea.send("SYS_STATUS", **well)
+    assert sea.rows()["health"].cell == ("all healthy", [], False)
+    sea.send(
         "SYS_STATUS",
         **{
             **well,
@@ -130,7 +134,7 @@ def test_a_leak_and_a_sick_gyro_are_alarming_and_named(sea: Sea) -> None:
             "onboard_control_sensors_health_extended": 0,
         },
     )
-    assert sea.rows()["health"].seen == ("not well: 3d gyro, leak", ["3d gyro", "leak"], True)
+    assert sea.rows()["health"].cell == ("unhealthy: 3d gyro, leak", ["3d gyro", "leak"], True)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +148,7 @@ def test_a_leak_and_a_sick_gyro_are_alarming_and_named(sea: Sea) -> None:
         (ARDUPILOT, QUADROTOR, 999, "mode 999"),
     ],
 )
-def test_modes_that_a_vehicle_does_not_list_are_called_as_their_makers_do(
+def test_unlisted_mode_has_published_or_installed_name(
     sea: Sea,
     autopilot_id: int,
     kind: int,
@@ -155,60 +159,60 @@ def test_modes_that_a_vehicle_does_not_list_are_called_as_their_makers_do(
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     sea.heartbeat(autopilot=autopilot_id, type=kind, custom_mode=number)
-    assert sea.words("mode") == name
+    assert sea.text("mode") == name
     (tmp_path / ".pymavlink").mkdir()
     (tmp_path / ".pymavlink" / "custom_mode_map.json").write_text(
         json.dumps({str(kind): {str(number): "OWN"}})
     )
-    assert sea.words("mode") == "OWN"
-    assert mode_names.name(sea.ears.latest["HEARTBEAT"].message, {number: "LISTED"}) == "LISTED"
+    assert sea.text("mode") == "OWN"
+    assert mode_names.name(sea.receiver.latest["HEARTBEAT"].message, {number: "LISTED"}) == "LISTED"
 
 
-def test_the_vehicles_own_list_of_modes_is_asked_for_and_used(sea: Sea) -> None:
+def test_mode_list_of_vehicle_is_requested_and_used(sea: Sea) -> None:
     sea.heartbeat(custom_mode=65536)
-    sea.ears.listen(0.0)
-    assert "COMMAND_LONG" in sea.heard()
-    sea.say("AVAILABLE_MODES", number_modes=1, mode_index=1, custom_mode=65536, mode_name="MANUAL")
-    assert sea.words("mode") == "MANUAL"
+    sea.receiver.listen(0.0)
+    assert "COMMAND_LONG" in sea.received_names()
+    sea.send("AVAILABLE_MODES", number_modes=1, mode_index=1, custom_mode=65536, mode_name="MANUAL")
+    assert sea.text("mode") == "MANUAL"
 
 
-def test_a_watcher_is_no_ground_station_to_the_vehicle(sea: Sea) -> None:
-    sea.ears.listen(0.0)
+def test_heartbeat_of_receiver_is_not_of_type_gcs(sea: Sea) -> None:
+    sea.receiver.listen(0.0)
     (heartbeat,) = [frame.decode() for frame in sea.vehicle.receive() if frame.name == "HEARTBEAT"]
     assert heartbeat.type != GCS
 
 
-def test_ground_stations_are_not_taken_for_vehicles_and_that_is_said(sea: Sea) -> None:
+def test_ground_station_is_not_shown_as_vehicle(sea: Sea) -> None:
     sea.heartbeat(type=GCS, autopilot=INVALID)
-    assert sea.ears.vehicle_id is None
-    assert "no vehicle yet" in sea.drawn()
-    assert "MAVLink was received from 1/1" in sea.drawn()
+    assert sea.receiver.vehicle_id is None
+    assert "no vehicle yet" in sea.screen()
+    assert "MAVLink was received from 1/1" in sea.screen()
 
 
-def test_losses_and_texts_are_shown(sea: Sea) -> None:
+def test_lost_frames_and_texts_are_shown(sea: Sea) -> None:
     sea.heartbeat()
     for _ in range(3):
         sea.vehicle.encode_values(
             dialect.by_name("HEARTBEAT"), (0, 12, 0, 1, 3, 3)
-        )  # three that never leave
+        )  # encoded, but not sent
     sea.heartbeat()
-    sea.say("STATUSTEXT", severity=0, text="Leak detected")
-    assert "3 (50.0 %)" in sea.drawn()
-    assert "Leak detected" in sea.drawn()
+    sea.send("STATUSTEXT", severity=0, text="Leak detected")
+    assert "3 (50.0 %)" in sea.screen()
+    assert "Leak detected" in sea.screen()
 
 
 @given(
     st.sampled_from(sorted({name for _, _, sources in reading.ROWS for name, _ in sources})),
     st.binary(max_size=255),
 )
-def test_no_message_whatever_its_bytes_upsets_the_view(name: str, payload: bytes) -> None:
+def test_view_accepts_messages_with_arbitrary_bytes(name: str, payload: bytes) -> None:
     with closing(Sea()) as sea:
         sea.heartbeat()
-        sea.ears.latest[name] = reading.LatestMessage(
+        sea.receiver.latest[name] = reading.LatestMessage(
             dialect.by_name(name).unpack(payload), time.monotonic(), 0.0
         )
-        assert "system 1" in sea.drawn()
-        json.dumps(reading.as_json(sea.ears, time.monotonic()))
+        assert "system 1" in sea.screen()
+        json.dumps(reading.as_json(sea.receiver, time.monotonic()))
 
 
 def command(*words: str) -> list[str]:
@@ -216,46 +220,50 @@ def command(*words: str) -> list[str]:
 
 
 @pytest.fixture
-def moored() -> Iterator[str]:
+def vehicle_address() -> Iterator[str]:
     port = free_port()
     with autopilot(f"udpin:127.0.0.1:{free_port()}", f"udpout:127.0.0.1:{port}"):
         yield f"udpin:127.0.0.1:{port}"
 
 
 @pytest.mark.process
-def test_one_look_gives_one_json_object(moored: str) -> None:
+def test_snapshot_prints_one_json_object(vehicle_address: str) -> None:
     done = subprocess.run(
-        command("--connect", moored, "--json"), capture_output=True, text=True, check=True
+        command("--connect", vehicle_address, "--json"), capture_output=True, text=True, check=True
     )
-    told = json.loads(done.stdout)
-    assert (told["system"], told["mode"]["value"], told["armed"]["value"]) == (1, "HOLD", False)
-    assert told["identity"]["value"] == {"type": "submarine", "autopilot": "generic"}
+    snapshot = json.loads(done.stdout)
+    assert (snapshot["system"], snapshot["mode"]["value"], snapshot["armed"]["value"]) == (
+        1,
+        "HOLD",
+        False,
+    )
+    assert snapshot["identity"]["value"] == {"type": "submarine", "autopilot": "generic"}
 
 
 @pytest.mark.process
-def test_the_live_view_ends_cleanly_at_ctrl_c(moored: str) -> None:
+def test_live_view_ends_without_error_at_ctrl_c(vehicle_address: str) -> None:
     master, terminal = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100", "LINES": "40"}
     with subprocess.Popen(
-        command("--connect", moored), stdout=terminal, stderr=terminal, env=environment
+        command("--connect", vehicle_address), stdout=terminal, stderr=terminal, env=environment
     ) as child:
         os.close(terminal)
-        drawn = b""
-        while b"HOLD" not in drawn:
-            drawn += os.read(master, 65_536)
+        output = b""
+        while b"HOLD" not in output:
+            output += os.read(master, 65_536)
         child.send_signal(signal.SIGINT)
         try:
             while part := os.read(master, 65_536):
-                drawn += part
-        except OSError:  # how a pseudo terminal says that nobody holds its other end any more
+                output += part
+        except OSError:  # a pseudo-terminal reports a closed other end as an error
             pass
     os.close(master)
     assert child.returncode == 0
-    assert b"Traceback" not in drawn
+    assert b"Traceback" not in output
 
 
 @pytest.mark.process
-def test_a_look_at_nothing_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_snapshot_without_vehicle_gives_one_error_line(monkeypatch: pytest.MonkeyPatch) -> None:
     done = subprocess.run(
         command("--connect", f"udpin:127.0.0.1:{free_port()}", "--once"),
         capture_output=True,

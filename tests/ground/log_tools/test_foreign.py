@@ -1,4 +1,4 @@
-"""Logs of other vehicles through ground's own commands."""
+"""Logs in other formats with ``ground log`` and ``ground refit``."""
 
 import csv
 import json
@@ -16,13 +16,13 @@ from tests.sysid.data.readers import files
     ("name", "attitude"),
     [("a.tlog", "/mavlink/1/1/ATTITUDE"), ("a.bin", "ATT"), ("a.ulg", "vehicle_attitude")],
 )
-def test_info_and_export(tmp_path: Path, name: str, attitude: str) -> None:
+def test_other_log_is_inspected_and_exported(tmp_path: Path, name: str, attitude: str) -> None:
     path = {"a.tlog": files.tlog, "a.bin": files.dataflash, "a.ulg": files.ulog}[name](
         tmp_path / name
     )
-    told = json.loads(CliRunner().invoke(app, ["log", "info", str(path), "--json"]).stdout)
-    assert told["topics"][attitude] == files.SECONDS * files.RATE_HZ
-    assert told["lost_frames"] is None
+    info = json.loads(CliRunner().invoke(app, ["log", "info", str(path), "--json"]).stdout)
+    assert info["topics"][attitude] == files.SECONDS * files.RATE_HZ
+    assert info["lost_frames"] is None
     exported = CliRunner().invoke(
         app, ["log", "export", str(path), "--out", str(tmp_path / "csv"), "--json"]
     )
@@ -42,7 +42,7 @@ def test_info_and_export(tmp_path: Path, name: str, attitude: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (["--segment", "1..2:fin"], r"--segment 1\.\.2:fin: give \[LOG:\]START\.\.STOP:rudder"),
         (["--segment", "b.ulg:1..2:rudder"], r"run 1\.\.2: b\.ulg is none of the logs a\.ulg"),
@@ -54,7 +54,7 @@ def test_info_and_export(tmp_path: Path, name: str, attitude: str) -> None:
         ([], r"a\.ulg: no test found"),
     ],
 )
-def test_bad_input_is_named(tmp_path: Path, options: list[str], said: str) -> None:
+def test_invalid_option_gives_clear_error(tmp_path: Path, options: list[str], message: str) -> None:
     path = files.ulog(tmp_path / "a.ulg", texts=False)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         CliRunner().invoke(app, ["refit", str(path), *options], catch_exceptions=False)

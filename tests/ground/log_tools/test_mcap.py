@@ -1,4 +1,4 @@
-"""What ``ground log`` says of damaged logs."""
+"""``ground log`` with damaged and unfinished logs."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,7 @@ from tests.sysid.data.readers import test_damage as damaged
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """A log whose second chunk is damaged in its middle."""
+    """Log with damage in the middle of its second chunk."""
     path = damaged.write_own(tmp_path / "dive.mcap")
     data = bytearray(path.read_bytes())
     second = data.index(b"zstd", data.index(b"zstd") + 4)
@@ -30,19 +30,19 @@ def run(*words: str) -> Any:
 
 
 def test_info_reports_damage_with_its_time_range(log: Path) -> None:
-    found = run("info", str(log))
-    (damage,) = found["damage"]
+    result = run("info", str(log))
+    (damage,) = result["damage"]
     assert damage.startswith("chunk at byte ")
     assert " s of the log are lost)" in damage
     lines = CliRunner().invoke(app, ["log", "info", str(log)]).stdout.splitlines()
     assert lines[-1] == f"  damaged   {damage}"
 
 
-def test_info_of_a_whole_log_reports_no_damage(tmp_path: Path) -> None:
+def test_info_of_intact_log_reports_no_damage(tmp_path: Path) -> None:
     assert run("info", str(damaged.write_own(tmp_path / "dive.mcap")))["damage"] == []
 
 
-def test_export_of_a_damaged_log_is_refused(log: Path, tmp_path: Path) -> None:
+def test_export_of_damaged_log_is_refused(log: Path, tmp_path: Path) -> None:
     with pytest.raises(
         mcap.McapFileError, match=r"dive\.mcap: is damaged: chunk at byte .*log recover"
     ):
@@ -50,21 +50,21 @@ def test_export_of_a_damaged_log_is_refused(log: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "csv").exists()
 
 
-def test_recover_saves_what_is_whole_and_names_the_rest(log: Path, tmp_path: Path) -> None:
+def test_recover_saves_intact_messages_and_lists_damage(log: Path, tmp_path: Path) -> None:
     whole = damaged.write_own(tmp_path / "whole.mcap")
     saved = run("recover", str(log), "--out", str(tmp_path / "saved.mcap"))
     lost = mcap.info(whole)["messages"] - saved["messages"]
-    assert 100 < lost < 250  # a chunk holds 150 messages and their views
+    assert 100 < lost < 250  # a chunk contains 150 messages and their views
     assert len(saved["damage"]) == 1
-    read, sound = identification.read(tmp_path / "saved.mcap"), identification.read(whole)
-    assert 0 < read.attitude.time_s.size < sound.attitude.time_s.size
-    assert set(read.attitude.r_radps) <= set(sound.attitude.r_radps)
-    assert read.parameters == sound.parameters
+    recovered, intact = identification.read(tmp_path / "saved.mcap"), identification.read(whole)
+    assert 0 < recovered.attitude.time_s.size < intact.attitude.time_s.size
+    assert set(recovered.attitude.r_radps) <= set(intact.attitude.r_radps)
+    assert recovered.parameters == intact.parameters
 
 
-def test_recover_of_a_file_of_another_kind_leaves_nothing(tmp_path: Path) -> None:
+def test_recover_of_other_file_leaves_no_output(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"no log at all, but long enough")
-    with pytest.raises(mcap.McapFileError, match=r"a\.mcap: no readable MCAP file"):
+    with pytest.raises(mcap.McapFileError, match=r"a\.mcap: not a readable MCAP file"):
         mcap.recover(tmp_path / "a.mcap", tmp_path / "saved.mcap")
     assert not (tmp_path / "saved.mcap").exists()
 
