@@ -1,9 +1,9 @@
-"""What every test keeps off, the state directory of whoever runs it; and the examples of
-properties.
+"""State directory of programs under test, and Hypothesis profiles.
 
-A checkout always tries the same ones; `make test PYTEST=--hypothesis-profile=search` tries new ones
-each time, and what it finds becomes an ``example`` of its test. None is timed: a kernel compiled on
-first call is no defect."""
+The default profile always tries the same examples. The profile ``search``
+(`make test PYTEST=--hypothesis-profile=search`) tries new ones; add a failing one to its test as an
+``example``. No example has a deadline: the first call may compile a kernel.
+"""
 
 import os
 from collections.abc import Iterator
@@ -19,12 +19,12 @@ settings.load_profile("repeatable")
 
 @pytest.fixture(autouse=True, scope="session")
 def _state_directory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Programs under test keep their logs and keys in a folder of this run."""
+    """Set XDG_STATE_HOME to a temporary folder, so that no test writes to the user's."""
     folder = tmp_path_factory.mktemp("state")
-    kept = os.environ.get("XDG_STATE_HOME")
+    previous = os.environ.get("XDG_STATE_HOME")
     os.environ["XDG_STATE_HOME"] = str(folder)
     yield folder
-    if kept is None:
+    if previous is None:
         del os.environ["XDG_STATE_HOME"]
     else:
-        os.environ["XDG_STATE_HOME"] = kept
+        os.environ["XDG_STATE_HOME"] = previous

@@ -139,7 +139,7 @@ def test_the_words_hold_figures_legs_and_verdict() -> None:
     )
     page = simulation.format_text([told], "square")
     for expected in (
-        "square, by 9 vehicles",
+        "square: 9 vehicles sampled from the model",
         "x1.5",
         "5.0",
         "7.0",
