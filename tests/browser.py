@@ -88,7 +88,7 @@ class Page:
         return int(self.run("return document.documentElement.scrollWidth"))
 
     def run(self, script: str) -> Any:
-        """Return what a piece of JavaScript returns."""
+        """Run a piece of JavaScript and return its result."""
         return self._driver.execute_script(script)
 
     def errors(self) -> list[str]:

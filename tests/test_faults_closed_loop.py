@@ -1,5 +1,4 @@
-"""Every fault that can be, in a dive under way: what she finds out, what she does, and that she
-lives through it."""
+"""Every fault of the catalogue during a dive: detection, messages, reaction and recovery."""
 
 import math
 from typing import Any, NamedTuple
@@ -17,7 +16,7 @@ from sitl.core import plant, timestep
 from sitl.faults.catalogue import CATALOGUE
 from sitl.vehicle import config as vehicles
 
-FROM_S, END_S, SAMPLE_TICKS = 12.0, 42.0, 5
+FAULT_START_S, END_S, SAMPLE_TICKS = 12.0, 42.0, 5
 SIZES: dict[str, dict[str, float]] = {
     "rudder stuck": {"angle_deg": 15.0},
     "elevator stuck": {"angle_deg": 15.0},
@@ -33,7 +32,7 @@ SIZES: dict[str, dict[str, float]] = {
     "ballast added": {"mass_kg": 5.0, "x_m": 0.5, "y_m": 0.1},
     "ballast shifted": {"mass_kg": 5.0, "y_m": 0.2},
 }
-TOLD = {
+DETECTED = {
     **{
         f"{unit} {kind}": f"{name} {what}"
         for unit, name in (
@@ -73,9 +72,10 @@ TOLD = {
     "elevator stuck": "Duct does not follow",
     "leak wet": "Leak detected",
 }
-"""What she finds out by herself; a consistent lie, and what stays within the noise, nobody can tell
-on board."""
-PERHAPS = {
+"""STATUSTEXT of each fault that is always detected.
+
+A consistent error, or one within the noise, cannot be detected on the vehicle."""
+MAYBE_DETECTED = {
     "gps intermittent": "GPS silent",
     "dvl intermittent": "DVL silent",
     "altimeter intermittent": "Altimeter silent",
@@ -83,7 +83,7 @@ PERHAPS = {
     "rudder off": "Duct does not follow",
     "elevator off": "Duct does not follow",
 }
-"""What she may find out, by how long an outage lasts or how much duct was asked for."""
+"""STATUSTEXT of each fault whose detection depends on the outage time or the duct command."""
 SUBJECT = {
     "gyro": "Gyro",
     "accelerometer": "Accelerometer",
@@ -98,11 +98,12 @@ SUBJECT = {
     "rudder": "Duct",
     "elevator": "Duct",
 }
-EVERY = [f"{unit} {kind}" for unit, kinds in CATALOGUE.items() for kind in kinds]
+"""Name of each unit in STATUSTEXTs."""
+ALL_FAULTS = [f"{unit} {kind}" for unit, kinds in CATALOGUE.items() for kind in kinds]
 DEVICES = ("gps", "dvl", "altimeter", "battery", "leak", "encoder")
-"""No loop leans on these: their faults share one voyage, each kind on all of them at once."""
-LASTING_S = {**dict.fromkeys(CATALOGUE, 8.0), **dict.fromkeys(DEVICES, 15.0)}
-LONG = {
+"""Units that no control loop needs: one dive tests each kind of fault on all of them at once."""
+DURATION_S = {**dict.fromkeys(CATALOGUE, 8.0), **dict.fromkeys(DEVICES, 15.0)}
+LONG_FAULTS = {
     "gyro off",
     "magnetometer off",
     "accelerometer off",
@@ -110,28 +111,28 @@ LONG = {
     *(f"{u} intermittent" for u in CATALOGUE),
 }
 LONG_S, REST_S, TAIL_REST_S = 15.0, 8.0, 16.0
-"""A tail that was astray swings for a while after it is mended."""
+"""Durations: of long faults, and without faults after one (longer after faults of the tail)."""
 MISLEADING = ("wrong", "drifting")
-"""Last of all: they leave the estimate where it takes minutes to come back from."""
+"""Kinds tested last: the estimate needs minutes to recover from them."""
 
 
 class Window(NamedTuple):
-    """When a fault of a voyage lasts, and until when nothing else happens after it."""
+    """Start and end of a fault, and end of the time without faults after it."""
 
     from_s: float
     until_s: float
-    rested_s: float
+    recovered_s: float
 
 
 def timetable(units: tuple[str, ...]) -> dict[str, Window]:
-    """One kind of fault after the other, each on all of the units that know it."""
+    """Return the time of each fault: one kind after the other, on all units that have it."""
     windows: dict[str, Window] = {}
-    from_s, rest_s = FROM_S, TAIL_REST_S if units[0] in ("rudder", "elevator") else REST_S
+    from_s, rest_s = FAULT_START_S, TAIL_REST_S if units[0] in ("rudder", "elevator") else REST_S
     kinds = dict.fromkeys(kind for unit in units for kind in CATALOGUE[unit])
     for kind in sorted(kinds, key=MISLEADING.__contains__):
         names = [f"{unit} {kind}" for unit in units if kind in CATALOGUE[unit]]
         until_s = from_s + max(
-            LONG_S if name in LONG else LASTING_S[name.split()[0]] for name in names
+            LONG_S if name in LONG_FAULTS else DURATION_S[name.split()[0]] for name in names
         )
         windows |= dict.fromkeys(names, Window(from_s, until_s, until_s + rest_s))
         from_s = until_s + rest_s
@@ -141,10 +142,13 @@ def timetable(units: tuple[str, ...]) -> dict[str, Window]:
 TIMETABLES = {unit: timetable(DEVICES if unit in DEVICES else (unit,)) for unit in CATALOGUE}
 
 
-TELL_ONLY = {"FS_LEAK_ACT": 0.0, "FS_PRESS_ACT": 0.0, "FS_BATT_ACT": 0.0}
+REPORT_ONLY = {"FS_LEAK_ACT": 0.0, "FS_PRESS_ACT": 0.0, "FS_BATT_ACT": 0.0}
+"""Parameters with which the failsafes send a STATUSTEXT and take no action."""
 
 
 class Voyage(NamedTuple):
+    """History of a dive: columns by name at 10 Hz, events with time (s), final state."""
+
     columns: dict[str, Any]
     events: list[tuple[float, Event | ItemReached]]
     state: Any
@@ -154,7 +158,7 @@ class Voyage(NamedTuple):
         return self.columns[name][(t_s >= from_s) & (t_s < until_s)]
 
     def texts(self, from_s: float = 0.0, until_s: float = math.inf) -> list[str]:
-        """What she complained of and took back, and what she did."""
+        """Return the STATUSTEXTs of an interval except those on arming and modes."""
         texts = [
             event.text
             for t_s, event in self.events
@@ -163,56 +167,59 @@ class Voyage(NamedTuple):
         return [text for text in texts if not text.startswith(("Armed", "Mode"))]
 
 
-def sail(
-    *rows: dict[str, Any],
+def simulate(
+    *faults: dict[str, Any],
     values: dict[str, float] | None = None,
     end_s: float = END_S,
     depth_m: float | None = 5.0,
 ) -> Voyage:
-    """Hold depth 6 m and heading 10 deg under way, from 5 m and north; or lie at the surface,
-    disarmed."""
-    config = params.config(TELL_ONLY if values is None else values)
+    """Return a dive with faults: depth 6 m, heading 10 deg, from 5 m heading north.
+
+    With `depth_m` None the vehicle lies disarmed at the surface.
+    """
+    config = params.config(REPORT_ONLY if values is None else values)
     vehicle = vehicles.load("caribou_truth")
     vehicle = msgspec.structs.replace(
         vehicle, instruments=msgspec.structs.replace(vehicle.instruments, encoder="as5048")
     )
     calm = scenario.load("calm")
     start = msgspec.structs.replace(calm.start, depth_m=depth_m, speed_mps=1.2 if depth_m else 0.0)
-    sea = plant.build(vehicle, msgspec.structs.replace(calm, start=start, fault=rows))
+    sea = plant.build(vehicle, msgspec.structs.replace(calm, start=start, fault=faults))
     rng = plant.random_streams(5)
-    body, said = plant.initial_state(sea, rng)
-    state, events, told = core.initial_state(), [], []
+    body, outputs = plant.initial_state(sea, rng)
+    state, events, rows = core.initial_state(), [], []
     for tick in range(round(end_s * 50)):
         inputs = Inputs(
-            said.frame,
-            said.gps,
-            said.altimeter,
+            outputs.frame,
+            outputs.gps,
+            outputs.altimeter,
             None,
             None,
-            said.dvl,
-            said.battery,
-            said.leak,
-            said.duct,
+            outputs.dvl,
+            outputs.battery,
+            outputs.leak,
+            outputs.duct,
         )
-        state, frame, trace, heard = core.tick(state, inputs, config)
-        events += [(tick * timestep.TICK_S, event) for event in heard]
+        state, frame, trace, new_events = core.tick(state, inputs, config)
+        events += [(tick * timestep.TICK_S, event) for event in new_events]
         if tick == 5 and depth_m:
-            for wish in (
+            for request in (
                 requests.SetMode(modes.DEPTH.number),
                 requests.Arm(),
                 requests.ChangeTarget(6.0, math.radians(10.0), 0.58),
             ):
-                state, answer, _ = request_handler.handle_request(state, wish, config)
+                state, answer, _ = request_handler.handle_request(state, request, config)
                 assert answer.result == 0, answer.text
         if tick % SAMPLE_TICKS == 0:
-            told.append(_told(tick, body, said, state, trace))
-        body, said = plant.step(sea, body, frame, rng)
-    names = told[0].keys()
-    return Voyage({name: np.array([row[name] for row in told]) for name in names}, events, state)
+            rows.append(_row(tick, body, outputs, state, trace))
+        body, outputs = plant.step(sea, body, frame, rng)
+    names = rows[0].keys()
+    return Voyage({name: np.array([row[name] for row in rows]) for name in names}, events, state)
 
 
-def _told(tick: int, body: Any, said: Any, state: Any, trace: Any) -> dict[str, Any]:
-    truth, at = body.truth, state.estimate
+def _row(tick: int, body: Any, outputs: Any, state: Any, trace: Any) -> dict[str, Any]:
+    """Return one row of the history: truth, estimate, commands and faults."""
+    truth, estimate = body.truth, state.estimate
     roll, pitch, heading = euler_from_quaternion(*truth.attitude_q)
     return {
         "t_s": tick * timestep.TICK_S,
@@ -220,59 +227,69 @@ def _told(tick: int, body: Any, said: Any, state: Any, trace: Any) -> dict[str, 
         "pitch": pitch,
         "heading": heading,
         "depth_m": truth.position_ned_m[2],
-        "seen_depth_m": at.depth_m,
-        "seen_heading": at.heading_rad,
+        "estimated_depth_m": estimate.depth_m,
+        "estimated_heading": estimate.heading_rad,
         "rudder": truth.rudder_rad,
         "elevator": truth.elevator_rad,
-        "asked_rudder": trace.rudder_rad,
-        "asked_elevator": trace.elevator_rad,
+        "rudder_command": trace.rudder_rad,
+        "elevator_command": trace.elevator_rad,
         "rps": truth.propeller_rps,
         "rates": truth.rates_radps,
         "surge_mps": rotate_back(truth.attitude_q, truth.velocity_ned_mps)[0],
         "faults": "; ".join(truth.faults),
-        "fresh": said.frame.fields_updated,
+        "fresh": outputs.frame.fields_updated,
         "finite": all(
             map(
                 math.isfinite,
-                (*at.attitude, at.depth_m, at.depth_rate_mps, at.p_radps, trace.rudder_rad),
+                (
+                    *estimate.attitude,
+                    estimate.depth_m,
+                    estimate.depth_rate_mps,
+                    estimate.p_radps,
+                    trace.rudder_rad,
+                ),
             )
         ),
-        "wrong": "; ".join(monitor.active_faults(state.health)),
+        "active_faults": "; ".join(monitor.active_faults(state.health)),
     }
 
 
-def fault(name: str, from_s: float = FROM_S, until_s: float = FROM_S + 15.0) -> dict[str, Any]:
+def fault(
+    name: str, from_s: float = FAULT_START_S, until_s: float = FAULT_START_S + 15.0
+) -> dict[str, Any]:
+    """Return a fault of the catalogue as a row of a scenario."""
     unit, kind = name.split()
     return {"unit": unit, "kind": kind, "at_s": from_s, "until_s": until_s, **SIZES.get(name, {})}
 
 
 @pytest.fixture(scope="module")
-def sound() -> Voyage:
-    return sail()
+def faultless() -> Voyage:
+    """Dive without faults."""
+    return simulate()
 
 
 @pytest.fixture(scope="module")
 def voyages() -> dict[str, Voyage]:
-    """The voyage of every unit's faults, sailed when first asked for; the devices share one."""
+    """Dive with the faults of a unit, simulated at first use; DEVICES share one dive."""
 
-    class Sailed(dict[str, Voyage]):
+    class Simulated(dict[str, Voyage]):
         def __missing__(self, unit: str) -> Voyage:
             windows = TIMETABLES[unit]
             rows = [fault(name, window.from_s, window.until_s) for name, window in windows.items()]
-            voyage = sail(*rows, end_s=max(window.rested_s for window in windows.values()))
+            voyage = simulate(*rows, end_s=max(window.recovered_s for window in windows.values()))
             self.update(dict.fromkeys(DEVICES if unit in DEVICES else (unit,), voyage))
             return voyage
 
-    return Sailed()
+    return Simulated()
 
 
-def test_a_sound_vehicle_complains_of_nothing(sound: Voyage) -> None:
-    assert sound.texts() == []
-    assert abs(sound.columns["depth_m"][-1] - 6.0) < 0.3
+def test_no_fault_sends_no_message(faultless: Voyage) -> None:
+    assert faultless.texts() == []
+    assert abs(faultless.columns["depth_m"][-1] - 6.0) < 0.3
 
 
-@pytest.mark.parametrize("name", EVERY)
-def test_the_truth_tells_the_fault_and_the_vehicle_lives_through_it(
+@pytest.mark.parametrize("name", ALL_FAULTS)
+def test_fault_is_in_ground_truth_and_vehicle_stays_armed(
     name: str, voyages: dict[str, Voyage]
 ) -> None:
     unit = name.split()[0]
@@ -280,41 +297,44 @@ def test_the_truth_tells_the_fault_and_the_vehicle_lives_through_it(
     window = windows[name]
     together = "; ".join(other for other, its in windows.items() if its == window)
     assert set(voyage.between("faults", window.from_s, window.until_s)) == {together}
-    assert set(voyage.between("faults", window.until_s, window.rested_s)) == {""}
+    assert set(voyage.between("faults", window.until_s, window.recovered_s)) == {""}
     assert voyage.columns["finite"].all()
     assert voyage.state.armed
     assert abs(voyage.columns["pitch"]).max() < math.radians(75.0)
 
 
-@pytest.mark.parametrize("name", EVERY)
-def test_what_can_be_found_out_is_told_once_and_taken_back_once(
+@pytest.mark.parametrize("name", ALL_FAULTS)
+def test_detectable_fault_is_reported_once_and_cleared_once(
     name: str, voyages: dict[str, Voyage]
 ) -> None:
     unit = name.split()[0]
     voyage, windows = voyages[unit], TIMETABLES[unit]
     window = windows[name]
     subject = SUBJECT.get(unit, "nothing")
-    neighbours = tuple(
+    simultaneous = tuple(
         SUBJECT[other.split()[0]]
         for other, its in windows.items()
         if its == window and other != name
     )
-    told = [
+    reported = [
         text
-        for text in voyage.texts(window.from_s, window.rested_s)
-        if not text.startswith(neighbours)
+        for text in voyage.texts(window.from_s, window.recovered_s)
+        if not text.startswith(simultaneous)
     ]
-    wanted = TOLD.get(name) or PERHAPS.get(name)
-    if wanted is None or (name in PERHAPS and not told):
-        assert told == []
+    expected = DETECTED.get(name) or MAYBE_DETECTED.get(name)
+    if expected is None or (name in MAYBE_DETECTED and not reported):
+        assert reported == []
         return
-    assert told == [wanted, f"{subject} recovered"]
-    assert any(subject in wrong for wrong in voyage.between("wrong", window.from_s, window.until_s))
-    assert subject not in voyage.between("wrong", window.from_s, window.rested_s)[-1]
+    assert reported == [expected, f"{subject} recovered"]
+    assert any(
+        subject in active
+        for active in voyage.between("active_faults", window.from_s, window.until_s)
+    )
+    assert subject not in voyage.between("active_faults", window.from_s, window.recovered_s)[-1]
 
 
-def test_a_leak_brings_her_up() -> None:
-    voyage = sail(fault("leak wet"), values={"FS_LEAK_ACT": 1.0}, end_s=70.0)
+def test_leak_with_failsafe_surfaces_and_disarms() -> None:
+    voyage = simulate(fault("leak wet"), values={"FS_LEAK_ACT": 1.0}, end_s=70.0)
     assert "Failsafe: Leak detected -> SURFACE" in voyage.texts()
     assert "Surfaced: disarmed" in voyage.texts()
     severities = {
@@ -325,23 +345,23 @@ def test_a_leak_brings_her_up() -> None:
     assert voyage.columns["depth_m"][-1] < 1.0
 
 
-def test_without_a_pressure_sensor_she_stops_and_rises_till_a_satellite_is_seen() -> None:
-    voyage = sail(fault("pressure off", until_s=500.0), values={}, end_s=240.0)
+def test_pressure_lost_rises_unpowered_until_satellite_fix() -> None:
+    voyage = simulate(fault("pressure off", until_s=500.0), values={}, end_s=240.0)
     assert "Failsafe: depth unknown -> SURFACE" in voyage.texts()
     assert voyage.texts()[-1] == "Surfaced by satellite fix: disarmed"
     t_s, rps = voyage.columns["t_s"], voyage.columns["rps"]
-    assert (rps[t_s > FROM_S + 6.0] == 0.0).all()
+    assert (rps[t_s > FAULT_START_S + 6.0] == 0.0).all()
     assert voyage.columns["depth_m"][-1] < 0.5
 
 
-def test_short_gaps_of_the_pressure_sensor_do_not_end_a_dive() -> None:
-    voyage = sail(fault("pressure intermittent"), values={})
+def test_pressure_intermittent_does_not_end_the_dive() -> None:
+    voyage = simulate(fault("pressure intermittent"), values={})
     assert voyage.state.armed
     assert not voyage.state.failsafe
     assert np.abs(voyage.columns["depth_m"][-50:] - 6.0).max() < 0.5
 
 
-def test_a_dive_survives_every_sensor_coming_and_going_at_once(sound: Voyage) -> None:
+def test_all_sensors_intermittent_holds_depth_and_heading(faultless: Voyage) -> None:
     units = (
         "gyro",
         "accelerometer",
@@ -353,54 +373,56 @@ def test_a_dive_survives_every_sensor_coming_and_going_at_once(sound: Voyage) ->
         "battery",
         "encoder",
     )
-    voyage = sail(*(fault(f"{unit} intermittent") | {"share": 0.3} for unit in units), values={})
+    voyage = simulate(
+        *(fault(f"{unit} intermittent") | {"share": 0.3} for unit in units), values={}
+    )
     assert voyage.state.armed
     assert not voyage.state.failsafe
-    assert np.abs(voyage.columns["depth_m"] - sound.columns["depth_m"]).max() < 0.5
-    assert np.degrees(np.abs(voyage.columns["heading"] - sound.columns["heading"])).max() < 6.0
+    assert np.abs(voyage.columns["depth_m"] - faultless.columns["depth_m"]).max() < 0.5
+    assert np.degrees(np.abs(voyage.columns["heading"] - faultless.columns["heading"])).max() < 6.0
 
 
-def test_a_sensor_that_was_silent_is_not_believed_when_it_returns_with_nonsense() -> None:
-    voyage = sail(
+def test_pressure_garbage_after_silence_is_rejected() -> None:
+    voyage = simulate(
         fault("pressure off", 12.0, 14.0),
         fault("pressure garbage", 15.0, 20.0),
         values={"FS_PRESS_S": 20.0},
     )
     assert not voyage.state.failsafe
-    assert np.abs(voyage.columns["seen_depth_m"] - voyage.columns["depth_m"]).max() < 2.0
+    assert np.abs(voyage.columns["estimated_depth_m"] - voyage.columns["depth_m"]).max() < 2.0
 
 
 @pytest.mark.parametrize(
     "name", ["gyro off", "magnetometer off", "accelerometer off", "gyro garbage"]
 )
-def test_she_steers_on_with_what_is_left_of_her_attitude_sensors(
-    name: str, voyages: dict[str, Voyage], sound: Voyage
+def test_attitude_sensor_lost_holds_heading_and_depth(
+    name: str, voyages: dict[str, Voyage], faultless: Voyage
 ) -> None:
     voyage, (from_s, until_s, _) = voyages[name.split()[0]], TIMETABLES[name.split()[0]][name]
-    steady_rad = sound.columns["heading"][-1]
+    steady_rad = faultless.columns["heading"][-1]
     assert np.degrees(np.abs(voyage.between("heading", from_s, until_s) - steady_rad)).max() < 4.0
     assert np.abs(voyage.between("depth_m", until_s - 5.0, until_s) - 6.0).max() < 0.6
 
 
-def test_a_faulty_vehicle_refuses_to_be_armed_and_says_why() -> None:
-    voyage = sail(fault("magnetometer stuck", 0.0, 100.0), depth_m=None, end_s=5.0)
+def test_arm_with_faulty_sensor_is_refused_with_reason() -> None:
+    voyage = simulate(fault("magnetometer stuck", 0.0, 100.0), depth_m=None, end_s=5.0)
     _, answer, _ = request_handler.handle_request(voyage.state, requests.Arm(), params.config({}))
     assert answer.text == "Not armed: Magnetometer stuck"
 
 
 @pytest.mark.parametrize(
-    ("kind", "told"),
+    ("kind", "message"),
     [("stuck", "GPS stuck"), ("garbage", "GPS implausible"), ("off", "GPS silent")],
 )
-def test_satellite_fixes_are_judged_at_the_surface(kind: str, told: str) -> None:
-    voyage = sail(
+def test_gps_fault_at_the_surface_is_reported_and_cleared(kind: str, message: str) -> None:
+    voyage = simulate(
         {"unit": "gps", "kind": kind, "at_s": 5.0, "until_s": 18.0}, depth_m=None, end_s=25.0
     )
-    assert voyage.texts() == [told, "GPS recovered"]
+    assert voyage.texts() == [message, "GPS recovered"]
 
 
-def test_the_same_seed_breaks_the_same_way_and_other_streams_are_left_alone(sound: Voyage) -> None:
-    first, second = (sail(fault("dvl intermittent"), end_s=20.0) for _ in range(2))
+def test_fault_same_seed_is_repeatable_without_side_effects(faultless: Voyage) -> None:
+    first, second = (simulate(fault("dvl intermittent"), end_s=20.0) for _ in range(2))
     for name in ("roll", "depth_m", "heading"):
         assert (first.columns[name] == second.columns[name]).all()
-        assert (first.columns[name] == sound.columns[name][: len(first.columns[name])]).all()
+        assert (first.columns[name] == faultless.columns[name][: len(first.columns[name])]).all()

@@ -1,5 +1,4 @@
-"""What the loops' structure brings the vehicle in the sea: pure functions, the simulator's
-physics."""
+"""Effect of actuator lead, depth reference and learned trims, in closed loop."""
 
 import numpy as np
 import pytest
@@ -17,10 +16,11 @@ DEPTH_LOOP = {
     "DPT_IMAX": 0.08,
 }
 LEAD = {"HDG_P": 0.88, "HDG_D": 2.1, "HDG_I": 0.027, "HDG_IMAX": 0.1, "ACT_LEAD_W": 8.0}
-"""Margins of 9.6 dB and 59 deg with the lag undone; as many without it allow half the gain."""
+"""Gains with actuator lead: 9.6 dB and 59 deg of margin. Without lead they would be half."""
 
 
 def steady_heading_deg(values: dict[str, float], seed: int) -> float:
+    """Return the 95 % quantile of the heading error (deg) in steady flight."""
     dive = Dive(
         leg(depth_m=4.0, heading_deg=0.0, duration_s=160.0),
         sea="disturbed",
@@ -31,7 +31,7 @@ def steady_heading_deg(values: dict[str, float], seed: int) -> float:
     return float(np.quantile(np.abs(np.degrees(dive["true_heading"][steady])), 0.95))
 
 
-def test_a_tailcone_whose_lag_is_undone_holds_heading_better() -> None:
+def test_actuator_lead_reduces_heading_error() -> None:
     plain, lead = (
         [steady_heading_deg(TRIMMED | values, seed) for seed in (1, 2)] for values in ({}, LEAD)
     )
@@ -39,26 +39,25 @@ def test_a_tailcone_whose_lag_is_undone_holds_heading_better() -> None:
 
 
 def depth_step(values: dict[str, float]) -> tuple[float, float]:
-    """(overshoot, seconds until it stays within 15 cm) of a 3 m change of depth."""
+    """Return overshoot (m) and settling time (s, to 15 cm) of a 3 m change of depth."""
     items = leg(depth_m=3.0, heading_deg=0.0, duration_s=80.0) + leg(
         depth_m=6.0, heading_deg=0.0, duration_s=60.0, first=4
     )
     dive = Dive(items, values=TRIMMED | DEPTH_LOOP | values)
     error, t = dive["true_depth_m"] - 6.0, dive["t_s"]
-    begun = t[t > 70.0][np.argmax(error[t > 70.0] > -2.9)]
-    after = (t > begun) & (t < begun + 50.0)
-    return float(error[after].max()), float(t[after][np.abs(error[after]) > 0.15].max() - begun)
+    start_s = t[t > 70.0][np.argmax(error[t > 70.0] > -2.9)]
+    after = (t > start_s) & (t < start_s + 50.0)
+    return float(error[after].max()), float(t[after][np.abs(error[after]) > 0.15].max() - start_s)
 
 
-def test_a_way_in_depth_is_steadier_than_a_step() -> None:
-    stepped, shaped = depth_step({}), depth_step({"DPT_REF_W": 0.3, "DPT_REF_RATE": 0.3})
-    assert shaped[0] < 0.06 * 3.0 < stepped[0]
-    assert shaped[1] < 0.6 * stepped[1]
+def test_depth_reference_overshoots_less_and_settles_sooner() -> None:
+    step, reference = depth_step({}), depth_step({"DPT_REF_W": 0.3, "DPT_REF_RATE": 0.3})
+    assert reference[0] < 0.06 * 3.0 < step[0]
+    assert reference[1] < 0.6 * step[1]
 
 
-def test_trims_are_learned_from_nothing() -> None:
-    """Six degrees of rudder bias that nobody told of, an integrator that could carry one of
-    them."""
+def test_trim_learning_from_zero_finds_the_rudder_bias() -> None:
+    """The rudder bias is 6 deg; the integrator limit allows about 1 deg."""
     values = {"HDG_I": 0.03, "HDG_IMAX": 0.02, "TRIM_AUTO_S": 20.0}
     dive = Dive(leg(depth_m=4.0, heading_deg=0.0, duration_s=300.0), values=values)
     steady = dive.during(250.0, 290.0)
@@ -67,10 +66,10 @@ def test_trims_are_learned_from_nothing() -> None:
     assert abs(np.degrees(np.mean(dive["true_heading"][steady]))) < 0.5
 
 
-def test_trims_learned_with_the_first_gains_hold_the_heading() -> None:
+def test_trim_learning_initial_gains_removes_heading_error() -> None:
     """Table 3's initial gains: HDG_IMAX is 0.57 deg, HDG_P is 0.65, the rudder is 6.05 deg off.
 
-    Reference: (6.05 - 0.57) / 0.65 = 8.4 deg of standing error, of which a trim leaves none.
+    Reference: (6.05 - 0.57) / 0.65 = 8.4 deg of steady error without trim, 0 with it.
     Tolerance: magnetometer and attitude errors of the calm sea, up to 0.2 deg.
     """
     mission = leg(depth_m=3.0, heading_deg=20.0, duration_s=200.0)

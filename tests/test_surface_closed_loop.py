@@ -17,15 +17,18 @@ SEED = 5
 
 
 class Ascent(NamedTuple):
+    """Result of a dive that ends in mode SURFACE."""
+
     texts: list[str]
     armed: bool
     depth_m: float
     """True depth at the end."""
     deepest_m: float
+    """Largest true depth."""
 
 
 def surface(*faults: dict[str, Any], **values: float) -> Ascent:
-    """Under way at 4 m over a floor at 7 m, faults, then mode SURFACE until it has ended."""
+    """Return a dive at 4 m over a floor at 7 m with faults, then mode SURFACE until it ends."""
     config, calm = params.config(values), scenario.load("calm")
     sea = plant.build(
         vehicles.load("caribou_truth"),
@@ -37,27 +40,27 @@ def surface(*faults: dict[str, Any], **values: float) -> Ascent:
         ),
     )
     rng = plant.random_streams(SEED)
-    body, said = plant.initial_state(sea, rng)
+    body, outputs = plant.initial_state(sea, rng)
     state, texts, deepest_m = core.initial_state(), [], 0.0
     surface_tick = round(SURFACE_S / timestep.TICK_S)
     for tick in range(round(LIMIT_S / timestep.TICK_S)):
-        devices = said.dvl, said.battery, said.leak, said.duct
-        inputs = Inputs(said.frame, said.gps, said.altimeter, None, None, *devices)
+        devices = outputs.dvl, outputs.battery, outputs.leak, outputs.duct
+        inputs = Inputs(outputs.frame, outputs.gps, outputs.altimeter, None, None, *devices)
         state, frame, _, events = core.tick(state, inputs, config)
         texts += [event.text for event in events if isinstance(event, Event)]
         deepest_m = max(deepest_m, body.truth.position_ned_m[2])
-        wishes: tuple[requests.Request, ...] = ()
+        pending: tuple[requests.Request, ...] = ()
         if tick == 1:
             level = requests.ChangeTarget(START_M, 0.0, 0.58)
-            wishes = requests.SetMode(modes.DEPTH.number), requests.Arm(), level
+            pending = requests.SetMode(modes.DEPTH.number), requests.Arm(), level
         elif tick == surface_tick:
-            wishes = (requests.SetMode(modes.SURFACE.number),)
-        for wish in wishes:
-            state, answer, _ = request_handler.handle_request(state, wish, config)
+            pending = (requests.SetMode(modes.SURFACE.number),)
+        for request in pending:
+            state, answer, _ = request_handler.handle_request(state, request, config)
             assert answer.result == 0, answer.text
         if tick > surface_tick and not state.armed:
             break
-        body, said = plant.step(sea, body, frame, rng)
+        body, outputs = plant.step(sea, body, frame, rng)
     return Ascent(texts, state.armed, body.truth.position_ned_m[2], deepest_m)
 
 

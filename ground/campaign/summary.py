@@ -60,7 +60,7 @@ def summarise_design(design: Design) -> dict[str, Any]:
             name: _finite_or_none(limit) for name, limit in design.spec._asdict().items()
         },
         "trust": design.robustness and design.robustness._asdict(),
-        "foretold": {
+        "predicted": {
             name: {"mean": e.mean, "rms": e.rms, "p95": e.p95}
             for name, e in design.baseline.predicted.items()
         },

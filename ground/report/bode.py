@@ -1,5 +1,4 @@
-"""Figure 4 of the paper from a bench session: magnitude and phase at several amplitudes, with the
-models."""
+"""Bode plot of a bench test at several amplitudes, as in Figure 4 of the paper."""
 
 from collections.abc import Mapping
 from itertools import cycle
@@ -16,20 +15,34 @@ GREY = "#4b4f55"
 TICKS_HZ = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 
 
-def draw(found: "Mapping[AxisName, AxisBench]", target: Path) -> Path:
-    """Draw into ``target``, a PNG or SVG file."""
-    with mpl_canvas.new_figure(target, (5.6 * len(found), 7.0)) as figure:
-        axes = figure.subplots(2, len(found), sharex=True, sharey="row", squeeze=False)
-        for column, (name, axis) in enumerate(found.items()):
+def draw(bench: "Mapping[AxisName, AxisBench]", target: Path) -> Path:
+    """Draw the measured and modelled actuator response of each axis.
+
+    Parameters
+    ----------
+    bench : Mapping
+        Bench-test result by axis.
+    target : Path
+        PNG or SVG file to write.
+
+    Returns
+    -------
+    Path
+        `target`.
+    """
+    with mpl_canvas.new_figure(target, (5.6 * len(bench), 7.0)) as figure:
+        axes = figure.subplots(2, len(bench), sharex=True, sharey="row", squeeze=False)
+        for column, (name, axis) in enumerate(bench.items()):
             _axis(axes[:, column], name, axis)
         handles, names = axes[0, 0].get_legend_handles_labels()
         figure.legend(
-            handles, names, loc="outside lower center", ncols=2 * len(found), frameon=False
+            handles, names, loc="outside lower center", ncols=2 * len(bench), frameon=False
         )
     return target
 
 
 def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
+    """Draw magnitude (dB) and phase (deg) of one axis over frequency (Hz)."""
     import numpy as np
 
     from sysid.models import actuator
@@ -45,14 +58,14 @@ def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
         min(p.frequency_hz for p in axis.points), max(p.frequency_hz for p in axis.points), 200
     )
     for model, line, label in (
-        (axis.model.axis, "-", "fitted, small motion"),
+        (axis.model.axis, "-", "fitted, linear"),
         (actuator.PAPER, ":", "the paper's model"),
     ):
         _small_motion(magnitude, phase, hz, model, line, label)
-    magnitude.plot([], [], "--", color=GREY, linewidth=1.1, label="fitted, under the same commands")
+    magnitude.plot([], [], "--", color=GREY, linewidth=1.1, label="fitted, same commands")
     magnitude.axhline(-3.0, color=GREY, linewidth=0.6, linestyle=(0, (1, 3)))
     magnitude.set_title(name, loc="left")
-    magnitude.set_ylabel("duct over command, dB")
+    magnitude.set_ylabel("duct angle over command, dB")
     phase.set_ylabel("phase, deg")
     phase.set_xlabel("Hz")
     for panel in panels:
@@ -65,7 +78,7 @@ def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
 def _amplitude(
     magnitude: Any, phase: Any, points: "list[FrequencyPoint]", label: str, color: str
 ) -> None:
-    """Circles are measured, dashes the fitted model under the same commands."""
+    """Draw the measured points of one amplitude (circles) and the fitted model (dashes)."""
     import numpy as np
 
     hz = [p.frequency_hz for p in points]
@@ -79,6 +92,7 @@ def _amplitude(
 
 
 def _small_motion(magnitude: Any, phase: Any, hz: Any, model: Any, line: str, label: str) -> None:
+    """Draw the response of the linear part of a model."""
     import numpy as np
 
     from sysid.estimation import bench_test

@@ -1,4 +1,4 @@
-// Draws every chart in the theme's colours, and again when the theme or the kind of screen changes.
+// Draw every chart in the theme's colours; redraw when the theme or the screen width changes.
 const charts = JSON.parse(document.getElementById("charts").textContent);
 const theme = () => {
   const style = getComputedStyle(document.documentElement);

@@ -1,5 +1,7 @@
-"""Figures as Plotly's JSON. Colours are names of roles: the page's script gives them the
-theme's."""
+"""Plotly JSON of the report's charts.
+
+Each trace has a role; the page's script sets the colour of each role from the theme.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,7 +17,7 @@ Chart = dict[str, Any]
 
 
 def figure_chart(figure: Figure) -> Chart:
-    """Stacked panels with one legend and one x axis."""
+    """Return stacked panels with one legend and one x axis."""
     count = len(figure.panels)
     height = (1.0 - _GAP * (count - 1)) / count
     layout: dict[str, Any] = {"height": PANEL_HEIGHT_PX * count + 70}
@@ -44,8 +46,7 @@ def figure_chart(figure: Figure) -> Chart:
 
 
 def estimates_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
-    """Each coefficient over its prior value, with one standard deviation before and after the
-    tests."""
+    """Return each coefficient over its prior value, with its standard deviations."""
     free = {name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["prior"] != 0}
     names = [tables.symbol(name) for name in free]
 
@@ -79,15 +80,14 @@ def estimates_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
     )
     layout = {
         "height": 360,
-        "yaxis": {"title": {"text": "value over the initial value"}},
+        "yaxis": {"title": {"text": "value over prior value"}},
         "xaxis": {"type": "category"},
     }
     return {"data": [before, after], "layout": layout}
 
 
 def posterior_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
-    """Posterior over prior standard deviation of each coefficient; beyond the line it was not
-    measured."""
+    """Return posterior over prior standard deviation; above the line the prior is kept."""
     from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
 
     free = {
@@ -108,7 +108,7 @@ def posterior_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
         }
         for label, role, measured in (
             ("measured", "redesigned", True),
-            ("the prior's", "initial", False),
+            ("prior", "initial", False),
         )
     ]
     limit = {
@@ -124,25 +124,25 @@ def posterior_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
         "height": 300,
         "barmode": "overlay",
         "shapes": [limit],
-        "yaxis": {"title": {"text": "1 sd after over 1 sd before"}, "range": [0, 1.05]},
+        "yaxis": {"title": {"text": "sd after over sd before"}, "range": [0, 1.05]},
         "xaxis": {"type": "category"},
     }
     return {"data": data, "layout": layout}
 
 
 def poles_chart(poles: Mapping[str, Mapping[str, Sequence[Sequence[float]]]], loop: str) -> Chart:
-    """Closed-loop poles of one loop under both sets of gains, with the line of damping 0.6."""
+    """Return the closed-loop poles (rad/s) of one loop with both sets of gains, and damping 0.6."""
     data: list[dict[str, Any]] = [_damping_line(0.6)]
     for role, symbol in (("initial", "x-thin-open"), ("redesigned", "circle-open")):
-        found = poles[role][loop]
+        points = poles[role][loop]
         data.append(
             {
                 "type": "scatter",
                 "mode": "markers",
                 "name": f"{role} gains",
                 "role": role,
-                "x": [round(p[0], 4) for p in found],
-                "y": [round(p[1], 4) for p in found],
+                "x": [round(p[0], 4) for p in points],
+                "y": [round(p[1], 4) for p in points],
                 "marker": {"size": 10, "symbol": symbol, "line": {"width": 2}},
             }
         )
@@ -156,6 +156,7 @@ def poles_chart(poles: Mapping[str, Mapping[str, Sequence[Sequence[float]]]], lo
 
 
 def _damping_line(ratio: float) -> dict[str, Any]:
+    """Return the rays of a damping ratio in the s-plane."""
     rise = float(np.sqrt(1.0 - ratio**2)) / ratio
     x = [-4.0, 0.0, -4.0]
     return {
@@ -171,6 +172,7 @@ def _damping_line(ratio: float) -> dict[str, Any]:
 
 
 def _shaded_interval(start: float, end: float) -> dict[str, Any]:
+    """Return a grey rectangle over an interval of x."""
     return {
         "type": "rect",
         "xref": "x",
@@ -186,6 +188,7 @@ def _shaded_interval(start: float, end: float) -> dict[str, Any]:
 
 
 def _vertical_line(x: float) -> dict[str, Any]:
+    """Return a dotted line at x over all panels."""
     return {
         "type": "line",
         "xref": "x",
@@ -199,7 +202,7 @@ def _vertical_line(x: float) -> dict[str, Any]:
 
 
 def _traces(curve: Curve, suffix: str, *, show_legend: bool) -> list[dict[str, Any]]:
-    """A line, with its band below it; or marks with bars."""
+    """Return the traces of a curve: a line with its band, marks with bars, or a band."""
     if curve.look == "marks":
         return [_marks(curve, suffix, show_legend=show_legend)]
     line = _line(curve, suffix, show_legend=show_legend)
@@ -212,6 +215,7 @@ def _traces(curve: Curve, suffix: str, *, show_legend: bool) -> list[dict[str, A
 
 
 def _marks(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
+    """Return a curve as marks with error bars."""
     marks = _line(curve, suffix, show_legend=show_legend) | {
         "mode": "markers",
         "marker": {"size": 6},
@@ -227,6 +231,7 @@ def _marks(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
 
 
 def _line(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
+    """Return a curve as a line on the y axis with this suffix."""
     line = {"width": 1.1 if curve.role == "measured" else 1.7}
     if curve.role == "set_point":
         line |= {"dash": "dash", "width": 1.2}  # type: ignore[dict-item]
@@ -245,4 +250,5 @@ def _line(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
 
 
 def _round(values: Any, digits: int) -> list[float | None]:
+    """Return rounded values, None for those that are not finite (JSON has no NaN)."""
     return [round(float(v), digits) if np.isfinite(v) else None for v in values]

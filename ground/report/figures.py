@@ -1,5 +1,4 @@
-"""The data behind the page's charts and the README's picture: which curves, in which units, under
-which name."""
+"""Curves, units and titles of the figures in the report and in the summary picture."""
 
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -14,8 +13,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 CURVE_HZ = 5.0
-"""Curves are drawn at this rate: finer than a line on paper can show over minutes."""
+"""Sample rate of the drawn curves: a plot of several minutes shows no finer detail."""
 SURFACED_TEXT = "Mode SURFACE"
+"""STATUSTEXT at the end of a mission."""
 
 
 class Curve(NamedTuple):
@@ -23,14 +23,14 @@ class Curve(NamedTuple):
 
     name: str
     role: str
-    """Colour and dash by meaning: measured, initial, redesigned, set_point."""
+    """Role that sets colour and dash: measured, initial, redesigned, set_point."""
     x: Array
     y: Array
     low: Array | None = None
-    """With ``high``: a band about the line, or the ends of the bars of marks."""
+    """Lower limit of the band or of the error bars; `high` is the upper one."""
     high: Array | None = None
     look: Literal["line", "marks", "band"] = "line"
-    """A line with its band, points with bars, or the band alone."""
+    """``line``: line with band; ``marks``: points with error bars; ``band``: band only."""
 
 
 class Panel(NamedTuple):
@@ -43,12 +43,12 @@ class Panel(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Of the y axis."""
+        """Label of the y axis."""
         return f"{self.title}, {self.y_label}" if self.y_label else self.title
 
 
 class Figure(NamedTuple):
-    """Panels above one another that share their x axis."""
+    """Stacked panels that share their x axis."""
 
     key: str
     title: str
@@ -57,25 +57,24 @@ class Figure(NamedTuple):
     panels: tuple[Panel, ...]
     log_x: bool = False
     shaded: tuple[tuple[float, float], ...] = ()
-    """Stretches of x that count for less."""
+    """Intervals of x drawn with a grey background."""
     upright: float | None = None
-    """An x that all panels mark."""
+    """Position on the x axis of a vertical line in all panels."""
 
 
 def step_figures(folder: CampaignFolder) -> list[Figure]:
-    """The paper's figures 8 and 9: the largest steps, measured and modelled; then a held-out run of
-    each plane."""
-    chosen = [
+    """Return the paper's figures 8 and 9 (largest steps) and one held-out run per plane."""
+    selected = [
         (_largest_step(folder.runs("rudder_steps")), "The paper's figure 8."),
         (_largest_step(folder.runs("elevator_steps")), "The paper's figure 9."),
-        (_largest_step(folder.runs("rudder_heldout")), "Held out: no model was fitted to it."),
-        (_largest_step(folder.runs("elevator_heldout")), "Held out: no model was fitted to it."),
+        (_largest_step(folder.runs("rudder_heldout")), "Held out: not used in the fit."),
+        (_largest_step(folder.runs("elevator_heldout")), "Held out: not used in the fit."),
     ]
-    return [_step_figure(folder, run, note) for run, note in chosen]
+    return [_step_figure(folder, run, note) for run, note in selected]
 
 
 def mission_figures(folder: CampaignFolder, missions: list[str]) -> list[Figure]:
-    """The paper's figures 10 to 15: each mission under every set of gains, in the same sea."""
+    """Return the paper's figures 10 to 15: each mission with every set of gains."""
     return [_mission_figure(folder, mission) for mission in missions]
 
 
@@ -84,6 +83,7 @@ def _largest_step(runs: "list[Run]") -> "Run":
 
 
 def _step_figure(folder: CampaignFolder, run: "Run", note: str) -> Figure:
+    """Draw rate and angle of a test, measured and predicted by both models."""
     from sysid.models.prediction import predict
 
     predicted = predict(folder.model, run, folder.prior_config)
@@ -91,16 +91,16 @@ def _step_figure(folder: CampaignFolder, run: "Run", note: str) -> Figure:
     angle = (
         run.heading_rad - run.heading_rad[~run.preroll][0] if run.plane == "yaw" else run.pitch_rad
     )
-    began = int(np.argmax(~run.preroll))
+    start_index = int(np.argmax(~run.preroll))
     thin = slice(0, None, 5)
     t = run.time_s[thin]
 
     def rate(name: str, role: str, values: Array) -> Curve:
         return Curve(name, role, t, np.degrees(values)[thin])
 
-    def turned(name: str, role: str, values: Array) -> Curve:
-        shift = values[began] if run.plane == "yaw" else 0.0
-        return Curve(name, role, t, np.degrees(values - shift)[thin])
+    def angle_change(name: str, role: str, values: Array) -> Curve:
+        offset = values[start_index] if run.plane == "yaw" else 0.0
+        return Curve(name, role, t, np.degrees(values - offset)[thin])
 
     return Figure(
         key=f"step-{run.name.replace('/', '-')}",
@@ -122,8 +122,8 @@ def _step_figure(folder: CampaignFolder, run: "Run", note: str) -> Figure:
                 "°",
                 (
                     Curve("measured", "measured", t, np.degrees(angle)[thin]),
-                    turned("initial model", "initial", predicted.prior_angle_rad),
-                    turned("refitted model", "redesigned", predicted.angle_rad),
+                    angle_change("initial model", "initial", predicted.prior_angle_rad),
+                    angle_change("refitted model", "redesigned", predicted.angle_rad),
                 ),
             ),
         ),
@@ -131,6 +131,7 @@ def _step_figure(folder: CampaignFolder, run: "Run", note: str) -> Figure:
 
 
 def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
+    """Draw depth, heading and pitch of a mission with every set of gains."""
     flown = folder.summary["tracking"][mission]
     logs = {name: folder.log(stage, mission) for name, stage in STAGES.items() if name in flown}
     ends = {name: _end_s(log) for name, log in logs.items()}
@@ -145,10 +146,12 @@ def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
         _curve(n, n, log.attitude.time_s, np.degrees(log.attitude.pitch_rad), ends[n])
         for n, log in logs.items()
     ]
-    wanted = reference.setpoints
-    asked_depth = _curve("set-point", "set_point", wanted.depth_time_s, wanted.depth_m, span)
-    asked_heading = _curve(
-        "set-point", "set_point", wanted.attitude_time_s, np.degrees(wanted.heading_rad), span
+    setpoints = reference.setpoints
+    depth_setpoint = _curve(
+        "set-point", "set_point", setpoints.depth_time_s, setpoints.depth_m, span
+    )
+    heading_setpoint = _curve(
+        "set-point", "set_point", setpoints.attitude_time_s, np.degrees(setpoints.heading_rad), span
     )
     return Figure(
         key=f"mission-{mission}",
@@ -156,8 +159,8 @@ def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
         note=_NOTES.get(mission, ""),
         x_label="seconds since the vehicle was armed",
         panels=(
-            Panel("depth", "m", (asked_depth, *depth)),
-            Panel("heading", "°", (asked_heading, *heading)),
+            Panel("depth", "m", (depth_setpoint, *depth)),
+            Panel("heading", "°", (heading_setpoint, *heading)),
             Panel("pitch", "°", tuple(pitch)),
         ),
     )
@@ -167,7 +170,7 @@ _TITLES = {
     "straight_run": "Straight run",
     "depth_change": "Depth changes",
     "combined": "Depth and heading together",
-    "shallow_1m": "One metre under the surface",
+    "shallow_1m": "Depth of one metre",
 }
 _NOTES = {
     "straight_run": "The paper's figures 10 and 11.",
@@ -178,7 +181,7 @@ _NOTES = {
 
 
 def _end_s(log: "Log") -> float:
-    """When the mission ended and the surfacing began."""
+    """Return the time (s) at which the mission ended and the vehicle began to surface."""
     return next(
         (event.time_s for event in log.events if event.text == SURFACED_TEXT),
         float(log.attitude.time_s[-1]),

@@ -1,4 +1,4 @@
-"""The page's figures by Matplotlib: the evidence for an identified model as one picture."""
+"""Validation figures of an identified model as one Matplotlib picture."""
 
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,28 @@ COLORS = {
 }
 WIDTHS = {"set_point": 1.0, "initial": 1.2, "redesigned": 1.6, "measured": 1.0}
 HEIGHT_IN, PANEL_IN = 1.2, 1.5
+"""Height of a row of figures without panels, and of each panel."""
 
 
 def draw(folder: Path, target: Path) -> Path:
-    """Response, predictions, whiteness and shrink of a campaign's model as a PNG or SVG file, by
-    its ending.
+    """Draw response, predictions, whiteness and posterior deviations of a campaign's model.
 
-    Raises:
-        BadInputError: another ending, or the folder is no finished campaign.
+    Parameters
+    ----------
+    folder : Path
+        Folder of a finished campaign.
+    target : Path
+        File to write, ``.png`` or ``.svg``.
+
+    Returns
+    -------
+    Path
+        `target`.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another, or the folder is not that of a finished campaign.
     """
     summary_picture.check_picture_format(target)
     campaign = CampaignFolder(folder)
@@ -34,20 +48,20 @@ def draw(folder: Path, target: Path) -> Path:
         validation_figures.whiteness_figures(campaign),
     ]
     heights = [HEIGHT_IN + PANEL_IN * max(len(f.panels) for f in row) for row in rows if row]
-    with mpl_canvas.new_figure(target, (11.0, sum(heights) + 3.0)) as whole:
-        bands = whole.subfigures(len(heights) + 1, 1, height_ratios=[*heights, 3.0])
+    with mpl_canvas.new_figure(target, (11.0, sum(heights) + 3.0)) as canvas:
+        bands = canvas.subfigures(len(heights) + 1, 1, height_ratios=[*heights, 3.0])
         for band, row in zip(bands, [row for row in rows if row], strict=False):
-            for place, figure in zip(
+            for subfigure, figure in zip(
                 band.subfigures(1, len(row), squeeze=False)[0], row, strict=True
             ):
-                panels(place, figure)
-        _shrinks(bands[-1].subplots(), campaign.summary["model"]["coefficients"])
+                panels(subfigure, figure)
+        _posterior_sds(bands[-1].subplots(), campaign.summary["model"]["coefficients"])
     return target
 
 
-def panels(place: Any, figure: Figure) -> None:
-    """One figure of the page in a place of its own."""
-    axes = place.subplots(len(figure.panels), 1, sharex=True, squeeze=False)[:, 0]
+def panels(subfigure: Any, figure: Figure) -> None:
+    """Draw a figure of the report into a Matplotlib subfigure."""
+    axes = subfigure.subplots(len(figure.panels), 1, sharex=True, squeeze=False)[:, 0]
     for axis, panel in zip(axes, figure.panels, strict=True):
         for curve in panel.curves:
             _curve(axis, curve)
@@ -67,6 +81,7 @@ def panels(place: Any, figure: Figure) -> None:
 
 
 def _log_axis(axis: Any, figure: Figure) -> None:
+    """Set a logarithmic x axis with ticks at round values."""
     axis.set_xscale("log")
     ends = figure.panels[0].curves[0].x
     ticks = [
@@ -79,6 +94,7 @@ def _log_axis(axis: Any, figure: Figure) -> None:
 
 
 def _curve(axis: Any, curve: Curve) -> None:
+    """Draw a curve as line, marks with bars, or band."""
     color = COLORS[curve.role]
     if curve.look == "marks":
         bars = None if curve.high is None else curve.high - curve.y
@@ -104,7 +120,8 @@ def _curve(axis: Any, curve: Curve) -> None:
     axis.plot(curve.x, curve.y, style, color=color, linewidth=WIDTHS[curve.role], label=curve.name)
 
 
-def _shrinks(axis: Any, coefficients: dict[str, Any]) -> None:
+def _posterior_sds(axis: Any, coefficients: dict[str, Any]) -> None:
+    """Draw posterior over prior standard deviation of each coefficient."""
     from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
 
     free = {
@@ -117,15 +134,16 @@ def _shrinks(axis: Any, coefficients: dict[str, Any]) -> None:
     axis.axhline(MAX_POSTERIOR_TO_PRIOR_SD, color="#808080", linewidth=1.0, linestyle=":")
     axis.set_xticks(range(len(free)), [_mathematical(name) for name in free])
     axis.set_ylim(0.0, 1.05)
-    axis.set_ylabel("1 sd after over before")
+    axis.set_ylabel("sd after over before")
     axis.set_title(
-        "What the tests have told: beyond the dotted line, the prior handed back",
+        "Information in the tests: above the dotted line the prior value is kept",
         loc="left",
         fontsize=11,
     )
 
 
 def _mathematical(name: str) -> str:
+    """Return a coefficient's name as TeX."""
     letter, _, index = name.partition("_")
     index = {"dr": r"\delta r", "de": r"\delta e"}.get(index, index.replace("dot", "'"))
     return f"${letter}_{{{index}}}$"

@@ -1,4 +1,4 @@
-"""A picture file by Matplotlib, without a display and without the state of its pyplot module."""
+"""Matplotlib figures written to files, without a display and without pyplot's global state."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +10,15 @@ GRID = "#ebe8e0"
 
 @contextmanager
 def new_figure(target: Path, size_in: tuple[float, float]) -> Iterator[Any]:
-    """A Matplotlib figure to draw on, written into ``target``, a PNG or SVG file, at the end."""
+    """Yield a Matplotlib figure, and write it to `target` (PNG or SVG) at the end.
+
+    Parameters
+    ----------
+    target : Path
+        File to write.
+    size_in : tuple of float
+        Width and height in inches.
+    """
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""Puts a campaign's page together: one file, no network."""
+"""HTML report of a campaign: one file that needs no network."""
 
 import json
 from collections.abc import Mapping
@@ -18,8 +18,23 @@ _PAPER = {"heading_deg": "2.5° → 2.0°", "pitch_deg": "10° → 2.5°", "dept
 
 
 def write(folder: Path | CampaignFolder) -> Path:
-    """Write ``report.html`` into a campaign's folder. Raises BadInputError when the folder is no
-    finished campaign."""
+    """Write `report.html` into a campaign's folder.
+
+    Parameters
+    ----------
+    folder : Path or CampaignFolder
+        Folder of a finished campaign.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    InputError
+        If the folder is not that of a finished campaign.
+    """
     campaign = folder if isinstance(folder, CampaignFolder) else CampaignFolder(folder)
     target = campaign.path / "report.html"
     target.write_text(_page(campaign), encoding="utf-8")
@@ -51,9 +66,9 @@ def _page(campaign: CampaignFolder) -> str:
         "poles": "".join(map(_poles, poles["initial"])),
         "table_1": tables.table_1(model),
         "table_2": tables.table_2(summary["model"]),
-        "verdict": tables.verdict(model),
-        "gates": tables.gates(model),
-        "runs_judged": tables.runs_table(model),
+        "assessment": tables.verdict(model),
+        "criteria": tables.gates(model),
+        "validation_runs": tables.runs_table(model),
         "responses": "".join(map(_figure, responses)),
         "predictions": "".join(map(_figure, predictions)),
         "whiteness": "".join(map(_figure, whiteness)),
@@ -68,7 +83,7 @@ def _page(campaign: CampaignFolder) -> str:
         "specification": specification.specification(summary["design"]),
         "margins": tables.margins(analyses),
         "reasons": specification.reasons(summary["design"]),
-        "kept": specification.monitoring(summary["kept"]),
+        "monitoring": specification.monitoring(summary["kept"]),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary["trims"].items()),
         "speed": f"{model.speed_mps:g}",
         "asked": escape(campaign.asked),

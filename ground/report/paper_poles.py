@@ -1,5 +1,4 @@
-"""The paper's Table 4 beside what its own numbers give and beside our vehicle's, and which delay
-its poles ask for."""
+"""Poles of the paper's Table 4, printed and computed, and the delay that they imply."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,15 +15,20 @@ CONTROLLERS = {
 
 
 class PolesComparison(NamedTuple):
+    """Printed and computed closed-loop poles (rad/s)."""
+
     rows: "list[PoleRow]"
+    """Rows of Table 4."""
     ours: "list[Case]"
-    """Our vehicle with three controllers, as in CONTROLLERS."""
+    """Our vehicle with each of CONTROLLERS."""
     readings: "list[TransferReading]"
+    """Best actuator model for each interpretation of the paper's transfer function."""
     alone: "list[SinglePoleCondition]"
+    """Delay and loop gain that reproduce each printed pole by itself."""
 
 
 def compute() -> PolesComparison:
-    """A few seconds."""
+    """Compute all poles; takes a few seconds."""
     from sysid.reproduction import paper_poles
 
     return PolesComparison(
@@ -36,28 +40,30 @@ def compute() -> PolesComparison:
 
 
 def _our_cases() -> "list[Case]":
+    """Return our first-principles vehicle with each of CONTROLLERS."""
     from sysid.design.initial import design_on_root_loci
     from sysid.reproduction.paper_poles import Case
     from sysid.reproduction.paper_tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
 
-    vehicle, _, found = design_on_root_loci(NOMINAL_VEHICLE)
-    first = {**found["heading"].gains, **found["depth"].gains}
-    gains = {"I": TABLE_3_INITIAL, "A": TABLE_3_IMPROVED, "P": first}
+    vehicle, _, loops = design_on_root_loci(NOMINAL_VEHICLE)
+    initial_gains = {**loops["heading"].gains, **loops["depth"].gains}
+    gains = {"I": TABLE_3_INITIAL, "A": TABLE_3_IMPROVED, "P": initial_gains}
     return [
         Case(f"ours/{name}", vehicle.planes, g, vehicle.yaw_lag, vehicle.pitch_lag)
         for name, g in gains.items()
     ]
 
 
-def as_json(found: PolesComparison) -> dict[str, Any]:
+def as_json(comparison: PolesComparison) -> dict[str, Any]:
+    """Return the comparison as plain numbers, poles as [real, imaginary] in rad/s."""
     return {
         "table_4_radps": [
             {"loop": r.loop, "case": r.case, "paper": _pair(r.paper), "ours": _pair(r.ours)}
-            for r in found.rows
+            for r in comparison.rows
         ],
         "table_4_our_vehicle_radps": [
             {"loop": loop, "case": case, "ours": _pair(pole)}
-            for loop, case, pole in _our_poles(found)
+            for loop, case, pole in _our_poles(comparison)
         ],
         "table_4_tailcones": [
             {
@@ -68,14 +74,14 @@ def as_json(found: PolesComparison) -> dict[str, Any]:
                 "delays_s": r.delays_s,
                 "remain": [" ".join(row) for row in r.remain],
             }
-            for r in found.readings
+            for r in comparison.readings
         ],
-        "table_4_alone": [row._asdict() for row in found.alone],
+        "table_4_alone": [row._asdict() for row in comparison.alone],
     }
 
 
-def format_lines(found: PolesComparison) -> list[str]:
-    """Lines."""
+def format_lines(comparison: PolesComparison) -> list[str]:
+    """Return the comparison as lines of text."""
     return [
         (
             "Table 4, dominant closed-loop poles, rad/s: paper, ours (model/controller: I initial,"
@@ -83,72 +89,78 @@ def format_lines(found: PolesComparison) -> list[str]:
         ),
         *(
             f"  {r.loop:8s}{r.case}  {_format_pole(r.paper)}  {_format_pole(r.ours)}"
-            for r in found.rows
+            for r in comparison.rows
         ),
-        "  The pair of least damping; Tables 1 and 3 behind s^2/9 + 4s/10 + 1 and 0.3 s by Pade 2",
+        "  Least damped pair; Tables 1 and 3 with the lag s^2/9 + 4s/10 + 1, 0.3 s as Pade 2",
         "",
         (
-            "The same of our first-principles vehicle"
+            "Dominant poles of our first-principles vehicle"
             f" ({', '.join(f'{k} {words}' for k, words in CONTROLLERS.items())})"
         ),
-        *(f"  {loop:8s}{case}  {_format_pole(pole)}" for loop, case, pole in _our_poles(found)),
+        *(
+            f"  {loop:8s}{case}  {_format_pole(pole)}"
+            for loop, case, pole in _our_poles(comparison)
+        ),
         "",
         (
-            "The tailcone that explains the nine printed poles best, by how the garbled transfer"
-            " function is read"
+            "Best fit of the tailcone to the nine printed poles, for each interpretation of the"
+            " misprinted transfer function"
         ),
         (
             f"  {'lag':22s}{'delay':12s}{'rad/s':>6s}{'damping':>9s}"
             f"{'delay, s':>10s}{'95 %':>13s}{'rms, rad/s':>12s}"
-            "  rows within a tenth"
+            "  rows within 10 %"
         ),
-        *(_reading(reading, found.rows) for reading in found.readings),
+        *(_reading(reading, comparison.rows) for reading in comparison.readings),
         "",
         (
-            "What each printed pole asks for alone, behind s^2/9 + 4s/10 + 1: delay, and loop gain"
-            " over Tables 1 and 3's"
+            "Fit to each printed pole alone, with the lag s^2/9 + 4s/10 + 1: delay, and loop gain"
+            " relative to Tables 1 and 3"
         ),
         *(
             f"  {a.loop:8s}{a.case}  {a.delay_s:.2f} +- {a.delay_sd_s:.2f} s  {a.loop_gain:5.2f}"
-            for a in found.alone
+            for a in comparison.alone
         ),
-        f"  {_verdict(found)}",
+        f"  {_conclusion(comparison)}",
     ]
 
 
-def _reading(found: "TransferReading", rows: "list[PoleRow]") -> str:
-    low, high = found.delays_s
+def _reading(reading: "TransferReading", rows: "list[PoleRow]") -> str:
+    """Return one line: best actuator model of an interpretation and the rows that it explains."""
+    low, high = reading.delays_s
     explained = [
-        f"{row.loop} {row.case}" for row in rows if (row.loop, row.case) not in found.remain
+        f"{row.loop} {row.case}" for row in rows if (row.loop, row.case) not in reading.remain
     ]
-    lag, known = found.lag, ", ".join(explained) or "none"
+    lag, explained_rows = reading.lag, ", ".join(explained) or "none"
     return (
-        f"  {found.lag_name:22s}{found.form:12s}"
+        f"  {reading.lag_name:22s}{reading.form:12s}"
         f"{lag.natural_frequency_radps:6.2f}{lag.damping_ratio:9.2f}"
-        f"{lag.delay_s:10.2f}{f'{low:.2f}..{high:.2f}':>13s}{found.misfit_radps:12.2f}"
-        f"  {known}"
+        f"{lag.delay_s:10.2f}{f'{low:.2f}..{high:.2f}':>13s}{reading.misfit_radps:12.2f}"
+        f"  {explained_rows}"
     )
 
 
-def _verdict(found: PolesComparison) -> str:
-    first, adjusted = (
-        [a.delay_s for a in found.alone if a.case.startswith(model)] for model in "IA"
+def _conclusion(comparison: PolesComparison) -> str:
+    """Return the smallest misfit and the range of delays of each model."""
+    initial, adjusted = (
+        [a.delay_s for a in comparison.alone if a.case.startswith(model)] for model in "IA"
     )
-    least = min(found.readings, key=lambda reading: reading.misfit_radps)
+    best = min(comparison.readings, key=lambda reading: reading.misfit_radps)
     return (
-        f"No tailcone explains all nine: {least.misfit_radps:.2f} rad/s rms is the least. The"
-        f" initial model's rows ask for {min(first):.2f} to {max(first):.2f} s, the adjusted"
+        f"No tailcone fits all nine poles: {best.misfit_radps:.2f} rad/s rms is the smallest. The"
+        f" initial model's rows imply {min(initial):.2f} to {max(initial):.2f} s, the adjusted"
         f" model's for {min(adjusted):.2f} to {max(adjusted):.2f} s."
     )
 
 
-def _our_poles(found: PolesComparison) -> list[tuple[str, str, complex]]:
+def _our_poles(comparison: PolesComparison) -> list[tuple[str, str, complex]]:
+    """Return (loop, case, dominant pole in rad/s) of our vehicle."""
     from sysid.reproduction import paper_poles
 
     return [
         (loop, case.name, paper_poles.pole(loop, case))
         for loop in paper_poles.LOOPS
-        for case in found.ours
+        for case in comparison.ours
     ]
 
 

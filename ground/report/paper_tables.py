@@ -1,4 +1,4 @@
-"""The paper's Tables 1 to 5 and the derivation of Table 1's initial column, without flying."""
+"""The paper's Tables 1 to 5 and the derivation of Table 1's initial column, without a campaign."""
 
 import subprocess
 import sys
@@ -10,10 +10,17 @@ from ground.report.paper_poles import PolesComparison
 
 
 def collect(poles: PolesComparison) -> dict[str, Any]:
-    """The printed tables, Table 4 as reckoned, and the first-principles derivation as text.
+    """Return the printed tables, the computed Table 4 and the first-principles derivation.
 
-    Raises:
-        FailedError: the derivation did not run.
+    Parameters
+    ----------
+    poles : PolesComparison
+        Result of `paper_poles.compute`.
+
+    Raises
+    ------
+    OperationError
+        If the derivation fails.
     """
     from sysid.reproduction import paper_tables
 
@@ -37,43 +44,43 @@ def collect(poles: PolesComparison) -> dict[str, Any]:
     }
 
 
-def format_text(found: dict[str, Any], poles: PolesComparison) -> str:
-    """The same, to be read."""
+def format_text(tables: dict[str, Any], poles: PolesComparison) -> str:
+    """Return the result of `collect` as text."""
     lines = ["Table 1, initial and adjusted coefficients"]
     lines += [
         f"  {name:8s}{row['initial']:9g}{row['adjusted']:9g}"
-        for name, row in found["table_1"].items()
+        for name, row in tables["table_1"].items()
     ]
     lines += ["", "Table 2, average squared rate error, initial and adjusted model"]
     lines += [
         f"  {name:18s}{row['initial']:7g}{row['adjusted']:7g}"
-        for name, row in found["table_2_deg2ps2"].items()
+        for name, row in tables["table_2_deg2ps2"].items()
     ]
     lines += ["", "Table 3, gains, initial and improved"]
-    improved = found["table_3"]["improved"]
+    improved = tables["table_3"]["improved"]
     lines += [
         f"  {name:10s}{value:8g}{improved[name]:8g}"
-        for name, value in found["table_3"]["initial"].items()
+        for name, value in tables["table_3"]["initial"].items()
     ]
     lines += ["", *paper_poles.format_lines(poles)]
     lines += ["", "Table 5, steady errors, initial and improved controller"]
-    improved = found["table_5"]["improved"]
+    improved = tables["table_5"]["improved"]
     lines += [
         f"  {name:12s}{value:7g}{improved[name]:7g}"
-        for name, value in found["table_5"]["initial"].items()
+        for name, value in tables["table_5"]["initial"].items()
     ]
     return "\n".join(
-        [*lines, "", "Table 1's initial column from first principles", found["derivation"]]
+        [*lines, "", "Table 1's initial column from first principles", tables["derivation"]]
     )
 
 
 def _derivation() -> str:
-    """What the simulator's own derivation prints."""
+    """Return the output of the simulator's derivation program."""
     command = [sys.executable, "-m", "sitl.vehicle.first_principles"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    if process.returncode:
         raise OperationError(
             "the derivation failed:"
-            f" {(done.stderr.strip().splitlines() or ['no reason given'])[-1]}"
+            f" {(process.stderr.strip().splitlines() or ['no reason given'])[-1]}"
         )
-    return done.stdout.rstrip()
+    return process.stdout.rstrip()

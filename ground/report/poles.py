@@ -1,4 +1,4 @@
-"""Table 4 in pictures: root loci, loop responses, and the delay that its poles ask for."""
+"""Plots of the paper's Table 4: root loci, loop responses and the delay that each pole implies."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,19 +24,20 @@ DAMPINGS = (0.4, 0.6, 0.8)
 LEFT, RIGHT, TOP = -3.4, 0.8, 3.2
 
 
-def draw(found: "PolesComparison", folder: Path) -> list[Path]:
-    """The files that were written."""
+def draw(comparison: "PolesComparison", folder: Path) -> list[Path]:
+    """Write three PNG files into `folder` and return their paths."""
     from sysid.reproduction import paper_poles
 
-    cases = [*paper_poles.printed_cases(), found.ours[-1]]
+    cases = [*paper_poles.printed_cases(), comparison.ours[-1]]
     files = [folder / f"table_4_{name}.png" for name in ("root_locus", "bode", "delay")]
     _root_loci(cases, files[0])
     _bode(cases, files[1])
-    _delays(found, files[2])
+    _delays(comparison, files[2])
     return files
 
 
 def _root_loci(cases: "list[Case]", target: Path) -> None:
+    """Draw one panel per loop (rows) and case (columns)."""
     from sysid.reproduction import paper_poles
 
     with mpl_canvas.new_figure(target, (3.4 * len(cases), 9.6)) as figure:
@@ -54,7 +55,7 @@ def _root_loci(cases: "list[Case]", target: Path) -> None:
 
 
 def _locus(panel: Any, loop: str, case: "Case") -> None:
-    """Upper half of the plane, over the loop's gain from nothing to three times its own."""
+    """Draw the root locus, upper half-plane, for 0 to 3 times the loop gain."""
     import numpy as np
 
     from sysid.control_analysis import loop_transfer, root_locus
@@ -68,17 +69,20 @@ def _locus(panel: Any, loop: str, case: "Case") -> None:
     for branch in branches.T:
         upper = np.where(branch.imag >= -1e-9, branch, np.nan)
         panel.plot(upper.real, upper.imag, color=COLORS[case.name], linewidth=1.4)
-    _marks(panel, branches[0], "x", GREY, "without gain", 6)
+    _marks(panel, branches[0], "x", GREY, "zero gain", 6)
     _marks(panel, root_locus.zeros(cut), "o", GREY, "zeros", 6)
-    _marks(panel, loop_transfer.poles(closed), "s", INK, "at the gains' own", 5)
+    _marks(panel, loop_transfer.poles(closed), "s", INK, "designed gain", 5)
     if (loop, case.name) in TABLE_4:
-        _marks(panel, np.array([TABLE_4[loop, case.name]]), "*", "#111111", "as Table 4 prints", 12)
+        _marks(
+            panel, np.array([TABLE_4[loop, case.name]]), "*", "#111111", "printed in Table 4", 12
+        )
     panel.set_xlim(LEFT, RIGHT)
     panel.set_ylim(-0.1, TOP)
     panel.grid(color=mpl_canvas.GRID, linewidth=0.8)
 
 
 def _marks(panel: Any, poles: Any, marker: str, color: str, label: str, size: float) -> None:
+    """Draw poles or zeros that lie within the axes."""
     shown = poles[
         (poles.imag >= -1e-9) & (poles.real > LEFT) & (poles.real < RIGHT) & (poles.imag < TOP)
     ]
@@ -98,7 +102,7 @@ def _marks(panel: Any, poles: Any, marker: str, color: str, label: str, size: fl
 
 
 def _draw_damping_rays(panel: Any) -> None:
-    """Rays of equal damping ratio."""
+    """Draw rays of equal damping ratio."""
     import numpy as np
 
     panel.axvline(0.0, color=GREY, linewidth=0.8)
@@ -117,7 +121,7 @@ def _draw_damping_rays(panel: Any) -> None:
 
 
 def _bode(cases: "list[Case]", target: Path) -> None:
-    """Opened at the surface, with the true delay."""
+    """Draw Bode plots of the loops opened at rudder and elevator, with the exact delay."""
     from sysid.reproduction import paper_poles
 
     with mpl_canvas.new_figure(target, (13.0, 7.4)) as figure:
@@ -153,6 +157,7 @@ def _bode(cases: "list[Case]", target: Path) -> None:
 
 
 def _response(magnitude: Any, phase: Any, loop: str, case: "Case") -> None:
+    """Draw the open-loop gain (dB) and phase (deg) of one case."""
     import numpy as np
 
     from sysid.control_analysis import loop_transfer
@@ -162,10 +167,10 @@ def _response(magnitude: Any, phase: Any, loop: str, case: "Case") -> None:
         if loop == "heading"
         else (case.planes.pitch, case.pitch_lag)
     )
-    opened = loop_transfer.heading_loops if loop == "heading" else loop_transfer.depth_loops
-    cut = opened(loop_transfer.responses(plane, lag), case.gains)[CUTS[loop]]
-    found = loop_transfer.margins(cut)
-    color, label = COLORS[case.name], f"{case.name}: {found.gm_db:.1f} dB, {found.pm_deg:.0f}°"
+    open_loop = loop_transfer.heading_loops if loop == "heading" else loop_transfer.depth_loops
+    cut = open_loop(loop_transfer.responses(plane, lag), case.gains)[CUTS[loop]]
+    margins = loop_transfer.margins(cut)
+    color, label = COLORS[case.name], f"{case.name}: {margins.gm_db:.1f} dB, {margins.pm_deg:.0f}°"
     magnitude.plot(
         loop_transfer.GRID_RADPS,
         20.0 * np.log10(np.abs(cut)),
@@ -174,22 +179,24 @@ def _response(magnitude: Any, phase: Any, loop: str, case: "Case") -> None:
         label=label,
     )
     angle = np.degrees(np.unwrap(np.angle(cut)))
-    # The loop begins at some multiple of a right angle below zero, whichever branch unwrapping
-    # began on.
+    # The integrators give a phase of -90 or -180 deg at low frequency: remove the whole turns that
+    # unwrapping may add.
     angle -= 360.0 * np.ceil((angle[0] - 1.0) / 360.0)
     phase.plot(loop_transfer.GRID_RADPS, angle, color=color, linewidth=1.4, label=label)
 
 
-def _delays(found: "PolesComparison", target: Path) -> None:
+def _delays(comparison: "PolesComparison", target: Path) -> None:
+    """Draw the misfit over the delay, and the delay implied by each printed pole."""
     with mpl_canvas.new_figure(target, (11.0, 4.6)) as figure:
         by_form, by_row = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
         _draw_misfits(by_form)
-        _draw_single_pole_conditions(by_row, found)
+        _draw_single_pole_conditions(by_row, comparison)
         for panel in (by_form, by_row):
             panel.grid(color=mpl_canvas.GRID, linewidth=0.8)
 
 
 def _draw_misfits(panel: Any) -> None:
+    """Draw the rms distance of printed and computed poles (rad/s) over the delay (s)."""
     import numpy as np
 
     from sysid.reproduction import paper_poles
@@ -203,12 +210,15 @@ def _draw_misfits(panel: Any) -> None:
         ]
         panel.plot(delays_s, misfits, line, color=color, linewidth=1.5, label=form.name)
     panel.set(xlabel="delay, s", ylabel="rad/s", ylim=(0.0, 1.2), xlim=(0.0, 0.8))
-    panel.set_title(f"printed poles less reckoned, rms, behind {FIGURE_4}", loc="left", fontsize=10)
+    panel.set_title(
+        f"printed minus computed poles, rms, lag of {FIGURE_4}", loc="left", fontsize=10
+    )
     panel.legend(frameon=False, fontsize=9)
 
 
-def _draw_single_pole_conditions(panel: Any, found: "PolesComparison") -> None:
-    rows = found.alone[::-1]
+def _draw_single_pole_conditions(panel: Any, comparison: "PolesComparison") -> None:
+    """Draw the delay (s) and loop gain with which the model has each printed pole."""
+    rows = comparison.alone[::-1]
     for height, row in enumerate(rows):
         bars: Any = {"fmt": "o", "color": COLORS[row.case], "elinewidth": 1.4, "capsize": 3}
         panel.errorbar(row.delay_s, height, xerr=row.delay_sd_s, **bars)
@@ -217,7 +227,7 @@ def _draw_single_pole_conditions(panel: Any, found: "PolesComparison") -> None:
         )
     panel.axvline(0.3, color=GREY, linewidth=1.0, linestyle="--")
     panel.set_yticks(range(len(rows)), [f"{row.loop} {row.case}" for row in rows])
-    panel.set(xlabel="delay, s (dashed: as stated)", xlim=(0.0, 0.88))
+    panel.set(xlabel="delay, s (dashed: the paper's value)", xlim=(0.0, 0.88))
     panel.set_title(
-        "what each printed pole asks for alone, ± 1 sd of the lag", loc="left", fontsize=10
+        "delay implied by each printed pole, ± 1 sd of the lag", loc="left", fontsize=10
     )

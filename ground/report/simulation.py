@@ -1,4 +1,4 @@
-"""A rehearsal as tables for people and as plain numbers."""
+"""Result of a Monte-Carlo simulation of a mission as text and as plain numbers."""
 
 import math
 from collections.abc import Sequence
@@ -13,23 +13,42 @@ if TYPE_CHECKING:
     from sysid.monte_carlo.study import LegSummary, Range, SimulationSummary
 
 WIDTH = 118
+"""Width of the tables in characters."""
 
 
-def as_json(told: "Sequence[SimulationSummary]", mission: str, seed: int) -> dict[str, Any]:
-    """Everything that is told, each number with its unit in its name; null for what no vehicle
-    showed."""
-    return {"mission": mission, "seed": seed, "rehearsed": [_summary_json(one) for one in told]}
+def as_json(summaries: "Sequence[SimulationSummary]", mission: str, seed: int) -> dict[str, Any]:
+    """Return the summaries as plain numbers.
 
+    Parameters
+    ----------
+    summaries : Sequence of SimulationSummary
+        One summary per set of gains and sea.
+    mission : str
+        Name of the mission.
+    seed : int
+        Seed of the samples.
 
-def _summary_json(told: "SimulationSummary") -> dict[str, Any]:
+    Returns
+    -------
+    dict
+        Quantities with the unit in their names; None where no vehicle gave a value.
+    """
     return {
-        "gains": told.gains,
-        "sea_times": told.sea.times,
-        "current_mps": told.sea.current_mps,
-        "bias_shift_deg": round(math.degrees(told.sea.bias_shift_rad), 9),
-        "vehicles": told.vehicles,
+        "mission": mission,
+        "seed": seed,
+        "rehearsed": [_summary_json(summary) for summary in summaries],
+    }
+
+
+def _summary_json(summary: "SimulationSummary") -> dict[str, Any]:
+    return {
+        "gains": summary.gains,
+        "sea_times": summary.sea.times,
+        "current_mps": summary.sea.current_mps,
+        "bias_shift_deg": round(math.degrees(summary.sea.bias_shift_rad), 9),
+        "vehicles": summary.vehicles,
         **{
-            name: _range(getattr(told, name))
+            name: _range(getattr(summary, name))
             for name in (
                 "heading_deg",
                 "pitch_deg",
@@ -40,41 +59,47 @@ def _summary_json(told: "SimulationSummary") -> dict[str, Any]:
                 "shallowest_m",
             )
         },
-        "legs": [{**leg._asdict(), "settled_s": _range(leg.settled_s)} for leg in told.legs],
-        "broached": told.broached,
-        "diverged": told.diverged,
-        "failsafes": told.failsafes,
-        "vehicle_s": round(told.vehicle_s, 3),
+        "legs": [{**leg._asdict(), "settled_s": _range(leg.settled_s)} for leg in summary.legs],
+        "broached": summary.broached,
+        "diverged": summary.diverged,
+        "failsafes": summary.failsafes,
+        "vehicle_s": round(summary.vehicle_s, 3),
     }
 
 
-def _range(found: "Range | None") -> dict[str, float] | None:
-    return found and found._asdict()
+def _range(values: "Range | None") -> dict[str, float] | None:
+    return values and values._asdict()
 
 
-def format_text(told: "Sequence[SimulationSummary]", mission: str) -> Rendered:
-    """Two tables: how steady, and how soon."""
+def format_text(summaries: "Sequence[SimulationSummary]", mission: str) -> Rendered:
+    """Return tables of the steady errors and of the settling times, and one line per summary."""
     legs: list[RenderableType] = []
-    if any(one.legs for one in told):
-        legs = [heading("seconds until each leg had settled"), _legs(told)]
+    if any(summary.legs for summary in summaries):
+        legs = [heading("settling time of each leg, s"), _legs(summaries)]
     page = render(
-        [heading(_title(told[0], mission)), _steady(told), *legs, *map(verdict, told)], WIDTH
+        [
+            heading(_title(summaries[0], mission)),
+            _steady(summaries),
+            *legs,
+            *map(verdict, summaries),
+        ],
+        WIDTH,
     )
     return Rendered("\n".join(line.rstrip() for line in page.split("\n") if line.strip()))
 
 
-def _title(told: "SimulationSummary", mission: str) -> str:
-    drift = f", in a current of {told.sea.current_mps:g} m/s" if told.sea.current_mps else ""
-    bent = (
-        f", rudder bent by {math.degrees(told.sea.bias_shift_rad):g} deg"
-        if told.sea.bias_shift_rad
+def _title(summary: "SimulationSummary", mission: str) -> str:
+    drift = f", in a current of {summary.sea.current_mps:g} m/s" if summary.sea.current_mps else ""
+    bias_shift = (
+        f", rudder bias changed by {math.degrees(summary.sea.bias_shift_rad):g} deg"
+        if summary.sea.bias_shift_rad
         else ""
     )
-    return f"{mission}, by {told.vehicles} vehicles that the model allows for{drift}{bent}"
+    return f"{mission}: {summary.vehicles} vehicles sampled from the model{drift}{bias_shift}"
 
 
-def _steady(told: "Sequence[SimulationSummary]") -> "Table":
-    """95 % of the errors once settled, and what else is worth knowing: median and worst vehicle."""
+def _steady(summaries: "Sequence[SimulationSummary]") -> "Table":
+    """Return the 95 % errors after settling and other figures of the median and worst vehicle."""
     table = _table(
         "gains",
         "sea",
@@ -87,56 +112,57 @@ def _steady(told: "Sequence[SimulationSummary]") -> "Table":
         "at stops %",
         "shallowest m",
     )
-    for one in told:
-        table.add_row(one.gains, f"x{one.sea.times:g}", "median", *_figures(one, "median"))
-        table.add_row("", "", "worst", *_figures(one, "worst"))
+    for summary in summaries:
+        sea = f"x{summary.sea.times:g}"
+        table.add_row(summary.gains, sea, "median", *_figures(summary, "median"))
+        table.add_row("", "", "worst", *_figures(summary, "worst"))
     return table
 
 
-def _figures(told: "SimulationSummary", which: str) -> list[str]:
+def _figures(summary: "SimulationSummary", which: str) -> list[str]:
+    """Return the cells of the median or the worst vehicle."""
     return [
-        f"{times * getattr(found, which):.{digits}f}" if found else "-"
-        for found, digits, times in (
-            (told.heading_deg, 2, 1.0),
-            (told.pitch_deg, 2, 1.0),
-            (told.depth_m, 1, 100.0),
-            (told.rudder_deg, 1, 1.0),
-            (told.elevator_deg, 1, 1.0),
-            (told.stopped_pct, 1, 1.0),
-            (told.shallowest_m, 2, 1.0),
+        f"{times * getattr(values, which):.{digits}f}" if values else "-"
+        for values, digits, times in (
+            (summary.heading_deg, 2, 1.0),
+            (summary.pitch_deg, 2, 1.0),
+            (summary.depth_m, 1, 100.0),
+            (summary.rudder_deg, 1, 1.0),
+            (summary.elevator_deg, 1, 1.0),
+            (summary.stopped_pct, 1, 1.0),
+            (summary.shallowest_m, 2, 1.0),
         )
     ]
 
 
-def _legs(told: "Sequence[SimulationSummary]") -> "Table":
-    longest = max((one.legs for one in told), key=len)
-    table = _table("leg", *(f"{one.gains} x{one.sea.times:g}" for one in told))
+def _legs(summaries: "Sequence[SimulationSummary]") -> "Table":
+    longest = max((summary.legs for summary in summaries), key=len)
+    table = _table("leg", *(f"{s.gains} x{s.sea.times:g}" for s in summaries))
     for number, leg in enumerate(longest):
         cells = [
-            _settled(one.legs[number], one.vehicles) if number < len(one.legs) else "-"
-            for one in told
+            _settled(s.legs[number], s.vehicles) if number < len(s.legs) else "-" for s in summaries
         ]
         table.add_row(f"{leg.depth_m:g} m, {leg.heading_deg:.0f} deg", *cells)
     return table
 
 
 def _settled(leg: "LegSummary", vehicles: int) -> str:
-    """Median and worst of those that did, and how many did not."""
+    """Return median and worst settling time (s), and how many vehicles did not settle."""
     if leg.settled_s is None:
         return f"{vehicles} did not"
-    words = f"{leg.settled_s.median:.0f}, worst {leg.settled_s.worst:.0f}"
-    return f"{words}; {leg.unsettled} did not" if leg.unsettled else words
+    settled = f"{leg.settled_s.median:.0f}, worst {leg.settled_s.worst:.0f}"
+    return f"{settled}; {leg.unsettled} did not" if leg.unsettled else settled
 
 
-def verdict(told: "SimulationSummary") -> str:
-    """What became of the vehicles, in one line."""
-    parts = [f"{count} did not hold {what}" for what, count in told.diverged.items()]
-    parts += [f"{told.broached} broached"] if told.broached else []
-    parts += [f"{count} surfaced for {what}" for what, count in told.failsafes.items()]
-    which = f"{told.gains}, sea x{told.sea.times:g}"
+def verdict(summary: "SimulationSummary") -> str:
+    """Return one line: how many vehicles diverged, broached or surfaced early."""
+    parts = [f"{count} did not hold {what}" for what, count in summary.diverged.items()]
+    parts += [f"{summary.broached} broached"] if summary.broached else []
+    parts += [f"{count} surfaced for {what}" for what, count in summary.failsafes.items()]
+    which = f"{summary.gains}, sea x{summary.sea.times:g}"
     if not parts:
-        return f"{which}: all {told.vehicles} vehicles were held to the end, and none broached"
-    return f"{which}: of {told.vehicles} vehicles {', '.join(parts)}"
+        return f"{which}: all {summary.vehicles} vehicles were held to the end, and none broached"
+    return f"{which}: of {summary.vehicles} vehicles {', '.join(parts)}"
 
 
 def _table(*heads: str) -> "Table":

@@ -1,5 +1,4 @@
-"""One picture of a campaign's result, for a README: the straight run and a depth change, before and
-after."""
+"""Picture of a campaign's result: straight run and depth changes with both sets of gains."""
 
 from pathlib import Path
 from typing import Any
@@ -21,30 +20,45 @@ _FORMATS = (".png", ".svg")
 
 
 def draw(folder: Path, target: Path) -> Path:
-    """Draw into ``target``, whose ending chooses PNG or SVG.
+    """Draw depth and heading of two missions.
 
-    Raises:
-        BadInputError: another ending, or the folder is no finished campaign.
+    Parameters
+    ----------
+    folder : Path
+        Folder of a finished campaign.
+    target : Path
+        File to write, ``.png`` or ``.svg``.
+
+    Returns
+    -------
+    Path
+        `target`.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another, or the folder is not that of a finished campaign.
     """
     check_picture_format(target)
     campaign = CampaignFolder(folder)
     shown = figures.mission_figures(campaign, ["straight_run", "combined"])
-    with mpl_canvas.new_figure(target, (11.0, 5.6)) as whole:
-        axes = whole.subplots(2, 2, sharex="col")
+    with mpl_canvas.new_figure(target, (11.0, 5.6)) as canvas:
+        axes = canvas.subplots(2, 2, sharex="col")
         for column, figure in enumerate(shown):
             _column(axes[:, column], figure)
         handles, names = axes[0, 0].get_legend_handles_labels()
-        whole.legend(handles, names, loc="outside upper left", ncols=len(names), frameon=False)
+        canvas.legend(handles, names, loc="outside upper left", ncols=len(names), frameon=False)
     return target
 
 
 def check_picture_format(target: Path) -> None:
-    """Raises BadInputError for a file that no picture can be written to."""
+    """Raise InputError if the suffix is neither ``.png`` nor ``.svg``."""
     if target.suffix not in _FORMATS:
         raise InputError(f"--picture {target}: must end in .png or .svg")
 
 
 def _column(axes: Any, figure: Figure) -> None:
+    """Draw depth (m) above heading (deg) of one mission."""
     panels = {panel.title: panel for panel in figure.panels}
     for axis, title in zip(axes, ("depth", "heading"), strict=True):
         for curve in panels[title].curves:
@@ -57,6 +71,7 @@ def _column(axes: Any, figure: Figure) -> None:
 
 
 def _line(axis: Any, curve: Curve) -> None:
+    """Draw a curve in the style of its role."""
     style = "--" if curve.role == "set_point" else "-"
     axis.plot(
         curve.x,

@@ -1,4 +1,4 @@
-"""The paper's Tables 1 to 5 beside ours, and the other tables of the page, as HTML."""
+"""HTML tables of the report: the paper's Tables 1 to 5 with our values, and all others."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 _SUBSCRIPTS = {"dr": "δr", "de": "δe", "vdot": "v̇", "rdot": "ṙ", "wdot": "ẇ", "qdot": "q̇"}
 _LOOP_OF = {"heading": "Heading", "pitch": "Pitch to elevator", "depth": "Depth to pitch"}
 _GAIN_PREFIX = {"heading": "HDG", "pitch": "PTCH", "depth": "DPT"}
-_METHOD_NAMES = {"paper": "the paper's way"}
+_METHOD_NAMES = {"paper": "the paper's method"}
 _GAIN_SET_NAMES = {
     "initial": "initial gains",
     "improved": "the paper's improved gains",
@@ -27,7 +27,7 @@ _CASES = {
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str = "") -> str:
-    """A table as HTML; heads and cells are HTML already."""
+    """Return an HTML table of CSS class `name`; heads and cells are HTML and are not escaped."""
     cells = "".join(f"<th>{label}</th>" for label in head)
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     kind = f' class="{name}"' if name else ""
@@ -38,14 +38,13 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str = "") ->
 
 
 def symbol(name: str) -> str:
-    """A coefficient's name as the paper prints it."""
+    """Return a coefficient's symbol as HTML, as the paper prints it."""
     letter, _, index = name.partition("_")
     return f"<i>{letter}</i><sub>{_SUBSCRIPTS.get(index, index)}</sub>"
 
 
 def table_1(model: "IdentifiedModel") -> str:
-    """Coefficients: the paper's two columns, ours with uncertainty and status, and other methods on
-    the same runs."""
+    """Return the coefficients: the paper's, the identified ones, and those of other methods."""
     from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 
     rows = []
@@ -54,7 +53,7 @@ def table_1(model: "IdentifiedModel") -> str:
         shrink = "–" if c.shrink is None or not c.prior_sd else f"{c.shrink:.2f}"
         paper = [_short(getattr(column, name)) for column in (TABLE_1_INITIAL, TABLE_1_ADJUSTED)]
         status = f'<span class="tag {c.status}">{c.status}</span>'
-        others = [_short(rival.coefficients[name]) for rival in model.beside]
+        others = [_short(other.coefficients[name]) for other in model.beside]
         rows.append(
             [
                 symbol(name),
@@ -67,7 +66,7 @@ def table_1(model: "IdentifiedModel") -> str:
                 escape(c.unit),
             ]
         )
-    rivals = [_METHOD_NAMES.get(rival.method, rival.method) for rival in model.beside]
+    methods = [_METHOD_NAMES.get(other.method, other.method) for other in model.beside]
     head = [
         "",
         "paper, initial",
@@ -76,20 +75,19 @@ def table_1(model: "IdentifiedModel") -> str:
         "1 sd",
         "shrink",
         "",
-        *rivals,
+        *methods,
         "unit",
     ]
     return table(head, rows)
 
 
 def table_2(model: Mapping[str, Any]) -> str:
-    """Mean squared rate errors of the initial and the refitted model, and of other methods, on
-    held-out runs."""
+    """Return the mean squared rate errors, (deg/s)^2, of all models on held-out runs."""
     from sysid.reproduction.paper_tables import TABLE_2
 
     paper = dict(zip(("yaw", "pitch"), TABLE_2.values(), strict=True))
     names = {"yaw": "rudder tests", "pitch": "elevator tests"}
-    rivals = {
+    methods = {
         _METHOD_NAMES.get(m, m): found["held_out_rate_error"]
         for m, found in model["beside"].items()
     }
@@ -100,21 +98,22 @@ def table_2(model: Mapping[str, Any]) -> str:
             f"{paper[plane].adjusted:g}",
             _errors(pair, "initial"),
             f"<b>{_errors(pair, 'refitted')}</b>",
-            *(_errors(errors[plane], "refitted") for errors in rivals.values()),
+            *(_errors(errors[plane], "refitted") for errors in methods.values()),
         ]
         for plane, pair in model["held_out_rate_error"].items()
     ]
     return table(
-        ["", "paper, initial", "paper, improved", "initial model", "refitted model", *rivals], rows
+        ["", "paper, initial", "paper, improved", "initial model", "refitted model", *methods], rows
     )
 
 
 def _errors(pair: Mapping[str, float], which: str) -> str:
+    """Return the error over whole runs and, in brackets, over their first ten seconds."""
     return f"{pair[f'{which}_model_deg2ps2']:.3f} ({pair[f'opening_{which}_model_deg2ps2']:.3f})"
 
 
 def verdict(model: "IdentifiedModel") -> str:
-    """Yes or no, why, and the test to fly next, as paragraphs."""
+    """Return the assessment of the model, its reasons and the next test, as paragraphs."""
     from ground.campaign.identification import verdict_lines
 
     first, *others = (escape(line.strip()) for line in verdict_lines(model))
@@ -123,7 +122,7 @@ def verdict(model: "IdentifiedModel") -> str:
 
 
 def gates(model: "IdentifiedModel") -> str:
-    """Every gate with its figure in each plane, its limit, and whether it is passed."""
+    """Return each acceptance criterion with its value per plane, its limit and its result."""
     if model.verdict is None:
         return ""
     rows = []
@@ -133,12 +132,12 @@ def gates(model: "IdentifiedModel") -> str:
         limit = f"{same[0].sense} {same[0].limit:.3g} {same[0].unit}"
         missed = [gate for gate in same if not gate.passed]
         kind = "measured" if not missed else "prior" if missed[0].required else ""
-        word = "passed" if not missed else "failed" if missed[0].required else "remark"
-        tag = f'<span class="tag {kind}">{word}</span>'
+        result = "passed" if not missed else "failed" if missed[0].required else "remark"
+        tag = f'<span class="tag {kind}">{result}</span>'
         rows.append(
             [escape(name), cells.get("yaw", ""), cells.get("pitch", ""), escape(limit), tag]
         )
-    return table(["gate", "yaw", "pitch", "limit", ""], rows)
+    return table(["criterion", "yaw", "pitch", "limit", ""], rows)
 
 
 def _figure(gate: "Gate") -> str:
@@ -146,8 +145,7 @@ def _figure(gate: "Gate") -> str:
 
 
 def runs_table(model: "IdentifiedModel") -> str:
-    """Each run: its error beside what sea and sensors alone leave, Theil's coefficient, whether the
-    rest is white."""
+    """Return each run's rate error, noise floor, Theil coefficient and whiteness p-values."""
     errors = {q.run: q.model_mse_deg2ps2 for q in (*model.fit_quality, *model.held_out)}
     rows = []
     for found in model.validation.values():
@@ -182,7 +180,7 @@ def runs_table(model: "IdentifiedModel") -> str:
         "run",
         "signal",
         "rate error, (°/s)²",
-        "sea and sensors alone",
+        "noise floor, (°/s)²",
         "Theil",
         "periodogram, p",
         "Ljung–Box, p",
@@ -192,7 +190,7 @@ def runs_table(model: "IdentifiedModel") -> str:
 
 
 def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
-    """Controller gains."""
+    """Return the controller gains: initial, the paper's improved, redesigned."""
     from sysid.reproduction.paper_tables import TABLE_3_IMPROVED
 
     sets = {
@@ -215,10 +213,15 @@ def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def table_4(poles: Mapping[str, Any]) -> str:
-    """Dominant closed-loop poles: the paper's nine, the same reckoned by us, and ours of those that
-    show."""
+    """Return the dominant closed-loop poles (rad/s): printed, computed, and of our vehicle.
+
+    Parameters
+    ----------
+    poles : Mapping
+        Visible poles of our vehicle as (real, imaginary), by set of gains and loop.
+    """
     from sysid.reproduction.paper_poles import dominant
-    from sysid.reproduction.paper_poles import rows as reckoned
+    from sysid.reproduction.paper_poles import rows as computed_rows
 
     rows = [
         [
@@ -229,7 +232,7 @@ def table_4(poles: Mapping[str, Any]) -> str:
             f"{_damping(r.paper):.2f}",
             f"{_damping(r.ours):.2f}",
         ]
-        for r in reckoned()
+        for r in computed_rows()
     ]
     for role in ("initial", "redesigned"):
         for loop, found in poles[role].items():
@@ -249,7 +252,7 @@ def table_4(poles: Mapping[str, Any]) -> str:
 
 
 def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
-    """Steady errors of the straight run."""
+    """Return the steady errors of the straight run, 95 % bounds."""
     from sysid.reproduction.paper_tables import TABLE_5_IMPROVED, TABLE_5_INITIAL
 
     units = {"heading_deg": "°", "pitch_deg": "°", "depth_m": " m"}
@@ -272,7 +275,7 @@ def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def small_signal(model: "IdentifiedModel") -> str:
-    """The few numbers per plane that control rests on."""
+    """Return the small-signal parameters of each plane that the control design uses."""
     rows = []
     for plane, found in model.planes.items():
         for name in found.__struct_fields__:
@@ -296,14 +299,14 @@ def margins(analyses: Mapping[str, Any]) -> str:
             cells = _strong(numbers, role == "redesigned")
             rows.append([name if role == "initial" else "", role, *cells])
     return table(
-        ["opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"],
+        ["loop opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"],
         rows,
         "named",
     )
 
 
 def screening(model: "IdentifiedModel") -> str:
-    """Every run, kept or not, with the reason and how well it is explained."""
+    """Return every run with its screening result, the reason, and the rate error of both models."""
     quality = {q.run: q for q in (*model.fit_quality, *model.held_out)}
     waves = {run.run: run.wave for found in model.validation.values() for run in found.runs}
     rows = []
@@ -312,20 +315,20 @@ def screening(model: "IdentifiedModel") -> str:
         errors = (
             ["", ""] if q is None else [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
         )
-        verdict = (
+        use = (
             '<span class="tag measured">fitted</span>'
             if run.kept
             else '<span class="tag prior">rejected</span>'
         )
-        why = escape("; ".join((*run.reasons, *run.warnings)))
+        reasons = escape("; ".join((*run.reasons, *run.warnings)))
         rows.append(
             [
                 run.run,
                 f"{run.wave} {run.magnitude_deg:+g}°",
                 f"{run.duration_s:.1f} s",
                 *errors,
-                verdict,
-                why,
+                use,
+                reasons,
             ]
         )
     for q in model.held_out:
@@ -336,12 +339,12 @@ def screening(model: "IdentifiedModel") -> str:
     return table(
         ["run", "test", "length", "initial model", "refitted model", "", "reason"],
         rows,
-        "named told",
+        "named prose",
     )
 
 
 def tracking(missions: Mapping[str, Mapping[str, Any]]) -> str:
-    """Steady errors of every leg of every mission."""
+    """Return the steady errors of every leg of every mission, 95 % bounds."""
     rows = []
     for mission, sets in missions.items():
         for number, windows in enumerate(
@@ -387,7 +390,7 @@ def _damping(pole: complex) -> float:
 
 
 def _split_unit(name: str) -> tuple[str, str]:
-    """A quantity's words and unit from its field name."""
+    """Return a quantity's name and unit from its field name."""
     units = {"per_s2": "1/s²", "per_s": "1/s", "deg": "°", "s": "s"}
     for suffix, unit in units.items():
         if name.endswith(f"_{suffix}"):

@@ -1,5 +1,4 @@
-"""What an identified model rests on, as figures: its response laid over the runs', predictions, and
-what is left."""
+"""Validation figures of an identified model: frequency response, predictions and residuals."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -16,28 +15,28 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 NORMAL_95 = 1.96
-"""Standard deviations on either side that hold 95 % of a normal quantity."""
+"""Half-width of the 95 % interval of a normal quantity, in standard deviations."""
 KOLMOGOROV = 1.358
-"""Over the root of the number of ordinates: the distance that 5 % of white series exceed."""
+"""5 % critical value of the Kolmogorov-Smirnov distance, times the root of the sample size."""
 MOTIONS = {"yaw": "yaw", "pitch": "pitch"}
 SURFACES = {"yaw": "rudder", "pitch": "elevator"}
 HELD_OUT_MISSIONS = {"yaw": "rudder_heldout", "pitch": "elevator_heldout"}
 SHOWN_HZ = 10.0
+"""Sample rate of the drawn curves."""
 
 
 def response_figures(campaign: CampaignFolder) -> list[Figure]:
-    """Gain, phase and coherence of each plane that has runs which sweep."""
+    """Return gain (dB), phase (deg) and coherence of each plane with sweep runs."""
     model = campaign.model
     return [
         _response(model, plane, campaign.prior_config)
-        for plane, it in model.validation.items()
-        if it.overlay
+        for plane, validation in model.validation.items()
+        if validation.overlay
     ]
 
 
 def prediction_figures(campaign: CampaignFolder) -> list[Figure]:
-    """Held-out runs of each plane with the band that the model allows them: the largest step, and
-    another signal."""
+    """Return two held-out runs per plane, a step and another signal, with the predicted band."""
     return [
         _prediction(campaign.model, run, campaign.prior_config)
         for mission in HELD_OUT_MISSIONS.values()
@@ -46,7 +45,7 @@ def prediction_figures(campaign: CampaignFolder) -> list[Figure]:
 
 
 def whiteness_figures(campaign: CampaignFolder) -> list[Figure]:
-    """Cumulative periodogram of what the held-out runs of each plane leave, whitened."""
+    """Return the cumulative periodogram of the whitened residuals of each plane's held-out runs."""
     model = campaign.model
     return [
         _whiteness(model, plane, campaign.runs(mission), campaign.prior_config)
@@ -56,19 +55,20 @@ def whiteness_figures(campaign: CampaignFolder) -> list[Figure]:
 
 
 def _response(model: "IdentifiedModel", plane: "Plane", prior: Any) -> Figure:
+    """Draw the response from surface command to rate, measured and by both models."""
     from sysid.control_analysis.loop_transfer import GRID_RADPS
     from sysid.models import prediction as predict
     from sysid.validation import crossover
     from sysid.validation.validate import uncertain_vehicle
 
-    laid, crossed = model.validation[plane].overlay, model.validation[plane].crossover
-    assert laid is not None
-    w, points = GRID_RADPS, np.array(laid.frequency_radps)
+    overlay, crossing = model.validation[plane].overlay, model.validation[plane].crossover
+    assert overlay is not None
+    w, points = GRID_RADPS, np.array(overlay.frequency_radps)
     shown = (w >= points[0] / 1.3) & (w <= points[-1] * 1.3)
-    belief = uncertain_vehicle(model, prior)
-    ours = crossover.response(belief.vehicle(belief.z), plane)[shown]
-    first = crossover.response(predict.vehicles(model, prior)[1], plane)[shown]
-    gain_sd, phase_sd = (NORMAL_95 * sd[shown] for sd in crossover.response_sd(belief, plane))
+    estimate = uncertain_vehicle(model, prior)
+    refitted = crossover.response(estimate.vehicle(estimate.z), plane)[shown]
+    initial = crossover.response(predict.vehicles(model, prior)[1], plane)[shown]
+    gain_sd, phase_sd = (NORMAL_95 * sd[shown] for sd in crossover.response_sd(estimate, plane))
 
     def line(name: str, role: str, values: Array, sd: Array | None = None) -> Curve:
         low, high = (None, None) if sd is None else (values - sd, values + sd)
@@ -83,9 +83,9 @@ def _response(model: "IdentifiedModel", plane: "Plane", prior: Any) -> Figure:
         key=f"response-{plane}",
         title=f"{motion.capitalize()} rate over {surface} command",
         note=(
-            f"From {len(laid.runs)} runs that sweep; bars and band hold 95 %. The dotted line is"
-            " the crossover of the gains aboard. Frequencies of coherence below 0.6 are shaded."
-            f" Mismatch cost {laid.mismatch_cost or 0:.0f}."
+            f"From {len(overlay.runs)} sweep runs; bars and band: 95 %. Dotted line: crossover with"
+            " the gains of the tests. Shaded: coherence below 0.6."
+            f" Mismatch cost {overlay.mismatch_cost or 0:.0f}."
         ),
         x_label="rad/s",
         panels=(
@@ -93,37 +93,38 @@ def _response(model: "IdentifiedModel", plane: "Plane", prior: Any) -> Figure:
                 "gain",
                 "dB",
                 (
-                    line("initial model", "initial", _db(first)),
-                    line("refitted model", "redesigned", _db(ours), gain_sd),
-                    measured(laid.gain_db, laid.gain_sd_db),
+                    line("initial model", "initial", _db(initial)),
+                    line("refitted model", "redesigned", _db(refitted), gain_sd),
+                    measured(overlay.gain_db, overlay.gain_sd_db),
                 ),
             ),
             Panel(
                 "phase",
                 "°",
                 (
-                    line("initial model", "initial", _degrees(first)),
-                    line("refitted model", "redesigned", _degrees(ours), phase_sd),
-                    measured(laid.phase_deg, laid.phase_sd_deg),
+                    line("initial model", "initial", _degrees(initial)),
+                    line("refitted model", "redesigned", _degrees(refitted), phase_sd),
+                    measured(overlay.phase_deg, overlay.phase_sd_deg),
                 ),
             ),
             Panel(
                 "coherence",
                 "",
                 (
-                    Curve("coherence", "measured", points, np.array(laid.coherence)),
-                    Curve("least that counts", "set_point", points, np.full(points.size, 0.6)),
+                    Curve("coherence", "measured", points, np.array(overlay.coherence)),
+                    Curve("limit", "set_point", points, np.full(points.size, 0.6)),
                 ),
                 (0.0, 1.05),
             ),
         ),
         log_x=True,
-        shaded=_incoherent_intervals(points, np.array(laid.coherence)),
-        upright=crossed.crossover_radps if crossed else None,
+        shaded=_incoherent_intervals(points, np.array(overlay.coherence)),
+        upright=crossing.crossover_radps if crossing else None,
     )
 
 
 def _prediction(model: "IdentifiedModel", run: "Run", prior: Any) -> Figure:
+    """Draw the measured and the predicted rate of a held-out run with 95 % bands."""
     from sysid.models.prediction import predict
     from sysid.validation.prediction_bands import rate_band
 
@@ -132,10 +133,12 @@ def _prediction(model: "IdentifiedModel", run: "Run", prior: Any) -> Figure:
     thin = slice(first, None, int(50.0 / SHOWN_HZ))
     t = run.time_s[thin]
     inside = slice(None, None, int(50.0 / SHOWN_HZ))
-    doubt = np.degrees(NORMAL_95 * band.estimate_radps[inside])
-    whole = np.degrees(NORMAL_95 * np.hypot(band.estimate_radps, band.sea_radps)[inside])
-    ours = np.degrees(predicted.rate_radps[thin])
-    outside = np.mean(np.abs(np.degrees(run.rate_radps[thin]) - ours)[t >= 0.0] > whole[t >= 0.0])
+    estimate_band = np.degrees(NORMAL_95 * band.estimate_radps[inside])
+    total_band = np.degrees(NORMAL_95 * np.hypot(band.estimate_radps, band.sea_radps)[inside])
+    predicted_degps = np.degrees(predicted.rate_radps[thin])
+    outside = np.mean(
+        np.abs(np.degrees(run.rate_radps[thin]) - predicted_degps)[t >= 0.0] > total_band[t >= 0.0]
+    )
     return Figure(
         key=f"held-out-{run.name.replace('/', '-')}",
         title=(
@@ -143,8 +146,8 @@ def _prediction(model: "IdentifiedModel", run: "Run", prior: Any) -> Figure:
             " held out"
         ),
         note=(
-            f"Narrow band: the estimate's doubt alone. Of what was measured, {outside:.0%} lie"
-            " outside the wide one."
+            f"Narrow band: uncertainty of the estimate. {outside:.0%} of the measured samples lie"
+            " outside the wide band."
         ),
         x_label="seconds since the test began",
         panels=(
@@ -153,15 +156,22 @@ def _prediction(model: "IdentifiedModel", run: "Run", prior: Any) -> Figure:
                 "°/s",
                 (
                     Curve(
-                        "with sea and sensors, 95 %",
+                        "incl. sea and sensors, 95 %",
                         "redesigned",
                         t,
-                        ours,
-                        ours - whole,
-                        ours + whole,
+                        predicted_degps,
+                        predicted_degps - total_band,
+                        predicted_degps + total_band,
                         look="band",
                     ),
-                    Curve("refitted model", "redesigned", t, ours, ours - doubt, ours + doubt),
+                    Curve(
+                        "refitted model",
+                        "redesigned",
+                        t,
+                        predicted_degps,
+                        predicted_degps - estimate_band,
+                        predicted_degps + estimate_band,
+                    ),
                     Curve("measured", "measured", t, np.degrees(run.rate_radps[thin])),
                     Curve(
                         "initial model", "initial", t, np.degrees(predicted.prior_rate_radps[thin])
@@ -175,19 +185,23 @@ def _prediction(model: "IdentifiedModel", run: "Run", prior: Any) -> Figure:
 def _whiteness(
     model: "IdentifiedModel", plane: "Plane", runs: "Sequence[Run]", prior: Any
 ) -> Figure:
+    """Draw the cumulative periodogram of the innovations with its 95 % band."""
     from sysid.validation.prediction_bands import innovations
     from sysid.validation.validate import DT_S
     from sysid.validation.whiteness import cumulative_periodogram
 
-    left = np.concatenate(
+    residuals = np.concatenate(
         [i - np.mean(i) for i in (innovations(model, run, prior) for run in runs)]
     )
-    rising = cumulative_periodogram(left)
-    hz = np.linspace(0.0, 0.5 / DT_S, rising.size)
-    diagonal, room = np.linspace(0.0, 1.0, rising.size), KOLMOGOROV / np.sqrt(rising.size)
+    cumulative_power = cumulative_periodogram(residuals)
+    hz = np.linspace(0.0, 0.5 / DT_S, cumulative_power.size)
+    diagonal, half_width = (
+        np.linspace(0.0, 1.0, cumulative_power.size),
+        KOLMOGOROV / np.sqrt(cumulative_power.size),
+    )
     return Figure(
         key=f"whiteness-{plane}",
-        title=f"What held-out {SURFACES[plane]} tests leave",
+        title=f"Residuals of held-out {SURFACES[plane]} tests",
         note=(
             "Cumulative periodogram of the whitened rate: white noise stays within the band in 95 %"
             " of cases."
@@ -199,9 +213,14 @@ def _whiteness(
                 "",
                 (
                     Curve(
-                        "white noise", "set_point", hz, diagonal, diagonal - room, diagonal + room
+                        "white noise",
+                        "set_point",
+                        hz,
+                        diagonal,
+                        diagonal - half_width,
+                        diagonal + half_width,
                     ),
-                    Curve("whitened residual", "redesigned", hz, rising),
+                    Curve("whitened residual", "redesigned", hz, cumulative_power),
                 ),
                 (0.0, 1.0),
             ),
@@ -210,16 +229,18 @@ def _whiteness(
 
 
 def _select_runs(runs: "Sequence[Run]") -> "list[Run]":
-    """The largest step and the largest of the other signals, where there are both."""
+    """Return the largest step and the largest of the other signals, as far as present."""
     kinds = [[run for run in runs if (run.wave == "step") == steps] for steps in (True, False)]
     return [max(kind, key=lambda run: abs(run.magnitude_deg)) for kind in kinds if kind]
 
 
 def _incoherent_intervals(x: Array, coherence: Array) -> tuple[tuple[float, float], ...]:
-    """Stretches of ``x``, evenly spaced by ratio, whose coherence is too low to count."""
+    """Return the intervals of `x` (spaced logarithmically) with a coherence below 0.6."""
     half = np.sqrt(x[1] / x[0])
     return tuple(
-        (float(at / half), float(at * half)) for at, c in zip(x, coherence, strict=True) if c < 0.6
+        (float(centre / half), float(centre * half))
+        for centre, c in zip(x, coherence, strict=True)
+        if c < 0.6
     )
 
 

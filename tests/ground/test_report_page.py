@@ -39,7 +39,7 @@ return [...document.querySelectorAll('.chart')].map(chart => {
 def figure(key: str, panels: int) -> Figure:
     """Return a figure with the longest labels that a campaign's figures have."""
     x = np.arange(50.0)
-    names = ("with sea and sensors, 95 %", "refitted model", "measured", "initial model")
+    names = ("incl. sea and sensors, 95 %", "refitted model", "measured", "initial model")
     roles = ("redesigned", "redesigned", "measured", "initial")
     curves = tuple(
         Curve(name, role, x, np.sin(x / 9.0 + number))
@@ -74,7 +74,7 @@ def small_report() -> str:
         "missions": place(wide.key),
         "steps": "".join(place(each.key) for each in pair),
         "poles": place("poles-heading"),
-        "tracking": tables.table(["", *["a column"] * 8, "reason"], [row] * 3, "told"),
+        "tracking": tables.table(["", *["a column"] * 8, "reason"], [row] * 3, "prose"),
         "asked": "x" * 200,
     }
     return page.render(parts, drawn)

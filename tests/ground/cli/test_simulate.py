@@ -140,7 +140,7 @@ def test_format_text_holds_values_legs_and_failures() -> None:
     )
     page = simulation.format_text([told], "square")
     for expected in (
-        "square, by 9 vehicles",
+        "square: 9 vehicles sampled from the model",
         "x1.5",
         "5.0",
         "7.0",

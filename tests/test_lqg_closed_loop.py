@@ -1,5 +1,4 @@
-"""Laws in the sea: they hold her closer than the PIDs do, take over without a blow and reach a new
-depth."""
+"""LQG controllers in closed loop: disturbance rejection, take-over and change of depth."""
 
 import numpy as np
 import pytest
@@ -19,7 +18,8 @@ VALUES = TRIMMED | DEPTH_LOOP | LEAD | {"HDG_REF_W": 0.6, "DPT_REF_W": 0.3, "PTC
 
 
 @pytest.fixture(scope="module")
-def laws() -> LqgControllers:
+def controllers() -> LqgControllers:
+    """LQG controllers designed for the paper's adjusted model."""
     lag, sea = Lag(0.3 + SAMPLING_S), noise.from_model(DEFAULT_DISTURBANCE)
     yaw, pitch = yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED)
     heading = synthesis.controller(yaw, lag, sea, weights.HEADING_STARTS[0])
@@ -32,8 +32,9 @@ def laws() -> LqgControllers:
     )
 
 
-def test_laws_hold_heading_and_depth_closer(laws: LqgControllers) -> None:
-    def held(flown: LqgControllers | None) -> tuple[float, float]:
+def test_lqg_holds_heading_and_depth_closer_than_pid(controllers: LqgControllers) -> None:
+    def steady_sd(flown: LqgControllers | None) -> tuple[float, float]:
+        """Return the standard deviation of heading (rad) and depth (m)."""
         dive = Dive(
             leg(depth_m=4.0, heading_deg=0.0, duration_s=100.0),
             sea="disturbed",
@@ -45,17 +46,17 @@ def test_laws_hold_heading_and_depth_closer(laws: LqgControllers) -> None:
             np.std(dive["true_depth_m"][steady])
         )
 
-    by_law, by_pid = held(laws), held(None)
-    assert by_law[0] < 0.93 * by_pid[0]
-    assert by_law[1] < 0.8 * by_pid[1]
+    lqg, pid = steady_sd(controllers), steady_sd(None)
+    assert lqg[0] < 0.93 * pid[0]
+    assert lqg[1] < 0.8 * pid[1]
 
 
-def test_laws_take_over_smoothly_and_reach_a_new_depth(laws: LqgControllers) -> None:
+def test_lqg_takes_over_smoothly_and_reaches_new_depth(controllers: LqgControllers) -> None:
     items = leg(depth_m=3.0, heading_deg=0.0, duration_s=60.0)
     dive = Dive(
         items + leg(depth_m=6.0, heading_deg=0.0, duration_s=50.0, first=4),
         values=VALUES,
-        laws=laws,
+        laws=controllers,
     )
     rudder_deg = np.degrees(dive["rudder"])
     assert np.max(np.abs(np.diff(rudder_deg[dive.during(5.0, 95.0)]))) < 6.0
