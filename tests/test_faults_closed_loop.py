@@ -16,6 +16,7 @@ from sitl.core import plant, timestep
 from sitl.faults.catalogue import CATALOGUE
 from sitl.vehicle import config as vehicles
 
+pytestmark = pytest.mark.slow
 FAULT_START_S, END_S, SAMPLE_TICKS = 12.0, 42.0, 5
 SIZES: dict[str, dict[str, float]] = {
     "rudder stuck": {"angle_deg": 15.0},

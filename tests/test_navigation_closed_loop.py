@@ -50,6 +50,7 @@ def dive(seed: int, *, dvl: bool) -> Voyage:
     return voyage.sail(50.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dvl", "worst_m"), [(True, 1.5), (False, 10.0)])
 def test_position_error_agrees_with_reported_sd(dvl: bool, worst_m: float) -> None:
     """At least 86 % of the errors are within 2 sd, and the sd is at most 3 start_times_s too large.
