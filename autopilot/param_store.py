@@ -33,7 +33,7 @@ class ParamStore:
         """Whether the last write failed."""
         self._due = Every(SAVE_DELAY_S)
         self.problems: list[str] = []
-        """What was wrong with the file when it was loaded."""
+        """Problems of the file, found when it was loaded."""
 
     def load(self) -> dict[str, float]:
         """Return the stored values, without lines that are not valid.

@@ -31,7 +31,7 @@ class StartTest(NamedTuple):
     """Start a test (MAV_CMD_USER_1)."""
 
     axis: int
-    """As SID_AXIS."""
+    """Axis, numbered as in SID_AXIS."""
     magnitude: float
     """Amplitude: degrees of rudder or elevator, percent of thrust."""
     start_hz: float
@@ -39,7 +39,7 @@ class StartTest(NamedTuple):
     """Upper limit of the band of a chirp or a multisine; clock rate of a PRBS."""
     duration_s: float
     wave: int
-    """As SID_WAVE."""
+    """Waveform, numbered as in SID_WAVE."""
     fade_s: float
     seed: int = 0
     """Seed of a PRBS."""
