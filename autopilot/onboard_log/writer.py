@@ -77,14 +77,20 @@ class BackgroundFile:
         self._queue.put(None)
 
     def wait(self) -> None:
-        """Wait until the file is closed, at most FINISH_TIMEOUT_S."""
+        """Wait until this file and the previous one are closed, at most FINISH_TIMEOUT_S."""
         self._thread.join(FINISH_TIMEOUT_S)
 
     def _run(self) -> None:
+        """Work after the previous file is open, and end after it is closed."""
+        previous, self._previous = self._previous, None
+        if previous is not None:
+            previous._opened.wait()
+        self._work()
+        if previous is not None:
+            previous._thread.join(FINISH_TIMEOUT_S)
+
+    def _work(self) -> None:
         """Open the file and run the queued work."""
-        if self._previous is not None:
-            self._previous._opened.wait()
-            self._previous = None
         try:
             file = self._open()
         except Exception as error:
