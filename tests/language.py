@@ -8,13 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-WORDS = (
-    "she", "her", "hers", "herself", "foretold", "foretell", "reckon", "reckoned", "whoever",
-    "ashore", "aboard", "likewise", "beforehand", "awash",
-)  # fmt: skip
-PATTERN = re.compile(rf"\b({'|'.join(WORDS)})\b", re.IGNORECASE)
+PATTERN = re.compile(
+    r"\b(she|her|hers|herself|foretold|foretell|reckon|reckoned|whoever|ashore|aboard|likewise"
+    r"|beforehand|awash)\b",
+    re.IGNORECASE,
+)
 CHECKED = ("*.py", "*.md", "*.toml", "Makefile")
-EXEMPT = ("tests/language.py", "CHANGELOG.md")
+EXEMPT = ("tests/language.py",)
 
 
 def main() -> int:

@@ -19,7 +19,6 @@ from sysid.data.segments import Plane
 from sysid.estimation.linear import cramer_rao, estimate
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear.estimate import Method
-from sysid.models.noise import Noise
 
 Array = NDArray[np.float64]
 Estimator = Callable[[Campaign], tuple[Array, Array]]
@@ -34,7 +33,6 @@ DRAWS: dict[str, Draw] = {
     "coloured": linear_truth.coloured,
     "misspecified": linear_truth.misspecified,
 }
-LEVELS: dict[str, Noise] = {"white": linear_truth.WHITE, "coloured": linear_truth.COLOURED}
 
 
 def _ours(campaign: Campaign, method: Method) -> tuple[Array, Array]:

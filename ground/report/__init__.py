@@ -1,1 +1,1 @@
-"""What a campaign showed, as one page that needs nothing but a browser."""
+"""Report of a campaign: one page that a browser shows without a network."""

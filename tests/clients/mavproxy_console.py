@@ -50,10 +50,6 @@ class Console:
     def running(self) -> bool:
         return self._process.poll() is None
 
-    @property
-    def process_id(self) -> int:
-        return self._process.pid
-
     def say(self, line: str) -> None:
         """Type a line; ignore the output before it."""
         self._mark = len(self.said)

@@ -78,11 +78,10 @@ class FakeVehicle:
         self.mute = False
         self.modes = MODES
         self.lists_modes, self.obeys = True, True
-        """Whether it answers for AVAILABLE_MODES, and whether it enters a mode that it accepts."""
+        """Whether it answers requests of AVAILABLE_MODES, and enters a mode that it accepts."""
         self.armed, self.custom_mode = False, 0
         self.prearm: bool | None = None
-        """What SYS_STATUS says of the pre-arm checks when it is requested; None: it is never
-        sent."""
+        """Pre-arm state in a requested SYS_STATUS; None: SYS_STATUS is never sent."""
 
     def heartbeat(
         self, *, armed: bool | None = None, kind: int = 12, autopilot: int = 0, status: int = 4

@@ -105,8 +105,7 @@ def test_fly_same_seed_same_telemetry(tmp_path: Path, mission: Path) -> None:
 
 
 def telemetry(path: Path) -> list[tuple[str, bytes]]:
-    """What the vehicle sent of itself: all but heartbeats, which follow the wall clock, and answers
-    to ground."""
+    """Return messages that the vehicle sends unrequested, without heartbeats (wall clock)."""
     answers = {
         "COMMAND_ACK",
         "PARAM_VALUE",

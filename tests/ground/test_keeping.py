@@ -1,5 +1,4 @@
-"""Who watches a promise live: fed by frames, it says what the log would say, once, and as the dive
-goes on."""
+"""Live performance monitor: its reports from frames equal those from the log."""
 
 import math
 from collections.abc import Iterator

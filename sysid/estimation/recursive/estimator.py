@@ -215,18 +215,6 @@ def information_with_test(state: TestState) -> Information:
     )
 
 
-def relinearise(state: TestState) -> TestState:
-    """Linearise the test again, about the present estimate."""
-    if state.tracking is None:
-        return state
-    z = _limited_step(
-        state.knowledge.prior,
-        state.tracking.candidate_set.z,
-        square_root_information.mean(information_with_test(state)),
-    )
-    return state._replace(tracking=_track(state.knowledge, state.plane, state.steps, z))
-
-
 def finish(state: TestState) -> Knowledge:
     """Finish a test and return the knowledge with it.
 

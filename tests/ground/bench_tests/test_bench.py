@@ -101,7 +101,7 @@ def test_load_invalid_moves_refused(tmp_path: Path, text: str, reason: str) -> N
 
 
 def test_shipped_moves_equal_shipped_scenario() -> None:
-    """What the simulator does to the vehicle, and what ground believes was done."""
+    """The inclining test's simulated weights equal those that ground assumes."""
     from sitl import scenario
 
     plan = incline.load(None)

@@ -155,8 +155,7 @@ def test_campaign_folder_with_other_files_refused(tmp_path: Path) -> None:
 
 
 def old_campaign(out: Path, *, finished: bool) -> dict[str, str]:
-    """Files of a campaign that was flown before, and of somebody else, by their path in the
-    folder."""
+    """Write files of an earlier campaign and of another program; return them by path."""
     files = {
         "campaign.toml": 'vehicle = "caribou_truth"\n',
         "model.json": "{}",
@@ -296,7 +295,7 @@ def test_campaign_impossible_vehicle_refused_before_dive(tmp_path: Path) -> None
 @pytest.mark.process
 @pytest.mark.timeout(600)
 def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
-    """Of xfin the own file is the prior, and its own prototype design flies first."""
+    """The prior of xfin_auv is its own file; its prototype design flies first."""
     out = tmp_path / "out"
     found = Campaign(
         CampaignRequest(out, vehicle="xfin_auv"), lambda name, at: None, lambda words: None
@@ -341,7 +340,7 @@ def test_load_invalid_line_is_named(line: str, tmp_path: Path) -> None:
 
 
 class _PageReader(HTMLParser):
-    """What a page fetches, where its charts go, and its inline scripts by id."""
+    """Parser of a page: fetched addresses, chart places, inline scripts by id."""
 
     def __init__(self) -> None:
         super().__init__()

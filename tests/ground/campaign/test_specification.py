@@ -64,7 +64,7 @@ def test_read_error_names_option_of_other_name() -> None:
 
 
 class Refitted(NamedTuple):
-    """As much of a model as tells which vehicle it is of."""
+    """Stand-in for a model; it names its vehicle."""
 
     class Vehicle(NamedTuple):
         prior: str

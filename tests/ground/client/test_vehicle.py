@@ -302,7 +302,7 @@ def test_connect_late_reader_finds_vehicle(backlog: Backlog) -> None:
 
 
 def test_last_words_before_a_broken_link_are_received() -> None:
-    """What arrived before the other end closed is read first, then the link is lost."""
+    """Bytes that arrived before the other end closed are read; then the link is lost."""
     with closing(socket.create_server(("127.0.0.1", 0))) as server:
         ground_end = open_transport(f"tcp:127.0.0.1:{server.getsockname()[1]}")
         connection, _ = server.accept()

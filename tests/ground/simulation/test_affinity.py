@@ -31,7 +31,7 @@ def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def statistics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """What the system counts: as it stands until `sleep` is called."""
+    """Replace the CPU statistics of the system; they change when `sleep` is called."""
     path = tmp_path / "stat"
     path.write_text(STATISTICS.format(sum=200, first=100, second=100))
     monkeypatch.setattr(affinity, "STATISTICS", path)

@@ -48,7 +48,7 @@ def said(tmp_path: Path) -> Path:
 
 
 def arguments() -> list[str]:
-    """Of an autopilot that nobody talks to."""
+    """Return the options of an autopilot without a peer."""
     links = ("--hil", f"udpin:127.0.0.1:{free_port()}", "--gcs", f"udpin:127.0.0.1:{free_port()}")
     return [*links, "--lifeline", "--state", "off", "--logs", "off"]
 
