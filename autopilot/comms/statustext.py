@@ -15,7 +15,7 @@ MAX_BURST, MAX_TEXTS_PER_S = 20, 5.0
 """Limits of the text rate: more texts overload a slow link and its reader."""
 
 _STATUSTEXT, _ITEM_REACHED = dialect.by_name("STATUSTEXT"), dialect.by_name("MISSION_ITEM_REACHED")
-_SENT_ON_CHANGE = dialect.by_name("CURRENT_MODE"), dialect.by_name("HEARTBEAT")
+_CURRENT_MODE, _HEARTBEAT = dialect.by_name("CURRENT_MODE"), dialect.by_name("HEARTBEAT")
 _HOME = dialect.by_name("HOME_POSITION"), dialect.by_name("GPS_GLOBAL_ORIGIN")
 
 Publish = Callable[[MessageType, Values], None]
@@ -35,7 +35,8 @@ class EventPublisher:
         self._vehicle, self._build, self._broadcast, self._log = vehicle, build, broadcast, log
         self._rate_limiter = TextRateLimiter()
         self._long_texts = 0
-        self._mode_state: tuple[int, bool, int] | None = self._read_mode_state()
+        self._mode: int | None = vehicle.state.mode
+        self._heartbeat_state: tuple[int, bool, int] | None = self._read_heartbeat_state()
         self._home: Home = vehicle.state.home
 
     def publish(self) -> None:
@@ -45,19 +46,23 @@ class EventPublisher:
                 self._broadcast(_ITEM_REACHED, (event.sequence,))
             else:
                 self._publish_text(event)
-        mode_state, home = self._read_mode_state(), self._vehicle.state.home
-        if mode_state != self._mode_state:
-            self._mode_state = mode_state
-            self._publish_messages(_SENT_ON_CHANGE)
+        mode, home = self._vehicle.state.mode, self._vehicle.state.home
+        heartbeat_state = self._read_heartbeat_state()
+        if mode != self._mode:
+            self._mode = mode
+            self._publish_messages((_CURRENT_MODE,))
+        if heartbeat_state != self._heartbeat_state:
+            self._heartbeat_state = heartbeat_state
+            self._publish_messages((_HEARTBEAT,))
         if home != self._home:
             self._home = home
             self._publish_messages(_HOME)
 
     def resend_mode(self) -> None:
         """Publish the mode at the next call, changed or not."""
-        self._mode_state = None
+        self._mode = self._heartbeat_state = None
 
-    def _read_mode_state(self) -> tuple[int, bool, int]:
+    def _read_heartbeat_state(self) -> tuple[int, bool, int]:
         """Return mode, arming state and MAV_STATE."""
         state = self._vehicle.state
         return state.mode, state.armed, identity.mav_state(state)

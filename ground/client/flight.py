@@ -241,6 +241,7 @@ def _fly(
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
     recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
     vehicle.connect()
+    vehicle.wait_until_started()
     parameters = prepare(vehicle, dive)
     recorder.attach_parameters(parameters)
     if follower is not None:

@@ -257,14 +257,27 @@ class VehicleClient:
         """Request a message at `rate_hz` (vehicle time)."""
         self.command(MavCmd.SET_MESSAGE_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
 
+    def wait_until_started(self, patience_s: float | None = None) -> None:
+        """Wait until the vehicle has reached MAV_STATE_STANDBY: its sensors are read.
+
+        Parameters
+        ----------
+        patience_s : float, optional
+            Maximum wall time (s). The default is `READY_TIMEOUT_S`, for a simulated vehicle
+            `SIMULATED_READY_TIMEOUT_S`. When it has passed, the vehicle gives the reason itself:
+            it refuses to arm.
+        """
+        if patience_s is None:
+            patience_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_TIMEOUT_S
+        self.pump_until(lambda: self._status >= _STANDBY, patience_s)
+
     def arm(self, patience_s: float | None = None) -> None:
         """Arm as soon as the vehicle is ready.
 
         Parameters
         ----------
         patience_s : float, optional
-            Wall time (s) in which a vehicle that starts may reach MAV_STATE_STANDBY. The default is
-            `READY_TIMEOUT_S`, for a simulated vehicle `SIMULATED_READY_TIMEOUT_S`.
+            Maximum wall time (s) of `wait_until_started`.
 
         Raises
         ------
@@ -272,9 +285,7 @@ class VehicleClient:
             The refusal is permanent; or the vehicle refused twice while it reported that its
             pre-arm checks pass; or a temporary refusal lasted for `ARM_RETRY_S`.
         """
-        if patience_s is None:
-            patience_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_TIMEOUT_S
-        self.pump_until(lambda: self._status >= _STANDBY, patience_s)
+        self.wait_until_started(patience_s)
         deadline_s, passed = wall_s() + ARM_RETRY_S, False
         while True:
             self.arm_requested = True
