@@ -42,8 +42,7 @@ from sysid.models.parameters import NAMES
 from sysid.reproduction import paper_method
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.screening import RunScreening, Screening, ScreeningLimits, screen
-from sysid.screening.influence import shifts
-from sysid.screening.refit_loop import RefitResult, refit_until_clean
+from sysid.screening.refit_loop import RefitResult, refit_until_clean, shifts
 from sysid.validation.assess import with_assessment
 
 Array = NDArray[np.float64]

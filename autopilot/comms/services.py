@@ -15,14 +15,16 @@ from autopilot.commands.types import (
     unknown_mode_text,
 )
 from autopilot.comms import offboard_messages
-from autopilot.comms.ftp_root import file_tree
 from autopilot.comms.ground_links import GroundLink
 from autopilot.comms.offboard_messages import SetpointReceiver
 from autopilot.comms.signing_keys import SigningKeys
 from autopilot.comms.statustext import EventPublisher, Publish
 from autopilot.control.manual_control import Helm
+from autopilot.control.params import PARAMETERS, ParamTable
 from autopilot.control.requests import SetMode
 from autopilot.onboard_log.recorder import OnboardLog
+from autopilot.param_file import to_text
+from autopilot.telemetry import component_metadata
 from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.vehicle import Vehicle, VehicleMission
 from mavlink_io import dialect
@@ -31,7 +33,9 @@ from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.mission_items import MavCmd
 from mavlink_io.request import MavlinkId, Send
+from mavlink_io.services import param_file_ftp
 from mavlink_io.services.ftp.server import FileServer
+from mavlink_io.services.ftp.tree import FileTree
 from mavlink_io.services.log_transfer.server import LogServer
 from mavlink_io.services.mission_server import MissionServer
 from mavlink_io.services.params import ParamServer
@@ -81,7 +85,7 @@ class Services:
         self.failures = FailureRelay(vehicle.send_statustext)
         self._missions = MissionServer(VehicleMission(vehicle))
         self._params = ParamServer(vehicle.params, send_by_name(broadcast), vehicle.send_statustext)
-        self._files = FileServer(file_tree(vehicle.params, onboard_log))
+        self._files = FileServer(_file_tree(vehicle.params, onboard_log))
         self._logs = LogServer(onboard_log, vehicle.send_statustext, lambda: vehicle.state.armed)
         self._context = CommandContext(
             vehicle, self.helm, message_builder.build, self._params.announce
@@ -230,3 +234,33 @@ def _answer_ping(received: ReceivedMessage) -> None:
     ping = received.message
     if ping.target_system == 0:
         received.link.write(_PING, (ping.time_usec, ping.seq, *received.sender))
+
+
+def _file_tree(params: ParamTable, onboard_log: OnboardLog) -> FileTree:
+    """Return the file tree of the vehicle.
+
+    It holds the onboard logs, the parameters in the format that ``autopilot --params`` reads, the
+    same in ArduPilot's packed format, and the component metadata.
+    """
+    tree = FileTree()
+    if onboard_log.store is not None:
+        tree.add_folder("/logs", onboard_log.store.folder)
+    tree.add_file(
+        "/params/current.param",
+        lambda: to_text({name: params.get(name) for name in params.names()}).encode(),
+    )
+    for with_defaults in (False, True):
+        path = param_file_ftp.PATH + (param_file_ftp.WITH_DEFAULTS if with_defaults else "")
+        tree.add_file(path, partial(_packed_parameters, params, with_defaults))
+    tree.add_file(component_metadata.GENERAL_PATH, component_metadata.general_json)
+    tree.add_file(component_metadata.PARAMETERS_PATH, component_metadata.parameters_json)
+    return tree
+
+
+def _packed_parameters(params: ParamTable, with_defaults: bool) -> bytes:
+    """Return all parameters in ArduPilot's packed format."""
+    rows = {
+        row.name: param_file_ftp.PackedParameter(params.get(row.name), row.default)
+        for row in PARAMETERS
+    }
+    return param_file_ftp.pack(rows, with_defaults)

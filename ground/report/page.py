@@ -8,8 +8,10 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from ground.campaign import design_summary
 from ground.campaign.campaign_folder import CampaignFolder
-from ground.report import charts, figures, specification, tables, validation_figures
+from ground.live.monitor_view import ROWS
+from ground.report import charts, figures, tables, validation_figures
 from ground.report.figures import Figure
 
 TITLE = "Caribou: from first trial to precise control"
@@ -80,10 +82,10 @@ def _page(campaign: CampaignFolder) -> str:
         "tracking": tables.tracking(summary["tracking"]),
         "small_signal": tables.small_signal(model),
         "screening": tables.screening(model),
-        "specification": specification.specification(summary["design"]),
+        "specification": specification(summary["design"]),
         "margins": tables.margins(analyses),
-        "reasons": specification.reasons(summary["design"]),
-        "monitoring": specification.monitoring(summary["kept"]),
+        "reasons": reasons(summary["design"]),
+        "monitoring": monitoring(summary["kept"]),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary["trims"].items()),
         "speed": f"{model.speed_mps:g}",
         "asked": escape(campaign.asked),
@@ -169,3 +171,44 @@ def _plotly() -> str:
 
 def _text(name: str) -> str:
     return (_HERE / name).read_text(encoding="utf-8")
+
+
+def specification(design: Mapping[str, Any]) -> str:
+    """Return each limit of the specification with the value reached by the design."""
+    rows = [
+        [escape(row.limit), escape(row.asked), f"<b>{escape(row.reached)}</b>", escape(row.where)]
+        for row in design_summary.rows(design)
+    ]
+    note = (
+        '<p class="note">Other limits that are met:'
+        f" {escape(design_summary.describe_other_limits(design['specification']))}.</p>"
+    )
+    return tables.table(["", "asked", "reached", "at"], rows, "named prose") + note
+
+
+def reasons(design: Mapping[str, Any]) -> str:
+    """Return each parameter of the redesign with its reason."""
+    rows = [
+        [name, f"{value:.4g}", escape(design["reasons"][name])]
+        for name, value in design["gains"].items()
+    ]
+    return tables.table(["parameter", "value", "reason"], rows, "named prose")
+
+
+def monitoring(missions: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return measured and predicted rms errors of each mission in steady flight, and causes."""
+    rows = []
+    for mission, result in missions.items():
+        cells = [_measured_and_predicted(result["rms"].get(name)) for name in ROWS]
+        causes = "; ".join(cause["words"] for cause in result["causes"]) or (
+            "as predicted" if result["blocks"] else ""
+        )
+        rows.append(
+            [mission.replace("_", " "), f"{result['steady_s']:.0f} s", *cells, escape(causes)]
+        )
+    return tables.table(["mission", "steady flight", *ROWS.values(), ""], rows, "named prose")
+
+
+def _measured_and_predicted(rms: Mapping[str, float] | None) -> str:
+    """Return the measured and, in brackets, the predicted rms as one cell."""
+    return "–" if rms is None else f"<b>{rms['measured']:.2f}</b> ({rms['predicted']:.2f})"

@@ -1,22 +1,35 @@
-"""``python -m sitl.vehicle``: write a vehicle file from geometry, and check a vehicle file."""
+"""``python -m sitl.vehicle``: write a vehicle file from geometry, and check a vehicle file.
+
+The initial geometry follows from length and diameter, with the usual proportions of its kind.
+"""
 
 from __future__ import annotations
 
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, NoReturn, get_args
+from typing import Annotated, Any, Literal, NoReturn, get_args
 
 import typer
 
 from mavlink_io.printable import printable, printable_lines
 from sitl.vehicle import check as checks
-from sitl.vehicle import config, initial_geometry
+from sitl.vehicle import config
 from sitl.vehicle.config import VehicleFileError
 from sitl.vehicle.export import write
 
 BAD_INPUT = 2
 """Exit status for invalid input."""
+Kind = Literal["series58", "myring", "cylinder"]
+Steering = Literal["duct", "cruciform", "x"]
+
+DUCT_DIAMETER, DUCT_CHORD = 0.78, 0.23
+"""Duct diameter and chord over hull diameter, from Caribou."""
+FIN_SPAN, FIN_CHORD = 0.50, 0.45
+"""Fin span and chord over hull diameter.
+
+REMUS 100: 0.45 and 0.39; Explorer: 0.52 and 0.52.
+"""
 app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
@@ -49,12 +62,8 @@ def new(
     geometry: Annotated[
         str | None, typer.Argument(metavar="GEOMETRY.toml", help="Vehicle file with known keys.")
     ] = None,
-    hull: Annotated[
-        str | None, typer.Option(metavar="|".join(get_args(initial_geometry.Kind)))
-    ] = None,
-    tail: Annotated[
-        str, typer.Option(metavar="|".join(get_args(initial_geometry.Steering)))
-    ] = "cruciform",
+    hull: Annotated[str | None, typer.Option(metavar="|".join(get_args(Kind)))] = None,
+    tail: Annotated[str, typer.Option(metavar="|".join(get_args(Steering)))] = "cruciform",
     length_m: Annotated[float | None, typer.Option()] = None,
     diameter_m: Annotated[float | None, typer.Option()] = None,
 ) -> None:
@@ -85,8 +94,8 @@ def _start(
 ) -> config.Completed:
     """Return a complete vehicle from kind, length and diameter; raise for invalid options."""
     for option, value, known in (
-        ("--hull", hull, initial_geometry.Kind),
-        ("--tail", tail, initial_geometry.Steering),
+        ("--hull", hull, Kind),
+        ("--tail", tail, Steering),
     ):
         if value not in get_args(known):
             raise VehicleFileError(f"{option} {value}: expected {', '.join(get_args(known))}")
@@ -94,8 +103,49 @@ def _start(
         raise VehicleFileError(
             f"--length-m {length_m} --diameter-m {diameter_m}: expected both, longer than wide"
         )
-    tables = initial_geometry.starter(name, hull, tail, length_m, diameter_m)  # type: ignore[arg-type]
+    tables = starter_tables(name, hull, tail, length_m, diameter_m)  # type: ignore[arg-type]
     return config.finish(tables, name)
+
+
+def starter_tables(
+    name: str, kind: Kind, steering: Steering, length_m: float, diameter_m: float
+) -> dict[str, Any]:
+    """Return the tables of a minimal vehicle file."""
+    steer = (
+        {"duct": {"diameter_m": DUCT_DIAMETER * diameter_m, "chord_m": DUCT_CHORD * diameter_m}}
+        if steering == "duct"
+        else {
+            "fins": {
+                "layout": steering,
+                "span_m": FIN_SPAN * diameter_m,
+                "root_chord_m": FIN_CHORD * diameter_m,
+            }
+        }
+    )
+    return {"name": name, "hull": {"shape": kind, **_hull(kind, length_m, diameter_m)}, **steer}
+
+
+def _hull(kind: Kind, length_m: float, diameter_m: float) -> dict[str, float]:
+    """Return the hull table of a kind, without its ``shape``."""
+    if kind == "series58":
+        return {
+            "base_length_m": length_m,
+            "diameter_m": diameter_m,
+            "midbody_length_m": 0.0,
+            "nose_radius": 0.5,
+            "tail_radius": 0.1,
+            "prismatic": 0.65,
+            "max_section": 0.4,
+        }
+    if kind == "myring":
+        nose, tail = min(1.0 * diameter_m, 0.25 * length_m), min(2.5 * diameter_m, 0.4 * length_m)
+        return {
+            "nose_length_m": nose,
+            "mid_length_m": length_m - nose - tail,
+            "tail_length_m": tail,
+            "diameter_m": diameter_m,
+        }
+    return {"length_m": length_m, "diameter_m": diameter_m}
 
 
 def _as_json(value: object) -> object:

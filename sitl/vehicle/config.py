@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from sitl.vehicle import fill_missing, hull, toml_io
-from sitl.vehicle.description import Description
 from sitl.vehicle.file_schema import (
     Ballast,
     Coefficients,
     Cylinder,
     Damping,
+    Description,
     DuctGeometry,
     FinGeometry,
     HullGeometry,

@@ -1,13 +1,17 @@
 """Loop of fit and outlier tests: fit, leave out the outliers that the tests find, fit again.
 
-A second fit is made only if a run was left out.
+A second fit is made only if a run was left out. `shifts` is the influence of the runs that were
+left out on the design numbers.
 """
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import msgspec
+
 from sysid.data.segments import Run
 from sysid.estimation.map.fit import Fit, Prior
+from sysid.models.model_file import IdentifiedModel, ParameterEstimate, Shift
 from sysid.screening.outlier_tests import RunScreening, find_outliers
 
 MAX_REFITS = 2
@@ -72,3 +76,36 @@ def _warning_only(screening: RunScreening) -> RunScreening:
     """Turn the rejection of an accepted run by the last fit into a warning."""
     rejection = (screening.reason,) if screening.reason else ()
     return screening._replace(reason="", warnings=(*rejection, *screening.warnings))
+
+
+def shifts(with_all: IdentifiedModel, without: IdentifiedModel) -> tuple[Shift, ...]:
+    """Compare the design numbers of two models.
+
+    Parameters
+    ----------
+    with_all : IdentifiedModel
+        Model from all runs.
+    without : IdentifiedModel
+        Model without the runs that were left out.
+
+    Returns
+    -------
+    tuple of Shift
+        Change of each number, also in standard deviations of the estimate without these runs.
+    """
+    changes = []
+    for plane, plane_model in without.planes.items():
+        before = msgspec.structs.asdict(with_all.planes[plane])
+        for number, after in msgspec.structs.asdict(plane_model).items():
+            if isinstance(after, ParameterEstimate) and after.sd:
+                first = before[number].value
+                changes.append(
+                    Shift(
+                        plane=plane,
+                        number=number,
+                        with_all=first,
+                        value=after.value,
+                        sds=(first - after.value) / after.sd,
+                    )
+                )
+    return tuple(changes)

@@ -1,8 +1,12 @@
-"""Candidate tests of one plane: the autopilot's signals, scaled to the vehicle's bandwidth.
+"""Candidate tests: the autopilot's signals, scaled to the vehicle's bandwidth.
 
 The types follow the feasibility study of identification: steps for the static gain; 3-2-1-1, sweeps
 and square waves for the crossover. With the loop on, the vehicle holds its course, so the length of
 a test is not limited. Lengths are whole seconds, as in missions.
+
+In a test of both surfaces, even tones belong to the rudder and odd tones to the elevator, so the
+responses can be separated and each second of test time gives information about both planes. One
+autopilot parameter sets the elevator's size as a share of the rudder's.
 """
 
 import math
@@ -10,6 +14,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from sysid.data.segments import Plane
+from sysid.test_design.safety_margins import round_down
 from sysid.test_design.simulate import Manoeuvre, Wave
 
 NOMINAL_DEG = 3.0
@@ -27,6 +32,14 @@ BAND = (0.25, 2.5)
 """Lowest and highest frequency of sweeps and multisines, relative to the crossover frequency."""
 HELD_OUT: Wave = "doublet"
 """Type of the validation test; it differs from all fitted tests."""
+PAPER_RUDDER_DEG = (3.0, -3.0, 5.0, -5.0, 7.0, -7.0, 9.0, -9.0)
+"""Sizes of the paper's rudder steps (deg)."""
+PAPER_ELEVATOR_DEG = (2.0, 3.0, 4.0, 5.0, 7.0, 9.0, 12.0, 14.0)
+"""Sizes of the paper's elevator steps (deg), all nose up to stay clear of the bottom."""
+PAPER_RUDDER_S, PAPER_ELEVATOR_S = 20, 8
+"""Lengths of the paper's steps (s)."""
+PAPER_RECOVERY_S = 55.0
+"""Time (s) until the vehicle is back on depth and course after these large steps."""
 
 
 class Lengths(NamedTuple):
@@ -131,3 +144,53 @@ def held_out_test(plane: Plane, crossover_radps: float, nominal_deg: float) -> M
         size_deg=nominal_deg,
         duration_s=max(6, round(8.0 / crossover_radps)),
     )
+
+
+def elevator_share(largest: Sequence[tuple[Manoeuvre, Manoeuvre]]) -> float:
+    """Return the elevator's size over the rudder's, in whole percent, that suits all tests.
+
+    Parameters
+    ----------
+    largest : Sequence
+        Rudder and elevator half of each test at their largest safe size; at least one test.
+
+    Returns
+    -------
+    float
+        Median ratio, between 0.01 and 1.
+    """
+    ratios = sorted(elevator.size_deg / rudder.size_deg for rudder, elevator in largest)
+    return min(100, max(1, math.floor(100.0 * ratios[len(ratios) // 2]))) / 100.0
+
+
+def scale_to_limits(
+    shape: Manoeuvre, rudder: Manoeuvre, elevator: Manoeuvre, share: float
+) -> Manoeuvre:
+    """Return `shape` at the largest size that both halves allow at this share."""
+    size_deg = round_down(min(rudder.size_deg, elevator.size_deg / share))
+    return shape._replace(size_deg=size_deg, elevator_deg=round(share * size_deg, 4))
+
+
+def paper_steps(scale: dict[Plane, float], water_s: float) -> list[Manoeuvre]:
+    """Return the paper's steps that fit into `water_s` (s), alternating between the planes.
+
+    The steps start from trim and are not sized to limits. `scale` is the ratio of this vehicle's
+    surface angle to Caribou's for the same effect. The sequence starts again after its last step.
+    """
+    manoeuvres: list[Manoeuvre] = []
+    used_s, number = 0.0, 0
+    while True:
+        plane: Plane = "pitch" if number % 2 else "yaw"
+        sizes, seconds = (
+            (PAPER_RUDDER_DEG, PAPER_RUDDER_S)
+            if plane == "yaw"
+            else (PAPER_ELEVATOR_DEG, PAPER_ELEVATOR_S)
+        )
+        used_s += seconds + PAPER_RECOVERY_S
+        if used_s > water_s:
+            return manoeuvres
+        size_deg = scale[plane] * sizes[number // 2 % len(sizes)]
+        manoeuvres.append(
+            Manoeuvre(plane=plane, wave="step", size_deg=size_deg, duration_s=seconds)
+        )
+        number += 1

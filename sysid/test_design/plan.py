@@ -16,9 +16,7 @@ from sysid.test_design import (
 )
 from sysid.test_design import (
     crossover,
-    dual_axis,
     information,
-    paper_baseline,
     selection,
     switching_times,
 )
@@ -271,13 +269,13 @@ def _dual_axis_candidates(
     ]
     if not pairs:
         return []
-    share = dual_axis.elevator_share(
+    share = candidate_tests.elevator_share(
         [(rudder.manoeuvre, elevator.manoeuvre) for _, rudder, elevator in pairs]
     )
     return [
         _combine_axes(
             planes,
-            dual_axis.scale_to_limits(shape, rudder.manoeuvre, elevator.manoeuvre, share),
+            candidate_tests.scale_to_limits(shape, rudder.manoeuvre, elevator.manoeuvre, share),
             rudder,
             elevator,
         )
@@ -405,7 +403,7 @@ def _plan(
 
 def paper_set(prior: DesignPrior, water_s: float) -> list[Manoeuvre]:
     """Return the paper's steps that fit into the same time, scaled to the vehicle."""
-    return paper_baseline.steps({plane: scale(prior, plane) for plane in PLANES}, water_s)
+    return candidate_tests.paper_steps({plane: scale(prior, plane) for plane in PLANES}, water_s)
 
 
 def information_of_set(prior: DesignPrior, manoeuvres: list[Manoeuvre], gains: Gains) -> Array:

@@ -11,7 +11,7 @@ by Gauss-Newton steps.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from sysid.data.segments import Plane, Run
+from sysid.estimation import profile_likelihood
 from sysid.estimation.linear import estimate as estimates
-from sysid.estimation.linear import intervals, linear_model, records
+from sysid.estimation.linear import linear_model, records
 from sysid.estimation.linear.estimate import Method, PlaneEstimate
+from sysid.estimation.linear.linear_model import LinearModelStructure
 from sysid.estimation.map.fit import Fit, Prior, Progress
+from sysid.estimation.profile_likelihood import LeastSquaresEstimate
 from sysid.models import model_export, parameters
 from sysid.models.model_file import (
     MAX_POSTERIOR_TO_PRIOR_SD,
@@ -42,6 +45,8 @@ STEPS = 20
 """Maximum number of Gauss-Newton steps."""
 STEP_Z = 1e-3
 """Difference step of a plane's values by z, in prior standard deviations."""
+WIDE_RELATIVE_SD = 0.25
+"""Relative standard deviation above which a symmetric interval is not valid."""
 MISFIT_SD = 1.0
 """Distance of the vehicle from an estimate, in the estimate's sd, from which on it is reported."""
 
@@ -284,5 +289,29 @@ def _wide_interval_notes(plane_estimates: dict[Plane, PlaneEstimate]) -> list[st
     return [
         f"{plane}: {name} lies in {low:.3g} to {high:.3g} (95 %, profile likelihood)"
         for plane, estimate in plane_estimates.items()
-        for name, low, high in intervals.wide_intervals(estimate)
+        for name, low, high in _wide_intervals(estimate)
     ]
+
+
+def _wide_intervals(estimate: PlaneEstimate) -> list[tuple[str, float, float]]:
+    """Return (name, low, high) at 95 % of the derived numbers with a large relative sd.
+
+    The bias is left out. The limit is WIDE_RELATIVE_SD.
+    """
+    frame, values = estimate.model
+    derived = linear_model.derived(frame, values)
+    sds = np.sqrt(np.diag(linear_model.propagate(frame, values, estimate.covariance)))
+    problem = LeastSquaresEstimate(*estimate.objective, estimate.lowest, estimate.highest)
+    wide = []
+    for i, name in enumerate(linear_model.derived_names(frame.plane)[:-1]):
+        if sds[i] > WIDE_RELATIVE_SD * abs(derived[i]):
+            interval = profile_likelihood.interval(
+                problem, values, _derived_number(frame, i), float(sds[i])
+            )
+            wide.append((name, *interval))
+    return wide
+
+
+def _derived_number(frame: LinearModelStructure, index: int) -> Callable[[Array], float]:
+    """Return a derived number as a function of the values."""
+    return lambda values: float(linear_model.derived(frame, values)[index])

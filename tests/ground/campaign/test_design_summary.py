@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from ground.campaign import design_summary
-from ground.report import specification, tables
+from ground.report import page, tables
 from sysid.design.pid import DesignRobustness, Spec
 
 
@@ -67,7 +67,7 @@ def test_page_escapes_text(design: dict[str, Any]) -> None:
     told: list[str] = []
     reader = HTMLParser()
     reader.handle_data = told.append  # type: ignore[method-assign]
-    reader.feed(specification.specification(design) + specification.reasons(design))
+    reader.feed(page.specification(design) + page.reasons(design))
     assert ">= 0.6" in told
     assert "GM 9.8 dB < infinity" in told
 
@@ -81,4 +81,4 @@ def test_page_mission_without_steady_flight_has_no_values() -> None:
         "found_s": None,
         "refit_due": False,
     }
-    assert specification.monitoring({"shallow_1m": kept}).count("–") == 5
+    assert page.monitoring({"shallow_1m": kept}).count("–") == 5

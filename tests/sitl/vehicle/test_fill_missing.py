@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl.vehicle import build_model, check, config, hull, initial_geometry
+from sitl.vehicle import build_model, check, config, hull
+from sitl.vehicle.__main__ import starter_tables
 from sitl.vehicle.export import write
 from sitl.vehicle.linearise import linearise
 
@@ -193,7 +194,7 @@ def is_number(value):
     st.floats(5.0, 12.0),
 )
 def test_every_initial_geometry_builds(kind, steering, length_m, slenderness):
-    tables = initial_geometry.starter("any", kind, steering, length_m, length_m / slenderness)
+    tables = starter_tables("any", kind, steering, length_m, length_m / slenderness)
     vehicle = config.parse(write(config.finish(tables, "any")), "any.toml")
     model = build_model.build(vehicle)
     assert np.linalg.eigvalsh(model.inertia.M).min() > 0

@@ -9,9 +9,6 @@ from autopilot.control import estimator, params
 from sysid.models import greybox
 from sysid.monitor import tracking_metrics
 from sysid.monte_carlo import (
-    actuator as tail,
-)
-from sysid.monte_carlo import (
     dynamics,
     instruments,
     samples,
@@ -103,11 +100,11 @@ def test_actuator_equals_identified_tailcone() -> None:
     steps = np.concatenate([[0.0], np.random.default_rng(1).uniform(-0.3, 0.3, 40).repeat(25)])
     expected = greybox.duct_angles(steps.repeat(dynamics.SUBSTEPS), actuator, dynamics.SUBSTEP_S)
     axis, angles = (
-        tail.at_rest(actuator, dynamics.SUBSTEP_S),
+        dynamics.axis_at_rest(actuator, dynamics.SUBSTEP_S),
         np.empty((steps.size, dynamics.SUBSTEPS)),
     )
     for command, each in zip(steps, angles, strict=True):
-        tail.follow(actuator, axis, command, dynamics.SUBSTEP_S, each)
+        dynamics.follow_command(actuator, axis, command, dynamics.SUBSTEP_S, each)
     between = 0.5 * (expected[1:] + expected[:-1])
     assert angles.ravel()[:-1] == pytest.approx(between, abs=1e-9)
 

@@ -7,7 +7,7 @@ import pytest
 from ground.missions import script
 from ground.test_design import files, format
 from ground.test_design.files import TestDive
-from sysid.test_design import dual_axis, plan
+from sysid.test_design import candidates, plan
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.simulate import Manoeuvre
 
@@ -18,9 +18,9 @@ ELEVATOR = RUDDER._replace(plane="pitch", size_deg=2.0)
 
 def test_scale_to_limits_sizes_stay_within_single_axis_sizes() -> None:
     largest = [(RUDDER, ELEVATOR), (RUDDER._replace(size_deg=5.0), ELEVATOR._replace(size_deg=2.2))]
-    share = dual_axis.elevator_share(largest)
+    share = candidates.elevator_share(largest)
     for rudder, elevator in largest:
-        found = dual_axis.scale_to_limits(RUDDER, rudder, elevator, share)
+        found = candidates.scale_to_limits(RUDDER, rudder, elevator, share)
         assert 0.0 < found.size_deg <= rudder.size_deg
         assert 0.0 < found.elevator_deg <= elevator.size_deg + 1e-9
         assert found.elevator_deg == pytest.approx(share * found.size_deg)
@@ -29,7 +29,7 @@ def test_scale_to_limits_sizes_stay_within_single_axis_sizes() -> None:
 
 def test_elevator_share_is_at_most_one() -> None:
     """The autopilot's parameter is limited to 100 %."""
-    assert dual_axis.elevator_share([(RUDDER, ELEVATOR._replace(size_deg=9.0))]) == 1.0
+    assert candidates.elevator_share([(RUDDER, ELEVATOR._replace(size_deg=9.0))]) == 1.0
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import msgspec
 
 from sysid.models.model_file import IdentifiedModel, ParameterEstimate
-from sysid.screening.influence import shifts
+from sysid.screening.refit_loop import shifts
 
 
 def test_shifts_are_in_standard_deviations(model: IdentifiedModel) -> None:
