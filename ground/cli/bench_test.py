@@ -42,10 +42,9 @@ def bench_test(
 
     The duct moves during the test.
     """
-    from ground import progress
     from ground.bench_tests import bench as procedure
+    from ground.cli import progress
     from ground.missions import signals
-    from ground.report import bode
     from ground.simulation.processes import SimulatedVehicle, Simulation
 
     session = procedure.Session(
@@ -61,6 +60,9 @@ def bench_test(
         measured = procedure.measure(session, target, display.watch, sign)
     result = procedure.as_json(measured)
     (out / "bench.json").write_text(to_json(result), encoding="utf-8")
+
+    from ground.report import bode
+
     bode.draw(measured, out / "figure4.png")
     print_result(result, procedure.format_text(result, out), json)
 

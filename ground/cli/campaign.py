@@ -28,9 +28,9 @@ def campaign(
     json: Json = False,
 ) -> None:
     """Fly a simulated campaign: trims, tests, refit, redesign, verification and report."""
-    from ground import progress
     from ground.campaign import summary
     from ground.campaign.run import Campaign, CampaignRequest
+    from ground.cli import progress
 
     request = CampaignRequest(
         out=out,

@@ -105,7 +105,7 @@ def design_test(
 
     Each test is simulated on vehicles sampled from the prior.
     """
-    from ground import progress
+    from ground.cli import progress
     from ground.client import param_file
     from ground.test_design import files, format, session
     from ground.test_design.files import TestDive

@@ -22,10 +22,10 @@ from ground.errors import InputError, OperationError
 from mavlink_io.mission_items import MavCmd
 
 if TYPE_CHECKING:
+    from ground.cli.progress import ProgressDisplay
     from ground.client.flight import Dive
     from ground.live.performance_monitor import PerformanceMonitor
     from ground.live.session import LiveSession
-    from ground.progress import ProgressDisplay
 
 
 def fly(
@@ -84,7 +84,7 @@ def fly(
     json: Json = False,
 ) -> None:
     """Upload a mission, fly it, and record until the vehicle has disarmed itself at the surface."""
-    from ground import progress
+    from ground.cli import progress
     from ground.client import assessment, flight
     from ground.client.flight import Dive
     from ground.live.listeners import Listeners

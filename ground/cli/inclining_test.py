@@ -44,9 +44,9 @@ def inclining_test(
 
     The vehicle floats without thrust; a person moves the weights as announced.
     """
-    from ground import progress
     from ground.bench_tests import incline as procedure
     from ground.campaign import refit
+    from ground.cli import progress
     from ground.simulation.processes import SimulatedVehicle, Simulation
 
     plan = procedure.load(moves)

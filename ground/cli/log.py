@@ -46,7 +46,7 @@ def download(
     json: Json = False,
 ) -> None:
     """Download logs from the vehicle and compare checksums; resumes an interrupted download."""
-    from ground import progress
+    from ground.cli import progress
     from ground.client import log_download
     from ground.client.vehicle import connected
 

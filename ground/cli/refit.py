@@ -80,9 +80,9 @@ def refit(
     json: Json = False,
 ) -> None:
     """Fit a model to the tests in logs, and assess whether gains may be designed on it."""
-    from ground import progress
     from ground.campaign import identification
     from ground.campaign import refit as refitting
+    from ground.cli import progress
 
     with progress.display("refit", quiet=json) as display:
         model = refitting.refit(

@@ -28,7 +28,12 @@ def report(
     ] = Subject.RESULT,
 ) -> None:
     """Write report.html of a campaign, or draw one figure of its result or of its model."""
-    from ground.report import matplotlib_figures, page, summary_picture
+    if picture is None:
+        from ground.report import page
 
-    draw = summary_picture.draw if of is Subject.RESULT else matplotlib_figures.draw
-    say(str(draw(folder, picture) if picture else page.write(folder)))
+        say(str(page.write(folder)))
+    else:
+        from ground.report import matplotlib_figures, summary_picture
+
+        draw = summary_picture.draw if of is Subject.RESULT else matplotlib_figures.draw
+        say(str(draw(folder, picture)))

@@ -67,8 +67,8 @@ def simulate(
 
     Exit status 1 if a vehicle diverges, broaches or does not complete the mission.
     """
-    from ground import progress
     from ground.campaign import refit
+    from ground.cli import progress
     from ground.client import param_file
     from ground.missions import plans
     from ground.report import simulation

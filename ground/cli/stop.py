@@ -19,7 +19,7 @@ def surface(
     json: Json = False,
 ) -> None:
     """End a dive: set mode SURFACE and wait for confirmation; the vehicle rises and disarms."""
-    from ground import progress
+    from ground.cli import progress
     from ground.client import stopping
     from ground.client.vehicle import connected
 

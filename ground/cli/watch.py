@@ -1,11 +1,14 @@
 """`ground watch`: show the telemetry of a vehicle live in the terminal."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ground.cli.options import GROUND_LINK, Address, Json, Sign
+
+if TYPE_CHECKING:
+    from ground.live.listeners import Listeners
 
 
 def watch(
@@ -45,4 +48,25 @@ def watch(
     """
     from ground.live.watch import session
 
-    session.watch(connect, sign, once=once, json=json, prior=prior, gains=gains)
+    session.watch(connect, sign, once=once, json=json, listener=_listeners(prior, gains))
+
+
+def _listeners(prior: str | None, gains: Path | None) -> "Listeners | None":
+    """Return the requested listeners, or None. Raises InputError."""
+    from ground.live.listeners import Listeners, VisibleListener
+
+    listeners: list[VisibleListener] = []
+    if prior:
+        from ground.live.session import LiveSession
+
+        listeners.append(LiveSession(prior))
+    if gains:
+        from ground.client.param_file import require_baseline
+        from ground.live.performance_monitor import PerformanceMonitor
+
+        listeners.append(PerformanceMonitor(require_baseline(gains)))
+    if not listeners:
+        return None
+    combined = Listeners(listeners)
+    combined.begin({})
+    return combined

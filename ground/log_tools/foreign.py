@@ -3,22 +3,19 @@
 import csv
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ground.client.file_names import safe_file_name
 from ground.errors import InputError
-
-if TYPE_CHECKING:
-    from sysid.data.readers.samples import MessageColumns
+from sysid.data import readers
+from sysid.data.dataset import LogError
+from sysid.data.readers.samples import MessageColumns
 
 
 def is_foreign(path: Path) -> bool:
     """Return whether a file is a log in another format; unknown files count as MCAP."""
-    from sysid.data import readers
-    from sysid.data.dataset import LogError
-
     try:
         return readers.format_of(path) != "mcap"
     except LogError:
@@ -79,17 +76,14 @@ def export_csv(path: Path, out: Path) -> list[Path]:
     return [_write(out, name, table) for name, table in sorted(tables.items())]
 
 
-def _tables(path: Path) -> "dict[str, MessageColumns]":
-    from sysid.data import readers
-    from sysid.data.dataset import LogError
-
+def _tables(path: Path) -> dict[str, MessageColumns]:
     try:
         return readers.tables(path)
     except LogError as error:
         raise InputError(str(error)) from None
 
 
-def _write(out: Path, name: str, table: "MessageColumns") -> Path:
+def _write(out: Path, name: str, table: MessageColumns) -> Path:
     target = out / safe_file_name(name.removeprefix("/mavlink/").replace("/", "-") + ".csv")
     columns = dict(_flatten(table))
     with target.open("x", newline="") as file:
@@ -98,7 +92,7 @@ def _write(out: Path, name: str, table: "MessageColumns") -> Path:
     return target
 
 
-def _flatten(table: "MessageColumns") -> Iterator[tuple[str, list[Any]]]:
+def _flatten(table: MessageColumns) -> Iterator[tuple[str, list[Any]]]:
     """Yield name and values of each column; an array becomes the columns ``name[i]``."""
     for name, values in table.columns.items():
         if values.dtype.kind == "S":

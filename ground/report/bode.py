@@ -3,19 +3,21 @@
 from collections.abc import Mapping
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from ground.report import mpl_canvas
-
-if TYPE_CHECKING:
-    from sysid.estimation.bench_test import AxisBench, AxisName, FrequencyPoint
+from sysid.estimation import bench_test
+from sysid.estimation.bench_test import AxisBench, AxisName, FrequencyPoint
+from sysid.models import actuator
 
 COLORS = ("#0f6e84", "#c2542d", "#7a8b2f", "#7b4b94", "#b08a1e")
 GREY = "#4b4f55"
 TICKS_HZ = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 
 
-def draw(bench: "Mapping[AxisName, AxisBench]", target: Path) -> Path:
+def draw(bench: Mapping[AxisName, AxisBench], target: Path) -> Path:
     """Draw the measured and modelled actuator response of each axis.
 
     Parameters
@@ -41,12 +43,8 @@ def draw(bench: "Mapping[AxisName, AxisBench]", target: Path) -> Path:
     return target
 
 
-def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
+def _axis(panels: Any, name: str, axis: AxisBench) -> None:
     """Draw magnitude (dB) and phase (deg) of one axis over frequency (Hz)."""
-    import numpy as np
-
-    from sysid.models import actuator
-
     magnitude, phase = panels
     sizes = sorted({point.amplitude_deg for point in axis.points})
     for color, size in zip(cycle(COLORS), sizes, strict=False):
@@ -76,11 +74,9 @@ def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
 
 
 def _amplitude(
-    magnitude: Any, phase: Any, points: "list[FrequencyPoint]", label: str, color: str
+    magnitude: Any, phase: Any, points: list[FrequencyPoint], label: str, color: str
 ) -> None:
     """Draw the measured points of one amplitude (circles) and the fitted model (dashes)."""
-    import numpy as np
-
     hz = [p.frequency_hz for p in points]
     gain, gain_sd = np.array([p.gain for p in points]), np.array([p.gain_sd for p in points])
     bars: Any = {"fmt": "o", "color": color, "markersize": 4.5, "elinewidth": 1.0, "label": label}
@@ -93,10 +89,6 @@ def _amplitude(
 
 def _small_motion(magnitude: Any, phase: Any, hz: Any, model: Any, line: str, label: str) -> None:
     """Draw the response of the linear part of a model."""
-    import numpy as np
-
-    from sysid.estimation import bench_test
-
     response = np.array([bench_test.linear_response(model, float(f)) for f in hz])
     magnitude.plot(
         hz, 20.0 * np.log10(np.abs(response)), line, color=GREY, linewidth=1.2, label=label

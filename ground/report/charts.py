@@ -10,6 +10,7 @@ import numpy as np
 
 from ground.report import tables
 from ground.report.figures import Curve, Figure
+from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
 
 PANEL_HEIGHT_PX = 168
 _GAP = 0.07
@@ -88,8 +89,6 @@ def estimates_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
 
 def posterior_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
     """Return posterior over prior standard deviation; above the line the prior is kept."""
-    from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
-
     free = {
         name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["shrink"] is not None
     }

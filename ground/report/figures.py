@@ -1,15 +1,14 @@
 """Curves, units and titles of the figures in the report and in the summary picture."""
 
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
-
-if TYPE_CHECKING:
-    from sysid.data.dataset import Log
-    from sysid.data.segments import Run
+from sysid.data.dataset import Log
+from sysid.data.segments import Run
+from sysid.models.prediction import predict
 
 Array = NDArray[np.float64]
 CURVE_HZ = 5.0
@@ -78,14 +77,12 @@ def mission_figures(folder: CampaignFolder, missions: list[str]) -> list[Figure]
     return [_mission_figure(folder, mission) for mission in missions]
 
 
-def _largest_step(runs: "list[Run]") -> "Run":
+def _largest_step(runs: list[Run]) -> Run:
     return max(runs, key=lambda run: (run.wave == "step", abs(run.magnitude_deg)))
 
 
-def _step_figure(folder: CampaignFolder, run: "Run", note: str) -> Figure:
+def _step_figure(folder: CampaignFolder, run: Run, note: str) -> Figure:
     """Draw rate and angle of a test, measured and predicted by both models."""
-    from sysid.models.prediction import predict
-
     predicted = predict(folder.model, run, folder.prior_config)
     axis, motion = ("rudder", "yaw") if run.plane == "yaw" else ("elevator", "pitch")
     angle = (
@@ -180,7 +177,7 @@ _NOTES = {
 }
 
 
-def _end_s(log: "Log") -> float:
+def _end_s(log: Log) -> float:
     """Return the time (s) at which the mission ended and the vehicle began to surface."""
     return next(
         (event.time_s for event in log.events if event.text == SURFACED_TEXT),

@@ -6,6 +6,7 @@ from typing import Any
 from ground.campaign.campaign_folder import CampaignFolder
 from ground.report import mpl_canvas, summary_picture, validation_figures
 from ground.report.figures import Curve, Figure
+from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
 
 COLORS = {
     "measured": "#6f7a84",
@@ -122,8 +123,6 @@ def _curve(axis: Any, curve: Curve) -> None:
 
 def _posterior_sds(axis: Any, coefficients: dict[str, Any]) -> None:
     """Draw posterior over prior standard deviation of each coefficient."""
-    from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
-
     free = {
         name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["shrink"] is not None
     }

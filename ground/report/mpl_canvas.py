@@ -5,6 +5,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
 GRID = "#ebe8e0"
 
 
@@ -19,10 +23,6 @@ def new_figure(target: Path, size_in: tuple[float, float]) -> Iterator[Any]:
     size_in : tuple of float
         Width and height in inches.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     style: Any = {"font.family": "serif", "axes.spines.top": False, "axes.spines.right": False}
     with rc_context(style):
         figure = Figure(figsize=size_in, layout="constrained")

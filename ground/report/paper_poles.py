@@ -1,9 +1,11 @@
 """Poles of the paper's Table 4, printed and computed, and the delay that they imply."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-if TYPE_CHECKING:
-    from sysid.reproduction.paper_poles import Case, PoleRow, SinglePoleCondition, TransferReading
+from sysid.design.initial import design_on_root_loci
+from sysid.reproduction import paper_poles
+from sysid.reproduction.paper_poles import Case, PoleRow, SinglePoleCondition, TransferReading
+from sysid.reproduction.paper_tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
 
 NOMINAL_VEHICLE = "caribou_nominal"
 """The first-principles vehicle."""
@@ -17,20 +19,18 @@ CONTROLLERS = {
 class PolesComparison(NamedTuple):
     """Printed and computed closed-loop poles (rad/s)."""
 
-    rows: "list[PoleRow]"
+    rows: list[PoleRow]
     """Rows of Table 4."""
-    ours: "list[Case]"
+    ours: list[Case]
     """Our vehicle with each of CONTROLLERS."""
-    readings: "list[TransferReading]"
+    readings: list[TransferReading]
     """Best actuator model for each interpretation of the paper's transfer function."""
-    alone: "list[SinglePoleCondition]"
+    alone: list[SinglePoleCondition]
     """Delay and loop gain that reproduce each printed pole by itself."""
 
 
 def compute() -> PolesComparison:
     """Compute all poles; takes a few seconds."""
-    from sysid.reproduction import paper_poles
-
     return PolesComparison(
         paper_poles.rows(),
         _our_cases(),
@@ -39,12 +39,8 @@ def compute() -> PolesComparison:
     )
 
 
-def _our_cases() -> "list[Case]":
+def _our_cases() -> list[Case]:
     """Return our first-principles vehicle with each of CONTROLLERS."""
-    from sysid.design.initial import design_on_root_loci
-    from sysid.reproduction.paper_poles import Case
-    from sysid.reproduction.paper_tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
-
     vehicle, _, loops = design_on_root_loci(NOMINAL_VEHICLE)
     initial_gains = {**loops["heading"].gains, **loops["depth"].gains}
     gains = {"I": TABLE_3_INITIAL, "A": TABLE_3_IMPROVED, "P": initial_gains}
@@ -125,7 +121,7 @@ def format_lines(comparison: PolesComparison) -> list[str]:
     ]
 
 
-def _reading(reading: "TransferReading", rows: "list[PoleRow]") -> str:
+def _reading(reading: TransferReading, rows: list[PoleRow]) -> str:
     """Return one line: best actuator model of an interpretation and the rows that it explains."""
     low, high = reading.delays_s
     explained = [
@@ -155,8 +151,6 @@ def _conclusion(comparison: PolesComparison) -> str:
 
 def _our_poles(comparison: PolesComparison) -> list[tuple[str, str, complex]]:
     """Return (loop, case, dominant pole in rad/s) of our vehicle."""
-    from sysid.reproduction import paper_poles
-
     return [
         (loop, case.name, paper_poles.pole(loop, case))
         for loop in paper_poles.LOOPS

@@ -7,6 +7,7 @@ from typing import Any
 from ground.errors import OperationError
 from ground.report import paper_poles
 from ground.report.paper_poles import PolesComparison
+from sysid.reproduction import paper_tables
 
 
 def collect(poles: PolesComparison) -> dict[str, Any]:
@@ -22,8 +23,6 @@ def collect(poles: PolesComparison) -> dict[str, Any]:
     OperationError
         If the derivation fails.
     """
-    from sysid.reproduction import paper_tables
-
     initial, adjusted = (
         paper_tables.TABLE_1_INITIAL._asdict(),
         paper_tables.TABLE_1_ADJUSTED._asdict(),

@@ -1,13 +1,17 @@
 """Plots of the paper's Table 4: root loci, loop responses and the delay that each pole implies."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from ground.report import mpl_canvas
-
-if TYPE_CHECKING:
-    from ground.report.paper_poles import PolesComparison
-    from sysid.reproduction.paper_poles import Case
+from ground.report.paper_poles import PolesComparison
+from sysid.control_analysis import loop_transfer, root_locus
+from sysid.reproduction import paper_poles
+from sysid.reproduction.paper_poles import Case
+from sysid.reproduction.paper_poles.search import FIGURE_4, LAGS
+from sysid.reproduction.paper_tables import TABLE_4
 
 COLORS = {"I/I": "#c2542d", "A/I": "#b08a1e", "A/A": "#7a8b2f", "ours/P": "#0f6e84"}
 NAMES = {
@@ -24,10 +28,8 @@ DAMPINGS = (0.4, 0.6, 0.8)
 LEFT, RIGHT, TOP = -3.4, 0.8, 3.2
 
 
-def draw(comparison: "PolesComparison", folder: Path) -> list[Path]:
+def draw(comparison: PolesComparison, folder: Path) -> list[Path]:
     """Write three PNG files into `folder` and return their paths."""
-    from sysid.reproduction import paper_poles
-
     cases = [*paper_poles.printed_cases(), comparison.ours[-1]]
     files = [folder / f"table_4_{name}.png" for name in ("root_locus", "bode", "delay")]
     _root_loci(cases, files[0])
@@ -36,10 +38,8 @@ def draw(comparison: "PolesComparison", folder: Path) -> list[Path]:
     return files
 
 
-def _root_loci(cases: "list[Case]", target: Path) -> None:
+def _root_loci(cases: list[Case], target: Path) -> None:
     """Draw one panel per loop (rows) and case (columns)."""
-    from sysid.reproduction import paper_poles
-
     with mpl_canvas.new_figure(target, (3.4 * len(cases), 9.6)) as figure:
         panels = figure.subplots(len(paper_poles.LOOPS), len(cases), sharex=True, sharey=True)
         for row, loop in zip(panels, paper_poles.LOOPS, strict=True):
@@ -54,14 +54,8 @@ def _root_loci(cases: "list[Case]", target: Path) -> None:
         figure.legend(handles, names, loc="outside lower center", ncols=5, frameon=False)
 
 
-def _locus(panel: Any, loop: str, case: "Case") -> None:
+def _locus(panel: Any, loop: str, case: Case) -> None:
     """Draw the root locus, upper half-plane, for 0 to 3 times the loop gain."""
-    import numpy as np
-
-    from sysid.control_analysis import loop_transfer, root_locus
-    from sysid.reproduction import paper_poles
-    from sysid.reproduction.paper_tables import TABLE_4
-
     closed = paper_poles.close_case(loop, case)
     cut = paper_poles.open_loop(loop, closed)
     branches = root_locus.poles(cut, np.concatenate([[0.0], np.geomspace(1e-3, 3.0, 400)]))
@@ -103,8 +97,6 @@ def _marks(panel: Any, poles: Any, marker: str, color: str, label: str, size: fl
 
 def _draw_damping_rays(panel: Any) -> None:
     """Draw rays of equal damping ratio."""
-    import numpy as np
-
     panel.axvline(0.0, color=GREY, linewidth=0.8)
     for ratio in DAMPINGS:
         reach = min(-LEFT, TOP * ratio / np.sqrt(1.0 - ratio**2))
@@ -120,10 +112,8 @@ def _draw_damping_rays(panel: Any) -> None:
         )
 
 
-def _bode(cases: "list[Case]", target: Path) -> None:
+def _bode(cases: list[Case], target: Path) -> None:
     """Draw Bode plots of the loops opened at rudder and elevator, with the exact delay."""
-    from sysid.reproduction import paper_poles
-
     with mpl_canvas.new_figure(target, (13.0, 7.4)) as figure:
         panels = figure.subplots(2, len(paper_poles.LOOPS), sharex=True, sharey="row")
         for (magnitude, phase), loop in zip(panels.T, paper_poles.LOOPS, strict=True):
@@ -156,12 +146,8 @@ def _bode(cases: "list[Case]", target: Path) -> None:
         )
 
 
-def _response(magnitude: Any, phase: Any, loop: str, case: "Case") -> None:
+def _response(magnitude: Any, phase: Any, loop: str, case: Case) -> None:
     """Draw the open-loop gain (dB) and phase (deg) of one case."""
-    import numpy as np
-
-    from sysid.control_analysis import loop_transfer
-
     plane, lag = (
         (case.planes.yaw, case.yaw_lag)
         if loop == "heading"
@@ -185,7 +171,7 @@ def _response(magnitude: Any, phase: Any, loop: str, case: "Case") -> None:
     phase.plot(loop_transfer.GRID_RADPS, angle, color=color, linewidth=1.4, label=label)
 
 
-def _delays(comparison: "PolesComparison", target: Path) -> None:
+def _delays(comparison: PolesComparison, target: Path) -> None:
     """Draw the misfit over the delay, and the delay implied by each printed pole."""
     with mpl_canvas.new_figure(target, (11.0, 4.6)) as figure:
         by_form, by_row = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
@@ -197,11 +183,6 @@ def _delays(comparison: "PolesComparison", target: Path) -> None:
 
 def _draw_misfits(panel: Any) -> None:
     """Draw the rms distance of printed and computed poles (rad/s) over the delay (s)."""
-    import numpy as np
-
-    from sysid.reproduction import paper_poles
-    from sysid.reproduction.paper_poles.search import FIGURE_4, LAGS
-
     search, delays_s = paper_poles.TailconeSearch(), np.linspace(0.02, 0.8, 40)
     for form, color, line in zip(paper_poles.FORMS, FORM_COLORS, FORM_LINES, strict=True):
         misfits = [
@@ -216,7 +197,7 @@ def _draw_misfits(panel: Any) -> None:
     panel.legend(frameon=False, fontsize=9)
 
 
-def _draw_single_pole_conditions(panel: Any, comparison: "PolesComparison") -> None:
+def _draw_single_pole_conditions(panel: Any, comparison: PolesComparison) -> None:
     """Draw the delay (s) and loop gain with which the model has each printed pole."""
     rows = comparison.alone[::-1]
     for height, row in enumerate(rows):

@@ -2,21 +2,20 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rich import box
+from rich.console import RenderableType
+from rich.table import Table
 
 from ground.terminal import Rendered, heading, render
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-    from rich.table import Table
-
-    from sysid.monte_carlo.study import LegSummary, Range, SimulationSummary
+from sysid.monte_carlo.study import LegSummary, Range, SimulationSummary
 
 WIDTH = 118
 """Width of the tables in characters."""
 
 
-def as_json(summaries: "Sequence[SimulationSummary]", mission: str, seed: int) -> dict[str, Any]:
+def as_json(summaries: Sequence[SimulationSummary], mission: str, seed: int) -> dict[str, Any]:
     """Return the summaries as plain numbers.
 
     Parameters
@@ -40,7 +39,7 @@ def as_json(summaries: "Sequence[SimulationSummary]", mission: str, seed: int) -
     }
 
 
-def _summary_json(summary: "SimulationSummary") -> dict[str, Any]:
+def _summary_json(summary: SimulationSummary) -> dict[str, Any]:
     return {
         "gains": summary.gains,
         "sea_times": summary.sea.times,
@@ -67,11 +66,11 @@ def _summary_json(summary: "SimulationSummary") -> dict[str, Any]:
     }
 
 
-def _range(values: "Range | None") -> dict[str, float] | None:
+def _range(values: Range | None) -> dict[str, float] | None:
     return values and values._asdict()
 
 
-def format_text(summaries: "Sequence[SimulationSummary]", mission: str) -> Rendered:
+def format_text(summaries: Sequence[SimulationSummary], mission: str) -> Rendered:
     """Return tables of the steady errors and of the settling times, and one line per summary."""
     legs: list[RenderableType] = []
     if any(summary.legs for summary in summaries):
@@ -88,7 +87,7 @@ def format_text(summaries: "Sequence[SimulationSummary]", mission: str) -> Rende
     return Rendered("\n".join(line.rstrip() for line in page.split("\n") if line.strip()))
 
 
-def _title(summary: "SimulationSummary", mission: str) -> str:
+def _title(summary: SimulationSummary, mission: str) -> str:
     drift = f", in a current of {summary.sea.current_mps:g} m/s" if summary.sea.current_mps else ""
     bias_shift = (
         f", rudder bias changed by {math.degrees(summary.sea.bias_shift_rad):g} deg"
@@ -98,7 +97,7 @@ def _title(summary: "SimulationSummary", mission: str) -> str:
     return f"{mission}: {summary.vehicles} vehicles sampled from the model{drift}{bias_shift}"
 
 
-def _steady(summaries: "Sequence[SimulationSummary]") -> "Table":
+def _steady(summaries: Sequence[SimulationSummary]) -> Table:
     """Return the 95 % errors after settling and other figures of the median and worst vehicle."""
     table = _table(
         "gains",
@@ -119,7 +118,7 @@ def _steady(summaries: "Sequence[SimulationSummary]") -> "Table":
     return table
 
 
-def _figures(summary: "SimulationSummary", which: str) -> list[str]:
+def _figures(summary: SimulationSummary, which: str) -> list[str]:
     """Return the cells of the median or the worst vehicle."""
     return [
         f"{times * getattr(values, which):.{digits}f}" if values else "-"
@@ -135,7 +134,7 @@ def _figures(summary: "SimulationSummary", which: str) -> list[str]:
     ]
 
 
-def _legs(summaries: "Sequence[SimulationSummary]") -> "Table":
+def _legs(summaries: Sequence[SimulationSummary]) -> Table:
     longest = max((summary.legs for summary in summaries), key=len)
     table = _table("leg", *(f"{s.gains} x{s.sea.times:g}" for s in summaries))
     for number, leg in enumerate(longest):
@@ -146,7 +145,7 @@ def _legs(summaries: "Sequence[SimulationSummary]") -> "Table":
     return table
 
 
-def _settled(leg: "LegSummary", vehicles: int) -> str:
+def _settled(leg: LegSummary, vehicles: int) -> str:
     """Return median and worst settling time (s), and how many vehicles did not settle."""
     if leg.settled_s is None:
         return f"{vehicles} did not"
@@ -154,7 +153,7 @@ def _settled(leg: "LegSummary", vehicles: int) -> str:
     return f"{settled}; {leg.unsettled} did not" if leg.unsettled else settled
 
 
-def verdict(summary: "SimulationSummary") -> str:
+def verdict(summary: SimulationSummary) -> str:
     """Return one line: how many vehicles diverged, broached or surfaced early."""
     parts = [f"{count} did not hold {what}" for what, count in summary.diverged.items()]
     parts += [f"{summary.broached} broached"] if summary.broached else []
@@ -165,10 +164,7 @@ def verdict(summary: "SimulationSummary") -> str:
     return f"{which}: of {summary.vehicles} vehicles {', '.join(parts)}"
 
 
-def _table(*heads: str) -> "Table":
-    from rich import box
-    from rich.table import Table
-
+def _table(*heads: str) -> Table:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for number, head in enumerate(heads):
         table.add_column(head, justify="left" if number == 0 else "right", no_wrap=number == 0)

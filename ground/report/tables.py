@@ -2,13 +2,22 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ground.campaign import design_summary
-
-if TYPE_CHECKING:
-    from sysid.models.model_file import IdentifiedModel
-    from sysid.validation.results import Gate
+from ground.campaign.identification import verdict_lines
+from sysid.models.model_file import IdentifiedModel
+from sysid.reproduction.paper_poles import dominant
+from sysid.reproduction.paper_poles import rows as computed_rows
+from sysid.reproduction.paper_tables import (
+    TABLE_1_ADJUSTED,
+    TABLE_1_INITIAL,
+    TABLE_2,
+    TABLE_3_IMPROVED,
+    TABLE_5_IMPROVED,
+    TABLE_5_INITIAL,
+)
+from sysid.validation.results import Gate
 
 _SUBSCRIPTS = {"dr": "δr", "de": "δe", "vdot": "v̇", "rdot": "ṙ", "wdot": "ẇ", "qdot": "q̇"}
 _LOOP_OF = {"heading": "Heading", "pitch": "Pitch to elevator", "depth": "Depth to pitch"}
@@ -43,10 +52,8 @@ def symbol(name: str) -> str:
     return f"<i>{letter}</i><sub>{_SUBSCRIPTS.get(index, index)}</sub>"
 
 
-def table_1(model: "IdentifiedModel") -> str:
+def table_1(model: IdentifiedModel) -> str:
     """Return the coefficients: the paper's, the identified ones, and those of other methods."""
-    from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
-
     rows = []
     for name, c in model.coefficients.items():
         sd = "–" if not c.sd else f"± {_short(c.sd)}"
@@ -83,8 +90,6 @@ def table_1(model: "IdentifiedModel") -> str:
 
 def table_2(model: Mapping[str, Any]) -> str:
     """Return the mean squared rate errors, (deg/s)^2, of all models on held-out runs."""
-    from sysid.reproduction.paper_tables import TABLE_2
-
     paper = dict(zip(("yaw", "pitch"), TABLE_2.values(), strict=True))
     names = {"yaw": "rudder tests", "pitch": "elevator tests"}
     methods = {
@@ -112,16 +117,14 @@ def _errors(pair: Mapping[str, float], which: str) -> str:
     return f"{pair[f'{which}_model_deg2ps2']:.3f} ({pair[f'opening_{which}_model_deg2ps2']:.3f})"
 
 
-def verdict(model: "IdentifiedModel") -> str:
+def verdict(model: IdentifiedModel) -> str:
     """Return the assessment of the model, its reasons and the next test, as paragraphs."""
-    from ground.campaign.identification import verdict_lines
-
     first, *others = (escape(line.strip()) for line in verdict_lines(model))
     lead = f'<p class="lead">{first.capitalize().rstrip(":")}.</p>'
     return lead + "".join(f"<p>{line[:1].upper()}{line[1:]}</p>" for line in others)
 
 
-def gates(model: "IdentifiedModel") -> str:
+def gates(model: IdentifiedModel) -> str:
     """Return each acceptance criterion with its value per plane, its limit and its result."""
     if model.verdict is None:
         return ""
@@ -140,11 +143,11 @@ def gates(model: "IdentifiedModel") -> str:
     return table(["criterion", "yaw", "pitch", "limit", ""], rows)
 
 
-def _figure(gate: "Gate") -> str:
+def _figure(gate: Gate) -> str:
     return "not known" if gate.value is None else f"{gate.value:.3g}"
 
 
-def runs_table(model: "IdentifiedModel") -> str:
+def runs_table(model: IdentifiedModel) -> str:
     """Return each run's rate error, noise floor, Theil coefficient and whiteness p-values."""
     errors = {q.run: q.model_mse_deg2ps2 for q in (*model.fit_quality, *model.held_out)}
     rows = []
@@ -191,8 +194,6 @@ def runs_table(model: "IdentifiedModel") -> str:
 
 def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
     """Return the controller gains: initial, the paper's improved, redesigned."""
-    from sysid.reproduction.paper_tables import TABLE_3_IMPROVED
-
     sets = {
         "initial": gains["initial"],
         "paper, improved": TABLE_3_IMPROVED,
@@ -220,9 +221,6 @@ def table_4(poles: Mapping[str, Any]) -> str:
     poles : Mapping
         Visible poles of our vehicle as (real, imaginary), by set of gains and loop.
     """
-    from sysid.reproduction.paper_poles import dominant
-    from sysid.reproduction.paper_poles import rows as computed_rows
-
     rows = [
         [
             _LOOP_OF[r.loop].split()[0] if r.case == "I/I" else "",
@@ -253,8 +251,6 @@ def table_4(poles: Mapping[str, Any]) -> str:
 
 def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
     """Return the steady errors of the straight run, 95 % bounds."""
-    from sysid.reproduction.paper_tables import TABLE_5_IMPROVED, TABLE_5_INITIAL
-
     units = {"heading_deg": "°", "pitch_deg": "°", "depth_m": " m"}
     rows = [
         [
@@ -274,7 +270,7 @@ def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
     )
 
 
-def small_signal(model: "IdentifiedModel") -> str:
+def small_signal(model: IdentifiedModel) -> str:
     """Return the small-signal parameters of each plane that the control design uses."""
     rows = []
     for plane, found in model.planes.items():
@@ -305,7 +301,7 @@ def margins(analyses: Mapping[str, Any]) -> str:
     )
 
 
-def screening(model: "IdentifiedModel") -> str:
+def screening(model: IdentifiedModel) -> str:
     """Return every run with its screening result, the reason, and the rate error of both models."""
     quality = {q.run: q for q in (*model.fit_quality, *model.held_out)}
     waves = {run.run: run.wave for found in model.validation.values() for run in found.runs}

@@ -1,17 +1,21 @@
 """Validation figures of an identified model: frequency response, predictions and residuals."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ground.campaign.campaign_folder import CampaignFolder
 from ground.report.figures import Curve, Figure, Panel
-
-if TYPE_CHECKING:
-    from sysid.data.segments import Plane, Run
-    from sysid.models.model_file import IdentifiedModel
+from sysid.control_analysis.loop_transfer import GRID_RADPS
+from sysid.data.segments import Plane, Run
+from sysid.models.model_file import IdentifiedModel
+from sysid.models.prediction import predict, vehicles
+from sysid.validation import crossover
+from sysid.validation.prediction_bands import innovations, rate_band
+from sysid.validation.validate import DT_S, uncertain_vehicle
+from sysid.validation.whiteness import cumulative_periodogram
 
 Array = NDArray[np.float64]
 NORMAL_95 = 1.96
@@ -54,20 +58,15 @@ def whiteness_figures(campaign: CampaignFolder) -> list[Figure]:
     ]
 
 
-def _response(model: "IdentifiedModel", plane: "Plane", prior: Any) -> Figure:
+def _response(model: IdentifiedModel, plane: Plane, prior: Any) -> Figure:
     """Draw the response from surface command to rate, measured and by both models."""
-    from sysid.control_analysis.loop_transfer import GRID_RADPS
-    from sysid.models import prediction as predict
-    from sysid.validation import crossover
-    from sysid.validation.validate import uncertain_vehicle
-
     overlay, crossing = model.validation[plane].overlay, model.validation[plane].crossover
     assert overlay is not None
     w, points = GRID_RADPS, np.array(overlay.frequency_radps)
     shown = (w >= points[0] / 1.3) & (w <= points[-1] * 1.3)
     estimate = uncertain_vehicle(model, prior)
     refitted = crossover.response(estimate.vehicle(estimate.z), plane)[shown]
-    initial = crossover.response(predict.vehicles(model, prior)[1], plane)[shown]
+    initial = crossover.response(vehicles(model, prior)[1], plane)[shown]
     gain_sd, phase_sd = (NORMAL_95 * sd[shown] for sd in crossover.response_sd(estimate, plane))
 
     def line(name: str, role: str, values: Array, sd: Array | None = None) -> Curve:
@@ -123,11 +122,8 @@ def _response(model: "IdentifiedModel", plane: "Plane", prior: Any) -> Figure:
     )
 
 
-def _prediction(model: "IdentifiedModel", run: "Run", prior: Any) -> Figure:
+def _prediction(model: IdentifiedModel, run: Run, prior: Any) -> Figure:
     """Draw the measured and the predicted rate of a held-out run with 95 % bands."""
-    from sysid.models.prediction import predict
-    from sysid.validation.prediction_bands import rate_band
-
     predicted, band = predict(model, run, prior), rate_band(model, run, prior)
     first = run.time_s.size - band.time_s.size
     thin = slice(first, None, int(50.0 / SHOWN_HZ))
@@ -182,14 +178,8 @@ def _prediction(model: "IdentifiedModel", run: "Run", prior: Any) -> Figure:
     )
 
 
-def _whiteness(
-    model: "IdentifiedModel", plane: "Plane", runs: "Sequence[Run]", prior: Any
-) -> Figure:
+def _whiteness(model: IdentifiedModel, plane: Plane, runs: Sequence[Run], prior: Any) -> Figure:
     """Draw the cumulative periodogram of the innovations with its 95 % band."""
-    from sysid.validation.prediction_bands import innovations
-    from sysid.validation.validate import DT_S
-    from sysid.validation.whiteness import cumulative_periodogram
-
     residuals = np.concatenate(
         [i - np.mean(i) for i in (innovations(model, run, prior) for run in runs)]
     )
@@ -228,7 +218,7 @@ def _whiteness(
     )
 
 
-def _select_runs(runs: "Sequence[Run]") -> "list[Run]":
+def _select_runs(runs: Sequence[Run]) -> list[Run]:
     """Return the largest step and the largest of the other signals, as far as present."""
     kinds = [[run for run in runs if (run.wave == "step") == steps] for steps in (True, False)]
     return [max(kind, key=lambda run: abs(run.magnitude_deg)) for kind in kinds if kind]

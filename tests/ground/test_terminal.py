@@ -16,8 +16,8 @@ from rich.progress import BarColumn, Progress
 from typer.testing import CliRunner
 
 from ground import __main__ as command_line
-from ground import progress, terminal
-from ground.cli import options
+from ground import terminal
+from ground.cli import options, progress
 from ground.client.flight import FlightProgress as DiveProgress
 from ground.client.vehicle import StatusText
 from ground.live import estimate_view as live_view

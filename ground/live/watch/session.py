@@ -2,7 +2,6 @@
 
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.live import Live
@@ -10,15 +9,13 @@ from rich.live import Live
 from ground.cli.options import print_result
 from ground.client.signing import open_signing
 from ground.errors import OperationError
+from ground.live.listeners import Listeners
 from ground.live.watch import rows, view
 from ground.live.watch.receiver import Receiver
 from ground.terminal import console
 from mavlink_io.clock import wall_s
 from mavlink_io.parent_watch import on_end_signals
 from mavlink_io.transport import open_transport
-
-if TYPE_CHECKING:
-    from ground.live.listeners import Listeners
 
 REFRESH_S = 0.2
 VEHICLE_TIMEOUT_S = 5.0
@@ -33,8 +30,7 @@ def watch(
     *,
     once: bool,
     json: bool,
-    prior: str | None = None,
-    gains: Path | None = None,
+    listener: Listeners | None = None,
 ) -> None:
     """Show the telemetry that is received at an address.
 
@@ -48,21 +44,18 @@ def watch(
         Whether to print one snapshot instead of the live view.
     json : bool
         Whether to print one snapshot as JSON.
-    prior : str, optional
-        Prior for a live estimate from tests.
-    gains : Path, optional
-        Gains file; its predicted performance is compared with the measured one.
+    listener : Listeners, optional
+        Listeners to the telemetry; the live view shows their pictures.
 
     Raises
     ------
     AddressError
         The address is invalid or cannot be opened.
     InputError
-        The prior, the gains or the key cannot be read.
+        The key cannot be read.
     OperationError
         No vehicle was received for a snapshot.
     """
-    listener = _listeners(prior, gains)
     stopped = _Stopped()
     page = console()
     with open_signing(sign) as key:
@@ -80,25 +73,6 @@ def watch(
                 _show_live(receiver, page, stopped, listener)
         finally:
             transport.close()
-
-
-def _listeners(prior: str | None, gains: Path | None) -> "Listeners | None":
-    """Return the requested listeners, or None. Raises InputError."""
-    from ground.live.listeners import Listeners, VisibleListener
-
-    listeners: list[VisibleListener] = []
-    if prior:
-        from ground.live.session import LiveSession
-
-        listeners.append(LiveSession(prior))
-    if gains:
-        from ground.client.param_file import require_baseline
-        from ground.live.performance_monitor import PerformanceMonitor
-
-        listeners.append(PerformanceMonitor(require_baseline(gains)))
-    combined = Listeners(listeners)
-    combined.begin({})
-    return combined if listeners else None
 
 
 class _Stopped:
@@ -131,7 +105,7 @@ def _listen_once(receiver: Receiver, stopped: _Stopped) -> None:
 
 
 def _show_live(
-    receiver: Receiver, page: Console, stopped: _Stopped, listener: "Listeners | None"
+    receiver: Receiver, page: Console, stopped: _Stopped, listener: Listeners | None
 ) -> None:
     drawn_s = 0.0
     with Live(console=page, auto_refresh=False, screen=True) as live:
