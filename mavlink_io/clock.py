@@ -53,7 +53,7 @@ class Pacer:
         self._start: tuple[float, float] | None = None
 
     def wait(self, vehicle_s: float) -> None:
-        """Sleep until the wall clock reaches a vehicle time; start anew if over 1 s late.
+        """Sleep until the wall clock reaches a vehicle time; restart if over 1 s late.
 
         Parameters
         ----------
@@ -73,5 +73,11 @@ class Pacer:
             self.restart(vehicle_s)
 
     def restart(self, vehicle_s: float) -> None:
-        """Make the present wall time correspond to ``vehicle_s``, for example after a pause."""
+        """Make the present wall time correspond to ``vehicle_s``, for example after a pause.
+
+        Parameters
+        ----------
+        vehicle_s : float
+            Vehicle time, in seconds.
+        """
         self._start = wall_s(), vehicle_s

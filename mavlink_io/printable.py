@@ -2,7 +2,7 @@
 
 
 def printable(text: object) -> str:
-    """Escape every character that a terminal could act on, line feeds included.
+    r"""Escape every character that a terminal could act on, line feeds included.
 
     Parameters
     ----------
@@ -13,7 +13,7 @@ def printable(text: object) -> str:
     -------
     str
         The text; each character that is not printable (`str.isprintable`) is written as in a Python
-        string, such as ``\\x1b``: control characters (C0, DEL, C1), format characters such as bidi
+        string, such as ``\x1b``: control characters (C0, DEL, C1), format characters such as bidi
         overrides, line separators and lone surrogates. Printable text, including backslashes, is
         unchanged, so that escaping twice changes nothing.
     """

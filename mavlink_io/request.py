@@ -28,7 +28,8 @@ class MavlinkId(NamedTuple):
 class Send(Protocol):
     """Function that sends one message by name and fields, such as ``Endpoint.send``."""
 
-    def __call__(self, name: str, **fields: Any) -> None: ...
+    def __call__(self, name: str, **fields: Any) -> None:
+        """Send the message ``name`` with its fields."""
 
 
 class Client(NamedTuple):

@@ -152,7 +152,13 @@ class Timestamp:
         return self._last
 
     def advance_to(self, timestamp: int) -> None:
-        """Set the timestamp to that of a correctly signed frame, if it is later."""
+        """Set the timestamp to that of a correctly signed frame, if it is later.
+
+        Parameters
+        ----------
+        timestamp : int
+            Timestamp of the frame, in units of 10 us since 2015-01-01 (UTC).
+        """
         self._last = max(self._last, timestamp)
 
     def now(self) -> int:

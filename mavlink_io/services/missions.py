@@ -175,6 +175,7 @@ class _Upload(Exchange[None]):
         self._requested_item: int | None = None
 
     def _send_request(self) -> None:
+        """Send the number of items, or the item that the vehicle has requested."""
         if self._requested_item is None:
             self._send_to_peer("MISSION_COUNT", count=len(self._items), mission_type=MISSION_TYPE)
         else:
@@ -182,6 +183,7 @@ class _Upload(Exchange[None]):
             self._send("MISSION_ITEM_INT", **item_fields(item, self._peer))
 
     def _handle_message(self, name: str, message: Any) -> None:
+        """Send a requested item; finish or fail with the vehicle's MISSION_ACK."""
         if message.mission_type != MISSION_TYPE:
             return
         if name != "MISSION_ACK":
@@ -210,6 +212,7 @@ class _MissionDownload(Exchange[tuple[MissionItem, ...]]):
         self._items: list[MissionItem] = []
 
     def _send_request(self) -> None:
+        """Request the number of items, or the next item."""
         if self._count is None:
             self._send_to_peer("MISSION_REQUEST_LIST", mission_type=MISSION_TYPE)
         else:
@@ -218,6 +221,7 @@ class _MissionDownload(Exchange[tuple[MissionItem, ...]]):
             )
 
     def _handle_message(self, name: str, message: Any) -> None:
+        """Store the number of items or the next item; finish when all have arrived."""
         if message.mission_type != MISSION_TYPE:
             return
         if name == "MISSION_ACK":
@@ -254,6 +258,7 @@ class _Clear(Exchange[None]):
         self._send_to_peer("MISSION_CLEAR_ALL", mission_type=MISSION_TYPE)
 
     def _handle_message(self, name: str, message: Any) -> None:
+        """Finish or fail with the vehicle's MISSION_ACK."""
         if message.type == ACCEPTED:
             self._finish(None)
         else:

@@ -148,12 +148,14 @@ class _ParamList(Exchange[dict[str, float]]):
         self._missing: set[int] | None = None
 
     def _send_request(self) -> None:
+        """Request all parameters, or up to MAX_RE_REQUESTS of those that are missing."""
         if self._missing is None:
             self._send_to_peer("PARAM_REQUEST_LIST")
         for index in sorted(self._missing or ())[:MAX_RE_REQUESTS]:
             self._send_to_peer("PARAM_REQUEST_READ", param_id="", param_index=index)
 
     def _handle_message(self, name: str, message: Any) -> None:
+        """Store the value of a PARAM_VALUE; finish when none is missing."""
         self._values[message.param_id] = message.param_value
         if message.param_index == NO_INDEX:
             return
@@ -181,6 +183,7 @@ class _Get(Exchange[float]):
         self._send_to_peer("PARAM_REQUEST_READ", param_id=self._name, param_index=-1)
 
     def _handle_message(self, name: str, message: Any) -> None:
+        """Handle the value of this parameter, or fail with the reason of a PARAM_ERROR."""
         if message.param_id != self._name:
             return
         if name == "PARAM_ERROR":
@@ -215,6 +218,7 @@ class _Set(_Get):
         )
 
     def _handle_value(self, value: float) -> None:
+        """Finish if the vehicle reports the new value, and fail if it reports another one."""
         if value == self._value:
             self._finish(value)
         else:

@@ -57,7 +57,7 @@ class _AddressParts(NamedTuple):
     """The parts of an address."""
 
     kind: str
-    """One of ``_KINDS``."""
+    """Kind of the address: one of ``_KINDS``."""
     name: str
     """Host, serial device or name in memory."""
     number: int

@@ -69,7 +69,18 @@ class Transport(Protocol):
         ...
 
     def send(self, data: bytes) -> None:
-        """Send whole frames. Raises LinkLostError when the other end is gone."""
+        """Send whole frames.
+
+        Parameters
+        ----------
+        data : bytes
+            One or more complete frames.
+
+        Raises
+        ------
+        LinkLostError
+            The other end is gone.
+        """
         ...
 
     def receive(self) -> bytes:

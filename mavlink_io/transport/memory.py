@@ -25,13 +25,16 @@ class MemoryTransport:
         self._socket.setblocking(False)
 
     def handles(self) -> Sequence[Handle]:
+        """Return the socket."""
         return (self._socket,)
 
     def send(self, data: bytes) -> None:
+        """Send whole frames; drop them if the other end has too many unread ones."""
         with contextlib.suppress(BlockingIOError):
             self._socket.send(data)
 
     def receive(self) -> bytes:
+        """Return the bytes of one send, b"" if none have arrived. Raises LinkLostError."""
         try:
             return self._socket.recv(MAX_DATAGRAM)
         except BlockingIOError:
@@ -40,4 +43,5 @@ class MemoryTransport:
             raise LinkLostError(f"{self.address}: {error}") from None
 
     def close(self) -> None:
+        """Close the socket."""
         self._socket.close()

@@ -76,6 +76,7 @@ class SerialTransport:
             self._report(f"{address}: not there yet; trying every second")
 
     def handles(self) -> Sequence[Handle]:
+        """Return the open port; reopen a lost device, or write the backlog."""
         if self._port is None:
             self._reopen()
         elif self._backlog:
@@ -83,6 +84,7 @@ class SerialTransport:
         return () if self._port is None else (self._port,)
 
     def send(self, data: bytes) -> None:
+        """Send whole frames; drop them if the line is closed or the backlog is full."""
         if self._port is None:
             return
         if not self._backlog or len(self._backlog) + len(data) <= BACKLOG_BYTES:
@@ -90,6 +92,7 @@ class SerialTransport:
         self._drain()
 
     def receive(self) -> bytes:
+        """Return the bytes that have arrived, b"" if none; close a line that is lost."""
         if self._port is None or not readable(self._port):
             return b""
         try:
@@ -102,6 +105,7 @@ class SerialTransport:
         return data or self._close_lost_port(OSError("hung up"))
 
     def close(self) -> None:
+        """Close the line for good."""
         if self._port is not None:
             self._port.close()
             self._port = None

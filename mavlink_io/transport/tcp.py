@@ -62,21 +62,25 @@ class TcpClient:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def handles(self) -> Sequence[Handle]:
+        """Return the socket."""
         return (self._socket,)
 
     def send(self, data: bytes) -> None:
+        """Send whole frames. Raises LinkLostError."""
         try:
             _send(self._socket, data, self._patience_s)
         except OSError as error:
             raise LinkLostError(f"{self.address}: {error}") from None
 
     def receive(self) -> bytes:
+        """Return the bytes that have arrived, b"" if none. Raises LinkLostError."""
         data = _receive(self._socket)
         if data is None:
             raise LinkLostError(f"{self.address}: closed by the other end")
         return data
 
     def close(self) -> None:
+        """Close the connection."""
         self._socket.close()
 
 
@@ -127,11 +131,19 @@ class TcpServer:
         return self._clients[-1] if self._clients else None
 
     def handles(self) -> Sequence[Handle]:
+        """Return the clients' sockets, and the listening socket while new clients are accepted."""
         if wall_s() < self._accept_after_s:
             return tuple(self._clients)
         return (self._listener, *self._clients)
 
     def send(self, data: bytes) -> None:
+        """Send whole frames to every client; disconnect a client that cannot receive them.
+
+        Parameters
+        ----------
+        data : bytes
+            One or more complete frames.
+        """
         for client in list(self._clients):
             try:
                 _send(client, data, self._patience_s)
@@ -139,9 +151,11 @@ class TcpServer:
                 self._drop(client)
 
     def receive(self) -> bytes:
+        """Return the bytes that have arrived from all clients, b"" if none."""
         return b"".join(data for _, data in self.receive_from())
 
     def receive_from(self) -> Sequence[Piece]:
+        """Return the bytes of each client; b"" for one that disconnected since the last call."""
         if wall_s() >= self._accept_after_s:
             self._accept()
         received: list[Piece] = []
@@ -156,6 +170,7 @@ class TcpServer:
         return received
 
     def close(self) -> None:
+        """Disconnect all clients and close the listening socket."""
         for client in list(self._clients):
             self._drop(client)
         self._listener.close()

@@ -60,17 +60,21 @@ class UdpTransport:
         open_or_raise(address, lambda: self._socket.bind((host, port)))
 
     def handles(self) -> Sequence[Handle]:
+        """Return the socket."""
         return (self._socket,)
 
     def send(self, data: bytes) -> None:
+        """Send whole frames to every peer, as one datagram each."""
         for peer in list(self._peers):
             with contextlib.suppress(OSError):
                 self._socket.sendto(data, peer)
 
     def receive(self) -> bytes:
+        """Return the bytes of one datagram, b"" if none has arrived."""
         return b"".join(data for _, data in self.receive_from())
 
     def receive_from(self) -> Sequence[Piece]:
+        """Return one datagram with its peer; nothing if there are too many peers for a new one."""
         try:
             data, peer = self._socket.recvfrom(MAX_DATAGRAM)
         except OSError:
@@ -78,6 +82,7 @@ class UdpTransport:
         return ((peer, data),) if self._remember(peer) else ()
 
     def close(self) -> None:
+        """Close the socket."""
         self._socket.close()
 
     def _remember(self, peer: Address) -> bool:
@@ -121,10 +126,12 @@ class UdpClient:
         open_or_raise(address, self._connect)
 
     def handles(self) -> Sequence[Handle]:
+        """Return the connected socket; nothing without a route to the peer."""
         connected = self._connected()
         return () if connected is None else (connected,)
 
     def send(self, data: bytes) -> None:
+        """Send whole frames as one datagram; drop them without a route to the peer."""
         connected = self._connected()
         if connected is None:
             return
@@ -138,6 +145,7 @@ class UdpClient:
                 self._disconnect()
 
     def receive(self) -> bytes:
+        """Return the bytes of one datagram, b"" if none has arrived."""
         if self._socket is None:
             return b""
         try:
@@ -149,6 +157,7 @@ class UdpClient:
             return b""
 
     def close(self) -> None:
+        """Close the socket for good."""
         self._disconnect()
         self._retry_s = math.inf
 

@@ -178,6 +178,7 @@ class _DirectoryList(_FtpExchange[list[ListingEntry]]):
         self._current = self._next_request()
 
     def _handle_answer(self, packet: Packet) -> None:
+        """Add the entries of an answer and request the next ones, until the end of the list."""
         if not self._is_current_answer(packet):
             return
         if packet.opcode == ACK and packet.data:
@@ -218,6 +219,7 @@ class _Checksum(_FtpExchange[int]):
         self._current = _path_request(sequences, payload.CRC, path)
 
     def _handle_answer(self, packet: Packet) -> None:
+        """Finish with the CRC-32 of an answer."""
         if not self._is_current_answer(packet):
             return
         if packet.opcode == ACK and len(packet.data) >= 4:
@@ -263,6 +265,7 @@ class _FtpDownload(_FtpExchange[int]):
             self._request_rest()
 
     def _handle_answer(self, packet: Packet) -> None:
+        """Handle an answer to the open, read or burst request of this download."""
         if packet.requested == payload.OPEN:
             self._handle_open(packet)
         elif self._session is None or packet.session != self._session:

@@ -61,7 +61,7 @@ class Packet(NamedTuple):
     size: int = 0
     """Number of data bytes; in a request to read, the number of bytes to read."""
     requested: int = 0
-    """In an answer, the opcode of the request."""
+    """Opcode of the request, in an answer."""
     burst_complete: int = 0
     """1 in the last packet of a burst."""
     offset: int = 0

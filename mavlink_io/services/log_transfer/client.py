@@ -97,6 +97,7 @@ class _LogList(Exchange[list[RemoteLog]]):
         self._send_to_peer("LOG_REQUEST_LIST", start=0, end=LAST)
 
     def _handle_message(self, name: str, message: Any) -> None:
+        """Add a LOG_ENTRY; finish when all logs are listed."""
         if message.num_logs:
             self._logs[message.id] = RemoteLog(message.id, message.size, message.time_utc)
             self._note_progress()
@@ -143,6 +144,7 @@ class _LogDownload(Exchange[int]):
         )
 
     def _handle_message(self, name: str, message: Any) -> None:
+        """Write the data of a LOG_DATA in order; finish at the size of the log."""
         if message.id != self._log.number or not message.count:
             return
         self._note_progress()
