@@ -168,6 +168,7 @@ class Stop:
         on_end_signals(self._request)
 
     def __call__(self) -> bool:
+        """Return whether an end signal was received."""
         return self._requested
 
     def _request(self, *_: object) -> None:

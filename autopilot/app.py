@@ -40,7 +40,8 @@ class App:
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve the links until ``stopping`` returns true.
 
-        Raises LinkLostError when the HIL link is lost and cannot be opened again."""
+        Raises LinkLostError when the HIL link is lost and cannot be opened again.
+        """
         try:
             while not stopping():
                 self.step(self._ground.poll())

@@ -1,7 +1,8 @@
 """Parameters on disk: values that ground sets are stored, and loaded at the next start.
 
 A separate thread writes the file, whole or not at all, so that a slow disk never delays a tick. A
-file that cannot be read is reported and renamed; the autopilot starts without it."""
+file that cannot be read is reported and renamed; the autopilot starts without it.
+"""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -38,7 +39,8 @@ class ParamStore:
     def load(self) -> dict[str, float]:
         """Return the stored values, without lines that are not valid.
 
-        A file with such a line is renamed, so that the next write does not destroy it."""
+        A file with such a line is renamed, so that the next write does not destroy it.
+        """
         if self._path is None:
             return {}
         try:

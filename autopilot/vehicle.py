@@ -129,7 +129,8 @@ class Vehicle:
     def on_sensor_loss(self) -> None:
         """Report that samples no longer arrive.
 
-        Arming is refused until samples have arrived again for some time."""
+        Arming is refused until samples have arrived again for some time.
+        """
         self.state = monitor.report_sensor_loss(self.state)
         self.send_statustext("Sensor timeout", Severity.ERROR)
 

@@ -30,7 +30,8 @@ def set_actuators(
 ) -> CommandResult:
     """DO_SET_ACTUATOR: set rudder, elevator and thrust (-1..1) until another input replaces them.
 
-    NaN leaves an actuator unchanged."""
+    NaN leaves an actuator unchanged.
+    """
     values = command.p1, command.p2, command.p3
     unused = command.p4, command.p5, command.p6
     if any(math.isfinite(value) and value != 0.0 for value in unused) or integer_parameter(

@@ -2,7 +2,8 @@
 
 Clients fill unused parameters with NaN, repeat a command whose acknowledgement was lost, and send
 some commands to component 0. Handlers accept all three. A command that must not be executed twice
-is recorded, so that its repetition is only acknowledged."""
+is recorded, so that its repetition is only acknowledged.
+"""
 
 from typing import NamedTuple
 

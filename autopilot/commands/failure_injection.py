@@ -1,7 +1,8 @@
 """Relay of MAV_CMD_INJECT_FAILURE: the autopilot passes the order to the simulator.
 
 The parameter SYS_FAILURE_EN enables it. The requester receives IN_PROGRESS until the simulator
-replies, and UNSUPPORTED without a reply: a real vehicle does not reply."""
+replies, and UNSUPPORTED without a reply: a real vehicle does not reply.
+"""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -64,7 +64,8 @@ class Jobs:
         """Return the progress of the job that a command has begun; None without such a job.
 
         A ``repetition`` of a job that ended recently gets its result: its acknowledgement may be
-        lost."""
+        lost.
+        """
         progress = next(
             (job.read_progress() for job in self._open if job.matches(requester, command)), None
         )

@@ -50,7 +50,8 @@ def store(context: CommandContext, command: MavCommand, schedule: Schedule) -> C
 def calibrate(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
     """PREFLIGHT_CALIBRATION of the ground pressure (param3): the present depth becomes zero.
 
-    Pressure change (hPa) = depth (m) * density (kg/m3) * g (m/s2) / 100."""
+    Pressure change (hPa) = depth (m) * density (kg/m3) * g (m/s2) / 100.
+    """
     requested = [n for n, p in enumerate(command[1:8], 1) if math.isfinite(p) and p != 0.0]
     if not requested:
         return CommandResult(ACCEPTED)

@@ -39,7 +39,8 @@ def test(context: CommandContext, command: MavCommand, schedule: Schedule) -> Co
     """MAV_CMD_USER_1: start a test, or stop it with axis 0.
 
     Parameters 1 to 7: axis, magnitude, two parameters of the waveform, duration (s), waveform,
-    fade (s)."""
+    fade (s).
+    """
     axis = integer_parameter(command.p1)
     if axis == 0:
         return context.ask(requests.StopTest())
@@ -58,7 +59,8 @@ def test(context: CommandContext, command: MavCommand, schedule: Schedule) -> Co
 def autotune(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
     """DO_AUTOTUNE_ENABLE: start or stop the test of the SID_* parameters.
 
-    The vehicle does not change its gains; they are designed on the ground from the log."""
+    The vehicle does not change its gains; they are designed on the ground from the log.
+    """
     if command.p1 == 0:
         return context.ask(requests.StopTest())
     axis = _AXES.get(integer_parameter(command.p2))

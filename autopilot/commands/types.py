@@ -97,7 +97,8 @@ def custom_mode(command: MavCommand) -> int | None:
     A main mode without a sub mode looks like a mode number of ArduPilot, whose AUTO (3) would be
     STATION here. The unused parameters distinguish them: MAVSDK, which sends main and sub mode,
     fills them with NaN; pymavlink and MAVProxy, which send ArduPilot's numbers unless they know the
-    modes of this vehicle, fill them with 0."""
+    modes of this vehicle, fill them with 0.
+    """
     main, sub = integer_parameter(command.p2), integer_parameter(command.p3)
     if main >= LOWEST_CUSTOM_MODE:
         return main

@@ -2,7 +2,8 @@
 
 Replies have priority and are never dropped. Of telemetry only the newest frame of each
 kind waits, because an old attitude is of no use. Bulk data, such as a log download, shares the
-remaining rate equally with telemetry; services produce it only as fast as the line sends it."""
+remaining rate equally with telemetry; services produce it only as fast as the line sends it.
+"""
 
 from collections import deque
 from collections.abc import Callable, Hashable
@@ -30,7 +31,8 @@ class QueuedFrame(NamedTuple):
 class TokenBucket:
     """A token bucket on the wall clock.
 
-    In any interval of T seconds at most ``burst_bytes + T * bytes_per_s`` are sent."""
+    In any interval of T seconds at most ``burst_bytes + T * bytes_per_s`` are sent.
+    """
 
     def __init__(self, bytes_per_s: float) -> None:
         self.bytes_per_s = bytes_per_s
@@ -65,6 +67,7 @@ class SendQueue:
         """Upper bound of the bytes in the queue that are never dropped."""
 
     def __len__(self) -> int:
+        """Return the number of frames in the queue."""
         return len(self._replies) + len(self._bulk) + len(self._telemetry)
 
     def add_reply(self, entry: QueuedFrame) -> None:

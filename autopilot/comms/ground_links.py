@@ -47,7 +47,8 @@ _HIGH_PRIORITY = frozenset(
 class GroundLink:
     """A ground link without a rate limit. Frames are sent in order, batched over BATCH_S.
 
-    Far above real time one system call per tick would take longer than the tick itself."""
+    Far above real time one system call per tick would take longer than the tick itself.
+    """
 
     def __init__(self, transport: Transport, system: int, signing: Signing | None = None) -> None:
         self.transport = transport
@@ -105,7 +106,8 @@ class GroundLink:
     def room_bytes(self) -> int:
         """Return how many bytes of bulk data (log, file, list) may be queued now.
 
-        Services call it before each message, and continue later when there is no room."""
+        Services call it before each message, and continue later when there is no room.
+        """
         return max(0, BULK_BYTES - sum(map(len, self._outbox)))
 
     def flush(self, now_s: float, discard: bool = False) -> None:

@@ -1,7 +1,8 @@
 """The ground side of the autopilot: links, heartbeats, telemetry and services.
 
 Heartbeats and protocol timers run on the wall clock, whatever the speed of vehicle time; telemetry
-runs on vehicle time. Each link has its own ``Endpoint``, sequence numbers and message intervals."""
+runs on vehicle time. Each link has its own ``Endpoint``, sequence numbers and message intervals.
+"""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -203,7 +204,8 @@ class GroundServer:
     def _reply_function(self, link: GroundLink) -> Send:
         """Return the function by which services reply on a link.
 
-        Pending events are sent before the reply."""
+        Pending events are sent before the reply.
+        """
 
         def send(name: str, **fields: Any) -> None:
             """Queue a reply by message name and fields."""

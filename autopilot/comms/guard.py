@@ -18,14 +18,16 @@ P = ParamSpec("P")
 class SendText(Protocol):
     """Function that sends a text to every ground station."""
 
-    def __call__(self, text: str, severity: Severity) -> None: ...
+    def __call__(self, text: str, severity: Severity) -> None:
+        """Send the text with its severity."""
 
 
 class Guard:
     """Runs parts of the program that the control tick does not depend on.
 
     An exception ends only the call that raised it. It is reported once per part and source line, as
-    a CRITICAL text and on standard error."""
+    a CRITICAL text and on standard error.
+    """
 
     def __init__(self, send_text: SendText) -> None:
         self._send_text = send_text

@@ -215,6 +215,6 @@ _READERS: dict[int, tuple[str, Callable[[Message], Any]]] = {
     device_messages.ACTUATOR_OUTPUTS.message_id: ("duct", device_messages.duct_record),
     dialect.by_name("COMMAND_LONG").message_id: ("links_silent", _links_silent),
 }
-"""For each device message: the field of ``HilSample`` that it fills, and its conversion."""
+"""Field of ``HilSample`` that each device message fills, and its conversion."""
 _LOGGED_MESSAGES = _RELAYED_MESSAGES.union(_READERS)
 """Messages that are logged beside HIL_SENSOR; never the simulated truth."""

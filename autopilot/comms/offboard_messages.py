@@ -2,7 +2,8 @@
 
 A set-point that the vehicle cannot follow is ignored, and the reason is sent once. Frames and masks
 are those that PX4 documents (docs.px4.io, "Offboard Mode"). An underwater vehicle with one
-propeller can follow neither accelerations nor a sideways velocity."""
+propeller can follow neither accelerations nor a sideways velocity.
+"""
 
 import math
 from typing import Any
@@ -90,7 +91,8 @@ def read(name: str, message: Any, home: Home) -> AttitudeTarget | MotionTarget:
 def attitude(message: Any) -> AttitudeTarget:
     """Return pitch and heading (rad) of the quaternion, or the rates (rad/s) where it is ignored.
 
-    Roll is not used. Thrust is limited to -1..1."""
+    Roll is not used. Thrust is limited to -1..1.
+    """
     mask = message.type_mask
     thrust = None if mask & _NO_THRUST else max(-1.0, min(1.0, _finite(message.thrust, "thrust")))
     if not mask & _NO_ATTITUDE:

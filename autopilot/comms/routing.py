@@ -3,7 +3,8 @@
 The rules are those of https://mavlink.io/en/guide/routing.html: a broadcast goes to every other
 link; a message with a target goes to the links on which that system and component was received,
 and to none before that. No frame is sent back on the link it came from, and frames of the vehicle
-itself are not forwarded."""
+itself are not forwarded.
+"""
 
 from collections.abc import Sequence
 from functools import cache

@@ -36,7 +36,8 @@ class SigningKeys:
     def from_options(cls, words: Sequence[str], addresses: Sequence[str]) -> "SigningKeys":
         """Load the keys of ``--sign ADDRESS=KEYFILE`` options.
 
-        Each address must be one of the ground links. Raises KeyFileError."""
+        Each address must be one of the ground links. Raises KeyFileError.
+        """
         files = {}
         for word in words:
             address, _, file = word.partition("=")

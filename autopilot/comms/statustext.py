@@ -101,7 +101,8 @@ class EventPublisher:
 class TextRateLimiter:
     """Rate limit of texts, by wall or vehicle time, whichever is faster.
 
-    Texts of severity CRITICAL and above are always sent."""
+    Texts of severity CRITICAL and above are always sent.
+    """
 
     def __init__(self) -> None:
         self._available = float(MAX_BURST)

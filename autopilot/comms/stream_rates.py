@@ -2,7 +2,8 @@
 
 The baud rate selects one of three profiles: the whole table; half of its rates without the longest
 messages; and the few messages that fit on a 9600 baud radio. A ground station may request any
-message at any rate; ``autopilot.comms.bandwidth_limiter`` drops what the line cannot carry."""
+message at any rate; ``autopilot.comms.bandwidth_limiter`` drops what the line cannot carry.
+"""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -55,7 +56,8 @@ class Schedule:
     """Schedule of the streams of one link.
 
     A stream is due in the tick in which vehicle time crosses a multiple of its interval. The first
-    tick after a start only sets the phase."""
+    tick after a start only sets the phase.
+    """
 
     def __init__(self, profile: RateProfile = FAST) -> None:
         self._defaults_us = {
@@ -69,7 +71,8 @@ class Schedule:
     def set_interval(self, message_id: int, interval_us: int | None) -> None:
         """Set the interval of a stream: None is the default, 0 stops the stream.
 
-        Raises KeyError for a message that is not a stream."""
+        Raises KeyError for a message that is not a stream.
+        """
         default_us = self._defaults_us[message_id]
         self._intervals_us[message_id] = default_us if interval_us is None else interval_us
         self._align(message_id)

@@ -12,13 +12,13 @@ def begin(state: AutopilotState, channel: int, value: float, seconds: float) -> 
 
     Parameters
     ----------
-    state
+    state : AutopilotState
         State of a disarmed vehicle.
-    channel
+    channel : int
         0 rudder, 1 elevator, 2 thrust.
-    value
+    value : float
         Command in [-1, 1].
-    seconds
+    seconds : float
         Duration in vehicle time; 0 ends the test at once.
     """
     others = tuple(test for test in state.actuator_tests if test.channel != channel)

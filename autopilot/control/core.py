@@ -60,11 +60,11 @@ def tick(
 
     Parameters
     ----------
-    state
+    state : AutopilotState
         State after the last tick.
-    inputs
+    inputs : Inputs
         Sensors and link ages of this tick.
-    config
+    config : Config
         Parameters.
 
     Returns

@@ -64,8 +64,15 @@ DEPTH_RATE_DECAY_S = 10.0
 def initial_estimate(sensors: SensorFrame, config: Config) -> VehicleEstimate:
     """Return the first estimate, of a vehicle at rest.
 
-    Roll and pitch follow from the accelerometer, heading from the magnetometer, depth from the
-    pressure.
+    With f the specific force (body axes) and m the magnetic field after rotation by roll and pitch
+    (north-east plane of the vehicle)::
+
+        roll    = atan2(-f_y, -f_z)
+        pitch   = atan2(f_x, hypot(f_y, f_z))
+        heading = atan2(-m_east, m_north) + MAG_DECL_DEG
+
+    At rest f = -g d; the equations are those of M. Pedley, "Tilt sensing using a three-axis
+    accelerometer", Freescale AN3461 (2013). Depth follows from the pressure.
     """
     ax, ay, az = sensors[1:4]
     roll = math.atan2(-ay, -az)
@@ -91,17 +98,17 @@ def update(
 
     Parameters
     ----------
-    old
+    old : VehicleEstimate
         Estimate after the last tick.
-    inputs
+    inputs : Inputs
         Sensors of this tick, checked.
-    thrust
+    thrust : float
         Last commanded thrust (fraction of full).
-    home
+    home : Home
         Home position.
-    config
+    config : Config
         Parameters.
-    dt_s
+    dt_s : float
         Time since the last tick.
 
     Returns

@@ -80,18 +80,18 @@ def from_numbers(
 
     Parameters
     ----------
-    axis
+    axis : int
         As SID_AXIS.
-    magnitude
+    magnitude : float
         Amplitude, degrees of rudder or elevator, percent of thrust.
-    p3, p4
+    p3, p4 : float
         Start and stop frequency (Hz); PRBS: seed and clock (Hz); square wave: switch
         intervals as digits.
-    duration_s
+    duration_s : float
         Duration.
-    wave
+    wave : int
         As SID_WAVE.
-    fade_s
+    fade_s : float
         Fade time at both ends.
     """
     if wave == Wave.PRBS:
@@ -149,12 +149,12 @@ def precompute(request: requests.StartTest, state: AutopilotState, config: Confi
 
     Parameters
     ----------
-    request
+    request : StartTest
         Requested test. If both axes are tested, the amplitude is that of the rudder, and
         the elevator has SID_ELE_PCT of it.
-    state
+    state : AutopilotState
         State with the start time and the set-points.
-    config
+    config : Config
         Parameters.
     """
     axis = AXES.get(request.axis, NO_AXIS)
@@ -242,9 +242,9 @@ def check(test: Excitation, travel_deg: float) -> str:
 
     Parameters
     ----------
-    test
+    test : Excitation
         Test to check.
-    travel_deg
+    travel_deg : float
         Maximum angle of the duct, which limits the amplitude.
 
     Returns

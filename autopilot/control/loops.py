@@ -107,19 +107,19 @@ def step_loops(
 
     Parameters
     ----------
-    estimate
+    estimate : VehicleEstimate
         Estimated attitude, rates, depth and speed.
-    setpoint
+    setpoint : Setpoint
         Heading (rad), depth (m), or pitch (rad) in place of the depth.
-    memory
+    memory : LoopMemory
         State of the loops after the last tick.
-    config
+    config : Config
         Parameters.
-    dt_s
+    dt_s : float
         Time since the last tick.
-    heading
+    heading : bool
         Whether the heading loop is closed.
-    depth
+    depth : bool
         Whether the depth and pitch loops are closed.
 
     Returns
@@ -193,8 +193,15 @@ def heading_loop(
 ) -> HeadingLoopResult:
     """Compute the rudder from heading error and yaw rate.
 
-    With a reference model both are relative to the reference. The yaw rate is that about the
-    vertical: ``r cos(roll) + q sin(roll)`` with roll compensation, else r.
+    With r_v the yaw rate about the vertical, r cos(roll) + q sin(roll) with roll compensation, else
+    r; psi the heading, psi_s its set-point, x and x' the reference and its rate, and b the weight::
+
+        plain             e = psi_s - psi                        rate = r_v
+        reference model   e = x - psi                            rate = r_v - x'
+        weighting         e = x - psi + b (psi_s - x)            rate = r_v
+        rudder            = P e - D rate + I + trim
+
+    Differences of headings are wrapped to (-pi, pi].
     """
     yaw_rate = estimate.r_radps
     if roll_rad:
@@ -270,8 +277,10 @@ def depth_pitch_loop(
 ) -> DepthLoopResult:
     """Compute the elevator from depth, or from the pitch set-point if one is given.
 
-    The pitch rate is that in the vertical plane: ``q cos(roll) - r sin(roll)`` with roll
-    compensation, else q.
+    With q_v the pitch rate in the vertical plane, q cos(roll) - r sin(roll) with roll compensation,
+    else q; theta the pitch, theta_s its set-point::
+
+        elevator = P (theta_s - theta) - D q_v + I + trim + feedforward
     """
     rate = estimate.q_radps
     if roll_rad:
@@ -335,7 +344,15 @@ def depth_lqg(
 def depth_reference(
     estimate: VehicleEstimate, setpoint: Setpoint, memory: LoopMemory, config: Config, dt_s: float
 ) -> DepthReference:
-    """Compute the depth error to the reference model or to the weighted set-point."""
+    """Compute the depth error to the reference model or to the weighted set-point.
+
+    With z the depth, z_s its set-point, x and x' the reference and its rate, b the weight and U the
+    speed::
+
+        plain             e = z_s - z                  rate = z'
+        reference model   e = x - z                    rate = z' - x'     nose-down pitch x' / U
+        weighting         e = x - z + b (z_s - x)      rate = z'
+    """
     rate = estimate.depth_rate_mps
     if bandwidth := config.depth_ref_radps:
         start = memory.depth_reference or ReferenceState(estimate.depth_m, rate)
@@ -363,6 +380,10 @@ def depth_loop(
     depth: DepthReference, memory: LoopMemory, config: Config, dt_s: float
 ) -> tuple[float, float]:
     """Compute the pitch set-point (rad, nose up) and the new integral (rad, nose down).
+
+    With e and rate of ``depth_reference`` and a the nose-down pitch of the reference::
+
+        theta_s = -(P e - D rate + I) - a
 
     The sign changes because a vehicle that is too shallow must pitch down.
     """
@@ -411,9 +432,9 @@ def schedule_gains(gains: Gains, speed_ratio: float) -> Gains:
 
     Parameters
     ----------
-    gains
+    gains : Gains
         Gains at the design speed.
-    speed_ratio
+    speed_ratio : float
         Speed over the design speed; limited to MIN_SPEED_RATIO .. MAX_SPEED_RATIO.
 
     Returns
@@ -438,7 +459,13 @@ def schedule_gains(gains: Gains, speed_ratio: float) -> Gains:
 
 
 def rotate_by_roll(rudder_rad: float, elevator_rad: float, roll_rad: float) -> tuple[float, float]:
-    """Rotate commands about the vertical and the horizontal to the axes of a rolled hull (rad)."""
+    """Rotate commands about the vertical and the horizontal to the axes of a rolled hull (rad).
+
+    With phi the roll angle, positive starboard down::
+
+        rudder   <- rudder cos(phi) - elevator sin(phi)
+        elevator <- rudder sin(phi) + elevator cos(phi)
+    """
     c, s = math.cos(roll_rad), math.sin(roll_rad)
     return rudder_rad * c - elevator_rad * s, rudder_rad * s + elevator_rad * c
 

@@ -84,13 +84,13 @@ def from_matrices(
 
     Parameters
     ----------
-    rows
+    rows : tuple of tuple of float
         Matrix (A B L), shape (n, n + 1 + m).
-    feedback
+    feedback : tuple of float
         F, shape (n,).
-    start
+    start : tuple of tuple of float
         S, shape (n, m).
-    loads
+    loads : int
         Number of states, the last ones, that are constant disturbances.
 
     Returns
@@ -112,13 +112,13 @@ def step(
 
     Parameters
     ----------
-    controller
+    controller : LqgController
         Matrices.
-    observer
+    observer : ObserverState | None
         State after the last tick; None starts at x = S y.
-    measured
+    measured : tuple of float
         y, in the units of the controller, shape (m,).
-    target
+    target : LqgReference
         Reference and limits. A new reference changes the command at once; the observer
         follows the measurements only.
 

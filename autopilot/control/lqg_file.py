@@ -129,10 +129,15 @@ def to_json(controllers: LqgControllers, model_sha256: str) -> str:
 
     Parameters
     ----------
-    controllers
+    controllers : LqgControllers
         Controllers to write.
-    model_sha256
+    model_sha256 : str
         SHA-256 of the model file that they were designed with.
+
+    Returns
+    -------
+    str
+        JSON object in one line, with the final newline.
     """
     head = {"format": FORMAT, "tick_s": TICK_S, "model_sha256": model_sha256}
     numbers = {"speed_mps": controllers.speed_mps, "pitch_per_metre": controllers.pitch_per_metre}

@@ -96,9 +96,9 @@ def check(items: tuple[MissionItem, ...], config: Config) -> tuple[int, str]:
 
     Parameters
     ----------
-    items
+    items : tuple[MissionItem, ...]
         Mission items.
-    config
+    config : Config
         Parameters with the limits.
 
     Returns

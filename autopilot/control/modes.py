@@ -62,9 +62,9 @@ def enter(state: AutopilotState, mode: Mode) -> tuple[AutopilotState, tuple[Even
 
     Parameters
     ----------
-    state
+    state : AutopilotState
         Present state.
-    mode
+    mode : Mode
         New mode.
 
     Returns

@@ -113,20 +113,20 @@ def predict_and_update(
 
     Parameters
     ----------
-    position_m
+    position_m : complex
         Position after the last tick, from home, or from the start while home is
         unknown.
-    old
+    old : Navigation
         State of the filter after the last tick.
-    motion
+    motion : MotionInput
         Attitude and motion in this tick.
-    inputs
+    inputs : Inputs
         Satellite fix and Doppler log velocity, if any.
-    home
+    home : Home
         Home position.
-    config
+    config : Config
         Parameters NAV_*.
-    dt_s
+    dt_s : float
         Time since the last tick.
 
     Returns
@@ -168,12 +168,18 @@ def velocity_sd_mps(memory: Navigation, speed_mps: float, time_us: int) -> float
 
     Parameters
     ----------
-    memory
+    memory : Navigation
         State of the filter.
-    speed_mps
-        Speed through the water.
-    time_us
+    speed_mps : float
+        Speed U through the water.
+    time_us : int
         Vehicle time.
+
+    Returns
+    -------
+    float
+        Root of P_cc + U^2 P_mm + slip^2; with a Doppler log, of P_cc (water track only) +
+        DVL_SD_MPS^2 + U^2 P_kk.
     """
     covariance = memory.covariance
     if _has_dvl(memory, time_us):
@@ -280,7 +286,16 @@ def _jacobian(
 
 
 def _slip_sd_mps(old: Navigation, span_s: float, distance_m: complex, motion: MotionInput) -> float:
-    """Return the standard deviation of the unmodelled speed: sideslip, acceleration, coasting."""
+    """Return the standard deviation of the unmodelled speed: sideslip, acceleration, coasting.
+
+    With T the span, D = integral of w dt, r the yaw rate, and the constants of this module, it is
+    the largest of::
+
+        sd (1 - T / SLIP_FADES_S)            the last one, decayed
+        SLIP_M |r|                           sideslip in a turn
+        SLIP_S 2 ||w| - |D| / T| / T         change of speed
+        UNPOWERED_FACTOR |w|                 without thrust only
+    """
     if span_s <= 0.0:
         return old.slip_sd_mps
     acceleration = 2.0 * abs(abs(motion.water_mps) - abs(distance_m) / span_s) / span_s
@@ -294,7 +309,13 @@ def _update_gnss(
 ) -> NavSolution:
     """Update by a satellite fix: first by its position, then by its velocity.
 
-    The first fix sets the position. The latency of the fix is compensated with the velocity.
+    With z the measured position, v the velocity over ground, L the latency of the fix and
+    H = d(prediction) / d(p, c, m, k)::
+
+        position   e = z + v L - p               H = (1, 0, 0, 0)
+        velocity   e = v_fix - (w (1 + m) + c)   H = (0, 1, w, 0)
+
+    The first fix sets the position. After too many rejections the variance of p grows by |e|^2.
     """
     memory, now_us = solution.memory, motion.time_us
     latency_s = _latency_s(fix.time_us, now_us)
@@ -333,8 +354,16 @@ def _update_dvl(
 ) -> NavSolution:
     """Update by a Doppler log velocity, bottom track or water track.
 
-    After the update a fraction of the residual goes to the slip. After too many rejections the
-    variances of c and m are reset.
+    With v the measured velocity, rotated to north-east and back over its latency L by exp(-i r L),
+    r the yaw rate, and u = w (1 + m) + c for the bottom or w (1 + m) for the water::
+
+        e = v - u (1 + k)       H = (0, 1 or 0, w, u)
+
+    After the update the slip s takes a part of the residual::
+
+        s <- s + SLIP_SHARE ((v / (1 + k) - u) / w - s)
+
+    After too many rejections the variances of c and m are reset.
     """
     memory, now_us = solution.memory, motion.time_us
     body = ping.velocity_x_mps, ping.velocity_y_mps, ping.velocity_z_mps

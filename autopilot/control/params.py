@@ -90,7 +90,7 @@ class Config:
         int, Doc("LQG_ENABLE", 0, 1, "", "1: LQG controllers loaded at the start replace the PIDs")
     ] = 1
     lqg_controllers: LqgControllers | None = None
-    """Not a parameter: controllers loaded from a file at the start; None without."""
+    """Controllers from a file at the start, None without; not a parameter of a ground station."""
 
     heading_ref_radps: Annotated[
         float, Doc("HDG_REF_W", 0, 5, "rad/s", "Bandwidth of the heading reference model; 0 off")
@@ -530,6 +530,7 @@ class Config:
     depth_gains: Gains = field(init=False)
 
     def __post_init__(self) -> None:
+        """Compute the derived values in SI units from the parameters."""
         hold_radps = math.radians(self.heading_i_rate_degps)
         for name, value in (
             ("travel_rad", math.radians(self.travel_deg)),
@@ -641,9 +642,9 @@ def validate(name: str, value: float) -> float:
 
     Parameters
     ----------
-    name
+    name : str
         Name of the parameter.
-    value
+    value : float
         Value in the parameter's unit.
 
     Returns
@@ -671,7 +672,7 @@ def config(values: Mapping[str, float]) -> Config:
 
     Parameters
     ----------
-    values
+    values : mapping of str to float
         Values by parameter name, which replace the defaults.
 
     Returns

@@ -29,18 +29,18 @@ def pid(
 
     Parameters
     ----------
-    error
+    error : float
         Set-point minus measurement.
-    rate
+    rate : float
         Rate of the measurement, so that a new set-point causes no kick.
-    gains
+    gains : Gains
         Gains and limits of the integrator.
-    integral
+    integral : float
         Integrator I after the last tick, in the unit of the output, so that new gains
         cause no jump.
-    dt_s
+    dt_s : float
         Time since the last tick.
-    low, high
+    low, high : float
         Limits of the output.
 
     Returns

@@ -42,15 +42,15 @@ def step_reference(
 
     Parameters
     ----------
-    to_go
+    to_go : float
         r - x, in the unit of ``state.value``; a heading difference is wrapped.
-    state
+    state : ReferenceState
         Reference after the last tick.
-    bandwidth_radps
+    bandwidth_radps : float
         w.
-    max_rate
+    max_rate : float
         Limit of the rate, in units of ``state.value`` per second.
-    dt_s
+    dt_s : float
         Time since the last tick.
 
     Returns
@@ -95,13 +95,13 @@ def lead(
 
     Parameters
     ----------
-    command_rad
+    command_rad : float
         c.
-    state
+    state : ReferenceState | None
         a and a' after the last tick; None starts at rest at c.
-    servo
+    servo : ActuatorLead
         Parameters of both lags.
-    dt_s
+    dt_s : float
         Time since the last tick.
 
     Returns

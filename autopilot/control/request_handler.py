@@ -39,11 +39,11 @@ def handle_request(
 
     Parameters
     ----------
-    state
+    state : AutopilotState
         Present state.
-    request
+    request : Request
         Request.
-    config
+    config : Config
         Parameters.
 
     Returns

@@ -54,11 +54,11 @@ def chirp(t_s: float, start_hz: float, stop_hz: float, duration_s: float) -> tup
 
     Parameters
     ----------
-    t_s
+    t_s : float
         t.
-    start_hz, stop_hz
+    start_hz, stop_hz : float
         f_0 and f_1.
-    duration_s
+    duration_s : float
         T.
 
     Returns
@@ -80,9 +80,9 @@ def doublet(t_s: float, duration_s: float) -> float:
 
     Parameters
     ----------
-    t_s
+    t_s : float
         Time since the start.
-    duration_s
+    duration_s : float
         Duration of the test.
 
     Returns
@@ -98,12 +98,17 @@ def square(t_s: float, intervals: tuple[int, ...], duration_s: float) -> float:
 
     Parameters
     ----------
-    t_s
-        Time since the start.
-    intervals
+    t_s : float
+        Time since the start, in seconds.
+    intervals : tuple of int
         Relative lengths of the intervals; (3, 2, 1, 1) is a 3-2-1-1.
-    duration_s
-        Sum of the intervals in seconds.
+    duration_s : float
+        Sum of the intervals, in seconds.
+
+    Returns
+    -------
+    float
+        +1 or -1.
     """
     remaining, level = t_s / duration_s * sum(intervals) + _TOLERANCE, 1.0
     for length in intervals[:-1]:
@@ -122,14 +127,19 @@ def prbs(t_s: float, clock_hz: float, duration_s: float, seed: int) -> float:
 
     Parameters
     ----------
-    t_s
-        Time since the start.
-    clock_hz
-        Clock rate.
-    duration_s
-        Duration of the test, which sets the order.
-    seed
+    t_s : float
+        Time since the start, in seconds.
+    clock_hz : float
+        Clock rate, in bits per second.
+    duration_s : float
+        Duration of the test, in seconds, which sets the order.
+    seed : int
         Starting point in the sequence.
+
+    Returns
+    -------
+    float
+        +1 or -1.
     """
     bits = maximal_sequence(_order(clock_hz, duration_s), seed)
     return bits[min(len(bits) - 1, int(t_s * clock_hz + _TOLERANCE))]
@@ -185,14 +195,19 @@ def comb(start_hz: float, stop_hz: float, duration_s: float, part: int, parts: i
 
     Parameters
     ----------
-    start_hz, stop_hz
-        Band.
-    duration_s
-        T.
-    part
+    start_hz, stop_hz : float
+        Lowest and highest frequency of the band, in Hz.
+    duration_s : float
+        Duration T of the test, in seconds; the tones are multiples of 1 / T.
+    part : int
         Index of the comb, from 0.
-    parts
+    parts : int
         Number of combs.
+
+    Returns
+    -------
+    Comb
+        Tones with complex amplitudes, scaled so that the largest absolute value of the sum is 1.
     """
     lowest, highest = _harmonics(start_hz, stop_hz, duration_s)
     stride = max(1, math.ceil((highest - lowest + 1) / (MAX_TONES * parts)))
@@ -217,11 +232,11 @@ def multisine(t_s: float, tones: Comb, duration_s: float) -> float:
 
     Parameters
     ----------
-    t_s
+    t_s : float
         Time t since the start.
-    tones
+    tones : Comb
         Tones with the complex amplitudes A_k.
-    duration_s
+    duration_s : float
         Duration T.
 
     Returns
@@ -261,11 +276,11 @@ def fade(t_s: float, duration_s: float, fade_s: float) -> float:
 
     Parameters
     ----------
-    t_s
+    t_s : float
         Time since the start.
-    duration_s
+    duration_s : float
         Duration of the test.
-    fade_s
+    fade_s : float
         Length of the fade at each end; 0 for none.
 
     Returns

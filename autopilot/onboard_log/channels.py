@@ -2,7 +2,8 @@
 
 Each tick logs what identification and the analysis of a dive need: raw sensors, estimate,
 actuators, and the control-loop signals with the test signal. Slower messages log set-points and
-status."""
+status.
+"""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -92,7 +93,8 @@ def columns(system: int, sensors_component: int) -> tuple[Column, ...]:
 def fields(snapshot: Snapshot, sensors: bytes) -> Sequence[tuple[Any, ...]]:
     """Return the fields of each column for one tick.
 
-    ``sensors`` is the payload of HIL_SENSOR, with or without trailing zeros."""
+    ``sensors`` is the payload of HIL_SENSOR, with or without trailing zeros.
+    """
     time_us = snapshot.state.time_us
     return (
         (sensors,),

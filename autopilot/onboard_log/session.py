@@ -23,7 +23,8 @@ MAX_UNWRITTEN_CHUNKS = 250
 class LogSession:
     """Writes one log; call ``finish`` at its end.
 
-    ``log_time`` is the UNIX time of the start plus the vehicle time since then."""
+    ``log_time`` is the UNIX time of the start plus the vehicle time since then.
+    """
 
     def __init__(self, vehicle: Vehicle, file: BackgroundFile, version: str) -> None:
         self._vehicle, self.file = vehicle, file

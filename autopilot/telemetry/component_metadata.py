@@ -4,7 +4,8 @@ Sources: https://mavlink.io/en/services/component_metadata.html, and the schemas
 mavlink/mavlink's folder ``component_metadata``: general.schema.json, parameter.schema.json. Both
 files have version 1, like those of PX4: QGroundControl reads no other version
 (CompInfoGeneral::setJson, CompInfoParam::setJson), although the second schema requires 3 or
-more."""
+more.
+"""
 
 import json
 from functools import cache
@@ -66,7 +67,8 @@ def parameters_json() -> bytes:
 def general_json() -> bytes:
     """Return the list of metadata files as JSON.
 
-    The schema requires a version of three numbers; any other version is given as 0.0.0."""
+    The schema requires a version of three numbers; any other version is given as 0.0.0.
+    """
     numbers = version().split(".")
     release = version() if len(numbers) == 3 and all(n.isdecimal() for n in numbers) else "0.0.0"
     parameter_file = {

@@ -36,7 +36,8 @@ _ALWAYS, _ABSOLUTE, _DEPTH, _ABOVE_GROUND, _GLITCH = (
 def navigation(s: Snapshot) -> Values:
     """Return NAV_CONTROLLER_OUTPUT: set-points in deg, distance to go and cross-track error in m.
 
-    Without a path the target bearing is the heading set-point."""
+    Without a path the target bearing is the heading set-point.
+    """
     setpoint, path = s.state.setpoint, s.state.path
     heading_deg = target_bearing_deg = int16(math.degrees(setpoint.heading_rad))
     distance_m = cross_track_m = 0.0
@@ -59,7 +60,8 @@ def navigation(s: Snapshot) -> Values:
 def position_target(s: Snapshot) -> Values:
     """Return POSITION_TARGET_LOCAL_NED: end of the line or centre of the circle, and heading.
 
-    Position and depth in m, north-east-down; heading in rad."""
+    Position and depth in m, north-east-down; heading in rad.
+    """
     setpoint, path, ignored, position_m = s.state.setpoint, s.state.path, _ALL_BUT_DEPTH_AND_YAW, 0j
     if path is not None:
         position_m, ignored = (

@@ -64,7 +64,8 @@ def system_status(s: Snapshot) -> Values:
     """Return SYS_STATUS.
 
     The GPS bit is healthy under water too: clients refuse to arm without it. It means that the
-    position is known."""
+    position is known.
+    """
     sensors = _SENSORS if s.state.estimate.initialised else 0
     health = s.state.health
     extra = _device_bits(s) | (device_messages.EXTENSION_USED if s.leak else 0)
@@ -121,7 +122,8 @@ def battery(s: Snapshot) -> Values:
 def _charge_state(s: Snapshot, gauge: Battery) -> int:
     """Return the charge state.
 
-    LOW comes from the battery fault; CRITICAL is half, EMERGENCY a quarter of its threshold."""
+    LOW comes from the battery fault; CRITICAL is half, EMERGENCY a quarter of its threshold.
+    """
     if monitor.active_faults(s.state.health).get(BATTERY) != monitor.LOW:
         return _CHARGE_OK
     threshold_ratio = (

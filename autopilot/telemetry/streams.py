@@ -2,7 +2,8 @@
 
 Messages are due by vehicle time, in whole ticks and with a fixed phase, so that identical flights
 give identical bytes. Builders take a snapshot and return the fields of a message in wire order;
-integers are limited to the range of their field."""
+integers are limited to the range of their field.
+"""
 
 import math
 from typing import NamedTuple

@@ -68,13 +68,13 @@ def check_imu(
 
     Parameters
     ----------
-    old
+    old : Ahrs
         History of the frames.
-    frame
+    frame : SensorFrame
         Frame of this tick, as received.
-    excluded
+    excluded : frozenset[str]
         Names of the groups that must not be used.
-    config
+    config : Config
         Parameters HLTH_LOST_S and HLTH_STUCK_S.
 
     Returns

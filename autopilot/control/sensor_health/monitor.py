@@ -80,11 +80,11 @@ def check_sensors(state: AutopilotState, inputs: Inputs, config: Config) -> Sens
 
     Parameters
     ----------
-    state
+    state : AutopilotState
         State after the last tick.
-    inputs
+    inputs : Inputs
         Inputs of this tick, as received.
-    config
+    config : Config
         Parameters.
 
     Returns
@@ -122,11 +122,11 @@ def predict_duct(
 
     Parameters
     ----------
-    duct_rad
+    duct_rad : tuple[float, float]
         Predicted rudder and elevator angle before the tick.
-    rudder_rad, elevator_rad
+    rudder_rad, elevator_rad : float
         Commanded angles, positive turns the nose to starboard and up.
-    dt_s
+    dt_s : float
         Length of the tick.
 
     Returns

@@ -48,11 +48,11 @@ def update(
 
     Parameters
     ----------
-    health
+    health : Health
         History of the sensors.
-    inputs
+    inputs : Inputs
         Inputs of this tick.
-    excluded
+    excluded : frozenset[str]
         Names of the sensors whose records must not be used.
 
     Returns
