@@ -134,7 +134,7 @@ def parse_servos(datagram: bytes) -> Servos | None:
 
 
 def is_restart(received: Servos, previous: Servos) -> bool:
-    """Tell whether a frame comes from a restarted ArduPilot; less than 1 s older is only late."""
+    """Return whether a frame comes from a restarted ArduPilot; less than 1 s older is only late."""
     return received.number < previous.number and (
         received.number == 0 or previous.number - received.number > previous.frame_rate_hz
     )

@@ -199,7 +199,7 @@ class Px4:
 
 
 def _is_due(period_us: int, time_us: int, tick_us: int) -> bool:
-    """Tell whether a multiple of the period lies in the tick that ends at ``time_us``."""
+    """Return whether a multiple of the period lies in the tick that ends at ``time_us``."""
     return period_us > 0 and time_us // period_us > (time_us - tick_us) // period_us
 
 

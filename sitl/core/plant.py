@@ -193,7 +193,18 @@ def with_body(plant: Plant, vessel: Body) -> Plant:
 
 
 def random_streams(seed: int) -> RandomStreams:
-    """Return the random streams of a seed; draws from one stream do not affect the others."""
+    """Return the random streams of a seed; draws from one stream do not affect the others.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the simulation.
+
+    Returns
+    -------
+    RandomStreams
+        Generators of the environment, the sensors, the actuators and the faults.
+    """
     slow, wave, *instruments, rudder, elevator, faults, swell, drift = [
         default_rng(child) for child in SeedSequence(seed).spawn(7 + len(SensorStreams._fields))
     ]

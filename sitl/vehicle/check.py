@@ -267,6 +267,7 @@ def level_flight(
     # Newton's method on heave and pitch acceleration, with nu = U (cos theta, 0, sin theta, 0...).
 
     def unbalanced(x: Vector) -> Vector:
+        """Return heave (m/s2) and pitch (rad/s2) acceleration at x = (-theta, elevator), rad."""
         theta, elevator = -float(x[0]), float(x[1])
         nu = np.array([speed_mps * cos(theta), 0.0, speed_mps * sin(theta), 0.0, 0.0, 0.0])
         return _accelerations(

@@ -67,7 +67,15 @@ def work_array() -> Vector:
 def rotation(state: Vector) -> tuple[Vector3, Vector3, Vector3]:
     """Return the rows of the rotation matrix R from body FLU to NWU (Fossen 2021, sec. 2.2).
 
-    The third row is the inertial z axis (up), expressed in body axes. ``state`` has shape (13,).
+    Parameters
+    ----------
+    state : Vector
+        State, shape (13,); elements 3 to 6 are the attitude quaternion (w, x, y, z).
+
+    Returns
+    -------
+    tuple of Vector3
+        Rows of R. The third row is the inertial z axis (up), expressed in body axes.
     """
     w, x, y, z = state[3], state[4], state[5], state[6]
     return (

@@ -110,6 +110,7 @@ def _myring_outline(hull: Myring) -> Outline:
     )
 
     def radius(along_m: Vector) -> Vector:
+        """Return the hull radius (m) at distances from the bow (m), from Myring's nose and tail."""
         to_shoulder, behind_m = (
             np.clip((nose - along_m) / a, 0.0, 1.0),
             np.maximum(along_m - nose, 0.0),
@@ -140,6 +141,7 @@ def _cylinder_outline(hull: Cylinder) -> Outline:
     tail = half if hull.tail_cap_m is None else hull.tail_cap_m
 
     def radius(along_m: Vector) -> Vector:
+        """Return the hull radius (m) at distances from the bow (m), with elliptic nose and tail."""
         before_m, behind_m = nose - along_m, along_m - nose
         reach = np.where(
             before_m > 0.0, before_m / (nose or 1.0), np.maximum(behind_m, 0.0) / (tail or 1.0)

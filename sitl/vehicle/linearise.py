@@ -132,6 +132,7 @@ def _acceleration(model: VehicleModel, u_mps: float, shaft_rps: float) -> Accele
     """
 
     def nu_rate(nu: Vector, rotation: Vector, duct: Vector, disturbance: Vector) -> Vector:
+        """Return the rates of the body velocities (m/s2, rad/s2) for small changes from trim."""
         state, rate = dynamics.state_at_rest(-DEPTH_M), np.empty(dynamics.STATE_SIZE)
         state[4:7] = rotation / 2
         state[dynamics.NU] = nu

@@ -28,7 +28,7 @@ def timing(rate_hz: float, latency_s: float, dropout: float, tick_us: int) -> Ti
 
 
 def is_due(schedule: Timing, time_us: int) -> bool:
-    """Tell whether the sensor takes a sample at ``time_us``."""
+    """Return whether the sensor takes a sample at ``time_us``."""
     return time_us % schedule.period_us == 0
 
 
