@@ -108,13 +108,35 @@ class Run:
         return (self.time_s < 0.0) & (self.time_s >= -STEADY_S)
 
     def history_rad(self, surface: Plane) -> Array:
-        """Return the commands of a plane's surface, including those before the first sample."""
+        """Return the commands of a plane's surface, including those before the first sample.
+
+        Parameters
+        ----------
+        surface : {'yaw', 'pitch'}
+            Plane; yaw has the rudder, pitch the elevator.
+
+        Returns
+        -------
+        ndarray
+            Surface command at RATE_HZ, in radians; its last samples belong to ``time_s``.
+        """
         rudder, elevator = self.earlier_rad
         now = self.rudder_rad if surface == "yaw" else self.elevator_rad
         return np.concatenate([rudder if surface == "yaw" else elevator, now])
 
     def since(self, start_s: float) -> "Run":
-        """Return the run from ``start_s`` on; ``earlier_rad`` holds the commands before it."""
+        """Return the run from ``start_s`` on; ``earlier_rad`` holds the commands before it.
+
+        Parameters
+        ----------
+        start_s : float
+            First vehicle time, in seconds.
+
+        Returns
+        -------
+        Run
+            Samples from ``start_s`` on.
+        """
         first = int(np.searchsorted(self.time_s, start_s - 1e-9))
         rudder, elevator = self.history_rad("yaw"), self.history_rad("pitch")
         end = rudder.size - self.time_s.size + first
@@ -122,7 +144,18 @@ class Run:
         return replace(self, **remaining, earlier_rad=(rudder[:end], elevator[:end]))
 
     def until(self, stop_s: float) -> "Run":
-        """Return the run up to ``stop_s``."""
+        """Return the run up to ``stop_s``.
+
+        Parameters
+        ----------
+        stop_s : float
+            Last vehicle time, in seconds.
+
+        Returns
+        -------
+        Run
+            Samples up to ``stop_s``, which is included.
+        """
         end = int(np.searchsorted(self.time_s, stop_s + 1e-9))
         return replace(self, **{name: getattr(self, name)[:end] for name in _SERIES})
 

@@ -116,7 +116,19 @@ def scale_starts(
 
 
 def from_model(model: IdentifiedModel) -> DesignModel:
-    """Return the design model of an identified model."""
+    """Return the design model of an identified model.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Content of a model file.
+
+    Returns
+    -------
+    DesignModel
+        Both planes with their actuator lags, which include the delay of the sampled control, and
+        the identified disturbance.
+    """
     coefficients = Table1Column(
         **{name: coefficient.value for name, coefficient in model.coefficients.items()}
     )
@@ -165,7 +177,20 @@ def sample_models(
 
 
 def from_vehicle(vehicle: CandidateVehicle, disturbance: Mapping[Plane, NoiseModel]) -> DesignModel:
-    """Return the design model of a fully known vehicle."""
+    """Return the design model of a fully known vehicle.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle configuration and actuators.
+    disturbance : mapping of {'yaw', 'pitch'} to NoiseModel
+        Disturbance of each plane.
+
+    Returns
+    -------
+    DesignModel
+        Both planes with their actuator lags, which include the delay of the sampled control.
+    """
     planes = Planes(linear_plane(vehicle, "yaw"), linear_plane(vehicle, "pitch"))
     return build(
         planes,

@@ -19,7 +19,18 @@ RELAXED = Bounds(damping=0.5, gm_db=5.0, pm_deg=40.0, ms=UNLIMITED)
 
 
 def min_bounds(spec: Spec) -> Bounds:
-    """Return the bounds for every sampled vehicle; those of the nominal model are stricter."""
+    """Return the bounds for every sampled vehicle; those of the nominal model are stricter.
+
+    Parameters
+    ----------
+    spec : Spec
+        Specification of the design.
+
+    Returns
+    -------
+    Bounds
+        Least damping ratio, gain margin (dB) and phase margin (deg); the sensitivity is unbounded.
+    """
     return Bounds(
         damping=spec.damping, gm_db=spec.least_gm_db, pm_deg=spec.least_pm_deg, ms=UNLIMITED
     )
@@ -81,7 +92,22 @@ def fraction_satisfying(
 
 
 def violations(vehicle: DesignModel, gains: Gains, bounds: Bounds) -> ConstraintViolation:
-    """Return the constraint violations of all loops on one vehicle."""
+    """Return the constraint violations of all loops on one vehicle.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Vehicle on which the loops are closed.
+    gains : Gains
+        Gains of all loops.
+    bounds : Bounds
+        Limits of damping and margins.
+
+    Returns
+    -------
+    ConstraintViolation
+        Violation of each limit, by name.
+    """
     return {
         **heading.violations(vehicle, gains, bounds),
         **depth.violations(vehicle, gains, bounds),

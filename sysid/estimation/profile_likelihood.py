@@ -84,6 +84,7 @@ def interval(
     estimate = derived(best)
 
     def find_end(sign: float) -> float:
+        """Return the end of the interval above (``sign`` 1) or below (-1) the estimate."""
         optima, excesses = {0.0: best}, {0.0: -allowed_growth}
 
         def excess(distance_sd: float) -> float:
@@ -128,6 +129,7 @@ def _constrained_optimum(
         return np.append(problem.residuals(x), (derived(x) - value) / (CONSTRAINT_SD * sd))
 
     def jacobian(scaled: Array) -> Array:
+        """Return the slopes of the residuals and of the constraint by the scaled variables."""
         x = scaled * scale
         steps = np.diag(1e-6 * scale)
         gradient = [

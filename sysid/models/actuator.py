@@ -175,6 +175,7 @@ def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> Act
         return (record.angle_rad - duct_angles(record, AxisParameters(*(z * _SCALE))))[test_samples]
 
     def residual(z: Array) -> Array:
+        """Return the deviations of the duct angle minus their mean in each test."""
         deviations = duct_error(z)
         return (
             deviations
@@ -182,6 +183,7 @@ def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> Act
         )
 
     def jacobian(z: Array) -> Array:
+        """Return the slopes of ``residual`` by one-sided differences within the bounds."""
         base = residual(z)
         steps = np.where(z * _SCALE + DIFFERENCE * _SCALE > _UPPER_BOUND, -DIFFERENCE, DIFFERENCE)
         return np.column_stack(

@@ -52,7 +52,7 @@ class Actuator(NamedTuple):
     """Transport delay from command to motor."""
     natural_frequency_radps: float
     damping_ratio: float
-    """Less than 1."""
+    """Damping ratio; less than 1."""
     bias_rad: float
     """Duct angle at a command of zero."""
     travel_rad: float

@@ -165,6 +165,7 @@ def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) 
     """Return the derived values of a plane; ``derived`` holds (value, standard deviation)."""
 
     def estimate(name: str) -> ParameterEstimate:
+        """Return value and standard deviation of a derived number."""
         value, sd = derived[plane, name]
         return ParameterEstimate(
             float(value), float(sd) if sd else None

@@ -34,7 +34,7 @@ class ParameterEstimate(ModelRecord, frozen=True):
 
     value: float
     sd: float | None
-    """One standard deviation; null where the data do not determine the value."""
+    """Standard deviation; null where the data do not determine the value."""
 
 
 class Coefficient(ModelRecord, frozen=True):
@@ -42,7 +42,7 @@ class Coefficient(ModelRecord, frozen=True):
 
     value: float
     sd: float | None
-    """One standard deviation; null where the data do not determine the value."""
+    """Standard deviation; null where the data do not determine the value."""
     prior: float
     """Prior value."""
     prior_sd: float

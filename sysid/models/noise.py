@@ -153,7 +153,29 @@ def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
 
 
 def discrete(A: Array, density: Array, dt: float) -> tuple[Array, Array]:
-    """Return transition and process covariance over ``dt`` from one matrix exponential."""
+    """Return transition and process covariance over ``dt`` from one matrix exponential.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+        System matrix.
+    density : ndarray, shape (n, n)
+        Spectral density of the process noise.
+    dt : float
+        Period, in seconds.
+
+    Returns
+    -------
+    transition : ndarray, shape (n, n)
+        exp(A dt).
+    process : ndarray, shape (n, n)
+        Covariance of the state after ``dt`` without initial uncertainty.
+
+    Notes
+    -----
+    C. F. Van Loan, Computing integrals involving the matrix exponential, IEEE Trans. Automatic
+    Control 23 (1978).
+    """
     # Van Loan 1978: expm([[-A, density], [0, A^T]] dt) = [[., F], [0, Ad^T]], Q = Ad F.
     n = A.shape[0]
     block = expm(np.block([[-A, density], [np.zeros((n, n)), A.T]]) * dt)
@@ -282,6 +304,7 @@ def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: N
     lowest[Noise._fields.index("depth_m")] = math.log(MIN_DEPTH_NOISE_M)
 
     def evaluate(levels: Array) -> _CandidateLevels:
+        """Return the negative log posterior at the logarithms of the levels, and its terms."""
         noise_filter = build(plane, Noise(*np.exp(levels)), dt, samples)
         innovations = np.concatenate([whiten_residual(r, noise_filter).ravel() for r in residuals])
         scales = np.log(np.diagonal(noise_filter.whiteners, axis1=1, axis2=2))

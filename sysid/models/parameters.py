@@ -235,6 +235,7 @@ def actuators(
     tailcone = prior.tailcone
 
     def actuator(plane: Plane, surface: str) -> Actuator:
+        """Return the actuator of a plane."""
         return Actuator(
             delay_s=max(0.0, tailcone.delay_s + offsets[f"delay_{plane}"]),
             natural_frequency_radps=tailcone.natural_frequency_radps * ratios["natural_frequency"],

@@ -93,6 +93,7 @@ def signatures(
 
     def white(tracks: Sequence[Array], size: float) -> Array:
         # MAVLink's axes have the opposite sign of the paper's: nominal minus changed.
+        """Return the whitened change of the outputs per unit of the anomaly."""
         changes = [nominal_track - track for track in tracks]
         measured = [
             np.ascontiguousarray(change[:, 2 : 2 + dataset.measured.shape[1]]) for change in changes
@@ -128,7 +129,7 @@ def signatures(
 
 
 def _rows(seconds: float) -> int:
-    """Number of fit samples in a time span."""
+    """Return the number of fit samples in a time span."""
     return round(seconds * RATE_HZ / fit.STRIDE)
 
 

@@ -183,7 +183,7 @@ def _remaining(
 
 
 def _p_value(subject: _TestedRun) -> float:
-    """Combined p value of both tests (Bonferroni).
+    """Return the combined p value of both tests (Bonferroni).
 
     The comparison with runs of the same test counts only with two or more partners; with one
     partner it is unknown which of the two is the outlier.

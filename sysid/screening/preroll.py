@@ -72,7 +72,7 @@ def usual_preroll(run: Run, runs: Sequence[Run], limits: ScreeningLimits) -> Usu
 
 
 def roughness_radps(run: Run) -> float:
-    """Standard deviation of the rate before the test, rad/s."""
+    """Return the standard deviation of the rate before the test, rad/s."""
     return float(np.std(run.rate_radps[run.approach])) if run.approach.any() else 0.0
 
 

@@ -78,12 +78,12 @@ def repeatability(subject: RunResiduals, residuals: Residuals) -> Scores | None:
 
 
 def _before(run: RunResiduals) -> int:
-    """Number of fit samples before the test."""
+    """Return the number of fit samples before the test."""
     return -(-int(np.count_nonzero(run.dataset.run.preroll)) // STRIDE)
 
 
 def _samples(run: RunResiduals) -> int:
-    """Number of fit samples of a run."""
+    """Return the number of fit samples of a run."""
     return len(run.dataset.measured)
 
 

@@ -49,7 +49,18 @@ class Residuals(NamedTuple):
     """(p + 2,), one Gauss-Newton step from the fit to the optimum of these runs."""
 
     def residual_at_optimum(self, run: RunResiduals) -> Array:
-        """Whitened residual of a run at the optimum, to first order: e + J shift."""
+        """Return the whitened residual of a run at the optimum, to first order: e + J shift.
+
+        Parameters
+        ----------
+        run : RunResiduals
+            Residual e and slopes J of the run.
+
+        Returns
+        -------
+        ndarray
+            Residual in standard deviations, at each sample and output.
+        """
         return run.residual + run.slopes @ self.shift
 
 

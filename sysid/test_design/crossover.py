@@ -19,7 +19,20 @@ MIN_RADPS, MAX_RADPS = 0.1, 20.0
 
 
 def frequency_radps(vehicle: CandidateVehicle, plane: Plane) -> float:
-    """Return the highest frequency at which the rate lags the command by at most `LAG_RAD`."""
+    """Return the highest frequency at which the rate lags the command by at most `LAG_RAD`.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle configuration and actuators.
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    float
+        Frequency between MIN_RADPS and MAX_RADPS, in rad/s.
+    """
     gain_phase = _gain_and_phase(vehicle, plane)
     feasible = (gain_phase[1] >= -LAG_RAD) & (GRID_RADPS > MIN_RADPS) & (GRID_RADPS < MAX_RADPS)
     indices = np.flatnonzero(feasible)

@@ -402,7 +402,20 @@ def _plan(
 
 
 def paper_set(prior: DesignPrior, water_s: float) -> list[Manoeuvre]:
-    """Return the paper's steps that fit into the same time, scaled to the vehicle."""
+    """Return the paper's steps that fit into the same time, scaled to the vehicle.
+
+    Parameters
+    ----------
+    prior : DesignPrior
+        Prior of the vehicle.
+    water_s : float
+        Available test time, in seconds.
+
+    Returns
+    -------
+    list of Manoeuvre
+        Steps of both planes.
+    """
     return candidate_tests.paper_steps({plane: scale(prior, plane) for plane in PLANES}, water_s)
 
 

@@ -42,7 +42,18 @@ class DesignPrior(NamedTuple):
     """Whether the trims were measured."""
 
     def vehicle(self, z: Array) -> CandidateVehicle:
-        """Return the vehicle at a value of z."""
+        """Return the vehicle at a value of z.
+
+        Parameters
+        ----------
+        z : ndarray
+            Normalised parameters, in prior standard deviations.
+
+        Returns
+        -------
+        CandidateVehicle
+            Vehicle configuration and actuators.
+        """
         return parameters.candidate_vehicle(self.config, self.biases_rad, z)
 
 
@@ -78,7 +89,20 @@ def read(prior: str | Path) -> DesignPrior:
 
 
 def from_file(config: VehicleConfig, name: str = "caribou_nominal") -> DesignPrior:
-    """Return the first-principles prior of a vehicle file, with the fit's default disturbance."""
+    """Return the first-principles prior of a vehicle file, with the fit's default disturbance.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Content of the vehicle file.
+    name : str
+        Name of the vehicle.
+
+    Returns
+    -------
+    DesignPrior
+        Prior with mean zero.
+    """
     biases: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
     disturbance: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
     return DesignPrior(

@@ -79,7 +79,18 @@ class LevelFlight(NamedTuple):
 
 
 def signal_rad(manoeuvre: Manoeuvre) -> Array:
-    """Return the test's part of the command (rad) on the grid of a run; the last sample is zero."""
+    """Return the test's part of the command.
+
+    Parameters
+    ----------
+    manoeuvre : Manoeuvre
+        Signal, size and duration of the test.
+
+    Returns
+    -------
+    ndarray
+        Angle on the grid of a run, in radians; the last sample is zero.
+    """
     return math.radians(manoeuvre.size_deg) * _shape(
         manoeuvre._replace(size_deg=1.0, loop_on=False)
     )

@@ -226,7 +226,7 @@ def _precision(model: IdentifiedModel, plane: Plane) -> Iterator[Gate]:
 
 
 def _cramer_rao_percent(plane_model: PlaneModel, name: str) -> float | None:
-    """Standard deviation in percent of the value; None if unknown."""
+    """Return the standard deviation in percent of the value; None if unknown."""
     estimate = getattr(plane_model, name)
     return (
         100.0 * estimate.sd / abs(estimate.value)

@@ -170,7 +170,7 @@ def crossover(uncertain: UncertainVehicle, plane: Plane, gains: Gains) -> Crosso
 
 
 def propagate_sd(function: Callable[[Array], Array], z: Array, covariance: Array) -> Array:
-    """Standard deviation of ``function(z)`` to first order (delta method).
+    """Return the standard deviation of ``function(z)`` to first order (delta method).
 
     With the eigenvectors u_i and eigenvalues s_i^2 of the covariance: var = sum_i (df/du_i s_i)^2.
     The derivatives are central differences along s_i u_i.
@@ -203,7 +203,7 @@ def propagate_sd(function: Callable[[Array], Array], z: Array, covariance: Array
 
 
 def response_sd(uncertain: UncertainVehicle, plane: Plane) -> tuple[Array, Array]:
-    """Standard deviations of gain (dB) and phase (deg) of ``response`` on its grid.
+    """Return the standard deviations of gain (dB) and phase (deg) of ``response`` on its grid.
 
     Parameters
     ----------

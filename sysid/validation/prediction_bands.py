@@ -60,7 +60,7 @@ def rate_band(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = No
 
 
 def _sea(model: IdentifiedModel, run: Run, prior: VehicleConfig | None) -> Array:
-    """Standard deviation of the rate from disturbance and sensor noise, rad/s."""
+    """Return the standard deviation of the rate from disturbance and sensor noise, rad/s."""
     if run.plane not in model.noise:
         return np.zeros(run.time_s.size)
     uncertain = uncertain_vehicle(model, prior)

@@ -162,6 +162,7 @@ class NextTest(JsonRecord, frozen=True):
     reason: str
 
     def __str__(self) -> str:
+        """Return the test as text."""
         surface = "rudder" if self.plane == "yaw" else "elevator"
         return (
             f"{self.signal} of {self.magnitude_deg:g} deg on the {surface} for"

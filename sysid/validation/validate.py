@@ -307,6 +307,7 @@ def _excess(compared_runs: Sequence[_ComparedRun], repeats_deg2ps2: float | None
     """Combine the errors of the held-out runs."""
 
     def mse(predictor: str) -> float:
+        """Return the mean square error of a predictor over all runs."""
         return float(
             np.mean(
                 [

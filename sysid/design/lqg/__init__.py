@@ -213,7 +213,18 @@ def violations(
 
 
 def autopilot_controllers(design: LqgDesign) -> LqgControllers:
-    """Return the controllers as the autopilot's tick executes them."""
+    """Return the controllers as the autopilot's tick executes them.
+
+    Parameters
+    ----------
+    design : LqgDesign
+        Result of the design.
+
+    Returns
+    -------
+    LqgControllers
+        Controllers of heading and depth, discrete in time with the period of the tick.
+    """
     heading, depth = (
         tick_controllers(design.heading, design.planes.yaw),
         tick_controllers(design.depth, design.planes.pitch),

@@ -54,7 +54,20 @@ class MeasuredPlane(NamedTuple):
 
 
 def measured_plane(vehicle: DesignModel, plane: Plane) -> MeasuredPlane:
-    """Return one plane of a design model with its measured outputs."""
+    """Return one plane of a design model with its measured outputs.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Planes, lags and disturbances.
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    MeasuredPlane
+        Plane with the responses from command and moment to the outputs, on GRID_RADPS.
+    """
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
     lag = vehicle.yaw_lag if plane == "yaw" else vehicle.pitch_lag
     responses = vehicle.yaw if plane == "yaw" else vehicle.pitch
@@ -87,6 +100,18 @@ class Cuts(NamedTuple):
 
 def cuts(plane: MeasuredPlane, controller: DiscreteController) -> Cuts:
     """Return the opened loops of a plane with a controller.
+
+    Parameters
+    ----------
+    plane : MeasuredPlane
+        Plane with its responses on GRID_RADPS.
+    controller : DiscreteController
+        Controller of the plane.
+
+    Returns
+    -------
+    Cuts
+        Loops opened at the surface and at the outer output, on GRID_RADPS.
 
     Notes
     -----

@@ -126,7 +126,7 @@ def bound_white(model: LinearModel, commands: Sequence[SurfaceCommand], level: N
 
 
 def sensor_sds(level: Noise) -> Array:
-    """Standard deviations of rate (rad/s), angle (rad) and depth (m)."""
+    """Return the standard deviations of rate (rad/s), angle (rad) and depth (m)."""
     return np.array([level.rate_radps, level.angle_rad, level.depth_m])
 
 
@@ -148,7 +148,7 @@ def of_information(model: LinearModel, information: Array) -> Bound:
 
 
 def _max_steps(commands: Sequence[SurfaceCommand]) -> int:
-    """Number of output steps of the longest test."""
+    """Return the number of output steps of the longest test."""
     if not commands:
         raise ValueError("a bound needs at least one test")
     return max(response.steps(command) for command in commands)

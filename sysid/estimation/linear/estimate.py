@@ -119,7 +119,24 @@ def estimate(
 def descend(
     records: Sequence[LinearRun], prior: LinearPrior, method: Method, start: Array
 ) -> PlaneEstimate:
-    """Estimate from one start, without the check that the solution is unique."""
+    """Estimate from one start, without the check that the solution is unique.
+
+    Parameters
+    ----------
+    records : sequence of LinearRun
+        Runs of one plane.
+    prior : LinearPrior
+        Prior and bounds of the values.
+    method : Method
+        Estimation method.
+    start : ndarray, shape (p,)
+        Values at which the search starts, in the order of `names`.
+
+    Returns
+    -------
+    PlaneEstimate
+        Estimate at the local minimum.
+    """
     return _estimate(*_passes(method)(records, prior, start), prior)
 
 

@@ -48,6 +48,7 @@ def predictor(
     coefficient_count = len(NUMBERS[frame.plane])
 
     def residuals(values: Array) -> Array:
+        """Return the innovations of all runs, divided by their standard deviations."""
         model = LinearModel(frame, values)
         noise_filter = build_filter(model, records, level)._replace(whiteners=unit_filter.whiteners)
         return np.concatenate(
@@ -58,6 +59,10 @@ def predictor(
         )
 
     def jacobian(values: Array) -> Array:
+        """Return the slopes of ``residuals`` by the values, (n, p).
+
+        By the coefficients they are forward differences, by the tailcone values analytic.
+        """
         model, nominal = LinearModel(frame, values), residuals(values)
         steps = DIFFERENCE * np.maximum(np.abs(values[:coefficient_count]), MIN_NUMBER)
         perturbations = np.diag(steps) @ np.eye(coefficient_count, values.size)
@@ -84,6 +89,7 @@ def whiten_residuals(
     """
 
     def residuals(values: Array) -> Array:
+        """Return the residuals of all runs, whitened by a fixed filter."""
         return np.concatenate(
             [
                 noise.whiten_residual(residual, by_filter).ravel()
@@ -97,7 +103,7 @@ def whiten_residuals(
 
 
 def _whitened_slopes(model: LinearModel, records: Sequence[LinearRun], by_filter: Filter) -> Array:
-    """Derivatives of the whitened residuals by each value, (n, p)."""
+    """Return the derivatives of the whitened residuals by each value, (n, p)."""
     discrete = response.discretise(model)
     zero_state = np.zeros(len(discrete.transition))
     blocks = []
@@ -130,5 +136,5 @@ def levels(model: LinearModel, records: Sequence[LinearRun], start: Noise) -> No
 
 
 def _count(record: LinearRun) -> int:
-    """Number of outputs of a run."""
+    """Return the number of outputs of a run."""
     return int(record.measured.shape[1])

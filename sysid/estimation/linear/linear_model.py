@@ -83,23 +83,69 @@ class LinearModel(NamedTuple):
 
 
 def names(plane: Plane) -> tuple[str, ...]:
-    """Return the names of the values: 8 in yaw, 12 in pitch."""
+    """Return the names of the values: 8 in yaw, 12 in pitch.
+
+    Parameters
+    ----------
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    tuple of str
+        Coefficients, tailcone values and, in pitch, the level pitch angle.
+    """
     return NUMBERS[plane] + TAIL + ((LEVEL_PITCH,) if plane == "pitch" else ())
 
 
 def lag(plane: Plane) -> slice:
-    """Return the slice of the tailcone's frequency and damping in the values."""
+    """Return the slice of the tailcone's frequency and damping in the values.
+
+    Parameters
+    ----------
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    slice
+        Indices of natural frequency (rad/s) and damping ratio.
+    """
     first = names(plane).index("natural_frequency_radps")
     return slice(first, first + 2)
 
 
 def outputs(plane: Plane) -> int:
-    """Return the number of outputs: rate, angle and, in pitch, depth."""
+    """Return the number of outputs of a plane.
+
+    Parameters
+    ----------
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    int
+        2 in yaw (rate, angle), 3 in pitch (rate, angle, depth).
+    """
     return 3 if plane == "pitch" else 2
 
 
 def of_vehicle(vehicle: CandidateVehicle, plane: Plane) -> LinearModel:
-    """Return the small-signal plane of a vehicle in trim at duct angle zero, and its actuator."""
+    """Return the small-signal plane of a vehicle in trim at duct angle zero, and its actuator.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle configuration and actuators.
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    LinearModel
+        Structure and values.
+    """
     return of_plane(
         fit.linear_plane(vehicle, plane),
         vehicle.actuators[plane],
@@ -141,7 +187,18 @@ def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> Linea
 
 
 def actuator(model: LinearModel) -> Actuator:
-    """Return the actuator that the values describe."""
+    """Return the actuator that the values describe.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Structure and values.
+
+    Returns
+    -------
+    Actuator
+        Delay (s), bias (rad), natural frequency (rad/s), damping ratio and limits.
+    """
     delay_s, bias_rad, frequency_radps, damping = model.values[len(NUMBERS[model.frame.plane]) :][
         : len(TAIL)
     ].tolist()
@@ -163,6 +220,22 @@ def level_rad(model: LinearModel) -> float:
 def equations(frame: LinearModelStructure, numbers: Array) -> tuple[Array, Array]:
     """Return (A, B) of x' = A x + B delta; both are linear in ``numbers``.
 
+    Parameters
+    ----------
+    frame : LinearModelStructure
+        Plane, speed (m/s) and fixed values.
+    numbers : ndarray
+        Coefficients, in the order of NUMBERS.
+
+    Returns
+    -------
+    A : ndarray, shape (n, n)
+        System matrix.
+    B : ndarray, shape (n,)
+        Input vector; delta is the duct angle relative to level flight, in radians.
+
+    Notes
+    -----
     States: (xi, r, psi) in yaw, (w, q, theta, depth) in pitch; all but the first are outputs. Yaw
     is the observer canonical form of its transfer function (Kailath 1980, section 2.1), which
     exists for all coefficients.
@@ -185,7 +258,17 @@ def equations(frame: LinearModelStructure, numbers: Array) -> tuple[Array, Array
 def linear_plane(model: LinearModel) -> LinearPlane:
     """Return the plane in physical states, on which disturbances act.
 
-    Yaw with the prior's sway equation.
+    Yaw has the sway equation of the prior.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Structure and values.
+
+    Returns
+    -------
+    LinearPlane
+        States (v, r, psi) in yaw, (w, q, theta, depth) in pitch.
     """
     frame, numbers = model.frame, model.values[: len(NUMBERS[model.frame.plane])]
     moment = np.array([0.0, 1.0, 0.0])
@@ -207,7 +290,15 @@ def linear_plane(model: LinearModel) -> LinearPlane:
 def derived_names(plane: Plane) -> tuple[str, ...]:
     """Return the names of ``derived``, with the units of a model file.
 
-    The bias is in radians instead.
+    Parameters
+    ----------
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    tuple of str
+        Names; unlike in a model file, the bias is in radians.
     """
     restoring = ("restoring_per_s2",) if plane == "pitch" else ()
     return (
@@ -222,7 +313,21 @@ def derived_names(plane: Plane) -> tuple[str, ...]:
 
 
 def derived(frame: LinearModelStructure, values: Array) -> Array:
-    """Gain, initial acceleration, poles, restoring moment (pitch), delay (s) and bias (rad)."""
+    """Return the derived numbers of a plane.
+
+    Parameters
+    ----------
+    frame : LinearModelStructure
+        Plane, speed (m/s) and fixed values.
+    values : ndarray, shape (p,)
+        Values, in the order of `names`.
+
+    Returns
+    -------
+    ndarray
+        Static gain (1/s), initial acceleration (1/s2), poles (1/s), restoring moment (1/s2, pitch
+        only), delay (s) and bias (rad), in the order of `derived_names`.
+    """
     signal, delay_and_bias = (
         small_signal(LinearModel(frame, values)),
         values[len(NUMBERS[frame.plane]) :][:2],
@@ -232,7 +337,19 @@ def derived(frame: LinearModelStructure, values: Array) -> Array:
 
 
 def small_signal(model: LinearModel) -> SmallSignal:
-    """Return the numbers that control design uses; of complex poles the real part."""
+    """Return the numbers that control design uses.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Structure and values.
+
+    Returns
+    -------
+    SmallSignal
+        Static gain (1/s), initial acceleration (1/s2), poles (1/s) and restoring moment (1/s2); of
+        complex poles the real part.
+    """
     if model.frame.plane == "pitch":
         return linear_planes.small_signal(linear_plane(model))
     b1, b0, a1, a0 = model.values[:4].tolist()
@@ -247,9 +364,25 @@ def small_signal(model: LinearModel) -> SmallSignal:
 
 
 def propagate(frame: LinearModelStructure, values: Array, covariance: Array) -> Array:
-    """Covariance of ``derived`` from that of the values.
+    """Return the covariance of ``derived``.
 
-    Slope P slope' (delta method), central differences.
+    Parameters
+    ----------
+    frame : LinearModelStructure
+        Plane, speed (m/s) and fixed values.
+    values : ndarray, shape (p,)
+        Values, in the order of `names`.
+    covariance : ndarray, shape (p, p)
+        Covariance P of the values.
+
+    Returns
+    -------
+    ndarray, shape (d, d)
+        Covariance, in the order of `derived_names`.
+
+    Notes
+    -----
+    Delta method: S P S' with the slope S = d(derived)/d(values) by central differences.
     """
     steps = 1e-6 * np.maximum(np.abs(values), 1e-3)
     columns = [

@@ -50,6 +50,7 @@ def objective(frame: LinearModelStructure, records: Sequence[LinearRun], sds: Ar
     """Projected residuals in units of the outputs' standard deviations ``sds``."""
 
     def projected(values: Array, columns: Callable[[_RunResiduals], Array]) -> Array:
+        """Return columns of all runs without their part in the span of the nuisances."""
         parts = _all_run_residuals(LinearModel(frame, values), records, sds)
         return np.concatenate(
             [
@@ -109,7 +110,7 @@ def _triangle(columns: Array) -> Array:
 def levels(
     frame: LinearModelStructure, records: Sequence[LinearRun], sds: Array, values: Array
 ) -> Array:
-    """Standard deviations of the outputs from the residuals at ``values``.
+    """Return the standard deviations of the outputs from the residuals at ``values``.
 
     The degrees of freedom of values and nuisances are subtracted, shared equally by the outputs.
     """
@@ -122,7 +123,7 @@ def levels(
 
 
 def frame_states(frame: LinearModelStructure) -> int:
-    """Number of states of a plane."""
+    """Return the number of states of a plane."""
     return 4 if frame.plane == "pitch" else 3
 
 
@@ -174,7 +175,7 @@ def _run_residuals(
 
 
 def _slopes(part: _RunResiduals) -> Array:
-    """Derivatives of the residuals, (n, p), for the best initial state."""
+    """Return the derivatives of the residuals, (n, p), for the best initial state."""
     start = np.asarray(
         np.linalg.solve(part.nuisances.R, part.nuisances.Q.T @ part.residuals)[:-1],
         dtype=np.float64,

@@ -71,6 +71,20 @@ def linear_run(run: Run, lead_s: float) -> LinearRun:
 def linear_prior(prior: fit.Prior, plane: Plane) -> LinearPrior:
     """Return the prior of one plane's values: first-principles vehicle and its uncertainty.
 
+    Parameters
+    ----------
+    prior : Prior
+        Vehicle and covariance P of its normalised parameters z.
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    LinearPrior
+        Values, covariance and bounds.
+
+    Notes
+    -----
     With theta(z) the values of the vehicle at z and S = d(theta)/dz, the covariance is S P S'. The
     bias is relative to level flight, about which pitch is linear.
     """
@@ -91,7 +105,20 @@ def linear_prior(prior: fit.Prior, plane: Plane) -> LinearPrior:
 
 
 def with_bounds(model: LinearModel, covariance: Array) -> LinearPrior:
-    """Add bounds that hold for any vehicle."""
+    """Add bounds that hold for any vehicle.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Structure and mean values.
+    covariance : ndarray, shape (p, p)
+        Covariance of the values.
+
+    Returns
+    -------
+    LinearPrior
+        Values, covariance and bounds.
+    """
     names, spread = linear_model.names(model.frame.plane), np.sqrt(np.diag(covariance))
     lowest, highest = (
         model.values - COEFFICIENT_BOUND_SD * spread,

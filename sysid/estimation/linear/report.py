@@ -203,7 +203,7 @@ def _plane_weights(plane: Plane, covariance: Array) -> Array:
 def _linearise(
     plane_estimates: dict[Plane, PlaneEstimate], prior: Prior, z: Array
 ) -> tuple[Array, Array]:
-    """Derivatives of all planes' values by z, and estimates minus values."""
+    """Return the derivatives of all planes' values by z, and estimates minus values."""
     slopes, errors = [], []
     for plane, estimate in plane_estimates.items():
         plane_values = records.values_at(prior, z, plane).values
@@ -220,7 +220,7 @@ def _linearise(
 
 
 def _reported_numbers(plane: Plane, estimate: PlaneEstimate, nearest: Fit) -> tuple[Array, Array]:
-    """Derived numbers and covariance in the units of a model file.
+    """Return the derived numbers and covariance in the units of a model file.
 
     The bias is the duct angle in degrees.
     """

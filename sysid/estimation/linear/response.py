@@ -70,7 +70,18 @@ class Discrete(NamedTuple):
 
 
 def discretise(model: LinearModel) -> Discrete:
-    """Return one output step, exact for a duct angle that is linear between 50 Hz samples."""
+    """Return one output step, exact for a duct angle that is linear between 50 Hz samples.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Structure and values.
+
+    Returns
+    -------
+    Discrete
+        Transition over STRIDE samples and input weights, with their slopes by the coefficients.
+    """
     frame, numbers = model.frame, model.values[: len(NUMBERS[model.frame.plane])]
     A, B = linear_model.equations(frame, numbers)
     origin = linear_model.equations(frame, np.zeros(numbers.size))
@@ -104,7 +115,10 @@ def _exponential(M: Array, slopes: Array) -> tuple[Array, Array]:
 
 
 def _sample_generator(A: Array, B: Array) -> Array:
-    """Generator of one sample, (n + 2, n + 2), for the state (x, angle, change of the angle)."""
+    """Return the generator of one sample, (n + 2, n + 2).
+
+    The state is (x, angle, change of the angle per sample).
+    """
     n = A.shape[0]
     M = np.zeros((n + 2, n + 2))
     M[:n, :n], M[:n, n] = A / RATE_HZ, B / RATE_HZ
@@ -149,7 +163,7 @@ def _advance(transition: Array, taps: Array, angles: Array, x0: Array) -> Array:
 
 @kernel
 def _advance_slopes(discrete: Discrete, duct_motion: DuctMotion, x: Array) -> Array:
-    """Derivatives of the states by each coefficient and tailcone value, (numbers + TAIL, steps, n).
+    """Return the derivatives of the states by each value, (numbers + TAIL, steps, n).
 
     dx[k+1] = Phi dx[k] + dPhi x[k] + dtaps angles + taps dangles, from zero.
     """
@@ -175,7 +189,20 @@ def _advance_slopes(discrete: Discrete, duct_motion: DuctMotion, x: Array) -> Ar
 
 
 def duct(model: LinearModel, command: SurfaceCommand) -> Array:
-    """Duct angle relative to level flight from ``command.lead`` on, rad."""
+    """Return the duct angle relative to level flight.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Structure and values, which include the actuator's.
+    command : SurfaceCommand
+        Command before and during a run.
+
+    Returns
+    -------
+    ndarray
+        Duct angle from ``command.lead`` on, in radians.
+    """
     return tailcone.angles(command.angle_rad, linear_model.actuator(model))[command.lead :]
 
 
@@ -186,21 +213,51 @@ def duct_motion(model: LinearModel, command: SurfaceCommand) -> DuctMotion:
 
 
 def steps(command: SurfaceCommand) -> int:
-    """Number of output steps of a run."""
+    """Return the number of output steps of a run.
+
+    Parameters
+    ----------
+    command : SurfaceCommand
+        Command before and during the run.
+
+    Returns
+    -------
+    int
+        Number of every STRIDE-th sample from ``command.lead`` on.
+    """
     return (command.angle_rad.size - command.lead - 1) // STRIDE + 1
 
 
 def outputs(
     model: LinearModel, discrete: Discrete, command: SurfaceCommand, x0: Array, count: int
 ) -> Array:
-    """Rate, angle and, in pitch, depth, (steps, count), at every STRIDE-th sample from ``x0``."""
+    """Return the outputs of a run that starts at ``x0``.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Structure and values.
+    discrete : Discrete
+        Output step of the model, from `discretise`.
+    command : SurfaceCommand
+        Command before and during the run.
+    x0 : ndarray, shape (n,)
+        Initial state.
+    count : int
+        Number of outputs.
+
+    Returns
+    -------
+    ndarray, shape (steps, count)
+        Rate (rad/s), angle (rad) and, in pitch, depth (m), at every STRIDE-th sample.
+    """
     return outputs_to_duct(model, discrete, duct(model, command), x0, count)
 
 
 def outputs_to_duct(
     model: LinearModel, discrete: Discrete, angle_rad: Array, x0: Array, count: int
 ) -> Array:
-    """Outputs for a given duct angle, (steps, count)."""
+    """Return the outputs for a given duct angle, (steps, count)."""
     x: Array = _advance(discrete.transition, discrete.taps, angle_rad, x0)[:, 1 : 1 + count]
     x[:, 1] += linear_model.level_rad(model)
     return x
@@ -209,7 +266,7 @@ def outputs_to_duct(
 def slopes(
     model: LinearModel, discrete: Discrete, motion: DuctMotion, x0: Array, count: int
 ) -> Array:
-    """Derivatives of ``outputs`` by each value, (values, steps, count).
+    """Return the derivatives of ``outputs`` by each value, (values, steps, count).
 
     The initial state is fixed.
     """

@@ -264,6 +264,7 @@ def _truncate(problem: MapProblem, seconds: float) -> MapProblem:
     """Restrict a problem to the first seconds of every run."""
 
     def truncate_dataset(data: Dataset) -> Dataset:
+        """Return the first ``seconds`` of a data set."""
         run = data.run.until(float(data.run.time_s[0]) + seconds)
         return data._replace(
             run=run, measured=data.measured[: (run.time_s.size - 1) // problem.stride + 1]

@@ -56,6 +56,7 @@ class ParameterInterval(NamedTuple):
     """Infinite if the data do not limit the number."""
 
     def __str__(self) -> str:
+        """Return the interval as text."""
         return (
             f"{self.plane}: {self.name} lies in {self.low:.3g} to {self.high:.3g} (95 %, profile"
             " likelihood)"

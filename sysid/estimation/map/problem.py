@@ -158,7 +158,7 @@ def _simulate(problem: MapProblem, candidate: CandidateVehicle, plane: Plane) ->
 
 
 def _outputs(plane: Plane) -> list[int]:
-    """Indices of the measured states.
+    """Return the indices of the measured states.
 
     Rate, angle and, in pitch, depth (opposite signs in MAVLink's axes).
     """
@@ -184,7 +184,7 @@ def _jacobians(
     trajectories: Sequence[Trajectory],
     perturbations: Sequence[Perturbation],
 ) -> list[Array]:
-    """Derivatives of the whitened residuals of each run by z, (samples x outputs, p)."""
+    """Return the derivatives of the whitened residuals of each run by z, (samples x outputs, p)."""
     datasets, noise_filter = problem.datasets[plane], problem.filters[plane]
     used = [
         perturbation

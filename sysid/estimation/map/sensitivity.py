@@ -186,7 +186,7 @@ class _SlopeInputs(NamedTuple):
     def evaluate(
         self, vehicle: CandidateVehicle, track: Array | None = None, duct_rad: Array | None = None
     ) -> Array:
-        """Derivatives of the states (rows, 5).
+        """Return the derivatives of the states (rows, 5).
 
         Track or duct angle may be replaced by perturbed ones.
         """
@@ -208,7 +208,7 @@ def _inputs(
     step: float,
     columns: int,
 ) -> tuple[Array, Array]:
-    """Derivatives of duct angle (samples, columns) and initial state (5, columns) by parameters."""
+    """Return the slopes of duct angle (samples, columns) and initial state (5, columns)."""
     du_dtheta, dx0_dtheta = (
         np.zeros((trajectory.duct_rad.size, columns)),
         np.zeros((STATES, columns)),

@@ -123,6 +123,7 @@ def _level_flight(config: VehicleConfig, model: VehicleModel) -> Array:
     rps = config.operating_point.thrust_fraction * model.propeller.full_rps
 
     def imbalance(angles: Array) -> Array:
+        """Return heave (m/s2) and pitch (rad/s2) acceleration at (-theta, elevator), rad."""
         theta, elevator = -float(angles[0]), float(angles[1])
         u, w = speed * math.cos(theta), speed * math.sin(theta)
         state = np.array([u, w, 0.0, theta, greybox.SUBMERGED_Z_M])

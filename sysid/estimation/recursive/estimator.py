@@ -206,7 +206,18 @@ def update(state: TestState, steps: TestSamples) -> TestState:
 
 
 def information_with_test(state: TestState) -> Information:
-    """Return the information about z during a test, this test included."""
+    """Return the information about z during a test, this test included.
+
+    Parameters
+    ----------
+    state : TestState
+        State of the estimator during the test.
+
+    Returns
+    -------
+    Information
+        Square root information of the normalised parameters z.
+    """
     information = state.knowledge.information
     return (
         square_root_information.combine(information, state.tracking.information)
@@ -218,7 +229,15 @@ def information_with_test(state: TestState) -> Information:
 def finish(state: TestState) -> Knowledge:
     """Finish a test and return the knowledge with it.
 
-    A test shorter than START_STEPS contributes nothing.
+    Parameters
+    ----------
+    state : TestState
+        State of the estimator at the end of the test.
+
+    Returns
+    -------
+    Knowledge
+        Knowledge with the test; a test shorter than START_STEPS contributes nothing.
     """
     knowledge = state.knowledge
     if state.tracking is None:

@@ -74,7 +74,17 @@ def empty_samples(plane: Plane) -> TestSamples:
 def steps(run: Run, first: int = 0) -> TestSamples:
     """Return the steps of a run from index ``first`` on.
 
-    The last ends half a step before the run.
+    Parameters
+    ----------
+    run : Run
+        Run of a test at RATE_HZ.
+    first : int
+        Index of the first step.
+
+    Returns
+    -------
+    TestSamples
+        Measurements, commands and thrust of each step; the last ends half a step before the run.
     """
     data = fit.dataset(run)
     measured, command_rad = data.measured[:-1], data.run.command_rad

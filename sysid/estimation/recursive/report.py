@@ -151,8 +151,24 @@ def _derived(prior: Prior, z: Array, plane: Plane, crossover_radps: float) -> tu
 
 
 def numbers(vehicle: CandidateVehicle, plane: Plane, crossover_radps: float) -> Array:
-    """Return NAMES, and gain (dB) and phase (deg) from command to rate, for small motion.
+    """Return the reported numbers of one plane of a vehicle, for small motion.
 
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle configuration and actuators.
+    plane : {'yaw', 'pitch'}
+        Plane.
+    crossover_radps : float
+        Frequency of the response, in rad/s.
+
+    Returns
+    -------
+    ndarray
+        Values of NAMES; then gain (dB) and phase (deg) from command to rate.
+
+    Notes
+    -----
     The response is C (s I - A)^-1 B e^(-tau s) wn^2 / (s^2 + 2 zeta wn s + wn^2) at s = j
     ``crossover_radps``.
     """

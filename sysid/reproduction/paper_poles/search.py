@@ -126,13 +126,34 @@ def readings(printed: Printed = TABLE_4) -> list[TransferReading]:
 
 
 class TailconeSearch:
-    """Misfits of candidate tailcones to printed poles."""
+    """Misfits of candidate tailcones to printed poles.
+
+    Parameters
+    ----------
+    printed : Printed
+        Printed poles, by row; by default those of table 4 of the paper.
+    """
 
     def __init__(self, printed: Printed = TABLE_4) -> None:
         self._printed, self._models = printed, models()
 
     def reading(self, name: str, form: Form, lag: Lag) -> TransferReading:
-        """Return the result of one tailcone."""
+        """Return the result of one tailcone.
+
+        Parameters
+        ----------
+        name : str
+            Name of the lag, for the table.
+        form : Form
+            Form of the transfer function.
+        lag : Lag
+            Delay, natural frequency and damping.
+
+        Returns
+        -------
+        TransferReading
+            Misfit, interval of the delay and rows that the tailcone does not explain.
+        """
         errors = self._misses(lag, form)
         remain = tuple(
             row
@@ -149,7 +170,20 @@ class TailconeSearch:
         )
 
     def best_delay(self, lag: Lag, form: Form) -> Lag:
-        """Return the lag with the delay of the smallest misfit."""
+        """Return the lag with the delay of the smallest misfit.
+
+        Parameters
+        ----------
+        lag : Lag
+            Lag whose natural frequency and damping are kept.
+        form : Form
+            Form of the transfer function.
+
+        Returns
+        -------
+        Lag
+            Lag with the best delay.
+        """
 
         def misfit(delay_s: float) -> float:
             """Return the misfit with this delay."""
@@ -163,7 +197,20 @@ class TailconeSearch:
         return lag._replace(delay_s=float(fine.x))
 
     def best_lag(self, form: Form, any_damping: bool) -> Lag:
-        """Return the best delay and natural frequency, and the best damping if it is free."""
+        """Return the best delay and natural frequency, and the best damping if it is free.
+
+        Parameters
+        ----------
+        form : Form
+            Form of the transfer function.
+        any_damping : bool
+            Whether the damping ratio is free; otherwise it is 0.6.
+
+        Returns
+        -------
+        Lag
+            Lag of the smallest misfit.
+        """
 
         def lag(x: Array) -> Lag:
             """Return the lag of the search variables."""
@@ -188,7 +235,20 @@ class TailconeSearch:
         return lag(min(ends, key=lambda end: float(end.fun)).x)
 
     def misfit(self, lag: Lag, form: Form) -> float:
-        """Return the rms error over the rows (rad/s)."""
+        """Return the misfit of a lag.
+
+        Parameters
+        ----------
+        lag : Lag
+            Delay, natural frequency and damping.
+        form : Form
+            Form of the transfer function.
+
+        Returns
+        -------
+        float
+            Root mean square of the pole errors over the rows, in rad/s.
+        """
         return math.sqrt(float(np.mean(np.square(list(self._misses(lag, form).values())))))
 
     def _misses(self, lag: Lag, form: Form) -> dict[tuple[str, str], float]:
