@@ -2,7 +2,8 @@
 
 Each command writes progress and remarks to stderr and its result to stdout. With --json the result
 is one JSON object. Exit status: 0 done, 1 the work failed, 2 bad input, 130 interrupted by
-Ctrl-C."""
+Ctrl-C.
+"""
 
 from __future__ import annotations
 

@@ -25,6 +25,7 @@ class Escaped:
         self._renderable = renderable
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Yield the segments of the renderable with escaped text; rich calls this method."""
         for segment in console.render(self._renderable, options):
             if segment.control or segment.text.isprintable():
                 yield segment

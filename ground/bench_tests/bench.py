@@ -124,7 +124,6 @@ def measure(
     AddressError, InputError, OperationError
         The vehicle was not found or refused, has no encoder, or the data allow no fit.
     """
-
     path = session.folder / "bench.mcap"
     with flight.open_recorded_vehicle(target, path, key_file=key_file) as (vehicle, recorder):
         vehicle.connect()

@@ -47,7 +47,6 @@ class IncliningPlan(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
     def dated(self) -> list[WeightPeriod]:
         """Return the moment (kg m, positive to port) of each move with its time since arming."""
-
         span = self.duration_s
         return [
             WeightPeriod(m.mass_kg * m.to_port_m, n * span, (n + 1) * span)
@@ -113,7 +112,6 @@ def measure(
     AddressError, InputError, OperationError
         The vehicle was not found or refused, or the data allow no estimate.
     """
-
     vehicle_file = refit.read_vehicle(prior)
     with flight.open_recorded_vehicle(target, log, key_file=key_file) as (vehicle, recorder):
         vehicle.connect()

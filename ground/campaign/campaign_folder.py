@@ -89,5 +89,4 @@ class CampaignFolder:
 
     def runs(self, mission: str) -> list[Run]:
         """Return the tests of an identification dive."""
-
         return segments.cut_runs(self.log("identification", mission))

@@ -235,7 +235,6 @@ def _format_value(gate: Gate) -> str:
 
 def _table(*heads: str) -> Table:
     """Return an empty table with these columns."""
-
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for number, head in enumerate(heads):
         table.add_column(

@@ -197,7 +197,6 @@ def redesign(
     OperationError
         The model is not fit for redesign, or no gains meet the specification.
     """
-
     _check_fit_for_redesign(model, "redesign", force)
     with _translate_errors():
         spec, vehicle = spec or specification(model, prior), read_vehicle(prior) if prior else None
@@ -212,7 +211,6 @@ def redesign_lqg(
     force: bool = False,
 ) -> LqgDesign:
     """Design an LQG controller for a model. Parameters and errors as for `redesign`."""
-
     _check_fit_for_redesign(model, "redesign --method lqg", force)
     with _translate_errors():
         return lqg.design_lqg(

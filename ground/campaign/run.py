@@ -71,7 +71,7 @@ class CampaignRequest(NamedTuple):
     seed: int = 1
     speed: str = "max"
     include_paper_gains: bool = False
-    """Also fly the missions with the paper's improved gains."""
+    """Whether to fly the missions also with the paper's improved gains."""
     force: bool = False
     """Replace the campaign that is in the folder."""
 
@@ -261,7 +261,20 @@ class Campaign:
 
 
 def dive_seed(seed: int, mission: str) -> int:
-    """Return the seed of a dive: different for each mission, equal for all sets of gains."""
+    """Return the seed of a dive: different for each mission, equal for all sets of gains.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the campaign.
+    mission : str
+        Name of a mission of the campaign.
+
+    Returns
+    -------
+    int
+        Seed of the simulation.
+    """
     return seed * 1000 + (TRIM_MISSION, *MISSIONS, *FITTED, *HELD_OUT).index(mission)
 
 
@@ -357,7 +370,6 @@ def _design(folder: CampaignFolder) -> dict[str, Any]:
 
 def _report(folder: CampaignFolder) -> None:
     """Write `report.html`."""
-
     page.write(folder)
 
 

@@ -131,7 +131,6 @@ def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
 
 def _analysis(analysis: Analysis) -> dict[str, Any]:
     """Return damping, poles and margins as plain numbers."""
-
     return {
         "damping": {loop: damping(poles) for loop, poles in analysis.visible.items()},
         "poles_radps": {

@@ -33,6 +33,7 @@ class Worker:
         child_end.close()
 
     def __enter__(self) -> Self:
+        """Return the worker."""
         return self
 
     def __exit__(
@@ -41,6 +42,7 @@ class Worker:
         error: BaseException | None,
         tb: TracebackType | None,
     ) -> None:
+        """Stop the process."""
         self.stop()
 
     def call(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:

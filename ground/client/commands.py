@@ -1,7 +1,8 @@
 """Requests of the MAVLink command protocol: a command with acknowledgement, and the mode list.
 
 Sources: https://mavlink.io/en/services/command.html and
-https://mavlink.io/en/services/standard_modes.html."""
+https://mavlink.io/en/services/standard_modes.html.
+"""
 
 from typing import Any
 
@@ -36,6 +37,7 @@ class CommandExchange(Exchange[None]):
         """MAV_RESULT of a refusal; None without one."""
 
     def _send_request(self) -> None:
+        """Send the command; the confirmation counts its repetitions."""
         fields = {f"param{n}": value for n, value in enumerate(self._parameters, start=1)}
         self._send_to_peer(
             "COMMAND_LONG", command=self._command, confirmation=self._confirmation, **fields
@@ -43,6 +45,7 @@ class CommandExchange(Exchange[None]):
         self._confirmation = min(255, self._confirmation + 1)
 
     def _handle_message(self, name: str, message: Any) -> None:
+        """Finish or fail with the result of the COMMAND_ACK of this command."""
         if message.command != self._command:
             return
         if message.result == IN_PROGRESS:
@@ -68,6 +71,7 @@ class ModeList(Exchange[dict[str, int]]):
         self._missing: set[int] | None = None
 
     def _send_request(self) -> None:
+        """Request all modes, or those that are missing."""
         for index in (0,) if self._missing is None else sorted(self._missing):
             fields = {f"param{n}": 0.0 for n in range(3, 8)}
             number = constant("MAVLINK_MSG_ID_AVAILABLE_MODES")
@@ -81,6 +85,7 @@ class ModeList(Exchange[dict[str, int]]):
             )
 
     def _handle_message(self, name: str, message: Any) -> None:
+        """Store the name and number of a mode; finish when none is missing."""
         mode_name = message.mode_name or _STANDARD_NAMES.get(
             message.standard_mode, f"MODE_{message.custom_mode}"
         )

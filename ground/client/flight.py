@@ -61,7 +61,27 @@ class Dive:
 
     @classmethod
     def load(cls, mission: str, log: Path, **details: object) -> "Dive":
-        """Return a dive of a shipped mission or a mission file. Raises ScriptError."""
+        """Return a dive of a shipped mission or a mission file.
+
+        Parameters
+        ----------
+        mission : str
+            Name of a shipped mission, or path of a mission file.
+        log : Path
+            File for the log of the dive.
+        **details : object
+            Further fields of the record, by name.
+
+        Returns
+        -------
+        Dive
+            Dive with the items and labels of the mission.
+
+        Raises
+        ------
+        ScriptError
+            There is no such mission, or it is invalid.
+        """
         plan = plans.load(mission)
         return cls(mission, plan.items, log, labels=plan.labels, **details)  # type: ignore[arg-type]
 
@@ -144,6 +164,24 @@ def fly_simulated(
     follower: TelemetryListener | None = None,
 ) -> FlightResult:
     """Fly a simulated vehicle, record the dive and stop the simulation.
+
+    Parameters
+    ----------
+    dive : Dive
+        Mission, parameters and log files of the dive.
+    simulated : SimulatedVehicle
+        Simulator and autopilot that are to be started.
+    watch : WatchCallback, optional
+        Receives the progress of the mission.
+    hear : TextCallback, optional
+        Receives the texts of the vehicle.
+    follower : TelemetryListener, optional
+        Receives the telemetry.
+
+    Returns
+    -------
+    FlightResult
+        Outcome of the mission.
 
     Raises
     ------

@@ -22,7 +22,23 @@ class ParamLine(NamedTuple):
 
 
 def load(path: Path) -> dict[str, float]:
-    """Return the values of a file by parameter name. Raises InputError, as `load_lines`."""
+    """Return the values of a parameter file.
+
+    Parameters
+    ----------
+    path : Path
+        Parameter file, with one name and value per line.
+
+    Returns
+    -------
+    dict of str to float
+        Values by parameter name, in the units of the parameters.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or a line is invalid; see `load_lines`.
+    """
     return {name: line.value for name, line in load_lines(path).items()}
 
 
@@ -50,7 +66,17 @@ def load_lines(path: Path) -> dict[str, ParamLine]:
 
 
 def read_baseline(path: Path) -> PerformanceBaseline | None:
-    """Return the performance predicted for the gains in a file; None if the file has none.
+    """Return the performance that was predicted for the gains in a file.
+
+    Parameters
+    ----------
+    path : Path
+        Gains file of `ground redesign`, or another parameter file.
+
+    Returns
+    -------
+    PerformanceBaseline or None
+        Predicted performance; None if the file has none.
 
     Raises
     ------

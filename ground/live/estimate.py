@@ -129,6 +129,7 @@ class LiveEstimate:
             telemetry.events = telemetry.events[len(past_events) - 1 :]
 
     def _advance(self, run: Run) -> None:
+        """Update the estimate with the present samples of a run; end a run that has stopped."""
         if run.time_s.size > MIN_RUN_TICKS:
             state = self._states.get(run.plane) or estimator.begin(
                 self._knowledge, run.plane, _held_rad(run)
@@ -149,6 +150,7 @@ class LiveEstimate:
                 self._updated[plane] = self._knowledge.information
 
     def _read(self) -> None:
+        """Compute the report of each plane with new information."""
         prior = self._knowledge.prior
         for plane, information in self._updated.items():
             self._readings[plane] = report.read(

@@ -49,6 +49,7 @@ class PerformanceMonitor:
         self._telemetry = Telemetry({**travel, **parameters})
 
     def on_frame(self, frame: Frame) -> None:
+        """Add a frame to the telemetry; restart the monitor if the vehicle's clock was reset."""
         before_s = self._telemetry.now_s
         if self._telemetry.on_frame(frame) < before_s - CLOCK_RESTART_S:
             self._telemetry.restart()
@@ -56,9 +57,11 @@ class PerformanceMonitor:
             self._telemetry.on_frame(frame)
 
     def on_text(self, text: StatusText) -> None:
+        """Add a text of the vehicle to the telemetry."""
         self._telemetry.on_text(text.severity, text.text)
 
     def poll(self, *, last: bool = False) -> None:
+        """Evaluate the new telemetry, when due or at the ``last`` call, and announce new causes."""
         if not (last or self._due.due()):
             return
         until_s = self._telemetry.complete_s
@@ -78,6 +81,7 @@ class PerformanceMonitor:
         return monitor_view.table(self._monitor.report())
 
     def as_json(self) -> dict[str, Any]:
+        """Return the result of the dive as a JSON object."""
         return monitor_view.as_json(self._monitor.report())
 
     def format_text(self) -> str:

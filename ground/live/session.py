@@ -66,14 +66,17 @@ class LiveSession:
         self._estimate = LiveEstimate(self._knowledge, parameters)
 
     def on_frame(self, frame: Frame) -> None:
+        """Add a frame to the estimate."""
         if self._estimate is not None:
             self._estimate.on_frame(frame)
 
     def on_text(self, text: StatusText) -> None:
+        """Add a text of the vehicle, which may mark a test, to the estimate."""
         if self._estimate is not None:
             self._estimate.on_text(text)
 
     def poll(self, *, last: bool = False) -> None:
+        """Update the estimate when due or at the ``last`` call; an error ends the estimate only."""
         if self._estimate is None or not (last or self._due.due()):
             return
         before = self._status
@@ -99,6 +102,7 @@ class LiveSession:
 
 
 def _read_prior(prior_name: str) -> Knowledge:
+    """Return the prior of a name or file. Raises InputError."""
     try:
         return prior.knowledge(prior_name)
     except (ModelError, RefitError, VehicleFileError) as error:

@@ -127,6 +127,7 @@ class Telemetry:
 
 
 def _first_gap(name: str, samples: list[tuple[float, bytes]]) -> Gap | None:
+    """Return the first gap longer than MAX_GAP_S in the samples of a message, if there is one."""
     latest_s = samples[0][0]
     for time_s, _ in samples:
         if time_s - latest_s > MAX_GAP_S[name]:

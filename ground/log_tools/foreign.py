@@ -77,6 +77,7 @@ def export_csv(path: Path, out: Path) -> list[Path]:
 
 
 def _tables(path: Path) -> dict[str, MessageColumns]:
+    """Return the tables of a log by message type. Raises InputError."""
     try:
         return readers.tables(path)
     except LogError as error:
@@ -84,6 +85,7 @@ def _tables(path: Path) -> dict[str, MessageColumns]:
 
 
 def _write(out: Path, name: str, table: MessageColumns) -> Path:
+    """Write a table as a new CSV file and return its path."""
     target = out / safe_file_name(name.removeprefix("/mavlink/").replace("/", "-") + ".csv")
     columns = dict(_flatten(table))
     with target.open("x", newline="") as file:

@@ -183,6 +183,7 @@ class _Gaps:
         self._expected: dict[str, int] = {}
 
     def count(self, topic: str, sequence: int) -> None:
+        """Add the frames that are missing before the sequence number of a sender's message."""
         if not topic.startswith("/mavlink/"):
             return
         sender = topic.rsplit("/", 1)[0]
@@ -233,6 +234,7 @@ def _is_mavlink(channel: McapChannel) -> bool:
 
 
 def _fields(path: Path, topic: str, payload: bytes) -> list[Any]:
+    """Return the values of a message. Raises McapFileError if its size is wrong."""
     message = dialect.by_name(topic.rsplit("/", 1)[1])
     if len(payload) != message.struct.size:
         sizes = f"{len(payload)} bytes, expected {message.struct.size}"
@@ -241,6 +243,7 @@ def _fields(path: Path, topic: str, payload: bytes) -> list[Any]:
 
 
 def _copy(reader: McapReader, writer: McapWriter) -> int:
+    """Copy all readable records and return the number of messages."""
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     saved = 0
@@ -269,6 +272,7 @@ def _flatten(fields: Any) -> list[Any]:
 
 
 def _write_csv(out: Path, topic: str, rows: list[list[Any]]) -> Path:
+    """Write the messages of a topic as a new CSV file and return its path."""
     target = out / safe_file_name(topic.removeprefix("/mavlink/").replace("/", "-") + ".csv")
     header = ["time_s"]
     for field in dialect.by_name(topic.rsplit("/", 1)[1]).fields:

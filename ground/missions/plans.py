@@ -295,5 +295,5 @@ def _scale(item: MissionItem) -> int:
 
 
 def _renumber(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
-    """Number the items from 0; the first one is current."""
+    """Set the sequence numbers from 0; the first item is current."""
     return tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))

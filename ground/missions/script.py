@@ -132,6 +132,16 @@ def shipped_names() -> list[str]:
 def load(name_or_path: str) -> Script:
     """Read a shipped mission by its name, or a file by its path.
 
+    Parameters
+    ----------
+    name_or_path : str
+        Name of a shipped mission, or path of a mission file.
+
+    Returns
+    -------
+    Script
+        Steps of the mission.
+
     Raises
     ------
     ScriptError
@@ -170,7 +180,18 @@ def parse(text: str, where: str) -> Script:
 
 
 def compile_items(script: Script) -> tuple[MissionItem, ...]:
-    """Return the mission items of a script, numbered from 0; the first one is current."""
+    """Return the mission items of a script.
+
+    Parameters
+    ----------
+    script : Script
+        Steps of the mission.
+
+    Returns
+    -------
+    tuple of MissionItem
+        Items, numbered from 0; the first one is current.
+    """
     items = [item for step_items in _items_by_step(script) for item in step_items]
     return tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))
 

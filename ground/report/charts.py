@@ -54,6 +54,7 @@ def estimates_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
     def points(
         label: str, role: str, values: Sequence[float], sds: Sequence[float], symbol: str
     ) -> dict[str, Any]:
+        """Return a trace of values with error bars of one standard deviation."""
         return {
             "type": "scatter",
             "mode": "markers",

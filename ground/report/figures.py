@@ -186,6 +186,7 @@ def _end_s(log: Log) -> float:
 
 
 def _curve(name: str, role: str, time_s: Array, values: Array, end_s: float) -> Curve:
+    """Return a curve with CURVE_HZ points per second."""
     thin = np.arange(0.0, end_s, 1.0 / CURVE_HZ)
     return Curve(
         name,

@@ -44,6 +44,7 @@ def write(folder: Path | CampaignFolder) -> Path:
 
 
 def _page(campaign: CampaignFolder) -> str:
+    """Return the HTML of the report."""
     summary, model = campaign.summary, campaign.model
     missions = figures.mission_figures(campaign, list(summary["tracking"]))
     steps = figures.step_figures(campaign)
@@ -114,6 +115,7 @@ def render(parts: Mapping[str, str], drawn: Mapping[str, charts.Chart]) -> str:
 
 
 def _lead(summary: dict[str, Any]) -> str:
+    """Return the summary of a campaign in one sentence."""
     model = summary["model"]
     return (
         f"A prototype controller was flown, {model['runs_kept']} tests were run, the model was"
@@ -124,7 +126,10 @@ def _lead(summary: dict[str, Any]) -> str:
 
 
 def _headline(steady: dict[str, dict[str, float]]) -> str:
+    """Return the boxes with the steady errors before and after the redesign."""
+
     def box(what: str, key: str, show: Any) -> str:
+        """Return the box of one error."""
         was, now = show(steady["initial"][key]), show(steady["redesigned"][key])
         return (
             f'<div><span class="what">{what}</span><br><span class="big"><span'
@@ -140,6 +145,7 @@ def _headline(steady: dict[str, dict[str, float]]) -> str:
 
 
 def _figure(figure: Figure) -> str:
+    """Return the title, note and place of a figure."""
     return (
         f'<div><h3>{escape(figure.title)}</h3><p class="note">{escape(figure.note)}</p>'
         f'<div class="chart" id="{figure.key}"></div></div>'
@@ -147,6 +153,7 @@ def _figure(figure: Figure) -> str:
 
 
 def _poles(loop: str) -> str:
+    """Return the place of a pole chart."""
     return (
         f'<div><p class="note">{loop.capitalize()} loop</p><div class="chart"'
         f' id="poles-{loop}"></div></div>'
@@ -154,6 +161,7 @@ def _poles(loop: str) -> str:
 
 
 def _footer(summary: dict[str, Any]) -> str:
+    """Return seed, number of messages and model of a campaign."""
     return (
         f"Seed {summary['seed']}. {summary['messages']} MAVLink messages recorded,"
         f" {summary['lost_frames']} lost. Model {summary['design']['model_sha256'][:12]}."

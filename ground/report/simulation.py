@@ -40,6 +40,7 @@ def as_json(summaries: Sequence[SimulationSummary], mission: str, seed: int) -> 
 
 
 def _summary_json(summary: SimulationSummary) -> dict[str, Any]:
+    """Return the result of one set of gains as a JSON object."""
     return {
         "gains": summary.gains,
         "sea_times": summary.sea.times,
@@ -88,6 +89,7 @@ def format_text(summaries: Sequence[SimulationSummary], mission: str) -> Rendere
 
 
 def _title(summary: SimulationSummary, mission: str) -> str:
+    """Return mission, number of vehicles and changes of the sea as a title."""
     drift = f", in a current of {summary.sea.current_mps:g} m/s" if summary.sea.current_mps else ""
     bias_shift = (
         f", rudder bias changed by {math.degrees(summary.sea.bias_shift_rad):g} deg"
@@ -135,6 +137,7 @@ def _figures(summary: SimulationSummary, which: str) -> list[str]:
 
 
 def _legs(summaries: Sequence[SimulationSummary]) -> Table:
+    """Return a table with the settled vehicles in each leg."""
     longest = max((summary.legs for summary in summaries), key=len)
     table = _table("leg", *(f"{s.gains} x{s.sea.times:g}" for s in summaries))
     for number, leg in enumerate(longest):
@@ -165,6 +168,7 @@ def verdict(summary: SimulationSummary) -> str:
 
 
 def _table(*heads: str) -> Table:
+    """Return an empty table with these column titles."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for number, head in enumerate(heads):
         table.add_column(head, justify="left" if number == 0 else "right", no_wrap=number == 0)

@@ -46,6 +46,15 @@ class SimulatedVehicle:
 
     Vehicle time begins when the vehicle is armed. From `connect` on both processes run on one core
     (`ground.simulation.affinity`); before that, while they load libraries, on any core.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Vehicle, scenario, seed, speed-up and log files.
+    parameters : Path, optional
+        Parameter file of the autopilot; without it the autopilot starts with its defaults.
+    start : ProcessFactory
+        Starts one process.
     """
 
     def __init__(
@@ -76,6 +85,7 @@ class SimulatedVehicle:
         self._sitl = _Program("sitl", [*sitl, "--hil", f"udpout:127.0.0.1:{hil}"], start)
 
     def __enter__(self) -> Self:
+        """Return the vehicle."""
         return self
 
     def __exit__(
@@ -84,6 +94,7 @@ class SimulatedVehicle:
         error: BaseException | None,
         tb: TracebackType | None,
     ) -> None:
+        """Stop both processes."""
         self.stop()
 
     def connect(self) -> Transport:

@@ -41,9 +41,8 @@ class ChildProcess(Protocol):
 class ProcessFactory(Protocol):
     """Start `python -m module` with arguments; its standard error is appended to a file."""
 
-    def __call__(
-        self, module: str, arguments: Sequence[str], stderr_file: Path
-    ) -> ChildProcess: ...
+    def __call__(self, module: str, arguments: Sequence[str], stderr_file: Path) -> ChildProcess:
+        """Return the started process."""
 
 
 class SpawnedProcess:
@@ -62,17 +61,21 @@ class SpawnedProcess:
             )
 
     def poll(self) -> int | None:
+        """Return the exit status, None while the process runs."""
         return self._process.poll()
 
     def pin(self, core: int) -> None:
+        """Restrict the process to a core, if it still runs."""
         if self._process.poll() is None:
             affinity.pin(self._process.pid, core)
 
     def terminate(self) -> None:
+        """Send SIGTERM, if the process still runs."""
         if self._process.poll() is None:
             self._process.terminate()
 
     def end(self, within_s: float) -> None:
+        """Wait for the end of the process; kill it after `within_s` of wall time."""
         try:
             self._process.wait(within_s)
         except subprocess.TimeoutExpired:
@@ -97,16 +100,20 @@ class ForkedProcess:
         self._process.start()
 
     def poll(self) -> int | None:
+        """Return the exit status, None while the process runs."""
         return self._process.exitcode
 
     def pin(self, core: int) -> None:
+        """Restrict the process to a core, if it still runs."""
         if self._process.pid is not None and self._process.exitcode is None:
             affinity.pin(self._process.pid, core)
 
     def terminate(self) -> None:
+        """Send SIGTERM."""
         self._process.terminate()
 
     def end(self, within_s: float) -> None:
+        """Wait for the end of the process; kill it after `within_s` of wall time."""
         self._process.join(within_s)
         if self._process.exitcode is None:
             self._process.kill()

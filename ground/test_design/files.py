@@ -38,7 +38,6 @@ def mission(
     planned: Sequence[Planned], dive: TestDive, request: PlanRequest, name: str, about: str
 ) -> str:
     """Return a mission script: a settling leg, each test with its recovery leg, then surfacing."""
-
     blocks = [f'name = "{name}"\nabout = "{about}"', _leg(dive, SETTLING_S, first=True)]
     for number, test in enumerate(planned, start=1):
         blocks.append(f"{_comment(number, test)}\n[[step]]\ntest = {_test(test.manoeuvre)}")

@@ -67,7 +67,6 @@ def format_text(plan: TestPlan, notes: list[str]) -> Rendered:
 
 def _tests(plan: TestPlan) -> Table:
     """Return the table of the tests."""
-
     table = Table(
         "",
         "surface",
@@ -103,7 +102,6 @@ def _tests(plan: TestPlan) -> Table:
 
 def _numbers(plan: TestPlan) -> Table:
     """Return the table of predicted standard deviations."""
-
     table = Table("sd, predicted", "", *COLUMNS.values(), box=None)
     for plane in plan.before:
         for stage, numbers in _uncertainties(plan).items():

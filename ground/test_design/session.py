@@ -37,7 +37,6 @@ def design_prior(prior: str | Path, trim: Path | None, window_s: float) -> Desig
     OperationError
         The trim flight was not steady.
     """
-
     with _translate_errors():
         design_prior = design_priors.read(prior)
         if trim is None:
@@ -52,7 +51,6 @@ def design_prior(prior: str | Path, trim: Path | None, window_s: float) -> Desig
 
 def trims(prior: DesignPrior) -> dict[str, float]:
     """Return the trim parameters about which tests are flown; empty if they are not known."""
-
     if not prior.trims_known:
         return {}
     vehicle = prior.vehicle(prior.mean)
@@ -82,7 +80,6 @@ def loop_gains(parameters: Mapping[str, float]) -> dict[str, float] | None:
     InputError
         Some of the gains are missing.
     """
-
     missing = [name for name in TABLE_3_INITIAL if name not in parameters]
     if len(missing) == len(TABLE_3_INITIAL):
         return None
@@ -97,7 +94,6 @@ def plan_tests(
     prior: DesignPrior, request: PlanRequest, report: Callable[[str, float], None]
 ) -> TestPlan:
     """Return the plan. Raises OperationError if no set of tests is feasible."""
-
     with _translate_errors():
         return plan.plan(prior, request, report)
 
@@ -105,7 +101,6 @@ def plan_tests(
 @contextmanager
 def _translate_errors() -> Iterator[None]:
     """Raise errors of sysid as InputError or OperationError."""
-
     try:
         yield
     except (LogError, ModelError, RefitError, VehicleFileError) as error:

@@ -88,6 +88,7 @@ def _installed(kind: int) -> Mapping[str, str]:
 
 
 def _published(autopilot: int, kind: int, number: int) -> str | None:
+    """Return the name of a mode number in the tables of PX4 or ArduPilot; None if unknown."""
     if autopilot == _PX4:
         main, sub = number >> 16 & 0xFF, number >> 24
         return _PX4_AUTO.get(sub) if main == _PX4_AUTO_MAIN else _PX4_MAIN.get(main)

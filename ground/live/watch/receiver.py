@@ -83,10 +83,12 @@ class Receiver:
 
     @property
     def lost_frames(self) -> int:
+        """Number of frames that are missing in the sequence numbers."""
         return self._endpoint.lost_frames
 
     @property
     def rejected_frames(self) -> int:
+        """Number of received frames that were rejected."""
         return self._endpoint.rejected_frames
 
     def rates(self, now_s: float) -> tuple[float, float]:
@@ -114,6 +116,7 @@ class Receiver:
             wait([], timeout_s)
 
     def _send_due(self) -> None:
+        """Send the heartbeat and, until they are answered, the requests that are due."""
         if self._heartbeat.due():
             self._endpoint.send(
                 "HEARTBEAT",
@@ -158,6 +161,7 @@ class Receiver:
             )
 
     def _command(self, vehicle_id: MavlinkId, command: int, *parameters: float) -> None:
+        """Send a COMMAND_LONG; missing parameters are 0."""
         numbers = {f"param{n + 1}": (*parameters, *[0.0] * 7)[n] for n in range(7)}
         self._endpoint.send(
             "COMMAND_LONG",
@@ -169,6 +173,7 @@ class Receiver:
         )
 
     def _process(self, frame: Frame, now_s: float) -> None:
+        """Store a frame of the vehicle; the first heartbeat of a vehicle selects it."""
         sender = MavlinkId(frame.system, frame.component)
         self._senders.add(sender)
         self._arrivals.append((now_s, len(frame.raw)))
@@ -196,6 +201,7 @@ class Receiver:
             self._update_modes(self._mode_list, frame)
 
     def _store(self, name: str, message: Any, now_s: float) -> None:
+        """Store a message with its time and the smoothed period between such messages (s)."""
         before, period_s = self.latest.get(name), 0.0
         if before is not None:
             gap_s = now_s - before.at_s
@@ -207,6 +213,7 @@ class Receiver:
         self.latest[name] = LatestMessage(message, now_s, period_s)
 
     def _update_modes(self, modes: commands.ModeList, frame: Frame) -> None:
+        """Take over the mode list of the vehicle when it is complete."""
         modes.feed(frame)
         if modes.done:
             try:

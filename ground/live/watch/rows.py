@@ -55,32 +55,38 @@ ReadCell = Callable[[Any, RowContext], Cell | None]
 
 
 def vehicle(m: Any, context: RowContext) -> Cell:
+    """Return the types of vehicle and autopilot of a HEARTBEAT."""
     kind, autopilot = readable_name(m.type, "MAV_TYPE"), readable_name(m.autopilot, "MAV_AUTOPILOT")
     return Cell(f"{kind} ({autopilot})", {"type": kind, "autopilot": autopilot})
 
 
 def version(m: Any, context: RowContext) -> Cell:
+    """Return the firmware version of an AUTOPILOT_VERSION."""
     number = m.flight_sw_version
     words = ".".join(str(number >> shift & 0xFF) for shift in (24, 16, 8))
     return Cell(words, words)
 
 
 def mode(m: Any, context: RowContext) -> Cell:
+    """Return the name of the flight mode of a HEARTBEAT."""
     words = mode_names.name(m, context.modes)
     return Cell(words, words)
 
 
 def armed(m: Any, context: RowContext) -> Cell:
+    """Return whether the vehicle of a HEARTBEAT is armed."""
     is_armed = bool(m.base_mode & ARMED_FLAG)
     return Cell("ARMED" if is_armed else "disarmed", is_armed)
 
 
 def state(m: Any, context: RowContext) -> Cell:
+    """Return the system status of a HEARTBEAT; alarm from MAV_STATE_CRITICAL on."""
     words = readable_name(m.system_status, "MAV_STATE")
     return Cell(words, words, m.system_status >= _CRITICAL)
 
 
 def under_way(m: Any, context: RowContext) -> Cell:
+    """Return the landed state of an EXTENDED_SYS_STATE."""
     words = readable_name(m.landed_state, "MAV_LANDED_STATE")
     if context.under_water:
         words = {"on ground": "moored", "in air": "under way"}.get(words, words)
@@ -88,24 +94,29 @@ def under_way(m: Any, context: RowContext) -> Cell:
 
 
 def _height(up_m: float, context: RowContext) -> Cell:
+    """Return depth (m, under water) or altitude (m) of a height ``up_m``, positive up."""
     if context.under_water:
         return Cell(f"{-up_m:.2f} m deep", {"depth_m": -up_m})
     return Cell(f"{up_m:.1f} m up", {"altitude_m": up_m})
 
 
 def height_of_global_position(m: Any, context: RowContext) -> Cell:
+    """Return depth or altitude (m) of a GLOBAL_POSITION_INT, relative to home."""
     return _height(m.relative_alt / 1000.0, context)
 
 
 def height_of_local_position(m: Any, context: RowContext) -> Cell:
+    """Return depth or altitude (m) of a LOCAL_POSITION_NED."""
     return _height(-m.z, context)
 
 
 def height_of_hud(m: Any, context: RowContext) -> Cell:
+    """Return depth or altitude (m) of a VFR_HUD."""
     return _height(m.alt, context)
 
 
 def _attitude(roll_rad: float, pitch_rad: float) -> Cell:
+    """Return roll and pitch in degrees."""
     roll_deg, pitch_deg = math.degrees(roll_rad), math.degrees(pitch_rad)
     return Cell(
         f"roll {roll_deg:+.1f}, pitch {pitch_deg:+.1f} deg",
@@ -114,37 +125,45 @@ def _attitude(roll_rad: float, pitch_rad: float) -> Cell:
 
 
 def attitude(m: Any, context: RowContext) -> Cell:
+    """Return roll and pitch (deg) of an ATTITUDE."""
     return _attitude(m.roll, m.pitch)
 
 
 def attitude_of_quaternion(m: Any, context: RowContext) -> Cell:
+    """Return roll and pitch (deg) of an ATTITUDE_QUATERNION."""
     roll_rad, pitch_rad, _ = euler_from_quaternion(m.q1, m.q2, m.q3, m.q4)
     return _attitude(roll_rad, pitch_rad)
 
 
 def _heading(deg: float) -> Cell:
+    """Return a heading in [0, 360) degrees."""
     return Cell(f"{round(deg) % 360:03d} deg", deg % 360.0)
 
 
 def heading_of_attitude(m: Any, context: RowContext) -> Cell:
+    """Return the heading (deg) of an ATTITUDE."""
     return _heading(math.degrees(m.yaw))
 
 
 def heading_of_global_position(m: Any, context: RowContext) -> Cell | None:
+    """Return the heading (deg) of a GLOBAL_POSITION_INT; None if it is unknown."""
     return None if m.hdg == _UNKNOWN_HEADING else _heading(m.hdg / 100.0)
 
 
 def speed(m: Any, context: RowContext) -> Cell:
+    """Return the speeds through the water and over ground (m/s) of a VFR_HUD."""
     words = f"{m.airspeed:.2f} m/s, {m.groundspeed:.2f} over ground"
     return Cell(words, {"through_mps": m.airspeed, "over_ground_mps": m.groundspeed})
 
 
 def vertical_speed(m: Any, context: RowContext) -> Cell:
+    """Return the vertical speed (m/s, positive up) of a VFR_HUD."""
     direction = "" if abs(m.climb) < LEVEL_MPS else " up" if m.climb > 0 else " down"
     return Cell(f"{abs(m.climb):.2f} m/s{direction}", {"climb_mps": m.climb})
 
 
 def position(m: Any, context: RowContext) -> Cell | None:
+    """Return latitude and longitude (deg) of a GLOBAL_POSITION_INT; None if it has none."""
     if not m.lat and not m.lon:
         return None
     return Cell(
@@ -153,16 +172,19 @@ def position(m: Any, context: RowContext) -> Cell | None:
 
 
 def offset(m: Any, context: RowContext) -> Cell:
+    """Return the position north and east of the origin (m) of a LOCAL_POSITION_NED."""
     return Cell(f"{m.x:+.1f} m north, {m.y:+.1f} m east", {"north_m": m.x, "east_m": m.y})
 
 
 def gps(m: Any, context: RowContext) -> Cell:
+    """Return fix type and number of satellites of a GPS_RAW_INT."""
     fix = readable_name(m.fix_type, "GPS_FIX_TYPE")
     satellites = "" if m.satellites_visible in (0, 255) else f", {m.satellites_visible} satellites"
     return Cell(fix + satellites, {"fix": fix, "good": m.fix_type >= _FIX_3D})
 
 
 def bottom(m: Any, context: RowContext) -> Cell | None:
+    """Return the distance to the bottom (m) of a DISTANCE_SENSOR; None if it does not look down."""
     if m.orientation != _LOOKING_DOWN:
         return None
     if not m.min_distance <= m.current_distance <= m.max_distance:
@@ -171,6 +193,7 @@ def bottom(m: Any, context: RowContext) -> Cell | None:
 
 
 def battery(m: Any, context: RowContext) -> Cell | None:
+    """Return voltage (V), current (A) and charge (%) of a BATTERY_STATUS; None if unknown."""
     cells_mv = [mv for mv in (*m.voltages, *m.voltages_ext) if mv not in (0, _UNKNOWN_U16)]
     return _battery(
         sum(cells_mv) / 1e3 if cells_mv else None, m.current_battery, m.battery_remaining
@@ -178,11 +201,13 @@ def battery(m: Any, context: RowContext) -> Cell | None:
 
 
 def battery_of_status(m: Any, context: RowContext) -> Cell | None:
+    """Return voltage (V), current (A) and charge (%) of a SYS_STATUS; None if unknown."""
     volts = None if m.voltage_battery == _UNKNOWN_U16 else m.voltage_battery / 1e3
     return _battery(volts, m.current_battery, m.battery_remaining)
 
 
 def _battery(volts: float | None, centiamperes: int, percent: int) -> Cell | None:
+    """Return the known values of a battery, with an alarm below 20 % of charge."""
     amperes = None if centiamperes == -1 else centiamperes / 100.0
     remaining_pct = None if percent == -1 else percent
     parts = [
@@ -199,6 +224,7 @@ def _battery(volts: float | None, centiamperes: int, percent: int) -> Cell | Non
 
 
 def mission(m: Any, context: RowContext) -> Cell:
+    """Return the current mission item, counted from 1, and the state of a MISSION_CURRENT."""
     stage = readable_name(m.mission_state, "MISSION_STATE") if m.mission_state else ""
     total = m.total if m.total not in (0, _UNKNOWN_U16) else None
     words = (
@@ -213,6 +239,7 @@ def mission(m: Any, context: RowContext) -> Cell:
 
 
 def aim(m: Any, context: RowContext) -> Cell:
+    """Return bearing (deg) and distance (m) to the target of a NAV_CONTROLLER_OUTPUT."""
     words = f"{m.target_bearing % 360:03d} deg, {m.wp_dist} m to go"
     return Cell(words, {"bearing_deg": m.target_bearing % 360, "distance_m": m.wp_dist})
 
@@ -240,6 +267,7 @@ def health(m: Any, context: RowContext) -> Cell:
 
 
 def ready(m: Any, context: RowContext) -> Cell | None:
+    """Return whether the pre-arm check of a SYS_STATUS passes; None without such a check."""
     if not m.onboard_control_sensors_present & _PREARM:
         return None
     good = bool(m.onboard_control_sensors_health & _PREARM)
@@ -247,6 +275,7 @@ def ready(m: Any, context: RowContext) -> Cell | None:
 
 
 def _sensor(bit: int, extended: str = "") -> str:
+    """Return the readable name of a sensor bit of a SYS_STATUS."""
     words = (
         enum_names(f"MAV_SYS_STATUS_SENSOR{extended}")[bit]
         .removeprefix("MAV_SYS_STATUS_")
@@ -318,6 +347,7 @@ def _row(
     context: RowContext,
     now_s: float,
 ) -> WatchRow:
+    """Return the row of the first source with a recent message."""
     for name, reader in sources:
         latest_message = latest.get(name)
         if (

@@ -107,6 +107,7 @@ def _listen_once(receiver: Receiver, stopped: _Stopped) -> None:
 def _show_live(
     receiver: Receiver, page: Console, stopped: _Stopped, listener: Listeners | None
 ) -> None:
+    """Receive and draw every REFRESH_S until stopped."""
     drawn_s = 0.0
     with Live(console=page, auto_refresh=False, screen=True) as live:
         while not stopped():

@@ -51,6 +51,7 @@ def draw(
 
 
 def _waiting_text(receiver: Receiver, now_s: float) -> Text:
+    """Return the text while no vehicle was found."""
     waited_s = now_s - receiver.began_s
     text = Text(
         f"no vehicle yet, after {waited_s:.0f} s: {receiver.trouble or receiver.diagnosis()}",
@@ -60,6 +61,7 @@ def _waiting_text(receiver: Receiver, now_s: float) -> Text:
 
 
 def _headline(receiver: Receiver, now_s: float) -> Text:
+    """Return the vehicle's address, with an alarm if its heartbeat is missing."""
     assert receiver.vehicle_id is not None
     silent_s = now_s - receiver.latest["HEARTBEAT"].at_s
     system, component = receiver.vehicle_id
@@ -72,6 +74,7 @@ def _headline(receiver: Receiver, now_s: float) -> Text:
 
 
 def _section(name: str, every: list[WatchRow]) -> Panel:
+    """Return the rows of a section as a panel."""
     table = Table.grid(padding=(0, 1), expand=True)
     table.add_column(style=LABEL_STYLE, no_wrap=True)
     table.add_column(ratio=1)
@@ -83,6 +86,7 @@ def _section(name: str, every: list[WatchRow]) -> Panel:
 
 
 def _value_text(row: WatchRow) -> Text:
+    """Return the value of a row; grey if it is old, red if it is an alarm."""
     if row.cell is None:
         return Text("-", style=STALE_STYLE)
     if row.stale:
@@ -95,6 +99,7 @@ def _age(row: WatchRow) -> str:
 
 
 def _link(receiver: Receiver, now_s: float) -> Table:
+    """Return rates and losses of the link as a table."""
     rate_bytes, rate_messages = receiver.rates(now_s)
     sent = receiver.frames + receiver.lost_frames
     share = 100.0 * receiver.lost_frames / sent if sent else 0.0
@@ -110,6 +115,7 @@ def _link(receiver: Receiver, now_s: float) -> Table:
 
 
 def _texts(texts: Iterable[ReceivedText], now_s: float) -> RenderableType:
+    """Return the texts of the vehicle with their ages."""
     table = Table.grid(padding=(0, 1))
     table.add_column(justify="right", style=STALE_STYLE)
     for text in texts:
