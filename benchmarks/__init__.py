@@ -1,0 +1,1 @@
+"""Benchmarks of identification accuracy, controller design and speed."""

@@ -74,6 +74,7 @@ def _row(what: str, began: Moment, ended: Moment) -> str:
 
 
 def main() -> None:
+    """Print the wall time and processor time of each stage of a campaign."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()

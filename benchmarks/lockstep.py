@@ -98,6 +98,7 @@ def machine_in_words(busy_loops: int, before: float, after: float) -> str:
 
 
 def main() -> None:
+    """Print the speed of dives in lockstep."""
     raw = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
     parser.add_argument("mission", nargs="?", default="combined")

@@ -112,6 +112,7 @@ def judge(case: str, rows: Array) -> list[Figure]:
 
 
 def main() -> None:
+    """Run the monitor on simulated dives; exit with status 1 if a figure misses its target."""
     asked = _arguments()
     promise, values = param_file.read_baseline(asked.gains), param_file.load(asked.gains)
     if promise is None:
@@ -123,6 +124,7 @@ def main() -> None:
 
 
 def _sea(case: str) -> Scenario:
+    """Return the scenario of a case."""
     if case == "rough":
         return steady.sea("rough")
     rows = ({**FAULTS[case], "at_s": FROM_S},) if case in FAULTS else ()
@@ -130,6 +132,7 @@ def _sea(case: str) -> Scenario:
 
 
 def _arguments() -> argparse.Namespace:
+    """Return the arguments of the command line."""
     parser = study.parser(__doc__, "dives per case; default 20")
     parser.add_argument("gains", type=Path, help="gains.param of a redesign of Caribou")
     parser.add_argument("--case", action="append", choices=CASES)

@@ -125,6 +125,7 @@ def in_c(library: Path, vehicle: str, water: Water, z_up_m: float) -> Callable[[
     c_model, c_water, double = mirrored(model), mirrored(water), ctypes.c_double
 
     def run(steps: int) -> Vector:
+        """Return the state after some steps."""
         state = start(z_up_m)
         entry(
             state.ctypes,
@@ -149,6 +150,7 @@ def of_peer(checkout: Path) -> Callable[[int], Vector]:
     attitude = importlib.import_module("python_vehicle_simulator.lib.gnc").attitudeEuler
 
     def run(steps: int) -> Vector:
+        """Return position and attitude after some steps."""
         eta, nu, actual = (
             np.zeros(6),
             np.array([1.5, 0, 0, 0, 0, 0], float),
@@ -186,6 +188,7 @@ def max_difference(libraries: Iterable[Path], vehicle: str) -> float:
 
 
 def main() -> None:
+    """Print the time of a physics step for several numbers of steps per call."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -24,8 +24,11 @@ NEUTRAL = (0.0, 0.0, 0.0)
 
 
 def read_sensors():
-    """Return specific force (m/s2), angular rates (rad/s), magnetic field (gauss), pressure (hPa)
-    and temperature (degC); vectors in forward-right-down axes."""
+    """Return the readings of the inertial and pressure sensors.
+
+    Specific force (m/s2), angular rates (rad/s) and magnetic field (gauss) in forward-right-down
+    axes, pressure (hPa) and temperature (degC).
+    """
     readings = (0.0, 0.0, -9.81, 0.0, 0.0, 0.0, 0.19, -0.05, 0.48, 1013.25, 12.0)
     return [reading + random.gauss(0.0, 1e-3) for reading in readings]
 
@@ -47,8 +50,10 @@ def newest_controls(link, data):
 
 
 def run(port):
-    """Send sensors at a constant rate, apply the last controls, and stop the actuators when none
-    arrive."""
+    """Send sensors at a constant rate and apply the last controls.
+
+    The actuators stop when no controls arrive.
+    """
     computer, duct = (
         mavlink.MAVLink(port, srcSystem=SYSTEM, srcComponent=component)
         for component in (COMPUTER, DUCT)

@@ -16,6 +16,7 @@ from benchmarks.study import Outcome
 
 
 def main() -> None:
+    """Compare the PID redesign and the LQG on one model."""
     asked = _arguments()
     with campaign.exit_on_error():
         model, trims = campaign.load_or_fly(asked.model, asked.seed)
@@ -26,6 +27,7 @@ def main() -> None:
 
 
 def _arguments() -> argparse.Namespace:
+    """Return the arguments of the command line."""
     parser = study.parser(__doc__, "dives per case; default 20")
     parser.add_argument(
         "case",

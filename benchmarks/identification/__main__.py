@@ -14,6 +14,7 @@ from benchmarks.identification.cells import CELLS
 
 
 def main() -> None:
+    """Run the chosen cells; exit with status 1 if a figure misses its target."""
     asked = _arguments()
     names = asked.vehicle or [case.name for case in vehicles.cases()]
     questions = [(CELLS[cell], vehicle) for cell in asked.cell or CELLS for vehicle in names]
@@ -21,6 +22,7 @@ def main() -> None:
 
 
 def _arguments() -> argparse.Namespace:
+    """Return the arguments of the command line."""
     parser = study.parser(__doc__, "campaigns per cell; default 200 for most cells")
     parser.add_argument("cell", nargs="*", choices=[[], *CELLS], help="cells to run; default all")
     parser.add_argument(

@@ -110,7 +110,7 @@ def _command(case: Case, what: Manoeuvre) -> SurfaceCommand:
 
 
 def stays_within(run: Run, limits: ExcursionLimits) -> bool:
-    """Tell whether the safety limits of the design let the test run to its end."""
+    """Return whether the safety limits of the design let the test run to its end."""
     flown = run.since(0.0)
     if run.plane == "yaw":
         turned = np.max(np.abs(flown.heading_rad - flown.heading_rad[0]))

@@ -138,12 +138,12 @@ def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
 
 
 def _flagged(verdict: RunScreening) -> bool:
-    """Tell whether the run is flagged as anomalous."""
+    """Return whether the run is flagged as anomalous."""
     return verdict.scores.p_value <= FALSE_ALARM
 
 
 def _detected_ideally(evidence: Residuals, run: Run, kind: Kind, at_s: float) -> bool:
-    """Tell whether a test for one kind of anomaly at its true time detects it: the ideal case."""
+    """Return whether a test for one kind of anomaly at its true time detects it: the ideal case."""
     exhibit = next(e for e in evidence.runs if e.dataset.run.name == run.name)
     mark = next(s for s in exhibit.signatures if s.kind == kind)
     k = int(np.argmin(np.abs(mark.times_s - at_s))) if mark.times_s.size > 1 else 0

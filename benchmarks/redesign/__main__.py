@@ -21,12 +21,14 @@ from benchmarks.study import Cell
 
 
 def main() -> None:
+    """Run the chosen comparisons; exit with status 1 if a figure misses its target."""
     asked = _arguments()
     with campaign.exit_on_error():
         sys.exit(study.exit_status(study.run_cells(_questions(asked), asked)))
 
 
 def _arguments() -> argparse.Namespace:
+    """Return the arguments of the command line."""
     cases = sorted({case for question in QUESTIONS.values() for case in question.cases})
     parser = study.parser(__doc__, "runs per case; default 20 for most cells")
     parser.add_argument(
@@ -42,6 +44,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def _questions(asked: argparse.Namespace) -> Iterator[tuple[Cell, str]]:
+    """Yield each chosen cell with each chosen case; the gains are designed once."""
     gains = cache(lambda: _gains(asked.model, asked.seed))
     for question in [QUESTIONS[name] for name in asked.cell or QUESTIONS]:
         cell = question.cell(gains)

@@ -94,6 +94,7 @@ def figures(
 
 
 def _lost(name: str, rows: Array) -> Figure:
+    """Return the share of dives that lost the vehicle, in percent."""
     return Figure(
         f"lost: {name}",
         100.0 * float(np.mean(rows[:, -1])),
