@@ -31,12 +31,13 @@ test-fast: $(VENV)/dev.stamp check   ## run the checks and the tests without pro
 test-clients: $(VENV)/dev.stamp      ## MAVSDK and MAVProxy on every link and speed: pass counts
 	$(BIN)/python -m tests.clients
 
-check: $(VENV)/dev.stamp             ## lint, formatter, types, import contracts, language
+check: $(VENV)/dev.stamp             ## lint, formatter, types, import contracts, language, docstrings
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.language
+	$(BIN)/python -m tests.docstrings
 
 check-physics: $(VENV)/dev.stamp     ## every physics check: value, reference, tolerance
 	$(BIN)/python -m tests.reference

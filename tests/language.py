@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 
 PATTERN = re.compile(
-    r"\b(she|her|hers|herself|foretold|foretell|reckon|reckoned|whoever|ashore|aboard|likewise"
-    r"|beforehand|awash)\b",
+    r"\b(she|her|hers|herself|foretold|foretells?|reckon(s|ed)?|whoever|ashore|aboard|likewise"
+    r"|beforehand|awash|lively|livelier|liveliest|(told|tells?) (of|apart)|believed|anew|amiss"
+    r"|whence|wherein|thereof|forthwith|last words|costs? nothing|stands? in the)\b",
     re.IGNORECASE,
 )
 CHECKED = ("*.py", "*.md", "*.toml", "Makefile")

@@ -1,6 +1,7 @@
 """QGroundControl's side of the protocols.
 
-Source: github.com/mavlink/qgroundcontrol, 2026."""
+Source: github.com/mavlink/qgroundcontrol, 2026.
+"""
 
 import math
 import struct
@@ -94,7 +95,8 @@ class Ftp:
     def download(self, path: str) -> bytes:
         """Read a file.
 
-        Like ``_openFileROBegin``, ``_burstReadFileBegin``, ``_resetSessionsBegin``."""
+        Like ``_openFileROBegin``, ``_burstReadFileBegin``, ``_resetSessionsBegin``.
+        """
         (opened,) = self.ask(mavlink.MAV_FTP_OPCODE_OPENFILERO, data=path.encode())
         assert (opened[3], opened[4]) == (mavlink.MAV_FTP_OPCODE_ACK, 4), (
             "ack, with the size of the file"

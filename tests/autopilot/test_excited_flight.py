@@ -72,7 +72,8 @@ def test_mission_continues_after_stopped_excitation() -> None:
 def test_added_excitation_keeps_loop_closed() -> None:
     """Reference: the same flight without a test.
 
-    The command differs first by the signal only; later the loop balances it."""
+    The command differs first by the signal only; later the loop balances it.
+    """
     flight, plain = under_way(), under_way()
     for run in (flight, plain):
         run.ask(requests.ChangeTarget(heading_rad=math.radians(3.0)))

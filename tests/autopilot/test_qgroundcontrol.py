@@ -8,7 +8,8 @@ standard modes, component information, parameters, mission, geofence, rally poin
 Three functions do not depend on the replies, because ``FirmwarePlugin`` decides them by
 HEARTBEAT.autopilot: with ``generic`` there are no mode buttons (``FirmwarePlugin::setFlightMode``
 returns false) and there is no "start mission"; with ``px4`` both work, but the setup pages report
-missing PX4 parameters."""
+missing PX4 parameters.
+"""
 
 import json
 import struct
@@ -62,7 +63,8 @@ def test_heartbeat_comes_from_component_1(qgc: Connection) -> None:
 def test_version_reports_supported_protocols(qgc: Connection) -> None:
     """``Vehicle::_setCapabilities``, ``GeoFenceManager::supported``.
 
-    Called by ``_autopilotVersionRequestMessageHandler``."""
+    Called by ``_autopilotVersionRequestMessageHandler``.
+    """
     version = qgc.message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
     able = version.capabilities
     for name in ("MISSION_INT", "COMMAND_INT", "MAVLINK2", "FTP"):
@@ -90,7 +92,8 @@ def test_modes_are_sent_all_or_one_by_one(qgc: Connection) -> None:
 def test_modes_have_unique_names_and_settable_numbers(qgc: Connection) -> None:
     """``StandardModes::availableModesReceived``, ``ensureUniqueModeNames``.
 
-    QGroundControl has its own names for standard modes."""
+    QGroundControl has its own names for standard modes.
+    """
     listed = qgc.command(REQUEST_MESSAGE, AVAILABLE_MODES, 0)[1:]
     standard_names = {SAFE_RECOVERY: "Safe Recovery", STANDARD_MISSION: "Mission", LAND: "Land"}
     names = [standard_names.get(m.standard_mode, m.mode_name) for m in listed]
@@ -104,7 +107,8 @@ def test_modes_have_unique_names_and_settable_numbers(qgc: Connection) -> None:
 def test_parameter_metadata_is_downloaded_and_read(qgc: Connection) -> None:
     """``CompInfoGeneral::setJson``, ``CompInfoParam::setJson``.
 
-    Called by ``RequestMetaDataTypeStateMachine``."""
+    Called by ``RequestMetaDataTypeStateMachine``.
+    """
     answer = qgc.message(COMPONENT_METADATA)
     _, crc, padded = struct.unpack("<II100s", bytes(answer.data)[10:-2].ljust(108, b"\0"))
     uri = padded.rstrip(b"\0").decode()

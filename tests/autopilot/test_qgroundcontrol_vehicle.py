@@ -37,7 +37,8 @@ def test_position_messages_are_sent_by_default(qgc: Connection) -> None:
 def test_enabled_sensors_are_healthy(qgc: Connection) -> None:
     """``_handleSysStatus``: unhealthy is ``enabled & ~health``.
 
-    The arm button needs MAV_SYS_STATUS_PREARM_CHECK."""
+    The arm button needs MAV_SYS_STATUS_PREARM_CHECK.
+    """
     status = streams(qgc)["SYS_STATUS"]
     assert not status.onboard_control_sensors_enabled & ~status.onboard_control_sensors_health
     assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK

@@ -58,7 +58,8 @@ class Store:
 
 class FakeVehicle:
     """Call ``turn`` whenever ground waits; ``answers`` maps a command to its results, the last one
-    for good."""
+    for good.
+    """
 
     def __init__(
         self,

@@ -1,5 +1,6 @@
 """The live estimate, fed by frames: whole tests, gaps, clocks that go back, and streams that are
-too slow."""
+too slow.
+"""
 
 import math
 from collections.abc import Iterator

@@ -21,7 +21,8 @@ STATIONS = 16
 
 class LambFactors(NamedTuple):
     """Added mass of a prolate spheroid along and across its axis and in rotation, over the mass and
-    inertia of the displaced water."""
+    inertia of the displaced water.
+    """
 
     k_1: float
     k_2: float

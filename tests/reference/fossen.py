@@ -112,7 +112,8 @@ def C_A(nu_r: Array, ship: Craft) -> Array:
 
 def D(nu_r: Array, ship: Craft) -> Array:
     """Damping of the hull beside the cross flow (ch. 6): lift in proportion to speed, quadratic
-    drag, roll."""
+    drag, roll.
+    """
     u, p = nu_r[0], nu_r[3]
     h, forward = ship.model.hull, abs(u)
     in_flu = -np.array(
@@ -166,7 +167,8 @@ def polar_coefficients(alpha: float, polar: Polar) -> tuple[float, float]:
 
 def wing(flow: Array, chord: Array, pressure_area: float, polar: Polar) -> Array:
     """Lift and drag of a wing moving at ``flow`` with its chord along ``chord``: the paper's t1,
-    t2, t3 frame."""
+    t2, t3 frame.
+    """
     V = float(np.linalg.norm(flow))
     if V == 0.0:
         return np.zeros(3)

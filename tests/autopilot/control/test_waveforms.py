@@ -110,7 +110,8 @@ def test_multisine_between_grid_points_stays_within_bound(
 @pytest.mark.parametrize("order", range(2, 14))
 def test_shift_register_passes_all_states(order: int) -> None:
     """Golomb's first two postulates: one more +1 than -1; half of the runs have length 1, a quarter
-    length 2 and so on."""
+    length 2 and so on.
+    """
     bits = np.array(waveforms.maximal_sequence(order, 0))
     assert len(bits) == 2**order - 1
     assert abs(bits.sum()) == 1.0

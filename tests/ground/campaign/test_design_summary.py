@@ -42,7 +42,8 @@ def test_rows_show_worst_loop_and_point(design: dict[str, Any]) -> None:
 
 def test_rows_ignore_pitch_point(design: dict[str, Any]) -> None:
     """The specification limits four cuts (`sysid/design/heading.py`, `depth.py`); pitch is not
-    one."""
+    one.
+    """
     design["redesigned"]["margins"]["pitch"] = margins(7.0, 50.0, 1.9)
     rows = {row.limit: row for row in design_summary.rows(design)}
     assert rows["gain margin, dB"].where == "rudder"

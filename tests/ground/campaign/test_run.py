@@ -248,7 +248,8 @@ def test_campaign_prior_is_the_vehicles_own_file(
     vehicle: str, prior: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Caribou's prior was taken for every vehicle: xfin ended in a LinAlgError, my_vehicle in an
-    error about bench."""
+    error about bench.
+    """
     handed = []
     monkeypatch.setattr(refit, "refit", lambda *logs, prior, **more: handed.append(prior))
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)

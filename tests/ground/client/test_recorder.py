@@ -206,7 +206,7 @@ def test_info_counts_what_a_sender_lost(tmp_path: Path) -> None:
     assert (report["messages"], report["lost_frames"]) == (
         8,
         2,
-    )  # each text also stands in the log panel's channel
+    )  # each text is also in the log panel's channel
 
 
 def test_attachments_and_parameters_come_back(tmp_path: Path) -> None:

@@ -152,7 +152,8 @@ def test_arm_waits_until_prearm_check_passes(meet: Meet) -> None:
 
 def test_arm_refusal_of_ready_vehicle_is_final(meet: Meet) -> None:
     """The pre-arm checks pass: the reason, such as a missing mission, does not go away by
-    itself."""
+    itself.
+    """
     fake = meet({ARM: [REJECTED, REJECTED, ACCEPTED]})
     fake.prearm = True
     with pytest.raises(client.RefusedError, match="temporarily rejected"):

@@ -92,7 +92,7 @@ def simulated(request: pytest.FixtureRequest) -> Iterator[SimulatedVehicle]:
 
 
 @pytest.mark.process
-@pytest.mark.skipif(not affinity.cores(), reason="the system does not tell of cores")
+@pytest.mark.skipif(not affinity.cores(), reason="the system does not list its cores")
 def test_simulated_vehicle_runs_on_one_core(simulated: SimulatedVehicle) -> None:
     ours = affinity.cores()
     simulated.connect().close()

@@ -41,7 +41,7 @@ def start(request: pytest.FixtureRequest) -> ProcessFactory:
 
 @pytest.fixture
 def said(tmp_path: Path) -> Path:
-    """The file of a child's last words."""
+    """File of the standard error of a child."""
     path = tmp_path / "said"
     path.touch()
     return path
@@ -105,7 +105,7 @@ def test_process_ends_with_killed_parent(way: str, said: Path, tmp_path: Path) -
     wait_for(lambda: not Path(f"/proc/{pid}").exists() or _is_zombie(pid))
 
 
-@pytest.mark.skipif(not cores(), reason="the system does not tell of cores")
+@pytest.mark.skipif(not cores(), reason="the system does not list its cores")
 def test_process_pin_restricts_to_core(start: ProcessFactory, said: Path) -> None:
     core = cores()[-1]
     child = afloat(start, said)
@@ -120,7 +120,8 @@ def test_process_pin_restricts_to_core(start: ProcessFactory, said: Path) -> Non
 @pytest.mark.parametrize("module", PRELOADED_MODULES)
 def test_preloaded_modules_exist(module: str) -> None:
     """A module that is not would go unnoticed: multiprocessing carries on without it, and starts
-    take longer."""
+    take longer.
+    """
     importlib.import_module(module)
 
 

@@ -5,7 +5,8 @@ that rises from rest, end on (a shipped hull, nose up) and broadside (a cylinder
 Leaves out: the surface; attitude, which is upright or level by symmetry; the duct's and propeller's
 swirl. Reference: m' w' = F - k w^2 from rest: w = w_t tanh(k w_t t / m'), rise = m'/k ln cosh(k w_t
 t / m'), w_t = sqrt(F / k) (Newton 1687, Principia II, prop. 8, in modern form). Tolerance: 1e-9 of
-each figure, rounding and the integrator; 1e-6 of terminal speed, which is only approached."""
+each figure, rounding and the integrator; 1e-6 of terminal speed, which is only approached.
+"""
 
 from collections.abc import Iterator
 from math import cosh, log, pi, sqrt, tanh

@@ -3,7 +3,8 @@
 Verifies: that the Coriolis and centripetal terms of body and added mass, including the Munk moment,
 do no work and are equal to those of Fossen's matrices. Leaves out: all other forces.
 Reference: nu^T C(nu) nu = 0 for any skew-symmetric C (Fossen 2021, ch. 3 and 6); C_RB and C_A as
-written there. Tolerance: rounding."""
+written there. Tolerance: rounding.
+"""
 
 from collections.abc import Iterator
 

@@ -5,7 +5,8 @@ it; the stations of the shipped hulls against adaptive quadrature over their pro
 how C_d depends on Reynolds number and incidence; ends. Reference: integrals of 1/2 rho C_d d (v + x
 r)|v + x r| over the length in closed form; scipy's adaptive quadrature. Tolerance: the Gauss rule
 is exact for polynomials and loses where the flow turns round within the length, at a kink: up to 2
-% of the force in the worst place shown. Half a percent for hulls."""
+% of the force in the worst place shown. Half a percent for hulls.
+"""
 
 from collections.abc import Iterator
 from math import hypot

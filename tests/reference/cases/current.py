@@ -5,7 +5,8 @@ water accelerates a neutral body equally, and a light or heavy body according to
 pressure. Leaves out: shear along the hull; how a current varies with depth, which
 belongs to the environment. Reference: Galilean invariance; (rho V + m_a) / (m + m_a) of the water's
 acceleration for a free body (Batchelor 1967, sec. 6.8), 3/2 and 9/13 for spheres of half and 5/3
-the water's density. Tolerance: rounding, as it grows in 60 s."""
+the water's density. Tolerance: rounding, as it grows in 60 s.
+"""
 
 from collections.abc import Iterator
 

@@ -5,7 +5,8 @@ of a vehicle without thrust in still water never increases, and that this holds 
 Leaves out: thrust; the surface, where waves would carry energy away.
 Reference: conservation; the second law. Sixty random vehicles, ring-ducted and finned, each at 40
 random motions and through a minute of free flight. Tolerance: 1e-6 of the energy moved for
-conservation; rounding for gains."""
+conservation; rounding for gains.
+"""
 
 from collections.abc import Iterator
 

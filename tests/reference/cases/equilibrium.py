@@ -3,7 +3,8 @@
 Verifies: weight alone, weight with buoyancy and added mass, a body that hovers, and thrust against
 drag at the speed that the vehicle file names. Leaves out: the surface; trim in pitch under way.
 Reference: Newton; 29.61 N of thrust at 1.3 m/s, which the paper's Table 1 holds (Y_dr = 131 U^2 +
-T). Tolerance: rounding; a thousandth of the thrust."""
+T). Tolerance: rounding; a thousandth of the thrust.
+"""
 
 from collections.abc import Iterator
 

@@ -5,7 +5,8 @@ body lies and its heave stiffness. Leaves out: waves; roll of a floating body, w
 on a body of revolution. Reference: rho g V with V by adaptive quadrature of the profile; W
 z_CM sin(angle); the area of a circular segment for a cylinder afloat, whose water-plane is its
 length times its chord. Tolerance: rounding and 1e-5 of a volume; for bodies afloat a nanometre, and
-1e-6 of the stiffness."""
+1e-6 of the stiffness.
+"""
 
 from collections.abc import Iterator
 from math import acos, cos, pi, sin, sqrt

@@ -4,7 +4,8 @@ Verifies: that a short push accelerates body and added mass together, in all six
 their couplings; the apparent mass of a sphere. Leaves out: every force that depends on speed,
 because the body is pushed for one step from rest. Reference: M^-1 J with M = M_RB + M_A assembled
 here from mass, centre of mass and inertia; 3/2 of the displaced mass for a sphere (Lamb 1932, sec.
-92). Tolerance: 1e-6 of the change of speed: what one step of Coriolis force adds."""
+92). Tolerance: 1e-6 of the change of speed: what one step of Coriolis force adds.
+"""
 
 from collections.abc import Iterator
 

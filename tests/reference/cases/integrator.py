@@ -5,7 +5,8 @@ that results do not depend on the step the simulator takes. Leaves out: kinks. D
 stall have one, so the motion keeps the sign of each speed and stays below stall where the order is
 measured. Reference: order four of the classical Runge-Kutta method (Kutta 1901); the same manoeuvre
 at a sixteenth of the step. Tolerance: 0.1 of the fitted order; a micrometre and a microdegree after
-a minute of turning and diving."""
+a minute of turning and diving.
+"""
 
 from collections.abc import Iterator
 

@@ -6,7 +6,8 @@ states. Leaves out: the tailcone (the duct moves without delay), the surface; th
 coefficients, which other cases verify. Reference: Fossen's equations in matrix
 form with Euler angles (``tests/reference/fossen.py``), integrated by scipy's DOP853 at a tolerance
 of 1e-7. Tolerance: rounding for accelerations; for manoeuvres 1e-5 of the figure, what two
-integrators leave."""
+integrators leave.
+"""
 
 from collections.abc import Iterator
 from math import degrees, radians

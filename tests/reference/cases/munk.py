@@ -6,7 +6,8 @@ of a hull. Leaves out: lift and drag, which do not exist in ideal flow.
 Reference: 1/2 rho V U^2 (k_2 - k_1) sin 2 alpha (Munk 1924, NACA report 184) with k_1, k_2 as Lamb
 tabulates them for a spheroid of slenderness 6.01 (Lamb 1932, sec. 114); the factors of the shipped
 hulls by quadrature of Lamb's integrals. Tolerance: 0.0015, Lamb's third decimal as his table has
-it, and 1e-9 for quadrature against closed form."""
+it, and 1e-9 for quadrature against closed form.
+"""
 
 from collections.abc import Iterator
 from math import cos, pi, sin

@@ -10,7 +10,8 @@ Underwater Vehicle", MIT/WHOI, 2001, hull parameters and appendix C; Y_vv with t
 that his own formula gives. Tolerance: 3 %, two printed digits and the difference between his
 quadrature and ours; 1 cm for the centre of buoyancy. For the rudder the thesis has two figures,
 that printed (9.64 kg/m, about one fin) and that of its own formula rho c S (21.4 kg/m, two fins at
-his slope of 3.12): the reference is their mean, and ours must lie between them."""
+his slope of 3.12): the reference is their mean, and ours must lie between them.
+"""
 
 from collections.abc import Iterator
 from math import pi

@@ -3,7 +3,8 @@
 Verifies: the six equations of a rigid body with its centre of mass off the origin and a full
 inertia tensor; that its momenta are constant without forces. Leaves out: water. Reference: the six
 scalar equations that the source paper prints under "Overall Vehicle Modeling"; Newton's first law.
-Tolerance: rounding for accelerations; for a minute's tumble what steps of 2 ms leave."""
+Tolerance: rounding for accelerations; for a minute's tumble what steps of 2 ms leave.
+"""
 
 from collections.abc import Iterator
 

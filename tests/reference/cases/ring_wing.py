@@ -5,7 +5,8 @@ incidence and duct angle below stall against the paper's formulas with its own m
 stall, which the paper does not treat; interaction with the hull. Reference: 3.4855 per rad at an
 aspect ratio of 1.25 and 5.1566 at 4.3716 (Milewski and the DSRV report, as the source paper quotes
 them under "Tailcone"); the paper's C_L, C_D and transformation T_R/B. Tolerance: the five digits
-printed; rounding for the force."""
+printed; rounding for the force.
+"""
 
 from collections.abc import Iterator
 from itertools import product
@@ -54,7 +55,8 @@ def paper_force(
     velocity: NDArray[np.float64], rudder: float, elevator: float
 ) -> NDArray[np.float64]:
     """The paper's "Tailcone" section as printed, with its matrices; below stall, moving forward,
-    not along the axis."""
+    not along the axis.
+    """
     cR, sR, cE, sE = cos(rudder), sin(rudder), cos(elevator), sin(elevator)
     to_ring = np.array([[cR * cE, sR, -cR * sE], [-sR * cE, cR, sR * sE], [sE, 0, cE]])
     v = to_ring @ velocity

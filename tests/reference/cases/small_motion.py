@@ -6,7 +6,8 @@ with the motion; roll and surge, which the planes do not contain: weight equals 
 centre of mass is coupled only to pitch. Reference: x(t) of x' = A x + B delta for a
 step, by the matrix exponential, A and B differentiated from the equations of motion. Tolerance:
 1e-4 of the largest response at a microradian over seven hull lengths, 1e-2 at a hundred: what is
-left out grows with the angle."""
+left out grows with the angle.
+"""
 
 from collections.abc import Iterator
 

@@ -4,7 +4,8 @@ Verifies: that a symmetric vehicle with zero duct angle in still water runs stra
 heading, roll or sway; and that rounding errors stay small in an oblique current, where symmetry is
 not exact to the bit. Leaves out: the autopilot and the sensors, whose errors steer a real vehicle;
 bias of the tailcone. Reference: symmetry, hence zero. Tolerance: 0.1 deg of heading in ten minutes,
-the requirement; the value is zero to the bit without current."""
+the requirement; the value is zero to the bit without current.
+"""
 
 from collections.abc import Iterator
 from math import degrees

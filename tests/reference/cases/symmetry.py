@@ -3,7 +3,8 @@
 Verifies: that mirrored inputs, disturbance and current give the mirrored track to the last bit, so
 that a sign error or a spurious turn would be seen. Leaves out: a centre of mass off the plane of
 symmetry. Reference: the same run, reflected in the vertical plane through north. Tolerance: none
-with a duct; rounding with fins, whose forces are summed one after the other."""
+with a duct; rounding with fins, whose forces are summed one after the other.
+"""
 
 from collections.abc import Iterator
 

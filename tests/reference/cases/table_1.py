@@ -4,7 +4,8 @@ Verifies: that the linearised equations of motion at 1.3 m/s and 58 % thrust hav
 of both shipped columns, and that the planes equal the paper's linear equations. Leaves out: other
 speeds; the correctness of the paper's coefficients. Reference: Table 1, "Initial" and "Adjusted",
 typed here again from the paper; its linear equations with x_CM = 0.
-Tolerance: 1e-6 of each number, what differences of the equations leave."""
+Tolerance: 1e-6 of each number, what differences of the equations leave.
+"""
 
 from collections.abc import Iterator
 
@@ -68,7 +69,8 @@ def _stacked(found: LinearPlanes) -> list[float]:
 
 def linear_planes(c: dict[str, float]) -> list[float]:
     """A and B of yaw (v, r, psi) and of pitch (w, q, theta, depth), row by row, one after the
-    other."""
+    other.
+    """
     m, g, U = MASS_KG, GRAVITY_MPS2, SPEED_MPS
     sway, yaw = m - c["Y_vdot_kg"], c["I_zz_kgm2"] - c["N_rdot_kgm2"]
     heave, pitch = m - c["Z_wdot_kg"], c["I_yy_kgm2"] - c["M_qdot_kgm2"]

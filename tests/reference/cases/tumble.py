@@ -6,7 +6,8 @@ tumbles and darts by Kirchhoff's equations; that linear and angular impulse stay
 inertial frame. Leaves out: weight, buoyancy, drag, lift. Reference: Euler's equations solved by
 Jacobi's elliptic functions (Landau and Lifshitz 1976, Mechanics, sec. 37); Kirchhoff's equations in
 the impulses (Lamb 1932, sec. 124) integrated by scipy's DOP853 at a tolerance of 1e-12. Tolerance:
-what steps of 5 ms leave after a minute, with a factor of a few to spare."""
+what steps of 5 ms leave after a minute, with a factor of a few to spare.
+"""
 
 from collections.abc import Iterator
 
@@ -78,7 +79,8 @@ def _pace(start_radps: tuple[float, ...]) -> float:
 
 def euler_radps(start_radps: tuple[float, ...], time_s: Array) -> Array:
     """Rates of a free body, principal moments ascending, that starts without spin about the middle
-    axis."""
+    axis.
+    """
     (_, B, C), (twice_E, LL) = INERTIA_KGM2, _invariants(start_radps)
     sn, cn, dn, _ = ellipj(_pace(start_radps) * time_s, _parameter(start_radps))
     p, r = start_radps[0], start_radps[2]
@@ -125,7 +127,8 @@ def _in_water(model: VehicleModel) -> Iterator[Check]:
 
 def _impulses(model: VehicleModel, state: Array, start: Array) -> Array:
     """Linear and angular impulse in the inertial frame, the latter about where the body was at
-    ``start``."""
+    ``start``.
+    """
     R, (P, H) = flight.rotation(state), np.split(model.inertia.M @ state[7:13], 2)
     linear = R @ P
     return np.concatenate([linear, R @ H + np.cross(state[0:3] - start[0:3], linear)])

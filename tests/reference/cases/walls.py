@@ -6,7 +6,8 @@ effect of a wall on added mass, which is significant within one radius of it. Re
 sources of a slender hull and its mirror image (Lagally 1922; Newman 1965, DTMB report
 2127), integrated here on a grid of its own; far away two dipoles side by side, 3 rho V^2 U^2 / (64
 pi h^4). Tolerance: 3 % near the wall, where the simulator reads a table that ends a hull's length
-off; 2 % far away; rounding for work; a centimetre of a resting hull."""
+off; 2 % far away; rounding for work; a centimetre of a resting hull.
+"""
 
 from collections.abc import Iterator
 from math import pi
@@ -57,7 +58,8 @@ def checks() -> Iterator[Check]:
 
 def _pull_kgpm(vehicle: config.VehicleConfig, distance_m: float) -> float:
     """Per U^2: sources at the middles of equal steps, each as strong as the section's change over
-    its step."""
+    its step.
+    """
     half = hull.length_m(vehicle.hull) / 2
     edges = np.linspace(-half, half, GRID + 1)
     sources = np.diff(pi * hull.radius_m(vehicle.hull, edges) ** 2)
@@ -68,7 +70,8 @@ def _pull_kgpm(vehicle: config.VehicleConfig, distance_m: float) -> float:
 
 def _work(name: str) -> float:
     """Power of the pull on a hull that moves in every way, over what force and speed could make of
-    it."""
+    it.
+    """
     model, state = flight.model(name), flight.cruising(SPEED_MPS)
     state[8:13] = 0.1, -0.2, 0.05, 0.03, -0.04
     near, free = (

@@ -9,7 +9,8 @@ both spectra (DNV-RP-C205, 2010, sec. 3.5.5); the long-wave limit 2 rho V k sigm
 of the mean force on a slender body held under waves (Ogilvie 1963, J. Fluid Mech. 16; Lee and
 Newman 1971, J. Ship Res. 15). Tolerance: rounding and differences; 5 % of height and period for an
 hour of 200 components, the last of which represents the whole tail of the spectrum; 1 % of the
-suction, whose limit is that of waves long against the hull."""
+suction, whose limit is that of waves long against the hull.
+"""
 
 from collections.abc import Iterator
 from itertools import pairwise

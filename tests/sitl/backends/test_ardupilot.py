@@ -105,10 +105,10 @@ def test_controls_from_pulses_cover_full_travel() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "received", "anew"),
+    ("before", "received", "restarted"),
     [(500, 0, True), (500, 501, False), (500, 499, False), (500, 3, True), (0, 0, False)],
 )
 def test_is_restart_distinguishes_restart_from_late_frame(
-    before: int, received: int, anew: bool
+    before: int, received: int, restarted: bool
 ) -> None:
-    assert is_restart(Servos(400, received, ()), Servos(400, before, ())) is anew
+    assert is_restart(Servos(400, received, ()), Servos(400, before, ())) is restarted

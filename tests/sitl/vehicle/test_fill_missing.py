@@ -110,7 +110,8 @@ m), ours is not."""
 
 def test_remus_coefficients_near_prestero():
     """Except for the hull's lift in a turn, which Prestero neglects: with lift in sway alone, some
-    motions would gain energy."""
+    motions would gain energy.
+    """
     found, with_his_fins = remus_coefficients(), remus_coefficients(1 / FIN_LIFT)
     for symbol, published in PRESTERO.items():
         ours, his = found[symbol], with_his_fins[symbol]
@@ -152,7 +153,8 @@ def remus_coefficients(fin_lift: float = 1.0) -> dict[str, float]:
 
 def hull_lift(vehicle: config.VehicleConfig) -> tuple[float, float]:
     """(kg/m, m): 0.003 per l/d and degree on d^2, 65 % of the length behind the nose (Hoerner and
-    Borst 1975)."""
+    Borst 1975).
+    """
     length, d = hull.length_m(vehicle.hull), vehicle.hull.diameter_m
     return vehicle.water.density_kgpm3 / 2 * degrees(0.003) * length * d, -0.15 * length
 

@@ -90,7 +90,8 @@ def test_fit_step_equals_fine_step(bench: config.VehicleConfig) -> None:
 
 def test_linear_planes_are_derivatives_of_plane_model(bench: config.VehicleConfig) -> None:
     """The tolerance is 0.5 %: with z_CM off the axis, the surge force of the net buoyancy adds to
-    the righting moment."""
+    the righting moment.
+    """
     vehicle = parameters.candidate_vehicle(
         bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(parameters.NAMES))
     )
@@ -116,7 +117,8 @@ def test_linear_planes_are_derivatives_of_plane_model(bench: config.VehicleConfi
 
 def test_small_signal_equals_paper_accelerations() -> None:
     """The adjusted column gives the accelerations that the paper measured: 0.51 in yaw, 0.46 in
-    pitch."""
+    pitch.
+    """
     from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED
 
     yaw = linear_planes.small_signal(linear_planes.yaw_plane(TABLE_1_ADJUSTED))

@@ -2,7 +2,8 @@
 or reads here.
 
 tlog: QGroundControl's (8 bytes of UNIX microseconds, big-endian, then the frame). .bin: ArduPilot's
-LogStructure.h. .ulg: docs.px4.io, "ULog File Format"."""
+LogStructure.h. .ulg: docs.px4.io, "ULog File Format".
+"""
 
 import math
 import struct
