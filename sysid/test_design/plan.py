@@ -369,8 +369,8 @@ def _check_time(
             )
         if not any(plane in c.manoeuvre.planes for c in selected):
             raise PlanInfeasibleError(
-                f"water time {request.water_s:.0f} s: leaves {max(free_s, 0.0):.0f} s for tests,"
-                f" too little for an opposite pair in {plane}; give more"
+                f"test time {request.water_s:.0f} s: leaves {max(free_s, 0.0):.0f} s for tests,"
+                f" too little for an opposite pair in {plane}; increase it"
             )
 
 

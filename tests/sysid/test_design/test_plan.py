@@ -73,5 +73,5 @@ def test_plan_envelope_equals_limits(few: plan.TestPlan) -> None:
 
 
 def test_plan_short_time_raises_with_remaining_time(bench: DesignPrior) -> None:
-    with pytest.raises(plan.PlanInfeasibleError, match=r"water time 320 s: leaves \d+ s"):
+    with pytest.raises(plan.PlanInfeasibleError, match=r"test time 320 s: leaves \d+ s"):
         plan.plan(bench, SHORT._replace(water_s=320.0))
