@@ -63,7 +63,7 @@ class MagneticField(ScenarioTable, frozen=True):
     """Earth's magnetic field; the defaults approximate the World Magnetic Model at Boston."""
 
     declination_deg: Angle = -14.4
-    """Positive east."""
+    """Magnetic declination, deg, positive east."""
     inclination_deg: Annotated[float, Meta(ge=-90.0, le=90.0)] = 67.0
     strength_gauss: Positive = 0.52
 

@@ -23,11 +23,11 @@ class LqgController(NamedTuple):
     rows: tuple[tuple[float, ...], ...]
     """Matrix (A B L), shape (n, n + 1 + m)."""
     feedback: tuple[float, ...]
-    """F, shape (n,)."""
+    """Feedback gain F, shape (n,)."""
     start: tuple[tuple[float, ...], ...]
     """S, shape (n, m): states of a vehicle in steady motion, from its measurements."""
     forward: tuple[float, ...]
-    """-F S, shape (m,)."""
+    """Feed-forward gain -F S, shape (m,)."""
     loads: int
     """Number of states, the last ones, that are constant disturbances."""
 
@@ -52,20 +52,20 @@ class ObserverState(NamedTuple):
     """State of a controller between two ticks."""
 
     states: tuple[float, ...]
-    """x."""
+    """Observer state x."""
     measured: tuple[float, ...]
-    """y of the last tick."""
+    """Measurements y of the last tick."""
     command_rad: float
-    """Limited u of the last tick."""
+    """Limited command u of the last tick."""
 
 
 class LqgReference(NamedTuple):
     """Reference and limits of a controller in one tick."""
 
     wanted: tuple[float, ...]
-    """r, in the order of the measurements."""
+    """Reference r, in the order of the measurements."""
     feedforward_rad: float
-    """u_ff: command that the motion of the reference needs."""
+    """Feed-forward command u_ff, which the motion of the reference needs."""
     low: float
     high: float
     """Limits of u (rad), relative to the trim."""

@@ -79,7 +79,7 @@ class MotionInput(NamedTuple):
     attitude: Quaternion
     """Body to NED."""
     water_mps: complex
-    """w: velocity through the water, from the thrust."""
+    """Velocity w through the water, from the thrust; north + i east."""
     powered: bool
     """Whether the propeller turns."""
     yaw_rate_radps: float

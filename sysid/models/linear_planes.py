@@ -35,7 +35,7 @@ class LinearPlane(NamedTuple):
     A: Array
     B: Array
     states: tuple[str, ...]
-    """("v", "r", "psi") or ("w", "q", "theta", "depth")."""
+    """Names of the states: ("v", "r", "psi") or ("w", "q", "theta", "depth")."""
     moment: Array
     """Input vector of an angular acceleration (rad/s^2) by a disturbance moment."""
 

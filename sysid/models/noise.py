@@ -99,11 +99,11 @@ class Filter(NamedTuple):
     """Time-varying Kalman filter of one plane for runs of up to ``gains.shape[0]`` samples."""
 
     transition: Array
-    """(states, states)."""
+    """(states, states), transition over one sample."""
     output: Array
-    """(outputs, states)."""
+    """(outputs, states), output matrix."""
     gains: Array
-    """(n, states, outputs)."""
+    """(n, states, outputs), gain of each sample."""
     whiteners: Array
     """(n, outputs, outputs): inverse Cholesky factor of the innovation covariance."""
     log_dets: Array

@@ -31,7 +31,7 @@ class UncertainVehicle(NamedTuple):
     vehicle: Callable[[Array], CandidateVehicle]
     """Function from z (p,) to the vehicle."""
     z: Array
-    """(p,), estimate."""
+    """(p,), estimate of z, in prior standard deviations."""
     covariance: Array | None
     """(p, p), covariance of z; None if it is unknown."""
 

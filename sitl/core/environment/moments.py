@@ -18,9 +18,9 @@ class SlowMoment(NamedTuple):
     """First-order Gauss-Markov process of unit variance: x(k+1) = decay x(k) + noise_gain n(k)."""
 
     decay: float
-    """exp(-tick / time constant)."""
+    """Factor of the value over one tick: exp(-tick / time constant)."""
     noise_gain: float
-    """sqrt(1 - decay^2)."""
+    """Gain of the unit white noise n: sqrt(1 - decay^2)."""
 
 
 class SecondOrder(NamedTuple):

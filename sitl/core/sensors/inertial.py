@@ -48,9 +48,9 @@ class Imu(NamedTuple):
     accelerometer_wander_mps2: float
     """Standard deviation of the wander."""
     wander_decay: float
-    """exp(-dt / time constant) for a time step dt of the wander."""
+    """Factor of the wander over its time step dt: exp(-dt / time constant)."""
     wander_noise_gain: float
-    """sqrt(1 - wander_decay^2)."""
+    """Gain of the white noise that drives the wander: sqrt(1 - wander_decay^2)."""
     sheet: ImuSheet
 
 

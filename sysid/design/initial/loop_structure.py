@@ -35,7 +35,7 @@ class LoopStructure(NamedTuple):
     """One loop: gains that scale with the factor, and fixed gains."""
 
     loop: str
-    """heading, pitch or depth."""
+    """Name of the loop: heading, pitch or depth."""
     free: Mapping[str, float]
     """Gains at a factor of one, by name."""
     fixed: Mapping[str, float]

@@ -29,7 +29,7 @@ class _NuisanceProjection(NamedTuple):
     """Effect of initial state and gyro bias on the outputs of a run, and its QR factors."""
 
     columns: Array
-    """(n, nuisances)"""
+    """(n, nuisances), derivatives of the outputs by each nuisance."""
     Q: Array
     R: Array
 

@@ -39,7 +39,7 @@ class SurfaceCommand(NamedTuple):
     """Command of a run."""
 
     angle_rad: Array
-    """(samples,) on the 50 Hz grid, rad."""
+    """(samples,), commanded angle on the 50 Hz grid, rad."""
     lead: int = 0
     """Samples before the first output; they determine the duct motion at the first output."""
 
@@ -64,9 +64,9 @@ class Discrete(NamedTuple):
     taps: Array
     """(n, STRIDE + 1), weights of the duct angles."""
     transition_slopes: Array
-    """(numbers, n, n)"""
+    """(numbers, n, n), derivatives of the transition by each coefficient."""
     taps_slopes: Array
-    """(numbers, n, STRIDE + 1)"""
+    """(numbers, n, STRIDE + 1), derivatives of the weights by each coefficient."""
 
 
 def discretise(model: LinearModel) -> Discrete:
