@@ -10,9 +10,8 @@ from autopilot.app import App
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.hil import HilLink
 from autopilot.comms.signing_keys import SigningKeys
-from autopilot.control.lqg_file import LqgFileError
-from autopilot.control.lqg_file import load as load_laws
-from autopilot.control.params import ParamError, ParamTable
+from autopilot.control.lqg_file import load as load_controllers
+from autopilot.control.params import ParamTable
 from autopilot.control.types import Severity
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.onboard_log.storage import default_folder
@@ -20,11 +19,11 @@ from autopilot.param_file import load
 from autopilot.param_store import ParamStore
 from autopilot.telemetry.identity import AutopilotId, version
 from autopilot.vehicle import Vehicle
+from mavlink_io.errors import CaribouError, exit_with_error
 from mavlink_io.host_check import exit_if_unsupported
 from mavlink_io.parent_watch import end_with_stdin, on_end_signals
 from mavlink_io.printable import printable
-from mavlink_io.signing import KeyFileError
-from mavlink_io.transport import SEND_TIMEOUT_S, AddressError, LinkLostError, open_transport
+from mavlink_io.transport import SEND_TIMEOUT_S, open_transport
 from mavlink_io.user_data_dir import user_data_dir
 
 DEFAULT_GROUND = ["udpout:127.0.0.1:14550", "udpout:127.0.0.1:14540"]
@@ -36,9 +35,6 @@ MAX_SEND_BLOCK_S = 0.2
 """Longest time that a send to a TCP client may block when the vehicle does not wait for the answer.
 
 A client stops reading when the vehicle dives and Wi-Fi is lost."""
-
-WORK_FAILED, BAD_INPUT = 1, 2
-"""Exit statuses."""
 
 
 def _print_version(requested: bool) -> None:
@@ -111,26 +107,23 @@ def fly(
     ] = False,
 ) -> None:
     """Fly the vehicle: read sensors, command actuators and serve ground stations over MAVLink."""
-    try:
-        param_store = ParamStore(_folder(state, user_data_dir()))
-        stored = param_store.load()
-        table = ParamTable(
-            stored | (load(params) if params else {}),
-            stored,
-            load_laws(controller) if controller else None,
-        )
-        vehicle = Vehicle(table)
-        keys = SigningKeys.from_options(sign or (), gcs or DEFAULT_GROUND)
-        hil_link = HilLink(open_transport(hil, wait_for_device=True), vehicle.system)
-        send_timeout_s = SEND_TIMEOUT_S if hil_link.lockstep else MAX_SEND_BLOCK_S
-        transports = [
-            open_transport(address, wait_for_device=True, send_timeout_s=send_timeout_s)
-            for address in gcs or DEFAULT_GROUND
-        ]
-        onboard_log = OnboardLog(vehicle, _folder(logs, default_folder()), version())
-        ground = GroundServer(vehicle, transports, autopilot_id, keys, onboard_log, param_store)
-    except (AddressError, KeyFileError, LqgFileError, ParamError) as error:
-        raise SystemExit(_print_error(error, BAD_INPUT)) from None
+    param_store = ParamStore(_folder(state, user_data_dir()))
+    stored = param_store.load()
+    table = ParamTable(
+        stored | (load(params) if params else {}),
+        stored,
+        load_controllers(controller) if controller else None,
+    )
+    vehicle = Vehicle(table)
+    keys = SigningKeys.from_options(sign or (), gcs or DEFAULT_GROUND)
+    hil_link = HilLink(open_transport(hil, wait_for_device=True), vehicle.system)
+    send_timeout_s = SEND_TIMEOUT_S if hil_link.lockstep else MAX_SEND_BLOCK_S
+    transports = [
+        open_transport(address, wait_for_device=True, send_timeout_s=send_timeout_s)
+        for address in gcs or DEFAULT_GROUND
+    ]
+    onboard_log = OnboardLog(vehicle, _folder(logs, default_folder()), version())
+    ground = GroundServer(vehicle, transports, autopilot_id, keys, onboard_log, param_store)
     links = ", ".join(link.transport.address for link in ground.links)
     print(
         f"autopilot: system {vehicle.system}, HIL {hil}, ground {links}",
@@ -147,8 +140,6 @@ def fly(
         end_with_stdin()
     try:
         App(vehicle, hil_link, ground, onboard_log).run(stop)
-    except LinkLostError as error:
-        raise SystemExit(_print_error(error, WORK_FAILED)) from None
     finally:
         for problem in (keys.save(), param_store.close(table)):
             if problem:
@@ -176,16 +167,13 @@ class Stop:
         self._requested = True
 
 
-def _print_error(error: Exception, status: int) -> int:
-    """Print an error on standard error and return the exit status."""
-    print(f"autopilot: {printable(error)}", file=sys.stderr)
-    return status
-
-
 def main() -> None:
     """Run the ``autopilot`` command."""
     exit_if_unsupported("autopilot")
-    typer.run(fly)
+    try:
+        typer.run(fly)
+    except CaribouError as error:
+        exit_with_error("autopilot", error)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """`ground`: the command line of the ground software.
 
 Each command writes progress and remarks to stderr and its result to stdout. With --json the result
-is one JSON object. Exit status: 0 done, 1 the work failed, 2 bad input, 130 interrupted by
-Ctrl-C.
+is one JSON object, and so is the code and message of an error. Exit status: 0 done, 1 the work
+failed, 2 bad input, 130 interrupted by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -36,19 +36,12 @@ from ground.cli import (
     vehicle,
     watch,
 )
-from ground.cli.options import remark, say
-from ground.errors import (
-    BAD_INPUT,
-    FAILED,
-    INTERRUPTED,
-    InputError,
-    Interrupted,
-    OperationError,
-)
+from ground.cli.options import remark, say, to_json
+from ground.errors import INTERRUPTED, Interrupted, UnsuccessfulError
+from mavlink_io.errors import FAILED, CaribouError, InputError, OperationError, exit_with_error
 from mavlink_io.host_check import exit_if_unsupported
 from mavlink_io.parent_watch import on_end_signals
 from mavlink_io.printable import printable
-from mavlink_io.transport import AddressError
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """Number of threads of OpenBLAS. Set before numpy is loaded: a refit solves many small systems,
@@ -56,8 +49,8 @@ which run five times slower with more threads."""
 
 HELP = """Fly vehicles, record their telemetry, identify models, redesign gains and report.
 
-Progress goes to stderr and the result to stdout; --json prints the result as one JSON object. Exit
-status: 0 done, 1 the work failed, 2 bad input, 130 interrupted by Ctrl-C."""
+Progress goes to stderr and the result to stdout; --json prints the result, or an error, as one JSON
+object. Exit status: 0 done, 1 the work failed, 2 bad input, 130 interrupted by Ctrl-C."""
 
 app = typer.Typer(
     add_completion=True, no_args_is_help=True, pretty_exceptions_enable=False, help=HELP
@@ -111,19 +104,15 @@ def main() -> None:
     on_end_signals(_interrupt)
     try:
         _run()
-    except (InputError, AddressError) as error:
-        _exit_with_error(error, BAD_INPUT)
-    except FileExistsError as error:
-        _exit_with_error(f"{error.filename}: exists; give a new name", BAD_INPUT)
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
-        _exit_with_error(f"{error.filename}: {error.strerror}", BAD_INPUT)
-    except (OperationError, OSError) as error:
-        _exit_with_error(error, FAILED)
+    except (CaribouError, OSError) as problem:
+        error = problem if isinstance(problem, CaribouError) else _classify(problem)
+        if "--json" in sys.argv and not isinstance(error, UnsuccessfulError):
+            say(to_json({"error": {"code": error.code, "message": str(error)}}))
+        exit_with_error("ground", error)
     except Interrupted as interruption:
         notes = getattr(interruption, "__notes__", [])
-        _exit_with_error(
-            "; ".join(["interrupted; what was recorded is kept", *notes]), interruption.status
-        )
+        remark("; ".join(["interrupted; what was recorded is kept", *notes]))
+        sys.exit(interruption.status)
 
 
 def _run() -> None:
@@ -149,10 +138,15 @@ def _interrupt(number: int, frame: object) -> None:
     raise Interrupted(INTERRUPTED if number == signal.SIGINT else FAILED)
 
 
-def _exit_with_error(problem: object, status: int) -> None:
-    """Print one line on stderr and exit."""
-    remark(problem)
-    sys.exit(status)
+def _classify(error: OSError) -> InputError | OperationError:
+    """Return an error of a file that the user named as InputError, any other as OperationError."""
+    match error:
+        case FileExistsError():
+            return InputError(f"{error.filename}: exists; give a new name")
+        case FileNotFoundError() | NotADirectoryError() | IsADirectoryError() | PermissionError():
+            return InputError(f"{error.filename}: {error.strerror}")
+        case _:
+            return OperationError(str(error))
 
 
 if __name__ == "__main__":

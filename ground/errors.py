@@ -1,23 +1,15 @@
-"""Errors of ground, each with a message of one line: the input is wrong, or the work failed."""
+"""Errors and the interruption that only ground has; `mavlink_io.errors` has the base classes."""
 
-FAILED, BAD_INPUT = 1, 2
-"""Exit status, the same for the simulator and the autopilot."""
+from mavlink_io.errors import ErrorCode, OperationError
+
 INTERRUPTED = 130
 """Exit status after Ctrl-C, by the convention of shells: 128 plus the number of SIGINT."""
 
 
-class InputError(ValueError):
-    """The input cannot be used; the message names file or option, value and what is expected.
+class UnsuccessfulError(OperationError):
+    """The command has printed its result, and the result is a failure."""
 
-    Exit status 2.
-    """
-
-
-class OperationError(RuntimeError):
-    """The work failed: the vehicle refused, a process ended, a fit did not converge.
-
-    Exit status 1.
-    """
+    code = ErrorCode.UNSUCCESSFUL
 
 
 class Interrupted(BaseException):

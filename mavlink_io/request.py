@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.errors import ErrorCode, OperationError
 from mavlink_io.transport import wait
 
 T = TypeVar("T")
@@ -47,8 +48,10 @@ RoomBytes = Callable[[], int]
 """Return how many bytes of bulk data (logs, files) a link accepts now."""
 
 
-class ExchangeError(RuntimeError):
+class ExchangeError(OperationError):
     """The peer refused the request or did not answer; the text contains the request and reason."""
+
+    code = ErrorCode.EXCHANGE_FAILED
 
 
 class Exchange(ABC, Generic[T]):

@@ -24,6 +24,7 @@ from pathlib import Path
 from mavlink_io import dialect
 from mavlink_io.clock import Every
 from mavlink_io.codec import Frame
+from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.user_data_dir import replace_file
 
 KEY_BYTES = 32
@@ -48,8 +49,10 @@ _RADIO_STATUS = dialect.by_name("RADIO_STATUS").message_id
 _HEX_KEY = re.compile(r"[0-9a-fA-F]{64}")
 
 
-class KeyFileError(ValueError):
+class KeyFileError(InputError):
     """A key file cannot be used; the text contains the file, the reason and what is expected."""
+
+    code = ErrorCode.KEY_FILE
 
 
 def key_from_passphrase(passphrase: str) -> bytes:

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
+from mavlink_io.errors import CaribouError, InputError, exit_with_error
 from mavlink_io.host_check import exit_if_unsupported
 from mavlink_io.parent_watch import end_with_stdin
-from mavlink_io.printable import printable
-from mavlink_io.transport import AddressError, LinkLostError
-from sitl.app import Options, TruthFileError, run
-from sitl.backends.factory import BackendError, BackendOptions, check_options, defaults_of
-from sitl.backends.lockstep import AutopilotTimeoutError
-from sitl.backends.servo_outputs import OutputsError
-from sitl.scenario_types import ScenarioError
-from sitl.vehicle.config import VehicleFileError
+from sitl.app import Options, run
+from sitl.backends.factory import BackendOptions, check_options, defaults_of
 
-FAILED, BAD_INPUT = 1, 2
-"""Exit status after a failure of the run, and after bad input."""
 MIN_SPEED, MAX_SPEED = 0.01, 10_000.0
 """Range of ``--speed``: vehicle seconds per second of wall time."""
 
@@ -119,40 +111,30 @@ def simulate(
         lockstep=not no_lockstep,
     )
     if no_lockstep and speed:
-        _exit_with_error(
+        raise InputError(
             f"--speed {speed} cannot be combined with --no-lockstep:"
-            " vehicle time follows the wall clock",
-            BAD_INPUT,
+            " vehicle time follows the wall clock"
         )
-    try:
-        check_options(backend)
-        defaults = defaults_of(autopilot)
-        run(
-            Options(
-                vehicle=vehicle,
-                scenario=scenario,
-                hil=hil or defaults.address,
-                speed=_parse_speed(speed or defaults.speed),
-                seed=seed,
-                truth=truth,
-                backend=backend,
-            )
+    check_options(backend)
+    defaults = defaults_of(autopilot)
+    run(
+        Options(
+            vehicle=vehicle,
+            scenario=scenario,
+            hil=hil or defaults.address,
+            speed=_parse_speed(speed or defaults.speed),
+            seed=seed,
+            truth=truth,
+            backend=backend,
         )
-    except (
-        VehicleFileError,
-        ScenarioError,
-        AddressError,
-        TruthFileError,
-        BackendError,
-        OutputsError,
-    ) as error:
-        _exit_with_error(error, BAD_INPUT)
-    except (AutopilotTimeoutError, LinkLostError, OSError) as error:
-        _exit_with_error(error, FAILED)
+    )
 
 
 def _parse_speed(text: str) -> float | None:
-    """Return vehicle seconds per second of wall time; None (no limit) for ``max``."""
+    """Return vehicle seconds per second of wall time; None (no limit) for ``max``.
+
+    Raises InputError.
+    """
     if text == "max":
         return None
     try:
@@ -160,17 +142,10 @@ def _parse_speed(text: str) -> float | None:
     except ValueError:
         speed = 0.0
     if not MIN_SPEED <= speed <= MAX_SPEED:
-        _exit_with_error(
-            f"--speed {text}: expected a number from {MIN_SPEED} to {MAX_SPEED:.0f}, or max",
-            BAD_INPUT,
+        raise InputError(
+            f"--speed {text}: expected a number from {MIN_SPEED} to {MAX_SPEED:.0f}, or max"
         )
     return speed
-
-
-def _exit_with_error(problem: object, status: int) -> NoReturn:
-    """Print an error and exit."""
-    print(f"sitl: {printable(problem)}", file=sys.stderr)
-    raise typer.Exit(status)
 
 
 def main() -> None:
@@ -178,7 +153,10 @@ def main() -> None:
     exit_if_unsupported("sitl")
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command()(simulate)
-    app()
+    try:
+        app()
+    except (CaribouError, OSError) as error:
+        exit_with_error("sitl", error)
 
 
 if __name__ == "__main__":

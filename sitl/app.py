@@ -10,6 +10,7 @@ from threading import Event
 from typing import NamedTuple
 
 from mavlink_io.clock import Pacer
+from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.parent_watch import on_end_signals
 from mavlink_io.records import ActuatorFrame
 from mavlink_io.transport import open_transport
@@ -26,8 +27,10 @@ RecordTruth = Callable[[Truth], None]
 """Callback that records the true state, called once per tick."""
 
 
-class TruthFileError(ValueError):
+class TruthFileError(InputError):
     """The truth log cannot be created; the message names the file and the reason."""
+
+    code = ErrorCode.TRUTH_FILE
 
 
 class Options(NamedTuple):

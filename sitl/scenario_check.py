@@ -10,19 +10,16 @@ import sys
 
 import msgspec
 
+from mavlink_io.errors import CaribouError, exit_with_error
 from sitl import scenario
-from sitl.scenario_types import ScenarioError
-
-BAD_INPUT = 2
 
 
 def main() -> None:
     """Print the scenario named on the command line, with every default filled in."""
     try:
         print(json.dumps(msgspec.to_builtins(scenario.load(sys.argv[1]))))
-    except ScenarioError as error:
-        print(f"sitl: {error}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
+    except CaribouError as error:
+        exit_with_error("sitl", error)
 
 
 if __name__ == "__main__":

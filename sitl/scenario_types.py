@@ -7,6 +7,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from mavlink_io.errors import ErrorCode, InputError
+
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
 Speed = Annotated[float, Meta(ge=-5.0, le=5.0)]
@@ -15,8 +17,10 @@ Angle = Annotated[float, Meta(ge=-360.0, le=360.0)]
 Damping = Annotated[float, Meta(gt=0.0, lt=1.0)]
 
 
-class ScenarioError(ValueError):
+class ScenarioError(InputError):
     """The scenario cannot be used; the message names file, key, value and the expected value."""
+
+    code = ErrorCode.SCENARIO
 
 
 class ScenarioTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

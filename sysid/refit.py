@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.errors import ErrorCode, InputError, OperationError
 from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import SHIPPED as SHIPPED
@@ -54,12 +55,16 @@ It is refused as a prior: no such file exists for a real vehicle.
 """
 
 
-class RefitError(ValueError):
+class RefitError(InputError):
     """The logs or the prior cannot be used; the message names the cause and the correction."""
 
+    code = ErrorCode.REFIT_DATA
 
-class FitFailedError(RuntimeError):
+
+class FitFailedError(OperationError):
     """The fit has no result; the message names the prior, the reason and a remedy."""
+
+    code = ErrorCode.FIT_FAILED
 
 
 class PriorKnowledge(NamedTuple):

@@ -14,6 +14,7 @@ from autopilot.control.types import Home
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.dialect import constant
+from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.frames import euler_from_quaternion, geodetic_to_offset
 from mavlink_io.mission_items import FRAME_LOCAL_NED, GLOBAL_FRAMES, GLOBAL_SCALE
 
@@ -31,8 +32,10 @@ _FIELDS = {"x": 1, "y": 2, "z": 4, "vx": 8, "vy": 16, "vz": 32, "yaw": 1024, "ya
 _BODY = frozenset((constant("MAV_FRAME_BODY_NED"), constant("MAV_FRAME_BODY_FRD")))
 
 
-class TargetError(ValueError):
+class TargetError(InputError):
     """A set-point that the vehicle cannot follow; the message is the reason."""
+
+    code = ErrorCode.SETPOINT
 
 
 class SetpointReceiver:

@@ -12,6 +12,7 @@ from typing import Any
 
 from autopilot.control import lqg
 from autopilot.control.lqg import LqgController, LqgControllers
+from mavlink_io.errors import ErrorCode, InputError
 
 FORMAT = 1
 TICK_S = 0.02
@@ -20,8 +21,10 @@ MEASURED = {"heading": 2, "depth": 4}
 """Number of measurements of each controller."""
 
 
-class LqgFileError(ValueError):
+class LqgFileError(InputError):
     """A file is not a valid controller file; the message has file, key, value and expectation."""
+
+    code = ErrorCode.CONTROLLER_FILE
 
 
 def load(path: Path) -> LqgControllers:

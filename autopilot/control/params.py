@@ -12,6 +12,7 @@ from typing import Annotated, NamedTuple, get_type_hints
 from autopilot.control.lqg import LqgControllers
 from autopilot.control.pid import Gains
 from autopilot.control.reference_model import ActuatorLead
+from mavlink_io.errors import ErrorCode, InputError
 
 MIN_MAGNITUDE = 2.0**-126
 """Smallest magnitude of a value other than 0: the smallest normal REAL32 (IEEE 754). A design may
@@ -602,8 +603,10 @@ def _as_real32(value: float) -> float:
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
-class ParamError(ValueError):
+class ParamError(InputError):
     """A parameter does not exist or a value is out of range; the message gives the range."""
+
+    code = ErrorCode.PARAMETER
 
 
 def _table() -> tuple[ParamInfo, ...]:

@@ -15,11 +15,11 @@ from ground.client import flight
 from ground.client.flight import FlightProgress
 from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClient, VehicleClientError
-from ground.errors import InputError, OperationError
 from ground.missions.signals import AXES, SIGNALS
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.dialect import constant
+from mavlink_io.errors import InputError, OperationError
 from mavlink_io.mission_items import MavCmd
 from sysid.data import readers
 from sysid.data.dataset import LogError
@@ -133,8 +133,8 @@ def measure(
             _sweep(session.sweeps, vehicle, recorder, watch)
     try:
         return bench_test.analyse(readers.read(path))
-    except (bench_test.BenchError, LogError) as error:
-        raise OperationError(str(error)) from None
+    except LogError as error:
+        raise bench_test.BenchError(str(error)) from None
 
 
 def _check_travel(session: Session, travel_deg: float) -> None:

@@ -12,9 +12,9 @@ from ground.bench_tests import bench
 from ground.campaign import refit
 from ground.client import flight
 from ground.client.flight import FlightProgress
-from ground.errors import InputError, OperationError
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import wall_s
+from mavlink_io.errors import InputError
 from sysid.data import readers
 from sysid.data.dataset import LogError
 from sysid.estimation import inclining_test
@@ -133,8 +133,8 @@ def measure(
                 bench.listen_until(vehicle, recorder, armed_s + (number + 1) * plan.duration_s)
     try:
         return inclining_test.analyse(readers.read(log), plan.dated(), vehicle_file)
-    except (inclining_test.InclineError, LogError) as error:
-        raise OperationError(str(error)) from None
+    except LogError as error:
+        raise inclining_test.InclineError(str(error)) from None
 
 
 def as_json(measured: Inclining, prior: str, file_z_cm_m: float) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ground.campaign import prototype, refit
 from ground.client import param_file
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 from sysid.data import segments
 from sysid.data.dataset import Log
 from sysid.data.segments import Run

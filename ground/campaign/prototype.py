@@ -2,11 +2,10 @@
 
 from typing import Any
 
-from ground.errors import InputError, OperationError
+from mavlink_io.errors import InputError
 from sysid.design import initial
 from sysid.design.initial import InitialDesign
 from sysid.design.pid import DesignInfeasibleError
-from sysid.refit import VehicleFileError
 
 CARIBOU = ("caribou_truth", "caribou_nominal")
 """Vehicles that need no first design: the autopilot's defaults are the paper's prototype gains."""
@@ -56,9 +55,7 @@ def design(vehicle: str) -> InitialDesign:
     try:
         return initial.design_initial_gains(vehicle)
     except DesignInfeasibleError as error:
-        raise OperationError(f"{vehicle}: {error}") from None
-    except VehicleFileError as error:
-        raise InputError(str(error)) from None
+        raise DesignInfeasibleError(f"{vehicle}: {error}") from None
 
 
 def format_text(initial_design: InitialDesign) -> str:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ground.campaign import prototype
-from ground.errors import BAD_INPUT, InputError, OperationError
 from ground.missions import plans, script
+from mavlink_io.errors import BAD_INPUT, InputError, OperationError
 from sysid import refit
 from sysid.monte_carlo import readiness
 from sysid.monte_carlo.readiness import Moments

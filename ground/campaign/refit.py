@@ -1,7 +1,4 @@
-"""Interface to identification and design in sysid, for the commands and the campaign.
-
-Errors of sysid are raised as InputError or OperationError.
-"""
+"""Interface to identification and design in sysid, for the commands and the campaign."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -13,28 +10,21 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from ground.campaign import prototype
-from ground.errors import InputError, OperationError
+from mavlink_io.errors import InputError, OperationError
 from sysid import monitor
 from sysid import refit as fitting
 from sysid.data import readers
-from sysid.data.dataset import Log, LogError
+from sysid.data.dataset import Log
 from sysid.data.readers import servo_channels
 from sysid.data.segments import MarkedInterval
 from sysid.design import lqg, pid
 from sysid.design.lqg import LqgDesign
-from sysid.design.pid import Design, DesignInfeasibleError, Spec
+from sysid.design.pid import Design, Spec
 from sysid.models import model_file
-from sysid.models.model_file import IdentifiedModel, ModelError
+from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport, tracking_metrics
 from sysid.monitor.performance_spec import PerformanceBaseline
-from sysid.refit import (
-    SHIPPED,
-    BenchResultError,
-    FitFailedError,
-    NotUniqueError,
-    RefitError,
-    VehicleFileError,
-)
+from sysid.refit import SHIPPED
 from sysid.reproduction import paper_tables
 
 Method = Literal["map", "paper", "output-error", "filter-error"]
@@ -136,7 +126,7 @@ def refit(
     OperationError
         The fit failed.
     """
-    with _translate_errors():
+    with _singular_model_reported():
         model = fitting.refit(
             list(paths),
             prior=prior,
@@ -198,7 +188,7 @@ def redesign(
         The model is not fit for redesign, or no gains meet the specification.
     """
     _check_fit_for_redesign(model, "redesign", force)
-    with _translate_errors():
+    with _singular_model_reported():
         spec, vehicle = spec or specification(model, prior), read_vehicle(prior) if prior else None
         return pid.redesign(model, spec, vehicle, _initial_gains_of(model, prior))
 
@@ -212,7 +202,7 @@ def redesign_lqg(
 ) -> LqgDesign:
     """Design an LQG controller for a model. Parameters and errors as for `redesign`."""
     _check_fit_for_redesign(model, "redesign --method lqg", force)
-    with _translate_errors():
+    with _singular_model_reported():
         return lqg.design_lqg(
             model, spec, read_vehicle(prior) if prior else None, _initial_gains_of(model, prior)
         )
@@ -261,8 +251,7 @@ def _reasons(model: IdentifiedModel) -> str:
 
 def read_log(path: Path) -> Log:
     """Read a log for identification. Raises InputError."""
-    with _translate_errors():
-        return readers.read(path)
+    return readers.read(path)
 
 
 def tracking(log: Log) -> dict[str, Any]:
@@ -286,8 +275,7 @@ def monitor_log(log: Log, baseline: PerformanceBaseline) -> MonitorReport:
 
 def read_model(path: Path) -> IdentifiedModel:
     """Read a model file. Raises InputError."""
-    with _translate_errors():
-        return model_file.read(path)
+    return model_file.read(path)
 
 
 def sha256_of_model(path: Path) -> str:
@@ -297,8 +285,7 @@ def sha256_of_model(path: Path) -> str:
 
 def read_vehicle(prior: str) -> Any:
     """Read a vehicle file, or the vehicle of a model, for sysid. Raises InputError."""
-    with _translate_errors():
-        return fitting.vehicle_file(prior)
+    return fitting.vehicle_file(prior)
 
 
 def write_model(model: IdentifiedModel, path: Path) -> None:
@@ -307,16 +294,12 @@ def write_model(model: IdentifiedModel, path: Path) -> None:
 
 
 @contextmanager
-def _translate_errors() -> Iterator[None]:
-    """Raise errors of sysid as InputError (invalid files) or OperationError (failed work)."""
+def _singular_model_reported() -> Iterator[None]:
+    """Raise OperationError for a matrix of the model that cannot be inverted."""
     try:
         yield
     except LinAlgError as error:
         raise OperationError(f"the model is singular: {error}; fly more tests and refit") from None
-    except (BenchResultError, LogError, ModelError, RefitError, VehicleFileError) as error:
-        raise InputError(str(error)) from None
-    except (DesignInfeasibleError, FitFailedError, NotUniqueError) as error:
-        raise OperationError(str(error)) from None
 
 
 def _to_plain(value: Any) -> Any:

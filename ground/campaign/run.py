@@ -22,11 +22,11 @@ from ground.campaign import prototype, readiness, refit, summary
 from ground.campaign.campaign_folder import CAMPAIGN_FILE, STAGES, CampaignFolder
 from ground.campaign.worker import Worker
 from ground.client.flight import Dive, FlightProgress, FlightResult, fly_simulated
-from ground.errors import InputError, OperationError
 from ground.report import page
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess
 from mavlink_io.clock import wall_s
+from mavlink_io.errors import InputError, OperationError
 
 TRIM_MISSION = "trim"
 """Straight and level mission from which the trims are measured."""

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 from sysid.design.pid import Spec
 
 BOUNDS = {

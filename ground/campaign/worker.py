@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
-from ground.errors import OperationError
+from mavlink_io.errors import OperationError
 
 P = ParamSpec("P")
 T = TypeVar("T")

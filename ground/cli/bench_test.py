@@ -15,7 +15,7 @@ from ground.cli.options import (
     print_result,
     to_json,
 )
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 
 
 def bench_test(

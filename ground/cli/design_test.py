@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ground.cli.options import Json, Seed, new_file, print_result
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 
 if TYPE_CHECKING:
     from sysid.test_design.safety_margins import ExcursionLimits

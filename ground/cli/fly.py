@@ -18,7 +18,8 @@ from ground.cli.options import (
     new_file,
     print_result,
 )
-from ground.errors import InputError, OperationError
+from ground.errors import UnsuccessfulError
+from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MavCmd
 
 if TYPE_CHECKING:
@@ -131,7 +132,7 @@ def fly(
         json,
     )
     if result.failsafes:
-        raise OperationError("; ".join(result.failsafes))
+        raise UnsuccessfulError("; ".join(result.failsafes))
 
 
 def _parameters(

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from ground.errors import InputError
 from ground.terminal import Rendered
+from mavlink_io.errors import InputError
 from mavlink_io.printable import printable, printable_lines
 
 Address = Annotated[

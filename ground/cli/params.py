@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ground.cli.options import GROUND_LINK, Address, Json, Sign, new_file, print_result, remark
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 from mavlink_io.printable import printable
 
 if TYPE_CHECKING:

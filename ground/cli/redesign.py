@@ -8,7 +8,7 @@ import typer
 
 from ground.cli import params
 from ground.cli.options import Force, Json, ModelFile, Prior, Sign, SpecFile, print_result
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 
 if TYPE_CHECKING:
     from sysid.design.lqg import LqgDesign

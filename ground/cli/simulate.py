@@ -2,15 +2,15 @@
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ground.cli.options import Json, ModelFile, Prior, Seed, print_result
-from ground.errors import InputError, OperationError
+from ground.errors import UnsuccessfulError
+from mavlink_io.errors import InputError
 
 if TYPE_CHECKING:
     from sysid.monte_carlo.study import SimulationSummary
@@ -75,14 +75,14 @@ def simulate(
     from mavlink_io.clock import wall_s
     from sysid.monte_carlo import samples as vehicle_samples
     from sysid.monte_carlo import study
-    from sysid.monte_carlo.simulate import Sea
+    from sysid.monte_carlo.simulate import MissionRejectedError, Sea
 
     files = name_gain_sets([gains, *(compare or ())])
     scales = _parse_scales(disturbance_scale)
     seas = tuple(Sea(scale, current, math.radians(bias_shift)) for scale in scales)
     gain_sets = {name: param_file.load(path) for name, path in files.items()}
     items, start_s = plans.load_items(mission), wall_s()
-    with _translate_errors(mission), progress.display("simulate", quiet=json) as display:
+    with progress.display("simulate", quiet=json) as display:
         posterior = vehicle_samples.read(model, refit.read_vehicle(prior) if prior else None)
         request = study.StudyRequest(items, gain_sets, seas, samples, seed, PROCESSES)
 
@@ -90,7 +90,10 @@ def simulate(
             rate = vehicle_s / (wall_s() - start_s)
             display.show_fraction(f"{vehicle_s:.0f} s, {rate:.0f} a second", fraction)
 
-        summaries = study.simulate_samples(posterior, request, report)
+        try:
+            summaries = study.simulate_samples(posterior, request, report)
+        except MissionRejectedError as error:
+            raise MissionRejectedError(f"{mission}: {error}") from None
     if not json:
         vehicle_s = sum(summary.vehicle_s for summary in summaries)
         rate = vehicle_s / (wall_s() - start_s)
@@ -137,28 +140,12 @@ def _parse_scales(text: str) -> list[float]:
 
 
 def _raise_if_any_failed(summaries: "Sequence[SimulationSummary]") -> None:
-    """Raise OperationError if a simulated vehicle failed; the message describes the first one."""
+    """Raise UnsuccessfulError, which describes the first vehicle that failed, if any did."""
     from ground.report import simulation
 
     failed = [summary for summary in summaries if summary.failed]
     if failed:
-        raise OperationError(
+        raise UnsuccessfulError(
             simulation.verdict(failed[0])
             + (f"; {len(failed) - 1} more failed" if len(failed) > 1 else "")
         )
-
-
-@contextmanager
-def _translate_errors(mission: str) -> Iterator[None]:
-    """Raise errors of sysid as InputError."""
-    from sysid.models.model_file import ModelError
-    from sysid.monte_carlo.samples import NoCovarianceError
-    from sysid.monte_carlo.simulate import MissionRejectedError
-    from sysid.monte_carlo.study import GainsError
-
-    try:
-        yield
-    except MissionRejectedError as error:
-        raise InputError(f"{mission}: {error}") from None
-    except (GainsError, ModelError, NoCovarianceError) as error:
-        raise InputError(str(error)) from None

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ground.cli.options import Json, new_file, print_result, say
-from ground.errors import BAD_INPUT, InputError, OperationError
+from mavlink_io.errors import BAD_INPUT, InputError, OperationError
 
 app = typer.Typer(
     no_args_is_help=True,

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ground.campaign import refit
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 from sysid.data.dataset import Log
 from sysid.monitor import tracking_metrics
 from sysid.monitor.tracking_metrics import Array, Spread, SteadyWindow

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from ground.client.file_names import safe_file_name
 from ground.client.vehicle import VehicleClient, VehicleClientError
-from ground.errors import InputError, OperationError
+from mavlink_io.errors import InputError, OperationError
 from mavlink_io.logging.mcap import MAGIC
 from mavlink_io.services.ftp import payload
 from mavlink_io.services.ftp.client import FileClient

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 
 ModeMap = dict[str, dict[str, str]]
 

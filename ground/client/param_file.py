@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 from sysid.monitor.performance_spec import BaselineError, PerformanceBaseline, decode
 
 
@@ -86,7 +86,7 @@ def read_baseline(path: Path) -> PerformanceBaseline | None:
     try:
         return decode(_text(path), load(path))
     except BaselineError as error:
-        raise InputError(f"{path}: {error}; `ground redesign` writes a new one") from None
+        raise BaselineError(f"{path}: {error}; `ground redesign` writes a new one") from None
 
 
 def require_baseline(path: Path) -> PerformanceBaseline:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import msgspec
 
 from ground.client.vehicle import VehicleClient, VehicleClientError
-from ground.errors import InputError, OperationError
+from mavlink_io.errors import InputError, OperationError
 from mavlink_io.user_data_dir import replace_file, user_data_dir
 
 MAX_HISTORY = 50

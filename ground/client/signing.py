@@ -4,7 +4,6 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from ground.errors import InputError
 from mavlink_io.signing import (
     TIMESTAMP_FILE,
     KeyFileError,
@@ -33,7 +32,7 @@ def open_signing(key_file: Path | None) -> Iterator[Signing | None]:
     try:
         key = load_key(key_file)
     except KeyFileError as error:
-        raise InputError(f"--sign {error}") from None
+        raise KeyFileError(f"--sign {error}") from None
     timestamp = Timestamp(user_data_dir() / TIMESTAMP_FILE)
     try:
         yield Signing(key, LINK_ID, timestamp)

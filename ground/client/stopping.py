@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ground.client.vehicle import VehicleClient
-from ground.errors import OperationError
+from mavlink_io.errors import OperationError
 
 SURFACE, HOLD = "SURFACE", "HOLD"
 CONFIRM_TIMEOUT_S = 5.0

@@ -13,13 +13,13 @@ from ground.client import commands, connection_diagnosis
 from ground.client.commands import CommandExchange, ModeList
 from ground.client.recorder import Recorder
 from ground.client.signing import open_signing
-from ground.errors import OperationError
 from ground.live.watch import mode_names
 from mavlink_io import dialect
 from mavlink_io.clock import Every, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.errors import ErrorCode, OperationError
 from mavlink_io.logging.statustext import TextJoiner
 from mavlink_io.mission_items import MavCmd, MissionItem
 from mavlink_io.records import ARMED_FLAG
@@ -59,9 +59,13 @@ _SYS_STATUS = constant("MAVLINK_MSG_ID_SYS_STATUS")
 class VehicleClientError(OperationError):
     """The vehicle was not found, was lost or refused a request; the message gives the reason."""
 
+    code = ErrorCode.VEHICLE
 
-class RefusedError(VehicleClientError):
+
+class CommandRefusedError(VehicleClientError):
     """The vehicle refused a command; `result` is its MAV_RESULT."""
+
+    code = ErrorCode.COMMAND_REFUSED
 
     def __init__(self, reason: str, result: int) -> None:
         super().__init__(reason)
@@ -281,7 +285,7 @@ class VehicleClient:
 
         Raises
         ------
-        RefusedError
+        CommandRefusedError
             The refusal is permanent; or the vehicle refused twice while it reported that its
             pre-arm checks pass; or a temporary refusal lasted for `ARM_RETRY_S`.
         """
@@ -292,7 +296,7 @@ class VehicleClient:
             try:
                 self.command(MavCmd.COMPONENT_ARM_DISARM, 1.0)
                 return
-            except RefusedError as refusal:
+            except CommandRefusedError as refusal:
                 self.arm_requested = False
                 if refusal.result != commands.TEMPORARILY_REJECTED or wall_s() > deadline_s:
                     raise
@@ -308,14 +312,17 @@ class VehicleClient:
         self.command(MavCmd.COMPONENT_ARM_DISARM, 0.0, 21196.0 if force else 0.0)
 
     def command(self, command: int, *parameters: float) -> None:
-        """Send a command and wait until it is done. Raises RefusedError, VehicleClientError."""
+        """Send a command and wait until it is done.
+
+        Raises CommandRefusedError, VehicleClientError.
+        """
         exchange = CommandExchange(self._endpoint.send, GROUND, self._peer, command, *parameters)
         try:
             self._run(exchange)
         except VehicleClientError as error:
             if exchange.refusal is None:
                 raise
-            raise RefusedError(str(error), exchange.refusal) from None
+            raise CommandRefusedError(str(error), exchange.refusal) from None
 
     def use(self, kind: Callable[..., C], ask: Callable[[C], Exchange[T]]) -> T:
         """Run a request of a service: `use(FileClient, lambda files: files.list("/logs"))`."""

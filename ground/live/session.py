@@ -7,17 +7,15 @@ import numpy as np
 from rich.console import RenderableType
 
 from ground.client.vehicle import StatusText
-from ground.errors import InputError
 from ground.live import estimate_view
 from ground.live.estimate import PLANES, EstimateStatus, LiveEstimate
 from mavlink_io.clock import Every
 from mavlink_io.codec import Frame
+from mavlink_io.errors import InputError
 from sysid.estimation.map.fit import STRIDE
 from sysid.estimation.recursive import estimator, prior, report
 from sysid.estimation.recursive.estimator import Knowledge
 from sysid.estimation.recursive.prediction import START_STEPS, TestSamples
-from sysid.models.model_file import ModelError
-from sysid.refit import RefitError, VehicleFileError
 
 LOOK_PERIOD_S = 0.5
 """Time between two evaluations, by the wall clock (s).
@@ -105,8 +103,8 @@ def _read_prior(prior_name: str) -> Knowledge:
     """Return the prior of a name or file. Raises InputError."""
     try:
         return prior.knowledge(prior_name)
-    except (ModelError, RefitError, VehicleFileError) as error:
-        raise InputError(f"--prior: {error}") from None
+    except InputError as error:
+        raise type(error)(f"--prior: {error}") from None
 
 
 def _compile_kernels(knowledge: Knowledge) -> None:

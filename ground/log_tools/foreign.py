@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ground.client.file_names import safe_file_name
-from ground.errors import InputError
 from sysid.data import readers
 from sysid.data.dataset import LogError
 from sysid.data.readers.samples import MessageColumns
@@ -32,7 +31,7 @@ def info(path: Path) -> dict[str, Any]:
     InputError
         The log cannot be read.
     """
-    tables = _tables(path)
+    tables = readers.tables(path)
     first_s = min(float(table.time_s.min()) for table in tables.values())
     last_s = max(float(table.time_s.max()) for table in tables.values())
     return {
@@ -71,17 +70,9 @@ def export_csv(path: Path, out: Path) -> list[Path]:
     FileExistsError
         A file to be written exists already.
     """
-    tables = _tables(path)
+    tables = readers.tables(path)
     out.mkdir(parents=True, exist_ok=True)
     return [_write(out, name, table) for name, table in sorted(tables.items())]
-
-
-def _tables(path: Path) -> dict[str, MessageColumns]:
-    """Return the tables of a log by message type. Raises InputError."""
-    try:
-        return readers.tables(path)
-    except LogError as error:
-        raise InputError(str(error)) from None
 
 
 def _write(out: Path, name: str, table: MessageColumns) -> Path:

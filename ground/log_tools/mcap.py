@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ground.client.file_names import safe_file_name
-from ground.errors import InputError
 from mavlink_io import dialect
+from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.logging import mcap_reader, ros1
 from mavlink_io.logging.mavlink_log import PROFILE
 from mavlink_io.logging.mcap import McapWriter
@@ -34,6 +34,8 @@ class Recovered(NamedTuple):
 
 class McapFileError(InputError):
     """Error for a file that is not a finished MCAP log; the message includes the remedy."""
+
+    code = ErrorCode.MCAP_FILE
 
 
 def info(path: Path) -> dict[str, Any]:

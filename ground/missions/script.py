@@ -47,8 +47,9 @@ from typing import Literal
 
 import msgspec
 
-from ground.errors import InputError, out_of_range
+from ground.errors import out_of_range
 from ground.missions import signals
+from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
     FRAME_MISSION,
@@ -69,6 +70,8 @@ SHIPPED = files("ground") / "missions"
 
 class ScriptError(InputError):
     """An invalid mission; the message names file, key, value and what is expected."""
+
+    code = ErrorCode.MISSION_FILE
 
 
 class MissionStep(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -4,9 +4,9 @@ import subprocess
 import sys
 from typing import Any
 
-from ground.errors import OperationError
 from ground.report import paper_poles
 from ground.report.paper_poles import PolesComparison
+from mavlink_io.errors import OperationError
 from sysid.reproduction import paper_tables
 
 

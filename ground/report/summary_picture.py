@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Any
 
 from ground.campaign.campaign_folder import CampaignFolder
-from ground.errors import InputError
 from ground.report import figures, mpl_canvas
 from ground.report.figures import Curve, Figure
+from mavlink_io.errors import InputError
 
 COLORS = {
     "measured": "#9aa3ab",

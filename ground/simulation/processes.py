@@ -11,10 +11,10 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from ground.client.vehicle import VehicleClientError
-from ground.errors import BAD_INPUT, InputError
 from ground.simulation import affinity
 from ground.simulation.subprocesses import ProcessFactory, SpawnedProcess
 from mavlink_io.clock import wall_s
+from mavlink_io.errors import BAD_INPUT, InputError
 from mavlink_io.transport import AddressError, Transport, open_transport, wait
 
 START_TIMEOUT_S = 60.0

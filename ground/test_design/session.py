@@ -1,21 +1,16 @@
-"""Interface to the test design of sysid; its errors are raised as errors of ground."""
+"""Interface to the test design of sysid, for the command `ground design-test`."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ground.campaign import prototype, refit
-from ground.errors import InputError, OperationError
-from sysid.data.dataset import LogError
-from sysid.models.model_file import ModelError
-from sysid.refit import RefitError, VehicleFileError
+from mavlink_io.errors import InputError
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.test_design import plan
 from sysid.test_design import prior as design_priors
-from sysid.test_design.plan import PlanInfeasibleError, PlanRequest, TestPlan
+from sysid.test_design.plan import PlanRequest, TestPlan
 from sysid.test_design.prior import DesignPrior
-from sysid.test_design.safety_margins import UnstableLoopError
 
 
 def design_prior(prior: str | Path, trim: Path | None, window_s: float) -> DesignPrior:
@@ -37,16 +32,15 @@ def design_prior(prior: str | Path, trim: Path | None, window_s: float) -> Desig
     OperationError
         The trim flight was not steady.
     """
-    with _translate_errors():
-        design_prior = design_priors.read(prior)
-        if trim is None:
-            return design_prior
-        trims_deg = refit.measure_trims(trim, window_s)
-        return design_priors.with_trim(
-            design_prior,
-            math.radians(trims_deg["TRIM_RUD_DEG"]),
-            math.radians(trims_deg["TRIM_ELE_DEG"]),
-        )
+    design_prior = design_priors.read(prior)
+    if trim is None:
+        return design_prior
+    trims_deg = refit.measure_trims(trim, window_s)
+    return design_priors.with_trim(
+        design_prior,
+        math.radians(trims_deg["TRIM_RUD_DEG"]),
+        math.radians(trims_deg["TRIM_ELE_DEG"]),
+    )
 
 
 def trims(prior: DesignPrior) -> dict[str, float]:
@@ -94,16 +88,4 @@ def plan_tests(
     prior: DesignPrior, request: PlanRequest, report: Callable[[str, float], None]
 ) -> TestPlan:
     """Return the plan. Raises OperationError if no set of tests is feasible."""
-    with _translate_errors():
-        return plan.plan(prior, request, report)
-
-
-@contextmanager
-def _translate_errors() -> Iterator[None]:
-    """Raise errors of sysid as InputError or OperationError."""
-    try:
-        yield
-    except (LogError, ModelError, RefitError, VehicleFileError) as error:
-        raise InputError(str(error)) from None
-    except (UnstableLoopError, PlanInfeasibleError) as error:
-        raise OperationError(str(error)) from None
+    return plan.plan(prior, request, report)

@@ -14,6 +14,7 @@ from typing import BinaryIO, NamedTuple
 import zstandard
 from mcap.opcode import Opcode
 
+from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.logging.mcap import MAGIC
 
 MAX_CHUNK_BYTES = 64_000_000
@@ -41,8 +42,10 @@ _DATA_END_BYTES = _RECORD_HEAD.size + 4
 _FOOTER_BYTES = _RECORD_HEAD.size + _FOOTER.size
 
 
-class McapError(ValueError):
+class McapError(InputError):
     """The file is not an MCAP file or unpacks to more than the limits; the text contains which."""
+
+    code = ErrorCode.MCAP_CONTENT
 
 
 class McapSchema(NamedTuple):

@@ -8,6 +8,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from mavlink_io.clock import wall_s
+from mavlink_io.errors import ErrorCode, InputError, OperationError
 
 T = TypeVar("T")
 
@@ -44,12 +45,16 @@ _cache = _PollerCache()
 _yield_cpu: Callable[[], None] = getattr(os, "sched_yield", lambda: time.sleep(0.0))
 
 
-class AddressError(ValueError):
+class AddressError(InputError):
     """The address is malformed or cannot be opened; the text says why and what is expected."""
 
+    code = ErrorCode.ADDRESS
 
-class LinkLostError(ConnectionError):
+
+class LinkLostError(OperationError, ConnectionError):
     """The other end is gone and cannot come back."""
+
+    code = ErrorCode.LINK_LOST
 
 
 class Transport(Protocol):

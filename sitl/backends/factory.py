@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple, cast, get_args
 
+from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.transport import Transport
 from sitl.backends import Backend
 from sitl.backends.ardupilot import ArduPilot
@@ -20,8 +21,10 @@ MIN_HZ, MAX_HZ = 50, 1000
 _SECOND_US = 1_000_000
 
 
-class BackendError(ValueError):
+class BackendError(InputError):
     """The autopilot is unknown or does not support an option; the message names valid values."""
+
+    code = ErrorCode.AUTOPILOT_OPTION
 
 
 class BackendDefaults(NamedTuple):

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from mavlink_io.clock import wall_s
+from mavlink_io.errors import ErrorCode, OperationError
 from mavlink_io.records import ActuatorFrame
 from sitl.backends.hil import HilClient
 
@@ -23,8 +24,10 @@ RESEND_MAX_S = 0.5
 """Upper limit of that time."""
 
 
-class AutopilotTimeoutError(ConnectionError):
+class AutopilotTimeoutError(OperationError, ConnectionError):
     """The autopilot does not answer, or has stopped answering."""
+
+    code = ErrorCode.AUTOPILOT_TIMEOUT
 
 
 class Lockstep:

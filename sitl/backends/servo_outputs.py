@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from mavlink_io.errors import ErrorCode, InputError
+
 MAX_OUTPUTS = 16
 """Highest output number."""
 DEFAULT = "1,2,3"
 """Outputs of rudder, elevator and thrust in the order of ``ActuatorFrame.controls``."""
 
 
-class OutputsError(ValueError):
+class OutputsError(InputError):
     """The assignment is not valid; the message describes a valid one."""
+
+    code = ErrorCode.SERVO_OUTPUTS
 
 
 class Output(NamedTuple):

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from mavlink_io.clock import wall_s
+from mavlink_io.errors import ErrorCode
 from mavlink_io.records import ActuatorFrame
 from mavlink_io.transport import AddressError, Transport, baud_rate
 from sitl.backends.hil import HilClient
@@ -40,6 +41,8 @@ _NEUTRAL = ActuatorFrame(0, 0, (0.0,) * 16, 0)
 
 class TooSlowError(AddressError):
     """The serial line cannot carry the sensor messages; the message gives the lowest baud rate."""
+
+    code = ErrorCode.SERIAL_TOO_SLOW
 
 
 class WallClock:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from math import inf, isfinite, nan, radians
 from typing import NamedTuple
 
+from mavlink_io.errors import ErrorCode, InputError
+
 
 class Size(NamedTuple):
     """Numeric parameter of a fault."""
@@ -38,8 +40,10 @@ class Fault(NamedTuple):
         return f"{self.unit} {self.kind}"
 
 
-class FaultError(ValueError):
+class FaultError(InputError):
     """The fault is not possible; the message describes a valid one."""
+
+    code = ErrorCode.FAULT
 
 
 Kinds = Mapping[str, tuple[Size, ...]]

@@ -6,20 +6,18 @@ The initial geometry follows from length and diameter, with the usual proportion
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import typer
 
+from mavlink_io.errors import CaribouError, exit_with_error
 from mavlink_io.printable import printable, printable_lines
 from sitl.vehicle import check as checks
 from sitl.vehicle import config
 from sitl.vehicle.config import VehicleFileError
 from sitl.vehicle.export import write
 
-BAD_INPUT = 2
-"""Exit status for invalid input."""
 Kind = Literal["series58", "myring", "cylinder"]
 Steering = Literal["duct", "cruciform", "x"]
 
@@ -157,18 +155,12 @@ def _as_json(value: object) -> object:
     return None if isinstance(value, float) and abs(value) == float("inf") else value
 
 
-def _exit_with_error(problem: object) -> NoReturn:
-    """Print one line on stderr and exit with status 2."""
-    print(f"vehicle: {printable(problem)}", file=sys.stderr)
-    raise SystemExit(BAD_INPUT)
-
-
 def main() -> None:
     """Run the command line."""
     try:
         app()
-    except VehicleFileError as error:
-        _exit_with_error(error)
+    except CaribouError as error:
+        exit_with_error("vehicle", error)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,8 @@ from typing import Annotated, Any, Literal, get_args
 from msgspec import UNSET, Meta, Struct, UnsetType, defstruct
 from msgspec.structs import fields
 
+from mavlink_io.errors import ErrorCode, InputError
+
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
 Negative = Annotated[float, Meta(lt=0)]
@@ -18,8 +20,10 @@ Fraction = Annotated[float, Meta(gt=0, lt=1)]
 FullFraction = Annotated[float, Meta(gt=0, le=1)]
 
 
-class VehicleFileError(ValueError):
+class VehicleFileError(InputError):
     """Invalid vehicle file; the message is one line with file, key, value and what is expected."""
+
+    code = ErrorCode.VEHICLE_FILE
 
 
 class VehicleTable(Struct, frozen=True, forbid_unknown_fields=True):

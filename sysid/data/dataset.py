@@ -10,11 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.errors import ErrorCode, InputError
+
 Array = NDArray[np.float64]
 
 
-class LogError(ValueError):
+class LogError(InputError):
     """Log that cannot be used; the message names the file, the error and what is expected."""
+
+    code = ErrorCode.LOG
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,15 @@
 from pathlib import Path
 from typing import NamedTuple
 
+from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.margins import Analysis
 from sysid.monitor.performance_spec import PerformanceBaseline, encode
 
 
-class DesignInfeasibleError(Exception):
+class DesignInfeasibleError(OperationError):
     """No gains meet the specification on this model; the message names the worst limit."""
+
+    code = ErrorCode.DESIGN_INFEASIBLE
 
 
 class Spec(NamedTuple):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from mavlink_io.errors import ErrorCode, OperationError
 from sysid.data.dataset import Log
 from sysid.data.segments import RATE_HZ, TestInterval, intervals_of_tests
 from sysid.models import actuator
@@ -34,8 +35,10 @@ PAPER_LIMITS_HZ = {30.0: 0.25, 10.0: 0.75}
 _STARTS = (actuator.PAPER, actuator.PAPER._replace(natural_frequency_radps=10.0, delay_s=0.1))
 
 
-class BenchError(RuntimeError):
+class BenchError(OperationError):
     """The log contains no usable bench test; the message names what is missing."""
+
+    code = ErrorCode.BENCH_TEST
 
 
 class FrequencyPoint(NamedTuple):

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from mavlink_io.errors import ErrorCode, OperationError
 from sitl.vehicle.config import VehicleConfig
 from sysid.data.dataset import Log
 from sysid.models.model_file import ParameterEstimate
@@ -35,8 +36,10 @@ _LIKELY_HEIGHT_M = 0.02
 """Initial value of the search for h, m."""
 
 
-class InclineError(RuntimeError):
+class InclineError(OperationError):
     """The log contains no usable inclining test; the message names the reason."""
+
+    code = ErrorCode.INCLINING_TEST
 
 
 class WeightPeriod(NamedTuple):

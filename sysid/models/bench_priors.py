@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple, TypeVar
 import msgspec
 import numpy as np
 
+from mavlink_io.errors import ErrorCode, InputError
 from sitl.vehicle.config import VehicleConfig
 from sysid.data.segments import Plane
 from sysid.estimation.map.problem import Prior
@@ -33,8 +34,10 @@ MIN_BACKLASH_DEG = 0.02
 """Minimum backlash, because the parameter is a ratio and cannot be zero."""
 
 
-class BenchResultError(ValueError):
+class BenchResultError(InputError):
     """File is not a bench or inclining result, or not of this vehicle; a message of one line."""
+
+    code = ErrorCode.BENCH_RESULT
 
 
 class _Value(msgspec.Struct, frozen=True):

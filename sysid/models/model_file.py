@@ -11,6 +11,7 @@ from typing import Literal
 
 import msgspec
 
+from mavlink_io.errors import ErrorCode, InputError
 from sysid.data.segments import Plane
 from sysid.validation.results import ModelAssessment, PlaneValidation
 
@@ -21,8 +22,10 @@ MAX_POSTERIOR_TO_PRIOR_SD = 0.8
 """Posterior over prior standard deviation above which a coefficient counts as not measured."""
 
 
-class ModelError(ValueError):
+class ModelError(InputError):
     """Invalid model file; the message names the file, the error and what is expected."""
+
+    code = ErrorCode.MODEL_FILE
 
 
 class ModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

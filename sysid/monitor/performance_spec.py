@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
+from mavlink_io.errors import ErrorCode, InputError
 from sysid.models.model_file import ModelRecord
 
 FIRST_LINE = "# caribou gains 1"
@@ -22,8 +23,10 @@ RESONANCE_BANDWIDTH = 0.5
 """Bandwidth of the resonance filter, as a share of its frequency."""
 
 
-class BaselineError(ValueError):
+class BaselineError(InputError):
     """The header cannot be read; the message says what is wrong."""
+
+    code = ErrorCode.PERFORMANCE_BASELINE
 
 
 class PredictedStatistic(ModelRecord, frozen=True):

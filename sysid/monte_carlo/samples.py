@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.errors import ErrorCode, InputError
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import SHIPPED, VehicleConfig
 from sysid.models import model_file as models
@@ -19,8 +20,10 @@ MAX_DRAWS_PER_SAMPLE = 10
 """Maximum number of draws per requested vehicle; impossible vehicles are drawn again."""
 
 
-class NoCovarianceError(ValueError):
+class NoCovarianceError(InputError):
     """The model has no usable covariance; the message says what to do."""
+
+    code = ErrorCode.NO_COVARIANCE
 
 
 def read(path: str | Path, prior: VehicleConfig | None = None) -> DesignPrior:

@@ -11,6 +11,7 @@ from autopilot.control import core, modes, request_handler, requests
 from autopilot.control.params import Config
 from autopilot.control.types import US_PER_S, AutopilotState, Inputs, Trace
 from autopilot.control.types import Event as TextMessage
+from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.mission_items import MavCmd, MissionItem
 from sitl.vehicle.water import drifting
 from sysid.control_analysis.loop_transfer import TICK_S
@@ -49,8 +50,10 @@ COLUMNS = (
 """Columns of the simulated log."""
 
 
-class MissionRejectedError(ValueError):
+class MissionRejectedError(InputError):
     """The autopilot rejects the mission; the message says why."""
+
+    code = ErrorCode.MISSION_REJECTED
 
 
 class Sea(NamedTuple):

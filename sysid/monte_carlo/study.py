@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from autopilot.control import params
 from autopilot.control.params import Config
+from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.mission_items import MissionItem
 from sysid.monte_carlo import metrics, samples, simulate
 from sysid.monte_carlo.metrics import DiveMetrics
@@ -24,8 +25,10 @@ Report = Callable[[float, float], None]
 """Callback with the share of completed dives and the simulated time in them (s)."""
 
 
-class GainsError(ValueError):
+class GainsError(InputError):
     """The autopilot rejects a parameter; the message names set, parameter and permitted range."""
+
+    code = ErrorCode.GAINS_REJECTED
 
 
 class StudyRequest(NamedTuple):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.data.segments import Plane
 from sysid.estimation.map import fit
@@ -96,8 +97,10 @@ class TestPlan(NamedTuple):
     """Uncertainty after the paper's steps in the same time."""
 
 
-class PlanInfeasibleError(ValueError):
+class PlanInfeasibleError(OperationError):
     """No set of tests fits; the message gives the reason."""
+
+    code = ErrorCode.PLAN_INFEASIBLE
 
 
 class _PlaneKnowledge(NamedTuple):

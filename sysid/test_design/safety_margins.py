@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import bisect
 from scipy.special import ndtr
 
+from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.data.segments import RATE_HZ, Plane
 from sysid.estimation.map import fit
@@ -69,8 +70,10 @@ MAX_DRAWS_PER_SAMPLE = 10
 """Maximum number of draws per requested sample."""
 
 
-class UnstableLoopError(ValueError):
+class UnstableLoopError(OperationError):
     """The gains stabilise hardly any sampled vehicle; the message names the plane."""
+
+    code = ErrorCode.UNSTABLE_LOOP
 
 
 class VehicleSample(NamedTuple):

@@ -10,11 +10,11 @@ from rich.console import Console
 
 from ground.client import param_file
 from ground.client.vehicle import StatusText
-from ground.errors import InputError
 from ground.live import monitor_view
 from ground.live.listeners import Listeners
 from ground.live.performance_monitor import PerformanceMonitor
 from mavlink_io.codec import Frame
+from mavlink_io.errors import InputError
 from sysid import monitor
 from sysid.data.dataset import Log
 from tests.ground.test_live import TRAVEL_RAD, frame

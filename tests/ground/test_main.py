@@ -1,10 +1,31 @@
-"""The options that `ground` takes before the name of a command."""
+"""Options of `ground` before the name of a command, and exit status and output of errors."""
 
+import json
+import sys
 from importlib import metadata
 
+import pytest
 from typer.testing import CliRunner
 
+import ground.__main__ as command
 from ground.__main__ import app
+from ground.errors import UnsuccessfulError
+from mavlink_io.errors import BAD_INPUT, FAILED, InputError, OperationError
+from mavlink_io.transport import AddressError, LinkLostError
+
+
+def run_failing(error: Exception, monkeypatch: pytest.MonkeyPatch, *options: str) -> object:
+    """Run `ground` with a command that raises an error, and return the exit status."""
+
+    def fail() -> None:
+        raise error
+
+    monkeypatch.setattr(command, "_run", fail)
+    monkeypatch.setattr(command, "on_end_signals", lambda handler: None)
+    monkeypatch.setattr(sys, "argv", ["ground", "fly", *options])
+    with pytest.raises(SystemExit) as end:
+        command.main()
+    return end.value.code
 
 
 def test_version_option_prints_version_and_exits() -> None:
@@ -22,3 +43,46 @@ def test_help_lists_shell_completion() -> None:
     done = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"})
     assert done.exit_code == 0, done.output
     assert "--install-completion" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "message"),
+    [
+        (InputError("no"), BAD_INPUT, "no"),
+        (AddressError("no"), BAD_INPUT, "no"),
+        (OperationError("no"), FAILED, "no"),
+        (LinkLostError("gone"), FAILED, "gone"),
+        (
+            FileExistsError(17, "File exists", "a.mcap"),
+            BAD_INPUT,
+            "a.mcap: exists; give a new name",
+        ),
+        (FileNotFoundError(2, "No such file", "a.toml"), BAD_INPUT, "a.toml: No such file"),
+        (OSError(28, "No space left"), FAILED, "[Errno 28] No space left"),
+    ],
+)
+def test_error_gives_one_line_and_its_exit_status(
+    error: Exception,
+    status: int,
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run_failing(error, monkeypatch) == status
+    assert capsys.readouterr() == ("", f"ground: {message}\n")
+
+
+def test_json_option_prints_code_and_message_of_an_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_failing(LinkLostError("gone"), monkeypatch, "--json") == FAILED
+    printed = capsys.readouterr()
+    assert json.loads(printed.out) == {"error": {"code": "link_lost", "message": "gone"}}
+    assert printed.err == "ground: gone\n"
+
+
+def test_json_option_prints_no_second_object_after_a_result(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_failing(UnsuccessfulError("failsafe"), monkeypatch, "--json") == FAILED
+    assert capsys.readouterr() == ("", "ground: failsafe\n")

@@ -22,6 +22,7 @@ from ground.client.flight import FlightProgress as DiveProgress
 from ground.client.vehicle import StatusText
 from ground.live import estimate_view as live_view
 from ground.live.estimate import EstimateStatus
+from mavlink_io.errors import InputError
 from mavlink_io.printable import printable, printable_lines
 from tests.ground.fake import FakeVehicle, attend
 from tests.ground.live.test_watch import Sea
@@ -173,7 +174,7 @@ def test_error_any_text_is_one_line(text: str) -> None:
     real, sys.stderr = sys.stderr, page
     try:
         with pytest.raises(SystemExit):
-            command_line._exit_with_error(text, 1)
+            command_line.exit_with_error("ground", InputError(text))
     finally:
         sys.stderr = real
     assert page.getvalue() == f"ground: {printable(text)}\n"

@@ -5,6 +5,7 @@ from importlib.metadata import version
 
 import pytest
 
+from mavlink_io.errors import BAD_INPUT
 from sitl import __main__ as command
 
 
@@ -35,5 +36,5 @@ def test_help_option_lists_every_option(
 def test_speed_outside_range_is_bad_input(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(monkeypatch, "--speed", "0") == command.BAD_INPUT
+    assert run(monkeypatch, "--speed", "0") == BAD_INPUT
     assert "--speed 0: expected a number from 0.01 to 10000, or max" in capsys.readouterr().err

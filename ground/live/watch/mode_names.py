@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from ground.client import mode_map
-from ground.errors import InputError
 from mavlink_io.dialect import constant, enum_names
+from mavlink_io.errors import InputError
 
 CUSTOM_MODE_FLAG = constant("MAV_MODE_FLAG_CUSTOM_MODE_ENABLED")
 _PX4, _ARDUPILOT = constant("MAV_AUTOPILOT_PX4"), constant("MAV_AUTOPILOT_ARDUPILOTMEGA")

@@ -8,12 +8,12 @@ from rich.live import Live
 
 from ground.cli.options import print_result
 from ground.client.signing import open_signing
-from ground.errors import OperationError
 from ground.live.listeners import Listeners
 from ground.live.watch import rows, view
 from ground.live.watch.receiver import Receiver
 from ground.terminal import console
 from mavlink_io.clock import wall_s
+from mavlink_io.errors import OperationError
 from mavlink_io.parent_watch import on_end_signals
 from mavlink_io.transport import open_transport
 

@@ -8,6 +8,7 @@ from typing import Annotated, TypeVar
 
 from msgspec import Meta, Struct
 
+from mavlink_io.errors import ErrorCode, InputError
 from sitl.vehicle import toml_io
 from sitl.vehicle.config import Instruments, VehicleFileError
 
@@ -20,8 +21,10 @@ Probability = Annotated[float, Meta(ge=0, lt=1)]
 Angle = Annotated[float, Meta(gt=0, lt=90)]
 
 
-class CatalogueError(ValueError):
+class CatalogueError(InputError):
     """The catalogue cannot be read; the message names table, key, value and the expected value."""
+
+    code = ErrorCode.SENSOR_CATALOGUE
 
 
 class Sheet(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

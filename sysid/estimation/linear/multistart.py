@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from mavlink_io.errors import ErrorCode, OperationError
 from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.objective import Objective
 from sysid.estimation.linear.records import LinearPrior
@@ -32,11 +33,13 @@ BOUND_TOLERANCE = 1e-3
 """Distance from a bound, as a share of the range, below which a value counts as at the bound."""
 
 
-class NotUniqueError(Exception):
+class NotUniqueError(OperationError):
     """The data do not determine one plane.
 
     The message names the value or the starts, and a remedy.
     """
+
+    code = ErrorCode.NOT_UNIQUE
 
 
 class SearchResult(NamedTuple):

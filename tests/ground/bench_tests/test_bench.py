@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from ground.bench_tests import bench, incline
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 
 
 def ground(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:

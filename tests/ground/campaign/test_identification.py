@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from ground.__main__ import app
 from ground.campaign import identification, refit
-from ground.errors import OperationError
+from mavlink_io.errors import OperationError
 from sitl.vehicle import config
 from sitl.vehicle.config import VehicleFileError
 from sysid import refit as fitting

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from ground.campaign import readiness
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 
 CONTENT: dict[str, Any] = {
     "rig": {"clamped": False},

@@ -16,8 +16,8 @@ from ground.campaign import refit, run
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
 from ground.campaign.run import Campaign, CampaignRequest
 from ground.client import param_file
-from ground.errors import InputError, OperationError
 from ground.report import page, summary_picture
+from mavlink_io.errors import InputError, OperationError
 from tests.browser import check_layout, needs_chromium, opened
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from ground.campaign import refit, specification
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 from sitl.vehicle import config
 from sysid.design.pid import Spec
 

@@ -10,7 +10,7 @@ import pytest
 
 from ground.campaign.refit import read_log
 from ground.campaign.worker import Worker
-from ground.errors import InputError, OperationError
+from mavlink_io.errors import InputError, OperationError
 
 
 @pytest.fixture

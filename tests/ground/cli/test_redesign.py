@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 from ground.__main__ import app
 from ground.cli.redesign import DEFAULT_OUT, Method
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 
 
 def test_lqg_upload_is_refused() -> None:

@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 from ground.__main__ import app
 from ground.cli.options import to_json
 from ground.client import param_file
-from ground.errors import InputError, OperationError
 from ground.missions import plans
 from ground.report import simulation
+from mavlink_io.errors import InputError, OperationError
 from sitl.vehicle import config
 from sysid.models import model_file as models
 from sysid.monte_carlo import samples, study

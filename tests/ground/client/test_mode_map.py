@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.client import mode_map
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 
 OURS = {"MANUAL": 65536, "DEPTH": 131072}
 NUMBERS = st.integers(0, 2**32 - 1).map(str)

@@ -9,7 +9,7 @@ from ground.client import param_rollback
 from ground.client import vehicle as client
 from ground.client.param_rollback import History, ParamUpload
 from ground.client.vehicle import VehicleClient
-from ground.errors import InputError, OperationError
+from mavlink_io.errors import InputError, OperationError
 from tests.ground.fake import FakeVehicle, attend
 
 NEW = {"HDG_P": 0.875, "DPT_P": 0.25}

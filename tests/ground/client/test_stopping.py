@@ -11,8 +11,8 @@ from typer.testing import CliRunner, Result
 from ground.__main__ import app
 from ground.client import stopping
 from ground.client import vehicle as client
-from ground.client.vehicle import RefusedError, VehicleClient, VehicleClientError
-from ground.errors import OperationError
+from ground.client.vehicle import CommandRefusedError, VehicleClient, VehicleClientError
+from mavlink_io.errors import OperationError
 from tests.ground.fake import DENIED, FakeVehicle, attend
 
 SET_MODE = 176
@@ -56,7 +56,7 @@ def test_stop_command_mode_is_set_and_confirmed(
 def test_surface_refusal_is_an_error(fake: FakeVehicle) -> None:
     fake.answers[SET_MODE] = [DENIED]
     done = ground("surface")
-    assert isinstance(done.exception, RefusedError)
+    assert isinstance(done.exception, CommandRefusedError)
     assert str(done.exception) == "do set mode: denied"
 
 

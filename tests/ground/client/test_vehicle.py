@@ -156,7 +156,7 @@ def test_arm_refusal_of_ready_vehicle_is_final(meet: Meet) -> None:
     """
     fake = meet({ARM: [REJECTED, REJECTED, ACCEPTED]})
     fake.prearm = True
-    with pytest.raises(client.RefusedError, match="temporarily rejected"):
+    with pytest.raises(client.CommandRefusedError, match="temporarily rejected"):
         connected(fake).arm()
     assert asked_to_arm(fake) == 2, (
         "once more, as the checks may have passed since the first refusal"

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ground.__main__ import app
-from ground.errors import InputError
+from mavlink_io.errors import InputError
 from tests.sysid.data.readers import files
 
 
