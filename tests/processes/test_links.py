@@ -82,8 +82,10 @@ def test_parameter_request_needs_signature_on_signed_link(
     assert (signed.status, json.loads(signed.stdout)) == (0, {"HDG_P": pytest.approx(0.65)})
     assert get_parameter(linked_autopilot.unsigned).status == 0
     unsigned = get_parameter(linked_autopilot.signed)
-    assert (unsigned.status, unsigned.stdout) == (1, "")
+    assert unsigned.status == 1
     assert "no answer to the request for parameter HDG_P" in unsigned.stderr
+    message = unsigned.stderr.removeprefix("ground: ").rstrip("\n")
+    assert json.loads(unsigned.stdout) == {"error": {"code": "vehicle", "message": message}}
     linked_autopilot.process.signal(2)
     linked_autopilot.process.finish()
     saved = int((state / "signing_timestamp").read_text())
