@@ -11,7 +11,7 @@ from pathlib import Path
 
 from autopilot.control.params import ParamError, ParamTable
 from autopilot.param_file import lines, to_text
-from mavlink_io.clock import Every
+from mavlink_io.clock import Interval
 from mavlink_io.user_data_dir import replace_file
 
 FILE = "parameters.param"
@@ -32,7 +32,7 @@ class ParamStore:
         """Revision of the table that is on disk or is being written."""
         self._failed = False
         """Whether the last write failed."""
-        self._due = Every(SAVE_DELAY_S)
+        self._due = Interval(SAVE_DELAY_S)
         self.problems: list[str] = []
         """Problems of the file, found when it was loaded."""
 

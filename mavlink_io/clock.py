@@ -11,7 +11,7 @@ wall_s: Callable[[], float] = time.monotonic
 """Return the monotonic wall clock, in seconds from an arbitrary origin."""
 
 
-class Every:
+class Interval:
     """A periodic wall-clock timer; periods that were missed are not caught up.
 
     Parameters

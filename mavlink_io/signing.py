@@ -22,7 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mavlink_io import dialect
-from mavlink_io.clock import Every
+from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.user_data_dir import replace_file
@@ -147,7 +147,7 @@ class Timestamp:
     def __init__(self, path: Path | None = None, unix_s: Callable[[], float] = time.time) -> None:
         self._path, self._unix_s = path, unix_s
         self._last = max(_read_timestamp(path), self._clock() - 1)
-        self._save = Every(SAVE_S)
+        self._save = Interval(SAVE_S)
 
     def next(self) -> int:
         """Return the timestamp of the next sent frame, in 10 us units since 2015-01-01 UTC."""

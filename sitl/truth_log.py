@@ -9,7 +9,7 @@ from typing import Any
 
 from mcap.writer import Writer
 
-from mavlink_io.clock import Every
+from mavlink_io.clock import Interval
 from sitl.core.truth import Truth
 
 TOPIC = "/auv/truth"
@@ -66,7 +66,7 @@ class TruthLog:
         """
         self._file = path.open("xb")
         self._launch_ns = self._newest_ns = time.time_ns()
-        self._flush = Every(FLUSH_PERIOD_S)
+        self._flush = Interval(FLUSH_PERIOD_S)
         self._writer: Any = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start()
         schema = self._writer.register_schema(

@@ -39,7 +39,7 @@ def test_lqg_holds_heading_and_depth_closer_than_pid(controllers: LqgControllers
             leg(depth_m=4.0, heading_deg=0.0, duration_s=100.0),
             sea="disturbed",
             values=VALUES,
-            laws=flown,
+            controllers=flown,
         )
         steady = dive.during(40.0, 98.0)
         return float(np.std(dive["true_heading"][steady])), float(
@@ -56,7 +56,7 @@ def test_lqg_takes_over_smoothly_and_reaches_new_depth(controllers: LqgControlle
     dive = Dive(
         items + leg(depth_m=6.0, heading_deg=0.0, duration_s=50.0, first=4),
         values=VALUES,
-        laws=controllers,
+        controllers=controllers,
     )
     rudder_deg = np.degrees(dive["rudder"])
     assert np.max(np.abs(np.diff(rudder_deg[dive.during(5.0, 95.0)]))) < 6.0

@@ -21,7 +21,7 @@ from autopilot.telemetry.identity import COMPONENT, AutopilotId
 from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.vehicle import Vehicle
 from mavlink_io import dialect
-from mavlink_io.clock import Every, wall_s
+from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import MessageType, Values
 from mavlink_io.request import MavlinkId, Send, addressed_to
@@ -77,7 +77,7 @@ class GroundServer:
         Services use its identity to distinguish two clients with the same ids."""
         self.guard = Guard(vehicle.send_statustext)
         self._silent = False
-        self._heartbeat = Every(HEARTBEAT_S)
+        self._heartbeat = Interval(HEARTBEAT_S)
 
     @property
     def failures(self) -> FailureRelay:

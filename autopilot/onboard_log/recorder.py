@@ -13,7 +13,7 @@ from autopilot.onboard_log.session import LogSession
 from autopilot.onboard_log.storage import LogStore, StorageLimits
 from autopilot.onboard_log.writer import BackgroundFile
 from autopilot.vehicle import Vehicle
-from mavlink_io.clock import Every, wall_s
+from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import MessageType
 from mavlink_io.services.log_transfer.source import LogFile
@@ -41,7 +41,7 @@ class OnboardLog:
         self._failed = False
         self._disarmed_us, self._disarmed_s = 0, 0.0
         self._newest_us = -1
-        self._flush = Every(FLUSH_S)
+        self._flush = Interval(FLUSH_S)
 
     def tick(self, frames: Sequence[Frame]) -> None:
         """Log a tick with its received frames, the HIL_SENSOR frame last."""

@@ -6,7 +6,7 @@ from queue import SimpleQueue
 from threading import Event, Thread
 from typing import BinaryIO
 
-from mavlink_io.clock import Every
+from mavlink_io.clock import Interval
 
 SYNC_S = 2.0
 """Interval of fsync: data on the disk survives a loss of power."""
@@ -37,7 +37,7 @@ class BackgroundFile:
         self._queue: SimpleQueue[Work | None] = SimpleQueue()
         self._queued_count = self._done_count = 0
         self._unchecked_bytes = 0
-        self._sync = Every(SYNC_S)
+        self._sync = Interval(SYNC_S)
         self.error = ""
         """Reason why writing has failed; "" without an error."""
         self._thread = Thread(target=self._run, name="log", daemon=True)

@@ -27,7 +27,7 @@ class Contender(NamedTuple):
     """Controller of one of the two designs."""
 
     values: Values
-    laws: LqgControllers | None
+    controllers: LqgControllers | None
 
 
 Contenders = dict[str, Contender]
@@ -87,14 +87,14 @@ def _response(name: str, found: Response) -> list[Figure]:
 def _cuts(model: IdentifiedModel, lqg: LqgDesign) -> dict[str, Margins]:
     """Return the margins of the LQG loops, opened at each input and output."""
     vehicle = from_model(model)
-    seen = {
+    loops = {
         "yaw": (loop_analysis.measured_plane(vehicle, "yaw"), lqg.heading),
         "pitch": (loop_analysis.measured_plane(vehicle, "pitch"), lqg.depth),
     }
     return {
         name: loop_transfer.margins(cut)
-        for each, law in seen.values()
-        for name, cut in zip(each.names, loop_analysis.cuts(each, law), strict=True)
+        for plane, controller in loops.values()
+        for name, cut in zip(plane.names, loop_analysis.cuts(plane, controller), strict=True)
     }
 
 
@@ -122,7 +122,7 @@ def _trust(name: str, found: DesignRobustness | None) -> list[Figure]:
 
 def _cost(name: str, contender: Contender) -> Figure:
     """Return the CPU time of the loops per tick."""
-    config = replace(params.config(contender.values), lqg_controllers=contender.laws)
+    config = replace(params.config(contender.values), lqg_controllers=contender.controllers)
     estimate, memory = VehicleEstimate(speed_mps=config.cruise_speed_mps), LoopMemory()
     began_s = process_time()
     for _ in range(TICKS):

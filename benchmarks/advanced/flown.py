@@ -60,7 +60,12 @@ def fly(contender: Contender, water: Scenario, seed: int, vehicle: str | Vehicle
     """Simulate a straight run."""
     items = script.compile_items(script.load(MISSION))
     return Dive(
-        items, vehicle=vehicle, sea=water, seed=seed, values=contender.values, laws=contender.laws
+        items,
+        vehicle=vehicle,
+        sea=water,
+        seed=seed,
+        values=contender.values,
+        controllers=contender.controllers,
     )
 
 

@@ -14,7 +14,7 @@ from ground.client.vehicle import StatusText, VehicleClient, VehicleClientError
 from ground.errors import Interrupted
 from ground.missions import plans
 from ground.simulation.processes import SimulatedVehicle
-from mavlink_io.clock import Every, wall_s
+from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.transport import open_transport, wait
@@ -319,7 +319,7 @@ def _until_disarmed(
     follower: TelemetryListener | None,
 ) -> None:
     """Receive until the vehicle has disarmed."""
-    report = Every(PROGRESS_PERIOD_S)
+    report = Interval(PROGRESS_PERIOD_S)
     while not vehicle.disarmings:
         vehicle.pump(0.05)
         if watch is not None and report.due():

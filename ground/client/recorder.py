@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mavlink_io import dialect
-from mavlink_io.clock import Every, wall_s
+from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.logging import ros1
 from mavlink_io.logging.mavlink_log import Channel, MavlinkLog
@@ -54,7 +54,7 @@ class Recorder:
         self._file = path.open("wb")
         self._tlog = TelemetryLog(tlog) if tlog else None
         self._log = MavlinkLog(self._file)
-        self._flush = Every(FLUSH_PERIOD_S, wall_s)
+        self._flush = Interval(FLUSH_PERIOD_S, wall_s)
         self._finished = False
 
     @property

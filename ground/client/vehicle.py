@@ -15,7 +15,7 @@ from ground.client.recorder import Recorder
 from ground.client.signing import open_signing
 from ground.live.watch import mode_names
 from mavlink_io import dialect
-from mavlink_io.clock import Every, wall_s
+from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
@@ -107,7 +107,7 @@ class VehicleClient:
         self._endpoint = Endpoint(transport, *GROUND, signing)
         self._recorder = recorder
         self._watchdog = watchdog
-        self._heartbeat, self._check = Every(HEARTBEAT_PERIOD_S), Every(WATCHDOG_PERIOD_S)
+        self._heartbeat, self._check = Interval(HEARTBEAT_PERIOD_S), Interval(WATCHDOG_PERIOD_S)
         self._heartbeat_received_s = wall_s()
         self._latest: dict[int, Frame] = {}
         self._modes: dict[str, int] = {}

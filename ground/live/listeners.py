@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 
 from ground.client.flight import TelemetryListener
 from ground.client.vehicle import StatusText
-from mavlink_io.clock import Every
+from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 
 REFRESH_PERIOD_S = 0.5
@@ -36,7 +36,7 @@ class Listeners:
         listeners: Sequence[VisibleListener],
         show: Callable[[RenderableType], None] | None = None,
     ) -> None:
-        self._listeners, self._show, self._due = listeners, show, Every(REFRESH_PERIOD_S)
+        self._listeners, self._show, self._due = listeners, show, Interval(REFRESH_PERIOD_S)
 
     def begin(self, parameters: Mapping[str, float]) -> None:
         """Begin all listeners; ``parameters`` are the known parameters of the vehicle."""

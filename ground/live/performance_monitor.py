@@ -9,7 +9,7 @@ from ground.client.vehicle import StatusText
 from ground.live import monitor_view
 from ground.live.estimate import CLOCK_RESTART_S
 from ground.live.telemetry import Telemetry
-from mavlink_io.clock import Every
+from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 from sysid.data.readers.samples import DEFAULT_TRAVEL_DEG
 from sysid.monitor import Monitor
@@ -38,7 +38,7 @@ class PerformanceMonitor:
         self._baseline, self._announce = baseline, announce
         self._monitor, self._telemetry = Monitor(baseline), Telemetry({})
         self._announced: set[str] = set()
-        self._due = Every(LOOK_PERIOD_S)
+        self._due = Interval(LOOK_PERIOD_S)
 
     def begin(self, parameters: Mapping[str, float]) -> None:
         """Start monitoring a vehicle; ``parameters`` are its known parameters."""

@@ -9,7 +9,7 @@ from rich.console import RenderableType
 from ground.client.vehicle import StatusText
 from ground.live import estimate_view
 from ground.live.estimate import PLANES, EstimateStatus, LiveEstimate
-from mavlink_io.clock import Every
+from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 from mavlink_io.errors import InputError
 from sysid.estimation.map.fit import STRIDE
@@ -57,7 +57,7 @@ class LiveSession:
         self._show, self._announce = show, announce
         self._estimate: LiveEstimate | None = None
         self._status = EstimateStatus({}, (), "")
-        self._due = Every(LOOK_PERIOD_S)
+        self._due = Interval(LOOK_PERIOD_S)
 
     def begin(self, parameters: Mapping[str, float]) -> None:
         """Start the estimate of a vehicle; ``parameters`` are its known parameters."""

@@ -10,19 +10,19 @@ from autopilot.control import lqg, lqg_file
 from autopilot.control.lqg import LqgControllers
 from autopilot.control.lqg_file import LqgFileError
 
-LAWS = LqgControllers(
+CONTROLLERS = LqgControllers(
     1.3,
     lqg.from_matrices(((0.9, 0.1, 0.02, 1.0 / 3.0),), (-1.5,), ((0.0, 1.0),), 0),
     lqg.from_matrices(((0.9, 0.1, 0.2, -0.3, 0.05, 0.1),), (2.0,), ((0.0, 0.0, 1.0, 0.0),), 0),
     0.2,
 )
-WHOLE = json.loads(lqg_file.to_json(LAWS, "f00d"))
+WHOLE = json.loads(lqg_file.to_json(CONTROLLERS, "f00d"))
 
 
 def test_file_round_trip_is_equal(tmp_path: Path) -> None:
     path = tmp_path / "controller.json"
-    path.write_text(lqg_file.to_json(LAWS, "f00d"))
-    assert lqg_file.load(path) == LAWS
+    path.write_text(lqg_file.to_json(CONTROLLERS, "f00d"))
+    assert lqg_file.load(path) == CONTROLLERS
 
 
 @pytest.mark.parametrize(

@@ -54,10 +54,10 @@ class Dive:
         sea: str | Scenario = "calm",
         seed: int = 1,
         values: Mapping[str, float] | None = None,
-        laws: LqgControllers | None = None,
+        controllers: LqgControllers | None = None,
         limit_s: float = 900.0,
     ) -> None:
-        self.config = replace(params.config(values or {}), lqg_controllers=laws)
+        self.config = replace(params.config(values or {}), lqg_controllers=controllers)
         self._plant = plant.build(
             vehicles.load(vehicle) if isinstance(vehicle, str) else vehicle,
             scenario.load(sea) if isinstance(sea, str) else sea,

@@ -3,7 +3,7 @@
 import pytest
 
 from mavlink_io import clock
-from mavlink_io.clock import Every, Pacer
+from mavlink_io.clock import Interval, Pacer
 
 
 class Wall:
@@ -30,7 +30,7 @@ def wall(monkeypatch: pytest.MonkeyPatch) -> Wall:
 
 def test_timer_is_due_at_once_then_once_per_period() -> None:
     wall = Wall()
-    timer = Every(1.0, wall)
+    timer = Interval(1.0, wall)
     assert (timer.due(), timer.due()) == (True, False)
     wall.now_s += 0.9
     assert not timer.due()
@@ -40,14 +40,14 @@ def test_timer_is_due_at_once_then_once_per_period() -> None:
 
 def test_timer_does_not_catch_up() -> None:
     wall = Wall()
-    timer = Every(1.0, wall)
+    timer = Interval(1.0, wall)
     timer.due()
     wall.now_s += 10.0
     assert (timer.due(), timer.due()) == (True, False)
 
 
 def test_timer_hastened_is_due() -> None:
-    timer = Every(1.0, Wall())
+    timer = Interval(1.0, Wall())
     timer.due()
     timer.hasten()
     assert timer.due()

@@ -11,7 +11,7 @@ from ground.client import commands, connection_diagnosis
 from ground.client.flight import TelemetryListener
 from ground.client.vehicle import StatusText
 from mavlink_io import dialect
-from mavlink_io.clock import Every, wall_s
+from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
@@ -65,7 +65,7 @@ class Receiver:
     def __init__(self, transport: Transport, signing: Signing | None = None) -> None:
         self.address = transport.address
         self._endpoint = Endpoint(transport, *OWN_ID, signing)
-        self._heartbeat, self._requests = Every(1.0), Every(3.0)
+        self._heartbeat, self._requests = Interval(1.0), Interval(3.0)
         self._mode_list: commands.ModeList | None = None
         self._joiner = TextJoiner()
         self._arrivals: deque[tuple[float, int]] = deque()
