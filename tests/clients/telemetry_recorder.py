@@ -2,6 +2,8 @@
 
 import asyncio
 import json
+import os
+import termios
 import time
 from collections import defaultdict
 from collections.abc import Callable
@@ -217,4 +219,21 @@ async def connected(address: str, *, speed: float = 1.0, slow: bool = False) -> 
     system = await mavsdk.first_autopilot(timeout_s=2 * PATIENCE_S)
     if system is None:
         raise TimeoutError(f"no autopilot on {address}")
+    if address.startswith("serial://"):
+        _wait_in_read(address.removeprefix("serial://").rsplit(":", 1)[0])
     return Client(mavsdk, system, speed=speed, slow=slow)
+
+
+def _wait_in_read(device: str) -> None:
+    """Let MAVSDK wait for the next byte of a serial line that it has opened.
+
+    MAVSDK 4.1 opens a line with VMIN = 0. A read of the empty line then returns 0 bytes at once
+    instead of "try again" (termios(3)), and MAVSDK repeats it without a pause: it used a whole
+    core, which the tests of other processes need. Terminal attributes belong to the device, so
+    that they can be changed through a second file descriptor.
+    """
+    line = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    attributes = termios.tcgetattr(line)
+    attributes[6][termios.VMIN] = 1
+    termios.tcsetattr(line, termios.TCSANOW, attributes)
+    os.close(line)
