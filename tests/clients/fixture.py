@@ -46,7 +46,11 @@ class Afloat:
         self._processes = contextlib.ExitStack()
 
     def start(self) -> None:
-        """Start the vehicle; return when it is in standby with working sensors."""
+        """Start the vehicle; return when it is in standby with working sensors.
+
+        A vehicle faster than real time gets less processor time than its clients. On a busy
+        machine it then becomes slower, where a client would lose datagrams.
+        """
         sea = (
             "-m",
             "sitl",
@@ -61,6 +65,9 @@ class Afloat:
         own = autopilot(f"udpin:127.0.0.1:{self._hil}", *self._links, options=("--logs", logs))
         programs = self._processes.enter_context(own), self._processes.enter_context(process(*sea))
         self._processes.enter_context(on_one_core(*programs))
+        if float(self._speed) > 1.0:
+            for program in programs:
+                program.yield_to_others()
         wait_for_heartbeat(self.spare, STANDBY)
 
     def kill(self) -> None:

@@ -13,6 +13,9 @@ PATIENCE_S = 15.0
 POLL_S = 0.02
 END = "end-of-list"
 """Not a command: MAVProxy's error for it shows that all commands before it were executed."""
+REPEATS_AFTER_LOSS = 3
+UDP_SOCKETS = Path("/proc/net/udp")
+"""Sockets of the system (proc_net(5)): local address in column 1, dropped datagrams in the last."""
 PROGRAM = str(Path(sys.executable).with_name("mavproxy.py"))
 
 
@@ -41,6 +44,7 @@ class Console:
             cwd=folder,
             env=environment,
         )
+        self._port = int(master.rsplit(":", 1)[1]) if master.startswith("udp") else 0
         self.said = ""
         self._mark = 0
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -73,15 +77,36 @@ class Console:
     def ask(
         self, line: str, pattern: str, *, attempts: int = 1, within_s: float = PATIENCE_S
     ) -> re.Match[str]:
-        """Type a line and return the match in the answer; repeat it on a lossy line."""
+        """Type a line and return the match in the answer; repeat it on a lossy line.
+
+        A line is typed again, too, if datagrams were lost meanwhile: the answer may be among them.
+        """
         for _ in range(attempts - 1):
             self.say(line)
             try:
                 return self.hear(pattern, within_s / attempts)
             except TimeoutError:
                 continue
+        for _ in range(REPEATS_AFTER_LOSS):
+            lost = self.lost_datagrams()
+            self.say(line)
+            try:
+                return self.hear(pattern, within_s)
+            except TimeoutError:
+                if self.lost_datagrams() == lost:
+                    raise
         self.say(line)
         return self.hear(pattern, within_s)
+
+    def lost_datagrams(self) -> int:
+        """Return how many datagrams the kernel dropped because MAVProxy read too slowly.
+
+        0 for a serial line, and where /proc/net/udp does not exist.
+        """
+        if not self._port or not UDP_SOCKETS.exists():
+            return 0
+        rows = [row.split() for row in UDP_SOCKETS.read_text(encoding="ascii").splitlines()[1:]]
+        return sum(int(row[-1]) for row in rows if row[1].endswith(f":{self._port:04X}"))
 
     def messages(self) -> dict[str, tuple[int, dict[str, Any]]]:
         """Return the number of each message and its last fields, as ``status`` shows them."""

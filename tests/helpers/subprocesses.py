@@ -1,6 +1,7 @@
 """Real processes for tests: an autopilot, a simulator and third-party programs."""
 
 import contextlib
+import os
 import re
 import signal
 import subprocess
@@ -12,6 +13,8 @@ from ground.simulation import affinity
 from ground.simulation.processes import free_port as free_port
 
 PATIENCE_S = 60.0
+BACKGROUND_NICENESS = 5
+"""Niceness that gives a program a third of the processor time of a normal one (sched(7))."""
 
 
 class Finished(NamedTuple):
@@ -60,6 +63,10 @@ class Process:
     def pin(self, core: int) -> None:
         """Restrict the process to one core."""
         affinity.pin(self._popen.pid, core)
+
+    def yield_to_others(self) -> None:
+        """Lower the priority of the process below that of the test's other programs."""
+        os.setpriority(os.PRIO_PROCESS, self._popen.pid, BACKGROUND_NICENESS)
 
     def signal(self, number: signal.Signals) -> None:
         self._popen.send_signal(number)
