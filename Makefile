@@ -23,7 +23,7 @@ campaign: $(VENV)/run.stamp          ## fly, identify, redesign, fly again; repo
 	$(BIN)/ground campaign --seed $(SEED) --out $(OUT) $(if $(FORCE),--force)
 
 test: $(VENV)/dev.stamp check        ## run all checks and tests
-	$(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST)
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(PYTEST)
 
 test-fast: $(VENV)/dev.stamp check   ## run the checks and the tests without processes
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not process and not slow" $(PYTEST)
