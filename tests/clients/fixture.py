@@ -17,7 +17,9 @@ from mavlink_io.endpoint import Endpoint
 from mavlink_io.transport import open_transport, wait
 from tests.helpers.pty_pair import Line, Noise, line
 from tests.helpers.subprocesses import (
+    BACKGROUND_NICENESS,
     PATIENCE_S,
+    REAL_TIME_NICENESS,
     Process,
     autopilot,
     free_port,
@@ -65,9 +67,9 @@ class Afloat:
         own = autopilot(f"udpin:127.0.0.1:{self._hil}", *self._links, options=("--logs", logs))
         programs = self._processes.enter_context(own), self._processes.enter_context(process(*sea))
         self._processes.enter_context(on_one_core(*programs))
-        if float(self._speed) > 1.0:
-            for program in programs:
-                program.yield_to_others()
+        fast = float(self._speed) > 1.0
+        for program in programs:
+            program.set_niceness(BACKGROUND_NICENESS if fast else REAL_TIME_NICENESS)
         wait_for_heartbeat(self.spare, STANDBY)
 
     def kill(self) -> None:

@@ -13,8 +13,10 @@ from ground.simulation import affinity
 from ground.simulation.processes import free_port as free_port
 
 PATIENCE_S = 60.0
-BACKGROUND_NICENESS = 5
-"""Niceness that gives a program a third of the processor time of a normal one (sched(7))."""
+REAL_TIME_NICENESS, BACKGROUND_NICENESS = -5, 5
+"""Niceness for three times and a third of the processor time of a normal program (sched(7)).
+
+Programs that must follow the wall clock come first; programs in lockstep wait for each other."""
 
 
 class Finished(NamedTuple):
@@ -64,9 +66,10 @@ class Process:
         """Restrict the process to one core."""
         affinity.pin(self._popen.pid, core)
 
-    def yield_to_others(self) -> None:
-        """Lower the priority of the process below that of the test's other programs."""
-        os.setpriority(os.PRIO_PROCESS, self._popen.pid, BACKGROUND_NICENESS)
+    def set_niceness(self, niceness: int) -> None:
+        """Set the priority, as nice(1). A negative value has no effect without permission."""
+        with contextlib.suppress(PermissionError):
+            os.setpriority(os.PRIO_PROCESS, self._popen.pid, niceness)
 
     def signal(self, number: signal.Signals) -> None:
         self._popen.send_signal(number)

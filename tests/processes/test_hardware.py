@@ -22,7 +22,14 @@ from ground.missions import plans
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.transport import open_transport
 from tests.helpers.pty_pair import Line, Noise, line
-from tests.helpers.subprocesses import Finished, Process, autopilot, free_port, process
+from tests.helpers.subprocesses import (
+    REAL_TIME_NICENESS,
+    Finished,
+    Process,
+    autopilot,
+    free_port,
+    process,
+)
 
 pytestmark = pytest.mark.process
 
@@ -99,6 +106,8 @@ def rig(folder: Path, baud: int, ground: str, noise: Noise) -> Iterator[Rig]:
             str(truth),
         ) as simulator,
     ):
+        for program in (child, simulator):
+            program.set_niceness(REAL_TIME_NICENESS)
         yield Rig(child, simulator, hil, truth)
 
 

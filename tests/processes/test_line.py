@@ -14,22 +14,29 @@ BAUD = 57_600
 TEXT = bytes(range(256)) * 16
 
 
-def opened(device: str) -> serial.Serial:
-    return serial.Serial(device, BAUD, timeout=0.2, exclusive=True)
+PATIENCE_S, QUIET_S = 30.0, 0.2
 
 
-def heard(port: serial.Serial) -> bytes:
-    """Return all bytes that arrive until the line is quiet."""
-    parts = []
-    while part := port.read(65_536):
-        parts.append(part)
-    return b"".join(parts)
+def opened(device: str, timeout_s: float = PATIENCE_S) -> serial.Serial:
+    return serial.Serial(device, BAUD, timeout=timeout_s, exclusive=True)
 
 
 def through(cable: Line, data: bytes, end: str = "vehicle", other: str = "ground") -> bytes:
-    with opened(cable.device[end]) as sender, opened(cable.device[other]) as receiver:
+    """Send data; return all bytes that arrive until the line has carried them and is quiet."""
+    parts = []
+    with opened(cable.device[end]) as sender, opened(cable.device[other], QUIET_S) as receiver:
         sender.write(data)
-        return heard(receiver)
+        while (part := receiver.read(65_536)) or cable.carried(end) < len(data):
+            parts.append(part)
+    return b"".join(parts)
+
+
+def wait_until_carried(cable: Line, count: int) -> None:
+    """Wait until this number of bytes has left the vehicle's end."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while cable.carried("vehicle") < count:
+        assert time.monotonic() < deadline_s
+        time.sleep(QUANTUM_S)
 
 
 @pytest.mark.parametrize(("end", "other"), [("vehicle", "ground"), ("ground", "vehicle")])
@@ -86,8 +93,8 @@ def test_unplugged_device_disappears_and_reader_gets_error(tmp_path: Path) -> No
 def test_replugged_device_continues(tmp_path: Path) -> None:
     with line(tmp_path, BAUD) as cable, opened(cable.device["vehicle"]) as far:
         cable.unplug("ground")
-        far.write(b"nobody hears this")
-        time.sleep(0.1)
+        far.write(b"lost")
+        wait_until_carried(cable, 4)
         cable.plug("ground")
         with opened(cable.device["ground"]) as port:
             far.write(b"back")
@@ -102,5 +109,5 @@ def test_unread_bytes_are_lost_without_blocking(tmp_path: Path) -> None:
         for _ in range(20):
             os.write(device, TEXT)
         os.close(device)
-        time.sleep(0.3)
+        wait_until_carried(cable, 20 * len(TEXT))
         assert cable.carried("vehicle") == 20 * len(TEXT)

@@ -8,11 +8,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
 
 from ground.client import flight
 from ground.client.flight import Dive
@@ -230,6 +233,19 @@ def test_log_download_over_slow_lossy_line_is_complete(tmp_path: Path) -> None:
     assert fetched["checked"]
 
 
+def attitudes_on_disk(path: Path) -> int:
+    """Return the number of attitudes in a log that is being written."""
+    count = 0
+    with path.open("rb") as file, suppress(McapError):
+        channels = {}
+        for record in StreamReader(file).records:
+            if isinstance(record, Channel):
+                channels[record.id] = record.topic
+            elif isinstance(record, Message):
+                count += channels[record.channel_id] == "/mavlink/1/1/ATTITUDE"
+    return count
+
+
 def test_killed_autopilot_loses_last_moment_only(tmp_path: Path) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--logs", str(tmp_path))
@@ -240,9 +256,12 @@ def test_killed_autopilot_loses_last_moment_only(tmp_path: Path) -> None:
             assert deck.ground.command(400, 1) == 0
             for tick in range(1, 101):
                 deck.simulator.ask(tick * TICK_US)
-            time.sleep(0.6)  # two flushes
+            (path,) = tmp_path.glob("*.mcap")
+            deadline = time.monotonic() + LONGEST_S
+            while attitudes_on_disk(path) < 100:
+                assert time.monotonic() < deadline
+                time.sleep(0.05)
             child.signal(signal.SIGKILL)
-    (path,) = tmp_path.glob("*.mcap")
     with pytest.raises(mcap.McapFileError, match="recover"):
         mcap.info(path)
     saved = ask("log", "recover", str(path), "--out", str(tmp_path / "saved.mcap"))
