@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.telemetry.identity import AutopilotId
 from mavlink_io.records import GpsFix
-from tests.helpers.fake_hil import Deck, only
+from tests.helpers.fake_hil import Harness, only
 
 FIX = GpsFix(0, 3, 41.5, -70.7, 12.0, 0.0, 0.0, 0.0, 9)
 REQUEST_MESSAGE, AUTOPILOT, MISSION = 512, 1, 0
@@ -20,11 +20,11 @@ REQUEST_MESSAGE, AUTOPILOT, MISSION = 512, 1, 0
 class Connection(NamedTuple):
     """A vehicle at the surface and a QGroundControl that has received its heartbeat."""
 
-    deck: Deck
+    harness: Harness
     autopilot: AutopilotId
 
     def ask(self, message: Any) -> list[Any]:
-        return self.deck.ask(message)
+        return self.harness.ask(message)
 
     def command(self, number: int, *parameters: float) -> list[Any]:
         """Send a command like ``Vehicle::sendMavCommand``: unused parameters are zero."""
@@ -47,13 +47,13 @@ class Connection(NamedTuple):
 
 def connect(autopilot: AutopilotId) -> Connection:
     """Return the connection after the first heartbeat and two seconds at the surface."""
-    deck = Deck(autopilot=autopilot)
-    deck.station.say(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
-    deck.serve()
-    deck.tick(100, fix=FIX)
-    deck.serve()
-    deck.station.heard()
-    return Connection(deck, autopilot)
+    harness = Harness(autopilot=autopilot)
+    harness.station.transmit(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
+    harness.serve()
+    harness.tick(100, fix=FIX)
+    harness.serve()
+    harness.station.pop_received()
+    return Connection(harness, autopilot)
 
 
 class Ftp:

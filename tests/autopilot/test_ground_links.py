@@ -25,7 +25,7 @@ from mavlink_io.signing import (
     key_from_passphrase,
     load_key,
 )
-from tests.helpers.fake_hil import TICK_US, Deck, Station, sensors, texts
+from tests.helpers.fake_hil import TICK_US, Harness, Station, sensors, texts
 
 KEY, NEW_KEY = key_from_passphrase("old"), key_from_passphrase("new")
 NOW_S = 1_700_000_000.0
@@ -67,21 +67,21 @@ def test_profile_uses_less_than_line_rate() -> None:
         assert wanted < 0.7 * baud / 10, profile.name
 
 
-def receive_for(deck: Deck, seconds: int) -> list[Any]:
+def receive_for(harness: Harness, seconds: int) -> list[Any]:
     """Return what the first station receives while vehicle time and wall clock advance."""
-    link = deck.server.links[0]
-    first = deck.time_us < 0  # the first tick only sets the phase
+    link = harness.server.links[0]
+    first = harness.time_us < 0  # the first tick only sets the phase
     for _ in range(seconds * SECOND_TICKS + first):
-        deck.time_us += TICK_US
-        deck.vehicle.tick(Inputs(sensors(deck.time_us), None, None, None))
-        deck.server.publish_telemetry()
-        link.flush(deck.time_us * 1e-6)
-    return deck.station.heard()
+        harness.time_us += TICK_US
+        harness.vehicle.tick(Inputs(sensors(harness.time_us), None, None, None))
+        harness.server.publish_telemetry()
+        link.flush(harness.time_us * 1e-6)
+    return harness.station.pop_received()
 
 
 def test_slow_link_sends_profile_and_requested_messages() -> None:
-    deck = Deck(serial_station(9600))
-    kinds = [m.get_type() for m in receive_for(deck, 10)]
+    harness = Harness(serial_station(9600))
+    kinds = [m.get_type() for m in receive_for(harness, 10)]
     assert {
         kind: kinds.count(kind) for kind in ("ATTITUDE", "VFR_HUD", "SYS_STATUS", "ODOMETRY")
     } == {
@@ -90,11 +90,11 @@ def test_slow_link_sends_profile_and_requested_messages() -> None:
         "SYS_STATUS": 2,
         "ODOMETRY": 0,
     }
-    deck.server.links[0].schedule.set_interval(mavlink.MAVLINK_MSG_ID_ALTITUDE, 500_000)
-    kinds = [m.get_type() for m in receive_for(deck, 10)]
+    harness.server.links[0].schedule.set_interval(mavlink.MAVLINK_MSG_ID_ALTITUDE, 500_000)
+    kinds = [m.get_type() for m in receive_for(harness, 10)]
     assert kinds.count("ALTITUDE") == 20
-    deck.server.links[0].schedule.set_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE, TICK_US)
-    flooded = receive_for(deck, 10)
+    harness.server.links[0].schedule.set_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE, TICK_US)
+    flooded = receive_for(harness, 10)
     assert sum(len(m.get_msgbuf()) for m in flooded) < 672 * 10 + 280
     assert {m.get_type() for m in flooded} >= {
         "ATTITUDE",
@@ -108,30 +108,32 @@ def test_slow_link_sends_profile_and_requested_messages() -> None:
 
 
 def test_request_data_stream_does_not_change_rates() -> None:
-    deck = Deck()
-    before = [m.get_type() for m in receive_for(deck, 2)]
-    deck.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 50, 1))
-    after = [m.get_type() for m in receive_for(deck, 2)]
+    harness = Harness()
+    before = [m.get_type() for m in receive_for(harness, 2)]
+    harness.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 50, 1))
+    after = [m.get_type() for m in receive_for(harness, 2)]
     assert after.count("ATTITUDE") == before.count("ATTITUDE") == 20
 
 
 def test_reply_is_sent_during_parameter_list(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = 0.0
     monkeypatch.setattr("autopilot.comms.ground_server.wall_s", lambda: now_s)
-    deck, received = Deck(serial_station(9600)), list[str]()
-    deck.station.say(mavlink.MAVLink_param_request_list_message(1, 1))
+    harness, received = Harness(serial_station(9600)), list[str]()
+    harness.station.transmit(mavlink.MAVLink_param_request_list_message(1, 1))
 
     def pass_time(duration_s: float) -> None:
         nonlocal now_s
         until_s = now_s + duration_s
         while now_s < until_s:
             now_s += 0.02
-            deck.server.receive(deck.server.links[0])
-            deck.server.poll()
-            received.extend(kinds(deck.station.heard()))
+            harness.server.receive(harness.server.links[0])
+            harness.server.poll()
+            received.extend(kinds(harness.station.pop_received()))
 
     pass_time(1.0)
-    deck.station.say(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 131_072, 0, 0, 0, 0, 0))
+    harness.station.transmit(
+        mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 131_072, 0, 0, 0, 0, 0)
+    )
     pass_time(0.8)
     assert "COMMAND_ACK" in received
     listed = received.count("PARAM_VALUE")
@@ -140,50 +142,54 @@ def test_reply_is_sent_during_parameter_list(monkeypatch: pytest.MonkeyPatch) ->
     assert received.count("PARAM_VALUE") == len(PARAMETERS)
 
 
-def two_stations() -> Deck:
+def two_stations() -> Harness:
     """Return a vehicle with a ground station on each of two links."""
-    deck = Deck(Station(255, 190), Station(250, 190))
-    for station in deck.stations:
-        deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), station)
-    for station in deck.stations:
-        station.heard()
-    return deck
+    harness = Harness(Station(255, 190), Station(250, 190))
+    for station in harness.stations:
+        harness.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), station)
+    for station in harness.stations:
+        station.pop_received()
+    return harness
 
 
 def test_frames_are_forwarded_between_stations() -> None:
-    deck = two_stations()
-    first, second = deck.stations
-    echo = deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 7, 0, 3), first)
-    assert [m.custom_mode for m in second.heard() if m.get_srcSystem() == 255] == [7]
+    harness = two_stations()
+    first, second = harness.stations
+    echo = harness.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 7, 0, 3), first)
+    assert [m.custom_mode for m in second.pop_received() if m.get_srcSystem() == 255] == [7]
     assert [m for m in echo if m.get_srcSystem() == 255] == []
-    deck.ask(mavlink.MAVLink_command_long_message(250, 190, 400, 0, 1, 0, 0, 0, 0, 0, 0), first)
-    assert [m.get_type() for m in second.heard() if m.get_srcSystem() == 255] == ["COMMAND_LONG"]
-    deck.ask(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 131_072, 0, 0, 0, 0, 0), first)
-    deck.ask(mavlink.MAVLink_command_long_message(77, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0), first)
-    assert [m for m in second.heard() if m.get_srcSystem() == 255] == []
-    assert deck.vehicle.state.mode == 131_072
-    assert not deck.vehicle.state.armed
+    harness.ask(mavlink.MAVLink_command_long_message(250, 190, 400, 0, 1, 0, 0, 0, 0, 0, 0), first)
+    assert [m.get_type() for m in second.pop_received() if m.get_srcSystem() == 255] == [
+        "COMMAND_LONG"
+    ]
+    harness.ask(
+        mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 131_072, 0, 0, 0, 0, 0), first
+    )
+    harness.ask(mavlink.MAVLink_command_long_message(77, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0), first)
+    assert [m for m in second.pop_received() if m.get_srcSystem() == 255] == []
+    assert harness.vehicle.state.mode == 131_072
+    assert not harness.vehicle.state.armed
 
 
 def test_component_behind_link_is_reachable() -> None:
-    deck = Deck(Station(255, 190), Station(1, 100))
-    camera = deck.stations[1]
-    deck.ask(mavlink.MAVLink_heartbeat_message(30, 8, 0, 0, 0, 3), camera)
-    camera.heard()
-    deck.ask(mavlink.MAVLink_command_long_message(1, 100, 2000, 0, 1, 0, 0, 0, 0, 0, 0))
-    assert [m.command for m in camera.heard() if m.get_type() == "COMMAND_LONG"] == [2000]
-    received = deck.command(400, 1, component=0)
+    harness = Harness(Station(255, 190), Station(1, 100))
+    camera = harness.stations[1]
+    harness.ask(mavlink.MAVLink_heartbeat_message(30, 8, 0, 0, 0, 3), camera)
+    camera.pop_received()
+    harness.ask(mavlink.MAVLink_command_long_message(1, 100, 2000, 0, 1, 0, 0, 0, 0, 0, 0))
+    assert [m.command for m in camera.pop_received() if m.get_type() == "COMMAND_LONG"] == [2000]
+    received = harness.command(400, 1, component=0)
     assert [m.get_srcComponent() for m in received if m.get_type() == "COMMAND_ACK"] == [1], (
         "the vehicle executes the command"
     )
-    assert [m.command for m in camera.heard() if m.get_type() == "COMMAND_LONG"] == [400], (
+    assert [m.command for m in camera.pop_received() if m.get_type() == "COMMAND_LONG"] == [400], (
         "the other stations receive it"
     )
 
 
 def test_unknown_messages_are_forwarded_unchanged() -> None:
-    deck = two_stations()
-    first, second = deck.stations
+    harness = two_stations()
+    first, second = harness.stations
     body = (
         struct.pack("<BBBBBBBHB", 4, 0, 0, 9, 255, 190, 0x34, 0xABCD, 0)[:9] + b"\x01\x02\x03\x04"
     )
@@ -193,7 +199,7 @@ def test_unknown_messages_are_forwarded_unchanged() -> None:
     first._outgoing += [raw, stranger, raw[:-1] + bytes((raw[-1] ^ 0x10,))]
     sent: list[bytes] = []
     second.send = sent.append  # type: ignore[method-assign]
-    deck.serve()
+    harness.serve()
     assert raw in b"".join(sent)
     assert b"".join(sent).count(body[-4:]) == 1, (
         "only from a known sender, with a CRC that one seed matches"
@@ -201,11 +207,11 @@ def test_unknown_messages_are_forwarded_unchanged() -> None:
 
 
 def test_routing_can_be_disabled() -> None:
-    deck = two_stations()
-    deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"MAV_FORWARD", 0.0, 9))
-    deck.stations[1].heard()
-    deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 7, 0, 3))
-    assert [m for m in deck.stations[1].heard() if m.get_srcSystem() == 255] == []
+    harness = two_stations()
+    harness.ask(mavlink.MAVLink_param_set_message(1, 1, b"MAV_FORWARD", 0.0, 9))
+    harness.stations[1].pop_received()
+    harness.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 7, 0, 3))
+    assert [m for m in harness.stations[1].pop_received() if m.get_srcSystem() == 255] == []
 
 
 def sign(station: Station, key: bytes = KEY, timestamp: int = NOW) -> None:
@@ -219,7 +225,7 @@ def sign(station: Station, key: bytes = KEY, timestamp: int = NOW) -> None:
     station._reader.robust_parsing = True
 
 
-class SignedDeck(Deck):
+class SignedHarness(Harness):
     """A vehicle whose first link is signed with a key file."""
 
     def __init__(self, folder: Path, *stations: Station) -> None:
@@ -233,7 +239,7 @@ class SignedDeck(Deck):
         self.tick(3)
         self.serve()
         for station in self.stations:
-            station.heard()
+            station.pop_received()
 
 
 def kinds(messages: list[Any]) -> list[str]:
@@ -241,14 +247,14 @@ def kinds(messages: list[Any]) -> list[str]:
 
 
 def test_signed_link_accepts_only_valid_signatures(tmp_path: Path) -> None:
-    deck = SignedDeck(tmp_path)
-    assert deck.command(400, 1) == [], "without a key"
-    sign(deck.station, NEW_KEY)
-    assert set(kinds(deck.command(400, 1))) <= {"BAD_DATA"}, "with another key"
-    assert not deck.vehicle.state.armed
-    sign(deck.station)
-    assert "COMMAND_ACK" in kinds(deck.command(400, 1))
-    assert deck.vehicle.state.armed
+    harness = SignedHarness(tmp_path)
+    assert harness.command(400, 1) == [], "without a key"
+    sign(harness.station, NEW_KEY)
+    assert set(kinds(harness.command(400, 1))) <= {"BAD_DATA"}, "with another key"
+    assert not harness.vehicle.state.armed
+    sign(harness.station)
+    assert "COMMAND_ACK" in kinds(harness.command(400, 1))
+    assert harness.vehicle.state.armed
 
 
 def setup(key: bytes, system: int = 1) -> Any:
@@ -256,61 +262,61 @@ def setup(key: bytes, system: int = 1) -> Any:
 
 
 def test_key_change_over_signed_link_is_stored(tmp_path: Path) -> None:
-    deck = SignedDeck(tmp_path)
-    sign(deck.station)
-    deck.station.say(setup(NEW_KEY))
-    sign(deck.station, NEW_KEY, NOW + 600)
-    deck.serve()
-    assert "Signing key changed on 1 link" in texts(deck.station.heard())
-    assert load_key(deck.file) == NEW_KEY
-    assert "COMMAND_ACK" in kinds(deck.command(400, 1))
+    harness = SignedHarness(tmp_path)
+    sign(harness.station)
+    harness.station.transmit(setup(NEW_KEY))
+    sign(harness.station, NEW_KEY, NOW + 600)
+    harness.serve()
+    assert "Signing key changed on 1 link" in texts(harness.station.pop_received())
+    assert load_key(harness.file) == NEW_KEY
+    assert "COMMAND_ACK" in kinds(harness.command(400, 1))
 
 
 def test_key_change_over_serial_line_applies_to_radio(tmp_path: Path) -> None:
     wire = serial_station(115_200, 250)
-    deck = SignedDeck(tmp_path, Station(255, 190), wire)
-    assert "Signing key changed on 1 link" in texts(deck.ask(setup(NEW_KEY), wire))
-    assert load_key(deck.file) == NEW_KEY
-    sign(deck.station, NEW_KEY, NOW + 600)
-    assert "COMMAND_ACK" in kinds(deck.command(400, 1))
+    harness = SignedHarness(tmp_path, Station(255, 190), wire)
+    assert "Signing key changed on 1 link" in texts(harness.ask(setup(NEW_KEY), wire))
+    assert load_key(harness.file) == NEW_KEY
+    sign(harness.station, NEW_KEY, NOW + 600)
+    assert "COMMAND_ACK" in kinds(harness.command(400, 1))
 
 
 def test_key_change_over_untrusted_link_or_armed_is_refused(tmp_path: Path) -> None:
     open_link, wire = Station(251, 190), serial_station(115_200, 250)
-    deck = SignedDeck(tmp_path, Station(255, 190), open_link, wire)
-    refused = texts(deck.ask(setup(NEW_KEY), open_link))
+    harness = SignedHarness(tmp_path, Station(255, 190), open_link, wire)
+    refused = texts(harness.ask(setup(NEW_KEY), open_link))
     assert refused == ["Signing key refused: the link is neither signed nor serial"]
-    zero = texts(deck.ask(setup(bytes(32)), wire))
+    zero = texts(harness.ask(setup(bytes(32)), wire))
     assert zero == ["Signing unchanged: it is configured at the start, by --sign"]
-    sign(deck.station)
-    deck.command(400, 1)
-    wire.heard()
-    assert texts(deck.ask(setup(NEW_KEY), wire)) == ["Signing key refused: armed"]
-    deck.command(400, 0)
-    wire.heard()
-    deck.file.unlink()
+    sign(harness.station)
+    harness.command(400, 1)
+    wire.pop_received()
+    assert texts(harness.ask(setup(NEW_KEY), wire)) == ["Signing key refused: armed"]
+    harness.command(400, 0)
+    wire.pop_received()
+    harness.file.unlink()
     tmp_path.chmod(0o500)
-    lost = texts(deck.ask(setup(NEW_KEY), wire))
+    lost = texts(harness.ask(setup(NEW_KEY), wire))
     tmp_path.chmod(0o700)
     if lost != ["Signing key changed on 1 link"]:  # root can write everywhere
         assert lost == ["Signing key refused: it cannot be stored: Permission denied"]
-        assert "COMMAND_ACK" in kinds(deck.command(400, 1)), "the old key is still valid"
-    assert texts(Deck(wire).ask(setup(NEW_KEY), wire)) == [
+        assert "COMMAND_ACK" in kinds(harness.command(400, 1)), "the old key is still valid"
+    assert texts(Harness(wire).ask(setup(NEW_KEY), wire)) == [
         "Signing key refused: no link is signed; start with --sign"
     ]
 
 
 def test_key_change_is_not_forwarded(tmp_path: Path) -> None:
     other, wire = Station(251, 190), serial_station(115_200, 250)
-    deck = SignedDeck(tmp_path, Station(255, 190), other, wire)
-    deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), other)
-    other.heard()
+    harness = SignedHarness(tmp_path, Station(255, 190), other, wire)
+    harness.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), other)
+    other.pop_received()
     sent: list[bytes] = []
-    for station in (deck.station, other):
+    for station in (harness.station, other):
         station.send = sent.append  # type: ignore[method-assign]
-    deck.ask(setup(NEW_KEY), wire)
-    deck.ask(setup(NEW_KEY, system=0), wire)
-    deck.ask(setup(NEW_KEY, system=251), wire)
+    harness.ask(setup(NEW_KEY), wire)
+    harness.ask(setup(NEW_KEY, system=0), wire)
+    harness.ask(setup(NEW_KEY, system=251), wire)
     assert sent
     assert NEW_KEY[:8] not in b"".join(sent)
     assert mavlink.MAVLINK_MSG_ID_SETUP_SIGNING not in channels.LOGGED_FROM_GROUND, (

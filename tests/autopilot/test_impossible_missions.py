@@ -11,7 +11,7 @@ from autopilot.control.params import Config
 from autopilot.control.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Home
 from mavlink_io.mission_items import NOT_GIVEN, MissionItem
 from mavlink_io.records import GpsFix
-from tests.helpers.fake_hil import Deck, texts
+from tests.helpers.fake_hil import Harness, texts
 from tests.helpers.missions import Flight, leg
 
 WAYPOINT, LOITER, LAND, DELAY, CHANGE_ALTITUDE, WAIT = 16, 19, 21, 93, 186, 113
@@ -31,17 +31,17 @@ def waypoint(
 
 
 @pytest.fixture
-def deck() -> Deck:
-    deck = Deck()
-    deck.tick(3, fix=GpsFix(0, 3, HOME.lat_deg, HOME.lon_deg, 0.0, 0.0, 0.0, 0.0, 9))
-    deck.serve()
-    deck.station.heard()
-    return deck
+def harness() -> Harness:
+    harness = Harness()
+    harness.tick(3, fix=GpsFix(0, 3, HOME.lat_deg, HOME.lon_deg, 0.0, 0.0, 0.0, 0.0, 9))
+    harness.serve()
+    harness.station.pop_received()
+    return harness
 
 
-def upload(deck: Deck, *items: MissionItem) -> tuple[int, list[str]]:
+def upload(harness: Harness, *items: MissionItem) -> tuple[int, list[str]]:
     """Return the MISSION_ACK of an upload, and the texts that were sent."""
-    received = deck.ask(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0))
+    received = harness.ask(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0))
     for n, i in enumerate(items):
         fields = (
             1,
@@ -60,7 +60,7 @@ def upload(deck: Deck, *items: MissionItem) -> tuple[int, list[str]]:
             i.z,
             0,
         )
-        received += deck.ask(mavlink.MAVLink_mission_item_int_message(*fields))
+        received += harness.ask(mavlink.MAVLink_mission_item_int_message(*fields))
     (ack,) = [m for m in received if m.get_type() == "MISSION_ACK"]
     return ack.type, texts(received)
 
@@ -95,11 +95,11 @@ IMPOSSIBLE: list[tuple[MissionItem, int, str]] = [
 
 @pytest.mark.parametrize(("item", "result", "why"), IMPOSSIBLE)
 def test_impossible_item_is_refused_at_upload_by_its_field(
-    deck: Deck, item: MissionItem, result: int, why: str
+    harness: Harness, item: MissionItem, result: int, why: str
 ) -> None:
-    assert upload(deck, waypoint()) == (0, [])
-    assert upload(deck, waypoint(), item, waypoint()) == (result, [f"Mission item 1: {why}"])
-    assert len(deck.vehicle.state.mission.items) == 1, "the old mission stays"
+    assert upload(harness, waypoint()) == (0, [])
+    assert upload(harness, waypoint(), item, waypoint()) == (result, [f"Mission item 1: {why}"])
+    assert len(harness.vehicle.state.mission.items) == 1, "the old mission stays"
 
 
 @pytest.mark.parametrize(
@@ -113,14 +113,14 @@ def test_impossible_item_is_refused_at_upload_by_its_field(
         MissionItem(0, 2, CHANGE_ALTITUDE, p1=-18.0),
     ],
 )
-def test_possible_item_at_the_limit_is_accepted(deck: Deck, item: MissionItem) -> None:
-    assert upload(deck, item) == (0, [])
+def test_possible_item_at_the_limit_is_accepted(harness: Harness, item: MissionItem) -> None:
+    assert upload(harness, item) == (0, [])
 
 
-def test_depth_limit_accepts_float32_rounding(deck: Deck) -> None:
+def test_depth_limit_accepts_float32_rounding(harness: Harness) -> None:
     """18.1 is a double in a parameter file; the float32 of an item is 4e-7 m deeper."""
-    deck.vehicle.params.set("FS_DEPTH_M", 18.1)
-    assert upload(deck, waypoint(depth_m=18.1)) == (0, [])
+    harness.vehicle.params.set("FS_DEPTH_M", 18.1)
+    assert upload(harness, waypoint(depth_m=18.1)) == (0, [])
 
 
 def disarmed_in_mission(*items: MissionItem, home: Home = HOME, **changes: Any) -> Flight:
@@ -156,25 +156,25 @@ def test_mission_loaded_before_home_is_checked_at_start() -> None:
     assert flight.ask(requests.Arm()) == ACCEPTED, "0 is no limit"
 
 
-def test_refusal_to_start_names_item_value_and_limit(deck: Deck) -> None:
-    upload(deck, waypoint(), waypoint(depth_m=12.0))
-    deck.command(176, 1, float(modes.MISSION.number))
-    deck.vehicle.params.set("FS_DEPTH_M", 10.0)
-    assert texts(deck.command(400, 1)) == [
+def test_refusal_to_start_names_item_value_and_limit(harness: Harness) -> None:
+    upload(harness, waypoint(), waypoint(depth_m=12.0))
+    harness.command(176, 1, float(modes.MISSION.number))
+    harness.vehicle.params.set("FS_DEPTH_M", 10.0)
+    assert texts(harness.command(400, 1)) == [
         "Not armed: mission item 1: depth 12 m: must be at most FS_DEPTH_M = 10 m"
     ]
-    deck.vehicle.params.set("FS_DEPTH_M", 18.0)
-    deck.vehicle.params.set("MIS_DIST_MAX", 100.0)
-    assert texts(deck.command(400, 1)) == [
+    harness.vehicle.params.set("FS_DEPTH_M", 18.0)
+    harness.vehicle.params.set("MIS_DIST_MAX", 100.0)
+    assert texts(harness.command(400, 1)) == [
         "Not armed: mission item 0: 111 m from home: must be at most MIS_DIST_MAX = 100 m"
     ]
 
 
-def test_restart_keeps_mission_beyond_new_limit(deck: Deck) -> None:
-    upload(deck, waypoint(depth_m=12.0))
-    deck.vehicle.params.set("FS_DEPTH_M", 10.0)
-    deck.vehicle.restart("a test")
-    assert len(deck.vehicle.state.mission.items) == 1
+def test_restart_keeps_mission_beyond_new_limit(harness: Harness) -> None:
+    upload(harness, waypoint(depth_m=12.0))
+    harness.vehicle.params.set("FS_DEPTH_M", 10.0)
+    harness.vehicle.restart("a test")
+    assert len(harness.vehicle.state.mission.items) == 1
 
 
 def test_command_deeper_than_the_failsafe_is_refused() -> None:
@@ -215,29 +215,32 @@ def test_position_beyond_antimeridian_is_near() -> None:
     assert place == pytest.approx(0.02j * NORTH_M_PER_DEG, abs=0.01)
 
 
-def set_home(deck: Deck, *parameters: float) -> tuple[int, list[str]]:
-    received = deck.command(179, *parameters)
+def set_home(harness: Harness, *parameters: float) -> tuple[int, list[str]]:
+    received = harness.command(179, *parameters)
     (ack,) = [m for m in received if m.get_type() == "COMMAND_ACK"]
     return ack.result, texts(received)
 
 
-def test_home_at_zero_zero_from_afar_is_refused(deck: Deck) -> None:
+def test_home_at_zero_zero_from_afar_is_refused(harness: Harness) -> None:
     """Clients send zeros when no position is entered."""
-    before = deck.vehicle.state.home
-    assert set_home(deck, 0, 0, 0, 0, 0.0, 0.0, 0.0) == (
+    before = harness.vehicle.state.home
+    assert set_home(harness, 0, 0, 0, 0, 0.0, 0.0, 0.0) == (
         DENIED,
         ["Home refused: 0, 0 means no position unless home is within 100 km of it"],
     )
-    assert deck.vehicle.state.home == before
-    assert set_home(deck, 0, 0, 0, 0, 0.5, 0.0, 0.0)[0] == ACCEPTED
-    assert set_home(deck, 0, 0, 0, 0, 0.0, 0.0, 0.0)[0] == ACCEPTED
-    assert deck.vehicle.state.home == Home(0.0, 0.0, True)
+    assert harness.vehicle.state.home == before
+    assert set_home(harness, 0, 0, 0, 0, 0.5, 0.0, 0.0)[0] == ACCEPTED
+    assert set_home(harness, 0, 0, 0, 0, 0.0, 0.0, 0.0)[0] == ACCEPTED
+    assert harness.vehicle.state.home == Home(0.0, 0.0, True)
 
 
 def test_home_at_unknown_position_is_refused() -> None:
     """An earlier version set home to 0, 0, the position reported while none is known."""
-    deck = Deck()
-    deck.tick(3)
-    assert set_home(deck, 1) == (TEMPORARILY_REJECTED, ["Home refused: the position is not known"])
-    assert not deck.vehicle.state.home.known
-    assert set_home(deck, 0, 0, 0, 0, 0.0, 0.0, 0.0)[0] == ACCEPTED, "near 0, 0 it is a position"
+    harness = Harness()
+    harness.tick(3)
+    assert set_home(harness, 1) == (
+        TEMPORARILY_REJECTED,
+        ["Home refused: the position is not known"],
+    )
+    assert not harness.vehicle.state.home.known
+    assert set_home(harness, 0, 0, 0, 0, 0.0, 0.0, 0.0)[0] == ACCEPTED, "near 0, 0 it is a position"

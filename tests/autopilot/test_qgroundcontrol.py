@@ -46,9 +46,9 @@ def test_heartbeat_comes_from_component_1(qgc: Connection) -> None:
 
     ``VehicleLinkManager``: a link is lost after 3500 ms without a heartbeat.
     """
-    qgc.deck.server._heartbeat.hasten()
-    qgc.deck.serve()
-    beat = only(qgc.deck.station.heard(), "HEARTBEAT")
+    qgc.harness.server._heartbeat.hasten()
+    qgc.harness.serve()
+    beat = only(qgc.harness.station.pop_received(), "HEARTBEAT")
     assert beat.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
     assert beat.type == mavlink.MAV_TYPE_SUBMARINE, "selects vehicle class and toolbar"
     assert beat.autopilot == {AutopilotId.GENERIC: 0, AutopilotId.PX4: 12}[qgc.autopilot]

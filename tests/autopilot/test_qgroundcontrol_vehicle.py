@@ -16,9 +16,9 @@ from tests.helpers.fake_hil import only
 
 def streams(qgc: Connection, seconds: int = 6) -> dict[str, Any]:
     """Return the latest of each message over some seconds."""
-    qgc.deck.tick(50 * seconds, fix=FIX)
-    qgc.deck.serve()
-    return {m.get_type(): m for m in qgc.deck.station.heard()}
+    qgc.harness.tick(50 * seconds, fix=FIX)
+    qgc.harness.serve()
+    return {m.get_type(): m for m in qgc.harness.station.pop_received()}
 
 
 def test_position_messages_are_sent_by_default(qgc: Connection) -> None:
@@ -67,7 +67,7 @@ def test_battery_is_unknown_without_gauge(qgc: Connection) -> None:
         -1,
         -1,
     )
-    vehicle = qgc.deck.vehicle
+    vehicle = qgc.harness.vehicle
     vehicle._battery, vehicle._leak, vehicle._altimeter = (
         Battery(29.6, 4.0, 1.0, 0.9),
         Leak(False),

@@ -13,7 +13,7 @@ from mavlink_io.records import LOCKSTEP_FLAG, SensorFrame
 from mavlink_io.transport import MemoryTransport, open_transport
 from sitl.backends.hil import HilClient
 from sitl.core.sensors import Sensors
-from tests.helpers.fake_hil import TICK_US, Deck, only, sensors, texts
+from tests.helpers.fake_hil import TICK_US, Harness, only, sensors, texts
 
 ARM = 400
 ACCEPTED, REJECTED = 0, 1
@@ -30,12 +30,12 @@ class Rig:
 
     def __init__(self, near: MemoryTransport, far: MemoryTransport) -> None:
         self.near, self.sea = near, HilClient(near)
-        self.deck = Deck()
+        self.harness = Harness()
         self.app = App(
-            self.deck.vehicle,
+            self.harness.vehicle,
             hil.HilLink(far, 1),
-            self.deck.server,
-            OnboardLog(self.deck.vehicle, None),
+            self.harness.server,
+            OnboardLog(self.harness.vehicle, None),
         )
         self.time_us, self.wall_s = 0, 100.0
 
@@ -52,7 +52,7 @@ class Rig:
 
     def silence(self, seconds: float) -> list[str]:
         """Return the texts sent during a pause of the sensors, whose clock continues."""
-        self.deck.station.heard()
+        self.harness.station.pop_received()
         for _ in range(10):
             self.wall_s += seconds / 10.0
             self.app.step(0.0)
@@ -60,11 +60,11 @@ class Rig:
         return self.received_texts()
 
     def received_texts(self) -> list[str]:
-        self.deck.serve()
-        return texts(self.deck.station.heard())
+        self.harness.serve()
+        return texts(self.harness.station.pop_received())
 
     def arm(self) -> int:
-        return int(only(self.deck.command(ARM, 1.0), "COMMAND_ACK").result)
+        return int(only(self.harness.command(ARM, 1.0), "COMMAND_ACK").result)
 
 
 @pytest.fixture

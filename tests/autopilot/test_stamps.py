@@ -17,7 +17,7 @@ from mavlink_io.records import GpsFix
 from mavlink_io.transport import MemoryTransport, open_transport
 from sitl.backends.hil import HilClient
 from sitl.core.sensors import Sensors
-from tests.helpers.fake_hil import TICK_US, Deck, sensors, texts
+from tests.helpers.fake_hil import TICK_US, Harness, sensors, texts
 from tests.helpers.missions import leg
 
 DEPTH_M = 5.0
@@ -34,10 +34,10 @@ class Rig:
 
     def __init__(self, ends: Ends, logs: Path) -> None:
         near, far = ends
-        self.sea, self.deck = HilClient(near), Deck()
-        self.onboard_log = OnboardLog(self.deck.vehicle, logs)
+        self.sea, self.harness = HilClient(near), Harness()
+        self.onboard_log = OnboardLog(self.harness.vehicle, logs)
         self.hil = hil.HilLink(far, 1)
-        self.app = App(self.deck.vehicle, self.hil, self.deck.server, self.onboard_log)
+        self.app = App(self.harness.vehicle, self.hil, self.harness.server, self.onboard_log)
         self.wall_s = 100.0
 
     def send(self, stamp_us: int, fix: GpsFix | None = None) -> int | None:
@@ -55,15 +55,15 @@ class Rig:
         items = leg(depth_m=DEPTH_M, heading_deg=0.0, duration_s=60.0)
         mode = requests.SetMode(modes.MISSION.number)
         for request in (requests.LoadMission(items), mode, requests.Arm()):
-            assert self.deck.vehicle.handle_request(request).result == 0
+            assert self.harness.vehicle.handle_request(request).result == 0
 
     def received_texts(self) -> list[str]:
-        self.deck.serve()
-        return texts(self.deck.station.heard())
+        self.harness.serve()
+        return texts(self.harness.station.pop_received())
 
     @property
     def state(self) -> Any:
-        return self.deck.vehicle.state
+        return self.harness.vehicle.state
 
 
 @pytest.fixture
@@ -134,14 +134,14 @@ def test_repeated_sample_on_new_time_base_keeps_its_stamp(rig: Rig) -> None:
 
 
 def test_telemetry_time_continues_over_new_time_bases(rig: Rig) -> None:
-    rig.deck.station.heard()
+    rig.harness.station.pop_received()
     for base_us in (0, 10_000_000, 500_000):
         for answer_us in rig.send_samples(100, base_us)[5:]:
             assert answer_us is not None
         rig.send(base_us + 100 * TICK_US, fix(base_us + 99 * TICK_US))
         rig.send_samples(60, base_us + 101 * TICK_US)
-    rig.deck.serve()
-    received = rig.deck.station.heard()
+    rig.harness.serve()
+    received = rig.harness.station.pop_received()
     stamps = {"ATTITUDE": "time_boot_ms", "ALTITUDE": "time_usec", "GPS_RAW_INT": "time_usec"}
     for name, field in stamps.items():
         times = [getattr(message, field) for message in received if message.get_type() == name]

@@ -16,7 +16,7 @@ from tests.clients.checklist import failed, score
 from tests.clients.fixture import ACTS, PROGRAMS, Verdicts, all_at_once
 
 
-def carry_out(where: str) -> dict[str, Verdicts]:
+def run_checks(where: str) -> dict[str, Verdicts]:
     """Run both clients at once, each with its own vehicle."""
     with tempfile.TemporaryDirectory() as folder:
         homes = {client: Path(folder) / client for client in PROGRAMS}
@@ -30,21 +30,21 @@ def carry_out(where: str) -> dict[str, Verdicts]:
 
 def main(out: Path | None) -> int:
     console, table = Console(), Table("link", *PROGRAMS, title="checks passed")
-    found = {}
+    results = {}
     for where in ACTS:
-        found[where] = carry_out(where)
-        table.add_row(where, *(score(found[where][client]) for client in PROGRAMS))
+        results[where] = run_checks(where)
+        table.add_row(where, *(score(results[where][client]) for client in PROGRAMS))
     console.print(table)
     problems = {
         f"{client} over {where}: {check}": why
-        for where, clients in found.items()
+        for where, clients in results.items()
         for client, verdicts in clients.items()
         for check, why in failed(verdicts).items()
     }
     for check, why in problems.items():
         console.print(f"{check}: {why}", highlight=False)
     if out is not None:
-        out.write_text(json.dumps(found, indent=1))
+        out.write_text(json.dumps(results, indent=1))
     return 1 if problems else 0
 
 

@@ -1,6 +1,7 @@
 """A stock MAVSDK program that executes commands from stdin and prints their results as JSON.
 
-Usage: python -m tests.clients.mavsdk_puppet ADDRESS, then lines on stdin: see ``ORDERS``.
+Usage: python -m tests.clients.client_process ADDRESS, then lines on stdin: see
+``COMMANDS``.
 """
 
 import asyncio
@@ -50,7 +51,7 @@ async def count(c: Client) -> int:
     return len((await c.params.get_all_params()).float_params)
 
 
-async def overhear(c: Client, name: str, value: str) -> bool:
+async def await_parameter(c: Client, name: str, value: str) -> bool:
     """Wait until a parameter that another client has set is reported."""
     while c.parameters.get(name) != float(value):
         await asyncio.sleep(POLL_S)
@@ -62,15 +63,16 @@ async def hold(c: Client) -> str:
     return "SUCCESS"
 
 
-async def see(c: Client, connection: str) -> bool:
+async def await_connection(c: Client, connection: str) -> bool:
     """Wait until MAVSDK reports the vehicle as ``connected`` or ``lost``."""
     while await c.system.is_connected() != (connection == "connected"):
         await asyncio.sleep(POLL_S)
     return True
 
 
-ORDERS: dict[str, Callable[..., Awaitable[Any]]] = {
-    order.__name__: order for order in (upload, download, read, write, count, overhear, hold, see)
+COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
+    command.__name__: command
+    for command in (upload, download, read, write, count, await_parameter, hold, await_connection)
 }
 
 
@@ -80,11 +82,11 @@ async def serve(address: str) -> None:
     while line := await asyncio.to_thread(sys.stdin.readline):
         name, *words = line.split()
         try:
-            answer = {"result": await asyncio.wait_for(ORDERS[name](client, *words), PATIENCE_S)}
+            answer = {"result": await asyncio.wait_for(COMMANDS[name](client, *words), PATIENCE_S)}
         except MavsdkError as error:
             answer = {"result": error.result.name}
         except TimeoutError:
-            answer = {"result": "nothing came of it"}
+            answer = {"result": "no result in time"}
         print(json.dumps(answer), flush=True)
 
 

@@ -93,7 +93,7 @@ def read_plan(path: Path) -> list[tuple[float, ...]]:
 
 
 def detects_the_vehicle(p: Person) -> None:
-    p.console.hear("Detected vehicle 1:1 on link 0", 30.0)
+    p.console.wait_for("Detected vehicle 1:1 on link 0", 30.0)
 
 
 def receives_the_parameters(p: Person) -> None:
@@ -102,10 +102,10 @@ def receives_the_parameters(p: Person) -> None:
     wrong = list(DEFAULTS)
 
     def right() -> bool:
-        p.console.say("param show *")
+        p.console.type_line("param show *")
         time.sleep(1.0)
         shown = dict(
-            re.findall(r"^(?:\S*> )?([A-Z][A-Z0-9_]+) +(-?[\d.]+)", p.console.said, re.MULTILINE)
+            re.findall(r"^(?:\S*> )?([A-Z][A-Z0-9_]+) +(-?[\d.]+)", p.console.output, re.MULTILINE)
         )
         wrong[:] = [
             n
@@ -120,31 +120,31 @@ def receives_the_parameters(p: Person) -> None:
 
 
 def sets_a_parameter(p: Person) -> None:
-    p.console.say("param set HDG_P 0.75")
+    p.console.type_line("param set HDG_P 0.75")
     for _ in range(40):  # MAVProxy sets in the background, in its own time
         if float(p.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)")[1]) == 0.75:
             break
     equal(float(p.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)")[1]), 0.75, "HDG_P")
-    p.console.say(f"param set HDG_P {DEFAULTS['HDG_P']}")
+    p.console.type_line(f"param set HDG_P {DEFAULTS['HDG_P']}")
 
 
-def is_refused_a_parameter_out_of_range(p: Person) -> None:
+def parameter_out_of_range_is_refused(p: Person) -> None:
     p.ask("param set DPT_P 99999999", r"DPT_P = 1e\+08: must be|Failed to set DPT_P", 20.0)
     close(
         float(p.ask("param fetch DPT_P", r"DPT_P = ([\d.]+)")[1]), DEFAULTS["DPT_P"], 1e-6, "DPT_P"
     )
 
 
-def is_told_of_an_unknown_parameter(p: Person) -> None:
-    def told() -> bool:
-        p.console.say("param fetch NO_SUCH")
+def unknown_parameter_is_reported(p: Person) -> None:
+    def reported() -> bool:
+        p.console.type_line("param fetch NO_SUCH")
         _, error = p.console.messages().get("PARAM_ERROR", (0, {}))
         return error.get("param_id") == "NO_SUCH"
 
-    p.until(told, "no PARAM_ERROR for it")
+    p.until(reported, "no PARAM_ERROR for it")
 
 
-def names_every_mode(p: Person) -> None:
+def lists_every_mode(p: Person) -> None:
     offered = p.ask("mode", "Available modes:  (.*)")[1].split(", ")
     require(set(MODES) | {"SYSID"} <= {name.strip() for name in offered}, f"modes are {offered}")
 
@@ -155,11 +155,11 @@ def sets_every_mode_by_name(p: Person) -> None:
 
 
 def shows_every_mode_by_name(p: Person) -> None:
-    require("Mode(" not in p.console.said, "a mode was shown as a number")
+    require("Mode(" not in p.console.output, "a mode was shown as a number")
     p.ask("mode HOLD", "Mode HOLD|HOLD>")
 
 
-def is_refused_a_mode_that_does_not_exist(p: Person) -> None:
+def unknown_mode_is_refused(p: Person) -> None:
     p.ask("mode 9", "DO_SET_MODE: (UNSUPPORTED|DENIED)")
 
 
@@ -178,18 +178,18 @@ def fetches_the_mission(p: Person) -> None:
     equal(read_plan(back), ITEMS, "mission")
 
 
-def is_refused_an_altitude_above_the_water(p: Person) -> None:
+def altitude_above_water_is_refused(p: Person) -> None:
     plan = write_plan(p.console.folder / "high.txt", [(16, 0.0, 0.0, 0.0, 0.0)], frame=3, z=5.0)
     p.ask(f"wp load {plan}", "MISSION_ACK: TYPE_MISSION: INVALID_PARAM7", 40.0)
     fetches_the_mission(p)
 
 
-def is_refused_a_command_that_is_not_flown(p: Person) -> None:
+def unsupported_mission_command_is_refused(p: Person) -> None:
     plan = write_plan(p.console.folder / "takeoff.txt", [(22, 0.0, 0.0, 0.0, 0.0)])
     p.ask(f"wp load {plan}", "MISSION_ACK: TYPE_MISSION: UNSUPPORTED", 40.0)
 
 
-def finds_no_fence_and_no_rally_points(p: Person) -> None:
+def fence_and_rally_lists_are_empty(p: Person) -> None:
     p.ask("fence list", "Requesting 0 fence items|Saved 0|Loaded 0|0 fence")
     p.ask("rally list", "Requesting 0 rally items|Saved 0|Loaded 0|0 rally")
 
@@ -213,7 +213,7 @@ def dives(p: Person) -> None:
     """Count streams during the dive; request the messages that are not streamed."""
     p.ask("module load messagerate", "Loaded module messagerate|already loaded")
     for name, sense in SENSES.items():
-        if sense.must_be_asked_for(slow=p.slow):
+        if sense.must_be_requested(slow=p.slow):
             p.ask(f"messagerate set {name} 1", "SET_MESSAGE_INTERVAL: ACCEPTED")
     p.before, began_s = p.console.messages(), time.monotonic()
     deadline_s = began_s + 60.0 * max(1.0, 1.0 / p.speed)
@@ -234,24 +234,24 @@ def stream(name: str) -> Check:
         require(name in p.counted, "was never received")
         sense, received = SENSES[name], {key: fields for key, (_, fields) in p.counted.items()}
         span_s = p.counted_s if name == "HEARTBEAT" else p.counted_vehicle_s
-        come = p.counted[name][0] - p.before.get(name, (0, {}))[0]
-        two_speak = (
+        received_count = p.counted[name][0] - p.before.get(name, (0, {}))[0]
+        two_senders = (
             name == "ODOMETRY"
         )  # the Doppler log sends its own, and MAVProxy counts both as one
         if (
             sense.rate_hz * span_s >= 5
-            and not two_speak
-            and not sense.must_be_asked_for(slow=p.slow)
+            and not two_senders
+            and not sense.must_be_requested(slow=p.slow)
         ):
-            check_rate(name, come / span_s, slow=p.slow)
-        if not (two_speak and math.isnan(received[name]["x"])):
+            check_rate(name, received_count / span_s, slow=p.slow)
+        if not (two_senders and math.isnan(received[name]["x"])):
             sense.check(received[name], received)
 
     check.__name__ = f"stream_{name}"
     return check
 
 
-def hears_every_stream(p: Person) -> None:
+def receives_every_stream(p: Person) -> None:
     """Check without a dive, which takes minutes at a low speed of vehicle time."""
     deadline_s = time.monotonic() + 10.0 * max(1.0, 1.0 / p.speed)
     while missing := BY_THEMSELVES - set(p.console.messages()):
@@ -266,51 +266,51 @@ def sets_a_rate(p: Person) -> None:
     p.ask("messagerate set ATTITUDE 0", "SET_MESSAGE_INTERVAL: ACCEPTED")
 
 
-def is_refused_the_rate_of_no_stream(p: Person) -> None:
+def rate_of_unknown_stream_is_refused(p: Person) -> None:
     p.ask("messagerate set COMMAND_ACK 1", "SET_MESSAGE_INTERVAL: UNSUPPORTED")
 
 
-def is_not_upset_by_its_stream_requests(p: Person) -> None:
+def repeated_stream_requests_keep_rates(p: Person) -> None:
     """Check that repeated REQUEST_DATA_STREAM, here at 50 Hz, keeps the rates of the table."""
-    p.console.say("set streamrate 50")
+    p.console.type_line("set streamrate 50")
     time.sleep(1.5)
     rate_hz = float(p.ask("messagerate get ATTITUDE", r"Msg:ATTITUDE +rate:([\d.]+)Hz")[1])
     require(rate_hz in (5.0, 10.0), f"ATTITUDE's rate became {rate_hz}")
-    p.console.say("set streamrate 4")
+    p.console.type_line("set streamrate 4")
 
 
-def chooses_a_mission_item(p: Person) -> None:
+def sets_current_mission_item(p: Person) -> None:
     p.ask("wp set 1", "DO_SET_MISSION_CURRENT: ACCEPTED|waypoint 1")
 
 
-def asks_for_a_message(p: Person) -> None:
-    def came() -> bool:
-        p.console.say("long REQUEST_MESSAGE 148")
+def requests_a_message(p: Person) -> None:
+    def arrived() -> bool:
+        p.console.type_line("long REQUEST_MESSAGE 148")
         return "AUTOPILOT_VERSION" in p.console.messages()
 
-    p.until(came, "AUTOPILOT_VERSION never came")
+    p.until(arrived, "AUTOPILOT_VERSION never arrived")
     require(p.latest("AUTOPILOT_VERSION")["capabilities"] & 4, "capability MISSION_INT is missing")
 
 
-def is_refused_to_take_off(p: Person) -> None:
+def takeoff_is_refused(p: Person) -> None:
     p.ask("long NAV_TAKEOFF 0", "NAV_TAKEOFF: UNSUPPORTED")
 
 
-def is_refused_a_reboot_under_way(p: Person) -> None:
+def reboot_while_armed_is_refused(p: Person) -> None:
     p.ask("reboot", "PREFLIGHT_REBOOT_SHUTDOWN: TEMPORARILY_REJECTED")
 
 
-def is_refused_to_disarm_under_water(p: Person) -> None:
+def disarm_under_water_is_refused(p: Person) -> None:
     p.ask("disarm", "COMPONENT_ARM_DISARM: TEMPORARILY_REJECTED")
 
 
-def reads_why(p: Person) -> None:
+def receives_reason_of_refusal(p: Person) -> None:
     """Check the reason of a refusal, including one longer than one message."""
     p.ask("reboot", "AP: Reboot refused: armed")
     p.ask("disarm", "AP: Not disarmed: under water; use SURFACE, or force")
 
 
-def keeps_time(p: Person) -> None:
+def timesync_follows_wall_clock(p: Person) -> None:
     p.ask("module load timesync", "Loaded module timesync|already loaded")
     first, then = [
         int(p.ask(f"timesync {n}", rf"TIMESYNC {{tc1 : (\d+), ts1 : {n}")[1]) for n in (4711, 4712)
@@ -326,18 +326,18 @@ def downloads_a_log(p: Person) -> None:
     """Check the first log, of the short armed time before the dive."""
     size = int(p.ask("log list", LOG_ROW, 20.0)[2])
     path = p.console.folder / "log.mcap"
-    p.console.say(f"log download 0 {path}")
+    p.console.type_line(f"log download 0 {path}")
     p.until(
         lambda: path.exists() and path.stat().st_size == size,
         f"the log of {size} bytes is not whole",
         200.0,
     )
-    p.console.hear("Finished downloading", 60.0)
+    p.console.wait_for("Finished downloading", 60.0)
     log = path.read_bytes()
     equal((log[:8], log[-8:]), (MCAP_MAGIC, MCAP_MAGIC), "first and last bytes")
 
 
-def is_told_at_once_of_a_missing_file(p: Person) -> None:
+def missing_file_is_reported_at_once(p: Person) -> None:
     p.ask("ftp get /no/such/file", "ftp open failed")
 
 
@@ -354,78 +354,78 @@ def clears_the_mission(p: Person) -> None:
     p.ask("wp list", "Requesting 0 waypoints|Have 0")
 
 
-def never_sees_a_breach_or_a_lost_link(p: Person) -> None:
+def reports_no_breach_or_lost_link(p: Person) -> None:
     texts = [
         words
         for words in ("breach", "link 1 down", "no link", "Time has wrapped", "Traceback")
-        if words in p.console.said
+        if words in p.console.output
     ]
-    equal(texts, [], "what should never be said")
+    equal(texts, [], "texts that must not be printed")
 
 
-def keeps_a_log_that_pymavlink_reads(p: Person) -> None:
+def telemetry_log_is_read_by_pymavlink(p: Person) -> None:
     (log,) = p.console.folder.rglob("flight.tlog")
     tool = str(Path(sys.executable).with_name("mavlogdump.py"))
     command = [sys.executable, tool, "--types", "ATTITUDE,HEARTBEAT", str(log)]
     environment = {**os.environ, "HOME": str(p.console.folder)}
-    told = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-    require(told.stdout.count("ATTITUDE {") > 20, f"few attitudes: {told.stderr[-200:]}")
+    reply = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    require(reply.stdout.count("ATTITUDE {") > 20, f"few attitudes: {reply.stderr[-200:]}")
 
 
 EVERY: list[Check] = [
     detects_the_vehicle,
     receives_the_parameters,
     sets_a_parameter,
-    is_told_of_an_unknown_parameter,
-    is_refused_a_parameter_out_of_range,
-    names_every_mode,
+    unknown_parameter_is_reported,
+    parameter_out_of_range_is_refused,
+    lists_every_mode,
     sets_every_mode_by_name,
     shows_every_mode_by_name,
-    is_refused_a_mode_that_does_not_exist,
+    unknown_mode_is_refused,
     sends_the_mission,
     fetches_the_mission,
-    is_refused_an_altitude_above_the_water,
-    is_refused_a_command_that_is_not_flown,
-    finds_no_fence_and_no_rally_points,
+    altitude_above_water_is_refused,
+    unsupported_mission_command_is_refused,
+    fence_and_rally_lists_are_empty,
     arms_and_disarms,
     starts_the_mission,
     dives,
     *(stream(name) for name in SENSES),
     sets_a_rate,
-    is_refused_the_rate_of_no_stream,
-    is_not_upset_by_its_stream_requests,
-    chooses_a_mission_item,
-    asks_for_a_message,
-    is_refused_to_take_off,
-    is_refused_a_reboot_under_way,
-    is_refused_to_disarm_under_water,
-    reads_why,
-    keeps_time,
+    rate_of_unknown_stream_is_refused,
+    repeated_stream_requests_keep_rates,
+    sets_current_mission_item,
+    requests_a_message,
+    takeoff_is_refused,
+    reboot_while_armed_is_refused,
+    disarm_under_water_is_refused,
+    receives_reason_of_refusal,
+    timesync_follows_wall_clock,
     disarms_by_force,
     clears_the_mission,
     lists_logs,
     downloads_a_log,
     lists_files,
-    is_told_at_once_of_a_missing_file,
-    never_sees_a_breach_or_a_lost_link,
-    keeps_a_log_that_pymavlink_reads,
+    missing_file_is_reported_at_once,
+    reports_no_breach_or_lost_link,
+    telemetry_log_is_read_by_pymavlink,
 ]
 SHORT: list[Check] = [
     detects_the_vehicle,
     receives_the_parameters,
     sets_a_parameter,
-    names_every_mode,
+    lists_every_mode,
     sets_every_mode_by_name,
     sends_the_mission,
     fetches_the_mission,
     arms_and_disarms,
     starts_the_mission,
-    hears_every_stream,
-    keeps_time,
+    receives_every_stream,
+    timesync_follows_wall_clock,
     disarms_by_force,
     lists_logs,
     downloads_a_log,
-    never_sees_a_breach_or_a_lost_link,
+    reports_no_breach_or_lost_link,
 ]
 
 
@@ -458,5 +458,5 @@ if __name__ == "__main__":
         )
     finally:
         console.close()
-    (options.folder / "said.txt").write_text(console.said)
+    (options.folder / "said.txt").write_text(console.output)
     print(report(results), flush=True)

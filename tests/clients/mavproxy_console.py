@@ -45,7 +45,7 @@ class Console:
             env=environment,
         )
         self._port = int(master.rsplit(":", 1)[1]) if master.startswith("udp") else 0
-        self.said = ""
+        self.output = ""
         self._mark = 0
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -54,21 +54,21 @@ class Console:
     def running(self) -> bool:
         return self._process.poll() is None
 
-    def say(self, line: str) -> None:
+    def type_line(self, line: str) -> None:
         """Type a line; ignore the output before it."""
-        self._mark = len(self.said)
+        self._mark = len(self.output)
         assert self._process.stdin is not None
         self._process.stdin.write(line.encode() + b"\n")
         self._process.stdin.flush()
 
-    def hear(self, pattern: str, within_s: float = PATIENCE_S) -> re.Match[str]:
+    def wait_for(self, pattern: str, within_s: float = PATIENCE_S) -> re.Match[str]:
         """Return the next match in the output. Raises TimeoutError with the output."""
         deadline_s = time.monotonic() + within_s
-        while (match := re.compile(pattern, re.MULTILINE).search(self.said, self._mark)) is None:
+        while (match := re.compile(pattern, re.MULTILINE).search(self.output, self._mark)) is None:
             if time.monotonic() > deadline_s:
                 raise TimeoutError(
-                    f"{pattern!r} was not said within {within_s:g} s, but"
-                    f" {self.said[self._mark :]!r}"
+                    f"{pattern!r} was not printed within {within_s:g} s, but"
+                    f" {self.output[self._mark :]!r}"
                 )
             time.sleep(POLL_S)
         self._mark = match.end()
@@ -82,21 +82,21 @@ class Console:
         A line is typed again, too, if datagrams were lost meanwhile: the answer may be among them.
         """
         for _ in range(attempts - 1):
-            self.say(line)
+            self.type_line(line)
             try:
-                return self.hear(pattern, within_s / attempts)
+                return self.wait_for(pattern, within_s / attempts)
             except TimeoutError:
                 continue
         for _ in range(REPEATS_AFTER_LOSS):
             lost = self.lost_datagrams()
-            self.say(line)
+            self.type_line(line)
             try:
-                return self.hear(pattern, within_s)
+                return self.wait_for(pattern, within_s)
             except TimeoutError:
                 if self.lost_datagrams() == lost:
                     raise
-        self.say(line)
-        return self.hear(pattern, within_s)
+        self.type_line(line)
+        return self.wait_for(pattern, within_s)
 
     def lost_datagrams(self) -> int:
         """Return how many datagrams the kernel dropped because MAVProxy read too slowly.
@@ -110,11 +110,11 @@ class Console:
 
     def messages(self) -> dict[str, tuple[int, dict[str, Any]]]:
         """Return the number of each message and its last fields, as ``status`` shows them."""
-        self.say("status *")
+        self.type_line("status *")
         start = self._mark
-        self.say(END)
-        self.hear(f"Unknown command '{END}'")
-        shown = self.said[start : self._mark]
+        self.type_line(END)
+        self.wait_for(f"Unknown command '{END}'")
+        shown = self.output[start : self._mark]
         rows = re.findall(r"^(?:\S*> )*(\d+): ([A-Z_0-9]+) \{(.*)\}$", shown, re.MULTILINE)
         return {name: (int(count), _fields(text)) for count, name, text in rows}
 
@@ -130,7 +130,7 @@ class Console:
     def _read(self) -> None:
         assert self._process.stdout is not None
         while part := os.read(self._process.stdout.fileno(), 65_536):
-            self.said += part.decode("utf-8", "replace")
+            self.output += part.decode("utf-8", "replace")
 
 
 def _fields(text: str) -> dict[str, Any]:

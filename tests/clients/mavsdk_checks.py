@@ -124,7 +124,7 @@ async def download(c: Client) -> list[MissionItem]:
     return await patiently(c, c.missions.download_mission, "TIMEOUT")
 
 
-async def discovers(c: Client) -> None:
+async def discovers_the_vehicle(c: Client) -> None:
     equal(await c.system.get_system_id(), 1, "system id")
 
 
@@ -134,11 +134,11 @@ async def reads_the_version(c: Client) -> None:
 
 
 async def reads_the_capabilities(c: Client) -> None:
-    told = await c.request(AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
-    equal(told["capabilities"] & CAPABILITIES, CAPABILITIES, "capabilities")
+    reply = await c.request(AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
+    equal(reply["capabilities"] & CAPABILITIES, CAPABILITIES, "capabilities")
 
 
-async def reads_the_modes_on_offer(c: Client) -> None:
+async def reads_available_modes(c: Client) -> None:
     offered: dict[int, dict[str, Any]] = {}
     total, index = 1, 1
     while index <= total:
@@ -180,7 +180,7 @@ async def sets_a_parameter(c: Client) -> None:
     await c.params.set_param_float("HDG_P", DEFAULTS["HDG_P"])
 
 
-async def is_told_at_once_of_an_unknown_parameter(c: Client) -> None:
+async def unknown_parameter_is_reported_at_once(c: Client) -> None:
     """Measure the time of the attempt that was answered: a noisy line may lose the others."""
     began_s = 0.0
 
@@ -193,24 +193,24 @@ async def is_told_at_once_of_an_unknown_parameter(c: Client) -> None:
     require(time.monotonic() - began_s < (3.0 if c.slow else 1.0), "took as long as silence")
 
 
-async def is_refused_a_parameter_out_of_range(c: Client) -> None:
+async def parameter_out_of_range_is_refused(c: Client) -> None:
     await refused("VALUE_OUT_OF_RANGE", c.params.set_param_float("HDG_P", -1e6), ParamError)
     equal(await c.params.get_param_float("HDG_P"), DEFAULTS["HDG_P"], "HDG_P")
 
 
-async def carries_a_mission_both_ways(c: Client) -> None:
+async def mission_round_trip(c: Client) -> None:
     await upload(c, leg())
     equal(rows(await download(c)), rows(leg()), "mission")
 
 
-async def carries_a_long_mission(c: Client) -> None:
+async def long_mission_round_trip(c: Client) -> None:
     count = 12 if c.slow else 100
     long = [item(n, 93, float(n), -1, -1) for n in range(count)]
     await upload(c, long)
     equal(rows(await download(c)), rows(long), "mission")
 
 
-async def carries_a_plan_of_waypoints(c: Client) -> None:
+async def waypoint_plan_round_trip(c: Client) -> None:
     """Check the mission plugin, with depth as a negative altitude; it sends frame 3 and NaN."""
     nan = math.nan
     place = PlanItem(
@@ -236,24 +236,24 @@ async def carries_a_plan_of_waypoints(c: Client) -> None:
     close(back.speed_m_s, 1.2, 1e-3, "speed_m_s")
 
 
-async def is_refused_an_altitude_above_the_water(c: Client) -> None:
+async def altitude_above_water_is_refused(c: Client) -> None:
     await upload(c, leg())
     await refused("INVALID_ARGUMENT", upload(c, [item(0, 16, frame=3, z=5.0)]), MissionRawError)
     equal(rows(await download(c)), rows(leg()), "mission that was there before")
 
 
-async def is_refused_a_command_that_is_not_flown(c: Client) -> None:
+async def unsupported_mission_command_is_refused(c: Client) -> None:
     await refused("UNSUPPORTED", upload(c, [item(0, TAKEOFF)]), MissionRawError)
     equal(rows(await download(c)), rows(leg()), "mission that was there before")
 
 
-async def is_refused_a_geofence(c: Client) -> None:
+async def geofence_is_refused(c: Client) -> None:
     fence = [item(0, 5001, 3.0, frame=3, kind=1)]
     attempt = patiently(c, lambda: c.missions.upload_geofence(fence), "TIMEOUT")
     await refused("UNSUPPORTED", attempt, MissionRawError)
 
 
-async def finds_no_geofence(c: Client) -> None:
+async def geofence_list_is_empty(c: Client) -> None:
     try:
         equal(len(await c.missions.download_geofence()), 0, "count of fence items")
     except MissionRawError as error:
@@ -268,7 +268,7 @@ async def clears_the_mission(c: Client) -> None:
         equal(error.result.name, "NO_MISSION_AVAILABLE", "result")
 
 
-async def sees_all_healthy(c: Client) -> None:
+async def all_sensors_are_healthy(c: Client) -> None:
     require(
         await first(c.telemetry.subscribe_health_all_ok(), bool, 30.0 * c.stretch),
         "never all healthy",
@@ -280,7 +280,7 @@ async def sees_all_healthy(c: Client) -> None:
     equal(lacking, [], "what is not healthy")
 
 
-async def sees_home_at_the_surface(c: Client) -> None:
+async def home_is_at_the_surface(c: Client) -> None:
     home = await first(c.telemetry.subscribe_home(), within_s=15.0 * c.stretch)
     equal((home.absolute_altitude_m, home.relative_altitude_m), (0.0, 0.0), "altitude")
     require(home.latitude_deg and home.longitude_deg, "home lies nowhere")
@@ -306,11 +306,11 @@ async def sets_each_mode_by_its_whole_number(c: Client) -> None:
             await c.becomes(mode=seen)
 
 
-async def sets_a_mode_the_old_way(c: Client) -> None:
+async def sets_mode_by_set_mode_message(c: Client) -> None:
     """Check SET_MODE, which has no acknowledgement, by the next heartbeat and CURRENT_MODE."""
     acks = len(c.times["COMMAND_ACK"])
     depth = 2 << 16
-    told = asyncio.create_task(c.next("CURRENT_MODE", lambda m: m["custom_mode"] == depth))
+    announced = asyncio.create_task(c.next("CURRENT_MODE", lambda m: m["custom_mode"] == depth))
     await c.ask(
         "HEARTBEAT",
         lambda m: m["custom_mode"] == depth,
@@ -319,7 +319,7 @@ async def sets_a_mode_the_old_way(c: Client) -> None:
         base_mode=1,
         custom_mode=depth,
     )
-    await told
+    await announced
     equal(len(c.times["COMMAND_ACK"]), acks, "count of acknowledgements")
 
 
@@ -331,7 +331,7 @@ async def sets_standard_modes(c: Client) -> None:
         equal(await c.command(DO_SET_STANDARD_MODE, standard), FAILED, f"result of {standard}")
 
 
-async def is_refused_modes_that_do_not_exist(c: Client) -> None:
+async def unknown_modes_are_refused(c: Client) -> None:
     require(
         await c.command(DO_SET_MODE, 1, 9, 0) in (DENIED, UNSUPPORTED), "mode 9 was not refused"
     )
@@ -365,7 +365,7 @@ async def arms_and_disarms(c: Client) -> None:
     await c.becomes(armed=False)
 
 
-async def is_refused_to_take_off(c: Client) -> None:
+async def takeoff_is_refused(c: Client) -> None:
     equal(await c.command(TAKEOFF), UNSUPPORTED, "result")
 
 
@@ -377,7 +377,7 @@ async def starts_the_mission(c: Client) -> None:
     await first(c.telemetry.subscribe_in_air(), bool)
 
 
-async def hears_every_stream(c: Client) -> None:
+async def receives_every_stream(c: Client) -> None:
     """Check without a dive, which takes minutes at a low speed of vehicle time."""
     deadline_s = time.monotonic() + 10.0 * c.stretch
     while missing := BY_THEMSELVES - set(c.latest):
@@ -385,12 +385,12 @@ async def hears_every_stream(c: Client) -> None:
         await asyncio.sleep(0.1)
 
 
-async def follows_the_progress(c: Client) -> None:
+async def receives_mission_progress(c: Client) -> None:
     progress = await first(c.missions.subscribe_mission_progress(), lambda p: p.current >= 3)
     equal((progress.current, progress.total), (3, 4), "progress")
 
 
-async def is_refused_a_mission_while_one_is_flown(c: Client) -> None:
+async def mission_upload_during_mission_is_refused(c: Client) -> None:
     try:
         await upload(c, leg(depth_m=1.0))
     except MissionRawError:
@@ -402,7 +402,7 @@ async def is_refused_a_mission_while_one_is_flown(c: Client) -> None:
 async def dives(c: Client) -> None:
     """Count streams during the dive; request the messages that are not streamed."""
     for name, sense in SENSES.items():
-        if sense.must_be_asked_for(slow=c.slow):
+        if sense.must_be_requested(slow=c.slow):
             equal(
                 await c.command(SET_INTERVAL, by_name(name).message_id, 1e6),
                 ACCEPTED,
@@ -430,7 +430,7 @@ def stream(name: str) -> Check:
         require(c.counted.get(name) or name in c.latest, "was never received")
         sense = SENSES[name]
         span_s = c.counted_s if name == "HEARTBEAT" else c.counted_vehicle_s
-        if sense.rate_hz * span_s >= 5 and not sense.must_be_asked_for(slow=c.slow):
+        if sense.rate_hz * span_s >= 5 and not sense.must_be_requested(slow=c.slow):
             check_rate(name, c.counted.get(name, 0) / span_s, slow=c.slow)
         sense.check(c.latest[name], c.latest)
 
@@ -438,7 +438,7 @@ def stream(name: str) -> Check:
     return check
 
 
-async def subscribes_to_all_that_mavsdk_offers(c: Client) -> None:
+async def subscribes_to_all_telemetry(c: Client) -> None:
     t = c.telemetry
     streams = {
         "attitude_euler": t.subscribe_attitude_euler(),
@@ -462,13 +462,13 @@ async def subscribes_to_all_that_mavsdk_offers(c: Client) -> None:
         "armed": t.subscribe_armed(),
         "health": t.subscribe_health(),
     }
-    found = await asyncio.gather(*(first(s) for s in streams.values()), return_exceptions=True)
+    results = await asyncio.gather(*(first(s) for s in streams.values()), return_exceptions=True)
     equal(
-        [n for n, value in zip(streams, found, strict=True) if isinstance(value, Exception)],
+        [n for n, value in zip(streams, results, strict=True) if isinstance(value, Exception)],
         [],
         "silent streams",
     )
-    seen = dict(zip(streams, found, strict=True))
+    seen = dict(zip(streams, results, strict=True))
     close(
         seen["position"].relative_altitude_m, seen["altitude"].altitude_relative_m, 1.0, "altitude"
     )
@@ -483,7 +483,7 @@ async def interval_of_attitude_us(c: Client) -> float:
         "confirmation": 0,
         "param1": ATTITUDE,
     }
-    told = await c.ask(
+    reply = await c.ask(
         "MESSAGE_INTERVAL",
         lambda m: True,
         "COMMAND_LONG",
@@ -491,7 +491,7 @@ async def interval_of_attitude_us(c: Client) -> float:
         target_component=1,
         **ask,
     )
-    return float(told["interval_us"])
+    return float(reply["interval_us"])
 
 
 async def sets_rates(c: Client) -> None:
@@ -525,7 +525,7 @@ async def stops_and_restores_a_stream(c: Client) -> None:
     )
 
 
-async def is_not_upset_by_request_data_stream(c: Client) -> None:
+async def request_data_stream_keeps_rates(c: Client) -> None:
     for _ in range(5):
         await c.send(
             "REQUEST_DATA_STREAM",
@@ -538,7 +538,7 @@ async def is_not_upset_by_request_data_stream(c: Client) -> None:
     require(await interval_of_attitude_us(c) <= 400_000, "the rate of ATTITUDE was changed")
 
 
-async def keeps_time(c: Client) -> None:
+async def timesync_follows_wall_clock(c: Client) -> None:
     own_ns = time.time_ns() & 0xFFFF_FFFF
     first_ns, then_ns = [
         (
@@ -561,14 +561,14 @@ async def pings(c: Client) -> None:
     equal((answer["target_system"], answer["target_component"]), (245, 190), "target")
 
 
-async def is_acknowledged_by_address(c: Client) -> None:
+async def acknowledgement_is_addressed(c: Client) -> None:
     acked = asyncio.create_task(c.next("COMMAND_ACK", lambda m: m["command"] == GET_INTERVAL))
     await c.command(GET_INTERVAL, ATTITUDE)
     ack = await acked
     equal((ack["target_system"], ack["target_component"]), (245, 190), "target")
 
 
-async def hears_the_answer_after_the_acknowledgement(c: Client) -> None:
+async def answer_follows_acknowledgement(c: Client) -> None:
     c.order.clear()
     await c.request(AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
     at = c.order.index("AUTOPILOT_VERSION")
@@ -576,7 +576,7 @@ async def hears_the_answer_after_the_acknowledgement(c: Client) -> None:
         equal(c.order[max(0, at - 1)], "COMMAND_ACK", "what came before it")
 
 
-async def may_leave_parameters_out(c: Client) -> None:
+async def omitted_parameters_are_accepted(c: Client) -> None:
     """Check that NaN means "not given" everywhere.
 
     JSON has no NaN, so that MAVSDK's own plugins are used, which fill with NaN.
@@ -595,22 +595,22 @@ async def commands_component_zero(c: Client) -> None:
     equal(await c.command(REQUEST_MESSAGE, AUTOPILOT_VERSION, component=0), ACCEPTED, "result")
 
 
-async def keeps_home_at_the_surface(c: Client) -> None:
+async def set_home_stays_at_the_surface(c: Client) -> None:
     home = await c.request(HOME_POSITION, "HOME_POSITION")
-    told = asyncio.create_task(c.next("HOME_POSITION", within_s=2.0))
+    announced = asyncio.create_task(c.next("HOME_POSITION", within_s=2.0))
     moved = {"x": home["latitude"] + 100, "y": home["longitude"], "z": 55.0}
     equal(await c.command_int(SET_HOME, 0, **moved), ACCEPTED, "result")
     with contextlib.suppress(*([TimeoutError] if c.slow else [])):
-        equal((await told)["altitude"], 0, "altitude of the announced home")
+        equal((await announced)["altitude"], 0, "altitude of the announced home")
     home = await c.request(HOME_POSITION, "HOME_POSITION")
     equal((home["latitude"], home["altitude"]), (moved["x"], 0), "home")
 
 
-async def is_refused_a_reboot_under_way(c: Client) -> None:
+async def reboot_while_armed_is_refused(c: Client) -> None:
     equal(await c.command(REBOOT, 1), TEMPORARILY_REJECTED, "result")
 
 
-async def pauses_and_goes_on(c: Client) -> None:
+async def pauses_and_continues(c: Client) -> None:
     await c.missions.pause_mission()
     await c.becomes(mode="HOLD")
     equal(await c.command(CONTINUE, 1), ACCEPTED, "result of DO_PAUSE_CONTINUE")
@@ -621,12 +621,12 @@ async def pauses_and_goes_on(c: Client) -> None:
     await c.becomes(mode="MISSION")
 
 
-async def chooses_a_mission_item(c: Client) -> None:
+async def sets_current_mission_item(c: Client) -> None:
     await c.missions.set_current_mission_item(0)
     await first(c.missions.subscribe_mission_progress(), lambda p: p.total == 4)
 
 
-async def reads_what_the_vehicle_says(c: Client) -> None:
+async def receives_vehicle_texts(c: Client) -> None:
     require("Mode MISSION" in c.texts, f"texts are {c.texts}")
     require(any(len(text) > 50 for text in c.texts), "no long text was put together")
 
@@ -648,18 +648,18 @@ async def downloads_a_log(c: Client) -> None:
 
 
 async def lists_files(c: Client) -> None:
-    found = await c.ftp.list_directory("/")
+    results = await c.ftp.list_directory("/")
     require(
-        "logs" in [entry.name for entry in found.entries],
-        f"the root holds {[e.name for e in found.entries]}",
+        "logs" in [entry.name for entry in results.entries],
+        f"the root holds {[e.name for e in results.entries]}",
     )
 
 
 async def downloads_a_file(c: Client) -> None:
     """Check a download in bursts by its checksum: a log, or on a slow line a smaller file."""
     where = "/params" if c.slow else "/logs"
-    found = await c.ftp.list_directory(where)
-    smallest = min((e for e in found.entries if e.size_bytes), key=lambda e: e.size_bytes)
+    results = await c.ftp.list_directory(where)
+    smallest = min((e for e in results.entries if e.size_bytes), key=lambda e: e.size_bytes)
     with tempfile.TemporaryDirectory() as folder:
         async for _ in c.ftp.download(f"{where}/{smallest.name}", folder, True):
             pass
@@ -671,7 +671,7 @@ async def downloads_a_file(c: Client) -> None:
         )
 
 
-async def is_told_at_once_of_a_missing_file(c: Client) -> None:
+async def missing_file_is_reported_at_once(c: Client) -> None:
     began_s = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
 
@@ -688,7 +688,7 @@ async def kills(c: Client) -> None:
     await c.becomes(armed=False)
 
 
-async def hears_a_heartbeat_every_second(c: Client) -> None:
+async def receives_heartbeat_every_second(c: Client) -> None:
     """Check the heartbeat rate on the wall clock at any speed; a noisy line loses some."""
     times = c.times["HEARTBEAT"]
     share = (len(times) - 1) / (times[-1] - times[0])
@@ -698,88 +698,88 @@ async def hears_a_heartbeat_every_second(c: Client) -> None:
 
 
 BEFORE_THE_DIVE: list[Check] = [
-    discovers,
+    discovers_the_vehicle,
     reads_the_version,
     reads_the_capabilities,
-    reads_the_modes_on_offer,
+    reads_available_modes,
     lists_parameters,
     reads_a_parameter,
     sets_a_parameter,
-    is_told_at_once_of_an_unknown_parameter,
-    is_refused_a_parameter_out_of_range,
-    sees_all_healthy,
-    sees_home_at_the_surface,
-    carries_a_mission_both_ways,
-    carries_a_plan_of_waypoints,
-    is_refused_an_altitude_above_the_water,
-    is_refused_a_command_that_is_not_flown,
-    is_refused_a_geofence,
-    finds_no_geofence,
+    unknown_parameter_is_reported_at_once,
+    parameter_out_of_range_is_refused,
+    all_sensors_are_healthy,
+    home_is_at_the_surface,
+    mission_round_trip,
+    waypoint_plan_round_trip,
+    altitude_above_water_is_refused,
+    unsupported_mission_command_is_refused,
+    geofence_is_refused,
+    geofence_list_is_empty,
     sets_each_mode_by_main_and_sub_number,
     sets_each_mode_by_its_whole_number,
-    sets_a_mode_the_old_way,
+    sets_mode_by_set_mode_message,
     sets_standard_modes,
-    is_refused_modes_that_do_not_exist,
+    unknown_modes_are_refused,
     holds,
     returns,
     lands_at_the_surface,
-    is_refused_to_take_off,
+    takeoff_is_refused,
     arms_and_disarms,
 ]
 UNDER_WATER: list[Check] = [
     starts_the_mission,
     dives,
     *(stream(name) for name in SENSES),
-    subscribes_to_all_that_mavsdk_offers,
-    follows_the_progress,
-    is_refused_a_mission_while_one_is_flown,
+    subscribes_to_all_telemetry,
+    receives_mission_progress,
+    mission_upload_during_mission_is_refused,
     sets_rates,
     stops_and_restores_a_stream,
-    is_not_upset_by_request_data_stream,
-    keeps_time,
+    request_data_stream_keeps_rates,
+    timesync_follows_wall_clock,
     pings,
-    is_acknowledged_by_address,
-    hears_the_answer_after_the_acknowledgement,
-    may_leave_parameters_out,
+    acknowledgement_is_addressed,
+    answer_follows_acknowledgement,
+    omitted_parameters_are_accepted,
     commands_by_command_int,
     commands_component_zero,
-    keeps_home_at_the_surface,
-    is_refused_a_reboot_under_way,
-    pauses_and_goes_on,
-    chooses_a_mission_item,
-    reads_what_the_vehicle_says,
+    set_home_stays_at_the_surface,
+    reboot_while_armed_is_refused,
+    pauses_and_continues,
+    sets_current_mission_item,
+    receives_vehicle_texts,
 ]
 AFTER_THE_DIVE: list[Check] = [
     kills,
-    carries_a_long_mission,
+    long_mission_round_trip,
     clears_the_mission,
     lists_logs,
     downloads_a_log,
     lists_files,
     downloads_a_file,
-    is_told_at_once_of_a_missing_file,
-    hears_a_heartbeat_every_second,
+    missing_file_is_reported_at_once,
+    receives_heartbeat_every_second,
 ]
 EVERY = [*BEFORE_THE_DIVE, *UNDER_WATER, *AFTER_THE_DIVE]
 SHORT: list[Check] = [
-    discovers,
+    discovers_the_vehicle,
     reads_the_version,
-    reads_the_modes_on_offer,
+    reads_available_modes,
     lists_parameters,
     reads_a_parameter,
     sets_a_parameter,
-    carries_a_mission_both_ways,
+    mission_round_trip,
     sets_each_mode_by_main_and_sub_number,
     arms_and_disarms,
     starts_the_mission,
-    follows_the_progress,
-    hears_every_stream,
-    keeps_time,
-    pauses_and_goes_on,
+    receives_mission_progress,
+    receives_every_stream,
+    timesync_follows_wall_clock,
+    pauses_and_continues,
     kills,
     lists_logs,
     downloads_a_log,
-    hears_a_heartbeat_every_second,
+    receives_heartbeat_every_second,
 ]
 
 
@@ -809,7 +809,7 @@ if __name__ == "__main__":
     parser.add_argument("--slow", action="store_true")
     parser.add_argument("--short", action="store_true")
     options = parser.parse_args()
-    found = asyncio.run(
+    results = asyncio.run(
         carry_out(
             SHORT if options.short else EVERY,
             options.address,
@@ -817,5 +817,5 @@ if __name__ == "__main__":
             slow=options.slow,
         )
     )
-    print(report(found), flush=True)
+    print(report(results), flush=True)
     os._exit(0)  # MAVSDK's own threads need not be waited for

@@ -17,7 +17,7 @@ from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.plugins.failure.failure import FailureError, FailureType, FailureUnit
 
 PATIENCE_S, DIVE_S = 20.0, 50.0
-BROKEN = [
+FAILURES = [
     (FailureUnit.SENSOR_GYRO, FailureType.OFF),
     (FailureUnit.SENSOR_MAG, FailureType.STUCK),
     (FailureUnit.SYSTEM_SERVO, FailureType.STUCK),
@@ -26,17 +26,17 @@ BROKEN = [
 ]
 
 
-class Ears:
+class Receiver:
     """All received texts."""
 
     def __init__(self, telemetry: Any) -> None:
         self.texts: list[str] = []
         self.health: Any = None
         self.longest_silence_s = 0.0
-        self._heard_s = time.monotonic()
+        self._received_s = time.monotonic()
         self._tasks = [
             asyncio.create_task(self._read(telemetry.subscribe_status_text())),
-            asyncio.create_task(self._feel(telemetry.subscribe_health())),
+            asyncio.create_task(self._store_health(telemetry.subscribe_health())),
             asyncio.create_task(self._watch(telemetry.subscribe_attitude_euler())),
         ]
 
@@ -44,19 +44,19 @@ class Ears:
         async for text in stream:
             self.texts.append(text.text)
 
-    async def _feel(self, stream: Any) -> None:
+    async def _store_health(self, stream: Any) -> None:
         async for health in stream:
             self.health = health
 
     async def _watch(self, stream: Any) -> None:
         async for _ in stream:
             now_s = time.monotonic()
-            self.longest_silence_s = max(self.longest_silence_s, now_s - self._heard_s)
-            self._heard_s = now_s
+            self.longest_silence_s = max(self.longest_silence_s, now_s - self._received_s)
+            self._received_s = now_s
 
     @property
     def silent_s(self) -> float:
-        return time.monotonic() - self._heard_s
+        return time.monotonic() - self._received_s
 
     def healthy(self) -> dict[str, bool]:
         h = self.health
@@ -84,7 +84,7 @@ async def inject(failure: Any, unit: FailureUnit, kind: FailureType, instance: i
     return "SUCCESS"
 
 
-async def break_and_mend(failure: Any, params: Any, ears: Ears) -> dict[str, Any]:
+async def inject_and_clear(failure: Any, params: Any, receiver: Receiver) -> dict[str, Any]:
     seen: dict[str, Any] = {
         "while_off": await inject(failure, FailureUnit.SENSOR_GYRO, FailureType.OFF)
     }
@@ -93,23 +93,25 @@ async def break_and_mend(failure: Any, params: Any, ears: Ears) -> dict[str, Any
         f"{unit.name} {kind.name}": await inject(
             failure, unit, kind, int(unit == FailureUnit.SYSTEM_SERVO)
         )
-        for unit, kind in BROKEN
+        for unit, kind in FAILURES
     }
     seen["unsupported"] = await inject(failure, FailureUnit.SENSOR_AIRSPEED, FailureType.OFF)
-    await until(lambda: {"Gyro silent", "Magnetometer stuck"} <= set(ears.texts))
-    await until(lambda: not ears.healthy()["gyro"] and not ears.healthy()["magnetometer"])
-    seen["healthy_while_broken"] = ears.healthy()
-    for unit, _ in BROKEN:
+    await until(lambda: {"Gyro silent", "Magnetometer stuck"} <= set(receiver.texts))
+    await until(lambda: not receiver.healthy()["gyro"] and not receiver.healthy()["magnetometer"])
+    seen["healthy_while_broken"] = receiver.healthy()
+    for unit, _ in FAILURES:
         await inject(failure, unit, FailureType.OK)
-    await until(lambda: all(ears.healthy().values()))
-    seen["healthy_when_mended"] = ears.healthy()
-    ears.longest_silence_s = 0.0
+    await until(lambda: all(receiver.healthy().values()))
+    seen["healthy_when_mended"] = receiver.healthy()
+    receiver.longest_silence_s = 0.0
     seen["ordered"]["link"] = await inject(
         failure, FailureUnit.SYSTEM_MAVLINK_SIGNAL, FailureType.OFF
     )
-    await until(lambda: ears.longest_silence_s > 2.0)
-    seen["back"] = await until(lambda: "Fault over: link off" in ears.texts and ears.silent_s < 1.0)
-    seen["longest_silence_s"] = ears.longest_silence_s
+    await until(lambda: receiver.longest_silence_s > 2.0)
+    seen["back"] = await until(
+        lambda: "Fault over: link off" in receiver.texts and receiver.silent_s < 1.0
+    )
+    seen["longest_silence_s"] = receiver.longest_silence_s
     return seen
 
 
@@ -117,20 +119,24 @@ async def main(address: str, plan: str) -> dict[str, Any]:
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await mavsdk.add_any_connection(address)
     system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
-    failure, params, ears = FailureAsync(system), ParamAsync(system), Ears(TelemetryAsync(system))
+    failure, params, receiver = (
+        FailureAsync(system),
+        ParamAsync(system),
+        Receiver(TelemetryAsync(system)),
+    )
     if plan == "listen":
         print("listening", flush=True)
         seen: dict[str, Any] = {
-            "down": await until(lambda: "Surfaced: disarmed" in ears.texts, DIVE_S)
+            "down": await until(lambda: "Surfaced: disarmed" in receiver.texts, DIVE_S)
         }
     elif plan == "real":
         await params.set_param_float("SYS_FAILURE_EN", 1.0)
         seen = {"real": await inject(failure, FailureUnit.SENSOR_GYRO, FailureType.OFF)}
-        await until(lambda: "Failure refused: no simulator answers" in ears.texts)
+        await until(lambda: "Failure refused: no simulator answers" in receiver.texts)
     else:
-        await until(lambda: ears.health is not None and all(ears.healthy().values()))
-        seen = await break_and_mend(failure, params, ears)
-    return {**seen, "texts": ears.texts}
+        await until(lambda: receiver.health is not None and all(receiver.healthy().values()))
+        seen = await inject_and_clear(failure, params, receiver)
+    return {**seen, "texts": receiver.texts}
 
 
 if __name__ == "__main__":

@@ -197,7 +197,7 @@ class Sense(NamedTuple):
     check: Callable[[Fields, Latest], None]
     on_request_when_slow: bool = False
 
-    def must_be_asked_for(self, *, slow: bool) -> bool:
+    def must_be_requested(self, *, slow: bool) -> bool:
         return self.rate_hz == 0 or (slow and self.on_request_when_slow)
 
 
@@ -236,14 +236,14 @@ SLOW_SHARE = 0.5
 """Return the rate on a link: a 57600 baud link has every stream at half the rate."""
 
 
-def check_rate(name: str, heard_hz: float, *, slow: bool) -> None:
+def check_rate(name: str, received_hz: float, *, slow: bool) -> None:
     """Check that a rate is between 60 and 130 % of the table's.
 
     A noisy line may lose more, and is never faster.
     """
-    promised_hz = SENSES[name].rate_hz * (SLOW_SHARE if slow and name != "HEARTBEAT" else 1.0)
+    expected_hz = SENSES[name].rate_hz * (SLOW_SHARE if slow and name != "HEARTBEAT" else 1.0)
     least = 0.35 if slow else 0.6
     require(
-        least * promised_hz <= heard_hz <= 1.3 * max(promised_hz, SENSES[name].rate_hz),
-        f"comes {heard_hz:.2f} times a second, not {promised_hz:g}",
+        least * expected_hz <= received_hz <= 1.3 * max(expected_hz, SENSES[name].rate_hz),
+        f"comes {received_hz:.2f} times a second, not {expected_hz:g}",
     )

@@ -85,7 +85,7 @@ class Client:
     async def _listen(self) -> None:
         async for message in self._direct.subscribe_message(""):
             if message.component_id == AUTOPILOT:
-                self._hear(message.message_name, json.loads(message.fields_json))
+                self._on_message(message.message_name, json.loads(message.fields_json))
 
     async def _read(self) -> None:
         async for text in self.telemetry.subscribe_status_text():
@@ -99,7 +99,7 @@ class Client:
         async for armed in self.telemetry.subscribe_armed():
             self.armed = armed
 
-    def _hear(self, name: str, fields: Fields) -> None:
+    def _on_message(self, name: str, fields: Fields) -> None:
         self.latest[name] = fields
         self.order.append(name)
         if name == "PARAM_VALUE":

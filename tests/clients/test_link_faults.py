@@ -27,10 +27,10 @@ class MavsdkClient:
         self.program = program
 
     def begin(self, *command: object) -> None:
-        self.program.say(" ".join(str(word) for word in command))
+        self.program.write_line(" ".join(str(word) for word in command))
 
     def result(self) -> Any:
-        return json.loads(self.program.hear(r'^\{"result"').string)["result"]
+        return json.loads(self.program.read_until(r'^\{"result"').string)["result"]
 
     def do(self, *command: object) -> Any:
         self.begin(*command)
@@ -41,8 +41,8 @@ class Scene(NamedTuple):
     """Vehicle with two MAVSDK clients and MAVProxy."""
 
     vehicle: Afloat
-    anna: MavsdkClient
-    bert: MavsdkClient
+    first: MavsdkClient
+    second: MavsdkClient
     mavproxy: Console
     cable: Line
     spare_line: str
@@ -57,21 +57,21 @@ def mavsdk_client(address: str) -> Iterator[MavsdkClient]:
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
-    folder, anna, bert = tmp_path_factory.mktemp("scene"), free_port(), free_port()
+    folder, first_port, second_port = tmp_path_factory.mktemp("scene"), free_port(), free_port()
     with (
         line(folder, BAUD, NOISE) as cable,
         line(tmp_path_factory.mktemp("spare"), BAUD) as spare,
         afloat(
-            f"udpout:127.0.0.1:{anna}",
-            f"udpout:127.0.0.1:{bert}",
+            f"udpout:127.0.0.1:{first_port}",
+            f"udpout:127.0.0.1:{second_port}",
             *(f"serial:{cable_.device['vehicle']}:{BAUD}" for cable_ in (cable, spare)),
         ) as vehicle,
-        mavsdk_client(f"udpin://127.0.0.1:{anna}") as first,
-        mavsdk_client(f"udpin://127.0.0.1:{bert}") as second,
+        mavsdk_client(f"udpin://127.0.0.1:{first_port}") as first,
+        mavsdk_client(f"udpin://127.0.0.1:{second_port}") as second,
     ):
         install_modes(folder, vehicle)
         with contextlib.closing(Console(folder, cable.device["ground"], BAUD)) as mavproxy:
-            mavproxy.hear("Detected vehicle 1:1", 30.0)
+            mavproxy.wait_for("Detected vehicle 1:1", 30.0)
             assert [first.result(), second.result()] == ["connected", "connected"]
             yield Scene(vehicle, first, second, mavproxy, cable, spare.device["ground"])
 
@@ -81,79 +81,79 @@ def ask(mavproxy: Console, line_typed: str, pattern: str) -> str:
 
 
 def test_three_clients_read_every_parameter_at_once(scene: Scene) -> None:
-    scene.mavproxy.say("param fetch")
-    scene.anna.begin("count")
-    scene.bert.begin("count")
-    assert scene.anna.result() == scene.bert.result() == len(PARAMETERS)
-    scene.mavproxy.hear(f"Received {len(PARAMETERS)} parameters", 60.0)
+    scene.mavproxy.type_line("param fetch")
+    scene.first.begin("count")
+    scene.second.begin("count")
+    assert scene.first.result() == scene.second.result() == len(PARAMETERS)
+    scene.mavproxy.wait_for(f"Received {len(PARAMETERS)} parameters", 60.0)
 
 
 def test_parameter_set_by_one_client_reaches_all(scene: Scene) -> None:
-    assert scene.anna.do("write", "HDG_P", 0.75) == "SUCCESS"
-    assert scene.bert.do("overhear", "HDG_P", 0.75)
-    scene.mavproxy.say("param set HDG_P 0.5")
-    assert scene.anna.do("overhear", "HDG_P", 0.5)
-    assert scene.bert.do("read", "HDG_P") == 0.5
+    assert scene.first.do("write", "HDG_P", 0.75) == "SUCCESS"
+    assert scene.second.do("await_parameter", "HDG_P", 0.75)
+    scene.mavproxy.type_line("param set HDG_P 0.5")
+    assert scene.first.do("await_parameter", "HDG_P", 0.5)
+    assert scene.second.do("read", "HDG_P") == 0.5
 
 
 def test_two_uploads_at_once_give_complete_missions(scene: Scene) -> None:
-    scene.anna.begin("upload", 300, 1000)
-    scene.bert.begin("upload", 300, 5000)
-    results = {1000: scene.anna.result(), 5000: scene.bert.result()}
+    scene.first.begin("upload", 300, 1000)
+    scene.second.begin("upload", 300, 5000)
+    results = {1000: scene.first.result(), 5000: scene.second.result()}
     assert "SUCCESS" in results.values()
     assert set(results.values()) <= {"SUCCESS", "DENIED"}
-    mission = scene.anna.do("download")
+    mission = scene.first.do("download")
     assert results[mission[0]] == "SUCCESS"
     assert mission == [mission[0] + n for n in range(300)]
-    assert scene.bert.do("download") == mission
-    for client, base in ((scene.anna, 1000), (scene.bert, 5000)):
+    assert scene.second.do("download") == mission
+    for client, base in ((scene.first, 1000), (scene.second, 5000)):
         assert client.do("upload", 5, base) == "SUCCESS"
-        assert scene.anna.do("download") == [base + n for n in range(5)]
+        assert scene.first.do("download") == [base + n for n in range(5)]
 
 
 def test_killed_upload_keeps_old_mission_and_allows_next(scene: Scene) -> None:
     """The client is killed on the slow line, where 500 items take many seconds."""
-    assert scene.anna.do("upload", 4, 70) == "SUCCESS"
+    assert scene.first.do("upload", 4, 70) == "SUCCESS"
     with mavsdk_client(f"serial://{scene.spare_line}:{BAUD}") as killed_client:
         assert killed_client.result() == "connected"
         killed_client.begin("upload", 500, 2000)
         time.sleep(2.0)
-        assert scene.bert.do("upload", 4, 80) == "DENIED", "no upload was in progress"
+        assert scene.second.do("upload", 4, 80) == "DENIED", "no upload was in progress"
         killed_client.program.kill()
-    assert scene.anna.do("download") == [70, 71, 72, 73]
+    assert scene.first.do("download") == [70, 71, 72, 73]
     deadline_s = time.monotonic() + 20.0
-    while (result := scene.bert.do("upload", 4, 80)) == "DENIED":
+    while (result := scene.second.do("upload", 4, 80)) == "DENIED":
         assert time.monotonic() < deadline_s, "the upload of the killed client did not time out"
         time.sleep(0.5)
     assert result == "SUCCESS"
-    assert scene.anna.do("download") == [80, 81, 82, 83]
+    assert scene.first.do("download") == [80, 81, 82, 83]
 
 
 def test_vehicle_cable_replugged_link_continues(scene: Scene) -> None:
     scene.cable.unplug("vehicle")
-    scene.mavproxy.hear("link 1 down|no link", 30.0)
+    scene.mavproxy.wait_for("link 1 down|no link", 30.0)
     scene.cable.plug("vehicle")
-    scene.mavproxy.hear("link 1 OK|heartbeat OK", 30.0)
+    scene.mavproxy.wait_for("link 1 OK|heartbeat OK", 30.0)
     ask(scene.mavproxy, "mode DEPTH", "Mode DEPTH")
 
 
 def test_client_cable_replugged_link_continues(scene: Scene) -> None:
     scene.cable.unplug("ground")
-    scene.mavproxy.hear("is dead", 30.0)
+    scene.mavproxy.wait_for("is dead", 30.0)
     scene.cable.plug("ground")
-    scene.mavproxy.hear("reopened OK", 30.0)
+    scene.mavproxy.wait_for("reopened OK", 30.0)
     ask(scene.mavproxy, "mode MANUAL", "Mode MANUAL")
 
 
 def test_clients_reconnect_after_power_failure(scene: Scene) -> None:
     scene.vehicle.kill()
-    assert scene.anna.do("see", "lost")
-    assert scene.bert.do("see", "lost")
-    scene.mavproxy.hear("link 1 down|no link", 30.0)
+    assert scene.first.do("await_connection", "lost")
+    assert scene.second.do("await_connection", "lost")
+    scene.mavproxy.wait_for("link 1 down|no link", 30.0)
     scene.vehicle.start()
-    assert scene.anna.do("see", "connected")
-    assert scene.bert.do("see", "connected")
-    scene.mavproxy.hear("link 1 OK|heartbeat OK", 30.0)
-    assert scene.anna.do("upload", 3, 40) == "SUCCESS"
-    assert scene.bert.do("download") == [40, 41, 42]
+    assert scene.first.do("await_connection", "connected")
+    assert scene.second.do("await_connection", "connected")
+    scene.mavproxy.wait_for("link 1 OK|heartbeat OK", 30.0)
+    assert scene.first.do("upload", 3, 40) == "SUCCESS"
+    assert scene.second.do("download") == [40, 41, 42]
     ask(scene.mavproxy, "mode DEPTH", "Mode DEPTH")

@@ -57,8 +57,9 @@ class Store:
 
 
 class FakeVehicle:
-    """Call ``turn`` whenever ground waits; ``answers`` maps a command to its results, the last one
-    for good.
+    """Call ``step`` whenever ground waits.
+
+    ``answers`` maps a command to its results; the last one is repeated.
     """
 
     def __init__(
@@ -72,14 +73,14 @@ class FakeVehicle:
         self._endpoint = Endpoint(self._end, 1, 1)
         self.table = Table({"HDG_P": 0.65, "DPT_P": 0.13, **(parameters or {})})
         self.store = Store()
-        self._params = ParamServer(self.table, self._endpoint.send, self.say)
+        self._params = ParamServer(self.table, self._endpoint.send, self.send_text)
         self._missions = MissionServer(self.store)
         self.answers = answers or {}
         self.commands: list[Any] = []
         self.mute = False
         self.modes = MODES
-        self.lists_modes, self.obeys = True, True
-        """Whether it answers requests of AVAILABLE_MODES, and enters a mode that it accepts."""
+        self.lists_modes, self.enters_modes = True, True
+        """Whether it answers requests of AVAILABLE_MODES, and enters an accepted mode."""
         self.armed, self.custom_mode = False, 0
         self.prearm: bool | None = None
         """Pre-arm state in a requested SYS_STATUS; None: SYS_STATUS is never sent."""
@@ -94,10 +95,10 @@ class FakeVehicle:
             "HEARTBEAT", type=kind, autopilot=autopilot, base_mode=base_mode, **fields
         )
 
-    def say(self, text: str, **fields: int) -> None:
+    def send_text(self, text: str, **fields: int) -> None:
         self._endpoint.send("STATUSTEXT", severity=4, text=text, **fields)
 
-    def turn(self) -> None:
+    def step(self) -> None:
         for frame in self._endpoint.receive():
             if not self.mute:
                 self._serve(frame)
@@ -125,7 +126,7 @@ class FakeVehicle:
         results = self.answers.get(message.command, [ACCEPTED])
         result = results.pop(0) if len(results) > 1 else results[0]
         if result == REJECTED:
-            self.say("Not armed: no sensors")
+            self.send_text("Not armed: no sensors")
         addressed = {
             "target_system": 250,
             "target_component": 190,
@@ -134,7 +135,7 @@ class FakeVehicle:
         }
         self._endpoint.send("COMMAND_ACK", command=message.command, result=result, **addressed)
         if message.command == MavCmd.DO_SET_MODE and result == ACCEPTED:
-            self.custom_mode = int(message.param2) if self.obeys else self.custom_mode
+            self.custom_mode = int(message.param2) if self.enters_modes else self.custom_mode
             self.heartbeat()
 
     def _send_status(self) -> None:
@@ -160,10 +161,10 @@ class FakeVehicle:
             )
 
 
-def attend(fake: FakeVehicle) -> Callable[..., None]:
-    """A stand-in for ``link.transport.wait`` that lets the fake vehicle act while ground waits."""
+def step_while_waiting(fake: FakeVehicle) -> Callable[..., None]:
+    """A stand-in for ``link.transport.wait`` that lets the fake vehicle answer."""
 
     def wait(transports: Sequence[Any], timeout_s: float) -> None:
-        fake.turn()
+        fake.step()
 
     return wait

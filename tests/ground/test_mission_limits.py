@@ -15,7 +15,7 @@ from ground.missions.script import ScriptError
 from mavlink_io.mission_items import NOT_GIVEN, MissionItem
 from mavlink_io.services import missions
 from mavlink_io.services.mission_server import MissionResult
-from tests.ground.fake import FakeVehicle, attend
+from tests.ground.fake import FakeVehicle, step_while_waiting
 
 START = "[[step]]\ndepth_m = 4.0\nheading_deg = 0.0\nthrust_pct = 58.0\nduration_s = 30.0\n"
 END = "[[step]]\nsurface = true\n"
@@ -29,7 +29,7 @@ ARM = 400
 @pytest.fixture(params=[LIMITS])
 def fake(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
     vehicle = FakeVehicle(parameters=request.param)
-    monkeypatch.setattr(client, "wait", attend(vehicle))
+    monkeypatch.setattr(client, "wait", step_while_waiting(vehicle))
     yield vehicle
     vehicle.close()
 
@@ -109,7 +109,7 @@ def test_refusal_of_the_vehicle_is_reported_in_its_words(
         return MissionResult(missions.INVALID_PARAM1 + 4, reason)
 
     monkeypatch.setattr(fake.store, "load", refuse)
-    monkeypatch.setattr(fake.store, "explain", fake.say)
+    monkeypatch.setattr(fake.store, "explain", fake.send_text)
     far = START + "[[step]]\nlat_deg = 50.0\nlon_deg = 1.0\n" + END
     with pytest.raises(VehicleClientError, match=rf"MAV_MISSION_INVALID_PARAM5_X \({reason}\)"):
         flight.prepare(vehicle, dive(tmp_path, far))

@@ -24,7 +24,7 @@ from ground.live import estimate_view as live_view
 from ground.live.estimate import EstimateStatus
 from mavlink_io.errors import InputError
 from mavlink_io.printable import printable, printable_lines
-from tests.ground.fake import FakeVehicle, attend
+from tests.ground.fake import FakeVehicle, step_while_waiting
 from tests.ground.live.test_watch import Sea
 
 ATTACKS = (
@@ -194,7 +194,7 @@ def hostile(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
     from ground.client import vehicle as client
 
     fake = FakeVehicle(parameters={"\x1b[2J": 1.0, "[/b]": 2.0})
-    monkeypatch.setattr(client, "wait", attend(fake))
+    monkeypatch.setattr(client, "wait", step_while_waiting(fake))
     monkeypatch.setattr(client, "open_transport", lambda address: fake.ground_end)
     fake.heartbeat()
     yield fake

@@ -6,7 +6,7 @@ from typing import Any
 from pymavlink.dialects.v20 import all as mavlink
 
 from mavlink_io.records import GpsFix
-from tests.helpers.fake_hil import Deck
+from tests.helpers.fake_hil import Harness
 
 NAN = math.nan
 FIX = GpsFix(0, 3, 41.5, -70.7, 12.0, 0.0, 0.0, 0.0, 9)
@@ -15,10 +15,10 @@ UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = 3, 4, 5, 6
 INT32_MAX = 2**31 - 1
 
 
-def under_way(deck: Deck, depth_m: float = 5.0) -> None:
-    deck.command(400, 1)
-    deck.command(176, 1, 2)
-    deck.tick(200, depth_m=depth_m)
+def under_way(harness: Harness, depth_m: float = 5.0) -> None:
+    harness.command(400, 1)
+    harness.command(176, 1, 2)
+    harness.tick(200, depth_m=depth_m)
 
 
 def results(messages: list[Any]) -> list[int]:

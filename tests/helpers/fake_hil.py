@@ -67,18 +67,18 @@ class Station:
     def close(self) -> None:
         pass
 
-    def say(self, message: Any) -> None:
+    def transmit(self, message: Any) -> None:
         self._outgoing.append(message.pack(self._mavlink))
 
-    def heard(self) -> list[Any]:
+    def pop_received(self) -> list[Any]:
         data, self._incoming = self._incoming, b""
         return list(self._reader.parse_buffer(data) or ()) if data else []
 
-    def heard_of(self, name: str) -> list[Any]:
-        return [message for message in self.heard() if message.get_type() == name]
+    def pop_named(self, name: str) -> list[Any]:
+        return [message for message in self.pop_received() if message.get_type() == name]
 
 
-class Deck:
+class Harness:
     """A vehicle, its server, and one station per link."""
 
     def __init__(self, *stations: Station, autopilot: AutopilotId = AutopilotId.GENERIC) -> None:
@@ -110,10 +110,10 @@ class Deck:
     def ask(self, message: Any, station: Station | None = None) -> list[Any]:
         """Send one message and return the answers that the station receives."""
         asker = station or self.station
-        asker.heard()
-        asker.say(message)
+        asker.pop_received()
+        asker.transmit(message)
         self.serve()
-        return asker.heard()
+        return asker.pop_received()
 
     def command(self, number: int, *parameters: float, component: int = 1) -> list[Any]:
         """Send a COMMAND_LONG whose other parameters are NaN, and return the answers."""

@@ -46,13 +46,13 @@ class Process:
         assert self._popen.stderr is not None
         return self._popen.stderr.readline()
 
-    def say(self, line: str) -> None:
+    def write_line(self, line: str) -> None:
         """Write a line to its standard input."""
         assert self._popen.stdin is not None
         self._popen.stdin.write(line + "\n")
         self._popen.stdin.flush()
 
-    def hear(self, pattern: str) -> re.Match[str]:
+    def read_until(self, pattern: str) -> re.Match[str]:
         """Read stdout up to the first line that matches."""
         assert self._popen.stdout is not None
         output = []
@@ -60,7 +60,7 @@ class Process:
             output.append(line)
             if match := re.search(pattern, line):
                 return match
-        raise AssertionError(f"{pattern!r} was never said in:\n{''.join(output)}")
+        raise AssertionError(f"{pattern!r} is not in:\n{''.join(output)}")
 
     def pin(self, core: int) -> None:
         """Restrict the process to one core."""

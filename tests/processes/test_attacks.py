@@ -25,7 +25,7 @@ from tests.helpers.subprocesses import (
     free_port,
     process,
 )
-from tests.processes.test_autopilot import ARMED, GROUND, VEHICLE, Deck
+from tests.processes.test_autopilot import ARMED, GROUND, VEHICLE, Harness
 
 pytestmark = pytest.mark.process
 
@@ -83,7 +83,7 @@ def closed_by_peer(sockets: list[socket.socket], patience_s: float) -> int:
     return closed
 
 
-class FloodDeck(Deck):
+class FloodHarness(Harness):
     """Start an autopilot with the usual limit of open files, a simulator and a ground station."""
 
     def __init__(self, child: Process, hil_port: int, ground_port: int) -> None:
@@ -92,7 +92,7 @@ class FloodDeck(Deck):
 
 
 @pytest.fixture
-def flood_deck(many_files: None) -> Iterator[FloodDeck]:
+def flood_harness(many_files: None) -> Iterator[FloodHarness]:
     hil, ground = free_port(), free_port(socket.SOCK_STREAM)
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     with ExitStack() as stack:
@@ -101,30 +101,30 @@ def flood_deck(many_files: None) -> Iterator[FloodDeck]:
             autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{ground}")
         )
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-        deck = FloodDeck(child, hil, ground)
-        with closing(deck.simulator), closing(deck.ground):
-            yield deck
+        harness = FloodHarness(child, hil, ground)
+        with closing(harness.simulator), closing(harness.ground):
+            yield harness
 
 
-def test_connection_flood_leaves_the_first_client_served(flood_deck: FloodDeck) -> None:
-    deck = flood_deck
-    deck.simulator.ask(0)
-    assert deck.ground.command(400, 1) == 0
+def test_connection_flood_leaves_the_first_client_served(flood_harness: FloodHarness) -> None:
+    harness = flood_harness
+    harness.simulator.ask(0)
+    assert harness.ground.command(400, 1) == 0
     with ExitStack() as stack:
         sockets: list[socket.socket] = []
         for tick in range(1, FLOOD // BATCH + 1):
-            sockets += connect_many(deck.port, BATCH, stack)
-            assert deck.simulator.ask(tick * TICK_US).time_usec == tick * TICK_US
-        assert deck.ground.command(512, 148) == 0
+            sockets += connect_many(harness.port, BATCH, stack)
+            assert harness.simulator.ask(tick * TICK_US).time_usec == tick * TICK_US
+        assert harness.ground.command(512, 148) == 0
         assert closed_by_peer(sockets, PATIENCE_S) >= FLOOD - MAX_CLIENTS
-        assert deck.ground.command(512, 148) == 0
-    deck.process.signal(signal.SIGTERM)
-    assert deck.process.finish() == (0, "", "")
+        assert harness.ground.command(512, 148) == 0
+    harness.process.signal(signal.SIGTERM)
+    assert harness.process.finish() == (0, "", "")
 
 
-def set_parameter(deck: Deck, name: str, value: float) -> None:
+def set_parameter(harness: Harness, name: str, value: float) -> None:
     """Send PARAM_SET without the check of the project's own client."""
-    deck.ground.endpoint.send(
+    harness.ground.endpoint.send(
         "PARAM_SET",
         target_system=1,
         target_component=1,
@@ -138,15 +138,15 @@ def test_denormal_parameter_is_refused_and_not_stored(tmp_path: Path) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--state", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:
-        deck = Deck(child, hil, port)
-        with closing(deck.simulator), closing(deck.ground):
-            deck.simulator.ask(0)
-            set_parameter(deck, "THR_CRUISE_PCT", 1e-40)
-            assert deck.ground.hear("PARAM_ERROR").param_id == "THR_CRUISE_PCT"
-            assert deck.ground.command(400, 1) == 0
-            assert deck.ground.command(178, 1, -1, 100) == 0  # full thrust
+        harness = Harness(child, hil, port)
+        with closing(harness.simulator), closing(harness.ground):
+            harness.simulator.ask(0)
+            set_parameter(harness, "THR_CRUISE_PCT", 1e-40)
+            assert harness.ground.wait_for("PARAM_ERROR").param_id == "THR_CRUISE_PCT"
+            assert harness.ground.command(400, 1) == 0
+            assert harness.ground.command(178, 1, -1, 100) == 0  # full thrust
             for tick in range(1, 51):
-                deck.simulator.ask(tick * TICK_US)
+                harness.simulator.ask(tick * TICK_US)
             child.signal(signal.SIGTERM)
             assert child.finish() == (0, "", "")
     assert not (tmp_path / FILE).exists()
@@ -160,11 +160,11 @@ def test_stored_denormal_parameter_becomes_default(tmp_path: Path) -> None:
         complaint = child.wait_for_line()
         assert "parameters.param:2: THR_CRUISE_PCT = 1e-40" in complaint
         assert "default" in complaint
-        deck = Deck(child, hil, port)
-        with closing(deck.simulator), closing(deck.ground):
-            client = ParamClient(deck.ground.endpoint.send, GROUND, VEHICLE)
-            assert run(client.get("THR_CRUISE_PCT"), deck.ground.endpoint) == 58.0
-            assert run(client.get("HDG_P"), deck.ground.endpoint) == pytest.approx(0.7)
+        harness = Harness(child, hil, port)
+        with closing(harness.simulator), closing(harness.ground):
+            client = ParamClient(harness.ground.endpoint.send, GROUND, VEHICLE)
+            assert run(client.get("THR_CRUISE_PCT"), harness.ground.endpoint) == 58.0
+            assert run(client.get("HDG_P"), harness.ground.endpoint) == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize("time_us", [1 << 63, (1 << 64) - 1])
@@ -172,16 +172,16 @@ def test_sample_with_impossible_time_is_rejected(tmp_path: Path, time_us: int) -
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--logs", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:
-        deck = Deck(child, hil, port)
-        with closing(deck.simulator), closing(deck.ground):
-            deck.simulator.ask(0)
-            assert deck.ground.command(400, 1) == 0
+        harness = Harness(child, hil, port)
+        with closing(harness.simulator), closing(harness.ground):
+            harness.simulator.ask(0)
+            assert harness.ground.command(400, 1) == 0
             for _ in range(3):
-                deck.simulator.send(time_us)
+                harness.simulator.send(time_us)
             for tick in range(1, 51):
-                answer = deck.simulator.ask(tick * TICK_US)
+                answer = harness.simulator.ask(tick * TICK_US)
                 assert (answer.time_usec, answer.mode & ARMED) == (tick * TICK_US, ARMED)
-            while f"sample time {time_us} us" not in deck.ground.hear("STATUSTEXT").text:
+            while f"sample time {time_us} us" not in harness.ground.wait_for("STATUSTEXT").text:
                 pass
             child.signal(signal.SIGTERM)
             assert child.finish() == (0, "", "")
@@ -211,12 +211,12 @@ def test_autopilot_on_signal_finishes_its_log(tmp_path: Path, number: signal.Sig
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--logs", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:
-        deck = Deck(child, hil, port)
-        with closing(deck.simulator), closing(deck.ground):
-            deck.simulator.ask(0)
-            assert deck.ground.command(400, 1) == 0
+        harness = Harness(child, hil, port)
+        with closing(harness.simulator), closing(harness.ground):
+            harness.simulator.ask(0)
+            assert harness.ground.command(400, 1) == 0
             for tick in range(1, 51):
-                deck.simulator.ask(tick * TICK_US)
+                harness.simulator.ask(tick * TICK_US)
             child.signal(number)
             assert child.finish() == (0, "", "")
     assert (
@@ -244,8 +244,8 @@ def test_closed_terminal_does_not_end_nohup_program() -> None:
     with process("-c", code, *words) as child:
         assert child.wait_for_line().startswith("autopilot: system")
         child.signal(signal.SIGHUP)
-        deck = Deck(child, hil, port)
-        with closing(deck.simulator), closing(deck.ground):
-            assert deck.simulator.ask(0).time_usec == 0
+        harness = Harness(child, hil, port)
+        with closing(harness.simulator), closing(harness.ground):
+            assert harness.simulator.ask(0).time_usec == 0
         child.signal(signal.SIGTERM)
         assert child.finish() == (0, "", "")

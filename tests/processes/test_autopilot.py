@@ -76,12 +76,12 @@ class Ground:
             confirmation=0,
             **{f"param{n}": value for n, value in enumerate(filled, 1)},
         )
-        return int(self.hear("COMMAND_ACK").result)
+        return int(self.wait_for("COMMAND_ACK").result)
 
     def frames(self) -> list[Frame]:
         return self.endpoint.receive() if wait([self.transport], PATIENCE_S) else []
 
-    def hear(self, name: str) -> Any:
+    def wait_for(self, name: str) -> Any:
         while True:
             frames = self.frames()
             assert frames, f"no {name} was received"
@@ -93,7 +93,7 @@ class Ground:
         self.transport.close()
 
 
-class Deck:
+class Harness:
     """An autopilot process between a simulator and a ground station."""
 
     def __init__(self, child: Process, hil_port: int, ground_port: int) -> None:
@@ -102,128 +102,128 @@ class Deck:
 
 
 @pytest.fixture
-def deck() -> Iterator[Deck]:
+def harness() -> Iterator[Harness]:
     hil, ground = free_port(), free_port(socket.SOCK_STREAM)
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{ground}") as child:
-        built = Deck(child, hil, ground)
+        built = Harness(child, hil, ground)
         with closing(built.simulator), closing(built.ground):
             yield built
 
 
-def test_each_sensor_frame_is_answered_with_its_time(deck: Deck) -> None:
+def test_each_sensor_frame_is_answered_with_its_time(harness: Harness) -> None:
     for tick in range(100):
-        answer = deck.simulator.ask(tick * TICK_US)
+        answer = harness.simulator.ask(tick * TICK_US)
         assert (answer.time_usec, answer.flags, answer.mode) == (tick * TICK_US, 1, 1)
         assert answer.controls == (0.0,) * 16
 
 
-def test_repeated_frame_answer_differs_in_armed_only(deck: Deck) -> None:
-    first = deck.simulator.ask(0)
-    assert deck.simulator.ask(0) == first
-    assert deck.ground.command(400, 1) == 0
-    again = deck.simulator.ask(0)
+def test_repeated_frame_answer_differs_in_armed_only(harness: Harness) -> None:
+    first = harness.simulator.ask(0)
+    assert harness.simulator.ask(0) == first
+    assert harness.ground.command(400, 1) == 0
+    again = harness.simulator.ask(0)
     assert again.mode == first.mode | ARMED
     assert (again.time_usec, again.controls) == (first.time_usec, first.controls)
 
 
-def test_sensors_are_answered_before_truth_arrives(deck: Deck) -> None:
-    deck.simulator.ask(0)
+def test_sensors_are_answered_before_truth_arrives(harness: Harness) -> None:
+    harness.simulator.ask(0)
     truth = dialect.by_name("HIL_STATE_QUATERNION")
     lies = encode(truth, (0, (0.0, 0.0, 1.0, 0.0), 9.0, 9.0, 9.0, 1, 1, 1, *(32_000,) * 8), 0, 2, 1)
-    plain = [deck.simulator.ask(n * TICK_US) for n in range(1, 20)]
-    deck.ground.command(246, 1)
-    deck.simulator.ask(0)
+    plain = [harness.simulator.ask(n * TICK_US) for n in range(1, 20)]
+    harness.ground.command(246, 1)
+    harness.simulator.ask(0)
     for n, expected in enumerate(plain, 1):
-        deck.simulator.send(n * TICK_US, lies)
-        assert deck.simulator.answer() == expected
+        harness.simulator.send(n * TICK_US, lies)
+        assert harness.simulator.answer() == expected
 
 
-def test_late_sensor_frame_is_not_answered(deck: Deck) -> None:
+def test_late_sensor_frame_is_not_answered(harness: Harness) -> None:
     for n in range(3):
-        deck.simulator.ask(n * TICK_US)
-    deck.simulator.send(TICK_US)
-    assert deck.simulator.ask(3 * TICK_US).time_usec == 3 * TICK_US
+        harness.simulator.ask(n * TICK_US)
+    harness.simulator.send(TICK_US)
+    assert harness.simulator.ask(3 * TICK_US).time_usec == 3 * TICK_US
 
 
 @pytest.mark.parametrize("ticks", [3, 100])
-def test_restarted_simulator_is_served(deck: Deck, ticks: int) -> None:
+def test_restarted_simulator_is_served(harness: Harness, ticks: int) -> None:
     for n in range(ticks):
-        deck.simulator.ask(n * TICK_US)
+        harness.simulator.ask(n * TICK_US)
     for _ in range(5):
-        deck.simulator.send(0)
-    answer = deck.simulator.answer()
+        harness.simulator.send(0)
+    answer = harness.simulator.answer()
     assert (answer.time_usec, answer.mode) == (0, 1)
-    while "Restarted" not in deck.ground.hear("STATUSTEXT").text:
+    while "Restarted" not in harness.ground.wait_for("STATUSTEXT").text:
         pass
 
 
-def test_restarted_sensor_clock_keeps_vehicle_armed(deck: Deck) -> None:
+def test_restarted_sensor_clock_keeps_vehicle_armed(harness: Harness) -> None:
     for n in range(100):
-        deck.simulator.ask(n * TICK_US)
-    assert deck.ground.command(400, 1) == 0
+        harness.simulator.ask(n * TICK_US)
+    assert harness.ground.command(400, 1) == 0
     for _ in range(5):
-        deck.simulator.send(0)
-    answer = deck.simulator.answer()
+        harness.simulator.send(0)
+    answer = harness.simulator.answer()
     assert (answer.time_usec, answer.mode) == (0, 1 | ARMED)
-    assert deck.simulator.ask(TICK_US).time_usec == TICK_US
-    while "Sensor clock jumped -2.0 s" not in deck.ground.hear("STATUSTEXT").text:
+    assert harness.simulator.ask(TICK_US).time_usec == TICK_US
+    while "Sensor clock jumped -2.0 s" not in harness.ground.wait_for("STATUSTEXT").text:
         pass
 
 
 @pytest.mark.parametrize("bad_us", [0, 100_000_000, 2**63, 2**64 - 1])
-def test_sample_with_bad_stamp_is_not_answered(deck: Deck, bad_us: int) -> None:
+def test_sample_with_bad_stamp_is_not_answered(harness: Harness, bad_us: int) -> None:
     for n in range(10):
-        deck.simulator.ask(n * TICK_US)
-    assert deck.ground.command(400, 1) == 0
-    deck.simulator.send(bad_us)
+        harness.simulator.ask(n * TICK_US)
+    assert harness.ground.command(400, 1) == 0
+    harness.simulator.send(bad_us)
     for n in range(10, 20):
-        answer = deck.simulator.ask(n * TICK_US)
+        answer = harness.simulator.ask(n * TICK_US)
         assert (answer.time_usec, answer.mode) == (n * TICK_US, 1 | ARMED)
 
 
-def test_ground_is_served_without_sensors(deck: Deck) -> None:
+def test_ground_is_served_without_sensors(harness: Harness) -> None:
     listed = run(
-        ParamClient(deck.ground.endpoint.send, GROUND, VEHICLE).list(), deck.ground.endpoint
+        ParamClient(harness.ground.endpoint.send, GROUND, VEHICLE).list(), harness.ground.endpoint
     )
     assert listed["MAV_SYS_ID"] == 1.0
     items = (MissionItem(0, 2, 93, p1=5.0),)
-    client = MissionClient(deck.ground.endpoint.send, GROUND, VEHICLE)
-    run(client.upload(items), deck.ground.endpoint)
-    assert run(client.download(), deck.ground.endpoint) == items
-    assert deck.ground.command(400, 1) == 1
+    client = MissionClient(harness.ground.endpoint.send, GROUND, VEHICLE)
+    run(client.upload(items), harness.ground.endpoint)
+    assert run(client.download(), harness.ground.endpoint) == items
+    assert harness.ground.command(400, 1) == 1
 
 
-def test_ground_at_full_speed_loses_nothing(deck: Deck) -> None:
-    deck.simulator.ask(0)
+def test_ground_at_full_speed_loses_nothing(harness: Harness) -> None:
+    harness.simulator.ask(0)
     for name in ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS"):
-        assert deck.ground.command(511, dialect.by_name(name).message_id, 20_000) == 0
+        assert harness.ground.command(511, dialect.by_name(name).message_id, 20_000) == 0
     attitudes: list[int] = []
     for tick in range(1, 2001):
-        deck.simulator.ask(tick * TICK_US)
-        attitudes += heard_attitudes(deck.ground.endpoint.receive())
+        harness.simulator.ask(tick * TICK_US)
+        attitudes += attitude_times_ms(harness.ground.endpoint.receive())
     while len(attitudes) < 2000:
-        attitudes += heard_attitudes(deck.ground.frames())
+        attitudes += attitude_times_ms(harness.ground.frames())
     assert attitudes == [tick * TICK_US // 1000 for tick in range(1, 2001)]
-    assert deck.ground.endpoint.lost_frames == 0
+    assert harness.ground.endpoint.lost_frames == 0
 
 
-def heard_attitudes(frames: list[Frame]) -> list[int]:
+def attitude_times_ms(frames: list[Frame]) -> list[int]:
     return [frame.decode().time_boot_ms for frame in frames if frame.name == "ATTITUDE"]
 
 
-def test_ground_station_disconnect_is_tolerated(deck: Deck) -> None:
-    deck.simulator.ask(0)
-    deck.ground.close()
+def test_ground_station_disconnect_is_tolerated(harness: Harness) -> None:
+    harness.simulator.ask(0)
+    harness.ground.close()
     for tick in range(1, 200):
-        assert deck.simulator.ask(tick * TICK_US).time_usec == tick * TICK_US
-    assert deck.process.running
+        assert harness.simulator.ask(tick * TICK_US).time_usec == tick * TICK_US
+    assert harness.process.running
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_autopilot_on_signal_ends_cleanly(deck: Deck, number: signal.Signals) -> None:
-    deck.simulator.ask(0)
-    deck.process.signal(number)
-    finished = deck.process.finish()
+def test_autopilot_on_signal_ends_cleanly(harness: Harness, number: signal.Signals) -> None:
+    harness.simulator.ask(0)
+    harness.process.signal(number)
+    finished = harness.process.finish()
     assert (finished.status, finished.stdout, finished.stderr) == (0, "", "")
 
 

@@ -88,7 +88,7 @@ def texts(log: Path, component: int) -> list[str]:
 class Dive(NamedTuple):
     flown: flight.FlightResult
     truth: Path
-    heard: list[str]
+    received_texts: list[str]
     """Texts that the stock client received, beside the program that flew the vehicle."""
 
 
@@ -126,9 +126,9 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Dive:
         on_one_core(steering, simulated),
         process(str(CLIENT), f"tcpout://127.0.0.1:{beside}", "listen") as listener,
     ):
-        listener.hear("listening")
-        told = flight.Dive.load(str(script), folder / "dive.mcap", parameters=TELL_ONLY)
-        flown = flight.fly(told, f"tcp:127.0.0.1:{ground}")
+        listener.read_until("listening")
+        event_texts = flight.Dive.load(str(script), folder / "dive.mcap", parameters=TELL_ONLY)
+        flown = flight.fly(event_texts, f"tcp:127.0.0.1:{ground}")
         finished = listener.finish()
         simulated.signal(signal.SIGTERM)
         simulated.finish()
@@ -142,20 +142,20 @@ def every_fault(texts: list[str], prefix: str) -> list[str]:
 
 
 def test_client_receives_start_and_end_of_each_fault(dive: Dive) -> None:
-    assert every_fault(dive.heard, "Fault: ") == EVERY
-    assert every_fault(dive.heard, "Fault over: ") == EVERY
+    assert every_fault(dive.received_texts, "Fault: ") == EVERY
+    assert every_fault(dive.received_texts, "Fault over: ") == EVERY
     assert {
         "Gyro silent",
         "Magnetometer stuck",
         "Pressure sensor implausible",
         "Leak detected",
-    } <= set(dive.heard)
-    assert dive.heard[-1] == "Surfaced: disarmed"
+    } <= set(dive.received_texts)
+    assert dive.received_texts[-1] == "Surfaced: disarmed"
 
 
 def test_log_contains_faults_and_detections(dive: Dive) -> None:
-    told = texts(dive.flown.log, 25)
-    assert every_fault(told, "Fault: ") == every_fault(told, "Fault over: ") == EVERY
+    event_texts = texts(dive.flown.log, 25)
+    assert every_fault(event_texts, "Fault: ") == every_fault(event_texts, "Fault over: ") == EVERY
     assert {"Gyro recovered", "Accelerometer silent", "Leak recovered"} <= set(
         texts(dive.flown.log, 1)
     )

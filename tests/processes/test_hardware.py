@@ -233,10 +233,10 @@ def try_example(folder: Path) -> BenchResult:
             texts,
             lambda frame: frame.component == DUCT and frame.decode().actuator[0] > 0.1,
         )
-        tailcone.hear(r"rudder \+7\.5 deg, elevator \+0\.0 deg, thrust \+0 %")
+        tailcone.read_until(r"rudder \+7\.5 deg, elevator \+0\.0 deg, thrust \+0 %")
         child.kill()
         killed_s = time.monotonic()
-        tailcone.hear(r"rudder \+0\.0 deg")
+        tailcone.read_until(r"rudder \+0\.0 deg")
         return BenchResult(texts, deflected.decode().actuator[0], time.monotonic() - killed_s)
 
 

@@ -114,13 +114,13 @@ def test_mavproxy_needs_key_for_commands_only(state: Path, key_file: Path, tmp_p
         ),
         contextlib.closing(Console(tmp_path, f"udpin:127.0.0.1:{port}")) as mavproxy,
     ):
-        mavproxy.hear("Detected vehicle 1:1 on link 0", TIMEOUT_S)
+        mavproxy.wait_for("Detected vehicle 1:1 on link 0", TIMEOUT_S)
         with pytest.raises(TimeoutError):
             mavproxy.ask("param fetch HDG_P", "HDG_P = ", within_s=3.0)
         assert mavproxy.messages()["HEARTBEAT"][0] > 1, "telemetry must be readable without a key"
         mavproxy.ask(f"signing key {PASSPHRASE}", "Setup signing key")
-        mavproxy.hear(f"Received {len(PARAMETERS)} parameters", TIMEOUT_S)
-        mavproxy.say("param set HDG_P 0.75")
+        mavproxy.wait_for(f"Received {len(PARAMETERS)} parameters", TIMEOUT_S)
+        mavproxy.type_line("param set HDG_P 0.75")
         wait_until(
             lambda: (
                 float(mavproxy.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)", attempts=5)[1]) == 0.75

@@ -27,7 +27,7 @@ from sysid.data import readers as identification
 from tests.helpers.fake_hil import TICK_US
 from tests.helpers.pty_pair import Noise, line
 from tests.helpers.subprocesses import Finished, autopilot, free_port, process
-from tests.processes.test_autopilot import Deck
+from tests.processes.test_autopilot import Harness
 
 pytestmark = pytest.mark.process
 
@@ -250,12 +250,12 @@ def test_killed_autopilot_loses_last_moment_only(tmp_path: Path) -> None:
     hil, port = free_port(), free_port(socket.SOCK_STREAM)
     options = ("--logs", str(tmp_path))
     with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{port}", options=options) as child:
-        deck = Deck(child, hil, port)
-        with closing(deck.simulator), closing(deck.ground):
-            deck.simulator.ask(0)
-            assert deck.ground.command(400, 1) == 0
+        harness = Harness(child, hil, port)
+        with closing(harness.simulator), closing(harness.ground):
+            harness.simulator.ask(0)
+            assert harness.ground.command(400, 1) == 0
             for tick in range(1, 101):
-                deck.simulator.ask(tick * TICK_US)
+                harness.simulator.ask(tick * TICK_US)
             (path,) = tmp_path.glob("*.mcap")
             deadline = time.monotonic() + LONGEST_S
             while attitudes_on_disk(path) < 100:

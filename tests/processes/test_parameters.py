@@ -24,9 +24,9 @@ def test_mavproxy_downloads_parameter_file(tmp_path: Path) -> None:
     with autopilot(f"udpin:127.0.0.1:{free_port()}", f"udpout:127.0.0.1:{port}"):
         console = Console(tmp_path, f"udp:127.0.0.1:{port}")
         try:
-            console.hear(rf"Received {len(PARAMETERS)} parameters \(ftp\)", PATIENCE_S)
+            console.wait_for(rf"Received {len(PARAMETERS)} parameters \(ftp\)", PATIENCE_S)
             console.ask("param show HDG_P", r"HDG_P\s+0\.64999")
-            console.say("param set HDG_P 0.75")
+            console.type_line("param set HDG_P 0.75")
             console.ask("param diff", r"HDG_P\s+0\.750000 +0\.650000", attempts=5)
         finally:
             console.close()

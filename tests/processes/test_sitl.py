@@ -36,7 +36,7 @@ class Peer:
         self._from: tuple[str, int] | None = None
         self.address = f"udpout:127.0.0.1:{self._socket.getsockname()[1]}"
 
-    def hear(self) -> tuple[int, bytes]:
+    def receive(self) -> tuple[int, bytes]:
         """Return vehicle time and datagram of the next datagram; it must contain one HIL_SENSOR."""
         datagram, self._from = self._socket.recvfrom(65_535)
         times = [
@@ -47,9 +47,9 @@ class Peer:
         assert len(times) == 1
         return times[0], datagram
 
-    def hear_of(self, time_us: int) -> bytes:
+    def receive_tick(self, time_us: int) -> bytes:
         """Return the next datagram of a vehicle time; ignore repeated earlier ones."""
-        while (received := self.hear())[0] != time_us:
+        while (received := self.receive())[0] != time_us:
             assert received[0] < time_us
         return received[1]
 
@@ -62,7 +62,7 @@ class Peer:
         """Answer a number of ticks; return their datagrams."""
         datagrams = []
         for time_us in range(start_us, start_us + ticks * TICK_US, TICK_US):
-            datagrams.append(self.hear_of(time_us))
+            datagrams.append(self.receive_tick(time_us))
             self.answer(time_us)
         return datagrams
 
@@ -121,9 +121,9 @@ def test_lost_and_repeated_datagrams_change_nothing(sitl: Start) -> None:
     def fly_badly(peer: Peer) -> list[bytes]:
         datagrams = []
         for time_us in range(0, 40 * TICK_US, TICK_US):
-            datagram = peer.hear_of(time_us)
+            datagram = peer.receive_tick(time_us)
             if time_us % (10 * TICK_US) == TICK_US:
-                assert peer.hear_of(time_us) == datagram
+                assert peer.receive_tick(time_us) == datagram
                 peer.answer(time_us + TICK_US)
                 peer.answer(max(0, time_us - TICK_US))
             peer.answer(time_us)
@@ -136,21 +136,21 @@ def test_lost_and_repeated_datagrams_change_nothing(sitl: Start) -> None:
 
 def test_before_first_answer_time_zero_is_repeated(sitl: Start, peer: Peer) -> None:
     sitl("--hil", peer.address)
-    assert [peer.hear()[0] for _ in range(20)] == [0] * 20
+    assert [peer.receive()[0] for _ in range(20)] == [0] * 20
 
 
 def test_wait_for_arm_time_stands_while_disarmed(sitl: Start, peer: Peer) -> None:
     sitl("--hil", peer.address, "--speed", "max", "--wait-for-arm")
     standing = []
     for _ in range(10):
-        time_us, datagram = peer.hear()
+        time_us, datagram = peer.receive()
         standing.append((time_us, datagram))
         peer.answer(time_us, DISARMED)
     armed = peer.fly(30)
     assert set(standing) == {(0, armed[0])}
     moored_us = 30 * TICK_US
     for _ in range(10):
-        peer.hear_of(moored_us)
+        peer.receive_tick(moored_us)
         peer.answer(moored_us, DISARMED)
     again = peer.fly(10, moored_us)
     assert armed + again == flown(sitl, lambda other: other.fly(40), "--wait-for-arm")
@@ -159,16 +159,16 @@ def test_wait_for_arm_time_stands_while_disarmed(sitl: Start, peer: Peer) -> Non
 def test_without_wait_for_arm_time_runs_disarmed(sitl: Start, peer: Peer) -> None:
     sitl("--hil", peer.address, "--speed", "max")
     for time_us in (0, TICK_US, 2 * TICK_US):
-        peer.hear_of(time_us)
+        peer.receive_tick(time_us)
         peer.answer(time_us, DISARMED)
 
 
 def test_silent_autopilot_ends_run_with_reason(sitl: Start, peer: Peer) -> None:
     process = sitl("--hil", peer.address, "--speed", "max")
     peer.fly(50)
-    _, complaint = process.communicate(timeout=PATIENCE_S)
+    _, message = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
-    assert complaint == "sitl: the autopilot stopped answering at vehicle time 1.00 s\n"
+    assert message == "sitl: the autopilot stopped answering at vehicle time 1.00 s\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -224,7 +224,7 @@ def test_bad_input_gets_one_line_and_status_2(
     sitl: Start, arguments: tuple[str, str], named: str
 ) -> None:
     process = sitl(*arguments)
-    output, complaint = process.communicate(timeout=PATIENCE_S)
+    output, message = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, output) == (2, "")
-    assert named in complaint
-    assert complaint.count("\n") == 1
+    assert named in message
+    assert message.count("\n") == 1

@@ -7,16 +7,16 @@ import pytest
 from autopilot.comms import ground_server, services, statustext
 from mavlink_io.clock import wall_s
 from tests.helpers.commands import FIX
-from tests.helpers.fake_hil import Deck
+from tests.helpers.fake_hil import Harness
 
 
 @pytest.fixture
-def deck() -> Deck:
-    deck = Deck()
-    deck.tick(3, fix=FIX)
-    deck.serve()
-    deck.station.heard()
-    return deck
+def harness() -> Harness:
+    harness = Harness()
+    harness.tick(3, fix=FIX)
+    harness.serve()
+    harness.station.pop_received()
+    return harness
 
 
 @pytest.fixture

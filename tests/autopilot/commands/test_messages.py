@@ -7,34 +7,34 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.control.types import Severity
 from tests.helpers.commands import ACCEPTED, DENIED, results, under_way
-from tests.helpers.fake_hil import Deck, only, texts
+from tests.helpers.fake_hil import Harness, only, texts
 
 
-def test_heartbeat_interval_is_readable_but_constant(deck: Deck) -> None:
-    assert only(deck.command(510, 0), "MESSAGE_INTERVAL").interval_us == 1_000_000
-    assert results(deck.command(511, 0, 0)) == [ACCEPTED]
-    assert results(deck.command(511, 0, 1_000_000)) == [ACCEPTED]
+def test_heartbeat_interval_is_readable_but_constant(harness: Harness) -> None:
+    assert only(harness.command(510, 0), "MESSAGE_INTERVAL").interval_us == 1_000_000
+    assert results(harness.command(511, 0, 0)) == [ACCEPTED]
+    assert results(harness.command(511, 0, 1_000_000)) == [ACCEPTED]
     for interval in (-1, 200_000):
-        assert results(deck.command(511, 0, interval)) == [DENIED]
+        assert results(harness.command(511, 0, interval)) == [DENIED]
 
 
-def test_request_data_stream_has_no_effect_and_no_reply(deck: Deck) -> None:
-    before = [link.schedule.interval_us(30) for link in deck.server.links]
-    answers = deck.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 4, 1))
+def test_request_data_stream_has_no_effect_and_no_reply(harness: Harness) -> None:
+    before = [link.schedule.interval_us(30) for link in harness.server.links]
+    answers = harness.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 4, 1))
     assert [m.get_type() for m in answers] == ["HEARTBEAT"], "only the heartbeat for a new sender"
-    assert [link.schedule.interval_us(30) for link in deck.server.links] == before
+    assert [link.schedule.interval_us(30) for link in harness.server.links] == before
 
 
-def test_requested_loop_signals_match_trace(deck: Deck) -> None:
-    under_way(deck)
-    deck.command(511, 251, 100_000)
-    deck.command(511, 350, 100_000)
-    deck.station.heard()
-    deck.tick(10, depth_m=5.0)
-    received = deck.station.heard()
+def test_requested_loop_signals_match_trace(harness: Harness) -> None:
+    under_way(harness)
+    harness.command(511, 251, 100_000)
+    harness.command(511, 350, 100_000)
+    harness.station.pop_received()
+    harness.tick(10, depth_m=5.0)
+    received = harness.station.pop_received()
     named = {m.name: m.value for m in received if m.get_type() == "NAMED_VALUE_FLOAT"}
     assert set(named) == {"DPT_ERR", "PTCH_ERR", "HDG_ERR", "SID_IN", "SID_FREQ"}
-    trace = deck.vehicle.snapshot().trace
+    trace = harness.vehicle.snapshot().trace
     assert named["DPT_ERR"] == pytest.approx(trace.depth_error_m, abs=0.05)
     arrays = [m for m in received if m.get_type() == "DEBUG_FLOAT_ARRAY"]
     assert len(arrays) == 2
@@ -43,18 +43,18 @@ def test_requested_loop_signals_match_trace(deck: Deck) -> None:
 
 
 def test_text_rate_limit_drops_texts_but_not_critical_ones(
-    deck: Deck, pass_time: Callable[[float], None]
+    harness: Harness, pass_time: Callable[[float], None]
 ) -> None:
     for number in range(100):
-        deck.vehicle.send_statustext(f"text {number}")
-    deck.vehicle.send_statustext("Leak detected", Severity.EMERGENCY)
-    deck.serve()
-    sent_texts = texts(deck.station.heard())
+        harness.vehicle.send_statustext(f"text {number}")
+    harness.vehicle.send_statustext("Leak detected", Severity.EMERGENCY)
+    harness.serve()
+    sent_texts = texts(harness.station.pop_received())
     assert sent_texts[:3] == ["text 0", "text 1", "text 2"]
     assert 15 <= len(sent_texts) <= 25
     assert sent_texts[-1] == "Leak detected"
     assert f"{100 - (len(sent_texts) - 2)} messages left out" in sent_texts
     pass_time(10.0)
-    deck.vehicle.send_statustext("later")
-    deck.serve()
-    assert texts(deck.station.heard()) == ["later"]
+    harness.vehicle.send_statustext("later")
+    harness.serve()
+    assert texts(harness.station.pop_received()) == ["later"]

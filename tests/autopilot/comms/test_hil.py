@@ -24,7 +24,7 @@ from mavlink_io.records import Altimeter as Range
 from mavlink_io.transport import Transport, open_transport
 from sitl.backends.hil import HilClient
 from sitl.core.sensors import Sensors
-from tests.helpers.fake_hil import Deck, Station, only, sensors
+from tests.helpers.fake_hil import Harness, Station, only, sensors
 
 FULL = Sensors(
     sensors(20_000),
@@ -102,12 +102,12 @@ def test_relayed_devices_have_own_ids_and_sequences(line: Line) -> None:
 def test_relay_sends_dvl_and_encoders_but_not_battery(
     line: Line,
 ) -> None:
-    deck = Deck(Station(), Station(254))
-    deck.server.relay(heard(line, FULL).relayed)
-    deck.server.flush()
-    for station in deck.stations:
+    harness = Harness(Station(), Station(254))
+    harness.server.relay(heard(line, FULL).relayed)
+    harness.server.flush()
+    for station in harness.stations:
         reported = [
-            (m.get_type(), m.get_srcSystem(), m.get_srcComponent()) for m in station.heard()
+            (m.get_type(), m.get_srcSystem(), m.get_srcComponent()) for m in station.pop_received()
         ]
         assert reported == [
             ("ODOMETRY", 1, device_messages.DVL_COMPONENT),
@@ -120,10 +120,10 @@ def test_relay_sends_hull_pressure(line: Line) -> None:
     pressure = encode(hull, (40, 985.5, 0.0, 2150, 0), 0, 1, component)
     line.near.send(pressure + line.sitl.datagram(Sensors(sensors(40_000), None, None), None))
     (sample,) = line.autopilot.receive()
-    deck = Deck()
-    deck.server.relay(sample.relayed)
-    deck.server.flush()
-    reported = only(deck.station.heard(), "SCALED_PRESSURE")
+    harness = Harness()
+    harness.server.relay(sample.relayed)
+    harness.server.flush()
+    reported = only(harness.station.pop_received(), "SCALED_PRESSURE")
     assert (reported.get_srcComponent(), reported.press_abs, reported.temperature) == (
         component,
         985.5,

@@ -54,7 +54,7 @@ class Rig:
             self.onboard_log.tick((frame,))
 
     def ask(self, message: Any) -> None:
-        self.station.say(message)
+        self.station.transmit(message)
         self.server.receive(self.server.links[0])
         self.server.poll()
 
@@ -74,7 +74,7 @@ class Rig:
     def received_texts(self) -> list[str]:
         self.server.poll()
         self.server.flush()
-        return [m.text for m in self.station.heard() if m.get_type() == "STATUSTEXT"]
+        return [m.text for m in self.station.pop_received() if m.get_type() == "STATUSTEXT"]
 
     def until(self, condition: Callable[[], bool]) -> None:
         deadline = time.monotonic() + 10.0

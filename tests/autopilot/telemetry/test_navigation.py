@@ -10,7 +10,7 @@ from autopilot.control.setpoints import Circle, TrackLine
 from autopilot.control.types import NavCovariance, Navigation
 from autopilot.vehicle import Snapshot
 from tests.autopilot.telemetry.test_streams import message, snapshot
-from tests.helpers.fake_hil import Deck, only, texts
+from tests.helpers.fake_hil import Harness, only, texts
 
 IGNORE_RATES = 7
 Z_ONLY = 0xDFB
@@ -74,24 +74,24 @@ def test_estimator_status_reports_accuracy_and_glitch() -> None:
 
 
 def test_setpoint_messages_allow_offboard_mode() -> None:
-    deck = Deck()
-    deck.tick(5)
+    harness = Harness()
+    harness.tick(5)
     attitude = mavlink.MAVLink_set_attitude_target_message(
         0, 1, 1, IGNORE_RATES, [1.0, 0.0, 0.0, 0.0], 0, 0, 0, 0.5
     )
     depth = mavlink.MAVLink_set_position_target_local_ned_message(
         0, 1, 1, 1, Z_ONLY, 0, 0, 6.0, *[0.0] * 8
     )
-    assert only(deck.command(400, 1), "COMMAND_ACK").result == 0
+    assert only(harness.command(400, 1), "COMMAND_ACK").result == 0
     assert (
-        only(deck.command(176, 1, 6, 0), "COMMAND_ACK").result
+        only(harness.command(176, 1, 6, 0), "COMMAND_ACK").result
         == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     )
-    assert texts(deck.ask(attitude)) == []
-    assert texts(deck.ask(depth)) == []
-    assert only(deck.command(176, 1, 6, 0), "COMMAND_ACK").result == 0
-    deck.tick(2)
-    state = deck.vehicle.state
+    assert texts(harness.ask(attitude)) == []
+    assert texts(harness.ask(depth)) == []
+    assert only(harness.command(176, 1, 6, 0), "COMMAND_ACK").result == 0
+    harness.tick(2)
+    state = harness.vehicle.state
     assert state.mode == modes.OFFBOARD.number
     assert (state.setpoint.depth_m, state.setpoint.thrust, state.setpoint.pitch_rad) == (
         6.0,
@@ -101,19 +101,19 @@ def test_setpoint_messages_allow_offboard_mode() -> None:
 
 
 def test_unsupported_setpoint_is_reported_once() -> None:
-    deck = Deck()
-    deck.tick(5)
+    harness = Harness()
+    harness.tick(5)
     sideways = mavlink.MAVLink_set_position_target_local_ned_message(
         0, 1, 1, 7, Z_ONLY, 0, 0, 6.0, *[0.0] * 8
     )
-    (reported,) = texts(deck.ask(sideways))
+    (reported,) = texts(harness.ask(sideways))
     assert reported.startswith("Set-point ignored: frame 7")
-    assert texts(deck.ask(sideways)) == []
+    assert texts(harness.ask(sideways)) == []
 
 
 def test_capabilities_include_setpoints() -> None:
-    deck = Deck()
-    deck.tick(1)
-    capabilities = only(deck.command(512, 148), "AUTOPILOT_VERSION").capabilities
+    harness = Harness()
+    harness.tick(1)
+    capabilities = only(harness.command(512, 148), "AUTOPILOT_VERSION").capabilities
     for name in ("ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "POSITION_TARGET_GLOBAL_INT"):
         assert capabilities & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_SET_{name}"), name

@@ -35,7 +35,7 @@ from mavlink_io.records import (
     Leak,
     SensorFrame,
 )
-from tests.helpers.fake_hil import TICK_US, Deck, Station, sensors
+from tests.helpers.fake_hil import TICK_US, Harness, Station, sensors
 
 ATTITUDE, OUTPUTS, HOME = (
     dialect.by_name(n).message_id for n in ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS", "HOME_POSITION")
@@ -270,53 +270,53 @@ def test_invalid_state_does_not_block_messages(nonsense: float) -> None:
 
 
 def test_every_message_can_be_built_before_first_tick() -> None:
-    deck = Deck()
+    harness = Harness()
     for stream in STREAMS:
         reported = [
             m
-            for m in deck.command(512, stream.message.message_id)
+            for m in harness.command(512, stream.message.message_id)
             if m.get_type() == stream.message.name
         ]
         assert len(reported) == len(stream.builders)
 
 
-def counts(deck: Deck, ticks: int) -> dict[str, int]:
-    deck.station.heard()
-    deck.tick(ticks)
-    received = [m.get_type() for m in deck.station.heard()]
+def counts(harness: Harness, ticks: int) -> dict[str, int]:
+    harness.station.pop_received()
+    harness.tick(ticks)
+    received = [m.get_type() for m in harness.station.pop_received()]
     return {name: received.count(name) for name in received}
 
 
 def test_every_stream_has_default_rate() -> None:
-    deck = Deck()
-    deck.tick()
-    seen = counts(deck, 10 * SECOND_TICKS)
+    harness = Harness()
+    harness.tick()
+    seen = counts(harness, 10 * SECOND_TICKS)
     for stream in STREAMS:
         assert seen.get(stream.message.name, 0) == round(10 * stream.rate_hz), stream.message.name
 
 
 def test_client_can_set_rates() -> None:
-    deck = Deck()
-    deck.tick()
-    deck.command(511, ATTITUDE, 20_000)
-    deck.command(511, HOME, -1)
-    assert deck.command(510, ATTITUDE)[-1].interval_us == 20_000
-    assert deck.command(510, HOME)[-1].interval_us == -1
-    seen = counts(deck, 10 * SECOND_TICKS)
+    harness = Harness()
+    harness.tick()
+    harness.command(511, ATTITUDE, 20_000)
+    harness.command(511, HOME, -1)
+    assert harness.command(510, ATTITUDE)[-1].interval_us == 20_000
+    assert harness.command(510, HOME)[-1].interval_us == -1
+    seen = counts(harness, 10 * SECOND_TICKS)
     assert (seen["ATTITUDE"], "HOME_POSITION" in seen) == (500, False)
-    deck.command(511, ATTITUDE, 0)
-    assert counts(deck, 10 * SECOND_TICKS)["ATTITUDE"] == 100
-    assert deck.command(511, 99_999, 20_000)[-1].result == mavlink.MAV_RESULT_UNSUPPORTED
+    harness.command(511, ATTITUDE, 0)
+    assert counts(harness, 10 * SECOND_TICKS)["ATTITUDE"] == 100
+    assert harness.command(511, 99_999, 20_000)[-1].result == mavlink.MAV_RESULT_UNSUPPORTED
 
 
 def test_links_have_own_rates_and_sequences() -> None:
-    deck = Deck(Station(255, 190), Station(250, 190))
-    deck.tick()
-    deck.command(511, ATTITUDE, 20_000)
-    for station in deck.stations:
-        station.heard()
-    deck.tick(10 * SECOND_TICKS)
-    first, second = (station.heard() for station in deck.stations)
+    harness = Harness(Station(255, 190), Station(250, 190))
+    harness.tick()
+    harness.command(511, ATTITUDE, 20_000)
+    for station in harness.stations:
+        station.pop_received()
+    harness.tick(10 * SECOND_TICKS)
+    first, second = (station.pop_received() for station in harness.stations)
     assert [sum(m.get_type() == "ATTITUDE" for m in received) for received in (first, second)] == [
         500,
         100,
@@ -339,17 +339,17 @@ def test_stream_phase_is_independent_of_request_time(
 
 
 def telemetry_of_a_flight(chatter: bool) -> list[bytes]:
-    deck = Deck()
-    deck.tick()
-    deck.command(511, ATTITUDE, 20_000)
+    harness = Harness()
+    harness.tick()
+    harness.command(511, ATTITUDE, 20_000)
     if chatter:
-        deck.command(512, 148)
-        deck.serve()
-    deck.command(400, 1)
-    deck.command(176, 1, 2)
-    deck.station.heard()
-    deck.tick(5 * SECOND_TICKS, depth_m=1.0)
-    return [bytes(m.get_payload()) for m in deck.station.heard()]
+        harness.command(512, 148)
+        harness.serve()
+    harness.command(400, 1)
+    harness.command(176, 1, 2)
+    harness.station.pop_received()
+    harness.tick(5 * SECOND_TICKS, depth_m=1.0)
+    return [bytes(m.get_payload()) for m in harness.station.pop_received()]
 
 
 def test_equal_flights_give_equal_bytes() -> None:
@@ -357,13 +357,13 @@ def test_equal_flights_give_equal_bytes() -> None:
 
 
 def test_telemetry_precedes_texts_of_same_tick() -> None:
-    deck = Deck()
-    deck.tick()
-    deck.command(511, ATTITUDE, 20_000)
-    deck.station.heard()
-    deck.vehicle.send_statustext("in this tick")
-    deck.tick()
-    kinds = [m.get_type() for m in deck.station.heard()]
+    harness = Harness()
+    harness.tick()
+    harness.command(511, ATTITUDE, 20_000)
+    harness.station.pop_received()
+    harness.vehicle.send_statustext("in this tick")
+    harness.tick()
+    kinds = [m.get_type() for m in harness.station.pop_received()]
     assert kinds.index("ATTITUDE") < kinds.index("STATUSTEXT")
 
 
@@ -377,14 +377,14 @@ def test_time_restart_sets_new_phase() -> None:
 
 def test_out_of_range_numbers_are_sent_as_nearest_value() -> None:
     """Limits of int32 and uint16, and the largest finite float32 (IEEE 754)."""
-    deck = Deck()
-    (link,) = deck.server.links
+    harness = Harness()
+    (link,) = harness.server.links
     message = dialect.by_name("COMMAND_ACK")
     link.write(message, (1 << 20, 300, -1, 1 << 40, 0, 0))
     link.write(dialect.by_name("GPS_GLOBAL_ORIGIN"), (1 << 63, -(1 << 63), 0, -5))
     link.write(dialect.by_name("ATTITUDE"), (1 << 33, 1e300, -1e300, math.nan, math.inf, 0.0, 0.0))
-    deck.server.flush()
-    ack, origin, attitude = deck.station.heard()
+    harness.server.flush()
+    ack, origin, attitude = harness.station.pop_received()
     assert (ack.command, ack.result, ack.progress, ack.result_param2) == (
         0xFFFF,
         255,
@@ -406,7 +406,7 @@ def test_out_of_range_numbers_are_sent_as_nearest_value() -> None:
 
 
 def test_values_of_wrong_shape_raise() -> None:
-    (link,) = Deck().server.links
+    (link,) = Harness().server.links
     with pytest.raises(struct.error):
         link.write(dialect.by_name("SYSTEM_TIME"), (0.5, 0))
 
@@ -419,19 +419,19 @@ def test_values_of_wrong_shape_raise() -> None:
     )
 )
 def test_any_sensor_value_allows_tick_and_telemetry(values: list[float]) -> None:
-    deck = Deck()
-    deck.tick(3)
-    state = deck.vehicle.state
-    deck.time_us += TICK_US
-    reading = sensors(deck.time_us)._replace(
+    harness = Harness()
+    harness.tick(3)
+    state = harness.vehicle.state
+    harness.time_us += TICK_US
+    reading = sensors(harness.time_us)._replace(
         **dict(zip(SensorFrame._fields[1:14], values, strict=True))
     )
     for _ in range(3):
-        reading = reading._replace(time_us=deck.time_us)
-        frame = deck.vehicle.tick(Inputs(reading, None, None, None))
+        reading = reading._replace(time_us=harness.time_us)
+        frame = harness.vehicle.tick(Inputs(reading, None, None, None))
         assert all(map(math.isfinite, frame.controls))
         for stream in STREAMS:
             for build in stream.builders:
-                stream.message.pack(build(deck.vehicle.snapshot()))
-        deck.time_us += TICK_US
+                stream.message.pack(build(harness.vehicle.snapshot()))
+        harness.time_us += TICK_US
     assert state.estimate.initialised

@@ -10,7 +10,7 @@ from ground.client import vehicle as client
 from ground.client.param_rollback import History, ParamUpload
 from ground.client.vehicle import VehicleClient
 from mavlink_io.errors import InputError, OperationError
-from tests.ground.fake import FakeVehicle, attend
+from tests.ground.fake import FakeVehicle, step_while_waiting
 
 NEW = {"HDG_P": 0.875, "DPT_P": 0.25}
 OLD = {"HDG_P": pytest.approx(0.65), "DPT_P": pytest.approx(0.13)}
@@ -25,7 +25,7 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
     vehicle = FakeVehicle()
-    monkeypatch.setattr(client, "wait", attend(vehicle))
+    monkeypatch.setattr(client, "wait", step_while_waiting(vehicle))
     vehicle.heartbeat()
     yield vehicle
     vehicle.close()

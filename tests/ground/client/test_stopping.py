@@ -13,7 +13,7 @@ from ground.client import stopping
 from ground.client import vehicle as client
 from ground.client.vehicle import CommandRefusedError, VehicleClient, VehicleClientError
 from mavlink_io.errors import OperationError
-from tests.ground.fake import DENIED, FakeVehicle, attend
+from tests.ground.fake import DENIED, FakeVehicle, step_while_waiting
 
 SET_MODE = 176
 HOLD, MISSION, SURFACE = 50_593_792, 67_371_008, 100_925_440
@@ -27,7 +27,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
     """A vehicle that flies a mission, at the address of any command."""
     fake = FakeVehicle()
     fake.modes, fake.custom_mode = MODES, MISSION
-    monkeypatch.setattr(client, "wait", attend(fake))
+    monkeypatch.setattr(client, "wait", step_while_waiting(fake))
     monkeypatch.setattr(client, "open_transport", lambda address: fake.ground_end)
     monkeypatch.setattr(stopping, "CONFIRM_TIMEOUT_S", 0.2)
     fake.heartbeat(armed=True)
@@ -61,7 +61,7 @@ def test_surface_refusal_is_an_error(fake: FakeVehicle) -> None:
 
 
 def test_surface_accepted_but_not_entered_is_an_error(fake: FakeVehicle) -> None:
-    fake.obeys = False
+    fake.enters_modes = False
     done = ground("surface")
     assert isinstance(done.exception, OperationError)
     assert (
@@ -103,7 +103,7 @@ def test_surface_without_mode_list_uses_published_names(
 
 def test_surface_at_the_surface_counts_the_end_as_done(fake: FakeVehicle) -> None:
     """There SURFACE disarms at once, and what the vehicle reports next is HOLD."""
-    fake.obeys = False
+    fake.enters_modes = False
     later = Timer(0.05, lambda: fake.heartbeat(armed=False))
     later.start()
     done = ground("surface")

@@ -17,7 +17,7 @@ from mavlink_io.dialect import by_name
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.transport import open_transport
-from tests.ground.fake import ACCEPTED, DENIED, REJECTED, FakeVehicle, attend
+from tests.ground.fake import ACCEPTED, DENIED, REJECTED, FakeVehicle, step_while_waiting
 
 ARM, SET_MODE, SET_INTERVAL = 400, 176, 511
 BOOT, STANDBY = 1, 3
@@ -34,7 +34,7 @@ def meet(monkeypatch: pytest.MonkeyPatch) -> Iterator[Meet]:
         def make(answers: dict[int, list[int]] | None = None) -> FakeVehicle:
             fake = FakeVehicle(answers)
             stack.callback(fake.close)
-            monkeypatch.setattr(client, "wait", attend(fake))
+            monkeypatch.setattr(client, "wait", step_while_waiting(fake))
             fake.heartbeat()
             return fake
 
@@ -199,9 +199,9 @@ def test_a_denial_is_final(meet: Meet) -> None:
 
 def test_a_long_text_is_one_text(fake: FakeVehicle) -> None:
     vehicle = connected(fake)
-    fake.say("SystemID Starting: axis=12 wave=doublet magnitude=", id=3, chunk_seq=0)
-    fake.say("4.00", id=3, chunk_seq=1)
-    fake.say("SystemID Finished")
+    fake.send_text("SystemID Starting: axis=12 wave=doublet magnitude=", id=3, chunk_seq=0)
+    fake.send_text("4.00", id=3, chunk_seq=1)
+    fake.send_text("SystemID Finished")
     vehicle.pump(0.0)
     vehicle.pump(0.0)
     vehicle.pump(0.0)
@@ -320,7 +320,7 @@ def test_last_words_before_a_broken_link_are_received() -> None:
 def test_all_frames_are_recorded_during_a_request(fake: FakeVehicle, tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "log.mcap")
     vehicle = connected(fake, recorder)
-    fake.say("meanwhile")
+    fake.send_text("meanwhile")
     vehicle.parameters()
     recorder.finish()
     from ground.log_tools import mcap

@@ -58,7 +58,7 @@ class Client:
         self.down = Wire(VEHICLE)
         self.sequence = 100
 
-    def say(
+    def send(
         self,
         name: str | int,
         data: bytes = b"",
@@ -103,7 +103,7 @@ class Client:
         session: int = 0,
         size: int | None = None,
     ) -> Any:
-        self.say(name, data, offset, session, size)
+        self.send(name, data, offset, session, size)
         (answer,) = self.answers()
         assert answer.seq == (self.sequence + 1) & 0xFFFF
         assert answer.req_opcode == (name if isinstance(name, int) else opcode(name))
@@ -189,7 +189,7 @@ def test_ftp_burst_sends_rest_of_file(client: Client) -> None:
     client.ask("OPENFILERO", b"/logs/one.mcap")
     data, offset = b"", 500
     for _ in range(3):
-        client.say("BURSTREADFILE", offset=offset, size=239)
+        client.send("BURSTREADFILE", offset=offset, size=239)
         burst = client.answers()
         sequences = [(answer.seq - client.sequence) & 0xFFFF for answer in burst]
         assert sequences == list(range(1, len(burst) + 1))
@@ -210,18 +210,18 @@ def test_ftp_burst_sends_rest_of_file(client: Client) -> None:
 def test_ftp_burst_stays_within_link_room(client: Client) -> None:
     client.ask("OPENFILERO", b"/logs/one.mcap")
     client.room = 278
-    client.say("BURSTREADFILE", size=239)
+    client.send("BURSTREADFILE", size=239)
     assert client.answers() == []
     client.room = 10**9
     assert len(client.answers()) == BURST_PACKETS
 
 
 def test_ftp_checksum_equals_mavlink_crc32(client: Client) -> None:
-    client.say("CALCFILECRC", b"/logs/one.mcap")
+    client.send("CALCFILECRC", b"/logs/one.mcap")
     (answer,) = client.answers(3)
     assert int.from_bytes(answer.payload, "little") == bitwise_crc(CONTENT)
     assert crc32(CONTENT[77:], crc32(CONTENT[:77])) == bitwise_crc(CONTENT)
-    client.say("CALCFILECRC", b"/logs/three.mcap")
+    client.send("CALCFILECRC", b"/logs/three.mcap")
     assert client.answers(3)[0].payload == error("FILENOTFOUND")
 
 
@@ -292,9 +292,9 @@ def test_ftp_server_closes_files(client: Client) -> None:
     before = open_files()
     for _ in range(20):
         client.ask("OPENFILERO", b"/logs/one.mcap")
-        client.say("BURSTREADFILE", size=239)
-        client.say("CALCFILECRC", b"/logs/one.mcap")
-        client.say("CALCFILECRC", b"/logs/two.mcap")
+        client.send("BURSTREADFILE", size=239)
+        client.send("CALCFILECRC", b"/logs/one.mcap")
+        client.send("CALCFILECRC", b"/logs/two.mcap")
         client.answers(4)
     client.ask("RESETSESSION")
     assert open_files() == before
@@ -330,8 +330,8 @@ def test_ftp_impossible_request_is_refused(
 
 def test_ftp_unknown_opcode_refused_answer_ignored(client: Client) -> None:
     assert client.ask(77).payload == error("UNKNOWNCOMMAND")
-    client.say(ACK)
-    client.say(NAK)
+    client.send(ACK)
+    client.send(NAK)
     assert client.answers() == []
 
 
@@ -372,7 +372,7 @@ def test_ftp_path_never_leaves_tree(
     opened = client.ask("OPENFILERO", data)
     if opened.opcode == ACK:
         assert client.ask("READFILE", size=239).payload == CONTENT[:239]
-    client.say("CALCFILECRC", data)
+    client.send("CALCFILECRC", data)
     for answer in client.answers(3):
         assert answer.opcode == NAK or int.from_bytes(answer.payload, "little") == crc32(CONTENT)
     listed = client.ask("LISTDIRECTORY", data)

@@ -38,19 +38,19 @@ class Client:
     ) -> None:
         self.server, self.party, self.down, self.room = server, party, Wire(VEHICLE, lost), 10**9
 
-    def say(self, name: str, **fields: int) -> None:
+    def send(self, name: str, **fields: int) -> None:
         up = Wire(self.party)
         up.send(name, target_system=1, target_component=1, **fields)
         self.server.feed(up.take()[0], self.down.send, lambda: self.room)
 
-    def hear(self, polls: int = 1) -> list[Any]:
+    def receive(self, polls: int = 1) -> list[Any]:
         for _ in range(polls):
             self.server.poll()
         return [frame.decode() for frame in self.down.take()]
 
     def list(self) -> list[Any]:
-        self.say("LOG_REQUEST_LIST", start=0, end=0xFFFF)
-        return self.hear()
+        self.send("LOG_REQUEST_LIST", start=0, end=0xFFFF)
+        return self.receive()
 
 
 def server_of(shelf: Shelf, armed: bool = False, texts: list[str] | None = None) -> LogServer:
@@ -75,8 +75,8 @@ def test_log_list_counts_from_zero_without_gaps(tmp_path: Path) -> None:
         (2, 3, 2, 500),
     ]
     assert [e.time_utc for e in entries] == [1_700_000_007, 1_700_000_008, 1_700_000_009]
-    client.say("LOG_REQUEST_LIST", start=1, end=1)
-    assert [e.id for e in client.hear()] == [1]
+    client.send("LOG_REQUEST_LIST", start=1, end=1)
+    assert [e.id for e in client.receive()] == [1]
 
 
 def test_log_list_without_logs_is_answered(tmp_path: Path) -> None:
@@ -89,27 +89,27 @@ def test_log_data_whole_log_arrives(tmp_path: Path, size: int) -> None:
     shelf = Shelf(tmp_path, size)
     client = Client(server_of(shelf))
     client.list()
-    client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
-    received = client.hear(10)
+    client.send("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
+    received = client.receive(10)
     assert put_together(received) == shelf.logs[0].path.read_bytes()
     assert [m.count for m in received] == [90] * (size // 90) + (
         [size % 90] if size % 90 or not size else []
     )
-    client.say("LOG_REQUEST_DATA", id=0, ofs=size, count=ALL)
-    assert [(m.ofs, m.count) for m in client.hear()] == [(size, 0)]
+    client.send("LOG_REQUEST_DATA", id=0, ofs=size, count=ALL)
+    assert [(m.ofs, m.count) for m in client.receive()] == [(size, 0)]
 
 
 def test_log_data_requested_range_arrives(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path, 1000)
     client = Client(server_of(shelf))
-    client.say("LOG_REQUEST_DATA", id=0, ofs=180, count=270)
-    received = client.hear(3)
+    client.send("LOG_REQUEST_DATA", id=0, ofs=180, count=270)
+    received = client.receive(3)
     assert [(m.ofs, m.count) for m in received] == [(180, 90), (270, 90), (360, 90)]
     assert b"".join(bytes(m.data) for m in received) == shelf.logs[0].path.read_bytes()[180:450]
-    client.say("LOG_REQUEST_DATA", id=0, ofs=1000, count=90)
-    assert [(m.ofs, m.count) for m in client.hear()] == [(1000, 0)]
-    client.say("LOG_REQUEST_DATA", id=5, ofs=0, count=90)
-    assert [(m.id, m.count) for m in client.hear()] == [(5, 0)]
+    client.send("LOG_REQUEST_DATA", id=0, ofs=1000, count=90)
+    assert [(m.ofs, m.count) for m in client.receive()] == [(1000, 0)]
+    client.send("LOG_REQUEST_DATA", id=5, ofs=0, count=90)
+    assert [(m.id, m.count) for m in client.receive()] == [(5, 0)]
 
 
 def test_log_data_full_link_does_not_delay_others(tmp_path: Path) -> None:
@@ -117,11 +117,11 @@ def test_log_data_full_link_does_not_delay_others(tmp_path: Path) -> None:
     slow, fast = Client(server), Client(server, (255, 190))
     slow.room = 100
     for client in (slow, fast):
-        client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=900)
+        client.send("LOG_REQUEST_DATA", id=0, ofs=0, count=900)
     server.poll()
-    assert (len(slow.hear(0)), len(fast.hear(0))) == (0, 10)
+    assert (len(slow.receive(0)), len(fast.receive(0))) == (0, 10)
     slow.room = 1000
-    assert len(slow.hear()) == 10
+    assert len(slow.receive()) == 10
 
 
 def test_log_clients_with_same_ids_differ_by_link(tmp_path: Path) -> None:
@@ -130,19 +130,19 @@ def test_log_clients_with_same_ids_differ_by_link(tmp_path: Path) -> None:
     first, second = Client(server), Client(server)
     for client in (first, second):
         client.list()
-        client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
+        client.send("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
     server.poll()
-    second.say("LOG_REQUEST_END")
-    assert put_together(first.hear(10)) == shelf.logs[0].path.read_bytes()
-    assert 0 < len(second.hear()) < 40_000 // 90
+    second.send("LOG_REQUEST_END")
+    assert put_together(first.receive(10)) == shelf.logs[0].path.read_bytes()
+    assert 0 < len(second.receive()) < 40_000 // 90
 
 
 def test_log_request_end_stops_data(tmp_path: Path) -> None:
     client = Client(server_of(Shelf(tmp_path, 200_000)))
-    client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
-    assert client.hear()
-    client.say("LOG_REQUEST_END")
-    assert client.hear() == []
+    client.send("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
+    assert client.receive()
+    client.send("LOG_REQUEST_END")
+    assert client.receive() == []
 
 
 def test_log_numbers_stay_valid_after_deletion(tmp_path: Path) -> None:
@@ -150,8 +150,8 @@ def test_log_numbers_stay_valid_after_deletion(tmp_path: Path) -> None:
     client = Client(server_of(shelf))
     client.list()
     expected = shelf.logs.pop(0).path.with_name("8.mcap").read_bytes()
-    client.say("LOG_REQUEST_DATA", id=1, ofs=0, count=ALL)
-    assert put_together(client.hear()) == expected
+    client.send("LOG_REQUEST_DATA", id=1, ofs=0, count=ALL)
+    assert put_together(client.receive()) == expected
     assert [e.size for e in client.list()] == [200]
 
 
@@ -160,18 +160,18 @@ def test_log_data_of_deleted_log_is_empty(tmp_path: Path) -> None:
     client = Client(server_of(shelf))
     client.list()
     shelf.logs[0].path.unlink()
-    client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
-    assert [m.count for m in client.hear(3)] == [0]
+    client.send("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
+    assert [m.count for m in client.receive(3)] == [0]
 
 
 def test_log_erase_while_armed_is_refused(tmp_path: Path) -> None:
     shelf, texts = Shelf(tmp_path, 100), list[str]()
     client = Client(server_of(shelf, armed=True, texts=texts))
-    client.say("LOG_ERASE")
+    client.send("LOG_ERASE")
     assert texts == ["Logs not erased: armed"]
     assert [e.num_logs for e in client.list()] == [1]
     client = Client(server_of(shelf))
-    client.say("LOG_ERASE")
+    client.send("LOG_ERASE")
     assert [e.num_logs for e in client.list()] == [0]
 
 
@@ -191,9 +191,9 @@ def test_log_data_with_losses_is_completed_by_clients(
 def as_mavproxy(client: Client, size: int) -> bytes:
     """Request everything, then up to 20 gaps at a time, until a LOG_DATA that is not full."""
     parts: dict[int, bytes] = {}
-    client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
+    client.send("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
     for _ in range(200):
-        for m in client.hear(5):
+        for m in client.receive(5):
             if m.count:
                 parts[m.ofs // 90] = bytes(m.data[: m.count])
             if m.count == 0 or (m.count < 90 and len(parts) == 1 + m.ofs // 90):
@@ -201,9 +201,9 @@ def as_mavproxy(client: Client, size: int) -> bytes:
         highest = max(parts, default=-1)
         missing = sorted(set(range(highest)) - set(parts))
         if not missing:
-            client.say("LOG_REQUEST_DATA", id=0, ofs=(1 + highest) * 90, count=ALL)
+            client.send("LOG_REQUEST_DATA", id=0, ofs=(1 + highest) * 90, count=ALL)
         for n in missing[:20]:
-            client.say("LOG_REQUEST_DATA", id=0, ofs=n * 90, count=90)
+            client.send("LOG_REQUEST_DATA", id=0, ofs=n * 90, count=90)
     raise AssertionError("never done")
 
 
@@ -217,8 +217,8 @@ def as_mavsdk(client: Client, size: int) -> bytes:
             run = next(
                 (n for n in range(len(missing)) if missing[n] != missing[0] + n), len(missing)
             )
-            client.say("LOG_REQUEST_DATA", id=0, ofs=len(data) + missing[0] * 90, count=run * 90)
-            for m in client.hear(5):
+            client.send("LOG_REQUEST_DATA", id=0, ofs=len(data) + missing[0] * 90, count=run * 90)
+            for m in client.receive(5):
                 parts[(m.ofs - len(data)) // 90] = bytes(m.data[: m.count])
         data += b"".join(parts[n] for n in sorted(parts))
     return data

@@ -1,6 +1,4 @@
-"""The live estimate, fed by frames: whole tests, gaps, clocks that go back, and streams that are
-too slow.
-"""
+"""Live estimate from frames: complete tests, gaps, clock steps and slow streams."""
 
 import math
 from collections.abc import Iterator
@@ -64,34 +62,34 @@ def frames(
         )
 
 
-def heard(estimate: LiveEstimate, told: Iterator[Frame]) -> None:
-    for each in told:
-        estimate.on_frame(each)
+def feed(estimate: LiveEstimate, received: Iterator[Frame]) -> None:
+    for message in received:
+        estimate.on_frame(message)
 
 
-def after_the_test(known, run, *, look_every_s: float = 100.0) -> EstimateStatus:
+def after_the_test(known, run, *, poll_interval_s: float = 100.0) -> EstimateStatus:
     estimate = LiveEstimate(known, {})
-    heard(estimate, frames(run, -15.0, 0.0))
+    feed(estimate, frames(run, -15.0, 0.0))
     estimate.on_text(START)
-    for first in np.arange(0.0, 12.0, look_every_s):
-        heard(estimate, frames(run, first, first + look_every_s))
+    for first in np.arange(0.0, 12.0, poll_interval_s):
+        feed(estimate, frames(run, first, first + poll_interval_s))
         estimate.poll()
     estimate.on_text(FINISHED)
-    heard(estimate, frames(run, 12.0, 13.0, 100.02))
+    feed(estimate, frames(run, 12.0, 13.0, 100.02))
     return estimate.poll()
 
 
-def test_a_test_makes_b1_sure(known, run) -> None:
-    standing = after_the_test(known, run)
-    b1 = standing.readings["yaw"].numbers["b1_per_s2"]
+def test_one_test_reduces_sd_of_b1(known, run) -> None:
+    status = after_the_test(known, run)
+    b1 = status.readings["yaw"].numbers["b1_per_s2"]
     assert b1.sd < 0.4 * b1.before
-    assert "b1" in estimate_view.line(standing.readings["yaw"])
-    assert standing.testing == ()
+    assert "b1" in estimate_view.line(status.readings["yaw"])
+    assert status.testing == ()
 
 
-def test_often_looking_changes_nothing_in_the_end(known, run) -> None:
+def test_poll_interval_does_not_change_final_estimate(known, run) -> None:
     seldom, often = (
-        after_the_test(known, run, look_every_s=s).readings["yaw"].numbers for s in (12.0, 1.7)
+        after_the_test(known, run, poll_interval_s=s).readings["yaw"].numbers for s in (12.0, 1.7)
     )
     for name in seldom:
         assert often[name].value == pytest.approx(seldom[name].value, abs=0.1 * seldom[name].sd), (
@@ -100,45 +98,45 @@ def test_often_looking_changes_nothing_in_the_end(known, run) -> None:
         assert often[name].sd == pytest.approx(seldom[name].sd, rel=0.02), name
 
 
-def test_behind_a_gap_the_test_goes_on_and_is_told_less_of(known, run) -> None:
+def test_gap_in_frames_increases_sd_and_is_reported(known, run) -> None:
     estimate = LiveEstimate(known, {})
-    heard(estimate, frames(run, -15.0, 0.0))
+    feed(estimate, frames(run, -15.0, 0.0))
     estimate.on_text(START)
-    heard(estimate, frames(run, 0.0, 5.0))
-    heard(estimate, frames(run, 7.0, 12.0))
-    standing = estimate.poll()
-    assert "without" in standing.trouble
+    feed(estimate, frames(run, 0.0, 5.0))
+    feed(estimate, frames(run, 7.0, 12.0))
+    status = estimate.poll()
+    assert "without" in status.trouble
     estimate.on_text(FINISHED)
-    heard(estimate, frames(run, 12.0, 13.0, 100.02))
-    standing = estimate.poll()
+    feed(estimate, frames(run, 12.0, 13.0, 100.02))
+    status = estimate.poll()
     whole = after_the_test(known, run).readings["yaw"].numbers["b1_per_s2"]
-    b1 = standing.readings["yaw"].numbers["b1_per_s2"]
+    b1 = status.readings["yaw"].numbers["b1_per_s2"]
     assert whole.sd < b1.sd < 0.6 * b1.before
     assert abs(b1.value - whole.value) < 3.0 * b1.sd
 
 
-def test_a_clock_that_goes_back_ends_the_test_and_the_next_one_is_told_of(known, run) -> None:
+def test_clock_step_back_ends_test_and_keeps_estimate(known, run) -> None:
     estimate = LiveEstimate(known, {})
-    heard(estimate, frames(run, -15.0, 0.0))
+    feed(estimate, frames(run, -15.0, 0.0))
     estimate.on_text(START)
-    heard(estimate, frames(run, 0.0, 6.0))
+    feed(estimate, frames(run, 0.0, 6.0))
     estimate.poll()
-    heard(estimate, frames(run, -15.0, 0.0, shift_s=20.0))
-    standing = estimate.poll()
-    assert standing.testing == ()
-    once = standing.readings["yaw"].numbers["b1_per_s2"].sd
+    feed(estimate, frames(run, -15.0, 0.0, shift_s=20.0))
+    status = estimate.poll()
+    assert status.testing == ()
+    once = status.readings["yaw"].numbers["b1_per_s2"].sd
     estimate.on_text(START)
-    heard(estimate, frames(run, 0.0, 8.0, shift_s=20.0))
-    standing = estimate.poll()
-    assert standing.testing == ("yaw",)
-    assert standing.readings["yaw"].numbers["b1_per_s2"].sd < once
+    feed(estimate, frames(run, 0.0, 8.0, shift_s=20.0))
+    status = estimate.poll()
+    assert status.testing == ("yaw",)
+    assert status.readings["yaw"].numbers["b1_per_s2"].sd < once
 
 
-def test_commands_too_seldom_for_an_estimate_are_named(known, run) -> None:
+def test_slow_actuator_stream_is_named_and_not_estimated(known, run) -> None:
     estimate = LiveEstimate(known, {})
-    heard(estimate, frames(run, -15.0, 0.0, every=12))
+    feed(estimate, frames(run, -15.0, 0.0, every=12))
     estimate.on_text(START)
-    heard(estimate, frames(run, 0.0, 10.0, every=12))
-    standing = estimate.poll()
-    assert not standing.readings
-    assert "ACTUATOR_OUTPUT_STATUS, at most 0.12" in standing.trouble
+    feed(estimate, frames(run, 0.0, 10.0, every=12))
+    status = estimate.poll()
+    assert not status.readings
+    assert "ACTUATOR_OUTPUT_STATUS, at most 0.12" in status.trouble

@@ -17,7 +17,7 @@ from mavlink_io.codec import Frame
 from mavlink_io.errors import InputError
 from sysid import monitor
 from sysid.data.dataset import Log
-from tests.ground.test_live import TRAVEL_RAD, frame
+from tests.ground.live.test_estimate import TRAVEL_RAD, frame
 from tests.sysid.monitor import made
 
 BENT = made.flight(300.0, seed=2, shifts={"rudder_deg": 3.0}, from_s=150.0)
@@ -46,56 +46,58 @@ def frames(log: Log, shift_s: float = 0.0) -> Iterator[Frame]:
         yield frame("ATTITUDE", time_boot_ms=ms, pitch=log.attitude.pitch_rad[k], yaw=yaw)
 
 
-def watched(
+def monitored(
     log: Log, announced: list[str] | None = None, shift_s: float = 0.0
 ) -> PerformanceMonitor:
-    keeping = PerformanceMonitor(made.baseline(), None if announced is None else announced.append)
-    keeping.begin({})
-    follow(keeping, log, shift_s)
-    return keeping
+    performance = PerformanceMonitor(
+        made.baseline(), None if announced is None else announced.append
+    )
+    performance.begin({})
+    feed(performance, log, shift_s)
+    return performance
 
 
-def follow(keeping: PerformanceMonitor, log: Log, shift_s: float = 0.0) -> None:
-    for count, each in enumerate(frames(log, shift_s)):
-        keeping.on_frame(each)
+def feed(performance: PerformanceMonitor, log: Log, shift_s: float = 0.0) -> None:
+    for count, received in enumerate(frames(log, shift_s)):
+        performance.on_frame(received)
         if count % 700 == 699:
-            keeping.poll(last=True)
-    keeping.poll(last=True)
+            performance.poll(last=True)
+    performance.poll(last=True)
 
 
-def test_live_it_says_what_the_log_says_and_says_it_once() -> None:
+def test_live_report_equals_log_report_and_is_sent_once() -> None:
     announced: list[str] = []
-    told = watched(BENT, announced).as_json()
+    live = monitored(BENT, announced).as_json()
     after = monitor_view.as_json(monitor.monitor_log(BENT, made.baseline()))
-    assert [cause["name"] for cause in told["causes"]] == ["rudder"]
-    assert told["found_s"] == pytest.approx(after["found_s"])
-    assert told["rms"]["rudder_deg"]["measured"] == pytest.approx(
+    assert [cause["name"] for cause in live["causes"]] == ["rudder"]
+    assert live["found_s"] == pytest.approx(after["found_s"])
+    assert live["rms"]["rudder_deg"]["measured"] == pytest.approx(
         after["rms"]["rudder_deg"]["measured"], rel=1e-3
     )
     assert len(announced) == 1
     assert announced[0].startswith("REFIT DUE: bent duct")
 
 
-def test_a_clock_that_begins_anew_loses_nothing_that_was_seen() -> None:
-    keeping = watched(made.flight(200.0, seed=1), shift_s=1000.0)
-    seen = keeping.as_json()["blocks"]
-    follow(keeping, made.flight(200.0, seed=3))
+def test_restarted_clock_keeps_earlier_windows() -> None:
+    performance = monitored(made.flight(200.0, seed=1), shift_s=1000.0)
+    seen = performance.as_json()["blocks"]
+    feed(performance, made.flight(200.0, seed=3))
     assert seen > 5
-    assert keeping.as_json()["blocks"] == 2 * seen
+    assert performance.as_json()["blocks"] == 2 * seen
 
 
-def test_a_test_in_the_water_is_not_judged() -> None:
-    keeping = PerformanceMonitor(made.baseline())
-    keeping.begin({})
-    keeping.on_text(StatusText(6, "SystemID Starting: axis=12"))
-    follow(keeping, made.flight(200.0, seed=1))
-    assert keeping.as_json()["blocks"] == 0
+def test_flight_during_identification_test_is_ignored() -> None:
+    performance = PerformanceMonitor(made.baseline())
+    performance.begin({})
+    performance.on_text(StatusText(6, "SystemID Starting: axis=12"))
+    feed(performance, made.flight(200.0, seed=1))
+    assert performance.as_json()["blocks"] == 0
 
 
 def test_table_shows_measured_and_predicted_rms() -> None:
     shown: list[object] = []
-    followers = Listeners([watched(BENT)], shown.append)
-    followers.poll(last=True)
+    listeners = Listeners([monitored(BENT)], shown.append)
+    listeners.poll(last=True)
     console = Console(width=120, record=True, file=StringIO())
     console.print(shown[-1])
     text = console.export_text()
@@ -103,12 +105,12 @@ def test_table_shows_measured_and_predicted_rms() -> None:
     assert "0.700" in text
 
 
-def test_before_any_steady_flight_there_is_nothing_to_compare() -> None:
-    keeping = watched(made.flight(20.0, seed=1))
-    assert keeping.format_text() == "no steady flight to compare with the predicted performance"
+def test_no_steady_flight_gives_no_comparison() -> None:
+    performance = monitored(made.flight(20.0, seed=1))
+    assert performance.format_text() == "no steady flight to compare with the predicted performance"
 
 
-def test_gains_that_nobody_designed_cannot_be_watched(tmp_path: Path) -> None:
+def test_gains_file_without_prediction_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.param").write_text("HDG_P,0.5\n")
     with pytest.raises(
         InputError, match=r"mine\.param: holds no predicted performance; give a gains\.param"
