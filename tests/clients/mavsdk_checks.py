@@ -632,12 +632,14 @@ async def receives_vehicle_texts(c: Client) -> None:
 
 
 async def lists_logs(c: Client) -> None:
-    require(len(await c.logs.get_entries()) >= 1, "there is no log of the last flight")
+    entries = await patiently(c, c.logs.get_entries, "TIMEOUT")
+    require(len(entries) >= 1, "there is no log of the last flight")
 
 
 async def downloads_a_log(c: Client) -> None:
     """Check the first log, of the short armed time before the dive."""
-    entry = min(await c.logs.get_entries(), key=lambda e: e.id)
+    entries = await patiently(c, c.logs.get_entries, "TIMEOUT")
+    entry = min(entries, key=lambda e: e.id)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.mcap"
         async for _ in c.logs.download_log_file(entry, str(path)):
