@@ -97,7 +97,7 @@ def fly(mode: modes.Mode, config: Config, step_us: int) -> AutopilotState:
 
 
 @pytest.mark.parametrize("row", PARAMETERS, ids=lambda row: row.name)
-def test_parameter_at_its_ends_flies_every_mode_with_finite_actuators(row: ParamInfo) -> None:
+def test_parameter_limits_give_finite_actuators_in_every_mode(row: ParamInfo) -> None:
     for value in dict.fromkeys(ends(row)):
         flown = accepted_config(row, value)
         for mode in modes.MODES:

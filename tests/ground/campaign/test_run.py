@@ -56,7 +56,7 @@ class CampaignTestCase:
     def test_the_trim_flight_finds_the_bent_rudder(self, summary: dict[str, Any]) -> None:
         assert summary["trims"]["TRIM_RUD_DEG"] == pytest.approx(6.0, abs=0.5)
 
-    def test_the_refitted_model_predicts_held_out_runs_better_in_both_planes(
+    def test_refit_predicts_held_out_runs_better_in_both_planes(
         self, summary: dict[str, Any]
     ) -> None:
         errors = summary["model"]["held_out_rate_error"]

@@ -171,7 +171,7 @@ def test_texts_are_joined_for_the_log_panel(tmp_path: Path) -> None:
     ]
 
 
-def test_the_pose_points_where_the_vehicle_points_in_east_north_up(tmp_path: Path) -> None:
+def test_pose_has_vehicle_attitude_in_east_north_up(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     position = frame_of(
         "LOCAL_POSITION_NED", time_boot_ms=0, x=10.0, y=20.0, z=3.0, vx=0.0, vy=0.0, vz=0.0
