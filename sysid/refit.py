@@ -490,7 +490,7 @@ def _select(
     runs = [run for log in logs for run in segments.cut_runs(log, _marks_of(log, marks))]
     names = ", ".join(log.name for log in logs) or "no file"
     if not runs:
-        needed = "'SystemID Starting' events of axis 11 or 12, or runs that you mark"
+        needed = "tests of rudder or elevator (SID_AXIS 12 or 11), or ranges that you mark"
         raise RefitError(f"{names}: no test found; a log needs {needed}")
     screenings = screen(runs, limits)
     accepted_runs = [s.run for s in screenings if s.accepted]

@@ -3,13 +3,14 @@
 from typing import NamedTuple
 
 from autopilot.control.types import AutopilotState, Event, LoopMemory, Severity
+from mavlink_io.vehicle_modes import VehicleMode
 
 
 class Mode(NamedTuple):
     """One row of the table of modes."""
 
     number: int
-    """``custom_mode``: main << 16 | sub << 24."""
+    """``custom_mode``."""
     name: str
     standard_mode: int
     """MAV_STANDARD_MODE to advertise; 0 is non-standard."""
@@ -19,24 +20,19 @@ class Mode(NamedTuple):
     """Whether the depth and pitch loops are closed."""
 
 
-def _number(main: int, sub: int = 0) -> int:
-    """Return the ``custom_mode`` of a main mode and a sub mode."""
-    return main << 16 | sub << 24
-
-
-MANUAL = Mode(_number(1), "MANUAL", 0, False, False)
-DEPTH = Mode(_number(2), "DEPTH", 0, True, True)
-STATION = Mode(_number(3), "STATION", 0, True, True)
+MANUAL = Mode(VehicleMode.MANUAL.value, "MANUAL", 0, False, False)
+DEPTH = Mode(VehicleMode.DEPTH.value, "DEPTH", 0, True, True)
+STATION = Mode(VehicleMode.STATION.value, "STATION", 0, True, True)
 """Circles about a position: the vehicle cannot hover."""
-HOLD = Mode(_number(4, 3), "HOLD", 0, True, True)
-MISSION = Mode(_number(4, 4), "MISSION", 6, True, True)
-RTL = Mode(_number(4, 5), "RTL", 5, True, True)
-SURFACE = Mode(_number(4, 6), "SURFACE", 7, True, True)
-SYSID = Mode(_number(4, 11), "SYSID", 0, True, True)
+HOLD = Mode(VehicleMode.HOLD.value, "HOLD", 0, True, True)
+MISSION = Mode(VehicleMode.MISSION.value, "MISSION", 6, True, True)
+RTL = Mode(VehicleMode.RTL.value, "RTL", 5, True, True)
+SURFACE = Mode(VehicleMode.SURFACE.value, "SURFACE", 7, True, True)
+SYSID = Mode(VehicleMode.SYSID.value, "SYSID", 0, True, True)
 """Runs a test: the loops of the tested axis are open, the others stay closed."""
 
-OFFBOARD = Mode(_number(6), "OFFBOARD", 0, True, True)
-STABILIZE = Mode(_number(7), "STABILIZE", 0, True, True)
+OFFBOARD = Mode(VehicleMode.OFFBOARD.value, "OFFBOARD", 0, True, True)
+STABILIZE = Mode(VehicleMode.STABILIZE.value, "STABILIZE", 0, True, True)
 """The stick sets pitch, yaw rate and thrust."""
 
 MODES = (MANUAL, STABILIZE, DEPTH, STATION, HOLD, MISSION, RTL, SURFACE, OFFBOARD, SYSID)

@@ -71,7 +71,7 @@ def fly(contender: Contender, water: Scenario, seed: int, vehicle: str | Vehicle
 
 def effort_deg(dive: Dive) -> tuple[float, float]:
     """Return the standard deviations of rudder and elevator in steady flight."""
-    end_s = next((time_s for time_s, text in dive.told if text == "Mode SURFACE"), dive["t_s"][-1])
+    end_s = min(dive.surfacing_s, dive["t_s"][-1])
     window = dive.during(STEADY_S, end_s)
     return float(np.degrees(np.std(dive["rudder"][window]))), float(
         np.degrees(np.std(dive["elevator"][window]))

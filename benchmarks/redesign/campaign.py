@@ -17,7 +17,8 @@ from ground.missions import script
 from sitl.vehicle import config
 from sysid import refit
 from sysid.data import segments
-from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
+from sysid.data.events import parse_text
 from sysid.data.segments import Run
 from sysid.design import pid
 from sysid.design.pid import Design, DesignInfeasibleError
@@ -33,6 +34,8 @@ from tests.helpers.closed_loop import Dive
 
 VEHICLE, PRIOR, SEA = "caribou_truth", "caribou_nominal", "disturbed"
 LONGEST_S = 3600.0
+_INFO = 6
+"""MAV_SEVERITY_INFO."""
 OURS = "ours"
 GAIN_SETS = ("initial", "paper", OURS)
 Values = dict[str, float]
@@ -84,8 +87,7 @@ def fly(seed: int) -> Campaign:
 def measured_trims(seed: int) -> Values:
     """Return mean rudder and elevator at the end of the trim mission."""
     dive = flown(TRIM_MISSION, seed, TABLE_3_INITIAL)
-    end_s = next(time_s for time_s, text in dive.told if text == "Mode SURFACE")
-    window = dive.during(end_s - TRIM_WINDOW_S, end_s)
+    window = dive.during(dive.surfacing_s - TRIM_WINDOW_S, dive.surfacing_s)
     rudder_deg, elevator_deg = (
         float(np.degrees(dive[name][window].mean())) for name in ("rudder", "elevator")
     )
@@ -126,7 +128,7 @@ def log(dive: Dive, name: str, values: Values) -> Log:
         actuators=Actuators(t, dive["rudder"], dive["elevator"], dive["thrust"]),
         depth=Depth(t, dive["depth_m"], dive["depth_rate_mps"]),
         setpoints=Setpoints(nothing, nothing, nothing, nothing, nothing),
-        events=tuple(TextEvent(time_s, 6, text) for time_s, text in dive.told),
+        events=tuple(LogEvent(time_s, parse_text(_INFO, text)) for time_s, text in dive.told),
         parameters=dict(values),
         duct=DuctAngles(nothing, nothing, nothing),
     )

@@ -48,15 +48,18 @@ def straight_run(
 
 def tracking_error(dive: Dive, start_s: float = STEADY_S) -> TrackingError:
     """Return the errors of a straight run from ``start_s`` until the vehicle surfaces."""
-    end_s = next((time_s for time_s, text in dive.told if text == "Mode SURFACE"), dive["t_s"][-1])
+    end_s = min(dive.surfacing_s, dive["t_s"][-1])
     window = dive.during(start_s, end_s)
     if not window.any():
         return TrackingError(np.nan, np.nan, np.nan, 1.0)
     pitch_deg = np.degrees(dive["true_pitch"][window])
     heading_deg = np.degrees(wrap_angle(dive["true_heading"][window] - np.radians(HEADING_DEG)))
     depth_m = dive["true_depth_m"][window] - DEPTH_M
-    failed = any(text.startswith("Failsafe") for text in dive.texts())
-    lost = failed or np.abs(heading_deg).max() > LOST_DEG or np.abs(depth_m).max() > LOST_M
+    lost = (
+        bool(dive.state.failsafe)
+        or np.abs(heading_deg).max() > LOST_DEG
+        or np.abs(depth_m).max() > LOST_M
+    )
     return TrackingError(
         p95(heading_deg), 100.0 * p95(depth_m), p95(pitch_deg - pitch_deg.mean()), float(lost)
     )

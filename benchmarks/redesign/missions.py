@@ -67,9 +67,11 @@ def water_above_m(dive: Dive) -> float:
     x_m, radius_m = outline_m(VEHICLE)
     highest_m = np.max(np.outer(np.sin(pitch), x_m) + np.outer(np.cos(pitch), radius_m), axis=1)
     over_m = depth_m + dive["surface_m"] - highest_m
-    end_s = next((time_s for time_s, text in dive.told if text == "Mode SURFACE"), np.inf)
     return float(
-        np.min(over_m[(np.cumsum(over_m > UNDER_M) > 0) & (dive["t_s"] < end_s)], initial=np.inf)
+        np.min(
+            over_m[(np.cumsum(over_m > UNDER_M) > 0) & (dive["t_s"] < dive.surfacing_s)],
+            initial=np.inf,
+        )
     )
 
 

@@ -14,15 +14,18 @@ from typing import Any, NamedTuple
 from ground.client import flight
 from ground.client.flight import FlightProgress
 from ground.client.recorder import Recorder
-from ground.client.vehicle import VehicleClient, VehicleClientError
+from ground.client.vehicle import CommandRefusedError, VehicleClient
 from ground.missions.signals import AXES, SIGNALS
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import wall_s
+from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.errors import InputError, OperationError
 from mavlink_io.mission_items import MavCmd
 from sysid.data import readers
 from sysid.data.dataset import LogError
+from sysid.data.events import StopReason, TestAxis, TestWave
+from sysid.data.segments import TestInterval
 from sysid.estimation import bench_test
 from sysid.estimation.bench_test import AxisBench, AxisName
 
@@ -45,11 +48,9 @@ PARAMETERS = {
     "THR_CRUISE_PCT": 0.0,
 }
 """Parameters of a test on land: no depth and altitude limits, the whole travel, no thrust."""
-TEST_END_TIMEOUT_S = 10.0
-"""Vehicle time after the expected end of a test at which it counts as lost."""
 LISTEN_S = 3.0
 """Vehicle time in which the first report of an encoder must arrive."""
-_SERVO = constant("MAV_COMP_ID_SERVO1")
+_SERVO, _COMMAND_ACK = constant("MAV_COMP_ID_SERVO1"), constant("MAVLINK_MSG_ID_COMMAND_ACK")
 
 
 class Sweep(NamedTuple):
@@ -130,9 +131,9 @@ def measure(
         _check_travel(session, vehicle.parameter("ACT_TRAVEL_DEG"))
         with armed_without_thrust(vehicle) as before:
             recorder.attach_parameters(before | PARAMETERS)
-            _sweep(session.sweeps, vehicle, recorder, watch)
+            tests = _sweep(session.sweeps, vehicle, recorder, watch)
     try:
-        return bench_test.analyse(readers.read(path))
+        return bench_test.analyse(readers.read(path), tests)
     except LogError as error:
         raise bench_test.BenchError(str(error)) from None
 
@@ -175,7 +176,7 @@ def _sweep(
     vehicle: VehicleClient,
     recorder: Recorder,
     watch: Callable[[FlightProgress], None],
-) -> None:
+) -> list[TestInterval]:
     """Run the sines. Raises OperationError if no encoder reports, or a test is stopped."""
     listen_until(vehicle, recorder, recorder.vehicle_s + LISTEN_S)
     if not recorder.heard(_SERVO, "ACTUATOR_OUTPUT_STATUS"):
@@ -183,6 +184,7 @@ def _sweep(
             "the angle of the duct is not measured: fit an encoder that sends"
             " ACTUATOR_OUTPUT_STATUS as SERVO1"
         )
+    tests = []
     start_s, vehicle_start_s = wall_s(), recorder.vehicle_s
     for number, sweep in enumerate(sweeps):
         watch(
@@ -195,27 +197,36 @@ def _sweep(
                 heading_deg=0.0,
             )
         )
-        _run_sweep(sweep, vehicle, recorder)
+        tests.append(_run_sweep(sweep, vehicle, recorder))
+    return tests
 
 
-def _run_sweep(sweep: Sweep, vehicle: VehicleClient, recorder: Recorder) -> None:
-    """Run one sine, and wait until the vehicle reports its end."""
-    first_text = len(vehicle.texts)
-    deadline_s = recorder.vehicle_s + sweep.duration_s + TEST_END_TIMEOUT_S
-    hz = sweep.frequency_hz
-    axis, chirp = AXES[sweep.axis], SIGNALS["chirp"]
-    vehicle.command(
-        MavCmd.USER_1, axis, 0.5 * sweep.amplitude_deg, hz, hz, sweep.duration_s, chirp, 0.0
+def _run_sweep(sweep: Sweep, vehicle: VehicleClient, recorder: Recorder) -> TestInterval:
+    """Run one sine; return its time range by the acknowledgements of its start and its end."""
+    acknowledged_s: list[float] = []
+
+    def on_frame(frame: Frame) -> None:
+        if frame.message_id == _COMMAND_ACK and frame.decode().command == MavCmd.USER_1:
+            acknowledged_s.append(recorder.vehicle_s)
+
+    axis, hz, magnitude_deg = AXES[sweep.axis], sweep.frequency_hz, 0.5 * sweep.amplitude_deg
+    signal = magnitude_deg, hz, hz, sweep.duration_s, SIGNALS["chirp"], 0.0
+    vehicle.on_frame = on_frame
+    try:
+        vehicle.command(MavCmd.USER_1, axis, *signal)
+    except CommandRefusedError as refusal:
+        raise OperationError(f"{sweep.axis} at {hz:g} Hz: {refusal}") from None
+    finally:
+        vehicle.on_frame = None
+    start_s = acknowledged_s[0]
+    return TestInterval(
+        start_s=start_s,
+        stop_s=min(acknowledged_s[-1], start_s + sweep.duration_s),
+        axis=TestAxis(axis),
+        wave=TestWave.CHIRP,
+        magnitude_deg=magnitude_deg,
+        stop_reason=StopReason.COMPLETE,
     )
-    while not any(text.text == "SystemID Finished" for text in vehicle.texts[first_text:]):
-        for text in vehicle.texts[first_text:]:
-            if text.text.startswith("SystemID Stopped"):
-                raise OperationError(f"{sweep.axis} at {hz:g} Hz: {text.text}")
-        if recorder.vehicle_s > deadline_s:
-            raise VehicleClientError(
-                f"{sweep.axis} at {hz:g} Hz: the vehicle did not report the end of the test"
-            )
-        vehicle.pump(0.02)
 
 
 def listen_until(vehicle: VehicleClient, recorder: Recorder, vehicle_s: float) -> None:

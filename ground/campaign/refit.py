@@ -11,10 +11,12 @@ from numpy.linalg import LinAlgError
 
 from ground.campaign import prototype
 from mavlink_io.errors import InputError, OperationError
+from mavlink_io.vehicle_modes import VehicleMode
 from sysid import monitor
 from sysid import refit as fitting
 from sysid.data import readers
 from sysid.data.dataset import Log
+from sysid.data.events import ModeChanged
 from sysid.data.readers import servo_channels
 from sysid.data.segments import MarkedInterval
 from sysid.design import lqg, pid
@@ -65,7 +67,8 @@ def measure_trims(path: Path, window_s: float) -> dict[str, float]:
         The mission did not end with surfacing, or a trim exceeds `MAX_TRIM_DEG`.
     """
     log = read_log(path)
-    ends = [event.time_s for event in log.events if event.text == "Mode SURFACE"]
+    surfacing = ModeChanged(VehicleMode.SURFACE)
+    ends = [event.time_s for event in log.events if event.value == surfacing]
     if not ends:
         raise OperationError(f"{path}: the mission did not end with the vehicle surfacing")
     time_s = log.actuators.time_s

@@ -117,7 +117,7 @@ def fly(
             )
         else:
             result = flight.fly(dive, connect, display.watch, display.show_text, sign, listeners)
-    assessed = assessment.assess_dive(result.log, result.texts)
+    assessed = assessment.assess_dive(result.log, result.trims_learned)
     print_result(
         {
             **result._asdict(),

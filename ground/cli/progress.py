@@ -19,6 +19,7 @@ from rich.progress import (
 from ground.client.flight import FlightProgress as DiveProgress
 from ground.client.vehicle import StatusText
 from ground.terminal import Escaped, console, heading, literal
+from sysid.data.events import TestEnded, TestStarted
 
 URGENT_SEVERITY = 4
 """MAV_SEVERITY_WARNING: texts of this or a lower severity number are shown."""
@@ -52,7 +53,7 @@ class ProgressDisplay:
     def show_text(self, text: StatusText) -> None:
         """Print a text of the vehicle if it is urgent or about a test."""
         if not self._quiet and (
-            text.severity <= URGENT_SEVERITY or text.text.startswith("SystemID")
+            text.severity <= URGENT_SEVERITY or isinstance(text.event, TestStarted | TestEnded)
         ):
             self._bars.console.print(literal(text.text))
 

@@ -32,8 +32,6 @@ MIN_LEG_S = 5.0
 """Minimum duration of a leg; shorter intervals of constant set-points are parts of a turn."""
 _MIN_ASSESSED_S = tracking_metrics.SETTLING_S + tracking_metrics.MIN_WINDOW_S
 """Minimum duration of a leg that can be assessed."""
-TRIM_LEARNED = "Trim learned: "
-"""Prefix of the text in which the vehicle reports the trims that it has learned."""
 
 
 class Cause(StrEnum):
@@ -90,27 +88,27 @@ class Assessment(NamedTuple):
     """Reason why no leg can be assessed; empty otherwise."""
 
 
-def assess_dive(log_file: Path, texts: Sequence[str] = ()) -> Assessment:
+def assess_dive(log_file: Path, trims_learned: str = "") -> Assessment:
     """Assess a finished dive.
 
     Parameters
     ----------
     log_file : Path
         Log of the dive.
-    texts : Sequence of str
-        Texts that the vehicle sent during the dive.
+    trims_learned : str
+        Trims that the vehicle learned during the dive; empty without any.
     """
     try:
-        return assess_log(refit.read_log(log_file), texts)
+        return assess_log(refit.read_log(log_file), trims_learned)
     except InputError as error:
         reason = str(error)
     except (ArithmeticError, IndexError, ValueError) as error:
         # The dive succeeded, so a log with gaps must not raise an exception here.
         reason = f"{log_file}: the telemetry has gaps ({error})"
-    return Assessment((), 0, (), _trims_learned(texts), reason)
+    return Assessment((), 0, (), trims_learned, reason)
 
 
-def assess_log(log: Log, texts: Sequence[str] = ()) -> Assessment:
+def assess_log(log: Log, trims_learned: str = "") -> Assessment:
     """Assess a dive from its log; see `assess_dive`."""
     tracking = tracking_metrics.tracking(log)
     windows = tracking.windows if tracking else ()
@@ -121,7 +119,7 @@ def assess_log(log: Log, texts: Sequence[str] = ()) -> Assessment:
         legs=tuple(leg for leg, _ in assessed),
         short_legs=sum(MIN_LEG_S <= length < _MIN_ASSESSED_S for length in lengths_s),
         findings=tuple(finding for axis in MAX_ERROR for finding in _findings(log, axis, assessed)),
-        trims_learned=_trims_learned(texts),
+        trims_learned=trims_learned,
         reason="" if assessed else _why_no_leg(log, windows),
     )
 
@@ -334,12 +332,6 @@ def _why_no_leg(log: Log, windows: Sequence[SteadyWindow]) -> str:
         return "the telemetry has gaps of half a leg"
     leg = f"leg under water lasted {_MIN_ASSESSED_S:g} s with unchanged set-points"
     return f"too short: no {leg}"
-
-
-def _trims_learned(texts: Sequence[str]) -> str:
-    """Return the learned trims from the first text that reports them; empty without one."""
-    reports = (text for text in texts if text.startswith(TRIM_LEARNED))
-    return next(reports, "").removeprefix(TRIM_LEARNED)
 
 
 def _row(leg: AssessedLeg) -> str:

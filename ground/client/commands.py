@@ -13,6 +13,8 @@ from mavlink_io.request import Exchange, MavlinkId, Send
 ACCEPTED, IN_PROGRESS = constant("MAV_RESULT_ACCEPTED"), constant("MAV_RESULT_IN_PROGRESS")
 TEMPORARILY_REJECTED = constant("MAV_RESULT_TEMPORARILY_REJECTED")
 
+_MISSING_NAMES = {("MAV_RESULT", 6): "MAV_RESULT_CANCELLED"}
+"""Entries of enums that pymavlink lacks."""
 _STANDARD_NAMES = {
     constant("MAV_STANDARD_MODE_SAFE_RECOVERY"): "RTL",
     constant("MAV_STANDARD_MODE_MISSION"): "MISSION",
@@ -103,7 +105,7 @@ def readable_name(value: int, enum: str) -> str:
     """Return the name of an enum entry without prefix, in lower case with spaces."""
     return (
         enum_names(enum)
-        .get(value, f"{enum}_{value}")
+        .get(value, _MISSING_NAMES.get((enum, value), f"{enum}_{value}"))
         .removeprefix(f"{enum}_")
         .replace("_", " ")
         .lower()

@@ -16,8 +16,10 @@ from ground.missions import plans
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
+from mavlink_io.dialect import constant
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.transport import open_transport, wait
+from sysid.data.events import Failsafe, TrimLearned
 
 RATES_HZ = {
     "ATTITUDE": 50.0,
@@ -29,6 +31,7 @@ RATES_HZ = {
 }
 """Message rates (vehicle time) that identification and reports need; other messages keep the rate
 of the vehicle."""
+_MISSION_COMPLETE = constant("MISSION_STATE_COMPLETE")
 PROGRESS_PERIOD_S = 0.1
 """Wall time between reports of progress."""
 
@@ -102,11 +105,10 @@ class FlightResult(NamedTuple):
     messages: int
     lost_frames: int
     texts: tuple[str, ...]
-
-    @property
-    def failsafes(self) -> tuple[str, ...]:
-        """Texts of the failsafes that ended the dive."""
-        return tuple(text for text in self.texts if text.startswith("Failsafe"))
+    failsafes: tuple[str, ...]
+    """Failsafes of the dive."""
+    trims_learned: str
+    """Trims that the vehicle learned during the dive; empty without any."""
 
 
 WatchCallback = Callable[[FlightProgress], None]
@@ -296,7 +298,24 @@ def _fly(
         messages=recorder.message_count,
         lost_frames=vehicle.lost_frames,
         texts=tuple(text.text for text in vehicle.texts),
+        failsafes=_failsafes(vehicle),
+        trims_learned=next(
+            (event.text for event in vehicle.events() if isinstance(event, TrimLearned)), ""
+        ),
     )
+
+
+def _failsafes(vehicle: VehicleClient) -> tuple[str, ...]:
+    """Return the texts of the failsafes.
+
+    If the text was lost: a vehicle in a critical state that left the mission before its end.
+    """
+    texts = tuple(event.text for event in vehicle.events() if isinstance(event, Failsafe))
+    progress = vehicle.latest("MISSION_CURRENT")
+    is_complete = progress is not None and progress.mission_state == _MISSION_COMPLETE
+    if texts or is_complete or not vehicle.critical_mode:
+        return texts
+    return (f"mission left for mode {vehicle.critical_mode} in a critical state",)
 
 
 def _call_both(first: TextCallback | None, second: TextCallback | None) -> TextCallback:

@@ -28,6 +28,7 @@ from mavlink_io.services.missions import MissionClient
 from mavlink_io.services.params import ParamClient
 from mavlink_io.signing import Signing
 from mavlink_io.transport import LinkLostError, Transport, open_transport, wait
+from sysid.data.events import VehicleEvent, parse_text
 
 T = TypeVar("T")
 C = TypeVar("C")
@@ -48,6 +49,7 @@ ARM_RETRY_S, ARM_RETRY_PERIOD_S = 15.0, 1.0
 HEARTBEAT_TIMEOUT_S = 5.0
 """Wall time without a heartbeat after which a vehicle counts as lost."""
 _STANDBY = constant("MAV_STATE_STANDBY")
+_CRITICAL = constant("MAV_STATE_CRITICAL"), constant("MAV_STATE_EMERGENCY")
 _PREARM = constant("MAV_SYS_STATUS_PREARM_CHECK")
 _HEARTBEAT, _STATUSTEXT = (
     constant("MAVLINK_MSG_ID_HEARTBEAT"),
@@ -78,6 +80,11 @@ class StatusText(NamedTuple):
     severity: int
     """MAV_SEVERITY: 0 emergency to 7 debug."""
     text: str
+
+    @property
+    def event(self) -> VehicleEvent:
+        """The text as a typed value."""
+        return parse_text(self.severity, self.text)
 
 
 class VehicleClient:
@@ -130,6 +137,9 @@ class VehicleClient:
         self._last_heartbeat: Any = None
         self.disarmings = 0
         """Number of changes from armed to disarmed."""
+        self.critical_mode = ""
+        """Mode other than MISSION in which the armed vehicle reported MAV_STATE_CRITICAL or
+        MAV_STATE_EMERGENCY; empty before that."""
         self.texts: list[StatusText] = []
         self._joiner = TextJoiner()
 
@@ -151,6 +161,10 @@ class VehicleClient:
         return mode_names.name(
             self._last_heartbeat, {number: name for name, number in self._modes.items()}
         )
+
+    def events(self) -> Iterator[VehicleEvent]:
+        """Yield the texts of the vehicle as typed values."""
+        return (text.event for text in self.texts)
 
     @property
     def recorder(self) -> Recorder | None:
@@ -428,6 +442,8 @@ class VehicleClient:
                 self.disarmings += 1
                 self.arm_requested = False
             self.armed = armed
+            if armed and message.system_status in _CRITICAL and self.mode != "MISSION":
+                self.critical_mode = self.mode
 
     def _on_statustext(self, frame: Frame) -> None:
         """Assemble a text, store it and call the listener."""

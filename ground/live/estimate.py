@@ -1,7 +1,6 @@
 """Recursive estimate of one vehicle under test from live telemetry."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,8 @@ from ground.live.telemetry import MAX_GAP_S, Gap, Telemetry
 from mavlink_io.codec import Frame
 from sysid.data import segments
 from sysid.data.dataset import LogError
-from sysid.data.segments import END_TEXTS, PREROLL_S, START_TEXT, Plane, Run
+from sysid.data.events import StopReason, TestEnded, TestStarted
+from sysid.data.segments import PREROLL_S, Plane, Run
 from sysid.estimation.recursive import estimator, prediction, report
 from sysid.estimation.recursive.estimator import Knowledge, TestState
 from sysid.estimation.recursive.report import PlaneReport
@@ -22,8 +22,6 @@ MIN_RUN_TICKS = 60
 """Minimum length of a test segment that is evaluated (ticks)."""
 CLOCK_RESTART_S = 1.0
 """Backward step of the vehicle clock that means a restart (s); a smaller one is a late datagram."""
-LOG_ENDED_REASON = "the log ended"
-"""Stop reason that `segments.cut_runs` gives a test without an end in the log."""
 
 
 class EstimateStatus(NamedTuple):
@@ -71,8 +69,8 @@ class LiveEstimate:
 
     def on_text(self, text: StatusText) -> None:
         """Store a text of the vehicle if it marks the start or the end of a test."""
-        if text.text.startswith((START_TEXT, *END_TEXTS)):
-            self._telemetry.on_text(text.severity, text.text)
+        if isinstance(text.event, TestStarted | TestEnded):
+            self._telemetry.on_event(text.event)
 
     def poll(self) -> EstimateStatus:
         """Evaluate all stored telemetry and return the estimate."""
@@ -102,8 +100,8 @@ class LiveEstimate:
         self._end()
         past_events = [event for event in telemetry.events if event.time_s < gap.end_s]
         telemetry.events = [event for event in telemetry.events if event.time_s >= gap.end_s]
-        if past_events and past_events[-1].text.startswith(START_TEXT):
-            telemetry.events.insert(0, replace(past_events[-1], time_s=gap.end_s))
+        if past_events and isinstance(past_events[-1].value, TestStarted):
+            telemetry.events.insert(0, past_events[-1]._replace(time_s=gap.end_s))
             limit_s = MAX_GAP_S[gap.message_name]
             self._trouble = (
                 f"{gap.end_s - gap.start_s:.2f} s without {gap.message_name}, at most {limit_s:g}"
@@ -123,7 +121,7 @@ class LiveEstimate:
         for run in runs:
             self._advance(run)
         past_events = [event for event in telemetry.events if event.time_s <= until_s]
-        if past_events and not past_events[-1].text.startswith(START_TEXT):
+        if past_events and not isinstance(past_events[-1].value, TestStarted):
             telemetry.events = telemetry.events[len(past_events) :]
         elif len(past_events) > 1:
             telemetry.events = telemetry.events[len(past_events) - 1 :]
@@ -138,7 +136,7 @@ class LiveEstimate:
             state = estimator.update(state, prediction.steps(run, len(state.steps.thrust)))
             self._states[run.plane] = state
             self._updated[run.plane] = estimator.information_with_test(state)
-        if run.stop_reason != LOG_ENDED_REASON:
+        if run.stop_reason != StopReason.LOG_ENDED:
             self._end([run.plane])
 
     def _end(self, planes: Iterable[Plane] = PLANES) -> None:

@@ -57,8 +57,8 @@ class PerformanceMonitor:
             self._telemetry.on_frame(frame)
 
     def on_text(self, text: StatusText) -> None:
-        """Add a text of the vehicle to the telemetry."""
-        self._telemetry.on_text(text.severity, text.text)
+        """Add an event of the vehicle to the telemetry."""
+        self._telemetry.on_event(text.event)
 
     def poll(self, *, last: bool = False) -> None:
         """Evaluate the new telemetry, when due or at the ``last`` call, and announce new causes."""

@@ -16,7 +16,8 @@ from mavlink_io import dialect
 from mavlink_io.codec import Frame
 from mavlink_io.logging import ros1 as schemas
 from sysid.data import ros1
-from sysid.data.dataset import Log, TextEvent
+from sysid.data.dataset import Log, LogEvent
+from sysid.data.events import VehicleEvent
 from sysid.data.readers import messages
 from sysid.data.readers.messages import Messages
 from sysid.data.readers.servo_channels import FIRST_THREE
@@ -47,12 +48,12 @@ class Gap(NamedTuple):
 
 
 class Telemetry:
-    """Recent telemetry of one vehicle: motion, commands and texts about tests."""
+    """Recent telemetry of one vehicle: motion, commands and events."""
 
     def __init__(self, parameters: Mapping[str, float]) -> None:
         self._parameters = dict(parameters)
         self._stored: dict[str, list[tuple[float, bytes]]] = {}
-        self.events: list[TextEvent] = []
+        self.events: list[LogEvent] = []
         self.now_s = 0.0
         """Vehicle time of the newest message."""
 
@@ -72,9 +73,9 @@ class Telemetry:
         self.now_s = max(self.now_s, time_s)
         return time_s
 
-    def on_text(self, severity: int, text: str) -> None:
-        """Store a text with the vehicle time of the newest message."""
-        self.events.append(TextEvent(self.now_s, severity, text))
+    def on_event(self, event: VehicleEvent) -> None:
+        """Store an event with the vehicle time of the newest message."""
+        self.events.append(LogEvent(self.now_s, event))
 
     @property
     def complete_s(self) -> float:

@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
+from mavlink_io.vehicle_modes import VehicleMode
 from sysid.data.dataset import Log
+from sysid.data.events import ModeChanged
 from sysid.data.segments import Run
 from sysid.models.prediction import predict
 
 Array = NDArray[np.float64]
 CURVE_HZ = 5.0
 """Sample rate of the drawn curves: a plot of several minutes shows no finer detail."""
-SURFACED_TEXT = "Mode SURFACE"
-"""STATUSTEXT at the end of a mission."""
 
 
 class Curve(NamedTuple):
@@ -179,8 +179,9 @@ _NOTES = {
 
 def _end_s(log: Log) -> float:
     """Return the time (s) at which the mission ended and the vehicle began to surface."""
+    surfacing = ModeChanged(VehicleMode.SURFACE)
     return next(
-        (event.time_s for event in log.events if event.text == SURFACED_TEXT),
+        (event.time_s for event in log.events if event.value == surfacing),
         float(log.attitude.time_s[-1]),
     )
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink_io.errors import ErrorCode, InputError
+from sysid.data.events import VehicleEvent
 
 Array = NDArray[np.float64]
 
@@ -75,14 +76,11 @@ class Setpoints:
     depth_m: Array
 
 
-@dataclass(frozen=True)
-class TextEvent:
-    """Text message of the vehicle, with its chunks joined."""
+class LogEvent(NamedTuple):
+    """Event at a vehicle time."""
 
     time_s: float
-    severity: int
-    """MAV_SEVERITY, 0 (emergency) to 7 (debug)."""
-    text: str
+    value: VehicleEvent
 
 
 class ClockStep(NamedTuple):
@@ -119,7 +117,8 @@ class Log:
     actuators: Actuators
     depth: Depth
     setpoints: Setpoints
-    events: tuple[TextEvent, ...]
+    events: tuple[LogEvent, ...]
+    """In the order of time."""
     parameters: dict[str, float]
     """Parameters of the autopilot by name."""
     duct: DuctAngles

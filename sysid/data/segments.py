@@ -1,10 +1,9 @@
 """Cut identification tests from a log: one ``Run`` per test.
 
-A test begins with the text "SystemID Starting" and ends with "SystemID Finished" or "SystemID
-Stopped". For logs without these texts the user gives the time ranges (``MarkedInterval``).
+A test begins with `events.TestStarted` and ends with `events.TestEnded`. For logs without these
+events the user gives the time ranges (``MarkedInterval``).
 """
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Literal, NamedTuple
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.dataset import Log, LogError
+from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
 
 Array = NDArray[np.float64]
 Plane = Literal["yaw", "pitch"]
@@ -24,20 +24,12 @@ PREROLL_S = 15.0
 STEADY_S = 5.0
 """Last part of the pre-roll, which must be steady."""
 
-PLANE_OF_AXIS: dict[int, Plane] = {11: "pitch", 12: "yaw"}
-"""Plane by ArduPilot's SID_AXIS number of the mixer input: 11 pitch (elevator), 12 yaw (rudder)."""
-BOTH_AXIS, LOOP_ON = 23, 100
-"""SID_AXIS number of a test of both surfaces; offset of a test with the loop closed."""
-
+PLANE_OF_AXIS: dict[TestAxis, Plane] = {TestAxis.ELEVATOR: "pitch", TestAxis.RUDDER: "yaw"}
+"""Plane by axis."""
+LOOP_ON = 100
+"""Offset of the axes with the loop closed."""
 AXIS_OF_PLANE = {plane: axis for axis, plane in PLANE_OF_AXIS.items()}
-"""SID_AXIS number by plane."""
-
-START_TEXT, END_TEXTS = "SystemID Starting", ("SystemID Finished", "SystemID Stopped")
-"""First and last text of a test."""
-_STARTING = re.compile(r"SystemID Starting: axis=(\d+)(?: wave=(\w+) magnitude=(-?[\d.]+))?")
-"""First text of a test; ArduPilot sends only the axis, and its wave is a chirp."""
-_ELEVATOR = re.compile(r"elevator=(-?[\d.]+)")
-_STOPPED = re.compile(r"SystemID Stopped: ?(.*)")
+"""Axis by plane."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +59,7 @@ class Run:
     heading_rad: Array
     """Unwrapped."""
     depth_m: Array
-    stop_reason: str
-    """Reason of an early end; empty for a complete test."""
+    stop_reason: StopReason
     longest_gap_s: float
     """Largest interval between two received samples of attitude, actuators or depth."""
     rudder_trim_rad: float
@@ -81,6 +72,8 @@ class Run:
     """True if the other surface was under test at the same time; this run is for one plane."""
     earlier_rad: tuple[Array, Array] = (np.empty(0), np.empty(0))
     """Known rudder and elevator commands before the first sample, for the delay of the duct."""
+    stop_detail: str = ""
+    """Reason of an early end with value and limit; empty for a complete test."""
 
     @property
     def command_rad(self) -> Array:
@@ -166,15 +159,16 @@ _SERIES = tuple(field.name for field in fields(Run) if field.type is Array)
 
 @dataclass(frozen=True)
 class TestInterval:
-    """Time range of a test and its settings from the vehicle's texts."""
+    """Time range of a test and its settings."""
 
     start_s: float
     stop_s: float
-    axis: int
-    """SID_AXIS number."""
-    wave: str
+    axis: TestAxis
+    wave: TestWave
     magnitude_deg: float
-    stop_reason: str
+    stop_reason: StopReason
+    stop_detail: str = ""
+    """Reason of an early end with value and limit; empty for a complete test."""
     elevator_deg: float = 0.0
     """Elevator magnitude in a test of both surfaces; ``magnitude_deg`` is that of the rudder."""
     both: bool = False
@@ -250,10 +244,10 @@ def _tests(log: Log, marks: Sequence[MarkedInterval]) -> list[TestInterval]:
 
 def _by_plane(span: TestInterval) -> list[TestInterval]:
     """Return a test per surface: two for a test of both, none for another axis."""
-    axis = span.axis % LOOP_ON
-    if axis == BOTH_AXIS:
-        elevator = replace(span, axis=11, magnitude_deg=span.elevator_deg, both=True)
-        return [replace(span, axis=12, both=True), elevator]
+    axis = TestAxis(span.axis % LOOP_ON)
+    if axis == TestAxis.BOTH:
+        elevator = replace(span, axis=TestAxis.ELEVATOR, magnitude_deg=span.elevator_deg, both=True)
+        return [replace(span, axis=TestAxis.RUDDER, both=True), elevator]
     return [replace(span, axis=axis)] if axis in PLANE_OF_AXIS else []
 
 
@@ -262,36 +256,41 @@ def intervals_of_tests(log: Log) -> Iterator[TestInterval]:
 
     A test without an end in the log ends with the log, with that as its stop reason.
     """
-    running: tuple[float, re.Match[str]] | None = None
-    for event in log.events:
-        starting, stopped = _STARTING.search(event.text), _STOPPED.search(event.text)
-        if running and (starting or stopped or "SystemID Finished" in event.text):
-            reason = "the log lost its end" if starting else stopped[1] if stopped else ""
-            yield _interval(log, running, event.time_s, reason)
-            running = None
-        if starting:
-            running = event.time_s, starting
+    running: tuple[float, TestStarted] | None = None
+    for time_s, event in log.events:
+        if not isinstance(event, TestStarted | TestEnded):
+            continue
+        if running:
+            ending = event if isinstance(event, TestEnded) else _unreported(StopReason.END_LOST)
+            yield _interval(log, running, time_s, ending)
+        running = (time_s, event) if isinstance(event, TestStarted) else None
     if running:
-        yield _interval(log, running, float(log.attitude.time_s[-1]), "the log ended")
+        log_end_s = float(log.attitude.time_s[-1])
+        yield _interval(log, running, log_end_s, _unreported(StopReason.LOG_ENDED))
+
+
+def _unreported(reason: StopReason) -> TestEnded:
+    """Return the end of a test that the log does not hold."""
+    return TestEnded(reason, reason.value)
 
 
 def _interval(
-    log: Log, running: tuple[float, re.Match[str]], stop_s: float, reason: str
+    log: Log, running: tuple[float, TestStarted], stop_s: float, ending: TestEnded
 ) -> TestInterval:
-    """Return the interval of a test; ``running`` is (start, match of its first text)."""
-    start_s, match = running
-    axis = int(match[1])
-    magnitude_deg = float(match[3]) if match[3] else _size_deg(log, axis, start_s, stop_s)
-    elevator = _ELEVATOR.search(match.string)
-    elevator_deg = float(elevator[1]) if elevator else 0.0
+    """Return the interval of a test; ``running`` is its start with the time."""
+    start_s, test = running
+    magnitude_deg = test.magnitude
+    if magnitude_deg is None:
+        magnitude_deg = _size_deg(log, test.axis, start_s, stop_s)
     return TestInterval(
         start_s=start_s,
         stop_s=stop_s,
-        axis=axis,
-        wave=match[2] or "chirp",
+        axis=test.axis,
+        wave=test.wave,
         magnitude_deg=magnitude_deg,
-        stop_reason=reason,
-        elevator_deg=elevator_deg,
+        stop_reason=ending.reason,
+        stop_detail=ending.detail,
+        elevator_deg=test.elevator_deg,
     )
 
 
@@ -308,13 +307,13 @@ def _interval_of_mark(log: Log, mark: MarkedInterval) -> TestInterval:
         start_s=mark.start_s,
         stop_s=mark.stop_s,
         axis=axis,
-        wave="marked",
+        wave=TestWave.MARKED,
         magnitude_deg=_size_deg(log, axis, mark.start_s, mark.stop_s),
-        stop_reason="",
+        stop_reason=StopReason.COMPLETE,
     )
 
 
-def _size_deg(log: Log, axis: int, start_s: float, stop_s: float) -> float:
+def _size_deg(log: Log, axis: TestAxis, start_s: float, stop_s: float) -> float:
     """Return the largest deviation of the command from its value at the start, deg."""
     actuators = log.actuators
     command = actuators.rudder_rad if PLANE_OF_AXIS.get(axis) == "yaw" else actuators.elevator_rad
@@ -364,6 +363,7 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
         clock_back=_clock_step_reason(log, grid_s),
         clock_drift_s=_clock_drift_s(log, grid_s),
         both=span.both,
+        stop_detail=span.stop_detail,
     )
 
 

@@ -5,6 +5,7 @@ amplitude, one axis at a time. The duct angle is measured from outside or by its
 """
 
 import math
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
@@ -14,6 +15,7 @@ from scipy.optimize import minimize_scalar
 
 from mavlink_io.errors import ErrorCode, OperationError
 from sysid.data.dataset import Log
+from sysid.data.events import TestAxis, TestWave
 from sysid.data.segments import RATE_HZ, TestInterval, intervals_of_tests
 from sysid.models import actuator
 from sysid.models.actuator import ActuatorFit, AxisParameters, BenchRecord
@@ -22,8 +24,8 @@ from sysid.models.model_file import ParameterEstimate
 Array = NDArray[np.float64]
 AxisName = Literal["rudder", "elevator"]
 
-AXES: dict[int, AxisName] = {12: "rudder", 11: "elevator"}
-"""Axis by the SID_AXIS value of the excitation."""
+AXES: dict[TestAxis, AxisName] = {TestAxis.RUDDER: "rudder", TestAxis.ELEVATOR: "elevator"}
+"""Name by axis of the test."""
 TRANSIENT_S = 3.0
 """Start of a sinusoid that its frequency response leaves out, s: delay and transient of the lag."""
 TEST_EDGE_S = 0.1
@@ -87,13 +89,15 @@ class AxisBench(NamedTuple):
     """Limits for each amplitude."""
 
 
-def analyse(log: Log) -> dict[AxisName, AxisBench]:
+def analyse(log: Log, tests: Iterable[TestInterval] | None = None) -> dict[AxisName, AxisBench]:
     """Analyse the bench test of each axis that was swept.
 
     Parameters
     ----------
     log : Log
-        Log with duct angles and marked sinusoid tests.
+        Log with duct angles.
+    tests : Iterable of TestInterval, optional
+        Sinusoids in the order of time; the default is the tests that the log's events mark.
 
     Returns
     -------
@@ -109,15 +113,19 @@ def analyse(log: Log) -> dict[AxisName, AxisBench]:
         raise BenchError(
             f"{log.name}: holds no duct angles; the bench needs a vehicle or a rig with an encoder"
         )
-    tests = [test for test in intervals_of_tests(log) if test.axis in AXES and test.wave == "chirp"]
-    aborted = [test for test in tests if test.stop_reason]
-    if aborted or not tests:
-        reason = f"a test ended early: {aborted[0].stop_reason}" if aborted else "holds no sweeps"
+    sweeps = [
+        test
+        for test in (intervals_of_tests(log) if tests is None else tests)
+        if test.axis in AXES and test.wave == TestWave.CHIRP
+    ]
+    aborted = [sweep for sweep in sweeps if sweep.stop_reason]
+    if aborted or not sweeps:
+        reason = f"a test ended early: {aborted[0].stop_detail}" if aborted else "holds no sweeps"
         raise BenchError(f"{log.name}: {reason}")
     return {
         axis: _axis(_record(log, axis, axis_tests), axis_tests)
-        for axis_number, axis in AXES.items()
-        if (axis_tests := [test for test in tests if test.axis == axis_number])
+        for number, axis in AXES.items()
+        if (axis_tests := [sweep for sweep in sweeps if sweep.axis == number])
     }
 
 

@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from mavlink_io.errors import ErrorCode, OperationError
 from sitl.vehicle.config import VehicleConfig
 from sysid.data.dataset import Log
+from sysid.data.events import Armed
 from sysid.models.model_file import ParameterEstimate
 
 Array = NDArray[np.float64]
@@ -80,7 +81,7 @@ def analyse(log: Log, moves: Sequence[WeightPeriod], vehicle: VehicleConfig) -> 
     Parameters
     ----------
     log : Log
-        Log of the test, with attitude and the "Armed" event.
+        Log of the test, with attitude and the `Armed` event.
     moves : sequence of WeightPeriod
         Periods of the weights, at least three with two different moments.
     vehicle : VehicleConfig
@@ -100,10 +101,11 @@ def analyse(log: Log, moves: Sequence[WeightPeriod], vehicle: VehicleConfig) -> 
         raise InclineError(
             "an inclining test needs at least three moves with two different moments"
         )
-    armed_s = [event.time_s for event in log.events if event.text.startswith("Armed")]
+    armed_s = [event.time_s for event in log.events if isinstance(event.value, Armed)]
     if not armed_s:
         raise InclineError(
-            f"{log.name}: holds no 'Armed' event, so the times of the moves are unknown"
+            f"{log.name}: does not hold the arming of the vehicle, so the times of the moves are"
+            " unknown"
         )
     moments_kgm = np.array([period.moment_kgm for period in moves])
     roll_rad = np.array([_heel_rad(log, armed_s[-1], period) for period in moves])

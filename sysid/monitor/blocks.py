@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import iirpeak, lfilter
 
 from sysid.data.dataset import Log
-from sysid.data.segments import END_TEXTS, START_TEXT
+from sysid.data.events import TestEnded, TestStarted
 from sysid.monitor.performance_spec import AVERAGED_S, RESONANCE_BANDWIDTH, PerformanceBaseline
 from sysid.monitor.tracking_metrics import (
     DEPTH_CHANGE_M,
@@ -157,11 +157,11 @@ def _latest(at_s: Array, time_s: Array, values: Array) -> Array:
 def _test_running(log: Log, at_s: Array) -> NDArray[np.bool_]:
     """Return a mask of the times at which a test is active."""
     testing = np.zeros(at_s.size, dtype=np.bool_)
-    for event in log.events:
-        if event.text.startswith(START_TEXT):
-            testing |= at_s >= event.time_s
-        elif event.text.startswith(END_TEXTS):
-            testing &= at_s < event.time_s
+    for time_s, event in log.events:
+        if isinstance(event, TestStarted):
+            testing |= at_s >= time_s
+        elif isinstance(event, TestEnded):
+            testing &= at_s < time_s
     return testing
 
 

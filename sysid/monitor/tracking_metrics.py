@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.dataset import Log
-from sysid.data.segments import START_TEXT, cut_runs
+from sysid.data.events import TestStarted
+from sysid.data.segments import cut_runs
 
 Array = NDArray[np.float64]
 
@@ -189,7 +190,7 @@ def _changes(time_s: Array, values: Array, min_change: float) -> list[float]:
 
 def _tests(log: Log) -> Sequence[tuple[float, float]]:
     """Return start and stop (s) of each identification test."""
-    starts = [event.time_s for event in log.events if START_TEXT in event.text]
+    starts = [event.time_s for event in log.events if isinstance(event.value, TestStarted)]
     return [
         (start, start + float(run.time_s[-1]))
         for start, run in zip(starts, cut_runs(log), strict=False)

@@ -15,7 +15,8 @@ from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.mission_items import MavCmd, MissionItem
 from sitl.vehicle.water import drifting
 from sysid.control_analysis.loop_transfer import TICK_S
-from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
+from sysid.data.events import parse_text
 from sysid.data.segments import Plane
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
@@ -143,7 +144,7 @@ def fly(
         disturbance.wrenches(vehicle, levels, sea.times, disturbance_rng),
         instruments.errors(levels, sensor_rng),
     )
-    messages, rows = list[TextEvent](), list[tuple[float, ...]]()
+    messages, rows = list[LogEvent](), list[tuple[float, ...]]()
     state, trace = _tick(core.initial_state(), simulated.observed + next(errors), config, messages)
     state = _arm_in_mission(state, items, config)
     limit_us = limit_s(items) * US_PER_S
@@ -173,14 +174,14 @@ def _with_bias_shift(vehicle: CandidateVehicle, shift_rad: float) -> CandidateVe
 
 
 def _tick(
-    state: AutopilotState, reading: Array, config: Config, messages: list[TextEvent]
+    state: AutopilotState, reading: Array, config: Config, messages: list[LogEvent]
 ) -> tuple[AutopilotState, Trace]:
     """Run one tick of the autopilot and collect its messages."""
     time_us = state.time_us + TICK_US if state.time_us >= 0 else 0
     inputs = Inputs(instruments.frame(time_us, reading, config), None, None, None)
     state, _, trace, events = core.tick(state, inputs, config)
     messages += [
-        TextEvent(time_us / US_PER_S, event.severity, event.text)
+        LogEvent(time_us / US_PER_S, parse_text(event.severity, event.text))
         for event in events
         if isinstance(event, TextMessage)
     ]
@@ -225,7 +226,7 @@ def _row(state: AutopilotState, trace: Trace, true_depth_m: float) -> tuple[floa
     )
 
 
-def _log(columns: dict[str, Array], messages: Sequence[TextEvent]) -> Log:
+def _log(columns: dict[str, Array], messages: Sequence[LogEvent]) -> Log:
     """Return the columns as a log."""
     time_s = columns["time_s"]
     return Log(

@@ -41,7 +41,7 @@ def too_short(run: Run, limits: ScreeningLimits) -> str:
         return ""
     return (
         f"aborted too soon: {lasted:.1f} s of at least {limits.shortest_s:g}"
-        f" ({run.stop_reason or 'as planned'})"
+        f" ({run.stop_detail or 'as planned'})"
     )
 
 

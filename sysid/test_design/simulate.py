@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autopilot.control import waveforms
+from sysid.data.events import StopReason
 from sysid.data.segments import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
@@ -162,7 +163,7 @@ def as_run(manoeuvre: Manoeuvre, trim: LevelFlight, command_from_trim_rad: Array
         pitch_rad=np.full(samples, trim.pitch_rad),
         heading_rad=zeros,
         depth_m=np.full(samples, trim.depth_m),
-        stop_reason="",
+        stop_reason=StopReason.COMPLETE,
         longest_gap_s=1.0 / RATE_HZ,
         rudder_trim_rad=trim.trim_rad if is_yaw else 0.0,
         elevator_trim_rad=0.0 if is_yaw else trim.trim_rad,

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from autopilot.control import core
 from benchmarks.redesign import (
     campaign,
     faults,
@@ -37,15 +38,13 @@ def missed(figures: list[Figure]) -> set[str]:
 
 
 class SyntheticDive(dict[str, Any]):
-    """Columns by name, and STATUSTEXTs."""
+    """Columns by name, and the final state."""
 
-    told = ((150.0, "Mode SURFACE"),)
+    surfacing_s = 150.0
+    state = core.initial_state()
 
     def during(self, start_s: float, end_s: float) -> Any:
         return (self["t_s"] >= start_s) & (self["t_s"] < end_s)
-
-    def texts(self) -> list[str]:
-        return [text for _, text in self.told]
 
 
 def synthetic_dive(**columns: float) -> SyntheticDive:
@@ -67,7 +66,7 @@ def test_tracking_error_wraps_heading_and_detects_loss() -> None:
     assert holding.tracking_error(beyond) == pytest.approx(TrackingError(2.0, 10.0, 0.0, 0.0))
     assert holding.tracking_error(synthetic_dive(true_depth_m=0.3)).lost == 1.0
     surfaced = synthetic_dive()
-    surfaced.told = ((140.0, "Failsafe: leak -> SURFACE"), *surfaced.told)
+    surfaced.state = surfaced.state._replace(failsafe="Leak detected")
     assert holding.tracking_error(surfaced).lost == 1.0
 
 
@@ -171,7 +170,7 @@ def test_short_dive_is_tracked_and_its_segment_is_cut() -> None:
     (run,) = segments.cut_runs(campaign.log(dive, "short", values))
     assert (run.plane, run.wave, run.magnitude_deg) == ("yaw", "step", 5.0)
     assert np.degrees(run.command_rad[~run.preroll][10:-10]) == pytest.approx(11.0, abs=0.01)
-    dive.told = [(90.0, "Mode SURFACE")]
+    dive.surfacing_s = 90.0
     assert holding.tracking_error(dive, 70.0).heading_deg < 1.0
 
 

@@ -67,6 +67,8 @@ class Dive:
         self.state = core.initial_state()
         self.told: list[tuple[float, str]] = []
         """Return the vehicle times, in s, at which a text was sent."""
+        self.surfacing_s = np.inf
+        """Vehicle time, in s, at which the vehicle entered SURFACE; infinite before that."""
         self._rows: list[tuple[float, ...]] = []
         frame = self._tick(reading)
         for request in (
@@ -97,6 +99,8 @@ class Dive:
         self.told += [
             (self.state.time_us / 1e6, event.text) for event in events if isinstance(event, Event)
         ]
+        if self.state.mode == modes.SURFACE.number:
+            self.surfacing_s = min(self.surfacing_s, self.state.time_us / 1e6)
         self._keep(trace)
         return frame
 

@@ -24,6 +24,7 @@ from ground.log_tools import mcap
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from mavlink_io.logging.mcap import MAGIC
 from sysid.data import readers as identification
+from sysid.data.events import PlainText
 from tests.helpers.fake_hil import TICK_US
 from tests.helpers.pty_pair import Noise, line
 from tests.helpers.subprocesses import Finished, autopilot, free_port, process
@@ -128,7 +129,8 @@ def test_dive_without_link_is_recorded_and_identified(
 
     silent, spoken, grounds = (identification.read(path) for path in (here, told[1], told[0]))
     assert silent.sha256 == spoken.sha256, "the record must not depend on the link"
-    assert [event.text for event in silent.events][-1] == "Surfaced: disarmed"
+    texts = [event.value.text for event in silent.events if isinstance(event.value, PlainText)]
+    assert texts[-1] == "Surfaced: disarmed"
     assert silent.attitude.time_s.size == pytest.approx(50.0 * silent.attitude.time_s[-1], abs=150)
     assert set(grounds.attitude.time_s) <= set(silent.attitude.time_s)
 

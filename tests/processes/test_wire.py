@@ -11,6 +11,7 @@ from ground.client import flight
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from sysid.data import readers, segments
 from sysid.data.dataset import Log
+from sysid.data.events import TestStarted
 
 pytestmark = pytest.mark.process
 
@@ -58,9 +59,7 @@ def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_
     read = flown(axis, tmp_path)
     (run,) = segments.cut_runs(read)
     attitude = read.attitude
-    start_s = next(
-        event.time_s for event in read.events if event.text.startswith("SystemID Starting")
-    )
+    start_s = next(event.time_s for event in read.events if isinstance(event.value, TestStarted))
     before, after = (np.argmin(np.abs(attitude.time_s - t)) for t in (start_s, start_s + 5.5))
     values = attitude.yaw_rad if angle == "heading" else attitude.pitch_rad
     assert run.plane == ("yaw" if axis == "rudder" else "pitch")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sitl.core import tailcone
 from sitl.vehicle import build_model, config, dynamics, propeller
 from sitl.vehicle.water import STILL
+from sysid.data.events import StopReason
 from sysid.data.segments import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
@@ -297,7 +298,7 @@ def run_of(
         pitch_rad=log[:, 4],
         heading_rad=np.unwrap(log[:, 5]),
         depth_m=log[:, 6],
-        stop_reason="",
+        stop_reason=StopReason.COMPLETE,
         longest_gap_s=DT,
         rudder_trim_rad=trim_rad[0],
         elevator_trim_rad=trim_rad[1],

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sysid.data import segments
-from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
+from sysid.data.events import StopReason, TestEnded, parse_text
 
 START_S, STOP_S = 20.0, 30.0
 RUDDER_DEG, ELEVATOR_DEG = 5.0, 3.0
@@ -26,8 +27,8 @@ def cut(description: str) -> list[segments.Run]:
         depth=Depth(time_s, none, none),
         setpoints=Setpoints(*(empty,) * 5),
         events=(
-            TextEvent(START_S, 6, f"SystemID Starting: {description}"),
-            TextEvent(STOP_S, 6, "SystemID Finished"),
+            LogEvent(START_S, parse_text(6, f"SystemID Starting: {description}")),
+            LogEvent(STOP_S, TestEnded(StopReason.COMPLETE)),
         ),
         parameters={},
         duct=DuctAngles(*(empty,) * 3),

@@ -21,9 +21,10 @@ from sysid.data.dataset import (
     Depth,
     Log,
     LogError,
+    LogEvent,
     Setpoints,
-    TextEvent,
 )
+from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave, parse_text
 from sysid.data.readers.samples import (
     DEFAULT_TRAVEL_DEG,
     MessageColumns,
@@ -44,6 +45,8 @@ _ALTITUDES = (("CTUN", "Alt"), ("POS", "RelHomeAlt"), ("BARO", "Alt"))
 """Message and column of the altitude, the best source first."""
 _MIXER_AXES = range(10, 14)
 """Values of SIDS.Ax with a magnitude in fractions of the travel, not in degrees."""
+_INFO = 6
+"""MAV_SEVERITY_INFO: MSG has no severity."""
 _TEST_MODE_WINDOW_S = 0.5
 """Time after the start of a test in which the log reports the mode of the test."""
 
@@ -291,43 +294,39 @@ def _setpoint_column(message_tables: Tables, name: str, column: str) -> tuple[Ar
     return time_s[keep], columns[column][keep].astype(np.float64)
 
 
-def _events(message_tables: Tables, travel_deg: float) -> tuple[TextEvent, ...]:
-    """Return the texts of the log, and texts for tests as in this autopilot's logs.
+def _events(message_tables: Tables, travel_deg: float) -> tuple[LogEvent, ...]:
+    """Return the events of the texts and of the tests.
 
     A test begins with a SIDS message and ends with a text or a change of mode.
     """
-    events: list[TextEvent] = []
+    events: list[LogEvent] = []
     if "MSG" in message_tables and "Message" in message_tables["MSG"].columns:
         texts = zip(
             message_tables["MSG"].time_s, message_tables["MSG"].columns["Message"], strict=True
         )
         events += [
-            TextEvent(float(t), 6, bytes(text).decode("utf-8", "replace")) for t, text in texts
+            LogEvent(float(t), parse_text(_INFO, bytes(text).decode("utf-8", "replace")))
+            for t, text in texts
         ]
     if "SIDS" in message_tables and {"Ax", "Mag"} <= message_tables["SIDS"].columns.keys():
         time_s, columns = message_tables["SIDS"]
-        events = [event for event in events if not event.text.startswith("SystemID Starting")]
+        events = [event for event in events if not isinstance(event.value, TestStarted)]
         for t, axis, size in zip(time_s, columns["Ax"], columns["Mag"], strict=True):
             magnitude = float(size) * (travel_deg if axis in _MIXER_AXES else 1.0)
-            events.append(
-                TextEvent(
-                    float(t),
-                    6,
-                    f"SystemID Starting: axis={axis} wave=chirp magnitude={magnitude:.4f}",
-                )
-            )
+            started = TestStarted(TestAxis(int(axis)), TestWave.CHIRP, magnitude)
+            events.append(LogEvent(float(t), started))
         events += _mode_changes(message_tables, time_s)
     return tuple(sorted(events, key=lambda event: event.time_s))
 
 
-def _mode_changes(message_tables: Tables, starts_s: Array) -> list[TextEvent]:
-    """Return the changes of mode, without those at the start of a test."""
+def _mode_changes(message_tables: Tables, starts_s: Array) -> list[LogEvent]:
+    """Return the ends of tests by a change of mode, without changes at the start of a test."""
     if "MODE" not in message_tables:
         return []
     changes_s = message_tables["MODE"].time_s
     own = [bool(np.any((t >= starts_s) & (t - starts_s < _TEST_MODE_WINDOW_S))) for t in changes_s]
     return [
-        TextEvent(float(t), 6, "SystemID Stopped: the mode changed")
+        LogEvent(float(t), TestEnded(StopReason.MODE, "the mode changed"))
         for t, begins in zip(changes_s, own, strict=True)
         if not begins
     ]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.records import ARMED_FLAG
 from sysid.data.dataset import (
     Actuators,
     Array,
@@ -18,9 +19,10 @@ from sysid.data.dataset import (
     DuctAngles,
     Log,
     LogError,
+    LogEvent,
     Setpoints,
-    TextEvent,
 )
+from sysid.data.events import MODES, Armed, ModeChanged, parse_text
 from sysid.data.readers.samples import (
     DEFAULT_TRAVEL_DEG,
     clock_steps,
@@ -38,8 +40,10 @@ DUCT_COMPONENT = 140
 _SERVOS = "SERVO_OUTPUT_RAW"
 """Message with servo pulses, from autopilots that do not send ACTUATOR_OUTPUT_STATUS."""
 _COMMANDS = "ACTUATOR_OUTPUT_STATUS"
+_HEARTBEAT = "HEARTBEAT"
+"""Message with mode and arming state; it does not count as data of the dive (``Log.sha256``)."""
 _REQUIRED = ("ATTITUDE", _COMMANDS, "LOCAL_POSITION_NED")
-_READ = (*_REQUIRED, "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT")
+_READ = (*_REQUIRED, "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT", _HEARTBEAT)
 CANDIDATES = frozenset((*_READ, _SERVOS))
 """All messages that ``messages_to_read`` can return."""
 _FIELDS: dict[str, dict[str, int]] = {
@@ -48,6 +52,7 @@ _FIELDS: dict[str, dict[str, int]] = {
     "ATTITUDE_TARGET": {"q": 4},
     "POSITION_TARGET_LOCAL_NED": {"z": 0},
     "STATUSTEXT": {"severity": 0, "text": 1, "id": 0, "chunk_seq": 0},
+    _HEARTBEAT: {"custom_mode": 0, "base_mode": 0},
     _COMMANDS: {"actuator": 1},
     _SERVOS: {"servo1_raw": 0},
     DUCT: {"actuator": 2},
@@ -117,13 +122,18 @@ def assemble(
     return Log(
         name=path.name,
         sha256=content_sha256(
-            {name: record.tobytes() for name, (_, record) in messages.items()}, parameters
+            {
+                name: record.tobytes()
+                for name, (_, record) in messages.items()
+                if name != _HEARTBEAT
+            },
+            parameters,
         ),
         attitude=_attitude(*messages["ATTITUDE"]),
         actuators=_actuators(*messages[commanded], travel_rad, outputs, f"{path}: {commanded}"),
         depth=_depth(*messages["LOCAL_POSITION_NED"]),
         setpoints=_setpoints(messages),
-        events=_events(*messages["STATUSTEXT"]) if "STATUSTEXT" in messages else (),
+        events=_events(messages),
         parameters=parameters,
         duct=_duct(*messages[DUCT], travel_rad)
         if DUCT in messages
@@ -224,16 +234,37 @@ def _setpoints(messages: Messages) -> Setpoints:
     )
 
 
-def _events(time_s: Array, record: NDArray[Any]) -> tuple[TextEvent, ...]:
-    """Return the status texts; consecutive chunks of a long text (id not 0) are joined."""
-    events: list[TextEvent] = []
+def _events(messages: Messages) -> tuple[LogEvent, ...]:
+    """Return the events; modes and armings from HEARTBEAT, without it from the texts."""
+    events = _text_events(*messages["STATUSTEXT"]) if "STATUSTEXT" in messages else []
+    if _HEARTBEAT in messages:
+        events = [event for event in events if not isinstance(event.value, ModeChanged | Armed)]
+        events += _state_events(*messages[_HEARTBEAT])
+    return tuple(sorted(events, key=lambda event: event.time_s))
+
+
+def _text_events(time_s: Array, record: NDArray[Any]) -> list[LogEvent]:
+    """Return the events of texts; consecutive chunks of a long text (id not 0) are joined."""
+    texts: list[tuple[float, int, str]] = []
     open_id = 0
     for time, row in zip(time_s, record, strict=True):
         text = row["text"].tobytes().split(b"\0", 1)[0].decode("utf-8", "replace")
         if open_id and row["id"] == open_id and row["chunk_seq"] > 0:
-            last = events.pop()
-            events.append(TextEvent(last.time_s, last.severity, last.text + text))
+            first_s, severity, beginning = texts.pop()
+            texts.append((first_s, severity, beginning + text))
         else:
-            events.append(TextEvent(float(time), int(row["severity"]), text))
+            texts.append((float(time), int(row["severity"]), text))
         open_id = int(row["id"])
-    return tuple(events)
+    return [LogEvent(first_s, parse_text(severity, text)) for first_s, severity, text in texts]
+
+
+def _state_events(time_s: Array, record: NDArray[Any]) -> list[LogEvent]:
+    """Return the modes and armings; the first HEARTBEAT gives the state at the start."""
+    modes = record["custom_mode"].astype(np.int64)
+    armed = ((record["base_mode"] & ARMED_FLAG) > 0).astype(np.int8)
+    changed = np.flatnonzero(np.diff(modes, prepend=-1))
+    armings = np.flatnonzero(np.diff(armed, prepend=0) > 0)
+    return [
+        *(LogEvent(float(time_s[k]), ModeChanged(MODES.get(int(modes[k])))) for k in changed),
+        *(LogEvent(float(time_s[k]), Armed()) for k in armings),
+    ]

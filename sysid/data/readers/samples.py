@@ -18,8 +18,8 @@ from sysid.data.dataset import (
     Depth,
     DuctAngles,
     Log,
+    LogEvent,
     Setpoints,
-    TextEvent,
 )
 
 DEFAULT_TRAVEL_DEG = 15.0
@@ -105,7 +105,7 @@ def foreign_log(
     actuators: Actuators,
     depth: Depth,
     setpoints: Setpoints,
-    events: tuple[TextEvent, ...],
+    events: tuple[LogEvent, ...],
     parameters: dict[str, float],
     steps: Iterable[ClockStep],
 ) -> Log:

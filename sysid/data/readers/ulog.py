@@ -13,9 +13,10 @@ from sysid.data.dataset import (
     Depth,
     Log,
     LogError,
+    LogEvent,
     Setpoints,
-    TextEvent,
 )
+from sysid.data.events import parse_text
 from sysid.data.readers.samples import (
     DEFAULT_TRAVEL_DEG,
     MessageColumns,
@@ -73,7 +74,9 @@ def read(path: Path, outputs: ServoChannels) -> Log:
         for step in clock_steps(name, topic_tables[name].time_s)
     ]
     texts = sorted(log.logged_messages, key=lambda message: message.timestamp)
-    events = tuple(TextEvent(m.timestamp * 1e-6, m.log_level - ord("0"), m.message) for m in texts)
+    events = tuple(
+        LogEvent(m.timestamp * 1e-6, parse_text(m.log_level - ord("0"), m.message)) for m in texts
+    )
     return foreign_log(
         path, attitude, actuators, depth, _setpoints(topic_tables), events, parameters, steps
     )

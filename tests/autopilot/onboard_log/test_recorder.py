@@ -22,7 +22,9 @@ from ground.log_tools import mcap
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.mission_items import MissionItem
+from mavlink_io.vehicle_modes import VehicleMode
 from sysid.data import readers as identification
+from sysid.data.events import Armed, ModeChanged
 from tests.helpers.fake_hil import TICK_US, Station, sensors
 from tests.mavlink_io.logging import decoding
 
@@ -143,7 +145,7 @@ def test_log_is_readable_by_sysid(tmp_path: Path) -> None:
     assert read.parameters["HDG_P"] == 0.5
     assert read.attitude.time_s == pytest.approx([0.06 + 0.02 * n for n in range(200)])
     assert read.depth.depth_m[-1] == pytest.approx(boat.vehicle.state.estimate.depth_m, abs=1e-6)
-    assert [event.text for event in read.events][:1] == ["Armed: HOLD"]
+    assert [event.value for event in read.events] == [ModeChanged(VehicleMode.HOLD), Armed()]
 
 
 def test_log_contains_commands_and_their_results(tmp_path: Path) -> None:

@@ -9,7 +9,12 @@ from typing import Any
 import pytest
 
 from ground.bench_tests import bench, incline
-from mavlink_io.errors import InputError
+from ground.client import vehicle as client
+from ground.client.recorder import Recorder
+from ground.client.vehicle import VehicleClient
+from mavlink_io.errors import InputError, OperationError
+from mavlink_io.mission_items import MavCmd
+from tests.ground.fake import FakeVehicle, attend
 
 
 def ground(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -65,6 +70,24 @@ def test_inclining_test_finds_simulated_centre_of_mass(tmp_path: Path) -> None:
     assert result["z_cm_m"]["value"] == pytest.approx(-0.015, abs=0.0005)
     assert result["file_z_cm_m"] == -0.021
     assert len(result["readings"]) == 7
+
+
+@pytest.mark.parametrize(("result", "name"), [(4, "failed"), (6, "cancelled")])
+def test_stopped_sweep_ends_the_bench_test(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, result: int, name: str
+) -> None:
+    """The result in COMMAND_ACK is enough: the fake vehicle sends no text."""
+    fake = FakeVehicle({MavCmd.USER_1: [result]})
+    monkeypatch.setattr(client, "wait", attend(fake))
+    fake.heartbeat()
+    recorder = Recorder(tmp_path / "bench.mcap")
+    vehicle = VehicleClient(fake.ground_end, recorder)
+    vehicle.connect()
+    with pytest.raises(OperationError, match=f"rudder at 0.5 Hz: user 1: {name}$"):
+        bench._run_sweep(bench.Sweep("rudder", 10.0, 0.5), vehicle, recorder)
+    assert vehicle.on_frame is None
+    recorder.finish()
+    fake.close()
 
 
 @pytest.mark.parametrize(

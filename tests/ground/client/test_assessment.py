@@ -175,8 +175,7 @@ def test_heading_on_a_line_uses_moving_setpoint() -> None:
 
 
 def test_trims_that_the_vehicle_learned_are_reported() -> None:
-    texts = ("Armed: MISSION", "Trim learned: TRIM_RUD_DEG 6.05, TRIM_ELE_DEG 0.4")
-    found = assessment.assess_log(dive(), texts)
+    found = assessment.assess_log(dive(), "TRIM_RUD_DEG 6.05, TRIM_ELE_DEG 0.4")
     assert found.trims_learned == "TRIM_RUD_DEG 6.05, TRIM_ELE_DEG 0.4"
     assert "learned its trims: TRIM_RUD_DEG 6.05" in assessment.format_text(found)
 

@@ -7,9 +7,20 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
+from mavlink_io.vehicle_modes import VehicleMode
 from sysid import refit
 from sysid.data import readers, segments
 from sysid.data.dataset import LogError
+from sysid.data.events import (
+    Armed,
+    ModeChanged,
+    StopReason,
+    TestAxis,
+    TestEnded,
+    TestStarted,
+    TestWave,
+    VehicleEvent,
+)
 from sysid.monitor import tracking_metrics
 from tests.sysid import recording
 from tests.sysid.recording import Entry
@@ -93,11 +104,47 @@ def test_log_values_read_as_written(path: Path) -> None:
     np.testing.assert_allclose(read.setpoints.depth_m, 4.0)
 
 
+def events(path: Path) -> list[tuple[float, VehicleEvent]]:
+    """Return the events of a log, with times rounded to a microsecond."""
+    return [(round(time_s, 6), event) for time_s, event in readers.read(path).events]
+
+
 def test_long_text_chunks_are_joined(path: Path) -> None:
-    assert [event.text for event in readers.read(path).events] == [
-        "SystemID Starting: axis=12 wave=step magnitude=-5.25",
-        "SystemID Finished",
+    assert events(path) == [
+        (20.0, TestStarted(TestAxis.RUDDER, TestWave.STEP, -5.25)),
+        (30.0, TestEnded(StopReason.COMPLETE)),
     ]
+
+
+def test_modes_and_arming_are_read_from_heartbeat(tmp_path: Path) -> None:
+    """Texts of modes are not used beside HEARTBEAT, so that a lost text changes nothing."""
+    states = [
+        (1.0, VehicleMode.HOLD, 0),
+        (2.0, VehicleMode.MISSION, 128),
+        (3.0, VehicleMode.MISSION, 128),
+        (4.0, VehicleMode.SURFACE, 128),
+        (5.0, 9, 0),
+    ]
+    heartbeats = [
+        (time_s, mavlink.MAVLink_heartbeat_message(12, 0, 1 | armed, mode, 4, 3))
+        for time_s, mode, armed in states
+    ]
+    expected = [
+        (1.0, ModeChanged(VehicleMode.HOLD)),
+        (2.0, ModeChanged(VehicleMode.MISSION)),
+        (2.0, Armed()),
+        (4.0, ModeChanged(VehicleMode.SURFACE)),
+        (5.0, ModeChanged(None)),
+    ]
+    entries = dive(seconds=6.0, test=None)
+    silent = recording.write(tmp_path / "silent.mcap", entries + heartbeats, {})
+    texts = [*recording.texts(2.0, "Armed: MISSION", 1), *recording.texts(4.0, "Mode SURFACE", 2)]
+    whole = recording.write(tmp_path / "whole.mcap", entries + heartbeats + texts, {})
+    assert events(silent) == events(whole) == expected
+    old = recording.write(tmp_path / "texts.mcap", entries + texts, {})
+    assert events(old) == [(2.0, Armed()), (4.0, ModeChanged(VehicleMode.SURFACE))]
+    bare = recording.write(tmp_path / "bare.mcap", entries, {})
+    assert readers.read(silent).sha256 == readers.read(bare).sha256
 
 
 def test_run_is_cut_on_uniform_grid(path: Path) -> None:
@@ -108,23 +155,29 @@ def test_run_is_cut_on_uniform_grid(path: Path) -> None:
     np.testing.assert_allclose(np.diff(run.time_s), 0.02, atol=1e-12)
     stepped = run.time_s[np.flatnonzero(run.rudder_rad > 0.01)]
     assert stepped[0] == pytest.approx(0.0)
-    assert run.stop_reason == ""
+    assert run.stop_reason == StopReason.COMPLETE
     assert run.longest_gap_s < 0.11
     assert math.degrees(run.rudder_trim_rad) == pytest.approx(6.0)
     assert run.since(-1.0).time_s[0] == pytest.approx(-1.0)
 
 
 @pytest.mark.parametrize(
-    ("ending", "reason"),
+    ("ending", "reason", "detail"),
     [
-        ("SystemID Stopped: depth 2.0 m: above 3.0 m", "depth 2.0 m: above 3.0 m"),
-        ("nothing of note", "the log ended"),
+        (
+            "SystemID Stopped: depth 2.0 m: above 3.0 m",
+            StopReason.DEPTH,
+            "depth 2.0 m: above 3.0 m",
+        ),
+        ("nothing of note", StopReason.LOG_ENDED, "the log ended"),
     ],
 )
-def test_stopped_run_has_stop_reason(tmp_path: Path, ending: str, reason: str) -> None:
+def test_stopped_run_has_stop_reason(
+    tmp_path: Path, ending: str, reason: StopReason, detail: str
+) -> None:
     entries = dive(test=(20.0, 25.0, ending))
     (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "a.mcap", entries, {})))
-    assert run.stop_reason == reason
+    assert (run.stop_reason, run.stop_detail) == (reason, detail)
 
 
 def test_longest_gap_is_measured(tmp_path: Path) -> None:

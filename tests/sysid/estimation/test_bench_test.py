@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from sitl.core import tailcone
 from sitl.vehicle import config
-from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
+from sysid.data.events import Armed, StopReason, TestAxis, TestEnded, TestStarted, TestWave
 from sysid.data.segments import RATE_HZ
 from sysid.estimation import bench_test, inclining_test
 from sysid.estimation.inclining_test import WeightPeriod
@@ -62,11 +63,9 @@ def session(
             t = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
             commands += [math.radians(size / 2.0) * np.sin(2.0 * math.pi * hz * t), np.zeros(40)]
             events.append(
-                TextEvent(
-                    start_s, 6, f"SystemID Starting: axis=12 wave=chirp magnitude={size / 2.0:.2f}"
-                )
+                LogEvent(start_s, TestStarted(TestAxis.RUDDER, TestWave.CHIRP, size / 2.0))
             )
-            events.append(TextEvent(start_s + duration_s, 6, "SystemID Finished"))
+            events.append(LogEvent(start_s + duration_s, TestEnded(StopReason.COMPLETE)))
     command = np.concatenate(commands)
     time_s = np.arange(command.size) / RATE_HZ
     state, substeps, angles, rng = (
@@ -193,8 +192,8 @@ def test_analyse_unreached_rate_limit_has_no_sd() -> None:
         (
             {
                 "events": (
-                    TextEvent(4.0, 6, "SystemID Starting: axis=12 wave=chirp magnitude=5.00"),
-                    TextEvent(9.0, 4, "SystemID Stopped: depth 0.0 m above 1 m"),
+                    LogEvent(4.0, TestStarted(TestAxis.RUDDER, TestWave.CHIRP, 5.0)),
+                    LogEvent(9.0, TestEnded(StopReason.DEPTH, "depth 0.0 m above 1 m")),
                 )
             },
             "ended early: depth 0.0 m above 1 m",
@@ -229,7 +228,7 @@ def heeled(
     roll = np.arctan((list_kgm - moment) / (mass_kg * height_m)) + math.radians(noise_deg) * slow
     zero = 0.0 * t
     attitude = Attitude(t + 5.0, roll, zero, zero, zero, zero, zero)
-    return log_of(attitude=attitude, events=(TextEvent(5.0, 6, "Armed: HOLD"),))
+    return log_of(attitude=attitude, events=(LogEvent(5.0, Armed()),))
 
 
 @given(st.floats(0.005, 0.08), st.floats(-0.05, 0.05), st.integers(0, 1000))
@@ -252,7 +251,9 @@ def test_inclining_unusable_log_is_rejected() -> None:
     good = heeled(0.02, 640.0, 0.0, 0.0, 0, MOVES)
     with pytest.raises(inclining_test.InclineError, match="at least three moves"):
         inclining_test.analyse(good, [MOVES[0], MOVES[3]], vehicle)
-    with pytest.raises(inclining_test.InclineError, match=r"holds no .Armed. event"):
+    with pytest.raises(
+        inclining_test.InclineError, match="does not hold the arming of the vehicle"
+    ):
         inclining_test.analyse(log_of(attitude=good.attitude), MOVES, vehicle)
     with pytest.raises(inclining_test.InclineError, match="still rolling"):
         inclining_test.analyse(heeled(0.02, 640.0, 0.0, 3.0, 0, MOVES), MOVES, vehicle)

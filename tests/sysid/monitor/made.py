@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
+from sysid.data.events import parse_text
 from sysid.monitor.performance_spec import AVERAGED_S, PerformanceBaseline, PredictedStatistic
 
 Array = NDArray[np.float64]
@@ -99,6 +100,6 @@ def flight(
     )
 
 
-def event(time_s: float, text: str) -> TextEvent:
-    """Return a text event."""
-    return TextEvent(time_s, 6, text)
+def event(time_s: float, text: str) -> LogEvent:
+    """Return the event of a text."""
+    return LogEvent(time_s, parse_text(6, text))

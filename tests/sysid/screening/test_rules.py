@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
+from sysid.data.events import StopReason
 from sysid.data.segments import Run
 from sysid.screening import screen
 from tests.sysid import sea
@@ -44,7 +45,10 @@ def test_screen_names_each_fault(yaw: Run, pitch: Run) -> None:
     faults = {
         "gap": replace(yaw, longest_gap_s=0.5),
         "aborted too soon": replace(
-            yaw, time_s=yaw.time_s - yaw.time_s[-1] + 2.0, stop_reason="pitch 31 deg"
+            yaw,
+            time_s=yaw.time_s - yaw.time_s[-1] + 2.0,
+            stop_reason=StopReason.PITCH,
+            stop_detail="pitch 31 deg",
         ),
         "saturation": replace(
             yaw, elevator_rad=during(yaw, 0.0 * yaw.elevator_rad, math.radians(15.0))

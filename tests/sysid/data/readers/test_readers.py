@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sysid.data import readers, segments
 from sysid.data.dataset import LogError
+from sysid.data.events import StopReason
 from sysid.data.readers import servo_channels, ulog_recovery
 from sysid.data.readers.servo_channels import FIRST_THREE, ServoChannels
 from sysid.data.segments import MarkedInterval, Run
@@ -42,7 +43,7 @@ def test_all_formats_give_the_same_run(written: dict[str, Path], suffix: str) ->
     """Tolerance: resolution of the format, 0.01 degree in ATT and 1 us in pulses."""
     run = the_run(written[suffix])
     testing = (run.time_s >= 0.0) & (run.time_s < 9.99)
-    assert (run.plane, run.stop_reason) == ("yaw", "")
+    assert (run.plane, run.stop_reason) == ("yaw", StopReason.COMPLETE)
     assert run.magnitude_deg == pytest.approx(4.0, abs=0.01)
     assert run.time_s[-1] == pytest.approx(10.0, abs=0.03)
     assert run.time_s[0] == pytest.approx(-15.0, abs=0.03)
@@ -116,7 +117,7 @@ def test_marked_interval_without_texts_gives_run(tmp_path: Path) -> None:
 def test_ardupilot_mode_change_ends_test(tmp_path: Path) -> None:
     """The mode change at the start of the test does not end it."""
     run = the_run(files.dataflash(tmp_path / "left.bin", ending="MODE"))
-    assert run.stop_reason == "the mode changed"
+    assert (run.stop_reason, run.stop_detail) == (StopReason.MODE, "the mode changed")
     assert run.time_s[-1] == pytest.approx(10.0, abs=0.03)
 
 
@@ -179,7 +180,7 @@ def test_truncated_file_loses_only_its_end(written: dict[str, Path], tmp_path: P
         assert readers.read(torn).attitude.time_s[-1] == pytest.approx(
             files.BOOTED_S + 36.0, abs=0.5
         )
-        assert the_run(torn).stop_reason == ""
+        assert the_run(torn).stop_reason == StopReason.COMPLETE
 
 
 def test_ulog_wrong_sizes_are_skipped(written: dict[str, Path], tmp_path: Path) -> None:
