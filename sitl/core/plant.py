@@ -18,13 +18,14 @@ from numpy.random import Generator, SeedSequence, default_rng
 
 from mavlink_io.frames import flip, flip_quaternion
 from mavlink_io.records import ActuatorFrame
+from sitl.core import body as core_body
 from sitl.core import environment, initial_conditions, sensors, tailcone
+from sitl.core.body import Body, TailconeMotion
 from sitl.core.environment import Environment, Weather, moments
 from sitl.core.environment.field import LocalWater
 from sitl.core.environment.moments import Disturbance
 from sitl.core.sensors import Sensors, SensorStreams, SensorSuite, SensorSuiteState
 from sitl.core.sensors.noise import NoiseStream
-from sitl.core.tailcone import AxisMotion, TailconeAxis
 from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
 from sitl.core.truth import Truth
 from sitl.faults import body as body_faults
@@ -38,31 +39,14 @@ from sitl.scenario import Scenario, StartTable
 from sitl.scenario_types import ScenarioError
 from sitl.vehicle import build_model
 from sitl.vehicle.config import VehicleConfig
-from sitl.vehicle.dynamics import (
-    POSITION,
-    QUATERNION,
-    derivative,
-    rk4_step,
-    specific_force,
-    work_array,
-)
-from sitl.vehicle.jit import Native, Vector, Vector3, kernel, native
-from sitl.vehicle.model import VehicleModel
+from sitl.vehicle.dynamics import POSITION, QUATERNION
+from sitl.vehicle.jit import Native, Vector, native
 from sitl.vehicle.propeller import rps
-from sitl.vehicle.water import Water
 
 RUDDER, ELEVATOR, THRUST = 0, 1, 2
 """Indices of ``ActuatorFrame.controls``."""
 RATES = slice(10, 13)
 """Angular rates in the body state, FLU, rad/s."""
-
-
-class Body(NamedTuple):
-    """The vehicle's parameters: rigid body with hydrodynamics, and the two tailcone axes."""
-
-    model: VehicleModel
-    rudder: TailconeAxis
-    elevator: TailconeAxis
 
 
 class Plant(NamedTuple):
@@ -239,21 +223,18 @@ def initial_state(plant: Plant, rng: RandomStreams) -> tuple[PlantState, Sensors
     """
     disturbance = moments.sample_stationary(rng.slow, rng.wave)
     weather = environment.initial_weather(plant.sea, rng.swell, rng.drift)
-    model, *axes = plant.vessel
-    rudder, elevator = map(tailcone.axis_at_rest, axes)
+    tail = core_body.motion_at_rest(plant.vessel)
     start, local_water = initial_conditions.initial_body_state(
-        model, plant.start, plant.sea, weather
+        plant.vessel.model, plant.start, plant.sea, weather
     )
-    body, truth = _step_body(
-        plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance, local_water
-    )
+    body, truth = _step_body(plant, 0, start, tail, 0.0, disturbance, disturbance, local_water)
     instruments = sensors.initial_state(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
     instruments, output = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
     return PlantState(
         time_us=0,
         body=body,
-        rudder=rudder.state,
-        elevator=elevator.state,
+        rudder=tail.rudder,
+        elevator=tail.elevator,
         disturbance=disturbance,
         weather=weather,
         instruments=instruments,
@@ -290,29 +271,21 @@ def step(
     controls = actuators.controls
     if faults.running:
         plant, controls, faults = _apply_faults(plant, controls, faults, rng.faults)
-    rudder, elevator = _step_actuators(plant, state, controls, rng)
+    tail = _step_actuators(plant, state, controls, rng)
     thrust = _limit_control(controls[THRUST])
     disturbance = moments.advance(plant.sea.moments, state.disturbance, rng.slow, rng.wave)
     weather = environment.advance(plant.sea, state.weather, rng.drift)
     if plant.clamped:
         body, truth = (
             state.body,
-            _hold_clamped(state.truth, time_us, rudder, elevator, rps(thrust, plant.vessel.model)),
+            _hold_clamped(state.truth, time_us, tail, rps(thrust, plant.vessel.model)),
         )
     else:
         local_water = environment.sample_water(
             plant.sea, weather, state.body, time_us * 1e-6, plant.tick_s
         )
         body, truth = _step_body(
-            plant,
-            time_us,
-            state.body,
-            rudder,
-            elevator,
-            thrust,
-            state.disturbance,
-            disturbance,
-            local_water,
+            plant, time_us, state.body, tail, thrust, state.disturbance, disturbance, local_water
         )
     if faults.running:
         truth = truth._replace(flooding="leak wet" in faults.names, faults=faults.names)
@@ -323,15 +296,15 @@ def step(
         output, running = readings.apply(output, faults.running, time_us, plant.tick_s, rng.faults)
         faults = faults._replace(running=running)
     return PlantState(
-        time_us,
-        body,
-        rudder.state,
-        elevator.state,
-        disturbance,
-        weather,
-        instruments,
-        truth,
-        faults,
+        time_us=time_us,
+        body=body,
+        rudder=tail.rudder,
+        elevator=tail.elevator,
+        disturbance=disturbance,
+        weather=weather,
+        instruments=instruments,
+        truth=truth,
+        faults=faults,
     ), output
 
 
@@ -366,31 +339,22 @@ def _apply_faults(
 
 def _step_actuators(
     plant: Plant, state: PlantState, controls: tuple[float, ...], rng: RandomStreams
-) -> tuple[AxisMotion, AxisMotion]:
+) -> TailconeMotion:
     """Return the motion of rudder and elevator during a tick."""
     _, rudder, elevator = plant.vessel
-    substeps = plant.substeps
-    rudder_state, elevator_state, angles_rad = (
-        state.rudder.copy(),
-        state.elevator.copy(),
-        np.empty((2, substeps)),
-    )
-    _step_axes(
+    rudder_state, elevator_state = state.rudder.copy(), state.elevator.copy()
+    angles_rad = np.empty((2, plant.substeps))
+    core_body.step_axes(
         plant.native,
         rudder_state,
         elevator_state,
+        _limit_control(controls[RUDDER]) * rudder.travel_rad,
+        _limit_control(controls[ELEVATOR]) * elevator.travel_rad,
         angles_rad,
-        _limit_control(controls[RUDDER]),
-        _limit_control(controls[ELEVATOR]),
-        tailcone.step_loss_draws(rudder, rng.rudder, substeps),
-        tailcone.step_loss_draws(elevator, rng.elevator, substeps),
+        tailcone.step_loss_draws(rudder, rng.rudder, plant.substeps),
+        tailcone.step_loss_draws(elevator, rng.elevator, plant.substeps),
     )
-    return (
-        AxisMotion(rudder_state, angles_rad[0], tailcone.duct_angle_rad(rudder, rudder_state)),
-        AxisMotion(
-            elevator_state, angles_rad[1], tailcone.duct_angle_rad(elevator, elevator_state)
-        ),
-    )
+    return core_body.tailcone_motion(plant.vessel, rudder_state, elevator_state, angles_rad)
 
 
 def _limit_control(control: float) -> float:
@@ -402,8 +366,7 @@ def _step_body(
     plant: Plant,
     time_us: int,
     body: Vector,
-    rudder: AxisMotion,
-    elevator: AxisMotion,
+    tail: TailconeMotion,
     thrust: float,
     before: Disturbance,
     after: Disturbance,
@@ -416,18 +379,15 @@ def _step_body(
     end of the tick at the position extrapolated to that time, half a tick ahead of the mean.
     """
     new_body, sea = body.copy(), plant.sea
-    shaft_rps, velocity, force = _integrate(
+    shaft_rps, velocity, force = core_body.integrate(
+        plant.native,
         new_body,
-        rudder.substeps_rad,
-        elevator.substeps_rad,
-        rudder.end_rad,
-        elevator.end_rad,
+        tail.angles_rad,
+        tail.end_rad,
         thrust,
         _disturbance_wrench(sea, before),
         _disturbance_wrench(sea, after),
         local_water.water,
-        plant.native,
-        _WORK,
     )
     values = new_body.tolist()
     pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, after)
@@ -439,8 +399,8 @@ def _step_body(
         rates_radps=flip(*values[RATES]),
         specific_force_mps2=flip(*force),
         water_velocity_ned_mps=flip(*local_water.water.velocity_mps),
-        rudder_rad=rudder.end_rad,
-        elevator_rad=elevator.end_rad,
+        rudder_rad=tail.end_rad[0],
+        elevator_rad=tail.end_rad[1],
         propeller_rps=shaft_rps,
         pitch_disturbance_nm=-pitch_nm,
         yaw_disturbance_nm=-yaw_nm,
@@ -450,14 +410,12 @@ def _step_body(
     return new_body, truth
 
 
-def _hold_clamped(
-    truth: Truth, time_us: int, rudder: AxisMotion, elevator: AxisMotion, shaft_rps: float
-) -> Truth:
+def _hold_clamped(truth: Truth, time_us: int, tail: TailconeMotion, shaft_rps: float) -> Truth:
     """Return the true motion of a clamped body: only duct and propeller move."""
     return truth._replace(
         time_us=time_us,
-        rudder_rad=rudder.end_rad,
-        elevator_rad=elevator.end_rad,
+        rudder_rad=tail.end_rad[0],
+        elevator_rad=tail.end_rad[1],
         propeller_rps=shaft_rps,
     )
 
@@ -466,59 +424,3 @@ def _disturbance_wrench(sea: Environment, disturbance: Disturbance) -> Vector:
     """Return the disturbance as generalised force (X, Y, Z, K, M, N), FLU, N and N m."""
     pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, disturbance)
     return np.array((0.0, 0.0, 0.0, 0.0, pitch_nm, yaw_nm))
-
-
-@kernel
-def _step_axes(
-    vessel: Native,
-    rudder: Vector,
-    elevator: Vector,
-    angles_rad: Vector,
-    rudder_control: float,
-    elevator_control: float,
-    rudder_loss: Vector | None,
-    elevator_loss: Vector | None,
-) -> None:
-    """Step both tailcone axes through a tick, in place; ``angles_rad`` has shape (2, substeps)."""
-    first, second = vessel.value.rudder, vessel.value.elevator
-    tailcone.advance(first, rudder, rudder_control * first.travel_rad, angles_rad[0], rudder_loss)
-    tailcone.advance(
-        second, elevator, elevator_control * second.travel_rad, angles_rad[1], elevator_loss
-    )
-
-
-@kernel
-def _integrate(
-    body: Vector,
-    rudder_rad: Vector,
-    elevator_rad: Vector,
-    rudder_end_rad: float,
-    elevator_end_rad: float,
-    thrust: float,
-    wrench: Vector,
-    wrench_end: Vector,
-    water: Water,
-    vessel: Native,
-    work: Vector,
-) -> tuple[float, Vector3, Vector3]:
-    """Integrate the body over the substeps of a tick, in place.
-
-    Returns shaft speed (rev/s), velocity over ground (NWU, m/s) and specific force at the origin
-    (FLU, m/s2) at the end of the tick.
-
-    Classical Runge-Kutta of order four for d(body)/dt = f(body, rudder, elevator, n, wrench, water)
-    of ``vehicle.dynamics``, with duct angles that are constant in each substep (their mean).
-    """
-    model, substep_s = vessel.value.model, vessel.value.rudder.substep_s
-    shaft_rps = rps(thrust, model)
-    for k in range(rudder_rad.size):
-        rk4_step(
-            body, rudder_rad[k], elevator_rad[k], shaft_rps, wrench, water, substep_s, model, work
-        )
-    slope = work[0]
-    derivative(body, rudder_end_rad, elevator_end_rad, shaft_rps, wrench_end, water, model, slope)
-    return shaft_rps, (slope[0], slope[1], slope[2]), specific_force(body, slope, model)
-
-
-_WORK = work_array()
-"""Work array of the integrator; each call overwrites it before reading."""

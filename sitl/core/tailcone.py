@@ -10,15 +10,15 @@ For small signals, without steps and backlash, an axis has the transfer function
 
 from __future__ import annotations
 
-from cmath import cos, sin, sqrt
-from math import exp, floor, radians
+from cmath import cos, exp, sin, sqrt
+from math import floor, radians
 from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
 from sitl.vehicle.config import Tailcone
-from sitl.vehicle.jit import Vector, kernel
+from sitl.vehicle.jit import Vector, entry_point, kernel
 
 COMMANDED, RATE, MOTOR, LOST_STEPS, DUCT, QUEUE = range(6)
 """Indices of an axis state.
@@ -58,15 +58,40 @@ class TailconeAxis(NamedTuple):
     lost_step_above_radps: float
 
 
-class AxisMotion(NamedTuple):
-    """Motion of an axis during a tick."""
+def lag_transition(
+    natural_frequency_radps: complex, damping: complex, step_s: float
+) -> tuple[complex, complex, complex, complex]:
+    """Return the transition matrix of (angle - command, rate) of the lag over one step, by rows.
 
-    state: Vector
-    """Axis state at the end of the tick."""
-    substeps_rad: Vector
-    """Mean true duct angle in each substep."""
-    end_rad: float
-    """True duct angle at the end of the tick."""
+    Parameters
+    ----------
+    natural_frequency_radps, damping : complex
+        Natural frequency and damping ratio; complex for derivatives by a complex step.
+    step_s : float
+        Length of the step.
+
+    Returns
+    -------
+    tuple of 4 complex
+        Error from error, error from rate (s), rate from error (1/s), rate from rate.
+
+    Notes
+    -----
+    With the error e = angle - command (rad), natural frequency w (rad/s), damping ratio z and
+    step h (s), e'' + 2 z w e' + w^2 e = 0 has the exact solution over one step
+
+        e(t+h)  = (c + z w s) e(t) + s e'(t)
+        e'(t+h) = -w^2 s e(t) + (c - z w s) e'(t)
+        c = exp(-z w h) cos(wd h),  s = exp(-z w h) sin(wd h) / wd,  wd = w sqrt(1 - z^2)
+
+    where wd is imaginary for z > 1, and s = h exp(-z w h) for z = 1.
+    """
+    w, z = natural_frequency_radps, damping
+    damped_radps = w * sqrt(1.0 - z * z)
+    decay = exp(-z * w * step_s)
+    c = decay * cos(damped_radps * step_s)
+    s = decay * sin(damped_radps * step_s) / damped_radps if damped_radps else decay * step_s
+    return c + z * w * s, s, -w * w * s, c - z * w * s
 
 
 def discretise(
@@ -110,30 +135,16 @@ def discretise(
 
     Notes
     -----
-    With the error e = angle - command (rad), natural frequency w (rad/s), damping ratio z and
-    substep h (s), e'' + 2 z w e' + w^2 e = 0 has the exact solution over one substep
-
-        e(t+h)  = (c + z w s) e(t) + s e'(t)
-        e'(t+h) = -w^2 s e(t) + (c - z w s) e'(t)
-        c = exp(-z w h) cos(wd h),  s = exp(-z w h) sin(wd h) / wd,  wd = w sqrt(1 - z^2)
-
-    where wd is imaginary for z > 1, and s = h exp(-z w h) for z = 1.
+    ``lag_transition`` has the equation of the lag.
     """
-    decay = exp(-damping * natural_frequency_radps * substep_s)
-    damped_radps = natural_frequency_radps * sqrt(1.0 - damping * damping)
-    c = decay * cos(damped_radps * substep_s).real
-    s = (
-        decay * (sin(damped_radps * substep_s) / damped_radps).real
-        if damped_radps
-        else decay * substep_s
-    )
+    transition = lag_transition(natural_frequency_radps, damping, substep_s)
     substeps = delay_s / substep_s
     whole = int(substeps + 1e-9)
     return TailconeAxis(
-        angle_from_angle=c + damping * natural_frequency_radps * s,
-        angle_from_rate_s=s,
-        rate_from_angle_per_s=-natural_frequency_radps * natural_frequency_radps * s,
-        rate_from_rate=c - damping * natural_frequency_radps * s,
+        angle_from_angle=transition[0].real,
+        angle_from_rate_s=transition[1].real,
+        rate_from_angle_per_s=transition[2].real,
+        rate_from_rate=transition[3].real,
         substep_s=substep_s,
         delay_substeps=whole,
         delay_remainder=max(0.0, substeps - whole),
@@ -179,12 +190,6 @@ def step_loss_draws(axis: TailconeAxis, rng: Generator, substeps: int) -> Vector
     return rng.random(substeps) if axis.lost_step_chance > 0.0 else None
 
 
-def axis_at_rest(axis: TailconeAxis) -> AxisMotion:
-    """Return the motion of an axis that has not moved yet."""
-    state = at_rest(axis)
-    return AxisMotion(state, np.empty(0), duct_angle_rad(axis, state))
-
-
 @kernel
 def advance(
     axis: TailconeAxis,
@@ -198,9 +203,7 @@ def advance(
     ``duct_angles_rad`` receives the mean true duct angle of each substep. ``loss_draws`` is the
     result of ``step_loss_draws``; without it no step is lost.
     """
-    command = min(max(command_rad, -axis.travel_rad), axis.travel_rad)
-    oldest = QUEUE + axis.delay_substeps
-    half_backlash = 0.5 * axis.backlash_rad
+    command, oldest = _limit_travel(axis, command_rad), QUEUE + axis.delay_substeps
     for k in range(duct_angles_rad.size):
         # The queue's last entry is delay_substeps + 1 substeps old, the one before it
         # delay_substeps; the delayed command is interpolated between them.
@@ -209,11 +212,55 @@ def advance(
         for i in range(oldest, QUEUE, -1):
             state[i] = state[i - 1]
         state[QUEUE] = command
-        _step_lag(axis, state, delayed)
+        state[COMMANDED], state[RATE] = step_lag(axis, state[COMMANDED], state[RATE], delayed)
         _step_motor(axis, state, 1.0 if loss_draws is None else loss_draws[k])
-        shaft, start = state[MOTOR] - state[LOST_STEPS], state[DUCT]
-        state[DUCT] = min(max(start, shaft - half_backlash), shaft + half_backlash)
+        start = state[DUCT]
+        state[DUCT] = _cross_backlash(axis, start, state[MOTOR] - state[LOST_STEPS])
         duct_angles_rad[k] = 0.5 * (start + state[DUCT]) + axis.bias_rad
+
+
+@entry_point
+def respond(axis: TailconeAxis, commands_rad: Vector) -> Vector:
+    """Return the true duct angle at every sample of a command, for a motor without steps.
+
+    Parameters
+    ----------
+    axis : TailconeAxis
+        The axis, discretised with the sample of the command.
+    commands_rad : ndarray, shape (samples,)
+        Command, rad, zero-order hold; the axis is at rest at its first value.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        True duct angle, rad.
+    """
+    # As ``advance``, with the samples themselves as the queue. A command edge inside a sample: the
+    # input of the lag is the mean over the sample, exact to second order in its length.
+    angles_rad = np.empty(commands_rad.size)
+    angle, rate = commands_rad[0], 0.0
+    duct_rad = angle
+    for k in range(commands_rad.size):
+        duct_rad = _cross_backlash(axis, duct_rad, angle)
+        angles_rad[k] = duct_rad + axis.bias_rad
+        newer = _limit_travel(axis, commands_rad[max(0, k - axis.delay_substeps)])
+        older = _limit_travel(axis, commands_rad[max(0, k - axis.delay_substeps - 1)])
+        delayed = newer + axis.delay_remainder * (older - newer)
+        angle, rate = step_lag(axis, angle, rate, delayed)
+    return angles_rad
+
+
+@kernel
+def _limit_travel(axis: TailconeAxis, angle_rad: float) -> float:
+    """Return an angle limited to the travel."""
+    return min(max(angle_rad, -axis.travel_rad), axis.travel_rad)
+
+
+@kernel
+def _cross_backlash(axis: TailconeAxis, duct_rad: float, shaft_rad: float) -> float:
+    """Return the duct angle after the shaft moved: it follows once the play is used up."""
+    half_backlash = 0.5 * axis.backlash_rad
+    return min(max(duct_rad, shaft_rad - half_backlash), shaft_rad + half_backlash)
 
 
 @kernel
@@ -252,15 +299,19 @@ def _lost_steps(turned: int, chance: float, quantile: float) -> int:
 
 
 @kernel
-def _step_lag(axis: TailconeAxis, state: Vector, command_rad: float) -> None:
-    """Advance the lag by one substep within rate limit and end stops (see ``discretise``)."""
-    error, rate = state[COMMANDED] - command_rad, state[RATE]
+def step_lag(
+    axis: TailconeAxis, angle: float, rate: float, command_rad: float
+) -> tuple[float, float]:
+    """Return angle (rad) and rate (rad/s) of the lag after one substep of a constant command.
+
+    Rate limit and end stops apply after the exact lag (see ``lag_transition``).
+    """
+    error = angle - command_rad
     free_angle = command_rad + axis.angle_from_angle * error + axis.angle_from_rate_s * rate
     free_rate = axis.rate_from_angle_per_s * error + axis.rate_from_rate * rate
     max_change = axis.rate_limit_radps * axis.substep_s
-    angle = state[COMMANDED] + min(max(free_angle - state[COMMANDED], -max_change), max_change)
+    free_of_stops = angle + min(max(free_angle - angle, -max_change), max_change)
+    next_angle = _limit_travel(axis, free_of_stops)
     # The rate is limited too, so that the axis reverses at once when the command does.
-    state[RATE] = min(max(free_rate, -axis.rate_limit_radps), axis.rate_limit_radps)
-    state[COMMANDED] = min(max(angle, -axis.travel_rad), axis.travel_rad)
-    if state[COMMANDED] != angle:
-        state[RATE] = 0.0
+    limited_rate = min(max(free_rate, -axis.rate_limit_radps), axis.rate_limit_radps)
+    return next_angle, limited_rate if next_angle == free_of_stops else 0.0

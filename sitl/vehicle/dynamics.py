@@ -26,17 +26,17 @@ from math import sqrt
 
 import numpy as np
 
-from sitl.vehicle import boundary, duct, fins, hydrodynamics, propeller, restoring
-from sitl.vehicle.jit import Vector, Vector3, Wrench, entry_point, kernel
-from sitl.vehicle.model import Inertia, VehicleModel
+from sitl.vehicle import boundary, forces, runge_kutta
+from sitl.vehicle.forces import Flow, TailInputs
+from sitl.vehicle.jit import Vector, Vector3, entry_point, kernel
+from sitl.vehicle.model import VehicleModel
+from sitl.vehicle.runge_kutta import STAGES
 from sitl.vehicle.water import Water
 
 STATE_SIZE = 13
 POSITION = slice(0, 3)
 QUATERNION = slice(3, 7)
 NU = slice(7, 13)
-STAGES = 5
-"""Rows of the work array of ``rk4_step``: the four slopes k1 to k4 and an intermediate state."""
 
 
 def state_at_rest(z_up_m: float = 0.0) -> Vector:
@@ -58,9 +58,10 @@ def state_at_rest(z_up_m: float = 0.0) -> Vector:
     return state
 
 
+@kernel
 def work_array() -> Vector:
-    """Return scratch space for ``rk4_step``, shape (5, 13); allocate it once, outside the loop."""
-    return np.empty((STAGES, STATE_SIZE))
+    """Return scratch space for ``rk4_step``, shape (5, 13): four slopes and a state."""
+    return np.empty((STAGES + 1, STATE_SIZE))
 
 
 @kernel
@@ -82,109 +83,6 @@ def rotation(state: Vector) -> tuple[Vector3, Vector3, Vector3]:
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
         (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
         (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-
-
-@kernel
-def coriolis(nu: Wrench, inertia: Inertia) -> Wrench:
-    """Return the Coriolis and centripetal wrench of the body and its added mass.
-
-    Parameters
-    ----------
-    nu : tuple of 6 floats
-        Velocity (u, v, w, p, q, r) through the water, FLU, m/s and rad/s.
-    inertia : Inertia
-        Mass matrices; M = M_RB + M_A is used.
-
-    Returns
-    -------
-    tuple of 6 floats
-        -C(nu) nu about the origin, FLU, N and N m; it does no work.
-
-    Notes
-    -----
-    Kirchhoff's equations (Lamb 1932, sec. 124).
-    """
-    # M = M_RB + M_A (6 x 6), nu = (v, omega) in FLU axes, m/s and rad/s.
-    # Kirchhoff's equations (Lamb 1932, sec. 124), with momenta about the origin
-    #     (P, H) = M nu:
-    #     force  = -omega x P,
-    #     moment = -omega x H - v x P.
-    u, v, w, p, q, r = nu
-    M = inertia.M
-    px = M[0, 0] * u + M[0, 1] * v + M[0, 2] * w + M[0, 3] * p + M[0, 4] * q + M[0, 5] * r
-    py = M[1, 0] * u + M[1, 1] * v + M[1, 2] * w + M[1, 3] * p + M[1, 4] * q + M[1, 5] * r
-    pz = M[2, 0] * u + M[2, 1] * v + M[2, 2] * w + M[2, 3] * p + M[2, 4] * q + M[2, 5] * r
-    hx = M[3, 0] * u + M[3, 1] * v + M[3, 2] * w + M[3, 3] * p + M[3, 4] * q + M[3, 5] * r
-    hy = M[4, 0] * u + M[4, 1] * v + M[4, 2] * w + M[4, 3] * p + M[4, 4] * q + M[4, 5] * r
-    hz = M[5, 0] * u + M[5, 1] * v + M[5, 2] * w + M[5, 3] * p + M[5, 4] * q + M[5, 5] * r
-    return (
-        r * py - q * pz,
-        p * pz - r * px,
-        q * px - p * py,
-        (r * hy - q * hz) + (w * py - v * pz),
-        (p * hz - r * hx) + (u * pz - w * px),
-        (q * hx - p * hy) + (v * px - u * py),
-    )
-
-
-@kernel
-def tail(
-    nu: Wrench,
-    axis: Vector3,
-    rudder_rad: float,
-    elevator_rad: float,
-    shaft_rps: float,
-    immersed: float,
-    model: VehicleModel,
-) -> Wrench:
-    """Return the wrench of ring wing, propeller and fins.
-
-    Parameters
-    ----------
-    nu : tuple of 6 floats
-        Velocity (u, v, w, p, q, r) relative to the water, FLU, m/s and rad/s.
-    axis : tuple of 3 floats
-        Unit vector along the ring, forward, FLU, from ``duct.ring_axis``.
-    rudder_rad : float
-        Rudder angle, rad; positive turns the nose to starboard.
-    elevator_rad : float
-        Elevator angle, rad; positive turns the nose up.
-    shaft_rps : float
-        Shaft speed, rev/s; negative is astern.
-    immersed : float
-        Fraction of the duct that is under water, 0 to 1.
-    model : VehicleModel
-        The vehicle.
-
-    Returns
-    -------
-    tuple of 6 floats
-        Wrench about the origin, FLU, N and N m.
-
-    Notes
-    -----
-    ``duct.force``, ``propeller.thrust_n`` and ``fins.wrench`` have the equations and sources.
-    """
-    # Ring and thrust act at (x, 0, 0), x < 0. Velocity there: (u, v, w) + omega x (x, 0, 0).
-    # Moment about the origin: (x, 0, 0) x (X, Y, Z) = (0, -x Z, x Y).
-    u, v, w, _, q, r = nu
-    x = model.duct.x_m
-    velocity = (u, v + x * r, w - x * q)
-    fx, fy, fz = duct.force(velocity, axis, model.duct)
-    axial_mps = velocity[0] * axis[0] + velocity[1] * axis[1] + velocity[2] * axis[2]
-    thrust = propeller.thrust_n(shaft_rps, axial_mps, model.propeller)
-    X = immersed * (fx + thrust * axis[0])
-    Y = immersed * (fy + thrust * axis[1])
-    Z = immersed * (fz + thrust * axis[2])
-    fin_wrench = fins.wrench(nu, rudder_rad, elevator_rad, model.fins)
-    return (
-        X + immersed * fin_wrench[0],
-        Y + immersed * fin_wrench[1],
-        Z + immersed * fin_wrench[2],
-        immersed * fin_wrench[3],
-        -x * Z + immersed * fin_wrench[4],
-        x * Y + immersed * fin_wrench[5],
     )
 
 
@@ -211,67 +109,6 @@ def _line_rotation_rate(slope: Vector3) -> Vector3:
 
 
 @kernel
-def _sum(a: Wrench, b: Wrench) -> Wrench:
-    """Return a + b."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
-
-
-@kernel
-def _forces(
-    state: Vector,
-    rows: tuple[Vector3, Vector3, Vector3],
-    nu_r: Wrench,
-    water: Water,
-    acceleration: Vector3,
-    water_omega: Vector3,
-    axis: Vector3,
-    rudder_rad: float,
-    elevator_rad: float,
-    shaft_rps: float,
-    model: VehicleModel,
-) -> Wrench:
-    """Return the sum of all forces except the disturbance, N and N m about the origin, FLU.
-
-    ``nu_r`` is the velocity through the water at the origin; ``acceleration`` (m/s2) and
-    ``water_omega`` (rad/s) are those of the water, in body axes.
-    """
-    # Forces that depend on the flow along the hull use the angular velocity relative to the water,
-    # omega - omega_water. The momentum in -C(nu_r) nu_r uses omega itself.
-    # Effective "up" in the frame of the water: R^T z + R^T Dv/Dt / g (Froude-Krylov force).
-    # Height of a point x above the local surface: z_m + x climb.
-    u, v, w, p, q, r = nu_r
-    up = rows[2]
-    relative = (u, v, w, p, q - water_omega[1], r - water_omega[2])
-    g = model.hydrostatics.gravity_mps2
-    effective_up = (
-        up[0] + acceleration[0] / g,
-        up[1] + acceleration[1] / g,
-        up[2] + acceleration[2] / g,
-    )
-    z_m, climb = state[2] - water.surface_m, up[0] - water.surface_slope
-    immersed = restoring.immersion(z_m + climb * model.duct.x_m, model.duct.radius_m)
-    total = coriolis(nu_r, model.inertia)
-    total = _sum(
-        total,
-        restoring.wrench(
-            z_m, climb, effective_up, water.density_ratio, model.hydrostatics, model.stations
-        ),
-    )
-    total = _sum(
-        total, hydrodynamics.crossflow_drag(v, w, relative[4], relative[5], model.stations)
-    )
-    total = _sum(
-        total, hydrodynamics.lift_and_drag(u, v, w, p, relative[4], relative[5], model.hull)
-    )
-    total = _sum(total, tail(relative, axis, rudder_rad, elevator_rad, shaft_rps, immersed, model))
-    total = _sum(total, boundary.wrench(state, rows, nu_r, water, model.hydrostatics, model.walls))
-    return _sum(
-        total,
-        hydrodynamics.duct_interaction(immersed * u * abs(u), rudder_rad, elevator_rad, model.hull),
-    )
-
-
-@kernel
 def _kinematics(state: Vector, rows: tuple[Vector3, Vector3, Vector3], out: Vector) -> None:
     """Write the rates of position, R v, and quaternion, 1/2 q (0, omega), into ``out[0:7]``."""
     # Fossen 2021, sec. 2.2; (e0, e1, e2, e3) is the quaternion, scalar first.
@@ -288,38 +125,37 @@ def _kinematics(state: Vector, rows: tuple[Vector3, Vector3, Vector3], out: Vect
 @kernel
 def _slope(
     state: Vector,
-    axis: Vector3,
-    rudder_rad: float,
-    elevator_rad: float,
-    propeller_rps: float,
+    tail: TailInputs,
     disturbance: Vector,
     water: Water,
     model: VehicleModel,
     out: Vector,
 ) -> None:
-    """Write the state derivative for a given duct axis into ``out``; see ``derivative``."""
-    # (c_x, c_y, c_z) = R^T c: velocity of the water over ground, body axes, m/s.
-    # nu_r = nu - (R^T c, 0); f and disturbance: wrench (X, Y, Z, K, M, N), N and N m.
-    # nu_r' = (M_RB + M_A)^-1 (f + disturbance).
+    """Write the state derivative for given inputs of the tail into ``out``; see ``derivative``."""
+    # c = R^T c_nwu and a = R^T Dv/Dt: velocity over ground (m/s) and acceleration (m/s2) of the
+    # water, body axes. w: angular velocity of the line of water along the hull, rad/s.
+    #     nu_r = nu - (c, 0),   nu_flow = nu_r - (0, w),
+    #     nu_r' = (M_RB + M_A)^-1 (f + disturbance),   f and disturbance in N and N m.
+    # Height of a point x above the local surface: z_m + x climb.
+    # Effective "up" in the frame of the water: R^T z + a / g (Froude-Krylov force).
     rows = rotation(state)
     c_x, c_y, c_z = _in_body(rows, water.velocity_mps)
-    acceleration = _in_body(rows, water.acceleration_mps2)
+    a_x, a_y, a_z = _in_body(rows, water.acceleration_mps2)
+    _, w_q, w_r = _line_rotation_rate(_in_body(rows, water.slope_per_s))
     p, q, r = state[10], state[11], state[12]
-    nu_r = (state[7] - c_x, state[8] - c_y, state[9] - c_z, p, q, r)
-    water_omega = _line_rotation_rate(_in_body(rows, water.slope_per_s))
-    f = _forces(
-        state,
-        rows,
-        nu_r,
-        water,
-        acceleration,
-        water_omega,
-        axis,
-        rudder_rad,
-        elevator_rad,
-        propeller_rps,
-        model,
+    u, v, w = state[7] - c_x, state[8] - c_y, state[9] - c_z
+    nu_r = (u, v, w, p, q, r)
+    up, g = rows[2], model.hydrostatics.gravity_mps2
+    flow = Flow(
+        nu=nu_r,
+        nu_flow=(u, v, w, p, q - w_q, r - w_r),
+        up=(up[0] + a_x / g, up[1] + a_y / g, up[2] + a_z / g),
+        height_m=state[2] - water.surface_m,
+        climb=up[0] - water.surface_slope,
+        density_ratio=water.density_ratio,
+        boundary=boundary.wrench(state, rows, nu_r, water, model.hydrostatics, model.walls),
     )
+    f = forces.total(flow, tail, model)
     X, Y, Z = f[0] + disturbance[0], f[1] + disturbance[1], f[2] + disturbance[2]
     K, M, N = f[3] + disturbance[3], f[4] + disturbance[4], f[5] + disturbance[5]
 
@@ -332,13 +168,13 @@ def _slope(
     # nu' = nu_r' + d(R^T c)/dt = nu_r' + R^T c' - omega x R^T c (Fossen 2021, sec. 10.3). c' is the
     # acceleration Dv/Dt of the water itself, not the rate of change seen from the moving body
     # (Auton, Hunt and Prud'homme 1988, J. Fluid Mech. 197).
-    out[7] += acceleration[0] - (q * c_z - r * c_y)
-    out[8] += acceleration[1] - (r * c_x - p * c_z)
-    out[9] += acceleration[2] - (p * c_y - q * c_x)
+    out[7] += a_x - (q * c_z - r * c_y)
+    out[8] += a_y - (r * c_x - p * c_z)
+    out[9] += a_z - (p * c_y - q * c_x)
     # A hull of neutral density turns with the line of water in which it lies.
-    water_omega_rate = _line_rotation_rate(_in_body(rows, water.slope_rate_per_s2))
-    out[11] += water_omega_rate[1]
-    out[12] += water_omega_rate[2]
+    _, w_q_rate, w_r_rate = _line_rotation_rate(_in_body(rows, water.slope_rate_per_s2))
+    out[11] += w_q_rate
+    out[12] += w_r_rate
 
 
 @entry_point
@@ -379,8 +215,8 @@ def derivative(
     disturbance (Fossen 2021, sec. 10.3; the paper, "Overall Vehicle Modeling"). The equation holds
     in a frame that moves with the water at the hull; effective gravity there is g - Dv/Dt.
     """
-    axis = duct.ring_axis(model.duct.vectored * rudder_rad, model.duct.vectored * elevator_rad)
-    _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, out)
+    tail = forces.tail_inputs(rudder_rad, elevator_rad, propeller_rps, model)
+    _slope(state, tail, disturbance, water, model, out)
 
 
 @entry_point
@@ -420,23 +256,14 @@ def rk4_step(
 
     Notes
     -----
-    Classical scheme: x(t + dt) = x + dt/6 (k1 + 2 k2 + 2 k3 + k4). The quaternion is normalised at
-    the end of the step.
+    Classical scheme (``runge_kutta``). The quaternion is normalised at the end of the step.
     """
-    axis = duct.ring_axis(model.duct.vectored * rudder_rad, model.duct.vectored * elevator_rad)
-    k1, k2, k3, k4, midpoint = work[0], work[1], work[2], work[3], work[4]
-    _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k1)
-    for i in range(STATE_SIZE):
-        midpoint[i] = state[i] + 0.5 * dt * k1[i]
-    _slope(midpoint, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k2)
-    for i in range(STATE_SIZE):
-        midpoint[i] = state[i] + 0.5 * dt * k2[i]
-    _slope(midpoint, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k3)
-    for i in range(STATE_SIZE):
-        midpoint[i] = state[i] + dt * k3[i]
-    _slope(midpoint, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k4)
-    for i in range(STATE_SIZE):
-        state[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+    tail = forces.tail_inputs(rudder_rad, elevator_rad, propeller_rps, model)
+    stage_state = work[STAGES]
+    for stage in range(STAGES):
+        runge_kutta.stage_state(stage, state, work, dt, stage_state)
+        _slope(stage_state, tail, disturbance, water, model, work[stage])
+    runge_kutta.combine(state, work, dt, state)
     norm = sqrt(
         state[3] * state[3] + state[4] * state[4] + state[5] * state[5] + state[6] * state[6]
     )

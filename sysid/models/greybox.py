@@ -24,9 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from sitl.vehicle import duct, dynamics, hydrodynamics, propeller, restoring
+from sitl.core import tailcone
+from sitl.core.tailcone import TailconeAxis
+from sitl.vehicle import forces, propeller, runge_kutta
+from sitl.vehicle.forces import Flow
 from sitl.vehicle.jit import kernel
 from sitl.vehicle.model import VehicleModel
+from sitl.vehicle.runge_kutta import STAGES
 from sysid.data.segments import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
@@ -86,60 +90,23 @@ class PlaneTrajectory(NamedTuple):
     """Forward speed u through the water."""
 
 
-@kernel
+def discretise(actuator: Actuator, dt: float) -> TailconeAxis:
+    """Return the axis as the simulator integrates it, with a continuous motor."""
+    return tailcone.discretise(
+        natural_frequency_radps=actuator.natural_frequency_radps,
+        damping=actuator.damping_ratio,
+        delay_s=actuator.delay_s,
+        travel_rad=actuator.travel_rad,
+        rate_limit_radps=actuator.rate_radps,
+        bias_rad=actuator.bias_rad,
+        substep_s=dt,
+        backlash_rad=actuator.backlash_rad,
+    )
+
+
 def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
     """Return the true duct angle (rad) at every sample of a zero-order-hold command (rad)."""
-    # Per sample: command limited to the travel and delayed by delay_s = (whole + part) dt; lag and
-    # rate limit by ``step_actuator``; backlash: |duct - motor| <= backlash/2; then the bias.
-    n = command.size
-    angles = np.empty(n)
-    c, s = lag_coefficients(actuator, dt)
-    late = actuator.delay_s / dt
-    whole = int(late)
-    part = late - whole
-    angle, rate = command[0], 0.0
-    duct_angle, slack = angle, 0.5 * actuator.backlash_rad
-    for k in range(n):
-        duct_angle = min(max(duct_angle, angle - slack), angle + slack)
-        angles[k] = duct_angle + actuator.bias_rad
-        newer = min(max(command[max(0, k - whole)], -actuator.travel_rad), actuator.travel_rad)
-        older = min(max(command[max(0, k - whole - 1)], -actuator.travel_rad), actuator.travel_rad)
-        # A command edge inside the interval: the input is the mean, exact to second order in dt.
-        angle, rate = step_actuator(actuator, angle, rate, newer + part * (older - newer), c, s, dt)
-    return angles
-
-
-@kernel
-def lag_coefficients(actuator: Actuator, dt: float) -> tuple[float, float]:
-    """Return c = e^(-zeta wn dt) cos(wd dt) and s = e^(-zeta wn dt) sin(wd dt) / wd."""
-    # wd = wn sqrt(1 - zeta^2): damped natural frequency, rad/s.
-    wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
-    damped = wn * math.sqrt(1.0 - zeta * zeta)
-    decay = math.exp(-zeta * wn * dt)
-    return decay * math.cos(damped * dt), decay * math.sin(damped * dt) / damped
-
-
-@kernel
-def step_actuator(
-    actuator: Actuator, angle: float, rate: float, target: float, c: float, s: float, dt: float
-) -> tuple[float, float]:
-    """Return the motor's angle (rad) and rate (rad/s) after ``dt`` towards a constant target.
-
-    ``c`` and ``s`` are from ``lag_coefficients``. Rate and angle are limited after the exact lag.
-    """
-    # x'' + 2 zeta wn x' + wn^2 (x - target) = 0 with e = x - target, exact over dt:
-    #     e(dt)  = (c + zeta wn s) e + s x',
-    #     x'(dt) = -wn^2 s e + (c - zeta wn s) x'.
-    wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
-    error = angle - target
-    free = target + (c + zeta * wn * s) * error + s * rate
-    rate = -wn * wn * s * error + (c - zeta * wn * s) * rate
-    max_change = actuator.rate_radps * dt
-    angle += min(max(free - angle, -max_change), max_change)
-    rate = min(max(rate, -actuator.rate_radps), actuator.rate_radps)
-    if abs(angle) > actuator.travel_rad:
-        angle, rate = math.copysign(actuator.travel_rad, angle), 0.0
-    return angle, rate
+    return tailcone.respond(discretise(actuator, dt), command)
 
 
 def duct_along(run: Run, surface: Plane, actuator: Actuator) -> Array:
@@ -164,48 +131,35 @@ def _slopes(
     inputs: the other plane's cross speed, rate and pitch (0 where pitch is a state), roll rate,
     roll, and the angle of the other surface. ``inverse`` is from ``constraint``.
     """
-    # Sum of forces: -C(nu) nu, hydrostatics, crossflow drag, hull lift and drag, tail, and duct
-    # interaction; see ``sitl.vehicle.dynamics``. (u', cross', rate') = M_p^-1 (X, side, moment).
+    # (u', cross', rate') = M_p^-1 (X, side, moment), with the components in the plane of the sum of
+    # forces in ``sitl.vehicle.forces``; kinematics: module docstring.
     u, p, roll = x[0], coupling[3], coupling[4]
     if is_yaw:
-        v, r, w, q, theta, rudder, elevator = (
-            x[1],
-            x[2],
-            coupling[0],
-            coupling[1],
-            coupling[2],
-            duct_rad,
-            coupling[5],
-        )
+        v, r, w, q = x[1], x[2], coupling[0], coupling[1]
+        theta, rudder, elevator = coupling[2], duct_rad, coupling[5]
     else:
-        w, q, v, r, theta, rudder, elevator = (
-            x[1],
-            x[2],
-            coupling[0],
-            coupling[1],
-            x[3],
-            coupling[5],
-            duct_rad,
-        )
+        w, q, v, r = x[1], x[2], coupling[0], coupling[1]
+        theta, rudder, elevator = x[3], coupling[5], duct_rad
     level = math.cos(theta)
     up = (-math.sin(theta), math.sin(roll) * level, math.cos(roll) * level)
     nu = (u, v, w, p, q, r)
-    axis = duct.ring_axis(model.duct.vectored * rudder, model.duct.vectored * elevator)
-    coriolis = dynamics.coriolis(nu, model.inertia)
-    static = restoring.wrench(SUBMERGED_Z_M, up[0], up, 1.0, model.hydrostatics, model.stations)
-    crossflow = hydrodynamics.crossflow_drag(v, w, q, r, model.stations)
-    hull = hydrodynamics.lift_and_drag(u, v, w, p, q, r, model.hull)
-    tail = dynamics.tail(nu, axis, rudder, elevator, rps, 1.0, model)
-    interaction = hydrodynamics.duct_interaction(u * abs(u), rudder, elevator, model.hull)
-    X = coriolis[0] + static[0] + crossflow[0] + hull[0] + tail[0] + interaction[0]
+    flow = Flow(
+        nu=nu,
+        nu_flow=nu,
+        up=up,
+        height_m=SUBMERGED_Z_M,
+        climb=up[0],
+        density_ratio=1.0,
+        boundary=forces.NO_WRENCH,
+    )
+    tail = forces.tail_inputs(rudder, elevator, rps, model)
+    X, Y, Z, _, M, N = forces.total(flow, tail, model)
     if is_yaw:
-        side = coriolis[1] + static[1] + crossflow[1] + hull[1] + tail[1] + interaction[1]
-        moment = coriolis[5] + static[5] + crossflow[5] + hull[5] + tail[5] + interaction[5]
+        side, moment = Y, N
         out[3] = (q * math.sin(roll) + r * math.cos(roll)) / level
         out[4] = 0.0
     else:
-        side = coriolis[2] + static[2] + crossflow[2] + hull[2] + tail[2] + interaction[2]
-        moment = coriolis[4] + static[4] + crossflow[4] + hull[4] + tail[4] + interaction[4]
+        side, moment = Z, M
         out[3] = q * math.cos(roll) - r * math.sin(roll)
         out[4] = up[0] * u + up[1] * v + up[2] * w
     for k in range(3):
@@ -234,38 +188,28 @@ def integrate(
     # the mean of the two (indices early and late).
     rows = (duct.size - 1) // stride + 1
     track = np.empty((rows, 5))
-    slope, stage_state, total = np.empty(5), np.empty(5), np.empty(5)
-    inputs, x = np.zeros(N_COUPLING), x0.copy()
-    track[0] = x
+    slopes, stage_state, inputs = np.empty((STAGES, 5)), np.empty(5), np.zeros(N_COUPLING)
+    track[0] = x0
     h = dt * stride
     for row in range(1, rows):
-        a = (row - 1) * stride
-        total[:] = 0.0
-        for stage in range(4):
-            early = a + stride // 2 if 0 < stage < 3 else a + stride * (stage == 3)
-            late = a + (stride + 1) // 2 if 0 < stage < 3 else early
+        first = (row - 1) * stride
+        for stage in range(STAGES):
+            early, late = runge_kutta.samples_at(stage, first, stride)
             if coupling is not None:
                 for i in range(N_COUPLING):
                     inputs[i] = 0.5 * (coupling[early, i] + coupling[late, i])
-            stage_step = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
-            for i in range(5):
-                stage_state[i] = x[i] + stage_step * slope[i] if stage > 0 else x[i]
+            runge_kutta.stage_state(stage, track[row - 1], slopes, h, stage_state)
             _slopes(
                 stage_state,
                 0.5 * (duct[early] + duct[late]),
                 inputs,
-                rps[a],
+                rps[first],
                 is_yaw,
                 inverse,
                 model,
-                slope,
+                slopes[stage],
             )
-            weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
-            for i in range(5):
-                total[i] += weight * slope[i]
-        for i in range(5):
-            x[i] += total[i]
-        track[row] = x
+        runge_kutta.combine(track[row - 1], slopes, h, track[row])
     return track
 
 

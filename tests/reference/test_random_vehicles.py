@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sitl.vehicle import dynamics
+from sitl.vehicle import dynamics, forces
 from sitl.vehicle.linearise import linearise
 from sitl.vehicle.water import drifting
 from tests.reference import energy, fossen
@@ -49,7 +49,7 @@ def test_mass_matrices_symmetric_and_positive_definite(model):
 @given(VEHICLE, MOTION)
 @any_vehicle
 def test_coriolis_terms_have_zero_power(model, nu):
-    terms = np.multiply(dynamics.coriolis(tuple(nu.tolist()), model.inertia), nu)
+    terms = np.multiply(forces.coriolis(tuple(nu.tolist()), model.inertia), nu)
     assert abs(terms.sum()) <= 1e-14 * max(np.abs(terms).sum(), 1.0)
 
 

@@ -11,13 +11,13 @@ At the rate limit the angle moves by rate h independent of the lag, so that its 
 a stop the angle is constant, and its derivatives are zero.
 """
 
-import cmath
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.core.tailcone import lag_transition
 from sitl.vehicle.jit import kernel
 from sysid.data.segments import RATE_HZ
 from sysid.models import greybox
@@ -79,10 +79,7 @@ def angle_sensitivity(command_rad: Array, actuator: Actuator) -> TailconeSensiti
 
 def _lag(wn: complex, zeta: complex) -> NDArray[np.complex128]:
     """(4,): factors of angle error and rate over a sample, for the error and for the rate."""
-    damped = wn * cmath.sqrt(1.0 - zeta * zeta)
-    decay = cmath.exp(-zeta * wn * DT)
-    c, s = decay * cmath.cos(damped * DT), decay * cmath.sin(damped * DT) / damped
-    return np.array([c + zeta * wn * s, s, -wn * wn * s, c - zeta * wn * s])
+    return np.array(lag_transition(wn, zeta, DT))
 
 
 def _delay(command: Array, delay_s: float) -> Array:

@@ -17,8 +17,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle import propeller
+from sitl.vehicle import propeller, runge_kutta
 from sitl.vehicle.jit import kernel
+from sitl.vehicle.runge_kutta import STAGES
 from sysid.data.segments import RATE_HZ, Plane
 from sysid.estimation.map.datasets import Dataset
 from sysid.models import greybox
@@ -242,41 +243,28 @@ def _propagate(
     samples around each stage.
     """
     rows, _, columns = df_dtheta.shape
-    S = np.empty((rows, 5, columns))
-    S[0] = dx0_dtheta
-    slope, stage_S, total = np.empty((5, columns)), np.empty((5, columns)), np.empty((5, columns))
+    S = np.empty((rows, STATES * columns))
+    S[0] = dx0_dtheta.reshape(-1)
+    slopes, stage_S = np.empty((STAGES, STATES * columns)), np.empty(STATES * columns)
     for row in range(1, rows):
-        first_sample = (row - 1) * stride
-        S_row = S[row - 1]
-        total[:] = 0.0
-        for stage in range(4):
-            fraction = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-            sample_before = first_sample + int(fraction * stride)
-            sample_after = first_sample + stride - int((1.0 - fraction) * stride)
-            for i in range(5):
-                for c in range(columns):
-                    stage_S[i, c] = S_row[i, c] + (fraction * h * slope[i, c] if stage > 0 else 0.0)
-            for i in range(5):
+        for stage in range(STAGES):
+            fraction = runge_kutta.stage_fraction(stage)
+            early, late = runge_kutta.samples_at(stage, (row - 1) * stride, stride)
+            runge_kutta.stage_state(stage, S[row - 1], slopes, h, stage_S)
+            slope = slopes[stage]
+            for i in range(STATES):
                 weighted_df_du = (1.0 - fraction) * df_du[row - 1, i] + fraction * df_du[row, i]
                 for c in range(columns):
-                    slope[i, c] = (
+                    slope[i * columns + c] = (
                         (1.0 - fraction) * df_dtheta[row - 1, i, c]
                         + fraction * df_dtheta[row, i, c]
-                        + 0.5
-                        * weighted_df_du
-                        * (du_dtheta[sample_before, c] + du_dtheta[sample_after, c])
+                        + 0.5 * weighted_df_du * (du_dtheta[early, c] + du_dtheta[late, c])
                     )
-                for j in range(4):
+                for j in range(STATES - 1):
                     weighted_df_dx = (1.0 - fraction) * df_dx[row - 1, i, j] + fraction * df_dx[
                         row, i, j
                     ]
                     for c in range(columns):
-                        slope[i, c] += weighted_df_dx * stage_S[j, c]
-            weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
-            for i in range(5):
-                for c in range(columns):
-                    total[i, c] += weight * slope[i, c]
-        for i in range(5):
-            for c in range(columns):
-                S[row, i, c] = S_row[i, c] + total[i, c]
-    return S
+                        slope[i * columns + c] += weighted_df_dx * stage_S[j * columns + c]
+        runge_kutta.combine(S[row - 1], slopes, h, S[row])
+    return S.reshape(rows, STATES, columns)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sitl.vehicle import config, dynamics
+from sitl.vehicle import config, forces
 from tests.reference import fossen
 from tests.reference.check import Check, worst
 from tests.sitl.vehicle import flight
@@ -23,7 +23,7 @@ def checks() -> Iterator[Check]:
     motions = np.random.default_rng(11).uniform(-3, 3, (MOTIONS, 6))
     for name in config.SHIPPED:
         inertia = flight.model(name).inertia
-        wrenches = np.array([dynamics.coriolis(tuple(nu), inertia) for nu in motions.tolist()])
+        wrenches = np.array([forces.coriolis(tuple(nu), inertia) for nu in motions.tolist()])
         terms = wrenches * motions
         power = terms.sum(axis=1) / np.abs(terms).sum(axis=1)
         yield worst(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from autopilot.control import estimator, params
+from sitl.core import tailcone
 from sysid.models import greybox
 from sysid.monitor import tracking_metrics
 from sysid.monte_carlo import (
@@ -99,12 +100,10 @@ def test_actuator_equals_identified_tailcone() -> None:
     )
     steps = np.concatenate([[0.0], np.random.default_rng(1).uniform(-0.3, 0.3, 40).repeat(25)])
     expected = greybox.duct_angles(steps.repeat(dynamics.SUBSTEPS), actuator, dynamics.SUBSTEP_S)
-    axis, angles = (
-        dynamics.axis_at_rest(actuator, dynamics.SUBSTEP_S),
-        np.empty((steps.size, dynamics.SUBSTEPS)),
-    )
+    axis = greybox.discretise(actuator, dynamics.SUBSTEP_S)
+    state, angles = tailcone.at_rest(axis), np.empty((steps.size, dynamics.SUBSTEPS))
     for command, each in zip(steps, angles, strict=True):
-        dynamics.follow_command(actuator, axis, command, dynamics.SUBSTEP_S, each)
+        tailcone.advance(axis, state, command, each)
     between = 0.5 * (expected[1:] + expected[:-1])
     assert angles.ravel()[:-1] == pytest.approx(between, abs=1e-9)
 

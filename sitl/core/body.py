@@ -1,0 +1,148 @@
+"""Tailcone and rigid body of the vehicle over one tick: commands to duct angles to motion."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sitl.core import tailcone
+from sitl.core.tailcone import TailconeAxis
+from sitl.vehicle.dynamics import derivative, rk4_step, specific_force, work_array
+from sitl.vehicle.jit import Native, Vector, Vector3, kernel
+from sitl.vehicle.model import VehicleModel
+from sitl.vehicle.propeller import rps
+from sitl.vehicle.water import Water
+
+
+class Body(NamedTuple):
+    """The vehicle's parameters: rigid body with hydrodynamics, and the two tailcone axes."""
+
+    model: VehicleModel
+    rudder: TailconeAxis
+    elevator: TailconeAxis
+
+
+class TailconeMotion(NamedTuple):
+    """Motion of both axes during a tick."""
+
+    rudder: Vector
+    elevator: Vector
+    """Axis states at the end of the tick, see ``core.tailcone``."""
+    angles_rad: Vector
+    """Mean true duct angle of rudder and elevator in each substep, (2, substeps)."""
+    end_rad: tuple[float, float]
+    """True duct angles at the end of the tick."""
+
+
+def motion_at_rest(body: Body) -> TailconeMotion:
+    """Return the motion of a tailcone that has not moved yet: no substeps."""
+    return tailcone_motion(
+        body, tailcone.at_rest(body.rudder), tailcone.at_rest(body.elevator), np.empty((2, 0))
+    )
+
+
+def tailcone_motion(
+    body: Body, rudder: Vector, elevator: Vector, angles_rad: Vector
+) -> TailconeMotion:
+    """Return the motion with given axis states and duct angles in the substeps."""
+    return TailconeMotion(
+        rudder=rudder,
+        elevator=elevator,
+        angles_rad=angles_rad,
+        end_rad=(
+            tailcone.duct_angle_rad(body.rudder, rudder),
+            tailcone.duct_angle_rad(body.elevator, elevator),
+        ),
+    )
+
+
+@kernel
+def step_axes(
+    body: Native,
+    rudder: Vector,
+    elevator: Vector,
+    rudder_rad: float,
+    elevator_rad: float,
+    angles_rad: Vector,
+    rudder_loss: Vector | None = None,
+    elevator_loss: Vector | None = None,
+) -> None:
+    """Step both tailcone axes through a tick under constant commands, in place.
+
+    Parameters
+    ----------
+    body : Native
+        The ``Body``.
+    rudder, elevator : ndarray
+        Axis states, see ``core.tailcone``.
+    rudder_rad, elevator_rad : float
+        Commands, rad; positive turns the nose to starboard and up.
+    angles_rad : ndarray, shape (2, substeps)
+        Receives the mean true duct angles of each substep, rad.
+    rudder_loss, elevator_loss : ndarray, shape (substeps,), optional
+        Draws for lost motor steps, from ``tailcone.step_loss_draws``.
+    """
+    tailcone.advance(body.value.rudder, rudder, rudder_rad, angles_rad[0], rudder_loss)
+    tailcone.advance(body.value.elevator, elevator, elevator_rad, angles_rad[1], elevator_loss)
+
+
+@kernel
+def integrate(
+    body: Native,
+    state: Vector,
+    angles_rad: Vector,
+    end_angles_rad: tuple[float, float],
+    thrust: float,
+    wrench: Vector,
+    wrench_end: Vector,
+    water: Water,
+) -> tuple[float, Vector3, Vector3]:
+    """Integrate the rigid body over the substeps of a tick, in place.
+
+    Parameters
+    ----------
+    body : Native
+        The ``Body``.
+    state : ndarray, shape (13,)
+        State of ``vehicle.dynamics``, FLU in NWU; overwritten.
+    angles_rad : ndarray, shape (2, substeps)
+        Mean duct angle of rudder and elevator in each substep, from ``step_axes``.
+    end_angles_rad : tuple of 2 floats
+        Duct angles of rudder and elevator at the end of the tick.
+    thrust : float
+        Fraction of full shaft speed, -1 to 1.
+    wrench, wrench_end : ndarray, shape (6,)
+        Disturbance during and at the end of the tick, FLU, N and N m.
+    water : Water
+        Water at the hull, constant during the tick.
+
+    Returns
+    -------
+    tuple
+        Shaft speed (rev/s), velocity over ground (NWU, m/s) and specific force at the origin (FLU,
+        m/s2) at the end of the tick.
+
+    Notes
+    -----
+    Classical Runge-Kutta of order four for d(state)/dt = f(state, rudder, elevator, n, wrench,
+    water) of ``vehicle.dynamics``, with duct angles that are constant in each substep (their mean).
+    """
+    model, substep_s = body.value.model, body.value.rudder.substep_s
+    shaft_rps, work = rps(thrust, model), work_array()
+    for k in range(angles_rad.shape[1]):
+        rk4_step(
+            state,
+            angles_rad[0, k],
+            angles_rad[1, k],
+            shaft_rps,
+            wrench,
+            water,
+            substep_s,
+            model,
+            work,
+        )
+    slope = work[0]
+    rudder_rad, elevator_rad = end_angles_rad
+    derivative(state, rudder_rad, elevator_rad, shaft_rps, wrench_end, water, model, slope)
+    return shaft_rps, (slope[0], slope[1], slope[2]), specific_force(state, slope, model)
