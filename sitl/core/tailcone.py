@@ -203,6 +203,11 @@ def advance(
     ``duct_angles_rad`` receives the mean true duct angle of each substep. ``loss_draws`` is the
     result of ``step_loss_draws``; without it no step is lost.
     """
+    # Per substep: transport delay T of the limited command c (rad) by linear interpolation, lag
+    # (``step_lag``), motor steps (``_step_motor``), then backlash b and bias (rad):
+    #     delayed = c_k + f (c_k+1 - c_k),   T = (k + f) h,   c_k the command k substeps ago,
+    #     duct <- min(max(duct, shaft - b/2), shaft + b/2),   shaft = motor - lost steps.
+    # Delay, lag, rate limit and travel are the paper's ("Tailcone dynamics modeling").
     command, oldest = _limit_travel(axis, command_rad), QUEUE + axis.delay_substeps
     for k in range(duct_angles_rad.size):
         # The queue's last entry is delay_substeps + 1 substeps old, the one before it
@@ -266,6 +271,9 @@ def _cross_backlash(axis: TailconeAxis, duct_rad: float, shaft_rad: float) -> fl
 @kernel
 def _step_motor(axis: TailconeAxis, state: Vector, loss_draw: float) -> None:
     """Move the motor count to the step nearest to the lag's output; steps may be lost."""
+    # motor = sign(a) min(floor(|a| / s + 1/2), floor(travel / s)) s, with a the lag's output (rad)
+    # and s the step (rad). While the rate exceeds lost_step_above_radps, each step of a move is
+    # lost with the same probability (``_lost_steps``).
     before, angle = state[MOTOR], state[COMMANDED]
     if axis.step_rad > 0.0:
         # Steps are counted from neutral, so that the motion is symmetric; no step goes beyond
@@ -306,6 +314,8 @@ def step_lag(
 
     Rate limit and end stops apply after the exact lag (see ``lag_transition``).
     """
+    # (e, x) <- Phi (e, x), with e = angle - command (rad), x rate (rad/s) and Phi of
+    # ``lag_transition``; the change of the angle is limited to rate limit times substep.
     error = angle - command_rad
     free_angle = command_rad + axis.angle_from_angle * error + axis.angle_from_rate_s * rate
     free_rate = axis.rate_from_angle_per_s * error + axis.rate_from_rate * rate

@@ -50,6 +50,7 @@ def add_mass(
     M_RB <- M_RB + m [[I, -S(r)], [S(r), -S(r)^2]] for a mass m (kg) at r (m), where S is the
     cross-product matrix (Fossen 2021, eq. 3.27 for a point); r_CM <- (m0 r_CM + m r) / (m0 + m).
     """
+    # Buoyancy and added mass are those of the hull and do not change.
     x, y, z = position_m
     S = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     point = mass_kg * np.block([[np.eye(3), -S], [S, -S @ S]])

@@ -133,6 +133,7 @@ def _roll_added_kgm2(config: VehicleConfig) -> float:
 
 def _stations(config: VehicleConfig) -> Stations:
     """Return the stations of the hull with crossflow drag 1/2 rho C_d 2R dx and buoyancy shares."""
+    # share_i = R_i^2 dx_i / sum R^2 dx,   lever_i = x_i - sum share x   (m, forward).
     x, dx = geometry.quadrature(config.hull, STATION_NODES)
     radius = geometry.radius_m(config.hull, x)
     volume_fraction = radius**2 * dx / float(radius**2 @ dx)
@@ -211,6 +212,7 @@ def _fins(config: VehicleConfig) -> Fins:
             rudder=none,
             elevator=none,
         )
+    # Fin angle = -gain (span_z dR + span_y dE), leading edge towards (0, -span_z, span_y), FLU.
     span_y, span_z = _SPANS[fins.layout]
     return Fins(
         x_m=fins.x_m,

@@ -27,7 +27,7 @@ from math import sqrt
 import numpy as np
 
 from sitl.vehicle import boundary, forces, runge_kutta
-from sitl.vehicle.forces import Flow, TailInputs
+from sitl.vehicle.forces import HullFlow, TailInputs
 from sitl.vehicle.jit import Vector, Vector3, entry_point, kernel
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
@@ -111,7 +111,9 @@ def _line_rotation_rate(slope: Vector3) -> Vector3:
 @kernel
 def _kinematics(state: Vector, rows: tuple[Vector3, Vector3, Vector3], out: Vector) -> None:
     """Write the rates of position, R v, and quaternion, 1/2 q (0, omega), into ``out[0:7]``."""
-    # Fossen 2021, sec. 2.2; (e0, e1, e2, e3) is the quaternion, scalar first.
+    # p' = R v,   e' = 1/2 e (0, omega)   (Fossen 2021, sec. 2.2), with p position NWU (m), v
+    # velocity over ground (m/s) and omega angular velocity (rad/s) in FLU, e = (e0, e1, e2, e3)
+    # quaternion, scalar first, body to NWU.
     e0, e1, e2, e3 = state[3], state[4], state[5], state[6]
     u, v, w, p, q, r = state[7], state[8], state[9], state[10], state[11], state[12]
     for i in range(3):
@@ -133,8 +135,8 @@ def _slope(
 ) -> None:
     """Write the state derivative for given inputs of the tail into ``out``; see ``derivative``."""
     # c = R^T c_nwu and a = R^T Dv/Dt: velocity over ground (m/s) and acceleration (m/s2) of the
-    # water, body axes. w: angular velocity of the line of water along the hull, rad/s.
-    #     nu_r = nu - (c, 0),   nu_flow = nu_r - (0, w),
+    # water, body axes. w_q, w_r: angular velocity of the line of water along the hull, rad/s.
+    #     nu_r = nu - (c, 0),   nu_flow = nu_r - (0, 0, 0, 0, w_q, w_r),
     #     nu_r' = (M_RB + M_A)^-1 (f + disturbance),   f and disturbance in N and N m.
     # Height of a point x above the local surface: z_m + x climb.
     # Effective "up" in the frame of the water: R^T z + a / g (Froude-Krylov force).
@@ -146,7 +148,7 @@ def _slope(
     u, v, w = state[7] - c_x, state[8] - c_y, state[9] - c_z
     nu_r = (u, v, w, p, q, r)
     up, g = rows[2], model.hydrostatics.gravity_mps2
-    flow = Flow(
+    flow = HullFlow(
         nu=nu_r,
         nu_flow=(u, v, w, p, q - w_q, r - w_r),
         up=(up[0] + a_x / g, up[1] + a_y / g, up[2] + a_z / g),
@@ -290,6 +292,8 @@ def specific_force(state: Vector, rate: Vector, model: VehicleModel) -> Vector3:
         Specific force v' + omega x v - g in FLU axes, m/s2; (0, 0, +9.81) in a level vehicle at
         rest.
     """
+    # f = v' + omega x v - R^T g, with v' (m/s2) and omega (rad/s) in FLU and g = (0, 0, -g) in NWU
+    # (Titterton and Weston 2004, ch. 3).
     _, _, up = rotation(state)
     u, v, w, p, q, r = state[7], state[8], state[9], state[10], state[11], state[12]
     g = model.hydrostatics.gravity_mps2

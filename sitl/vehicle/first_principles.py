@@ -132,6 +132,9 @@ def _duct(config: VehicleConfig, ring: DuctGeometry) -> list[Derivation]:
 
 def _yaw_plane(config: VehicleConfig, ring: DuctGeometry, X_udot: float) -> list[Derivation]:
     """Return the yaw plane with the paper's body coefficients, plus the slip that explains Y_v."""
+    # Equations: ``slender_body``, with C_L' and C_M' of the paper and one tail, the duct (axes FLU,
+    # SI units). Table 1's Y_v follows if the hull term is multiplied by U^2 a second time:
+    #     Y_v = -k - h U^2,   h = 1/2 rho l d C_L' U   (kg/s; the dimension is then wrong).
     T, U, rho = (
         config.operating_point.thrust_n,
         config.operating_point.speed_mps,

@@ -21,7 +21,7 @@ from sitl.vehicle.model import Inertia, VehicleModel
 NO_WRENCH = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-class Flow(NamedTuple):
+class HullFlow(NamedTuple):
     """Motion of the hull through the water, and its place under the surface."""
 
     nu: Wrench
@@ -66,12 +66,12 @@ def tail_inputs(
 
 
 @kernel
-def total(flow: Flow, tail: TailInputs, model: VehicleModel) -> Wrench:
+def total(flow: HullFlow, tail: TailInputs, model: VehicleModel) -> Wrench:
     """Return the sum of all forces except the disturbance.
 
     Parameters
     ----------
-    flow : Flow
+    flow : HullFlow
         Motion through the water and place under the surface.
     tail : TailInputs
         Surface angles and shaft speed, from ``tail_inputs``.

@@ -77,6 +77,7 @@ def series_58(
 
 def _series_58_outline(hull: Series58) -> Outline:
     """Return the outline of a Series 58 body (Gertler 1950)."""
+    # R = D sqrt(sum a_k X^k), X = distance from the nose over base length (``series_58``).
     a = series_58(hull.nose_radius, hull.tail_radius, hull.prismatic, hull.max_section)
 
     def radius(along_m: Vector) -> Vector:
@@ -136,6 +137,8 @@ def _myring_outline(hull: Myring) -> Outline:
 
 def _cylinder_outline(hull: Cylinder) -> Outline:
     """Return the outline of a cylinder with half-ellipsoid caps."""
+    # Radius of a cap with length c (m), at the distance s from the cylinder, 0 <= s <= c:
+    #     R = d/2 sqrt(1 - (s/c)^2);   c = d/2 is a hemisphere, c = 0 a flat end.
     half = hull.diameter_m / 2
     nose = half if hull.nose_cap_m is None else hull.nose_cap_m
     tail = half if hull.tail_cap_m is None else hull.tail_cap_m
@@ -290,6 +293,8 @@ def integrals(hull: HullGeometry) -> Integrals:
     -----
     Gauss-Legendre quadrature on every smooth piece; exact where R^2 is a polynomial.
     """
+    # Section A = pi R^2 (m2); a slice has the moments of inertia A R^2/2 dx about the axis and
+    # (A R^2/4 + A x^2) dx about a transverse axis at mid-length (m5, unit density).
     hull_outline = outline(hull)
     pieces = (*hull_outline.nose_m, hull_outline.middle_m, *hull_outline.tail_m)
     x, dx = _quadrature(length_m(hull), pieces, (hull_outline.nodes,) * len(pieces))

@@ -115,6 +115,7 @@ def duct_interaction(pressure: float, rudder_rad: float, elevator_rad: float, hu
     The coefficients are what remains of Table 1's Y_dr, N_dr, Z_de and M_de after the isolated duct
     (``build_model``).
     """
+    # Y = Y_uudr u|u| dR,  Z = Z_uude u|u| dE,  M = M_uude u|u| dE,  N = N_uudr u|u| dR.
     return (
         0.0,
         hull.Y_uudr_kgpm * pressure * rudder_rad,

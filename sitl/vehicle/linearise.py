@@ -217,6 +217,8 @@ def _coefficients(
 
     The motion gives only the difference I_zz - N_rdot; I_zz is taken from the model's rigid body.
     """
+    # The equations of the module docstring, solved for the coefficients of Table 1: F and G are the
+    # derivatives of the force -C nu + tau by velocity and by surface angle, M the mass matrix.
     body, m, h = model.inertia.M_RB, model.inertia.mass_kg, model.hydrostatics
     m_x_U = m * h.x_cm_m * u_mps
     table = {

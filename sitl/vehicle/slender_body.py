@@ -112,6 +112,9 @@ def added_mass(
     shape: HullGeometry, fins: FinGeometry | None, density_kgpm3: float
 ) -> list[Derivation]:
     """Return X_udot of the spheroid, and Y_vdot and N_rdot (about mid-length) by strips."""
+    # Strips: Y_vdot = -rho int pi R^2 dx - m_f, N_rdot = -rho int pi R^2 x^2 dx - x_f^2 m_f, with R
+    # hull radius (m) and m_f (kg) what the fins at x_f (m) add: section times mean chord (Newman
+    # 1977; Blevins 1979). Spheroid: X_udot = -k_1 rho pi/6 l d^2 (Lamb 1932, sec. 114).
     hull_integrals, rho, inputs = hull.integrals(shape), density_kgpm3, size(shape)
     X_udot = -empirical.axial_added_mass_kg(hull.length_m(shape), shape.diameter_m, rho)
     fin_mass = x = 0.0

@@ -193,6 +193,9 @@ def _point(
 
     The response is the ratio of the first harmonics over the last whole periods of the test.
     """
+    # C and D first harmonics of command and duct angle (rad) at the frequency f of the command:
+    #     response = D / C,   sd(gain) = sd(D) / |C|,   sd(phase) = sd(D) / |D|
+    # (Ljung 1999, sec. 6.2).
     command_s = record.start_s + np.arange(record.command_rad.size) / RATE_HZ
     in_test = _in_interval(command_s, test.start_s + TEST_EDGE_S, test.stop_s - TEST_EDGE_S)
     frequency = frequency_hz(command_s[in_test], record.command_rad[in_test])
@@ -240,6 +243,8 @@ def _phase_deg(response: complex, hz: float, axis: AxisParameters, nominal: comp
 
 def frequency_hz(time_s: Array, signal: Array) -> float:
     """Frequency of the sinusoid in a signal, Hz: peak of the spectrum, refined by least squares."""
+    # Peak of the discrete Fourier transform, padded eight times; then the f of least residual
+    # |signal - a - b cos(2 pi f t) - c sin(2 pi f t)|^2 within one bin of it.
     grid_s = np.arange(time_s[0], time_s[-1], 1.0 / RATE_HZ)
     centred = np.interp(grid_s, time_s, signal) - np.mean(signal)
     padded = 8 * grid_s.size

@@ -97,6 +97,8 @@ def analyse(log: Log, moves: Sequence[WeightPeriod], vehicle: VehicleConfig) -> 
     InclineError
         The log or the periods cannot be used.
     """
+    # phi_i = arctan(b - a M_i), with M_i = w d (kg m), a = 1/(m h) and b = tan(phi0); a and b by
+    # least squares. Residual variance: sum r^2 / (n - 2); relative sd of h = relative sd of a.
     if len({period.moment_kgm for period in moves}) < 2 or len(moves) < 3:
         raise InclineError(
             "an inclining test needs at least three moves with two different moments"

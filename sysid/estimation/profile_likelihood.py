@@ -79,6 +79,8 @@ def interval(
     ProfileInterval
         Ends of the interval, infinite beyond MAX_SD.
     """
+    # An end is the root of C(v) - C(g(x0)) - 1/2 chi2 along v = g(x0) + sign d sd: d is bracketed
+    # with a growing stride, then found by Brent's method.
     allowed_growth = 0.5 * float(chi2.ppf(level, 1))
     least_cost = 0.5 * float(np.sum(problem.residuals(best) ** 2))
     estimate = derived(best)
@@ -122,6 +124,8 @@ def _constrained_optimum(
     sd: float,
 ) -> Array:
     """Parameters of least cost with ``derived`` held at ``value`` by an additional residual."""
+    # Penalty in place of the constraint: min 1/2 |r(x)|^2 + 1/2 ((g(x) - v) / c)^2, with
+    # c = CONSTRAINT_SD sd; the gradient of g by central differences.
     scale = np.maximum(np.abs(start), 1e-3)
 
     def residuals(scaled: Array) -> Array:

@@ -167,6 +167,9 @@ def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> Act
     errors are not white noise and repeat in every period of a sinusoid. Clusters are blocks of
     ``BLOCK_S`` and whole tests; the larger standard deviation is used.
     """
+    # z parameters in units of _SCALE, r_j residual of sample j (rad), b_i bias of test i:
+    #     r_j = angle_j - duct(t_j; z) - b_i,   b_i = mean over test i,   z = argmin 1/2 sum r_j^2.
+    # Jacobian by one-sided differences, backward at the upper bound.
     tests = [np.flatnonzero((record.time_s >= a) & (record.time_s <= b)) for a, b in record.spans_s]
     test_samples = np.concatenate(tests)
     test_number = np.repeat(np.arange(len(tests)), [len(test) for test in tests])

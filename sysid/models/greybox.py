@@ -27,7 +27,7 @@ from scipy.signal import savgol_filter
 from sitl.core import tailcone
 from sitl.core.tailcone import TailconeAxis
 from sitl.vehicle import forces, propeller, runge_kutta
-from sitl.vehicle.forces import Flow
+from sitl.vehicle.forces import HullFlow
 from sitl.vehicle.jit import kernel
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
@@ -132,7 +132,8 @@ def _slopes(
     roll, and the angle of the other surface. ``inverse`` is from ``constraint``.
     """
     # (u', cross', rate') = M_p^-1 (X, side, moment), with the components in the plane of the sum of
-    # forces in ``sitl.vehicle.forces``; kinematics: module docstring.
+    # forces in ``sitl.vehicle.forces`` (N, N m, FLU); R^T z = (-sin theta, sin phi cos theta,
+    # cos phi cos theta); kinematics: module docstring.
     u, p, roll = x[0], coupling[3], coupling[4]
     if is_yaw:
         v, r, w, q = x[1], x[2], coupling[0], coupling[1]
@@ -143,7 +144,7 @@ def _slopes(
     level = math.cos(theta)
     up = (-math.sin(theta), math.sin(roll) * level, math.cos(roll) * level)
     nu = (u, v, w, p, q, r)
-    flow = Flow(
+    flow = HullFlow(
         nu=nu,
         nu_flow=nu,
         up=up,

@@ -143,6 +143,7 @@ def whiten_block(
     block: Array, transition: Array, output: Array, gains: Array, whiteners: Array
 ) -> Array:
     """Return ``whiten`` of many residuals at once: the last axis of (samples, outputs, columns)."""
+    # Equations: module docstring, for each column; zeros of C and A are skipped.
     samples, outputs, columns = block.shape
     n = transition.shape[0]
     white = np.zeros((samples, outputs, columns))

@@ -211,6 +211,7 @@ def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array
     -----
     The module docstring has the equations.
     """
+    # Equations: module docstring; rows and columns: plane (n), s, w1, w2, b.
     n = plane.A.shape[0]
     slow, wave, bias = n, n + 1, n + 3
     omega = 2.0 * math.pi * noise.wave_frequency_hz
@@ -344,6 +345,9 @@ def _scoring_step(
     bounds: tuple[Array, Array],
 ) -> tuple[Array, float]:
     """Return a step within the bounds and the decrease of the cost that it predicts."""
+    # D = dn/dlambda and B = dl/dlambda by forward differences; gradient g and information I as in
+    # ``estimate``. Step = -I^-1 g in the levels that are not at a bound, limited to a factor e;
+    # predicted decrease = -(g . step + 1/2 step . I step).
     perturbed = [evaluate(levels + DIFFERENCE * unit) for unit in np.eye(levels.size)]
     D = np.column_stack([(m.innovations - current.innovations) / DIFFERENCE for m in perturbed])
     B = np.column_stack([(m.log_scales - current.log_scales) / DIFFERENCE for m in perturbed])

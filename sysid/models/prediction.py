@@ -256,6 +256,8 @@ def _means(pairs: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
 
 def _quality(run: Run, prediction: Prediction) -> RunQuality:
     """Return the mean squared rate errors (deg/s)^2 and variance accounted for of one run."""
+    # e = measured - simulated rate r or q (deg/s, FRD), after the pre-roll:
+    #     mean squared error = mean(e^2),   variance accounted for = 1 - var(e) / var(measured).
     after = ~run.preroll
     measured = np.degrees(run.rate_radps[after])
     model_error = measured - np.degrees(prediction.rate_radps[after])

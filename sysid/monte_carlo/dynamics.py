@@ -122,7 +122,8 @@ def _advance(
     wrench: Array,
 ) -> None:
     """Advance tailcone and body by a number of substeps, and write the ideal measurements."""
-    # Measurements in FRD, which is FLU rotated by half a turn about x; the field is R^T B.
+    # Measurements in FRD, which is FLU rotated by half a turn about x: specific force (m/s2) of
+    # ``integrate``, rates (rad/s), magnetic field R^T B (gauss), depth -z (m).
     duct_rad = np.empty((2, substeps))
     step_axes(body, rudder, elevator, rudder_rad, elevator_rad, duct_rad)
     end_rad = (

@@ -56,6 +56,8 @@ def steady_current(profile: Vector, z_m: float) -> tuple[float, float, float, fl
     Linear interpolation in depth; constant, with zero derivative, above the first row and below the
     last.
     """
+    # Row i of the profile: depth d_i (m), north n_i and west w_i (m/s). For d_i <= d < d_i+1:
+    #     c(d) = c_i + (c_i+1 - c_i) / (d_i+1 - d_i) (d - d_i),   dc/dz = -dc/dd,   z = -d.
     depth, last = -z_m, len(profile) - 1
     if depth <= profile[0, 0]:
         return profile[0, 1], profile[0, 2], 0.0, 0.0

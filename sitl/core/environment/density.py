@@ -33,6 +33,10 @@ def density_and_pressure(
 
     The pressure is relative to that at the still surface; above the surface it is negative.
     """
+    # Row i of the column: depth d_i (m), density rho_i (kg/m3), pressure p_i (Pa). In layer i, with
+    # density linear in depth, the hydrostatic equation dp/dd = g rho integrates exactly to
+    #     rho(d) = rho_i + rho_i' (d - d_i),   p(d) = p_i + g (rho_i + rho(d)) / 2 (d - d_i).
+    # Above the surface and below the last row the density is constant.
     last = len(column) - 1
     if depth_m <= 0.0:
         return column[0, 1], gravity_mps2 * column[0, 1] * depth_m

@@ -75,6 +75,11 @@ def build(waves: Waves, depth_m: float, gravity_mps2: float) -> Swell | None:
     H_s / 4 sqrt(2 / n), so that the variance of the n components is that of the spectrum,
     (H_s / 4)^2. Components are dense near the peak.
     """
+    # S spectral density over omega (rad/s), E(omega) and F(omega) the integrals of S and omega S
+    # from the lowest frequency, n components with bounds omega_i at equal shares of the energy:
+    #     E(omega_i) = i / n E_total,   frequency_i = n / E_total (F(omega_i) - F(omega_i-1)).
+    # The grid is uniform, so sums stand for the integrals. Without a peak period, the peak is that
+    # of a fully developed sea, omega_p = 0.4 sqrt(g / H_s) (Fossen 2021, sec. 10.2).
     height, count = waves.significant_height_m, waves.components
     if not height:
         return None
@@ -119,6 +124,8 @@ def draw_components(swell: Swell, stream: Generator) -> Vector:
     two components of one frequency would form a standing wave pattern (Jefferys 1987, Appl. Ocean
     Res. 9).
     """
+    # Component i travels towards the bearing b_i (rad): wave vector k_i (cos b_i, -sin b_i) in NWU,
+    # rad/m. BOTTOM_DECAY: e^(-2 k d) with d the depth of the water, m.
     count = len(swell.number_pm)
     phase = stream.uniform(0.0, 2.0 * pi, count)
     towards = np.full(count, swell.from_rad + pi)

@@ -104,6 +104,8 @@ def _read_gauge(
     pack: BatteryPack, state: BatteryState, voltage_v: float, current_a: float, stream: NoiseStream
 ) -> Battery:
     """Return the gauge's report with its noise and scale error."""
+    # voltage = V + sd n (V),   current = k I + sd n (A),   charge = 1 - k Q / Q_full, with V, I and
+    # Q true voltage, current and used charge (A h), k scale of the gauge, n standard normal.
     n_voltage, n_current = stream.normals(2)
     counted_ah = state.gauge_scale * state.used_ah
     return Battery(

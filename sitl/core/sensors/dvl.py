@@ -134,6 +134,9 @@ def _solve(
 
     A missing beam is replaced by the value for which the residual is zero.
     """
+    # Equations: module docstring; a, b, c, d radial velocities (m/s). A beam without echo takes the
+    # value for which a - b + c - d = 0. The figure of merit is the larger of noise and error
+    # velocity, and sqrt(2) times the noise with three beams.
     along = _along_beams(log, _instrument_axes(truth, velocity_ned_mps, state), noise_mps, stream)
     if False in echoes:
         missing = echoes.index(False)
@@ -174,6 +177,8 @@ def _along_beams(
     ``noise_mps`` is the rms error of a horizontal component. The same noise in each beam gives it
     with the factor sqrt(2) sin B.
     """
+    # along_i = beam_i . v + beam_noise n_i (m/s), with beam_i unit vector and v velocity in the
+    # DVL's axes (FRD, misaligned), n_i standard normal.
     sheet, beam_noise = log.sheet, noise_mps * sqrt(2.0) * log.sine
     x, y, z = velocity
     draws = stream.normals(_BEAMS)

@@ -97,6 +97,8 @@ def _update_sky_view(receiver: Receiver, truth: Truth, state: GpsState) -> GpsSt
 
 def _measure(sheet: GpsSheet, truth: Truth, sea: Environment, stream: NoiseStream) -> GpsFix:
     """Return a fix with white noise on position and velocity."""
+    # measured = true + sd n, with n standard normal, independent in each axis and report; position
+    # (m) and velocity (m/s) in NED, altitude upwards.
     north, east, up, v_north, v_east, v_down = stream.normals(6)
     latitude, longitude = offset_to_geodetic(
         truth.position_ned_m[0] + sheet.horizontal_noise_m * north,

@@ -84,6 +84,10 @@ class InertialState(NamedTuple):
 
 def build(sheet: ImuSheet, tick_us: int) -> Imu:
     """Build the IMU from its data sheet."""
+    # Bias wander b (rad/s, m/s2): a first-order Gauss-Markov process with time constant T (s) and
+    # standard deviation sd, exact over its time step h (Gelb 1974, "Applied Optimal Estimation"):
+    #     b <- a b + sd sqrt(1 - a^2) n,   a = e^(-h/T),   n standard normal.
+    # The bias stability of the data sheet is the peak of the Allan deviation, ALLAN_PEAK sd.
     schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
     rate_hz = 1e6 / schedule.period_us
     decay = exp(-WANDER_PERIOD_US * 1e-6 / sheet.wander_time_s)

@@ -77,6 +77,8 @@ def _read(
     sensor: PressureSensor, truth: Truth, sea: Environment, offset_hpa: float, stream: NoiseStream
 ) -> PressureReading:
     """Return a reading: pressure p with errors, and the altitude -(p - p0) / (rho g)."""
+    # p = round_to_resolution(p_true + offset + sd n) in hPa, p0 pressure at the surface (hPa), rho
+    # density (kg/m3) and g gravity (m/s2) of the surface water, n standard normal.
     n_pressure, n_temperature = stream.normals(2)
     true_hpa = pressure_hpa(sea, truth.position_ned_m[2], truth.wave_pressure_pa)
     pressure = true_hpa + offset_hpa + sensor.noise_hpa * n_pressure

@@ -51,6 +51,7 @@ def apply_errors(
     true: Vector, axes: Matrix, bias: Vector, noise: float, n_x: float, n_y: float, n_z: float
 ) -> Vector:
     """Return the measured vector; ``n_x`` to ``n_z`` are standard normal draws."""
+    # measured = A true + b + noise n (module docstring), all in the unit and the axes of ``true``.
     x, y, z = true
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = axes
     b_x, b_y, b_z = bias

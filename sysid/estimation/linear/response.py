@@ -127,6 +127,10 @@ def _sample_generator(A: Array, B: Array) -> Array:
 
 def _combine_steps(sample_map: Array, slopes: Array) -> Discrete:
     """Combine STRIDE samples to one output step. Value and derivative are stacked as (x, dx)."""
+    # One sample: x <- F x + g0 delta_j + g1 (delta_j+1 - delta_j), [F g0 g1] = ``sample_map``, so
+    # that delta_j has the weight g0 - g1 and delta_j+1 the weight g1. Over S samples, j = 0 ... S:
+    #     Phi = F^S,   tap_j = F^(S-1-j) (g0 - g1) + F^(S-j) g1   (one term at the two ends).
+    # Derivative by a coefficient: the same with the pair matrix [[F, 0], [dF, F]].
     n, count = sample_map.shape[0], slopes.shape[0]
     pair = np.zeros((count, 2 * n, 2 * n))
     pair[:, :n, :n] = pair[:, n:, n:] = sample_map[:, :n]
@@ -145,7 +149,7 @@ def _combine_steps(sample_map: Array, slopes: Array) -> Discrete:
 
 @kernel
 def _advance(transition: Array, taps: Array, angles: Array, x0: Array) -> Array:
-    """States at every output step, (steps, n)."""
+    """States at every output step, (steps, n): the recursion of the module docstring."""
     n, width = taps.shape
     steps = (angles.size - 1) // (width - 1) + 1
     x = np.empty((steps, n))

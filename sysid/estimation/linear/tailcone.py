@@ -57,6 +57,8 @@ def angles(command_rad: Array, actuator: Actuator) -> Array:
 
 def angle_sensitivity(command_rad: Array, actuator: Actuator) -> TailconeSensitivity:
     """Return duct angle and derivatives, for an actuator without backlash."""
+    # Derivatives of the lag by a complex step: dPhi/dp = Im Phi(p + i eps) / eps (Squire and Trapp
+    # 1998, SIAM Review 40); by the delay: a central difference, one-sided at a delay of 0.
     wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
     by_frequency = _lag(wn + 1j * COMPLEX_STEP, zeta).imag / COMPLEX_STEP
     by_damping = _lag(wn, zeta + 1j * COMPLEX_STEP).imag / COMPLEX_STEP
@@ -109,6 +111,9 @@ def _lag_sensitivity(
     ``target`` (samples,) is the delayed command, ``target_slope`` its derivative by the delay,
     ``lag`` (4,) the factors of `_lag` and ``lag_slopes`` (4, 4) their derivatives by each value.
     """
+    # Recursion (e, x) <- Phi (e, x): module docstring. Its derivative by a value p, with u target:
+    #     da' = du + Phi_11 (da - du) + Phi_12 dx + dPhi_11 e + dPhi_12 x,
+    #     dx' =      Phi_21 (da - du) + Phi_22 dx + dPhi_21 e + dPhi_22 x.
     n, travel, rate_limit = target.size, actuator.travel_rad, actuator.rate_radps
     angle_rad, slopes = np.empty(n), np.empty((4, n))
     error_to_error, rate_to_error, error_to_rate, rate_to_rate = lag

@@ -139,6 +139,9 @@ def fit(
         raise ValueError(
             "no run is left to fit; record rudder or elevator tests, or relax the screening"
         )
+    # Cost: ``problem``. PASSES times: z by Gauss-Newton for given noise levels, then noise levels
+    # (``noise.estimate``) for given z. Then z to the fine tolerance, and
+    #     covariance = (information of the data + prior covariance^-1)^-1.
     report = progress or (lambda what, ratio: None)
     datasets = _datasets(runs, problems.vehicle(prior, prior.mean))
     z, work_steps, steps = prior.mean.copy(), PASSES + 2, 0
@@ -233,6 +236,8 @@ def _search_other_starts(
     Return the ratios of their costs to that of ``z``, the best of them if it is better than ``z``,
     and the number of steps.
     """
+    # start = m + L n, with m and P = L L^T mean and covariance of the prior and n standard normal,
+    # clipped to 0.9 of the bounds.
     decimated, prior = _decimate(problem, z), problem.prior
     reference = descend(decimated, z, COARSE_TOLERANCE)
     reference_cost, steps = reference.score.cost, reference.steps

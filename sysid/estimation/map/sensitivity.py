@@ -127,6 +127,8 @@ def sensitivities(
     ``perturbations`` are the candidates that are ``step`` (prior standard deviations) away, one for
     each column.
     """
+    # Forward differences of the derivative f(x, u; theta) of the states at all rows, u duct angle:
+    # by each state (f(x + d e_i, u) - f(x, u)) / d, and so by u and each parameter of the body.
     columns = len(perturbations)
     tracks = np.concatenate([trajectory.track for trajectory in trajectories])
     ducts = np.concatenate(
@@ -242,6 +244,7 @@ def _propagate(
     Step h (s). The coefficients are linear between two rows; du_dtheta is the mean of the 50 Hz
     samples around each stage.
     """
+    # Equations: module docstring; S in rows i (states) and columns c (parameters), flat in memory.
     rows, _, columns = df_dtheta.shape
     S = np.empty((rows, STATES * columns))
     S[0] = dx0_dtheta.reshape(-1)

@@ -129,6 +129,8 @@ def start(candidate: Candidate, steps: TestSamples) -> CandidateState:
 
     Mean motion over the first START_STEPS, as in `greybox.initial_motion`.
     """
+    # Measured rate, angle and depth in FRD have the opposite sign of the states in FLU. Heave (FRD)
+    # from depth' = w cos(theta) - U sin(theta), with depth' from a straight line over START_STEPS.
     first_rows = steps.measured[: START_STEPS // 2 + 1]
     plane = np.array(
         [
@@ -212,6 +214,8 @@ def _advance(
 
     The filter's axes (MAVLink) have the opposite sign of the paper's.
     """
+    # Equations: module docstring. Filter states: cross speed, rate, angle and, in pitch, depth;
+    # slow moment, wave (two), gyro bias. So C d = (rate + bias, angle, depth).
     total, outputs = measured.shape
     states, is_yaw = outputs + 1, outputs == 2
     white, innovation = np.empty((total - done, outputs)), np.empty(outputs)
