@@ -37,23 +37,11 @@ class TailconeMotion(NamedTuple):
 
 def motion_at_rest(body: Body) -> TailconeMotion:
     """Return the motion of a tailcone that has not moved yet: no substeps."""
-    return tailcone_motion(
-        body, tailcone.at_rest(body.rudder), tailcone.at_rest(body.elevator), np.empty((2, 0))
-    )
-
-
-def tailcone_motion(
-    body: Body, rudder: Vector, elevator: Vector, angles_rad: Vector
-) -> TailconeMotion:
-    """Return the motion with given axis states and duct angles in the substeps."""
     return TailconeMotion(
-        rudder=rudder,
-        elevator=elevator,
-        angles_rad=angles_rad,
-        end_rad=(
-            tailcone.duct_angle_rad(body.rudder, rudder),
-            tailcone.duct_angle_rad(body.elevator, elevator),
-        ),
+        rudder=tailcone.at_rest(body.rudder),
+        elevator=tailcone.at_rest(body.elevator),
+        angles_rad=np.empty((2, 0)),
+        end_rad=(body.rudder.bias_rad, body.elevator.bias_rad),
     )
 
 
@@ -67,7 +55,7 @@ def step_axes(
     angles_rad: Vector,
     rudder_loss: Vector | None = None,
     elevator_loss: Vector | None = None,
-) -> None:
+) -> tuple[float, float]:
     """Step both tailcone axes through a tick under constant commands, in place.
 
     Parameters
@@ -82,9 +70,19 @@ def step_axes(
         Receives the mean true duct angles of each substep, rad.
     rudder_loss, elevator_loss : ndarray, shape (substeps,), optional
         Draws for lost motor steps, from ``tailcone.step_loss_draws``.
+
+    Returns
+    -------
+    tuple of 2 floats
+        True duct angles of rudder and elevator at the end of the tick, rad.
     """
-    tailcone.advance(body.value.rudder, rudder, rudder_rad, angles_rad[0], rudder_loss)
-    tailcone.advance(body.value.elevator, elevator, elevator_rad, angles_rad[1], elevator_loss)
+    axes = body.value
+    tailcone.advance(axes.rudder, rudder, rudder_rad, angles_rad[0], rudder_loss)
+    tailcone.advance(axes.elevator, elevator, elevator_rad, angles_rad[1], elevator_loss)
+    return (
+        tailcone.duct_angle_rad(axes.rudder, rudder),
+        tailcone.duct_angle_rad(axes.elevator, elevator),
+    )
 
 
 @kernel

@@ -344,7 +344,7 @@ def _step_actuators(
     _, rudder, elevator = plant.vessel
     rudder_state, elevator_state = state.rudder.copy(), state.elevator.copy()
     angles_rad = np.empty((2, plant.substeps))
-    core_body.step_axes(
+    end_rad = core_body.step_axes(
         plant.native,
         rudder_state,
         elevator_state,
@@ -354,7 +354,9 @@ def _step_actuators(
         tailcone.step_loss_draws(rudder, rng.rudder, plant.substeps),
         tailcone.step_loss_draws(elevator, rng.elevator, plant.substeps),
     )
-    return core_body.tailcone_motion(plant.vessel, rudder_state, elevator_state, angles_rad)
+    return TailconeMotion(
+        rudder=rudder_state, elevator=elevator_state, angles_rad=angles_rad, end_rad=end_rad
+    )
 
 
 def _limit_control(control: float) -> float:

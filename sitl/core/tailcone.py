@@ -180,6 +180,7 @@ def at_rest(axis: TailconeAxis) -> Vector:
     return np.zeros(QUEUE + axis.delay_substeps + 1)
 
 
+@kernel
 def duct_angle_rad(axis: TailconeAxis, state: Vector) -> float:
     """Return the true duct angle about this axis, bias included."""
     return float(state[DUCT]) + axis.bias_rad

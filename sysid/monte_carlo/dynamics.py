@@ -125,11 +125,7 @@ def _advance(
     # Measurements in FRD, which is FLU rotated by half a turn about x: specific force (m/s2) of
     # ``integrate``, rates (rad/s), magnetic field R^T B (gauss), depth -z (m).
     duct_rad = np.empty((2, substeps))
-    step_axes(body, rudder, elevator, rudder_rad, elevator_rad, duct_rad)
-    end_rad = (
-        rudder[tailcone.DUCT] + body.value.rudder.bias_rad,
-        elevator[tailcone.DUCT] + body.value.elevator.bias_rad,
-    )
+    end_rad = step_axes(body, rudder, elevator, rudder_rad, elevator_rad, duct_rad)
     water, field = surroundings.value.water, surroundings.value.field_nwu
     _, _, force = integrate(body, state, duct_rad, end_rad, thrust, wrench, wrench, water)
     north, west, up = dynamics.rotation(state)
