@@ -43,12 +43,9 @@ def stage_state(stage: int, state: Vector, slopes: Vector, h: float, out: Vector
 
     ``slopes`` has the slopes of earlier stages in its rows; it has at least four rows.
     """
+    slope, step = slopes[max(stage, 1) - 1], stage_fraction(stage) * h
     for i in range(state.size):
-        out[i] = state[i]
-    if stage > 0:
-        step = stage_fraction(stage) * h
-        for i in range(state.size):
-            out[i] += step * slopes[stage - 1, i]
+        out[i] = state[i] + step * slope[i] if stage > 0 else state[i]
 
 
 @kernel

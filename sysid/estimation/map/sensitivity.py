@@ -248,17 +248,18 @@ def _propagate(
     rows, _, columns = df_dtheta.shape
     S = np.empty((rows, STATES * columns))
     S[0] = dx0_dtheta.reshape(-1)
-    slopes, stage_S = np.empty((STAGES, STATES * columns)), np.empty(STATES * columns)
+    slopes, stage_row = np.empty((STAGES, STATES * columns)), np.empty(STATES * columns)
+    stage_S = stage_row.reshape(STATES, columns)
     for row in range(1, rows):
         for stage in range(STAGES):
             fraction = runge_kutta.stage_fraction(stage)
             early, late = runge_kutta.samples_at(stage, (row - 1) * stride, stride)
-            runge_kutta.stage_state(stage, S[row - 1], slopes, h, stage_S)
-            slope = slopes[stage]
+            runge_kutta.stage_state(stage, S[row - 1], slopes, h, stage_row)
+            slope = slopes[stage].reshape(STATES, columns)
             for i in range(STATES):
                 weighted_df_du = (1.0 - fraction) * df_du[row - 1, i] + fraction * df_du[row, i]
                 for c in range(columns):
-                    slope[i * columns + c] = (
+                    slope[i, c] = (
                         (1.0 - fraction) * df_dtheta[row - 1, i, c]
                         + fraction * df_dtheta[row, i, c]
                         + 0.5 * weighted_df_du * (du_dtheta[early, c] + du_dtheta[late, c])
@@ -268,6 +269,6 @@ def _propagate(
                         row, i, j
                     ]
                     for c in range(columns):
-                        slope[i * columns + c] += weighted_df_dx * stage_S[j * columns + c]
+                        slope[i, c] += weighted_df_dx * stage_S[j, c]
         runge_kutta.combine(S[row - 1], slopes, h, S[row])
     return S.reshape(rows, STATES, columns)
