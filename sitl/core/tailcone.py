@@ -133,6 +133,11 @@ def discretise(
     lost_step_above_radps : float
         Rate above which steps may be lost.
 
+    Returns
+    -------
+    TailconeAxis
+        The axis, discretised.
+
     Notes
     -----
     ``lag_transition`` has the equation of the lag.
@@ -176,7 +181,18 @@ def from_config(tail: Tailcone, bias_deg: float, substep_s: float) -> TailconeAx
 
 
 def at_rest(axis: TailconeAxis) -> Vector:
-    """Return the state of an axis at neutral, with the duct in the middle of the backlash."""
+    """Return the state of an axis at neutral, with the duct in the middle of the backlash.
+
+    Parameters
+    ----------
+    axis : TailconeAxis
+        Axis to start.
+
+    Returns
+    -------
+    Vector
+        State with the indices ``COMMANDED`` to ``QUEUE``; its length depends on the delay.
+    """
     return np.zeros(QUEUE + axis.delay_substeps + 1)
 
 

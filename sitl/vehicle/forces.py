@@ -57,7 +57,22 @@ class TailInputs(NamedTuple):
 def tail_inputs(
     rudder_rad: float, elevator_rad: float, shaft_rps: float, model: VehicleModel
 ) -> TailInputs:
-    """Return the inputs of the tail; a duct that is not vectored keeps its axis."""
+    """Return the inputs of the tail; a duct that is not vectored keeps its axis.
+
+    Parameters
+    ----------
+    rudder_rad, elevator_rad : float
+        Angles of the duct or the fins; positive turns the nose to starboard and up.
+    shaft_rps : float
+        Shaft speed, rev/s; negative is astern.
+    model : VehicleModel
+        Vehicle whose tail it is.
+
+    Returns
+    -------
+    TailInputs
+        Ring axis, angles and shaft speed.
+    """
     vectored = model.duct.vectored
     axis = duct.ring_axis(vectored * rudder_rad, vectored * elevator_rad)
     return TailInputs(

@@ -19,7 +19,18 @@ STAGES = 4
 
 @kernel
 def stage_fraction(stage: int) -> float:
-    """Return the time of a stage (0 to 3) in units of the step: 0, 1/2, 1/2 or 1."""
+    """Return the time of a stage in units of the step.
+
+    Parameters
+    ----------
+    stage : int
+        Stage, 0 to 3.
+
+    Returns
+    -------
+    float
+        0, 1/2, 1/2 or 1.
+    """
     return 0.0 if stage == 0 else (1.0 if stage == STAGES - 1 else 0.5)
 
 
@@ -27,8 +38,19 @@ def stage_fraction(stage: int) -> float:
 def samples_at(stage: int, first: int, stride: int) -> tuple[int, int]:
     """Return the two samples whose mean is the input of a stage.
 
-    The step begins at sample ``first`` and has ``stride`` samples; the two are equal where a sample
-    lies at the time of the stage.
+    Parameters
+    ----------
+    stage : int
+        Stage, 0 to 3.
+    first : int
+        Index of the sample at which the step begins.
+    stride : int
+        Number of samples in a step.
+
+    Returns
+    -------
+    tuple of int
+        Indices of the samples; they are equal where a sample lies at the time of the stage.
     """
     if stage == 0:
         return first, first
@@ -39,9 +61,20 @@ def samples_at(stage: int, first: int, stride: int) -> tuple[int, int]:
 
 @kernel
 def stage_state(stage: int, state: Vector, slopes: Vector, h: float, out: Vector) -> None:
-    """Write the state at which the slope of a stage is evaluated into ``out``.
+    """Write the state at which the slope of a stage is evaluated.
 
-    ``slopes`` has the slopes of earlier stages in its rows; it has at least four rows.
+    Parameters
+    ----------
+    stage : int
+        Stage, 0 to 3.
+    state : Vector
+        State at the start of the step, (n,).
+    slopes : Vector
+        Slopes of the earlier stages in its first rows, (4 or more, n).
+    h : float
+        Step, s.
+    out : Vector
+        Receives the state of the stage, (n,).
     """
     slope, step = slopes[max(stage, 1) - 1], stage_fraction(stage) * h
     for i in range(state.size):
@@ -50,7 +83,19 @@ def stage_state(stage: int, state: Vector, slopes: Vector, h: float, out: Vector
 
 @kernel
 def combine(state: Vector, slopes: Vector, h: float, out: Vector) -> None:
-    """Write the state after the step into ``out``, which may be ``state`` itself."""
+    """Write the state after the step.
+
+    Parameters
+    ----------
+    state : Vector
+        State at the start of the step, (n,).
+    slopes : Vector
+        Slopes of the four stages in its first rows, (4 or more, n).
+    h : float
+        Step, s.
+    out : Vector
+        Receives the state after the step, (n,); may be ``state`` itself.
+    """
     outer, inner = h / 6.0, h / 3.0
     for i in range(state.size):
         out[i] = state[i] + (
