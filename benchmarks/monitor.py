@@ -78,7 +78,9 @@ def trial(
     """Return steady time (h), time to the alarm (s or NaN), and whether its cause is right."""
     kept = monitor.monitor_log(telemetry_log(dive(case, values, seed)), promise)
     after_s = (
-        math.nan if kept.found_s is None else kept.found_s - (FROM_S if case in FAULTS else 0.0)
+        math.nan
+        if kept.detected_at_s is None
+        else kept.detected_at_s - (FROM_S if case in FAULTS else 0.0)
     )
     return [
         kept.steady_s / 3600.0,

@@ -86,7 +86,7 @@ def refit(
     progress: Progress | None = None,
     marks: Sequence[MarkedInterval] = (),
     outputs: ServoChannels = FIRST_THREE,
-    beside: Sequence[Method] = (),
+    alternative_methods: Sequence[Method] = (),
     tailcone: Path | None = None,
     inclining: Path | None = None,
 ) -> IdentifiedModel:
@@ -113,7 +113,7 @@ def refit(
         Time ranges (s) of tests that the logs do not mark.
     outputs : ServoChannels
         Output channels of rudder, elevator and thrust, counted from 1; negative if reversed.
-    beside : sequence of str
+    alternative_methods : sequence of str
         Further methods that are applied to the same runs, for comparison.
     tailcone : Path, optional
         Output file of ``ground bench-test``. Its actuator parameters update the prior of method
@@ -174,7 +174,9 @@ def refit(
         held_out_screening=tuple(_screened_run(s) for s in held_out_screenings),
     )
     with _failing(knowledge.name):
-        model = _with_alternative_fits(model, accepted_runs, held_out_runs, knowledge, beside)
+        model = _with_alternative_fits(
+            model, accepted_runs, held_out_runs, knowledge, alternative_methods
+        )
         report("validate", 0.95)
         model = with_assessment(
             model, accepted_runs, held_out_runs, _logged_gains(logs), knowledge.config
@@ -222,7 +224,7 @@ def _identify(
         msgspec.structs.replace(
             model,
             fit_quality=prediction.quality(model, refitted.accepted_runs, knowledge.config),
-            left_out_moved=parameter_shifts or (),
+            dropped_run_influence=parameter_shifts or (),
             notes=(
                 *model.notes,
                 *refitted.structure,
@@ -248,7 +250,9 @@ def _with_alternative_fits(
             alternatives.append(_alternative_fit(runs, held_out, knowledge, method))
         except NotUniqueError as error:
             notes.append(f"method {method}: the same runs determine no unique model: {error}")
-    return msgspec.structs.replace(model, beside=tuple(alternatives), notes=tuple(notes))
+    return msgspec.structs.replace(
+        model, alternative_methods=tuple(alternatives), notes=tuple(notes)
+    )
 
 
 def _alternative_fit(
@@ -509,14 +513,14 @@ def _screened_run(screening: Screening, outlier_test: RunScreening | None = None
         wave=run.wave,
         magnitude_deg=run.magnitude_deg,
         duration_s=float(run.time_s[-1]),
-        kept=not reasons,
+        accepted=not reasons,
         reasons=reasons,
     )
     if outlier_test is None:
         return record
     return msgspec.structs.replace(
         record,
-        kept=not outlier_test.reason,
+        accepted=not outlier_test.reason,
         reasons=(outlier_test.reason,) if outlier_test.reason else (),
         warnings=outlier_test.warnings,
         p_value=outlier_test.scores.p_value,

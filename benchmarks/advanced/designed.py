@@ -4,6 +4,8 @@ from dataclasses import replace
 from time import process_time
 from typing import NamedTuple
 
+from msgspec.structs import asdict
+
 from autopilot.control import loops, params
 from autopilot.control.lqg import LqgControllers
 from autopilot.control.setpoints import Setpoint
@@ -80,7 +82,7 @@ def _response(name: str, found: Response) -> list[Figure]:
             value,
             unit=field.rpartition("_")[2],
         )
-        for field, value in found._asdict().items()
+        for field, value in asdict(found).items()
     ]
 
 
@@ -104,7 +106,7 @@ def _margins(name: str, found: dict[str, Margins]) -> list[Figure]:
     return [
         Figure(f"{name}: least gain margin", min(cut.gm_db for cut in cuts), unit="dB"),
         Figure(f"{name}: least phase margin", min(cut.pm_deg for cut in cuts), unit="deg"),
-        Figure(f"{name}: largest sensitivity", max(cut.ms for cut in cuts)),
+        Figure(f"{name}: largest sensitivity", max(cut.max_sensitivity for cut in cuts)),
     ]
 
 

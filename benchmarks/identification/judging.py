@@ -91,7 +91,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     fitted = [group[0].run for group in done.found.datasets.values()]
     held_out, numbers = fresh(case, seed), []
     for candidate in (model, spoilt(model, np.random.default_rng(seed))):
-        found = with_assessment(candidate, fitted, held_out, prior=case.prior).verdict
+        found = with_assessment(candidate, fitted, held_out, prior=case.prior).assessment
         numbers += [miss(case, candidate), float(found is not None and found.fit_for_redesign)]
     return numbers
 

@@ -32,7 +32,7 @@ HONEST = 10.0
 def trial(case: str, seed: int) -> list[float]:
     """Return: model fit for redesign, designed, predicted and true fractions, ``TrackingError``."""
     flown = campaign.fly(seed)
-    fit = float(flown.model.verdict is not None and flown.model.verdict.fit_for_redesign)
+    fit = float(flown.model.assessment is not None and flown.model.assessment.fit_for_redesign)
     try:
         designed = campaign.redesigned(flown)
     except DesignInfeasibleError:

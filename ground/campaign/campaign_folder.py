@@ -1,12 +1,12 @@
 """Reader of a campaign folder, which reads each log once."""
 
-import json
 import tomllib
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ground.campaign import prototype, refit
+from ground.campaign import prototype, refit, summary_file
+from ground.campaign.summary_file import CampaignSummary
 from ground.client import param_file
 from mavlink_io.errors import InputError
 from sysid.data import segments
@@ -28,19 +28,9 @@ class CampaignFolder:
         self._logs: dict[tuple[str, str], Log] = {}
 
     @cached_property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> CampaignSummary:
         """Content of `summary.json`."""
-        try:
-            content: dict[str, Any] = json.loads(
-                (self.path / "summary.json").read_text(encoding="utf-8")
-            )
-        except OSError:
-            raise InputError(
-                f"{self.path}: holds no summary.json; give the folder of a finished campaign"
-            ) from None
-        except json.JSONDecodeError as error:
-            raise InputError(f"{self.path / 'summary.json'}: not JSON: {error}") from None
-        return content
+        return summary_file.read(self.path / "summary.json")
 
     @cached_property
     def model(self) -> IdentifiedModel:
@@ -48,7 +38,7 @@ class CampaignFolder:
         return refit.read_model(self.path / "model.json")
 
     @cached_property
-    def promise(self) -> PerformanceBaseline:
+    def baseline(self) -> PerformanceBaseline:
         """Predicted performance in `gains.param`."""
         return param_file.require_baseline(self.path / "gains.param")
 

@@ -1,19 +1,25 @@
-"""Summary of an identified model, as plain numbers and as tables."""
+"""Summary of an identified model, as a record and as tables."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
-import msgspec
 from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 
+from ground.campaign.summary_file import (
+    AlternativeSummary,
+    ModelSummary,
+    RateErrors,
+    ValidationSummary,
+)
 from ground.terminal import Rendered, heading, render
-from sysid.models.model_file import IdentifiedModel
+from sysid.data.segments import Plane
+from sysid.models.model_export import PLANES
+from sysid.models.model_file import IdentifiedModel, RunQuality
 from sysid.models.prediction import mean_rate_errors, opening_rate_errors
 from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
-from sysid.validation.results import Gate
+from sysid.validation.results import AcceptanceCheck
 
 WIDTH = 118
 """Width of the tables in characters."""
@@ -21,105 +27,112 @@ PAPER_VEHICLE = "caribou_nominal"
 """Prior that is the paper's vehicle; for it the table shows the paper's coefficients too."""
 
 
-def summarise_model(model: IdentifiedModel) -> dict[str, Any]:
+def summarise_model(model: IdentifiedModel) -> ModelSummary:
     """Return the summary of a model for `--json` and `summary.json`."""
-    validation: Any = msgspec.to_builtins(model.validation)
-    for plane in validation.values():
-        del plane["runs"], plane["overlay"]
-    return {
-        "method": model.method,
-        "speed_mps": model.speed_mps,
-        "planes": msgspec.to_builtins(model.planes),
-        "coefficients": msgspec.to_builtins(model.coefficients),
-        "rank": model.joint.rank,
-        "condition_number": model.joint.condition_number,
-        "fitted_rate_error": rate_errors(model.fit_quality),
-        "held_out_rate_error": rate_errors(model.held_out),
-        "runs_kept": sum(run.kept for run in model.screening),
-        "runs_rejected": sum(not run.kept for run in model.screening),
-        "validation": validation,
-        "verdict": msgspec.to_builtins(model.verdict),
-        "beside": {
-            rival.method: {
-                "planes": msgspec.to_builtins(rival.planes),
-                "coefficients": rival.coefficients,
-                "rank": rival.rank,
-                "fitted_rate_error": rate_errors(rival.fit_quality),
-                "held_out_rate_error": rate_errors(rival.held_out),
-            }
-            for rival in model.beside
+    return ModelSummary(
+        method=model.method,
+        speed_mps=model.speed_mps,
+        planes=model.planes,
+        coefficients=model.coefficients,
+        rank=model.joint.rank,
+        condition_number=model.joint.condition_number,
+        fitted_rate_error=rate_errors(model.fit_quality),
+        held_out_rate_error=rate_errors(model.held_out),
+        runs_accepted=sum(run.accepted for run in model.screening),
+        runs_rejected=sum(not run.accepted for run in model.screening),
+        validation={
+            plane: ValidationSummary(
+                held_out=validation.held_out,
+                coherence_at_crossover=validation.coherence_at_crossover,
+                crossover=validation.crossover,
+                correction=validation.correction,
+            )
+            for plane, validation in model.validation.items()
         },
-    }
+        assessment=model.assessment,
+        alternative_methods={
+            other.method: AlternativeSummary(
+                planes=other.planes,
+                coefficients=other.coefficients,
+                rank=other.rank,
+                fitted_rate_error=rate_errors(other.fit_quality),
+                held_out_rate_error=rate_errors(other.held_out),
+            )
+            for other in model.alternative_methods
+        },
+    )
 
 
-def rate_errors(qualities: Any) -> dict[str, Any]:
+def rate_errors(qualities: Sequence[RunQuality]) -> dict[Plane, RateErrors]:
     """Return the mean squared rate errors (deg/s)^2 by plane.
 
     They are those of the initial and of the refitted model, over whole tests and over their first
     10 s.
     """
     errors = {}
-    for plane in ("yaw", "pitch"):
+    for plane in PLANES:
         whole, opening = mean_rate_errors(qualities, plane), opening_rate_errors(qualities, plane)
         if whole and opening:
-            errors[plane] = {
-                "initial_model_deg2ps2": whole[0],
-                "refitted_model_deg2ps2": whole[1],
-                "opening_initial_model_deg2ps2": opening[0],
-                "opening_refitted_model_deg2ps2": opening[1],
-            }
+            errors[plane] = RateErrors(
+                initial_model_deg2ps2=whole[0],
+                refitted_model_deg2ps2=whole[1],
+                opening_initial_model_deg2ps2=opening[0],
+                opening_refitted_model_deg2ps2=opening[1],
+            )
     return errors
 
 
 def format_text(model: IdentifiedModel, out: Path) -> Rendered:
     """Return a model as tables: design numbers, errors, checks, other methods, assessment."""
-    n_fitted, n_held_out = sum(run.kept for run in model.screening), len(model.held_out)
+    n_fitted, n_held_out = sum(run.accepted for run in model.screening), len(model.held_out)
     lines: list[RenderableType] = [
         f"{out}: {n_fitted} of {len(model.screening)} runs fitted, {n_held_out} held out"
     ]
     lines += [
-        f"  rejected {run.run}: {'; '.join(run.reasons)}" for run in model.screening if not run.kept
+        f"  rejected {run.run}: {'; '.join(run.reasons)}"
+        for run in model.screening
+        if not run.accepted
     ]
     lines += [
         f"  rejected {run.run} (held out): {'; '.join(run.reasons)}"
         for run in model.held_out_screening
-        if not run.kept
+        if not run.accepted
     ]
     lines += [
-        f"  kept {run.run}, with warnings: {'; '.join(run.warnings)}"
+        f"  fitted {run.run}, with warnings: {'; '.join(run.warnings)}"
         for run in model.screening
         if run.warnings
     ]
-    if model.left_out_moved:
-        most = max(model.left_out_moved, key=lambda shift: abs(shift.sds))
+    if model.dropped_run_influence:
+        most = max(model.dropped_run_influence, key=lambda shift: abs(shift.sds))
         lines.append(
             f"  leaving them out changed {most.plane} {most.number} by {most.sds:+.1f} sd,"
             " the others less"
         )
     lines += [heading(f"design numbers at {model.speed_mps:g} m/s"), _numbers(model)]
-    if model.beside:
+    if model.alternative_methods:
         lines += [heading("coefficients"), _coefficients(model)]
     lines += [
         heading("mean squared rate error, (deg/s)²; in brackets the first 10 s"),
         _errors(model),
     ]
-    if model.verdict:
+    if model.assessment:
         lines += [
             heading("checks; a value in brackets is a remark and not decisive"),
-            _gates(model.verdict.gates),
+            _checks(model.assessment.checks),
         ]
-    return _render([*lines, *verdict_lines(model)])
+    return _render([*lines, *assessment_lines(model)])
 
 
-def verdict_lines(model: IdentifiedModel) -> list[str]:
+def assessment_lines(model: IdentifiedModel) -> list[str]:
     """Return the assessment of a model, and the test to fly next."""
-    verdict = model.verdict
-    if verdict is None:
+    assessment = model.assessment
+    if assessment is None:
         return ["this model has no assessment: refit it from its logs"]
-    lines = ["fit for redesign"] if verdict.fit_for_redesign else ["not fit for redesign:"]
-    lines += [f"  {reason}" for reason in verdict.reasons]
-    if verdict.next_test:
-        lines += [f"next test: {verdict.next_test}", f"  why: {verdict.next_test.reason}"]
+    lines = ["fit for redesign"] if assessment.fit_for_redesign else ["not fit for redesign:"]
+    lines += [f"  {reason}" for reason in assessment.reasons]
+    if assessment.next_test:
+        lines += [f"next test: {assessment.next_test}", f"  why: {assessment.next_test.reason}"]
     return lines
 
 
@@ -130,16 +143,20 @@ def _method_name(method: str) -> str:
 
 def _numbers(model: IdentifiedModel) -> Table:
     """Return the table of design numbers, with standard deviations and other methods."""
-    rivals = [(rival.method, rival.planes) for rival in model.beside]
+    alternatives = [(other.method, other.planes) for other in model.alternative_methods]
     table = _table(
-        "plane", "", f"{model.method}", "1 sd", *(_method_name(method) for method, _ in rivals)
+        "plane",
+        "",
+        f"{model.method}",
+        "1 sd",
+        *(_method_name(method) for method, _ in alternatives),
     )
     for plane, estimates in model.planes.items():
         for name in estimates.__struct_fields__:
             estimate = getattr(estimates, name)
             if estimate is not None:
                 sd = "not known" if estimate.sd is None else f"{estimate.sd:.2g}"
-                others = [f"{getattr(planes[plane], name).value:.4g}" for _, planes in rivals]
+                others = [f"{getattr(planes[plane], name).value:.4g}" for _, planes in alternatives]
                 table.add_row(plane, name, f"{estimate.value:.4g}", sd, *others)
     return table
 
@@ -151,24 +168,28 @@ def _errors(model: IdentifiedModel) -> Table:
         "runs",
         "first principles",
         model.method,
-        *(_method_name(rival.method) for rival in model.beside),
+        *(_method_name(other.method) for other in model.alternative_methods),
     )
     for label, field in (("fitted", "fit_quality"), ("held out", "held_out")):
         ours = rate_errors(getattr(model, field))
-        others = [rate_errors(getattr(rival, field)) for rival in model.beside]
+        others = [rate_errors(getattr(other, field)) for other in model.alternative_methods]
         for plane, errors in ours.items():
             cells = [
-                _error(errors, "initial"),
-                *(_error(e[plane], "refitted") for e in (ours, *others)),
+                initial_error(errors),
+                *(refitted_error(e[plane]) for e in (ours, *others)),
             ]
             table.add_row(plane, label, *cells)
     return table
 
 
-def _error(errors: Mapping[str, float], model: str) -> str:
-    """Return the errors of the `initial` or `refitted` model as a table cell."""
-    whole, opening = errors[f"{model}_model_deg2ps2"], errors[f"opening_{model}_model_deg2ps2"]
-    return f"{whole:.3f} ({opening:.3f})"
+def initial_error(errors: RateErrors) -> str:
+    """Return the errors of the initial model as a table cell."""
+    return f"{errors.initial_model_deg2ps2:.3f} ({errors.opening_initial_model_deg2ps2:.3f})"
+
+
+def refitted_error(errors: RateErrors) -> str:
+    """Return the errors of the refitted model as a table cell."""
+    return f"{errors.refitted_model_deg2ps2:.3f} ({errors.opening_refitted_model_deg2ps2:.3f})"
 
 
 def _coefficients(model: IdentifiedModel) -> Table:
@@ -181,28 +202,42 @@ def _coefficients(model: IdentifiedModel) -> Table:
         "prior",
         model.method,
         "1 sd",
-        "shrink",
+        "sd/prior sd",
         "",
-        *(_method_name(rival.method) for rival in model.beside),
+        *(_method_name(other.method) for other in model.alternative_methods),
         "unit",
     )
     for name, c in model.coefficients.items():
         sd = f"{c.sd:.2g}" if c.sd else "-"
-        shrink = f"{c.shrink:.2f}" if c.shrink is not None and c.prior_sd else "-"
+        sd_ratio = (
+            f"{c.posterior_to_prior_sd:.2f}"
+            if c.posterior_to_prior_sd is not None and c.prior_sd
+            else "-"
+        )
         paper = [f"{getattr(column, name):.4g}" for column in columns]
-        others = [f"{rival.coefficients[name]:.4g}" for rival in model.beside]
+        others = [f"{other.coefficients[name]:.4g}" for other in model.alternative_methods]
         table.add_row(
-            name, *paper, f"{c.prior:.4g}", f"{c.value:.4g}", sd, shrink, c.status, *others, c.unit
+            name,
+            *paper,
+            f"{c.prior:.4g}",
+            f"{c.value:.4g}",
+            sd,
+            sd_ratio,
+            c.status,
+            *others,
+            c.unit,
         )
     return table
 
 
-def _gates(gates: Sequence[Gate]) -> Table:
+def _checks(checks: Sequence[AcceptanceCheck]) -> Table:
     """Return the table of checks, one row per check; values of optional checks are in brackets."""
     table = _table("", "yaw", "pitch", "limit", "")
-    for (name, limit), row in _gates_by_name(gates).items():
+    for (name, limit), row in _checks_by_name(checks).items():
         failed = [
-            "remark" if not gate.required else "FAILED" for gate in row.values() if not gate.passed
+            "remark" if not check.required else "FAILED"
+            for check in row.values()
+            if not check.passed
         ]
         cells = [_format_value(row[p]) if p in row else "" for p in ("yaw", "pitch")]
         if None in row:
@@ -216,21 +251,25 @@ def _gates(gates: Sequence[Gate]) -> Table:
     return table
 
 
-def _gates_by_name(gates: Sequence[Gate]) -> dict[tuple[str, str], dict[str | None, Gate]]:
+def _checks_by_name(
+    checks: Sequence[AcceptanceCheck],
+) -> dict[tuple[str, str], dict[str | None, AcceptanceCheck]]:
     """Return the checks by name and limit, then by plane (None: both planes)."""
-    rows: dict[tuple[str, str], dict[str | None, Gate]] = {}
-    for name in dict.fromkeys(gate.name for gate in gates):
-        same: dict[str | None, Gate] = {gate.plane: gate for gate in gates if gate.name == name}
-        limits = " / ".join(dict.fromkeys(f"{gate.limit:.3g}" for gate in same.values()))
+    rows: dict[tuple[str, str], dict[str | None, AcceptanceCheck]] = {}
+    for name in dict.fromkeys(check.name for check in checks):
+        same: dict[str | None, AcceptanceCheck] = {
+            check.plane: check for check in checks if check.name == name
+        }
+        limits = " / ".join(dict.fromkeys(f"{check.limit:.3g}" for check in same.values()))
         first = next(iter(same.values()))
         rows[name, f"{first.sense} {limits} {first.unit}".rstrip()] = same
     return rows
 
 
-def _format_value(gate: Gate) -> str:
+def _format_value(check: AcceptanceCheck) -> str:
     """Return the value of a check as a table cell."""
-    value = "not known" if gate.value is None else f"{gate.value:.3g}"
-    return value if gate.required else f"({value})"
+    value = "not known" if check.value is None else f"{check.value:.3g}"
+    return value if check.required else f"({value})"
 
 
 def _table(*heads: str) -> Table:

@@ -26,6 +26,7 @@ from sysid.models import model_file
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport, tracking_metrics
 from sysid.monitor.performance_spec import PerformanceBaseline
+from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.refit import SHIPPED
 from sysid.reproduction import paper_tables
 
@@ -93,7 +94,7 @@ def refit(
     progress: Callable[[str, float], None] | None = None,
     marked: Sequence[str] = (),
     outputs: str = "1,2,3",
-    beside: Sequence[Method] = (),
+    alternative_methods: Sequence[Method] = (),
     tailcone: Path | None = None,
     inclining: Path | None = None,
     *,
@@ -115,7 +116,7 @@ def refit(
         Tests that the logs do not mark, as `[LOG:]START..STOP:rudder` or `:elevator`, s.
     outputs : str
         Servo outputs of rudder, elevator and thrust, as `1,2,3`.
-    beside : Sequence of str
+    alternative_methods : Sequence of str
         Methods by which the same tests are fitted for comparison.
     tailcone, inclining : Path, optional
         Results of the bench test and of the inclining test, used as priors.
@@ -138,7 +139,7 @@ def refit(
             progress=progress,
             marks=[_parse_mark(text) for text in marked],
             outputs=servo_channels.parse(outputs),
-            beside=beside,
+            alternative_methods=alternative_methods,
             tailcone=tailcone,
             inclining=inclining,
         )
@@ -213,7 +214,7 @@ def redesign_lqg(
 
 def _check_fit_for_redesign(model: IdentifiedModel, command: str, force: bool) -> None:
     """Raise OperationError if the model is not fit for redesign, unless `force`."""
-    if not force and (model.verdict is None or not model.verdict.fit_for_redesign):
+    if not force and (model.assessment is None or not model.assessment.fit_for_redesign):
         advice = f"fly the proposed test, or use `ground {command} --force`"
         raise OperationError(f"the model is not fit for redesign: {_reasons(model)}; {advice}")
 
@@ -246,9 +247,9 @@ def _initial_gains_of(model: IdentifiedModel, prior: str | None) -> dict[str, fl
 
 def _reasons(model: IdentifiedModel) -> str:
     """Return why a model is not fit for redesign."""
-    if model.verdict is None:
+    if model.assessment is None:
         return "it has no assessment"
-    first, *others = model.verdict.reasons
+    first, *others = model.assessment.reasons
     return f"{first} (and {len(others)} more)" if others else first
 
 
@@ -257,8 +258,8 @@ def read_log(path: Path) -> Log:
     return readers.read(path)
 
 
-def tracking(log: Log) -> dict[str, Any]:
-    """Return tracking errors of a dive and of each steady window as plain numbers.
+def tracking(log: Log) -> TrackingMetrics:
+    """Return tracking errors of a dive and of each steady window.
 
     Raises OperationError if no window with constant set-points is long enough.
     """
@@ -267,8 +268,7 @@ def tracking(log: Log) -> dict[str, Any]:
         raise OperationError(
             f"{log.name}: no interval of constant set-points is longer than the settling time"
         )
-    plain: dict[str, Any] = _to_plain(result)
-    return plain
+    return result
 
 
 def monitor_log(log: Log, baseline: PerformanceBaseline) -> MonitorReport:
@@ -303,10 +303,3 @@ def _singular_model_reported() -> Iterator[None]:
         yield
     except LinAlgError as error:
         raise OperationError(f"the model is singular: {error}; fly more tests and refit") from None
-
-
-def _to_plain(value: Any) -> Any:
-    """Convert named tuples to dictionaries, recursively."""
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return {name: _to_plain(part) for name, part in value._asdict().items()}
-    return [_to_plain(part) for part in value] if isinstance(value, tuple) else value

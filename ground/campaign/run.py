@@ -16,10 +16,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from ground.campaign import prototype, readiness, refit, summary
+import msgspec
+
+from ground.campaign import prototype, readiness, refit, summary, summary_file
 from ground.campaign.campaign_folder import CAMPAIGN_FILE, STAGES, CampaignFolder
+from ground.campaign.summary_file import CampaignSummary, DesignSummary
 from ground.campaign.worker import Worker
 from ground.client.flight import Dive, FlightProgress, FlightResult, fly_simulated
 from ground.report import page
@@ -95,7 +98,7 @@ class Campaign:
     _cancelled: bool = False
     _prepared: bool = False
 
-    def run(self) -> dict[str, Any]:
+    def run(self) -> CampaignSummary:
         """Run the campaign; write and return the summary. Raises InputError, OperationError."""
         refuse_folder(self.request)
         try:
@@ -106,7 +109,7 @@ class Campaign:
                 (self.request.out / name).unlink(missing_ok=True)
             raise
 
-    def _run(self) -> dict[str, Any]:
+    def _run(self) -> CampaignSummary:
         """Run all stages; return the summary."""
         start_s = wall_s()
         with self._executors() as (dives, worker):
@@ -128,8 +131,8 @@ class Campaign:
             design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
             gains["redesigned"] = {
-                **design["gains"],
-                **_not_designed(design["gains"], gains["initial"]),
+                **design.gains,
+                **_not_designed(design.gains, gains["initial"]),
                 **trims,
             }
             _finish_dives(
@@ -139,9 +142,11 @@ class Campaign:
                 ]
             )
             self.announce("comparing")
-            results = worker.call(summary.build, self.folder, design, gains, trims, MISSIONS)
-            result = {**self._account(wall_s() - start_s), **results}
-            _write(self.request.out / "summary.json", json.dumps(result, indent=1) + "\n")
+            result = worker.call(
+                summary.build, self.folder, self._totals(), design, gains, trims, MISSIONS
+            )
+            result = msgspec.structs.replace(result, wall_s=round(wall_s() - start_s, 3))
+            summary_file.write(result, self.request.out / "summary.json")
             self.announce("writing the report")
             worker.call(_report, self.folder)
         return result
@@ -184,16 +189,15 @@ class Campaign:
             gains["improved"] = {**refit.improved_gains(), **trims}
         return gains
 
-    def _account(self, spent_s: float) -> dict[str, Any]:
-        """Return totals of the dives, and the wall time."""
+    def _totals(self) -> summary.Totals:
+        """Return the totals of the dives."""
         results = self.outcomes.values()
-        return {
-            "wall_s": round(spent_s, 3),
-            "vehicle_s": round(sum(outcome.vehicle_s for outcome in results), 3),
-            "messages": sum(outcome.messages for outcome in results),
-            "lost_frames": sum(outcome.lost_frames for outcome in results),
-            "seed": self.request.seed,
-        }
+        return summary.Totals(
+            vehicle_s=round(sum(outcome.vehicle_s for outcome in results), 3),
+            messages=sum(outcome.messages for outcome in results),
+            lost_frames=sum(outcome.lost_frames for outcome in results),
+            seed=self.request.seed,
+        )
 
     def _measure_trims(
         self, dives: Executor, worker: Worker, first: Mapping[str, float]
@@ -205,7 +209,7 @@ class Campaign:
             refit.measure_trims, self.folder.log_path("prototype", TRIM_MISSION), TRIM_WINDOW_S
         )
 
-    def _redesign(self, worker: Worker) -> dict[str, Any]:
+    def _redesign(self, worker: Worker) -> DesignSummary:
         """Refit and redesign; return the summary of the design."""
         worker.call(_identify, self.folder)
         self.announce("redesigning the gains")
@@ -357,11 +361,13 @@ def _identify(folder: CampaignFolder) -> None:
     fitted, held_out = (
         [folder.log_path("identification", name) for name in names] for names in (FITTED, HELD_OUT)
     )
-    model = refit.refit(fitted, held_out=held_out, prior=folder.prior, beside=("paper",))
+    model = refit.refit(
+        fitted, held_out=held_out, prior=folder.prior, alternative_methods=("paper",)
+    )
     refit.write_model(model, folder.path / "model.json")
 
 
-def _design(folder: CampaignFolder) -> dict[str, Any]:
+def _design(folder: CampaignFolder) -> DesignSummary:
     """Redesign the gains and write `gains.param`; return the summary of the design."""
     design = refit.redesign(folder.model, prior=folder.prior)
     design.write_params(folder.path / "gains.param")

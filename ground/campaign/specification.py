@@ -8,6 +8,8 @@ import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from mavlink_io.errors import InputError
 from sysid.design.pid import Spec
 
@@ -15,30 +17,22 @@ BOUNDS = {
     "damping": (0.05, 0.95),
     "gm_db": (1.0, 40.0),
     "pm_deg": (5.0, 90.0),
-    "ms": (1.05, 10.0),
-    "least_gm_db": (0.0, 40.0),
-    "least_pm_deg": (0.0, 90.0),
-    "probability": (0.0, 1.0),
-    "finish_s": (1.0, 3600.0),
-    "finish_left": (0.01, 1.0),
+    "max_sensitivity": (1.05, 10.0),
+    "robust_gm_db": (0.0, 40.0),
+    "robust_pm_deg": (0.0, 90.0),
+    "robust_fraction": (0.0, 1.0),
+    "integral_settling_s": (1.0, 3600.0),
+    "integral_residual": (0.01, 1.0),
     "heading_step_deg": (1.0, 180.0),
     "travel_deg": (1.0, 45.0),
     "rate_degps": (0.1, 720.0),
     "depth_step_m": (0.1, 100.0),
     "depth_overshoot": (0.0, 1.0),
-    "pitch_rms_growth": (0.1, math.inf),
+    "pitch_rms_ratio": (0.1, math.inf),
     "pitch_per_metre_deg": (0.1, 90.0),
     "command_noise_deg": (0.01, 10.0),
 }
 """Plausible range of each limit; a value outside was probably meant in another unit."""
-OPTIONS = {
-    "ms": "--max-sensitivity",
-    "least_gm_db": "--robust-gm-db",
-    "least_pm_deg": "--robust-pm-deg",
-    "probability": "--robust-fraction",
-    "finish_s": "--integral-settling-s",
-}
-"""Options of `ground redesign` whose names differ from the limit's, by the name of the limit."""
 
 
 def read(file: Path | None, options: Mapping[str, float | None], first: Spec | None = None) -> Spec:
@@ -67,10 +61,9 @@ def read(file: Path | None, options: Mapping[str, float | None], first: Spec | N
     given = {name: value for name, value in options.items() if value is not None}
     limits = {name: _number(f"{file}: {name} =", name, value) for name, value in table.items()}
     limits |= {
-        name: _number(OPTIONS.get(name, f"--{name.replace('_', '-')}"), name, value)
-        for name, value in given.items()
+        name: _number(f"--{name.replace('_', '-')}", name, value) for name, value in given.items()
     }
-    return (first or Spec())._replace(**limits)
+    return replace(first or Spec(), **limits)
 
 
 def _table(file: Path) -> dict[str, object]:

@@ -1,34 +1,60 @@
-"""Summary of a campaign or of a design, as plain numbers and as text."""
+"""Summary of a campaign or of a design, as a record and as text."""
 
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 from ground.campaign import design_summary, identification, refit
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
+from ground.campaign.summary_file import (
+    FORMAT,
+    CampaignSummary,
+    DesignSummary,
+    LoopAnalysis,
+    MarginsSummary,
+    Pole,
+    PredictedError,
+    RateErrors,
+    SteadyError,
+)
 from ground.live import monitor_view
 from sysid.control_analysis.margins import Analysis, damping
-from sysid.design.pid import Design
+from sysid.data.segments import Plane
+from sysid.design.pid import Design, Response
+from sysid.monitor import MonitorReport
+from sysid.monitor.tracking_metrics import TrackingMetrics
 
-ERRORS = ("heading_deg", "pitch_deg", "depth_m")
+PAPER_ERRORS = {"heading_deg": "2.5 -> 2.0", "pitch_deg": "10 -> 2.5", "depth_m": "0.50 -> 0.10"}
 """Errors of the paper's Table 5."""
+
+
+class Totals(NamedTuple):
+    """Totals of the dives of a campaign, as in `CampaignSummary`."""
+
+    vehicle_s: float
+    messages: int
+    lost_frames: int
+    seed: int
 
 
 def build(
     folder: CampaignFolder,
-    design: Mapping[str, Any],
+    totals: Totals,
+    design: DesignSummary,
     gains: Mapping[str, Mapping[str, float]],
     trims: Mapping[str, float],
     missions: Sequence[str],
-) -> dict[str, Any]:
-    """Return the summary of a campaign, each quantity with its unit in its name.
+) -> CampaignSummary:
+    """Return the summary of a campaign without its wall time.
 
     Parameters
     ----------
     folder : CampaignFolder
         Logs and model.
-    design : Mapping
+    totals : Totals
+        Totals of the dives.
+    design : DesignSummary
         Result of `summarise_design`.
     gains : Mapping
         Flown gains by set, as in `STAGES`.
@@ -38,55 +64,62 @@ def build(
         Missions that were flown with each set.
     """
     tracking = {mission: _tracking(folder, mission, list(gains)) for mission in missions}
-    return {
-        "trims": dict(trims),
-        "gains": {name: dict(values) for name, values in gains.items()},
-        "model": identification.summarise_model(folder.model),
-        "design": dict(design),
-        "tracking": tracking,
-        "kept": {mission: _monitoring(folder, mission) for mission in missions},
-        "steady_error": _steady(tracking["straight_run"]),
-    }
-
-
-def summarise_design(design: Design) -> dict[str, Any]:
-    """Return margins, poles and predicted errors of the initial and the redesigned gains."""
-    return {
-        "redesigned": {**_analysis(design.analysis), "predicted": design.predicted._asdict()},
-        "initial": {**_analysis(design.initial_analysis), "predicted": design.initial._asdict()},
-        "gains": dict(design.gains),
-        "reasons": dict(design.reasons),
-        "specification": {
-            name: _finite_or_none(limit) for name, limit in design.spec._asdict().items()
+    return CampaignSummary(
+        format=FORMAT,
+        wall_s=0.0,
+        **totals._asdict(),
+        trims=dict(trims),
+        gains={name: dict(values) for name, values in gains.items()},
+        model=identification.summarise_model(folder.model),
+        design=design,
+        tracking=tracking,
+        monitoring={mission: _monitoring(folder, mission) for mission in missions},
+        steady_error={
+            name: SteadyError(
+                heading_deg=errors.heading_deg.p95,
+                pitch_deg=errors.pitch_deg.p95,
+                depth_m=errors.depth_m.p95,
+            )
+            for name, errors in tracking["straight_run"].items()
         },
-        "trust": design.robustness and design.robustness._asdict(),
-        "predicted": {
-            name: {"mean": e.mean, "rms": e.rms, "p95": e.p95}
+    )
+
+
+def summarise_design(design: Design) -> DesignSummary:
+    """Return margins, poles and predicted errors of the initial and the redesigned gains."""
+    return DesignSummary(
+        redesigned=_analysis(design.analysis, design.predicted),
+        initial=_analysis(design.initial_analysis, design.initial),
+        gains=design.gains,
+        reasons=design.reasons,
+        specification=design.spec,
+        robustness=design.robustness,
+        predicted={
+            name: PredictedError(mean=e.mean, rms=e.rms, p95=e.p95)
             for name, e in design.baseline.predicted.items()
         },
-        "model_sha256": design.baseline.model_sha256,
-    }
+        model_sha256=design.baseline.model_sha256,
+    )
 
 
-def format_text(summary: Mapping[str, Any], out: Path) -> str:
+def format_text(summary: CampaignSummary, out: Path) -> str:
     """Return the result of a campaign as text."""
-    steady = summary["steady_error"]
-    paper = {"heading_deg": "2.5 -> 2.0", "pitch_deg": "10 -> 2.5", "depth_m": "0.50 -> 0.10"}
+    steady = summary.steady_error
     lines = [f"{'steady error, 95 %':20s}{''.join(f'{name:>12s}' for name in steady)}   the paper"]
-    for e in ERRORS:
-        figures = "".join(f"{errors[e]:12.3f}" for errors in steady.values())
-        lines.append(f"  {e.replace('_', ', '):18s}{figures}   {paper[e]}")
+    for e, paper in PAPER_ERRORS.items():
+        figures = "".join(f"{getattr(errors, e):12.3f}" for errors in steady.values())
+        lines.append(f"  {e.replace('_', ', '):18s}{figures}   {paper}")
     lines += [
         "held-out rate error, (deg/s)^2",
-        *_held_out_lines(summary["model"]["held_out_rate_error"]),
+        *_held_out_lines(summary.model.held_out_rate_error),
     ]
-    gains = ", ".join(f"{n} {v:.4g}" for n, v in summary["design"]["gains"].items())
+    gains = ", ".join(f"{n} {v:.4g}" for n, v in summary.design.gains.items())
     lines += [
         f"gains {gains}",
-        *_performance_warnings(summary["kept"]),
+        *_performance_warnings(summary.monitoring),
         (
-            f"{summary['vehicle_s']:.0f} s of vehicle time in {summary['wall_s']:.1f} s,"
-            f" {summary['messages']} messages, {summary['lost_frames']} lost"
+            f"{summary.vehicle_s:.0f} s of vehicle time in {summary.wall_s:.1f} s,"
+            f" {summary.messages} messages, {summary.lost_frames} lost"
         ),
         f"{out / 'report.html'}",
     ]
@@ -111,39 +144,46 @@ def format_design(design: Design, out: Path) -> str:
     return "\n".join(lines)
 
 
-def _performance_warnings(monitoring: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _performance_warnings(monitoring: Mapping[str, MonitorReport]) -> list[str]:
     """Return one line per mission and likely cause of a deviation from the prediction."""
     lines = [
-        f"{mission}: {'REFIT DUE: ' if cause['refit_due'] else ''}{cause['words']}"
-        for mission, monitored in monitoring.items()
-        for cause in monitored["causes"]
+        f"{mission}: {'REFIT RECOMMENDED: ' if cause.refit_recommended else ''}{cause.message}"
+        for mission, report in monitoring.items()
+        for cause in report.causes
     ]
     return lines or ["the redesigned gains perform as predicted"]
 
 
-def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
+def _held_out_lines(errors: Mapping[Plane, RateErrors]) -> list[str]:
     """Return the rate errors on held-out tests, initial and refitted, one line per plane."""
     return [
-        f"  {plane:18s}{pair['initial_model_deg2ps2']:12.3f}{pair['refitted_model_deg2ps2']:12.3f}"
+        f"  {plane:18s}{pair.initial_model_deg2ps2:12.3f}{pair.refitted_model_deg2ps2:12.3f}"
         for plane, pair in errors.items()
     ]
 
 
-def _analysis(analysis: Analysis) -> dict[str, Any]:
-    """Return damping, poles and margins as plain numbers."""
-    return {
-        "damping": {loop: damping(poles) for loop, poles in analysis.visible.items()},
-        "poles_radps": {
-            loop: [[p.real, p.imag] for p in poles] for loop, poles in analysis.poles.items()
+def _analysis(analysis: Analysis, predicted: Response) -> LoopAnalysis:
+    """Return damping, poles, margins and predicted response of a set of gains."""
+    return LoopAnalysis(
+        damping={loop: damping(poles) for loop, poles in analysis.visible.items()},
+        poles_radps=_pairs(analysis.poles),
+        visible_modes_radps=_pairs(analysis.visible),
+        margins={
+            cut: MarginsSummary(
+                gm_db=_finite_or_none(margins.gm_db),
+                pm_deg=_finite_or_none(margins.pm_deg),
+                max_sensitivity=margins.max_sensitivity,
+                crossover_radps=_finite_or_none(margins.crossover_radps),
+            )
+            for cut, margins in analysis.margins.items()
         },
-        "shown_poles_radps": {
-            loop: [[p.real, p.imag] for p in poles] for loop, poles in analysis.visible.items()
-        },
-        "margins": {
-            cut: {k: _finite_or_none(v) for k, v in m._asdict().items()}
-            for cut, m in analysis.margins.items()
-        },
-    }
+        predicted=predicted,
+    )
+
+
+def _pairs(poles: Mapping[str, tuple[complex, ...]]) -> dict[str, tuple[Pole, ...]]:
+    """Return the poles of each loop as real and imaginary part."""
+    return {loop: tuple((p.real, p.imag) for p in values) for loop, values in poles.items()}
 
 
 def _finite_or_none(value: float) -> float | None:
@@ -151,21 +191,13 @@ def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _monitoring(folder: CampaignFolder, mission: str) -> dict[str, Any]:
+def _monitoring(folder: CampaignFolder, mission: str) -> MonitorReport:
     """Compare a dive of the redesigned gains with their predicted performance."""
-    return monitor_view.as_json(
-        refit.monitor_log(folder.log(STAGES["redesigned"], mission), folder.promise)
-    )
+    return refit.monitor_log(folder.log(STAGES["redesigned"], mission), folder.baseline)
 
 
-def _tracking(folder: CampaignFolder, mission: str, sets: Sequence[str]) -> dict[str, Any]:
+def _tracking(
+    folder: CampaignFolder, mission: str, sets: Sequence[str]
+) -> dict[str, TrackingMetrics]:
     """Return the tracking errors of a mission by set of gains."""
     return {name: refit.tracking(folder.log(STAGES[name], mission)) for name in sets}
-
-
-def _steady(straight_run: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
-    """Return the errors of the paper's Table 5, which are those of straight runs."""
-    return {
-        name: {error: errors[error]["p95"] for error in ERRORS}
-        for name, errors in straight_run.items()
-    }

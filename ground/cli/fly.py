@@ -124,7 +124,7 @@ def fly(
             "log": str(result.log),
             "assessment": assessment.as_json(assessed),
             "estimates": estimate.as_json() if estimate else {},
-            "kept": monitor.as_json() if monitor else None,
+            "monitoring": monitor.report() if monitor else None,
         },
         f"{result.log}: {result.vehicle_s:.0f} s flown in {result.wall_s:.1f} s, "
         f"{result.messages} messages, {result.lost_frames} lost\n"

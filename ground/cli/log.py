@@ -104,9 +104,7 @@ def check_performance(
     from ground.live import monitor_view
 
     monitored = refit.monitor_log(refit.read_log(file), param_file.require_baseline(gains))
-    print_result(
-        monitor_view.as_json(monitored), f"{file}: {monitor_view.format_text(monitored)}", json
-    )
+    print_result(monitored, f"{file}: {monitor_view.format_text(monitored)}", json)
 
 
 @app.command()

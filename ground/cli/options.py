@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import typer
 
 from ground.terminal import Rendered
@@ -86,7 +87,7 @@ def new_file(path: Path) -> Path:
     return path
 
 
-def print_result(result: dict[str, Any], text: str, as_json: bool) -> None:
+def print_result(result: dict[str, Any] | msgspec.Struct, text: str, as_json: bool) -> None:
     """Print a result on stdout, as text or as JSON."""
     say(to_json(result) if as_json else text)
 
@@ -101,6 +102,13 @@ def remark(message: object) -> None:
     print(f"ground: {printable(message)}", file=sys.stderr)
 
 
-def to_json(result: dict[str, Any]) -> str:
+def to_json(result: dict[str, Any] | msgspec.Struct) -> str:
     """Return a result as JSON in ASCII, with every control character escaped."""
-    return json.dumps(result, indent=1, default=str).replace("\x7f", "\\u007f")
+    return json.dumps(result, indent=1, default=_to_plain).replace("\x7f", "\\u007f")
+
+
+def _to_plain(value: object) -> object:
+    """Return a record as a dictionary, with null for infinity, and any other value as text."""
+    if isinstance(value, msgspec.Struct):
+        return msgspec.json.decode(msgspec.json.encode(value))
+    return str(value)

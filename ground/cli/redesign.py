@@ -11,6 +11,7 @@ from ground.cli.options import Force, Json, ModelFile, Prior, Sign, SpecFile, pr
 from mavlink_io.errors import InputError
 
 if TYPE_CHECKING:
+    from ground.campaign.summary_file import DesignSummary
     from sysid.design.lqg import LqgDesign
     from sysid.design.pid import Spec
     from sysid.models.model_file import IdentifiedModel
@@ -96,15 +97,16 @@ def redesign(
         "damping": damping,
         "gm_db": gm_db,
         "pm_deg": pm_deg,
-        "ms": max_sensitivity,
-        "least_gm_db": robust_gm_db,
-        "least_pm_deg": robust_pm_deg,
-        "probability": robust_fraction,
-        "finish_s": integral_settling_s,
+        "max_sensitivity": max_sensitivity,
+        "robust_gm_db": robust_gm_db,
+        "robust_pm_deg": robust_pm_deg,
+        "robust_fraction": robust_fraction,
+        "integral_settling_s": integral_settling_s,
         "depth_overshoot": depth_overshoot,
     }
     limit_spec = specification.read(spec, limits, refit.specification(identified, prior))
     target = out or DEFAULT_OUT[method]
+    result: DesignSummary | dict[str, Any]
     if method is Method.LQG:
         result, text = _redesign_lqg(identified, limit_spec, prior, target, force=force)
     else:
@@ -123,7 +125,7 @@ def _redesign_pid(
     force: bool,
     upload: str | None,
     sign: Path | None,
-) -> tuple[dict[str, Any], str]:
+) -> "tuple[DesignSummary, str]":
     """Design gains, write them and upload them on request; return the result as JSON and text."""
     from ground.campaign import refit, summary
 
@@ -151,8 +153,8 @@ def _redesign_lqg(
 def _lqg_json(design: "LqgDesign") -> dict[str, Any]:
     """Return the LQG design as plain numbers."""
     return {
-        "predicted": design.predicted._asdict(),
-        "trust": design.robustness and design.robustness._asdict(),
+        "predicted": design.predicted,
+        "robustness": design.robustness,
         "weights": design.weights,
         "speed_mps": design.speed_mps,
         "model_sha256": design.model_sha256,

@@ -146,6 +146,6 @@ def _raise_if_any_failed(summaries: "Sequence[SimulationSummary]") -> None:
     failed = [summary for summary in summaries if summary.failed]
     if failed:
         raise UnsuccessfulError(
-            simulation.verdict(failed[0])
+            simulation.describe_outcome(failed[0])
             + (f"; {len(failed) - 1} more failed" if len(failed) > 1 else "")
         )

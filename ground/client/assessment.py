@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec.structs import asdict
 
 from ground.campaign import refit
 from mavlink_io.errors import InputError
@@ -153,7 +154,7 @@ def as_json(assessment: Assessment) -> dict[str, Any]:
     """Return the assessment as plain values, every quantity with its unit in its name."""
     legs = []
     for leg in assessment.legs:
-        errors = {"heading_deg": leg.heading_deg._asdict(), "depth_m": leg.depth_m._asdict()}
+        errors = {"heading_deg": asdict(leg.heading_deg), "depth_m": asdict(leg.depth_m)}
         legs.append({**leg._asdict(), **errors})
     return {
         **assessment._asdict(),

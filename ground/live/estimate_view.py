@@ -46,7 +46,10 @@ def table(status: EstimateStatus) -> RenderableType:
     output.add_row(
         "",
         *(
-            Text(verdict(report), style=ENOUGH_STYLE if report.enough else NOT_ENOUGH_STYLE)
+            Text(
+                describe_precision(report),
+                style=ENOUGH_STYLE if report.enough else NOT_ENOUGH_STYLE,
+            )
             for report in readings
         ),
     )
@@ -55,7 +58,7 @@ def table(status: EstimateStatus) -> RenderableType:
     return output
 
 
-def verdict(report: PlaneReport) -> str:
+def describe_precision(report: PlaneReport) -> str:
     """Return whether the estimate is accurate enough, or what to improve."""
     if report.enough:
         return "enough, you may stop"
@@ -77,7 +80,7 @@ def line(report: PlaneReport) -> str:
         f"{report.plane}: b1 {_format_value(b1)} per s2 (prior +-{_format_short(b1.before)}), "
         f"delay {_format_value(delay)} s; at {report.crossover_radps:.2f} rad/s"
         f" +-{_format_short(report.gain_db.sd)} dB,"
-        f" +-{_format_short(report.phase_deg.sd)} deg: {verdict(report)}"
+        f" +-{_format_short(report.phase_deg.sd)} deg: {describe_precision(report)}"
     )
 
 

@@ -1,6 +1,6 @@
-"""Format the result of performance monitoring as a table, as text and as JSON."""
+"""Format the result of performance monitoring as a table and as text."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -21,7 +21,7 @@ GOOD_STYLE, BAD_STYLE, LABEL_STYLE, FAINT_STYLE = "green", "bold red", "cyan", "
 
 def table(report: "MonitorReport") -> RenderableType:
     """Return a table of measured and predicted rms errors, with likely causes of a deviation."""
-    if not report.blocks:
+    if not report.windows:
         return Text(
             "no steady flight yet to compare with the predicted performance", style=FAINT_STYLE
         )
@@ -30,11 +30,13 @@ def table(report: "MonitorReport") -> RenderableType:
     for head in ("measured", "predicted"):
         output.add_column(head, header_style=FAINT_STYLE, justify="right")
     for name, label in ROWS.items():
-        measured, predicted = report.errors[name]
-        output.add_row(Text(label, style=LABEL_STYLE), f"{measured:.3f}", f"{predicted:.3f}")
+        rms = report.rms[name]
+        output.add_row(
+            Text(label, style=LABEL_STYLE), f"{rms.measured:.3f}", f"{rms.predicted:.3f}"
+        )
     good = Text(f"  as predicted, {report.steady_s:.0f} s of steady flight", style=GOOD_STYLE)
     causes = [
-        Text(f"  {line(cause)}", style=BAD_STYLE if cause.refit_due else "")
+        Text(f"  {line(cause)}", style=BAD_STYLE if cause.refit_recommended else "")
         for cause in report.causes
     ]
     return Group(output, *(causes or [good]))
@@ -42,36 +44,21 @@ def table(report: "MonitorReport") -> RenderableType:
 
 def line(cause: "Cause") -> str:
     """Return a likely cause in one line."""
-    return f"{'REFIT DUE' if cause.refit_due else 'detected'}: {cause.words}"
+    return f"{'REFIT RECOMMENDED' if cause.refit_recommended else 'detected'}: {cause.message}"
 
 
 def format_text(report: "MonitorReport") -> str:
     """Return the result of a dive as text in a few lines."""
-    if not report.blocks:
+    if not report.windows:
         return "no steady flight to compare with the predicted performance"
     lines = [f"rms about the predicted mean, over {report.steady_s:.0f} s of steady flight"]
     for name, label in ROWS.items():
-        measured, predicted = report.errors[name]
-        lines.append(f"  {label:16s}{measured:8.3f}   predicted {predicted:.3f}")
+        rms = report.rms[name]
+        lines.append(f"  {label:16s}{rms.measured:8.3f}   predicted {rms.predicted:.3f}")
     lines += [line(cause) for cause in report.causes] or ["as predicted"]
     lines += (
-        [f"first detected at {report.found_s:.0f} s of vehicle time"]
-        if report.found_s is not None
+        [f"first detected at {report.detected_at_s:.0f} s of vehicle time"]
+        if report.detected_at_s is not None
         else []
     )
     return "\n".join(lines)
-
-
-def as_json(report: "MonitorReport") -> dict[str, Any]:
-    """Return the result as JSON values; rms errors in the units of their names."""
-    return {
-        "blocks": report.blocks,
-        "steady_s": report.steady_s,
-        "rms": {
-            name: {"measured": measured, "predicted": predicted}
-            for name, (measured, predicted) in report.errors.items()
-        },
-        "causes": [cause._asdict() for cause in report.causes],
-        "found_s": report.found_s,
-        "refit_due": report.refit_due,
-    }

@@ -1,7 +1,6 @@
 """Compare the measured performance of a vehicle with that predicted for its gains, live."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from rich.console import RenderableType
 
@@ -12,7 +11,7 @@ from ground.live.telemetry import Telemetry
 from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 from sysid.data.readers.samples import DEFAULT_TRAVEL_DEG
-from sysid.monitor import Monitor
+from sysid.monitor import Monitor, MonitorReport
 from sysid.monitor.performance_spec import PerformanceBaseline
 
 LOOK_PERIOD_S = 0.5
@@ -80,9 +79,9 @@ class PerformanceMonitor:
         """Return a table of the measured and predicted errors up to now."""
         return monitor_view.table(self._monitor.report())
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the result of the dive as a JSON object."""
-        return monitor_view.as_json(self._monitor.report())
+    def report(self) -> MonitorReport:
+        """Return the result up to now."""
+        return self._monitor.report()
 
     def format_text(self) -> str:
         """Return the result of the dive as text in a few lines."""

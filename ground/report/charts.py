@@ -10,7 +10,7 @@ import numpy as np
 
 from ground.report import tables
 from ground.report.figures import Curve, Figure
-from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
+from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD, Coefficient
 
 PANEL_HEIGHT_PX = 168
 _GAP = 0.07
@@ -46,9 +46,9 @@ def figure_chart(figure: Figure) -> Chart:
     return {"data": data, "layout": layout}
 
 
-def estimates_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
+def estimates_chart(coefficients: Mapping[str, Coefficient]) -> Chart:
     """Return each coefficient over its prior value, with its standard deviations."""
-    free = {name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["prior"] != 0}
+    free = {name: c for name, c in coefficients.items() if c.prior_sd > 0 and c.prior != 0}
     names = [tables.symbol(name) for name in free]
 
     def points(
@@ -70,14 +70,14 @@ def estimates_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
         "before the tests",
         "initial",
         [1.0] * len(free),
-        [round(c["prior_sd"] / abs(c["prior"]), 4) for c in free.values()],
+        [round(c.prior_sd / abs(c.prior), 4) for c in free.values()],
         "circle-open",
     )
     after = points(
         "after",
         "redesigned",
-        [round(c["value"] / c["prior"], 4) for c in free.values()],
-        [round((c["sd"] or 0.0) / abs(c["prior"]), 4) for c in free.values()],
+        [round(c.value / c.prior, 4) for c in free.values()],
+        [round((c.sd or 0.0) / abs(c.prior), 4) for c in free.values()],
         "circle",
     )
     layout = {
@@ -88,22 +88,23 @@ def estimates_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
     return {"data": [before, after], "layout": layout}
 
 
-def posterior_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
-    """Return posterior over prior standard deviation; above the line the prior is kept."""
-    free = {
-        name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["shrink"] is not None
-    }
-    names = [tables.symbol(name) for name in free]
+def posterior_chart(coefficients: Mapping[str, Coefficient]) -> Chart:
+    """Return posterior over prior standard deviation; above the line the data say little."""
+    free = [
+        (tables.symbol(name), c.posterior_to_prior_sd, c.status)
+        for name, c in coefficients.items()
+        if c.prior_sd > 0 and c.posterior_to_prior_sd is not None
+    ]
     data = [
         {
             "type": "bar",
             "name": label,
             "role": role,
-            "x": names,
+            "x": [name for name, _, _ in free],
             "showlegend": True,
             "y": [
-                round(c["shrink"], 3) if (c["status"] == "measured") == measured else None
-                for c in free.values()
+                round(sd_ratio, 3) if (status == "measured") == measured else None
+                for _, sd_ratio, status in free
             ],
         }
         for label, role, measured in (

@@ -129,7 +129,7 @@ def _step_figure(folder: CampaignFolder, run: Run, note: str) -> Figure:
 
 def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
     """Draw depth, heading and pitch of a mission with every set of gains."""
-    flown = folder.summary["tracking"][mission]
+    flown = folder.summary.tracking[mission]
     logs = {name: folder.log(stage, mission) for name, stage in STAGES.items() if name in flown}
     ends = {name: _end_s(log) for name, log in logs.items()}
     reference = logs["redesigned"]

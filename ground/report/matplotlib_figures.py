@@ -1,12 +1,13 @@
 """Validation figures of an identified model as one Matplotlib picture."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ground.campaign.campaign_folder import CampaignFolder
 from ground.report import mpl_canvas, summary_picture, validation_figures
 from ground.report.figures import Curve, Figure
-from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
+from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD, Coefficient
 
 COLORS = {
     "measured": "#6f7a84",
@@ -56,7 +57,7 @@ def draw(folder: Path, target: Path) -> Path:
                 band.subfigures(1, len(row), squeeze=False)[0], row, strict=True
             ):
                 panels(subfigure, figure)
-        _posterior_sds(bands[-1].subplots(), campaign.summary["model"]["coefficients"])
+        _posterior_sds(bands[-1].subplots(), campaign.summary.model.coefficients)
     return target
 
 
@@ -121,15 +122,20 @@ def _curve(axis: Any, curve: Curve) -> None:
     axis.plot(curve.x, curve.y, style, color=color, linewidth=WIDTHS[curve.role], label=curve.name)
 
 
-def _posterior_sds(axis: Any, coefficients: dict[str, Any]) -> None:
+def _posterior_sds(axis: Any, coefficients: Mapping[str, Coefficient]) -> None:
     """Draw posterior over prior standard deviation of each coefficient."""
     free = {
-        name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["shrink"] is not None
+        name: c
+        for name, c in coefficients.items()
+        if c.prior_sd > 0 and c.posterior_to_prior_sd is not None
     }
-    colors = [
-        COLORS["redesigned" if c["status"] == "measured" else "initial"] for c in free.values()
-    ]
-    axis.bar(range(len(free)), [c["shrink"] for c in free.values()], color=colors, width=0.7)
+    colors = [COLORS["redesigned" if c.status == "measured" else "initial"] for c in free.values()]
+    axis.bar(
+        range(len(free)),
+        [c.posterior_to_prior_sd for c in free.values()],
+        color=colors,
+        width=0.7,
+    )
     axis.axhline(MAX_POSTERIOR_TO_PRIOR_SD, color="#808080", linewidth=1.0, linestyle=":")
     axis.set_xticks(range(len(free)), [_mathematical(name) for name in free])
     axis.set_ylim(0.0, 1.05)

@@ -1,18 +1,20 @@
 """HTML report of a campaign: one file that needs no network."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Any
 
 from ground.campaign import design_summary
 from ground.campaign.campaign_folder import CampaignFolder
+from ground.campaign.summary_file import CampaignSummary, DesignSummary, SteadyError
 from ground.live.monitor_view import ROWS
 from ground.report import charts, figures, tables, validation_figures
 from ground.report.figures import Figure
+from sysid.monitor import MonitorReport
+from sysid.monitor.sequential import RmsComparison
 
 TITLE = "Caribou: from first trial to precise control"
 _HERE = files("ground.report")
@@ -46,10 +48,10 @@ def write(folder: Path | CampaignFolder) -> Path:
 def _page(campaign: CampaignFolder) -> str:
     """Return the HTML of the report."""
     summary, model = campaign.summary, campaign.model
-    missions = figures.mission_figures(campaign, list(summary["tracking"]))
+    missions = figures.mission_figures(campaign, list(summary.tracking))
     steps = figures.step_figures(campaign)
-    analyses = {role: summary["design"][role] for role in ("initial", "redesigned")}
-    poles = {role: found["poles_radps"] for role, found in analyses.items()}
+    analyses = {"initial": summary.design.initial, "redesigned": summary.design.redesigned}
+    poles = {role: analysis.poles_radps for role, analysis in analyses.items()}
     responses, whiteness = (
         validation_figures.response_figures(campaign),
         validation_figures.whiteness_figures(campaign),
@@ -58,36 +60,36 @@ def _page(campaign: CampaignFolder) -> str:
     shown = (*missions, *steps, *responses, *predictions, *whiteness)
     drawn = {figure.key: charts.figure_chart(figure) for figure in shown}
     drawn |= {f"poles-{loop}": charts.poles_chart(poles, loop) for loop in poles["initial"]}
-    drawn["estimates"] = charts.estimates_chart(summary["model"]["coefficients"])
-    drawn["shrinks"] = charts.posterior_chart(summary["model"]["coefficients"])
+    drawn["estimates"] = charts.estimates_chart(summary.model.coefficients)
+    drawn["posterior"] = charts.posterior_chart(summary.model.coefficients)
     parts = {
         "title": escape(TITLE),
         "lead": _lead(summary),
-        "headline": _headline(summary["steady_error"]),
+        "headline": _headline(summary.steady_error),
         "missions": "".join(map(_figure, missions)),
         "steps": "".join(map(_figure, steps)),
         "poles": "".join(map(_poles, poles["initial"])),
         "table_1": tables.table_1(model),
-        "table_2": tables.table_2(summary["model"]),
-        "assessment": tables.verdict(model),
-        "criteria": tables.gates(model),
+        "table_2": tables.table_2(summary.model),
+        "assessment": tables.assessment(model),
+        "criteria": tables.checks(model),
         "validation_runs": tables.runs_table(model),
         "responses": "".join(map(_figure, responses)),
         "predictions": "".join(map(_figure, predictions)),
         "whiteness": "".join(map(_figure, whiteness)),
-        "table_3": tables.table_3(summary["gains"]),
+        "table_3": tables.table_3(summary.gains),
         "table_4": tables.table_4(
-            {role: found["shown_poles_radps"] for role, found in analyses.items()}
+            {role: analysis.visible_modes_radps for role, analysis in analyses.items()}
         ),
-        "table_5": tables.table_5(summary["steady_error"]),
-        "tracking": tables.tracking(summary["tracking"]),
+        "table_5": tables.table_5(summary.steady_error),
+        "tracking": tables.tracking(summary.tracking),
         "small_signal": tables.small_signal(model),
         "screening": tables.screening(model),
-        "specification": specification(summary["design"]),
+        "specification": specification(summary.design),
         "margins": tables.margins(analyses),
-        "reasons": reasons(summary["design"]),
-        "monitoring": monitoring(summary["kept"]),
-        "trims": ", ".join(f"{name} {value:g}°" for name, value in summary["trims"].items()),
+        "reasons": reasons(summary.design),
+        "monitoring": monitoring(summary.monitoring),
+        "trims": ", ".join(f"{name} {value:g}°" for name, value in summary.trims.items()),
         "speed": f"{model.speed_mps:g}",
         "asked": escape(campaign.asked),
         "footer": _footer(summary),
@@ -114,23 +116,23 @@ def render(parts: Mapping[str, str], drawn: Mapping[str, charts.Chart]) -> str:
     return Template(_text("page.html")).substitute({**parts, **resources})
 
 
-def _lead(summary: dict[str, Any]) -> str:
+def _lead(summary: CampaignSummary) -> str:
     """Return the summary of a campaign in one sentence."""
-    model = summary["model"]
+    model = summary.model
     return (
-        f"A prototype controller was flown, {model['runs_kept']} tests were run, the model was"
+        f"A prototype controller was flown, {model.runs_accepted} tests were run, the model was"
         " refitted to them, the gains were redesigned, and the missions were flown again:"
-        f" {summary['vehicle_s'] / 60:.0f} minutes at sea, {summary['wall_s']:.0f} seconds of"
+        f" {summary.vehicle_s / 60:.0f} minutes at sea, {summary.wall_s:.0f} seconds of"
         " computing."
     )
 
 
-def _headline(steady: dict[str, dict[str, float]]) -> str:
+def _headline(steady: Mapping[str, SteadyError]) -> str:
     """Return the boxes with the steady errors before and after the redesign."""
 
-    def box(what: str, key: str, show: Any) -> str:
+    def box(what: str, key: str, show: Callable[[float], str]) -> str:
         """Return the box of one error."""
-        was, now = show(steady["initial"][key]), show(steady["redesigned"][key])
+        was, now = (show(getattr(steady[name], key)) for name in ("initial", "redesigned"))
         return (
             f'<div><span class="what">{what}</span><br><span class="big"><span'
             f' class="was">{was}</span> → <span class="is">{now}</span></span><br><span'
@@ -160,11 +162,11 @@ def _poles(loop: str) -> str:
     )
 
 
-def _footer(summary: dict[str, Any]) -> str:
+def _footer(summary: CampaignSummary) -> str:
     """Return seed, number of messages and model of a campaign."""
     return (
-        f"Seed {summary['seed']}. {summary['messages']} MAVLink messages recorded,"
-        f" {summary['lost_frames']} lost. Model {summary['design']['model_sha256'][:12]}."
+        f"Seed {summary.seed}. {summary.messages} MAVLink messages recorded,"
+        f" {summary.lost_frames} lost. Model {summary.design.model_sha256[:12]}."
     )
 
 
@@ -181,7 +183,7 @@ def _text(name: str) -> str:
     return (_HERE / name).read_text(encoding="utf-8")
 
 
-def specification(design: Mapping[str, Any]) -> str:
+def specification(design: DesignSummary) -> str:
     """Return each limit of the specification with the value reached by the design."""
     rows = [
         [escape(row.limit), escape(row.asked), f"<b>{escape(row.reached)}</b>", escape(row.where)]
@@ -189,34 +191,31 @@ def specification(design: Mapping[str, Any]) -> str:
     ]
     note = (
         '<p class="note">Other limits that are met:'
-        f" {escape(design_summary.describe_other_limits(design['specification']))}.</p>"
+        f" {escape(design_summary.describe_other_limits(design.specification))}.</p>"
     )
     return tables.table(["", "asked", "reached", "at"], rows, "named prose") + note
 
 
-def reasons(design: Mapping[str, Any]) -> str:
+def reasons(design: DesignSummary) -> str:
     """Return each parameter of the redesign with its reason."""
     rows = [
-        [name, f"{value:.4g}", escape(design["reasons"][name])]
-        for name, value in design["gains"].items()
+        [name, f"{value:.4g}", escape(design.reasons[name])] for name, value in design.gains.items()
     ]
     return tables.table(["parameter", "value", "reason"], rows, "named prose")
 
 
-def monitoring(missions: Mapping[str, Mapping[str, Any]]) -> str:
+def monitoring(missions: Mapping[str, MonitorReport]) -> str:
     """Return measured and predicted rms errors of each mission in steady flight, and causes."""
     rows = []
     for mission, result in missions.items():
-        cells = [_measured_and_predicted(result["rms"].get(name)) for name in ROWS]
-        causes = "; ".join(cause["words"] for cause in result["causes"]) or (
-            "as predicted" if result["blocks"] else ""
+        cells = [_measured_and_predicted(result.rms.get(name)) for name in ROWS]
+        causes = "; ".join(cause.message for cause in result.causes) or (
+            "as predicted" if result.windows else ""
         )
-        rows.append(
-            [mission.replace("_", " "), f"{result['steady_s']:.0f} s", *cells, escape(causes)]
-        )
+        rows.append([mission.replace("_", " "), f"{result.steady_s:.0f} s", *cells, escape(causes)])
     return tables.table(["mission", "steady flight", *ROWS.values(), ""], rows, "named prose")
 
 
-def _measured_and_predicted(rms: Mapping[str, float] | None) -> str:
+def _measured_and_predicted(rms: RmsComparison | None) -> str:
     """Return the measured and, in brackets, the predicted rms as one cell."""
-    return "–" if rms is None else f"<b>{rms['measured']:.2f}</b> ({rms['predicted']:.2f})"
+    return "–" if rms is None else f"<b>{rms.measured:.2f}</b> ({rms.predicted:.2f})"

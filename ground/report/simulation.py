@@ -81,7 +81,7 @@ def format_text(summaries: Sequence[SimulationSummary], mission: str) -> Rendere
             heading(_title(summaries[0], mission)),
             _steady(summaries),
             *legs,
-            *map(verdict, summaries),
+            *map(describe_outcome, summaries),
         ],
         WIDTH,
     )
@@ -156,7 +156,7 @@ def _settled(leg: LegSummary, vehicles: int) -> str:
     return f"{settled}; {leg.unsettled} did not" if leg.unsettled else settled
 
 
-def verdict(summary: SimulationSummary) -> str:
+def describe_outcome(summary: SimulationSummary) -> str:
     """Return one line: how many vehicles diverged, broached or surfaced early."""
     parts = [f"{count} did not hold {what}" for what, count in summary.diverged.items()]
     parts += [f"{summary.broached} broached"] if summary.broached else []

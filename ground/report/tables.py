@@ -5,8 +5,10 @@ from html import escape
 from typing import Any
 
 from ground.campaign import design_summary
-from ground.campaign.identification import verdict_lines
+from ground.campaign.identification import assessment_lines, initial_error, refitted_error
+from ground.campaign.summary_file import LoopAnalysis, ModelSummary, SteadyError
 from sysid.models.model_file import IdentifiedModel
+from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.reproduction.paper_poles import dominant
 from sysid.reproduction.paper_poles import rows as computed_rows
 from sysid.reproduction.paper_tables import (
@@ -17,7 +19,7 @@ from sysid.reproduction.paper_tables import (
     TABLE_5_IMPROVED,
     TABLE_5_INITIAL,
 )
-from sysid.validation.results import Gate
+from sysid.validation.results import AcceptanceCheck
 
 _SUBSCRIPTS = {"dr": "δr", "de": "δe", "vdot": "v̇", "rdot": "ṙ", "wdot": "ẇ", "qdot": "q̇"}
 _LOOP_OF = {"heading": "Heading", "pitch": "Pitch to elevator", "depth": "Depth to pitch"}
@@ -57,30 +59,34 @@ def table_1(model: IdentifiedModel) -> str:
     rows = []
     for name, c in model.coefficients.items():
         sd = "–" if not c.sd else f"± {_short(c.sd)}"
-        shrink = "–" if c.shrink is None or not c.prior_sd else f"{c.shrink:.2f}"
+        sd_ratio = (
+            "–"
+            if c.posterior_to_prior_sd is None or not c.prior_sd
+            else f"{c.posterior_to_prior_sd:.2f}"
+        )
         paper = [_short(getattr(column, name)) for column in (TABLE_1_INITIAL, TABLE_1_ADJUSTED)]
         status = f'<span class="tag {c.status}">{c.status}</span>'
-        others = [_short(other.coefficients[name]) for other in model.beside]
+        others = [_short(other.coefficients[name]) for other in model.alternative_methods]
         rows.append(
             [
                 symbol(name),
                 *paper,
                 f"<b>{_short(c.value)}</b>",
                 sd,
-                shrink,
+                sd_ratio,
                 status,
                 *others,
                 escape(c.unit),
             ]
         )
-    methods = [_METHOD_NAMES.get(other.method, other.method) for other in model.beside]
+    methods = [_METHOD_NAMES.get(other.method, other.method) for other in model.alternative_methods]
     head = [
         "",
         "paper, initial",
         "paper, adjusted",
         "identified",
         "1 sd",
-        "shrink",
+        "sd/prior sd",
         "",
         *methods,
         "unit",
@@ -88,52 +94,47 @@ def table_1(model: IdentifiedModel) -> str:
     return table(head, rows)
 
 
-def table_2(model: Mapping[str, Any]) -> str:
+def table_2(model: ModelSummary) -> str:
     """Return the mean squared rate errors, (deg/s)^2, of all models on held-out runs."""
     paper = dict(zip(("yaw", "pitch"), TABLE_2.values(), strict=True))
     names = {"yaw": "rudder tests", "pitch": "elevator tests"}
     methods = {
-        _METHOD_NAMES.get(m, m): found["held_out_rate_error"]
-        for m, found in model["beside"].items()
+        _METHOD_NAMES.get(m, m): other.held_out_rate_error
+        for m, other in model.alternative_methods.items()
     }
     rows = [
         [
             names[plane],
             f"{paper[plane].initial:g}",
             f"{paper[plane].adjusted:g}",
-            _errors(pair, "initial"),
-            f"<b>{_errors(pair, 'refitted')}</b>",
-            *(_errors(errors[plane], "refitted") for errors in methods.values()),
+            initial_error(pair),
+            f"<b>{refitted_error(pair)}</b>",
+            *(refitted_error(errors[plane]) for errors in methods.values()),
         ]
-        for plane, pair in model["held_out_rate_error"].items()
+        for plane, pair in model.held_out_rate_error.items()
     ]
     return table(
         ["", "paper, initial", "paper, improved", "initial model", "refitted model", *methods], rows
     )
 
 
-def _errors(pair: Mapping[str, float], which: str) -> str:
-    """Return the error over whole runs and, in brackets, over their first ten seconds."""
-    return f"{pair[f'{which}_model_deg2ps2']:.3f} ({pair[f'opening_{which}_model_deg2ps2']:.3f})"
-
-
-def verdict(model: IdentifiedModel) -> str:
+def assessment(model: IdentifiedModel) -> str:
     """Return the assessment of the model, its reasons and the next test, as paragraphs."""
-    first, *others = (escape(line.strip()) for line in verdict_lines(model))
+    first, *others = (escape(line.strip()) for line in assessment_lines(model))
     lead = f'<p class="lead">{first.capitalize().rstrip(":")}.</p>'
     return lead + "".join(f"<p>{line[:1].upper()}{line[1:]}</p>" for line in others)
 
 
-def gates(model: IdentifiedModel) -> str:
+def checks(model: IdentifiedModel) -> str:
     """Return each acceptance criterion with its value per plane, its limit and its result."""
-    if model.verdict is None:
+    if model.assessment is None:
         return ""
     rows = []
-    for name in dict.fromkeys(gate.name for gate in model.verdict.gates):
-        same = [gate for gate in model.verdict.gates if gate.name == name]
-        cells = {gate.plane or "yaw": _figure(gate) for gate in same}
+    for name in dict.fromkeys(check.name for check in model.assessment.checks):
+        same = [check for check in model.assessment.checks if check.name == name]
+        cells = {check.plane or "yaw": _figure(check) for check in same}
         limit = f"{same[0].sense} {same[0].limit:.3g} {same[0].unit}"
-        missed = [gate for gate in same if not gate.passed]
+        missed = [check for check in same if not check.passed]
         kind = "measured" if not missed else "prior" if missed[0].required else ""
         result = "passed" if not missed else "failed" if missed[0].required else "remark"
         tag = f'<span class="tag {kind}">{result}</span>'
@@ -143,8 +144,8 @@ def gates(model: IdentifiedModel) -> str:
     return table(["criterion", "yaw", "pitch", "limit", ""], rows)
 
 
-def _figure(gate: Gate) -> str:
-    return "not known" if gate.value is None else f"{gate.value:.3g}"
+def _figure(check: AcceptanceCheck) -> str:
+    return "not known" if check.value is None else f"{check.value:.3g}"
 
 
 def runs_table(model: IdentifiedModel) -> str:
@@ -249,7 +250,7 @@ def table_4(poles: Mapping[str, Any]) -> str:
     return table(["loop", "model, gains", "paper", "ours", "damping, paper", "ours"], rows, "named")
 
 
-def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
+def table_5(steady: Mapping[str, SteadyError]) -> str:
     """Return the steady errors of the straight run, 95 % bounds."""
     units = {"heading_deg": "°", "pitch_deg": "°", "depth_m": " m"}
     rows = [
@@ -258,8 +259,8 @@ def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
             f"± {getattr(TABLE_5_INITIAL, key):g}{unit}",
             f"± {getattr(TABLE_5_IMPROVED, key):g}{unit}",
             *(
-                _strong([f"± {found[key]:.2f}{unit}"], name == "redesigned")[0]
-                for name, found in steady.items()
+                _strong([f"± {getattr(errors, key):.2f}{unit}"], name == "redesigned")[0]
+                for name, errors in steady.items()
             ),
         ]
         for key, unit in units.items()
@@ -283,15 +284,19 @@ def small_signal(model: IdentifiedModel) -> str:
     return table(["plane", "quantity", "value", "1 sd", "unit"], rows, "named")
 
 
-def margins(analyses: Mapping[str, Any]) -> str:
+def margins(analyses: Mapping[str, LoopAnalysis]) -> str:
     """Return the stability margins at each cut, whether the specification limits it or not."""
     rows = []
-    for cut in analyses["redesigned"]["margins"]:
+    for cut in analyses["redesigned"].margins:
         name = cut if cut in design_summary.LIMITED_CUTS else f"{cut}, not limited"
         for role in ("initial", "redesigned"):
-            m = analyses[role]["margins"][cut]
-            numbers = [_number(m["gm_db"], 1), _number(m["pm_deg"], 0), _number(m["ms"], 2)]
-            numbers.append(_number(m["crossover_radps"], 2))
+            m = analyses[role].margins[cut]
+            numbers = [
+                _number(m.gm_db, 1),
+                _number(m.pm_deg, 0),
+                _number(m.max_sensitivity, 2),
+            ]
+            numbers.append(_number(m.crossover_radps, 2))
             cells = _strong(numbers, role == "redesigned")
             rows.append([name if role == "initial" else "", role, *cells])
     return table(
@@ -313,7 +318,7 @@ def screening(model: IdentifiedModel) -> str:
         )
         use = (
             '<span class="tag measured">fitted</span>'
-            if run.kept
+            if run.accepted
             else '<span class="tag prior">rejected</span>'
         )
         reasons = escape("; ".join((*run.reasons, *run.warnings)))
@@ -339,22 +344,22 @@ def screening(model: IdentifiedModel) -> str:
     )
 
 
-def tracking(missions: Mapping[str, Mapping[str, Any]]) -> str:
+def tracking(missions: Mapping[str, Mapping[str, TrackingMetrics]]) -> str:
     """Return the steady errors of every leg of every mission, 95 % bounds."""
     rows = []
     for mission, sets in missions.items():
         for number, windows in enumerate(
-            zip(*(found["windows"] for found in sets.values()), strict=False)
+            zip(*(metrics.windows for metrics in sets.values()), strict=False)
         ):
             errors = (
-                [window[e]["p95"] for window in windows]
+                [getattr(window, e).p95 for window in windows]
                 for e in ("heading_deg", "pitch_deg", "depth_m")
             )
             cells = [
                 " → ".join((*(f"{p95:.2f}" for p95 in before), f"<b>{now:.2f}</b>"))
                 for *before, now in errors
             ]
-            window = f"{windows[-1]['start_s']:.0f}–{windows[-1]['stop_s']:.0f} s"
+            window = f"{windows[-1].start_s:.0f}–{windows[-1].stop_s:.0f} s"
             rows.append([mission.replace("_", " ") if number == 0 else "", window, *cells])
     return table(
         ["mission", "steady window", "heading, °", "pitch about its mean, °", "depth, m"],

@@ -35,7 +35,7 @@ def response_figures(campaign: CampaignFolder) -> list[Figure]:
     return [
         _response(model, plane, campaign.prior_config)
         for plane, validation in model.validation.items()
-        if validation.overlay
+        if validation.frequency_response
     ]
 
 
@@ -60,9 +60,10 @@ def whiteness_figures(campaign: CampaignFolder) -> list[Figure]:
 
 def _response(model: IdentifiedModel, plane: Plane, prior: Any) -> Figure:
     """Draw the response from surface command to rate, measured and by both models."""
-    overlay, crossing = model.validation[plane].overlay, model.validation[plane].crossover
-    assert overlay is not None
-    w, points = GRID_RADPS, np.array(overlay.frequency_radps)
+    validation = model.validation[plane]
+    measurement, crossing = validation.frequency_response, validation.crossover
+    assert measurement is not None
+    w, points = GRID_RADPS, np.array(measurement.frequency_radps)
     shown = (w >= points[0] / 1.3) & (w <= points[-1] * 1.3)
     estimate = uncertain_vehicle(model, prior)
     refitted = crossover.response(estimate.vehicle(estimate.z), plane)[shown]
@@ -82,9 +83,9 @@ def _response(model: IdentifiedModel, plane: Plane, prior: Any) -> Figure:
         key=f"response-{plane}",
         title=f"{motion.capitalize()} rate over {surface} command",
         note=(
-            f"From {len(overlay.runs)} sweep runs; bars and band: 95 %. Dotted line: crossover with"
-            " the gains of the tests. Shaded: coherence below 0.6."
-            f" Mismatch cost {overlay.mismatch_cost or 0:.0f}."
+            f"From {len(measurement.runs)} sweep runs; bars and band: 95 %. Dotted line: crossover"
+            " with the gains of the tests. Shaded: coherence below 0.6."
+            f" Mismatch cost {measurement.mismatch_cost or 0:.0f}."
         ),
         x_label="rad/s",
         panels=(
@@ -94,7 +95,7 @@ def _response(model: IdentifiedModel, plane: Plane, prior: Any) -> Figure:
                 (
                     line("initial model", "initial", _db(initial)),
                     line("refitted model", "redesigned", _db(refitted), gain_sd),
-                    measured(overlay.gain_db, overlay.gain_sd_db),
+                    measured(measurement.gain_db, measurement.gain_sd_db),
                 ),
             ),
             Panel(
@@ -103,21 +104,21 @@ def _response(model: IdentifiedModel, plane: Plane, prior: Any) -> Figure:
                 (
                     line("initial model", "initial", _degrees(initial)),
                     line("refitted model", "redesigned", _degrees(refitted), phase_sd),
-                    measured(overlay.phase_deg, overlay.phase_sd_deg),
+                    measured(measurement.phase_deg, measurement.phase_sd_deg),
                 ),
             ),
             Panel(
                 "coherence",
                 "",
                 (
-                    Curve("coherence", "measured", points, np.array(overlay.coherence)),
+                    Curve("coherence", "measured", points, np.array(measurement.coherence)),
                     Curve("limit", "set_point", points, np.full(points.size, 0.6)),
                 ),
                 (0.0, 1.05),
             ),
         ),
         log_x=True,
-        shaded=_incoherent_intervals(points, np.array(overlay.coherence)),
+        shaded=_incoherent_intervals(points, np.array(measurement.coherence)),
         upright=crossing.crossover_radps if crossing else None,
     )
 

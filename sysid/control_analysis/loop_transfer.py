@@ -73,7 +73,7 @@ class Margins(NamedTuple):
     """Smallest destabilising gain factor, up or down (dB); infinite if there is none."""
     pm_deg: float
     """Smallest phase margin over all crossings of unit gain (deg); infinite without a crossing."""
-    ms: float
+    max_sensitivity: float
     """Largest sensitivity, max |1 / (1 + L)|."""
     crossover_radps: float
     """Highest frequency of unit gain (rad/s); NaN without a crossing."""
@@ -268,7 +268,7 @@ def margins(loop: ComplexArray) -> Margins:
     return Margins(
         gm_db=20.0 * min(log_gain_margins, default=math.inf) / math.log(10.0),
         pm_deg=math.degrees(min(phase_margins_rad, default=math.inf)),
-        ms=1.0 / float(np.min(np.abs(1.0 + loop))),
+        max_sensitivity=1.0 / float(np.min(np.abs(1.0 + loop))),
         crossover_radps=_interpolate(GRID_RADPS, unit_crossings[-1])
         if unit_crossings
         else math.nan,

@@ -28,12 +28,17 @@ class Bounds(NamedTuple):
     damping: float
     gm_db: float
     pm_deg: float
-    ms: float
+    max_sensitivity: float
 
 
 def nominal(spec: Spec) -> Bounds:
     """Return the bounds that a specification sets for the nominal model."""
-    return Bounds(damping=spec.damping, gm_db=spec.gm_db, pm_deg=spec.pm_deg, ms=spec.ms)
+    return Bounds(
+        damping=spec.damping,
+        gm_db=spec.gm_db,
+        pm_deg=spec.pm_deg,
+        max_sensitivity=spec.max_sensitivity,
+    )
 
 
 def margin_violations(
@@ -59,7 +64,7 @@ def margin_violations(
     return {
         f"gain margin at the {name}": 1.0 - achieved.gm_db / bounds.gm_db,
         f"phase margin at the {name}": 1.0 - achieved.pm_deg / bounds.pm_deg,
-        f"sensitivity at the {name}": achieved.ms / bounds.ms - 1.0,
+        f"sensitivity at the {name}": achieved.max_sensitivity / bounds.max_sensitivity - 1.0,
     }
 
 
@@ -103,12 +108,12 @@ def load_violation(
     name : str
         Name of the loop.
     spec : Spec
-        `finish_s` (s) and `finish_left`.
+        `integral_settling_s` (s) and `integral_residual`.
 
     Returns
     -------
     dict
-        residual / finish_left - 1.
+        residual / integral_residual - 1.
 
     Notes
     -----
@@ -116,12 +121,12 @@ def load_violation(
 
         x_k(t) = sum_i V_ki (V^-1 b)_i (exp(lambda_i t) - 1) / lambda_i
 
-    The residual is max |x_k| after `finish_s`, divided by max |x_k| overall.
+    The residual is max |x_k| after `integral_settling_s`, divided by max |x_k| overall.
     """
     load = np.zeros(modes.values.size, dtype=np.complex128)
     load[: surface.size] = surface
     shares = modes.right[state] * np.linalg.solve(modes.right, load) / modes.values
-    times = np.arange(0.0, LOAD_RESPONSE_TIMES * spec.finish_s, STEP_S)
+    times = np.arange(0.0, LOAD_RESPONSE_TIMES * spec.integral_settling_s, STEP_S)
     response = np.abs(((np.exp(np.outer(times, modes.values)) - 1.0) @ shares).real)
-    residual = float(np.max(response[int(spec.finish_s / STEP_S) :]) / np.max(response))
-    return {f"residual of a load in the {name} loop": residual / spec.finish_left - 1.0}
+    residual = float(np.max(response[int(spec.integral_settling_s / STEP_S) :]) / np.max(response))
+    return {f"residual of a load in the {name} loop": residual / spec.integral_residual - 1.0}

@@ -14,7 +14,7 @@ Stability = Callable[[DesignModel, Gains, Bounds], ConstraintViolation]
 """Function that returns the constraint violations of one plane's loops."""
 
 UNLIMITED = float("inf")
-RELAXED = Bounds(damping=0.5, gm_db=5.0, pm_deg=40.0, ms=UNLIMITED)
+RELAXED = Bounds(damping=0.5, gm_db=5.0, pm_deg=40.0, max_sensitivity=UNLIMITED)
 """Relaxed bounds that are reported in addition to the specification's."""
 
 
@@ -32,7 +32,10 @@ def min_bounds(spec: Spec) -> Bounds:
         Least damping ratio, gain margin (dB) and phase margin (deg); the sensitivity is unbounded.
     """
     return Bounds(
-        damping=spec.damping, gm_db=spec.least_gm_db, pm_deg=spec.least_pm_deg, ms=UNLIMITED
+        damping=spec.damping,
+        gm_db=spec.robust_gm_db,
+        pm_deg=spec.robust_pm_deg,
+        max_sensitivity=UNLIMITED,
     )
 
 

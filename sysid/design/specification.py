@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.margins import Analysis
+from sysid.json_record import JsonRecord
 from sysid.monitor.performance_spec import PerformanceBaseline, encode
 
 
@@ -14,7 +15,7 @@ class DesignInfeasibleError(OperationError):
     code = ErrorCode.DESIGN_INFEASIBLE
 
 
-class Spec(NamedTuple):
+class Spec(JsonRecord, frozen=True):
     """Limits of a design; every field can be set by the user."""
 
     damping: float = 0.6
@@ -23,22 +24,22 @@ class Spec(NamedTuple):
     """Minimum gain margin of the nominal model (dB)."""
     pm_deg: float = 55.0
     """Minimum phase margin of the nominal model (deg)."""
-    ms: float = 1.6
+    max_sensitivity: float = 1.6
     """Maximum sensitivity of the nominal model.
 
     Margins and sensitivity apply at four cuts: rudder, heading error, elevator and depth error. The
     pitch error is not limited.
     """
-    least_gm_db: float = 6.0
+    robust_gm_db: float = 6.0
     """Minimum gain margin of the sampled vehicles at the same cuts (dB)."""
-    least_pm_deg: float = 45.0
+    robust_pm_deg: float = 45.0
     """Minimum phase margin of the sampled vehicles (deg); `damping` applies to them as well."""
-    probability: float = 0.5
+    robust_fraction: float = 0.5
     """Minimum share of sampled vehicles that meet these limits; below it a design is infeasible."""
-    finish_s: float = 30.0
+    integral_settling_s: float = 30.0
     """Time (s) after which a constant load must be compensated."""
-    finish_left: float = 0.15
-    """Largest residual error after `finish_s`, as a share of the load's largest error."""
+    integral_residual: float = 0.15
+    """Maximum residual error after `integral_settling_s`, as a share of its largest value."""
     heading_step_deg: float = 20.0
     """Change of heading (deg) in which the rudder must stay within the travel left by its bias."""
     travel_deg: float = 15.0
@@ -49,7 +50,7 @@ class Spec(NamedTuple):
     """Change of depth (m) for which the overshoot is limited."""
     depth_overshoot: float = 0.10
     """Maximum overshoot, as a share of `depth_step_m`."""
-    pitch_rms_growth: float = 1.25
+    pitch_rms_ratio: float = 1.25
     """Maximum pitch rms under disturbance, relative to the initial gains."""
     pitch_per_metre_deg: float = 18.0
     """Maximum pitch command per metre of depth error (deg/m).
@@ -64,7 +65,7 @@ class Spec(NamedTuple):
     """
 
 
-class Response(NamedTuple):
+class Response(JsonRecord, frozen=True):
     """Predicted response to the identified disturbance, one standard deviation of each signal."""
 
     heading_deg: float
@@ -74,7 +75,7 @@ class Response(NamedTuple):
     elevator_deg: float
 
 
-class DesignRobustness(NamedTuple):
+class DesignRobustness(JsonRecord, frozen=True):
     """Shares of the sampled vehicles that meet the limits."""
 
     specification: float

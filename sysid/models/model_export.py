@@ -185,7 +185,7 @@ def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) 
 def _coefficients(fit: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coefficient]:
     """Return Table 1's coefficients with their standard deviations and status."""
     # Ratio: sd(value) = |value - added| prior_sd sd(z), where added is the added inertia of I_zz
-    # or I_yy, and 0 for the others. shrink = posterior over prior sd of z.
+    # or I_yy, and 0 for the others. sd_ratio = posterior over prior sd of z.
     before, after = (
         parameters.to_table_1_column(prior.config.linear),
         parameters.to_table_1_column(fit.vehicle.config.linear),
@@ -199,7 +199,7 @@ def _coefficients(fit: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coe
                 sd=0.0,
                 prior=first,
                 prior_sd=0.0,
-                shrink=1.0,
+                posterior_to_prior_sd=1.0,
                 status="prior",
                 unit=unit,
             )
@@ -208,10 +208,10 @@ def _coefficients(fit: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coe
         parameter = PARAMETERS[i]
         added = getattr(after, INERTIAS[name]) if name in INERTIAS else 0.0
         sd, prior_sd = math.sqrt(fit.covariance[i, i]), math.sqrt(prior.covariance[i, i])
-        shrink = sd / prior_sd
+        sd_ratio = sd / prior_sd
         status: Status = (
             "measured"
-            if shrink <= MAX_POSTERIOR_TO_PRIOR_SD and parameter.planes[0] in measured
+            if sd_ratio <= MAX_POSTERIOR_TO_PRIOR_SD and parameter.planes[0] in measured
             else "prior"
         )
         report[name] = Coefficient(
@@ -219,7 +219,7 @@ def _coefficients(fit: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coe
             sd=abs(value - added) * parameter.prior_sd * sd,
             prior=first,
             prior_sd=abs(first - added) * parameter.prior_sd * prior_sd,
-            shrink=shrink,
+            posterior_to_prior_sd=sd_ratio,
             status=status,
             unit=unit,
         )
@@ -356,7 +356,7 @@ def from_paper(plane_fits: dict[Plane, PlaneFit], prior: Prior, prior_name: str)
                 sd=None,
                 prior=getattr(before, name),
                 prior_sd=0.0,
-                shrink=None,
+                posterior_to_prior_sd=None,
                 status="unidentifiable" if name in free or name in INERTIAS else "prior",
                 unit=str(getattr(UNITS, name)),
             )

@@ -13,9 +13,10 @@ import msgspec
 
 from mavlink_io.errors import ErrorCode, InputError
 from sysid.data.segments import Plane
+from sysid.json_record import JsonRecord
 from sysid.validation.results import ModelAssessment, PlaneValidation
 
-FORMAT = 2
+FORMAT = 3
 Method = Literal["map", "paper", "output-error", "filter-error"]
 Status = Literal["measured", "prior", "unidentifiable"]
 MAX_POSTERIOR_TO_PRIOR_SD = 0.8
@@ -28,11 +29,7 @@ class ModelError(InputError):
     code = ErrorCode.MODEL_FILE
 
 
-class ModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Record of the model file; unknown keys are errors."""
-
-
-class ParameterEstimate(ModelRecord, frozen=True):
+class ParameterEstimate(JsonRecord, frozen=True):
     """Estimated value with its standard deviation."""
 
     value: float
@@ -40,7 +37,7 @@ class ParameterEstimate(ModelRecord, frozen=True):
     """Standard deviation; null where the data do not determine the value."""
 
 
-class Coefficient(ModelRecord, frozen=True):
+class Coefficient(JsonRecord, frozen=True):
     """Physical coefficient in the paper's axes (x forward, y port, z up), SI units and radians."""
 
     value: float
@@ -49,13 +46,13 @@ class Coefficient(ModelRecord, frozen=True):
     prior: float
     """Prior value."""
     prior_sd: float
-    shrink: float | None
+    posterior_to_prior_sd: float | None
     """Posterior over prior standard deviation; 1 means that the data give no information."""
     status: Status
     unit: str
 
 
-class PlaneModel(ModelRecord, frozen=True):
+class PlaneModel(JsonRecord, frozen=True):
     """One plane at the model's speed, in MAVLink's axes: a positive angle gives a positive rate.
 
     Rate over duct angle is (b1 s + b0)/(s^2 + a1 s + a0), with poles p_fast and p_slow and static
@@ -74,7 +71,7 @@ class PlaneModel(ModelRecord, frozen=True):
     """True duct angle at a command of zero."""
 
 
-class ParameterCovariance(ModelRecord, frozen=True):
+class ParameterCovariance(JsonRecord, frozen=True):
     """Covariance of several estimates."""
 
     names: tuple[str, ...]
@@ -82,7 +79,7 @@ class ParameterCovariance(ModelRecord, frozen=True):
     """Rows and columns in the order of ``names``, in the product of their units."""
 
 
-class NoiseModel(ModelRecord, frozen=True):
+class NoiseModel(JsonRecord, frozen=True):
     """Disturbance and sensor noise of one plane; standard deviations."""
 
     slow_accel_degps2: float
@@ -96,7 +93,7 @@ class NoiseModel(ModelRecord, frozen=True):
     force_noise_mps15: float
 
 
-class DataFile(ModelRecord, frozen=True):
+class DataFile(JsonRecord, frozen=True):
     """Log that was used for the estimate."""
 
     name: str
@@ -104,7 +101,7 @@ class DataFile(ModelRecord, frozen=True):
     """SHA-256 of the log's messages and parameters (``dataset.Log.sha256``), not of the file."""
 
 
-class AnomalyTest(ModelRecord, frozen=True):
+class AnomalyTest(JsonRecord, frozen=True):
     """Most likely anomaly of one kind in a run, assuming no anomaly in the model and other runs.
 
     See `sysid.screening.score_test`.
@@ -124,7 +121,7 @@ class AnomalyTest(ModelRecord, frozen=True):
     """Time since the start of the test; null for an anomaly during the whole run."""
 
 
-class ScreenedRun(ModelRecord, frozen=True):
+class ScreenedRun(JsonRecord, frozen=True):
     """Result of the screening of one run."""
 
     run: str
@@ -132,7 +129,7 @@ class ScreenedRun(ModelRecord, frozen=True):
     wave: str
     magnitude_deg: float
     duration_s: float
-    kept: bool
+    accepted: bool
     """True if the run is used for the estimate."""
     reasons: tuple[str, ...]
     """Reasons for the rejection of the run."""
@@ -149,7 +146,7 @@ class ScreenedRun(ModelRecord, frozen=True):
     """Anomalies, the most likely first."""
 
 
-class Shift(ModelRecord, frozen=True):
+class Shift(JsonRecord, frozen=True):
     """Change of a design number by the rejection of runs."""
 
     plane: Plane
@@ -163,7 +160,7 @@ class Shift(ModelRecord, frozen=True):
     """Change in standard deviations of ``value``."""
 
 
-class RunQuality(ModelRecord, frozen=True):
+class RunQuality(JsonRecord, frozen=True):
     """Mean squared rate errors of one run after its start, (deg/s)^2, as in the paper's Table 2."""
 
     run: str
@@ -182,7 +179,7 @@ class RunQuality(ModelRecord, frozen=True):
     """1 - var(error)/var(rate) of the model."""
 
 
-class Joint(ModelRecord, frozen=True):
+class Joint(JsonRecord, frozen=True):
     """Joint estimate of both planes in terms of z, the prior standard deviations from the prior."""
 
     names: tuple[str, ...]
@@ -200,7 +197,7 @@ class Joint(ModelRecord, frozen=True):
     """Condition number of the data's information matrix; null where it is singular."""
 
 
-class Convergence(ModelRecord, frozen=True):
+class Convergence(JsonRecord, frozen=True):
     """Convergence of the estimate."""
 
     cost: float
@@ -217,7 +214,7 @@ class Convergence(ModelRecord, frozen=True):
     Such a file is written only on request (``--force``)."""
 
 
-class VehicleRecord(ModelRecord, frozen=True):
+class VehicleRecord(JsonRecord, frozen=True):
     """Data for the simulation of the identified vehicle, in addition to the prior vehicle."""
 
     prior: str
@@ -235,7 +232,7 @@ class VehicleRecord(ModelRecord, frozen=True):
     """Pitch of level motion, positive nose up."""
 
 
-class AlternativeFit(ModelRecord, frozen=True):
+class AlternativeFit(JsonRecord, frozen=True):
     """Fit of the same runs by another method, for comparison."""
 
     method: Method
@@ -246,7 +243,7 @@ class AlternativeFit(ModelRecord, frozen=True):
     held_out: tuple[RunQuality, ...]
 
 
-class IdentifiedModel(ModelRecord, frozen=True):
+class IdentifiedModel(JsonRecord, frozen=True):
     """Content of ``model.json``."""
 
     format: int
@@ -269,16 +266,16 @@ class IdentifiedModel(ModelRecord, frozen=True):
     notes: tuple[str, ...]
     held_out_data: tuple[DataFile, ...] = ()
     held_out_screening: tuple[ScreenedRun, ...] = ()
-    left_out_moved: tuple[Shift, ...] = ()
+    dropped_run_influence: tuple[Shift, ...] = ()
     """Changes of numbers in ``planes`` by the rejection of anomalous runs; empty without any."""
-    design: dict[Plane, ParameterCovariance] = {}
+    design: dict[Plane, ParameterCovariance] = msgspec.field(default_factory=dict)
     """Covariance of the numbers in ``planes``, each in its unit; empty if the method gives none."""
-    validation: dict[Plane, PlaneValidation] = {}
-    verdict: ModelAssessment | None = None
+    validation: dict[Plane, PlaneValidation] = msgspec.field(default_factory=dict)
+    assessment: ModelAssessment | None = None
     """Null for a model without assessment: one made by the library, not from logs."""
-    beside: tuple[AlternativeFit, ...] = ()
+    alternative_methods: tuple[AlternativeFit, ...] = ()
     """Fits by other methods, for comparison."""
-    versions: dict[str, str] = {}
+    versions: dict[str, str] = msgspec.field(default_factory=dict)
     """Versions of the packages; the same logs and versions give the same bytes."""
 
 

@@ -1,43 +1,40 @@
 """Performance monitoring: compare steady flight with the predictions of the gains file.
 
-Steady flight is cut into blocks, sequential tests accumulate evidence over blocks, and alarms are
+Steady flight is cut into windows, sequential tests accumulate evidence over windows, and alarms are
 assigned to likely causes. The module is pure: a log or recent telemetry in, a report out. The
 performance baseline is the header of ``gains.param`` (`sysid.monitor.performance_spec`). Dives,
 simulations and old logs are treated alike.
 """
 
-from typing import NamedTuple
-
 from sysid.data.dataset import Log
+from sysid.json_record import JsonRecord
 from sysid.monitor import causes, sequential
-from sysid.monitor.blocks import Block, BlockCutter, sample
 from sysid.monitor.causes import Cause
 from sysid.monitor.performance_spec import PerformanceBaseline
-from sysid.monitor.sequential import Sums
+from sysid.monitor.sequential import RmsComparison, Sums
+from sysid.monitor.windows import MonitorWindow, WindowCutter, sample
 
-__all__ = ["Block", "Cause", "Monitor", "MonitorReport", "monitor_log"]
+__all__ = ["Cause", "Monitor", "MonitorReport", "MonitorWindow", "monitor_log"]
 
 SPEED_TOLERANCE = 0.1
-"""Largest relative deviation of a block's thrust: the baseline holds at one speed."""
+"""Largest relative deviation of a window's thrust: the baseline holds at one speed."""
 
 
-class MonitorReport(NamedTuple):
+class MonitorReport(JsonRecord, frozen=True):
     """Result of monitoring up to now."""
 
-    blocks: int
-    """Number of evaluated blocks of steady flight."""
+    windows: int
+    """Number of evaluated windows of steady flight."""
     steady_s: float
-    errors: dict[str, tuple[float, float]]
-    """Measured rms about the predicted mean, and predicted rms, by quantity."""
+    """Duration of these windows."""
+    rms: dict[str, RmsComparison]
+    """Measured and predicted rms by quantity; empty without a window."""
     causes: tuple[Cause, ...]
     """Likely causes of a deviation; empty while performance is as predicted."""
-    found_s: float | None
+    detected_at_s: float | None
     """Vehicle time of the first alarm (s); None without alarm."""
-
-    @property
-    def refit_due(self) -> bool:
-        """Whether a cause requires new tests and a refit."""
-        return any(cause.refit_due for cause in self.causes)
+    refit_recommended: bool
+    """Whether a cause requires new tests and a refit."""
 
 
 class Monitor:
@@ -51,11 +48,11 @@ class Monitor:
 
     def __init__(self, baseline: PerformanceBaseline) -> None:
         self._baseline = baseline
-        self._cutter = BlockCutter(baseline)
+        self._cutter = WindowCutter(baseline)
         self._sums: Sums = sequential.initial_sums(baseline)
-        self._blocks: list[Block] = []
+        self._windows: list[MonitorWindow] = []
         self._causes: tuple[Cause, ...] = ()
-        self._found_s: float | None = None
+        self._detected_at_s: float | None = None
         self._until_s: float | None = None
 
     def take(self, log: Log, until_s: float) -> None:
@@ -71,33 +68,36 @@ class Monitor:
         rows = sample(log, self._until_s, until_s)
         if len(rows):
             self._until_s = float(rows[-1].time_s)
-        for block in self._cutter.take(rows):
-            if abs(block.thrust - self._baseline.thrust) <= SPEED_TOLERANCE * abs(
+        for window in self._cutter.take(rows):
+            if abs(window.thrust - self._baseline.thrust) <= SPEED_TOLERANCE * abs(
                 self._baseline.thrust
             ):
-                self._evaluate(block)
+                self._evaluate(window)
 
     def interrupt(self) -> None:
-        """Discard the block in progress after the vehicle clock restarted; results are kept."""
-        self._cutter, self._until_s = BlockCutter(self._baseline), None
+        """Discard the window in progress after the vehicle clock restarted; results are kept."""
+        self._cutter, self._until_s = WindowCutter(self._baseline), None
 
     def report(self) -> MonitorReport:
         """Return the result up to now."""
         return MonitorReport(
-            blocks=len(self._blocks),
-            steady_s=sum(block.stop_s - block.start_s for block in self._blocks),
-            errors=sequential.errors(self._baseline, self._blocks),
+            windows=len(self._windows),
+            steady_s=sum((window.stop_s - window.start_s for window in self._windows), 0.0),
+            rms=sequential.rms(self._baseline, self._windows),
             causes=self._causes,
-            found_s=self._found_s,
+            detected_at_s=self._detected_at_s,
+            refit_recommended=any(cause.refit_recommended for cause in self._causes),
         )
 
-    def _evaluate(self, block: Block) -> None:
-        """Update the tests with one block."""
-        self._blocks.append(block)
-        self._sums = sequential.update(self._baseline, self._sums, block)
+    def _evaluate(self, window: MonitorWindow) -> None:
+        """Update the tests with one window."""
+        self._windows.append(window)
+        self._sums = sequential.update(self._baseline, self._sums, window)
         if sequential.has_alarm(self._sums):
-            self._found_s = block.stop_s if self._found_s is None else self._found_s
-        if self._found_s is not None:
+            self._detected_at_s = (
+                window.stop_s if self._detected_at_s is None else self._detected_at_s
+            )
+        if self._detected_at_s is not None:
             self._causes = causes.likely_causes(self._baseline, self._sums) or self._causes
 
 

@@ -1,8 +1,8 @@
 """Likely causes of a deviation from the predicted performance, and the recommended action."""
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
 
+from sysid.json_record import JsonRecord
 from sysid.monitor import sequential
 from sysid.monitor.performance_spec import PerformanceBaseline
 from sysid.monitor.sequential import Sums
@@ -16,7 +16,7 @@ _HELD = ("heading_deg", "depth_m")
 """Quantities whose mean an integrator keeps at the set-point."""
 
 
-class Cause(NamedTuple):
+class Cause(JsonRecord, frozen=True):
     """One likely cause."""
 
     name: str
@@ -25,9 +25,9 @@ class Cause(NamedTuple):
     One of: rudder, ballast, elevator, integrator, heading loop, pitch loop, rudder noise, elevator
     noise, sea.
     """
-    words: str
+    message: str
     """Measured deviation and recommended action."""
-    refit_due: bool
+    refit_recommended: bool
     """Whether the cause requires new tests and a refit."""
 
 
@@ -98,7 +98,7 @@ def _causes_from_integrators(shifts: Mapping[str, float]) -> Iterator[Cause]:
         message = (
             f"{' and '.join(deviations)} on average: an integrator is at its limit; check the trims"
         )
-        yield Cause("integrator", message, refit_due=False)
+        yield Cause("integrator", message, refit_recommended=False)
 
 
 def _causes_from_spreads(sums: Sums) -> Iterator[Cause]:
@@ -107,7 +107,7 @@ def _causes_from_spreads(sums: Sums) -> Iterator[Cause]:
     disturbed = []
     for plane, surface in _PLANES.items():
         resonance, total = (
-            increased.get(f"{plane}_swing_deg", 0.0),
+            increased.get(f"{plane}_resonance_deg", 0.0),
             all_ratios.get(f"{plane}_deg", 1.0),
         )
         if resonance > RESONANCE_GROWTH * total:
@@ -116,7 +116,9 @@ def _causes_from_spreads(sums: Sums) -> Iterator[Cause]:
                 " times in total"
             )
             yield Cause(
-                f"{plane} loop", f"{message}: less damping than designed; refit", refit_due=True
+                f"{plane} loop",
+                f"{message}: less damping than designed; refit",
+                refit_recommended=True,
             )
         elif f"{surface}_deg" in increased and f"{plane}_deg" not in all_ratios:
             message = (
@@ -126,7 +128,7 @@ def _causes_from_spreads(sums: Sums) -> Iterator[Cause]:
             yield Cause(
                 f"{surface} noise",
                 f"{message}: other gains are set, or the gyro noise has increased",
-                refit_due=False,
+                refit_recommended=False,
             )
         elif f"{plane}_deg" in increased:
             disturbed.append(f"{plane} {total:.1f} times")
@@ -139,5 +141,5 @@ def _causes_from_spreads(sums: Sums) -> Iterator[Cause]:
             "sea",
             f"disturbance larger than identified: {message}; slightly reduced damping has the same"
             " effect",
-            refit_due=False,
+            refit_recommended=False,
         )

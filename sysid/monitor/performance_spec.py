@@ -1,6 +1,6 @@
 """Performance baseline: header of a ``gains.param``, written by a design and read for monitoring.
 
-The header is TOML behind ``# ``, from the line ``# caribou gains 1`` to the first parameter; other
+The header is TOML behind ``# ``, from the line ``# caribou gains 2`` to the first parameter; other
 readers of parameter files treat it as a comment. Each parameter is followed by its reason. A digest
 of the parameters shows whether one was changed afterwards: then the predictions no longer apply.
 """
@@ -13,10 +13,11 @@ from collections.abc import Iterator, Mapping
 import msgspec
 
 from mavlink_io.errors import ErrorCode, InputError
-from sysid.models.model_file import ModelRecord
+from sysid.json_record import JsonRecord
 
-FIRST_LINE = "# caribou gains 1"
-"""First line of the header."""
+MAGIC = "# caribou gains "
+"""Beginning of the first line of every header."""
+FORMAT = 2
 AVERAGED_S = 20.0
 """Averaging time (s) of the predicted statistics of means."""
 RESONANCE_BANDWIDTH = 0.5
@@ -29,7 +30,7 @@ class BaselineError(InputError):
     code = ErrorCode.PERFORMANCE_BASELINE
 
 
-class PredictedStatistic(ModelRecord, frozen=True):
+class PredictedStatistic(JsonRecord, frozen=True):
     """Predicted statistics of one quantity in steady flight, in the unit of its name."""
 
     mean: float
@@ -39,16 +40,16 @@ class PredictedStatistic(ModelRecord, frozen=True):
     """Standard deviation about the mean."""
     p95: float
     """95 % of the samples are within this distance of the mean."""
-    average_sd: float
+    mean_sd_20s: float
     """Standard deviation of a mean over ``AVERAGED_S``."""
-    memory_s: float
+    correlation_time_s: float
     """Correlation time (s): integral of the squared autocorrelation over all lags.
 
     Samples this far apart count as independent in an estimate of the variance.
     """
 
 
-class Robustness(ModelRecord, frozen=True):
+class Robustness(JsonRecord, frozen=True):
     """Shares of the vehicles sampled from the model that meet the specification."""
 
     specification: float
@@ -58,7 +59,7 @@ class Robustness(ModelRecord, frozen=True):
     seed: int
 
 
-class PerformanceBaseline(ModelRecord, frozen=True):
+class PerformanceBaseline(JsonRecord, frozen=True):
     """Model, specification and predicted performance of a set of gains."""
 
     model_sha256: str
@@ -67,16 +68,16 @@ class PerformanceBaseline(ModelRecord, frozen=True):
     speed_mps: float
     thrust: float
     """Fraction of full thrust for which the predictions hold."""
-    heading_swing_radps: float
-    pitch_swing_radps: float
+    heading_resonance_radps: float
+    pitch_resonance_radps: float
     """Resonance frequencies (rad/s): frequency of the largest sensitivity in each plane."""
     specification: dict[str, float]
     predicted: dict[str, PredictedStatistic]
-    """Statistics by quantity: heading_deg, heading_swing_deg, pitch_deg, ...
+    """Statistics by quantity: heading_deg, heading_resonance_deg, pitch_deg, ...
 
-    A "swing" quantity is the output of the resonance filter.
+    A "resonance" quantity is the output of the resonance filter.
     """
-    kept: Robustness | None = None
+    robustness: Robustness | None = None
     """Robustness of the design; None for a model without covariance."""
 
 
@@ -101,7 +102,7 @@ def encode(
     """
     values = {name: f"{value:.6g}" for name, value in gains.items()}
     header = {"gains_sha256": _digest(values), **msgspec.to_builtins(baseline)}
-    lines = [FIRST_LINE, *(f"# {line}".rstrip() for line in _toml(header))]
+    lines = [f"{MAGIC}{FORMAT}", *(f"# {line}".rstrip() for line in _toml(header))]
     lines += [f"{name},{value}  # {reasons[name]}" for name, value in values.items()]
     return "\n".join(lines) + "\n"
 
@@ -124,11 +125,16 @@ def decode(text: str, values: Mapping[str, float]) -> PerformanceBaseline | None
     Raises
     ------
     BaselineError
-        The header cannot be read, or the parameters were changed after the design.
+        The header cannot be read or has another format, or the parameters were changed.
     """
     lines = text.splitlines()
-    if not lines or lines[0].rstrip() != FIRST_LINE:
+    if not lines or not lines[0].startswith(MAGIC):
         return None
+    header_format = lines[0].removeprefix(MAGIC).strip()
+    if header_format != str(FORMAT):
+        raise BaselineError(
+            f"its header has format {header_format}; this version reads format {FORMAT}"
+        )
     try:
         header = tomllib.loads("\n".join(_head(lines)))
         digest = header.pop("gains_sha256", "")

@@ -3,19 +3,20 @@
 Each test accumulates the log-likelihood ratio of "clear deviation" over "deviation within the
 allowance", limited to positive values::
 
-    g_k = max(0, g_(k-1) + ln(p_1(block_k) / p_0(block_k)))
+    g_k = max(0, g_(k-1) + ln(p_1(window_k) / p_0(window_k)))
 
-Under p_0 the expected time to a false alarm at threshold h is at least e^h blocks (Lorden 1971,
-Ann. Math. Stat. 42). The mean of a block is taken as normal, the variance as chi-square with one
-degree of freedom per ``memory_s``.
+Under p_0 the expected time to a false alarm at threshold h is at least e^h windows (Lorden 1971,
+Ann. Math. Stat. 42). The mean of a window is taken as normal, the variance as chi-square with one
+degree of freedom per ``correlation_time_s``.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from sysid.monitor.blocks import Block
+from sysid.json_record import JsonRecord
 from sysid.monitor.performance_spec import AVERAGED_S, PerformanceBaseline, PredictedStatistic
+from sysid.monitor.windows import MonitorWindow
 
 FALSE_ALARM_H = 100.0
 """Minimum expected time between false alarms (hours of steady flight)."""
@@ -41,18 +42,26 @@ HINT = 3.0
 """Log-likelihood ratio (about 20 to 1) that suggests a cause after another test's alarm."""
 
 
+class RmsComparison(JsonRecord, frozen=True):
+    """Measured and predicted rms of one quantity, in its unit."""
+
+    measured: float
+    """Rms about the predicted mean."""
+    predicted: float
+
+
 class Sum(NamedTuple):
     """State of one test since its sum was last zero."""
 
     value: float = 0.0
-    blocks: int = 0
+    windows: int = 0
     total: float = 0.0
     """Sum of the deviations of means (in the quantity's unit), or of the variance ratios."""
 
     @property
     def mean(self) -> float:
-        """Mean deviation or variance ratio per block."""
-        return self.total / self.blocks if self.blocks else 0.0
+        """Mean deviation or variance ratio per window."""
+        return self.total / self.windows if self.windows else 0.0
 
 
 Sums = Mapping[tuple[str, ChangeKind], Sum]
@@ -68,10 +77,10 @@ def initial_sums(baseline: PerformanceBaseline) -> Sums:
     return sums
 
 
-def update(baseline: PerformanceBaseline, sums: Sums, block: Block) -> Sums:
-    """Return the tests updated with one block."""
+def update(baseline: PerformanceBaseline, sums: Sums, window: MonitorWindow) -> Sums:
+    """Return the tests updated with one window."""
     return {
-        (name, kind): _update_sum(name, kind, baseline.predicted[name], test, block)
+        (name, kind): _update_sum(name, kind, baseline.predicted[name], test, window)
         for (name, kind), test in sums.items()
     }
 
@@ -79,7 +88,7 @@ def update(baseline: PerformanceBaseline, sums: Sums, block: Block) -> Sums:
 def threshold(sums: Sums) -> float:
     """Return the threshold h for one false alarm of any test per ``FALSE_ALARM_H``.
 
-    h = ln(number of tests * blocks in `FALSE_ALARM_H`).
+    h = ln(number of tests * windows in `FALSE_ALARM_H`).
     """
     return math.log(len(sums) * FALSE_ALARM_H * 3600.0 / AVERAGED_S)
 
@@ -107,47 +116,50 @@ def increased_rms(sums: Sums, hint: float = HINT) -> dict[str, float]:
     }
 
 
-def errors(
-    baseline: PerformanceBaseline, blocks: Sequence[Block]
-) -> dict[str, tuple[float, float]]:
-    """Return by quantity the measured rms about the predicted mean, and the predicted rms."""
-    if not blocks:
+def rms(
+    baseline: PerformanceBaseline, windows: Sequence[MonitorWindow]
+) -> dict[str, RmsComparison]:
+    """Return the measured and the predicted rms by quantity; nothing without windows."""
+    if not windows:
         return {}
 
     def measured(name: str, mean: float) -> float:
-        """Return the rms about `mean` over all blocks."""
-        squares = [block.variances[name] + (block.means[name] - mean) ** 2 for block in blocks]
+        """Return the rms about `mean` over all windows."""
+        squares = [window.variances[name] + (window.means[name] - mean) ** 2 for window in windows]
         return math.sqrt(sum(squares) / len(squares))
 
     return {
-        name: (measured(name, statistic.mean if name in MIN_SHIFT else 0.0), statistic.rms)
+        name: RmsComparison(
+            measured=measured(name, statistic.mean if name in MIN_SHIFT else 0.0),
+            predicted=statistic.rms,
+        )
         for name, statistic in baseline.predicted.items()
     }
 
 
 def _update_sum(
-    name: str, kind: ChangeKind, expected: PredictedStatistic, test: Sum, block: Block
+    name: str, kind: ChangeKind, expected: PredictedStatistic, test: Sum, window: MonitorWindow
 ) -> Sum:
-    """Return one test updated with one block.
+    """Return one test updated with one window.
 
-    The variance of a block is compared with the predicted variance about the block's mean::
+    The variance of a window is compared with the predicted variance about the window's mean::
 
-        sigma_block^2 = rms^2 - average_sd^2
+        sigma_window^2 = rms^2 - mean_sd_20s^2
     """
     if kind == "variance":
-        statistic = block.variances[name] / (expected.rms**2 - expected.average_sd**2)
-        gain = _variance_log_likelihood_ratio(statistic, AVERAGED_S / expected.memory_s)
+        statistic = window.variances[name] / (expected.rms**2 - expected.mean_sd_20s**2)
+        gain = _variance_log_likelihood_ratio(statistic, AVERAGED_S / expected.correlation_time_s)
     else:
-        statistic = block.means[name] - expected.mean
+        statistic = window.means[name] - expected.mean
         gain = _mean_log_likelihood_ratio(
             statistic if kind == "higher" else -statistic, name, expected
         )
     value = max(0.0, test.value + gain)
-    return Sum(value, test.blocks + 1, test.total + statistic) if value > 0.0 else Sum()
+    return Sum(value, test.windows + 1, test.total + statistic) if value > 0.0 else Sum()
 
 
 def _mean_log_likelihood_ratio(departure: float, name: str, expected: PredictedStatistic) -> float:
-    """Return the log-likelihood ratio of a block's mean, `departure` above the predicted mean.
+    """Return the log-likelihood ratio of a window's mean, `departure` above the predicted mean.
 
     For a normal mean with standard deviation s, allowance a and clear shift d beyond it::
 
@@ -155,13 +167,15 @@ def _mean_log_likelihood_ratio(departure: float, name: str, expected: PredictedS
     """
     # The predicted means of a design with integrators vary less than this bound; slow currents,
     # which the model does not contain, increase their variation.
-    sd = max(expected.average_sd, expected.rms * math.sqrt(expected.memory_s / AVERAGED_S))
+    sd = max(
+        expected.mean_sd_20s, expected.rms * math.sqrt(expected.correlation_time_s / AVERAGED_S)
+    )
     allowed, clear_shift = MIN_SHIFT[name] + 2.0 * expected.mean_sd, CLEAR_SHIFT_SD * sd
     return clear_shift * (departure - allowed - 0.5 * clear_shift) / sd**2
 
 
 def _variance_log_likelihood_ratio(ratio: float, freedom: float) -> float:
-    """Return the log-likelihood ratio of a block's variance over the predicted one.
+    """Return the log-likelihood ratio of a window's variance over the predicted one.
 
     For n degrees of freedom and ratio x of variances, with allowed ratio r0 and clear ratio r1::
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sysid.data.dataset import Log
 from sysid.data.events import TestStarted
 from sysid.data.segments import cut_runs
+from sysid.json_record import JsonRecord
 
 Array = NDArray[np.float64]
 
@@ -30,18 +31,18 @@ DEPTH_CHANGE_M = 0.05
 """Smallest change of the depth set-point that counts as a new one (m)."""
 
 
-class Spread(NamedTuple):
+class Spread(JsonRecord, frozen=True):
     """Statistics of an error over a window."""
 
     p95: float
     """95 % of the samples are within this distance of zero."""
-    largest: float
+    max: float
     """Largest magnitude."""
     rms: float
     mean: float
 
 
-class SteadyWindow(NamedTuple):
+class SteadyWindow(JsonRecord, frozen=True):
     """Stretch of constant set-points without its settling time."""
 
     start_s: float
@@ -54,7 +55,7 @@ class SteadyWindow(NamedTuple):
     depth_m: Spread
 
 
-class TrackingMetrics(NamedTuple):
+class TrackingMetrics(JsonRecord, frozen=True):
     """Tracking errors of a dive."""
 
     windows: tuple[SteadyWindow, ...]
@@ -137,7 +138,7 @@ def spread(error: Array) -> Spread:
     size = np.abs(error)
     return Spread(
         p95=float(np.quantile(size, 0.95)),
-        largest=float(np.max(size)),
+        max=float(np.max(size)),
         rms=float(np.sqrt(np.mean(error**2))),
         mean=float(np.mean(error)),
     )

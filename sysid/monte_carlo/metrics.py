@@ -166,10 +166,10 @@ def _divergence(dive: SimulatedDive, travel_rad: float) -> str:
         ):
             return "heading"
         if (
-            window.pitch_deg.largest > math.degrees(HOLDING_LIMITS.pitch_rad)
+            window.pitch_deg.max > math.degrees(HOLDING_LIMITS.pitch_rad)
             or elevator > MAX_SATURATED_FRACTION
         ):
             return "pitch"
-        if window.depth_m.largest > HOLDING_LIMITS.down_m:
+        if window.depth_m.max > HOLDING_LIMITS.down_m:
             return "depth"
     return "" if dive.finished or dive.failsafe else "the mission's time"

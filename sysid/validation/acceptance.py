@@ -15,9 +15,9 @@ import numpy as np
 from sysid.data.segments import Plane
 from sysid.models.model_file import IdentifiedModel, PlaneModel
 from sysid.validation.results import (
+    AcceptanceCheck,
     Correction,
     Excess,
-    Gate,
     ModelAssessment,
     NextTest,
     PlaneValidation,
@@ -53,7 +53,7 @@ SLOW_NUMBERS = ("static gain", "p slow")
 """Beginnings of the names of criteria about slow numbers."""
 LONG_S, SHORT_S = 30.0, 20.0
 """Recommended durations of a test, s."""
-FAILURES_GATE = "failures of the fit"
+FAILURES_CHECK = "failures of the fit"
 """Name of the criterion that counts the failures of the fit."""
 DEFAULT_SIZE_DEG = 4.0
 """Recommended magnitude if no run of the plane was accepted, deg."""
@@ -78,32 +78,32 @@ def assess(model: IdentifiedModel, validation: Mapping[Plane, PlaneValidation]) 
     -----
     The decision requires every criterion with ``required``; the others are reported only.
     """
-    gates = (
+    checks = (
         *_of_fit(model),
         *(
-            gate
+            check
             for plane in ("yaw", "pitch")
-            for gate in _of_plane(model, plane, validation.get(plane))
+            for check in _of_plane(model, plane, validation.get(plane))
         ),
     )
-    failed_gates = [gate for gate in gates if gate.required and not gate.passed]
+    failed_checks = [check for check in checks if check.required and not check.passed]
     return ModelAssessment(
-        fit_for_redesign=not failed_gates,
+        fit_for_redesign=not failed_checks,
         reasons=(
             *model.convergence.failures,
-            *(format_gate(gate) for gate in failed_gates if gate.name != FAILURES_GATE),
+            *(format_check(check) for check in failed_checks if check.name != FAILURES_CHECK),
         ),
-        gates=gates,
-        next_test=_next_test(model, failed_gates, gates),
+        checks=checks,
+        next_test=_next_test(model, failed_checks, checks),
     )
 
 
-def format_gate(gate: Gate) -> str:
+def format_check(check: AcceptanceCheck) -> str:
     """Format a criterion in one line: plane, name, value and limit.
 
     Parameters
     ----------
-    gate : Gate
+    check : AcceptanceCheck
         Criterion.
 
     Returns
@@ -111,16 +111,13 @@ def format_gate(gate: Gate) -> str:
     str
         For example "yaw: b1, 1 sd 25 %, at most 20 %".
     """
-    prefix = f"{gate.plane}: " if gate.plane else ""
-    value = (
-        "not known" if gate.value is None else f"{gate.value:.3g}{gate.unit and ' ' + gate.unit}"
-    )
-    return (
-        f"{prefix}{gate.name} {value}, {gate.sense} {gate.limit:.3g}{gate.unit and ' ' + gate.unit}"
-    )
+    prefix = f"{check.plane}: " if check.plane else ""
+    unit = check.unit and f" {check.unit}"
+    value = "not known" if check.value is None else f"{check.value:.3g}{unit}"
+    return f"{prefix}{check.name} {value}, {check.sense} {check.limit:.3g}{unit}"
 
 
-def _gate(
+def _check(
     name: str,
     plane: Plane | None,
     value: float | None,
@@ -129,10 +126,10 @@ def _gate(
     unit: str = "",
     *,
     required: bool = True,
-) -> Gate:
+) -> AcceptanceCheck:
     """Evaluate a criterion; it fails if its value is unknown."""
     passed = value is not None and (value <= limit if sense == "at most" else value >= limit)
-    return Gate(
+    return AcceptanceCheck(
         name=name,
         plane=plane,
         value=value,
@@ -144,7 +141,7 @@ def _gate(
     )
 
 
-def _of_fit(model: IdentifiedModel) -> Iterator[Gate]:
+def _of_fit(model: IdentifiedModel) -> Iterator[AcceptanceCheck]:
     """Criteria of the fit as a whole."""
     convergence = model.convergence
     cost_differences = (
@@ -152,7 +149,7 @@ def _of_fit(model: IdentifiedModel) -> Iterator[Gate]:
         if convergence.cost > 0.0
         else []
     )
-    yield _gate(
+    yield _check(
         "costs of other starts apart by",
         None,
         100.0 * max(cost_differences) if cost_differences else None,
@@ -160,51 +157,51 @@ def _of_fit(model: IdentifiedModel) -> Iterator[Gate]:
         START_COSTS_PERCENT,
         "%",
     )
-    yield _gate("values at a bound", None, float(len(convergence.at_bounds)), "at most", 0.0)
-    yield _gate(FAILURES_GATE, None, float(len(convergence.failures)), "at most", 0.0)
+    yield _check("values at a bound", None, float(len(convergence.at_bounds)), "at most", 0.0)
+    yield _check(FAILURES_CHECK, None, float(len(convergence.failures)), "at most", 0.0)
 
 
 def _of_plane(
     model: IdentifiedModel, plane: Plane, validation: PlaneValidation | None
-) -> Iterator[Gate]:
+) -> Iterator[AcceptanceCheck]:
     """Criteria of one plane.
 
     Without fitted or held-out runs, the criteria that need them are left out.
     """
     fitted = sum(not run.held_out for run in validation.runs) if validation else 0
-    yield _gate("runs fitted", plane, float(fitted), "at least", 1.0)
+    yield _check("runs fitted", plane, float(fitted), "at least", 1.0)
     if validation and fitted:
         yield from _precision(model, plane)
         yield from _response(plane, validation)
     held_out = len(validation.runs) - fitted if validation else 0
-    yield _gate("runs held out", plane, float(held_out), "at least", 1.0)
+    yield _check("runs held out", plane, float(held_out), "at least", 1.0)
     if validation and validation.held_out:
         yield from _held_out(plane, validation.held_out, validation.correction)
 
 
-def _response(plane: Plane, validation: PlaneValidation) -> Iterator[Gate]:
+def _response(plane: Plane, validation: PlaneValidation) -> Iterator[AcceptanceCheck]:
     """Criteria of the response at crossover."""
     crossover = validation.crossover
     gain_sd_db, phase_sd_deg = (
         (crossover.gain_sd_db, crossover.phase_sd_deg) if crossover else (None, None)
     )
-    yield _gate("gain at crossover, 1 sd", plane, gain_sd_db, "at most", GAIN_DB, "dB")
-    yield _gate("phase at crossover, 1 sd", plane, phase_sd_deg, "at most", PHASE_DEG, "deg")
-    yield _gate(
+    yield _check("gain at crossover, 1 sd", plane, gain_sd_db, "at most", GAIN_DB, "dB")
+    yield _check("phase at crossover, 1 sd", plane, phase_sd_deg, "at most", PHASE_DEG, "deg")
+    yield _check(
         "coherence about crossover", plane, validation.coherence_at_crossover, "at least", COHERENCE
     )
-    cost = validation.overlay.mismatch_cost if validation.overlay else None
-    yield _gate("mismatch of the response", plane, cost, "at most", MISMATCH)
+    cost = validation.frequency_response.mismatch_cost if validation.frequency_response else None
+    yield _check("mismatch of the response", plane, cost, "at most", MISMATCH)
 
 
-def _precision(model: IdentifiedModel, plane: Plane) -> Iterator[Gate]:
+def _precision(model: IdentifiedModel, plane: Plane) -> Iterator[AcceptanceCheck]:
     """Criteria of the standard deviations of the plane's numbers."""
     plane_model = model.planes[plane]
     for name in (DECISIVE_NUMBER, *OTHER_NUMBERS):
         label = (name.rpartition("_per_")[0] or name.removesuffix("_s")).replace("_", " ")
         sd_percent = _cramer_rao_percent(plane_model, name)
         is_decisive = name == DECISIVE_NUMBER
-        yield _gate(
+        yield _check(
             f"{label}, 1 sd",
             plane,
             sd_percent,
@@ -215,7 +212,7 @@ def _precision(model: IdentifiedModel, plane: Plane) -> Iterator[Gate]:
         )
         if is_decisive:
             insensitivity = _insensitivity_percent(model, plane, name)
-            yield _gate(
+            yield _check(
                 f"{label}, insensitivity",
                 plane,
                 insensitivity,
@@ -259,23 +256,25 @@ def _insensitivity_percent(model: IdentifiedModel, plane: Plane, name: str) -> f
     return float(100.0 * sds[i] / math.sqrt(precision) / abs(value)) if value else None
 
 
-def _held_out(plane: Plane, excess: Excess, correction: Correction | None) -> Iterator[Gate]:
+def _held_out(
+    plane: Plane, excess: Excess, correction: Correction | None
+) -> Iterator[AcceptanceCheck]:
     """Criteria of the errors on held-out runs.
 
     A limit on a ratio with a random error of standard deviation s is 1 + 1.645 s.
     """
     error_ratio = excess.model_mse_deg2ps2 / excess.prior_mse_deg2ps2
     random_share = CONFIDENCE_SD * (excess.excess_sd_deg2ps2 or 0.0) / excess.prior_mse_deg2ps2
-    yield _gate(
+    yield _check(
         "held-out error over the prior's", plane, error_ratio, "at most", 1.0 + random_share
     )
-    yield _gate("Theil's coefficient, held out", plane, excess.theil.coefficient, "at most", THEIL)
+    yield _check("Theil's coefficient, held out", plane, excess.theil.coefficient, "at most", THEIL)
     yield from _by_held_out(plane, correction)
     excess_ratio, limit = None, MAX_EXCESS_OVER_FLOOR
     if excess.floor_deg2ps2 and excess.model_excess_deg2ps2 is not None:
         excess_ratio = excess.model_excess_deg2ps2 / excess.floor_deg2ps2
         limit += CONFIDENCE_SD * (excess.excess_sd_deg2ps2 or 0.0) / excess.floor_deg2ps2
-    yield _gate(
+    yield _check(
         "held-out error above sea and sensors",
         plane,
         excess_ratio,
@@ -283,7 +282,7 @@ def _held_out(plane: Plane, excess: Excess, correction: Correction | None) -> It
         limit,
         required=False,
     )
-    yield _gate(
+    yield _check(
         "whiteness of held-out innovations, p",
         plane,
         excess.whiteness_p,
@@ -292,12 +291,12 @@ def _held_out(plane: Plane, excess: Excess, correction: Correction | None) -> It
         required=False,
     )
     new_types = float(excess.new_types)
-    yield _gate(
+    yield _check(
         "held-out runs of a type not fitted", plane, new_types, "at least", 1.0, required=False
     )
 
 
-def _by_held_out(plane: Plane, correction: Correction | None) -> Iterator[Gate]:
+def _by_held_out(plane: Plane, correction: Correction | None) -> Iterator[AcceptanceCheck]:
     """Criteria of the correction of gain and phase at crossover by the held-out runs.
 
     With a standard deviation of at most half the limit, a model with an error of twice the limit
@@ -307,14 +306,16 @@ def _by_held_out(plane: Plane, correction: Correction | None) -> Iterator[Gate]:
     phase, phase_sd = (
         (abs(correction.phase_deg), correction.phase_sd_deg) if correction else (None, None)
     )
-    yield _gate("gain at crossover by held-out runs, off by", plane, gain, "at most", GAIN_DB, "dB")
-    yield _gate(
+    yield _check(
+        "gain at crossover by held-out runs, off by", plane, gain, "at most", GAIN_DB, "dB"
+    )
+    yield _check(
         "gain at crossover by held-out runs, 1 sd", plane, gain_sd, "at most", 0.5 * GAIN_DB, "dB"
     )
-    yield _gate(
+    yield _check(
         "phase at crossover by held-out runs, off by", plane, phase, "at most", PHASE_DEG, "deg"
     )
-    yield _gate(
+    yield _check(
         "phase at crossover by held-out runs, 1 sd",
         plane,
         phase_sd,
@@ -325,7 +326,9 @@ def _by_held_out(plane: Plane, correction: Correction | None) -> Iterator[Gate]:
 
 
 def _next_test(
-    model: IdentifiedModel, failed_gates: Sequence[Gate], gates: Sequence[Gate]
+    model: IdentifiedModel,
+    failed_checks: Sequence[AcceptanceCheck],
+    checks: Sequence[AcceptanceCheck],
 ) -> NextTest | None:
     """Recommend a test for the worst criterion that is not met.
 
@@ -333,23 +336,23 @@ def _next_test(
 
     Unmet criteria that are not required come before met ones.
     """
-    failed_of_planes = [gate for gate in failed_gates if gate.plane]
+    failed_of_planes = [check for check in failed_checks if check.plane]
     unmet_optional = [
-        gate for gate in gates if gate.plane and not gate.required and not gate.passed
+        check for check in checks if check.plane and not check.required and not check.passed
     ]
     candidates = (
         failed_of_planes
         or unmet_optional
-        or [gate for gate in gates if gate.plane and gate.required]
+        or [check for check in checks if check.plane and check.required]
     )
     worst = max(candidates, key=_relative_violation)
     if worst.plane is None:
         return None
     signal, duration_s = _recommended_signal(worst)
     reason = (
-        format_gate(worst)
+        format_check(worst)
         if not worst.passed
-        else f"every gate is passed; closest to its limit: {format_gate(worst)}"
+        else f"every check is passed; closest to its limit: {format_check(worst)}"
     )
     return NextTest(
         plane=worst.plane,
@@ -360,24 +363,24 @@ def _next_test(
     )
 
 
-def _relative_violation(gate: Gate) -> float:
+def _relative_violation(check: AcceptanceCheck) -> float:
     """Value over limit, or limit over value for a lower limit; infinite for an unknown value."""
-    if gate.value is None:
+    if check.value is None:
         return math.inf
     numerator, denominator = (
-        (gate.value, gate.limit) if gate.sense == "at most" else (gate.limit, gate.value)
+        (check.value, check.limit) if check.sense == "at most" else (check.limit, check.value)
     )
     return numerator / denominator if denominator > 0.0 else math.inf
 
 
-def _recommended_signal(gate: Gate) -> tuple[str, float]:
+def _recommended_signal(check: AcceptanceCheck) -> tuple[str, float]:
     """Signal and duration (s).
 
     A chirp for the dynamics about crossover, long steps for slow numbers.
     """
-    if "held" in gate.name:
+    if "held" in check.name:
         return WAVE_TO_HOLD_OUT, SHORT_S
-    if gate.name.startswith(SLOW_NUMBERS):
+    if check.name.startswith(SLOW_NUMBERS):
         return WAVE_FOR_GAIN, LONG_S
     return WAVE_FOR_DYNAMICS, LONG_S
 
@@ -385,7 +388,7 @@ def _recommended_signal(gate: Gate) -> tuple[str, float]:
 def _median_size_deg(model: IdentifiedModel, plane: Plane) -> float:
     """Median magnitude of the plane's accepted runs, rounded to half a degree."""
     magnitudes_deg = [
-        abs(run.magnitude_deg) for run in model.screening if run.plane == plane and run.kept
+        abs(run.magnitude_deg) for run in model.screening if run.plane == plane and run.accepted
     ]
     return (
         max(0.5, round(2.0 * float(np.median(magnitudes_deg))) / 2.0)

@@ -48,6 +48,6 @@ def with_assessment(
         model,
         held_out=prediction.quality(model, held_out, prior),
         validation=validation,
-        verdict=assess(model, validation),
+        assessment=assess(model, validation),
         versions={package: importlib.metadata.version(package) for package in PACKAGES},
     )

@@ -2,13 +2,8 @@
 
 from typing import Literal
 
-import msgspec
-
 from sysid.data.segments import Plane
-
-
-class JsonRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Base of the records: immutable, unknown fields are errors."""
+from sysid.json_record import JsonRecord
 
 
 class Theil(JsonRecord, frozen=True):
@@ -128,7 +123,7 @@ class PlaneValidation(JsonRecord, frozen=True):
 
     runs: tuple[RunValidation, ...]
     held_out: Excess | None
-    overlay: FrequencyComparison | None
+    frequency_response: FrequencyComparison | None
     coherence_at_crossover: float | None
     """Smallest coherence between half and twice the crossover."""
     crossover: Crossover | None
@@ -136,7 +131,7 @@ class PlaneValidation(JsonRecord, frozen=True):
     correction: Correction | None
 
 
-class Gate(JsonRecord, frozen=True):
+class AcceptanceCheck(JsonRecord, frozen=True):
     """One acceptance criterion."""
 
     name: str
@@ -176,5 +171,5 @@ class ModelAssessment(JsonRecord, frozen=True):
     fit_for_redesign: bool
     reasons: tuple[str, ...]
     """One reason for each required criterion that is not met."""
-    gates: tuple[Gate, ...]
+    checks: tuple[AcceptanceCheck, ...]
     next_test: NextTest | None

@@ -221,7 +221,7 @@ def _plane(
         )
         if held_out_compared
         else None,
-        overlay=comparison,
+        frequency_response=comparison,
         coherence_at_crossover=_coherence(comparison, plane_crossover.crossover_radps)
         if comparison and plane_crossover
         else None,

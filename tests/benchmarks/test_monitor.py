@@ -48,4 +48,4 @@ def test_bent_rudder_is_detected_with_its_cause(
 
 
 def wider(expected: PredictedStatistic) -> PredictedStatistic:
-    return structs.replace(expected, rms=2.0 * expected.rms, average_sd=2.0 * expected.average_sd)
+    return structs.replace(expected, rms=2.0 * expected.rms, mean_sd_20s=2.0 * expected.mean_sd_20s)

@@ -9,18 +9,20 @@ import pytest
 
 from ground.report import charts, page, tables
 from ground.report.figures import Curve, Figure, Panel
+from sysid.models.model_file import Coefficient
 from tests.browser import Page, check_layout, needs_chromium, opened
 
 MIN_PLOT_PX = (200.0, 60.0)
 """Width and height of the axes at 390 px: smaller ones cannot be read."""
-COEFFICIENT = {
-    "prior": 1.0,
-    "prior_sd": 0.2,
-    "value": 0.9,
-    "sd": 0.1,
-    "shrink": 0.5,
-    "status": "measured",
-}
+COEFFICIENT = Coefficient(
+    value=0.9,
+    sd=0.1,
+    prior=1.0,
+    prior_sd=0.2,
+    posterior_to_prior_sd=0.5,
+    status="measured",
+    unit="kg/s",
+)
 PARTS = """
 const box = (e) => e.getBoundingClientRect();
 return [...document.querySelectorAll('.chart')].map(chart => {
@@ -63,7 +65,10 @@ def small_report() -> str:
     known = dict.fromkeys(coefficients, COEFFICIENT)
     drawn = {each.key: charts.figure_chart(each) for each in (wide, *pair)}
     drawn |= {"poles-heading": charts.poles_chart(poles, "heading")}
-    drawn |= {"estimates": charts.estimates_chart(known), "shrinks": charts.posterior_chart(known)}
+    drawn |= {
+        "estimates": charts.estimates_chart(known),
+        "posterior": charts.posterior_chart(known),
+    }
     template = (files("ground.report") / "page.html").read_text(encoding="utf-8")
     resources = ("style", "script", "plotly", "charts")
     names = [name for name in re.findall(r"\$(\w+)", template) if name not in resources]

@@ -38,5 +38,5 @@ def test_designed_tests_are_flown_and_fitted(tmp_path: Path) -> None:
     model = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
     runs_of = [one for one in plan["tests"] for _ in range(2 if one["surface"] == "both" else 1)]
     for run, planned in zip(model["screening"], runs_of, strict=True):
-        assert run["kept"], (run["run"], run["reasons"])
+        assert run["accepted"], (run["run"], run["reasons"])
         assert run["duration_s"] == pytest.approx(planned["duration_s"], abs=0.1)

@@ -29,7 +29,7 @@ _FIX_3D = 3
 class Cell(NamedTuple):
     """Content of a row: text, value for JSON (SI units, angles in degrees) and alarm flag."""
 
-    words: str
+    text: str
     value: Any
     alarm: bool = False
 
@@ -378,7 +378,7 @@ def as_json(receiver: Receiver, now_s: float) -> dict[str, Any]:
     row_values = {
         row.label: {
             "value": row.cell.value,
-            "words": row.cell.words,
+            "text": row.cell.text,
             "age_s": round(row.age_s or 0.0, 2),
             "stale": row.stale,
         }

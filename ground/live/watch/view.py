@@ -90,8 +90,8 @@ def _value_text(row: WatchRow) -> Text:
     if row.cell is None:
         return Text("-", style=STALE_STYLE)
     if row.stale:
-        return Text(row.cell.words, style=STALE_STYLE)
-    return Text(row.cell.words, style=ALARM_STYLE if row.cell.alarm else "")
+        return Text(row.cell.text, style=STALE_STYLE)
+    return Text(row.cell.text, style=ALARM_STYLE if row.cell.alarm else "")
 
 
 def _age(row: WatchRow) -> str:

@@ -9,6 +9,8 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
 from sysid.control_analysis.margins import Analysis
@@ -39,7 +41,7 @@ __all__ = [
     "design_on_root_loci",
 ]
 
-SPEC = Spec(damping=0.5, gm_db=8.0, pm_deg=50.0, ms=1.8)
+SPEC = Spec(damping=0.5, gm_db=8.0, pm_deg=50.0, max_sensitivity=1.8)
 """Limits that a loop can meet with the tailcone's full lag.
 
 The lag is compensated only after it has been identified.
@@ -102,7 +104,7 @@ def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
     """
     vehicle, samples, points = design_on_root_loci(name_or_path)
     config = vehicle_files.load(name_or_path)
-    model, spec = build_model.build(config), SPEC._replace(travel_deg=config.tailcone.travel_deg)
+    model, spec = build_model.build(config), replace(SPEC, travel_deg=config.tailcone.travel_deg)
     loads = Loads(fit.level_pitch_rad(config, model), TRIM_UNCERTAINTY_RAD, TRIM_UNCERTAINTY_RAD)
     gains = {**TABLE_3_INITIAL, **points["heading"].gains, **points["depth"].gains}
     gains |= pid.integrator_limits(loads, gains)

@@ -108,7 +108,7 @@ def evaluate(task: Task, controller: DiscreteController, bounds: Bounds) -> Cost
         return CostAndConstraints(float(errors.outputs[1]) / task.reference.heading_rad, violations)
     pitch_deg = math.degrees(synthesis.pitch_per_metre(controller))
     violations["pitch activity"] = (
-        float(errors.outputs[1]) / task.reference.pitch_rad / spec.pitch_rms_growth - 1.0
+        float(errors.outputs[1]) / task.reference.pitch_rad / spec.pitch_rms_ratio - 1.0
     )
     violations["pitch per metre of depth"] = pitch_deg / spec.pitch_per_metre_deg - 1.0
     return CostAndConstraints(float(errors.outputs[2]) / task.reference.depth_m, violations)

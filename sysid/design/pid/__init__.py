@@ -186,18 +186,18 @@ def _tighten_damping(spec: Spec, factor: float) -> Bounds:
 
 def check_robustness(robust: DesignRobustness | None, model: IdentifiedModel, spec: Spec) -> None:
     """Raise DesignInfeasibleError if fewer sampled vehicles meet the limits than required."""
-    if robust is None or robust.specification >= spec.probability:
+    if robust is None or robust.specification >= spec.robust_fraction:
         return
     raise DesignInfeasibleError(
         f"only {100 * robust.specification:.0f} % of the vehicles sampled from the model meet the"
-        f" specification, at least {100 * spec.probability:.0f} % required; most violate the"
+        f" specification, at least {100 * spec.robust_fraction:.0f} % required; most violate the"
         f" {robust.worst}; {_recommended_test(model)}, and refit"
     )
 
 
 def _recommended_test(model: IdentifiedModel) -> str:
     """Return the test that the model's assessment recommends, or a general one."""
-    next_test = model.verdict.next_test if model.verdict else None
+    next_test = model.assessment.next_test if model.assessment else None
     return (
         f"fly {next_test}"
         if next_test

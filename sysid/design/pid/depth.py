@@ -58,7 +58,7 @@ def gains(
         noise = math.degrees(command_noise_rad(vehicle, "pitch", gains))
         constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
-            "pitch activity": pitch / initial_pitch / spec.pitch_rms_growth - 1.0,
+            "pitch activity": pitch / initial_pitch / spec.pitch_rms_ratio - 1.0,
             "pitch per metre of depth": math.degrees(gains["DPT_P"]) / spec.pitch_per_metre_deg
             - 1.0,
             "noise of the elevator's command": noise / spec.command_noise_deg - 1.0,

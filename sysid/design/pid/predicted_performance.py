@@ -6,8 +6,8 @@ For each measured quantity with two-sided density S(w) on the grid::
     variance of means = (1 / pi) integral S sinc^2(w T / 2) dw,  T = AVERAGED_S
     correlation time  = integral S_b^2 dw / pi / (integral S_b dw / pi)^2
 
-S_b = S (1 - sinc^2(w T / 2)) is the density about the mean of a block. Samples one correlation time
-apart count as independent in an estimate of the variance.
+S_b = S (1 - sinc^2(w T / 2)) is the density about the mean of a window. Samples one correlation
+time apart count as independent in an estimate of the variance.
 """
 
 import importlib.metadata
@@ -15,6 +15,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import asdict
 from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer
@@ -98,12 +99,13 @@ def performance_baseline(
         version=importlib.metadata.version("caribou-auv"),
         speed_mps=model.speed_mps,
         thrust=model.thrust_fraction,
-        heading_swing_radps=resonances_radps[0],
-        pitch_swing_radps=resonances_radps[1],
-        specification=spec._asdict(),
+        heading_resonance_radps=resonances_radps[0],
+        pitch_resonance_radps=resonances_radps[1],
+        specification=asdict(spec),
         predicted={name: _predict_statistic(quantity) for name, quantity in quantities.items()},
-        kept=robust
-        and Robustness(
+        robustness=None
+        if robust is None
+        else Robustness(
             specification=robust.specification,
             relaxed=robust.relaxed,
             vehicles=robust.vehicles,
@@ -134,7 +136,7 @@ def _yaw_quantities(
     bias = model.planes["yaw"].actuator_bias_deg
     return {
         "heading_deg": _MeasuredQuantity(psd, 0.0, 0.0),
-        "heading_swing_deg": _MeasuredQuantity(psd * _band(resonance_radps), 0.0, 0.0),
+        "heading_resonance_deg": _MeasuredQuantity(psd * _band(resonance_radps), 0.0, 0.0),
         "rudder_deg": _MeasuredQuantity(
             _command_psd(vehicle, "yaw", rudder, gains), -bias.value, bias.sd or 0.0
         ),
@@ -155,7 +157,7 @@ def _pitch_quantities(
             level.level_pitch_deg,
             _buoyancy_uncertainty(level.net_buoyancy_n) * level.level_pitch_deg,
         ),
-        "pitch_swing_deg": _MeasuredQuantity(psd * _band(resonance_radps), 0.0, 0.0),
+        "pitch_resonance_deg": _MeasuredQuantity(psd * _band(resonance_radps), 0.0, 0.0),
         "depth_m": _MeasuredQuantity(
             np.abs(depth) ** 2 * disturbance + _sampled_noise_psd(noise.depth_noise_m), 0.0, 0.0
         ),
@@ -204,8 +206,8 @@ def _predict_statistic(quantity: _MeasuredQuantity) -> PredictedStatistic:
         mean_sd=abs(quantity.mean_sd),
         rms=math.sqrt(variance),
         p95=1.96 * math.sqrt(variance),
-        average_sd=math.sqrt(_integral(quantity.density * averaging_gain)),
-        memory_s=_integral(density_about_mean**2) / _integral(density_about_mean) ** 2,
+        mean_sd_20s=math.sqrt(_integral(quantity.density * averaging_gain)),
+        correlation_time_s=_integral(density_about_mean**2) / _integral(density_about_mean) ** 2,
     )
 
 

@@ -19,7 +19,8 @@ def explain(
         """Return the margins at one cut as text."""
         margins = analysis.margins[name]
         return (
-            f"GM {margins.gm_db:.1f} dB, PM {margins.pm_deg:.0f} deg, Ms {margins.ms:.2f} at the"
+            f"GM {margins.gm_db:.1f} dB, PM {margins.pm_deg:.0f} deg,"
+            f" Ms {margins.max_sensitivity:.2f} at the"
             f" {name}"
         )
 
@@ -28,8 +29,8 @@ def explain(
         model.vehicle.level_pitch_deg,
     )
     integral_reason = (
-        f"a constant load leaves {100 * spec.finish_left:.0f} % of its largest error after"
-        f" {spec.finish_s:g} s"
+        f"a constant load leaves {100 * spec.integral_residual:.0f} % of its largest error after"
+        f" {spec.integral_settling_s:g} s"
     )
     texts = {
         "HDG_P": (

@@ -261,8 +261,8 @@ def _status(coefficient: Coefficient, name: str, tested: set[Plane]) -> Coeffici
     )
     if (
         is_tested
-        and coefficient.shrink is not None
-        and coefficient.shrink > MAX_POSTERIOR_TO_PRIOR_SD
+        and coefficient.posterior_to_prior_sd is not None
+        and coefficient.posterior_to_prior_sd > MAX_POSTERIOR_TO_PRIOR_SD
     ):
         return msgspec.structs.replace(coefficient, status="unidentifiable")
     return coefficient

@@ -36,11 +36,11 @@ def told() -> IdentifiedModel:
     return with_assessment(found, runs, runs)
 
 
-def with_verdict(model: IdentifiedModel, fit: bool) -> IdentifiedModel:
+def with_assessment_result(model: IdentifiedModel, fit: bool) -> IdentifiedModel:
     reasons = (
         () if fit else ("yaw: b1, 1 sd 25 %, at most 20 %", "pitch: runs held out 0, at least 1")
     )
-    return msgspec.structs.replace(model, verdict=ModelAssessment(fit, reasons, (), None))
+    return msgspec.structs.replace(model, assessment=ModelAssessment(fit, reasons, (), None))
 
 
 @pytest.mark.parametrize(
@@ -76,9 +76,10 @@ def test_format_text_holds_numbers_checks_assessment(told: IdentifiedModel) -> N
 
 
 def test_summarise_model_is_finite_json(told: IdentifiedModel) -> None:
-    plain = json.loads(json.dumps(identification.summarise_model(told), allow_nan=False))
-    assert plain["verdict"]["fit_for_redesign"] is False
-    assert plain["verdict"]["reasons"]
+    plain = msgspec.to_builtins(identification.summarise_model(told))
+    json.dumps(plain, allow_nan=False)
+    assert plain["assessment"]["fit_for_redesign"] is False
+    assert plain["assessment"]["reasons"]
     assert set(plain["held_out_rate_error"]["yaw"]) == {
         "initial_model_deg2ps2",
         "refitted_model_deg2ps2",
@@ -88,7 +89,7 @@ def test_summarise_model_is_finite_json(told: IdentifiedModel) -> None:
 
 
 def test_redesign_unfit_model_refused_with_reason(told: IdentifiedModel, tmp_path: Path) -> None:
-    models.write(with_verdict(told, fit=False), tmp_path / "model.json")
+    models.write(with_assessment_result(told, fit=False), tmp_path / "model.json")
     with pytest.raises(
         OperationError, match=r"not fit for redesign: yaw: b1, 1 sd 25 %.* \(and 1 more\).*--force"
     ):
@@ -97,7 +98,7 @@ def test_redesign_unfit_model_refused_with_reason(told: IdentifiedModel, tmp_pat
 
 def test_redesign_model_without_assessment_refused(told: IdentifiedModel) -> None:
     with pytest.raises(OperationError, match="it has no assessment"):
-        refit.redesign(msgspec.structs.replace(told, verdict=None))
+        refit.redesign(msgspec.structs.replace(told, assessment=None))
 
 
 @pytest.mark.parametrize(("fit", "force"), [(True, False), (False, True)])
@@ -108,6 +109,6 @@ def test_redesign_fit_or_forced_model_accepted(
 
     asked: list[IdentifiedModel] = []
     monkeypatch.setattr(pid, "redesign", lambda model, *rest, **named: asked.append(model))
-    candidate = with_verdict(told, fit)
+    candidate = with_assessment_result(told, fit)
     refit.redesign(candidate, force=force)
     assert asked == [candidate]

@@ -8,13 +8,15 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from typer.testing import CliRunner
 
 from ground.__main__ import app
-from ground.campaign import refit, run
+from ground.campaign import refit, run, summary_file
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
 from ground.campaign.run import Campaign, CampaignRequest
+from ground.campaign.summary_file import CampaignSummary
 from ground.client import param_file
 from ground.report import page, summary_picture
 from mavlink_io.errors import InputError, OperationError
@@ -34,9 +36,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def summary(flown: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((flown / "summary.json").read_text())
-    return found
+def summary(flown: Path) -> CampaignSummary:
+    return summary_file.read(flown / "summary.json")
 
 
 @pytest.mark.process
@@ -49,34 +50,34 @@ class CampaignTestCase:
         results = {"campaign.toml", "model.json", "gains.param", "summary.json", "report.html"}
         assert files == missions | tests | results | {"prototype/trim.mcap"}
 
-    def test_nothing_that_was_sent_is_missing(self, summary: dict[str, Any]) -> None:
-        assert summary["lost_frames"] == 0
-        assert summary["vehicle_s"] > 2000
+    def test_nothing_that_was_sent_is_missing(self, summary: CampaignSummary) -> None:
+        assert summary.lost_frames == 0
+        assert summary.vehicle_s > 2000
 
-    def test_the_trim_flight_finds_the_bent_rudder(self, summary: dict[str, Any]) -> None:
-        assert summary["trims"]["TRIM_RUD_DEG"] == pytest.approx(6.0, abs=0.5)
+    def test_the_trim_flight_finds_the_bent_rudder(self, summary: CampaignSummary) -> None:
+        assert summary.trims["TRIM_RUD_DEG"] == pytest.approx(6.0, abs=0.5)
 
     def test_refit_predicts_held_out_runs_better_in_both_planes(
-        self, summary: dict[str, Any]
+        self, summary: CampaignSummary
     ) -> None:
-        errors = summary["model"]["held_out_rate_error"]
+        errors = summary.model.held_out_rate_error
         assert set(errors) == {"yaw", "pitch"}
         for pair in errors.values():
-            assert pair["refitted_model_deg2ps2"] < pair["initial_model_deg2ps2"]
+            assert pair.refitted_model_deg2ps2 < pair.initial_model_deg2ps2
 
     def test_the_redesigned_gains_hold_heading_and_depth_better(
-        self, summary: dict[str, Any]
+        self, summary: CampaignSummary
     ) -> None:
-        steady = summary["steady_error"]
-        assert steady["redesigned"]["heading_deg"] < steady["initial"]["heading_deg"]
-        assert steady["redesigned"]["depth_m"] < 0.5 * steady["initial"]["depth_m"]
+        steady = summary.steady_error
+        assert steady["redesigned"].heading_deg < steady["initial"].heading_deg
+        assert steady["redesigned"].depth_m < 0.5 * steady["initial"].depth_m
 
     def test_they_hold_both_better_than_the_papers_improved_gains(
-        self, summary: dict[str, Any]
+        self, summary: CampaignSummary
     ) -> None:
-        steady = summary["steady_error"]
-        assert steady["redesigned"]["heading_deg"] < steady["improved"]["heading_deg"]
-        assert steady["redesigned"]["depth_m"] < steady["improved"]["depth_m"]
+        steady = summary.steady_error
+        assert steady["redesigned"].heading_deg < steady["improved"].heading_deg
+        assert steady["redesigned"].depth_m < steady["improved"].depth_m
 
     def test_the_same_seed_gives_the_same_model_and_gains(
         self, flown: Path, tmp_path: Path
@@ -88,21 +89,28 @@ class CampaignTestCase:
             assert (tmp_path / "again" / name).read_bytes() == (flown / name).read_bytes()
 
     def test_the_gains_file_holds_what_was_flown(
-        self, flown: Path, summary: dict[str, Any]
+        self, flown: Path, summary: CampaignSummary
     ) -> None:
         written = param_file.load(flown / "gains.param")
         for name, value in written.items():
-            assert summary["gains"]["redesigned"][name] == pytest.approx(value, rel=1e-5)
+            assert summary.gains["redesigned"][name] == pytest.approx(value, rel=1e-5)
         flown_gains = CampaignFolder(flown).log("verification", "straight_run").parameters
-        for name, value in summary["gains"]["redesigned"].items():
+        for name, value in summary.gains["redesigned"].items():
             assert flown_gains[name] == pytest.approx(value, rel=1e-6)
 
     def test_every_set_of_gains_met_the_same_sea(self, flown: Path) -> None:
         notes = [_notes(flown / stage / "straight_run.mcap") for stage in STAGES.values()]
         assert len({note["seed"] for note in notes}) == 1
 
-    def test_every_number_has_a_finite_value(self, summary: dict[str, Any]) -> None:
-        assert [value for value in _numbers(summary) if not math.isfinite(value)] == []
+    def test_every_number_has_a_finite_value(self, summary: CampaignSummary) -> None:
+        numbers = _numbers(msgspec.to_builtins(summary))
+        assert [value for value in numbers if not math.isfinite(value)] == []
+
+    def test_summary_read_and_written_has_the_same_bytes(
+        self, flown: Path, summary: CampaignSummary, tmp_path: Path
+    ) -> None:
+        summary_file.write(summary, tmp_path / "summary.json")
+        assert (tmp_path / "summary.json").read_bytes() == (flown / "summary.json").read_bytes()
 
     def test_the_page_needs_no_network_and_draws_every_chart(self, flown: Path) -> None:
         text = (flown / "report.html").read_text()
@@ -303,10 +311,10 @@ def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
     ).run()
     model = CampaignFolder(out).model
     assert (model.vehicle.prior, model.speed_mps) == ("xfin_auv", 1.5)
-    assert found["gains"]["initial"]["HDG_P"] == pytest.approx(
+    assert found.gains["initial"]["HDG_P"] == pytest.approx(
         2.115, abs=0.01
     )  # `ground vehicle gains xfin`
-    assert found["gains"]["redesigned"]["SPD_CRUISE_MPS"] == 1.5
+    assert found.gains["redesigned"]["SPD_CRUISE_MPS"] == 1.5
     assert (out / "report.html").stat().st_size > 1_000_000
 
 

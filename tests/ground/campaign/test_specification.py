@@ -14,30 +14,33 @@ from sysid.design.pid import Spec
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "spec.toml"
-    path.write_text("damping = 0.7\nms = 2\n")
+    path.write_text("damping = 0.7\nmax_sensitivity = 2\n")
     return path
 
 
 def test_read_without_input_is_default() -> None:
-    assert specification.read(None, {"ms": None}) == Spec()
+    assert specification.read(None, {"max_sensitivity": None}) == Spec()
 
 
 def test_read_option_overrides_file_overrides_vehicle(file: Path) -> None:
     found = specification.read(
-        file, {"damping": 0.65, "gm_db": None}, Spec(travel_deg=20.0, ms=1.5)
+        file, {"damping": 0.65, "gm_db": None}, Spec(travel_deg=20.0, max_sensitivity=1.5)
     )
-    assert found == Spec(damping=0.65, ms=2.0, travel_deg=20.0)
+    assert found == Spec(damping=0.65, max_sensitivity=2.0, travel_deg=20.0)
 
 
 @pytest.mark.parametrize(
     ("text", "wrong"),
     [
         ("dampng = 0.6", r"spec\.toml: dampng: there is no such limit; expected one of damping, "),
-        ("ms = 0.5", r"spec\.toml: ms = 0\.5: must be a number from 1\.05 to 10"),
-        ("ms = 'low'", r"spec\.toml: ms = low: must be a number"),
-        ("ms = true", r"spec\.toml: ms = True: must be a number"),
-        ("ms = nan", r"spec\.toml: ms = nan: must be a number"),
-        ("ms 2", r"spec\.toml: not TOML"),
+        (
+            "max_sensitivity = 0.5",
+            r"spec\.toml: max_sensitivity = 0\.5: must be a number from 1\.05 to 10",
+        ),
+        ("max_sensitivity = 'low'", r"spec\.toml: max_sensitivity = low: must be a number"),
+        ("max_sensitivity = true", r"spec\.toml: max_sensitivity = True: must be a number"),
+        ("max_sensitivity = nan", r"spec\.toml: max_sensitivity = nan: must be a number"),
+        ("max_sensitivity 2", r"spec\.toml: not TOML"),
     ],
 )
 def test_read_implausible_limit_is_named(text: str, wrong: str, tmp_path: Path) -> None:
@@ -48,7 +51,7 @@ def test_read_implausible_limit_is_named(text: str, wrong: str, tmp_path: Path) 
 
 
 def test_bounds_cover_every_limit() -> None:
-    assert set(specification.BOUNDS) == set(Spec._fields)
+    assert set(specification.BOUNDS) == set(Spec.__struct_fields__)
     for name, (low, high) in specification.BOUNDS.items():
         assert low <= getattr(Spec(), name) <= high
 
@@ -58,9 +61,9 @@ def test_read_error_names_the_option() -> None:
         specification.read(None, {"gm_db": 99.0})
 
 
-def test_read_error_names_option_of_other_name() -> None:
+def test_read_error_names_an_option_of_two_words() -> None:
     with pytest.raises(InputError, match=r"--max-sensitivity 0\.5: must be a number from 1\.05"):
-        specification.read(None, {"ms": 0.5})
+        specification.read(None, {"max_sensitivity": 0.5})
 
 
 class Refitted(NamedTuple):

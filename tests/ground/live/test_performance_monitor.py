@@ -10,7 +10,6 @@ from rich.console import Console
 
 from ground.client import param_file
 from ground.client.vehicle import StatusText
-from ground.live import monitor_view
 from ground.live.listeners import Listeners
 from ground.live.performance_monitor import PerformanceMonitor
 from mavlink_io.codec import Frame
@@ -67,23 +66,23 @@ def feed(performance: PerformanceMonitor, log: Log, shift_s: float = 0.0) -> Non
 
 def test_live_report_equals_log_report_and_is_sent_once() -> None:
     announced: list[str] = []
-    live = monitored(BENT, announced).as_json()
-    after = monitor_view.as_json(monitor.monitor_log(BENT, made.baseline()))
-    assert [cause["name"] for cause in live["causes"]] == ["rudder"]
-    assert live["found_s"] == pytest.approx(after["found_s"])
-    assert live["rms"]["rudder_deg"]["measured"] == pytest.approx(
-        after["rms"]["rudder_deg"]["measured"], rel=1e-3
+    live = monitored(BENT, announced).report()
+    after = monitor.monitor_log(BENT, made.baseline())
+    assert [cause.name for cause in live.causes] == ["rudder"]
+    assert live.detected_at_s == pytest.approx(after.detected_at_s)
+    assert live.rms["rudder_deg"].measured == pytest.approx(
+        after.rms["rudder_deg"].measured, rel=1e-3
     )
     assert len(announced) == 1
-    assert announced[0].startswith("REFIT DUE: bent duct")
+    assert announced[0].startswith("REFIT RECOMMENDED: bent duct")
 
 
 def test_restarted_clock_keeps_earlier_windows() -> None:
     performance = monitored(made.flight(200.0, seed=1), shift_s=1000.0)
-    seen = performance.as_json()["blocks"]
+    seen = performance.report().windows
     feed(performance, made.flight(200.0, seed=3))
     assert seen > 5
-    assert performance.as_json()["blocks"] == 2 * seen
+    assert performance.report().windows == 2 * seen
 
 
 def test_flight_during_identification_test_is_ignored() -> None:
@@ -91,7 +90,7 @@ def test_flight_during_identification_test_is_ignored() -> None:
     performance.begin({})
     performance.on_text(StatusText(6, "SystemID Starting: axis=12"))
     feed(performance, made.flight(200.0, seed=1))
-    assert performance.as_json()["blocks"] == 0
+    assert performance.report().windows == 0
 
 
 def test_table_shows_measured_and_predicted_rms() -> None:
@@ -101,7 +100,7 @@ def test_table_shows_measured_and_predicted_rms() -> None:
     console = Console(width=120, record=True, file=StringIO())
     console.print(shown[-1])
     text = console.export_text()
-    assert "REFIT DUE" in text
+    assert "REFIT RECOMMENDED" in text
     assert "0.700" in text
 
 

@@ -62,7 +62,7 @@ class Sea:
 
     def text(self, label: str) -> str:
         cell = self.rows()[label].cell
-        return "" if cell is None else cell.words
+        return "" if cell is None else cell.text
 
     def screen(self, later_s: float = 0.0) -> str:
         console = Console(width=100, file=io.StringIO())

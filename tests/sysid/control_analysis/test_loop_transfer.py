@@ -43,7 +43,7 @@ def test_margins_equal_those_of_python_control() -> None:
     )
     assert computed.gm_db == pytest.approx(20 * math.log10(gm), abs=0.05)
     assert computed.pm_deg == pytest.approx(pm, abs=0.2)
-    assert computed.ms == pytest.approx(1 / sm, rel=5e-3)
+    assert computed.max_sensitivity == pytest.approx(1 / sm, rel=5e-3)
     assert np.isfinite(crossover)
 
 

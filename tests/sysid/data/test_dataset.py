@@ -231,6 +231,6 @@ def test_tracking_excludes_settling_and_tests(tmp_path: Path) -> None:
     assert found is not None
     assert [round(w.stop_s - w.start_s) for w in found.windows] == [25, 25]
     assert found.heading_deg.p95 == pytest.approx(0.5, abs=1e-4)
-    assert found.depth_m.largest == pytest.approx(0.1, abs=1e-5)
+    assert found.depth_m.max == pytest.approx(0.1, abs=1e-5)
     assert found.depth_m.mean == pytest.approx(0.1, abs=1e-5)
-    assert found.pitch_deg.largest == pytest.approx(0.0, abs=1e-6)
+    assert found.pitch_deg.max == pytest.approx(0.0, abs=1e-6)

@@ -33,12 +33,12 @@ def designed(model: IdentifiedModel) -> Design:
 
 def test_redesign_all_cuts_meet_specification(model: IdentifiedModel, designed: Design) -> None:
     spec, judged = designed.spec, analyse_loops(from_model(model), designed.gains)
-    assert (spec.damping, spec.gm_db, spec.pm_deg, spec.ms) == (0.6, 8.0, 55.0, 1.6)
+    assert (spec.damping, spec.gm_db, spec.pm_deg, spec.max_sensitivity) == (0.6, 8.0, 55.0, 1.6)
     for cut in ("rudder", "heading", "elevator", "depth"):
         margins = judged.margins[cut]
         assert margins.gm_db >= spec.gm_db * 0.995, cut
         assert margins.pm_deg >= spec.pm_deg * 0.995, cut
-        assert margins.ms <= spec.ms * 1.005, cut
+        assert margins.max_sensitivity <= spec.max_sensitivity * 1.005, cut
 
 
 def test_redesign_impulse_response_is_damped(model: IdentifiedModel, designed: Design) -> None:
@@ -62,7 +62,10 @@ def test_redesign_errors_are_below_initial_gains(designed: Design) -> None:
     """The margins are larger as well; compensation of the tailcone's lag makes both possible."""
     assert designed.predicted.heading_deg < 0.9 * designed.initial.heading_deg
     assert designed.predicted.depth_m < 0.9 * designed.initial.depth_m
-    assert designed.analysis.margins["rudder"].ms < designed.initial_analysis.margins["rudder"].ms
+    assert (
+        designed.analysis.margins["rudder"].max_sensitivity
+        < designed.initial_analysis.margins["rudder"].max_sensitivity
+    )
     assert designed.gains["ACT_LEAD_W"] > 1.5 * designed.gains["ACT_LAG_W"]
 
 
@@ -239,7 +242,7 @@ def test_redesign_low_robustness_raises_with_advice(
         DesignInfeasibleError,
         match=r"of the vehicles sampled from the model .* most violate the .*refit",
     ):
-        pid.redesign(model, Spec(probability=0.999))
+        pid.redesign(model, Spec(robust_fraction=0.999))
 
 
 def test_redesign_ambiguous_fit_raises(model: IdentifiedModel) -> None:

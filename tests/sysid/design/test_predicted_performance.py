@@ -65,28 +65,28 @@ def test_rms_and_means_simulation_equals_prediction(
     expected, whole = baseline.predicted["heading_deg"], round(AVERAGED_S / STEP_S)
     averages = heading_deg[: heading_deg.size // whole * whole].reshape(-1, whole).mean(axis=1)
     assert np.std(heading_deg) == pytest.approx(expected.rms, rel=0.1)
-    assert np.std(averages) == pytest.approx(expected.average_sd, rel=0.15)
+    assert np.std(averages) == pytest.approx(expected.mean_sd_20s, rel=0.15)
     assert np.quantile(np.abs(heading_deg), 0.95) == pytest.approx(expected.p95, rel=0.1)
 
 
 def test_variance_spread_follows_correlation_time(
     baseline: PerformanceBaseline, heading_deg: Array
 ) -> None:
-    """Chi-square: the relative variance of a variance over T is 2 memory_s / T."""
+    """Chi-square: the relative variance of a variance over T is 2 correlation_time_s / T."""
     expected, whole = baseline.predicted["heading_deg"], round(AVERAGED_S / STEP_S)
     variances = heading_deg[: heading_deg.size // whole * whole].reshape(-1, whole).var(axis=1)
     spread = np.var(variances) / np.mean(variances) ** 2
-    assert spread == pytest.approx(2.0 * expected.memory_s / AVERAGED_S, rel=0.3)
+    assert spread == pytest.approx(2.0 * expected.correlation_time_s / AVERAGED_S, rel=0.3)
 
 
 def test_resonance_rms_simulation_equals_prediction(
     baseline: PerformanceBaseline, heading_deg: Array
 ) -> None:
     band = iirpeak(
-        baseline.heading_swing_radps, 1.0 / RESONANCE_BANDWIDTH, fs=2.0 * math.pi / STEP_S
+        baseline.heading_resonance_radps, 1.0 / RESONANCE_BANDWIDTH, fs=2.0 * math.pi / STEP_S
     )
     assert np.std(lfilter(*band, heading_deg)) == pytest.approx(
-        baseline.predicted["heading_swing_deg"].rms, rel=0.1
+        baseline.predicted["heading_resonance_deg"].rms, rel=0.1
     )
 
 
@@ -98,5 +98,5 @@ def test_predicted_means_are_those_of_level_flight(
     assert baseline.predicted["pitch_deg"].mean == level.level_pitch_deg
     assert baseline.predicted["pitch_deg"].mean_sd > 0.0
     assert baseline.model_sha256 == sha256_of_model(model)
-    assert baseline.kept is not None
-    assert (baseline.kept.specification, baseline.kept.vehicles) == (0.9, 240)
+    assert baseline.robustness is not None
+    assert (baseline.robustness.specification, baseline.robustness.vehicles) == (0.9, 240)

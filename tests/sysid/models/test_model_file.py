@@ -37,10 +37,13 @@ def test_model_written_and_read_is_equal(model: IdentifiedModel, tmp_path: Path)
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('{"format": 1, "method": "map"}', r"format = 1; this version reads format \d"),
+        (
+            '{"format": 2, "method": "map", "verdict": null}',
+            "format = 2; this version reads format 3: refit the logs",
+        ),
         ('{"format": 99}', "format = 99"),
         ("{}", "no 'format' key"),
-        ('{"format": 2}', "missing required field"),
+        ('{"format": 3}', "missing required field"),
         ("not json", "malformed"),
     ],
 )

@@ -39,7 +39,7 @@ def baseline() -> PerformanceBaseline:
     band = 0.5 * math.pi * 0.5 * 2.0 * (2.0 * MEMORY_S / (1.0 + (2.0 * MEMORY_S) ** 2)) / math.pi
     statistics = {name: _expected(name, rms, averaged) for name, rms in RMS.items()}
     resonances = {
-        f"{plane}_swing_deg": PredictedStatistic(
+        f"{plane}_resonance_deg": PredictedStatistic(
             0.0, 0.0, 0.4 * math.sqrt(band), 0.8 * math.sqrt(band), 1e-3, 5.0
         )
         for plane in ("heading", "pitch")

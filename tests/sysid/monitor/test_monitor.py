@@ -8,40 +8,40 @@ import pytest
 from sysid import monitor
 from sysid.data.dataset import Log
 from sysid.monitor import Monitor, sequential
-from sysid.monitor.blocks import BlockCutter, sample
 from sysid.monitor.performance_spec import AVERAGED_S
 from sysid.monitor.tracking_metrics import SETTLING_S
+from sysid.monitor.windows import WindowCutter, sample
 from tests.sysid.monitor import made
 
 HOUR_S = 3600.0
 BASELINE = made.baseline()
 
 
-def blocks(log: Log) -> list[monitor.Block]:
-    """Return the blocks of a log."""
-    return list(BlockCutter(BASELINE).take(sample(log, None, float(log.attitude.time_s[-1]))))
+def windows(log: Log) -> list[monitor.MonitorWindow]:
+    """Return the windows of a log."""
+    return list(WindowCutter(BASELINE).take(sample(log, None, float(log.attitude.time_s[-1]))))
 
 
 def test_monitor_flight_as_predicted_raises_no_alarm() -> None:
     report = monitor.monitor_log(made.flight(4.0 * HOUR_S, seed=1), BASELINE)
     assert report.steady_s > 3.9 * HOUR_S
     assert report.causes == ()
-    assert report.found_s is None
-    for name, (measured, predicted) in report.errors.items():
-        assert measured == pytest.approx(predicted, rel=0.1), name
+    assert report.detected_at_s is None
+    for name, rms in report.rms.items():
+        assert rms.measured == pytest.approx(rms.predicted, rel=0.1), name
 
 
 def test_threshold_allowed_shift_keeps_false_alarm_rate() -> None:
-    """Means at the allowed limit, where sums grow most; threshold for one alarm in 40 blocks."""
+    """Means at the allowed limit, where sums grow most; threshold for one alarm in 40 windows."""
     expected = BASELINE.predicted["rudder_deg"]
     rng, crossings, count, h = np.random.default_rng(3), 0, 40_000, np.log(40.0)
     allowed = sequential.MIN_SHIFT["rudder_deg"] + 2.0 * expected.mean_sd
-    block = blocks(made.flight(100.0, seed=1))[0]
+    window = windows(made.flight(100.0, seed=1))[0]
     test = sequential.Sum()
-    for departure in rng.normal(allowed, expected.average_sd, count):
-        means = {**block.means, "rudder_deg": expected.mean + departure}
+    for departure in rng.normal(allowed, expected.mean_sd_20s, count):
+        means = {**window.means, "rudder_deg": expected.mean + departure}
         test = sequential._update_sum(
-            "rudder_deg", "higher", expected, test, block._replace(means=means)
+            "rudder_deg", "higher", expected, test, window._replace(means=means)
         )
         if test.value > h:
             crossings, test = crossings + 1, sequential.Sum()
@@ -65,15 +65,15 @@ def test_monitor_shifted_mean_names_cause_in_two_minutes(
 ) -> None:
     report = monitor.monitor_log(made.flight(900.0, seed=2, shifts=moved, from_s=400.0), BASELINE)
     assert [likely.name for likely in report.causes] == [cause]
-    assert report.found_s is not None
-    assert 400.0 < report.found_s < 520.0
-    assert report.refit_due == (cause != "integrator")
+    assert report.detected_at_s is not None
+    assert 400.0 < report.detected_at_s < 520.0
+    assert report.refit_recommended == (cause != "integrator")
 
 
 def test_monitor_larger_disturbance_needs_no_refit() -> None:
     report = monitor.monitor_log(made.flight(900.0, seed=2, noise_factor=2.5), BASELINE)
     assert [likely.name for likely in report.causes] == ["sea"]
-    assert not report.refit_due
+    assert not report.refit_recommended
 
 
 def test_monitor_slightly_larger_disturbance_is_no_alarm() -> None:
@@ -92,7 +92,7 @@ def test_monitor_resonance_is_distinguished_from_disturbance(plane: str) -> None
     swinging = replace(log.attitude, **{column: getattr(log.attitude, column) + swing})
     report = monitor.monitor_log(replace(log, attitude=swinging), BASELINE)
     assert [likely.name for likely in report.causes] == [f"{plane} loop"]
-    assert report.refit_due
+    assert report.refit_recommended
 
 
 def test_monitor_surface_noise_is_not_disturbance() -> None:
@@ -115,54 +115,54 @@ def test_monitor_piecewise_equals_whole_log() -> None:
     assert piecewise.report() == monitor.monitor_log(log, BASELINE)
 
 
-def test_blocks_settling_is_excluded() -> None:
+def test_windows_settling_is_excluded() -> None:
     log = made.flight(400.0, seed=1)
     turned = log.setpoints.heading_rad - np.radians(2.0) * (log.setpoints.attitude_time_s > 150.0)
-    cause = blocks(replace(log, setpoints=replace(log.setpoints, heading_rad=turned)))
-    after = [block.start_s for block in cause if block.stop_s > 150.0]
+    cause = windows(replace(log, setpoints=replace(log.setpoints, heading_rad=turned)))
+    after = [window.start_s for window in cause if window.stop_s > 150.0]
     assert min(after) == pytest.approx(150.0 + SETTLING_S, abs=0.5)
-    assert all(block.stop_s - block.start_s == pytest.approx(AVERAGED_S) for block in cause)
+    assert all(window.stop_s - window.start_s == pytest.approx(AVERAGED_S) for window in cause)
 
 
-def test_blocks_identification_tests_are_excluded() -> None:
+def test_windows_identification_tests_are_excluded() -> None:
     log = made.flight(400.0, seed=1)
     told = made.event(100.0, "SystemID Starting: axis=10"), made.event(200.0, "SystemID Finished")
-    cause = blocks(replace(log, events=told))
+    cause = windows(replace(log, events=told))
     assert not [
-        block
-        for block in cause
-        if block.stop_s > 100.0 and block.start_s < 200.0 + SETTLING_S - 0.5
+        window
+        for window in cause
+        if window.stop_s > 100.0 and window.start_s < 200.0 + SETTLING_S - 0.5
     ]
-    assert len([block for block in cause if block.start_s > 200.0]) >= 8
+    assert len([window for window in cause if window.start_s > 200.0]) >= 8
 
 
-def test_blocks_telemetry_gap_restarts_settling() -> None:
+def test_windows_telemetry_gap_restarts_settling() -> None:
     log = made.flight(200.0, seed=1)
     heard = (log.attitude.time_s < 100.0) | (log.attitude.time_s > 104.0)
     thin = log.attitude.__class__(*(values[heard] for values in vars(log.attitude).values()))
-    cause = blocks(replace(log, attitude=thin))
+    cause = windows(replace(log, attitude=thin))
     assert not [
-        block
-        for block in cause
-        if block.stop_s > 101.5 and block.start_s < 104.0 + SETTLING_S - 0.5
+        window
+        for window in cause
+        if window.stop_s > 101.5 and window.start_s < 104.0 + SETTLING_S - 0.5
     ]
 
 
 def test_monitor_other_speed_is_ignored() -> None:
     log = made.flight(400.0, seed=1, shifts={"pitch_deg": 3.0})
     fast = replace(log.actuators, thrust=log.actuators.thrust * 1.3)
-    assert monitor.monitor_log(replace(log, actuators=fast), BASELINE).blocks == 0
+    assert monitor.monitor_log(replace(log, actuators=fast), BASELINE).windows == 0
 
 
-def test_blocks_near_surface_are_excluded() -> None:
+def test_windows_near_surface_are_excluded() -> None:
     log = made.flight(400.0, seed=1)
     points = replace(log.setpoints, depth_m=np.full_like(log.setpoints.depth_m, 1.0))
     shallow = replace(log.depth, depth_m=log.depth.depth_m - 4.0)
-    assert monitor.monitor_log(replace(log, setpoints=points, depth=shallow), BASELINE).blocks == 0
+    assert monitor.monitor_log(replace(log, setpoints=points, depth=shallow), BASELINE).windows == 0
 
 
-def test_blocks_transit_is_excluded() -> None:
+def test_windows_transit_is_excluded() -> None:
     log = made.flight(400.0, seed=1)
     late = np.maximum(0.0, 4.5 - 0.03 * log.depth.time_s)
-    cause = blocks(replace(log, depth=replace(log.depth, depth_m=log.depth.depth_m - late)))
+    cause = windows(replace(log, depth=replace(log.depth, depth_m=log.depth.depth_m - late)))
     assert cause[0].start_s > 4.0 / 0.03 + SETTLING_S - 5.0

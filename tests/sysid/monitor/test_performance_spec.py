@@ -20,11 +20,11 @@ BASELINE = PerformanceBaseline(
     version="0.1.0",
     speed_mps=1.3,
     thrust=0.58,
-    heading_swing_radps=2.25,
-    pitch_swing_radps=1.75,
-    specification={"damping": 0.6, "pitch_rms_growth": math.inf},
+    heading_resonance_radps=2.25,
+    pitch_resonance_radps=1.75,
+    specification={"damping": 0.6, "pitch_rms_ratio": math.inf},
     predicted={"heading_deg": PredictedStatistic(0.0, 0.0, 0.375, 0.75, 0.125, 3.5)},
-    kept=Robustness(0.875, 1.0, 240, 2001),
+    robustness=Robustness(0.875, 1.0, 240, 2001),
 )
 
 
@@ -48,7 +48,7 @@ def test_decode_encoded_baseline_is_equal(text: str) -> None:
 
 def test_encode_without_covariance_omits_robustness() -> None:
     bare = BASELINE.__class__(
-        **{**{n: getattr(BASELINE, n) for n in BASELINE.__struct_fields__}, "kept": None}
+        **{**{n: getattr(BASELINE, n) for n in BASELINE.__struct_fields__}, "robustness": None}
     )
     text = performance_spec.encode(bare, GAINS, REASONS)
     assert performance_spec.decode(text, values(text)) == bare
@@ -73,6 +73,12 @@ def test_decode_added_value_raises(text: str) -> None:
 def test_decode_missing_field_is_named(text: str, head: str) -> None:
     with pytest.raises(BaselineError, match=head.split()[0]):
         performance_spec.decode(text.replace(f"# {head}\n", ""), values(text))
+
+
+def test_decode_other_format_is_named(text: str) -> None:
+    old = text.replace("# caribou gains 2", "# caribou gains 1", 1)
+    with pytest.raises(BaselineError, match="has format 1; this version reads format 2"):
+        performance_spec.decode(old, values(old))
 
 
 @pytest.mark.parametrize("other", ["", "HDG_P,0.5\n", "# gains of my own\nHDG_P,0.5  # why\n"])

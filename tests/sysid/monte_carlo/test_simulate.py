@@ -37,9 +37,9 @@ def test_fly_known_vehicle_calm_has_no_error(known: DesignPrior) -> None:
     assert dive.log.setpoints.depth_m[0] == 3.0
     steady = tracking_metrics.tracking(dive.log, settling_s=110.0)
     assert steady is not None
-    assert steady.heading_deg.largest < 0.02
-    assert steady.depth_m.largest < 0.01
-    assert steady.pitch_deg.largest < 0.02
+    assert steady.heading_deg.max < 0.02
+    assert steady.depth_m.max < 0.01
+    assert steady.pitch_deg.max < 0.02
 
 
 def test_fly_larger_disturbance_has_larger_errors(known: DesignPrior) -> None:

@@ -10,9 +10,14 @@ import pytest
 from sitl.vehicle import config
 from sysid.data.segments import Plane, Run
 from sysid.models.model_file import IdentifiedModel, ParameterCovariance, ParameterEstimate
-from sysid.validation.acceptance import assess, format_gate
+from sysid.validation.acceptance import assess, format_check
 from sysid.validation.assess import with_assessment
-from sysid.validation.results import Correction, FrequencyComparison, Gate, PlaneValidation
+from sysid.validation.results import (
+    AcceptanceCheck,
+    Correction,
+    FrequencyComparison,
+    PlaneValidation,
+)
 from tests.sysid import sea
 from tests.sysid.estimation.map.test_fit import TRIM
 
@@ -42,10 +47,10 @@ def good_model(model: IdentifiedModel, campaign: list[Run], held_out: list[Run])
 
 
 def test_assess_good_model_is_accepted(good_model: IdentifiedModel) -> None:
-    assert good_model.verdict is not None
-    assert good_model.verdict.fit_for_redesign, good_model.verdict.reasons
-    assert good_model.verdict.reasons == ()
-    assert good_model.verdict.next_test is not None
+    assert good_model.assessment is not None
+    assert good_model.assessment.fit_for_redesign, good_model.assessment.reasons
+    assert good_model.assessment.reasons == ()
+    assert good_model.assessment.next_test is not None
     for plane in ("yaw", "pitch"):
         excess = good_model.validation[plane].held_out
         assert excess is not None
@@ -109,7 +114,7 @@ CHANGES: dict[str, ModelChange] = {
     "phase at crossover, 1 sd": within_yaw("crossover", phase_sd_deg=6.0),
     "coherence about crossover": of_yaw(coherence_at_crossover=0.4),
     "mismatch of the response": of_yaw(
-        overlay=FrequencyComparison(
+        frequency_response=FrequencyComparison(
             (), (1.0,), (1.0,), (0.0,), (0.0,), (0.1,), (0.1,), (0.0,), (0.0,), 140.0
         )
     ),
@@ -134,17 +139,17 @@ CHANGES: dict[str, ModelChange] = {
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_assess_each_criterion_can_fail(name: str, good_model: IdentifiedModel) -> None:
-    assert good_model.verdict is not None
-    failed_before = {gate.name for gate in good_model.verdict.gates if not gate.passed}
+    assert good_model.assessment is not None
+    failed_before = {check.name for check in good_model.assessment.checks if not check.passed}
     changed = CHANGES[name](good_model)
     assessment = assess(changed, changed.validation)
     assert not assessment.fit_for_redesign
     newly_failed = [
-        gate for gate in assessment.gates if not gate.passed and gate.name not in failed_before
+        check for check in assessment.checks if not check.passed and check.name not in failed_before
     ]
-    assert [gate.name for gate in newly_failed if gate.required and gate.name.startswith(name)], (
-        newly_failed
-    )
+    assert [
+        check.name for check in newly_failed if check.required and check.name.startswith(name)
+    ], newly_failed
     assert any(name in reason for reason in assessment.reasons)
 
 
@@ -164,13 +169,13 @@ def test_assess_delay_without_variance_is_held_fixed(good_model: IdentifiedModel
     clipped = replace(good_model, design={**good_model.design, "yaw": covariance})
     with np.errstate(all="raise"):
         assessment = assess(clipped, clipped.validation)
-    gate = next(
+    check = next(
         candidate
-        for candidate in assessment.gates
+        for candidate in assessment.checks
         if (candidate.name, candidate.plane) == ("b1, insensitivity", "yaw")
     )
-    assert gate.value is not None
-    assert 0.0 < gate.value < 20.0
+    assert check.value is not None
+    assert 0.0 < check.value < 20.0
 
 
 @pytest.mark.parametrize("value", [0.0, float("nan")])
@@ -190,8 +195,8 @@ def test_assess_b1_without_finite_variance_fails(value: float, good_model: Ident
 
 
 def test_assess_all_required_criteria_are_tested(good_model: IdentifiedModel) -> None:
-    assert good_model.verdict is not None
-    required = {gate.name for gate in good_model.verdict.gates if gate.required}
+    assert good_model.assessment is not None
+    required = {check.name for check in good_model.assessment.checks if check.required}
     assert {
         name for name in required if not any(name.startswith(tried) for tried in CHANGES)
     } == set()
@@ -224,17 +229,19 @@ def test_assess_paper_method_is_rejected(
     paper_model = with_assessment(
         refit.identify(campaign, bench, method="paper"), campaign, held_out, prior=bench
     )
-    assert paper_model.verdict is not None
-    assert not paper_model.verdict.fit_for_redesign
-    assert any("not known" in reason for reason in paper_model.verdict.reasons)
-    assert paper_model.validation["yaw"].overlay is not None
+    assert paper_model.assessment is not None
+    assert not paper_model.assessment.fit_for_redesign
+    assert any("not known" in reason for reason in paper_model.assessment.reasons)
+    assert paper_model.validation["yaw"].frequency_response is not None
 
 
-def test_format_gate_gives_one_line() -> None:
-    gate = Gate("b1, 1 sd", "yaw", 25.0, 20.0, "at most", "%", passed=False, required=True)
-    assert format_gate(gate) == "yaw: b1, 1 sd 25 %, at most 20 %"
+def test_format_check_gives_one_line() -> None:
+    check = AcceptanceCheck(
+        "b1, 1 sd", "yaw", 25.0, 20.0, "at most", "%", passed=False, required=True
+    )
+    assert format_check(check) == "yaw: b1, 1 sd 25 %, at most 20 %"
     assert (
-        format_gate(replace(gate, value=None, plane=None, unit=""))
+        format_check(replace(check, value=None, plane=None, unit=""))
         == "b1, 1 sd not known, at most 20"
     )
 

@@ -88,9 +88,11 @@ def test_fit_undetermined_coefficients_keep_the_prior(model: IdentifiedModel) ->
     coefficients = model.coefficients
     for name in ("Y_vdot", "N_rdot", "M_qdot", "Z_wdot"):
         assert coefficients[name].status == "prior", name
-        assert coefficients[name].shrink > 0.8
+        assert coefficients[name].posterior_to_prior_sd > 0.8
     for name, coefficient in coefficients.items():
-        assert (coefficient.status == "measured") == (coefficient.shrink <= 0.8), name
+        assert (coefficient.status == "measured") == (coefficient.posterior_to_prior_sd <= 0.8), (
+            name
+        )
     assert model.joint.informed_directions < len(NAMES)
     assert model.joint.condition_number is None or model.joint.condition_number > 1e4
 

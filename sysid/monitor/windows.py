@@ -1,4 +1,4 @@
-"""Blocks of steady flight: constant set-points after settling, no test active."""
+"""Windows of steady flight: constant set-points after settling, no test active."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -56,7 +56,7 @@ class MotionRow(NamedTuple):
         return not any(math.isnan(value) for value in self)
 
 
-class Block(NamedTuple):
+class MonitorWindow(NamedTuple):
     """Statistics of ``AVERAGED_S`` of steady flight."""
 
     start_s: float
@@ -64,7 +64,7 @@ class Block(NamedTuple):
     thrust: float
     means: dict[str, float]
     variances: dict[str, float]
-    """Variances about the block's own mean."""
+    """Variances about the window's own mean."""
 
 
 def sample(log: Log, after_s: float | None, until_s: float) -> list[MotionRow]:
@@ -90,29 +90,29 @@ def sample(log: Log, after_s: float | None, until_s: float) -> list[MotionRow]:
     return [MotionRow(*row) for row in rows]
 
 
-class BlockCutter:
-    """Cutter that takes rows in order of time and yields blocks as they fill."""
+class WindowCutter:
+    """Cutter that takes rows in order of time and yields windows as they fill."""
 
     def __init__(self, baseline: PerformanceBaseline) -> None:
         self._bands = {
-            "heading": _band(baseline.heading_swing_radps),
-            "pitch": _band(baseline.pitch_swing_radps),
+            "heading": _band(baseline.heading_resonance_radps),
+            "pitch": _band(baseline.pitch_resonance_radps),
         }
         self._rows: list[MotionRow] = []
 
-    def take(self, rows: Sequence[MotionRow]) -> Iterator[Block]:
-        """Yield the blocks that the rows complete."""
-        settling_rows, block_rows = round(SETTLING_S / STEP_S), round(AVERAGED_S / STEP_S)
+    def take(self, rows: Sequence[MotionRow]) -> Iterator[MonitorWindow]:
+        """Yield the windows that the rows complete."""
+        settling_rows, window_rows = round(SETTLING_S / STEP_S), round(AVERAGED_S / STEP_S)
         for row in rows:
             if not _continues(self._rows, row):
                 self._rows = []
             if _is_steady(row) and (self._rows or _is_settled(row)):
                 self._rows.append(row)
-            if len(self._rows) == settling_rows + block_rows:
-                yield self._block(self._rows, block_rows)
-                self._rows = self._rows[block_rows:]
+            if len(self._rows) == settling_rows + window_rows:
+                yield self._window(self._rows, window_rows)
+                self._rows = self._rows[window_rows:]
 
-    def _block(self, rows: Sequence[MotionRow], block_rows: int) -> Block:
+    def _window(self, rows: Sequence[MotionRow], window_rows: int) -> MonitorWindow:
         """Return the statistics of the last rows; the earlier rows let the band filters settle."""
         heading = np.degrees(
             np.unwrap([row.heading_rad - row.heading_setpoint_rad for row in rows])
@@ -121,20 +121,20 @@ class BlockCutter:
         pitch = np.degrees([row.pitch_rad for row in rows])
         series = {
             "heading_deg": heading,
-            "heading_swing_deg": lfilter(*self._bands["heading"], heading - np.mean(heading)),
+            "heading_resonance_deg": lfilter(*self._bands["heading"], heading - np.mean(heading)),
             "pitch_deg": pitch,
-            "pitch_swing_deg": lfilter(*self._bands["pitch"], pitch - np.mean(pitch)),
+            "pitch_resonance_deg": lfilter(*self._bands["pitch"], pitch - np.mean(pitch)),
             "depth_m": np.array([row.depth_m - row.depth_setpoint_m for row in rows]),
             "rudder_deg": np.degrees([row.rudder_rad for row in rows]),
             "elevator_deg": np.degrees([row.elevator_rad for row in rows]),
         }
-        block_series = {name: np.asarray(values[-block_rows:]) for name, values in series.items()}
-        return Block(
-            start_s=rows[-block_rows].time_s - STEP_S,
+        window_series = {name: np.asarray(values[-window_rows:]) for name, values in series.items()}
+        return MonitorWindow(
+            start_s=rows[-window_rows].time_s - STEP_S,
             stop_s=rows[-1].time_s,
-            thrust=float(np.mean([row.thrust for row in rows[-block_rows:]])),
-            means={name: float(np.mean(values)) for name, values in block_series.items()},
-            variances={name: float(np.var(values)) for name, values in block_series.items()},
+            thrust=float(np.mean([row.thrust for row in rows[-window_rows:]])),
+            means={name: float(np.mean(values)) for name, values in window_series.items()},
+            variances={name: float(np.var(values)) for name, values in window_series.items()},
         )
 
 

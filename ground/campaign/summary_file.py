@@ -1,0 +1,202 @@
+"""`summary.json`: the result of a campaign, written and read through one type.
+
+`python -m ground.campaign.summary_file > docs/summary.schema.json` writes its JSON Schema.
+"""
+
+import sys
+from pathlib import Path
+
+import msgspec
+
+from mavlink_io.errors import InputError
+from sysid.data.segments import Plane
+from sysid.design.specification import DesignRobustness, Response, Spec
+from sysid.json_record import JsonRecord
+from sysid.models.model_file import Coefficient, Method, PlaneModel
+from sysid.monitor import MonitorReport
+from sysid.monitor.tracking_metrics import TrackingMetrics
+from sysid.schema import schema_of
+from sysid.validation.results import Correction, Crossover, Excess, ModelAssessment
+
+FORMAT = 1
+Pole = tuple[float, float]
+"""Real and imaginary part (rad/s)."""
+
+
+class RateErrors(JsonRecord, frozen=True):
+    """Mean squared rate errors of one plane, (deg/s)^2, over whole tests and their first 10 s."""
+
+    initial_model_deg2ps2: float
+    refitted_model_deg2ps2: float
+    opening_initial_model_deg2ps2: float
+    opening_refitted_model_deg2ps2: float
+
+
+class ValidationSummary(JsonRecord, frozen=True):
+    """Validation of one plane without its single runs and its frequency response."""
+
+    held_out: Excess | None
+    coherence_at_crossover: float | None
+    crossover: Crossover | None
+    correction: Correction | None
+
+
+class AlternativeSummary(JsonRecord, frozen=True):
+    """Fit of the same runs by another method."""
+
+    planes: dict[Plane, PlaneModel]
+    coefficients: dict[str, float]
+    rank: int
+    fitted_rate_error: dict[Plane, RateErrors]
+    held_out_rate_error: dict[Plane, RateErrors]
+
+
+class ModelSummary(JsonRecord, frozen=True):
+    """Identified model; the names are those of ``model.json``."""
+
+    method: Method
+    speed_mps: float
+    planes: dict[Plane, PlaneModel]
+    coefficients: dict[str, Coefficient]
+    rank: int
+    condition_number: float | None
+    fitted_rate_error: dict[Plane, RateErrors]
+    held_out_rate_error: dict[Plane, RateErrors]
+    runs_accepted: int
+    """Number of runs that were fitted."""
+    runs_rejected: int
+    """Number of runs that the screening rejected."""
+    validation: dict[Plane, ValidationSummary]
+    assessment: ModelAssessment | None
+    alternative_methods: dict[Method, AlternativeSummary]
+
+
+class MarginsSummary(JsonRecord, frozen=True):
+    """Stability margins of a loop that is opened at one point."""
+
+    gm_db: float | None
+    """Smallest gain margin, up or down (dB); null if it is infinite."""
+    pm_deg: float | None
+    """Smallest phase margin (deg); null without a crossing of unit gain."""
+    max_sensitivity: float
+    """Maximum sensitivity Ms = max |1 / (1 + L)|."""
+    crossover_radps: float | None
+    """Highest frequency of unit gain (rad/s); null without a crossing."""
+
+
+class LoopAnalysis(JsonRecord, frozen=True):
+    """Poles, margins and predicted response of a set of gains on the identified model."""
+
+    damping: dict[str, float]
+    """Smallest damping ratio of the visible modes by loop."""
+    poles_radps: dict[str, tuple[Pole, ...]]
+    """Closed-loop poles by loop, slowest first."""
+    visible_modes_radps: dict[str, tuple[Pole, ...]]
+    """Poles that are visible in the motion of the loop, slowest first."""
+    margins: dict[str, MarginsSummary]
+    """Margins by the point where the loop is opened."""
+    predicted: Response
+    """Standard deviation of each signal in the disturbance of the tests."""
+
+
+class PredictedError(JsonRecord, frozen=True):
+    """Predicted statistics of one quantity in steady flight, in the unit of its name."""
+
+    mean: float
+    rms: float
+    """Standard deviation about the mean."""
+    p95: float
+    """95 % of the samples are within this distance of the mean."""
+
+
+class DesignSummary(JsonRecord, frozen=True):
+    """Result of a redesign."""
+
+    redesigned: LoopAnalysis
+    initial: LoopAnalysis
+    gains: dict[str, float]
+    """Designed parameters by name."""
+    reasons: dict[str, str]
+    """Reason for each parameter."""
+    specification: Spec
+    robustness: DesignRobustness | None
+    """Null for a model without covariance or without its vehicle file."""
+    predicted: dict[str, PredictedError]
+    """Predicted performance by quantity."""
+    model_sha256: str
+
+
+class SteadyError(JsonRecord, frozen=True):
+    """95 % bounds of the errors of straight runs, as in the paper's Table 5."""
+
+    heading_deg: float
+    pitch_deg: float
+    depth_m: float
+
+
+class CampaignSummary(JsonRecord, frozen=True):
+    """Content of ``summary.json``."""
+
+    format: int
+    wall_s: float
+    """Duration of the campaign by the wall clock (s)."""
+    vehicle_s: float
+    """Sum of the durations of the dives in vehicle time (s)."""
+    messages: int
+    """Number of recorded MAVLink messages."""
+    lost_frames: int
+    """Number of MAVLink frames that were lost."""
+    seed: int
+    trims: dict[str, float]
+    """Measured trim parameters (deg)."""
+    gains: dict[str, dict[str, float]]
+    """Flown parameters by set of gains: initial, improved (on request), redesigned."""
+    model: ModelSummary
+    design: DesignSummary
+    tracking: dict[str, dict[str, TrackingMetrics]]
+    """Errors by mission and set of gains."""
+    monitoring: dict[str, MonitorReport]
+    """Comparison of the redesigned gains with their predicted performance, by mission."""
+    steady_error: dict[str, SteadyError]
+    """Errors of straight runs by set of gains."""
+
+
+class _Head(msgspec.Struct):
+    """The key that is decoded first; other keys are ignored."""
+
+    format: int = 0
+
+
+def write(summary: CampaignSummary, path: Path) -> None:
+    """Write ``summary.json``; an existing file is overwritten."""
+    path.write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=1) + b"\n")
+
+
+def read(path: Path) -> CampaignSummary:
+    """Read ``summary.json``. Raises InputError naming the file and the key in error."""
+    try:
+        text = path.read_bytes()
+        file_format = msgspec.json.decode(text, type=_Head).format
+        if file_format != FORMAT:
+            found = f"format = {file_format}" if file_format else "no 'format' key"
+            raise InputError(
+                f"{path}: {found}; this version reads format {FORMAT}: run the campaign again"
+            )
+        return msgspec.json.decode(text, type=CampaignSummary)
+    except OSError:
+        raise InputError(
+            f"{path.parent}: holds no {path.name}; give the folder of a finished campaign"
+        ) from None
+    except msgspec.MsgspecError as error:
+        raise InputError(f"{path}: {error}; run the campaign again".replace("`", "'")) from None
+
+
+def schema() -> bytes:
+    """Return the JSON Schema of the format that this version reads and writes."""
+    return schema_of(
+        CampaignSummary, f"summary.json, format {FORMAT}: the result of `ground campaign`"
+    )
+
+
+if __name__ == "__main__":
+    sys.stdout.buffer.write(schema())
