@@ -50,9 +50,11 @@ def sets(vehicle: str) -> Sets:
     return Sets(first + second, tuple(plan.paper_set(known, DIVE_S)))
 
 
-def _tests(case: Case, known: DesignPrior, water_s: float) -> tuple[Manoeuvre, ...]:
+def _tests(case: Case, known: DesignPrior, test_time_s: float) -> tuple[Manoeuvre, ...]:
     """Design tests for a given test time."""
-    asked = PlanRequest(water_s + plan.SETTLING_S, "crossover", gains=gains(case), held_out=False)
+    asked = PlanRequest(
+        test_time_s + plan.SETTLING_S, "crossover", gains=gains(case), held_out=False
+    )
     return tuple(planned.manoeuvre for planned in plan.plan(known, asked).tests)
 
 

@@ -252,7 +252,7 @@ def _axis_json(axis: AxisBench) -> dict[str, Any]:
             "rate_degps": _pair(model.rate_radps, math.degrees(1.0)),
             "backlash_deg": _pair(model.backlash_rad, math.degrees(1.0)),
             "bias_deg": _pair(model.bias_rad, math.degrees(1.0)),
-            "bias_moved_deg": math.degrees(model.bias_moved_rad),
+            "bias_change_deg": math.degrees(model.bias_change_rad),
             "residual_deg": math.degrees(model.residual_rad),
         },
         "limits": [

@@ -148,7 +148,7 @@ def design_test(
     paths.envelope.write_text(files.parameter_file(parameters, out), encoding="utf-8")
     written = {name: str(path) for name, path in paths._asdict().items()}
     notes = [
-        f"{plan.water_s / 60.0:.1f} min of test time in two dives",
+        f"{plan.test_time_s / 60.0:.1f} min of test time in two dives",
         f"ground fly {paths.tests} --params {paths.envelope}",
         f"ground fly {paths.held_out} --params {paths.envelope}",
     ]

@@ -72,7 +72,7 @@ class Finding(NamedTuple):
     cause: Cause
     legs: int
     """Number of legs with this cause."""
-    words: str
+    message: str
     """Description of the error, the likely cause and the remedy."""
 
 
@@ -141,7 +141,7 @@ def format_text(assessment: Assessment) -> str:
     if assessment.short_legs and assessment.legs:
         legs = _count(assessment.short_legs, "leg")
         lines += [f"too short to assess, less than {_MIN_ASSESSED_S:g} s: {legs}"]
-    lines += [finding.words for finding in assessment.findings]
+    lines += [finding.message for finding in assessment.findings]
     if assessment.legs and not assessment.findings:
         limits = " and ".join(f"{MAX_ERROR[axis]:g} {UNIT[axis]} of {axis}" for axis in UNIT)
         lines += [f"good: 95 % of the errors within {limits} on every leg"]
@@ -217,10 +217,10 @@ def _findings(
     for cause, affected in by_cause.items():
         worst = max(affected, key=lambda leg: _error(leg, axis).p95)
         extent = "" if len(legs) == 1 else f" on {len(affected)} of {len(legs)} legs"
-        words = (
+        message = (
             f"{axis} {_how_far(axis, cause, worst)}{extent}: {_explain(log, axis, cause, worst)}"
         )
-        findings.append(Finding(axis, cause, len(affected), words))
+        findings.append(Finding(axis, cause, len(affected), message))
     return findings
 
 

@@ -77,7 +77,7 @@ def line(report: PlaneReport) -> str:
     """Return the estimate of one plane in one line."""
     b1, delay = report.numbers["b1_per_s2"], report.numbers["delay_s"]
     return (
-        f"{report.plane}: b1 {_format_value(b1)} per s2 (prior +-{_format_short(b1.before)}), "
+        f"{report.plane}: b1 {_format_value(b1)} per s2 (prior +-{_format_short(b1.prior_sd)}), "
         f"delay {_format_value(delay)} s; at {report.crossover_radps:.2f} rad/s"
         f" +-{_format_short(report.gain_db.sd)} dB,"
         f" +-{_format_short(report.phase_deg.sd)} deg: {describe_precision(report)}"
@@ -99,7 +99,7 @@ def as_json(status: EstimateStatus) -> dict[str, Any]:
 
 
 def _cell(number: Number) -> str:
-    return f"{_format_value(number)}  {100.0 * number.sd / number.before:3.0f} %"
+    return f"{_format_value(number)}  {100.0 * number.sd / number.prior_sd:3.0f} %"
 
 
 def _format_value(number: Number) -> str:

@@ -35,7 +35,7 @@ def as_json(summaries: Sequence[SimulationSummary], mission: str, seed: int) -> 
     return {
         "mission": mission,
         "seed": seed,
-        "rehearsed": [_summary_json(summary) for summary in summaries],
+        "results": [_summary_json(summary) for summary in summaries],
     }
 
 
@@ -43,7 +43,7 @@ def _summary_json(summary: SimulationSummary) -> dict[str, Any]:
     """Return the result of one set of gains as a JSON object."""
     return {
         "gains": summary.gains,
-        "sea_times": summary.sea.times,
+        "disturbance_scale": summary.sea.times,
         "current_mps": summary.sea.current_mps,
         "bias_shift_deg": round(math.degrees(summary.sea.bias_shift_rad), 9),
         "vehicles": summary.vehicles,
@@ -55,11 +55,11 @@ def _summary_json(summary: SimulationSummary) -> dict[str, Any]:
                 "depth_m",
                 "rudder_deg",
                 "elevator_deg",
-                "stopped_pct",
+                "at_stops_pct",
                 "shallowest_m",
             )
         },
-        "legs": [{**leg._asdict(), "settled_s": _range(leg.settled_s)} for leg in summary.legs],
+        "legs": [{**leg._asdict(), "settling_s": _range(leg.settling_s)} for leg in summary.legs],
         "broached": summary.broached,
         "diverged": summary.diverged,
         "failsafes": summary.failsafes,
@@ -130,7 +130,7 @@ def _figures(summary: SimulationSummary, which: str) -> list[str]:
             (summary.depth_m, 1, 100.0),
             (summary.rudder_deg, 1, 1.0),
             (summary.elevator_deg, 1, 1.0),
-            (summary.stopped_pct, 1, 1.0),
+            (summary.at_stops_pct, 1, 1.0),
             (summary.shallowest_m, 2, 1.0),
         )
     ]
@@ -150,9 +150,9 @@ def _legs(summaries: Sequence[SimulationSummary]) -> Table:
 
 def _settled(leg: LegSummary, vehicles: int) -> str:
     """Return median and worst settling time (s), and how many vehicles did not settle."""
-    if leg.settled_s is None:
+    if leg.settling_s is None:
         return f"{vehicles} did not"
-    settled = f"{leg.settled_s.median:.0f}, worst {leg.settled_s.worst:.0f}"
+    settled = f"{leg.settling_s.median:.0f}, worst {leg.settling_s.worst:.0f}"
     return f"{settled}; {leg.unsettled} did not" if leg.unsettled else settled
 
 

@@ -27,7 +27,7 @@ def as_json(plan: TestPlan, files: dict[str, str], parameters: dict[str, float])
     return {
         "files": files,
         "parameters": parameters,
-        "water_s": plan.water_s,
+        "test_time_s": plan.test_time_s,
         "crossover_radps": dict(plan.crossover_radps),
         "tests": [_test_json(planned) for planned in plan.tests],
         "held_out": [_test_json(planned) for planned in plan.held_out],
@@ -52,7 +52,9 @@ def _test_json(planned: Planned) -> dict[str, Any]:
         **manoeuvre,
         "excursion": planned.excursion._asdict(),
         **({"elevator_excursion": planned.elevator._asdict()} if planned.elevator else {}),
-        "phase_sd_without_it": {plane: 1.0 + share for plane, share in planned.share.items()},
+        "phase_sd_ratio_without_test": {
+            plane: 1.0 + share for plane, share in planned.share.items()
+        },
     }
 
 

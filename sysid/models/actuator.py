@@ -96,7 +96,7 @@ class ActuatorFit(NamedTuple):
     backlash_rad: ParameterEstimate
     bias_rad: ParameterEstimate
     """Mean over the tests; it includes the unknown zero error of the encoder."""
-    bias_moved_rad: float
+    bias_change_rad: float
     """Bias of the last test minus that of the first."""
     residual_rad: float
     """Root mean square of the residuals."""
@@ -225,7 +225,7 @@ def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> Act
         rate_radps=rate,
         backlash_rad=play,
         bias_rad=bias,
-        bias_moved_rad=float(biases[-1] - biases[0]),
+        bias_change_rad=float(biases[-1] - biases[0]),
         residual_rad=rms_rad,
     )
 

@@ -34,7 +34,7 @@ class Leg(NamedTuple):
 
     heading_deg: float
     depth_m: float
-    settled_s: float | None
+    settling_s: float | None
     """Settling time (s) from the start of the leg; None if the vehicle did not settle."""
 
 

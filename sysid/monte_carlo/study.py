@@ -55,7 +55,7 @@ class LegSummary(NamedTuple):
 
     heading_deg: float
     depth_m: float
-    settled_s: Range | None
+    settling_s: Range | None
     """Settling time (s) of the vehicles that settled."""
     unsettled: int
     """Number of vehicles that did not settle."""
@@ -74,7 +74,7 @@ class SimulationSummary(NamedTuple):
     legs: tuple[LegSummary, ...]
     rudder_deg: Range
     elevator_deg: Range
-    stopped_pct: Range
+    at_stops_pct: Range
     shallowest_m: Range | None
     broached: int
     diverged: dict[str, int]
@@ -214,7 +214,7 @@ def _summarise(name: str, sea: Sea, results: Sequence[DiveMetrics]) -> Simulatio
         legs=_legs(results),
         rudder_deg=_range_of([dive.rudder_deg for dive in results]),
         elevator_deg=_range_of([dive.elevator_deg for dive in results]),
-        stopped_pct=_range_of([100.0 * dive.stopped for dive in results]),
+        at_stops_pct=_range_of([100.0 * dive.stopped for dive in results]),
         shallowest_m=Range(float(np.median(shallowest)), min(shallowest)) if shallowest else None,
         broached=sum(dive.broached for dive in results),
         diverged=dict(sorted(Counter(dive.diverged for dive in results if dive.diverged).items())),
@@ -232,11 +232,11 @@ def _legs(results: Sequence[DiveMetrics]) -> tuple[LegSummary, ...]:
 def _leg(results: Sequence[DiveMetrics], number: int) -> LegSummary:
     """Return the summary of one leg."""
     legs = [dive.legs[number] for dive in results if len(dive.legs) > number]
-    settled = [leg.settled_s for leg in legs if leg.settled_s is not None]
+    settled = [leg.settling_s for leg in legs if leg.settling_s is not None]
     return LegSummary(
         heading_deg=legs[0].heading_deg,
         depth_m=legs[0].depth_m,
-        settled_s=_range(settled),
+        settling_s=_range(settled),
         unsettled=len(results) - len(settled),
     )
 

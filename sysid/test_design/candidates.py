@@ -171,8 +171,8 @@ def scale_to_limits(
     return shape._replace(size_deg=size_deg, elevator_deg=round(share * size_deg, 4))
 
 
-def paper_steps(scale: dict[Plane, float], water_s: float) -> list[Manoeuvre]:
-    """Return the paper's steps that fit into `water_s` (s), alternating between the planes.
+def paper_steps(scale: dict[Plane, float], test_time_s: float) -> list[Manoeuvre]:
+    """Return the paper's steps that fit into `test_time_s` (s), alternating between the planes.
 
     The steps start from trim and are not sized to limits. `scale` is the ratio of this vehicle's
     surface angle to Caribou's for the same effect. The sequence starts again after its last step.
@@ -187,7 +187,7 @@ def paper_steps(scale: dict[Plane, float], water_s: float) -> list[Manoeuvre]:
             else (PAPER_ELEVATOR_DEG, PAPER_ELEVATOR_S)
         )
         used_s += seconds + PAPER_RECOVERY_S
-        if used_s > water_s:
+        if used_s > test_time_s:
             return manoeuvres
         size_deg = scale[plane] * sizes[number // 2 % len(sizes)]
         manoeuvres.append(

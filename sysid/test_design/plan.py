@@ -50,7 +50,7 @@ MAX_LOG_GROWTH = 3.0
 class PlanRequest(NamedTuple):
     """Request for a plan."""
 
-    water_s: float = 1200.0
+    test_time_s: float = 1200.0
     """Total time (s) of both dives from the first leg on: settling, tests, recoveries."""
     criterion: str = "d"
     """Key of ``information.CRITERIA``."""
@@ -89,7 +89,7 @@ class TestPlan(NamedTuple):
     """Tests to fit, in the order of execution."""
     held_out: tuple[Planned, ...]
     """Validation tests of another type, for a second dive."""
-    water_s: float
+    test_time_s: float
     crossover_radps: dict[Plane, float]
     before: dict[Plane, DesignUncertainty]
     after: dict[Plane, DesignUncertainty]
@@ -161,7 +161,7 @@ def plan(prior: DesignPrior, request: PlanRequest, progress: Progress | None = N
     candidates += _dual_axis_candidates(planes, request)
     report("choosing", 0.95)
     dives = 2 if held_out else 1
-    free_s = request.water_s - dives * SETTLING_S - selection.total_test_time_s(held_out)
+    free_s = request.test_time_s - dives * SETTLING_S - selection.total_test_time_s(held_out)
     selected = selection.select_tests(candidates, prior_information, free_s, criterion)
     _check_time(selected, candidates, request, free_s)
     report("done", 1.0)
@@ -229,7 +229,7 @@ def _candidates(
     criterion = selection.criterion({plane.plane: plane.slopes}, CRITERIA[request.criterion])
     if sized:
         selected = selection.select_tests(
-            sized, prior_information, 2.0 * max(c.water_s for c in sized), criterion
+            sized, prior_information, 2.0 * max(c.test_time_s for c in sized), criterion
         )
         prior_information = selection.total(selected, prior_information)
     designs = [
@@ -301,7 +301,7 @@ def _combine_axes(
         manoeuvre=manoeuvre,
         excursion=rudder.excursion,
         information=information_matrices[0] + information_matrices[1],
-        water_s=rudder.water_s,
+        test_time_s=rudder.test_time_s,
         elevator=elevator.excursion,
     )
 
@@ -337,7 +337,7 @@ def _size_all(
             manoeuvre=manoeuvre,
             excursion=excursion,
             information=matrix,
-            water_s=manoeuvre.duration_s + recovery_s(manoeuvre, request),
+            test_time_s=manoeuvre.duration_s + recovery_s(manoeuvre, request),
         )
         for (manoeuvre, excursion), matrix in zip(accepted, matrices, strict=True)
     ]
@@ -372,7 +372,7 @@ def _check_time(
             )
         if not any(plane in c.manoeuvre.planes for c in selected):
             raise PlanInfeasibleError(
-                f"test time {request.water_s:.0f} s: leaves {max(free_s, 0.0):.0f} s for tests,"
+                f"test time {request.test_time_s:.0f} s: leaves {max(free_s, 0.0):.0f} s for tests,"
                 f" too little for an opposite pair in {plane}; increase it"
             )
 
@@ -396,7 +396,7 @@ def _plan(
             _planned_test(c, selected, prior_information, slopes) for c in _order(selected)
         ),
         held_out=tuple(Planned(c.manoeuvre, c.excursion, {}) for c in held_out),
-        water_s=dives * SETTLING_S + selection.total_test_time_s([*selected, *held_out]),
+        test_time_s=dives * SETTLING_S + selection.total_test_time_s([*selected, *held_out]),
         crossover_radps={plane: planes[plane].crossover_radps for plane in PLANES},
         before=_numbers(slopes, prior_information),
         after=_numbers(slopes, selection.total(selected, prior_information)),
@@ -404,14 +404,14 @@ def _plan(
     )
 
 
-def paper_set(prior: DesignPrior, water_s: float) -> list[Manoeuvre]:
+def paper_set(prior: DesignPrior, test_time_s: float) -> list[Manoeuvre]:
     """Return the paper's steps that fit into the same time, scaled to the vehicle.
 
     Parameters
     ----------
     prior : DesignPrior
         Prior of the vehicle.
-    water_s : float
+    test_time_s : float
         Available test time, in seconds.
 
     Returns
@@ -419,7 +419,9 @@ def paper_set(prior: DesignPrior, water_s: float) -> list[Manoeuvre]:
     list of Manoeuvre
         Steps of both planes.
     """
-    return candidate_tests.paper_steps({plane: scale(prior, plane) for plane in PLANES}, water_s)
+    return candidate_tests.paper_steps(
+        {plane: scale(prior, plane) for plane in PLANES}, test_time_s
+    )
 
 
 def information_of_set(prior: DesignPrior, manoeuvres: list[Manoeuvre], gains: Gains) -> Array:

@@ -36,7 +36,7 @@ class SizedTest(NamedTuple):
     excursion: Excursion
     information: Array
     """Information matrix of z."""
-    water_s: float
+    test_time_s: float
     """Time of the test and of the recovery after it (s)."""
     elevator: Excursion | None = None
     """Excursion in pitch of a test of both surfaces; ``excursion`` is then the one in yaw."""
@@ -60,7 +60,10 @@ def criterion(
 
 
 def select_tests(
-    candidates: Sequence[SizedTest], prior_information: Array, water_s: float, criterion: Criterion
+    candidates: Sequence[SizedTest],
+    prior_information: Array,
+    test_time_s: float,
+    criterion: Criterion,
 ) -> list[SizedTest]:
     """Select tests that fit into the time and minimise the criterion.
 
@@ -70,7 +73,7 @@ def select_tests(
         Tests at their largest safe size.
     prior_information : ndarray
         Information matrix of the prior, (n, n).
-    water_s : float
+    test_time_s : float
         Time for tests and recoveries (s).
     criterion : Criterion
         Function of the total information matrix.
@@ -87,18 +90,18 @@ def select_tests(
         return -len(planes(selected)), criterion(total(selected, prior_information))
 
     starts = [
-        _add_pair([test, test], candidates, prior_information, water_s, criterion)
+        _add_pair([test, test], candidates, prior_information, test_time_s, criterion)
         for test in candidates
-        if 2.0 * test.water_s <= water_s
+        if 2.0 * test.test_time_s <= test_time_s
     ]
     filled = [
-        _greedy_fill(selected, candidates, prior_information, water_s, criterion)
+        _greedy_fill(selected, candidates, prior_information, test_time_s, criterion)
         for selected in starts
     ]
     best = sorted(filled, key=rank)[:N_STARTS]
     return min(
         (
-            _exchange(selected, candidates, prior_information, water_s, criterion)
+            _exchange(selected, candidates, prior_information, test_time_s, criterion)
             for selected in best
         ),
         key=rank,
@@ -115,7 +118,7 @@ def total(selected: Sequence[SizedTest], prior_information: Array) -> Array:
 
 def total_test_time_s(selected: Sequence[SizedTest]) -> float:
     """Return the total time of tests and recoveries (s)."""
-    return sum(test.water_s for test in selected)
+    return sum(test.test_time_s for test in selected)
 
 
 def planes(selected: Sequence[SizedTest]) -> set[Plane]:
@@ -135,14 +138,14 @@ def _improvement_rate(
     test: SizedTest, information: Array, value: float, criterion: Criterion, times: int = 1
 ) -> float:
     """Return the decrease of the criterion per second of test time."""
-    return (value - criterion(information + times * test.information)) / (times * test.water_s)
+    return (value - criterion(information + times * test.information)) / (times * test.test_time_s)
 
 
 def _add_pair(
     pair: Sequence[SizedTest],
     candidates: Sequence[SizedTest],
     prior_information: Array,
-    water_s: float,
+    test_time_s: float,
     criterion: Criterion,
 ) -> list[SizedTest]:
     """Add the pair with the largest improvement rate for each plane without a test."""
@@ -152,7 +155,9 @@ def _add_pair(
         value = criterion(information)
         in_plane = [test for test in candidates if plane in test.manoeuvre.planes]
         feasible = [
-            test for test in in_plane if total_test_time_s(selected) + 2.0 * test.water_s <= water_s
+            test
+            for test in in_plane
+            if total_test_time_s(selected) + 2.0 * test.test_time_s <= test_time_s
         ]
         if feasible:
             best = max(
@@ -166,13 +171,13 @@ def _greedy_fill(
     selected: Sequence[SizedTest],
     candidates: Sequence[SizedTest],
     prior_information: Array,
-    water_s: float,
+    test_time_s: float,
     criterion: Criterion,
 ) -> list[SizedTest]:
     """Add the test with the largest improvement rate until none fits."""
     filled = list(selected)
     while feasible := [
-        test for test in candidates if total_test_time_s(filled) + test.water_s <= water_s
+        test for test in candidates if total_test_time_s(filled) + test.test_time_s <= test_time_s
     ]:
         information = total(filled, prior_information)
         value = criterion(information)
@@ -186,14 +191,14 @@ def _exchange(
     selected: Sequence[SizedTest],
     candidates: Sequence[SizedTest],
     prior_information: Array,
-    water_s: float,
+    test_time_s: float,
     criterion: Criterion,
 ) -> list[SizedTest]:
     """Apply the best exchange until none improves the criterion."""
     best = list(selected)
     min_value = criterion(total(best, prior_information))
     while True:
-        neighbours = list(_exchanges(best, candidates, prior_information, water_s, criterion))
+        neighbours = list(_exchanges(best, candidates, prior_information, test_time_s, criterion))
         values = [criterion(total(neighbour, prior_information)) for neighbour in neighbours]
         if min(values, default=min_value) > min_value - MIN_IMPROVEMENT:
             return best
@@ -205,7 +210,7 @@ def _exchanges(
     selected: Sequence[SizedTest],
     candidates: Sequence[SizedTest],
     prior_information: Array,
-    water_s: float,
+    test_time_s: float,
     criterion: Criterion,
 ) -> Iterator[list[SizedTest]]:
     """Yield every set with one or two tests replaced by another, then filled greedily."""
@@ -217,9 +222,9 @@ def _exchanges(
             ]
     for remaining_tests in remaining.values():
         for test in candidates:
-            if total_test_time_s(remaining_tests) + test.water_s <= water_s:
+            if total_test_time_s(remaining_tests) + test.test_time_s <= test_time_s:
                 filled = _greedy_fill(
-                    [*remaining_tests, test], candidates, prior_information, water_s, criterion
+                    [*remaining_tests, test], candidates, prior_information, test_time_s, criterion
                 )
                 if has_repeats(filled):
                     yield filled

@@ -46,7 +46,7 @@ class Number(NamedTuple):
     """Estimate, in the unit of its name."""
     sd: float
     """Standard deviation."""
-    before: float
+    prior_sd: float
     """Standard deviation before the first test."""
 
 

@@ -62,7 +62,7 @@ def test_simulate_json_compares_sets_names_unstable_one(folder: Path) -> None:
     out, failure = simulate(
         folder, "--gains", str(held), "--compare", str(wild), "--samples", "2", "--json"
     )
-    first, second = json.loads(out)["rehearsed"]
+    first, second = json.loads(out)["results"]
     assert (first["gains"], first["diverged"], first["vehicles"]) == ("held.param", {}, 2)
     assert (second["gains"], second["diverged"]) == ("wild.param", {"heading": 2})
     assert isinstance(failure, OperationError)
@@ -72,8 +72,7 @@ def test_simulate_json_compares_sets_names_unstable_one(folder: Path) -> None:
     )
     (in_one_process,) = study.simulate_samples(samples.read(folder / "model.json"), alone)
     assert (
-        first
-        == json.loads(to_json(simulation.as_json([in_one_process], "short", 1)))["rehearsed"][0]
+        first == json.loads(to_json(simulation.as_json([in_one_process], "short", 1)))["results"][0]
     )
 
 

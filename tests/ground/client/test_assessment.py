@@ -95,9 +95,11 @@ def test_heading_offset_names_the_trim_that_is_not_set() -> None:
     found = assessment.assess_log(dive(heading_error_deg=constant(-8.4), rudder_deg=6.05))
     (finding,) = found.findings
     assert (finding.axis, finding.cause, finding.legs) == ("heading", Cause.TRIM, 1)
-    assert "heading 8.4 deg off in the mean: the rudder trim is not set" in finding.words
-    assert "set TRIM_RUD_DEG to 6.0" in finding.words or "set TRIM_RUD_DEG to 6.1" in finding.words
-    assert finding.words in assessment.format_text(found)
+    assert "heading 8.4 deg off in the mean: the rudder trim is not set" in finding.message
+    assert (
+        "set TRIM_RUD_DEG to 6.0" in finding.message or "set TRIM_RUD_DEG to 6.1" in finding.message
+    )
+    assert finding.message in assessment.format_text(found)
 
 
 CAUSES: list[tuple[Cause, dict[str, Any]]] = [
@@ -118,7 +120,7 @@ def test_poor_hold_names_its_cause_and_figures(cause: Cause, flown: dict[str, An
     axis = "heading" if "heading_error_deg" in flown else "depth"
     (finding,) = assessment.assess_log(dive(**flown)).findings
     assert (finding.axis, finding.cause) == (axis, cause)
-    assert finding.words.startswith(f"{axis} ")
+    assert finding.message.startswith(f"{axis} ")
 
 
 def test_trim_being_learned_is_not_called_unset() -> None:
@@ -129,7 +131,7 @@ def test_trim_being_learned_is_not_called_unset() -> None:
     )
     (finding,) = assessment.assess_log(flown).findings
     assert finding.cause == Cause.LEARNING
-    assert "fly `trim` first" in finding.words
+    assert "fly `trim` first" in finding.message
 
 
 def test_short_dive_is_not_assessed() -> None:

@@ -82,7 +82,7 @@ def after_the_test(known, run, *, poll_interval_s: float = 100.0) -> EstimateSta
 def test_one_test_reduces_sd_of_b1(known, run) -> None:
     status = after_the_test(known, run)
     b1 = status.readings["yaw"].numbers["b1_per_s2"]
-    assert b1.sd < 0.4 * b1.before
+    assert b1.sd < 0.4 * b1.prior_sd
     assert "b1" in estimate_view.line(status.readings["yaw"])
     assert status.testing == ()
 
@@ -111,7 +111,7 @@ def test_gap_in_frames_increases_sd_and_is_reported(known, run) -> None:
     status = estimate.poll()
     whole = after_the_test(known, run).readings["yaw"].numbers["b1_per_s2"]
     b1 = status.readings["yaw"].numbers["b1_per_s2"]
-    assert whole.sd < b1.sd < 0.6 * b1.before
+    assert whole.sd < b1.sd < 0.6 * b1.prior_sd
     assert abs(b1.value - whole.value) < 3.0 * b1.sd
 
 

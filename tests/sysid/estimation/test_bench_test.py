@@ -136,7 +136,7 @@ def test_analyse_lost_steps_increase_bias_sd() -> None:
     steady = bench_test.analyse(session(losing | {"lost_step_chance": 0.0}, seed=1))["rudder"].model
     moving = bench_test.analyse(session(losing, seed=1))["rudder"].model
     assert steady.bias_rad.value == pytest.approx(math.radians(-6.0), abs=math.radians(0.02))
-    assert abs(steady.bias_moved_rad) < math.radians(0.03)
+    assert abs(steady.bias_change_rad) < math.radians(0.03)
     assert steady.bias_rad.sd is not None
     assert moving.bias_rad.sd is not None
     assert moving.bias_rad.sd > 10.0 * steady.bias_rad.sd

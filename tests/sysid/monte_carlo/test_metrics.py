@@ -46,11 +46,11 @@ def dive_metrics(
 def test_leg_settles_after_last_excursion() -> None:
     assert dive_metrics(heading_deg=np.where(TIME_S < 12.0, 10.0, 1.0)).legs[
         0
-    ].settled_s == pytest.approx(11.8, abs=0.11)
+    ].settling_s == pytest.approx(11.8, abs=0.11)
 
 
 def test_leg_excursion_at_end_is_unsettled() -> None:
-    assert dive_metrics(depth_m=np.where(TIME_S > 57.0, 3.5, 3.0)).legs[0].settled_s is None
+    assert dive_metrics(depth_m=np.where(TIME_S > 57.0, 3.5, 3.0)).legs[0].settling_s is None
 
 
 def test_steady_error_excludes_settling() -> None:
@@ -64,7 +64,7 @@ def test_steady_error_on_path_uses_current_setpoint() -> None:
     metrics_on_path = dive_metrics(heading_deg=course_deg + 0.5, course_deg=course_deg)
     assert metrics_on_path.steady is not None
     assert metrics_on_path.steady.heading_deg == pytest.approx(0.5)
-    assert metrics_on_path.legs[0].settled_s == 0.0
+    assert metrics_on_path.legs[0].settling_s == 0.0
     assert metrics_on_path.diverged == ""
 
 

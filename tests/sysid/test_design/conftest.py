@@ -37,7 +37,7 @@ def few(bench: DesignPrior) -> plan.TestPlan:
 
 
 SHORT = plan.PlanRequest(
-    water_s=600.0,
+    test_time_s=600.0,
     samples=60,
     lengths=plan.Lengths(free_s=(15,), held_s=(30,), both_s=(), square_s=(12,)),
 )

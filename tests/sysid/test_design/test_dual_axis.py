@@ -36,7 +36,7 @@ def test_elevator_share_is_at_most_one() -> None:
 def together(bench: DesignPrior) -> plan.TestPlan:
     lengths = plan.Lengths(free_s=(), held_s=(), both_s=(40,), square_s=())
     request = plan.PlanRequest(
-        water_s=500.0, criterion="crossover", samples=40, lengths=lengths, held_out=False
+        test_time_s=500.0, criterion="crossover", samples=40, lengths=lengths, held_out=False
     )
     return plan.plan(bench, request)
 
@@ -50,7 +50,7 @@ def test_plan_dual_axis_gives_more_information(together: plan.TestPlan) -> None:
 
 
 def test_mission_dual_axis_sets_elevator_share(together: plan.TestPlan) -> None:
-    request = plan.PlanRequest(water_s=500.0)
+    request = plan.PlanRequest(test_time_s=500.0)
     text = files.mission(together.tests, DIVE, request, "tests", "about")
     tests = [step.test for step in script.parse(text, "tests.toml").step if step.test]
     flown = [one.manoeuvre for one in together.tests]

@@ -41,7 +41,7 @@ def test_plan_planes_have_opposite_pair_and_held_out_test(
 
 
 def test_plan_stays_within_time_and_limits(few: plan.TestPlan) -> None:
-    assert few.water_s <= SHORT.water_s
+    assert few.test_time_s <= SHORT.test_time_s
     for one in (*few.tests, *few.held_out):
         assert one.excursion.probability <= SHORT.limits.probability
 
@@ -58,7 +58,7 @@ def test_plan_mission_contains_planned_tests(few: plan.TestPlan) -> None:
     held_out = script.parse(
         files.mission(few.held_out, DIVE, SHORT, "tests", "about"), "held_out.toml"
     )
-    assert script.duration_s(flown) + script.duration_s(held_out) == pytest.approx(few.water_s)
+    assert script.duration_s(flown) + script.duration_s(held_out) == pytest.approx(few.test_time_s)
     assert tomllib.loads(text)["step"][0]["thrust_pct"] == 58
 
 
@@ -74,4 +74,4 @@ def test_plan_envelope_equals_limits(few: plan.TestPlan) -> None:
 
 def test_plan_short_time_raises_with_remaining_time(bench: DesignPrior) -> None:
     with pytest.raises(plan.PlanInfeasibleError, match=r"test time 320 s: leaves \d+ s"):
-        plan.plan(bench, SHORT._replace(water_s=320.0))
+        plan.plan(bench, SHORT._replace(test_time_s=320.0))

@@ -33,13 +33,13 @@ def criterion(information: np.ndarray) -> float:
 @settings(max_examples=40)
 @given(st.integers(0, 10**6))
 def test_select_tests_beats_repeated_single_tests(seed: int) -> None:
-    offered, known, water_s = candidates(seed, 6), np.eye(3), 400.0
-    chosen = selection.select_tests(offered, known, water_s, criterion)
-    assert selection.total_test_time_s(chosen) <= water_s
+    offered, known, test_time_s = candidates(seed, 6), np.eye(3), 400.0
+    chosen = selection.select_tests(offered, known, test_time_s, criterion)
+    assert selection.total_test_time_s(chosen) <= test_time_s
     assert selection.has_repeats(chosen)
     best = criterion(selection.total(chosen, known))
     for one in offered:
-        repeated = [one] * int(water_s // one.water_s)
+        repeated = [one] * int(test_time_s // one.test_time_s)
         assert best <= criterion(selection.total(repeated, known)) + 0.02
 
 
@@ -49,16 +49,16 @@ def test_select_tests_beats_repeated_single_tests(seed: int) -> None:
 @example(486)
 @example(509)
 def test_select_tests_is_near_exhaustive_optimum(seed: int) -> None:
-    offered, known, water_s = candidates(seed, 4), np.eye(3), 250.0
+    offered, known, test_time_s = candidates(seed, 4), np.eye(3), 250.0
     best = min(
         criterion(selection.total(some, known))
         for size in range(2, 9)
         for some in combinations_with_replacement(offered, size)
-        if selection.total_test_time_s(some) <= water_s and selection.has_repeats(some)
+        if selection.total_test_time_s(some) <= test_time_s and selection.has_repeats(some)
     )
     assert (
         criterion(
-            selection.total(selection.select_tests(offered, known, water_s, criterion), known)
+            selection.total(selection.select_tests(offered, known, test_time_s, criterion), known)
         )
         <= best + 0.1
     )
@@ -68,7 +68,7 @@ def test_select_tests_time_below_a_pair_is_empty() -> None:
     offered = candidates(1, 3)
     assert (
         selection.select_tests(
-            offered, np.eye(3), 1.5 * min(c.water_s for c in offered), criterion
+            offered, np.eye(3), 1.5 * min(c.test_time_s for c in offered), criterion
         )[2:]
         == []
     )

@@ -83,7 +83,7 @@ def test_finish_reduces_standard_deviations(flown: list[Run], prior: Prior) -> N
     before = estimator.prior_knowledge(prior)
     after = learn(before, flown[:2])
     for name, number in report.read(after.prior, after.information, "yaw", 0.8).numbers.items():
-        assert number.sd < number.before, name
+        assert number.sd < number.prior_sd, name
     assert report.read(after.prior, after.information, "yaw", 0.8).numbers["b1_per_s2"].sd < 0.05
 
 
@@ -175,7 +175,7 @@ def test_finish_unstable_plane_is_recovered() -> None:
     )
     for name, true in zip(("b1_per_s2", "p_slow_per_s", "delay_s"), truth[[1, 3, 4]], strict=True):
         assert abs(numbers[name].value - true) < 4.0 * numbers[name].sd, name
-    assert numbers["p_slow_per_s"].sd < 0.4 * numbers["p_slow_per_s"].before
+    assert numbers["p_slow_per_s"].sd < 0.4 * numbers["p_slow_per_s"].prior_sd
 
 
 def test_finish_short_test_changes_nothing(flown: list[Run], prior: Prior) -> None:
