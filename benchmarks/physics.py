@@ -26,6 +26,7 @@ from numba import njit
 
 from sitl.vehicle import build_model, config, dynamics
 from sitl.vehicle.jit import Vector
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import STILL, Water
 
 STEP_S = 0.005
@@ -79,7 +80,18 @@ def mirrored(value: Any) -> Any:
 
 
 @njit(cache=False)
-def fly(state, steps, rudder_rad, elevator_rad, shaft_rps, push, water, dt, model, work):
+def fly(
+    state: Vector,
+    steps: int,
+    rudder_rad: float,
+    elevator_rad: float,
+    shaft_rps: float,
+    push: Vector,
+    water: Water,
+    dt: float,
+    model: VehicleModel,
+    work: Vector,
+) -> None:
     """Integrate a number of steps with constant inputs."""
     for _ in range(steps):
         dynamics.rk4_step(state, rudder_rad, elevator_rad, shaft_rps, push, water, dt, model, work)

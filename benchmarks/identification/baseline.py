@@ -16,7 +16,8 @@ from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import response
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
 from sysid.estimation.linear.records import LinearPrior, LinearRun
-from sysid.estimation.linear.response import DT, STRIDE
+from sysid.estimation.linear.response import DT
+from sysid.estimation.map.fit import STRIDE
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ from autopilot.control import core, modes, request_handler, requests
 from autopilot.control.params import Config
 from autopilot.control.types import (
     ACCEPTED,
-    Altimeter,
     AutopilotState,
     Event,
     Inputs,
@@ -18,7 +17,7 @@ from autopilot.control.types import (
 )
 from mavlink_io.frames import STANDARD_GRAVITY_MPS2, quaternion_from_euler, rotate_back
 from mavlink_io.mission_items import MissionItem
-from mavlink_io.records import SENSORS_ALL, ActuatorFrame, SensorFrame
+from mavlink_io.records import SENSORS_ALL, ActuatorFrame, Altimeter, SensorFrame
 
 TICK_US = 20_000
 

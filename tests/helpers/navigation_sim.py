@@ -73,7 +73,7 @@ class Voyage:
         self._rng = plant.random_streams(seed)
         self.body, reading = plant.initial_state(self._plant, self._rng)
         self.state, self.trace, self.events = core.initial_state(), Trace(), list[Any]()
-        self.silences: dict[str, float] = {}
+        self.silences: dict[str, Any] = {}
         """Additional fields of ``Inputs``."""
         self._rows: list[tuple[float, ...]] = []
         self._frame = self._tick(reading)
