@@ -10,6 +10,11 @@ SEED   ?= 1
 FORCE  ?=
 # Folder of the environment that `make vehicle` creates
 VEHICLE ?= .venv-vehicle
+# How pip is called. A lock file names the hashes of all files of a version, so that an installation
+# accepts these files only, on every platform; --require-hashes refuses a line without a hash.
+INSTALL := install -q --disable-pip-version-check
+COMPILE := pip-compile -q --generate-hashes --strip-extras --no-header --annotation-style=line \
+  --no-emit-index-url --no-emit-find-links --no-emit-trusted-host
 # Further arguments of pytest
 PYTEST ?=
 
@@ -56,19 +61,19 @@ coverage: $(VENV)/dev.stamp          ## line coverage of the tests without proce
 	$(BIN)/python -m pytest -n 2 -m "not process" --cov --cov-report=term $(PYTEST)
 
 audit: $(VENV)/dev.stamp             ## known vulnerabilities of the pinned packages (needs a network)
-	$(BIN)/python -m pip install -q --disable-pip-version-check pip-audit
-	$(BIN)/python -m pip_audit -r requirements/run.lock --no-deps --disable-pip
+	$(BIN)/python -m pip $(INSTALL) pip-audit
+	$(BIN)/python -m pip_audit -r requirements/run.lock --require-hashes --disable-pip --strict
 
-lock:                                ## renew the pinned versions (needs pip-tools)
-	pip-compile -q --strip-extras --no-header --annotation-style=line --no-emit-index-url --no-emit-find-links \
-	  --no-emit-trusted-host -o requirements/run.lock pyproject.toml
-	pip-compile -q --extra dev --strip-extras --no-header --annotation-style=line --no-emit-index-url \
-	  --no-emit-find-links --no-emit-trusted-host -o requirements/dev.lock pyproject.toml
+lock:                                ## renew the pinned versions and their hashes (needs pip-tools)
+	$(COMPILE) -o requirements/run.lock pyproject.toml
+	$(COMPILE) --extra dev -o requirements/dev.lock pyproject.toml
+	awk 'NR == FNR {wanted[$$1]; next} /^[^ ]/ {split($$1, name, "=="); copy = name[1] in wanted} copy' \
+	  requirements/vehicle.in requirements/run.lock > requirements/vehicle.lock
 
 vehicle: requirements/vehicle.lock   ## environment for the vehicle's computer in $(VEHICLE): `autopilot` alone
 	$(PYTHON) -m venv --without-pip $(VEHICLE)
-	$(PYTHON) -m pip --python $(VEHICLE) install -q --disable-pip-version-check --no-deps --no-compile -r $<
-	$(PYTHON) -m pip --python $(VEHICLE) install -q --disable-pip-version-check --no-deps --no-compile .
+	$(PYTHON) -m pip --python $(VEHICLE) $(INSTALL) --require-hashes --no-deps --no-compile -r $<
+	$(PYTHON) -m pip --python $(VEHICLE) $(INSTALL) --no-deps --no-compile .
 
 clean:                               ## remove the virtual environment and $(OUT)
 	rm -rf $(VENV) $(OUT)
@@ -78,11 +83,11 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/run.stamp: requirements/run.lock pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install -q --disable-pip-version-check -r requirements/run.lock
-	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -e .
+	$(BIN)/python -m pip $(INSTALL) --require-hashes -r requirements/run.lock
+	$(BIN)/python -m pip $(INSTALL) --no-deps -e .
 	touch $@
 
 $(VENV)/dev.stamp: requirements/dev.lock requirements/clients.lock $(VENV)/run.stamp
-	$(BIN)/python -m pip install -q --disable-pip-version-check -r requirements/dev.lock
-	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements/clients.lock
+	$(BIN)/python -m pip $(INSTALL) --require-hashes -r requirements/dev.lock
+	$(BIN)/python -m pip $(INSTALL) --require-hashes --no-deps -r requirements/clients.lock
 	touch $@
