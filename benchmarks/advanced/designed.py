@@ -21,6 +21,7 @@ from sysid.design.lqg import LqgDesign, loop_analysis
 from sysid.design.pid import Design
 from sysid.design.specification import DesignRobustness, Response
 from sysid.models.model_file import IdentifiedModel
+from sysid.planes import Plane
 
 TICKS = 2000
 
@@ -90,8 +91,8 @@ def _cuts(model: IdentifiedModel, lqg: LqgDesign) -> dict[str, Margins]:
     """Return the margins of the LQG loops, opened at each input and output."""
     vehicle = from_model(model)
     loops = {
-        "yaw": (loop_analysis.measured_plane(vehicle, "yaw"), lqg.heading),
-        "pitch": (loop_analysis.measured_plane(vehicle, "pitch"), lqg.depth),
+        Plane.YAW: (loop_analysis.measured_plane(vehicle, Plane.YAW), lqg.heading),
+        Plane.PITCH: (loop_analysis.measured_plane(vehicle, Plane.PITCH), lqg.depth),
     }
     return {
         name: loop_transfer.margins(cut)

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.identification import linear_truth
-from benchmarks.identification.linear_truth import PLANES, Campaign
+from benchmarks.identification.linear_truth import Campaign
 from benchmarks.study import Cell, Figure
 from sysid.estimation.linear import estimate
 from sysid.estimation.linear.estimate import Method, PlaneEstimate
 from sysid.estimation.linear.linear_model import NUMBERS
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ METHODS: dict[str, tuple[Method, linear_truth.Draw]] = {
 
 def trial(vehicle: str, seed: int) -> list[float]:
     """Return 1.0 per method and start (prior, perturbed prior) that reaches the truth's minimum."""
-    plane, row = PLANES[seed % len(PLANES)], []
+    plane, row = tuple(Plane)[seed % len(Plane)], []
     for method, draw in METHODS.values():
         campaign = linear_truth.campaign(vehicle, plane, draw, seed)
         best = _from(campaign, method, campaign.truth.values)

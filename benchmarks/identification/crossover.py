@@ -8,9 +8,9 @@ from scipy.optimize import brentq
 
 from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
-from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import PLANES, Plane
 
 
 def response(vehicle: CandidateVehicle, plane: Plane, omega_radps: float) -> complex:
@@ -28,7 +28,8 @@ def response(vehicle: CandidateVehicle, plane: Plane, omega_radps: float) -> com
 def crossover_radps(case: Case, plane: Plane) -> float:
     """Return the last unity-gain frequency of the first dive's loop with the prior vehicle."""
     hold, known = case.hold, vehicles.nominal(case.prior)
-    p, d = (hold.heading_p, hold.heading_d) if plane == "yaw" else (hold.pitch_p, hold.pitch_d)
+    gains = (hold.heading_p, hold.heading_d), (hold.pitch_p, hold.pitch_d)
+    p, d = gains[PLANES[plane].index]
 
     def excess(log_omega: float) -> float:
         s = 1j * math.exp(log_omega)

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.identification import baseline, linear_truth
-from benchmarks.identification.linear_truth import PLANES, Campaign, Draw
+from benchmarks.identification.linear_truth import Campaign, Draw
 from benchmarks.study import Cell, Figure
-from sysid.data.segments import Plane
 from sysid.estimation.linear import cramer_rao, estimate
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear.estimate import Method
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 Estimator = Callable[[Campaign], tuple[Array, Array]]
@@ -87,7 +87,7 @@ def trial(vehicle: str, seed: int, noise: str, ways: Sequence[str]) -> list[floa
     """Return errors in standard deviations of the bound and of the estimate, by way and plane."""
     row: list[float] = []
     campaigns = {
-        plane: linear_truth.campaign(vehicle, plane, DRAWS[noise], seed) for plane in PLANES
+        plane: linear_truth.campaign(vehicle, plane, DRAWS[noise], seed) for plane in Plane
     }
     for way in ways:
         for plane, campaign in campaigns.items():
@@ -108,8 +108,8 @@ def judge(
     In white noise, filter error has no target: it always estimates some disturbance, which costs
     accuracy of gain and bias.
     """
-    counts = [int(np.count_nonzero(identifiable(vehicle, plane, noise))) for plane in PLANES]
-    total = sum(len(plants.derived_names(plane)) for plane in PLANES)
+    counts = [int(np.count_nonzero(identifiable(vehicle, plane, noise))) for plane in Plane]
+    total = sum(len(plants.derived_names(plane)) for plane in Plane)
     figures = [Figure("parameters not identifiable, left out", float(total - sum(counts)))]
     shares, position = {}, 0
     for way in ways:

@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from benchmarks.identification import crossover, designed, prediction, vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.linear import cramer_rao
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import Plane
 from sysid.test_design import closed_loop, simulate
 from sysid.test_design import crossover as reach
-from sysid.test_design.information import PLANES
 from sysid.test_design.safety_margins import ExcursionLimits
 from sysid.test_design.simulate import Manoeuvre
 from tests.sysid import sea
@@ -59,7 +59,7 @@ def predicted_deg(vehicle: str) -> tuple[float, ...]:
     both = designed.sets(vehicle)
     return tuple(
         _predicted_deg(case, flown, plane)
-        for plane in PLANES
+        for plane in Plane
         for flown in (both.paper, both.designed)
     )
 
@@ -112,7 +112,7 @@ def _command(case: Case, what: Manoeuvre) -> SurfaceCommand:
 def stays_within(run: Run, limits: ExcursionLimits) -> bool:
     """Return whether the safety limits of the design let the test run to its end."""
     flown = run.since(0.0)
-    if run.plane == "yaw":
+    if run.plane == Plane.YAW:
         turned = np.max(np.abs(flown.heading_rad - flown.heading_rad[0]))
         return bool(
             turned <= limits.heading_rad and np.max(np.abs(flown.r_radps)) <= limits.yaw_rate_radps
@@ -150,7 +150,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
 def _phase_errors_deg(case: Case, runs: list[Run]) -> list[float]:
     """Fit the runs and return the phase errors of both planes."""
     found = designed.fitted(case, runs)[1].vehicle
-    return [_phase_error_deg(case, found, plane) for plane in PLANES]
+    return [_phase_error_deg(case, found, plane) for plane in Plane]
 
 
 def _phase_error_deg(case: Case, found: CandidateVehicle, plane: Plane) -> float:
@@ -164,7 +164,7 @@ def judge(vehicle: str, rows: Array) -> list[Figure]:
     """Return predicted and measured phase errors and their ratios."""
     figures = []
     predicted = rows[0, 5:]
-    for number, plane in enumerate(PLANES):
+    for number, plane in enumerate(Plane):
         steps_deg, designed_deg = predicted[2 * number : 2 * number + 2]
         figures.append(
             Figure(

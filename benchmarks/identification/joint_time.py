@@ -11,6 +11,7 @@ from benchmarks.study import Cell, Figure
 from sysid import refit
 from sysid.data.segments import Run
 from sysid.estimation.map import fit
+from sysid.planes import Plane
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
@@ -25,9 +26,7 @@ def _runs(vehicle: str) -> tuple[Run, ...]:
     """Return the runs; pre-roll and test together last a minute."""
     case = vehicles.case(vehicle)
     tests = [
-        (plane, ("chirp", size, SECONDS - sea.PREROLL_S))
-        for plane in prediction.PLANES
-        for size in SIZES_DEG
+        (plane, ("chirp", size, SECONDS - sea.PREROLL_S)) for plane in Plane for size in SIZES_DEG
     ]
     return tuple(
         prediction.flown_test(case, plane, test, 900 + number)

@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 from benchmarks.identification import crossover, prediction, vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.models import model_export
 from sysid.models import prediction as predict
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import NAMES
+from sysid.planes import PLANES, Plane
 from sysid.validation.assess import with_assessment
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
 
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 GAIN_DB, PHASE_DEG = 1.0, 5.0
 SPOILT_Z = {"N_dr": 1.5, "M_de": 1.5, "delay_yaw": 1.0, "delay_pitch": 1.0}
 """Standard deviations of the changes, in prior standard deviations: 3 dB, and 0.1 s (7 degrees)."""
@@ -36,9 +36,9 @@ CLEAR = 1.5
 def fresh(case: Case, seed: int) -> list[Run]:
     """Return two 3-2-1-1 tests and two steps per plane that are not used for fitting."""
     runs = []
-    for plane in PLANES:
+    for plane in Plane:
         scale = case.scale(plane)
-        size, seconds = (5.0, 2.0) if plane == "yaw" else (4.0, 1.5)
+        size, seconds = {Plane.YAW: (5.0, 2.0), Plane.PITCH: (4.0, 1.5)}[plane]
         signals = [sea.step(sign * size * scale, 8.0) for sign in (1.0, -1.0)]
         signals += [_three_two_one_one(sign * size * scale, seconds) for sign in (1.0, -1.0)]
         for number, signal in enumerate(signals):
@@ -48,7 +48,7 @@ def fresh(case: Case, seed: int) -> list[Run]:
                 signal,
                 name=f"{plane}/{number}",
                 wave="step" if number < 2 else "3211",
-                seed=700_000 + 100 * seed + 10 * PLANES.index(plane) + number,
+                seed=700_000 + 100 * seed + 10 * PLANES[plane].index + number,
                 trim_rad=case.trim_rad,
                 hold=case.hold,
             )
@@ -66,7 +66,7 @@ def _three_two_one_one(degrees: float, unit_s: float) -> Array:
 def miss(case: Case, model: IdentifiedModel) -> float:
     """Return the error at crossover in the worse plane, in units of 1 dB or 5 degrees."""
     identified = predict.vehicles(model, case.prior)[0]
-    errors = [crossover.errors(case, identified, plane) for plane in PLANES]
+    errors = [crossover.errors(case, identified, plane) for plane in Plane]
     return max(max(abs(gain) / GAIN_DB, abs(phase) / PHASE_DEG) for gain, phase in errors)
 
 

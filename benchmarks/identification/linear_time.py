@@ -12,6 +12,7 @@ from benchmarks.study import Cell, Figure
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.linear import estimate
 from sysid.estimation.linear.response import SurfaceCommand
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -20,8 +21,8 @@ RUN_S = 60.0
 
 def trial(vehicle: str, seed: int) -> list[float]:
     """Return seconds of output error, filter error and baseline in yaw, with compiled code."""
-    minutes = tuple(_a_minute(command) for command in linear_truth.commands(vehicle, "yaw"))
-    campaign = linear_truth.campaign(vehicle, "yaw", linear_truth.coloured, seed, minutes)
+    minutes = tuple(_a_minute(command) for command in linear_truth.commands(vehicle, Plane.YAW))
+    campaign = linear_truth.campaign(vehicle, Plane.YAW, linear_truth.coloured, seed, minutes)
     start = campaign.belief.model.values
 
     def ours(method: estimate.Method) -> Callable[[Campaign], object]:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from benchmarks.identification import vehicles
-from sysid.data.segments import Plane
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import records, response
 from sysid.estimation.linear.linear_model import LinearModel
@@ -25,13 +24,13 @@ from sysid.models import noise, parameters
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
+from sysid.planes import PLANES, Plane
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
 Draw = Callable[[LinearPlane, list[int], np.random.Generator], list[Array]]
 """(plane, steps per run, generator) -> noise on the outputs of each run, shape (steps, outputs)."""
 
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 WHITE = Noise(rate_radps=math.radians(0.3), angle_rad=math.radians(0.3), depth_m=0.03)
 """Sensor noise; its disturbance levels are not used."""
 COLOURED = Noise(
@@ -72,11 +71,11 @@ def campaign(
     tests: tuple[SurfaceCommand, ...] | None = None,
 ) -> Campaign:
     """Simulate tests of one plane, by default the usual ten, with noise from ``draw``."""
-    truth, rng = true_plant(vehicle, plane), np.random.default_rng([seed, PLANES.index(plane)])
+    truth, rng = true_plant(vehicle, plane), np.random.default_rng([seed, PLANES[plane].index])
     by, linear, count = (
         response.discretise(truth),
         plants.linear_plane(truth),
-        plants.outputs(plane),
+        PLANES[plane].n_outputs,
     )
     tests = tests or commands(vehicle, plane)
     rest = np.zeros(len(by.transition))
@@ -157,7 +156,7 @@ def true_plant(vehicle: str, plane: Plane) -> LinearModel:
     found = plants.of_vehicle(vehicles.nominal(flies.truth), plane)
     values = found.values.copy()
     values[plants.names(plane).index("bias_rad")] = BIAS_RAD * flies.scale(plane)
-    if plane == "pitch":
+    if plants.OFFSETS[plane]:
         values[-1] = LEVEL_RAD
     return LinearModel(found.frame, values)
 
@@ -167,7 +166,7 @@ def prior_belief(vehicle: str, plane: Plane) -> LinearPrior:
     """Return the prior of the vehicle file with zero bias and zero level pitch."""
     prior = fit.Prior(
         vehicles.case(vehicle).prior,
-        {"yaw": 0.0, "pitch": 0.0},
+        {Plane.YAW: 0.0, Plane.PITCH: 0.0},
         np.zeros(len(NAMES)),
         parameters.prior_covariance(),
     )

@@ -10,7 +10,7 @@ from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
 from sitl.vehicle.config import VehicleFileError
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.estimation.recursive import (
@@ -22,23 +22,23 @@ from sysid.estimation.recursive import (
 from sysid.estimation.recursive.report import PlaneReport
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
+from sysid.planes import PLANES, Plane
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
 
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 TESTS: tuple[tuple[Plane, float, float], ...] = (
-    ("yaw", 3.0, 10.0),
-    ("yaw", -5.0, 5.0),
-    ("yaw", 7.0, 5.0),
-    ("yaw", 5.0, 2.5),
-    ("pitch", 2.0, 5.0),
-    ("pitch", -4.0, 2.5),
-    ("pitch", 6.0, 5.0),
+    (Plane.YAW, 3.0, 10.0),
+    (Plane.YAW, -5.0, 5.0),
+    (Plane.YAW, 7.0, 5.0),
+    (Plane.YAW, 5.0, 2.5),
+    (Plane.PITCH, 2.0, 5.0),
+    (Plane.PITCH, -4.0, 2.5),
+    (Plane.PITCH, 6.0, 5.0),
 )
 """Doublets: plane, degrees for Caribou, seconds of each half."""
 FIGURES = (*report.NAMES, "gain_db", "phase_deg")
-COUNT = len(PLANES) * len(FIGURES)
+COUNT = len(Plane) * len(FIGURES)
 AGREED_SD = 1.0
 """Target: largest rms difference from the batch estimate, in its standard deviations."""
 
@@ -65,10 +65,10 @@ def trial(vehicle: str, seed: int) -> list[float]:
     case = vehicles.case(vehicle)
     runs = campaign(case, seed)
     first = vehicles.nominal(case.prior)
-    zeros: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
+    zeros: dict[Plane, float] = {Plane.YAW: 0.0, Plane.PITCH: 0.0}
     prior = Prior(case.prior, zeros, np.zeros(len(NAMES)), parameters.prior_covariance())
     estimator.update(
-        estimator.begin(estimator.prior_knowledge(prior), "yaw", 0.0), prediction.steps(runs[0])
+        estimator.begin(estimator.prior_knowledge(prior), Plane.YAW, 0.0), prediction.steps(runs[0])
     )  # compiles the code
     began_s, known = process_time(), estimator.prior_knowledge(prior)
     for run in runs:
@@ -81,7 +81,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     except VehicleFileError:  # the batch search reached an impossible vehicle
         batch = None
     differences, errors = [], []
-    for plane in PLANES:
+    for plane in Plane:
         at = report.crossover_radps(prior, plane)
         online = _figures(report.read(known.prior, known.information, plane, at))
         beside = np.full_like(online, math.nan)
@@ -104,9 +104,8 @@ def _truth(case: Case, plane: Plane, crossover_radps: float) -> Array:
     """Return the true values of the design parameters."""
     tail = case.truth.tailcone
     values = report.numbers(vehicles.nominal(case.truth), plane, crossover_radps)
-    values[FIGURES.index("actuator_bias_deg")] = (
-        tail.rudder_bias_deg if plane == "yaw" else tail.elevator_bias_deg
-    )
+    biases_deg = tail.rudder_bias_deg, tail.elevator_bias_deg
+    values[FIGURES.index("actuator_bias_deg")] = biases_deg[PLANES[plane].index]
     return values
 
 
@@ -115,7 +114,7 @@ def judge(vehicle: str, trials: Array) -> list[Figure]:
     differences, errors = trials[:, :COUNT], trials[:, COUNT : 2 * COUNT]
     apart = np.sqrt(np.nanmean(differences**2, axis=0))
     worst = int(np.argmax(apart))
-    plane, name = PLANES[worst // len(FIGURES)], FIGURES[worst % len(FIGURES)]
+    plane, name = tuple(Plane)[worst // len(FIGURES)], FIGURES[worst % len(FIGURES)]
     return [
         Figure(
             "rms difference from the batch estimate",

@@ -17,22 +17,22 @@ from benchmarks.identification import crossover, vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
 from sysid import refit
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.models import linear_planes, model_export, parameters, prediction
 from sysid.models.parameters import NAMES, CandidateVehicle
+from sysid.planes import PLANES, Plane
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
 
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
-ENVELOPE_RAD = {"yaw": math.radians(180.0), "pitch": math.radians(35.0)}
+ENVELOPE_RAD = {Plane.YAW: math.radians(180.0), Plane.PITCH: math.radians(35.0)}
 """Change of heading and pitch at which the autopilot ends a test (SID_HDG_MAX, SID_PITCH_MAX)."""
 SHORTEST_S = 5.0
 """Least length of a test that is ended early."""
 FITTED: dict[Plane, tuple[tuple[str, float, float], ...]] = {
-    "yaw": (
+    Plane.YAW: (
         ("step", 3.0, 20.0),
         ("step", -3.0, 20.0),
         ("step", 5.0, 20.0),
@@ -46,7 +46,7 @@ FITTED: dict[Plane, tuple[tuple[str, float, float], ...]] = {
         ("doublet", 5.0, 24.0),
         ("doublet", -5.0, 24.0),
     ),
-    "pitch": (
+    Plane.PITCH: (
         ("step", 2.0, 8.0),
         ("step", 3.0, 8.0),
         ("step", 4.0, 8.0),
@@ -62,16 +62,16 @@ FITTED: dict[Plane, tuple[tuple[str, float, float], ...]] = {
     ),
 }
 """Signal, degrees for Caribou, seconds: ground/missions/{rudder,elevator}_{steps,sweeps}.toml."""
-CHIRP_HZ = {"yaw": (0.06, 0.35), "pitch": (0.08, 0.4)}
+CHIRP_HZ = {Plane.YAW: (0.06, 0.35), Plane.PITCH: (0.08, 0.4)}
 FRESH: dict[Plane, tuple[tuple[str, float, float], ...]] = {
-    "yaw": (("step", -4.0, 20.0), ("step", 6.0, 20.0), ("step", -8.0, 20.0)),
-    "pitch": (("step", 2.5, 8.0), ("step", 4.5, 8.0), ("step", 8.0, 8.0)),
+    Plane.YAW: (("step", -4.0, 20.0), ("step", 6.0, 20.0), ("step", -8.0, 20.0)),
+    Plane.PITCH: (("step", 2.5, 8.0), ("step", 4.5, 8.0), ("step", 8.0, 8.0)),
 }
 UNSHOWN: dict[Plane, tuple[tuple[str, float, float], ...]] = {
-    "yaw": (("3211", 6.0, 17.5), ("3211", -4.0, 10.5)),
-    "pitch": (("3211", 4.0, 10.5), ("3211", 3.0, 17.5)),
+    Plane.YAW: (("3211", 6.0, 17.5), ("3211", -4.0, 10.5)),
+    Plane.PITCH: (("3211", 4.0, 10.5), ("3211", 3.0, 17.5)),
 }
-LEAST_FACTOR = {"yaw": 10.0, "pitch": 20.0}
+LEAST_FACTOR = {Plane.YAW: 10.0, Plane.PITCH: 20.0}
 """Target for new steps: mean squared error of the prior over that of the fitted model."""
 LEAST_UNSHOWN = 4.0
 """The same for the signal that was not fitted."""
@@ -90,8 +90,8 @@ class Campaign(NamedTuple):
 def flown(case: Case, seed: int) -> list[Run]:
     """Simulate the tests of one campaign."""
     return [
-        flown_test(case, plane, test, 1000 * seed + 100 * PLANES.index(plane) + number)
-        for plane in PLANES
+        flown_test(case, plane, test, 1000 * seed + 100 * PLANES[plane].index + number)
+        for plane in Plane
         for number, test in enumerate(FITTED[plane])
     ]
 
@@ -147,7 +147,10 @@ def _signal(plane: Plane, test: tuple[str, float, float], scale: float) -> Array
 
 def within(run: Run) -> Run:
     """Cut the run where the safety limits would have ended it."""
-    angle, limit = (run.heading_rad, ENVELOPE_RAD["yaw"]), (run.pitch_rad, ENVELOPE_RAD["pitch"])
+    angle, limit = (
+        (run.heading_rad, ENVELOPE_RAD[Plane.YAW]),
+        (run.pitch_rad, ENVELOPE_RAD[Plane.PITCH]),
+    )
     started = int(np.searchsorted(run.time_s, 0.0))
     beyond = np.zeros(run.time_s.size, dtype=bool)
     for values, most in (angle, limit):
@@ -181,7 +184,7 @@ def covered(campaign: Campaign) -> list[float]:
     """Return 1.0 per design parameter whose 95 % interval contains the true value, else 0.0."""
     model = model_export.from_fit(campaign.found, campaign.prior, campaign.case.name)
     held = []
-    for plane in PLANES:
+    for plane in Plane:
         true = linear_planes.small_signal(
             fit.linear_plane(vehicles.nominal(campaign.case.truth), plane)
         )
@@ -195,11 +198,9 @@ def covered(campaign: Campaign) -> list[float]:
 def trial(vehicle: str, seed: int) -> list[float]:
     """Return factors (4), crossover errors (4: dB, deg per plane), coverage (10), converged, s."""
     done = campaign(vehicles.case(vehicle), seed)
-    factors = [factor(done, plane, tests[plane]) for tests in (FRESH, UNSHOWN) for plane in PLANES]
+    factors = [factor(done, plane, tests[plane]) for tests in (FRESH, UNSHOWN) for plane in Plane]
     errors = [
-        value
-        for plane in PLANES
-        for value in crossover.errors(done.case, done.found.vehicle, plane)
+        value for plane in Plane for value in crossover.errors(done.case, done.found.vehicle, plane)
     ]
     agreed = all(
         abs(cost - done.found.cost) <= fit.START_COST_TOLERANCE * done.found.cost
@@ -218,9 +219,9 @@ def judge(vehicle: str, rows: Array) -> list[Figure]:
     """Return prediction, crossover, coverage and convergence figures."""
     figures = []
     names = [
-        f"{plane}, {kind}" for kind in ("fresh steps", "3-2-1-1, not fitted") for plane in PLANES
+        f"{plane}, {kind}" for kind in ("fresh steps", "3-2-1-1, not fitted") for plane in Plane
     ]
-    least = [LEAST_FACTOR["yaw"], LEAST_FACTOR["pitch"], LEAST_UNSHOWN, LEAST_UNSHOWN]
+    least = [LEAST_FACTOR[Plane.YAW], LEAST_FACTOR[Plane.PITCH], LEAST_UNSHOWN, LEAST_UNSHOWN]
     for column, (name, wanted) in enumerate(zip(names, least, strict=True)):
         factors = rows[:, column]
         figures.append(
@@ -233,14 +234,14 @@ def judge(vehicle: str, rows: Array) -> list[Figure]:
                 unit="%",
             )
         )
-    for column, plane in ((4, "yaw"), (6, "pitch")):
+    for column, plane in ((4, Plane.YAW), (6, Plane.PITCH)):
         gain, phase = (float(np.sqrt(np.mean(rows[:, column + k] ** 2))) for k in (0, 1))
         bias = np.mean(rows[:, column : column + 2], axis=0)
         figures.append(Figure(f"{plane}: gain at crossover, rms", gain, highest=0.3, unit="dB"))
         figures.append(Figure(f"{plane}: phase at crossover, rms", phase, highest=3.0, unit="deg"))
         figures.append(Figure(f"{plane}: gain at crossover, mean", float(bias[0]), unit="dB"))
         figures.append(Figure(f"{plane}: phase at crossover, mean", float(bias[1]), unit="deg"))
-    for column, name in enumerate(f"{plane} {number}" for plane in PLANES for number in DESIGN):
+    for column, name in enumerate(f"{plane} {number}" for plane in Plane for number in DESIGN):
         figures.append(
             Figure(
                 f"{name}: in its 95 % interval",

@@ -19,12 +19,13 @@ from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
 from sitl.vehicle import build_model
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.datasets import with_coupling_inputs
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
+from sysid.planes import Plane
 from sysid.screening.anomaly_models import Kind
 from sysid.screening.outlier_tests import FALSE_ALARM, RunScreening, ScreeningResult, find_outliers
 from sysid.screening.score_test import scores
@@ -39,7 +40,6 @@ SLIP_DEG = 0.5
 """Slip for Caribou; on other vehicles the slip has the same effect on the turn."""
 GAIN = 1.10
 """Ratio of true to commanded surface angle."""
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 WAVES: tuple[Wave, ...] = ("step", "3-2-1-1")
 KINDS: tuple[Kind, ...] = ("actuator slip", "gain error")
 REFERENCE_SEED = 999_000
@@ -59,10 +59,10 @@ class Test(NamedTuple):
 
 def tests(case: Case, wave: Wave) -> list[Test]:
     """Return four tests per plane: two sizes with both signs."""
-    sizes: dict[Plane, tuple[float, ...]] = {"yaw": (5.0, 8.0), "pitch": (3.0, 5.0)}
+    sizes: dict[Plane, tuple[float, ...]] = {Plane.YAW: (5.0, 8.0), Plane.PITCH: (3.0, 5.0)}
     return [
         Test(plane, case.scale(plane) * _signal(plane, wave, sign * size))
-        for plane in PLANES
+        for plane in Plane
         for size in sizes[plane]
         for sign in (1.0, -1.0)
     ]
@@ -71,8 +71,8 @@ def tests(case: Case, wave: Wave) -> list[Test]:
 def _signal(plane: Plane, wave: Wave, degrees: float) -> Array:
     """Return steps of 40 s (yaw) or 8 s (pitch), or repeated 3-2-1-1 with units of 2.5 or 1.5 s."""
     if wave == "step":
-        return sea.step(degrees, 40.0 if plane == "yaw" else 8.0)
-    unit_s, times = (2.5, 3) if plane == "yaw" else (1.5, 2)
+        return sea.step(degrees, {Plane.YAW: 40.0, Plane.PITCH: 8.0}[plane])
+    unit_s, times = {Plane.YAW: (2.5, 3), Plane.PITCH: (1.5, 2)}[plane]
     pulses = ((1, 3), (-1, 2), (1, 1), (-1, 1)) * times
     return np.concatenate([sea.step(sign * degrees, n * unit_s) for sign, n in pulses])
 
@@ -111,7 +111,7 @@ def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
     case, asked = vehicles.case(vehicle), tests(vehicles.case(vehicle), wave)
     seeds = [1000 * seed + k for k in range(len(asked))]
     clean = [flown(case, test, wave, s) for test, s in zip(asked, seeds, strict=True)]
-    struck = {plane: _struck(plane, asked, seed) for plane in PLANES}
+    struck = {plane: _struck(plane, asked, seed) for plane in Plane}
     before = _sifted(vehicle, wave, clean).screenings
     numbers = [
         float(len(clean)),
@@ -180,7 +180,7 @@ def _of(found: Fit, runs: Sequence[Run]) -> Fit:
         plane: tuple(
             with_coupling_inputs(found.vehicle, fit.dataset(r)) for r in runs if r.plane == plane
         )
-        for plane in PLANES
+        for plane in Plane
     }
     return found._replace(datasets=datasets)
 
@@ -188,14 +188,14 @@ def _of(found: Fit, runs: Sequence[Run]) -> Fit:
 def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
     """Return the rate of false alarms and the detection power."""
     runs, flagged, dropped = np.sum(rows[:, :3], axis=0)
-    power = np.mean(rows[:, 3:], axis=0).reshape(len(KINDS), len(PLANES), 3)
+    power = np.mean(rows[:, 3:], axis=0).reshape(len(KINDS), len(Plane), 3)
     sampling = math.sqrt(FALSE_ALARM / runs)
     figures = [
         Figure("clean runs flagged", flagged / runs, highest=FALSE_ALARM + 2.0 * sampling),
         Figure("clean runs left out", dropped / runs),
     ]
     for what, by_plane in zip(("slip of 0.5 deg", "gain error of 10 %"), power, strict=True):
-        for plane, (found, left_out, ideal) in zip(PLANES, by_plane, strict=True):
+        for plane, (found, left_out, ideal) in zip(Plane, by_plane, strict=True):
             figures += [
                 Figure(f"{plane}: {what} detected", found, lowest=0.9),
                 Figure(f"{plane}: {what} detected, kind and time known", ideal),

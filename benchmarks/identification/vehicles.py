@@ -15,10 +15,10 @@ import numpy as np
 
 from sitl.vehicle import config
 from sitl.vehicle.config import VehicleConfig
-from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.models import linear_planes, parameters
 from sysid.models.parameters import NAMES
+from sysid.planes import Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2
 from tests.sysid.sea import Hold
 
@@ -58,7 +58,9 @@ class Case(NamedTuple):
 
 def nominal(vehicle: VehicleConfig) -> parameters.CandidateVehicle:
     """Return a vehicle file as identification simulates it, without biases."""
-    return parameters.candidate_vehicle(vehicle, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
+    return parameters.candidate_vehicle(
+        vehicle, {Plane.YAW: 0.0, Plane.PITCH: 0.0}, np.zeros(len(NAMES))
+    )
 
 
 @cache
@@ -91,8 +93,8 @@ def _strayed(name: str, prior_file: str, hold: Hold, seed: int) -> Case:
     prior = config.load(prior_file)
     rng = np.random.default_rng(seed)
     away = np.linalg.cholesky(parameters.prior_covariance()) @ rng.standard_normal(len(NAMES))
-    moved = parameters.candidate_vehicle(prior, {"yaw": 0.0, "pitch": 0.0}, STRAY * away)
-    lag = moved.actuators["yaw"]
+    moved = parameters.candidate_vehicle(prior, {Plane.YAW: 0.0, Plane.PITCH: 0.0}, STRAY * away)
+    lag = moved.actuators[Plane.YAW]
     tail = msgspec.structs.replace(
         prior.tailcone,
         natural_frequency_radps=lag.natural_frequency_radps,

@@ -20,6 +20,7 @@ from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
 from sysid.design.design_model import DEFAULT_DISTURBANCE, from_vehicle
 from sysid.design.pid import Design, DesignInfeasibleError
 from sysid.design.robustness import RELAXED, min_bounds, violations
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def _kept(designed: Design, vehicle: str) -> tuple[float, float, float, float]:
     assert designed.robustness is not None
     plane = from_vehicle(
         vehicles.nominal(config.load(vehicle)),
-        {"yaw": DEFAULT_DISTURBANCE, "pitch": DEFAULT_DISTURBANCE},
+        {Plane.YAW: DEFAULT_DISTURBANCE, Plane.PITCH: DEFAULT_DISTURBANCE},
     )
     full, relaxed = (
         float(max(violations(plane, designed.gains, bounds).values()) <= CONSTRAINT_TOLERANCE)

@@ -14,10 +14,9 @@ from ground.campaign.summary_file import (
     ValidationSummary,
 )
 from ground.terminal import Rendered, heading, render
-from sysid.data.segments import Plane
-from sysid.models.model_export import PLANES
 from sysid.models.model_file import IdentifiedModel, RunQuality
 from sysid.models.prediction import mean_rate_errors, opening_rate_errors
+from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 from sysid.validation.results import AcceptanceCheck
 
@@ -70,7 +69,7 @@ def rate_errors(qualities: Sequence[RunQuality]) -> dict[Plane, RateErrors]:
     10 s.
     """
     errors = {}
-    for plane in PLANES:
+    for plane in Plane:
         whole, opening = mean_rate_errors(qualities, plane), opening_rate_errors(qualities, plane)
         if whole and opening:
             errors[plane] = RateErrors(
@@ -232,14 +231,14 @@ def _coefficients(model: IdentifiedModel) -> Table:
 
 def _checks(checks: Sequence[AcceptanceCheck]) -> Table:
     """Return the table of checks, one row per check; values of optional checks are in brackets."""
-    table = _table("", "yaw", "pitch", "limit", "")
+    table = _table("", *Plane, "limit", "")
     for (name, limit), row in _checks_by_name(checks).items():
         failed = [
             "remark" if not check.required else "FAILED"
             for check in row.values()
             if not check.passed
         ]
-        cells = [_format_value(row[p]) if p in row else "" for p in ("yaw", "pitch")]
+        cells = [_format_value(row[p]) if p in row else "" for p in Plane]
         if None in row:
             cells[0] = _format_value(row[None])
         table.add_row(

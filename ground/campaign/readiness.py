@@ -12,6 +12,7 @@ from mavlink_io.errors import BAD_INPUT, InputError, OperationError
 from sysid import refit
 from sysid.monte_carlo import readiness
 from sysid.monte_carlo.readiness import Moments
+from sysid.planes import Plane
 
 CLEARANCE_M = 3.0
 """Height above the floor below which the autopilot stops a test (SID_ALT_MIN)."""
@@ -84,9 +85,9 @@ def _moments(content: Mapping[str, Any]) -> Any:
     """Return the disturbance moments of a scenario."""
     slow, waves = content["disturbance"]["slow"], content["disturbance"]["waves"]
     return Moments(
-        slow_nm={"yaw": slow["yaw_rms_nm"], "pitch": slow["pitch_rms_nm"]},
+        slow_nm={Plane.YAW: slow["yaw_rms_nm"], Plane.PITCH: slow["pitch_rms_nm"]},
         slow_time_s=slow["time_constant_s"],
-        wave_nm={"yaw": waves["yaw_rms_nm"], "pitch": waves["pitch_rms_nm"]},
+        wave_nm={Plane.YAW: waves["yaw_rms_nm"], Plane.PITCH: waves["pitch_rms_nm"]},
         wave_frequency_hz=waves["frequency_hz"],
         wave_damping=waves["damping"],
     )

@@ -27,6 +27,7 @@ from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport, tracking_metrics
 from sysid.monitor.performance_spec import PerformanceBaseline
 from sysid.monitor.tracking_metrics import TrackingMetrics
+from sysid.planes import PLANE_OF_SURFACE
 from sysid.refit import SHIPPED
 from sysid.reproduction import paper_tables
 
@@ -160,7 +161,10 @@ def _parse_mark(text: str) -> MarkedInterval:
             " time"
         )
     return MarkedInterval(
-        float(match[2]), float(match[3]), "yaw" if match[4] == "rudder" else "pitch", match[1] or ""
+        start_s=float(match[2]),
+        stop_s=float(match[3]),
+        plane=PLANE_OF_SURFACE[match[4]],
+        log=match[1] or "",
     )
 
 

@@ -20,10 +20,10 @@ from ground.campaign.summary_file import (
 )
 from ground.live import monitor_view
 from sysid.control_analysis.margins import Analysis, damping
-from sysid.data.segments import Plane
 from sysid.design.pid import Design, Response
 from sysid.monitor import MonitorReport
 from sysid.monitor.tracking_metrics import TrackingMetrics
+from sysid.planes import Plane
 
 PAPER_ERRORS = {"heading_deg": "2.5 -> 2.0", "pitch_deg": "10 -> 2.5", "depth_m": "0.50 -> 0.10"}
 """Errors of the paper's Table 5."""

@@ -17,12 +17,13 @@ from mavlink_io.errors import InputError
 from sysid.data.dataset import Log
 from sysid.monitor import tracking_metrics
 from sysid.monitor.tracking_metrics import Array, Spread, SteadyWindow
+from sysid.planes import PLANES
 from sysid.reproduction.paper_tables import TABLE_5_INITIAL
 
 MAX_ERROR = {"heading": TABLE_5_INITIAL.heading_deg, "depth": TABLE_5_INITIAL.depth_m}
 """Limit of the 95 % error (deg, m): the error of the paper's initial gains (Table 5)."""
 UNIT = {"heading": "deg", "depth": "m"}
-_SURFACE = {"heading": "rudder", "depth": "elevator"}
+_SURFACE = {traits.outer_loop: traits.surface for traits in PLANES.values()}
 LEARNING_TIMES = 5.0
 """Number of time constants TRIM_AUTO_S after which less than 1 % of a trim error remains."""
 MIN_TRIM_ERROR_DEG = 1.0

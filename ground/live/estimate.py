@@ -11,13 +11,13 @@ from mavlink_io.codec import Frame
 from sysid.data import segments
 from sysid.data.dataset import LogError
 from sysid.data.events import StopReason, TestEnded, TestStarted
-from sysid.data.segments import PREROLL_S, Plane, Run
+from sysid.data.segments import PREROLL_S, Run
 from sysid.estimation.recursive import estimator, prediction, report
 from sysid.estimation.recursive.estimator import Knowledge, TestState
 from sysid.estimation.recursive.report import PlaneReport
 from sysid.estimation.recursive.square_root_information import Information
+from sysid.planes import Plane
 
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 MIN_RUN_TICKS = 60
 """Minimum length of a test segment that is evaluated (ticks)."""
 CLOCK_RESTART_S = 1.0
@@ -58,7 +58,7 @@ class LiveEstimate:
         self._trouble = ""
         gains = parameters if "HDG_P" in parameters else None
         self._crossover_radps: dict[Plane, float] = {
-            plane: report.crossover_radps(knowledge.prior, plane, gains) for plane in PLANES
+            plane: report.crossover_radps(knowledge.prior, plane, gains) for plane in Plane
         }
 
     def on_frame(self, frame: Frame) -> None:
@@ -139,7 +139,7 @@ class LiveEstimate:
         if run.stop_reason != StopReason.LOG_ENDED:
             self._end([run.plane])
 
-    def _end(self, planes: Iterable[Plane] = PLANES) -> None:
+    def _end(self, planes: Iterable[Plane] = Plane) -> None:
         """Finish the current tests of these planes."""
         for plane in planes:
             state = self._states.pop(plane, None)

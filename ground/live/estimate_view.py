@@ -6,13 +6,14 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from ground.live.estimate import PLANES, EstimateStatus
+from ground.live.estimate import EstimateStatus
 from sysid.estimation.recursive.report import (
     ENOUGH_GAIN_SD_DB,
     ENOUGH_PHASE_SD_DEG,
     Number,
     PlaneReport,
 )
+from sysid.planes import Plane
 
 ROWS = {
     "static_gain_per_s": "static gain, 1/s",
@@ -32,7 +33,7 @@ def table(status: EstimateStatus) -> RenderableType:
             status.trouble or "no test yet",
             style=ERROR_STYLE if status.trouble else "bright_black",
         )
-    shown = [plane for plane in PLANES if plane in status.readings]
+    shown = [plane for plane in Plane if plane in status.readings]
     output = Table(box=None, padding=(0, 2), title_justify="left")
     output.add_column("sd as % of prior sd", style=LABEL_STYLE, header_style="bright_black")
     for plane in shown:

@@ -8,7 +8,7 @@ from rich.console import RenderableType
 
 from ground.client.vehicle import StatusText
 from ground.live import estimate_view
-from ground.live.estimate import PLANES, EstimateStatus, LiveEstimate
+from ground.live.estimate import EstimateStatus, LiveEstimate
 from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 from mavlink_io.errors import InputError
@@ -16,6 +16,7 @@ from sysid.estimation.map.fit import STRIDE
 from sysid.estimation.recursive import estimator, prior, report
 from sysid.estimation.recursive.estimator import Knowledge
 from sysid.estimation.recursive.prediction import START_STEPS, TestSamples
+from sysid.planes import PLANES
 
 LOOK_PERIOD_S = 0.5
 """Time between two evaluations, by the wall clock (s).
@@ -109,8 +110,8 @@ def _read_prior(prior_name: str) -> Knowledge:
 
 def _compile_kernels(knowledge: Knowledge) -> None:
     """Compile all kernels that a test needs, with a short data set of zeros."""
-    for plane in PLANES:
-        rows, outputs = START_STEPS + 2, 2 if plane == "yaw" else 3
+    for plane, traits in PLANES.items():
+        rows, outputs = START_STEPS + 2, traits.n_outputs
         thrust = np.full(rows, knowledge.prior.config.operating_point.thrust_fraction)
         steps = TestSamples(np.zeros((rows, outputs)), np.zeros((rows, STRIDE)), thrust)
         knowledge_after = estimator.finish(

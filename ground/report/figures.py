@@ -11,10 +11,13 @@ from sysid.data.dataset import Log
 from sysid.data.events import ModeChanged
 from sysid.data.segments import Run
 from sysid.models.prediction import predict
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 CURVE_HZ = 5.0
 """Sample rate of the drawn curves: a plot of several minutes shows no finer detail."""
+ANGLE_TITLES = {Plane.YAW: "heading change", Plane.PITCH: "pitch"}
+"""Title of the panel with the angle of a test."""
 
 
 class Curve(NamedTuple):
@@ -84,10 +87,7 @@ def _largest_step(runs: list[Run]) -> Run:
 def _step_figure(folder: CampaignFolder, run: Run, note: str) -> Figure:
     """Draw rate and angle of a test, measured and predicted by both models."""
     predicted = predict(folder.model, run, folder.prior_config)
-    axis, motion = ("rudder", "yaw") if run.plane == "yaw" else ("elevator", "pitch")
-    angle = (
-        run.heading_rad - run.heading_rad[~run.preroll][0] if run.plane == "yaw" else run.pitch_rad
-    )
+    surface, angle_title = PLANES[run.plane].surface, ANGLE_TITLES[run.plane]
     start_index = int(np.argmax(~run.preroll))
     thin = slice(0, None, 5)
     t = run.time_s[thin]
@@ -96,17 +96,17 @@ def _step_figure(folder: CampaignFolder, run: Run, note: str) -> Figure:
         return Curve(name, role, t, np.degrees(values)[thin])
 
     def angle_change(name: str, role: str, values: Array) -> Curve:
-        offset = values[start_index] if run.plane == "yaw" else 0.0
+        offset = values[start_index] if PLANES[run.plane].is_yaw else 0.0
         return Curve(name, role, t, np.degrees(values - offset)[thin])
 
     return Figure(
         key=f"step-{run.name.replace('/', '-')}",
-        title=f"{run.wave.capitalize()} of {run.magnitude_deg:+g}° {axis} about its trim",
+        title=f"{run.wave.capitalize()} of {run.magnitude_deg:+g}° {surface} about its trim",
         note=note,
         x_label="seconds since the test began",
         panels=(
             Panel(
-                f"{motion} rate",
+                f"{run.plane} rate",
                 "°/s",
                 (
                     rate("measured", "measured", run.rate_radps),
@@ -115,10 +115,10 @@ def _step_figure(folder: CampaignFolder, run: Run, note: str) -> Figure:
                 ),
             ),
             Panel(
-                "heading change" if run.plane == "yaw" else "pitch",
+                angle_title,
                 "°",
                 (
-                    Curve("measured", "measured", t, np.degrees(angle)[thin]),
+                    angle_change("measured", "measured", run.angle_rad),
                     angle_change("initial model", "initial", predicted.prior_angle_rad),
                     angle_change("refitted model", "redesigned", predicted.angle_rad),
                 ),

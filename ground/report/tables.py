@@ -9,6 +9,7 @@ from ground.campaign.identification import assessment_lines, initial_error, refi
 from ground.campaign.summary_file import LoopAnalysis, ModelSummary, SteadyError
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor.tracking_metrics import TrackingMetrics
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_poles import dominant
 from sysid.reproduction.paper_poles import rows as computed_rows
 from sysid.reproduction.paper_tables import (
@@ -96,15 +97,14 @@ def table_1(model: IdentifiedModel) -> str:
 
 def table_2(model: ModelSummary) -> str:
     """Return the mean squared rate errors, (deg/s)^2, of all models on held-out runs."""
-    paper = dict(zip(("yaw", "pitch"), TABLE_2.values(), strict=True))
-    names = {"yaw": "rudder tests", "pitch": "elevator tests"}
+    paper = dict(zip(Plane, TABLE_2.values(), strict=True))
     methods = {
         _METHOD_NAMES.get(m, m): other.held_out_rate_error
         for m, other in model.alternative_methods.items()
     }
     rows = [
         [
-            names[plane],
+            f"{PLANES[Plane(plane)].surface} tests",
             f"{paper[plane].initial:g}",
             f"{paper[plane].adjusted:g}",
             initial_error(pair),
@@ -132,16 +132,14 @@ def checks(model: IdentifiedModel) -> str:
     rows = []
     for name in dict.fromkeys(check.name for check in model.assessment.checks):
         same = [check for check in model.assessment.checks if check.name == name]
-        cells = {check.plane or "yaw": _figure(check) for check in same}
+        cells = {check.plane or Plane.YAW: _figure(check) for check in same}
         limit = f"{same[0].sense} {same[0].limit:.3g} {same[0].unit}"
         missed = [check for check in same if not check.passed]
         kind = "measured" if not missed else "prior" if missed[0].required else ""
         result = "passed" if not missed else "failed" if missed[0].required else "remark"
         tag = f'<span class="tag {kind}">{result}</span>'
-        rows.append(
-            [escape(name), cells.get("yaw", ""), cells.get("pitch", ""), escape(limit), tag]
-        )
-    return table(["criterion", "yaw", "pitch", "limit", ""], rows)
+        rows.append([escape(name), *(cells.get(plane, "") for plane in Plane), escape(limit), tag])
+    return table(["criterion", *Plane, "limit", ""], rows)
 
 
 def _figure(check: AcceptanceCheck) -> str:

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from ground.campaign.campaign_folder import CampaignFolder
 from ground.report.figures import Curve, Figure, Panel
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.prediction import predict, vehicles
+from sysid.planes import PLANES, Plane
 from sysid.validation import crossover
 from sysid.validation.prediction_bands import innovations, rate_band
 from sysid.validation.validate import DT_S, uncertain_vehicle
@@ -22,9 +23,6 @@ NORMAL_95 = 1.96
 """Half-width of the 95 % interval of a normal quantity, in standard deviations."""
 KOLMOGOROV = 1.358
 """5 % critical value of the Kolmogorov-Smirnov distance, times the root of the sample size."""
-MOTIONS = {"yaw": "yaw", "pitch": "pitch"}
-SURFACES = {"yaw": "rudder", "pitch": "elevator"}
-HELD_OUT_MISSIONS = {"yaw": "rudder_heldout", "pitch": "elevator_heldout"}
 SHOWN_HZ = 10.0
 """Sample rate of the drawn curves."""
 
@@ -43,8 +41,8 @@ def prediction_figures(campaign: CampaignFolder) -> list[Figure]:
     """Return two held-out runs per plane, a step and another signal, with the predicted band."""
     return [
         _prediction(campaign.model, run, campaign.prior_config)
-        for mission in HELD_OUT_MISSIONS.values()
-        for run in _select_runs(campaign.runs(mission))
+        for traits in PLANES.values()
+        for run in _select_runs(campaign.runs(f"{traits.surface}_heldout"))
     ]
 
 
@@ -52,8 +50,8 @@ def whiteness_figures(campaign: CampaignFolder) -> list[Figure]:
     """Return the cumulative periodogram of the whitened residuals of each plane's held-out runs."""
     model = campaign.model
     return [
-        _whiteness(model, plane, campaign.runs(mission), campaign.prior_config)
-        for plane, mission in HELD_OUT_MISSIONS.items()
+        _whiteness(model, plane, campaign.runs(f"{traits.surface}_heldout"), campaign.prior_config)
+        for plane, traits in PLANES.items()
         if plane in model.noise
     ]
 
@@ -78,10 +76,9 @@ def _response(model: IdentifiedModel, plane: Plane, prior: Any) -> Figure:
         y, sd = np.array(values), NORMAL_95 * np.array(sds)
         return Curve("measured", "measured", points, y, y - sd, y + sd, look="marks")
 
-    surface, motion = SURFACES[plane], MOTIONS[plane]
     return Figure(
         key=f"response-{plane}",
-        title=f"{motion.capitalize()} rate over {surface} command",
+        title=f"{plane.capitalize()} rate over {PLANES[plane].surface} command",
         note=(
             f"From {len(measurement.runs)} sweep runs; bars and band: 95 %. Dotted line: crossover"
             " with the gains of the tests. Shaded: coherence below 0.6."
@@ -139,8 +136,8 @@ def _prediction(model: IdentifiedModel, run: Run, prior: Any) -> Figure:
     return Figure(
         key=f"held-out-{run.name.replace('/', '-')}",
         title=(
-            f"{run.wave.capitalize()} of {run.magnitude_deg:+g}° on the {SURFACES[run.plane]},"
-            " held out"
+            f"{run.wave.capitalize()} of {run.magnitude_deg:+g}°"
+            f" on the {PLANES[run.plane].surface}, held out"
         ),
         note=(
             f"Narrow band: uncertainty of the estimate. {outside:.0%} of the measured samples lie"
@@ -149,7 +146,7 @@ def _prediction(model: IdentifiedModel, run: Run, prior: Any) -> Figure:
         x_label="seconds since the test began",
         panels=(
             Panel(
-                f"{MOTIONS[run.plane]} rate",
+                f"{run.plane} rate",
                 "°/s",
                 (
                     Curve(
@@ -192,7 +189,7 @@ def _whiteness(model: IdentifiedModel, plane: Plane, runs: Sequence[Run], prior:
     )
     return Figure(
         key=f"whiteness-{plane}",
-        title=f"Residuals of held-out {SURFACES[plane]} tests",
+        title=f"Residuals of held-out {PLANES[plane].surface} tests",
         note=(
             "Cumulative periodogram of the whitened rate: white noise stays within the band in 95 %"
             " of cases."

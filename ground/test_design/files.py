@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from sysid.planes import PLANES, Plane
 from sysid.test_design.plan import SETTLING_S, Planned, PlanRequest, TestPlan, recovery_s
 from sysid.test_design.safety_margins import Excursion, ExcursionLimits
 from sysid.test_design.simulate import Manoeuvre
@@ -63,13 +64,12 @@ def _comment(number: int, planned: Planned) -> str:
     return "\n".join(lines)
 
 
-def _describe_excursion(plane: str, excursion: Excursion) -> str:
+def _describe_excursion(plane: Plane, excursion: Excursion) -> str:
     """Return the predicted excursion of a test as text."""
-    angle, depth = (
-        ("heading", "") if plane == "yaw" else ("pitch", f", depth {excursion.depth_m:.1f} m")
-    )
+    traits = PLANES[plane]
+    depth = f", depth {excursion.depth_m:.1f} m" if traits.has_depth else ""
     return (
-        f"99 % of the vehicles stay within {angle} {excursion.angle_deg:.0f} deg,"
+        f"99 % of the vehicles stay within {traits.angle} {excursion.angle_deg:.0f} deg,"
         f" {excursion.rate_degps:.1f} deg/s{depth};"
         f" probability of leaving the limits {excursion.probability:.3f}."
     )

@@ -6,6 +6,7 @@ from rich.table import Table
 
 from ground.terminal import Rendered, render
 from mavlink_io.printable import printable
+from sysid.planes import PLANES
 from sysid.test_design.information import DesignUncertainty
 from sysid.test_design.plan import Planned, TestPlan
 
@@ -96,7 +97,7 @@ def _tests(plan: TestPlan) -> Table:
                 str(manoeuvre.duration_s),
                 f"{excursion.angle_deg:.0f}",
                 f"{excursion.rate_degps:.1f}",
-                f"{excursion.depth_m:.1f}" if manoeuvre.plane == "pitch" else "",
+                f"{excursion.depth_m:.1f}" if PLANES[manoeuvre.plane].has_depth else "",
                 f"{excursion.probability:.3f}",
             )
     return table

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ground.campaign import prototype, refit
 from mavlink_io.errors import InputError
+from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.test_design import plan
 from sysid.test_design import prior as design_priors
@@ -49,8 +50,8 @@ def trims(prior: DesignPrior) -> dict[str, float]:
         return {}
     vehicle = prior.vehicle(prior.mean)
     return {
-        "TRIM_RUD_DEG": math.degrees(design_priors.level_flight(vehicle, "yaw").trim_rad),
-        "TRIM_ELE_DEG": math.degrees(design_priors.level_flight(vehicle, "pitch").trim_rad),
+        "TRIM_RUD_DEG": math.degrees(design_priors.level_flight(vehicle, Plane.YAW).trim_rad),
+        "TRIM_ELE_DEG": math.degrees(design_priors.level_flight(vehicle, Plane.PITCH).trim_rad),
     }
 
 

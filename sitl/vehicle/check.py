@@ -328,13 +328,16 @@ def format_text(report: Report) -> str:
         ),
         f"pitch        period {report.pitch_period_s:.2f} s at rest",
     ]
-    for name, plane in (("yaw", report.yaw), ("pitch", report.pitch)):
+    for name, surface, plane in (
+        ("yaw", "rudder", report.yaw),
+        ("pitch", "elevator", report.pitch),
+    ):
         poles = ", ".join(_format_mode(mode) for mode in plane.poles)
         lines += [
             "",
             (
                 f"{name} plane at {report.speed_mps:.3g} m/s; x' = A x + B"
-                f" {'rudder' if name == 'yaw' else 'elevator'}, x = ({', '.join(plane.states)}), SI"
+                f" {surface}, x = ({', '.join(plane.states)}), SI"
                 " units and radians, axes forward, port, up"
             ),
             *(f"  A {_row(row)}   B {b:10.5g}" for row, b in zip(plane.A, plane.B, strict=True)),

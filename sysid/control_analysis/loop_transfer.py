@@ -21,7 +21,7 @@ with w = ACT_LAG_W, z = ACT_LAG_Z, w' = ACT_LEAD_W (rad/s) and z' = 0.7.
 
 import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
 from typing import NamedTuple
 
@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.models.linear_planes import LinearPlane
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -216,6 +217,16 @@ def depth_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
         "depth": outer / (1.0 + pitch),
         "pitch": pitch,
     }
+
+
+def open_loops(plane: Plane, plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
+    """Return the open-loop transfer functions of a plane."""
+    return (heading_loops, depth_loops)[PLANES[plane].index](plant, gains)
+
+
+def surface_loop(plane: Plane, plant: Responses, gains: Gains) -> ComplexArray:
+    """Return the loop of a plane opened at its surface."""
+    return open_loops(plane, plant, gains)[PLANES[plane].surface]
 
 
 def pitch_command(plant: ComplexArray, gains: Gains) -> ComplexArray:
@@ -487,6 +498,27 @@ def close_depth(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation
             " integrator"
         )
     return _close(A, B, feedback, -p * gains["DPT_P"], [depth_integral, pitch_integral])
+
+
+LOOPS: dict[str, tuple[Plane, Callable[[LinearPlane, Lag, Gains, Approximation], ClosedLoop]]] = {
+    "heading": (Plane.YAW, close_heading),
+    "pitch": (Plane.PITCH, close_pitch),
+    "depth": (Plane.PITCH, close_depth),
+}
+"""Plane of each loop, and the function that closes it."""
+
+
+def close_loop(
+    loop: str,
+    planes: Sequence[LinearPlane],
+    lags: Sequence[Lag],
+    gains: Gains,
+    order: Approximation = 4,
+) -> ClosedLoop:
+    """Return one of the closed `LOOPS`; planes and lags in the order of `Plane`."""
+    plane, close = LOOPS[loop]
+    index = PLANES[plane].index
+    return close(planes[index], lags[index], gains, order)
 
 
 def _row(A: Array, entries: dict[int, float]) -> Array:

@@ -57,9 +57,8 @@ def analyse(planes: Planes, gains: Gains, yaw: Lag, pitch: Lag, order: int = 4) 
     loops = loop_transfer.heading_loops(loop_transfer.responses(planes.yaw, yaw), gains)
     loops |= loop_transfer.depth_loops(loop_transfer.responses(planes.pitch, pitch), gains)
     modes = {
-        "heading": modal.modes_of(loop_transfer.close_heading(planes.yaw, yaw, gains, order)),
-        "pitch": modal.modes_of(loop_transfer.close_pitch(planes.pitch, pitch, gains, order)),
-        "depth": modal.modes_of(loop_transfer.close_depth(planes.pitch, pitch, gains, order)),
+        loop: modal.modes_of(loop_transfer.close_loop(loop, planes, (yaw, pitch), gains, order))
+        for loop in loop_transfer.LOOPS
     }
     return Analysis(
         poles={

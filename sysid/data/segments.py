@@ -6,16 +6,16 @@ events the user gives the time ranges (``MarkedInterval``).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.dataset import Log, LogError
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
-Plane = Literal["yaw", "pitch"]
 
 RATE_HZ = 50.0
 """Sample rate of a run: the autopilot's tick."""
@@ -24,12 +24,10 @@ PREROLL_S = 15.0
 STEADY_S = 5.0
 """Last part of the pre-roll, which must be steady."""
 
-PLANE_OF_AXIS: dict[TestAxis, Plane] = {TestAxis.ELEVATOR: "pitch", TestAxis.RUDDER: "yaw"}
+PLANE_OF_AXIS = {TestAxis(traits.sid_axis): plane for plane, traits in PLANES.items()}
 """Plane by axis."""
 LOOP_ON = 100
 """Offset of the axes with the loop closed."""
-AXIS_OF_PLANE = {plane: axis for axis, plane in PLANE_OF_AXIS.items()}
-"""Axis by plane."""
 
 
 @dataclass(frozen=True)
@@ -78,17 +76,34 @@ class Run:
     @property
     def command_rad(self) -> Array:
         """Return the command of the surface under test."""
-        return self.rudder_rad if self.plane == "yaw" else self.elevator_rad
+        return self.surface_rad(self.plane)
 
     @property
     def rate_radps(self) -> Array:
         """Return the rate in the plane under test."""
-        return self.r_radps if self.plane == "yaw" else self.q_radps
+        return self.rate_of(self.plane)
 
     @property
     def trim_rad(self) -> float:
         """Return the trim of the surface under test."""
-        return self.rudder_trim_rad if self.plane == "yaw" else self.elevator_trim_rad
+        return self.surface_trim_rad(self.plane)
+
+    @property
+    def angle_rad(self) -> Array:
+        """Return the angle in the plane under test."""
+        return (self.heading_rad, self.pitch_rad)[PLANES[self.plane].index]
+
+    def surface_rad(self, plane: Plane) -> Array:
+        """Return the command of a plane's surface."""
+        return (self.rudder_rad, self.elevator_rad)[PLANES[plane].index]
+
+    def surface_trim_rad(self, plane: Plane) -> float:
+        """Return the trim of a plane's surface."""
+        return (self.rudder_trim_rad, self.elevator_trim_rad)[PLANES[plane].index]
+
+    def rate_of(self, plane: Plane) -> Array:
+        """Return the rate in a plane."""
+        return (self.r_radps, self.q_radps)[PLANES[plane].index]
 
     @property
     def preroll(self) -> NDArray[np.bool_]:
@@ -100,12 +115,12 @@ class Run:
         """Return a mask of the last STEADY_S before the test."""
         return (self.time_s < 0.0) & (self.time_s >= -STEADY_S)
 
-    def history_rad(self, surface: Plane) -> Array:
+    def history_rad(self, plane: Plane) -> Array:
         """Return the commands of a plane's surface, including those before the first sample.
 
         Parameters
         ----------
-        surface : {'yaw', 'pitch'}
+        plane : Plane
             Plane; yaw has the rudder, pitch the elevator.
 
         Returns
@@ -113,9 +128,7 @@ class Run:
         ndarray
             Surface command at RATE_HZ, in radians; its last samples belong to ``time_s``.
         """
-        rudder, elevator = self.earlier_rad
-        now = self.rudder_rad if surface == "yaw" else self.elevator_rad
-        return np.concatenate([rudder if surface == "yaw" else elevator, now])
+        return np.concatenate([self.earlier_rad[PLANES[plane].index], self.surface_rad(plane)])
 
     def since(self, start_s: float) -> "Run":
         """Return the run from ``start_s`` on; ``earlier_rad`` holds the commands before it.
@@ -131,7 +144,7 @@ class Run:
             Samples from ``start_s`` on.
         """
         first = int(np.searchsorted(self.time_s, start_s - 1e-9))
-        rudder, elevator = self.history_rad("yaw"), self.history_rad("pitch")
+        rudder, elevator = self.history_rad(Plane.YAW), self.history_rad(Plane.PITCH)
         end = rudder.size - self.time_s.size + first
         remaining = {name: getattr(self, name)[first:] for name in _SERIES}
         return replace(self, **remaining, earlier_rad=(rudder[:end], elevator[:end]))
@@ -302,7 +315,7 @@ def _interval_of_mark(log: Log, mark: MarkedInterval) -> TestInterval:
             f"{log.name}: run {mark.start_s:g}..{mark.stop_s:g} must lie within the log,"
             f" {first_s:.1f}..{last_s:.1f} s"
         )
-    axis = AXIS_OF_PLANE[mark.plane]
+    axis = TestAxis(PLANES[mark.plane].sid_axis)
     return TestInterval(
         start_s=mark.start_s,
         stop_s=mark.stop_s,
@@ -316,7 +329,8 @@ def _interval_of_mark(log: Log, mark: MarkedInterval) -> TestInterval:
 def _size_deg(log: Log, axis: TestAxis, start_s: float, stop_s: float) -> float:
     """Return the largest deviation of the command from its value at the start, deg."""
     actuators = log.actuators
-    command = actuators.rudder_rad if PLANE_OF_AXIS.get(axis) == "yaw" else actuators.elevator_rad
+    plane = PLANE_OF_AXIS.get(axis, Plane.PITCH)
+    command = (actuators.rudder_rad, actuators.elevator_rad)[PLANES[plane].index]
     first, end = np.searchsorted(actuators.time_s, [start_s, stop_s])
     deviation = command[first:end] - command[max(first - 1, 0)] if end > first else np.zeros(1)
     return float(np.degrees(deviation[np.argmax(np.abs(deviation))]))

@@ -11,7 +11,6 @@ from sitl.vehicle.config import SHIPPED, VehicleConfig
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains, Lag, Responses
 from sysid.control_analysis.margins import Analysis, Planes, analyse
-from sysid.data.segments import Plane
 from sysid.design.specification import Response
 from sysid.estimation.map.fit import linear_plane
 from sysid.models import prediction
@@ -19,6 +18,7 @@ from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, pitch_plane, yaw_plane
 from sysid.models.model_file import IdentifiedModel, NoiseModel
 from sysid.models.parameters import CandidateVehicle, feasible_samples
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, Table1Column
 
 Array = NDArray[np.float64]
@@ -144,7 +144,7 @@ def from_model(model: IdentifiedModel) -> DesignModel:
             delay_s, model.vehicle.natural_frequency_radps.value, model.vehicle.damping_ratio.value
         )
 
-    return build(planes, lag("yaw"), lag("pitch"), _disturbance_of(model))
+    return build(planes, lag(Plane.YAW), lag(Plane.PITCH), _disturbance_of(model))
 
 
 def sample_models(
@@ -191,11 +191,11 @@ def from_vehicle(vehicle: CandidateVehicle, disturbance: Mapping[Plane, NoiseMod
     DesignModel
         Both planes with their actuator lags, which include the delay of the sampled control.
     """
-    planes = Planes(linear_plane(vehicle, "yaw"), linear_plane(vehicle, "pitch"))
+    planes = Planes(linear_plane(vehicle, Plane.YAW), linear_plane(vehicle, Plane.PITCH))
     return build(
         planes,
-        lag_with_sampling(vehicle.actuators["yaw"]),
-        lag_with_sampling(vehicle.actuators["pitch"]),
+        lag_with_sampling(vehicle.actuators[Plane.YAW]),
+        lag_with_sampling(vehicle.actuators[Plane.PITCH]),
         disturbance,
     )
 
@@ -209,7 +209,7 @@ def lag_with_sampling(tail: Actuator) -> Lag:
 
 def _disturbance_of(model: IdentifiedModel) -> Mapping[Plane, NoiseModel]:
     """Return the disturbance model of each plane."""
-    return {plane: model.noise.get(plane, DEFAULT_DISTURBANCE) for plane in ("yaw", "pitch")}
+    return {plane: model.noise.get(plane, DEFAULT_DISTURBANCE) for plane in Plane}
 
 
 def analyse_loops(vehicle: DesignModel, gains: Gains) -> Analysis:
@@ -288,7 +288,7 @@ def predict_response(vehicle: DesignModel, gains: Gains) -> Response:
 
 def heading_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float]:
     """Return the rms of heading and commanded rudder (rad)."""
-    density = spectrum(vehicle.disturbance["yaw"])
+    density = spectrum(vehicle.disturbance[Plane.YAW])
     heading, rudder = heading_responses(vehicle, gains)
     return _rms(heading, density), _rms(rudder, density)
 
@@ -310,7 +310,7 @@ def heading_responses(vehicle: DesignModel, gains: Gains) -> tuple[ComplexArray,
 
 def depth_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float, float]:
     """Return the rms of pitch (rad), depth (m) and commanded elevator (rad)."""
-    density = spectrum(vehicle.disturbance["pitch"])
+    density = spectrum(vehicle.disturbance[Plane.PITCH])
     pitch, depth, elevator = depth_responses(vehicle, gains)
     return _rms(pitch, density), _rms(depth, density), _rms(elevator, density)
 
@@ -371,9 +371,10 @@ def command_noise_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> float
 
 def loop_at_surface(vehicle: DesignModel, plane: Plane, gains: Gains) -> tuple[ComplexArray, float]:
     """Return the loop opened at the surface, and the gain from gyro to command."""
-    if plane == "yaw":
-        return loop_transfer.heading_loops(vehicle.yaw, gains)["rudder"], gains["HDG_D"]
-    return loop_transfer.depth_loops(vehicle.pitch, gains)["elevator"], gains["PTCH_D"]
+    traits = PLANES[plane]
+    responses = (vehicle.yaw, vehicle.pitch)[traits.index]
+    loop = loop_transfer.surface_loop(plane, responses, gains)
+    return loop, gains[f"{traits.gain_prefix}_D"]
 
 
 def _rms(transfer: ComplexArray, density: Array) -> float:

@@ -17,14 +17,13 @@ import numpy as np
 
 from mavlink_io.errors import ErrorCode, InputError
 from sitl.vehicle.config import VehicleConfig
-from sysid.data.segments import Plane
 from sysid.estimation.map.problem import Prior
 from sysid.models import parameters
 from sysid.models.parameters import NAMES, PARAMETERS
+from sysid.planes import PLANE_OF_SURFACE, Plane
 
 T = TypeVar("T")
 AxisName = Literal["rudder", "elevator"]
-_PLANE_OF_AXIS: dict[AxisName, Plane] = {"rudder": "yaw", "elevator": "pitch"}
 
 SENSOR_DELAY_S = 0.03
 """Standard deviation of the delay of sensors and computing, which a bench test does not measure."""
@@ -103,7 +102,7 @@ def read(
     if tailcone is not None:
         axes = _decode(tailcone, dict[AxisName, _Bench], "ground bench-test --json")
         for name, axis in axes.items():
-            measurements += _readings(_PLANE_OF_AXIS[name], axis.model)
+            measurements += _readings(PLANE_OF_SURFACE[name], axis.model)
     if inclining is not None:
         measurements += _measurements_of(
             "z_CM", _decode(inclining, _Incline, "ground inclining-test --json").z_cm_m

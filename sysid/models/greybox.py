@@ -31,7 +31,8 @@ from sitl.vehicle.forces import HullFlow
 from sitl.vehicle.jit import kernel
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
@@ -234,13 +235,9 @@ def slopes_along(
     return out
 
 
-_IN_PLANE: dict[Plane, list[int]] = {"yaw": [0, 1, 5], "pitch": [0, 2, 4]}
-"""Indices into nu of the velocities in a plane."""
-
-
 def constraint(model: VehicleModel, plane: Plane) -> Array:
     """Return M_p^-1, shape (3, 3): from forces in the plane to accelerations."""
-    rows = _IN_PLANE[plane]
+    rows = PLANES[plane].velocities
     return np.ascontiguousarray(np.linalg.inv(model.inertia.M[np.ix_(rows, rows)]))
 
 
@@ -254,7 +251,7 @@ def accelerations(
         duct_rad,
         np.zeros(N_COUPLING),
         rps,
-        plane == "yaw",
+        PLANES[plane].is_yaw,
         constraint(model, plane),
         model,
         out,
@@ -268,10 +265,9 @@ def initial_motion(run: Run) -> InitialMotion:
     slope = float(
         np.polyfit(run.time_s[: 2 * settling_samples], run.depth_m[: 2 * settling_samples], 1)[0]
     )
-    angle = run.heading_rad if run.plane == "yaw" else run.pitch_rad
     return InitialMotion(
         rate_radps=float(np.mean(run.rate_radps[:settling_samples])),
-        angle_rad=float(angle[0]),
+        angle_rad=float(run.angle_rad[0]),
         depth_m=float(run.depth_m[0]),
         depth_rate_mps=slope,
     )
@@ -280,7 +276,7 @@ def initial_motion(run: Run) -> InitialMotion:
 def first_state(run: Run, start: InitialMotion, speed_mps: float) -> Array:
     """Return the state (u, v|w, rate, angle, z) at the run's first sample, paper's axes."""
     # Pitch: heave follows from depth' = w cos(theta) - U sin(theta) in FRD.
-    if run.plane == "yaw":
+    if PLANES[run.plane].is_yaw:
         return np.array([speed_mps, 0.0, -start.rate_radps, -start.angle_rad, SUBMERGED_Z_M])
     theta = start.angle_rad
     w_frd = (start.depth_rate_mps + speed_mps * math.sin(theta)) / math.cos(theta)
@@ -295,7 +291,7 @@ def heave_coupling(run: Run, speed_mps: float) -> Array | None:
     no inputs: the heading loop keeps the vehicle straight, and sway is not measured.
     """
     # Heave from pitch and depth (FRD): depth' = w cos(theta) - U sin(theta).
-    if run.plane == "pitch":
+    if not PLANES[run.plane].is_yaw:
         return None
     window = min(SMOOTHING, (run.time_s.size - 1) // 2 * 2 + 1)
     pitch, q, roll = (
@@ -326,7 +322,7 @@ def simulate(
     angles = duct_along(run, run.plane, actuator)
     rps, inverse = run.thrust * propeller.rps(1.0, model), constraint(model, run.plane)
     track = integrate(
-        x0, angles, rps, stride, 1.0 / RATE_HZ, run.plane == "yaw", inverse, model, coupling
+        x0, angles, rps, stride, 1.0 / RATE_HZ, PLANES[run.plane].is_yaw, inverse, model, coupling
     )
     return to_mavlink_axes(track, start)
 

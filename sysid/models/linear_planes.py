@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import (
     CRUISE_SPEED_MPS,
     GRAVITY_MPS2,
@@ -92,7 +93,7 @@ def yaw_plane(
     )
     # From FLU to FRD every state changes its sign and the rudder angle does not: B changes sign.
     B = -np.array([c.Y_dr / total_mass_kg, c.N_dr / total_inertia_kgm2, 0.0])
-    return LinearPlane(A=A, B=B, states=("v", "r", "psi"), moment=np.array([0.0, 1.0, 0.0]))
+    return LinearPlane(A=A, B=B, states=PLANES[Plane.YAW].states, moment=np.array([0.0, 1.0, 0.0]))
 
 
 def pitch_plane(
@@ -139,8 +140,26 @@ def pitch_plane(
     )
     B = -np.array([c.Z_de / total_mass_kg, c.M_de / total_inertia_kgm2, 0.0, 0.0])
     return LinearPlane(
-        A=A, B=B, states=("w", "q", "theta", "depth"), moment=np.array([0.0, 1.0, 0.0, 0.0])
+        A=A, B=B, states=PLANES[Plane.PITCH].states, moment=np.array([0.0, 1.0, 0.0, 0.0])
     )
+
+
+def linear_plane(
+    plane: Plane,
+    c: Table1Column,
+    speed_mps: float = CRUISE_SPEED_MPS,
+    mass_kg: float = MASS_KG,
+    gravity_mps2: float = GRAVITY_MPS2,
+) -> LinearPlane:
+    """Return one of the planes; arguments as for ``pitch_plane``."""
+    if PLANES[plane].is_yaw:
+        return yaw_plane(c, speed_mps, mass_kg)
+    return pitch_plane(c, speed_mps, mass_kg, gravity_mps2)
+
+
+def small_signal_names(plane: Plane) -> tuple[str, ...]:
+    """Return the fields of ``SmallSignal`` that a plane has: no restoring moment in yaw."""
+    return SmallSignal._fields[:-1] if PLANES[plane].is_yaw else SmallSignal._fields
 
 
 def small_signal(plane: LinearPlane) -> SmallSignal:

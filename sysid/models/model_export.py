@@ -6,7 +6,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import Plane
 from sysid.estimation.map import fit as fits
 from sysid.estimation.map.convergence import DESIGN_NUMBERS, START_COST_TOLERANCE, failures
 from sysid.estimation.map.fit import Fit, Prior
@@ -28,12 +27,12 @@ from sysid.models.model_file import (
 )
 from sysid.models.noise import Noise
 from sysid.models.parameters import INERTIAS, NAMES, PARAMETERS
+from sysid.planes import Plane
 from sysid.reproduction.paper_method import FREE, PlaneFit
 from sysid.reproduction.paper_tables import UNITS, Table1Column
 
 Array = NDArray[np.float64]
 
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 RANK_TOLERANCE = 1e-6
 """Relative eigenvalue of the information matrix below which a direction counts as unobserved."""
 
@@ -72,7 +71,7 @@ def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
     measured = set(fit.datasets)
     design_covariances = {
         p: (_design_covariance(p, before), _design_covariance(p, spread))
-        for p in PLANES
+        for p in Plane
         if p in measured
     }
     return IdentifiedModel(
@@ -82,7 +81,7 @@ def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         thrust_fraction=prior.config.operating_point.thrust_fraction,
         planes={
             p: _plane(p, dict(zip(_derived_names(), zip(values, sds, strict=True), strict=True)))
-            for p in PLANES
+            for p in Plane
         },
         coefficients=_coefficients(fit, prior, measured),
         vehicle=_vehicle(fit, prior, prior_name),
@@ -102,7 +101,7 @@ def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         fit_quality=(),
         held_out=(),
         notes=(*_notes(fit, measured), *_at_limits(sds)),
-        design={plane: _design_numbers_covariance(plane, spread) for plane in PLANES},
+        design={plane: _design_numbers_covariance(plane, spread) for plane in Plane},
     )
 
 
@@ -110,7 +109,7 @@ def _derived_names() -> list[tuple[Plane, str]]:
     """Return (plane, name) of the derived values, in the order of ``_derived``."""
     return [
         (plane, name)
-        for plane in PLANES
+        for plane in Plane
         for name in (*SmallSignal._fields, "delay_s", "actuator_bias_deg")
     ]
 
@@ -118,7 +117,7 @@ def _derived_names() -> list[tuple[Plane, str]]:
 def _derived(vehicle: parameters.CandidateVehicle) -> Array:
     """Return the derived values of both planes: small-signal numbers, delay, bias (deg)."""
     rows: list[float] = []
-    for plane in PLANES:
+    for plane in Plane:
         actuator = vehicle.actuators[plane]
         rows += linear_planes.small_signal(fits.linear_plane(vehicle, plane))
         rows += [actuator.delay_s, math.degrees(actuator.bias_rad)]
@@ -150,10 +149,11 @@ def _design_covariance(plane: Plane, spread: Array) -> Array:
 
 def _design_numbers_covariance(plane: Plane, spread: Array) -> ParameterCovariance:
     """Return the covariance of one plane's derived values; yaw has no restoring moment."""
+    absent = set(SmallSignal._fields) - set(linear_planes.small_signal_names(plane))
     chosen = [
         (i, name)
         for i, (owner, name) in enumerate(_derived_names())
-        if owner == plane and (owner, name) != ("yaw", "restoring_per_s2")
+        if owner == plane and name not in absent
     ]
     index = [i for i, _ in chosen]
     return ParameterCovariance(
@@ -176,7 +176,9 @@ def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) 
         b1_per_s2=estimate("b1_per_s2"),
         p_fast_per_s=estimate("p_fast_per_s"),
         p_slow_per_s=estimate("p_slow_per_s"),
-        restoring_per_s2=estimate("restoring_per_s2") if plane == "pitch" else None,
+        restoring_per_s2=estimate("restoring_per_s2")
+        if "restoring_per_s2" in linear_planes.small_signal_names(plane)
+        else None,
         delay_s=estimate("delay_s"),
         actuator_bias_deg=estimate("actuator_bias_deg"),
     )
@@ -228,7 +230,7 @@ def _coefficients(fit: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coe
 
 def _vehicle(fit: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
     """Return the part of the model file that describes the vehicle."""
-    config, tailcone = fit.vehicle.config, fit.vehicle.actuators["yaw"]
+    config, tailcone = fit.vehicle.config, fit.vehicle.actuators[Plane.YAW]
 
     def estimate(name: str, value: float) -> ParameterEstimate:
         i = NAMES.index(name)
@@ -287,7 +289,7 @@ def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
 
 def _notes(fit: Fit, measured: set[Plane]) -> tuple[str, ...]:
     """Return notes on planes without runs, bounds that were reached, and speed."""
-    unseen = [plane for plane in PLANES if plane not in measured]
+    unseen = [plane for plane in Plane if plane not in measured]
     notes = [
         f"no run in {plane}: its values come from the prior and from the other plane"
         for plane in unseen
@@ -326,11 +328,10 @@ def from_paper(plane_fits: dict[Plane, PlaneFit], prior: Prior, prior_name: str)
     free = [name for plane in plane_fits for name in FREE[plane]]
     rank = sum(f.rank for f in plane_fits.values())
     mass, speed = config.ballast.mass_kg, config.operating_point.speed_mps
-    linear = {
-        "yaw": linear_planes.yaw_plane(after, speed, mass),
-        "pitch": linear_planes.pitch_plane(after, speed, mass),
+    numbers = {
+        plane: linear_planes.small_signal(linear_planes.linear_plane(plane, after, speed, mass))
+        for plane in Plane
     }
-    numbers = {plane: linear_planes.small_signal(linear[plane]) for plane in PLANES}
     return IdentifiedModel(
         format=FORMAT,
         method="paper",
@@ -343,12 +344,12 @@ def from_paper(plane_fits: dict[Plane, PlaneFit], prior: Prior, prior_name: str)
                 p_fast_per_s=ParameterEstimate(numbers[plane].p_fast_per_s, None),
                 p_slow_per_s=ParameterEstimate(numbers[plane].p_slow_per_s, None),
                 restoring_per_s2=ParameterEstimate(numbers[plane].restoring_per_s2, None)
-                if plane == "pitch"
+                if "restoring_per_s2" in linear_planes.small_signal_names(plane)
                 else None,
                 delay_s=ParameterEstimate(nominal.actuators[plane].delay_s, 0.0),
                 actuator_bias_deg=ParameterEstimate(math.degrees(prior.biases_rad[plane]), None),
             )
-            for plane in PLANES
+            for plane in Plane
         },
         coefficients={
             name: Coefficient(

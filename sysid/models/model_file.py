@@ -12,8 +12,8 @@ from typing import Literal
 import msgspec
 
 from mavlink_io.errors import ErrorCode, InputError
-from sysid.data.segments import Plane
 from sysid.json_record import JsonRecord
+from sysid.planes import Plane
 from sysid.validation.results import ModelAssessment, PlaneValidation
 
 FORMAT = 3

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from sitl.vehicle import build_model
 from sitl.vehicle.config import DuctGeometry, FinGeometry, VehicleConfig, VehicleFileError
 from sitl.vehicle.model import VehicleModel
-from sysid.data.segments import Plane
 from sysid.models.greybox import Actuator
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import Table1Column
 
 Array = NDArray[np.float64]
@@ -53,9 +53,9 @@ class ModelParameter(NamedTuple):
     """Part of the vehicle that it changes: forces on the body, or the actuator."""
 
 
-_YAW: tuple[Plane, ...] = ("yaw",)
-_PITCH: tuple[Plane, ...] = ("pitch",)
-_BOTH: tuple[Plane, ...] = ("yaw", "pitch")
+_YAW: tuple[Plane, ...] = (Plane.YAW,)
+_PITCH: tuple[Plane, ...] = (Plane.PITCH,)
+_BOTH: tuple[Plane, ...] = tuple(Plane)
 
 PARAMETERS: tuple[ModelParameter, ...] = (
     ModelParameter("Y_v", _YAW, "ratio", 0.20),
@@ -234,19 +234,19 @@ def actuators(
     ratios, offsets = _ratios_and_offsets(z)
     tailcone = prior.tailcone
 
-    def actuator(plane: Plane, surface: str) -> Actuator:
+    def actuator(plane: Plane) -> Actuator:
         """Return the actuator of a plane."""
         return Actuator(
             delay_s=max(0.0, tailcone.delay_s + offsets[f"delay_{plane}"]),
             natural_frequency_radps=tailcone.natural_frequency_radps * ratios["natural_frequency"],
             damping_ratio=min(tailcone.damping_ratio * ratios["damping_ratio"], MAX_DAMPING),
-            bias_rad=biases_rad[plane] + offsets[f"bias_{surface}"],
+            bias_rad=biases_rad[plane] + offsets[f"bias_{PLANES[plane].surface}"],
             travel_rad=math.radians(tailcone.travel_deg),
             rate_radps=math.radians(tailcone.rate_degps) * ratios["rate_limit"],
             backlash_rad=math.radians(backlash_deg(prior)) * ratios["backlash"],
         )
 
-    return {"yaw": actuator("yaw", "rudder"), "pitch": actuator("pitch", "elevator")}
+    return {plane: actuator(plane) for plane in Plane}
 
 
 def backlash_deg(prior: VehicleConfig) -> float:

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation.map.fit import cruise_speed_mps
 from sysid.models import greybox, parameters
 from sysid.models.model_file import IdentifiedModel, RunQuality
 from sysid.models.parameters import NAMES, CandidateVehicle
+from sysid.planes import Plane
 from sysid.reproduction import paper_method
 
 Array = NDArray[np.float64]
@@ -85,7 +86,6 @@ def predict_with(
     run_from_lead = run.since(-LEAD_S)
     prior_motion = simulate(first, run_from_lead)
     after = simulate_model(model, vehicle, run_from_lead)
-    angle = run.heading_rad if run.plane == "yaw" else run.pitch_rad
 
     def whole(measured: Array, simulated: Array) -> Array:
         return np.concatenate([measured[: measured.size - simulated.size], simulated])
@@ -93,8 +93,8 @@ def predict_with(
     return Prediction(
         rate_radps=whole(run.rate_radps, after.rate_radps),
         prior_rate_radps=whole(run.rate_radps, prior_motion.rate_radps),
-        angle_rad=whole(angle, after.angle_rad),
-        prior_angle_rad=whole(angle, prior_motion.angle_rad),
+        angle_rad=whole(run.angle_rad, after.angle_rad),
+        prior_angle_rad=whole(run.angle_rad, prior_motion.angle_rad),
         depth_m=whole(run.depth_m, after.depth_m),
         prior_depth_m=whole(run.depth_m, prior_motion.depth_m),
     )

@@ -6,12 +6,11 @@ from sysid.json_record import JsonRecord
 from sysid.monitor import sequential
 from sysid.monitor.performance_spec import PerformanceBaseline
 from sysid.monitor.sequential import Sums
+from sysid.planes import PLANES
 
 RESONANCE_GROWTH = 1.5
 """Ratio of band to total growth above which the loop, not the disturbance, is the cause."""
 
-_PLANES = {"heading": "rudder", "pitch": "elevator"}
-"""Surface of each plane's controlled angle."""
 _HELD = ("heading_deg", "depth_m")
 """Quantities whose mean an integrator keeps at the set-point."""
 
@@ -105,24 +104,24 @@ def _causes_from_spreads(sums: Sums) -> Iterator[Cause]:
     """Yield causes of increased variances."""
     increased, all_ratios = sequential.increased_rms(sums), sequential.increased_rms(sums, hint=0.0)
     disturbed = []
-    for plane, surface in _PLANES.items():
+    for angle, surface in ((traits.angle, traits.surface) for traits in PLANES.values()):
         resonance, total = (
-            increased.get(f"{plane}_resonance_deg", 0.0),
-            all_ratios.get(f"{plane}_deg", 1.0),
+            increased.get(f"{angle}_resonance_deg", 0.0),
+            all_ratios.get(f"{angle}_deg", 1.0),
         )
         if resonance > RESONANCE_GROWTH * total:
             message = (
-                f"{plane} rms near crossover {resonance:.1f} times the predicted one, {total:.1f}"
+                f"{angle} rms near crossover {resonance:.1f} times the predicted one, {total:.1f}"
                 " times in total"
             )
             yield Cause(
-                f"{plane} loop",
+                f"{angle} loop",
                 f"{message}: less damping than designed; refit",
                 refit_recommended=True,
             )
-        elif f"{surface}_deg" in increased and f"{plane}_deg" not in all_ratios:
+        elif f"{surface}_deg" in increased and f"{angle}_deg" not in all_ratios:
             message = (
-                f"{surface} rms {increased[f'{surface}_deg']:.1f} times the predicted one, {plane}"
+                f"{surface} rms {increased[f'{surface}_deg']:.1f} times the predicted one, {angle}"
                 " rms not"
             )
             yield Cause(
@@ -130,8 +129,8 @@ def _causes_from_spreads(sums: Sums) -> Iterator[Cause]:
                 f"{message}: other gains are set, or the gyro noise has increased",
                 refit_recommended=False,
             )
-        elif f"{plane}_deg" in increased:
-            disturbed.append(f"{plane} {total:.1f} times")
+        elif f"{angle}_deg" in increased:
+            disturbed.append(f"{angle} {total:.1f} times")
     if disturbed:
         message = (
             f"{' and '.join(disturbed)} the predicted rms, near crossover about as much as"

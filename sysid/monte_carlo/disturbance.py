@@ -8,18 +8,16 @@ from numpy.typing import NDArray
 
 from sitl.vehicle.jit import entry_point
 from sysid.control_analysis.loop_transfer import TICK_S
-from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.models import noise
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
 BLOCK = 1024
 """Number of ticks that are drawn at a time."""
-ACTS_ON: dict[Plane, tuple[int, int]] = {"yaw": (1, 5), "pitch": (2, 4)}
-"""Indices of force and moment of each plane in the generalised acceleration (FLU)."""
 
 
 class ShapingFilter(NamedTuple):
@@ -78,7 +76,7 @@ def wrenches(
     while True:
         accelerations = np.zeros((BLOCK, 6))
         for plane, shaping_filter in filters.items():
-            force, moment = ACTS_ON[plane]
+            _, force, moment = PLANES[plane].velocities
             process_noise = rng.standard_normal((BLOCK, 3)) @ shaping_filter.root.T
             accelerations[:, moment] = _generate(
                 shaping_filter.transition, process_noise, states[plane]

@@ -17,6 +17,7 @@ from sitl.vehicle.water import Water
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.models import greybox
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
@@ -63,8 +64,8 @@ def initial_state(
     """Return a vehicle at the surface, level, at rest, heading north."""
     body = Body(
         model=vehicle.model,
-        rudder=greybox.discretise(vehicle.actuators["yaw"], SUBSTEP_S),
-        elevator=greybox.discretise(vehicle.actuators["pitch"], SUBSTEP_S),
+        rudder=greybox.discretise(vehicle.actuators[Plane.YAW], SUBSTEP_S),
+        elevator=greybox.discretise(vehicle.actuators[Plane.PITCH], SUBSTEP_S),
     )
     craft = SimulatedVehicleState(
         body=native(body),

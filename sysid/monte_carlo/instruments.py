@@ -16,9 +16,9 @@ from autopilot.control.params import Config
 from mavlink_io.frames import STANDARD_GRAVITY_MPS2
 from mavlink_io.records import SENSORS_ALL, SensorFrame
 from sysid.control_analysis.loop_transfer import TICK_S
-from sysid.data.segments import Plane
 from sysid.models.noise import Noise
 from sysid.monte_carlo.dynamics import DEPTH, FIELD, FORCE, N_OBSERVED, RATES
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def deviations(levels: Mapping[Plane, Noise]) -> Array:
     White noise with density s^2 `MEAN_S` has the standard deviation s sqrt(MEAN_S / TICK_S) per
     tick. Roll errors are taken equal to pitch errors.
     """
-    yaw, pitch = levels["yaw"], levels["pitch"]
+    yaw, pitch = levels[Plane.YAW], levels[Plane.PITCH]
     sd = np.empty(N_OBSERVED)
     sd[FORCE] = STANDARD_GRAVITY_MPS2 * pitch.angle_rad
     sd[RATES] = pitch.rate_radps, pitch.rate_radps, yaw.rate_radps

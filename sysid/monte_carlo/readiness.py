@@ -22,15 +22,14 @@ from mavlink_io.mission_items import MissionItem
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.data import segments
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.models import prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import samples, simulate
-from sysid.monte_carlo.disturbance import ACTS_ON
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea, SimulatedDive
+from sysid.planes import PLANES, Plane
 from sysid.test_design import prior as design_priors
-from sysid.test_design.simulate import SURFACE
 from sysid.validation import crossover, frequency_response
 from sysid.validation.acceptance import COHERENCE
 from sysid.validation.crossover import UncertainVehicle
@@ -40,7 +39,6 @@ from sysid.validation.validate import OCTAVE
 Array = NDArray[np.float64]
 Items = tuple[MissionItem, ...]
 
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 FREQUENCIES = 20
 """Number of frequencies about crossover for the coherence, as in the model assessment."""
 
@@ -92,8 +90,8 @@ def noise_levels(vehicle: CandidateVehicle, moments: Moments) -> dict[Plane, Noi
     """
     inverse = np.linalg.inv(vehicle.model.inertia.M)
     levels: dict[Plane, Noise] = {}
-    for plane in PLANES:
-        row = ACTS_ON[plane][1]
+    for plane in Plane:
+        row = PLANES[plane].velocities[2]
         levels[plane] = Noise(
             slow_radps2=float(moments.slow_nm[plane] * inverse[row, row]),
             slow_time_s=moments.slow_time_s,
@@ -154,7 +152,7 @@ def _simulate(trial: _Trial, items: Items, condition: Sea, seed: int) -> Simulat
 
 def _describe_disturbance(trial: _Trial) -> str:
     """Return the size of the disturbance as text."""
-    yaw = trial.levels["yaw"]
+    yaw = trial.levels[Plane.YAW]
     rms = math.degrees(math.hypot(yaw.slow_radps2, yaw.wave_radps2))
     return f"the scenario's moments accelerate this vehicle by {rms:.2g} deg/s² rms in yaw"
 
@@ -168,7 +166,7 @@ def _hidden_tests(
 ) -> Obstacle | None:
     """Return the tests whose coherence is too low because of the disturbance, or None."""
     sweeps_of = {name: _sweeps(dive) for name, dive in dives.items()}
-    for plane in PLANES:
+    for plane in Plane:
         tested_missions = [
             name
             for name, response in sweeps_of.items()
@@ -186,7 +184,7 @@ def _hidden_tests(
         coherence = float(np.min(response.coherence))
         if coherence < COHERENCE:
             return Obstacle(
-                f"{SURFACE[plane]} tests",
+                f"{PLANES[plane].surface} tests",
                 f"the disturbance masks them: coherence about crossover {coherence:.2f}, "
                 f"at least {COHERENCE:g} needed; {_describe_disturbance(trial)}",
             )

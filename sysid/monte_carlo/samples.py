@@ -11,6 +11,7 @@ from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import SHIPPED, VehicleConfig
 from sysid.models import model_file as models
 from sysid.models.parameters import NAMES, CandidateVehicle, feasible_samples
+from sysid.planes import Plane
 from sysid.test_design import prior as design_priors
 from sysid.test_design.prior import DesignPrior
 
@@ -89,6 +90,8 @@ def draw(posterior: DesignPrior, count: int, seed: int) -> list[Array]:
 def trims_deg(vehicle: CandidateVehicle) -> dict[str, float]:
     """Return the trim parameters that a trim flight would give (deg)."""
     return {
-        "TRIM_RUD_DEG": float(np.degrees(design_priors.level_flight(vehicle, "yaw").trim_rad)),
-        "TRIM_ELE_DEG": float(np.degrees(design_priors.level_flight(vehicle, "pitch").trim_rad)),
+        "TRIM_RUD_DEG": float(np.degrees(design_priors.level_flight(vehicle, Plane.YAW).trim_rad)),
+        "TRIM_ELE_DEG": float(
+            np.degrees(design_priors.level_flight(vehicle, Plane.PITCH).trim_rad)
+        ),
     }

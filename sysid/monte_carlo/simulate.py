@@ -17,10 +17,10 @@ from sitl.vehicle.water import drifting
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
 from sysid.data.events import parse_text
-from sysid.data.segments import Plane
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import disturbance, dynamics, instruments
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -168,9 +168,9 @@ def fly(
 
 def _with_bias_shift(vehicle: CandidateVehicle, shift_rad: float) -> CandidateVehicle:
     """Return the vehicle with a changed rudder bias."""
-    rudder = vehicle.actuators["yaw"]
+    rudder = vehicle.actuators[Plane.YAW]
     bent = rudder._replace(bias_rad=rudder.bias_rad + shift_rad)
-    return vehicle._replace(actuators={**vehicle.actuators, "yaw": bent})
+    return vehicle._replace(actuators={**vehicle.actuators, Plane.YAW: bent})
 
 
 def _tick(

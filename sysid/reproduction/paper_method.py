@@ -16,20 +16,23 @@ from scipy.optimize import least_squares
 
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.jit import kernel
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.models import greybox, linear_planes, parameters
 from sysid.models.greybox import Actuator, PlaneTrajectory
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
+from sysid.planes import Plane
 from sysid.reproduction.paper_tables import Table1Column
 
 Array = NDArray[np.float64]
 
 FREE: dict[Plane, tuple[str, ...]] = {
-    "yaw": ("Y_v", "N_v", "Y_r", "N_r", "Y_dr", "N_dr", "Y_vdot"),
-    "pitch": ("Z_w", "M_w", "Z_q", "M_q", "Z_de", "M_de", "Z_wdot", "z_CM"),
+    Plane.YAW: ("Y_v", "N_v", "Y_r", "N_r", "Y_dr", "N_dr", "Y_vdot"),
+    Plane.PITCH: ("Z_w", "M_w", "Z_q", "M_q", "Z_de", "M_de", "Z_wdot", "z_CM"),
 }
 """Free coefficients of each plane."""
+INERTIA = {Plane.YAW: ("I_zz", "N_dr", "N_rdot"), Plane.PITCH: ("I_yy", "M_de", "M_qdot")}
+"""Inertia of each plane, moment of its surface and added inertia."""
 SEED = {
     "Z_w": ("Y_v", 1.0),
     "M_w": ("N_v", -1.0),
@@ -84,18 +87,13 @@ def fit(
     dict
         Result of each plane.
     """
-    coefficients = parameters.to_table_1_column(prior.linear)
+    start = parameters.to_table_1_column(prior.linear)
     fits: dict[Plane, PlaneFit] = {}
-    for plane in ("yaw", "pitch"):
+    for plane in Plane:
         plane_runs = [run for run in runs if run.plane == plane]
         if plane_runs:
-            start = (
-                seed_pitch_from_yaw(coefficients)
-                if plane == "pitch" and "yaw" in fits
-                else coefficients
-            )
             fits[plane] = _fit_plane(plane_runs, plane, start, prior, actuators[plane])
-            coefficients = fits[plane].coefficients
+            start = seed_pitch_from_yaw(fits[plane].coefficients)
     return fits
 
 
@@ -171,9 +169,7 @@ def _recursion(Phi: Array, Gamma: Array, delta: Array) -> Array:
 
 def _plane(plane: Plane, c: Table1Column, speed_mps: float, mass_kg: float) -> LinearPlane:
     """Return the linear plane of a column of Table 1."""
-    return (linear_planes.yaw_plane if plane == "yaw" else linear_planes.pitch_plane)(
-        c, speed_mps, mass_kg
-    )
+    return linear_planes.linear_plane(plane, c, speed_mps, mass_kg)
 
 
 def _fit_plane(
@@ -228,9 +224,8 @@ def tie_inertia(c: Table1Column, plane: Plane, acceleration_per_s2: float) -> Ta
 
     I_zz = N_dr / a + N_rdot in yaw, I_yy = M_de / a + M_qdot in pitch.
     """
-    if plane == "yaw":
-        return c._replace(I_zz=c.N_dr / acceleration_per_s2 + c.N_rdot)
-    return c._replace(I_yy=c.M_de / acceleration_per_s2 + c.M_qdot)
+    inertia, moment, added = INERTIA[plane]
+    return c._replace(**{inertia: getattr(c, moment) / acceleration_per_s2 + getattr(c, added)})
 
 
 def first_acceleration(runs: Sequence[Run], plane: LinearPlane, actuator: Actuator) -> float:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from sysid.data.segments import Run
+from sysid.planes import Plane
 from sysid.screening import preroll, rules
 from sysid.screening.cross_plane import cross_plane
 from sysid.screening.limits import ScreeningLimits as ScreeningLimits
@@ -43,7 +44,7 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
     limits = limits or ScreeningLimits()
     roughness_radps = {
         plane: preroll.typical_roughness_radps([r for r in runs if r.plane == plane])
-        for plane in ("yaw", "pitch")
+        for plane in Plane
     }
     screenings = []
     for run in runs:

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle import propeller
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Dataset
 from sysid.models import greybox, linear_planes, noise
 from sysid.models.noise import Filter
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 Kind = Literal["actuator slip", "actuator offset", "gain error", "gust", "speed off"]
@@ -175,7 +176,7 @@ def _track(
         rps,
         fit.STRIDE,
         1.0 / RATE_HZ,
-        run.plane == "yaw",
+        PLANES[run.plane].is_yaw,
         greybox.constraint(model, run.plane),
         model,
         cross_plane_inputs,
@@ -189,9 +190,9 @@ def departure_rad(run: Run) -> Array:
 
 def _held_deflection_rad(run: Run, plane: Plane) -> float:
     """Mean command of a surface before the test, rad; the trim command if there is no pre-roll."""
-    command = run.rudder_rad if plane == "yaw" else run.elevator_rad
-    trim_rad = run.rudder_trim_rad if plane == "yaw" else run.elevator_trim_rad
-    return float(np.mean(command[run.preroll])) if run.preroll.any() else trim_rad
+    if not run.preroll.any():
+        return run.surface_trim_rad(plane)
+    return float(np.mean(run.surface_rad(plane)[run.preroll]))
 
 
 def _scale_deflections(run: Run) -> Run:
@@ -203,9 +204,12 @@ def _scale_deflections(run: Run) -> Run:
     earlier_rudder_rad, earlier_elevator_rad = run.earlier_rad
     return replace(
         run,
-        rudder_rad=scaled(run.rudder_rad, "yaw"),
-        elevator_rad=scaled(run.elevator_rad, "pitch"),
-        earlier_rad=(scaled(earlier_rudder_rad, "yaw"), scaled(earlier_elevator_rad, "pitch")),
+        rudder_rad=scaled(run.rudder_rad, Plane.YAW),
+        elevator_rad=scaled(run.elevator_rad, Plane.PITCH),
+        earlier_rad=(
+            scaled(earlier_rudder_rad, Plane.YAW),
+            scaled(earlier_elevator_rad, Plane.PITCH),
+        ),
     )
 
 

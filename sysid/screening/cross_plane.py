@@ -10,6 +10,7 @@ import numpy as np
 from scipy import signal
 
 from sysid.data.segments import RATE_HZ, STEADY_S, Array, Run
+from sysid.planes import PLANES
 from sysid.screening.limits import ScreeningLimits
 
 FALSE_ALARM = 0.01
@@ -51,7 +52,7 @@ def _roll_reason(run: Run, limits: ScreeningLimits) -> str:
 
 def _excursion_reason(run: Run, limits: ScreeningLimits, runs: Sequence[Run]) -> str:
     """Compare the excursion of the other plane with its limit for a run of this length."""
-    if run.plane == "pitch":
+    if not PLANES[run.plane].is_yaw:
         moved_deg, allowed_deg = _degrees(
             run, run.heading_rad, [r.heading_rad for r in runs], runs, limits.cross_heading_deg
         )
@@ -122,7 +123,8 @@ def band(runs: Sequence[Run], values: Sequence[Array], run: Run) -> float:
 
 def _coherence_reason(run: Run, limits: ScreeningLimits) -> str:
     """Compare the coherence of the other plane's rate with the tested surface with its limit."""
-    rate = run.q_radps if run.plane == "yaw" else run.r_radps
+    other = PLANES[run.plane].other
+    rate = run.rate_of(other)
     largest_coherence, bins = coherence(run, rate)
     allowed = max(limits.cross_coherence, significant(bins))
     relative_size = (
@@ -130,7 +132,6 @@ def _coherence_reason(run: Run, limits: ScreeningLimits) -> str:
         * float(np.std(rate))
         / max(float(np.std(run.rate_radps)), 1e-9)
     )
-    other = "pitch" if run.plane == "yaw" else "yaw"
     description = (
         f"{other} rate follows the surface, coherence {largest_coherence:.2f},"
         f" at most {allowed:.2f}"

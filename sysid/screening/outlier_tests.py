@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation.map.fit import Fit, Prior
+from sysid.planes import PLANES, Plane
 from sysid.screening import whitened_residuals
 from sysid.screening.anomaly_models import GUST_S, Kind
 from sysid.screening.repeatability import repeatability, repeated_runs
@@ -353,7 +354,7 @@ def _explain(run_scores: Scores, plane: Plane) -> str:
 
 def describe(anomaly: Anomaly, plane: Plane) -> str:
     """Describe an anomaly with its size, one standard deviation and its time."""
-    surface = "rudder" if plane == "yaw" else "elevator"
+    surface = PLANES[plane].surface
     size, sd = abs(anomaly.size), anomaly.sd
     offset_text = f"{size:.2f} +- {sd:.2f} deg"
     percent_text = f"{size:.0f} +- {sd:.0f} %"
@@ -386,7 +387,7 @@ def _structure(optimum: Residuals, fit: Fit) -> tuple[str, ...]:
     return tuple(
         f"structure: the response to the largest {plane} test differs from the model's by"
         f" {100 * plane_growth:+.0f} +- {100 * plane_sd:.0f} %"
-        for plane, plane_growth, plane_sd in zip(("yaw", "pitch"), growth, sd, strict=True)
+        for plane, plane_growth, plane_sd in zip(Plane, growth, sd, strict=True)
         if plane in fit.datasets and abs(plane_growth) > MIN_STRUCTURE_SD * plane_sd
     )
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid.data.segments import RATE_HZ, STEADY_S, Array, Plane, Run
+from sysid.data.segments import RATE_HZ, STEADY_S, Array, Run
+from sysid.planes import Plane
 from sysid.screening.limits import ScreeningLimits
 
 WINDOW = int(STEADY_S * RATE_HZ)
@@ -83,7 +84,7 @@ def typical_roughness_radps(runs: Sequence[Run]) -> float:
 
 def _windows(run: Run, plane: Plane) -> list[PrerollWindow]:
     """Split the pre-roll of a run into windows and average each; the last one ends at the test."""
-    rate = run.r_radps if plane == "yaw" else run.q_radps
+    rate = run.rate_of(plane)
     end = int(np.count_nonzero(run.preroll))
     slices = [slice(stop - WINDOW, stop) for stop in range(end, WINDOW - 1, -WINDOW)]
     return [_window(rate[part], run.time_s[part], run.depth_m[part]) for part in slices]

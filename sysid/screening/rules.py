@@ -7,6 +7,7 @@ import numpy as np
 from sysid.data import kinematics
 from sysid.data.kinematics import AngleRateMismatch
 from sysid.data.segments import Run
+from sysid.planes import PLANES
 from sysid.screening import preroll
 from sysid.screening.limits import ScreeningLimits
 from sysid.screening.preroll import UsualPreroll
@@ -51,7 +52,7 @@ def saturation(run: Run, limits: ScreeningLimits) -> str:
     A surface at its stops cannot control the other plane. In the tested plane the stops clip the
     command, which matters only if the command was meant to stay within the travel.
     """
-    other_surface_rad = run.elevator_rad if run.plane == "yaw" else run.rudder_rad
+    other_surface_rad = run.surface_rad(PLANES[run.plane].other)
     intended_deg = abs(math.degrees(run.trim_rad)) + abs(run.magnitude_deg)
     surfaces = (
         [other_surface_rad]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import STRIDE, Dataset, Fit, Prior
 from sysid.estimation.map.problem import MapProblem
+from sysid.planes import PLANES
 from sysid.screening.anomaly_models import Kind, Signature, departure_rad, signatures
 
 Array = NDArray[np.float64]
@@ -96,7 +97,7 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
         run_signatures = signatures(fit.vehicle, dataset, filters[plane])
         growth = np.zeros((whitened.size, 2))
         if largest[plane] > MIN_SIZE_RATIO * smallest[plane]:
-            growth[:, int(plane == "pitch")] = (
+            growth[:, PLANES[plane].index] = (
                 -100.0
                 * _single_signature(run_signatures, "gain error")
                 * _size_rad(dataset)

@@ -11,9 +11,10 @@ autopilot parameter sets the elevator's size as a share of the rudder's.
 
 import math
 from collections.abc import Sequence
+from itertools import cycle
 from typing import NamedTuple
 
-from sysid.data.segments import Plane
+from sysid.planes import Plane
 from sysid.test_design.safety_margins import round_down
 from sysid.test_design.simulate import Manoeuvre, Wave
 
@@ -32,11 +33,12 @@ BAND = (0.25, 2.5)
 """Lowest and highest frequency of sweeps and multisines, relative to the crossover frequency."""
 HELD_OUT: Wave = "doublet"
 """Type of the validation test; it differs from all fitted tests."""
-PAPER_RUDDER_DEG = (3.0, -3.0, 5.0, -5.0, 7.0, -7.0, 9.0, -9.0)
-"""Sizes of the paper's rudder steps (deg)."""
-PAPER_ELEVATOR_DEG = (2.0, 3.0, 4.0, 5.0, 7.0, 9.0, 12.0, 14.0)
-"""Sizes of the paper's elevator steps (deg), all nose up to stay clear of the bottom."""
-PAPER_RUDDER_S, PAPER_ELEVATOR_S = 20, 8
+PAPER_SIZES_DEG = {
+    Plane.YAW: (3.0, -3.0, 5.0, -5.0, 7.0, -7.0, 9.0, -9.0),
+    Plane.PITCH: (2.0, 3.0, 4.0, 5.0, 7.0, 9.0, 12.0, 14.0),
+}
+"""Sizes of the paper's steps (deg); elevator steps are all nose up to stay clear of the bottom."""
+PAPER_DURATION_S = {Plane.YAW: 20, Plane.PITCH: 8}
 """Lengths of the paper's steps (s)."""
 PAPER_RECOVERY_S = 55.0
 """Time (s) until the vehicle is back on depth and course after these large steps."""
@@ -124,7 +126,7 @@ def dual_axis_tests(
     high = round(BAND[1] * max(crossovers_radps) / (2.0 * math.pi), 3)
     rudder_deg, elevator_deg = nominal_deg
     shape = Manoeuvre(
-        plane="yaw",
+        plane=Plane.YAW,
         wave="multisine",
         size_deg=rudder_deg,
         duration_s=0,
@@ -178,19 +180,14 @@ def paper_steps(scale: dict[Plane, float], test_time_s: float) -> list[Manoeuvre
     surface angle to Caribou's for the same effect. The sequence starts again after its last step.
     """
     manoeuvres: list[Manoeuvre] = []
-    used_s, number = 0.0, 0
-    while True:
-        plane: Plane = "pitch" if number % 2 else "yaw"
-        sizes, seconds = (
-            (PAPER_RUDDER_DEG, PAPER_RUDDER_S)
-            if plane == "yaw"
-            else (PAPER_ELEVATOR_DEG, PAPER_ELEVATOR_S)
-        )
+    used_s = 0.0
+    for number, plane in enumerate(cycle(Plane)):
+        sizes, seconds = PAPER_SIZES_DEG[plane], PAPER_DURATION_S[plane]
         used_s += seconds + PAPER_RECOVERY_S
         if used_s > test_time_s:
-            return manoeuvres
-        size_deg = scale[plane] * sizes[number // 2 % len(sizes)]
+            break
+        size_deg = scale[plane] * sizes[number // len(Plane) % len(sizes)]
         manoeuvres.append(
             Manoeuvre(plane=plane, wave="step", size_deg=size_deg, duration_s=seconds)
         )
-        number += 1
+    return manoeuvres

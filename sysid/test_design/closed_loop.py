@@ -14,11 +14,12 @@ from scipy.linalg import expm
 
 from sitl.vehicle.jit import entry_point
 from sysid.control_analysis.loop_transfer import SAMPLING_S, Gains
-from sysid.data.segments import RATE_HZ, Plane
+from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.models import noise
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
@@ -96,7 +97,7 @@ def of_vehicle(vehicle: CandidateVehicle, plane: Plane, gains: Gains, level: Noi
 def _feedback_rows(plane: Plane, A: Array, gains: Gains, size: int) -> tuple[Array, Array]:
     """Return the feedback row and the integrator row; a pitch integrator is ignored."""
     feedback, integral = np.zeros(size), np.zeros(size)
-    if plane == "yaw":
+    if PLANES[plane].is_yaw:
         feedback[1], feedback[2] = -gains["HDG_D"], -gains["HDG_P"]
         integral[2] = -gains["HDG_I"] * DT
         return feedback, integral
@@ -145,7 +146,7 @@ def simulate(
     draws = np.zeros((signal_rad.size, n)) if kicks is None else kicks @ loop.kick.T
     initial = np.zeros(n) if calm or kicks is None else loop.spread * kicks[0]
     states, command = _simulate(*loop[:5], signal_rad, draws, initial)
-    rows = 2 if plane == "yaw" else 3
+    rows = PLANES[plane].n_outputs
     motion = np.zeros((signal_rad.size, 3))
     motion[:, :rows] = states[:, 1 : 1 + rows]
     return ClosedLoopResponse(motion, command)

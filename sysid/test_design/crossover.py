@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import Plane
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import Plane
 from sysid.validation.crossover import response
 
 Array = NDArray[np.float64]

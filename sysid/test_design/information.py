@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.data.segments import RATE_HZ, Plane
+from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.models import linear_planes, noise
 from sysid.models.parameters import NAMES, PARAMETERS
+from sysid.planes import Plane
 from sysid.test_design import closed_loop as loops
 from sysid.test_design import crossover
 from sysid.test_design import prior as design_priors
@@ -29,7 +30,6 @@ from sysid.test_design.simulate import Manoeuvre, as_run, signal_rad
 
 Array = NDArray[np.float64]
 
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 STEP = 1e-3
 """Step of finite differences, in prior standard deviations."""
 

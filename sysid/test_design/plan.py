@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.models import linear_planes
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2
 from sysid.test_design import (
     candidates as candidate_tests,
@@ -26,7 +26,7 @@ from sysid.test_design import (
     safety_margins as safety_margins,
 )
 from sysid.test_design.candidates import Lengths
-from sysid.test_design.information import CRITERIA, PLANES, DesignUncertainty, Slopes
+from sysid.test_design.information import CRITERIA, DesignUncertainty, Slopes
 from sysid.test_design.prior import DesignPrior, available_travel_rad
 from sysid.test_design.safety_margins import Excursion, ExcursionLimits, VehicleSample
 from sysid.test_design.selection import SizedTest
@@ -147,13 +147,13 @@ def plan(prior: DesignPrior, request: PlanRequest, progress: Progress | None = N
     """
     report = progress or (lambda what, share: None)
     prior_information = np.asarray(np.linalg.inv(prior.covariance), dtype=np.float64)
-    planes = {plane: _plane_knowledge(prior, plane, request) for plane in PLANES}
+    planes = {plane: _plane_knowledge(prior, plane, request) for plane in Plane}
     criterion = selection.criterion(
-        {plane: planes[plane].slopes for plane in PLANES}, CRITERIA[request.criterion]
+        {plane: planes[plane].slopes for plane in Plane}, CRITERIA[request.criterion]
     )
     candidates: list[SizedTest] = []
     held_out: list[SizedTest] = []
-    for number, plane in enumerate(PLANES):
+    for number, plane in enumerate(Plane):
         report(f"{plane}: flying candidates", 0.45 * number)
         candidates += _candidates(planes[plane], request, prior_information)
         held_out += _held_out(planes[plane], request)
@@ -172,7 +172,7 @@ def _plane_knowledge(prior: DesignPrior, plane: Plane, request: PlanRequest) -> 
     """Return the data of one plane."""
     mean_vehicle = prior.vehicle(prior.mean)
     gains = request.gains or gains_for(mean_vehicle)
-    seed = 2 * request.seed + PLANES.index(plane)
+    seed = 2 * request.seed + PLANES[plane].index
     longest_s = max(
         *candidate_tests.STEPS_S,
         *(float(seconds) for lengths in request.lengths for seconds in lengths),
@@ -255,7 +255,7 @@ def _dual_axis_candidates(
     planes: dict[Plane, _PlaneKnowledge], request: PlanRequest
 ) -> list[SizedTest]:
     """Return tests of both surfaces, with one ratio of elevator to rudder for all of them."""
-    both = [planes[plane] for plane in PLANES]
+    both = [planes[plane] for plane in Plane]
     shapes = candidate_tests.dual_axis_tests(
         [plane.crossover_radps for plane in both],
         [plane.nominal_deg for plane in both],
@@ -365,7 +365,7 @@ def _check_time(
     selected: list[SizedTest], candidates: list[SizedTest], request: PlanRequest, free_s: float
 ) -> None:
     """Raise PlanInfeasibleError if a plane has no candidate or no selected test."""
-    for plane in PLANES:
+    for plane in Plane:
         if not any(plane in c.manoeuvre.planes for c in candidates):
             raise PlanInfeasibleError(
                 f"{plane}: no test stays within the limits; widen them, or test in calmer water"
@@ -387,9 +387,9 @@ def _plan(
 ) -> TestPlan:
     """Return the plan of the selected tests."""
     dives = 2 if held_out else 1
-    slopes: dict[Plane, Slopes] = {plane: planes[plane].slopes for plane in PLANES}
+    slopes: dict[Plane, Slopes] = {plane: planes[plane].slopes for plane in Plane}
     paper = prior_information + information_of_set(
-        prior, paper_set(prior, selection.total_test_time_s(selected)), planes["yaw"].gains
+        prior, paper_set(prior, selection.total_test_time_s(selected)), planes[Plane.YAW].gains
     )
     return TestPlan(
         tests=tuple(
@@ -397,7 +397,7 @@ def _plan(
         ),
         held_out=tuple(Planned(c.manoeuvre, c.excursion, {}) for c in held_out),
         test_time_s=dives * SETTLING_S + selection.total_test_time_s([*selected, *held_out]),
-        crossover_radps={plane: planes[plane].crossover_radps for plane in PLANES},
+        crossover_radps={plane: planes[plane].crossover_radps for plane in Plane},
         before=_numbers(slopes, prior_information),
         after=_numbers(slopes, selection.total(selected, prior_information)),
         paper=_numbers(slopes, paper),
@@ -419,15 +419,13 @@ def paper_set(prior: DesignPrior, test_time_s: float) -> list[Manoeuvre]:
     list of Manoeuvre
         Steps of both planes.
     """
-    return candidate_tests.paper_steps(
-        {plane: scale(prior, plane) for plane in PLANES}, test_time_s
-    )
+    return candidate_tests.paper_steps({plane: scale(prior, plane) for plane in Plane}, test_time_s)
 
 
 def information_of_set(prior: DesignPrior, manoeuvres: list[Manoeuvre], gains: Gains) -> Array:
     """Return the information matrix of tests in both planes."""
     total = np.zeros((prior.mean.size, prior.mean.size))
-    for plane in PLANES:
+    for plane in Plane:
         total += sum(
             information.information_of(prior, [m for m in manoeuvres if m.plane == plane], gains),
             np.zeros_like(total),
@@ -446,7 +444,7 @@ def _order(selected: list[SizedTest]) -> list[SizedTest]:
     flights: list[SizedTest] = []
     groups = [
         sorted((c for c in selected if c.manoeuvre.plane == p), key=lambda c: c.manoeuvre)
-        for p in PLANES
+        for p in Plane
     ]
     for number in range(max(len(group) for group in groups)):
         for group in groups:
@@ -472,7 +470,7 @@ def _planned_test(
     """Return a selected test with the effect of leaving it out."""
     total = selection.total(selected, prior_information)
     with_all, without = _numbers(slopes, total), _numbers(slopes, total - test.information)
-    share = {p: without[p].crossover_deg / with_all[p].crossover_deg - 1.0 for p in PLANES}
+    share = {p: without[p].crossover_deg / with_all[p].crossover_deg - 1.0 for p in Plane}
     return Planned(
         manoeuvre=test.manoeuvre, excursion=test.excursion, share=share, elevator=test.elevator
     )

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid import refit
-from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.models import model_file as models
 from sysid.models import noise, parameters
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES, CandidateVehicle
+from sysid.planes import PLANES, Plane
 from sysid.test_design.simulate import LevelFlight
 
 Array = NDArray[np.float64]
@@ -103,8 +103,8 @@ def from_file(config: VehicleConfig, name: str = "caribou_nominal") -> DesignPri
     DesignPrior
         Prior with mean zero.
     """
-    biases: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
-    disturbance: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
+    biases: dict[Plane, float] = {Plane.YAW: 0.0, Plane.PITCH: 0.0}
+    disturbance: dict[Plane, Noise] = {Plane.YAW: Noise(), Plane.PITCH: Noise()}
     return DesignPrior(
         name=name,
         config=config,
@@ -122,7 +122,7 @@ def from_model(
     biases: dict[Plane, float] = {
         plane: math.radians(bias_deg) for plane, bias_deg in model.vehicle.prior_biases_deg.items()
     }
-    disturbance: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
+    disturbance: dict[Plane, Noise] = {Plane.YAW: Noise(), Plane.PITCH: Noise()}
     disturbance |= {
         plane: noise.from_model(model_noise) for plane, model_noise in model.noise.items()
     }
@@ -152,9 +152,9 @@ def with_trim(prior: DesignPrior, rudder_rad: float, elevator_rad: float) -> Des
     DesignPrior
         Prior with the biases that explain them: command plus bias is the angle of level flight.
     """
-    unbiased = prior._replace(biases_rad={"yaw": 0.0, "pitch": 0.0})
-    level_rad = level_flight(unbiased.vehicle(prior.mean), "pitch").trim_rad
-    biases: dict[Plane, float] = {"yaw": -rudder_rad, "pitch": level_rad - elevator_rad}
+    unbiased = prior._replace(biases_rad={Plane.YAW: 0.0, Plane.PITCH: 0.0})
+    level_rad = level_flight(unbiased.vehicle(prior.mean), Plane.PITCH).trim_rad
+    biases: dict[Plane, float] = {Plane.YAW: -rudder_rad, Plane.PITCH: level_rad - elevator_rad}
     return prior._replace(biases_rad=biases, trims_known=True)
 
 
@@ -176,14 +176,12 @@ def level_flight(vehicle: CandidateVehicle, plane: Plane) -> LevelFlight:
     thrust = vehicle.config.operating_point.thrust_fraction
     speed_mps = fit.cruise_speed_mps(vehicle, thrust)
     bias_rad = vehicle.actuators[plane].bias_rad
-    if plane == "yaw":
-        return LevelFlight(trim_rad=-bias_rad, thrust=thrust, speed_mps=speed_mps, pitch_rad=0.0)
-    level_rad = fit.level_elevator_rad(vehicle.config, vehicle.model)
+    is_yaw = PLANES[plane].is_yaw
     return LevelFlight(
-        trim_rad=level_rad - bias_rad,
+        trim_rad=fit.level_surface_rad(vehicle, plane) - bias_rad,
         thrust=thrust,
         speed_mps=speed_mps,
-        pitch_rad=fit.level_pitch_rad(vehicle.config, vehicle.model),
+        pitch_rad=0.0 if is_yaw else fit.level_pitch_rad(vehicle.config, vehicle.model),
     )
 
 

@@ -11,11 +11,12 @@ from scipy.special import ndtr
 
 from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.data.segments import RATE_HZ, Plane
+from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.models import greybox, noise
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle, feasible_samples
+from sysid.planes import PLANES, Plane
 from sysid.test_design import closed_loop as loops
 from sysid.test_design import prior as design_priors
 from sysid.test_design.closed_loop import Loop
@@ -55,6 +56,13 @@ class ExcursionLimits(NamedTuple):
     """Maximum share of a test in which the surface is at a stop."""
     probability: float = 0.01
     """Maximum probability that a test exceeds any excursion limit."""
+
+    def motion(self, plane: Plane) -> tuple[float, float, float, float]:
+        """Return the limits of rate (rad/s), angle (rad), and depth up and down (m) in a plane."""
+        return (
+            (self.yaw_rate_radps, self.heading_rad, math.inf, math.inf),
+            (self.pitch_rate_radps, self.pitch_rad, self.up_m, self.down_m),
+        )[PLANES[plane].index]
 
 
 HOLDING_LIMITS = ExcursionLimits(
@@ -264,12 +272,8 @@ def _open_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResp
     simulated = greybox.simulate(
         sample.vehicle.model, actuator, run, start, fit.STRIDE, sample.still.speed_mps
     )
-    depth = (
-        simulated.depth_m - start.depth_m
-        if manoeuvre.plane == "pitch"
-        else np.zeros(simulated.rate_radps.size)
-    )
-    track = np.column_stack([simulated.rate_radps, simulated.angle_rad, depth])
+    depth_m = simulated.depth_m - start.depth_m
+    track = np.column_stack([simulated.rate_radps, simulated.angle_rad, depth_m])
     return TestResponse(track - track[0], track[0] + sample.free_motion[: len(track)])
 
 
@@ -289,11 +293,9 @@ def _risk(plane: Plane, tracks: Sequence[Array], limits: ExcursionLimits) -> flo
 def _worst_share(plane: Plane, track: Array, limits: ExcursionLimits) -> float:
     """Return the largest excursion as a share of its limit."""
     rate, angle = np.max(np.abs(track[:, :2]), axis=0)
-    if plane == "yaw":
-        return float(max(rate / limits.yaw_rate_radps, angle / limits.heading_rad))
     down, up = max(0.0, float(np.max(track[:, 2]))), max(0.0, -float(np.min(track[:, 2])))
-    angular_share = max(rate / limits.pitch_rate_radps, angle / limits.pitch_rad)
-    return float(max(angular_share, up / limits.up_m, down / limits.down_m))
+    motion = (rate, angle, up, down)
+    return float(max(x / limit for x, limit in zip(motion, limits.motion(plane), strict=True)))
 
 
 def _can_follow(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import Plane
+from sysid.planes import Plane
 from sysid.test_design.information import Slopes
 from sysid.test_design.safety_margins import Excursion
 from sysid.test_design.simulate import Manoeuvre

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from autopilot.control import waveforms
 from sysid.data.events import StopReason
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
@@ -17,8 +18,6 @@ LEAD_S = 5.0
 """Length of straight flight before a test in a simulated run (s)."""
 Wave = Literal["step", "doublet", "3211", "chirp", "multisine", "prbs", "square"]
 """Test signals by the names in missions and logs."""
-SURFACE: dict[Plane, str] = {"yaw": "rudder", "pitch": "elevator"}
-"""Surface of each plane."""
 
 
 class Manoeuvre(NamedTuple):
@@ -46,7 +45,7 @@ class Manoeuvre(NamedTuple):
     @property
     def surface(self) -> str:
         """Return the surface under test: rudder, elevator or both."""
-        return "both" if self.elevator_deg else SURFACE[self.plane]
+        return "both" if self.elevator_deg else PLANES[self.plane].surface
 
     @property
     def halves(self) -> tuple["Manoeuvre", ...]:
@@ -54,7 +53,7 @@ class Manoeuvre(NamedTuple):
         if not self.elevator_deg:
             return (self,)
         alone = self._replace(elevator_deg=0.0)
-        elevator = alone._replace(plane="pitch", size_deg=self.elevator_deg, comb=(1, 2))
+        elevator = alone._replace(plane=Plane.PITCH, size_deg=self.elevator_deg, comb=(1, 2))
         return alone._replace(comb=(0, 2)), elevator
 
     @property
@@ -146,15 +145,17 @@ def as_run(manoeuvre: Manoeuvre, trim: LevelFlight, command_from_trim_rad: Array
     command = np.full(samples, trim.trim_rad)
     command[lead_samples:] += command_from_trim_rad
     zeros = np.zeros(samples)
-    is_yaw = manoeuvre.plane == "yaw"
+    other = PLANES[manoeuvre.plane].other
+    commands = {manoeuvre.plane: command, other: zeros}
+    trims_rad = {manoeuvre.plane: trim.trim_rad, other: 0.0}
     return Run(
         name=manoeuvre.wave,
         plane=manoeuvre.plane,
         wave=manoeuvre.wave,
         magnitude_deg=manoeuvre.size_deg,
         time_s=(np.arange(samples) - lead_samples) / RATE_HZ,
-        rudder_rad=command if is_yaw else zeros,
-        elevator_rad=zeros if is_yaw else command,
+        rudder_rad=commands[Plane.YAW],
+        elevator_rad=commands[Plane.PITCH],
         thrust=np.full(samples, trim.thrust),
         p_radps=zeros,
         q_radps=zeros,
@@ -165,6 +166,6 @@ def as_run(manoeuvre: Manoeuvre, trim: LevelFlight, command_from_trim_rad: Array
         depth_m=np.full(samples, trim.depth_m),
         stop_reason=StopReason.COMPLETE,
         longest_gap_s=1.0 / RATE_HZ,
-        rudder_trim_rad=trim.trim_rad if is_yaw else 0.0,
-        elevator_trim_rad=0.0 if is_yaw else trim.trim_rad,
+        rudder_trim_rad=trims_rad[Plane.YAW],
+        elevator_trim_rad=trims_rad[Plane.PITCH],
     )

@@ -6,7 +6,6 @@ the superposition of steps: sensitivities and excursions are those of one step, 
 The result is then sized and evaluated like any other candidate.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -15,8 +14,9 @@ from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.data.segments import RATE_HZ, Plane
+from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import fit
+from sysid.planes import Plane
 from sysid.test_design import information, safety_margins
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.safety_margins import ExcursionLimits, VehicleSample
@@ -149,9 +149,8 @@ def superpose(step: Array, switches: NDArray[np.int64], axis: int) -> Array:
 
 def _limits_of(limits: ExcursionLimits, plane: Plane) -> Array:
     """Return the limits of rate, angle and depth in one plane."""
-    if plane == "yaw":
-        return np.array([limits.yaw_rate_radps, limits.heading_rad, math.inf])
-    return np.array([limits.pitch_rate_radps, limits.pitch_rad, min(limits.up_m, limits.down_m)])
+    rate, angle, up, down = limits.motion(plane)
+    return np.array([rate, angle, min(up, down)])
 
 
 def _max_size(step: UnitStepResponse, switches: NDArray[np.int64], max_motion: Array) -> float:

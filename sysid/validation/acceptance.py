@@ -12,8 +12,8 @@ from typing import Literal
 
 import numpy as np
 
-from sysid.data.segments import Plane
 from sysid.models.model_file import IdentifiedModel, PlaneModel
+from sysid.planes import Plane
 from sysid.validation.results import (
     AcceptanceCheck,
     Correction,
@@ -80,11 +80,7 @@ def assess(model: IdentifiedModel, validation: Mapping[Plane, PlaneValidation]) 
     """
     checks = (
         *_of_fit(model),
-        *(
-            check
-            for plane in ("yaw", "pitch")
-            for check in _of_plane(model, plane, validation.get(plane))
-        ),
+        *(check for plane in Plane for check in _of_plane(model, plane, validation.get(plane))),
     )
     failed_checks = [check for check in checks if check.required and not check.passed]
     return ModelAssessment(

@@ -9,18 +9,16 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains, Lag
-from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.models import linear_planes
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, TABLE_3_INITIAL
 from sysid.validation.results import Crossover
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-LOOPS: dict[Plane, tuple[str, str]] = {"yaw": ("rudder", "HDG"), "pitch": ("elevator", "PTCH")}
-"""Surface at which a plane's loop is opened, and prefix of the names of its gains."""
 STEP = 1e-3
 """Central difference step along each axis of the covariance, in standard deviations."""
 
@@ -85,12 +83,7 @@ def loop(vehicle: CandidateVehicle, plane: Plane, gains: Gains) -> ComplexArray:
         Loop transfer function, sampling delay included.
     """
     plane_responses = _responses(vehicle, plane, loop_transfer.SAMPLING_S)
-    cuts = (
-        loop_transfer.heading_loops(plane_responses, gains)
-        if plane == "yaw"
-        else loop_transfer.depth_loops(plane_responses, gains)
-    )
-    return cuts[LOOPS[plane][0]]
+    return loop_transfer.surface_loop(plane, plane_responses, gains)
 
 
 def gains_for(prior_vehicle: CandidateVehicle) -> dict[str, float]:
@@ -108,10 +101,10 @@ def gains_for(prior_vehicle: CandidateVehicle) -> dict[str, float]:
         over that of the vehicle.
     """
     gains = dict(TABLE_3_INITIAL)
-    for plane, (_, prefix) in LOOPS.items():
+    for plane, traits in PLANES.items():
         b1_per_s2 = linear_planes.small_signal(fit.linear_plane(prior_vehicle, plane)).b1_per_s2
         for term in ("P", "D", "I"):
-            gains[f"{prefix}_{term}"] *= CARIBOU_TURN_PER_S2 / b1_per_s2
+            gains[f"{traits.gain_prefix}_{term}"] *= CARIBOU_TURN_PER_S2 / b1_per_s2
     return gains
 
 
@@ -159,7 +152,7 @@ def crossover(uncertain: UncertainVehicle, plane: Plane, gains: Gains) -> Crosso
     if uncertain.covariance is not None:
         sds = propagate_sd(quantities, uncertain.z, uncertain.covariance).tolist()
     return Crossover(
-        loop="rudder" if plane == "yaw" else "elevator",
+        loop=PLANES[plane].surface,
         crossover_radps=margins.crossover_radps,
         crossover_sd_radps=sds[0],
         gain_sd_db=sds[2],

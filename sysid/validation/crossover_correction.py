@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.datasets import with_coupling_inputs
@@ -23,6 +23,7 @@ from sysid.estimation.map.gauss_newton import descend
 from sysid.estimation.map.problem import MapProblem
 from sysid.models import noise, parameters
 from sysid.models.model_file import IdentifiedModel
+from sysid.planes import Plane
 from sysid.validation import crossover
 from sysid.validation.results import Correction
 

@@ -2,8 +2,8 @@
 
 from typing import Literal
 
-from sysid.data.segments import Plane
 from sysid.json_record import JsonRecord
+from sysid.planes import PLANES, Plane
 
 
 class Theil(JsonRecord, frozen=True):
@@ -158,9 +158,8 @@ class NextTest(JsonRecord, frozen=True):
 
     def __str__(self) -> str:
         """Return the test as text."""
-        surface = "rudder" if self.plane == "yaw" else "elevator"
         return (
-            f"{self.signal} of {self.magnitude_deg:g} deg on the {surface} for"
+            f"{self.signal} of {self.magnitude_deg:g} deg on the {PLANES[self.plane].surface} for"
             f" {self.duration_s:g} s"
         )
 

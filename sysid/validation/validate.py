@@ -11,7 +11,7 @@ from scipy import stats
 
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import STRIDE
 from sysid.models import noise, parameters
@@ -20,6 +20,7 @@ from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.noise import Filter, Noise
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import Plane
 from sysid.validation import crossover, frequency_response, noise_floor
 from sysid.validation.crossover import UncertainVehicle
 from sysid.validation.crossover_correction import corrections
@@ -36,7 +37,6 @@ from sysid.validation.whiteness import whiteness
 
 Array = NDArray[np.float64]
 
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 DT_S = STRIDE / RATE_HZ
 """Step of the innovations, s."""
 NARROWBAND_WAVES = ("step",)
@@ -154,7 +154,7 @@ def validate(
     loop_gains = gains or crossover.gains_for(prior_vehicle)
     vehicle = uncertain.vehicle(uncertain.z)
     validations: dict[Plane, PlaneValidation] = {}
-    for plane in PLANES:
+    for plane in Plane:
         fitted_runs = [run for run in fitted if run.plane == plane]
         held_out_runs = [run for run in held_out if run.plane == plane]
         if fitted_runs or held_out_runs:

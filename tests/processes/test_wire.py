@@ -12,6 +12,7 @@ from ground.simulation.processes import SimulatedVehicle, Simulation
 from sysid.data import readers, segments
 from sysid.data.dataset import Log
 from sysid.data.events import TestStarted
+from sysid.planes import PLANE_OF_SURFACE
 
 pytestmark = pytest.mark.process
 
@@ -62,7 +63,7 @@ def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_
     start_s = next(event.time_s for event in read.events if isinstance(event.value, TestStarted))
     before, after = (np.argmin(np.abs(attitude.time_s - t)) for t in (start_s, start_s + 5.5))
     values = attitude.yaw_rad if angle == "heading" else attitude.pitch_rad
-    assert run.plane == ("yaw" if axis == "rudder" else "pitch")
+    assert run.plane == PLANE_OF_SURFACE[axis]
     assert 5.0 < np.degrees(values[after] - values[before]) < 60.0
     surface = read.actuators.rudder_rad if axis == "rudder" else read.actuators.elevator_rad
     commanded = np.degrees(surface[np.argmin(np.abs(read.actuators.time_s - (start_s + 3.0)))])

@@ -11,7 +11,8 @@ from sitl.core import tailcone
 from sitl.vehicle import build_model, config, dynamics, propeller
 from sitl.vehicle.water import STILL
 from sysid.data.events import StopReason
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 DT = 1.0 / RATE_HZ
@@ -252,20 +253,20 @@ def fly(
     command.
     """
     closed, none = np.full(signal_rad.size, np.nan), np.zeros(signal_rad.size)
-    tests = Tests(signal_rad, closed) if plane == "yaw" else Tests(closed, signal_rad)
-    added = Tests(signal_rad, none) if plane == "yaw" else Tests(none, signal_rad)
-    sound, tested = Fault(), fault or Fault()
+    tests, added, faults = [closed, closed], [none, none], [Fault(), Fault()]
+    index = PLANES[plane].index
+    tests[index], added[index], faults[index] = signal_rad, signal_rad, fault or Fault()
     log = fly_tests(
         vehicle,
-        Tests(closed, closed) if loop_on else tests,
+        Tests(closed, closed) if loop_on else Tests(*tests),
         rng=np.random.default_rng(seed),
         level=level,
         sensors=sensors,
         trim_rad=trim_rad,
         hold=hold,
         sea_radps2=sea_radps2,
-        faults=(tested, sound) if plane == "yaw" else (sound, tested),
-        added=added if loop_on else None,
+        faults=(faults[0], faults[1]),
+        added=Tests(*added) if loop_on else None,
     )
     return run_of(log, vehicle, plane, signal_rad, name=name, wave=wave, trim_rad=trim_rad)
 

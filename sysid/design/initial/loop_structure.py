@@ -14,6 +14,7 @@ from sysid.control_analysis import loop_transfer, root_locus
 from sysid.control_analysis.loop_transfer import ClosedLoop, ComplexArray, Gains, Lag
 from sysid.control_analysis.root_locus import OpenLoop
 from sysid.design.design_model import DesignModel
+from sysid.planes import PLANES
 
 PADE = 2
 """Order of the Pade delay in root loci, as in the paper; margins use the true delay."""
@@ -24,6 +25,12 @@ With the first ratio the lead is 66 deg at half the bandwidth, where the loop cr
 larger ratios suit vehicles that are slow compared with their tailcone and need phase at lower
 frequencies.
 """
+CUTS = {
+    "heading": {"rudder": "rudder", "heading": "heading"},
+    "pitch": {"elevator": "pitch"},
+    "depth": {"elevator": "elevator", "depth": "depth"},
+}
+"""Places where each loop is opened, with the names of their transfer functions."""
 INTEGRAL_S = {"heading": 25.0, "depth": 30.0}
 """Ratio of proportional to integral gain (s).
 
@@ -47,21 +54,15 @@ class LoopStructure(NamedTuple):
 
     def cuts(self, vehicle: DesignModel, gains: Gains) -> dict[str, ComplexArray]:
         """Return the open-loop transfer functions by place, with the true delay."""
-        if self.loop == "heading":
-            return loop_transfer.heading_loops(vehicle.yaw, gains)
-        loops = loop_transfer.depth_loops(vehicle.pitch, gains)
-        return (
-            {"elevator": loops["pitch"]}
-            if self.loop == "pitch"
-            else {k: loops[k] for k in ("elevator", "depth")}
-        )
+        plane, _ = loop_transfer.LOOPS[self.loop]
+        responses = (vehicle.yaw, vehicle.pitch)[PLANES[plane].index]
+        loops = loop_transfer.open_loops(plane, responses, gains)
+        return {place: loops[name] for place, name in CUTS[self.loop].items()}
 
     def closed(self, vehicle: DesignModel, gains: Gains) -> ClosedLoop:
         """Return the closed loop with a Pade delay."""
-        if self.loop == "heading":
-            return loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains, PADE)
-        close = loop_transfer.close_pitch if self.loop == "pitch" else loop_transfer.close_depth
-        return close(vehicle.planes.pitch, vehicle.pitch_lag, gains, PADE)
+        lags = vehicle.yaw_lag, vehicle.pitch_lag
+        return loop_transfer.close_loop(self.loop, vehicle.planes, lags, gains, PADE)
 
     def opened(self, vehicle: DesignModel) -> OpenLoop:
         """Return the loop at a factor of one, opened where the factor acts."""

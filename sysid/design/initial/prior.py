@@ -11,16 +11,16 @@ from sitl.vehicle.linearise import linearise
 from sysid.control_analysis import loop_transfer, root_locus
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.control_analysis.margins import Planes
-from sysid.data.segments import Plane
 from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel, build, lag_with_sampling
 from sysid.design.initial.loop_structure import LoopStructure
 from sysid.models import parameters
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.parameters import NAMES, CandidateVehicle
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
-UNBIASED: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
+UNBIASED: dict[Plane, float] = {Plane.YAW: 0.0, Plane.PITCH: 0.0}
 """Assumed actuator bias of each plane (rad)."""
 VEHICLES = 120
 """Number of vehicles sampled from the prior."""
@@ -68,9 +68,9 @@ def _design_model(vehicle: CandidateVehicle) -> DesignModel:
     lags = {plane: lag_with_sampling(tail) for plane, tail in vehicle.actuators.items()}
     return build(
         Planes(yaw, pitch),
-        lags["yaw"],
-        lags["pitch"],
-        {"yaw": DEFAULT_DISTURBANCE, "pitch": DEFAULT_DISTURBANCE},
+        lags[Plane.YAW],
+        lags[Plane.PITCH],
+        {Plane.YAW: DEFAULT_DISTURBANCE, Plane.PITCH: DEFAULT_DISTURBANCE},
     )
 
 

@@ -8,6 +8,7 @@ from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import VehicleModel
 from sysid.estimation.map import fit
 from sysid.models import greybox
+from sysid.planes import Plane
 
 STEP_MPS = 1e-4
 """Step (m/s) of the central difference in surge speed."""
@@ -57,7 +58,9 @@ def _surge_slope_per_s(config: VehicleConfig, model: VehicleModel) -> float:
     def surge(u_mps: float) -> float:
         """Return the surge acceleration at a speed (m/s^2)."""
         return float(
-            greybox.accelerations(model, "yaw", np.array([u_mps, 0.0, 0.0, 0.0, 0.0]), 0.0, rps)[0]
+            greybox.accelerations(
+                model, Plane.YAW, np.array([u_mps, 0.0, 0.0, 0.0, 0.0]), 0.0, rps
+            )[0]
         )
 
     return (

@@ -19,7 +19,6 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.control_analysis.margins import Planes
-from sysid.data.segments import Plane
 from sysid.design import constraints, design_model
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
 from sysid.design.constraints import Bounds, ConstraintViolation
@@ -34,6 +33,7 @@ from sysid.design.specification import DesignInfeasibleError, DesignRobustness, 
 from sysid.models import noise
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel, sha256_of_model
+from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 Array = NDArray[np.float64]
@@ -93,14 +93,14 @@ def design_lqg(
         list(design_model.sample_models(model, VEHICLES, prior)),
     )
     reference = _reference_errors(vehicle, initial)
-    heading = _tune(vehicle, vehicles, "yaw", spec, reference)
-    depth = _tune(vehicle, vehicles, "pitch", spec, reference)
+    heading = _tune(vehicle, vehicles, Plane.YAW, spec, reference)
+    depth = _tune(vehicle, vehicles, Plane.PITCH, spec, reference)
     robust = robustness(vehicles, heading.controller, depth.controller, spec)
     check_robustness(robust, model, spec)
     return LqgDesign(
         heading=heading.controller,
         depth=depth.controller,
-        weights={"yaw": heading.weights, "pitch": depth.weights},
+        weights={Plane.YAW: heading.weights, Plane.PITCH: depth.weights},
         planes=vehicle.planes,
         speed_mps=model.speed_mps,
         predicted=predict_response(vehicle, heading.controller, depth.controller),
@@ -169,9 +169,11 @@ def predict_response(
     vehicle: DesignModel, heading: DiscreteController, depth: DiscreteController
 ) -> Response:
     """Return the standard deviations in closed loop under the model's disturbance (deg, m)."""
-    yaw = loop_analysis.disturbance_response(loop_analysis.measured_plane(vehicle, "yaw"), heading)
+    yaw = loop_analysis.disturbance_response(
+        loop_analysis.measured_plane(vehicle, Plane.YAW), heading
+    )
     pitch = loop_analysis.disturbance_response(
-        loop_analysis.measured_plane(vehicle, "pitch"), depth
+        loop_analysis.measured_plane(vehicle, Plane.PITCH), depth
     )
     return Response(
         heading_deg=math.degrees(yaw.outputs[1]),
@@ -203,8 +205,8 @@ def violations(
 ) -> ConstraintViolation:
     """Return the constraint violations of both planes on one vehicle."""
     yaw, pitch = (
-        loop_analysis.measured_plane(vehicle, "yaw"),
-        loop_analysis.measured_plane(vehicle, "pitch"),
+        loop_analysis.measured_plane(vehicle, Plane.YAW),
+        loop_analysis.measured_plane(vehicle, Plane.PITCH),
     )
     return {
         **loop_analysis.violations(yaw, heading, bounds),

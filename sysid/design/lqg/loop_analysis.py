@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer, modal
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Lag
-from sysid.data.segments import Plane
 from sysid.design import constraints
 from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import NOISE_STEP_S, DesignModel, spectrum
@@ -20,6 +19,7 @@ from sysid.design.lqg import controller as lqg_controller
 from sysid.design.lqg.controller import DiscreteController
 from sysid.design.specification import Spec
 from sysid.models.linear_planes import LinearPlane
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -68,14 +68,13 @@ def measured_plane(vehicle: DesignModel, plane: Plane) -> MeasuredPlane:
     MeasuredPlane
         Plane with the responses from command and moment to the outputs, on GRID_RADPS.
     """
-    linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
-    lag = vehicle.yaw_lag if plane == "yaw" else vehicle.pitch_lag
-    responses = vehicle.yaw if plane == "yaw" else vehicle.pitch
+    index = PLANES[plane].index
+    linear, responses = vehicle.planes[index], (vehicle.yaw, vehicle.pitch)[index]
     disturbance, measured = vehicle.disturbance[plane], outputs(linear).T
     noise = math.radians(disturbance.rate_noise_degps) * math.sqrt(NOISE_STEP_S)
     return MeasuredPlane(
         plane=linear,
-        lag=lag,
+        lag=(vehicle.yaw_lag, vehicle.pitch_lag)[index],
         density=spectrum(disturbance),
         noise_radps=noise,
         command=responses.command @ measured,

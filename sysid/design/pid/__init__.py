@@ -26,6 +26,7 @@ from sysid.design.specification import (
 )
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
+from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 __all__ = [
@@ -207,7 +208,10 @@ def _recommended_test(model: IdentifiedModel) -> str:
 
 def constant_loads(model: IdentifiedModel) -> Loads:
     """Return the constant loads of a model; biases include three standard deviations."""
-    yaw, pitch = model.planes["yaw"].actuator_bias_deg, model.planes["pitch"].actuator_bias_deg
+    yaw, pitch = (
+        model.planes[Plane.YAW].actuator_bias_deg,
+        model.planes[Plane.PITCH].actuator_bias_deg,
+    )
     return Loads(
         level_pitch_rad=math.radians(model.vehicle.level_pitch_deg),
         rudder_rad=math.radians(abs(yaw.value) + 3.0 * (yaw.sd or 0.0)),

@@ -10,6 +10,7 @@ from sysid.design.constrained_search import ConstrainedProblem, CostAndConstrain
 from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import DesignModel, command_noise_rad, depth_rms
 from sysid.design.specification import Spec
+from sysid.planes import Plane
 
 STARTS: Sequence[Mapping[str, float]] = (
     {"PTCH_P": 0.75, "PTCH_D": 2.0, "DPT_P": 0.22, "DPT_D": 0.4, "DPT_I": 0.007},
@@ -55,7 +56,7 @@ def gains(
     def evaluate(gains: Gains) -> CostAndConstraints:
         """Return relative depth rms and violations."""
         pitch, depth, _ = depth_rms(vehicle, gains)
-        noise = math.degrees(command_noise_rad(vehicle, "pitch", gains))
+        noise = math.degrees(command_noise_rad(vehicle, Plane.PITCH, gains))
         constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
             "pitch activity": pitch / initial_pitch / spec.pitch_rms_ratio - 1.0,

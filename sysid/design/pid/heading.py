@@ -10,6 +10,7 @@ from sysid.design.constrained_search import ConstrainedProblem, CostAndConstrain
 from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import DesignModel, command_noise_rad, heading_rms
 from sysid.design.specification import Spec
+from sysid.planes import Plane
 
 STARTS: Sequence[Mapping[str, float]] = (
     {"HDG_P": 0.7, "HDG_D": 1.8, "HDG_I": 0.04, "ACT_LEAD_W": 6.0},
@@ -55,7 +56,7 @@ def gains(
 
     def evaluate(gains: Gains) -> CostAndConstraints:
         """Return relative heading rms and violations."""
-        noise = math.degrees(command_noise_rad(vehicle, "yaw", gains))
+        noise = math.degrees(command_noise_rad(vehicle, Plane.YAW, gains))
         constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
             "noise of the rudder's command": noise / spec.command_noise_deg - 1.0,

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains
-from sysid.data.segments import Plane
 from sysid.design.design_model import (
     NOISE_STEP_S,
     SEED,
@@ -39,6 +38,7 @@ from sysid.monitor.performance_spec import (
     PredictedStatistic,
     Robustness,
 )
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -87,8 +87,8 @@ def performance_baseline(
         Predicted statistics by quantity (deg, m), and the resonance of each plane (rad/s).
     """
     resonances_radps = (
-        _resonance_radps(vehicle, "yaw", gains),
-        _resonance_radps(vehicle, "pitch", gains),
+        _resonance_radps(vehicle, Plane.YAW, gains),
+        _resonance_radps(vehicle, Plane.PITCH, gains),
     )
     quantities = {
         **_yaw_quantities(model, vehicle, gains, resonances_radps[0]),
@@ -129,16 +129,16 @@ def _yaw_quantities(
     """Return heading, its resonance band and rudder."""
     heading, rudder = heading_responses(vehicle, gains)
     disturbance, noise = (
-        spectrum(vehicle.disturbance["yaw"]),
-        vehicle.disturbance["yaw"].angle_noise_deg,
+        spectrum(vehicle.disturbance[Plane.YAW]),
+        vehicle.disturbance[Plane.YAW].angle_noise_deg,
     )
     psd = _psd_deg2(heading, disturbance) + _sampled_noise_psd(noise)
-    bias = model.planes["yaw"].actuator_bias_deg
+    bias = model.planes[Plane.YAW].actuator_bias_deg
     return {
         "heading_deg": _MeasuredQuantity(psd, 0.0, 0.0),
         "heading_resonance_deg": _MeasuredQuantity(psd * _band(resonance_radps), 0.0, 0.0),
         "rudder_deg": _MeasuredQuantity(
-            _command_psd(vehicle, "yaw", rudder, gains), -bias.value, bias.sd or 0.0
+            _command_psd(vehicle, Plane.YAW, rudder, gains), -bias.value, bias.sd or 0.0
         ),
     }
 
@@ -148,9 +148,12 @@ def _pitch_quantities(
 ) -> dict[str, _MeasuredQuantity]:
     """Return pitch, its resonance band, depth and elevator."""
     pitch, depth, elevator = depth_responses(vehicle, gains)
-    disturbance, noise = spectrum(vehicle.disturbance["pitch"]), vehicle.disturbance["pitch"]
+    disturbance, noise = (
+        spectrum(vehicle.disturbance[Plane.PITCH]),
+        vehicle.disturbance[Plane.PITCH],
+    )
     psd = _psd_deg2(pitch, disturbance) + _sampled_noise_psd(noise.angle_noise_deg)
-    bias, level = model.planes["pitch"].actuator_bias_deg, model.vehicle
+    bias, level = model.planes[Plane.PITCH].actuator_bias_deg, model.vehicle
     return {
         "pitch_deg": _MeasuredQuantity(
             psd,
@@ -162,7 +165,7 @@ def _pitch_quantities(
             np.abs(depth) ** 2 * disturbance + _sampled_noise_psd(noise.depth_noise_m), 0.0, 0.0
         ),
         "elevator_deg": _MeasuredQuantity(
-            _command_psd(vehicle, "pitch", elevator, gains),
+            _command_psd(vehicle, Plane.PITCH, elevator, gains),
             level.level_elevator_deg - bias.value,
             bias.sd or 0.0,
         ),

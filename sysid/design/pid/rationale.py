@@ -3,6 +3,7 @@
 from sysid.control_analysis.margins import Analysis, damping
 from sysid.design.specification import Response, Spec
 from sysid.models.model_file import IdentifiedModel
+from sysid.planes import Plane
 
 
 def explain(
@@ -25,7 +26,7 @@ def explain(
         )
 
     rudder_bias_deg, level_pitch_deg = (
-        model.planes["yaw"].actuator_bias_deg.value,
+        model.planes[Plane.YAW].actuator_bias_deg.value,
         model.vehicle.level_pitch_deg,
     )
     integral_reason = (

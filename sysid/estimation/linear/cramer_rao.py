@@ -21,6 +21,7 @@ from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models import noise
 from sysid.models.noise import Noise
+from sysid.planes import PLANES
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def bound_coloured(model: LinearModel, commands: Sequence[SurfaceCommand], level
     ValueError
         There is no test.
     """
-    discrete, output_count = response.discretise(model), linear_model.outputs(model.frame.plane)
+    discrete, output_count = response.discretise(model), PLANES[model.frame.plane].n_outputs
     noise_filter = noise.build(
         linear_model.linear_plane(model), level, response.DT, _max_steps(commands)
     )
@@ -102,7 +103,7 @@ def bound_white(model: LinearModel, commands: Sequence[SurfaceCommand], level: N
     -----
     With N = Q R the nuisance columns of a test, the projected sensitivities are J - Q Q'J.
     """
-    discrete, output_count = response.discretise(model), linear_model.outputs(model.frame.plane)
+    discrete, output_count = response.discretise(model), PLANES[model.frame.plane].n_outputs
     sds, max_steps = sensor_sds(level)[:output_count], _max_steps(commands)
     nuisance_columns = response.nuisances(discrete, max_steps, output_count) / sds[:, None]
     information = bench_information(model)

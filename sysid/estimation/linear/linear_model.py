@@ -21,27 +21,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.models import linear_planes
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, SmallSignal
 from sysid.models.parameters import PARAMETERS, CandidateVehicle
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
 NUMBERS: dict[Plane, tuple[str, ...]] = {
-    "yaw": ("b1", "b0", "a1", "a0"),
-    "pitch": ("zw", "zq", "mw", "mq", "k", "zd", "md"),
+    Plane.YAW: ("b1", "b0", "a1", "a0"),
+    Plane.PITCH: ("zw", "zq", "mw", "mq", "k", "zd", "md"),
 }
 """Names of the coefficients of the equations of motion."""
+OFFSETS: dict[Plane, tuple[str, ...]] = {Plane.YAW: (), Plane.PITCH: ("level_rad",)}
+"""Names of the values after those of the tailcone.
+
+Level pitch is the pitch of level flight, about which the pitch plane is linear. The bias is then
+the duct angle at a command of zero minus the duct angle in level flight.
+"""
 TAIL = ("delay_s", "bias_rad", "natural_frequency_radps", "damping_ratio")
 """Names of the values of the tailcone."""
-LEVEL_PITCH = "level_rad"
-"""Name of the pitch of level flight, about which the pitch plane is linear.
-
-The bias is then the duct angle at a command of zero minus the duct angle in level flight.
-"""
 LAG_SD = np.array(
     [p.prior_sd for p in PARAMETERS if p.name in ("natural_frequency", "damping_ratio")]
 )
@@ -95,7 +96,7 @@ def names(plane: Plane) -> tuple[str, ...]:
     tuple of str
         Coefficients, tailcone values and, in pitch, the level pitch angle.
     """
-    return NUMBERS[plane] + TAIL + ((LEVEL_PITCH,) if plane == "pitch" else ())
+    return NUMBERS[plane] + TAIL + OFFSETS[plane]
 
 
 def lag(plane: Plane) -> slice:
@@ -113,22 +114,6 @@ def lag(plane: Plane) -> slice:
     """
     first = names(plane).index("natural_frequency_radps")
     return slice(first, first + 2)
-
-
-def outputs(plane: Plane) -> int:
-    """Return the number of outputs of a plane.
-
-    Parameters
-    ----------
-    plane : {'yaw', 'pitch'}
-        Plane.
-
-    Returns
-    -------
-    int
-        2 in yaw (rate, angle), 3 in pitch (rate, angle, depth).
-    """
-    return 3 if plane == "pitch" else 2
 
 
 def of_vehicle(vehicle: CandidateVehicle, plane: Plane) -> LinearModel:
@@ -158,7 +143,7 @@ def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> Linea
 
     A pitch plane has a level pitch of zero.
     """
-    plane: Plane = "yaw" if "psi" in linear.states else "pitch"
+    plane = next(plane for plane in Plane if PLANES[plane].states == linear.states)
     A, B = linear.A, linear.B
     tail = [
         actuator.delay_s,
@@ -173,17 +158,12 @@ def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> Linea
         travel_rad=actuator.travel_rad,
         rate_radps=actuator.rate_radps,
     )
-    if plane == "yaw":
-        numbers = [
-            B[1],
-            A[1, 0] * B[0] - A[0, 0] * B[1],
-            -A[0, 0] - A[1, 1],
-            np.linalg.det(A[:2, :2]),
-        ]
-        return LinearModel(frame, np.array([*numbers, *tail]))
-    return LinearModel(
-        frame, np.array([A[0, 0], A[0, 1], A[1, 0], A[1, 1], A[1, 2], B[0], B[1], *tail, 0.0])
-    )
+    if PLANES[plane].is_yaw:
+        b0, a0 = A[1, 0] * B[0] - A[0, 0] * B[1], np.linalg.det(A[:2, :2])
+        numbers = [B[1], b0, -A[0, 0] - A[1, 1], a0]
+    else:
+        numbers = [A[0, 0], A[0, 1], A[1, 0], A[1, 1], A[1, 2], B[0], B[1]]
+    return LinearModel(frame, np.array([*numbers, *tail, *[0.0] * len(OFFSETS[plane])]))
 
 
 def actuator(model: LinearModel) -> Actuator:
@@ -214,7 +194,7 @@ def actuator(model: LinearModel) -> Actuator:
 
 def level_rad(model: LinearModel) -> float:
     """Pitch of level flight, rad; zero in yaw."""
-    return float(model.values[-1]) if model.frame.plane == "pitch" else 0.0
+    return float(model.values[-1]) if OFFSETS[model.frame.plane] else 0.0
 
 
 def equations(frame: LinearModelStructure, numbers: Array) -> tuple[Array, Array]:
@@ -240,7 +220,7 @@ def equations(frame: LinearModelStructure, numbers: Array) -> tuple[Array, Array
     is the observer canonical form of its transfer function (Kailath 1980, section 2.1), which
     exists for all coefficients.
     """
-    if frame.plane == "yaw":
+    if PLANES[frame.plane].is_yaw:
         b1, b0, a1, a0 = numbers.tolist()
         return np.array([[0.0, -a0, 0.0], [1.0, -a1, 0.0], [0.0, 1.0, 0.0]]), np.array(
             [b0, b1, 0.0]
@@ -271,11 +251,11 @@ def linear_plane(model: LinearModel) -> LinearPlane:
         States (v, r, psi) in yaw, (w, q, theta, depth) in pitch.
     """
     frame, numbers = model.frame, model.values[: len(NUMBERS[model.frame.plane])]
-    moment = np.array([0.0, 1.0, 0.0])
-    if frame.plane == "pitch":
-        return LinearPlane(
-            *equations(frame, numbers), ("w", "q", "theta", "depth"), np.append(moment, 0.0)
-        )
+    states = PLANES[frame.plane].states
+    moment = np.eye(len(states))[1]
+    if not PLANES[frame.plane].is_yaw:
+        A, B = equations(frame, numbers)
+        return LinearPlane(A=A, B=B, states=states, moment=moment)
     b1, b0, a1, a0 = numbers.tolist()
     yv, yr = frame.sway
     nr = -a1 - yv
@@ -283,7 +263,7 @@ def linear_plane(model: LinearModel) -> LinearPlane:
     nv = math.copysign(max(abs(nv), MIN_COUPLING), nv)
     A = np.array([[yv, yr, 0.0], [nv, nr, 0.0], [0.0, 1.0, 0.0]])
     return LinearPlane(
-        A=A, B=np.array([(b0 + yv * b1) / nv, b1, 0.0]), states=("v", "r", "psi"), moment=moment
+        A=A, B=np.array([(b0 + yv * b1) / nv, b1, 0.0]), states=states, moment=moment
     )
 
 
@@ -300,16 +280,7 @@ def derived_names(plane: Plane) -> tuple[str, ...]:
     tuple of str
         Names; unlike in a model file, the bias is in radians.
     """
-    restoring = ("restoring_per_s2",) if plane == "pitch" else ()
-    return (
-        "static_gain_per_s",
-        "b1_per_s2",
-        "p_fast_per_s",
-        "p_slow_per_s",
-        *restoring,
-        "delay_s",
-        "bias_rad",
-    )
+    return (*linear_planes.small_signal_names(plane), *TAIL[:2])
 
 
 def derived(frame: LinearModelStructure, values: Array) -> Array:
@@ -328,12 +299,9 @@ def derived(frame: LinearModelStructure, values: Array) -> Array:
         Static gain (1/s), initial acceleration (1/s2), poles (1/s), restoring moment (1/s2, pitch
         only), delay (s) and bias (rad), in the order of `derived_names`.
     """
-    signal, delay_and_bias = (
-        small_signal(LinearModel(frame, values)),
-        values[len(NUMBERS[frame.plane]) :][:2],
-    )
-    numbers = signal if frame.plane == "pitch" else signal[:-1]
-    return np.array([*numbers, *delay_and_bias])
+    signal = small_signal(LinearModel(frame, values))
+    numbers = signal[: len(linear_planes.small_signal_names(frame.plane))]
+    return np.array([*numbers, *values[len(NUMBERS[frame.plane]) :][:2]])
 
 
 def small_signal(model: LinearModel) -> SmallSignal:
@@ -350,7 +318,7 @@ def small_signal(model: LinearModel) -> SmallSignal:
         Static gain (1/s), initial acceleration (1/s2), poles (1/s) and restoring moment (1/s2); of
         complex poles the real part.
     """
-    if model.frame.plane == "pitch":
+    if not PLANES[model.frame.plane].is_yaw:
         return linear_planes.small_signal(linear_plane(model))
     b1, b0, a1, a0 = model.values[:4].tolist()
     slow, fast = sorted(np.roots([1.0, a1, a0]).real, key=abs)

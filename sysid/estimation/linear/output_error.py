@@ -21,6 +21,7 @@ from sysid.estimation.linear.linear_model import LinearModel, LinearModelStructu
 from sysid.estimation.linear.objective import Objective
 from sysid.estimation.linear.records import LinearRun
 from sysid.estimation.linear.response import Discrete, DuctMotion
+from sysid.planes import PLANES
 
 Array = NDArray[np.float64]
 
@@ -124,7 +125,7 @@ def levels(
 
 def frame_states(frame: LinearModelStructure) -> int:
     """Return the number of states of a plane."""
-    return 4 if frame.plane == "pitch" else 3
+    return len(PLANES[frame.plane].states)
 
 
 def _all_run_residuals(

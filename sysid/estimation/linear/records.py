@@ -5,13 +5,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.estimation.map import fit
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -61,7 +62,7 @@ def linear_run(run: Run, lead_s: float) -> LinearRun:
     """
     data = fit.dataset(run.since(-lead_s))
     origin = data.measured[0].copy()
-    origin[: 2 if run.plane == "pitch" else 1] = 0.0
+    origin[:-1] = 0.0
     return LinearRun(
         SurfaceCommand(run.command_rad, run.time_s.size - data.run.time_s.size),
         data.measured - origin,
@@ -99,7 +100,7 @@ def linear_prior(prior: fit.Prior, plane: Plane) -> LinearPrior:
         )
         slopes[:, i] = (perturbed[0].values - perturbed[1].values) / 2e-3
     covariance = slopes @ prior.covariance @ slopes.T
-    if plane == "pitch":
+    if linear_model.OFFSETS[plane]:
         covariance[-1, -1] = LEVEL_SD_RAD**2
     return with_bounds(model, covariance)
 
@@ -119,7 +120,8 @@ def with_bounds(model: LinearModel, covariance: Array) -> LinearPrior:
     LinearPrior
         Values, covariance and bounds.
     """
-    names, spread = linear_model.names(model.frame.plane), np.sqrt(np.diag(covariance))
+    plane, spread = model.frame.plane, np.sqrt(np.diag(covariance))
+    names = linear_model.names(plane)
     lowest, highest = (
         model.values - COEFFICIENT_BOUND_SD * spread,
         model.values + COEFFICIENT_BOUND_SD * spread,
@@ -127,7 +129,7 @@ def with_bounds(model: LinearModel, covariance: Array) -> LinearPrior:
     for i, name in enumerate(names):
         if name == "delay_s":
             lowest[i], highest[i] = 0.0, MAX_DELAY_S
-        elif name in ("bias_rad", linear_model.LEVEL_PITCH):
+        elif name in ("bias_rad", *linear_model.OFFSETS[plane]):
             lowest[i], highest[i] = -MAX_ANGLE_RAD, MAX_ANGLE_RAD
         elif name in ("natural_frequency_radps", "damping_ratio"):
             lowest[i], highest[i] = (
@@ -143,12 +145,8 @@ def values_at(prior: fit.Prior, z: Array, plane: Plane) -> LinearModel:
     """Return the plane of the vehicle at z, with bias and pitch of its own level flight."""
     vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
     model = linear_model.of_vehicle(vehicle, plane)
-    if plane == "yaw":
-        return model
     values = model.values.copy()
-    names = linear_model.names(plane)
-    values[names.index("bias_rad")] -= fit.level_elevator_rad(vehicle.config, vehicle.model)
-    values[names.index(linear_model.LEVEL_PITCH)] = fit.level_pitch_rad(
-        vehicle.config, vehicle.model
-    )
+    values[linear_model.names(plane).index("bias_rad")] -= fit.level_surface_rad(vehicle, plane)
+    if linear_model.OFFSETS[plane]:
+        values[-1] = fit.level_pitch_rad(vehicle.config, vehicle.model)
     return LinearModel(model.frame, values)

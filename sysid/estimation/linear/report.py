@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation import profile_likelihood
 from sysid.estimation.linear import estimate as estimates
 from sysid.estimation.linear import linear_model, records
@@ -36,6 +36,7 @@ from sysid.models.model_file import (
 )
 from sysid.models.model_file import ParameterEstimate as Reported
 from sysid.models.parameters import NAMES
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -86,7 +87,7 @@ def identify(
         There is no run.
     """
     report = progress or (lambda what, share: None)
-    planes = [plane for plane in model_export.PLANES if any(run.plane == plane for run in runs)]
+    planes = [plane for plane in Plane if any(run.plane == plane for run in runs)]
     if not planes:
         raise ValueError(
             "no run is left to fit; record rudder or elevator tests, or relax the screening"
@@ -227,8 +228,8 @@ def _reported_numbers(plane: Plane, estimate: PlaneEstimate, nearest: Fit) -> tu
     frame, values = estimate.model
     numbers = linear_model.derived(frame, values)
     covariance = linear_model.propagate(frame, values, estimate.covariance)
-    if plane == "pitch":
-        numbers[-1] = nearest.vehicle.actuators["pitch"].bias_rad
+    if linear_model.OFFSETS[plane]:
+        numbers[-1] = nearest.vehicle.actuators[plane].bias_rad
     unit_factors = np.ones(numbers.size)
     unit_factors[-1] = math.degrees(1.0)
     return numbers * unit_factors, covariance * np.outer(unit_factors, unit_factors)

@@ -278,8 +278,7 @@ def slopes(
     derivatives = np.zeros((model.values.size, x.shape[0], count))
     state_slopes = _advance_slopes(discrete, motion, x)[:, :, 1 : 1 + count]
     derivatives[: len(state_slopes)] = state_slopes
-    if model.frame.plane == "pitch":
-        derivatives[-1, :, 1] = 1.0
+    derivatives[len(state_slopes) :, :, 1] = 1.0  # level pitch, in pitch
     return derivatives
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import Plane
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 

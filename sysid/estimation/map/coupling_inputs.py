@@ -14,6 +14,7 @@ from sysid.data.segments import RATE_HZ, Run
 from sysid.models import greybox
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane
+from sysid.planes import PLANES
 
 Array = NDArray[np.float64]
 
@@ -42,9 +43,8 @@ def cross_plane_inputs(run: Run, other: LinearPlane, actuator: Actuator, speed_m
     -----
     The mean of heave depends on buoyancy; it is computed from pitch and depth instead.
     """
-    is_yaw = run.plane == "yaw"
-    duct = greybox.duct_along(run, "pitch" if is_yaw else "yaw", actuator)
-    rate = run.q_radps if is_yaw else run.r_radps
+    other_plane = PLANES[run.plane].other
+    duct, rate = greybox.duct_along(run, other_plane, actuator), run.rate_of(other_plane)
     across, pitch = cross_speed_mps(other, rate, duct), 0.0 * rate
     if (heave_inputs := greybox.heave_coupling(run, speed_mps)) is not None:
         across, pitch = across - np.mean(across) - np.mean(heave_inputs[:, 0]), run.pitch_rad

@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation.map.coupling_inputs import cross_plane_inputs
 from sysid.estimation.map.steady_state import cruise_speed_mps
 from sysid.models import greybox, linear_planes, parameters
 from sysid.models.greybox import InitialMotion
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
@@ -62,9 +63,7 @@ def dataset(run: Run) -> Dataset:
         The run from the time on at which the duct angle is known, without cross-plane inputs.
     """
     run = run.since(max(run.time_s[0], min(run.time_s[0] + DUCT_SETTLING_S, MAX_START_S)))
-    columns = [run.rate_radps, run.heading_rad if run.plane == "yaw" else run.pitch_rad]
-    if run.plane == "pitch":
-        columns.append(run.depth_m)
+    columns = (run.rate_radps, run.angle_rad, run.depth_m)[: PLANES[run.plane].n_outputs]
     return Dataset(
         run, greybox.initial_motion(run), np.column_stack([_decimate(column) for column in columns])
     )
@@ -88,7 +87,7 @@ def with_coupling_inputs(vehicle: CandidateVehicle, data: Dataset) -> Dataset:
     run, speed_mps = data.run, cruise_speed_mps(vehicle, float(data.run.thrust[0]))
     if not run.both:
         return data._replace(cross_plane_inputs=greybox.heave_coupling(run, speed_mps))
-    other: Plane = "pitch" if run.plane == "yaw" else "yaw"
+    other = PLANES[run.plane].other
     return data._replace(
         cross_plane_inputs=cross_plane_inputs(
             run, linear_plane(vehicle, other), vehicle.actuators[other], speed_mps
@@ -126,9 +125,7 @@ def linear_plane(vehicle: CandidateVehicle, plane: Plane) -> LinearPlane:
         config.operating_point.speed_mps,
         config.ballast.mass_kg,
     )
-    if plane == "yaw":
-        return linear_planes.yaw_plane(coefficients, speed, mass)
-    return linear_planes.pitch_plane(coefficients, speed, mass, config.water.gravity_mps2)
+    return linear_planes.linear_plane(plane, coefficients, speed, mass, config.water.gravity_mps2)
 
 
 def residuals(vehicle: CandidateVehicle, datasets: Sequence[Dataset]) -> list[Array]:
@@ -157,7 +154,5 @@ def _residual(vehicle: CandidateVehicle, data: Dataset, speed_mps: float) -> Arr
     motion = greybox.simulate(
         vehicle.model, actuator, data.run, data.start, STRIDE, speed_mps, data.cross_plane_inputs
     )
-    columns = [motion.rate_radps, motion.angle_rad]
-    if data.run.plane == "pitch":
-        columns.append(motion.depth_m)
-    return data.measured - np.column_stack(columns)
+    columns = (motion.rate_radps, motion.angle_rad, motion.depth_m)
+    return data.measured - np.column_stack(columns[: PLANES[data.run.plane].n_outputs])

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import START_COST_TOLERANCE
 from sysid.estimation.map.datasets import (
@@ -30,11 +30,13 @@ from sysid.estimation.map.steady_state import (
     cruise_speed_mps,
     level_elevator_rad,
     level_pitch_rad,
+    level_surface_rad,
     trim_biases,
 )
 from sysid.models import noise
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES, CandidateVehicle
+from sysid.planes import Plane
 
 __all__ = [
     "DIFFERENCE",
@@ -50,6 +52,7 @@ __all__ = [
     "fit",
     "level_elevator_rad",
     "level_pitch_rad",
+    "level_surface_rad",
     "linear_plane",
     "residuals",
     "trim_biases",
@@ -191,12 +194,11 @@ def at_bounds(z: Array) -> tuple[str, ...]:
 
 def _datasets(runs: Sequence[Run], vehicle: CandidateVehicle) -> dict[Plane, tuple[Dataset, ...]]:
     """Prepare the runs, plane by plane; ``first`` computes the motion of the other plane."""
-    planes: tuple[Plane, ...] = ("yaw", "pitch")
     datasets = {
         plane: tuple(
             with_coupling_inputs(vehicle, dataset(run)) for run in runs if run.plane == plane
         )
-        for plane in planes
+        for plane in Plane
     }
     return {plane: group for plane, group in datasets.items() if group}
 

@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from sysid.data.segments import Plane
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import STRIDE, Fit, linear_plane
 from sysid.estimation.map.gauss_newton import Z_LIMIT
 from sysid.estimation.map.problem import MapProblem, Prior
 from sysid.models import linear_planes, parameters
 from sysid.models.linear_planes import SmallSignal
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 Number = Callable[[Array], float]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig, VehicleFileError
-from sysid.data.segments import RATE_HZ, Plane
+from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import sensitivity
 from sysid.estimation.map.datasets import Dataset, linear_plane
 from sysid.estimation.map.sensitivity import Perturbation, Trajectory
@@ -26,6 +26,7 @@ from sysid.estimation.map.steady_state import cruise_speed_mps
 from sysid.models import noise, parameters
 from sysid.models.noise import Filter, Noise
 from sysid.models.parameters import PARAMETERS, CandidateVehicle
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
@@ -162,7 +163,7 @@ def _outputs(plane: Plane) -> list[int]:
 
     Rate, angle and, in pitch, depth (opposite signs in MAVLink's axes).
     """
-    return [2, 3] if plane == "yaw" else [2, 3, 4]
+    return [2, 3, 4][: PLANES[plane].n_outputs]
 
 
 def _whiten(problem: MapProblem, plane: Plane, trajectories: Sequence[Trajectory]) -> list[Array]:
@@ -171,8 +172,7 @@ def _whiten(problem: MapProblem, plane: Plane, trajectories: Sequence[Trajectory
     whitened = []
     for data, trajectory in zip(problem.datasets[plane], trajectories, strict=True):
         simulated = -trajectory.track[:, _outputs(plane)]
-        if plane == "pitch":
-            simulated[:, 2] += data.start.depth_m + trajectory.first[4]
+        simulated[:, 2:] += data.start.depth_m + trajectory.first[4]  # depth, in pitch
         whitened.append(noise.whiten_residual(data.measured - simulated, noise_filter))
     return whitened
 

@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from sitl.vehicle import propeller, runge_kutta
 from sitl.vehicle.jit import kernel
 from sitl.vehicle.runge_kutta import STAGES
-from sysid.data.segments import RATE_HZ, Plane
+from sysid.data.segments import RATE_HZ
 from sysid.estimation.map.datasets import Dataset
 from sysid.models import greybox
 from sysid.models.greybox import N_COUPLING
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
@@ -90,7 +91,7 @@ def simulate(
             run.thrust * full_rps,
             stride,
             1.0 / RATE_HZ,
-            plane == "yaw",
+            PLANES[plane].is_yaw,
             inverse,
             vehicle.model,
             cross_plane_inputs,
@@ -197,7 +198,7 @@ class _SlopeInputs(NamedTuple):
             self.track if track is None else track,
             self.duct_rad if duct_rad is None else duct_rad,
             self.thrust * propeller.rps(1.0, vehicle.model),
-            self.plane == "yaw",
+            PLANES[self.plane].is_yaw,
             greybox.constraint(vehicle.model, self.plane),
             vehicle.model,
             self.cross_plane_inputs,

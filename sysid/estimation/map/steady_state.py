@@ -9,9 +9,10 @@ from scipy.optimize import brentq, fsolve
 
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import VehicleModel
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.models import greybox
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ def cruise_speed_mps(vehicle: CandidateVehicle, thrust: float) -> float:
 
     def surge(u: float) -> float:
         return float(
-            greybox.accelerations(model, "yaw", np.array([u, 0.0, 0.0, 0.0, 0.0]), 0.0, rps)[0]
+            greybox.accelerations(model, Plane.YAW, np.array([u, 0.0, 0.0, 0.0, 0.0]), 0.0, rps)[0]
         )
 
     if surge(MIN_SPEED_MPS) <= 0.0:
@@ -68,17 +69,24 @@ def trim_biases(
     dict
         Bias of each plane's actuator, rad.
     """
-    mean_commands: dict[Plane, list[float]] = {"yaw": [], "pitch": []}
-    for run in runs:
-        if run.preroll.any():
-            mean_commands["yaw"].append(float(np.mean(run.rudder_rad[run.preroll])))
-            mean_commands["pitch"].append(float(np.mean(run.elevator_rad[run.preroll])))
     level_rad = level_elevator_rad(config, model)
-    commands = {
-        plane: float(np.median(values)) if values else 0.0
-        for plane, values in mean_commands.items()
-    }
-    return {"yaw": -commands["yaw"], "pitch": level_rad - commands["pitch"]}
+    commands = {plane: _median_command_rad(runs, plane) for plane in Plane}
+    return {Plane.YAW: -commands[Plane.YAW], Plane.PITCH: level_rad - commands[Plane.PITCH]}
+
+
+def _median_command_rad(runs: Sequence[Run], plane: Plane) -> float:
+    """Median over the runs of the mean command of a surface in the pre-roll, rad."""
+    means = [
+        float(np.mean(run.surface_rad(plane)[run.preroll])) for run in runs if run.preroll.any()
+    ]
+    return float(np.median(means)) if means else 0.0
+
+
+def level_surface_rad(vehicle: CandidateVehicle, plane: Plane) -> float:
+    """Return the angle (rad) of a plane's surface in straight level flight: zero in yaw."""
+    if PLANES[plane].is_yaw:
+        return 0.0
+    return level_elevator_rad(vehicle.config, vehicle.model)
 
 
 def level_elevator_rad(config: VehicleConfig, model: VehicleModel) -> float:
@@ -127,6 +135,6 @@ def _level_flight(config: VehicleConfig, model: VehicleModel) -> Array:
         theta, elevator = -float(angles[0]), float(angles[1])
         u, w = speed * math.cos(theta), speed * math.sin(theta)
         state = np.array([u, w, 0.0, theta, greybox.SUBMERGED_Z_M])
-        return greybox.accelerations(model, "pitch", state, elevator, rps)[1:]
+        return greybox.accelerations(model, Plane.PITCH, state, elevator, rps)[1:]
 
     return np.asarray(fsolve(imbalance, np.zeros(2), xtol=1e-12))

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import propeller
 from sitl.vehicle.config import VehicleFileError
-from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import DIFFERENCE, Z_LIMIT, Prior
 from sysid.estimation.map.problem import SPEED_PARAMETERS
@@ -36,6 +35,7 @@ from sysid.estimation.recursive.square_root_information import Information
 from sysid.models import greybox, noise, parameters
 from sysid.models.noise import Filter, Noise
 from sysid.models.parameters import PARAMETERS, CandidateVehicle
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -129,7 +129,7 @@ def prior_knowledge(prior: Prior, levels: dict[Plane, Noise] | None = None) -> K
     information = square_root_information.from_normal(prior.mean, prior.covariance)
     return Knowledge(
         prior=prior,
-        noise={"yaw": Noise(), "pitch": Noise(), **(levels or {})},
+        noise={Plane.YAW: Noise(), Plane.PITCH: Noise(), **(levels or {})},
         tests=(),
         information=information,
         z=prior.mean,
@@ -171,7 +171,7 @@ def _with_trim(knowledge: Knowledge, plane: Plane, held_rad: float) -> Knowledge
     """
     prior = knowledge.prior
     nominal = parameters.candidate_vehicle(prior.config, prior.biases_rad, prior.mean)
-    level_rad = 0.0 if plane == "yaw" else fit.level_elevator_rad(nominal.config, nominal.model)
+    level_rad = fit.level_surface_rad(nominal, plane)
     return knowledge._replace(
         prior=prior._replace(biases_rad={**prior.biases_rad, plane: level_rad - held_rad}),
         trimmed=knowledge.trimmed | {plane},

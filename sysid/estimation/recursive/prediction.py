@@ -25,13 +25,14 @@ from numpy.typing import NDArray
 
 from sitl.vehicle.jit import entry_point
 from sitl.vehicle.model import VehicleModel
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import STRIDE
 from sysid.models import greybox
 from sysid.models.greybox import SUBMERGED_Z_M, Actuator, integrate
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.noise import Filter
+from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
@@ -66,9 +67,7 @@ class TestSamples(NamedTuple):
 
 def empty_samples(plane: Plane) -> TestSamples:
     """Return the samples of a test that has not begun."""
-    return TestSamples(
-        np.zeros((0, 2 if plane == "yaw" else 3)), np.zeros((0, STRIDE)), np.zeros(0)
-    )
+    return TestSamples(np.zeros((0, PLANES[plane].n_outputs)), np.zeros((0, STRIDE)), np.zeros(0))
 
 
 def steps(run: Run, first: int = 0) -> TestSamples:

@@ -11,6 +11,7 @@ from sysid.estimation.recursive.estimator import Knowledge
 from sysid.models import noise, parameters
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import NAMES
+from sysid.planes import Plane
 from sysid.refit import PriorKnowledge, prior_knowledge
 
 
@@ -44,7 +45,7 @@ def _of_vehicle(known_vehicle: PriorKnowledge) -> Knowledge:
     """Knowledge from a vehicle file: parameters at zero, actuator biases unknown."""
     prior = Prior(
         config=known_vehicle.config,
-        biases_rad={"yaw": 0.0, "pitch": 0.0},
+        biases_rad={Plane.YAW: 0.0, Plane.PITCH: 0.0},
         mean=np.zeros(len(NAMES)),
         covariance=parameters.prior_covariance(),
     )

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import DIFFERENCE, Prior
 from sysid.estimation.recursive import square_root_information
 from sysid.estimation.recursive.square_root_information import Information
 from sysid.models import linear_planes, parameters
 from sysid.models.parameters import CandidateVehicle
+from sysid.planes import Plane
 from sysid.validation import crossover
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from sysid.reproduction.paper_tables import (
     TABLE_4,
 )
 
-LOOPS = ("heading", "pitch", "depth")
+LOOPS = tuple(loop_transfer.LOOPS)
 """Loops of the table."""
 CASES = ("I/I", "A/I", "A/A")
 """Model/controller: I for initial, A for adjusted or improved."""
@@ -144,19 +144,15 @@ def close_case(loop: str, case: Case, form: Approximation = PADE) -> ClosedLoop:
     ClosedLoop
         Closed loop.
     """
-    lag = case.yaw_lag if loop == "heading" else case.pitch_lag
-    return close_loop(loop, case.planes, lag, case.gains, form)
+    lags = case.yaw_lag, case.pitch_lag
+    return loop_transfer.close_loop(loop, case.planes, lags, case.gains, form)
 
 
 def close_loop(
     loop: str, planes: Planes, lag: Lag, gains: Gains, form: Approximation = PADE
 ) -> ClosedLoop:
     """Return one of the closed `LOOPS`."""
-    if loop == "heading":
-        return loop_transfer.close_heading(planes.yaw, lag, gains, form)
-    return (loop_transfer.close_pitch if loop == "pitch" else loop_transfer.close_depth)(
-        planes.pitch, lag, gains, form
-    )
+    return loop_transfer.close_loop(loop, planes, (lag, lag), gains, form)
 
 
 def open_loop(loop: str, closed: ClosedLoop) -> OpenLoop:

@@ -14,7 +14,6 @@ from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import TICK_S, Lag
 from sysid.control_analysis.margins import Planes
-from sysid.data.segments import Plane
 from sysid.design import lqg as optimal
 from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel, build
 from sysid.design.lqg import controller as lqg_controller
@@ -22,11 +21,11 @@ from sysid.design.lqg import loop_analysis, synthesis, weights
 from sysid.design.lqg.controller import DiscreteController
 from sysid.design.lqg.synthesis import AugmentedModel
 from sysid.models import noise
-from sysid.models.linear_planes import pitch_plane, yaw_plane
+from sysid.models.linear_planes import linear_plane, pitch_plane, yaw_plane
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 
 LAG = Lag(0.33)
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 WEIGHTS = {"yaw": weights.HEADING_STARTS[0], "pitch": weights.DEPTH_STARTS[0]}
 SEA = noise.from_model(DEFAULT_DISTURBANCE)
 
@@ -38,7 +37,7 @@ def vehicle() -> DesignModel:
 
 
 def designed(vehicle: DesignModel, plane: Plane) -> tuple[AugmentedModel, DiscreteController]:
-    linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
+    linear = vehicle.planes[PLANES[plane].index]
     return synthesis.build_model(linear, LAG, SEA, WEIGHTS[plane]), synthesis.controller(
         linear, LAG, SEA, WEIGHTS[plane]
     )
@@ -63,7 +62,7 @@ def test_filter_gains_random_walk_equal_closed_form() -> None:
     ) == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("plane", Plane)
 def test_gains_equal_those_of_python_control(vehicle: DesignModel, plane: Plane) -> None:
     model, controller = designed(vehicle, plane)
     K, _, _ = control.lqr(
@@ -76,11 +75,14 @@ def test_gains_equal_those_of_python_control(vehicle: DesignModel, plane: Plane)
 
 def weighted(model: AugmentedModel, plane: Plane) -> tuple[np.ndarray, np.ndarray]:
     w = WEIGHTS[plane]
-    held = [0.0, w.rate_s, 1.0] if plane == "yaw" else [0.0, w.rate_s, w.pitch, 1.0]
+    held = {
+        Plane.YAW: [0.0, w.rate_s, 1.0],
+        Plane.PITCH: [0.0, w.rate_s, w.pitch, 1.0],
+    }[plane]
     return np.diag(np.square(held + [0.0] * (model.load - len(held)))), np.array([[w.effort**2]])
 
 
-@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("plane", Plane)
 def test_closed_loop_poles_are_those_of_filter_and_feedback(
     vehicle: DesignModel, plane: Plane
 ) -> None:
@@ -93,7 +95,7 @@ def test_closed_loop_poles_are_those_of_filter_and_feedback(
         assert np.min(np.abs(computed - pole)) < 1e-4 * max(1.0, abs(pole))
 
 
-@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("plane", Plane)
 def test_response_equals_that_of_python_control(vehicle: DesignModel, plane: Plane) -> None:
     _, controller = designed(vehicle, plane)
     frequencies = np.geomspace(0.01, 50.0, 30)
@@ -103,11 +105,11 @@ def test_response_equals_that_of_python_control(vehicle: DesignModel, plane: Pla
     )
 
 
-@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("plane", Plane)
 def test_tick_controller_response_equals_continuous_one(vehicle: DesignModel, plane: Plane) -> None:
     """Gain within 1 % and phase within one degree up to three times the crossover frequency."""
     _, controller = designed(vehicle, plane)
-    linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
+    linear = vehicle.planes[PLANES[plane].index]
     ticked, frequencies = optimal.tick_controllers(controller, linear), np.array([0.1, 0.9, 2.7])
     n, F = len(ticked.feedback), np.array(ticked.feedback)
     A, B, L = np.split(np.array(ticked.rows), [n, n + 1], axis=1)
@@ -120,11 +122,11 @@ def test_tick_controller_response_equals_continuous_one(vehicle: DesignModel, pl
         assert np.max(np.abs(np.degrees(np.angle(computed / expected)))) < 1.0
 
 
-@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("plane", Plane)
 def test_constant_load_other_vehicle_leaves_no_error(vehicle: DesignModel, plane: Plane) -> None:
     """Loads of the surface and, in pitch, of buoyancy; the controller has other coefficients."""
     _, controller = designed(vehicle, plane)
-    other = yaw_plane(TABLE_1_INITIAL) if plane == "yaw" else pitch_plane(TABLE_1_INITIAL)
+    other = linear_plane(plane, TABLE_1_INITIAL)
     A, B = loop_transfer.plane_with_tailcone(other, LAG, loop_analysis.PADE_ORDER)
     C = np.zeros((controller.L.shape[1], len(B)))
     C[:, : len(other.B)] = loop_analysis.outputs(other)
@@ -134,8 +136,8 @@ def test_constant_load_other_vehicle_leaves_no_error(vehicle: DesignModel, plane
         pushed = np.zeros(len(closed))
         pushed[: len(load)] = load
         rest = -np.linalg.solve(closed, pushed)
-        held = rest[2 if plane == "yaw" else 3]
-        if plane == "pitch" or load is other.B:
+        held = rest[PLANES[plane].n_outputs]
+        if plane == Plane.PITCH or load is other.B:
             assert abs(held) < 1e-6 * np.max(np.abs(rest))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import build_model, config
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import failures
@@ -18,6 +18,7 @@ from sysid.estimation.map.problem import MapProblem
 from sysid.models import greybox, noise, parameters, prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
+from sysid.planes import PLANES, Plane
 from tests.sysid import sea
 
 QUIET = sea.Sensors(0.0, 0.0, 0.0, 0.0)
@@ -32,7 +33,7 @@ def prior_of(vehicle: config.VehicleConfig, runs: Sequence[Run]) -> Prior:
 def problem_of(vehicle: config.VehicleConfig, runs: Sequence[Run], at: np.ndarray) -> MapProblem:
     prior = prior_of(vehicle, runs)
     first = problems.vehicle(prior, prior.mean)
-    planes: tuple[Plane, ...] = ("yaw", "pitch")
+    planes: tuple[Plane, ...] = tuple(Plane)
     groups = {
         p: tuple(with_coupling_inputs(first, dataset(run)) for run in runs if run.plane == p)
         for p in planes
@@ -147,7 +148,7 @@ def test_coupling_inputs_reduce_error_of_dual_tests(
     """With the motion of the other plane, the true vehicle's error in its own half is smaller."""
     from dataclasses import replace
 
-    run = two_at_once(field)[0 if plane == "yaw" else 1]
+    run = two_at_once(field)[PLANES[plane].index]
     tail = field.tailcone
     biases: dict[Plane, float] = {
         "yaw": math.radians(tail.rudder_bias_deg),

@@ -7,9 +7,10 @@ import pytest
 
 from sitl.core import tailcone
 from sitl.vehicle import build_model, config
-from sysid.data.segments import RATE_HZ, Plane
+from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.models import greybox, linear_planes, parameters
+from sysid.planes import PLANES, Plane
 from tests.sysid import sea
 
 QUIET = sea.Sensors(0.0, 0.0, 0.0, 0.0)
@@ -17,7 +18,7 @@ QUIET = sea.Sensors(0.0, 0.0, 0.0, 0.0)
 
 def nominal(vehicle: config.VehicleConfig, plane: Plane) -> greybox.Actuator:
     tail = vehicle.tailcone
-    bias = tail.rudder_bias_deg if plane == "yaw" else tail.elevator_bias_deg
+    bias = (tail.rudder_bias_deg, tail.elevator_bias_deg)[PLANES[plane].index]
     return greybox.Actuator(
         tail.delay_s,
         tail.natural_frequency_radps,

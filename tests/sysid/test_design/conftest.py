@@ -3,7 +3,7 @@ import math
 import pytest
 
 from sitl.vehicle import config
-from sysid.data.segments import Plane
+from sysid.planes import Plane
 from sysid.test_design import plan, prior, safety_margins
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.safety_margins import VehicleSample

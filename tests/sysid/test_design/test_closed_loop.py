@@ -6,8 +6,9 @@ import pytest
 
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Lag
-from sysid.data.segments import RATE_HZ, Plane
+from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import fit
+from sysid.planes import PLANES, Plane
 from sysid.test_design import closed_loop
 from sysid.test_design.prior import DesignPrior
 
@@ -23,7 +24,7 @@ def test_simulate_pulse_response_equals_python_control(
         actuator.natural_frequency_radps,
         actuator.damping_ratio,
     )
-    close = loop_transfer.close_heading if plane == "yaw" else loop_transfer.close_depth
+    close = (loop_transfer.close_heading, loop_transfer.close_depth)[PLANES[plane].index]
     closed = close(linear, lag, gains, order=6)
     _, B = loop_transfer.plane_with_tailcone(linear, lag, 6)
     drive = np.concatenate([B, np.zeros(len(closed.A) - len(B))])

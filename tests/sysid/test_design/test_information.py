@@ -4,20 +4,19 @@ import numpy as np
 import pytest
 
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import RATE_HZ, Plane
+from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
 from sysid.models import noise
+from sysid.planes import PLANES, Plane
 from sysid.test_design import closed_loop, crossover, information, switching_times
 from sysid.test_design import prior as beliefs
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.simulate import Manoeuvre, as_run, signal_rad
 from sysid.validation.crossover import response
 
-PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 
-
-@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("plane", Plane)
 def test_information_equals_that_of_the_fit(
     bench: DesignPrior, gains: dict[str, float], plane: Plane
 ) -> None:
@@ -62,7 +61,7 @@ def test_information_doubled_size_halves_uncertainty(
     assert large[b1, b1] == pytest.approx(4.0 * small[b1, b1], rel=0.25)
 
 
-@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("plane", Plane)
 def test_crossover_rate_phase_is_minus_120_deg(bench: DesignPrior, plane: Plane) -> None:
     vehicle = bench.vehicle(bench.mean)
     frequency = crossover.frequency_radps(vehicle, plane)
@@ -90,7 +89,7 @@ def test_superpose_square_wave_equals_sum_of_steps(
     assert np.linalg.norm(ours - theirs) < 0.2 * np.linalg.norm(theirs)
 
 
-@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("plane", Plane)
 def test_loop_disturbance_without_feedback_is_noise_model(
     bench: DesignPrior, gains: dict[str, float], plane: Plane
 ) -> None:
@@ -100,7 +99,7 @@ def test_loop_disturbance_without_feedback_is_noise_model(
     free = closed_loop.of_vehicle(vehicle, plane, nothing, level)
     rng = np.random.default_rng(3)
     by = noise.build(fit.linear_plane(vehicle, plane), level, fit.STRIDE / RATE_HZ, 300)
-    outputs = 2 if plane == "yaw" else 3
+    outputs = PLANES[plane].n_outputs
     sds = np.array([level.rate_radps, level.angle_rad, level.depth_m])[:outputs]
     whites = []
     for _ in range(20):

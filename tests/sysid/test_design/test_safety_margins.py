@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle.config import VehicleFileError
-from sysid.data.segments import Plane
+from sysid.planes import Plane
 from sysid.test_design import safety_margins
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.safety_margins import ExcursionLimits, VehicleSample

@@ -7,6 +7,7 @@ from autopilot.control import excitation, requests
 from autopilot.control.params import Config
 from autopilot.control.types import AutopilotState
 from sysid.data.segments import RATE_HZ
+from sysid.planes import PLANES
 from sysid.test_design import simulate
 from sysid.test_design.simulate import LevelFlight, Manoeuvre
 
@@ -24,7 +25,7 @@ WAVES = [
 @pytest.mark.parametrize("planned", WAVES, ids=lambda m: m.wave)
 def test_signal_equals_autopilot_excitation(planned: Manoeuvre) -> None:
     number = {name: wave for wave, name in excitation.WAVES.items()}[planned.wave]
-    axis = 12 if planned.plane == "yaw" else 11
+    axis = PLANES[planned.plane].sid_axis
     wish = requests.StartTest(
         axis,
         planned.size_deg,
@@ -40,7 +41,7 @@ def test_signal_equals_autopilot_excitation(planned: Manoeuvre) -> None:
     assert excitation.check(test, 15.0) == ""
     signal = simulate.signal_rad(planned)
     played = [excitation.sample(test, k / RATE_HZ) for k in range(signal.size - 1)]
-    moved = [p.rudder_rad if planned.plane == "yaw" else p.elevator_rad for p in played]
+    moved = [(p.rudder_rad, p.elevator_rad)[PLANES[planned.plane].index] for p in played]
     np.testing.assert_allclose(signal[:-1], moved, atol=1e-12)
     assert signal[-1] == 0.0
 

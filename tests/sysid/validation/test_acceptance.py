@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.models.model_file import IdentifiedModel, ParameterCovariance, ParameterEstimate
+from sysid.planes import Plane
 from sysid.validation.acceptance import assess, format_check
 from sysid.validation.assess import with_assessment
 from sysid.validation.results import (

@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.vehicle import config
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import STRIDE
 from sysid.models import parameters, prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
+from sysid.planes import Plane
 from sysid.validation import noise_floor
 from tests.sysid import sea
 

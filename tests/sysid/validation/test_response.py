@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import config
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.models import parameters, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle
+from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.validation import crossover, frequency_response
 from sysid.validation.crossover import UncertainVehicle

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from sysid.data.segments import Plane
 from sysid.estimation.linear import linear_model, records, response
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.records import LinearPrior, LinearRun
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models.greybox import Actuator
-from sysid.models.linear_planes import pitch_plane, yaw_plane
+from sysid.models.linear_planes import linear_plane
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 from tests.sysid import sea
 
@@ -23,10 +23,10 @@ TAIL_STEPS = {"delay_s": 2e-3, "natural_frequency_radps": 1e-3, "damping_ratio":
 def true_model(plane: Plane, adjusted: bool = True) -> LinearModel:
     """Return the plane of the paper's Table 1 with an actuator bias of half a degree."""
     column = TABLE_1_ADJUSTED if adjusted else TABLE_1_INITIAL
-    linear = yaw_plane(column) if plane == "yaw" else pitch_plane(column)
+    linear = linear_plane(plane, column)
     model = linear_model.of_plane(linear, TAIL, 1.3)
     values = model.values.copy()
-    if plane == "pitch":
+    if linear_model.OFFSETS[plane]:
         values[-1] = math.radians(1.0)
     return LinearModel(model.frame, values)
 
@@ -57,7 +57,7 @@ def simulate_runs(
     rng: np.random.Generator,
 ) -> list[LinearRun]:
     """Simulate runs with white sensor noise, random initial states and random gyro biases."""
-    discrete, count = response.discretise(truth), linear_model.outputs(truth.frame.plane)
+    discrete, count = response.discretise(truth), PLANES[truth.frame.plane].n_outputs
     runs = []
     for command in surface_commands:
         start = 0.02 * rng.standard_normal(len(discrete.transition))

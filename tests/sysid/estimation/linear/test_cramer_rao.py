@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from sysid.data.segments import Plane
 from sysid.estimation.linear import cramer_rao, linear_model, response
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models import noise
 from sysid.models.noise import Noise
+from sysid.planes import PLANES, Plane
 from tests.sysid.estimation.linear.conftest import TAIL_STEPS, commands, true_model
 
 LEVEL = Noise(rate_radps=math.radians(0.3), angle_rad=math.radians(0.3), depth_m=0.03)
@@ -20,7 +20,7 @@ def outputs(plane: Plane, values: np.ndarray, command: SurfaceCommand) -> np.nda
     model = LinearModel(true_model(plane).frame, values)
     discrete = response.discretise(model)
     return response.outputs(
-        model, discrete, command, np.zeros(len(discrete.transition)), linear_model.outputs(plane)
+        model, discrete, command, np.zeros(len(discrete.transition)), PLANES[plane].n_outputs
     ).ravel()
 
 
@@ -71,7 +71,7 @@ def test_bound_coloured_matches_full_covariance(plane: Plane) -> None:
 def test_bound_white_matches_joint_information(plane: Plane) -> None:
     """Reference: block of the values in the inverse of the joint information with the nuisances."""
     truth, surface_commands = true_model(plane), commands()[:2]
-    count = linear_model.outputs(plane)
+    count = PLANES[plane].n_outputs
     discrete, sds = response.discretise(truth), cramer_rao.sensor_sds(LEVEL)[:count]
     information = np.zeros((0, 0))
     values = truth.values.size

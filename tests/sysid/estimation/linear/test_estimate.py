@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from sysid.data.segments import Plane
 from sysid.estimation.linear import estimate, linear_model, records
 from sysid.estimation.linear.estimate import Method
 from sysid.estimation.linear.linear_model import NUMBERS
 from sysid.estimation.linear.multistart import NotUniqueError
 from sysid.estimation.linear.response import SurfaceCommand
+from sysid.planes import Plane
 from tests.sysid import sea
 from tests.sysid.estimation.linear.conftest import commands, simulate_runs, true_model, wide_prior
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from sysid.data.segments import Plane
 from sysid.estimation.linear import cramer_rao, linear_model, multistart, output_error, response
 from sysid.estimation.linear import objective as objectives
 from sysid.estimation.linear.linear_model import LinearModel
+from sysid.planes import PLANES, Plane
 from tests.sysid.estimation.linear.conftest import commands, simulate_runs, true_model, wide_prior
 
 SDS = np.array([math.radians(0.3), math.radians(0.3), 0.03])
@@ -20,7 +20,7 @@ def test_objective_matches_joint_least_squares(plane: Plane) -> None:
 
     Same estimate, cost and covariance.
     """
-    truth, count = true_model(plane), linear_model.outputs(plane)
+    truth, count = true_model(plane), PLANES[plane].n_outputs
     runs = simulate_runs(truth, commands()[:3], SDS, np.random.default_rng(1))
     prior, sds = wide_prior(plane), SDS[:count]
     projected = objectives.with_bench(output_error.objective(truth.frame, runs, sds), prior.model)
@@ -68,7 +68,7 @@ def test_objective_matches_joint_least_squares(plane: Plane) -> None:
 
 def test_objective_gradient_matches_differences(plane: Plane) -> None:
     """Kaufman's derivative omits a term that is orthogonal to the residual."""
-    truth, count = true_model(plane), linear_model.outputs(plane)
+    truth, count = true_model(plane), PLANES[plane].n_outputs
     runs = simulate_runs(truth, commands()[:3], SDS, np.random.default_rng(2))
     weighted = output_error.objective(truth.frame, runs, SDS[:count])
     values = wide_prior(plane).model.values
@@ -86,7 +86,7 @@ def test_objective_gradient_matches_differences(plane: Plane) -> None:
 
 def test_reduce_by_qr_keeps_cost_gradient_and_information(plane: Plane) -> None:
     """A search uses only cost, gradient and information."""
-    truth, count = true_model(plane), linear_model.outputs(plane)
+    truth, count = true_model(plane), PLANES[plane].n_outputs
     runs = simulate_runs(truth, commands()[:5], SDS, np.random.default_rng(3))
     arguments = truth.frame, runs, SDS[:count]
     full, reduced = output_error.objective(*arguments), output_error.reduce_by_qr(*arguments)

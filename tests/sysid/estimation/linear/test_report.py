@@ -8,11 +8,12 @@ import pytest
 
 from sitl.vehicle import config
 from sysid import refit
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation.linear import estimate, records, report, response
 from sysid.models import linear_planes, prediction
 from sysid.models import model_file as models
 from sysid.models.model_file import IdentifiedModel
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import Table1Column
 from tests.sysid import sea
 
@@ -92,13 +93,13 @@ def test_model_file_keeps_method_and_predicts(
     assert stored.method == "filter-error"
     assert stored == model
     assert {q.run for q in stored.fit_quality} == {run.name for run in flown}
-    yaw = [q.model_mse_deg2ps2 for q in prediction.quality(stored, flown) if q.plane == "yaw"]
+    yaw = [q.model_mse_deg2ps2 for q in prediction.quality(stored, flown) if q.plane == Plane.YAW]
     assert max(yaw) < 0.3
 
 
 def test_of_estimates_plane_without_runs_is_the_prior(flown: list[Run]) -> None:
     """Output error, by `descend`: with disturbances the minimum need not be unique."""
-    yaw = [run for run in flown if run.plane == "yaw"]
+    yaw = [run for run in flown if run.plane == Plane.YAW]
     prior = refit.prior_of(yaw, config.load("caribou_nominal"))
     linear_prior = records.linear_prior(prior, "yaw")
     records_of_yaw = [records.linear_run(run, estimate.LEADS_S["output-error"]) for run in yaw]
@@ -123,8 +124,8 @@ def test_linear_run_starts_at_its_lead(flown: list[Run], plane: Plane) -> None:
     begins_s = run.time_s[record.command.lead]
     assert begins_s == pytest.approx(-1.0, abs=0.02)
     assert response.steps(record.command) == len(record.measured)
-    assert record.measured.shape[1] == (3 if plane == "pitch" else 2)
-    assert record.measured[0, 1 if plane == "yaw" else 2] == 0.0
+    assert record.measured.shape[1] == PLANES[plane].n_outputs
+    assert record.measured[0, -1] == 0.0
     sample = record.command.lead + 5 * 40
     assert record.measured[40, 0] == pytest.approx(
         np.mean(run.rate_radps[sample - 2 : sample + 3]), abs=1e-12

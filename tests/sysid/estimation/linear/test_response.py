@@ -6,11 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sysid.data.segments import RATE_HZ, Plane
+from sysid.data.segments import RATE_HZ
 from sysid.estimation.linear import linear_model, response
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models.linear_planes import small_signal
+from sysid.planes import PLANES, Plane
 from tests.sysid.estimation.linear.conftest import TAIL_STEPS, commands, true_model
 
 
@@ -18,7 +19,7 @@ def test_outputs_match_python_control(plane: Plane) -> None:
     """Reference: forced_response of python-control, which also interpolates its input linearly."""
     truth, command = true_model(plane), commands()[0]
     A, B = linear_model.equations(truth.frame, truth.values[: len(NUMBERS[plane])])
-    n, count = len(A), linear_model.outputs(plane)
+    n, count = len(A), PLANES[plane].n_outputs
     system = control.ss(A, B[:, None], np.eye(n)[1 : 1 + count], np.zeros((count, 1)))
     angles = response.duct(truth, command)
     start = np.full(n, 0.02)
@@ -60,7 +61,7 @@ def test_slopes_match_differences_of_outputs(plane: Plane, away: list[float], st
         LinearModel(truth.frame, values),
         SurfaceCommand(commands()[2].angle_rad, lead=30),
     )
-    discrete, count = response.discretise(model), linear_model.outputs(plane)
+    discrete, count = response.discretise(model), PLANES[plane].n_outputs
     x0 = np.full(len(discrete.transition), start)
     slopes = response.slopes(model, discrete, response.duct_motion(model, command), x0, count)
 
@@ -83,7 +84,7 @@ def test_slopes_match_differences_of_outputs(plane: Plane, away: list[float], st
 
 def test_nuisances_match_initial_state_and_gyro_bias(plane: Plane) -> None:
     truth, command = true_model(plane), commands()[1]
-    discrete, count = response.discretise(truth), linear_model.outputs(plane)
+    discrete, count = response.discretise(truth), PLANES[plane].n_outputs
     n, steps = len(discrete.transition), response.steps(command)
     start = 0.01 * np.arange(1, n + 1)
     with_nuisances = response.outputs(truth, discrete, command, start, count)

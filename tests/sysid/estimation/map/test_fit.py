@@ -8,12 +8,13 @@ import pytest
 
 from sitl.vehicle import build_model, config
 from sysid import refit
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation.map import fit
 from sysid.models import linear_planes, parameters, prediction
 from sysid.models import model_file as models
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import INERTIAS, NAMES, PARAMETERS
+from sysid.planes import Plane
 from tests.sysid import sea
 
 TRIM = (math.radians(6.0), math.radians(1.0))
@@ -113,7 +114,7 @@ def test_scaled_equation_has_the_same_motion(bench: config.VehicleConfig) -> Non
 def test_fit_plane_without_runs_keeps_the_prior(
     campaign: list[Run], bench: config.VehicleConfig
 ) -> None:
-    half = refit.identify([run for run in campaign if run.plane == "yaw"][:3], bench)
+    half = refit.identify([run for run in campaign if run.plane == Plane.YAW][:3], bench)
     assert all(
         half.coefficients[name].status == "prior"
         for name in ("Z_w", "M_w", "Z_q", "M_q", "M_de", "z_CM")

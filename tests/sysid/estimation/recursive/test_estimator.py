@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
-from sysid.data.segments import Plane, Run
+from sysid.data.segments import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Prior
 from sysid.estimation.recursive import (
@@ -20,6 +20,7 @@ from sysid.estimation.recursive.estimator import Knowledge
 from sysid.estimation.recursive.prediction import STEP_S, TestSamples
 from sysid.models import noise, parameters
 from sysid.models.parameters import NAMES
+from sysid.planes import Plane
 from tests.sysid import sea
 
 DOUBLETS: tuple[tuple[Plane, float, float], ...] = (
