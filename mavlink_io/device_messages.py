@@ -180,7 +180,12 @@ def battery_record(m: Message) -> Battery | None:
     current_a = nan if m.current_battery == -1 else 1e-2 * m.current_battery
     consumed_ah = nan if m.current_consumed == -1 else 1e-3 * m.current_consumed
     remaining = nan if m.battery_remaining == -1 else 1e-2 * m.battery_remaining
-    return Battery(1e-3 * sum(known_mv), current_a, consumed_ah, remaining)
+    return Battery(
+        voltage_v=1e-3 * sum(known_mv),
+        current_a=current_a,
+        consumed_ah=consumed_ah,
+        remaining=remaining,
+    )
 
 
 def centiamperes(current_a: float) -> int:

@@ -51,7 +51,7 @@ class MessageType:
         types = dict(zip(definition.fieldnames, definition.fieldtypes, strict=True))
         units = definition.fieldunits_by_name
         self.fields = tuple(
-            MessageField(name, types[name], length, units.get(name, ""))
+            MessageField(name=name, type=types[name], array_length=length, unit=units.get(name, ""))
             for name, length in zip(
                 definition.ordered_fieldnames, definition.array_lengths, strict=True
             )

@@ -75,7 +75,9 @@ def warm_up(simulated: Plant) -> None:
     """Simulate one tick and discard it, so that the physics are compiled."""
     rng = plant.random_streams(0)
     state, _ = plant.initial_state(simulated, rng)
-    plant.step(simulated, state, ActuatorFrame(0, 0, (0.0, 0.0, 0.0), 0), rng)
+    plant.step(
+        simulated, state, ActuatorFrame(time_us=0, flags=0, controls=(0.0, 0.0, 0.0), mode=0), rng
+    )
 
 
 def _simulate(

@@ -50,7 +50,12 @@ def read(path: Path) -> Grid:
     cell_m = header["cellsize"]
     half_m = cell_m / 2 if _CORNER[0] in header else 0.0
     x, y = _CORNER if _CORNER[0] in header else _CENTRE
-    return Grid(rows[::-1].copy(), header[y] + half_m, header[x] + half_m, cell_m)
+    return Grid(
+        height_m=rows[::-1].copy(),
+        south_m=header[y] + half_m,
+        west_m=header[x] + half_m,
+        cell_m=cell_m,
+    )
 
 
 def _header(path: Path, lines: list[str]) -> dict[str, float]:

@@ -77,50 +77,45 @@ class PriorKnowledge(NamedTuple):
     """Results of the bench test of the tailcone and of the inclining test."""
 
 
-def refit(
-    paths: Sequence[str | Path],
-    prior: str | Path = "caribou_nominal",
-    method: Method = "map",
-    held_out: Sequence[str | Path] = (),
-    limits: ScreeningLimits | None = None,
-    progress: Progress | None = None,
-    marks: Sequence[MarkedInterval] = (),
-    outputs: ServoChannels = FIRST_THREE,
-    alternative_methods: Sequence[Method] = (),
-    tailcone: Path | None = None,
-    inclining: Path | None = None,
-) -> IdentifiedModel:
+class RefitRequest(NamedTuple):
+    """Request for a refit: what is fitted, with which prior and which methods."""
+
+    paths: Sequence[str | Path]
+    """Logs with rudder or elevator tests, in any format that `sysid.data.readers` reads."""
+    held_out: Sequence[str | Path] = ()
+    """Logs whose tests are predicted and not fitted."""
+    prior: str | Path = "caribou_nominal"
+    """Name of a shipped vehicle, path of a vehicle file, or path of a ``model.json`` of method
+    ``map`` whose estimate becomes the prior."""
+    method: Method = "map"
+    """``map``: nonlinear maximum a posteriori estimate of both planes. ``output-error`` and
+    ``filter-error``: linear planes, one by one (`sysid.estimation.linear`). ``paper``: least
+    squares on the rate, linear, without prior."""
+    alternative_methods: Sequence[Method] = ()
+    """Further methods that are applied to the same runs, for comparison."""
+    limits: ScreeningLimits | None = None
+    """Limits of the screening rules; by default those of `ScreeningLimits`."""
+    marks: Sequence[MarkedInterval] = ()
+    """Time ranges (s) of tests that the logs do not mark."""
+    outputs: ServoChannels = FIRST_THREE
+    """Output channels of rudder, elevator and thrust, counted from 1; negative if reversed."""
+    tailcone: Path | None = None
+    """Output file of ``ground bench-test``, whose actuator parameters update the prior of method
+    ``map``."""
+    inclining: Path | None = None
+    """Output file of ``ground inclining-test``, whose height of the centre of mass updates the
+    prior of method ``map``."""
+
+
+def refit(request: RefitRequest, progress: Progress | None = None) -> IdentifiedModel:
     """Identify a vehicle from logs with identification tests.
 
     Parameters
     ----------
-    paths : sequence of str or Path
-        Logs with rudder or elevator tests, in any format that `sysid.data.readers` reads.
-    prior : str or Path
-        Name of a shipped vehicle, path of a vehicle file, or path of a ``model.json`` of method
-        ``map`` whose estimate becomes the prior.
-    method : {'map', 'output-error', 'filter-error', 'paper'}
-        ``map``: nonlinear maximum a posteriori estimate of both planes. ``output-error`` and
-        ``filter-error``: linear planes, one by one (`sysid.estimation.linear`). ``paper``:
-        least squares on the rate, linear, without prior.
-    held_out : sequence of str or Path
-        Logs whose tests are predicted and not fitted.
-    limits : ScreeningLimits, optional
-        Limits of the screening rules; by default those of `ScreeningLimits`.
+    request : RefitRequest
+        Logs, prior and methods.
     progress : callable, optional
         Called with the present step (text) and the completed share of the work, 0 to 1.
-    marks : sequence of MarkedInterval
-        Time ranges (s) of tests that the logs do not mark.
-    outputs : ServoChannels
-        Output channels of rudder, elevator and thrust, counted from 1; negative if reversed.
-    alternative_methods : sequence of str
-        Further methods that are applied to the same runs, for comparison.
-    tailcone : Path, optional
-        Output file of ``ground bench-test``. Its actuator parameters update the prior of method
-        ``map``.
-    inclining : Path, optional
-        Output file of ``ground inclining-test``. Its height of the centre of mass updates the
-        prior of method ``map``.
 
     Returns
     -------
@@ -146,22 +141,26 @@ def refit(
     anomalous are left out, and the rest is fitted again (`sysid.screening.refit_loop`).
     """
     report = progress or (lambda what, share: None)
-    knowledge = prior_knowledge(prior)._replace(
-        bench_measurements=bench_priors.read(tailcone, inclining)
+    knowledge = prior_knowledge(request.prior)._replace(
+        bench_measurements=bench_priors.read(request.tailcone, request.inclining)
     )
-    logs = _read(paths, outputs, lambda share: report("read logs", 0.1 * share))
-    held_out_logs = _read(held_out, outputs, lambda share: None)
-    _check_marks(marks, [log.name for log in (*logs, *held_out_logs)])
-    _refuse_duplicates(paths, logs, held_out, held_out_logs, marks, knowledge)
-    accepted_runs, screenings = _select(logs, limits, marks)
+    logs = _read(request.paths, request.outputs, lambda share: report("read logs", 0.1 * share))
+    held_out_logs = _read(request.held_out, request.outputs, lambda share: None)
+    _check_marks(request.marks, [log.name for log in (*logs, *held_out_logs)])
+    _refuse_duplicates(request, logs, held_out_logs, knowledge)
+    accepted_runs, screenings = _select(logs, request.limits, request.marks)
     held_out_screenings = screen(
-        [run for log in held_out_logs for run in segments.cut_runs(log, _marks_of(log, marks))],
-        limits,
+        [
+            run
+            for log in held_out_logs
+            for run in segments.cut_runs(log, _marks_of(log, request.marks))
+        ],
+        request.limits,
     )
     held_out_runs = [s.run for s in held_out_screenings if s.accepted]
     with _failing(knowledge.name):
         model, refitted = _identify(
-            accepted_runs, knowledge, method, lambda w, s: report(w, 0.1 + 0.85 * s)
+            accepted_runs, knowledge, request.method, lambda w, s: report(w, 0.1 + 0.85 * s)
         )
     accepted_runs, tested_runs = (
         (list(refitted.accepted_runs), refitted.screenings) if refitted else (accepted_runs, {})
@@ -175,7 +174,7 @@ def refit(
     )
     with _failing(knowledge.name):
         model = _with_alternative_fits(
-            model, accepted_runs, held_out_runs, knowledge, alternative_methods
+            model, accepted_runs, held_out_runs, knowledge, request.alternative_methods
         )
         report("validate", 0.95)
         model = with_assessment(
@@ -461,17 +460,18 @@ def _check_marks(marks: Sequence[MarkedInterval], names: Sequence[str]) -> None:
 
 
 def _refuse_duplicates(
-    paths: Sequence[str | Path],
+    request: RefitRequest,
     logs: Sequence[Log],
-    held_out: Sequence[str | Path],
     held_out_logs: Sequence[Log],
-    marks: Sequence[MarkedInterval],
     knowledge: PriorKnowledge,
 ) -> None:
     """Raise RefitError if two of the logs hold the same dive."""
     fitted_logs, held_out_named = (
-        [duplicates.named_log(path, log, _marks_of(log, marks)) for path, log in pairs]
-        for pairs in (zip(paths, logs, strict=True), zip(held_out, held_out_logs, strict=True))
+        [duplicates.named_log(path, log, _marks_of(log, request.marks)) for path, log in pairs]
+        for pairs in (
+            zip(request.paths, logs, strict=True),
+            zip(request.held_out, held_out_logs, strict=True),
+        )
     )
     prior_data = knowledge.earlier.data if knowledge.earlier else ()
     reason = duplicates.refusal(fitted_logs, held_out_named, prior_data)

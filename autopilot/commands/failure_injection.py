@@ -57,7 +57,15 @@ class FailureRelay:
             answer(IN_PROGRESS)
             return
         self._outgoing.append(order)
-        self._pending.append(PendingOrder(order, requester, answer, now_s, now_s))
+        self._pending.append(
+            PendingOrder(
+                order=order,
+                requester=requester,
+                answer=answer,
+                requested_s=now_s,
+                acknowledged_s=now_s,
+            )
+        )
 
     def pop_orders(self) -> list[InjectionOrder]:
         """Return the orders to send to the simulator since the last call."""

@@ -56,7 +56,15 @@ class Jobs:
         now_s: float,
     ) -> None:
         """Add a job whose start was acknowledged at ``now_s``."""
-        self._open.append(_OpenJob(requester, command, job, answer, now_s))
+        self._open.append(
+            _OpenJob(
+                requester=requester,
+                command=command,
+                read_progress=job,
+                answer=answer,
+                acknowledged_s=now_s,
+            )
+        )
 
     def progress(
         self, requester: MavlinkId, command: MavCommand, repetition: bool, now_s: float

@@ -88,7 +88,17 @@ def command_from_message(message: Any) -> MavCommand:
         parameters = m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7
         return MavCommand(m.command, *parameters, scaled=False, repetition=m.confirmation > 0)
     x, y = (math.nan if n == NOT_GIVEN else n for n in (m.x, m.y))
-    return MavCommand(m.command, m.param1, m.param2, m.param3, m.param4, x, y, m.z, scaled=True)
+    return MavCommand(
+        number=m.command,
+        p1=m.param1,
+        p2=m.param2,
+        p3=m.param3,
+        p4=m.param4,
+        p5=x,
+        p6=y,
+        p7=m.z,
+        scaled=True,
+    )
 
 
 def custom_mode(command: MavCommand) -> int | None:

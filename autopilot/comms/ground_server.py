@@ -191,7 +191,11 @@ class GroundServer:
             return
         message = frame.decode()
         if addressed_to(message, self._own):
-            self._services.feed(ReceivedMessage(link, frame, message, self._reply_functions[link]))
+            self._services.feed(
+                ReceivedMessage(
+                    link=link, frame=frame, message=message, send=self._reply_functions[link]
+                )
+            )
             self._onboard_log.log_received(frame)
             self._event_publisher.publish()
             link.flush_soon()

@@ -88,7 +88,10 @@ class Services:
         self._files = FileServer(_file_tree(vehicle.params, onboard_log))
         self._logs = LogServer(onboard_log, vehicle.send_statustext, lambda: vehicle.state.armed)
         self._context = CommandContext(
-            vehicle, self.helm, message_builder.build, self._params.announce
+            vehicle=vehicle,
+            helm=self.helm,
+            build=message_builder.build,
+            publish_parameter=self._params.announce,
         )
         self._commander = Commander(self._context)
         self._table = self._handlers()

@@ -96,20 +96,35 @@ def from_numbers(
     """
     if wave == Wave.PRBS:
         return requests.StartTest(
-            axis, magnitude, 0.0, p4, duration_s, wave, fade_s, seed=_to_integer(p3)
+            axis=axis,
+            magnitude=magnitude,
+            start_hz=0.0,
+            stop_hz=p4,
+            duration_s=duration_s,
+            wave=wave,
+            fade_s=fade_s,
+            seed=_to_integer(p3),
         )
     if wave == Wave.SQUARE:
         return requests.StartTest(
-            axis,
-            magnitude,
-            0.0,
-            0.0,
-            duration_s,
-            wave,
-            fade_s,
+            axis=axis,
+            magnitude=magnitude,
+            start_hz=0.0,
+            stop_hz=0.0,
+            duration_s=duration_s,
+            wave=wave,
+            fade_s=fade_s,
             switch_intervals=switch_intervals(p3, p4),
         )
-    return requests.StartTest(axis, magnitude, p3, p4, duration_s, wave, fade_s)
+    return requests.StartTest(
+        axis=axis,
+        magnitude=magnitude,
+        start_hz=p3,
+        stop_hz=p4,
+        duration_s=duration_s,
+        wave=wave,
+        fade_s=fade_s,
+    )
 
 
 def from_config(config: Config) -> requests.StartTest:
@@ -203,10 +218,10 @@ def sample(test: Excitation, t_s: float) -> ExcitationOutput:
         _multisine_tones(test, t_s, part=1) if test.rudder_rad and test.elevator_rad else value
     )
     return ExcitationOutput(
-        test.rudder_rad * fade * value if test.rudder_rad else 0.0,
-        test.elevator_rad * fade * elevator_value if test.elevator_rad else 0.0,
-        test.thrust * fade * value if test.thrust else 0.0,
-        frequency_hz,
+        rudder_rad=test.rudder_rad * fade * value if test.rudder_rad else 0.0,
+        elevator_rad=test.elevator_rad * fade * elevator_value if test.elevator_rad else 0.0,
+        thrust=test.thrust * fade * value if test.thrust else 0.0,
+        frequency_hz=frequency_hz,
     )
 
 

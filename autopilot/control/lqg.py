@@ -99,7 +99,7 @@ def from_matrices(
         Controller for ``step``.
     """
     forward = tuple(-sum(map(mul, feedback, column)) for column in zip(*start, strict=True))
-    return LqgController(rows, feedback, start, forward, loads)
+    return LqgController(rows=rows, feedback=feedback, start=start, forward=forward, loads=loads)
 
 
 def step(

@@ -70,7 +70,9 @@ def parse(text: str) -> LqgControllers:
     heading, depth = (
         _parse_controller(_parse_object(document.get(key), key), key) for key in MEASURED
     )
-    return LqgControllers(speed_mps, heading, depth, pitch_per_metre)
+    return LqgControllers(
+        speed_mps=speed_mps, heading=heading, depth=depth, pitch_per_metre=pitch_per_metre
+    )
 
 
 def _parse_controller(entry: dict[str, Any], key: str) -> LqgController:

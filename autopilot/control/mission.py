@@ -80,7 +80,7 @@ ItemFault = tuple[int, str]
 """Number of the wrong parameter (0: none in particular) and the reason, empty if valid."""
 
 
-class Fault(NamedTuple):
+class MissionFault(NamedTuple):
     """First reason why a mission cannot be flown."""
 
     sequence: int
@@ -110,7 +110,7 @@ def check(items: tuple[MissionItem, ...], config: Config) -> tuple[int, str]:
     return (-1, "") if fault is None else fault[:2]
 
 
-def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Fault | None:
+def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> MissionFault | None:
     """Return the first fault of a mission, None if all items can be flown.
 
     A mission is checked when it is loaded and again when it is started: home and limits may have
@@ -121,7 +121,7 @@ def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Fa
         if not reason:
             parameter, reason = _distance_fault(item, home, config)
         if reason:
-            return Fault(item.sequence, reason, parameter)
+            return MissionFault(item.sequence, reason, parameter)
     return None
 
 

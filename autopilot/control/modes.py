@@ -20,19 +20,79 @@ class Mode(NamedTuple):
     """Whether the depth and pitch loops are closed."""
 
 
-MANUAL = Mode(VehicleMode.MANUAL.value, "MANUAL", 0, False, False)
-DEPTH = Mode(VehicleMode.DEPTH.value, "DEPTH", 0, True, True)
-STATION = Mode(VehicleMode.STATION.value, "STATION", 0, True, True)
+MANUAL = Mode(
+    number=VehicleMode.MANUAL.value,
+    name="MANUAL",
+    standard_mode=0,
+    closes_heading=False,
+    closes_depth=False,
+)
+DEPTH = Mode(
+    number=VehicleMode.DEPTH.value,
+    name="DEPTH",
+    standard_mode=0,
+    closes_heading=True,
+    closes_depth=True,
+)
+STATION = Mode(
+    number=VehicleMode.STATION.value,
+    name="STATION",
+    standard_mode=0,
+    closes_heading=True,
+    closes_depth=True,
+)
 """Circles about a position: the vehicle cannot hover."""
-HOLD = Mode(VehicleMode.HOLD.value, "HOLD", 0, True, True)
-MISSION = Mode(VehicleMode.MISSION.value, "MISSION", 6, True, True)
-RTL = Mode(VehicleMode.RTL.value, "RTL", 5, True, True)
-SURFACE = Mode(VehicleMode.SURFACE.value, "SURFACE", 7, True, True)
-SYSID = Mode(VehicleMode.SYSID.value, "SYSID", 0, True, True)
+HOLD = Mode(
+    number=VehicleMode.HOLD.value,
+    name="HOLD",
+    standard_mode=0,
+    closes_heading=True,
+    closes_depth=True,
+)
+MISSION = Mode(
+    number=VehicleMode.MISSION.value,
+    name="MISSION",
+    standard_mode=6,
+    closes_heading=True,
+    closes_depth=True,
+)
+RTL = Mode(
+    number=VehicleMode.RTL.value,
+    name="RTL",
+    standard_mode=5,
+    closes_heading=True,
+    closes_depth=True,
+)
+SURFACE = Mode(
+    number=VehicleMode.SURFACE.value,
+    name="SURFACE",
+    standard_mode=7,
+    closes_heading=True,
+    closes_depth=True,
+)
+SYSID = Mode(
+    number=VehicleMode.SYSID.value,
+    name="SYSID",
+    standard_mode=0,
+    closes_heading=True,
+    closes_depth=True,
+)
 """Runs a test: the loops of the tested axis are open, the others stay closed."""
 
-OFFBOARD = Mode(VehicleMode.OFFBOARD.value, "OFFBOARD", 0, True, True)
-STABILIZE = Mode(VehicleMode.STABILIZE.value, "STABILIZE", 0, True, True)
+OFFBOARD = Mode(
+    number=VehicleMode.OFFBOARD.value,
+    name="OFFBOARD",
+    standard_mode=0,
+    closes_heading=True,
+    closes_depth=True,
+)
+STABILIZE = Mode(
+    number=VehicleMode.STABILIZE.value,
+    name="STABILIZE",
+    standard_mode=0,
+    closes_heading=True,
+    closes_depth=True,
+)
 """The stick sets pitch, yaw rate and thrust."""
 
 MODES = (MANUAL, STABILIZE, DEPTH, STATION, HOLD, MISSION, RTL, SURFACE, OFFBOARD, SYSID)

@@ -55,467 +55,920 @@ class Config:
 
     system_id: Annotated[
         int,
-        Doc("MAV_SYS_ID", 1, 255, "", "MAVLink system id; a change takes effect at the next start"),
+        Doc(
+            name="MAV_SYS_ID",
+            minimum=1,
+            maximum=255,
+            unit="",
+            doc="MAVLink system id; a change takes effect at the next start",
+        ),
     ] = 1
     forwards: Annotated[
-        int, Doc("MAV_FORWARD", 0, 1, "", "1: forward messages between ground links")
+        int,
+        Doc(
+            name="MAV_FORWARD",
+            minimum=0,
+            maximum=1,
+            unit="",
+            doc="1: forward messages between ground links",
+        ),
     ] = 1
 
-    heading_p: Annotated[float, Doc("HDG_P", 0, 5, "rad/rad", "Rudder per heading error")] = 0.65
-    heading_d: Annotated[float, Doc("HDG_D", 0, 10, "s", "Rudder per yaw rate")] = 1.5
-    heading_i: Annotated[float, Doc("HDG_I", 0, 1, "1/s", "Rudder rate per heading error")] = 0.001
+    heading_p: Annotated[
+        float,
+        Doc(name="HDG_P", minimum=0, maximum=5, unit="rad/rad", doc="Rudder per heading error"),
+    ] = 0.65
+    heading_d: Annotated[
+        float, Doc(name="HDG_D", minimum=0, maximum=10, unit="s", doc="Rudder per yaw rate")
+    ] = 1.5
+    heading_i: Annotated[
+        float,
+        Doc(name="HDG_I", minimum=0, maximum=1, unit="1/s", doc="Rudder rate per heading error"),
+    ] = 0.001
     heading_i_max: Annotated[
-        float, Doc("HDG_IMAX", 0, 0.26, "rad", "Limit of the heading integrator")
+        float,
+        Doc(
+            name="HDG_IMAX",
+            minimum=0,
+            maximum=0.26,
+            unit="rad",
+            doc="Limit of the heading integrator",
+        ),
     ] = 0.01
     heading_i_rate_degps: Annotated[
         float,
-        Doc("HDG_I_RATE", 0, 90, "deg/s", "Yaw rate above which the heading integrator is frozen"),
+        Doc(
+            name="HDG_I_RATE",
+            minimum=0,
+            maximum=90,
+            unit="deg/s",
+            doc="Yaw rate above which the heading integrator is frozen",
+        ),
     ] = 2.0
-    pitch_p: Annotated[float, Doc("PTCH_P", 0, 5, "rad/rad", "Elevator per pitch error")] = 0.8
-    pitch_d: Annotated[float, Doc("PTCH_D", 0, 10, "s", "Elevator per pitch rate")] = 1.9
-    pitch_i: Annotated[float, Doc("PTCH_I", 0, 1, "1/s", "Elevator rate per pitch error")] = 0.0
-    pitch_i_max: Annotated[
-        float, Doc("PTCH_IMAX", 0, 0.26, "rad", "Limit of the pitch integrator")
+    pitch_p: Annotated[
+        float,
+        Doc(name="PTCH_P", minimum=0, maximum=5, unit="rad/rad", doc="Elevator per pitch error"),
+    ] = 0.8
+    pitch_d: Annotated[
+        float, Doc(name="PTCH_D", minimum=0, maximum=10, unit="s", doc="Elevator per pitch rate")
+    ] = 1.9
+    pitch_i: Annotated[
+        float,
+        Doc(name="PTCH_I", minimum=0, maximum=1, unit="1/s", doc="Elevator rate per pitch error"),
     ] = 0.0
-    depth_p: Annotated[float, Doc("DPT_P", 0, 2, "rad/m", "Pitch per depth error")] = 0.13
-    depth_d: Annotated[float, Doc("DPT_D", 0, 5, "rad s/m", "Pitch per depth rate")] = 0.0
-    depth_i: Annotated[float, Doc("DPT_I", 0, 1, "rad/(m s)", "Pitch rate per depth error")] = 0.001
+    pitch_i_max: Annotated[
+        float,
+        Doc(
+            name="PTCH_IMAX",
+            minimum=0,
+            maximum=0.26,
+            unit="rad",
+            doc="Limit of the pitch integrator",
+        ),
+    ] = 0.0
+    depth_p: Annotated[
+        float, Doc(name="DPT_P", minimum=0, maximum=2, unit="rad/m", doc="Pitch per depth error")
+    ] = 0.13
+    depth_d: Annotated[
+        float, Doc(name="DPT_D", minimum=0, maximum=5, unit="rad s/m", doc="Pitch per depth rate")
+    ] = 0.0
+    depth_i: Annotated[
+        float,
+        Doc(name="DPT_I", minimum=0, maximum=1, unit="rad/(m s)", doc="Pitch rate per depth error"),
+    ] = 0.001
     depth_i_max: Annotated[
-        float, Doc("DPT_IMAX", 0, 0.5, "rad", "Limit of the depth integrator")
+        float,
+        Doc(
+            name="DPT_IMAX", minimum=0, maximum=0.5, unit="rad", doc="Limit of the depth integrator"
+        ),
     ] = 0.004
     pitch_limit_deg: Annotated[
-        float, Doc("PTCH_LIM_DEG", 1, 60, "deg", "Maximum pitch set-point of the depth loop")
+        float,
+        Doc(
+            name="PTCH_LIM_DEG",
+            minimum=1,
+            maximum=60,
+            unit="deg",
+            doc="Maximum pitch set-point of the depth loop",
+        ),
     ] = 20.0
 
     lqg_enabled: Annotated[
-        int, Doc("LQG_ENABLE", 0, 1, "", "1: LQG controllers loaded at the start replace the PIDs")
+        int,
+        Doc(
+            name="LQG_ENABLE",
+            minimum=0,
+            maximum=1,
+            unit="",
+            doc="1: LQG controllers loaded at the start replace the PIDs",
+        ),
     ] = 1
     lqg_controllers: LqgControllers | None = None
     """Controllers from a file at the start, None without; not a parameter of a ground station."""
 
     heading_ref_radps: Annotated[
-        float, Doc("HDG_REF_W", 0, 5, "rad/s", "Bandwidth of the heading reference model; 0 off")
+        float,
+        Doc(
+            name="HDG_REF_W",
+            minimum=0,
+            maximum=5,
+            unit="rad/s",
+            doc="Bandwidth of the heading reference model; 0 off",
+        ),
     ] = 0.0
     heading_ref_degps: Annotated[
         float,
-        Doc("HDG_REF_RATE", 0.1, 90, "deg/s", "Maximum yaw rate of the heading reference model"),
+        Doc(
+            name="HDG_REF_RATE",
+            minimum=0.1,
+            maximum=90,
+            unit="deg/s",
+            doc="Maximum yaw rate of the heading reference model",
+        ),
     ] = 6.0
     depth_ref_radps: Annotated[
-        float, Doc("DPT_REF_W", 0, 5, "rad/s", "Bandwidth of the depth reference model; 0 off")
+        float,
+        Doc(
+            name="DPT_REF_W",
+            minimum=0,
+            maximum=5,
+            unit="rad/s",
+            doc="Bandwidth of the depth reference model; 0 off",
+        ),
     ] = 0.0
     depth_ref_mps: Annotated[
         float,
-        Doc("DPT_REF_RATE", 0.01, 5, "m/s", "Maximum depth rate of the depth reference model"),
+        Doc(
+            name="DPT_REF_RATE",
+            minimum=0.01,
+            maximum=5,
+            unit="m/s",
+            doc="Maximum depth rate of the depth reference model",
+        ),
     ] = 0.3
     heading_setpoint_weight: Annotated[
         float,
         Doc(
-            "HDG_SPW",
-            0,
-            1,
-            "",
-            "Set-point weight of HDG_P, used without a reference model; 1 off",
+            name="HDG_SPW",
+            minimum=0,
+            maximum=1,
+            unit="",
+            doc="Set-point weight of HDG_P, used without a reference model; 1 off",
         ),
     ] = 1.0
     depth_setpoint_weight: Annotated[
         float,
         Doc(
-            "DPT_SPW", 0, 1, "", "Set-point weight of DPT_P, used without a reference model; 1 off"
+            name="DPT_SPW",
+            minimum=0,
+            maximum=1,
+            unit="",
+            doc="Set-point weight of DPT_P, used without a reference model; 1 off",
         ),
     ] = 1.0
     pitch_feedforward: Annotated[
         float,
         Doc(
-            "PTCH_FF",
-            0,
-            5,
-            "rad/rad",
-            "Elevator per pitch of the depth reference, at cruise speed; 0 off",
+            name="PTCH_FF",
+            minimum=0,
+            maximum=5,
+            unit="rad/rad",
+            doc="Elevator per pitch of the depth reference, at cruise speed; 0 off",
         ),
     ] = 0.0
     schedule_mps: Annotated[
         float,
         Doc(
-            "GAIN_SPD_MPS",
-            0,
-            5,
-            "m/s",
-            "Speed that the gains were designed for; 0: no gain scheduling",
+            name="GAIN_SPD_MPS",
+            minimum=0,
+            maximum=5,
+            unit="m/s",
+            doc="Speed that the gains were designed for; 0: no gain scheduling",
         ),
     ] = 0.0
     roll_compensated: Annotated[
-        int, Doc("ROLL_COMP", 0, 1, "", "1: rotate rudder and elevator commands by the roll angle")
+        int,
+        Doc(
+            name="ROLL_COMP",
+            minimum=0,
+            maximum=1,
+            unit="",
+            doc="1: rotate rudder and elevator commands by the roll angle",
+        ),
     ] = 0
 
     rudder_trim_deg: Annotated[
-        float, Doc("TRIM_RUD_DEG", -15, 15, "deg", "Rudder that holds a straight course")
+        float,
+        Doc(
+            name="TRIM_RUD_DEG",
+            minimum=-15,
+            maximum=15,
+            unit="deg",
+            doc="Rudder that holds a straight course",
+        ),
     ] = 0.0
     elevator_trim_deg: Annotated[
-        float, Doc("TRIM_ELE_DEG", -15, 15, "deg", "Elevator that holds a level run")
+        float,
+        Doc(
+            name="TRIM_ELE_DEG",
+            minimum=-15,
+            maximum=15,
+            unit="deg",
+            doc="Elevator that holds a level run",
+        ),
     ] = 0.0
     travel_deg: Annotated[
-        float, Doc("ACT_TRAVEL_DEG", 1, 45, "deg", "Maximum duct angle, at command 1")
+        float,
+        Doc(
+            name="ACT_TRAVEL_DEG",
+            minimum=1,
+            maximum=45,
+            unit="deg",
+            doc="Maximum duct angle, at command 1",
+        ),
     ] = 15.0
     trim_time_s: Annotated[
         float,
-        Doc("TRIM_AUTO_S", 0, 600, "s", "Time constant of trim learning in steady flight; 0 off"),
+        Doc(
+            name="TRIM_AUTO_S",
+            minimum=0,
+            maximum=600,
+            unit="s",
+            doc="Time constant of trim learning in steady flight; 0 off",
+        ),
     ] = 0.0
     lag_radps: Annotated[
-        float, Doc("ACT_LAG_W", 0.5, 100, "rad/s", "Natural frequency of the tailcone")
+        float,
+        Doc(
+            name="ACT_LAG_W",
+            minimum=0.5,
+            maximum=100,
+            unit="rad/s",
+            doc="Natural frequency of the tailcone",
+        ),
     ] = 3.0
-    lag_damping: Annotated[float, Doc("ACT_LAG_Z", 0.1, 2, "", "Damping ratio of the tailcone")] = (
-        0.6
-    )
+    lag_damping: Annotated[
+        float,
+        Doc(name="ACT_LAG_Z", minimum=0.1, maximum=2, unit="", doc="Damping ratio of the tailcone"),
+    ] = 0.6
     actuator_lead_radps: Annotated[
         float,
         Doc(
-            "ACT_LEAD_W",
-            0,
-            100,
-            "rad/s",
-            "Natural frequency of the tailcone with lead compensation; 0 off",
+            name="ACT_LEAD_W",
+            minimum=0,
+            maximum=100,
+            unit="rad/s",
+            doc="Natural frequency of the tailcone with lead compensation; 0 off",
         ),
     ] = 0.0
     rate_degps: Annotated[
-        float, Doc("ACT_RATE_DEGPS", 1, 360, "deg/s", "Rate limit of the tailcone")
+        float,
+        Doc(
+            name="ACT_RATE_DEGPS",
+            minimum=1,
+            maximum=360,
+            unit="deg/s",
+            doc="Rate limit of the tailcone",
+        ),
     ] = 15.0
     cruise_thrust_pct: Annotated[
-        float, Doc("THR_CRUISE_PCT", 0, 100, "%", "Cruise thrust: default of missions and modes")
+        float,
+        Doc(
+            name="THR_CRUISE_PCT",
+            minimum=0,
+            maximum=100,
+            unit="%",
+            doc="Cruise thrust: default of missions and modes",
+        ),
     ] = 58.0
     cruise_speed_mps: Annotated[
-        float, Doc("SPD_CRUISE_MPS", 0.1, 5, "m/s", "Speed at cruise thrust")
+        float,
+        Doc(
+            name="SPD_CRUISE_MPS", minimum=0.1, maximum=5, unit="m/s", doc="Speed at cruise thrust"
+        ),
     ] = 1.3
     speed_length_m: Annotated[
-        float, Doc("SPD_LENGTH_M", 1, 500, "m", "Distance in which speed follows thrust")
+        float,
+        Doc(
+            name="SPD_LENGTH_M",
+            minimum=1,
+            maximum=500,
+            unit="m",
+            doc="Distance in which speed follows thrust",
+        ),
     ] = 12.0
 
     declination_deg: Annotated[
-        float, Doc("MAG_DECL_DEG", -180, 180, "deg", "Magnetic declination, east positive")
+        float,
+        Doc(
+            name="MAG_DECL_DEG",
+            minimum=-180,
+            maximum=180,
+            unit="deg",
+            doc="Magnetic declination, east positive",
+        ),
     ] = -14.4
     attitude_gain: Annotated[
         float,
-        Doc("EST_ATT_GAIN", 0, 5, "1/s", "Gain of the accelerometer in the attitude estimate"),
+        Doc(
+            name="EST_ATT_GAIN",
+            minimum=0,
+            maximum=5,
+            unit="1/s",
+            doc="Gain of the accelerometer in the attitude estimate",
+        ),
     ] = 0.15
     heading_gain: Annotated[
-        float, Doc("EST_HDG_GAIN", 0, 5, "1/s", "Gain of the magnetometer in the heading estimate")
+        float,
+        Doc(
+            name="EST_HDG_GAIN",
+            minimum=0,
+            maximum=5,
+            unit="1/s",
+            doc="Gain of the magnetometer in the heading estimate",
+        ),
     ] = 0.15
     bias_gain: Annotated[
-        float, Doc("EST_BIAS_GAIN", 0, 1, "1/s2", "Gain of the gyro bias estimate")
+        float,
+        Doc(
+            name="EST_BIAS_GAIN",
+            minimum=0,
+            maximum=1,
+            unit="1/s2",
+            doc="Gain of the gyro bias estimate",
+        ),
     ] = 0.005
     depth_time_s: Annotated[
-        float, Doc("EST_DPT_TIME", 0.05, 10, "s", "Time constant of the depth estimate")
+        float,
+        Doc(
+            name="EST_DPT_TIME",
+            minimum=0.05,
+            maximum=10,
+            unit="s",
+            doc="Time constant of the depth estimate",
+        ),
     ] = 0.7
     surface_pressure_hpa: Annotated[
-        float, Doc("EST_SURF_HPA", 800, 1100, "hPa", "Air pressure at the surface")
+        float,
+        Doc(
+            name="EST_SURF_HPA",
+            minimum=800,
+            maximum=1100,
+            unit="hPa",
+            doc="Air pressure at the surface",
+        ),
     ] = 1013.25
     water_density_kgpm3: Annotated[
-        float, Doc("EST_DENSITY", 950, 1100, "kg/m3", "Density of the water")
+        float,
+        Doc(
+            name="EST_DENSITY", minimum=950, maximum=1100, unit="kg/m3", doc="Density of the water"
+        ),
     ] = 1025.0
 
     current_sd_mps: Annotated[
         float,
-        Doc("NAV_CUR_SD", 0, 3, "m/s", "Standard deviation of the current before a measurement"),
+        Doc(
+            name="NAV_CUR_SD",
+            minimum=0,
+            maximum=3,
+            unit="m/s",
+            doc="Standard deviation of the current before a measurement",
+        ),
     ] = 0.2
     current_walk_mps: Annotated[
         float,
-        Doc("NAV_CUR_WALK", 0, 1, "m/s", "Standard deviation of the current's change in a minute"),
+        Doc(
+            name="NAV_CUR_WALK",
+            minimum=0,
+            maximum=1,
+            unit="m/s",
+            doc="Standard deviation of the current's change in a minute",
+        ),
     ] = 0.05
     speed_error_pct: Annotated[
-        float, Doc("NAV_SPD_PCT", 0, 50, "%", "Standard deviation of the speed derived from thrust")
+        float,
+        Doc(
+            name="NAV_SPD_PCT",
+            minimum=0,
+            maximum=50,
+            unit="%",
+            doc="Standard deviation of the speed derived from thrust",
+        ),
     ] = 5.0
     log_error_pct: Annotated[
         float,
-        Doc("NAV_DVL_PCT", 0, 10, "%", "Standard deviation of Doppler log and heading"),
+        Doc(
+            name="NAV_DVL_PCT",
+            minimum=0,
+            maximum=10,
+            unit="%",
+            doc="Standard deviation of Doppler log and heading",
+        ),
     ] = 0.6
 
     lookahead_m: Annotated[
-        float, Doc("NAV_LOS_M", 1, 500, "m", "Look-ahead distance of line-of-sight guidance")
+        float,
+        Doc(
+            name="NAV_LOS_M",
+            minimum=1,
+            maximum=500,
+            unit="m",
+            doc="Look-ahead distance of line-of-sight guidance",
+        ),
     ] = 15.0
     los_integral_mps: Annotated[
-        float, Doc("NAV_LOS_I", 0, 10, "m/s", "Integral gain of line-of-sight guidance; 0 off")
+        float,
+        Doc(
+            name="NAV_LOS_I",
+            minimum=0,
+            maximum=10,
+            unit="m/s",
+            doc="Integral gain of line-of-sight guidance; 0 off",
+        ),
     ] = 0.3
     acceptance_m: Annotated[
-        float, Doc("NAV_ACC_RAD_M", 0.5, 500, "m", "Radius within which a waypoint is reached")
+        float,
+        Doc(
+            name="NAV_ACC_RAD_M",
+            minimum=0.5,
+            maximum=500,
+            unit="m",
+            doc="Radius within which a waypoint is reached",
+        ),
     ] = 5.0
     station_radius_m: Annotated[
-        float, Doc("STN_RADIUS_M", 5, 1000, "m", "Radius of the circle for station keeping")
+        float,
+        Doc(
+            name="STN_RADIUS_M",
+            minimum=5,
+            maximum=1000,
+            unit="m",
+            doc="Radius of the circle for station keeping",
+        ),
     ] = 20.0
     rtl_depth_m: Annotated[
-        float, Doc("RTL_DEPTH_M", 0, 6000, "m", "Depth of the return to home in RTL")
+        float,
+        Doc(
+            name="RTL_DEPTH_M",
+            minimum=0,
+            maximum=6000,
+            unit="m",
+            doc="Depth of the return to home in RTL",
+        ),
     ] = 2.0
     rtl_radius_m: Annotated[
-        float, Doc("RTL_RADIUS_M", 1, 1000, "m", "Distance from home at which RTL surfaces")
+        float,
+        Doc(
+            name="RTL_RADIUS_M",
+            minimum=1,
+            maximum=1000,
+            unit="m",
+            doc="Distance from home at which RTL surfaces",
+        ),
     ] = 10.0
     offboard_timeout_s: Annotated[
         float,
         Doc(
-            "OFB_TIMEOUT_S", 0.1, 60, "s", "Wall time without a set-point after which OFFBOARD ends"
+            name="OFB_TIMEOUT_S",
+            minimum=0.1,
+            maximum=60,
+            unit="s",
+            doc="Wall time without a set-point after which OFFBOARD ends",
         ),
     ] = 1.0
     stick_rate_degps: Annotated[
         float,
-        Doc("STB_RATE_DEGPS", 0.5, 30, "deg/s", "Yaw rate at full stick in STABILIZE"),
+        Doc(
+            name="STB_RATE_DEGPS",
+            minimum=0.5,
+            maximum=30,
+            unit="deg/s",
+            doc="Yaw rate at full stick in STABILIZE",
+        ),
     ] = 8.0
 
     surfaced_depth_m: Annotated[
-        float, Doc("SURF_DEPTH_M", 0.1, 3, "m", "Depth above which the vehicle counts as surfaced")
+        float,
+        Doc(
+            name="SURF_DEPTH_M",
+            minimum=0.1,
+            maximum=3,
+            unit="m",
+            doc="Depth above which the vehicle counts as surfaced",
+        ),
     ] = 0.5
     surface_rise_s: Annotated[
         float,
         Doc(
-            "SURF_RISE_S",
-            0,
-            600,
-            "s",
-            "Time without a rise after which SURFACE stops the propeller; 0 off",
+            name="SURF_RISE_S",
+            minimum=0,
+            maximum=600,
+            unit="s",
+            doc="Time without a rise after which SURFACE stops the propeller; 0 off",
         ),
     ] = 20.0
     surface_time_s: Annotated[
         float,
-        Doc("SURF_TIME_S", 0, 86_400, "s", "Time without a rise after which SURFACE ends; 0 never"),
+        Doc(
+            name="SURF_TIME_S",
+            minimum=0,
+            maximum=86_400,
+            unit="s",
+            doc="Time without a rise after which SURFACE ends; 0 never",
+        ),
     ] = 300.0
     surface_fix_s: Annotated[
         float,
         Doc(
-            "SURF_FIX_S",
-            0,
-            600,
-            "s",
-            "Duration of a satellite fix that ends SURFACE at any depth; 0 off",
+            name="SURF_FIX_S",
+            minimum=0,
+            maximum=600,
+            unit="s",
+            doc="Duration of a satellite fix that ends SURFACE at any depth; 0 off",
         ),
     ] = 5.0
     buoyancy_n: Annotated[
         float,
         Doc(
-            "SURF_BUOY_N",
-            -10_000,
-            10_000,
-            "N",
-            "Net buoyancy; above 0 the vehicle floats up by itself",
+            name="SURF_BUOY_N",
+            minimum=-10_000,
+            maximum=10_000,
+            unit="N",
+            doc="Net buoyancy; above 0 the vehicle floats up by itself",
         ),
     ] = 22.24
     mission_end: Annotated[
-        int, Doc("MIS_END_ACT", 0, 2, "", "After a mission: 0 HOLD, 1 SURFACE, 2 disarm")
+        int,
+        Doc(
+            name="MIS_END_ACT",
+            minimum=0,
+            maximum=2,
+            unit="",
+            doc="After a mission: 0 HOLD, 1 SURFACE, 2 disarm",
+        ),
     ] = 1
     mission_seq0_home: Annotated[
-        int, Doc("MIS_SEQ0_HOME", 0, 1, "", "1: mission item 0 is home and is skipped")
+        int,
+        Doc(
+            name="MIS_SEQ0_HOME",
+            minimum=0,
+            maximum=1,
+            unit="",
+            doc="1: mission item 0 is home and is skipped",
+        ),
     ] = 0
     mission_distance_m: Annotated[
         float,
         Doc(
-            "MIS_DIST_MAX",
-            0,
-            100_000,
-            "m",
-            "Maximum distance of mission waypoints from home; 0: no limit",
+            name="MIS_DIST_MAX",
+            minimum=0,
+            maximum=100_000,
+            unit="m",
+            doc="Maximum distance of mission waypoints from home; 0: no limit",
         ),
     ] = 10_000.0
     """The default is the distance at cruise speed (1.3 m/s) in FS_TIME_S (7200 s), rounded up."""
 
     fs_depth_m: Annotated[
-        float, Doc("FS_DEPTH_M", 1, 6000, "m", "Maximum depth; below it the failsafe surfaces")
+        float,
+        Doc(
+            name="FS_DEPTH_M",
+            minimum=1,
+            maximum=6000,
+            unit="m",
+            doc="Maximum depth; below it the failsafe surfaces",
+        ),
     ] = 18.0
     fs_altitude_m: Annotated[
         float,
-        Doc("FS_ALT_M", 0, 100, "m", "Minimum altitude; below it the failsafe surfaces; 0 off"),
+        Doc(
+            name="FS_ALT_M",
+            minimum=0,
+            maximum=100,
+            unit="m",
+            doc="Minimum altitude; below it the failsafe surfaces; 0 off",
+        ),
     ] = 1.0
     fs_pitch_deg: Annotated[
-        float, Doc("FS_PITCH_DEG", 10, 90, "deg", "Maximum pitch; above it the failsafe surfaces")
+        float,
+        Doc(
+            name="FS_PITCH_DEG",
+            minimum=10,
+            maximum=90,
+            unit="deg",
+            doc="Maximum pitch; above it the failsafe surfaces",
+        ),
     ] = 75.0
     fs_time_s: Annotated[
         float,
         Doc(
-            "FS_TIME_S",
-            0,
-            864_000,
-            "s",
-            "Maximum armed time; after it the failsafe surfaces; 0 off",
+            name="FS_TIME_S",
+            minimum=0,
+            maximum=864_000,
+            unit="s",
+            doc="Maximum armed time; after it the failsafe surfaces; 0 off",
         ),
     ] = 7200.0
     fs_ground_s: Annotated[
         float,
         Doc(
-            "FS_GCS_TIMEOUT",
-            0,
-            86_400,
-            "s",
-            "Wall time without a ground station before FS_GCS_ACT; 0 off",
+            name="FS_GCS_TIMEOUT",
+            minimum=0,
+            maximum=86_400,
+            unit="s",
+            doc="Wall time without a ground station before FS_GCS_ACT; 0 off",
         ),
     ] = 0.0
     fs_ground_action: Annotated[
-        int, Doc("FS_GCS_ACT", 0, 2, "", "Ground station lost: 0 HOLD, 1 SURFACE, 2 RTL")
+        int,
+        Doc(
+            name="FS_GCS_ACT",
+            minimum=0,
+            maximum=2,
+            unit="",
+            doc="Ground station lost: 0 HOLD, 1 SURFACE, 2 RTL",
+        ),
     ] = 1
     fs_leak_action: Annotated[
-        int, Doc("FS_LEAK_ACT", 0, 1, "", "Leak: 0 report only, 1 surface")
+        int,
+        Doc(
+            name="FS_LEAK_ACT", minimum=0, maximum=1, unit="", doc="Leak: 0 report only, 1 surface"
+        ),
     ] = 1
     fs_battery_action: Annotated[
-        int, Doc("FS_BATT_ACT", 0, 1, "", "Battery low: 0 report only, 1 surface")
+        int,
+        Doc(
+            name="FS_BATT_ACT",
+            minimum=0,
+            maximum=1,
+            unit="",
+            doc="Battery low: 0 report only, 1 surface",
+        ),
     ] = 1
     fs_battery_pct: Annotated[
-        float, Doc("FS_BATT_PCT", 0, 100, "%", "Charge below which the battery is low; 0 off")
+        float,
+        Doc(
+            name="FS_BATT_PCT",
+            minimum=0,
+            maximum=100,
+            unit="%",
+            doc="Charge below which the battery is low; 0 off",
+        ),
     ] = 15.0
     fs_battery_v: Annotated[
-        float, Doc("FS_BATT_V", 0, 1000, "V", "Voltage below which the battery is low; 0 off")
+        float,
+        Doc(
+            name="FS_BATT_V",
+            minimum=0,
+            maximum=1000,
+            unit="V",
+            doc="Voltage below which the battery is low; 0 off",
+        ),
     ] = 0.0
     fs_pressure_action: Annotated[
         int,
         Doc(
-            "FS_PRESS_ACT",
-            0,
-            1,
-            "",
-            "Depth unknown: 0 report only, 1 stop the propeller and float up",
+            name="FS_PRESS_ACT",
+            minimum=0,
+            maximum=1,
+            unit="",
+            doc="Depth unknown: 0 report only, 1 stop the propeller and float up",
         ),
     ] = 1
     fs_pressure_s: Annotated[
         float,
         Doc(
-            "FS_PRESS_S",
-            0.5,
-            600,
-            "s",
-            "Time without a depth measurement after which depth is unknown",
+            name="FS_PRESS_S",
+            minimum=0.5,
+            maximum=600,
+            unit="s",
+            doc="Time without a depth measurement after which depth is unknown",
         ),
     ] = 5.0
 
     health_lost_s: Annotated[
-        float, Doc("HLTH_LOST_S", 0.05, 60, "s", "Age above which an AHRS reading is lost")
+        float,
+        Doc(
+            name="HLTH_LOST_S",
+            minimum=0.05,
+            maximum=60,
+            unit="s",
+            doc="Age above which an AHRS reading is lost",
+        ),
     ] = 0.5
     health_stuck_s: Annotated[
         float,
         Doc(
-            "HLTH_STUCK_S",
-            0,
-            600,
-            "s",
-            "Time without a change after which an AHRS reading is stuck; 0 off",
+            name="HLTH_STUCK_S",
+            minimum=0,
+            maximum=600,
+            unit="s",
+            doc="Time without a change after which an AHRS reading is stuck; 0 off",
         ),
     ] = 1.0
     health_duct_pct: Annotated[
         float,
         Doc(
-            "HLTH_DUCT_PCT",
-            1,
-            200,
-            "%",
-            "Duct feedback error, in percent of travel, that is a fault",
+            name="HLTH_DUCT_PCT",
+            minimum=1,
+            maximum=200,
+            unit="%",
+            doc="Duct feedback error, in percent of travel, that is a fault",
         ),
     ] = 60.0
     health_depth_s: Annotated[
-        float, Doc("HLTH_DPT_S", 0, 600, "s", "Duration of a depth error that is reported; 0 off")
+        float,
+        Doc(
+            name="HLTH_DPT_S",
+            minimum=0,
+            maximum=600,
+            unit="s",
+            doc="Duration of a depth error that is reported; 0 off",
+        ),
     ] = 30.0
     failure_enabled: Annotated[
         int,
-        Doc("SYS_FAILURE_EN", 0, 1, "", "1: forward MAV_CMD_INJECT_FAILURE to the simulator"),
+        Doc(
+            name="SYS_FAILURE_EN",
+            minimum=0,
+            maximum=1,
+            unit="",
+            doc="1: forward MAV_CMD_INJECT_FAILURE to the simulator",
+        ),
     ] = 0
 
-    log_enabled: Annotated[int, Doc("LOG_ENABLE", 0, 1, "", "1: record a log on the vehicle")] = 1
-    log_disarmed: Annotated[int, Doc("LOG_DISARMED", 0, 1, "", "1: log also while disarmed")] = 0
+    log_enabled: Annotated[
+        int,
+        Doc(name="LOG_ENABLE", minimum=0, maximum=1, unit="", doc="1: record a log on the vehicle"),
+    ] = 1
+    log_disarmed: Annotated[
+        int,
+        Doc(name="LOG_DISARMED", minimum=0, maximum=1, unit="", doc="1: log also while disarmed"),
+    ] = 0
     log_max_mb: Annotated[
         float,
         Doc(
-            "LOG_MAX_MB", 1, 1e6, "MB", "Maximum size of all logs; above it the oldest are deleted"
+            name="LOG_MAX_MB",
+            minimum=1,
+            maximum=1e6,
+            unit="MB",
+            doc="Maximum size of all logs; above it the oldest are deleted",
         ),
     ] = 4000.0
     log_free_mb: Annotated[
-        float, Doc("LOG_FREE_MB", 0, 1e6, "MB", "Disk space that logs leave free")
+        float,
+        Doc(
+            name="LOG_FREE_MB",
+            minimum=0,
+            maximum=1e6,
+            unit="MB",
+            doc="Disk space that logs leave free",
+        ),
     ] = 200.0
 
     sid_axis: Annotated[
         int,
         Doc(
-            "SID_AXIS",
-            0,
-            123,
-            "",
-            "Test axis: 0 none, 11 elevator, 12 rudder, 13 thrust, 23 both; +100: loop on",
+            name="SID_AXIS",
+            minimum=0,
+            maximum=123,
+            unit="",
+            doc="Test axis: 0 none, 11 elevator, 12 rudder, 13 thrust, 23 both; +100: loop on",
         ),
     ] = 0
     sid_magnitude: Annotated[
         float,
         Doc(
-            "SID_MAGNITUDE",
-            -100,
-            100,
-            "deg",
-            "Amplitude of the test signal about trim; thrust in %",
+            name="SID_MAGNITUDE",
+            minimum=-100,
+            maximum=100,
+            unit="deg",
+            doc="Amplitude of the test signal about trim; thrust in %",
         ),
     ] = 3.0
     sid_elevator_pct: Annotated[
         float,
-        Doc("SID_ELE_PCT", 1, 100, "%", "Elevator amplitude relative to rudder if both are tested"),
+        Doc(
+            name="SID_ELE_PCT",
+            minimum=1,
+            maximum=100,
+            unit="%",
+            doc="Elevator amplitude relative to rudder if both are tested",
+        ),
     ] = 50.0
     sid_start_hz: Annotated[
         float,
-        Doc("SID_F_START_HZ", 0.001, 10, "Hz", "Start frequency of a chirp, lowest of a multisine"),
+        Doc(
+            name="SID_F_START_HZ",
+            minimum=0.001,
+            maximum=10,
+            unit="Hz",
+            doc="Start frequency of a chirp, lowest of a multisine",
+        ),
     ] = 0.02
     sid_stop_hz: Annotated[
         float,
         Doc(
-            "SID_F_STOP_HZ",
-            0.001,
-            10,
-            "Hz",
-            "End frequency of a chirp, highest of a multisine, clock of a PRBS",
+            name="SID_F_STOP_HZ",
+            minimum=0.001,
+            maximum=10,
+            unit="Hz",
+            doc="End frequency of a chirp, highest of a multisine, clock of a PRBS",
         ),
     ] = 0.5
     sid_fade_in_s: Annotated[
-        float, Doc("SID_T_FADE_IN", 0, 20, "s", "Fade time at both ends of a test")
+        float,
+        Doc(
+            name="SID_T_FADE_IN",
+            minimum=0,
+            maximum=20,
+            unit="s",
+            doc="Fade time at both ends of a test",
+        ),
     ] = 0.0
-    sid_record_s: Annotated[float, Doc("SID_T_REC", 1, 600, "s", "Duration of a test")] = 20.0
+    sid_record_s: Annotated[
+        float, Doc(name="SID_T_REC", minimum=1, maximum=600, unit="s", doc="Duration of a test")
+    ] = 20.0
     sid_wave: Annotated[
         int,
         Doc(
-            "SID_WAVE",
-            0,
-            6,
-            "",
-            "0 chirp, 1 step, 2 doublet, 3 PRBS, 4 multisine, 5 3211, 6 square",
+            name="SID_WAVE",
+            minimum=0,
+            maximum=6,
+            unit="",
+            doc="0 chirp, 1 step, 2 doublet, 3 PRBS, 4 multisine, 5 3211, 6 square",
         ),
     ] = 1
-    sid_seed: Annotated[int, Doc("SID_SEED", 0, 16_777_215, "", "Seed of a PRBS")] = 0
+    sid_seed: Annotated[
+        int, Doc(name="SID_SEED", minimum=0, maximum=16_777_215, unit="", doc="Seed of a PRBS")
+    ] = 0
     sid_runs_1: Annotated[
         int,
         Doc(
-            "SID_RUNS_1",
-            0,
-            9_999_999,
-            "",
-            "Switch intervals of a square wave, one digit per interval",
+            name="SID_RUNS_1",
+            minimum=0,
+            maximum=9_999_999,
+            unit="",
+            doc="Switch intervals of a square wave, one digit per interval",
         ),
     ] = 0
     sid_runs_2: Annotated[
         int,
         Doc(
-            "SID_RUNS_2",
-            0,
-            9_999_999,
-            "",
-            "Further switch intervals of a square wave, one digit each",
+            name="SID_RUNS_2",
+            minimum=0,
+            maximum=9_999_999,
+            unit="",
+            doc="Further switch intervals of a square wave, one digit each",
         ),
     ] = 0
     sid_depth_min_m: Annotated[
         float,
-        Doc("SID_DEPTH_MIN", -10, 100, "m", "Minimum depth of a test; -10 on the bench"),
+        Doc(
+            name="SID_DEPTH_MIN",
+            minimum=-10,
+            maximum=100,
+            unit="m",
+            doc="Minimum depth of a test; -10 on the bench",
+        ),
     ] = 1.0
     sid_depth_max_m: Annotated[
-        float, Doc("SID_DEPTH_MAX", 1, 6000, "m", "Maximum depth of a test")
+        float,
+        Doc(name="SID_DEPTH_MAX", minimum=1, maximum=6000, unit="m", doc="Maximum depth of a test"),
     ] = 15.0
     sid_altitude_min_m: Annotated[
-        float, Doc("SID_ALT_MIN", 0, 100, "m", "Minimum altitude of a test")
+        float,
+        Doc(name="SID_ALT_MIN", minimum=0, maximum=100, unit="m", doc="Minimum altitude of a test"),
     ] = 3.0
     sid_pitch_max_deg: Annotated[
-        float, Doc("SID_PITCH_MAX", 1, 90, "deg", "Maximum pitch of a test")
+        float,
+        Doc(name="SID_PITCH_MAX", minimum=1, maximum=90, unit="deg", doc="Maximum pitch of a test"),
     ] = 35.0
     sid_heading_max_deg: Annotated[
-        float, Doc("SID_HDG_MAX", 1, 180, "deg", "Maximum heading change in a test")
+        float,
+        Doc(
+            name="SID_HDG_MAX",
+            minimum=1,
+            maximum=180,
+            unit="deg",
+            doc="Maximum heading change in a test",
+        ),
     ] = 180.0
     sid_rate_max_degps: Annotated[
         float,
-        Doc("SID_RATE_MAX", 1, 360, "deg/s", "Maximum pitch or yaw rate in a test"),
+        Doc(
+            name="SID_RATE_MAX",
+            minimum=1,
+            maximum=360,
+            unit="deg/s",
+            doc="Maximum pitch or yaw rate in a test",
+        ),
     ] = 60.0
     sid_time_max_s: Annotated[
-        float, Doc("SID_TIME_MAX", 1, 600, "s", "Maximum duration of a test")
+        float,
+        Doc(
+            name="SID_TIME_MAX", minimum=1, maximum=600, unit="s", doc="Maximum duration of a test"
+        ),
     ] = 120.0
 
     travel_rad: float = field(init=False)
@@ -545,11 +998,21 @@ class Config:
             (
                 "heading_gains",
                 Gains(
-                    self.heading_p, self.heading_d, self.heading_i, self.heading_i_max, hold_radps
+                    p=self.heading_p,
+                    d=self.heading_d,
+                    i=self.heading_i,
+                    i_max=self.heading_i_max,
+                    i_rate=hold_radps,
                 ),
             ),
-            ("pitch_gains", Gains(self.pitch_p, self.pitch_d, self.pitch_i, self.pitch_i_max)),
-            ("depth_gains", Gains(self.depth_p, self.depth_d, self.depth_i, self.depth_i_max)),
+            (
+                "pitch_gains",
+                Gains(p=self.pitch_p, d=self.pitch_d, i=self.pitch_i, i_max=self.pitch_i_max),
+            ),
+            (
+                "depth_gains",
+                Gains(p=self.depth_p, d=self.depth_d, i=self.depth_i, i_max=self.depth_i_max),
+            ),
         ):
             object.__setattr__(self, name, value)
 
@@ -557,7 +1020,11 @@ class Config:
         """Return the lag of the tailcone and its lead in SI units."""
         rate, travel = math.radians(self.rate_degps), math.radians(self.travel_deg)
         return ActuatorLead(
-            self.lag_radps, self.lag_damping, self.actuator_lead_radps, rate, travel
+            lag_radps=self.lag_radps,
+            lag_damping=self.lag_damping,
+            lead_radps=self.actuator_lead_radps,
+            rate_radps=rate,
+            travel_rad=travel,
         )
 
 

@@ -84,9 +84,12 @@ def columns(system: int, sensors_component: int) -> tuple[Column, ...]:
         ("ACTUATOR_OUTPUT_STATUS", f"QI{actuator_test.CHANNELS}f"),
         ("DEBUG_FLOAT_ARRAY", f"QH10s{len(Trace._fields)}f"),
     ]
-    sensors = Column(system, sensors_component, _IMU, f"{_IMU.struct.size}s")
+    sensors = Column(
+        system=system, component=sensors_component, message=_IMU, formats=f"{_IMU.struct.size}s"
+    )
     return sensors, *(
-        Column(system, COMPONENT, dialect.by_name(name), layout) for name, layout in own
+        Column(system=system, component=COMPONENT, message=dialect.by_name(name), formats=layout)
+        for name, layout in own
     )
 
 

@@ -43,7 +43,12 @@ class LogStore:
         try:
             entries = [(_NAME.fullmatch(entry.name), entry) for entry in os.scandir(self.folder)]
             logs = [
-                LogFile(Path(entry.path), int(name[1]), entry.stat().st_size, _unix_s(name[2]))
+                LogFile(
+                    path=Path(entry.path),
+                    number=int(name[1]),
+                    bytes=entry.stat().st_size,
+                    began_unix_s=_unix_s(name[2]),
+                )
                 for name, entry in entries
                 if name and entry.is_file(follow_symlinks=False)
             ]

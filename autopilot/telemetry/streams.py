@@ -253,7 +253,9 @@ class TelemetryStream(NamedTuple):
 
 def _stream(name: str, rate_hz: float, build: Builder, *more_builders: Builder) -> TelemetryStream:
     """Return a row for a message name."""
-    return TelemetryStream(dialect.by_name(name), rate_hz, build, more_builders)
+    return TelemetryStream(
+        message=dialect.by_name(name), rate_hz=rate_hz, build=build, more_builders=more_builders
+    )
 
 
 STREAMS = (

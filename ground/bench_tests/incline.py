@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -81,10 +81,19 @@ def load(path: Path | None) -> IncliningPlan:
     return plan
 
 
+class IncliningSession(NamedTuple):
+    """An inclining test to run."""
+
+    plan: IncliningPlan
+    """Moves of the weights."""
+    log: Path
+    """Log to write."""
+    prior: str
+    """Vehicle file with mass and centre of buoyancy."""
+
+
 def measure(
-    plan: IncliningPlan,
-    log: Path,
-    prior: str,
+    session: IncliningSession,
     target: str | SimulatedVehicle,
     watch: Callable[[FlightProgress], None],
     announce: Callable[[str], None],
@@ -94,12 +103,8 @@ def measure(
 
     Parameters
     ----------
-    plan : IncliningPlan
-        Moves of the weights.
-    log : Path
-        Log to write.
-    prior : str
-        Vehicle file with mass and centre of buoyancy.
+    session : IncliningSession
+        Moves, log and vehicle file.
     target : str or SimulatedVehicle
         Address of a vehicle, or a simulated vehicle.
     watch, announce : Callable
@@ -112,8 +117,11 @@ def measure(
     AddressError, InputError, OperationError
         The vehicle was not found or refused, or the data allow no estimate.
     """
-    vehicle_file = refit.read_vehicle(prior)
-    with flight.open_recorded_vehicle(target, log, key_file=key_file) as (vehicle, recorder):
+    plan, vehicle_file = session.plan, refit.read_vehicle(session.prior)
+    with flight.open_recorded_vehicle(target, session.log, key_file=key_file) as (
+        vehicle,
+        recorder,
+    ):
         vehicle.connect()
         with bench.armed_without_thrust(vehicle) as before:
             recorder.attach_parameters(before | bench.PARAMETERS)
@@ -132,7 +140,7 @@ def measure(
                 )
                 bench.listen_until(vehicle, recorder, armed_s + (number + 1) * plan.duration_s)
     try:
-        return inclining_test.analyse(readers.read(log), plan.dated(), vehicle_file)
+        return inclining_test.analyse(readers.read(session.log), plan.dated(), vehicle_file)
     except LogError as error:
         raise inclining_test.InclineError(str(error)) from None
 

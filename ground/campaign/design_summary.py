@@ -53,19 +53,32 @@ def describe_other_limits(spec: Spec) -> str:
 def _nominal_rows(spec: Spec, reached: LoopAnalysis) -> Iterator[LimitRow]:
     """Yield the limits on the identified model."""
     loop, damping = min(reached.damping.items(), key=lambda item: item[1])
-    yield LimitRow("damping", f">= {spec.damping:g}", f"{damping:.2f}", loop)
+    yield LimitRow(
+        limit="damping", asked=f">= {spec.damping:g}", reached=f"{damping:.2f}", where=loop
+    )
     margins = {cut: m for cut, m in reached.margins.items() if cut in LIMITED_CUTS}
     gains = {cut: m.gm_db for cut, m in margins.items() if m.gm_db is not None}
     if gains:
-        cut = min(gains, key=gains.__getitem__)
-        yield LimitRow("gain margin, dB", f">= {spec.gm_db:g}", f"{gains[cut]:.1f}", cut)
+        cut, least = min(gains.items(), key=lambda item: item[1])
+        yield LimitRow(
+            limit="gain margin, dB", asked=f">= {spec.gm_db:g}", reached=f"{least:.1f}", where=cut
+        )
     phases = {cut: m.pm_deg for cut, m in margins.items() if m.pm_deg is not None}
     if phases:
-        cut = min(phases, key=phases.__getitem__)
-        yield LimitRow("phase margin, deg", f">= {spec.pm_deg:g}", f"{phases[cut]:.0f}", cut)
+        cut, least = min(phases.items(), key=lambda item: item[1])
+        yield LimitRow(
+            limit="phase margin, deg",
+            asked=f">= {spec.pm_deg:g}",
+            reached=f"{least:.0f}",
+            where=cut,
+        )
     cut = max(margins, key=lambda name: margins[name].max_sensitivity)
-    largest = f"{margins[cut].max_sensitivity:.2f}"
-    yield LimitRow("largest sensitivity", f"<= {spec.max_sensitivity:g}", largest, cut)
+    yield LimitRow(
+        limit="largest sensitivity",
+        asked=f"<= {spec.max_sensitivity:g}",
+        reached=f"{margins[cut].max_sensitivity:.2f}",
+        where=cut,
+    )
 
 
 def _robustness_rows(design: DesignSummary) -> Iterator[LimitRow]:
@@ -74,10 +87,10 @@ def _robustness_rows(design: DesignSummary) -> Iterator[LimitRow]:
     limits = f"GM {spec.robust_gm_db:g} dB, PM {spec.robust_pm_deg:g} deg, damping {spec.damping:g}"
     if robustness is None:
         yield LimitRow(
-            "vehicles that meet it",
-            "",
-            "",
-            f"not known: needs the vehicle file (--prior); {limits}",
+            limit="vehicles that meet it",
+            asked="",
+            reached="",
+            where=f"not known: needs the vehicle file (--prior); {limits}",
         )
         return
     asked, reached = (
@@ -86,10 +99,15 @@ def _robustness_rows(design: DesignSummary) -> Iterator[LimitRow]:
     )
     most = f"; most others miss the {robustness.worst}" if robustness.worst else ""
     source = f"of {robustness.vehicles} sampled from the model"
-    yield LimitRow("vehicles that meet it", asked, reached, f"{source}: {limits}{most}")
     yield LimitRow(
-        "vehicles that meet it, relaxed",
-        "",
-        f"{100 * robustness.relaxed:.0f} %",
-        "GM 5 dB, PM 40 deg, damping 0.5",
+        limit="vehicles that meet it",
+        asked=asked,
+        reached=reached,
+        where=f"{source}: {limits}{most}",
+    )
+    yield LimitRow(
+        limit="vehicles that meet it, relaxed",
+        asked="",
+        reached=f"{100 * robustness.relaxed:.0f} %",
+        where="GM 5 dB, PM 40 deg, damping 0.5",
     )

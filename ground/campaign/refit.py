@@ -1,10 +1,10 @@
 """Interface to identification and design in sysid, for the commands and the campaign."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -17,7 +17,6 @@ from sysid import refit as fitting
 from sysid.data import readers
 from sysid.data.dataset import Log
 from sysid.data.events import ModeChanged
-from sysid.data.readers import servo_channels
 from sysid.data.segments import MarkedInterval
 from sysid.design import lqg, pid
 from sysid.design.lqg import LqgDesign
@@ -28,10 +27,9 @@ from sysid.monitor import MonitorReport, tracking_metrics
 from sysid.monitor.performance_spec import PerformanceBaseline
 from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.planes import PLANE_OF_SURFACE
-from sysid.refit import SHIPPED
+from sysid.refit import SHIPPED, RefitRequest
 from sysid.reproduction import paper_tables
 
-Method = Literal["map", "paper", "output-error", "filter-error"]
 MAX_TRIM_DEG = 15.0
 """Largest plausible trim: the travel of Caribou's duct."""
 
@@ -88,16 +86,8 @@ def measure_trims(path: Path, window_s: float) -> dict[str, float]:
 
 
 def refit(
-    paths: Sequence[Path],
-    held_out: Sequence[Path] = (),
-    prior: str = "caribou_nominal",
-    method: Method = "map",
+    request: RefitRequest,
     progress: Callable[[str, float], None] | None = None,
-    marked: Sequence[str] = (),
-    outputs: str = "1,2,3",
-    alternative_methods: Sequence[Method] = (),
-    tailcone: Path | None = None,
-    inclining: Path | None = None,
     *,
     force: bool = False,
 ) -> IdentifiedModel:
@@ -105,22 +95,10 @@ def refit(
 
     Parameters
     ----------
-    paths, held_out : Sequence of Path
-        Logs that are fitted, and logs that are only predicted.
-    prior : str
-        `caribou_nominal`, a vehicle file or a model.
-    method : str
-        `map`, `output-error`, `filter-error` or `paper`.
+    request : RefitRequest
+        Logs, prior and methods.
     progress : Callable, optional
         Called with a text and the completed fraction.
-    marked : Sequence of str
-        Tests that the logs do not mark, as `[LOG:]START..STOP:rudder` or `:elevator`, s.
-    outputs : str
-        Servo outputs of rudder, elevator and thrust, as `1,2,3`.
-    alternative_methods : Sequence of str
-        Methods by which the same tests are fitted for comparison.
-    tailcone, inclining : Path, optional
-        Results of the bench test and of the inclining test, used as priors.
     force : bool
         Return the model even if the fit failed; the model records the failure.
 
@@ -132,18 +110,7 @@ def refit(
         The fit failed.
     """
     with _singular_model_reported():
-        model = fitting.refit(
-            list(paths),
-            prior=prior,
-            method=method,
-            held_out=list(held_out),
-            progress=progress,
-            marks=[_parse_mark(text) for text in marked],
-            outputs=servo_channels.parse(outputs),
-            alternative_methods=alternative_methods,
-            tailcone=tailcone,
-            inclining=inclining,
-        )
+        model = fitting.refit(request, progress)
     if model.convergence.failures and not force:
         reasons = "; ".join(model.convergence.failures)
         raise OperationError(
@@ -152,7 +119,7 @@ def refit(
     return model
 
 
-def _parse_mark(text: str) -> MarkedInterval:
+def parse_segment(text: str) -> MarkedInterval:
     """Parse a test that a user marks, in seconds of the log's time. Raises InputError."""
     match = re.fullmatch(r"(?:(.+):)?(\d+\.?\d*)\.\.(\d+\.?\d*):(rudder|elevator)", text)
     if match is None:

@@ -30,6 +30,7 @@ from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import InputError, OperationError
+from sysid.refit import RefitRequest
 
 TRIM_MISSION = "trim"
 """Straight and level mission from which the trims are measured."""
@@ -241,7 +242,12 @@ class Campaign:
         with self._lock:
             if self._cancelled:
                 raise OperationError("cancelled")
-            simulation = Simulation(r.vehicle, r.scenario, dive_seed(r.seed, mission), r.speed)
+            simulation = Simulation(
+                vehicle=r.vehicle,
+                scenario=r.scenario,
+                seed=dive_seed(r.seed, mission),
+                speed=r.speed,
+            )
             simulated = SimulatedVehicle(simulation, start=ForkedProcess)
             self._simulated.append(simulated)
         return simulated
@@ -362,7 +368,9 @@ def _identify(folder: CampaignFolder) -> None:
         [folder.log_path("identification", name) for name in names] for names in (FITTED, HELD_OUT)
     )
     model = refit.refit(
-        fitted, held_out=held_out, prior=folder.prior, alternative_methods=("paper",)
+        RefitRequest(
+            paths=fitted, held_out=held_out, prior=folder.prior, alternative_methods=("paper",)
+        )
     )
     refit.write_model(model, folder.path / "model.json")
 

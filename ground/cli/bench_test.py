@@ -48,13 +48,15 @@ def bench_test(
     from ground.simulation.processes import SimulatedVehicle, Simulation
 
     session = procedure.Session(
-        _new_folder(out),
-        tuple(axis or signals.AXES),
-        tuple(amplitude or procedure.AMPLITUDES_DEG),
-        tuple(frequency or procedure.FREQUENCIES_HZ),
+        folder=_new_folder(out),
+        axes=tuple(axis or signals.AXES),
+        amplitudes_deg=tuple(amplitude or procedure.AMPLITUDES_DEG),
+        frequencies_hz=tuple(frequency or procedure.FREQUENCIES_HZ),
     )
     procedure.check(session)
-    target = connect or SimulatedVehicle(Simulation(vehicle, "bench", seed, speed))
+    target = connect or SimulatedVehicle(
+        Simulation(vehicle=vehicle, scenario="bench", seed=seed, speed=speed)
+    )
     out.mkdir()
     with progress.display("bench", quiet=json) as display:
         measured = procedure.measure(session, target, display.watch, sign)

@@ -131,7 +131,12 @@ def design_test(
         (heading, pitch, yaw_rate, pitch_rate),
     )
     request = PlanRequest(
-        60.0 * duration, criterion, limits, samples, seed, session.loop_gains(vehicle_gains)
+        test_time_s=60.0 * duration,
+        criterion=criterion,
+        limits=limits,
+        samples=samples,
+        seed=seed,
+        gains=session.loop_gains(vehicle_gains),
     )
     with progress.display("design-test", quiet=json) as display:
         plan = session.plan_tests(design_prior, request, display.show_fraction)
@@ -183,4 +188,11 @@ def _limits(
             f"{water_depth_m} - {min_altitude_m:g}"
         )
     heading, pitch, yaw_rate, pitch_rate = (math.radians(value) for value in angles_deg)
-    return ExcursionLimits(heading, yaw_rate, pitch, pitch_rate, up_m, down_m)
+    return ExcursionLimits(
+        heading_rad=heading,
+        yaw_rate_radps=yaw_rate,
+        pitch_rad=pitch,
+        pitch_rate_radps=pitch_rate,
+        up_m=up_m,
+        down_m=down_m,
+    )

@@ -111,7 +111,9 @@ def fly(
             [listener for listener in (estimate, monitor) if listener], display.show
         )
         if sitl:
-            simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed, truth))
+            simulated = SimulatedVehicle(
+                Simulation(vehicle=vehicle, scenario=scenario, seed=seed, speed=speed, truth=truth)
+            )
             result = flight.fly_simulated(
                 dive, simulated, display.watch, display.show_text, listeners
             )

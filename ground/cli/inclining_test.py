@@ -50,10 +50,16 @@ def inclining_test(
     from ground.simulation.processes import SimulatedVehicle, Simulation
 
     plan = procedure.load(moves)
-    target = connect or SimulatedVehicle(Simulation(vehicle, "inclining", seed, speed))
+    target = connect or SimulatedVehicle(
+        Simulation(vehicle=vehicle, scenario="inclining", seed=seed, speed=speed)
+    )
     with progress.display("incline", quiet=json) as display:
         measured = procedure.measure(
-            plan, new_file(log), prior, target, display.watch, display.announce, sign
+            procedure.IncliningSession(plan=plan, log=new_file(log), prior=prior),
+            target,
+            display.watch,
+            display.announce,
+            sign,
         )
     result = procedure.as_json(measured, prior, refit.read_vehicle(prior).linear.z_CM_m)
     print_result(result, procedure.format_text(result, log), json)

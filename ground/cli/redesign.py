@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from sysid.models.model_file import IdentifiedModel
 
 
-class Method(StrEnum):
+class DesignMethod(StrEnum):
     """Structure of the controller."""
 
     PID = "pid"
     LQG = "lqg"
 
 
-DEFAULT_OUT = {Method.PID: Path("gains.param"), Method.LQG: Path("controller.json")}
+DEFAULT_OUT = {DesignMethod.PID: Path("gains.param"), DesignMethod.LQG: Path("controller.json")}
 """File that a redesign writes without --out."""
 
 
@@ -35,9 +35,9 @@ def redesign(
         typer.Option(metavar="FILE", help="Default: gains.param; with lqg controller.json."),
     ] = None,
     method: Annotated[
-        Method,
+        DesignMethod,
         typer.Option(help="pid: gains of the PID loops; lqg: a controller for autopilot."),
-    ] = Method.PID,
+    ] = DesignMethod.PID,
     upload: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="Also set the gains on the vehicle at this address."),
@@ -87,7 +87,7 @@ def redesign(
     """
     from ground.campaign import refit, specification
 
-    if upload and method is Method.LQG:
+    if upload and method is DesignMethod.LQG:
         raise InputError(
             "--upload: sets parameters, an LQG controller is a file; "
             "give it to `autopilot --controller`"
@@ -107,7 +107,7 @@ def redesign(
     limit_spec = specification.read(spec, limits, refit.specification(identified, prior))
     target = out or DEFAULT_OUT[method]
     result: DesignSummary | dict[str, Any]
-    if method is Method.LQG:
+    if method is DesignMethod.LQG:
         result, text = _redesign_lqg(identified, limit_spec, prior, target, force=force)
     else:
         result, text = _redesign_pid(

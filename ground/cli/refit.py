@@ -9,8 +9,8 @@ import typer
 from ground.cli.options import Json, print_result
 
 
-class Method(StrEnum):
-    """Method of identification."""
+class FitMethod(StrEnum):
+    """FitMethod of identification."""
 
     MAP = "map"
     PAPER = "paper"
@@ -31,12 +31,12 @@ def refit(
         str, typer.Option(help="caribou_nominal, a vehicle file, or a model.json.")
     ] = "caribou_nominal",
     method: Annotated[
-        Method,
+        FitMethod,
         typer.Option(
             help="map: nonlinear model with prior; output-error, filter-error: linear planes;"
             " paper: the paper's method."
         ),
-    ] = Method.MAP,
+    ] = FitMethod.MAP,
     segment: Annotated[
         list[str] | None,
         typer.Option(
@@ -52,7 +52,7 @@ def refit(
         ),
     ] = "1,2,3",
     compare_method: Annotated[
-        list[Method] | None,
+        list[FitMethod] | None,
         typer.Option(help="Another method to fit on the same tests, for comparison; repeatable."),
     ] = None,
     bench_result: Annotated[
@@ -83,21 +83,22 @@ def refit(
     from ground.campaign import identification
     from ground.campaign import refit as refitting
     from ground.cli import progress
+    from sysid.data.readers.servo_channels import parse as parse_channels
+    from sysid.refit import RefitRequest
 
+    request = RefitRequest(
+        paths=logs,
+        held_out=held_out or (),
+        prior=prior,
+        method=method.value,
+        alternative_methods=[other.value for other in compare_method or ()],
+        marks=[refitting.parse_segment(text) for text in segment or ()],
+        outputs=parse_channels(servo_channels),
+        tailcone=bench_result,
+        inclining=inclining_result,
+    )
     with progress.display("refit", quiet=json) as display:
-        model = refitting.refit(
-            logs,
-            held_out or (),
-            prior,
-            method.value,
-            display.show_fraction,
-            segment or (),
-            servo_channels,
-            [other.value for other in compare_method or ()],
-            bench_result,
-            inclining_result,
-            force=force,
-        )
+        model = refitting.refit(request, display.show_fraction, force=force)
     refitting.write_model(model, out)
     print_result(
         identification.summarise_model(model), identification.format_text(model, out), json

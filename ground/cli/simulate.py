@@ -84,7 +84,14 @@ def simulate(
     items, start_s = plans.load_items(mission), wall_s()
     with progress.display("simulate", quiet=json) as display:
         posterior = vehicle_samples.read(model, refit.read_vehicle(prior) if prior else None)
-        request = study.StudyRequest(items, gain_sets, seas, samples, seed, PROCESSES)
+        request = study.StudyRequest(
+            items=items,
+            gains=gain_sets,
+            seas=seas,
+            vehicles=samples,
+            seed=seed,
+            processes=PROCESSES,
+        )
 
         def report(fraction: float, vehicle_s: float) -> None:
             rate = vehicle_s / (wall_s() - start_s)

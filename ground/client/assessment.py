@@ -36,7 +36,7 @@ _MIN_ASSESSED_S = tracking_metrics.SETTLING_S + tracking_metrics.MIN_WINDOW_S
 """Minimum duration of a leg that can be assessed."""
 
 
-class Cause(StrEnum):
+class ErrorCause(StrEnum):
     """Likely cause of a large error on a leg."""
 
     LATE = "settled late"
@@ -70,7 +70,7 @@ class Finding(NamedTuple):
     """A large error of one axis, with its cause."""
 
     axis: str
-    cause: Cause
+    cause: ErrorCause
     legs: int
     """Number of legs with this cause."""
     message: str
@@ -107,7 +107,9 @@ def assess_dive(log_file: Path, trims_learned: str = "") -> Assessment:
     except (ArithmeticError, IndexError, ValueError) as error:
         # The dive succeeded, so a log with gaps must not raise an exception here.
         reason = f"{log_file}: the telemetry has gaps ({error})"
-    return Assessment((), 0, (), trims_learned, reason)
+    return Assessment(
+        legs=(), short_legs=0, findings=(), trims_learned=trims_learned, reason=reason
+    )
 
 
 def assess_log(log: Log, trims_learned: str = "") -> Assessment:
@@ -209,7 +211,7 @@ def _findings(
     legs: Sequence[tuple[AssessedLeg, tuple[SteadyWindow, SteadyWindow]]],
 ) -> list[Finding]:
     """Return one finding per cause, with the text for the worst leg."""
-    by_cause: dict[Cause, list[AssessedLeg]] = {}
+    by_cause: dict[ErrorCause, list[AssessedLeg]] = {}
     for leg, (first, second) in legs:
         cause = _cause(log, axis, leg, _error(first, axis), _error(second, axis))
         if cause is not None:
@@ -221,7 +223,7 @@ def _findings(
         message = (
             f"{axis} {_how_far(axis, cause, worst)}{extent}: {_explain(log, axis, cause, worst)}"
         )
-        findings.append(Finding(axis, cause, len(affected), message))
+        findings.append(Finding(axis=axis, cause=cause, legs=len(affected), message=message))
     return findings
 
 
@@ -230,7 +232,9 @@ def _error(leg: AssessedLeg | SteadyWindow, axis: str) -> Spread:
     return leg.heading_deg if axis == "heading" else leg.depth_m
 
 
-def _cause(log: Log, axis: str, leg: AssessedLeg, first: Spread, second: Spread) -> Cause | None:
+def _cause(
+    log: Log, axis: str, leg: AssessedLeg, first: Spread, second: Spread
+) -> ErrorCause | None:
     """Return the likely cause of an error; None if it is within the limit.
 
     `first`, `second`: errors in the halves of the leg.
@@ -239,35 +243,35 @@ def _cause(log: Log, axis: str, leg: AssessedLeg, first: Spread, second: Spread)
     if error.p95 <= limit:
         return None
     if second.p95 <= limit:
-        return Cause.LATE
+        return ErrorCause.LATE
     if abs(second.mean - first.mean) > limit:
-        return Cause.UNSETTLED
+        return ErrorCause.UNSETTLED
     about_mean = (max(0.0, error.rms**2 - error.mean**2)) ** 0.5
     if abs(error.mean) < about_mean:
-        return Cause.SWINGING
+        return ErrorCause.SWINGING
     return _offset_cause(log, axis, leg)
 
 
-def _offset_cause(log: Log, axis: str, leg: AssessedLeg) -> Cause:
+def _offset_cause(log: Log, axis: str, leg: AssessedLeg) -> ErrorCause:
     """Return the likely cause of a constant error."""
     command, trim_name = _surface(axis, leg)
     travel, trim = log.parameters.get("ACT_TRAVEL_DEG"), log.parameters.get(trim_name)
     if travel is not None and abs(command) >= travel - STOP_MARGIN_DEG:
-        return Cause.AT_STOP
+        return ErrorCause.AT_STOP
     if trim is None:
-        return Cause.UNKNOWN
+        return ErrorCause.UNKNOWN
     trim_error_deg = abs(command - trim)
     if axis == "depth":
         # Level flight: pitch set-point = pitch + (elevator - trim) / PTCH_P. The depth integrator
         # contributes at most DPT_IMAX of it, a depth error the rest.
         gain = log.parameters.get("PTCH_P", 0.0)
         if not gain:
-            return Cause.UNKNOWN
+            return ErrorCause.UNKNOWN
         if trim_error_deg / gain <= abs(leg.pitch_deg):
-            return Cause.INTEGRATOR
+            return ErrorCause.INTEGRATOR
     if trim_error_deg < MIN_TRIM_ERROR_DEG:
-        return Cause.UNKNOWN
-    return Cause.LEARNING if _was_learning(log, leg) else Cause.TRIM
+        return ErrorCause.UNKNOWN
+    return ErrorCause.LEARNING if _was_learning(log, leg) else ErrorCause.TRIM
 
 
 def _surface(axis: str, leg: AssessedLeg) -> tuple[float, str]:
@@ -277,44 +281,44 @@ def _surface(axis: str, leg: AssessedLeg) -> tuple[float, str]:
     return leg.elevator_deg, "TRIM_ELE_DEG"
 
 
-def _how_far(axis: str, cause: Cause, leg: AssessedLeg) -> str:
+def _how_far(axis: str, cause: ErrorCause, leg: AssessedLeg) -> str:
     """Return the size of an error as text."""
     error, unit = _error(leg, axis), UNIT[axis]
-    if cause in (Cause.LATE, Cause.UNSETTLED, Cause.SWINGING):
+    if cause in (ErrorCause.LATE, ErrorCause.UNSETTLED, ErrorCause.SWINGING):
         return f"{error.p95:.2g} {unit} off (95 %)"
     return f"{abs(error.mean):.2g} {unit} off in the mean"
 
 
-def _explain(log: Log, axis: str, cause: Cause, leg: AssessedLeg) -> str:
+def _explain(log: Log, axis: str, cause: ErrorCause, leg: AssessedLeg) -> str:
     """Return the likely cause and its remedy."""
     name = _SURFACE[axis]
     command_deg, parameter = _surface(axis, leg)
     value = f"{parameter} to {command_deg:.1f}"
     match cause:
-        case Cause.LATE:
+        case ErrorCause.LATE:
             text = f"settled later than {tracking_metrics.SETTLING_S:g} s after the change"
             why = ", while the trims were still being learned" if _was_learning(log, leg) else ""
             return f"{text}{why}; good in the second half of the leg"
-        case Cause.UNSETTLED:
+        case ErrorCause.UNSETTLED:
             return "never settled, as the error still changed; give the leg more time"
-        case Cause.AT_STOP:
+        case ErrorCause.AT_STOP:
             remedy = "straighten the duct, or change the ballast"
             return f"the {name} is at its stop, {command_deg:.1f} deg; {remedy}"
-        case Cause.TRIM:
+        case ErrorCause.TRIM:
             trim = log.parameters[parameter]
             values = f"the {name} is at {command_deg:.1f} deg on average, {parameter} is {trim:g}"
             learn = "set TRIM_AUTO_S to 10 and fly `trim`, which learns it"
             return f"the {name} trim is not set ({values}); set {value}, or {learn}"
-        case Cause.LEARNING:
+        case ErrorCause.LEARNING:
             remedy = f"fly `trim` first, or set {value}"
             return f"the {name} trim was still being learned; {remedy}"
-        case Cause.INTEGRATOR:
+        case ErrorCause.INTEGRATOR:
             pitch = f"level flight takes {leg.pitch_deg:.1f} deg of pitch"
             limit = "DPT_IMAX lets the depth integrator carry less"
             return f"{pitch} and {limit}; raise DPT_IMAX, or redesign the gains"
-        case Cause.SWINGING:
+        case ErrorCause.SWINGING:
             return "it oscillates about the set-point: a rough sea, or unsuitable gains"
-        case Cause.UNKNOWN:
+        case ErrorCause.UNKNOWN:
             known = f"the {name} is near its trim, or its trim is not known"
             return f"the telemetry does not show the cause: {known}"
 

@@ -62,7 +62,10 @@ def list_logs(vehicle: VehicleClient) -> list[LogOnVehicle]:
     logs = [entry for entry in entries if entry.size is not None]
     return [
         LogOnVehicle(
-            _number(log.name), safe_file_name(log.name), log.size or 0, f"{FOLDER}/{log.name}"
+            number=_number(log.name),
+            name=safe_file_name(log.name),
+            bytes=log.size or 0,
+            path=f"{FOLDER}/{log.name}",
         )
         for log in logs
     ]
@@ -106,7 +109,13 @@ def fetch(
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / log.name
     if target.is_file() and _is_same(vehicle, log, target):
-        return Download(target, log.bytes, log.bytes, True, _is_finished(target))
+        return Download(
+            file=target,
+            bytes=log.bytes,
+            resumed_at=log.bytes,
+            checked=True,
+            finished=_is_finished(target),
+        )
     part = folder / f"{log.name}.part"
     resumed_at = part.stat().st_size if part.exists() else 0
     checked = (
@@ -115,7 +124,13 @@ def fetch(
         else _fetch_log(vehicle, log, part, watch)
     )
     target = part.rename(_unused_path(target))
-    return Download(target, target.stat().st_size, resumed_at, checked, _is_finished(target))
+    return Download(
+        file=target,
+        bytes=target.stat().st_size,
+        resumed_at=resumed_at,
+        checked=checked,
+        finished=_is_finished(target),
+    )
 
 
 def _fetch_file(
@@ -218,7 +233,9 @@ def _from_listing(log: ListedLog) -> LogOnVehicle:
         if log.began_unix_s
         else ""
     )
-    return LogOnVehicle(log.number, f"log-{log.number:05d}{start}.bin", log.bytes, "")
+    return LogOnVehicle(
+        number=log.number, name=f"log-{log.number:05d}{start}.bin", bytes=log.bytes, path=""
+    )
 
 
 def _number(name: str) -> int:

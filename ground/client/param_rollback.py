@@ -52,7 +52,9 @@ def upload(
     """
     before = _current_values(vehicle, values, source)
     history = History.of(vehicle)
-    history.push(ParamUpload(source, before, dict(values), model_sha256))
+    history.push(
+        ParamUpload(source=source, before=before, after=dict(values), model_sha256=model_sha256)
+    )
     changes: list[ParamChange] = []
     for name, value in values.items():
         try:

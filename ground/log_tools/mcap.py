@@ -1,7 +1,6 @@
 """Inspect, export and recover MCAP logs, also unfinished and damaged ones."""
 
 import csv
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -154,27 +153,6 @@ def recover(path: Path, out: Path) -> Recovered:
             raise
         writer.finish()
     return Recovered(saved, mcap_reader.damage_texts(reader))
-
-
-def read_attachment(path: Path, name: str) -> bytes | None:
-    """Return the attachment ``name`` of a finished log, or None. Raises McapFileError."""
-    with _opened(path, lambda channel: False) as reader:
-        files = [i.data for i in reader.items() if isinstance(i, McapAttachment) and i.name == name]
-    _refuse_damaged(path, reader)
-    return files[0] if files else None
-
-
-def read_parameters(path: Path) -> dict[str, float]:
-    """Return the parameters of the dive. Raises McapFileError if the log contains none."""
-    data = read_attachment(path, "params.json")
-    if data is None:
-        raise McapFileError(f"{path}: contains no attachment params.json")
-    try:
-        values: dict[str, float] = json.loads(data)
-    except (ValueError, RecursionError):
-        needed = "must be an object of numbers by name"
-        raise McapFileError(f"{path}: attachment params.json {needed}") from None
-    return values
 
 
 class _Gaps:

@@ -135,17 +135,6 @@ def _depth_m(item: MissionItem) -> float:
     return math.nan
 
 
-def write_wpl(items: Sequence[MissionItem]) -> str:
-    """Return a mission in the text format of MAVProxy and Mission Planner.
-
-    Line 0 is the home position of these tools, at the surface; the mission begins at line 1. Set
-    the vehicle's parameter MIS_SEQ0_HOME to 1 if such a tool uploads the file.
-    """
-    home = MissionItem(0, 0, 16)
-    rows = [_wpl_row(n, item) for n, item in enumerate((home, *items))]
-    return "\n".join([WPL_HEADER, *rows]) + "\n"
-
-
 def read_wpl(text: str, where: str) -> tuple[MissionItem, ...]:
     """Return the items of a `QGC WPL 110` text without line 0, the home position.
 
@@ -208,28 +197,25 @@ def read_plan(text: str, where: str) -> tuple[MissionItem, ...]:
         ) from None
 
 
-def _wpl_row(number: int, item: MissionItem) -> str:
-    """Return one line of the text format."""
-    x, y = _location(item)
-    columns: list[Any] = [
-        number,
-        int(number == 0),
-        item.frame,
-        item.command,
-        item.p1,
-        item.p2,
-        item.p3,
-        item.p4,
-    ]
-    return "\t".join(str(column) for column in [*columns, x, y, item.z, item.autocontinue])
-
-
 def _wpl_item(row: list[str]) -> MissionItem:
     """Parse one line of the text format. Raises ValueError."""
     frame, command, autocontinue = int(row[2]), int(row[3]), int(row[11])
     p1, p2, p3, p4, x, y, z = (float(column) for column in row[4:11])
     return _with_location(
-        MissionItem(0, frame, command, 0, autocontinue, p1, p2, p3, p4, z=z), x, y
+        MissionItem(
+            sequence=0,
+            frame=frame,
+            command=command,
+            current=0,
+            autocontinue=autocontinue,
+            p1=p1,
+            p2=p2,
+            p3=p3,
+            p4=p4,
+            z=z,
+        ),
+        x,
+        y,
     )
 
 
@@ -256,7 +242,16 @@ def _from_plan(entry: dict[str, Any]) -> MissionItem:
     )
     autocontinue = int(entry.get("autoContinue", True))
     item = MissionItem(
-        0, int(entry["frame"]), int(entry["command"]), 0, autocontinue, p1, p2, p3, p4, z=z
+        sequence=0,
+        frame=int(entry["frame"]),
+        command=int(entry["command"]),
+        current=0,
+        autocontinue=autocontinue,
+        p1=p1,
+        p2=p2,
+        p3=p3,
+        p4=p4,
+        z=z,
     )
     if _has_global_position(item) and math.isnan(x) and math.isnan(y):
         return item._replace(x=NOT_GIVEN, y=NOT_GIVEN)

@@ -93,11 +93,11 @@ def _step_figure(folder: CampaignFolder, run: Run, note: str) -> Figure:
     t = run.time_s[thin]
 
     def rate(name: str, role: str, values: Array) -> Curve:
-        return Curve(name, role, t, np.degrees(values)[thin])
+        return Curve(name=name, role=role, x=t, y=np.degrees(values)[thin])
 
     def angle_change(name: str, role: str, values: Array) -> Curve:
         offset = values[start_index] if PLANES[run.plane].is_yaw else 0.0
-        return Curve(name, role, t, np.degrees(values - offset)[thin])
+        return Curve(name=name, role=role, x=t, y=np.degrees(values - offset)[thin])
 
     return Figure(
         key=f"step-{run.name.replace('/', '-')}",
@@ -190,8 +190,8 @@ def _curve(name: str, role: str, time_s: Array, values: Array, end_s: float) -> 
     """Return a curve with CURVE_HZ points per second."""
     thin = np.arange(0.0, end_s, 1.0 / CURVE_HZ)
     return Curve(
-        name,
-        role,
-        thin,
-        np.interp(thin, time_s, values) if time_s.size else np.full(thin.size, np.nan),
+        name=name,
+        role=role,
+        x=thin,
+        y=np.interp(thin, time_s, values) if time_s.size else np.full(thin.size, np.nan),
     )

@@ -32,10 +32,10 @@ class PolesComparison(NamedTuple):
 def compute() -> PolesComparison:
     """Compute all poles; takes a few seconds."""
     return PolesComparison(
-        paper_poles.rows(),
-        _our_cases(),
-        paper_poles.readings(),
-        paper_poles.single_pole_conditions(),
+        rows=paper_poles.rows(),
+        ours=_our_cases(),
+        readings=paper_poles.readings(),
+        alone=paper_poles.single_pole_conditions(),
     )
 
 
@@ -45,7 +45,13 @@ def _our_cases() -> list[Case]:
     initial_gains = {**loops["heading"].gains, **loops["depth"].gains}
     gains = {"I": TABLE_3_INITIAL, "A": TABLE_3_IMPROVED, "P": initial_gains}
     return [
-        Case(f"ours/{name}", vehicle.planes, g, vehicle.yaw_lag, vehicle.pitch_lag)
+        Case(
+            name=f"ours/{name}",
+            planes=vehicle.planes,
+            gains=g,
+            yaw_lag=vehicle.yaw_lag,
+            pitch_lag=vehicle.pitch_lag,
+        )
         for name, g in gains.items()
     ]
 

@@ -70,11 +70,13 @@ def _response(model: IdentifiedModel, plane: Plane, prior: Any) -> Figure:
 
     def line(name: str, role: str, values: Array, sd: Array | None = None) -> Curve:
         low, high = (None, None) if sd is None else (values - sd, values + sd)
-        return Curve(name, role, w[shown], values, low, high)
+        return Curve(name=name, role=role, x=w[shown], y=values, low=low, high=high)
 
     def measured(values: Sequence[float], sds: Sequence[float]) -> Curve:
         y, sd = np.array(values), NORMAL_95 * np.array(sds)
-        return Curve("measured", "measured", points, y, y - sd, y + sd, look="marks")
+        return Curve(
+            name="measured", role="measured", x=points, y=y, low=y - sd, high=y + sd, look="marks"
+        )
 
     return Figure(
         key=f"response-{plane}",
@@ -105,13 +107,18 @@ def _response(model: IdentifiedModel, plane: Plane, prior: Any) -> Figure:
                 ),
             ),
             Panel(
-                "coherence",
-                "",
-                (
-                    Curve("coherence", "measured", points, np.array(measurement.coherence)),
-                    Curve("limit", "set_point", points, np.full(points.size, 0.6)),
+                title="coherence",
+                y_label="",
+                curves=(
+                    Curve(
+                        name="coherence",
+                        role="measured",
+                        x=points,
+                        y=np.array(measurement.coherence),
+                    ),
+                    Curve(name="limit", role="set_point", x=points, y=np.full(points.size, 0.6)),
                 ),
-                (0.0, 1.05),
+                limits=(0.0, 1.05),
             ),
         ),
         log_x=True,
@@ -150,25 +157,30 @@ def _prediction(model: IdentifiedModel, run: Run, prior: Any) -> Figure:
                 "°/s",
                 (
                     Curve(
-                        "incl. sea and sensors, 95 %",
-                        "redesigned",
-                        t,
-                        predicted_degps,
-                        predicted_degps - total_band,
-                        predicted_degps + total_band,
+                        name="incl. sea and sensors, 95 %",
+                        role="redesigned",
+                        x=t,
+                        y=predicted_degps,
+                        low=predicted_degps - total_band,
+                        high=predicted_degps + total_band,
                         look="band",
                     ),
                     Curve(
-                        "refitted model",
-                        "redesigned",
-                        t,
-                        predicted_degps,
-                        predicted_degps - estimate_band,
-                        predicted_degps + estimate_band,
+                        name="refitted model",
+                        role="redesigned",
+                        x=t,
+                        y=predicted_degps,
+                        low=predicted_degps - estimate_band,
+                        high=predicted_degps + estimate_band,
                     ),
-                    Curve("measured", "measured", t, np.degrees(run.rate_radps[thin])),
                     Curve(
-                        "initial model", "initial", t, np.degrees(predicted.prior_rate_radps[thin])
+                        name="measured", role="measured", x=t, y=np.degrees(run.rate_radps[thin])
+                    ),
+                    Curve(
+                        name="initial model",
+                        role="initial",
+                        x=t,
+                        y=np.degrees(predicted.prior_rate_radps[thin]),
                     ),
                 ),
             ),
@@ -197,20 +209,20 @@ def _whiteness(model: IdentifiedModel, plane: Plane, runs: Sequence[Run], prior:
         x_label="Hz",
         panels=(
             Panel(
-                "share of power",
-                "",
-                (
+                title="share of power",
+                y_label="",
+                curves=(
                     Curve(
-                        "white noise",
-                        "set_point",
-                        hz,
-                        diagonal,
-                        diagonal - half_width,
-                        diagonal + half_width,
+                        name="white noise",
+                        role="set_point",
+                        x=hz,
+                        y=diagonal,
+                        low=diagonal - half_width,
+                        high=diagonal + half_width,
                     ),
-                    Curve("whitened residual", "redesigned", hz, cumulative_power),
+                    Curve(name="whitened residual", role="redesigned", x=hz, y=cumulative_power),
                 ),
-                (0.0, 1.0),
+                limits=(0.0, 1.0),
             ),
         ),
     )

@@ -97,7 +97,7 @@ class MavlinkLog:
         )
         number = self._writer.register_channel(topic, ros1.MESSAGE_ENCODING, schema)
         view = self._viewer_topics.converter(message.name)
-        return Channel(number, system, message.struct.size, view)
+        return Channel(number=number, system=system, length=message.struct.size, view=view)
 
     def write(self, channel: Channel, time_ns: int, payload: bytes, sequence: int) -> None:
         """Write one message.

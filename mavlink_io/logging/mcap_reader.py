@@ -152,7 +152,9 @@ class McapReader:
         self._file, self._is_wanted = file, wanted
         self._size = file.seek(0, 2)
         self._end = self._size
-        self._summary = _Summary({}, {}, {}, {}, None, None)
+        self._summary = _Summary(
+            places={}, chunk_times={}, schemas={}, channels={}, counts=None, start_ns=None
+        )
         self._schemas: dict[int, McapSchema] = {}
         self._channels: dict[int, McapChannel] = {}
         self._wanted: dict[int, bool] = {}
@@ -434,7 +436,9 @@ def _decompress_lz4(stored: bytes, size: int) -> bytes:
 
 def _read_summary(data: bytes) -> _Summary:
     """Return the content of a summary. Raises struct.error and ValueError."""
-    summary = _Summary({}, {}, {}, {}, None, None)
+    summary = _Summary(
+        places={}, chunk_times={}, schemas={}, channels={}, counts=None, start_ns=None
+    )
     position = 0
     while position < len(data):
         opcode, length = _RECORD_HEAD.unpack_from(data, position)
@@ -470,7 +474,7 @@ def _schema(content: bytes) -> McapSchema:
     name, position = _text(content, 2)
     encoding, position = _text(content, position)
     data, _ = _blob(content, position)
-    return McapSchema(number, name, encoding, data)
+    return McapSchema(number=number, name=name, encoding=encoding, data=data)
 
 
 def _channel(content: bytes, schemas: dict[int, McapSchema]) -> McapChannel:
@@ -480,7 +484,9 @@ def _channel(content: bytes, schemas: dict[int, McapSchema]) -> McapChannel:
     encoding, _ = _text(content, position)
     if schema and schema not in schemas:
         raise ValueError(f"schema {schema} of {topic} is not described")
-    return McapChannel(number, topic, encoding, schemas[schema] if schema else None)
+    return McapChannel(
+        number=number, topic=topic, encoding=encoding, schema=schemas[schema] if schema else None
+    )
 
 
 def _attachment(content: bytes) -> McapAttachment:
@@ -493,7 +499,7 @@ def _attachment(content: bytes) -> McapAttachment:
     (crc,) = struct.unpack_from("<I", content, position + 8 + len(data))
     if len(data) != length or crc not in (0, zlib.crc32(content[:-4])):
         raise ValueError("its checksum is wrong")
-    return McapAttachment(time_ns, name, media_type, data)
+    return McapAttachment(time_ns=time_ns, name=name, media_type=media_type, data=data)
 
 
 def _metadata(content: bytes) -> McapMetadata:

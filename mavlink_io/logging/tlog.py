@@ -95,7 +95,14 @@ def read(data: bytes) -> list[MessageSeries]:
         assert message is not None, "a framer without senders rejects undefined messages"
         key = frame.system, frame.component, frame.message_id
         series = all_series.setdefault(
-            key, MessageSeries(frame.system, frame.component, message, [], [])
+            key,
+            MessageSeries(
+                system=frame.system,
+                component=frame.component,
+                message=message,
+                times_us=[],
+                payloads=[],
+            ),
         )
         payload = frame.payload[: message.struct.size].ljust(message.struct.size, b"\0")
         previous_us = latest_us.get(key[:2], 0)

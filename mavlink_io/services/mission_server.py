@@ -207,7 +207,10 @@ class MissionServer:
             )
             _acknowledge(client, NO_SPACE)
         else:
-            self._begin(_UploadSession(client, 0, message.count, now_s, whole=True), now_s)
+            self._begin(
+                _UploadSession(client=client, first=0, stop=message.count, due_s=now_s, whole=True),
+                now_s,
+            )
 
     def _partial(self, message: Any, client: Client, now_s: float) -> None:
         """Begin an upload that replaces some items of the mission."""
@@ -218,7 +221,10 @@ class MissionServer:
             self._store.explain(f"Mission items {first} to {last} refused: the mission has {count}")
             _acknowledge(client, INVALID_SEQUENCE)
         else:
-            self._begin(_UploadSession(client, first, last + 1, now_s, whole=False), now_s)
+            self._begin(
+                _UploadSession(client=client, first=first, stop=last + 1, due_s=now_s, whole=False),
+                now_s,
+            )
 
     def _begin(self, session: _UploadSession, now_s: float) -> None:
         """Begin an upload, unless another client is uploading; the same client may start again."""

@@ -36,7 +36,7 @@ MIN_BAUD = 38_400
 MAX_LAG_S = 1.0
 """Largest lag of vehicle time behind the wall clock; a larger lag is not made up."""
 
-_NEUTRAL = ActuatorFrame(0, 0, (0.0,) * 16, 0)
+_NEUTRAL = ActuatorFrame(time_us=0, flags=0, controls=(0.0,) * 16, mode=0)
 
 
 class TooSlowError(AddressError):

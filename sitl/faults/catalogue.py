@@ -53,11 +53,11 @@ _MAX_S = 1e6
 
 _AXIS: Kinds = {
     "off": (),
-    "stuck": (Size("angle_deg", nan, -90.0, 90.0, _DEG),),
-    "slipping": (Size("share", 0.3, 0.0, 1.0),),
-    "slow": (Size("rate_degps", 2.0, 0.0, 1e3, _DEG),),
-    "biased": (Size("angle_deg", 3.0, -90.0, 90.0, _DEG),),
-    "noisy": (Size("rms_deg", 1.0, 0.0, 90.0, _DEG),),
+    "stuck": (Size(key="angle_deg", default=nan, minimum=-90.0, maximum=90.0, si=_DEG),),
+    "slipping": (Size(key="share", default=0.3, minimum=0.0, maximum=1.0),),
+    "slow": (Size(key="rate_degps", default=2.0, minimum=0.0, maximum=1e3, si=_DEG),),
+    "biased": (Size(key="angle_deg", default=3.0, minimum=-90.0, maximum=90.0, si=_DEG),),
+    "noisy": (Size(key="rms_deg", default=1.0, minimum=0.0, maximum=90.0, si=_DEG),),
 }
 """Faults of a tailcone axis.
 
@@ -65,7 +65,11 @@ Off: no drive; the flow returns the duct to neutral. Stuck: at the present angle
 to the given one. Slipping: the motor loses this fraction of its steps. Slow: reduced rate. Biased:
 constant error of the duct angle. Noisy: white error of the duct angle, new every tick.
 """
-_PROPELLER: Kinds = {"off": (), "stuck": (), "loss": (Size("share", 0.5, 0.0, 1.0),)}
+_PROPELLER: Kinds = {
+    "off": (),
+    "stuck": (),
+    "loss": (Size(key="share", default=0.5, minimum=0.0, maximum=1.0),),
+}
 """Faults of the propeller.
 
 Off: no thrust. Stuck: the shaft speed stays constant. Loss: this fraction of the thrust is lost, as
@@ -74,8 +78,8 @@ with a fouled blade.
 _BALLAST: Kinds = dict.fromkeys(
     ("added", "shifted"),
     (
-        Size("mass_kg", None, -1e3, 1e3),
-        *(Size(key, 0.0, -10.0, 10.0) for key in ("x_m", "y_m", "z_m")),
+        Size(key="mass_kg", default=None, minimum=-1e3, maximum=1e3),
+        *(Size(key=key, default=0.0, minimum=-10.0, maximum=10.0) for key in ("x_m", "y_m", "z_m")),
     ),
 )
 """Faults of the ballast.
@@ -92,9 +96,9 @@ def _instrument(offset: Size, drift: Size) -> Kinds:
         "stuck": (),
         "wrong": (offset,),
         "garbage": (),
-        "slow": (Size("period_s", 2.0, 0.0, _MAX_S),),
-        "delayed": (Size("delay_s", 1.0, 0.0, 60.0),),
-        "intermittent": (Size("share", 0.5, 0.0, 0.99),),
+        "slow": (Size(key="period_s", default=2.0, minimum=0.0, maximum=_MAX_S),),
+        "delayed": (Size(key="delay_s", default=1.0, minimum=0.0, maximum=60.0),),
+        "intermittent": (Size(key="share", default=0.5, minimum=0.0, maximum=0.99),),
         "drifting": (drift,),
     }
 
@@ -164,11 +168,11 @@ def make(
             f"until_s = {until_us * 1e-6:g}: expected more than at_s = {from_us * 1e-6:g}"
         )
     return Fault(
-        unit,
-        kind,
-        from_us,
-        until_us,
-        tuple(_value(size, given, f"{unit} {kind}") for size in sizes),
+        unit=unit,
+        kind=kind,
+        from_us=from_us,
+        until_us=until_us,
+        sizes=tuple(_value(size, given, f"{unit} {kind}") for size in sizes),
     )
 
 

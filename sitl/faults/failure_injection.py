@@ -94,7 +94,9 @@ def parse_command(unit: float, kind: float, instance: float, size: float) -> Inj
             UNSUPPORTED,
             f"Failure type {kind:g}: {units[0]} can be {', '.join(CATALOGUE[units[0]])}",
         )
-    injection = InjectionResult(ACCEPTED, "", units, known[0], size or nan)
+    injection = InjectionResult(
+        result=ACCEPTED, text="", units=units, kind=known[0], size=size or nan
+    )
     try:
         for name in units:
             _fault(injection, name, 0)

@@ -16,7 +16,7 @@ from sitl.vehicle import build_model, dynamics, hull
 from sitl.vehicle import config as files
 from sitl.vehicle.file_schema import VehicleConfig, VehicleFileError
 from sitl.vehicle.jit import Vector
-from sitl.vehicle.linearise import DEPTH_M, Plane, linearise
+from sitl.vehicle.linearise import DEPTH_M, LinearisedPlane, linearise
 from sitl.vehicle.model import Inertia, VehicleModel
 from sitl.vehicle.water import STILL
 
@@ -35,7 +35,7 @@ class PoleMode(NamedTuple):
     """Positive for a decaying mode, negative for a growing one, infinite for an integrator."""
 
 
-class PlaneReport(NamedTuple):
+class LinearPlaneReport(NamedTuple):
     """Linear plane x' = A x + B delta in axes x forward, y port, z up."""
 
     states: tuple[str, ...]
@@ -79,8 +79,8 @@ class Report(NamedTuple):
     """Damping ratio at ``speed_mps``."""
     pitch_period_s: float
     """Undamped period at rest."""
-    yaw: PlaneReport
-    pitch: PlaneReport
+    yaw: LinearPlaneReport
+    pitch: LinearPlaneReport
     warnings: list[str]
 
 
@@ -218,7 +218,9 @@ def _report(
 _PITCH = ("w", "q", "theta", "depth")
 
 
-def _plane(plane: Plane, states: tuple[str, ...], model: VehicleModel, U: float) -> PlaneReport:
+def _plane(
+    plane: LinearisedPlane, states: tuple[str, ...], model: VehicleModel, U: float
+) -> LinearPlaneReport:
     """Return poles, moments per radian of incidence and stability index of a plane."""
     # Hull: U^2 (N_uv - (A_v - A_u)), Munk moment included; whole vehicle: N_v U. In pitch
     # M_w has the opposite sign of N_v in these axes.
@@ -230,7 +232,7 @@ def _plane(plane: Plane, states: tuple[str, ...], model: VehicleModel, U: float)
     lift = model.hull.N_uv_kg if sign > 0 else -model.hull.M_uw_kg
     hull_moment = U**2 * (lift - (A_v - A_u))
     total_moment = sign * F[1, 0] * U
-    return PlaneReport(
+    return LinearPlaneReport(
         states=states,
         A=plane.A.tolist(),
         B=plane.B[:, 0].tolist(),

@@ -39,7 +39,7 @@ ABOUT_Y = 1
 """Index of the rotation about y (pitch) in a rotation vector."""
 
 
-class Plane(NamedTuple):
+class LinearisedPlane(NamedTuple):
     """Linear plane M x' = F x + G delta, and the same solved for x' = A x + B delta."""
 
     M: Vector
@@ -57,9 +57,9 @@ class Plane(NamedTuple):
 class LinearPlanes(NamedTuple):
     """Yaw and pitch plane in the paper's axes, and the coefficients of Table 1; SI and radians."""
 
-    yaw: Plane
+    yaw: LinearisedPlane
     """States (v, r, psi), input rudder."""
-    pitch: Plane
+    pitch: LinearisedPlane
     """States (w, q, theta, depth), input elevator; theta is positive nose down."""
     coefficients: dict[str, float]
     """Table 1's column, by the key of the vehicle file's ``linear`` table."""
@@ -175,9 +175,9 @@ def _mass_matrix(acceleration: Acceleration) -> Vector:
     )
 
 
-def _plane(M: Vector, F: Vector, G: Vector) -> Plane:
+def _plane(M: Vector, F: Vector, G: Vector) -> LinearisedPlane:
     """Return the plane with A = M^-1 F and B = M^-1 G."""
-    return Plane(
+    return LinearisedPlane(
         M=M,
         F=F,
         G=G,
@@ -186,7 +186,7 @@ def _plane(M: Vector, F: Vector, G: Vector) -> Plane:
     )
 
 
-def _yaw(M: Vector, F: Vector, G: Vector) -> Plane:
+def _yaw(M: Vector, F: Vector, G: Vector) -> LinearisedPlane:
     """Return the yaw plane: states (v, r, psi), input rudder."""
     mass, force, input_force = np.eye(3), np.zeros((3, 3)), np.zeros((3, 1))
     block = np.ix_([SWAY, YAW], [SWAY, YAW])
@@ -197,7 +197,7 @@ def _yaw(M: Vector, F: Vector, G: Vector) -> Plane:
     return _plane(mass, force, input_force)
 
 
-def _pitch(M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float) -> Plane:
+def _pitch(M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float) -> LinearisedPlane:
     """Return the pitch plane: states (w, q, theta, depth); theta' = q, depth' = U theta - w."""
     mass, force, input_force = np.eye(4), np.zeros((4, 4)), np.zeros((4, 1))
     block = np.ix_([HEAVE, PITCH], [HEAVE, PITCH])

@@ -94,15 +94,48 @@ class Run:
         return (self.heading_rad, self.pitch_rad)[PLANES[self.plane].index]
 
     def surface_rad(self, plane: Plane) -> Array:
-        """Return the command of a plane's surface."""
+        """Return the command of a plane's surface.
+
+        Parameters
+        ----------
+        plane : Plane
+            Yaw or pitch.
+
+        Returns
+        -------
+        Array
+            Rudder or elevator command, rad, one per sample.
+        """
         return (self.rudder_rad, self.elevator_rad)[PLANES[plane].index]
 
     def surface_trim_rad(self, plane: Plane) -> float:
-        """Return the trim of a plane's surface."""
+        """Return the trim of a plane's surface.
+
+        Parameters
+        ----------
+        plane : Plane
+            Yaw or pitch.
+
+        Returns
+        -------
+        float
+            Rudder or elevator trim, rad.
+        """
         return (self.rudder_trim_rad, self.elevator_trim_rad)[PLANES[plane].index]
 
     def rate_of(self, plane: Plane) -> Array:
-        """Return the rate in a plane."""
+        """Return the rate in a plane.
+
+        Parameters
+        ----------
+        plane : Plane
+            Yaw or pitch.
+
+        Returns
+        -------
+        Array
+            Yaw or pitch rate, rad/s, one per sample.
+        """
         return (self.r_radps, self.q_radps)[PLANES[plane].index]
 
     @property

@@ -141,12 +141,12 @@ def _record(log: Log, name: AxisName, tests: list[TestInterval]) -> BenchRecord:
     periods = tuple((test.start_s, test.stop_s) for test in tests)
     angles_rad = getattr(duct, f"{name}_rad")[in_record]
     return BenchRecord(
-        start_s,
-        commands_rad,
-        duct.time_s[in_record],
-        angles_rad,
-        periods,
-        travel_rad,
+        start_s=start_s,
+        command_rad=commands_rad,
+        time_s=duct.time_s[in_record],
+        angle_rad=angles_rad,
+        spans_s=periods,
+        travel_rad=travel_rad,
     )
 
 

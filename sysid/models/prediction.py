@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -191,13 +190,6 @@ def quality(
     """Return the rate errors of each run from the start of its test."""
     vehicle, first = vehicles(model, prior)
     return tuple(_quality(run, predict_with(vehicle, first, run, model)) for run in runs)
-
-
-def with_held_out_errors(
-    model: IdentifiedModel, runs: Sequence[Run], prior: VehicleConfig | None = None
-) -> IdentifiedModel:
-    """Return the model with its errors on held-out runs."""
-    return msgspec.structs.replace(model, held_out=quality(model, runs, prior))
 
 
 def mean_rate_errors(qualities: Sequence[RunQuality], plane: Plane) -> tuple[float, float] | None:

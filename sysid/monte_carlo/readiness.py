@@ -61,7 +61,7 @@ class Obstacle(NamedTuple):
     reason: str
 
 
-class _Trial(NamedTuple):
+class _NominalVehicle(NamedTuple):
     """Vehicle of the prior's mean, its parameters and the disturbance for all missions."""
 
     vehicle: CandidateVehicle
@@ -128,37 +128,37 @@ def find_obstacle(
     design_prior = design_priors.from_file(prior)
     vehicle = design_prior.vehicle(design_prior.mean)
     config = params.config({**gains, **samples.trims_deg(vehicle)})
-    trial = _Trial(vehicle, noise_levels(vehicle, moments), config)
+    nominal = _NominalVehicle(vehicle, noise_levels(vehicle, moments), config)
     dives: dict[str, SimulatedDive] = {}
     for name, items in missions.items():
         try:
-            dives[name] = _simulate(trial, items, Sea(), seed)
+            dives[name] = _simulate(nominal, items, Sea(), seed)
         except MissionRejectedError as error:
             return Obstacle(name, f"the autopilot refuses the mission ({error})")
         if dives[name].failsafe:
             outcome = f"it ends with the failsafe {dives[name].failsafe!r}"
-            return Obstacle(name, f"{outcome}; {_describe_disturbance(trial)}")
+            return Obstacle(name, f"{outcome}; {_describe_disturbance(nominal)}")
         if not dives[name].finished:
             return Obstacle(
-                name, f"it does not end within its time; {_describe_disturbance(trial)}"
+                name, f"it does not end within its time; {_describe_disturbance(nominal)}"
             )
-    return _hidden_tests(trial, gains, missions, dives, seed)
+    return _hidden_tests(nominal, gains, missions, dives, seed)
 
 
-def _simulate(trial: _Trial, items: Items, condition: Sea, seed: int) -> SimulatedDive:
+def _simulate(nominal: _NominalVehicle, items: Items, condition: Sea, seed: int) -> SimulatedDive:
     """Simulate one mission."""
-    return simulate.fly(trial.vehicle, trial.levels, items, trial.config, condition, (seed,))
+    return simulate.fly(nominal.vehicle, nominal.levels, items, nominal.config, condition, (seed,))
 
 
-def _describe_disturbance(trial: _Trial) -> str:
+def _describe_disturbance(nominal: _NominalVehicle) -> str:
     """Return the size of the disturbance as text."""
-    yaw = trial.levels[Plane.YAW]
+    yaw = nominal.levels[Plane.YAW]
     rms = math.degrees(math.hypot(yaw.slow_radps2, yaw.wave_radps2))
     return f"the scenario's moments accelerate this vehicle by {rms:.2g} deg/s² rms in yaw"
 
 
 def _hidden_tests(
-    trial: _Trial,
+    nominal: _NominalVehicle,
     gains: Gains,
     missions: Mapping[str, Items],
     dives: Mapping[str, SimulatedDive],
@@ -172,12 +172,12 @@ def _hidden_tests(
             for name, response in sweeps_of.items()
             if any(run.plane == plane for run in response)
         ]
-        feasible_crossover = crossover.crossover(_uncertain_vehicle(trial.vehicle), plane, gains)
+        feasible_crossover = crossover.crossover(_uncertain_vehicle(nominal.vehicle), plane, gains)
         if not tested_missions or feasible_crossover is None:
             continue
         pairs: list[Pair] = []
         for name in tested_missions:
-            calm = _simulate(trial, missions[name], Sea(0.0), seed)
+            calm = _simulate(nominal, missions[name], Sea(0.0), seed)
             pairs += _pairs(_sweeps(calm), sweeps_of[name], plane)
         low, high = (share * feasible_crossover.crossover_radps for share in OCTAVE)
         response = frequency_response.spectra(pairs, np.geomspace(low, high, FREQUENCIES))
@@ -186,7 +186,7 @@ def _hidden_tests(
             return Obstacle(
                 f"{PLANES[plane].surface} tests",
                 f"the disturbance masks them: coherence about crossover {coherence:.2f}, "
-                f"at least {COHERENCE:g} needed; {_describe_disturbance(trial)}",
+                f"at least {COHERENCE:g} needed; {_describe_disturbance(nominal)}",
             )
     return None
 

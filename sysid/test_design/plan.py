@@ -234,16 +234,18 @@ def _candidates(
         prior_information = selection.total(selected, prior_information)
     designs = [
         switching_times.design_square_wave(
-            plane.prior,
-            shape,
-            plane.gains,
-            plane.largest_deg,
-            plane.samples,
-            request.limits,
-            criterion,
-            prior_information,
-            request.seed,
-            3.0 / plane.crossover_radps,
+            switching_times.SquareWaveRequest(
+                prior=plane.prior,
+                shape=shape,
+                gains=plane.gains,
+                largest_deg=plane.largest_deg,
+                samples=plane.samples,
+                limits=request.limits,
+                criterion=criterion,
+                prior_information=prior_information,
+                seed=request.seed,
+                shortest_s=3.0 / plane.crossover_radps,
+            )
         )
         for shape in candidate_tests.square_waves(plane.plane, plane.nominal_deg, request.lengths)
         if shape.duration_s <= plane.longest_s

@@ -58,7 +58,18 @@ class ExcursionLimits(NamedTuple):
     """Maximum probability that a test exceeds any excursion limit."""
 
     def motion(self, plane: Plane) -> tuple[float, float, float, float]:
-        """Return the limits of rate (rad/s), angle (rad), and depth up and down (m) in a plane."""
+        """Return the limits of rate (rad/s), angle (rad), and depth up and down (m) in a plane.
+
+        Parameters
+        ----------
+        plane : Plane
+            Yaw or pitch.
+
+        Returns
+        -------
+        tuple of float
+            The four limits; infinite where the plane has none.
+        """
         return (
             (self.yaw_rate_radps, self.heading_rad, math.inf, math.inf),
             (self.pitch_rate_radps, self.pitch_rad, self.up_m, self.down_m),

@@ -45,60 +45,56 @@ class UnitStepResponse(NamedTuple):
     """Largest motion of each sample without a test, (samples, 3)."""
 
 
-def design_square_wave(
-    prior: DesignPrior,
-    shape: Manoeuvre,
-    gains: Gains,
-    largest_deg: float,
-    samples: Sequence[VehicleSample],
-    limits: ExcursionLimits,
-    criterion: Callable[[Array], float],
-    prior_information: Array,
-    seed: int,
-    shortest_s: float,
-) -> Manoeuvre:
+class SquareWaveRequest(NamedTuple):
+    """Request for a square wave."""
+
+    prior: DesignPrior
+    """Prior of the vehicle."""
+    shape: Manoeuvre
+    """Plane, loop and length of the test."""
+    gains: Gains
+    """Current gains of the loops."""
+    largest_deg: float
+    """Available travel (deg)."""
+    samples: Sequence[VehicleSample]
+    """Sampled vehicles."""
+    limits: ExcursionLimits
+    criterion: Callable[[Array], float]
+    """Criterion of an information matrix."""
+    prior_information: Array
+    """Information before the test, (n, n)."""
+    seed: int
+    """Seed of the search."""
+    shortest_s: float
+    """Minimum mean interval (s)."""
+
+
+def design_square_wave(request: SquareWaveRequest) -> Manoeuvre:
     """Return the square wave that minimises the criterion at its largest safe size.
 
     Parameters
     ----------
-    prior : DesignPrior
-        Prior of the vehicle.
-    shape : Manoeuvre
-        Plane, loop and length of the test.
-    gains : Gains
-        Current gains of the loops.
-    largest_deg : float
-        Available travel (deg).
-    samples : Sequence of VehicleSample
-        Sampled vehicles.
-    limits : ExcursionLimits
-        Limits.
-    criterion : Callable
-        Criterion of an information matrix.
-    prior_information : ndarray
-        Information before the test, (n, n).
-    seed : int
-        Seed of the search.
-    shortest_s : float
-        Minimum mean interval (s).
+    request : SquareWaveRequest
+        Test, vehicle, limits and criterion.
 
     Returns
     -------
     Manoeuvre
-        `shape` with its switch intervals.
+        The requested shape with its switch intervals.
     """
-    count = int(np.clip(shape.duration_s / shortest_s, 3, MAX_SWITCHES))
-    step_response = _steps(prior, shape, gains, samples[:N_SAMPLES])
-    max_motion = _limits_of(limits, shape.plane)
+    shape = request.shape
+    count = int(np.clip(shape.duration_s / request.shortest_s, 3, MAX_SWITCHES))
+    step_response = _steps(request.prior, shape, request.gains, request.samples[:N_SAMPLES])
+    max_motion = _limits_of(request.limits, shape.plane)
 
     def cost(digits: Array) -> float:
         """Return the criterion of a wave at its largest safe size."""
         switches = switch_steps(digits, shape.duration_s)
-        size_deg = min(largest_deg, _max_size(step_response, switches, max_motion))
+        size_deg = min(request.largest_deg, _max_size(step_response, switches, max_motion))
         jacobian = (size_deg * superpose(step_response.sensitivities, switches, 0)).reshape(
             -1, step_response.sensitivities.shape[2]
         )
-        return criterion(prior_information + jacobian.T @ jacobian)
+        return request.criterion(request.prior_information + jacobian.T @ jacobian)
 
     optimum = differential_evolution(
         cost,
@@ -106,7 +102,7 @@ def design_square_wave(
         integrality=[True] * count,
         maxiter=GENERATIONS,
         popsize=POPULATION,
-        rng=seed,
+        rng=request.seed,
         polish=False,
         tol=0.0,
     )

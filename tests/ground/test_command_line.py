@@ -14,6 +14,7 @@ from mcap.reader import make_reader
 
 from ground.log_tools import mcap
 from ground.simulation.processes import SimulatedVehicle, Simulation
+from sysid.data import readers
 
 pytestmark = pytest.mark.process
 ROOT = Path(__file__).parents[2]
@@ -75,7 +76,7 @@ def test_fly_simulated_loses_no_message(tmp_path: Path, mission: Path) -> None:
     found = mcap.info(tmp_path / "short.mcap")
     assert found["lost_frames"] == 0
     assert found["attachments"] == ["mission.plan", "params.json"]
-    assert mcap.read_parameters(tmp_path / "short.mcap")["HDG_P"] == pytest.approx(0.65)
+    assert readers.read(tmp_path / "short.mcap").parameters["HDG_P"] == pytest.approx(0.65)
     flown_s = told["vehicle_s"]
     assert found["topics"]["/mavlink/1/1/ATTITUDE"] >= 50 * flown_s - 2
     assert {"/log", "/tf", "/foxglove/location"} <= set(found["topics"])

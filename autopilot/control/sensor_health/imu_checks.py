@@ -44,10 +44,34 @@ class Group(NamedTuple):
 
 
 GROUPS = (
-    Group("Accelerometer", ACCELEROMETER_FRESH, 1, 4, -100.0, 100.0, 20.0),
-    Group("Gyro", GYRO_FRESH, 4, 7, -8.0, 8.0, 2.0),
-    Group("Magnetometer", MAGNETOMETER_FRESH, 7, 10, -1.0, 1.0, 0.5),
-    Group("Pressure sensor", PRESSURE_FRESH, 10, 11, 500.0, 700_000.0, 100.0),
+    Group(
+        name="Accelerometer",
+        fresh=ACCELEROMETER_FRESH,
+        first=1,
+        last=4,
+        low=-100.0,
+        high=100.0,
+        jump=20.0,
+    ),
+    Group(name="Gyro", fresh=GYRO_FRESH, first=4, last=7, low=-8.0, high=8.0, jump=2.0),
+    Group(
+        name="Magnetometer",
+        fresh=MAGNETOMETER_FRESH,
+        first=7,
+        last=10,
+        low=-1.0,
+        high=1.0,
+        jump=0.5,
+    ),
+    Group(
+        name="Pressure sensor",
+        fresh=PRESSURE_FRESH,
+        first=10,
+        last=11,
+        low=500.0,
+        high=700_000.0,
+        jump=100.0,
+    ),
 )
 """The magnetic field of the earth is below 0.7 gauss; 100 hPa is about one metre of water."""
 _ALL_FRESH = ACCELEROMETER_FRESH | GYRO_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH

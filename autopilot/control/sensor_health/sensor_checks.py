@@ -75,14 +75,24 @@ def update(
         if plausible(record, recent):
             same = old.record is not None and reading(record) == reading(old.record)
             devices[field] = Device(
-                record, now_us, now_us, old.changed_us if same else now_us, interval_us, usual_us
+                record=record,
+                accepted_us=now_us,
+                received_us=now_us,
+                changed_us=old.changed_us if same else now_us,
+                interval_us=interval_us,
+                usual_interval_us=usual_us,
             )
             if name in excluded:
                 dropped[field] = None
         else:
             faults.append(Fault(name, IMPLAUSIBLE))
             devices[field] = Device(
-                old.record, old.accepted_us, now_us, now_us, interval_us, usual_us
+                record=old.record,
+                accepted_us=old.accepted_us,
+                received_us=now_us,
+                changed_us=now_us,
+                interval_us=interval_us,
+                usual_interval_us=usual_us,
             )
             dropped[field] = None
     return (
@@ -203,10 +213,10 @@ class _DeviceKind(NamedTuple):
 
 
 _DEVICES = (
-    _DeviceKind("gps", GPS, _plausible_fix, _position),
-    _DeviceKind("altimeter", ALTIMETER, _plausible_range, _range),
-    _DeviceKind("dvl", DVL, _plausible_velocity, _velocity),
-    _DeviceKind("battery", BATTERY, _plausible_battery, _whole_record),
-    _DeviceKind("leak", LEAK, _always_plausible, _whole_record),
-    _DeviceKind("duct", DUCT, _always_plausible, _whole_record),
+    _DeviceKind(field="gps", name=GPS, plausible=_plausible_fix, reading=_position),
+    _DeviceKind(field="altimeter", name=ALTIMETER, plausible=_plausible_range, reading=_range),
+    _DeviceKind(field="dvl", name=DVL, plausible=_plausible_velocity, reading=_velocity),
+    _DeviceKind(field="battery", name=BATTERY, plausible=_plausible_battery, reading=_whole_record),
+    _DeviceKind(field="leak", name=LEAK, plausible=_always_plausible, reading=_whole_record),
+    _DeviceKind(field="duct", name=DUCT, plausible=_always_plausible, reading=_whole_record),
 )

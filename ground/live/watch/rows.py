@@ -356,13 +356,13 @@ def _row(
         ):
             age_s = now_s - latest_message.at_s
             return WatchRow(
-                section,
-                label,
-                cell,
-                age_s,
-                name not in NEVER_STALE and is_stale(latest_message, now_s),
+                section=section,
+                label=label,
+                cell=cell,
+                age_s=age_s,
+                stale=name not in NEVER_STALE and is_stale(latest_message, now_s),
             )
-    return WatchRow(section, label, None, None, True)
+    return WatchRow(section=section, label=label, cell=None, age_s=None, stale=True)
 
 
 def is_stale(latest_message: LatestMessage, now_s: float) -> bool:

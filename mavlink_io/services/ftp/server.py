@@ -211,8 +211,15 @@ class FileServer:
         if old := self._jobs.pop(client, None):
             _release(old)
         if request.opcode == wire.CRC:
-            return _FtpJob(request, room, self.tree.open(_path(request)), 0)
-        return _FtpJob(request, room, self._session_file(client, request.session), request.offset)
+            return _FtpJob(
+                request=request, room=room, file=self.tree.open(_path(request)), offset=0
+            )
+        return _FtpJob(
+            request=request,
+            room=room,
+            file=self._session_file(client, request.session),
+            offset=request.offset,
+        )
 
     def _continue_burst(self, client: Client, job: _FtpJob) -> _FtpJob | None:
         """Send packets while the link has room; return the rest of the job, None at the end."""

@@ -60,7 +60,7 @@ class SensorSuite(NamedTuple):
 class Devices(NamedTuple):
     """Parameters of the slower sensors, which have messages of their own."""
 
-    gps: gps.Receiver | None
+    gps: gps.GpsReceiver | None
     dvl: dvl.DvlSensor | None
     altimeter: altimeter.AltimeterSensor | None
     battery: battery.BatteryPack | None
@@ -278,7 +278,9 @@ def _sample_devices(
         bilge, wet = leak.sample(fitted.leak, truth, bilge, streams.leak)
     if fitted.encoder:
         duct, angles = encoder.sample(fitted.encoder, truth, duct, streams.encoder)
-    sensors = Sensors(frame, fix, echo, velocity, charge, wet, angles)
+    sensors = Sensors(
+        frame=frame, gps=fix, altimeter=echo, dvl=velocity, battery=charge, leak=wet, duct=angles
+    )
     return DeviceState(receiver, log, sounder, pack, bilge, duct), sensors
 
 

@@ -32,7 +32,10 @@ def build(sheet: AltimeterSheet, tick_us: int) -> AltimeterSensor:
     """Build the altimeter from its data sheet."""
     schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
     return AltimeterSensor(
-        schedule, sheet, 0.5 * radians(sheet.beam_width_deg), cos(radians(sheet.max_tilt_deg))
+        timing=schedule,
+        sheet=sheet,
+        half_width_rad=0.5 * radians(sheet.beam_width_deg),
+        worst_tilt_cos=cos(radians(sheet.max_tilt_deg)),
     )
 
 

@@ -55,7 +55,10 @@ def build(
     drive_w = at.thrust_n * at.speed_mps / power.drive_efficiency
     schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
     return BatteryPack(
-        schedule, sheet, power.hotel_w, drive_w / (at.thrust_fraction * full_rps) ** 3
+        timing=schedule,
+        sheet=sheet,
+        hotel_w=power.hotel_w,
+        drive_ws3=drive_w / (at.thrust_fraction * full_rps) ** 3,
     )
 
 

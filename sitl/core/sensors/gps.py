@@ -18,7 +18,7 @@ NO_FIX, FIX_3D = 1, 3
 """Values of GPS_FIX_TYPE."""
 
 
-class Receiver(NamedTuple):
+class GpsReceiver(NamedTuple):
     """Parameters of the receiver."""
 
     timing: Timing
@@ -38,12 +38,12 @@ class GpsState(NamedTuple):
     queue: Queue[GpsFix] = ()
 
 
-def build(sheet: GpsSheet, tick_us: int) -> Receiver:
+def build(sheet: GpsSheet, tick_us: int) -> GpsReceiver:
     """Build the receiver from its data sheet."""
     hot, warm, within = (
         round(1e6 * s) for s in (sheet.hot_start_s, sheet.warm_start_s, sheet.hot_within_s)
     )
-    return Receiver(
+    return GpsReceiver(
         timing=timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
         sheet=sheet,
         hot_start_us=hot,
@@ -53,7 +53,7 @@ def build(sheet: GpsSheet, tick_us: int) -> Receiver:
 
 
 def sample(
-    receiver: Receiver, truth: Truth, sea: Environment, state: GpsState, stream: NoiseStream
+    receiver: GpsReceiver, truth: Truth, sea: Environment, state: GpsState, stream: NoiseStream
 ) -> tuple[GpsState, GpsFix | None]:
     """Report if due; return the new state and the report that arrives now, if any."""
     measured = None
@@ -82,7 +82,7 @@ def no_fix(time_us: int) -> GpsFix:
     )
 
 
-def _update_sky_view(receiver: Receiver, truth: Truth, state: GpsState) -> GpsState:
+def _update_sky_view(receiver: GpsReceiver, truth: Truth, state: GpsState) -> GpsState:
     """Update whether the antenna is above water; after surfacing set the time of the next fix."""
     if truth.position_ned_m[2] + truth.surface_m >= MAX_DEPTH_M:
         return state if state.fix_from_us is None else state._replace(fix_from_us=None)

@@ -76,7 +76,14 @@ class InertialErrors(NamedTuple):
 class InertialState(NamedTuple):
     """Errors, latest reading, and readings in transit."""
 
-    errors: InertialErrors = InertialErrors(IDENTITY, IDENTITY, ZERO, ZERO, ZERO, ZERO)
+    errors: InertialErrors = InertialErrors(
+        gyro_axes=IDENTITY,
+        accelerometer_axes=IDENTITY,
+        gyro_turn_on_radps=ZERO,
+        accelerometer_turn_on_mps2=ZERO,
+        gyro_bias_radps=ZERO,
+        accelerometer_bias_mps2=ZERO,
+    )
     latest: InertialReading = InertialReading()
     """Latest reading that has arrived."""
     queue: Queue[InertialReading] = ()

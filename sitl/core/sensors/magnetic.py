@@ -52,7 +52,12 @@ def build(sheet: MagnetometerSheet, tick_us: int) -> Magnetometer:
     """Build the magnetometer from its data sheet."""
     schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
     noise = white_noise_sd(1e-3 * sheet.density_mgauss_rthz, 1e6 / schedule.period_us)
-    return Magnetometer(schedule, noise, 1e-3 * sheet.hard_iron_mgauss, sheet.soft_iron)
+    return Magnetometer(
+        timing=schedule,
+        noise_gauss=noise,
+        hard_iron_gauss=1e-3 * sheet.hard_iron_mgauss,
+        soft_iron=sheet.soft_iron,
+    )
 
 
 def initial_state(magnetometer: Magnetometer, stream: NoiseStream) -> MagnetometerState:

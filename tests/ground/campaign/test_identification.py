@@ -64,7 +64,7 @@ def test_refit_failure_is_one_line(
     with pytest.raises(
         OperationError, match=f"prior caribou_nominal: .*{said}.*own file as the prior"
     ):
-        refit.refit([])
+        refit.refit(fitting.RefitRequest(paths=[]))
 
 
 def test_format_text_holds_numbers_checks_assessment(told: IdentifiedModel) -> None:

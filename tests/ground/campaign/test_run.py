@@ -259,7 +259,7 @@ def test_campaign_prior_is_the_vehicles_own_file(
     error about bench.
     """
     handed = []
-    monkeypatch.setattr(refit, "refit", lambda *logs, prior, **more: handed.append(prior))
+    monkeypatch.setattr(refit, "refit", lambda request: handed.append(request.prior))
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
     monkeypatch.setattr(refit, "redesign", lambda model, prior: handed.append(prior))
     run.prepare_folder(CampaignRequest(tmp_path, vehicle=vehicle))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from ground.__main__ import app
-from ground.cli.redesign import DEFAULT_OUT, Method
+from ground.cli.redesign import DEFAULT_OUT, DesignMethod
 from mavlink_io.errors import InputError
 
 
@@ -18,7 +18,7 @@ def test_lqg_upload_is_refused() -> None:
 
 
 def test_default_file_of_each_method() -> None:
-    assert {method.value: DEFAULT_OUT[method] for method in Method} == {
+    assert {method.value: DEFAULT_OUT[method] for method in DesignMethod} == {
         "pid": Path("gains.param"),
         "lqg": Path("controller.json"),
     }

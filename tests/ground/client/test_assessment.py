@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ground.client import assessment
-from ground.client.assessment import Cause
+from ground.client.assessment import ErrorCause
 from sysid.data import dataset as logs
 from sysid.data.dataset import Log
 
@@ -94,7 +94,7 @@ def test_dive_held_well_has_no_findings() -> None:
 def test_heading_offset_names_the_trim_that_is_not_set() -> None:
     found = assessment.assess_log(dive(heading_error_deg=constant(-8.4), rudder_deg=6.05))
     (finding,) = found.findings
-    assert (finding.axis, finding.cause, finding.legs) == ("heading", Cause.TRIM, 1)
+    assert (finding.axis, finding.cause, finding.legs) == ("heading", ErrorCause.TRIM, 1)
     assert "heading 8.4 deg off in the mean: the rudder trim is not set" in finding.message
     assert (
         "set TRIM_RUD_DEG to 6.0" in finding.message or "set TRIM_RUD_DEG to 6.1" in finding.message
@@ -102,21 +102,24 @@ def test_heading_offset_names_the_trim_that_is_not_set() -> None:
     assert finding.message in assessment.format_text(found)
 
 
-CAUSES: list[tuple[Cause, dict[str, Any]]] = [
-    (Cause.AT_STOP, {"heading_error_deg": constant(-20.0), "rudder_deg": 15.0}),
-    (Cause.UNKNOWN, {"heading_error_deg": constant(-5.0), "rudder_deg": 0.2}),
-    (Cause.SWINGING, {"heading_error_deg": swing(6.0)}),
-    (Cause.LATE, {"heading_error_deg": decay(40.0, 15.0)}),
-    (Cause.UNSETTLED, {"heading_error_deg": decay(40.0, 150.0)}),
-    (Cause.TRIM, {"depth_error_m": constant(-0.9), "elevator_deg": 5.0, "pitch_deg": 1.0}),
-    (Cause.INTEGRATOR, {"depth_error_m": constant(-0.9), "elevator_deg": 0.5, "pitch_deg": -4.0}),
-    (Cause.UNSETTLED, {"depth_error_m": decay(-6.0, 100.0)}),
-    (Cause.SWINGING, {"depth_error_m": swing(1.0)}),
+CAUSES: list[tuple[ErrorCause, dict[str, Any]]] = [
+    (ErrorCause.AT_STOP, {"heading_error_deg": constant(-20.0), "rudder_deg": 15.0}),
+    (ErrorCause.UNKNOWN, {"heading_error_deg": constant(-5.0), "rudder_deg": 0.2}),
+    (ErrorCause.SWINGING, {"heading_error_deg": swing(6.0)}),
+    (ErrorCause.LATE, {"heading_error_deg": decay(40.0, 15.0)}),
+    (ErrorCause.UNSETTLED, {"heading_error_deg": decay(40.0, 150.0)}),
+    (ErrorCause.TRIM, {"depth_error_m": constant(-0.9), "elevator_deg": 5.0, "pitch_deg": 1.0}),
+    (
+        ErrorCause.INTEGRATOR,
+        {"depth_error_m": constant(-0.9), "elevator_deg": 0.5, "pitch_deg": -4.0},
+    ),
+    (ErrorCause.UNSETTLED, {"depth_error_m": decay(-6.0, 100.0)}),
+    (ErrorCause.SWINGING, {"depth_error_m": swing(1.0)}),
 ]
 
 
 @pytest.mark.parametrize(("cause", "flown"), CAUSES)
-def test_poor_hold_names_its_cause_and_figures(cause: Cause, flown: dict[str, Any]) -> None:
+def test_poor_hold_names_its_cause_and_figures(cause: ErrorCause, flown: dict[str, Any]) -> None:
     axis = "heading" if "heading_error_deg" in flown else "depth"
     (finding,) = assessment.assess_log(dive(**flown)).findings
     assert (finding.axis, finding.cause) == (axis, cause)
@@ -130,7 +133,7 @@ def test_trim_being_learned_is_not_called_unset() -> None:
         length_s=40.0, heading_error_deg=constant(-8.0), rudder_deg=6.0, parameters=parameters
     )
     (finding,) = assessment.assess_log(flown).findings
-    assert finding.cause == Cause.LEARNING
+    assert finding.cause == ErrorCause.LEARNING
     assert "fly `trim` first" in finding.message
 
 
@@ -154,7 +157,7 @@ def test_log_without_setpoints_is_not_assessed() -> None:
 def test_vehicle_of_unknown_parameters_names_no_trim() -> None:
     foreign = replace(dive(heading_error_deg=constant(-8.4), rudder_deg=6.0), parameters={})
     (finding,) = assessment.assess_log(foreign).findings
-    assert finding.cause == Cause.UNKNOWN
+    assert finding.cause == ErrorCause.UNKNOWN
 
 
 @pytest.mark.parametrize("axis", ["attitude", "depth", "actuators"])

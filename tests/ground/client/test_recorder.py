@@ -215,8 +215,10 @@ def test_attachments_and_parameters_come_back(tmp_path: Path) -> None:
     recorder.attach_parameters({"HDG_P": 0.65, "DPT_P": 0.13})
     recorder.attach("mission.plan", b"{}", "application/json")
     recorder.finish()
-    assert mcap.read_parameters(path) == {"HDG_P": 0.65, "DPT_P": 0.13}
-    assert mcap.read_attachment(path, "mission.plan") == b"{}"
+    with path.open("rb") as file:
+        files = {found.name: found.data for found in make_reader(file).iter_attachments()}
+    assert json.loads(files["params.json"]) == {"HDG_P": 0.65, "DPT_P": 0.13}
+    assert files["mission.plan"] == b"{}"
 
 
 def test_a_tlog_holds_the_frames_as_they_came(tmp_path: Path) -> None:

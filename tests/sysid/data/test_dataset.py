@@ -207,7 +207,7 @@ def test_log_errors_name_file_and_remedy(tmp_path: Path, path: Path) -> None:
         readers.read(still)
     quiet = recording.write(tmp_path / "quiet.mcap", dive(test=None), {})
     with pytest.raises(refit.RefitError, match=r"quiet\.mcap: no test found"):
-        refit.refit([quiet])
+        refit.refit(refit.RefitRequest(paths=[quiet]))
 
 
 def test_tracking_excludes_settling_and_tests(tmp_path: Path) -> None:

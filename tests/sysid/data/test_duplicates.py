@@ -12,6 +12,7 @@ from sysid import refit
 from sysid.data import duplicates, readers
 from sysid.data.segments import MarkedInterval
 from sysid.models.model_file import DataFile
+from sysid.refit import RefitRequest
 from tests.sysid import recording
 from tests.sysid.data.test_dataset import actuators, dive, position
 from tests.sysid.recording import Entry
@@ -88,7 +89,7 @@ COPIES: dict[str, Callable[[Path, Path], Path]] = {
 def test_fitted_log_as_held_out_is_rejected(copy: str, folder: Path) -> None:
     path, held = folder / "dive.mcap", COPIES[copy](folder, folder / "copies" / "c.mcap")
     with pytest.raises(refit.RefitError, match="hold out another dive") as refused:
-        refit.refit([folder / "other.mcap", path], held_out=[held])
+        refit.refit(RefitRequest(paths=[folder / "other.mcap", path], held_out=[held]))
     assert str(refused.value).startswith(f"{held}, held out, holds the same samples as {path},")
     assert "\n" not in str(refused.value)
 
@@ -97,14 +98,14 @@ def test_fitted_log_as_held_out_is_rejected(copy: str, folder: Path) -> None:
 def test_log_fitted_twice_is_rejected(copy: str, folder: Path) -> None:
     path, again = folder / "dive.mcap", COPIES[copy](folder, folder / "copies" / "c.mcap")
     with pytest.raises(refit.RefitError, match="give one of them") as refused:
-        refit.refit([path, folder / "other.mcap", again])
+        refit.refit(RefitRequest(paths=[path, folder / "other.mcap", again]))
     assert str(refused.value).startswith(f"{path} and {again} hold the same samples")
 
 
 def test_log_held_out_twice_is_rejected(folder: Path) -> None:
     path = folder / "dive.mcap"
     with pytest.raises(refit.RefitError, match="held out, hold the same samples"):
-        refit.refit([folder / "other.mcap"], held_out=[path, path])
+        refit.refit(RefitRequest(paths=[folder / "other.mcap"], held_out=[path, path]))
 
 
 def found(paths: list[Path], marks: tuple[MarkedInterval, ...] = ()) -> list[duplicates.NamedLog]:

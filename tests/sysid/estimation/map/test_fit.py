@@ -141,7 +141,7 @@ def test_fit_predicts_held_out_runs_better_than_prior(
         for k, (plane, signal) in enumerate(signals)
         for repeat in range(3)
     ]
-    qualities = prediction.with_held_out_errors(model, held_out).held_out
+    qualities = prediction.quality(model, held_out)
     for plane in ("yaw", "pitch"):
         errors = prediction.mean_rate_errors(qualities, plane)
         assert errors is not None
@@ -156,7 +156,7 @@ def test_fit_prediction_error_without_noise_is_small(
     for plane in ("yaw", "pitch"):
         signal = sea.doublet(5.0, 4.0)
         run = sea.fly(field, plane, signal, level=sea.CALM, sensors=quiet, trim_rad=TRIM)
-        (score,) = prediction.with_held_out_errors(model, [run]).held_out
+        (score,) = prediction.quality(model, [run])
         assert score.model_mse_deg2ps2 < 0.5 * score.prior_mse_deg2ps2, plane
         assert score.variance_accounted_for > 0.97
 
@@ -196,5 +196,5 @@ def test_identify_paper_method_reports_rank_deficiency(
 @pytest.mark.parametrize("bad", ["caribou_truth", "nowhere.toml", "nowhere.json"])
 def test_refit_invalid_prior_is_rejected_in_one_line(bad: str) -> None:
     with pytest.raises(ValueError, match=bad.split(".")[0]) as refusal:
-        refit.refit([], prior=bad)
+        refit.refit(refit.RefitRequest(paths=[], prior=bad))
     assert "\n" not in str(refusal.value)
