@@ -14,7 +14,7 @@ from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClient
 from mavlink_io.errors import InputError, OperationError
 from mavlink_io.mission_items import MavCmd
-from tests.ground.fake import FakeVehicle, attend
+from tests.ground.fake import FakeVehicle, step_while_waiting
 
 
 def ground(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -78,7 +78,7 @@ def test_stopped_sweep_ends_the_bench_test(
 ) -> None:
     """The result in COMMAND_ACK is enough: the fake vehicle sends no text."""
     fake = FakeVehicle({MavCmd.USER_1: [result]})
-    monkeypatch.setattr(client, "wait", attend(fake))
+    monkeypatch.setattr(client, "wait", step_while_waiting(fake))
     fake.heartbeat()
     recorder = Recorder(tmp_path / "bench.mcap")
     vehicle = VehicleClient(fake.ground_end, recorder)
