@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from sitl.vehicle import config
-from sitl.vehicle.linearise import Plane, linearise
+from sitl.vehicle.linearise import LinearisedPlane, linearise
 from sitl.vehicle.model import VehicleModel
 from tests.reference.check import Check
 from tests.sitl.vehicle import flight
@@ -79,7 +79,7 @@ def _planar(model: VehicleModel) -> VehicleModel:
     )
 
 
-def _step_response(plane: Plane, seconds: float) -> NDArray[np.float64]:
+def _step_response(plane: LinearisedPlane, seconds: float) -> NDArray[np.float64]:
     """States per radian after each step, shape (n + 1, states)."""
     n = len(plane.A)
     exact = expm(np.block([[plane.A, plane.B], [np.zeros((1, n + 1))]]) * STEP_S)
