@@ -138,8 +138,9 @@ class VehicleClient:
         self.disarmings = 0
         """Number of changes from armed to disarmed."""
         self.critical_mode = ""
-        """Mode other than MISSION in which the armed vehicle reported MAV_STATE_CRITICAL or
-        MAV_STATE_EMERGENCY; empty before that."""
+        """Mode other than MISSION in which the armed vehicle reports MAV_STATE_CRITICAL or
+        MAV_STATE_EMERGENCY; empty if its last HEARTBEAT was another one. A failsafe stays in force
+        until the vehicle is disarmed; a fault of a sensor may end before that."""
         self.texts: list[StatusText] = []
         self._joiner = TextJoiner()
 
@@ -442,8 +443,9 @@ class VehicleClient:
                 self.disarmings += 1
                 self.arm_requested = False
             self.armed = armed
-            if armed and message.system_status in _CRITICAL and self.mode != "MISSION":
-                self.critical_mode = self.mode
+            if armed:
+                is_critical = message.system_status in _CRITICAL and self.mode != "MISSION"
+                self.critical_mode = self.mode if is_critical else ""
 
     def _on_statustext(self, frame: Frame) -> None:
         """Assemble a text, store it and call the listener."""

@@ -66,9 +66,10 @@ def test_bench_test_without_texts_identifies_the_tailcone(tmp_path: Path) -> Non
 def test_inclining_test_without_texts_finds_the_centre_of_mass(tmp_path: Path) -> None:
     vehicle = SimulatedVehicle(Simulation(scenario="inclining"))
     quiet = lambda shown: None  # noqa: E731
-    found = incline.measure(
-        incline.load(None), tmp_path / "a.mcap", "caribou_nominal", vehicle, quiet, quiet
+    session = incline.IncliningSession(
+        plan=incline.load(None), log=tmp_path / "a.mcap", prior="caribou_nominal"
     )
+    found = incline.measure(session, vehicle, quiet, quiet)
     assert found.z_cm_m.value == pytest.approx(-0.015, abs=0.0005)
 
 

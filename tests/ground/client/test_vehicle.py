@@ -20,7 +20,8 @@ from mavlink_io.transport import open_transport
 from tests.ground.fake import ACCEPTED, DENIED, REJECTED, FakeVehicle, step_while_waiting
 
 ARM, SET_MODE, SET_INTERVAL = 400, 176, 511
-BOOT, STANDBY = 1, 3
+BOOT, STANDBY, ACTIVE, CRITICAL = 1, 3, 4, 5
+MANUAL_NUMBER = 65_536
 
 
 Meet = Callable[..., FakeVehicle]
@@ -216,6 +217,20 @@ def test_arming_and_disarming_in_one_read_is_counted(fake: FakeVehicle) -> None:
     vehicle.pump(0.0)
     vehicle.pump(0.0)
     assert (vehicle.armed, vehicle.disarmings) == (False, 1)
+
+
+def test_critical_mode_ends_with_the_fault(fake: FakeVehicle) -> None:
+    vehicle = connected(fake)
+    vehicle.modes()
+    for status, mode in ((CRITICAL, "MANUAL"), (ACTIVE, "")):
+        fake.custom_mode = MANUAL_NUMBER
+        fake.heartbeat(armed=True, status=status)
+        vehicle.pump(0.0)
+        assert vehicle.critical_mode == mode
+    fake.heartbeat(armed=True, status=CRITICAL)
+    fake.heartbeat(armed=False, status=STANDBY)
+    vehicle.pump(0.0)
+    assert vehicle.critical_mode == "MANUAL", "the failsafe was in force until it disarmed"
 
 
 def test_a_silent_vehicle_is_lost(fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch) -> None:
