@@ -10,12 +10,11 @@ import msgspec
 
 from mavlink_io.errors import InputError
 from sysid.design.specification import DesignRobustness, Response, Spec
-from sysid.json_record import JsonRecord
+from sysid.models.json_record import JsonRecord, schema_of
 from sysid.models.model_file import Coefficient, Method, PlaneModel
 from sysid.monitor import MonitorReport
 from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.planes import Plane
-from sysid.schema import schema_of
 from sysid.validation.results import Correction, Crossover, Excess, ModelAssessment
 
 FORMAT = 1

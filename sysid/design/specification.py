@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.margins import Analysis
-from sysid.json_record import JsonRecord
+from sysid.models.json_record import JsonRecord
 from sysid.monitor.performance_spec import PerformanceBaseline, encode
 
 

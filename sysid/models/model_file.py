@@ -3,16 +3,19 @@
 The file is the JSON of ``IdentifiedModel``. It has no time stamp and no path, so the same logs give
 the same bytes; data are identified by file name and SHA-256. A value that cannot be estimated from
 the data is ``null`` or has the status ``prior``.
+
+``python -m sysid.models.model_file > docs/model.schema.json`` writes its JSON Schema.
 """
 
 import hashlib
+import sys
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
 from mavlink_io.errors import ErrorCode, InputError
-from sysid.json_record import JsonRecord
+from sysid.models.json_record import JsonRecord, schema_of
 from sysid.planes import Plane
 from sysid.validation.results import ModelAssessment, PlaneValidation
 
@@ -362,3 +365,12 @@ def read(path: str | Path) -> IdentifiedModel:
         ) from None
     except msgspec.MsgspecError as error:
         raise ModelError(f"{path}: {error}; give a model.json that `ground refit` wrote") from None
+
+
+def schema() -> bytes:
+    """Return the JSON Schema of the format that this version reads and writes."""
+    return schema_of(IdentifiedModel, f"model.json, format {FORMAT}: an identified vehicle")
+
+
+if __name__ == "__main__":
+    sys.stdout.buffer.write(schema())

@@ -7,7 +7,7 @@ simulations and old logs are treated alike.
 """
 
 from sysid.data.dataset import Log
-from sysid.json_record import JsonRecord
+from sysid.models.json_record import JsonRecord
 from sysid.monitor import causes, sequential
 from sysid.monitor.causes import Cause
 from sysid.monitor.performance_spec import PerformanceBaseline

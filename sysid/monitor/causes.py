@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from sysid.json_record import JsonRecord
+from sysid.models.json_record import JsonRecord
 from sysid.monitor import sequential
 from sysid.monitor.performance_spec import PerformanceBaseline
 from sysid.monitor.sequential import Sums

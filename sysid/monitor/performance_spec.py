@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 import msgspec
 
 from mavlink_io.errors import ErrorCode, InputError
-from sysid.json_record import JsonRecord
+from sysid.models.json_record import JsonRecord
 
 MAGIC = "# caribou gains "
 """Beginning of the first line of every header."""

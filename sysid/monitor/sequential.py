@@ -14,7 +14,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from sysid.json_record import JsonRecord
+from sysid.models.json_record import JsonRecord
 from sysid.monitor.performance_spec import AVERAGED_S, PerformanceBaseline, PredictedStatistic
 from sysid.monitor.windows import MonitorWindow
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sysid.data.dataset import Log
 from sysid.data.events import TestStarted
 from sysid.data.segments import cut_runs
-from sysid.json_record import JsonRecord
+from sysid.models.json_record import JsonRecord
 
 Array = NDArray[np.float64]
 

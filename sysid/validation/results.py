@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from sysid.json_record import JsonRecord
+from sysid.models.json_record import JsonRecord
 from sysid.planes import PLANES, Plane
 
 

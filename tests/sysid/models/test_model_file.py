@@ -7,15 +7,14 @@ import msgspec
 import pytest
 
 from sysid.models import model_file as models
-from sysid.models.model_file import IdentifiedModel, ModelError
-from sysid.schema import schema
+from sysid.models.model_file import IdentifiedModel, ModelError, schema
 
 PUBLISHED = Path(__file__).parents[3] / "docs" / "model.schema.json"
 DESCRIBED = PUBLISHED.with_name("model.md")
 
 
 def test_published_schema_equals_records() -> None:
-    command = "python -m sysid.schema > docs/model.schema.json"
+    command = "python -m sysid.models.model_file > docs/model.schema.json"
     assert PUBLISHED.read_bytes() == schema(), f"the records have changed; run {command}"
 
 

@@ -1,14 +1,10 @@
-"""JSON Schemas of the project's files, derived from their record classes.
-
-Usage: ``python -m sysid.schema > docs/model.schema.json``.
-"""
-
-import sys
+"""Base class of the records that are written to JSON files, and the schemas of such files."""
 
 import msgspec
 
-from sysid.json_record import JsonRecord
-from sysid.models.model_file import FORMAT, IdentifiedModel
+
+class JsonRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Immutable record of a JSON file; an unknown or missing key is an error."""
 
 
 def schema_of(record: type[JsonRecord], title: str) -> bytes:
@@ -29,12 +25,3 @@ def schema_of(record: type[JsonRecord], title: str) -> bytes:
     header = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title}
     definitions = msgspec.json.schema(record)
     return msgspec.json.format(msgspec.json.encode(header | definitions), indent=1) + b"\n"
-
-
-def schema() -> bytes:
-    """Return the JSON Schema of the ``model.json`` that this version reads and writes."""
-    return schema_of(IdentifiedModel, f"model.json, format {FORMAT}: an identified vehicle")
-
-
-if __name__ == "__main__":
-    sys.stdout.buffer.write(schema())
