@@ -48,6 +48,9 @@ ARM_RETRY_S, ARM_RETRY_PERIOD_S = 15.0, 1.0
 """Wall time in which arming is retried after a temporary refusal, and the time between retries."""
 HEARTBEAT_TIMEOUT_S = 5.0
 """Wall time without a heartbeat after which a vehicle counts as lost."""
+MAX_PUMP_S = 1.0
+"""Longest time between two calls of `pump` that counts as listening. A longer one is a pause of
+this program or of the whole machine, which may have paused the vehicle's link too."""
 _STANDBY = constant("MAV_STATE_STANDBY")
 _CRITICAL = constant("MAV_STATE_CRITICAL"), constant("MAV_STATE_EMERGENCY")
 _PREARM = constant("MAV_SYS_STATUS_PREARM_CHECK")
@@ -115,7 +118,7 @@ class VehicleClient:
         self._recorder = recorder
         self._watchdog = watchdog
         self._heartbeat, self._check = Interval(HEARTBEAT_PERIOD_S), Interval(WATCHDOG_PERIOD_S)
-        self._heartbeat_received_s = wall_s()
+        self._heartbeat_received_s = self._pumped_s = wall_s()
         self._latest: dict[int, Frame] = {}
         self._modes: dict[str, int] = {}
         self._listener: Callable[[Frame], None] | None = None
@@ -195,7 +198,8 @@ class VehicleClient:
         -------
         bool
             True if nothing is left unread. The heartbeat timeout is checked only then: after a
-            pause of this process, frames that arrived in time may still wait in the socket.
+            pause of this process, frames that arrived in time may still wait in the socket. The
+            pause itself counts as `MAX_PUMP_S` of silence.
 
         Raises
         ------
@@ -210,6 +214,7 @@ class VehicleClient:
             frames, is_all = connection_diagnosis.receive_all(self._endpoint)
         except LinkLostError as error:
             raise VehicleClientError(f"the vehicle is gone: {error}") from None
+        self._leave_out_pause()
         self._process(frames)
         if self._watchdog is not None and self._check.due():
             self._watchdog()
@@ -221,6 +226,13 @@ class VehicleClient:
                 f"for {HEARTBEAT_TIMEOUT_S:g} s"
             )
         return is_all
+
+    def _leave_out_pause(self) -> None:
+        """Count a pause since the last call of `pump` as `MAX_PUMP_S` of silence."""
+        now_s = wall_s()
+        pause_s = max(0.0, now_s - self._pumped_s - MAX_PUMP_S)
+        self._heartbeat_received_s = min(now_s, self._heartbeat_received_s + pause_s)
+        self._pumped_s = now_s
 
     def latest(self, name: str) -> Any | None:
         """Return the newest message of a name, decoded; None before the first one."""

@@ -50,7 +50,9 @@ class Lockstep:
         LinkLostError
             The link is closed and cannot be opened again.
         """
-        give_up_s = wall_s() + (ANSWER_TIMEOUT_S if self._has_answered else FIRST_ANSWER_TIMEOUT_S)
+        timeout_s = ANSWER_TIMEOUT_S if self._has_answered else FIRST_ANSWER_TIMEOUT_S
+        # Sum of the waits, not wall time: a pause of the whole machine is no silence.
+        waited_s = 0.0
         resend_s = RESEND_S if self._has_answered else FREE_RUN_S
         while not self._stopped():
             self._link.send(datagram)
@@ -58,7 +60,8 @@ class Lockstep:
             if answer is not None:
                 self._has_answered = True
                 return answer
-            if wall_s() > give_up_s:
+            waited_s += resend_s
+            if waited_s > timeout_s:
                 raise AutopilotTimeoutError(self._timeout_message(time_us))
             if self._has_answered:
                 resend_s = min(RESEND_MAX_S, RESEND_GROWTH * resend_s)

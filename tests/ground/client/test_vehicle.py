@@ -235,10 +235,36 @@ def test_critical_mode_ends_with_the_fault(fake: FakeVehicle) -> None:
 
 def test_a_silent_vehicle_is_lost(fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch) -> None:
     vehicle = connected(fake)
-    now = client.wall_s()
-    monkeypatch.setattr(client, "wall_s", lambda: now + client.HEARTBEAT_TIMEOUT_S + 1.0)
+    steps = clock(monkeypatch, 0.5)
     with pytest.raises(VehicleClientError, match="no heartbeat"):
-        vehicle.pump(0.0)
+        pump(vehicle, 11, steps)
+
+
+def test_pump_after_a_pause_waits_for_the_vehicle(
+    fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A machine that slept for an hour: the vehicle speaks within its timeout after that."""
+    vehicle = connected(fake)
+    vehicle.pump(0.0)
+    clock(monkeypatch, 3600.0)()
+    vehicle.pump(0.0)
+    fake.heartbeat()
+    steps = clock(monkeypatch, 0.5)
+    pump(vehicle, 10, steps)
+    with pytest.raises(VehicleClientError, match="no heartbeat"):
+        pump(vehicle, 2, steps)
+
+
+def clock(monkeypatch: pytest.MonkeyPatch, step_s: float) -> Callable[[], None]:
+    """Stop the client's clock; return the function that advances it by a step."""
+    now_s = client.wall_s()
+
+    def advance() -> None:
+        nonlocal now_s
+        now_s += step_s
+
+    monkeypatch.setattr(client, "wall_s", lambda: now_s)
+    return advance
 
 
 class Backlog:
@@ -268,8 +294,9 @@ class Backlog:
         sender.send("HEARTBEAT", type=kind, autopilot=autopilot, **fields)
 
 
-def pump(vehicle: VehicleClient, times: int) -> None:
+def pump(vehicle: VehicleClient, times: int, advance: Callable[[], None] = lambda: None) -> None:
     for _ in range(times):
+        advance()
         vehicle.pump(0.02)
 
 
@@ -302,10 +329,9 @@ def test_pump_late_reader_finds_silent_vehicle_gone(
     backlog.heartbeat()
     vehicle.connect()
     backlog.chatter(200)
-    late_s = client.wall_s() + client.HEARTBEAT_TIMEOUT_S + 1.0
-    monkeypatch.setattr(client, "wall_s", lambda: late_s)
+    steps = clock(monkeypatch, 0.9)
     with pytest.raises(VehicleClientError, match="no heartbeat"):
-        pump(vehicle, 10)
+        pump(vehicle, 10, steps)
 
 
 def test_connect_late_reader_finds_vehicle(backlog: Backlog) -> None:
