@@ -6,6 +6,7 @@ because kernels are compiled on their first call.
 """
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -40,6 +41,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return place, item.get_closest_marker("process") is None
 
     items.sort(key=rank)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _hangup_ends_programs() -> None:
+    """Let SIGHUP have its default effect on programs under test, also where `nohup` ran pytest."""
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(autouse=True, scope="session")
