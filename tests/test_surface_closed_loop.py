@@ -97,5 +97,7 @@ def test_surface_pressure_reads_deep_ends_by_satellite_fix() -> None:
     ascent = surface({"unit": "pressure", "kind": "wrong", "offset_hpa": 200.0})
     assert not ascent.armed
     assert ascent.texts[-1].startswith("Surfaced by satellite fix, though depth reads 2.")
-    assert ascent.depth_m < 0.45, "the antenna is drowned below 0.4 m (sitl/sensors/gps.py)"
+    assert ascent.depth_m < 0.45, (
+        "the antenna is under water below 0.4 m (sitl/core/sensors/gps.py)"
+    )
     assert "Failsafe: no rise for 20 s -> propeller stopped" not in ascent.texts

@@ -56,9 +56,7 @@ def test_rows_show_worst_loop_and_point() -> None:
 
 
 def test_rows_ignore_pitch_point() -> None:
-    """The specification limits four cuts (`sysid/design/heading.py`, `depth.py`); pitch is not
-    one.
-    """
+    """The specification limits four cuts (`sysid/design/pid`); pitch is not one."""
     weak_pitch = design(pitch=margins(7.0, 50.0, 1.9))
     rows = {row.limit: row for row in design_summary.rows(weak_pitch)}
     assert rows["gain margin, dB"].where == "rudder"
