@@ -54,9 +54,10 @@ class Console:
     def running(self) -> bool:
         return self._process.poll() is None
 
-    def type_line(self, line: str) -> None:
-        """Type a line; ignore the output before it."""
-        self._mark = len(self.output)
+    def type_line(self, line: str, *, again: bool = False) -> None:
+        """Type a line; ignore the output before it, unless it is typed again."""
+        if not again:
+            self._mark = len(self.output)
         assert self._process.stdin is not None
         self._process.stdin.write(line.encode() + b"\n")
         self._process.stdin.flush()
@@ -80,22 +81,24 @@ class Console:
         """Type a line and return the match in the answer; repeat it on a lossy line.
 
         A line is typed again, too, if datagrams were lost meanwhile: the answer may be among them.
+        A late answer to an earlier attempt counts: what was done twice is not answered twice.
         """
-        for _ in range(attempts - 1):
-            self.type_line(line)
+        lost = self.lost_datagrams()
+        for attempt in range(attempts - 1):
+            self.type_line(line, again=attempt > 0)
             try:
                 return self.wait_for(pattern, within_s / attempts)
             except TimeoutError:
                 continue
+        self.type_line(line, again=attempts > 1)
         for _ in range(REPEATS_AFTER_LOSS):
-            lost = self.lost_datagrams()
-            self.type_line(line)
             try:
                 return self.wait_for(pattern, within_s)
             except TimeoutError:
                 if self.lost_datagrams() == lost:
                     raise
-        self.type_line(line)
+            lost = self.lost_datagrams()
+            self.type_line(line, again=True)
         return self.wait_for(pattern, within_s)
 
     def lost_datagrams(self) -> int:
