@@ -165,7 +165,8 @@ def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> Act
     Each test has a bias of its own, which is eliminated from the residuals. Standard deviations are
     cluster-robust (the sandwich estimator of Liang and Zeger 1986), because quantisation and model
     errors are not white noise and repeat in every period of a sinusoid. Clusters are blocks of
-    ``BLOCK_S`` and whole tests; the larger standard deviation is used.
+    ``BLOCK_S`` and whole tests. With few clusters the sandwich can be small by chance; the lower
+    bound takes each test for as much evidence as half a period of its command.
     """
     # z parameters in units of _SCALE, r_j residual of sample j (rad), b_i bias of test i:
     #     r_j = angle_j - duct(t_j; z) - b_i,   b_i = mean over test i,   z = argmin 1/2 sum r_j^2.
@@ -203,7 +204,9 @@ def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> Act
     sd = [
         _max_deviation(candidates)
         for candidates in zip(
-            *(_deviations(best.jac, best.fun, clusters) for clusters in clusterings), strict=True
+            *(_deviations(best.jac, best.fun, clusters) for clusters in clusterings),
+            _half_period_deviations(best.jac, best.fun, test_number, _half_periods(record)),
+            strict=True,
         )
     ]
     error = duct_error(best.x)
@@ -244,6 +247,25 @@ def _block_numbers(time_s: Array, test_number: NDArray[np.int_]) -> NDArray[np.i
     """Return the block number of each residual; a block is within one test."""
     _, blocks = np.unique(np.floor(time_s / BLOCK_S) + 1e9 * test_number, return_inverse=True)
     return np.asarray(blocks, dtype=np.int_)
+
+
+def _half_periods(record: BenchRecord) -> NDArray[np.int_]:
+    """Return the number of half periods of the command in each test, at least 1."""
+    time_s = record.start_s + np.arange(record.command_rad.size) / RATE_HZ
+    commands = [record.command_rad[(time_s >= a) & (time_s <= b)] for a, b in record.spans_s]
+    return np.array([max(1, np.count_nonzero(np.diff(np.sign(c - c.mean())))) for c in commands])
+
+
+def _half_period_deviations(
+    jacobian: Array, residual: Array, test_number: NDArray[np.int_], half_periods: NDArray[np.int_]
+) -> list[float | None]:
+    """Return standard deviations as `_deviations` does, for errors that repeat."""
+    # Residuals that are the same in each of the h_t half periods of test t count once:
+    # P = s^2 (sum_t J_t^T J_t / h_t)^-1 with the mean square s^2 of the residuals.
+    shown = np.sqrt(np.mean(jacobian**2, axis=0)) > MIN_SENSITIVITY
+    J = jacobian[:, shown] / np.sqrt(half_periods[test_number])[:, None]
+    sd = iter(np.sqrt(np.mean(residual**2) * np.diag(np.linalg.pinv(J.T @ J))) * _SCALE[shown])
+    return [float(next(sd)) if identifiable else None for identifiable in shown]
 
 
 def _deviations(jacobian: Array, residual: Array, blocks: NDArray[np.int_]) -> list[float | None]:
