@@ -200,15 +200,9 @@ def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> Act
         for start in starts
     ]
     best = min(results, key=lambda result: float(result.cost))
-    clusterings = _block_numbers(record.time_s[test_samples], test_number), test_number
-    sd = [
-        _max_deviation(candidates)
-        for candidates in zip(
-            *(_deviations(best.jac, best.fun, clusters) for clusters in clusterings),
-            _half_period_deviations(best.jac, best.fun, test_number, _half_periods(record)),
-            strict=True,
-        )
-    ]
+    clusterings = test_number, _block_numbers(record.time_s[test_samples], test_number)
+    half_periods = _half_periods(record)[test_number]
+    sd = _standard_deviations(best.jac, best.fun, clusterings, half_periods)
     error = duct_error(best.x)
     biases = np.bincount(test_number, error) / np.bincount(test_number)
     gain, frequency, damping, delay, rate, play = (
@@ -233,11 +227,6 @@ def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> Act
     )
 
 
-def _max_deviation(deviations: tuple[float | None, ...]) -> float | None:
-    """Return the largest standard deviation; None for an unidentifiable parameter."""
-    return max((sd for sd in deviations if sd is not None), default=None)
-
-
 def _standard_error(values: Array) -> float | None:
     """Return the standard error of the mean; None for a single value."""
     return float(np.std(values, ddof=1) / math.sqrt(values.size)) if values.size > 1 else None
@@ -256,29 +245,43 @@ def _half_periods(record: BenchRecord) -> NDArray[np.int_]:
     return np.array([max(1, np.count_nonzero(np.diff(np.sign(c - c.mean())))) for c in commands])
 
 
-def _half_period_deviations(
-    jacobian: Array, residual: Array, test_number: NDArray[np.int_], half_periods: NDArray[np.int_]
+def _standard_deviations(
+    jacobian: Array,
+    residual: Array,
+    clusterings: tuple[NDArray[np.int_], ...],
+    half_periods: NDArray[np.int_],
 ) -> list[float | None]:
-    """Return standard deviations as `_deviations` does, for errors that repeat."""
+    """Return one standard deviation per parameter in its unit; None for an unidentifiable one.
+
+    The largest one of all clusterings and of the lower bound for errors that repeat is returned.
+    """
+    is_identifiable = np.sqrt(np.mean(jacobian**2, axis=0)) > MIN_SENSITIVITY
+    J = jacobian[:, is_identifiable]
+    candidates = [_clustered_deviations(J, residual, clusters) for clusters in clusterings]
+    candidates.append(_half_period_deviations(J, residual, half_periods))
+    largest = iter(np.max(candidates, axis=0) * _SCALE[is_identifiable])
+    return [float(next(largest)) if identifiable else None for identifiable in is_identifiable]
+
+
+def _half_period_deviations(J: Array, residual: Array, half_periods: NDArray[np.int_]) -> Array:
+    """Return the standard deviation of each column of ``J`` for errors that repeat.
+
+    ``half_periods`` is the number of half periods of the test of each residual.
+    """
     # Residuals that are the same in each of the h_t half periods of test t count once:
     # P = s^2 (sum_t J_t^T J_t / h_t)^-1 with the mean square s^2 of the residuals.
-    shown = np.sqrt(np.mean(jacobian**2, axis=0)) > MIN_SENSITIVITY
-    J = jacobian[:, shown] / np.sqrt(half_periods[test_number])[:, None]
-    sd = iter(np.sqrt(np.mean(residual**2) * np.diag(np.linalg.pinv(J.T @ J))) * _SCALE[shown])
-    return [float(next(sd)) if identifiable else None for identifiable in shown]
+    covariance = np.linalg.pinv(J.T @ (J / half_periods[:, None]))
+    return np.asarray(np.sqrt(np.mean(residual**2) * np.diag(covariance)))
 
 
-def _deviations(jacobian: Array, residual: Array, blocks: NDArray[np.int_]) -> list[float | None]:
-    """Return one standard deviation per parameter in its unit; None for an unidentifiable one."""
+def _clustered_deviations(J: Array, residual: Array, clusters: NDArray[np.int_]) -> Array:
+    """Return the standard deviation of each column of ``J`` for errors of independent clusters."""
     # Sandwich estimator (Liang and Zeger 1986): (J^T J)^-1 (sum_c s_c s_c^T) (J^T J)^-1 with the
     # score s_c = J_c^T r_c of cluster c. For few clusters the result is scaled by
     # t_0.975(clusters - 1) / 1.96 (Cameron and Miller 2015, section VI).
-    shown = np.sqrt(np.mean(jacobian**2, axis=0)) > MIN_SENSITIVITY
-    J = jacobian[:, shown]
     bread = np.linalg.pinv(J.T @ J)
-    scores = np.column_stack([np.bincount(blocks, column * residual) for column in J.T])
+    scores = np.column_stack([np.bincount(clusters, column * residual) for column in J.T])
     count = len(scores)
     meat = scores.T @ scores * count / max(1, count - J.shape[1])
     small_sample_factor = float(student.ppf(0.975, max(1, count - 1)) / norm.ppf(0.975))
-    sd = iter(small_sample_factor * np.sqrt(np.diag(bread @ meat @ bread)) * _SCALE[shown])
-    return [float(next(sd)) if identifiable else None for identifiable in shown]
+    return np.asarray(small_sample_factor * np.sqrt(np.diag(bread @ meat @ bread)))
