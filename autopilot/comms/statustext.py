@@ -35,8 +35,7 @@ class EventPublisher:
         self._vehicle, self._build, self._broadcast, self._log = vehicle, build, broadcast, log
         self._rate_limiter = TextRateLimiter()
         self._long_texts = 0
-        self._mode: int | None = vehicle.state.mode
-        self._heartbeat_state: tuple[int, bool, int] | None = self._read_heartbeat_state()
+        self._published: tuple[int, bool, int] | None = self._read_state()
         self._home: Home = vehicle.state.home
 
     def publish(self) -> None:
@@ -46,13 +45,11 @@ class EventPublisher:
                 self._broadcast(_ITEM_REACHED, (event.sequence,))
             else:
                 self._publish_text(event)
-        mode, home = self._vehicle.state.mode, self._vehicle.state.home
-        heartbeat_state = self._read_heartbeat_state()
-        if mode != self._mode:
-            self._mode = mode
+        state, published, home = self._read_state(), self._published, self._vehicle.state.home
+        self._published = state
+        if published is None or state[0] != published[0]:
             self._publish_messages((_CURRENT_MODE,))
-        if heartbeat_state != self._heartbeat_state:
-            self._heartbeat_state = heartbeat_state
+        if state != published:
             self._publish_messages((_HEARTBEAT,))
         if home != self._home:
             self._home = home
@@ -60,9 +57,9 @@ class EventPublisher:
 
     def resend_mode(self) -> None:
         """Publish the mode at the next call, changed or not."""
-        self._mode = self._heartbeat_state = None
+        self._published = None
 
-    def _read_heartbeat_state(self) -> tuple[int, bool, int]:
+    def _read_state(self) -> tuple[int, bool, int]:
         """Return mode, arming state and MAV_STATE."""
         state = self._vehicle.state
         return state.mode, state.armed, identity.mav_state(state)
