@@ -10,7 +10,7 @@ import msgspec
 
 from mavlink_io.errors import InputError
 from sysid.design.specification import DesignRobustness, Response, Spec
-from sysid.models.json_record import JsonRecord, schema_of
+from sysid.models.json_record import JsonRecord, encode, format_of, schema_of
 from sysid.models.model_file import Coefficient, Method, PlaneModel
 from sysid.monitor import MonitorReport
 from sysid.monitor.tracking_metrics import TrackingMetrics
@@ -160,22 +160,16 @@ class CampaignSummary(JsonRecord, frozen=True):
     """Errors of straight runs by set of gains."""
 
 
-class _Head(msgspec.Struct):
-    """The key that is decoded first; other keys are ignored."""
-
-    format: int = 0
-
-
 def write(summary: CampaignSummary, path: Path) -> None:
     """Write ``summary.json``; an existing file is overwritten."""
-    path.write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=1) + b"\n")
+    path.write_bytes(encode(summary))
 
 
 def read(path: Path) -> CampaignSummary:
     """Read ``summary.json``. Raises InputError naming the file and the key in error."""
     try:
         text = path.read_bytes()
-        file_format = msgspec.json.decode(text, type=_Head).format
+        file_format = format_of(text)
         if file_format != FORMAT:
             found = f"format = {file_format}" if file_format else "no 'format' key"
             raise InputError(

@@ -7,6 +7,49 @@ class JsonRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Immutable record of a JSON file; an unknown or missing key is an error."""
 
 
+class _Head(msgspec.Struct):
+    """The key that is decoded first; other keys are ignored."""
+
+    format: int = 0
+
+
+def format_of(text: bytes) -> int:
+    """Return the value of the key ``format``.
+
+    Parameters
+    ----------
+    text : bytes
+        Content of a JSON file.
+
+    Returns
+    -------
+    int
+        Number of the format; 0 if the key is missing.
+
+    Raises
+    ------
+    msgspec.MsgspecError
+        The content is no JSON object, or the format is no integer.
+    """
+    return msgspec.json.decode(text, type=_Head).format
+
+
+def encode(record: JsonRecord) -> bytes:
+    """Return the content of a record's file.
+
+    Parameters
+    ----------
+    record : JsonRecord
+        Content of the file.
+
+    Returns
+    -------
+    bytes
+        Indented JSON, UTF-8, with a newline at the end.
+    """
+    return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
+
+
 def schema_of(record: type[JsonRecord], title: str) -> bytes:
     """Return the JSON Schema (draft 2020-12) of a file.
 

@@ -15,7 +15,7 @@ from typing import Literal
 import msgspec
 
 from mavlink_io.errors import ErrorCode, InputError
-from sysid.models.json_record import JsonRecord, schema_of
+from sysid.models.json_record import JsonRecord, encode, format_of, schema_of
 from sysid.planes import Plane
 from sysid.validation.results import ModelAssessment, PlaneValidation
 
@@ -282,17 +282,6 @@ class IdentifiedModel(JsonRecord, frozen=True):
     """Versions of the packages; the same logs and versions give the same bytes."""
 
 
-class _Head(msgspec.Struct):
-    """The key that is decoded first; other keys are ignored."""
-
-    format: int = 0
-
-
-def encode(model: IdentifiedModel) -> bytes:
-    """Return the bytes of ``model.json``."""
-    return msgspec.json.format(msgspec.json.encode(model), indent=1) + b"\n"
-
-
 def sha256_of_model(model: IdentifiedModel) -> str:
     """Return the SHA-256 that gains files use to identify a model.
 
@@ -347,7 +336,7 @@ def read(path: str | Path) -> IdentifiedModel:
     """
     try:
         text = Path(path).read_bytes()
-        file_format = msgspec.json.decode(text, type=_Head).format
+        file_format = format_of(text)
         if file_format == 0:
             raise ModelError(
                 f"{path}: not a model file (no 'format' key); pass the model.json written by"
