@@ -201,21 +201,28 @@ def _wpl_item(row: list[str]) -> MissionItem:
     """Parse one line of the text format. Raises ValueError."""
     frame, command, autocontinue = int(row[2]), int(row[3]), int(row[11])
     p1, p2, p3, p4, x, y, z = (float(column) for column in row[4:11])
-    return _with_location(
-        MissionItem(
-            sequence=0,
-            frame=frame,
-            command=command,
-            current=0,
-            autocontinue=autocontinue,
-            p1=p1,
-            p2=p2,
-            p3=p3,
-            p4=p4,
-            z=z,
-        ),
-        x,
-        y,
+    return _with_location(_item(frame, command, autocontinue, (p1, p2, p3, p4, z)), x, y)
+
+
+def _item(
+    frame: int,
+    command: int,
+    autocontinue: int,
+    parameters: tuple[float, float, float, float, float],
+) -> MissionItem:
+    """Return an item of a file, without its location; ``parameters`` are param1 to param4 and z."""
+    p1, p2, p3, p4, z = parameters
+    return MissionItem(
+        sequence=0,
+        frame=frame,
+        command=command,
+        current=0,
+        autocontinue=autocontinue,
+        p1=p1,
+        p2=p2,
+        p3=p3,
+        p4=p4,
+        z=z,
     )
 
 
@@ -241,18 +248,7 @@ def _from_plan(entry: dict[str, Any]) -> MissionItem:
         math.nan if value is None else float(value) for value in entry["params"]
     )
     autocontinue = int(entry.get("autoContinue", True))
-    item = MissionItem(
-        sequence=0,
-        frame=int(entry["frame"]),
-        command=int(entry["command"]),
-        current=0,
-        autocontinue=autocontinue,
-        p1=p1,
-        p2=p2,
-        p3=p3,
-        p4=p4,
-        z=z,
-    )
+    item = _item(int(entry["frame"]), int(entry["command"]), autocontinue, (p1, p2, p3, p4, z))
     if _has_global_position(item) and math.isnan(x) and math.isnan(y):
         return item._replace(x=NOT_GIVEN, y=NOT_GIVEN)
     return _with_location(item, 0.0 if math.isnan(x) else x, 0.0 if math.isnan(y) else y)
