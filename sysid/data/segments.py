@@ -30,6 +30,17 @@ LOOP_ON = 100
 """Offset of the axes with the loop closed."""
 
 
+class PlaneSignals(NamedTuple):
+    """Signals of a run in one plane."""
+
+    command_rad: Array
+    """Command of the surface including trim."""
+    trim_rad: float
+    angle_rad: Array
+    """Heading, unwrapped, or pitch."""
+    rate_radps: Array
+
+
 @dataclass(frozen=True)
 class Run:
     """One test on a uniform grid of ``RATE_HZ`` in MAVLink's axes (FRD, NED).
@@ -73,70 +84,52 @@ class Run:
     stop_detail: str = ""
     """Reason of an early end with value and limit; empty for a complete test."""
 
+    def in_plane(self, plane: Plane) -> PlaneSignals:
+        """Return the signals of one plane.
+
+        Parameters
+        ----------
+        plane : Plane
+            Yaw or pitch.
+
+        Returns
+        -------
+        PlaneSignals
+            Rudder and yaw, or elevator and pitch.
+        """
+        if PLANES[plane].is_yaw:
+            return PlaneSignals(
+                command_rad=self.rudder_rad,
+                trim_rad=self.rudder_trim_rad,
+                angle_rad=self.heading_rad,
+                rate_radps=self.r_radps,
+            )
+        return PlaneSignals(
+            command_rad=self.elevator_rad,
+            trim_rad=self.elevator_trim_rad,
+            angle_rad=self.pitch_rad,
+            rate_radps=self.q_radps,
+        )
+
     @property
     def command_rad(self) -> Array:
         """Return the command of the surface under test."""
-        return self.surface_rad(self.plane)
+        return self.in_plane(self.plane).command_rad
 
     @property
     def rate_radps(self) -> Array:
         """Return the rate in the plane under test."""
-        return self.rate_of(self.plane)
+        return self.in_plane(self.plane).rate_radps
 
     @property
     def trim_rad(self) -> float:
         """Return the trim of the surface under test."""
-        return self.surface_trim_rad(self.plane)
+        return self.in_plane(self.plane).trim_rad
 
     @property
     def angle_rad(self) -> Array:
         """Return the angle in the plane under test."""
-        return (self.heading_rad, self.pitch_rad)[PLANES[self.plane].index]
-
-    def surface_rad(self, plane: Plane) -> Array:
-        """Return the command of a plane's surface.
-
-        Parameters
-        ----------
-        plane : Plane
-            Yaw or pitch.
-
-        Returns
-        -------
-        Array
-            Rudder or elevator command, rad, one per sample.
-        """
-        return (self.rudder_rad, self.elevator_rad)[PLANES[plane].index]
-
-    def surface_trim_rad(self, plane: Plane) -> float:
-        """Return the trim of a plane's surface.
-
-        Parameters
-        ----------
-        plane : Plane
-            Yaw or pitch.
-
-        Returns
-        -------
-        float
-            Rudder or elevator trim, rad.
-        """
-        return (self.rudder_trim_rad, self.elevator_trim_rad)[PLANES[plane].index]
-
-    def rate_of(self, plane: Plane) -> Array:
-        """Return the rate in a plane.
-
-        Parameters
-        ----------
-        plane : Plane
-            Yaw or pitch.
-
-        Returns
-        -------
-        Array
-            Yaw or pitch rate, rad/s, one per sample.
-        """
-        return (self.r_radps, self.q_radps)[PLANES[plane].index]
+        return self.in_plane(self.plane).angle_rad
 
     @property
     def preroll(self) -> NDArray[np.bool_]:
@@ -161,7 +154,9 @@ class Run:
         ndarray
             Surface command at RATE_HZ, in radians; its last samples belong to ``time_s``.
         """
-        return np.concatenate([self.earlier_rad[PLANES[plane].index], self.surface_rad(plane)])
+        return np.concatenate(
+            [self.earlier_rad[PLANES[plane].index], self.in_plane(plane).command_rad]
+        )
 
     def since(self, start_s: float) -> "Run":
         """Return the run from ``start_s`` on; ``earlier_rad`` holds the commands before it.

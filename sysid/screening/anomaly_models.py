@@ -191,8 +191,8 @@ def departure_rad(run: Run) -> Array:
 def _held_deflection_rad(run: Run, plane: Plane) -> float:
     """Mean command of a surface before the test, rad; the trim command if there is no pre-roll."""
     if not run.preroll.any():
-        return run.surface_trim_rad(plane)
-    return float(np.mean(run.surface_rad(plane)[run.preroll]))
+        return run.in_plane(plane).trim_rad
+    return float(np.mean(run.in_plane(plane).command_rad[run.preroll]))
 
 
 def _scale_deflections(run: Run) -> Run:

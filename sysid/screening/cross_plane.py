@@ -124,7 +124,7 @@ def band(runs: Sequence[Run], values: Sequence[Array], run: Run) -> float:
 def _coherence_reason(run: Run, limits: ScreeningLimits) -> str:
     """Compare the coherence of the other plane's rate with the tested surface with its limit."""
     other = PLANES[run.plane].other
-    rate = run.rate_of(other)
+    rate = run.in_plane(other).rate_radps
     largest_coherence, bins = coherence(run, rate)
     allowed = max(limits.cross_coherence, significant(bins))
     relative_size = (

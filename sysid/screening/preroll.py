@@ -84,7 +84,7 @@ def typical_roughness_radps(runs: Sequence[Run]) -> float:
 
 def _windows(run: Run, plane: Plane) -> list[PrerollWindow]:
     """Split the pre-roll of a run into windows and average each; the last one ends at the test."""
-    rate = run.rate_of(plane)
+    rate = run.in_plane(plane).rate_radps
     end = int(np.count_nonzero(run.preroll))
     slices = [slice(stop - WINDOW, stop) for stop in range(end, WINDOW - 1, -WINDOW)]
     return [_window(rate[part], run.time_s[part], run.depth_m[part]) for part in slices]

@@ -52,7 +52,7 @@ def saturation(run: Run, limits: ScreeningLimits) -> str:
     A surface at its stops cannot control the other plane. In the tested plane the stops clip the
     command, which matters only if the command was meant to stay within the travel.
     """
-    other_surface_rad = run.surface_rad(PLANES[run.plane].other)
+    other_surface_rad = run.in_plane(PLANES[run.plane].other).command_rad
     intended_deg = abs(math.degrees(run.trim_rad)) + abs(run.magnitude_deg)
     surfaces = (
         [other_surface_rad]

@@ -44,7 +44,10 @@ def cross_plane_inputs(run: Run, other: LinearPlane, actuator: Actuator, speed_m
     The mean of heave depends on buoyancy; it is computed from pitch and depth instead.
     """
     other_plane = PLANES[run.plane].other
-    duct, rate = greybox.duct_along(run, other_plane, actuator), run.rate_of(other_plane)
+    duct, rate = (
+        greybox.duct_along(run, other_plane, actuator),
+        run.in_plane(other_plane).rate_radps,
+    )
     across, pitch = cross_speed_mps(other, rate, duct), 0.0 * rate
     if (heave_inputs := greybox.heave_coupling(run, speed_mps)) is not None:
         across, pitch = across - np.mean(across) - np.mean(heave_inputs[:, 0]), run.pitch_rad

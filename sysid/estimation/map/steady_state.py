@@ -77,7 +77,9 @@ def trim_biases(
 def _median_command_rad(runs: Sequence[Run], plane: Plane) -> float:
     """Median over the runs of the mean command of a surface in the pre-roll, rad."""
     means = [
-        float(np.mean(run.surface_rad(plane)[run.preroll])) for run in runs if run.preroll.any()
+        float(np.mean(run.in_plane(plane).command_rad[run.preroll]))
+        for run in runs
+        if run.preroll.any()
     ]
     return float(np.median(means)) if means else 0.0
 
