@@ -170,13 +170,11 @@ def _errors(model: IdentifiedModel) -> Table:
         *(_method_name(other.method) for other in model.alternative_methods),
     )
     for label, field in (("fitted", "fit_quality"), ("held out", "held_out")):
-        ours = rate_errors(getattr(model, field))
-        others = [rate_errors(getattr(other, field)) for other in model.alternative_methods]
-        for plane, errors in ours.items():
-            cells = [
-                initial_error(errors),
-                *(refitted_error(e[plane]) for e in (ours, *others)),
-            ]
+        by_method = [
+            rate_errors(getattr(fit, field)) for fit in (model, *model.alternative_methods)
+        ]
+        for plane, errors in by_method[0].items():
+            cells = [initial_error(errors), *(refitted_error(e[plane]) for e in by_method)]
             table.add_row(plane, label, *cells)
     return table
 

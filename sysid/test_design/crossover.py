@@ -25,7 +25,7 @@ def frequency_radps(vehicle: CandidateVehicle, plane: Plane) -> float:
     ----------
     vehicle : CandidateVehicle
         Vehicle configuration and actuators.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
 
     Returns

@@ -41,7 +41,7 @@ def response(vehicle: CandidateVehicle, plane: Plane) -> ComplexArray:
     ----------
     vehicle : CandidateVehicle
         Vehicle.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
 
     Returns
@@ -72,7 +72,7 @@ def loop(vehicle: CandidateVehicle, plane: Plane, gains: Gains) -> ComplexArray:
     ----------
     vehicle : CandidateVehicle
         Vehicle.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
     gains : Gains
         Gains by parameter name.
@@ -115,7 +115,7 @@ def crossover(uncertain: UncertainVehicle, plane: Plane, gains: Gains) -> Crosso
     ----------
     uncertain : UncertainVehicle
         Vehicle and its uncertainty.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
     gains : Gains
         Gains by parameter name, as in Table 3 of the paper.
@@ -202,7 +202,7 @@ def response_sd(uncertain: UncertainVehicle, plane: Plane) -> tuple[Array, Array
     ----------
     uncertain : UncertainVehicle
         Vehicle and its uncertainty.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
 
     Returns

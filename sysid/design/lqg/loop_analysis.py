@@ -60,7 +60,7 @@ def measured_plane(vehicle: DesignModel, plane: Plane) -> MeasuredPlane:
     ----------
     vehicle : DesignModel
         Planes, lags and disturbances.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
 
     Returns

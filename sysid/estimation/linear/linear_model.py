@@ -88,7 +88,7 @@ def names(plane: Plane) -> tuple[str, ...]:
 
     Parameters
     ----------
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
 
     Returns
@@ -104,7 +104,7 @@ def lag(plane: Plane) -> slice:
 
     Parameters
     ----------
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
 
     Returns
@@ -123,7 +123,7 @@ def of_vehicle(vehicle: CandidateVehicle, plane: Plane) -> LinearModel:
     ----------
     vehicle : CandidateVehicle
         Vehicle configuration and actuators.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
 
     Returns
@@ -272,7 +272,7 @@ def derived_names(plane: Plane) -> tuple[str, ...]:
 
     Parameters
     ----------
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
 
     Returns

@@ -76,7 +76,7 @@ def linear_prior(prior: fit.Prior, plane: Plane) -> LinearPrior:
     ----------
     prior : Prior
         Vehicle and covariance P of its normalised parameters z.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
 
     Returns

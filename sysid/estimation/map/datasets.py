@@ -111,7 +111,7 @@ def linear_plane(vehicle: CandidateVehicle, plane: Plane) -> LinearPlane:
     ----------
     vehicle : CandidateVehicle
         Vehicle with its linear coefficients.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
 
     Returns

@@ -143,7 +143,7 @@ def begin(knowledge: Knowledge, plane: Plane, held_rad: float) -> TestState:
     ----------
     knowledge : Knowledge
         Knowledge before the test.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane of the test.
     held_rad : float
         Mean command of straight flight before the test, rad.

@@ -80,7 +80,7 @@ def read(
         Prior of the parameters.
     information : Information
         Information about z from the prior and the tests.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
     crossover_radps : float
         Frequency at which gain and phase are reported, rad/s.
@@ -117,7 +117,7 @@ def crossover_radps(prior: Prior, plane: Plane, gains: Gains | None = None) -> f
     ----------
     prior : Prior
         Prior, whose mean gives the vehicle.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
     gains : mapping of str to float, optional
         Gains by parameter name; by default those of `validation.crossover.gains_for`.
@@ -157,7 +157,7 @@ def numbers(vehicle: CandidateVehicle, plane: Plane, crossover_radps: float) -> 
     ----------
     vehicle : CandidateVehicle
         Vehicle configuration and actuators.
-    plane : {'yaw', 'pitch'}
+    plane : Plane
         Plane.
     crossover_radps : float
         Frequency of the response, in rad/s.
