@@ -15,7 +15,8 @@ from mavlink_io.codec import Frame
 CONFIRM_SAMPLES = 5
 """Number of consecutive refused stamps that follow each other and confirm a new time base."""
 CONFIRM_GAP_US = 500_000
-"""Longest step between two of these stamps; random wrong stamps are rarely so close."""
+"""Longest step between two refused stamps that follow each other; random wrong stamps are rarely so
+close."""
 LOST_SAMPLES = 5
 """Longest forward step, in usual intervals, that is accepted as lost samples.
 

@@ -181,7 +181,7 @@ class Trim(NamedTuple):
     rudder_rad: float = 0.0
     elevator_rad: float = 0.0
     learned_s: float = 0.0
-    """Time of steady flight in which they were learned."""
+    """Duration of the steady flight from which the trims were learned."""
 
 
 class LoopMemory(NamedTuple):

@@ -103,7 +103,7 @@ def update(
 
 
 def _update_interval_us(usual_us: int, interval_us: int) -> int:
-    """Return the usual interval, limited to a change by INTERVAL_CHANGE."""
+    """Return the usual interval (us): the newest one, at most a factor INTERVAL_CHANGE away."""
     if not usual_us:
         return interval_us
     return round(min(INTERVAL_CHANGE * usual_us, max(usual_us / INTERVAL_CHANGE, interval_us)))

@@ -235,7 +235,7 @@ def _setpoints(messages: Messages) -> Setpoints:
 
 
 def _events(messages: Messages) -> tuple[LogEvent, ...]:
-    """Return the events; modes and armings from HEARTBEAT, without it from the texts."""
+    """Return the events. Modes and arming come from HEARTBEAT; in a log without it, from texts."""
     events = _text_events(*messages["STATUSTEXT"]) if "STATUSTEXT" in messages else []
     if _HEARTBEAT in messages:
         events = [event for event in events if not isinstance(event.value, ModeChanged | Armed)]
