@@ -25,8 +25,8 @@ import numpy as np
 from numba import njit
 
 from sitl.vehicle import build_model, config, dynamics
-from sitl.vehicle.jit import Vector
 from sitl.vehicle.model import VehicleModel
+from sitl.vehicle.vectors import Vector
 from sitl.vehicle.water import STILL, Water
 
 STEP_S = 0.005

@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavlink_io.jit import Native, kernel
 from sitl.core import tailcone
 from sitl.core.tailcone import TailconeAxis
 from sitl.vehicle.dynamics import derivative, rk4_step, specific_force, work_array
-from sitl.vehicle.jit import Native, Vector, Vector3, kernel
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.propeller import rps
+from sitl.vehicle.vectors import Vector, Vector3
 from sitl.vehicle.water import Water
 
 

@@ -13,8 +13,8 @@ from sitl.core.environment.field import LocalWater
 from sitl.scenario import StartTable
 from sitl.vehicle import restoring
 from sitl.vehicle.dynamics import NU, QUATERNION, rotation, state_at_rest
-from sitl.vehicle.jit import Vector
 from sitl.vehicle.model import VehicleModel
+from sitl.vehicle.vectors import Vector
 
 _BISECTIONS = 60
 _NEWTON_STEPS = 12

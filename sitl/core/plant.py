@@ -17,6 +17,7 @@ from msgspec.structs import replace
 from numpy.random import Generator, SeedSequence, default_rng
 
 from mavlink_io.frames import flip, flip_quaternion
+from mavlink_io.jit import Native, native
 from mavlink_io.records import ActuatorFrame
 from sitl.core import body as core_body
 from sitl.core import environment, initial_conditions, sensors, tailcone
@@ -40,8 +41,8 @@ from sitl.scenario_types import ScenarioError
 from sitl.vehicle import build_model
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.dynamics import POSITION, QUATERNION
-from sitl.vehicle.jit import Native, Vector, native
 from sitl.vehicle.propeller import rps
+from sitl.vehicle.vectors import Vector
 
 RUDDER, ELEVATOR, THRUST = 0, 1, 2
 """Indices of ``ActuatorFrame.controls``."""

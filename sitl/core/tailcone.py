@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
+from mavlink_io.jit import entry_point, kernel
 from sitl.vehicle.config import Tailcone
-from sitl.vehicle.jit import Vector, entry_point, kernel
+from sitl.vehicle.vectors import Vector
 
 COMMANDED, RATE, MOTOR, LOST_STEPS, DUCT, QUEUE = range(6)
 """Indices of an axis state.

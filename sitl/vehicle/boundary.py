@@ -23,9 +23,10 @@ from __future__ import annotations
 
 from math import sqrt
 
+from mavlink_io.jit import kernel
 from sitl.vehicle import restoring
-from sitl.vehicle.jit import Vector, Vector3, Wrench, kernel
 from sitl.vehicle.model import Hydrostatics, Walls
+from sitl.vehicle.vectors import Vector, Vector3, Wrench
 from sitl.vehicle.water import Water
 
 CONTACT_STIFFNESS_PER_S2 = 100.0

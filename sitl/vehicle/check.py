@@ -15,9 +15,9 @@ import numpy as np
 from sitl.vehicle import build_model, dynamics, hull
 from sitl.vehicle import config as files
 from sitl.vehicle.file_schema import VehicleConfig, VehicleFileError
-from sitl.vehicle.jit import Vector
 from sitl.vehicle.linearise import DEPTH_M, LinearisedPlane, linearise
 from sitl.vehicle.model import Inertia, VehicleModel
+from sitl.vehicle.vectors import Vector
 from sitl.vehicle.water import STILL
 
 TRIANGLE_SLACK = 1e-9

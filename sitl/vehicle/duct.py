@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from math import atan2, cos, exp, log, pi, sin, sqrt
 
+from mavlink_io.jit import kernel
 from sitl.vehicle import wing
-from sitl.vehicle.jit import Vector3, kernel
 from sitl.vehicle.model import Duct
+from sitl.vehicle.vectors import Vector3
 
 SLOPE_SCALE_PER_RAD = 5.927
 """Constant 2 pi r of the paper's ring-wing formula, 1/rad."""

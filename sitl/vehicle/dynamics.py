@@ -26,11 +26,12 @@ from math import sqrt
 
 import numpy as np
 
+from mavlink_io.jit import entry_point, kernel
 from sitl.vehicle import boundary, forces, runge_kutta
 from sitl.vehicle.forces import HullFlow, TailInputs
-from sitl.vehicle.jit import Vector, Vector3, entry_point, kernel
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
+from sitl.vehicle.vectors import Vector, Vector3
 from sitl.vehicle.water import Water
 
 STATE_SIZE = 13

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from math import atan2, cos, sin, sqrt
 
+from mavlink_io.jit import kernel
 from sitl.vehicle import wing
-from sitl.vehicle.jit import Wrench, kernel
 from sitl.vehicle.model import Fins
+from sitl.vehicle.vectors import Wrench
 
 
 @kernel

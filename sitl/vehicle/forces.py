@@ -14,9 +14,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from mavlink_io.jit import kernel
 from sitl.vehicle import duct, fins, hydrodynamics, propeller, restoring
-from sitl.vehicle.jit import Vector3, Wrench, kernel
 from sitl.vehicle.model import Inertia, VehicleModel
+from sitl.vehicle.vectors import Vector3, Wrench
 
 NO_WRENCH = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

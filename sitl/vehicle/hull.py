@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sitl.vehicle.file_schema import Cylinder, HullGeometry, Myring, ProfileHull, Series58
-from sitl.vehicle.jit import Vector
+from sitl.vehicle.vectors import Vector
 
 NODES_PER_SECTION = 64
 """Gauss-Legendre nodes on each of nose, mid-body and tail.

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from math import sqrt
 
-from sitl.vehicle.jit import Wrench, kernel
+from mavlink_io.jit import kernel
 from sitl.vehicle.model import Hull, Stations
+from sitl.vehicle.vectors import Wrench
 
 
 @kernel

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sitl.vehicle import dynamics
-from sitl.vehicle.jit import Vector
 from sitl.vehicle.model import VehicleModel
+from sitl.vehicle.vectors import Vector
 from sitl.vehicle.water import STILL
 
 STEP = 1e-8

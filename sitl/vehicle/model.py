@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf
 from typing import NamedTuple
 
-from sitl.vehicle.jit import Vector
+from sitl.vehicle.vectors import Vector
 
 
 class Inertia(NamedTuple):

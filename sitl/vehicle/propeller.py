@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sitl.vehicle.jit import kernel
+from mavlink_io.jit import kernel
 from sitl.vehicle.model import Propeller, VehicleModel
 
 

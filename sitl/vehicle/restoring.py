@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from math import asin, pi, sqrt
 
-from sitl.vehicle.jit import Vector3, Wrench, kernel
+from mavlink_io.jit import kernel
 from sitl.vehicle.model import Hydrostatics, Stations
+from sitl.vehicle.vectors import Vector3, Wrench
 
 
 @kernel

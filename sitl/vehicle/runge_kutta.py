@@ -12,7 +12,8 @@ last stage, ``combine``.
 
 from __future__ import annotations
 
-from sitl.vehicle.jit import Vector, kernel
+from mavlink_io.jit import kernel
+from sitl.vehicle.vectors import Vector
 
 STAGES = 4
 

@@ -25,8 +25,8 @@ import numpy as np
 
 from sitl.vehicle import hull as geometry
 from sitl.vehicle.file_schema import HullGeometry
-from sitl.vehicle.jit import Vector
 from sitl.vehicle.model import Walls
+from sitl.vehicle.vectors import Vector
 
 STEPS = 64
 """Number of points of the table over nearness."""

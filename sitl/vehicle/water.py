@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import inf
 from typing import NamedTuple
 
-from sitl.vehicle.jit import Vector3
+from sitl.vehicle.vectors import Vector3
 
 
 class Water(NamedTuple):

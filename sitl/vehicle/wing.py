@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from sitl.vehicle.jit import kernel
+from mavlink_io.jit import kernel
 from sitl.vehicle.model import Polar
 
 

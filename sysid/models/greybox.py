@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from mavlink_io.jit import kernel
 from sitl.core import tailcone
 from sitl.core.tailcone import TailconeAxis
 from sitl.vehicle import forces, propeller, runge_kutta
 from sitl.vehicle.forces import HullFlow
-from sitl.vehicle.jit import kernel
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
 from sysid.data.segments import RATE_HZ, Run

@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.jit import kernel
+from mavlink_io.jit import kernel
 
 Array = NDArray[np.float64]
 

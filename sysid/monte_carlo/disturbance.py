@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.jit import entry_point
+from mavlink_io.jit import entry_point
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.estimation.map import fit
 from sysid.models import noise

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.jit import Native, entry_point, native
 from sitl.core import tailcone
 from sitl.core.body import Body, integrate, step_axes
 from sitl.vehicle import dynamics
-from sitl.vehicle.jit import Native, entry_point, native
 from sitl.vehicle.water import Water
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.models import greybox

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import least_squares
 
+from mavlink_io.jit import kernel
 from sitl.vehicle.config import VehicleConfig
-from sitl.vehicle.jit import kernel
 from sysid.data.segments import RATE_HZ, Run
 from sysid.models import greybox, linear_planes, parameters
 from sysid.models.greybox import Actuator, PlaneTrajectory

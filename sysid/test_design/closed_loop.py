@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from sitl.vehicle.jit import entry_point
+from mavlink_io.jit import entry_point
 from sysid.control_analysis.loop_transfer import SAMPLING_S, Gains
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import fit

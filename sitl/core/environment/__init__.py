@@ -15,13 +15,14 @@ from numpy.random import Generator
 
 from mavlink_io.frames import Vector as Vector3
 from mavlink_io.frames import flip
+from mavlink_io.jit import Native, native
 from sitl.core.environment import current, density, field, floor, moments, waves
 from sitl.core.environment.current import CurrentVariation, Drift
 from sitl.core.environment.field import LocalWater, WaterField
 from sitl.core.environment.moments import Levels
 from sitl.core.environment.waves import Swell
 from sitl.scenario import Scenario
-from sitl.vehicle.jit import Native, Vector, native
+from sitl.vehicle.vectors import Vector
 from sitl.vehicle.water import Water
 
 PASCAL_PER_HPA = 100.0

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
+from mavlink_io.jit import kernel
 from sitl.core.environment.moments import SecondOrder, second_order, step_second_order
 from sitl.environment_schema import Current, Variation
-from sitl.vehicle.jit import Vector, Vector3, kernel
+from sitl.vehicle.vectors import Vector, Vector3
 
 _CORRELATION_TIMES = 2.1461932
 """Root x of (1 + x) exp(-x) = 1/e: correlation time of a critically damped process times omega."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mavlink_io.jit import entry_point
 from sitl.environment_schema import Density, WaterTable
-from sitl.vehicle.jit import Vector, entry_point
+from sitl.vehicle.vectors import Vector
 
 
 def column(density: Density, water: WaterTable, gravity_mps2: float) -> Vector:

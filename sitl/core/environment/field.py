@@ -5,10 +5,11 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
+from mavlink_io.jit import Native, entry_point, kernel
 from sitl.core.environment import current, density, floor, waves
 from sitl.core.environment.floor import SeaFloor
 from sitl.vehicle.dynamics import rotation
-from sitl.vehicle.jit import Native, Vector, Vector3, entry_point, kernel
+from sitl.vehicle.vectors import Vector, Vector3
 from sitl.vehicle.water import Water
 
 _GAUSS = sqrt(3.0 / 5.0)

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavlink_io.jit import entry_point, kernel
 from sitl import bathymetry, environment_schema
-from sitl.vehicle.jit import Vector, Vector3, entry_point, kernel
+from sitl.vehicle.vectors import Vector, Vector3
 
 MAX_RANGE_M = 500.0
 """Longest range that is searched over a grid."""

@@ -20,8 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
+from mavlink_io.jit import kernel
 from sitl.environment_schema import Waves
-from sitl.vehicle.jit import Vector, Vector3, kernel
+from sitl.vehicle.vectors import Vector, Vector3
 
 FULLY_DEVELOPED = 0.4
 """Peak frequency over sqrt(g / H_s) of the Pierson-Moskowitz spectrum (Fossen 2021, sec. 10.2)."""

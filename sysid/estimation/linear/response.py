@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.jit import kernel
+from mavlink_io.jit import kernel
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.linear import linear_model, tailcone
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.jit import kernel
 from sitl.core.tailcone import lag_transition
-from sitl.vehicle.jit import kernel
 from sysid.data.segments import RATE_HZ
 from sysid.models import greybox
 from sysid.models.greybox import Actuator

@@ -17,8 +17,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.jit import kernel
 from sitl.vehicle import propeller, runge_kutta
-from sitl.vehicle.jit import kernel
 from sitl.vehicle.runge_kutta import STAGES
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.map.datasets import Dataset

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.jit import entry_point
+from mavlink_io.jit import entry_point
 from sitl.vehicle.model import VehicleModel
 from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import fit

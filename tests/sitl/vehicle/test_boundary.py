@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.vehicle import boundary, config, wall_effects
-from sitl.vehicle.jit import Vector
 from sitl.vehicle.model import VehicleModel
+from sitl.vehicle.vectors import Vector
 from sitl.vehicle.water import Water
 from tests.reference import energy
 from tests.sitl.vehicle import flight

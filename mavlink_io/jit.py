@@ -1,0 +1,97 @@
+"""Compilation of numerical functions, the same source with and without numba.
+
+With numba the decorated functions are machine code; without it they are the Python functions
+themselves. NUMBA_DISABLE_JIT=1 selects Python where numba is installed.
+"""
+
+import os
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, Protocol, TypeVar
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+COMPILED = find_spec("numba") is not None and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+"""Whether kernels are compiled."""
+
+
+class Native(Protocol):
+    """Reference to a record in memory of compiled code; made by ``native``, read by kernels.
+
+    Numba unpacks a NamedTuple argument at every call from Python; for a whole vehicle model this
+    takes longer than an integration step.
+    """
+
+    value: Any
+
+
+class _Compiler(Protocol):
+    """What this module takes from ``mavlink_io.jit_numba``."""
+
+    def compiled(self, function: Function, *, inline: bool) -> Function:
+        """Return the compiled function."""
+
+    def native(self, value: tuple[Any, ...]) -> Native:
+        """Return a reference to the record."""
+
+
+# By name: the vehicle's computer has no numba, and the autopilot must not depend on it.
+_compiler: _Compiler | None = import_module("mavlink_io.jit_numba") if COMPILED else None
+
+
+class _Record:
+    """Reference to a record for kernels that are not compiled."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function that is inlined into the kernels that call it.
+
+    Inlining avoids a copy of the model at every call: a step takes a quarter of the time.
+
+    Parameters
+    ----------
+    function : callable
+        Function of numbers, arrays and NamedTuples that numba can compile.
+
+    Returns
+    -------
+    callable
+        The compiled function, compiled at the first call; the function itself without numba.
+    """
+    return _compiler.compiled(function, inline=True) if _compiler else function
+
+
+def entry_point(function: Function) -> Function:
+    """Compile a function that is not inlined; Python or other kernels call it.
+
+    Parameters
+    ----------
+    function : callable
+        Function of numbers, arrays and NamedTuples that numba can compile.
+
+    Returns
+    -------
+    callable
+        The compiled function, compiled at the first call; the function itself without numba.
+    """
+    return _compiler.compiled(function, inline=False) if _compiler else function
+
+
+def native(value: tuple[Any, ...]) -> Native:
+    """Return a reference to ``value`` that kernels accept without unpacking it at every call.
+
+    Parameters
+    ----------
+    value : NamedTuple
+        Record of numbers, arrays and other such records.
+
+    Returns
+    -------
+    Native
+        Its attribute ``value`` is readable in kernels.
+    """
+    return _compiler.native(value) if _compiler else _Record(value)

@@ -1,0 +1,158 @@
+"""Compilation with numba, with the machine code cached on disk.
+
+``fastmath`` is off: mirror symmetry to rounding and byte-identical runs need the order of
+operations as written.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+from numba import types
+from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
+from numba.experimental import structref
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_PACKAGES = ("mavlink_io", "autopilot", "sitl", "sysid")
+"""Packages that have kernels: a kernel depends on what its file imports from them."""
+_IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+_WORD = re.compile(r"\w+")
+
+
+@structref.register
+class NativeType(types.StructRef):
+    """Numba type of a ``Native``."""
+
+
+class Native(structref.StructRefProxy):
+    """Reference to a value in memory of compiled code."""
+
+    value: Any
+
+
+structref.define_proxy(Native, NativeType, ["value"])  # type: ignore[no-untyped-call]
+
+
+class _SourceStamp:
+    """Source stamp of a kernel: its own file and the files that it imports kernels from.
+
+    Numba by itself notices a change of the kernel's own file only.
+    """
+
+    _py_file: str
+
+    def get_source_stamp(self) -> str:
+        """Return the stamp; machine code with another stamp is not used."""
+        return _content_stamp(Path(self._py_file))
+
+
+class InTreeLocator(_SourceStamp, InTreeCacheLocator):
+    """Cache next to the source file."""
+
+
+class UserWideLocator(_SourceStamp, UserWideCacheLocator):
+    """Cache in the user's folder, for sources in a folder that cannot be written."""
+
+
+numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]
+    f"{__name__}.{locator.__name__}" for locator in (InTreeLocator, UserWideLocator)
+)
+
+
+@cache
+def _content_stamp(path: Path) -> str:
+    """Return a hash of a file and of all files of ``_PACKAGES`` that it imports, also indirectly.
+
+    Parameters
+    ----------
+    path : Path
+        Source file; the modules that it imports are loaded.
+
+    Returns
+    -------
+    str
+        The same for the same content, whatever the times of the files.
+    """
+    files, new = {path}, [path]
+    while new:
+        added = _imported_files(new.pop()) - files
+        files |= added
+        new += added
+    return sha256(b"".join(sorted(_digest(file) for file in files))).hexdigest()
+
+
+@cache
+def _digest(path: Path) -> bytes:
+    """Return a hash of one file."""
+    return sha256(path.read_bytes()).digest()
+
+
+@cache
+def _imported_files(path: Path) -> frozenset[Path]:
+    """Return the files of the modules of ``_PACKAGES`` that a file imports."""
+    names = [
+        name
+        for module, imported in _IMPORT.findall(path.read_text(encoding="utf-8"))
+        if module.partition(".")[0] in _PACKAGES
+        for name in (module, *(f"{module}.{word}" for word in _WORD.findall(imported)))
+    ]
+    files = (getattr(sys.modules.get(name), "__file__", None) for name in names)
+    return frozenset(Path(file) for file in files if file is not None)
+
+
+def compiled(function: Function, *, inline: bool) -> Function:
+    """Return ``function`` compiled at its first call, with its machine code cached on disk.
+
+    Parameters
+    ----------
+    function : callable
+        Function of numbers, arrays and NamedTuples.
+    inline : bool
+        Whether it is inlined into the kernels that call it.
+
+    Returns
+    -------
+    callable
+        The compiled function.
+    """
+    decorate = numba.njit(cache=True, error_model="numpy", forceinline=inline)
+    return cast(Function, decorate(function))
+
+
+def native(value: tuple[Any, ...]) -> Native:
+    """Return a reference to ``value`` in memory of compiled code.
+
+    Parameters
+    ----------
+    value : NamedTuple
+        Record of numbers, arrays and other such records.
+
+    Returns
+    -------
+    Native
+        Its attribute ``value`` is readable in compiled code.
+    """
+    return _packer(type(value))(value)
+
+
+@cache
+def _packer(kind: type) -> Callable[[Any], Native]:
+    """Return a compiled function that wraps values of type ``kind``; one function per type.
+
+    The cache index of a numba function lists all types that it was compiled for, and reading the
+    index imports the modules of all of them. One function per type avoids these imports.
+    """
+
+    def pack(value: Any) -> Native:
+        return Native(value)  # type: ignore[no-untyped-call]
+
+    pack.__qualname__ = f"pack.{kind.__module__}.{kind.__qualname__}"
+    return compiled(pack, inline=False)

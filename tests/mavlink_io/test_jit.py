@@ -1,0 +1,129 @@
+"""Machine code belongs to the content of its sources, and kernels run without numba too."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from mavlink_io import jit, jit_numba
+
+OUTER = """
+from sitl.{folder}.inner import scaled
+from mavlink_io.jit import entry_point
+
+
+@entry_point
+def doubled(x):
+    return scaled(x, 2.0)
+"""
+INNER = """
+from mavlink_io.jit import kernel
+
+
+@kernel
+def scaled(x, factor):
+    return factor * x
+"""
+CALL = """
+import sys
+import sitl
+sitl.__path__.append(sys.argv[1])
+from sitl.{folder}.outer import doubled
+print(doubled(3.0), sum(doubled.stats.cache_hits.values()))
+"""
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A package of two files with kernels, one of which calls the other."""
+    folder = tmp_path / "kernels_of_test"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "inner.py").write_text(INNER)
+    (folder / "outer.py").write_text(OUTER.format(folder=folder.name))
+    return folder
+
+
+def call(package: Path) -> str:
+    """Result and number of cache hits of the outer kernel in a new process."""
+    command = [sys.executable, "-c", CALL.format(folder=package.name), str(package.parent)]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def test_unchanged_sources_are_not_compiled_again(package):
+    assert call(package) == "6.0 0"
+    assert call(package) == "6.0 1"
+
+
+def test_newer_files_of_the_same_content_are_not_compiled_again(package):
+    call(package)
+    for source in package.glob("*.py"):
+        os.utime(source, ns=(2 * 10**18, 2 * 10**18))
+    assert call(package) == "6.0 1"
+
+
+def test_a_change_of_a_called_kernel_in_another_file_is_noticed(package):
+    call(package)
+    (package / "inner.py").write_text(INNER.replace("factor * x", "factor * x + 1.0"))
+    assert call(package) == "7.0 0"
+
+
+class One(NamedTuple):
+    number: float
+
+
+class Two(NamedTuple):
+    number: float
+
+
+def test_cache_index_names_only_its_own_type():
+    # Reading an index imports the modules of all types in it; the simulator would import modules
+    # that it does not need.
+    for kind in (One, Two):
+        jit.native(kind(1.0))
+    packer = jit_numba._packer(One)
+    pack = packer.py_func
+    name = f"jit_numba.{pack.__qualname__}-{pack.__code__.co_firstlineno}.*.nbi"
+    (content,) = [index.read_bytes() for index in Path(packer.stats.cache_path).glob(name)]
+    assert b"One" in content
+    assert b"Two" not in content
+
+
+WITHOUT_NUMBA = """
+import sys
+sys.modules["numba"] = None
+import importlib.util
+found = importlib.util.find_spec
+importlib.util.find_spec = lambda name: None if name == "numba" else found(name)
+"""
+DISABLED = "import os; os.environ['NUMBA_DISABLE_JIT'] = '1'"
+PLAIN = """
+from typing import NamedTuple
+from mavlink_io import jit
+
+class Pair(NamedTuple):
+    a: float
+    b: float
+
+@jit.kernel
+def total(pair):
+    return pair.a + pair.b
+
+@jit.entry_point
+def total_of(reference):
+    return total(reference.value)
+
+print(jit.COMPILED, type(total).__name__, total_of(jit.native(Pair(1.0, 2.0))))
+"""
+
+
+@pytest.mark.parametrize(
+    "preparation", [WITHOUT_NUMBA, "import os; os.environ['NUMBA_DISABLE_JIT'] = '1'"]
+)
+def test_kernels_are_plain_functions_without_numba(preparation):
+    command = [sys.executable, "-c", preparation + PLAIN]
+    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert output.strip() == "False function 3.0"
