@@ -17,6 +17,10 @@ SENSOR_SILENCE_S = 1.0
 """Wall time without a sample after which the sensors of a vehicle are reported as silent.
 
 It does not apply in lockstep, where a simulator may pause."""
+BURST_S = 2e-3
+"""Wall time for which only the HIL link of a running simulation is served.
+
+The other links wait for it; it is a tenth of the time over which telemetry is batched."""
 WRONG_BAUD_BYTES = 1000
 """Number of bytes without MAVLink, before the first sample, that indicates a wrong baud rate."""
 
@@ -45,6 +49,7 @@ class App:
         try:
             while not stopping():
                 self.step(self._ground.poll())
+                self._serve_lockstep()
             self._ground.flush()
         finally:
             self._onboard_log.close()
@@ -52,24 +57,44 @@ class App:
     def step(self, timeout_s: float) -> None:
         """Wait for data on any link, and process it."""
         links = {link.transport: link for link in self._ground.links}
-        eager = self._hil.lockstep and wall_s() - self._received_s < SPIN_S
-        ready = wait([self._hil.transport, *links], timeout_s, eager=eager)
+        ready = wait(
+            [self._hil.transport, *links], 0.0 if self._simulator_is_running() else timeout_s
+        )
         if self._hil.transport in ready:
-            self._received_s = wall_s()
-            silent_us = round((self._received_s - self._accepted_s) * US_PER_S)
-            for sample in self._hil.receive():
-                if self._accept(sample, silent_us):
-                    self._accepted_s, self._timeout_reported = self._received_s, False
-            if error := self._hil.pop_error():
-                self._vehicle.send_statustext(error, Severity.ERROR)
-            for result in self._hil.pop_failure_results():
-                self._ground.guard.run("failure injection", self._ground.failures.on_result, result)
+            self._serve_hil()
         for transport, link in links.items():
             if link.backlog or transport in ready:
                 self._ground.receive(link)
         for order in self._ground.failures.pop_orders():
             self._hil.send_failure_order(order)
         self._check_sensor_timeout()
+
+    def _serve_lockstep(self) -> None:
+        """Answer a simulator that sends without a pause; the other links wait for `BURST_S`."""
+        until_s = wall_s() + BURST_S
+        while self._simulator_is_running() and self._received_s < until_s:
+            if not self._serve_hil(eager=True):
+                break
+
+    def _simulator_is_running(self) -> bool:
+        """Return whether the next sample of a simulator in lockstep is expected at once."""
+        return self._hil.lockstep and wall_s() - self._received_s < SPIN_S
+
+    def _serve_hil(self, *, eager: bool = False) -> bool:
+        """Process what has arrived on the HIL link; return whether anything has."""
+        samples = self._hil.receive(eager=eager)
+        if samples is None:
+            return False
+        self._received_s = wall_s()
+        silent_us = round((self._received_s - self._accepted_s) * US_PER_S)
+        for sample in samples:
+            if self._accept(sample, silent_us):
+                self._accepted_s, self._timeout_reported = self._received_s, False
+        if error := self._hil.pop_error():
+            self._vehicle.send_statustext(error, Severity.ERROR)
+        for result in self._hil.pop_failure_results():
+            self._ground.guard.run("failure injection", self._ground.failures.on_result, result)
+        return True
 
     def _check_sensor_timeout(self) -> None:
         """Report missing samples by wall time: without samples vehicle time does not advance."""

@@ -5,7 +5,7 @@ from typing import Any
 from mavlink_io import dialect
 from mavlink_io.codec import SIGNED_FLAG, Frame, Framer, encode
 from mavlink_io.signing import Signing
-from mavlink_io.transport import SharedTransport, Transport
+from mavlink_io.transport import SPIN_S, LockstepTransport, SharedTransport, Transport, wait
 
 
 class Endpoint:
@@ -36,6 +36,7 @@ class Endpoint:
     ) -> None:
         self.transport, self.system, self.component = transport, system, component
         self._shared = transport if isinstance(transport, SharedTransport) else None
+        self._lockstep = transport if isinstance(transport, LockstepTransport) else None
         self.signing = signing
         self._sequence = 0
         self._expected: dict[tuple[int, int], int] = {}
@@ -104,8 +105,13 @@ class Endpoint:
         self._sequence = sequence  # after encode: an error there must not leave a sequence gap
         return frame if self.signing is None else self.signing.sign(frame)
 
-    def receive(self) -> list[Frame]:
-        """Return the frames that have arrived since the last call, without waiting.
+    def receive(self, *, eager: bool = False) -> list[Frame]:
+        """Return the frames that have arrived since the last call.
+
+        Parameters
+        ----------
+        eager : bool
+            Whether to wait for them, at most `SPIN_S`, with the shortest reaction time.
 
         Returns
         -------
@@ -117,6 +123,10 @@ class Endpoint:
         LinkLostError
             The other end of the link is gone.
         """
+        if self._lockstep is not None:
+            self._lockstep.eager = eager
+        elif eager:
+            wait((self.transport,), SPIN_S, eager=True)
         if self._shared is not None:
             frames = self._receive_from(self._shared)
         else:

@@ -81,10 +81,17 @@ class HilLink:
         self._failure_results: list[int] = []
         self._time_error_reported, self._error = False, ""
 
-    def receive(self) -> list[HilSample]:
-        """Return the received samples. Raises LinkLostError when the link is lost."""
+    def receive(self, *, eager: bool = False) -> list[HilSample] | None:
+        """Return the samples in the frames that have arrived; None if no frame has.
+
+        With ``eager`` wait for frames, at most `SPIN_S`. Raises LinkLostError when the link is
+        lost.
+        """
+        frames = self._endpoint.receive(eager=eager)
+        if not frames:
+            return None
         samples: list[HilSample] = []
-        for frame in self._endpoint.receive():
+        for frame in frames:
             if frame.message_id == _SENSOR.message_id:
                 sensors = SensorFrame._make(_SENSOR.unpack(frame.payload))
                 if sensors.time_us <= MAX_TIME_US:

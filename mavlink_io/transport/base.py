@@ -1,7 +1,11 @@
 """The interface of transports, and waiting for several of them at once."""
 
+import contextlib
 import os
+import resource
 import select
+import socket
+import struct
 import threading
 import time
 from collections.abc import Callable, Hashable, Iterable, Sequence
@@ -24,6 +28,13 @@ SPIN_S = 5e-3
 It is many ticks of the other end long, so that a third process in between does not make both ends
 block. Measured on two idle cores, a round trip takes 80 us between two processes that block and
 9 us between two that poll."""
+DECISION_S = 0.1
+"""Time between two decisions whether to poll or to block, in seconds."""
+MAX_PREEMPTIONS_PER_S = 30.0
+"""Rate at which other programs take the core of this thread, above which it blocks.
+
+Kernel threads take it a few times a second on an idle machine; a program that computes takes it
+hundreds of times from a thread that polls."""
 MAX_DATAGRAM = 65_535
 """Maximum number of bytes that one receive reads."""
 
@@ -41,6 +52,24 @@ class _PollerCache(threading.local):
 
 
 _cache = _PollerCache()
+
+
+class _WaitMode(threading.local):
+    """Whether an eager wait of this thread polls: only while no other program wants its core."""
+
+    def __init__(self) -> None:
+        self.decided_s = wall_s()
+        self.preemptions = _preemptions()
+        self.core_is_free = True
+
+
+def _preemptions() -> int:
+    """Return how often another program has taken the core of this thread."""
+    return resource.getrusage(_THREAD).ru_nivcsw
+
+
+_THREAD = getattr(resource, "RUSAGE_THREAD", resource.RUSAGE_SELF)
+_mode = _WaitMode()
 
 _yield_cpu: Callable[[], None] = getattr(os, "sched_yield", lambda: time.sleep(0.0))
 
@@ -106,6 +135,14 @@ class SharedTransport(Transport, Protocol):
         ...
 
 
+@runtime_checkable
+class LockstepTransport(Transport, Protocol):
+    """A transport that can wait for the next datagram in the call that reads it."""
+
+    eager: bool
+    """Whether ``receive`` and ``receive_from`` wait eagerly for a datagram, at most `SPIN_S`."""
+
+
 def wait(
     transports: Sequence[Transport], timeout_s: float, *, eager: bool = False
 ) -> list[Transport]:
@@ -128,16 +165,16 @@ def wait(
     Notes
     -----
     An eager wait yields the processor after each poll. The other end of a lockstep link answers
-    within `SPIN_S`, and waking a process on another core takes longer. If this thread may use one
-    core only, an eager wait blocks at once: polling would keep the other end from computing its
-    answer on the same core.
+    within `SPIN_S`, and waking a process on another core takes longer. An eager wait blocks at once
+    if this thread may use one core only, or if another program wants its core: polling would keep
+    the other end, or that program, from computing.
     """
     handles = {handle: transport for transport in transports for handle in transport.handles()}
     if not handles:
         time.sleep(max(0.0, timeout_s))
         return []
     ready = _ready(handles, 0.0)
-    if not ready and eager and _has_several_cores():
+    if not ready and eager and _may_poll():
         until_s = wall_s() + min(SPIN_S, timeout_s)
         while not ready and wall_s() < until_s:
             _yield_cpu()
@@ -145,6 +182,18 @@ def wait(
     if not ready and timeout_s > 0.0:
         ready = _ready(handles, timeout_s)
     return list(dict.fromkeys(handles[handle] for handle in ready))
+
+
+def _may_poll() -> bool:
+    """Return whether polling takes a core from nobody: there are several, and this one is free."""
+    now_s = wall_s()
+    elapsed_s = now_s - _mode.decided_s
+    if elapsed_s > DECISION_S:
+        preemptions = _preemptions()
+        new = preemptions - _mode.preemptions
+        _mode.core_is_free = new <= MAX_PREEMPTIONS_PER_S * elapsed_s
+        _mode.decided_s, _mode.preemptions = now_s, preemptions
+    return _mode.core_is_free and _has_several_cores()
 
 
 def _has_several_cores() -> bool:
@@ -167,6 +216,30 @@ def _ready(handles: Iterable[Handle], timeout_s: float) -> list[Handle]:
             poller.register(number, _READABLE)
         _cache.numbers, _cache.poller = numbers, poller
     return [by_number[number] for number, _ in _cache.poller.poll(timeout_s * _MS_PER_S)]
+
+
+def set_patience(datagrams: socket.socket) -> None:
+    """Make a blocking read of a socket give up after `SPIN_S`, where the system can do that."""
+    with contextlib.suppress(OSError):
+        limit = struct.pack("ll", 0, round(SPIN_S * 1e6))  # struct timeval
+        datagrams.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, limit)
+
+
+def read_eagerly(read: Callable[[int, int], T]) -> T:
+    """Return what ``recv`` or ``recvfrom`` of a socket reads within `SPIN_S`.
+
+    The socket must be a blocking one with `set_patience`. Raises BlockingIOError after the time.
+    """
+    if not _may_poll():
+        return read(MAX_DATAGRAM, 0)
+    until_s = wall_s() + SPIN_S
+    while True:
+        try:
+            return read(MAX_DATAGRAM, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            if wall_s() >= until_s:
+                raise
+            _yield_cpu()
 
 
 def readable(handle: Handle) -> bool:

@@ -7,7 +7,14 @@ import socket
 from collections.abc import Sequence
 
 from mavlink_io.clock import wall_s
-from mavlink_io.transport.base import MAX_DATAGRAM, Handle, Piece, open_or_raise
+from mavlink_io.transport.base import (
+    MAX_DATAGRAM,
+    Handle,
+    Piece,
+    open_or_raise,
+    read_eagerly,
+    set_patience,
+)
 
 PEER_IDLE_S = 10.0
 """Wall time without a datagram after which a peer is removed when a new one comes, in seconds."""
@@ -31,6 +38,7 @@ _NO_ROUTE = frozenset(
 """Errors without a route to the peer, or (EINVAL) without the socket's local address."""
 
 Address = tuple[str, int]
+_DONT_WAIT = socket.MSG_DONTWAIT
 
 
 class UdpTransport:
@@ -54,7 +62,7 @@ class UdpTransport:
     """
 
     def __init__(self, address: str, host: str, port: int) -> None:
-        self.address = address
+        self.address, self.eager = address, False
         self._peers: dict[Address, float] = {}
         self._socket = _udp_socket()
         open_or_raise(address, lambda: self._socket.bind((host, port)))
@@ -65,9 +73,11 @@ class UdpTransport:
 
     def send(self, data: bytes) -> None:
         """Send whole frames to every peer, as one datagram each."""
-        for peer in list(self._peers):
-            with contextlib.suppress(OSError):
-                self._socket.sendto(data, peer)
+        for peer in self._peers:
+            try:
+                self._socket.sendto(data, _DONT_WAIT, peer)
+            except OSError:
+                continue
 
     def receive(self) -> bytes:
         """Return the bytes of one datagram, b"" if none has arrived."""
@@ -75,8 +85,9 @@ class UdpTransport:
 
     def receive_from(self) -> Sequence[Piece]:
         """Return one datagram with its peer; nothing if there are too many peers for a new one."""
+        read = self._socket.recvfrom
         try:
-            data, peer = self._socket.recvfrom(MAX_DATAGRAM)
+            data, peer = read_eagerly(read) if self.eager else read(MAX_DATAGRAM, _DONT_WAIT)
         except OSError:
             return ()
         return ((peer, data),) if self._remember(peer) else ()
@@ -119,7 +130,7 @@ class UdpClient:
     """
 
     def __init__(self, address: str, host: str, port: int) -> None:
-        self.address = address
+        self.address, self.eager = address, False
         self._peer: Address = open_or_raise(address, lambda: (socket.gethostbyname(host), port))
         self._socket: socket.socket | None = None
         self._retry_s = 0.0
@@ -137,9 +148,9 @@ class UdpClient:
             return
         try:
             try:
-                connected.send(data)
+                connected.send(data, _DONT_WAIT)
             except ConnectionRefusedError:  # caused by an earlier datagram: send this one again
-                connected.send(data)
+                connected.send(data, _DONT_WAIT)
         except OSError as error:
             if error.errno in _NO_ROUTE:
                 self._disconnect()
@@ -148,11 +159,12 @@ class UdpClient:
         """Return the bytes of one datagram, b"" if none has arrived."""
         if self._socket is None:
             return b""
+        read = self._socket.recv
         try:
             try:
-                return self._socket.recv(MAX_DATAGRAM)
+                return read_eagerly(read) if self.eager else read(MAX_DATAGRAM, _DONT_WAIT)
             except ConnectionRefusedError:  # caused by a sent datagram: received ones still wait
-                return self._socket.recv(MAX_DATAGRAM)
+                return read(MAX_DATAGRAM, _DONT_WAIT)
         except OSError:
             return b""
 
@@ -192,9 +204,12 @@ class UdpClient:
 
 
 def _udp_socket() -> socket.socket:
-    """Return a non-blocking UDP socket with a receive buffer of 1 MiB where possible."""
+    """Return a UDP socket with a receive buffer of 1 MiB where possible.
+
+    Its reads and sends do not block, except those of ``read_eagerly``.
+    """
     udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    udp.setblocking(False)
+    set_patience(udp)
     with contextlib.suppress(OSError):
         udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
     return udp

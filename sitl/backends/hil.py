@@ -191,13 +191,16 @@ class HilClient:
         LinkLostError
             The link is closed and cannot be opened again.
         """
-        wait((self._transport,), timeout_s, eager=True)
+        frames = self._endpoint.receive(eager=True)
+        if not frames and wait((self._transport,), timeout_s):
+            frames = self._endpoint.receive()
         answer = None
-        while answer is None and (frames := self._endpoint.receive()):
+        while frames:
             for frame in frames:
                 controls = self._parse_actuators(frame)
                 if controls is not None and controls.time_us == time_us:
                     answer = controls
+            frames = [] if answer else self._endpoint.receive()
         return answer
 
     def newest(self) -> ActuatorFrame | None:

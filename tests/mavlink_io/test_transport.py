@@ -21,6 +21,7 @@ from mavlink_io.transport import (
     SPIN_S,
     AddressError,
     LinkLostError,
+    LockstepTransport,
     MemoryTransport,
     Piece,
     SerialTransport,
@@ -138,6 +139,40 @@ def test_eager_wait_on_one_core_receives() -> None:
         timer.start()
         assert wait([near], PATIENCE_S, eager=True) == [near]
         timer.join()
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_eager_read_of_a_datagram_waits_for_it(cores: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(base, "_has_several_cores", lambda: cores > 1)
+    port = free_port(socket.SOCK_DGRAM)
+    with (
+        closing(open_transport(f"udpin:127.0.0.1:{port}")) as near,
+        closing(open_transport(f"udpout:127.0.0.1:{port}")) as far,
+    ):
+        assert isinstance(near, LockstepTransport)
+        near.eager = True
+        began_s = time.monotonic()
+        assert near.receive() == b""
+        assert time.monotonic() - began_s >= 0.9 * SPIN_S
+        timer = threading.Timer(0.2 * SPIN_S, far.send, [b"x"])
+        timer.start()
+        received = [near.receive() for _ in range(20)]
+        timer.join()
+    assert b"x" in received
+
+
+def test_wait_does_not_poll_where_other_programs_want_the_core(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now_s, preemptions = time.monotonic(), iter([0, 0, 1000, 1000])
+    monkeypatch.setattr(base, "_has_several_cores", lambda: True)
+    monkeypatch.setattr(base, "_preemptions", lambda: next(preemptions))
+    monkeypatch.setattr(base, "_mode", base._WaitMode())
+    decisions = []
+    for passed_s in (0.5, 1.0, 1.5):
+        monkeypatch.setattr(base, "wall_s", lambda passed_s=passed_s: now_s + passed_s)
+        decisions.append(base._may_poll())
+    assert decisions == [True, False, True]
 
 
 @pytest.mark.skipif(not base._has_several_cores(), reason="needs two cores")
