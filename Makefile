@@ -47,10 +47,10 @@ check: $(VENV)/dev.stamp             ## lint, formatter, types, import contracts
 check-physics: $(VENV)/dev.stamp     ## every physics check: value, reference, tolerance
 	$(BIN)/python -m tests.reference
 
-benchmark-sysid: $(VENV)/dev.stamp   ## identification accuracy over 200 campaigns a cell (hours)
+benchmark-sysid: $(VENV)/dev.stamp   ## identification accuracy over 200 campaigns a cell; resumes
 	$(BIN)/python -m benchmarks.identification $(STUDY)
 
-benchmark-control: $(VENV)/dev.stamp ## redesigned gains against the paper's gains in many seas (an hour)
+benchmark-control: $(VENV)/dev.stamp ## redesigned gains against the paper's in many seas; resumes
 	$(BIN)/python -m benchmarks.redesign $(FLIGHTS)
 
 format: $(VENV)/dev.stamp            ## apply the formatter and the safe lint fixes

@@ -1,22 +1,28 @@
-"""Monte-Carlo studies: run a trial with many seeds in parallel and compare figures with targets."""
+"""Monte-Carlo studies: run a trial with many seeds in parallel and compare figures with targets.
+
+Each trial's numbers are kept in a file as they come (`sysid.trials`): a study that was ended, in
+whatever way, continues where it was.
+"""
 
 import argparse
 import json
 import math
-import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.progress import track
+from rich.progress import Progress
 from rich.table import Table
 
+from sysid.trials import map_trials, usable_cores
+
 Array = NDArray[np.float64]
+KEEP = Path("studies")
+"""Default folder of the results of trials."""
 Trial = Callable[[str, int], Sequence[float]]
 """(case, seed) -> numbers of one run, always the same count; NaN for a number that is undefined."""
 
@@ -76,9 +82,21 @@ def parser(about: str | None, runs: str) -> argparse.ArgumentParser:
     )
     options.add_argument("--runs", type=int, help=runs)
     options.add_argument("--seed", type=int, default=1, help="seed of the first run")
-    options.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    options.add_argument(
+        "--jobs", type=_count, default=usable_cores(), help="processes; default one a core"
+    )
     options.add_argument("--out", type=Path, help="JSON of all figures")
+    options.add_argument(
+        "--keep", type=Path, default=KEEP, help=f"folder of finished trials; default {KEEP}"
+    )
     return options
+
+
+def _count(text: str) -> int:
+    """Return a number of processes. Raises ArgumentTypeError."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of 1 or more")
+    return int(text)
 
 
 def run_cells(
@@ -92,7 +110,8 @@ def run_cells(
     for outcome in outcomes:
         show(outcome)
     for cell, case in questions:
-        outcomes.append(run(cell, case, asked.runs or cell.runs, asked.seed, asked.jobs))
+        seeds = range(asked.seed, asked.seed + (asked.runs or cell.runs))
+        outcomes.append(run(cell, case, seeds, asked.jobs, asked.keep / f"{cell.name}.jsonl"))
         show(outcomes[-1])
         if asked.out:
             asked.out.write_text(as_json(outcomes, asked.seed), encoding="utf-8")
@@ -104,14 +123,28 @@ def exit_status(outcomes: Iterable[Outcome]) -> int:
     return 0 if all(figure.met for outcome in outcomes for figure in outcome.figures) else 1
 
 
-def run(cell: Cell, case: str, runs: int, first_seed: int, jobs: int) -> Outcome:
-    """Run one cell for one case with consecutive seeds from ``first_seed``."""
-    seeds = range(first_seed, first_seed + runs)
-    with ProcessPoolExecutor(jobs, mp_context=get_context("forkserver")) as pool:
-        trials = pool.map(cell.trial, [case] * runs, seeds, chunksize=max(1, runs // (8 * jobs)))
-        what = f"{cell.name}, {case}"
-        rows = list(track(trials, what, total=runs, console=Console(stderr=True), transient=True))
-    return Outcome(cell.name, case, runs, tuple(cell.judge(case, np.array(rows, dtype=np.float64))))
+def run(
+    cell: Cell, case: str, seeds: Sequence[int], jobs: int = 1, keep: Path | None = None
+) -> Outcome:
+    """Run one cell for one case with each seed; ``keep`` is the file of finished trials."""
+    trial = partial(_numbers, cell.trial)
+    with Progress(console=Console(stderr=True), transient=True) as bars:
+        bar = bars.add_task(f"{cell.name}, {case}", total=len(seeds))
+        rows = map_trials(
+            trial,
+            [(case, seed) for seed in seeds],
+            list[float],
+            jobs=jobs,
+            keep=keep,
+            on_result=lambda done: bars.update(bar, completed=done),
+        )
+    figures = cell.judge(case, np.array(rows, dtype=np.float64))
+    return Outcome(cell.name, case, len(seeds), tuple(figures))
+
+
+def _numbers(trial: Trial, question: tuple[str, int]) -> list[float]:
+    """Return the numbers of a trial for a case and a seed."""
+    return [float(number) for number in trial(*question)]
 
 
 def show(outcome: Outcome) -> None:

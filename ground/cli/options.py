@@ -53,6 +53,10 @@ ScenarioName = Annotated[
     ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option("--jobs", min=1, metavar="N", help="Number of processes; default one a core."),
+]
 Speed = Annotated[
     str, typer.Option(metavar="N|max", help="Vehicle time as a multiple of real time.")
 ]

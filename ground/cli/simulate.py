@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import Json, ModelFile, Prior, Seed, print_result
+from ground.cli.options import Jobs, Json, ModelFile, Prior, Seed, print_result
 from ground.errors import UnsuccessfulError
 from mavlink_io.errors import InputError
 
 if TYPE_CHECKING:
     from sysid.monte_carlo.study import SimulationSummary
 
-PROCESSES = 2
-"""Number of processes that simulate at the same time."""
 MAX_DISTURBANCE_SCALE = 10.0
 
 
@@ -61,6 +59,14 @@ def simulate(
             help="Change of the rudder bias since the model was identified.",
         ),
     ] = 0.0,
+    jobs: Jobs = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Append each finished dive to this file, and use those that it holds.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Simulate a mission with vehicles sampled from a model, and compare sets of gains.
@@ -76,6 +82,7 @@ def simulate(
     from sysid.monte_carlo import samples as vehicle_samples
     from sysid.monte_carlo import study
     from sysid.monte_carlo.simulate import MissionRejectedError, Sea
+    from sysid.trials import usable_cores
 
     files = name_gain_sets([gains, *(compare or ())])
     scales = _parse_scales(disturbance_scale)
@@ -90,12 +97,13 @@ def simulate(
             seas=seas,
             vehicles=samples,
             seed=seed,
-            processes=PROCESSES,
+            jobs=jobs or usable_cores(),
+            keep=keep,
         )
+        dives = len(gain_sets) * len(seas) * samples
 
-        def report(fraction: float, vehicle_s: float) -> None:
-            rate = vehicle_s / (wall_s() - start_s)
-            display.show_fraction(f"{vehicle_s:.0f} s, {rate:.0f} a second", fraction)
+        def report(fraction: float) -> None:
+            display.show_fraction(f"{fraction * dives:.0f} of {dives} dives", fraction)
 
         try:
             summaries = study.simulate_samples(posterior, request, report)

@@ -1,11 +1,8 @@
 """Study of gains: the same sampled vehicles and disturbances under each set of gains."""
 
-import signal
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
-from multiprocessing import get_context
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,10 +16,11 @@ from sysid.monte_carlo import metrics, samples, simulate
 from sysid.monte_carlo.metrics import DiveMetrics
 from sysid.monte_carlo.simulate import Sea
 from sysid.test_design.prior import DesignPrior
+from sysid.trials import map_trials
 
 Array = NDArray[np.float64]
-Report = Callable[[float, float], None]
-"""Callback with the share of completed dives and the simulated time in them (s)."""
+Report = Callable[[float], None]
+"""Callback with the share of completed dives."""
 
 
 class GainsError(InputError):
@@ -40,7 +38,10 @@ class StudyRequest(NamedTuple):
     seas: tuple[Sea, ...] = (Sea(),)
     vehicles: int = 30
     seed: int = 1
-    processes: int = 1
+    jobs: int = 1
+    """Number of processes."""
+    keep: Path | None = None
+    """File of finished dives, to which each new one is appended; None keeps none."""
 
 
 class Range(NamedTuple):
@@ -132,12 +133,14 @@ def simulate_samples(
         The mission is rejected.
     NoCovarianceError
         The posterior gives hardly any possible vehicle.
+    TrialsError
+        The processes die.
     """
     samples_of_z = samples.draw(posterior, request.vehicles, request.seed)
     trims = samples.trims_deg(posterior.vehicle(posterior.mean))
     sets = [(name, sea) for name in request.gains for sea in request.seas]
     configs = {name: _config(name, {**trims, **values}) for name, values in request.gains.items()}
-    jobs = [
+    dives = [
         _Trial(
             posterior=posterior,
             items=request.items,
@@ -149,7 +152,14 @@ def simulate_samples(
         for name, sea in sets
         for number, z in enumerate(samples_of_z)
     ]
-    results = list(_with_progress(_fly_all(jobs, request.processes), len(jobs), report))
+    results = map_trials(
+        _fly,
+        dives,
+        DiveMetrics,
+        jobs=request.jobs,
+        keep=request.keep,
+        on_result=lambda done: report(done / len(dives)) if report else None,
+    )
     n_vehicles = len(samples_of_z)
     return tuple(
         _summarise(name, sea, results[n * n_vehicles : (n + 1) * n_vehicles])
@@ -165,39 +175,11 @@ def _config(name: str, values: Mapping[str, float]) -> Config:
         raise GainsError(f"{name}: {error}") from None
 
 
-def _fly_all(jobs: Sequence[_Trial], processes: int) -> Iterator[DiveMetrics]:
-    """Yield the metrics of all dives in order."""
-    if processes == 1:
-        yield from map(_fly, jobs)
-        return
-    # SIGINT reaches the whole process group; workers ignore it, the parent process ends them.
-    ignoring = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(
-        processes, mp_context=get_context("forkserver"), initializer=ignoring
-    ) as pool:
-        try:
-            yield from pool.map(_fly, jobs)
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
 def _fly(job: _Trial) -> DiveMetrics:
     """Simulate one dive and return its metrics."""
     vehicle = job.posterior.vehicle(job.z)
     dive = simulate.fly(vehicle, job.posterior.noise, job.items, job.config, job.sea, job.seed)
     return metrics.of_dive(dive, job.config.travel_rad, vehicle.model.hydrostatics.radius_m)
-
-
-def _with_progress(
-    results: Iterable[DiveMetrics], count: int, report: Report | None
-) -> Iterator[DiveMetrics]:
-    """Yield the metrics and report progress."""
-    seconds = 0.0
-    for number, dive_metrics in enumerate(results, start=1):
-        seconds += dive_metrics.seconds
-        if report:
-            report(number / count, seconds)
-        yield dive_metrics
 
 
 def _summarise(name: str, sea: Sea, results: Sequence[DiveMetrics]) -> SimulationSummary:

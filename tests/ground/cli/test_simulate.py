@@ -88,6 +88,7 @@ def test_simulate_json_compares_sets_names_unstable_one(folder: Path) -> None:
         (("--compare", "held.param"), "held.param: is given twice"),
         (("--mission", "nowhere"), "nowhere: no readable mission"),
         (("--prior", "caribou_truth"), "is the simulated truth"),
+        (("--keep", "."), "Is a directory"),
     ],
 )
 def test_simulate_invalid_option_is_one_line(

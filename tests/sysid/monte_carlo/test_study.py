@@ -61,14 +61,21 @@ def test_draw_spread_equals_posterior(uncertain: DesignPrior) -> None:
 
 
 def test_study_progress_ends_at_one(known: DesignPrior) -> None:
-    heard: list[tuple[float, float]] = []
-    (told,) = simulate_samples(
-        known,
-        StudyRequest(mission(2.0, 10.0, 5.0), {"held": HELD}, vehicles=2),
-        lambda *at: heard.append(at),
+    heard: list[float] = []
+    simulate_samples(
+        known, StudyRequest(mission(2.0, 10.0, 5.0), {"held": HELD}, vehicles=2), heard.append
     )
-    assert [share for share, _ in heard] == [0.5, 1.0]
-    assert heard[-1][1] == told.vehicle_s
+    assert heard == [0.5, 1.0]
+
+
+def test_kept_dives_give_the_same_summary(known: DesignPrior, tmp_path: Path) -> None:
+    request = StudyRequest(mission(2.0, 10.0, 5.0), {"held": HELD}, vehicles=2)
+    keep = tmp_path / "dives.jsonl"
+    first = simulate_samples(known, request._replace(keep=keep))
+    assert keep.read_bytes().count(b"\n") == 1 + 2
+    again = simulate_samples(known, request._replace(keep=keep))
+    assert keep.read_bytes().count(b"\n") == 1 + 2, "no dive was simulated again"
+    assert repr(first) == repr(again) == repr(simulate_samples(known, request))
 
 
 def test_study_invalid_gain_raises_with_name(known: DesignPrior) -> None:
