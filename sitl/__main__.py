@@ -1,8 +1,10 @@
-"""Command ``sitl``: simulate the vehicle and the sea for an autopilot on the HIL link."""
+"""Command ``sitl``: simulate the vehicle and the sea for an autopilot on the HIL link.
+
+The simulator is imported only to simulate, so that ``--help`` and a wrong option answer at once.
+"""
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -11,8 +13,6 @@ import typer
 from mavlink_io.errors import CaribouError, InputError, exit_with_error
 from mavlink_io.host_check import exit_if_unsupported
 from mavlink_io.parent_watch import end_with_stdin
-from sitl.app import Options, run
-from sitl.backends.factory import BackendOptions, check_options, defaults_of
 
 MIN_SPEED, MAX_SPEED = 0.01, 10_000.0
 """Range of ``--speed``: vehicle seconds per second of wall time."""
@@ -21,6 +21,8 @@ MIN_SPEED, MAX_SPEED = 0.01, 10_000.0
 def _print_version(requested: bool) -> None:
     """Print name and version and exit, if requested."""
     if requested:
+        from importlib.metadata import version
+
         print(f"sitl {version('caribou-auv')}")
         raise typer.Exit
 
@@ -100,6 +102,9 @@ def simulate(
     ] = False,
 ) -> None:
     """Simulate the vehicle, its sensors and the sea in lockstep with an autopilot."""
+    from sitl.app import Options, run
+    from sitl.backends.factory import BackendOptions, check_options, defaults_of
+
     if lifeline:
         end_with_stdin()
     backend = BackendOptions(

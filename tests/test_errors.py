@@ -12,6 +12,7 @@ import pytest
 
 import autopilot.__main__
 import sitl.__main__
+import sitl.app
 from mavlink_io.errors import (
     BAD_INPUT,
     FAILED,
@@ -103,7 +104,7 @@ def test_sitl_exit_status_follows_error_class(
     def fail(options: object) -> None:
         raise error
 
-    monkeypatch.setattr(sitl.__main__, "run", fail)
+    monkeypatch.setattr(sitl.app, "run", fail)
     monkeypatch.setattr(sys, "argv", ["sitl"])
     with pytest.raises(SystemExit) as end:
         sitl.__main__.main()

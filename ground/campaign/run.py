@@ -2,8 +2,8 @@
 
 Each dive has its own simulator and autopilot process and its own log. The seed of a dive depends
 only on the seed of the campaign and on the mission, so that all sets of gains are flown in the same
-sea. Two dives or computations run at the same time; vehicle time is in lockstep, so this does not
-change the logs.
+sea. As many dives or computations run at the same time as there are cores; vehicle time is in
+lockstep, so this does not change the logs.
 """
 
 import importlib.metadata
@@ -42,7 +42,7 @@ crossover."""
 HELD_OUT = ("rudder_heldout", "elevator_heldout")
 """Test missions that are predicted but not fitted."""
 IDENTIFICATION = (*FITTED[:2], *HELD_OUT, *FITTED[2:])
-"""Test missions in the order of flying, longest first, so that both workers finish together."""
+"""Test missions in the order of flying, longest first, so that all cores finish together."""
 ALL_MISSIONS = (TRIM_MISSION, *IDENTIFICATION, *MISSIONS)
 DIVES = {
     "prototype": (TRIM_MISSION,),
@@ -52,8 +52,6 @@ DIVES = {
 """Missions by the folder of their logs."""
 RESULTS = ("report.html", "summary.json")
 """Files that only a finished campaign has."""
-PARALLEL_DIVES = 2
-"""Number of dives and computations that run at the same time; each uses about one core."""
 TRIM_WINDOW_S = 60.0
 """Time at the end of the trim mission over which the surface commands are averaged."""
 PRELOADED_MODULES = (
@@ -78,6 +76,8 @@ class CampaignRequest(NamedTuple):
     """Whether to fly the missions also with the paper's improved gains."""
     force: bool = False
     """Replace the campaign that is in the folder."""
+    jobs: int = 1
+    """Number of dives and computations that run at the same time; each uses about one core."""
 
 
 WatchCallback = Callable[[str, FlightProgress], None]
@@ -256,7 +256,7 @@ class Campaign:
     def _executors(self) -> Iterator[tuple[Executor, Worker]]:
         """Yield an executor for dives and a worker for computations; stop both at the end."""
         with ExitStack() as stack:
-            dives = stack.enter_context(ThreadPoolExecutor(PARALLEL_DIVES))
+            dives = stack.enter_context(ThreadPoolExecutor(self.request.jobs))
             worker = stack.enter_context(Worker(PRELOADED_MODULES))
             stack.callback(self._stop_all)
             stack.callback(dives.shutdown, wait=False, cancel_futures=True)
@@ -344,7 +344,7 @@ def _campaign_toml(request: CampaignRequest) -> str:
     lines = [
         f"{key} = {json.dumps(value)}"
         for key, value in options.items()
-        if key not in ("out", "force")
+        if key not in ("out", "force", "jobs")
     ]
     lines += ["", "[seeds]"]
     lines += [

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import Json, ScenarioName, Seed, Speed, VehicleName, print_result
+from ground.cli.options import Jobs, Json, ScenarioName, Seed, Speed, VehicleName, print_result
 
 
 def campaign(
@@ -25,12 +25,14 @@ def campaign(
     force: Annotated[
         bool, typer.Option("--force", help="Replace the campaign that is in the folder.")
     ] = False,
+    jobs: Jobs = None,
     json: Json = False,
 ) -> None:
     """Fly a simulated campaign: trims, tests, refit, redesign, verification and report."""
     from ground.campaign import summary
     from ground.campaign.run import Campaign, CampaignRequest
     from ground.cli import progress
+    from sysid.trials import usable_cores
 
     request = CampaignRequest(
         out=out,
@@ -40,6 +42,7 @@ def campaign(
         speed=speed,
         include_paper_gains=include_paper_gains,
         force=force,
+        jobs=jobs or usable_cores(),
     )
     with progress.display("campaign", quiet=json) as display:
         result = Campaign(request, display.watch_named, display.announce).run()

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from ground.simulation import affinity
 
-PRELOADED_MODULES = ("__main__", "autopilot.__main__", "sitl.preload")
+PRELOADED_MODULES = ("__main__", "autopilot.__main__", "autopilot.start", "sitl.preload")
 """Modules that the fork server loads before it forks. `__main__` is the running command, which
 multiprocessing would otherwise load in each child."""
 _SOURCES = str(Path(__file__).parents[2])

@@ -38,6 +38,7 @@ _STATISTICS_HEAD = struct.Struct("<QHIIIIQ")
 """Counts of messages, schemas, channels, attachments, metadata and chunks; first log time."""
 _FOOTER = struct.Struct("<QQI")
 """Positions of summary and summary offsets, CRC-32 of the summary."""
+_MESSAGE = int(Opcode.MESSAGE)
 _DATA_END_BYTES = _RECORD_HEAD.size + 4
 _FOOTER_BYTES = _RECORD_HEAD.size + _FOOTER.size
 
@@ -94,7 +95,17 @@ class McapMetadata(NamedTuple):
     values: dict[str, str]
 
 
-McapItem = McapChannel | McapMessage | McapAttachment | McapMetadata
+class McapBatch(NamedTuple):
+    """Messages of one channel in one chunk, in the order of the file."""
+
+    channel: int
+    """Number of the channel."""
+    times_ns: list[int]
+    """Log times: UNIX time, in nanoseconds."""
+    data: list[bytes]
+
+
+McapItem = McapChannel | McapMessage | McapBatch | McapAttachment | McapMetadata
 
 
 class McapDamage(NamedTuple):
@@ -135,6 +146,8 @@ class McapReader:
         Open file with random access; the caller closes it.
     wanted : callable
         Return whether the messages of a channel are read.
+    batched : bool
+        Whether to return the messages of a chunk by channel, which takes a third of the time.
 
     Raises
     ------
@@ -143,13 +156,17 @@ class McapReader:
     """
 
     def __init__(
-        self, file: BinaryIO, wanted: Callable[[McapChannel], bool] = _any_channel
+        self,
+        file: BinaryIO,
+        wanted: Callable[[McapChannel], bool] = _any_channel,
+        *,
+        batched: bool = False,
     ) -> None:
         self.damage: list[McapDamage] = []
         """Damage in the file, in the order of detection."""
         self.finished = False
         """Whether the file ends with a footer, which ``McapWriter.finish`` writes."""
-        self._file, self._is_wanted = file, wanted
+        self._file, self._is_wanted, self._batched = file, wanted, batched
         self._size = file.seek(0, 2)
         self._end = self._size
         self._summary = _Summary(
@@ -177,7 +194,7 @@ class McapReader:
 
         Yields
         ------
-        McapChannel, McapMessage, McapAttachment or McapMetadata
+        McapChannel, McapMessage or McapBatch, McapAttachment, McapMetadata
             Each channel before its messages. Damaged parts are skipped and added to ``damage``.
 
         Raises
@@ -306,36 +323,43 @@ class McapReader:
 
     def _inner_items(self, records: bytes) -> Iterator[McapItem]:
         """Yield the content of the records of a chunk, or of one record outside of chunks."""
-        position, end, count, message = 0, len(records), 0, int(Opcode.MESSAGE)
-        wanted = self._wanted
+        position, end, wanted = 0, len(records), self._wanted
+        batches: dict[int, McapBatch] = {}
         while position < end:
             opcode, length = _RECORD_HEAD.unpack_from(records, position)
-            position += _RECORD_HEAD.size
-            if position + length > end:
+            start, position = position + _RECORD_HEAD.size, position + _RECORD_HEAD.size + length
+            if position > end:
                 raise ValueError("a record in it reaches beyond its end")
-            if opcode == message:
+            if opcode == _MESSAGE:
                 if length < _MESSAGE_HEAD.size:
                     raise ValueError(f"a message in it is {length} bytes long")
-                number, sequence, time_ns = _MESSAGE_HEAD.unpack_from(records, position)
+                number, sequence, time_ns = _MESSAGE_HEAD.unpack_from(records, start)
                 if number not in wanted:
                     yield self._channel_from_summary(number)
-                count += 1
+                self._counts[0] += 1
                 if self._first_ns is None:
                     self._first_ns = time_ns
-                if wanted[number]:
-                    data = records[position + _MESSAGE_HEAD.size : position + length]
+                if not wanted[number]:
+                    continue
+                data = records[start + _MESSAGE_HEAD.size : position]
+                if not self._batched:
                     yield McapMessage(number, sequence, time_ns, data)
+                    continue
+                if number not in batches:
+                    batches[number] = McapBatch(number, [], [])
+                _, times_ns, payloads = batches[number]
+                times_ns.append(time_ns)
+                payloads.append(data)
             elif opcode == Opcode.SCHEMA:
-                schema = _schema(records[position : position + length])
+                schema = _schema(records[start:position])
                 self._schemas[schema.number] = schema
             elif opcode == Opcode.CHANNEL:
-                channel = _channel(records[position : position + length], self._schemas)
+                channel = _channel(records[start:position], self._schemas)
                 if channel.number not in self._channels:
                     yield self._register(channel)
                 elif channel != self._channels[channel.number]:
                     raise ValueError(f"channel {channel.number} is described twice, differently")
-            position += length
-        self._counts[0] += count
+        yield from batches.values()
 
     def _register(self, channel: McapChannel) -> McapChannel:
         """Store a channel and whether its messages are wanted."""

@@ -16,6 +16,7 @@ speeds follow from the nonlinear equations. Axes: body FLU, origin on the hull a
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import pi, radians, sqrt
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ from sitl.vehicle import hull as geometry
 from sitl.vehicle.file_schema import (
     DuctGeometry,
     FinGeometry,
+    HullGeometry,
     VehicleConfig,
     VehicleFileError,
 )
@@ -40,6 +42,7 @@ from sitl.vehicle.model import (
     Stations,
     VehicleModel,
 )
+from sitl.vehicle.vectors import Vector
 
 STATION_NODES = (6, 4, 6)
 """Number of stations on nose, mid-body and tail."""
@@ -133,17 +136,26 @@ def _roll_added_kgm2(config: VehicleConfig) -> float:
 
 def _stations(config: VehicleConfig) -> Stations:
     """Return the stations of the hull with crossflow drag 1/2 rho C_d 2R dx and buoyancy shares."""
+    stations, dx = _stations_of_hull(config.hull)
+    drag = config.water.density_kgpm3 / 2 * config.damping.crossflow_cd * 2 * stations.radius_m * dx
+    return stations._replace(drag_kgpm=drag)
+
+
+@lru_cache(maxsize=16)
+def _stations_of_hull(hull: HullGeometry) -> tuple[Stations, Vector]:
+    """Return the stations of a hull without drag, and their lengths dx (m); cached by hull."""
     # share_i = R_i^2 dx_i / sum R^2 dx,   lever_i = x_i - sum share x   (m, forward).
-    x, dx = geometry.quadrature(config.hull, STATION_NODES)
-    radius = geometry.radius_m(config.hull, x)
+    x, dx = geometry.quadrature(hull, STATION_NODES)
+    radius = geometry.radius_m(hull, x)
     volume_fraction = radius**2 * dx / float(radius**2 @ dx)
-    return Stations(
+    stations = Stations(
         x_m=x,
         radius_m=radius,
-        drag_kgpm=config.water.density_kgpm3 / 2 * config.damping.crossflow_cd * 2 * radius * dx,
+        drag_kgpm=np.zeros(x.size),
         buoyancy_share=volume_fraction,
         lever_m=x - float(volume_fraction @ x),
     )
+    return stations, dx
 
 
 def _duct(config: VehicleConfig) -> Duct:

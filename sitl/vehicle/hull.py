@@ -6,7 +6,7 @@ x is positive forward from mid-length of the whole hull, m.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from math import pi, radians, tan
 from typing import NamedTuple
 
@@ -276,6 +276,7 @@ class Integrals(NamedTuple):
     """Integral of pi R^2 x^2 dx: added moment of inertia of strip theory at unit density."""
 
 
+@lru_cache(maxsize=16)
 def integrals(hull: HullGeometry) -> Integrals:
     """Return the volume, planform and inertia integrals of a hull.
 
@@ -291,7 +292,8 @@ def integrals(hull: HullGeometry) -> Integrals:
 
     Notes
     -----
-    Gauss-Legendre quadrature on every smooth piece; exact where R^2 is a polynomial.
+    Gauss-Legendre quadrature on every smooth piece; exact where R^2 is a polynomial. The result is
+    cached, because a fit builds thousands of models of one hull.
     """
     # Section A = pi R^2 (m2); a slice has the moments of inertia A R^2/2 dx about the axis and
     # (A R^2/4 + A x^2) dx about a transverse axis at mid-length (m5, unit density).

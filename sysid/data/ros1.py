@@ -78,8 +78,8 @@ def decode(payloads: Sequence[bytes], record: np.dtype[Any]) -> NDArray[Any]:
     ValueError
         The length of a payload differs from that of the schema.
     """
-    wrong_lengths = [len(p) for p in payloads if len(p) != record.itemsize]
-    if wrong_lengths:
+    if set(map(len, payloads)) - {record.itemsize}:
+        wrong_lengths = [len(p) for p in payloads if len(p) != record.itemsize]
         raise ValueError(
             f"{len(wrong_lengths)} messages are {wrong_lengths[0]} bytes long; the schema has"
             f" {record.itemsize}"

@@ -242,9 +242,17 @@ def constraint(model: VehicleModel, plane: Plane) -> Array:
 
 
 def accelerations(
-    model: VehicleModel, plane: Plane, state: Array, duct_rad: float, rps: float
+    model: VehicleModel,
+    plane: Plane,
+    state: Array,
+    duct_rad: float,
+    rps: float,
+    inverse: Array | None = None,
 ) -> Array:
-    """Return (u', v' or w', rate') at the state (u, v|w, rate, angle, z), paper's axes."""
+    """Return (u', v' or w', rate') at the state (u, v|w, rate, angle, z), paper's axes.
+
+    ``inverse`` is from ``constraint``, for a caller that needs many states of one model.
+    """
     out = np.empty(5)
     _slopes(
         state,
@@ -252,7 +260,7 @@ def accelerations(
         np.zeros(N_COUPLING),
         rps,
         PLANES[plane].is_yaw,
-        constraint(model, plane),
+        constraint(model, plane) if inverse is None else inverse,
         model,
         out,
     )

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from mavlink_io.logging.mcap_reader import (
     McapAttachment,
+    McapBatch,
     McapChannel,
     McapError,
-    McapMessage,
     McapReader,
     format_damage,
 )
@@ -58,7 +58,7 @@ def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
     streams = _Streams()
     try:
         with path.open("rb") as file:
-            reader = McapReader(file, _may_be_needed)
+            reader = McapReader(file, _may_be_needed, batched=True)
             if not reader.finished:
                 raise LogError(
                     f"{path}: was never finished; `ground log recover` makes it readable"
@@ -94,10 +94,10 @@ class _Streams:
     def add(self, item: object) -> None:
         """Store one record of the file."""
         match item:
-            case McapMessage():
+            case McapBatch():
                 topic = self._topics[item.channel]
-                self.payloads[topic].append(item.data)
-                self.stamps[topic].append(item.time_ns)
+                self.payloads[topic] += item.data
+                self.stamps[topic] += item.times_ns
             case McapChannel():
                 self.channels[item.topic] = item
                 self._topics[item.number] = item.topic

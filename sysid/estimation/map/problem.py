@@ -103,10 +103,11 @@ def cost(problem: MapProblem, z: Array) -> float:
         candidate = vehicle(problem.prior, z)
     except VehicleFileError:
         return math.inf
+    speeds_mps = _cruise_speeds_mps(problem, candidate)
     residual_sum = sum(
         float(np.sum(whitened**2))
         for plane in problem.datasets
-        for whitened in _whiten(problem, plane, _simulate(problem, candidate, plane))
+        for whitened in _whiten(problem, plane, _simulate(problem, candidate, plane, speeds_mps))
     )
     departure = z - problem.prior.mean
     return 0.5 * (
@@ -132,8 +133,9 @@ def linearise(problem: MapProblem, z: Array) -> Iterator[tuple[Array, Array]]:
     """Yield the whitened residuals (samples, outputs) of each run and their derivatives by z."""
     candidate = vehicle(problem.prior, z)
     perturbations = _perturbations(problem, candidate, z)
+    speeds_mps = _cruise_speeds_mps(problem, candidate)
     for plane in problem.datasets:
-        trajectories = _simulate(problem, candidate, plane)
+        trajectories = _simulate(problem, candidate, plane, speeds_mps)
         whitened, jacobians = (
             _whiten(problem, plane, trajectories),
             _jacobians(problem, plane, candidate, trajectories, perturbations),
@@ -147,14 +149,15 @@ def _cruise_speeds_mps(problem: MapProblem, candidate: CandidateVehicle) -> dict
     return {thrust: cruise_speed_mps(candidate, thrust) for thrust in thrusts}
 
 
-def _simulate(problem: MapProblem, candidate: CandidateVehicle, plane: Plane) -> list[Trajectory]:
-    """Simulate the runs of a plane with a candidate."""
+def _simulate(
+    problem: MapProblem,
+    candidate: CandidateVehicle,
+    plane: Plane,
+    speeds_mps: Mapping[float, float],
+) -> list[Trajectory]:
+    """Simulate the runs of a plane with a candidate, whose cruise speeds by thrust are given."""
     return sensitivity.simulate(
-        candidate,
-        plane,
-        problem.datasets[plane],
-        problem.stride,
-        _cruise_speeds_mps(problem, candidate),
+        candidate, plane, problem.datasets[plane], problem.stride, speeds_mps
     )
 
 

@@ -36,11 +36,11 @@ def cruise_speed_mps(vehicle: CandidateVehicle, thrust: float) -> float:
         Speed, m/s, at least MIN_SPEED_MPS.
     """
     model, rps = vehicle.model, thrust * vehicle.model.propeller.full_rps
+    inverse = greybox.constraint(model, Plane.YAW)
 
     def surge(u: float) -> float:
-        return float(
-            greybox.accelerations(model, Plane.YAW, np.array([u, 0.0, 0.0, 0.0, 0.0]), 0.0, rps)[0]
-        )
+        state = np.array([u, 0.0, 0.0, 0.0, 0.0])
+        return float(greybox.accelerations(model, Plane.YAW, state, 0.0, rps, inverse)[0])
 
     if surge(MIN_SPEED_MPS) <= 0.0:
         return MIN_SPEED_MPS

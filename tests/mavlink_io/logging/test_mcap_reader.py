@@ -5,11 +5,13 @@ import struct
 from collections.abc import Iterable
 
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from mavlink_io.logging.mcap import McapWriter
 from mavlink_io.logging.mcap_reader import (
+    McapBatch,
     McapChannel,
     McapError,
     McapItem,
@@ -209,3 +211,25 @@ def test_reader_cut_file_gives_complete_chunks_only(finish: bool) -> None:
         items, reader = read(data[:length])
         assert values(items) == list(range(len(values(items))))
         assert not reader.finished
+
+
+@pytest.mark.parametrize("hurt", [False, True])
+def test_batches_hold_the_messages_of_each_channel_in_order(hurt: bool) -> None:
+    data = written_by_us()
+    if hurt:
+        data = changed(data, place(data, Opcode.CHUNK, 1) + 60)
+    one_by_one, reader = read(data)
+    batched = McapReader(io.BytesIO(data), batched=True)
+    expected: dict[int, list[tuple[int, bytes]]] = {}
+    for item in one_by_one:
+        if isinstance(item, McapMessage):
+            expected.setdefault(item.channel, []).append((item.time_ns, item.data))
+    found: dict[int, list[tuple[int, bytes]]] = {}
+    for item in batched.items():
+        assert not isinstance(item, McapMessage)
+        if isinstance(item, McapBatch):
+            rows = zip(item.times_ns, item.data, strict=True)
+            found.setdefault(item.channel, []).extend(rows)
+    assert found == expected
+    assert batched.damage == reader.damage
+    assert bool(reader.damage) == hurt

@@ -1,0 +1,37 @@
+"""Help is light: it loads none of the libraries that only the work needs."""
+
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.process
+
+HEAVY = ("numpy", "scipy", "numba", "matplotlib", "control")
+PROGRAM = """
+import runpy, sys
+sys.argv = [{name!r}, "--help"]
+try:
+    runpy.run_module({name!r}, run_name="__main__")
+except SystemExit as end:
+    assert not end.code
+print("loaded", *[name for name in {heavy!r} if name in sys.modules])
+"""
+
+
+@pytest.mark.parametrize("name", ["ground", "sitl", "autopilot"])
+def test_help_loads_no_numeric_library(name: str) -> None:
+    program = PROGRAM.format(name=name, heavy=HEAVY)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert "Usage" in done.stdout
+    assert done.stdout.splitlines()[-1].strip() == "loaded"
+
+
+def test_refit_loads_no_drawing_library() -> None:
+    program = "import sys, ground.campaign.refit; print('matplotlib' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "False"
