@@ -47,6 +47,7 @@ class ErrorCode(StrEnum):
     SERIAL_TOO_SLOW = "serial_too_slow"
     SERVO_OUTPUTS = "servo_outputs"
     SETPOINT = "setpoint"
+    STUDY_STOPPED = "study_stopped"
     TRUTH_FILE = "truth_file"
     UNSTABLE_LOOP = "unstable_loop"
     UNSUCCESSFUL = "unsuccessful"

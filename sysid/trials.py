@@ -25,7 +25,7 @@ from typing import Any, Generic, TypeVar
 import msgspec
 import numpy as np
 
-from mavlink_io.errors import InputError, OperationError
+from mavlink_io.errors import ErrorCode, InputError, OperationError
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -41,6 +41,8 @@ MAX_RESTARTS = 3
 
 class TrialsError(OperationError):
     """The processes of a study die; the message says how many results are kept."""
+
+    code = ErrorCode.STUDY_STOPPED
 
 
 def usable_cores() -> int:
