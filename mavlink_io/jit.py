@@ -6,9 +6,10 @@ themselves. NUMBA_DISABLE_JIT=1 selects Python where numba is installed.
 
 import os
 from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, cast
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -36,8 +37,18 @@ class _Compiler(Protocol):
         """Return a reference to the record."""
 
 
-# By name: the vehicle's computer has no numba, and the autopilot must not depend on it.
-_compiler: _Compiler | None = import_module("mavlink_io.jit_numba") if COMPILED else None
+NUMERIC = set[Callable[..., Any]]()
+"""Functions marked with ``numeric``."""
+
+
+@cache
+def _compiler() -> _Compiler:
+    """Return the compiler; loading it takes half a second and 100 MB.
+
+    It is imported by name: the vehicle's computer has no numba, and the autopilot must not depend
+    on it.
+    """
+    return cast(_Compiler, import_module("mavlink_io.jit_numba"))
 
 
 class _Record:
@@ -45,6 +56,26 @@ class _Record:
 
     def __init__(self, value: Any) -> None:
         self.value = value
+
+
+def numeric(function: Function) -> Function:
+    """Mark a function that kernels may call; called from Python it is the function itself.
+
+    For functions that Python calls with small records: to unpack them for compiled code would take
+    longer than the function.
+
+    Parameters
+    ----------
+    function : callable
+        Function of numbers, arrays and NamedTuples that numba can compile.
+
+    Returns
+    -------
+    callable
+        The same function.
+    """
+    NUMERIC.add(function)
+    return function
 
 
 def kernel(function: Function) -> Function:
@@ -62,7 +93,7 @@ def kernel(function: Function) -> Function:
     callable
         The compiled function, compiled at the first call; the function itself without numba.
     """
-    return _compiler.compiled(function, inline=True) if _compiler else function
+    return _compiler().compiled(function, inline=True) if COMPILED else function
 
 
 def entry_point(function: Function) -> Function:
@@ -78,7 +109,7 @@ def entry_point(function: Function) -> Function:
     callable
         The compiled function, compiled at the first call; the function itself without numba.
     """
-    return _compiler.compiled(function, inline=False) if _compiler else function
+    return _compiler().compiled(function, inline=False) if COMPILED else function
 
 
 def native(value: tuple[Any, ...]) -> Native:
@@ -94,4 +125,4 @@ def native(value: tuple[Any, ...]) -> Native:
     Native
         Its attribute ``value`` is readable in kernels.
     """
-    return _compiler.native(value) if _compiler else _Record(value)
+    return _compiler().native(value) if COMPILED else _Record(value)

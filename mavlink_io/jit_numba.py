@@ -1,23 +1,37 @@
 """Compilation with numba, with the machine code cached on disk.
 
+Numba learns two things here: to call the functions marked with ``jit.numeric``, and the method
+``_replace`` of NamedTuples.
+
 ``fastmath`` is off: mirror symmetry to rounding and byte-identical runs need the order of
 operations as written.
 """
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
 from numba import types
 from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
+from numba.core.typing.templates import (
+    AbstractTemplate,
+    AttributeTemplate,
+    infer_getattr,
+    signature,
+)
 from numba.experimental import structref
+from numba.extending import lower_builtin, typeof_impl
+
+from mavlink_io.jit import NUMERIC
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -38,7 +52,61 @@ class Native(structref.StructRefProxy):
     value: Any
 
 
-structref.define_proxy(Native, NativeType, ["value"])  # type: ignore[no-untyped-call]
+structref.define_proxy(Native, NativeType, ["value"])
+
+
+@typeof_impl.register(FunctionType)
+def _type_of_function(function: FunctionType, context: Any) -> types.Type | None:
+    """Return the type of a function marked with ``jit.numeric``; None for others."""
+    return types.Dispatcher(_called(function)) if function in NUMERIC else None
+
+
+@cache
+def _called(function: FunctionType) -> Any:
+    """Return a numeric function, compiled for the kernels that call it."""
+    return numba.njit(error_model="numpy")(function)
+
+
+class _ReplaceFields(AbstractTemplate):
+    """Type of ``record._replace(name=value)``: the record with the types of the new values."""
+
+    key = "NamedTuple._replace"
+    this: Any
+
+    def generic(self, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+        """Return the signature; a field that keeps its value is an omitted argument."""
+        old = self.this
+        given = [kws.get(name, types.Omitted(None)) for name in old.fields]
+        kept = zip(old.types, given, strict=True)
+        new = [was if isinstance(now, types.Omitted) else now for was, now in kept]
+        made = types.BaseTuple.from_types(new, old.instance_class)
+        keyword = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        fields = [inspect.Parameter(name, keyword, default=None) for name in old.fields]
+        typed = signature(made, *given, recvr=old)
+        return typed.replace(pysig=inspect.Signature(fields))
+
+
+@infer_getattr
+class _RecordMethods(AttributeTemplate):
+    """Methods of NamedTuples."""
+
+    key = types.BaseNamedTuple
+
+    def resolve__replace(self, record: Any) -> Any:
+        """Return the bound method ``_replace``."""
+        return types.BoundFunction(_ReplaceFields, record)
+
+
+@lower_builtin(_ReplaceFields.key, types.BaseNamedTuple, types.VarArg(types.Any))
+def _replace_fields(context: Any, builder: Any, typed: Any, args: tuple[Any, ...]) -> Any:
+    """Return the machine code of ``_replace``."""
+    record, *new = args
+    given = zip(typed.args[1:], new, strict=True)
+    items = [
+        builder.extract_value(record, i) if isinstance(kind, types.Omitted) else value
+        for i, (kind, value) in enumerate(given)
+    ]
+    return context.make_tuple(builder, typed.return_type, items)
 
 
 class _SourceStamp:
@@ -152,7 +220,7 @@ def _packer(kind: type) -> Callable[[Any], Native]:
     """
 
     def pack(value: Any) -> Native:
-        return Native(value)  # type: ignore[no-untyped-call]
+        return Native(value)
 
     pack.__qualname__ = f"pack.{kind.__module__}.{kind.__qualname__}"
     return compiled(pack, inline=False)

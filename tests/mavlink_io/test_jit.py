@@ -92,6 +92,35 @@ def test_cache_index_names_only_its_own_type():
     assert b"Two" not in content
 
 
+class Wave(NamedTuple):
+    height: float
+    period: int
+    crest: One
+
+
+@jit.numeric
+def raised(wave: Wave, height: float) -> Wave:
+    higher = wave._replace(crest=wave.crest._replace(number=-height), height=height)
+    return higher._replace(period=2)
+
+
+@jit.entry_point
+def raised_in_machine_code(wave: Wave, height: float) -> Wave:
+    return raised(wave, height)
+
+
+def test_numeric_function_is_called_by_kernels_and_is_itself_in_python():
+    wave = Wave(1.0, 1, One(0.5))
+    assert type(raised).__name__ == "function"
+    assert raised_in_machine_code(wave, 3.0) == raised(wave, 3.0) == Wave(3.0, 2, One(-3.0))
+
+
+def test_replacing_a_field_of_a_kernel_does_not_change_the_record():
+    wave = Wave(1.0, 1, One(0.5))
+    raised_in_machine_code(wave, 3.0)
+    assert wave == Wave(1.0, 1, One(0.5))
+
+
 WITHOUT_NUMBA = """
 import sys
 sys.modules["numba"] = None
