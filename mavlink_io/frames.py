@@ -8,6 +8,8 @@ and of the world, in both directions.
 
 import math
 
+from mavlink_io.jit import numeric
+
 Vector = tuple[float, float, float]
 """Three components along x, y and z."""
 Quaternion = tuple[float, float, float, float]
@@ -19,6 +21,7 @@ EARTH_RADIUS_M = 6_371_000.0
 """Mean radius of the earth, of the spherical model of positions."""
 
 
+@numeric
 def flip(x: float, y: float, z: float) -> Vector:
     """Convert a vector from FLU/NWU to FRD/NED axes, or back.
 
@@ -35,6 +38,7 @@ def flip(x: float, y: float, z: float) -> Vector:
     return x, -y, -z
 
 
+@numeric
 def flip_quaternion(w: float, x: float, y: float, z: float) -> Quaternion:
     """Convert an attitude quaternion from FLU/NWU to FRD/NED axes, or back.
 
@@ -51,6 +55,7 @@ def flip_quaternion(w: float, x: float, y: float, z: float) -> Quaternion:
     return w, x, -y, -z
 
 
+@numeric
 def wrap_pi(angle_rad: float) -> float:
     """Return the equivalent angle in [-pi, pi).
 
@@ -67,6 +72,7 @@ def wrap_pi(angle_rad: float) -> float:
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
+@numeric
 def quaternion_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
     """Return the quaternion of Euler angles.
 
@@ -95,6 +101,7 @@ def quaternion_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> 
     )
 
 
+@numeric
 def euler_from_quaternion(w: float, x: float, y: float, z: float) -> Vector:
     """Return the Euler angles of a quaternion.
 
@@ -114,6 +121,7 @@ def euler_from_quaternion(w: float, x: float, y: float, z: float) -> Vector:
     return roll, pitch, yaw
 
 
+@numeric
 def rotate(q: Quaternion, v: Vector) -> Vector:
     """Return a body vector in world axes.
 
@@ -144,6 +152,7 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
     )
 
 
+@numeric
 def rotate_back(q: Quaternion, v: Vector) -> Vector:
     """Return a world vector in body axes.
 

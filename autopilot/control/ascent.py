@@ -14,6 +14,8 @@ A buoyant vehicle (SURF_BUOY_N) that has not risen for SURF_RISE_S under power s
 an elevator that is stuck or off can hold it down for as long as the propeller turns.
 """
 
+import math
+
 from autopilot.control import failsafe, modes
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor, sensor_checks
@@ -55,7 +57,7 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
     setpoint = state.setpoint._replace(thrust=0.0, pitch_rad=0.0)
     if driven:
         cruise = config.cruise_thrust_pct / 100.0
-        setpoint = state.setpoint._replace(depth_m=0.0, thrust=cruise, pitch_rad=None)
+        setpoint = state.setpoint._replace(depth_m=0.0, thrust=cruise, pitch_rad=math.nan)
     return state._replace(setpoint=setpoint, ascent=ascent), events
 
 

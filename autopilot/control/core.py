@@ -15,6 +15,8 @@ from autopilot.control import (
     modes,
     offboard,
 )
+from autopilot.control.excitation import ExcitationOutput
+from autopilot.control.loops import ControlOutput
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor
 from autopilot.control.setpoints import TrackLine
@@ -31,6 +33,7 @@ from autopilot.control.types import (
     Trace,
     VehicleEstimate,
 )
+from mavlink_io.jit import numeric
 from mavlink_io.records import (
     ARMED_FLAG,
     CUSTOM_MODE_FLAG,
@@ -86,9 +89,13 @@ def tick(
 
 def step_s(state: AutopilotState, inputs: Inputs) -> float:
     """Return the time (s) since the last tick; 0 at the first, at most ``MAX_STEP_S``."""
-    if state.time_us < 0:
-        return 0.0
-    return min(MAX_STEP_S, (inputs.sensors.time_us - state.time_us) / US_PER_S)
+    return 0.0 if state.time_us < 0 else span_s(state.time_us, inputs.sensors.time_us)
+
+
+@numeric
+def span_s(before_us: int, now_us: int) -> float:
+    """Return the time step (s) from the last tick to this one, at most ``MAX_STEP_S``."""
+    return min(MAX_STEP_S, (now_us - before_us) / US_PER_S)
 
 
 def update_sensors(
@@ -218,38 +225,65 @@ def compute_actuators(
         heading=mode.closes_heading and not axis.opens_heading,
         depth=mode.closes_depth and not axis.opens_depth,
     )
-    rudder, elevator, heading_error, pitch_error, depth_error, pitch_setpoint = output
-    thrust, test_rad, frequency_hz = state.setpoint.thrust, 0.0, 0.0
+    thrust, signal = state.setpoint.thrust, excitation.NO_SIGNAL
     if test is not None:
         signal = excitation.sample(test, (state.time_us - test.started_us) / US_PER_S)
-        rudder, elevator, thrust = (
-            rudder + signal.rudder_rad,
-            elevator + signal.elevator_rad,
-            thrust + signal.thrust,
-        )
-        test_rad, frequency_hz = (
-            signal.rudder_rad if axis.rudder else signal.elevator_rad,
-            signal.frequency_hz,
-        )
     if mode is modes.MANUAL:
         manual = stick or Stick(0.0, 0.0, 0.0)
         rudder, elevator, thrust = manual.rudder * travel, manual.elevator * travel, manual.thrust
+        output = output._replace(rudder_rad=rudder, elevator_rad=elevator)
+    trace = commands(output, thrust, signal, test is not None, axis.rudder, config)
+    duct_rad = monitor.predict_duct(state.duct_rad, trace.rudder_rad, trace.elevator_rad, dt_s)
+    return state._replace(loops=memory, thrust=trace.thrust, duct_rad=duct_rad), trace
+
+
+@numeric
+def commands(
+    output: ControlOutput,
+    thrust: float,
+    signal: ExcitationOutput,
+    testing: bool,
+    rudder_tested: bool,
+    config: Config,
+) -> Trace:
+    """Return the commands of a tick: the loops' plus the test signal, limited, with their trace.
+
+    Parameters
+    ----------
+    output : ControlOutput
+        Commands of the loops.
+    thrust : float
+        Thrust set-point (fraction of full).
+    signal : ExcitationOutput
+        Test signal; used only if ``testing``.
+    testing : bool
+        Whether a test is in progress.
+    rudder_tested : bool
+        Whether the test excites the rudder, so that its signal is the one in the trace.
+    config : Config
+        Parameters.
+    """
+    rudder, elevator, test_rad, frequency_hz = output.rudder_rad, output.elevator_rad, 0.0, 0.0
+    if testing:
+        rudder, elevator = rudder + signal.rudder_rad, elevator + signal.elevator_rad
+        thrust += signal.thrust
+        test_rad = signal.rudder_rad if rudder_tested else signal.elevator_rad
+        frequency_hz = signal.frequency_hz
     rudder, elevator, thrust = limit(rudder, elevator, thrust, config)
-    trace = Trace(
-        heading_error_rad=heading_error,
-        pitch_error_rad=pitch_error,
-        depth_error_m=depth_error,
-        pitch_setpoint_rad=pitch_setpoint,
-        excitation_rad=test_rad,
-        excitation_hz=frequency_hz,
-        rudder_rad=rudder,
-        elevator_rad=elevator,
-        thrust=thrust,
+    return Trace(
+        output.heading_error_rad,
+        output.pitch_error_rad,
+        output.depth_error_m,
+        output.pitch_setpoint_rad,
+        test_rad,
+        frequency_hz,
+        rudder,
+        elevator,
+        thrust,
     )
-    duct_rad = monitor.predict_duct(state.duct_rad, rudder, elevator, dt_s)
-    return state._replace(loops=memory, thrust=thrust, duct_rad=duct_rad), trace
 
 
+@numeric
 def limit(
     rudder_rad: float, elevator_rad: float, thrust: float, config: Config
 ) -> tuple[float, float, float]:

@@ -33,12 +33,12 @@ from mavlink_io.frames import (
     rotate,
     wrap_pi,
 )
+from mavlink_io.jit import numeric
 from mavlink_io.records import (
     ACCELEROMETER_FRESH,
     GYRO_FRESH,
     MAGNETOMETER_FRESH,
     PRESSURE_FRESH,
-    Altimeter,
     SensorFrame,
 )
 
@@ -116,24 +116,73 @@ def update(
     VehicleEstimate
         Estimate of this tick.
     """
-    sensors, now_us = inputs.sensors, inputs.sensors.time_us
+    located = inputs.gps is not None or inputs.dvl is not None
+    estimate, motion = predict(old, inputs.sensors, thrust, config, dt_s, located)
+    if located:
+        solution = navigation.NavSolution(
+            complex(estimate.north_m, estimate.east_m),
+            complex(estimate.north_rate_mps, estimate.east_rate_mps),
+            estimate.navigation,
+        )
+        estimate = _at(navigation.correct(solution, motion, inputs, home, config), estimate)
+    echo = inputs.altimeter
+    if echo is not None and echo.min_range_m <= echo.range_m < echo.max_range_m:
+        estimate = estimate._replace(altitude_m=echo.range_m, altitude_time_us=motion.time_us)
+    return estimate
+
+
+@numeric
+def predict(
+    old: VehicleEstimate,
+    sensors: SensorFrame,
+    thrust: float,
+    config: Config,
+    dt_s: float,
+    located: bool,
+) -> tuple[VehicleEstimate, navigation.MotionInput]:
+    """Advance the estimate by the sensor frame of one tick.
+
+    Parameters
+    ----------
+    old : VehicleEstimate
+        Estimate after the last tick.
+    sensors : SensorFrame
+        Sensor frame of this tick, checked.
+    thrust : float
+        Last commanded thrust (fraction of full).
+    config : Config
+        Parameters.
+    dt_s : float
+        Time since the last tick.
+    located : bool
+        Whether ``navigation.correct`` follows, with a satellite fix or a Doppler log velocity.
+
+    Returns
+    -------
+    tuple[VehicleEstimate, MotionInput]
+        Estimate before that correction, and the motion that it needs.
+    """
+    now_us = sensors.time_us
     speed = _speed(old.speed_mps, thrust, config, dt_s)
     attitude, rates, bias = _attitude(old, sensors, speed, config, dt_s)
-    roll, pitch, heading = euler_from_quaternion(*attitude)
+    roll, pitch, heading = euler_from_quaternion(attitude[0], attitude[1], attitude[2], attitude[3])
     depth, depth_rate, accel_bias = _depth(old, sensors, attitude, config, dt_s)
     horizontal = speed * math.cos(pitch)
     water = complex(horizontal * math.cos(heading), horizontal * math.sin(heading))
     motion = navigation.MotionInput(now_us, attitude, water, thrust != 0.0, rates[2], depth_rate)
-    position, over_ground, memory = navigation.predict_and_update(
-        complex(old.north_m, old.east_m), old.navigation, motion, inputs, home, config, dt_s
-    )
-    altitude, altitude_time = _altitude(old, inputs.altimeter, now_us)
-    return VehicleEstimate(
+    position_m = complex(old.north_m, old.east_m)
+    solution = navigation.predict(position_m, old.navigation, motion, config, dt_s, located)
+    echo_is_old = now_us - old.altitude_time_us > ALTIMETER_STALE_US
+    depth_measured = sensors.fields_updated & PRESSURE_FRESH != 0
+    position, velocity, memory = solution
+    estimate = VehicleEstimate(
         attitude,
         roll,
         pitch,
         heading,
-        *rates,
+        rates[0],
+        rates[1],
+        rates[2],
         bias,
         depth,
         depth_rate,
@@ -141,23 +190,38 @@ def update(
         speed,
         position.real,
         position.imag,
-        over_ground.real,
-        over_ground.imag,
+        velocity.real,
+        velocity.imag,
         navigation.sd_m(memory),
-        altitude,
-        altitude_time,
+        math.nan if echo_is_old else old.altitude_m,
+        old.altitude_time_us,
         True,
-        now_us if sensors.fields_updated & PRESSURE_FRESH else old.depth_time_us,
+        now_us if depth_measured else old.depth_time_us,
         memory,
+    )
+    return estimate, motion
+
+
+def _at(solution: navigation.NavSolution, estimate: VehicleEstimate) -> VehicleEstimate:
+    """Return the estimate with another solution of the navigation."""
+    return estimate._replace(
+        north_m=solution.position_m.real,
+        east_m=solution.position_m.imag,
+        north_rate_mps=solution.velocity_mps.real,
+        east_rate_mps=solution.velocity_mps.imag,
+        position_sd_m=navigation.sd_m(solution.memory),
+        navigation=solution.memory,
     )
 
 
+@numeric
 def depth_of(pressure_hpa: float, config: Config) -> float:
     """Return the depth (m) of an absolute pressure: z = (p - EST_SURF_HPA) / (EST_DENSITY g)."""
     gauge_pa = 100.0 * (pressure_hpa - config.surface_pressure_hpa)
     return gauge_pa / (config.water_density_kgpm3 * STANDARD_GRAVITY_MPS2)
 
 
+@numeric
 def _speed(speed_mps: float, thrust: float, config: Config, dt_s: float) -> float:
     """Return the forward speed through the water, by thrust against quadratic drag.
 
@@ -176,6 +240,7 @@ def _speed(speed_mps: float, thrust: float, config: Config, dt_s: float) -> floa
     return speed_mps + change
 
 
+@numeric
 def _attitude(
     old: VehicleEstimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
 ) -> tuple[Quaternion, Vector, Vector]:
@@ -189,13 +254,13 @@ def _attitude(
     k_a = EST_ATT_GAIN, k_m = EST_HDG_GAIN, k_b = EST_BIAS_GAIN, each times the weight
     1 / (1 + (q^2 + r^2) / TURN_RATE_GATE^2).
     """
-    if not sensors.fields_updated & GYRO_FRESH:
+    if sensors.fields_updated & GYRO_FRESH == 0:
         return _attitude_without_gyro(old, sensors, speed_mps, config, dt_s)
     bx, by, bz = old.gyro_bias_radps
     p, q, r = sensors[4:7]
     p, q, r = p - bx, q - by, r - bz
     (ex, ey, ez), (mx, my, mz) = _attitude_errors(old.attitude, sensors, speed_mps, q, r, config)
-    weight = 1.0 / (1.0 + (q * q + r * r) / TURN_RATE_GATE_RADPS**2)
+    weight = 1.0 / (1.0 + (q * q + r * r) / (TURN_RATE_GATE_RADPS * TURN_RATE_GATE_RADPS))
     ka, kh, kb = (
         weight * config.attitude_gain,
         weight * config.heading_gain,
@@ -212,6 +277,7 @@ def _attitude(
     return attitude, (p, q, r), bias
 
 
+@numeric
 def _attitude_without_gyro(
     old: VehicleEstimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
 ) -> tuple[Quaternion, Vector, Vector]:
@@ -238,12 +304,14 @@ def _attitude_without_gyro(
     )
 
 
+@numeric
 def _down_vector(attitude: Quaternion) -> Vector:
     """Return the unit vector down (NED) in body axes."""
     w, x, y, z = attitude
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
+@numeric
 def _attitude_errors(
     attitude: Quaternion,
     sensors: SensorFrame,
@@ -253,7 +321,8 @@ def _attitude_errors(
     config: Config,
 ) -> tuple[Vector, Vector]:
     """Return e_a and e_m: rotation errors (rad, body axes) to gravity and to magnetic north."""
-    down = x, y, z = _down_vector(attitude)
+    down = _down_vector(attitude)
+    x, y, z = down
     heading_error = _heading_error(attitude, sensors, config)
     return _tilt_error(down, sensors, speed_mps, q_radps, r_radps), (
         heading_error * x,
@@ -262,6 +331,7 @@ def _attitude_errors(
     )
 
 
+@numeric
 def _tilt_error(
     down: Vector, sensors: SensorFrame, speed_mps: float, q_radps: float, r_radps: float
 ) -> Vector:
@@ -270,7 +340,7 @@ def _tilt_error(
     The measured down is -(f - w x U) = -f + (0, r U, -q U), normalised; e_a is its cross product
     with d. It is not used below half the standard gravity.
     """
-    if not sensors.fields_updated & ACCELEROMETER_FRESH:
+    if sensors.fields_updated & ACCELEROMETER_FRESH == 0:
         return 0.0, 0.0, 0.0
     fx, fy, fz = sensors[1:4]
     ax, ay, az = -fx, -fy + r_radps * speed_mps, -fz - q_radps * speed_mps
@@ -281,12 +351,13 @@ def _tilt_error(
     return (ay * dz - az * dy) / norm, (az * dx - ax * dz) / norm, (ax * dy - ay * dx) / norm
 
 
+@numeric
 def _heading_error(attitude: Quaternion, sensors: SensorFrame, config: Config) -> float:
     """Return the rotation about down (rad) that turns the measured field to magnetic north.
 
     The result is 0 without a magnetometer reading.
     """
-    if not sensors.fields_updated & MAGNETOMETER_FRESH:
+    if sensors.fields_updated & MAGNETOMETER_FRESH == 0:
         return 0.0
     north, east, _ = rotate(attitude, sensors[7:10])
     if north == 0.0 and east == 0.0:
@@ -294,6 +365,7 @@ def _heading_error(attitude: Quaternion, sensors: SensorFrame, config: Config) -
     return wrap_pi(config.declination_rad - math.atan2(east, north))
 
 
+@numeric
 def _integrate(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) -> Quaternion:
     """Integrate body rates (rad/s): q' = q (0, p, q, r) / 2, explicit Euler, then normalise."""
     w, x, y, z = attitude
@@ -306,6 +378,7 @@ def _integrate(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) 
     return nw * norm, nx * norm, ny * norm, nz * norm
 
 
+@numeric
 def _clip_bias(bias_radps: float) -> float:
     """Limit a gyro bias to +-MAX_BIAS_RADPS."""
     return (
@@ -315,6 +388,7 @@ def _clip_bias(bias_radps: float) -> float:
     )
 
 
+@numeric
 def _depth(
     old: VehicleEstimate, sensors: SensorFrame, attitude: Quaternion, config: Config, dt_s: float
 ) -> tuple[float, float, float]:
@@ -331,10 +405,10 @@ def _depth(
     """
     rate_mps, bias_mps2, down_mps2 = old.depth_rate_mps, old.accel_bias_mps2, 0.0
     fresh = sensors.fields_updated
-    if fresh & ACCELEROMETER_FRESH:
+    if fresh & ACCELEROMETER_FRESH != 0:
         (x, y, z), (ax, ay, az) = _down_vector(attitude), sensors[1:4]
         down_mps2 = x * ax + y * ay + z * az + STANDARD_GRAVITY_MPS2 - bias_mps2
-    if not fresh & PRESSURE_FRESH:
+    if fresh & PRESSURE_FRESH == 0:
         decay = -rate_mps / DEPTH_RATE_DECAY_S
         return old.depth_m + rate_mps * dt_s, rate_mps + (down_mps2 + decay) * dt_s, bias_mps2
     pole = 1.0 / config.depth_time_s
@@ -345,13 +419,3 @@ def _depth(
         rate_mps + (down_mps2 + 3.0 * pole * pole * error) * dt_s,
         bias_mps2 - pole * pole * pole * error * dt_s,
     )
-
-
-def _altitude(
-    old: VehicleEstimate, measured: Altimeter | None, now_us: int
-) -> tuple[float | None, int]:
-    """Return the altitude (m), None if unknown or too old, and the time of its measurement."""
-    if measured is not None and measured.min_range_m <= measured.range_m < measured.max_range_m:
-        return measured.range_m, now_us
-    measured_us = old.altitude_time_us
-    return (None if now_us - measured_us > ALTIMETER_STALE_US else old.altitude_m), measured_us

@@ -73,6 +73,9 @@ class ExcitationOutput(NamedTuple):
     """Momentary frequency of a chirp, else 0."""
 
 
+NO_SIGNAL = ExcitationOutput(0.0, 0.0, 0.0, 0.0)
+
+
 def from_numbers(
     axis: int, magnitude: float, p3: float, p4: float, duration_s: float, wave: int, fade_s: float
 ) -> requests.StartTest:
@@ -211,7 +214,20 @@ def describe(test: Excitation) -> str:
 
 
 def sample(test: Excitation, t_s: float) -> ExcitationOutput:
-    """Return the test signal ``t_s`` after the start, with fade."""
+    """Return the test signal, with fade.
+
+    Parameters
+    ----------
+    test : Excitation
+        Test.
+    t_s : float
+        Time since its start.
+
+    Returns
+    -------
+    ExcitationOutput
+        Signal of each actuator.
+    """
     fade = waveforms.fade(t_s, test.duration_s, test.fade_s)
     value, frequency_hz = _waveform_value(test, t_s)
     elevator_value = (

@@ -6,8 +6,17 @@ from autopilot.control import guidance, modes
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor
 from autopilot.control.sensor_health.sensor_checks import BATTERY, LEAK
-from autopilot.control.types import US_PER_S, AutopilotState, Event, Excitation, Inputs, Severity
+from autopilot.control.types import (
+    US_PER_S,
+    AutopilotState,
+    Event,
+    Excitation,
+    Inputs,
+    Severity,
+    VehicleEstimate,
+)
 from mavlink_io.frames import wrap_pi
+from mavlink_io.jit import numeric
 
 GCS_LOST = "ground lost"
 """Cause of the failsafe of a lost ground station."""
@@ -50,19 +59,23 @@ def _cause(state: AutopilotState, inputs: Inputs, config: Config) -> str:
         return reason
     if depth_unknown(state, config):
         return "depth unknown"
-    estimate = state.estimate
-    if estimate.depth_m > config.fs_depth_m:
-        return f"depth {estimate.depth_m:.1f} m"
-    if estimate.altitude_m is not None and estimate.altitude_m < config.fs_altitude_m:
-        return f"altitude {estimate.altitude_m:.1f} m"
-    if abs(estimate.pitch_rad) > config.fs_pitch_rad:
-        return f"pitch {math.degrees(estimate.pitch_rad):.0f} deg"
+    if not within_limits(state.estimate, config):
+        return _exceeded_limit(state.estimate, config)
     armed_s = (state.time_us - state.armed_us) / US_PER_S
     if 0.0 < config.fs_time_s < armed_s:
         return f"armed {armed_s:.0f} s"
     if inputs.ground_silent_s is not None and 0.0 < config.fs_ground_s < inputs.ground_silent_s:
         return GCS_LOST
     return ""
+
+
+def _exceeded_limit(estimate: VehicleEstimate, config: Config) -> str:
+    """Return the first limit of ``within_limits`` that is exceeded."""
+    if estimate.depth_m > config.fs_depth_m:
+        return f"depth {estimate.depth_m:.1f} m"
+    if estimate.altitude_m < config.fs_altitude_m:
+        return f"altitude {estimate.altitude_m:.1f} m"
+    return f"pitch {math.degrees(estimate.pitch_rad):.0f} deg"
 
 
 def _device_failsafe(state: AutopilotState, config: Config) -> str:
@@ -83,14 +96,44 @@ def depth_unknown(state: AutopilotState, config: Config) -> bool:
     return bool(config.fs_pressure_action) and unmeasured_us > config.fs_pressure_s * US_PER_S
 
 
+@numeric
+def within_limits(estimate: VehicleEstimate, config: Config) -> bool:
+    """Return whether no limit of the motion (FS_DEPTH_M, FS_ALT_M, FS_PITCH_DEG) is exceeded."""
+    return not (
+        estimate.depth_m > config.fs_depth_m
+        or estimate.altitude_m < config.fs_altitude_m
+        or abs(estimate.pitch_rad) > config.fs_pitch_rad
+    )
+
+
+@numeric
+def within_envelope(
+    heading_rad: float, elapsed_s: float, estimate: VehicleEstimate, config: Config
+) -> bool:
+    """Return whether a test is within its envelope; see ``envelope_violation``."""
+    change_rad = abs(wrap_pi(estimate.heading_rad - heading_rad))
+    rate_degps = math.degrees(max(abs(estimate.q_radps), abs(estimate.r_radps)))
+    return not (
+        estimate.depth_m < config.sid_depth_min_m
+        or estimate.depth_m > config.sid_depth_max_m
+        or estimate.altitude_m < config.sid_altitude_min_m
+        or abs(estimate.pitch_rad) > math.radians(config.sid_pitch_max_deg)
+        or change_rad > math.radians(config.sid_heading_max_deg)
+        or rate_degps > config.sid_rate_max_degps
+        or elapsed_s > config.sid_time_max_s
+    )
+
+
 def envelope_violation(test: Excitation, state: AutopilotState, config: Config) -> str:
     """Return which limit of a test is exceeded, with value and limit; empty if none is."""
-    estimate = state.estimate
+    estimate, elapsed_s = state.estimate, (state.time_us - test.started_us) / US_PER_S
+    if within_envelope(test.heading_rad, elapsed_s, estimate, config):
+        return ""
     if estimate.depth_m < config.sid_depth_min_m:
         return f"depth {estimate.depth_m:.1f} m above {config.sid_depth_min_m:g} m"
     if estimate.depth_m > config.sid_depth_max_m:
         return f"depth {estimate.depth_m:.1f} m below {config.sid_depth_max_m:g} m"
-    if estimate.altitude_m is not None and estimate.altitude_m < config.sid_altitude_min_m:
+    if estimate.altitude_m < config.sid_altitude_min_m:
         return f"altitude {estimate.altitude_m:.1f} m under {config.sid_altitude_min_m:g} m"
     if abs(estimate.pitch_rad) > math.radians(config.sid_pitch_max_deg):
         pitch_deg = math.degrees(estimate.pitch_rad)
@@ -103,7 +146,4 @@ def envelope_violation(test: Excitation, state: AutopilotState, config: Config) 
     rate_degps = math.degrees(max(abs(estimate.q_radps), abs(estimate.r_radps)))
     if rate_degps > config.sid_rate_max_degps:
         return f"rate {rate_degps:.0f} deg/s beyond {config.sid_rate_max_degps:g} deg/s"
-    elapsed_s = (state.time_us - test.started_us) / US_PER_S
-    if elapsed_s > config.sid_time_max_s:
-        return f"time {elapsed_s:.0f} s beyond {config.sid_time_max_s:g} s"
-    return ""
+    return f"time {elapsed_s:.0f} s beyond {config.sid_time_max_s:g} s"

@@ -23,6 +23,7 @@ from autopilot.control.params import Config
 from autopilot.control.setpoints import Circle, Path, Setpoint, TrackLine
 from autopilot.control.types import US_PER_S, AutopilotState, Home, VehicleEstimate
 from mavlink_io.frames import geodetic_to_offset, wrap_pi
+from mavlink_io.jit import numeric
 from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
     GLOBAL_FRAMES,
@@ -62,6 +63,7 @@ class PathProgress(NamedTuple):
     """Cross-track error, positive to starboard of a line or outside a circle."""
 
 
+@numeric
 def position_of(estimate: VehicleEstimate) -> complex:
     """Return the estimated position, north + i east from home (m)."""
     return complex(estimate.north_m, estimate.east_m)
@@ -137,9 +139,7 @@ def follow(
 ) -> tuple[Path, float]:
     """Return the path with its new integral, and the heading (rad) that follows it."""
     if isinstance(path, TrackLine):
-        cross_m, azimuth, _, _ = along_track_m(path, position_of(estimate))
-        offset, integral = _line_of_sight(cross_m, path.integral, config.lookahead_m, config, dt_s)
-        return path._replace(integral=integral), crab_heading(azimuth - offset, estimate)
+        return follow_line(path, estimate, config, dt_s)
     path = _count_orbit(path, position_of(estimate) - path.centre_m, config, time_us)
     sense = 1.0 if path.clockwise else -1.0
     distance_m, bearing = cmath.polar(position_of(estimate) - path.centre_m)
@@ -152,6 +152,17 @@ def follow(
     )
 
 
+@numeric
+def follow_line(
+    path: TrackLine, estimate: VehicleEstimate, config: Config, dt_s: float
+) -> tuple[TrackLine, float]:
+    """Return a line with its new integral, and the heading (rad) that follows it."""
+    cross_m, azimuth, _, _ = along_track_m(path, position_of(estimate))
+    offset, integral = _line_of_sight(cross_m, path.integral, config.lookahead_m, config, dt_s)
+    return path._replace(integral=integral), crab_heading(azimuth - offset, estimate)
+
+
+@numeric
 def _line_of_sight(
     cross_m: float, integral: float, lookahead_m: float, config: Config, dt_s: float
 ) -> tuple[float, float]:
@@ -161,7 +172,7 @@ def _line_of_sight(
     """
     error_m = cross_m + config.los_integral_mps * integral
     if abs(cross_m) < INTEGRATION_ZONE * lookahead_m:
-        integral += dt_s * lookahead_m * cross_m / (lookahead_m**2 + error_m**2)
+        integral += dt_s * lookahead_m * cross_m / (lookahead_m * lookahead_m + error_m * error_m)
     return math.atan(error_m / lookahead_m), integral
 
 
@@ -175,6 +186,7 @@ def _count_orbit(path: Circle, radius_vector_m: complex, config: Config, time_us
     return path._replace(swept_rad=path.swept_rad + swept, bearing_rad=bearing)
 
 
+@numeric
 def along_track_m(path: TrackLine, position_m: complex) -> tuple[float, float, float, float]:
     """Return cross-track error (m, to starboard), azimuth (rad), distance along and length (m)."""
     line_m = path.to_m - path.from_m
@@ -183,6 +195,7 @@ def along_track_m(path: TrackLine, position_m: complex) -> tuple[float, float, f
     return offset_m.imag, azimuth, offset_m.real, length_m
 
 
+@numeric
 def crab_heading(course_rad: float, estimate: VehicleEstimate) -> float:
     """Return the heading (rad) that gives the course over ground in the estimated current."""
     navigation = estimate.navigation
@@ -200,6 +213,7 @@ def update_heading(state: AutopilotState, config: Config, dt_s: float) -> Autopi
     return state._replace(path=path, setpoint=state.setpoint._replace(heading_rad=heading_rad))
 
 
+@numeric
 def reached(path: TrackLine, estimate: VehicleEstimate, acceptance_m: float) -> bool:
     """Return whether the vehicle is near the end of a line or has passed abeam of it."""
     position = position_of(estimate)

@@ -21,10 +21,11 @@ from autopilot.control import lqg, reference_model
 from autopilot.control.lqg import LqgControllers, LqgReference, ObserverState
 from autopilot.control.params import Config
 from autopilot.control.pid import Gains, pid
-from autopilot.control.reference_model import ReferenceState
+from autopilot.control.reference_model import NO_REFERENCE, ReferenceState, begun
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import LoopMemory, Trim, VehicleEstimate
 from mavlink_io.frames import wrap_pi
+from mavlink_io.jit import numeric
 
 MIN_SPEED_RATIO, MAX_SPEED_RATIO = 0.4, 2.5
 """Limits of the speed ratio (speed over that of the gains) in gain scheduling."""
@@ -56,16 +57,20 @@ class HeadingLoopResult(NamedTuple):
 
     rudder_rad: float
     integral_rad: float
-    reference: ReferenceState | None
+    reference: ReferenceState
     observer: ObserverState | None = None
 
 
 class YawReference(NamedTuple):
-    """Yaw rate, its reference, and the heading error to the reference."""
+    """Heading error and yaw rate relative to their reference."""
 
-    rate_radps: float
-    reference_radps: float
     error_rad: float
+    """Reference minus estimate, or the weighted error."""
+    rate_radps: float
+    """Estimated minus reference yaw rate."""
+    reference: ReferenceState
+    yaw_rate_radps: float
+    """Estimated yaw rate about the vertical."""
 
 
 class DepthLoopResult(NamedTuple):
@@ -75,7 +80,7 @@ class DepthLoopResult(NamedTuple):
     pitch_setpoint_rad: float
     pitch_integral_rad: float
     depth_integral_rad: float
-    reference: ReferenceState | None
+    reference: ReferenceState
     observer: ObserverState | None = None
 
 
@@ -88,7 +93,7 @@ class DepthReference(NamedTuple):
     """Estimated minus reference depth rate; positive: sinks faster than the reference."""
     pitch_down_rad: float
     """Nose-down pitch that the depth rate of the reference needs."""
-    reference: ReferenceState | None
+    reference: ReferenceState
 
 
 def step_loops(
@@ -128,26 +133,101 @@ def step_loops(
         Commands and errors of this tick, and the new state of the loops. Commands may exceed the
         travel of the duct after rotation by the roll angle.
     """
-    learned = memory.trim
-    trims = (
-        config.rudder_trim_rad + learned.rudder_rad,
-        config.elevator_trim_rad + learned.elevator_rad,
-    )
-    heading_result = HeadingLoopResult(trims[0], memory.heading_integral_rad, None)
-    depth_result = DepthLoopResult(
-        trims[1], estimate.pitch_rad, memory.pitch_integral_rad, memory.depth_integral_rad, None
-    )
-    roll = estimate.roll_rad if config.roll_compensated and heading and depth else 0.0
+    controllers = scheduled_controllers(config, estimate)
+    if controllers is None:
+        return step_pids(estimate, setpoint, memory, config, dt_s, heading, depth)
+    trims, roll = _trims(memory, config), _roll(estimate, config, heading, depth)
+    rudder = _open_heading(memory, trims)
+    elevator = _open_depth(estimate, memory, trims)
     if heading:
-        heading_result = heading_loop(estimate, setpoint, memory, trims[0], roll, config, dt_s)
-    if depth:
-        depth_result = depth_pitch_loop(estimate, setpoint, memory, trims[1], roll, config, dt_s)
-    rudder, elevator = (
-        rotate_by_roll(heading_result.rudder_rad, depth_result.elevator_rad, roll)
-        if roll
-        else (heading_result[0], depth_result[0])
+        rudder = heading_lqg(controllers, estimate, setpoint, memory, trims[0], roll, config, dt_s)
+    if depth and math.isnan(setpoint.pitch_rad):
+        elevator = depth_lqg(controllers, estimate, setpoint, memory, trims[1], roll, config, dt_s)
+    elif depth:
+        elevator = depth_pids(estimate, setpoint, memory, trims[1], roll, config, dt_s)
+    return _combine(
+        rudder, elevator, estimate, setpoint, memory, trims, roll, config, dt_s, heading, depth
     )
-    rudder_lead = elevator_lead = None
+
+
+@numeric
+def step_pids(
+    estimate: VehicleEstimate,
+    setpoint: Setpoint,
+    memory: LoopMemory,
+    config: Config,
+    dt_s: float,
+    heading: bool,
+    depth: bool,
+) -> tuple[ControlOutput, LoopMemory]:
+    """Run the closed loops for one tick with PIDs only; see ``step_loops``."""
+    trims, roll = _trims(memory, config), _roll(estimate, config, heading, depth)
+    rudder = _open_heading(memory, trims)
+    elevator = _open_depth(estimate, memory, trims)
+    if heading:
+        rudder = heading_pid(estimate, setpoint, memory, trims[0], roll, config, dt_s)
+    if depth:
+        elevator = depth_pids(estimate, setpoint, memory, trims[1], roll, config, dt_s)
+    return _combine(
+        rudder, elevator, estimate, setpoint, memory, trims, roll, config, dt_s, heading, depth
+    )
+
+
+@numeric
+def _trims(memory: LoopMemory, config: Config) -> tuple[float, float]:
+    """Return the trims of rudder and elevator (rad), learned parts included."""
+    return (
+        config.rudder_trim_rad + memory.trim.rudder_rad,
+        config.elevator_trim_rad + memory.trim.elevator_rad,
+    )
+
+
+@numeric
+def _roll(estimate: VehicleEstimate, config: Config, heading: bool, depth: bool) -> float:
+    """Return the roll angle (rad) to compensate; 0 without roll compensation."""
+    return estimate.roll_rad if config.roll_compensated and heading and depth else 0.0
+
+
+@numeric
+def _open_heading(memory: LoopMemory, trims: tuple[float, float]) -> HeadingLoopResult:
+    """Return the result of an open heading loop."""
+    return HeadingLoopResult(trims[0], memory.heading_integral_rad, NO_REFERENCE, None)
+
+
+@numeric
+def _open_depth(
+    estimate: VehicleEstimate, memory: LoopMemory, trims: tuple[float, float]
+) -> DepthLoopResult:
+    """Return the result of open depth and pitch loops."""
+    return DepthLoopResult(
+        trims[1],
+        estimate.pitch_rad,
+        memory.pitch_integral_rad,
+        memory.depth_integral_rad,
+        NO_REFERENCE,
+        None,
+    )
+
+
+@numeric
+def _combine(
+    heading_result: HeadingLoopResult,
+    depth_result: DepthLoopResult,
+    estimate: VehicleEstimate,
+    setpoint: Setpoint,
+    memory: LoopMemory,
+    trims: tuple[float, float],
+    roll_rad: float,
+    config: Config,
+    dt_s: float,
+    heading: bool,
+    depth: bool,
+) -> tuple[ControlOutput, LoopMemory]:
+    """Return commands, errors and new memory: roll compensation, actuator leads, learned trims."""
+    rudder, elevator = heading_result.rudder_rad, depth_result.elevator_rad
+    if roll_rad != 0.0:
+        rudder, elevator = rotate_by_roll(rudder, elevator, roll_rad)
+    rudder_lead = elevator_lead = NO_REFERENCE
     if config.actuator_lead_radps:
         if heading and heading_result.observer is None:
             rudder, rudder_lead = reference_model.lead(
@@ -173,7 +253,7 @@ def step_loops(
         depth_result.reference,
         rudder_lead,
         elevator_lead,
-        learned,
+        memory.trim,
         heading_result.observer,
         depth_result.observer,
     )
@@ -182,7 +262,53 @@ def step_loops(
     return output, new_memory
 
 
-def heading_loop(
+@numeric
+def heading_reference(
+    estimate: VehicleEstimate,
+    setpoint: Setpoint,
+    memory: LoopMemory,
+    roll_rad: float,
+    config: Config,
+    dt_s: float,
+) -> YawReference:
+    """Compute heading error and yaw rate relative to the reference model or weighted set-point.
+
+    With r_v the yaw rate about the vertical, r cos(roll) + q sin(roll) with roll compensation, else
+    r; psi the heading, psi_s its set-point, x and x' the reference and its rate, and b the weight::
+
+        plain             e = psi_s - psi                        rate = r_v
+        reference model   e = x - psi                            rate = r_v - x'
+        weighting         e = x - psi + b (psi_s - x)            rate = r_v
+
+    Differences of headings are wrapped to (-pi, pi].
+    """
+    yaw_rate, heading_rad = estimate.r_radps, estimate.heading_rad
+    if roll_rad != 0.0:
+        yaw_rate = yaw_rate * math.cos(roll_rad) + estimate.q_radps * math.sin(roll_rad)
+    start, bandwidth = memory.heading_reference, config.heading_ref_radps
+    if bandwidth:
+        if not begun(start):
+            start = ReferenceState(heading_rad, estimate.r_radps)
+        to_go = wrap_pi(setpoint.heading_rad - start.value)
+        reference = reference_model.step_reference(
+            to_go, start, bandwidth, config.heading_ref_rate_radps, dt_s
+        )
+        error = wrap_pi(reference.value - heading_rad)
+        return YawReference(error, yaw_rate - reference.rate, reference, yaw_rate)
+    if config.heading_setpoint_weight < 1.0:
+        if not begun(start):
+            start = ReferenceState(heading_rad, 0.0)
+        to_go = wrap_pi(setpoint.heading_rad - start.value)
+        error = wrap_pi(start.value - heading_rad) + config.heading_setpoint_weight * to_go
+        gains = scheduled_gains(config.heading_gains, estimate, config)
+        followed = reference_model.follow_reference(to_go, start, gains, dt_s)
+        return YawReference(error, yaw_rate, followed, yaw_rate)
+    error = wrap_pi(setpoint.heading_rad - heading_rad)
+    return YawReference(error, yaw_rate, NO_REFERENCE, yaw_rate)
+
+
+@numeric
+def heading_pid(
     estimate: VehicleEstimate,
     setpoint: Setpoint,
     memory: LoopMemory,
@@ -191,72 +317,54 @@ def heading_loop(
     config: Config,
     dt_s: float,
 ) -> HeadingLoopResult:
-    """Compute the rudder from heading error and yaw rate.
-
-    With r_v the yaw rate about the vertical, r cos(roll) + q sin(roll) with roll compensation, else
-    r; psi the heading, psi_s its set-point, x and x' the reference and its rate, and b the weight::
-
-        plain             e = psi_s - psi                        rate = r_v
-        reference model   e = x - psi                            rate = r_v - x'
-        weighting         e = x - psi + b (psi_s - x)            rate = r_v
-        rudder            = P e - D rate + I + trim
-
-    Differences of headings are wrapped to (-pi, pi].
-    """
-    yaw_rate = estimate.r_radps
-    if roll_rad:
-        yaw_rate = yaw_rate * math.cos(roll_rad) + estimate.q_radps * math.sin(roll_rad)
-    rate = yaw_rate
-    error, reference = wrap_pi(setpoint.heading_rad - estimate.heading_rad), None
-    gains, travel = config.heading_gains, config.travel_rad
-    if config.schedule_mps:
-        gains = schedule_gains(gains, estimate.speed_mps / config.schedule_mps)
-    if bandwidth := config.heading_ref_radps:
-        start = memory.heading_reference or ReferenceState(estimate.heading_rad, estimate.r_radps)
-        to_go = wrap_pi(setpoint.heading_rad - start.value)
-        reference = reference_model.step_reference(
-            to_go, start, bandwidth, config.heading_ref_rate_radps, dt_s
-        )
-        error, rate = wrap_pi(reference.value - estimate.heading_rad), rate - reference.rate
-        if abs(reference.rate) > INTEGRATOR_HOLD_RADPS:
-            gains = gains._replace(i=0.0)
-    elif config.heading_setpoint_weight < 1.0:
-        start = memory.heading_reference or ReferenceState(estimate.heading_rad)
-        to_go = wrap_pi(setpoint.heading_rad - start.value)
-        error = wrap_pi(start.value - estimate.heading_rad) + config.heading_setpoint_weight * to_go
-        reference = reference_model.follow_reference(to_go, start, gains, dt_s)
-    if controllers := scheduled_controllers(config, estimate):
-        yaw = YawReference(yaw_rate, yaw_rate - rate, error)
-        rudder, observer = heading_lqg(
-            controllers, yaw, estimate.heading_rad, memory.rudder_observer, trim_rad, config
-        )
-        return HeadingLoopResult(rudder, memory.heading_integral_rad, reference, observer)
+    """Compute the rudder: P e - D rate + I + trim, with e and rate of ``heading_reference``."""
+    yaw = heading_reference(estimate, setpoint, memory, roll_rad, config, dt_s)
+    gains, travel = scheduled_gains(config.heading_gains, estimate, config), config.travel_rad
+    if abs(yaw.reference.rate) > INTEGRATOR_HOLD_RADPS:
+        gains = gains._replace(i=0.0)
     rudder, integral = pid(
-        error, rate, gains, memory.heading_integral_rad, dt_s, -travel - trim_rad, travel - trim_rad
+        yaw.error_rad,
+        yaw.rate_radps,
+        gains,
+        memory.heading_integral_rad,
+        dt_s,
+        -travel - trim_rad,
+        travel - trim_rad,
     )
-    return HeadingLoopResult(rudder + trim_rad, integral, reference)
+    return HeadingLoopResult(rudder + trim_rad, integral, yaw.reference, None)
 
 
 def heading_lqg(
     controllers: LqgControllers,
-    yaw: YawReference,
-    heading_rad: float,
-    observer: ObserverState | None,
+    estimate: VehicleEstimate,
+    setpoint: Setpoint,
+    memory: LoopMemory,
     trim_rad: float,
+    roll_rad: float,
     config: Config,
-) -> tuple[float, ObserverState]:
+    dt_s: float,
+) -> HeadingLoopResult:
     """Compute the rudder (rad, trim included) by the heading LQG controller."""
+    yaw = heading_reference(estimate, setpoint, memory, roll_rad, config, dt_s)
+    heading_rad, observer = estimate.heading_rad, memory.rudder_observer
     if observer is not None:
         # Unwrapped: the observer state is linear in heading, so it has no jump at +-180 degrees.
         last = observer.measured[1]
         heading_rad = last + wrap_pi(heading_rad - last)
-    wanted, travel = (yaw.reference_radps, heading_rad + yaw.error_rad), config.travel_rad
-    moving = abs(yaw.reference_radps) > INTEGRATOR_HOLD_RADPS
-    target = LqgReference(wanted, 0.0, -travel - trim_rad, travel - trim_rad, moving)
-    rudder, observer = lqg.step(
-        controllers.heading, observer, (yaw.rate_radps, heading_rad), target
+    reference_radps, travel = yaw.yaw_rate_radps - yaw.rate_radps, config.travel_rad
+    target = LqgReference(
+        (reference_radps, heading_rad + yaw.error_rad),
+        0.0,
+        -travel - trim_rad,
+        travel - trim_rad,
+        abs(reference_radps) > INTEGRATOR_HOLD_RADPS,
     )
-    return rudder + trim_rad, observer
+    rudder, observer = lqg.step(
+        controllers.heading, observer, (yaw.yaw_rate_radps, heading_rad), target
+    )
+    return HeadingLoopResult(
+        rudder + trim_rad, memory.heading_integral_rad, yaw.reference, observer
+    )
 
 
 def scheduled_controllers(config: Config, estimate: VehicleEstimate) -> LqgControllers | None:
@@ -266,7 +374,8 @@ def scheduled_controllers(config: Config, estimate: VehicleEstimate) -> LqgContr
     return None
 
 
-def depth_pitch_loop(
+@numeric
+def depth_pids(
     estimate: VehicleEstimate,
     setpoint: Setpoint,
     memory: LoopMemory,
@@ -277,57 +386,63 @@ def depth_pitch_loop(
 ) -> DepthLoopResult:
     """Compute the elevator from depth, or from the pitch set-point if one is given.
 
-    With q_v the pitch rate in the vertical plane, q cos(roll) - r sin(roll) with roll compensation,
-    else q; theta the pitch, theta_s its set-point::
+    With q_v the pitch rate of ``_vertical_pitch_rate``, theta the pitch and theta_s its set-point::
 
         elevator = P (theta_s - theta) - D q_v + I + trim + feedforward
     """
-    rate = estimate.q_radps
-    if roll_rad:
-        rate = rate * math.cos(roll_rad) - estimate.r_radps * math.sin(roll_rad)
     depth = depth_reference(estimate, setpoint, memory, config, dt_s)
     rest, travel = trim_rad, config.travel_rad
-    if config.pitch_feedforward and depth.reference and setpoint.pitch_rad is None:
-        rest += pitch_feedforward(depth.reference, estimate, config)
-    if (controllers := scheduled_controllers(config, estimate)) and setpoint.pitch_rad is None:
-        return depth_lqg(
-            controllers, depth, estimate, memory, rate, rest - trim_rad, trim_rad, config
-        )
     pitch_setpoint, depth_integral = depth_loop(depth, memory, config, dt_s)
-    if setpoint.pitch_rad is not None:
+    if math.isnan(setpoint.pitch_rad):
+        rest += pitch_feedforward(depth.reference, estimate, config)
+    else:
         pitch_setpoint = setpoint.pitch_rad
-    gains = config.pitch_gains
-    if config.schedule_mps:
-        gains = schedule_gains(gains, estimate.speed_mps / config.schedule_mps)
-    error = pitch_setpoint - estimate.pitch_rad
     elevator, pitch_integral = pid(
-        error, rate, gains, memory.pitch_integral_rad, dt_s, -travel - rest, travel - rest
+        pitch_setpoint - estimate.pitch_rad,
+        _vertical_pitch_rate(estimate, roll_rad),
+        scheduled_gains(config.pitch_gains, estimate, config),
+        memory.pitch_integral_rad,
+        dt_s,
+        -travel - rest,
+        travel - rest,
     )
     return DepthLoopResult(
-        elevator + rest, pitch_setpoint, pitch_integral, depth_integral, depth.reference
+        elevator + rest, pitch_setpoint, pitch_integral, depth_integral, depth.reference, None
     )
+
+
+@numeric
+def _vertical_pitch_rate(estimate: VehicleEstimate, roll_rad: float) -> float:
+    """Return the pitch rate in the vertical plane, q cos(roll) - r sin(roll); q without roll."""
+    if roll_rad == 0.0:
+        return estimate.q_radps
+    return estimate.q_radps * math.cos(roll_rad) - estimate.r_radps * math.sin(roll_rad)
 
 
 def depth_lqg(
     controllers: LqgControllers,
-    depth: DepthReference,
     estimate: VehicleEstimate,
+    setpoint: Setpoint,
     memory: LoopMemory,
-    rate_radps: float,
-    feedforward_rad: float,
     trim_rad: float,
+    roll_rad: float,
     config: Config,
+    dt_s: float,
 ) -> DepthLoopResult:
     """Compute the elevator (rad, trim included) by the depth LQG controller.
 
     One controller closes depth and pitch. The depth error is limited to the one at which the
     controller would ask for the pitch limit: PTCH_LIM_DEG over ``pitch_per_metre``.
     """
+    depth = depth_reference(estimate, setpoint, memory, config, dt_s)
+    # As the sum in ``depth_pids``, so that both controllers round it in the same way.
+    feedforward_rad = trim_rad + pitch_feedforward(depth.reference, estimate, config) - trim_rad
     limit_m, travel = config.pitch_limit_rad / controllers.pitch_per_metre, config.travel_rad
     error, sinking = min(limit_m, max(-limit_m, depth.error_m)), estimate.depth_rate_mps
-    measured = rate_radps, estimate.pitch_rad, estimate.depth_m, sinking
+    pitch_rate = _vertical_pitch_rate(estimate, roll_rad)
+    measured = pitch_rate, estimate.pitch_rad, estimate.depth_m, sinking
     wanted = 0.0, -depth.pitch_down_rad, estimate.depth_m + error, sinking - depth.rate_mps
-    moving = depth.reference is not None and abs(depth.reference.rate) > INTEGRATOR_HOLD_MPS
+    moving = abs(depth.reference.rate) > INTEGRATOR_HOLD_MPS
     target = LqgReference(wanted, feedforward_rad, -travel - trim_rad, travel - trim_rad, moving)
     elevator, observer = lqg.step(controllers.depth, memory.elevator_observer, measured, target)
     pitch = -controllers.pitch_per_metre * error - depth.pitch_down_rad
@@ -341,6 +456,7 @@ def depth_lqg(
     )
 
 
+@numeric
 def depth_reference(
     estimate: VehicleEstimate, setpoint: Setpoint, memory: LoopMemory, config: Config, dt_s: float
 ) -> DepthReference:
@@ -353,9 +469,11 @@ def depth_reference(
         reference model   e = x - z                    rate = z' - x'     nose-down pitch x' / U
         weighting         e = x - z + b (z_s - x)      rate = z'
     """
-    rate = estimate.depth_rate_mps
-    if bandwidth := config.depth_ref_radps:
-        start = memory.depth_reference or ReferenceState(estimate.depth_m, rate)
+    rate, start = estimate.depth_rate_mps, memory.depth_reference
+    bandwidth = config.depth_ref_radps
+    if bandwidth:
+        if not begun(start):
+            start = ReferenceState(estimate.depth_m, rate)
         reference = reference_model.step_reference(
             setpoint.depth_m - start.value, start, bandwidth, config.depth_ref_mps, dt_s
         )
@@ -364,7 +482,8 @@ def depth_reference(
             error, rate - reference.rate, required_pitch(reference, estimate), reference
         )
     if config.depth_setpoint_weight < 1.0:
-        start = memory.depth_reference or ReferenceState(estimate.depth_m)
+        if not begun(start):
+            start = ReferenceState(estimate.depth_m, 0.0)
         to_go = setpoint.depth_m - start.value
         error = start.value - estimate.depth_m + config.depth_setpoint_weight * to_go
         return DepthReference(
@@ -373,9 +492,10 @@ def depth_reference(
             0.0,
             reference_model.follow_reference(to_go, start, config.depth_gains, dt_s),
         )
-    return DepthReference(setpoint.depth_m - estimate.depth_m, rate, 0.0, None)
+    return DepthReference(setpoint.depth_m - estimate.depth_m, rate, 0.0, NO_REFERENCE)
 
 
+@numeric
 def depth_loop(
     depth: DepthReference, memory: LoopMemory, config: Config, dt_s: float
 ) -> tuple[float, float]:
@@ -388,7 +508,7 @@ def depth_loop(
     The sign changes because a vehicle that is too shallow must pitch down.
     """
     limit, ahead, gains = config.pitch_limit_rad, depth.pitch_down_rad, config.depth_gains
-    if depth.reference is not None and abs(depth.reference.rate) > INTEGRATOR_HOLD_MPS:
+    if abs(depth.reference.rate) > INTEGRATOR_HOLD_MPS:
         gains = gains._replace(i=0.0)
     nose_down, integral = pid(
         depth.error_m,
@@ -402,11 +522,13 @@ def depth_loop(
     return -nose_down - ahead, integral
 
 
+@numeric
 def required_pitch(reference: ReferenceState, estimate: VehicleEstimate) -> float:
     """Return the nose-down pitch (rad) for a depth rate: depth' = -U sin(theta), theta small."""
     return reference.rate / max(estimate.speed_mps, MIN_SPEED_MPS)
 
 
+@numeric
 def pitch_feedforward(
     reference: ReferenceState, estimate: VehicleEstimate, config: Config
 ) -> float:
@@ -417,8 +539,11 @@ def pitch_feedforward(
 
         elevator = K theta / x^2
 
-    The righting moment does not depend on the speed U; the moment of the duct grows with U^2.
+    The righting moment does not depend on the speed U; the moment of the duct grows with U^2. The
+    result is 0 without feedforward or without a reference.
     """
+    if not config.pitch_feedforward or not begun(reference):
+        return 0.0
     limit, x = (
         config.pitch_limit_rad,
         min(MAX_SPEED_RATIO, max(MIN_SPEED_RATIO, estimate.speed_mps / config.cruise_speed_mps)),
@@ -427,6 +552,15 @@ def pitch_feedforward(
     return config.pitch_feedforward * pitch / (x * x)
 
 
+@numeric
+def scheduled_gains(gains: Gains, estimate: VehicleEstimate, config: Config) -> Gains:
+    """Return heading or pitch gains at the estimated speed, if they are scheduled."""
+    if not config.schedule_mps:
+        return gains
+    return schedule_gains(gains, estimate.speed_mps / config.schedule_mps)
+
+
+@numeric
 def schedule_gains(gains: Gains, speed_ratio: float) -> Gains:
     """Scale heading or pitch gains with speed.
 
@@ -458,6 +592,7 @@ def schedule_gains(gains: Gains, speed_ratio: float) -> Gains:
     return gains._replace(p=gains.p / (x * x), d=gains.d / (x * x), i=gains.i / (x * x))
 
 
+@numeric
 def rotate_by_roll(rudder_rad: float, elevator_rad: float, roll_rad: float) -> tuple[float, float]:
     """Rotate commands about the vertical and the horizontal to the axes of a rolled hull (rad).
 
@@ -470,6 +605,7 @@ def rotate_by_roll(rudder_rad: float, elevator_rad: float, roll_rad: float) -> t
     return rudder_rad * c - elevator_rad * s, rudder_rad * s + elevator_rad * c
 
 
+@numeric
 def update_trim(
     memory: LoopMemory,
     output: ControlOutput,
@@ -499,6 +635,7 @@ def update_trim(
     )
 
 
+@numeric
 def steady(estimate: VehicleEstimate, output: ControlOutput, config: Config) -> bool:
     """Return whether the surfaces hold the vehicle in equilibrium, so that their mean is the trim.
 

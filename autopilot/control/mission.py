@@ -156,7 +156,7 @@ def _item_fault(item: MissionItem, count: int, config: Config) -> ItemFault:
         depth_m = guidance.item_depth_m(item, 0.0)
         return 7, f"depth {depth_m:g} m: must be 0 or more; z is down in a local frame, else up"
     if item.command in _DEPTH_COMMANDS or item.command == MavCmd.DO_CHANGE_ALTITUDE:
-        depth_m, limit_m = _new_depth_m(item), config.fs_depth_m
+        depth_m, limit_m = new_depth_m(item), config.fs_depth_m
         if depth_m > limit_m + DEPTH_ROUNDING_M:
             parameter = 7 if item.command in _DEPTH_COMMANDS else 1
             return parameter, f"depth {depth_m:g} m: must be at most FS_DEPTH_M = {limit_m:g} m"
@@ -237,7 +237,7 @@ def begin_item(item: MissionItem, state: AutopilotState, config: Config) -> Step
     setpoint = state.setpoint
     match item.command:
         case MavCmd.DO_CHANGE_ALTITUDE | MavCmd.CONDITION_CHANGE_ALT:
-            setpoint = setpoint._replace(depth_m=_new_depth_m(item))
+            setpoint = setpoint._replace(depth_m=new_depth_m(item))
         case MavCmd.CONDITION_YAW:
             setpoint = setpoint._replace(heading_rad=_heading(item, state))
         case MavCmd.DO_CHANGE_SPEED:
@@ -290,12 +290,12 @@ def _start_waypoint_orbit(
     path = state.path
     if item.command != MavCmd.NAV_WAYPOINT or not item.p1 > 0.0 or not isinstance(path, TrackLine):
         return state
-    if not guidance.reached(path, state.estimate, _acceptance_m(item, config)):
+    if not guidance.reached(path, state.estimate, acceptance_m(item, config)):
         return state
     return state._replace(path=guidance.circle(path.to_m, 0.0, config, since_us=state.time_us))
 
 
-def _acceptance_m(item: MissionItem, config: Config) -> float:
+def acceptance_m(item: MissionItem, config: Config) -> float:
     """Return the acceptance radius: p2 of a waypoint if given, else NAV_ACC_RAD_M."""
     given = item.p2 if item.command == MavCmd.NAV_WAYPOINT else 0.0
     return given if given > 0.0 else config.acceptance_m
@@ -310,13 +310,13 @@ def item_done(item: MissionItem, state: AutopilotState, config: Config) -> bool:
                 state.time_us - (state.time_us if entered_us is None else entered_us)
             ) / US_PER_S >= item.p1
         case MavCmd.CONDITION_CHANGE_ALT:
-            return abs(state.estimate.depth_m - _new_depth_m(item)) < DEPTH_REACHED_M
+            return abs(state.estimate.depth_m - new_depth_m(item)) < DEPTH_REACHED_M
         case MavCmd.USER_1:
             return state.test is None
         case MavCmd.NAV_LOITER_UNLIM:
             return False
     if isinstance(path, TrackLine):
-        return guidance.reached(path, state.estimate, _acceptance_m(item, config))
+        return guidance.reached(path, state.estimate, acceptance_m(item, config))
     if isinstance(path, Circle):
         turns = item.command == MavCmd.NAV_LOITER_TURNS
         return (
@@ -396,7 +396,7 @@ def _complete(state: AutopilotState, config: Config) -> tuple[AutopilotState, tu
     return state, (event, *events)
 
 
-def _new_depth_m(item: MissionItem) -> float:
+def new_depth_m(item: MissionItem) -> float:
     """Return the depth (m) of an item with a depth or an altitude."""
     return (
         -item.p1 if item.command == MavCmd.DO_CHANGE_ALTITUDE else guidance.item_depth_m(item, 0.0)

@@ -32,6 +32,7 @@ from autopilot.control.params import Config
 from autopilot.control.sensor_health.sensor_checks import has_fix
 from autopilot.control.types import US_PER_S, Home, Inputs, NavCovariance, Navigation
 from mavlink_io.frames import Quaternion, geodetic_to_offset, rotate
+from mavlink_io.jit import numeric
 from mavlink_io.records import Dvl, GpsFix
 
 UPDATE_S = 0.2
@@ -100,16 +101,16 @@ def initial_solution(config: Config) -> Navigation:
     return Navigation(covariance=NavCovariance(0.0, current, speed, dvl))
 
 
-def predict_and_update(
+@numeric
+def predict(
     position_m: complex,
     old: Navigation,
     motion: MotionInput,
-    inputs: Inputs,
-    home: Home,
     config: Config,
     dt_s: float,
+    located: bool,
 ) -> NavSolution:
-    """Advance dead reckoning by one tick and apply the measurements.
+    """Advance dead reckoning by one tick.
 
     Parameters
     ----------
@@ -120,14 +121,12 @@ def predict_and_update(
         State of the filter after the last tick.
     motion : MotionInput
         Attitude and motion in this tick.
-    inputs : Inputs
-        Satellite fix and Doppler log velocity, if any.
-    home : Home
-        Home position.
     config : Config
         Parameters NAV_*.
     dt_s : float
         Time since the last tick.
+    located : bool
+        Whether ``correct`` follows: it needs the covariance of this tick.
 
     Returns
     -------
@@ -138,21 +137,48 @@ def predict_and_update(
     velocity = water * (1.0 + old.speed_error + old.slip) + old.current_mps
     position_m += velocity * dt_s
     span_s, distance_m = old.span_s + dt_s, old.distance_m + water * dt_s
-    fix, ping = inputs.gps, inputs.dvl
-    if fix is None and ping is None and span_s < UPDATE_S:
+    if not located and span_s < UPDATE_S:
         return NavSolution(position_m, velocity, old._replace(span_s=span_s, distance_m=distance_m))
-    solution = NavSolution(
-        position_m, velocity, _propagate_covariance(old, span_s, distance_m, motion, config)
-    )
+    memory = _propagate_covariance(old, span_s, distance_m, motion, config)
+    if not located:
+        velocity = _velocity(memory, motion) + water * memory.slip
+    return NavSolution(position_m, velocity, memory)
+
+
+def correct(
+    solution: NavSolution, motion: MotionInput, inputs: Inputs, home: Home, config: Config
+) -> NavSolution:
+    """Apply the satellite fix and the Doppler log velocity of a tick.
+
+    Parameters
+    ----------
+    solution : NavSolution
+        Result of ``predict``.
+    motion : MotionInput
+        Attitude and motion in this tick.
+    inputs : Inputs
+        Satellite fix and Doppler log velocity; one of them may be missing.
+    home : Home
+        Home position.
+    config : Config
+        Parameters NAV_*.
+
+    Returns
+    -------
+    NavSolution
+        Position, velocity over ground and new state of the filter.
+    """
+    fix, ping = inputs.gps, inputs.dvl
     if ping is not None:
         solution = _update_dvl(solution, motion, ping, config)
     if fix is not None and has_fix(fix) and home.known:
         solution = _update_gnss(solution, motion, fix, home)
-    return solution._replace(
-        velocity_mps=_velocity(solution.memory, motion) + water * solution.memory.slip
-    )
+    memory = solution.memory
+    steady = _velocity(memory, motion) + motion.water_mps * memory.slip
+    return solution._replace(velocity_mps=steady)
 
 
+@numeric
 def sd_m(memory: Navigation) -> float:
     """Return the standard deviation of the position (m) along each axis."""
     return math.sqrt(max(0.0, memory.covariance.position))
@@ -198,15 +224,18 @@ def shift_home(position_m: complex, old: Home, new: Home) -> complex:
     )
 
 
+@numeric
 def _max_variances(config: Config) -> tuple[float, float, float]:
     """Return the variances of c, m and k before any measurement, which are also their maxima."""
-    return (
-        config.current_sd_mps**2,
-        (config.speed_error_pct / 100.0) ** 2,
-        (config.log_error_pct / 100.0) ** 2,
+    current, speed, log = (
+        config.current_sd_mps,
+        config.speed_error_pct / 100.0,
+        config.log_error_pct / 100.0,
     )
+    return current * current, speed * speed, log * log
 
 
+@numeric
 def _propagate_covariance(
     old: Navigation, span_s: float, distance_m: complex, motion: MotionInput, config: Config
 ) -> Navigation:
@@ -235,14 +264,16 @@ def _propagate_covariance(
         + a * (b.conjugate() * cm + d.conjugate() * ck)
     )
     cross += b * d.conjugate() * mk
-    direct = a * a * cc + abs(b) ** 2 * mm + abs(d) ** 2 * kk
+    direct = a * a * cc + _square(b) * mm + _square(d) * kk
     covariance = NavCovariance(
         pp + direct + 2.0 * cross.real + (POSITION_WALK_M2PS + slip_walk) * span_s,
         max(
             cc,
             min(
                 max_cc,
-                cc + config.current_walk_mps**2 / 60.0 * span_s + SHEAR_MPS2 * depth_change_m,
+                cc
+                + config.current_walk_mps * config.current_walk_mps / 60.0 * span_s
+                + SHEAR_MPS2 * depth_change_m,
             ),
         ),
         mm,
@@ -260,11 +291,20 @@ def _propagate_covariance(
     )
 
 
+@numeric
+def _square(value: complex) -> float:
+    """Return the squared modulus."""
+    modulus = abs(value)
+    return modulus * modulus
+
+
+@numeric
 def _has_dvl(memory: Navigation, time_us: int) -> bool:
     """Return whether a Doppler log velocity was used within DVL_TIMEOUT_US."""
     return 0 <= memory.ping_us >= time_us - DVL_TIMEOUT_US
 
 
+@numeric
 def _jacobian(
     memory: Navigation, span_s: float, distance_m: complex, has_dvl: bool
 ) -> tuple[float, complex, complex]:
@@ -285,6 +325,7 @@ def _jacobian(
     return 0.0, 0j, -(distance_m + memory.current_mps * span_s)
 
 
+@numeric
 def _slip_sd_mps(old: Navigation, span_s: float, distance_m: complex, motion: MotionInput) -> float:
     """Return the standard deviation of the unmodelled speed: sideslip, acceleration, coasting.
 
@@ -398,6 +439,7 @@ def _update_dvl(
     return solution._replace(memory=memory._replace(slip=slip))
 
 
+@numeric
 def _velocity(memory: Navigation, motion: MotionInput) -> complex:
     """Return the velocity over ground in steady motion: w (1 + m) + c."""
     return motion.water_mps * (1.0 + memory.speed_error) + memory.current_mps

@@ -81,7 +81,8 @@ def _attitude(
     if heading is None:
         heading = integrate_yaw_rate(state, target.heading_rate_radps, dt_s)
     if pitch is None:
-        pitch = (old.pitch_rad or 0.0) + target.pitch_rate_radps * dt_s
+        level = math.isnan(old.pitch_rad)
+        pitch = (0.0 if level else old.pitch_rad) + target.pitch_rate_radps * dt_s
     return old._replace(
         heading_rad=heading,
         pitch_rad=max(-limit, min(limit, pitch)),
@@ -104,10 +105,10 @@ def _motion(
         thrust=config.cruise_thrust_pct / 100.0 if thrust is None else thrust
     )
     if target.depth_m is not None:
-        setpoint = setpoint._replace(depth_m=target.depth_m, pitch_rad=None)
+        setpoint = setpoint._replace(depth_m=target.depth_m, pitch_rad=math.nan)
     elif target.depth_rate_mps is not None:
         depth_m = max(0.0, setpoint.depth_m + target.depth_rate_mps * dt_s)
-        setpoint = setpoint._replace(depth_m=depth_m, pitch_rad=None)
+        setpoint = setpoint._replace(depth_m=depth_m, pitch_rad=math.nan)
     if target.speed_mps is not None:
         setpoint = setpoint._replace(thrust=thrust_for(target.speed_mps, config))
     if target.position_m is not None:

@@ -7,7 +7,7 @@ import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Annotated, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple, cast, get_type_hints
 
 from autopilot.control.lqg import LqgControllers
 from autopilot.control.pid import Gains
@@ -1026,6 +1026,26 @@ class Config:
             rate_radps=rate,
             travel_rad=travel,
         )
+
+
+_FLAT_FIELDS = [(column.name, Any) for column in fields(Config) if column.name != "lqg_controllers"]
+_Flat = NamedTuple("_Flat", _FLAT_FIELDS)  # type: ignore[misc]
+
+
+def flat(config: Config) -> Config:
+    """Return the parameters as a flat record of numbers, which compiled code accepts.
+
+    Parameters
+    ----------
+    config : Config
+        Parameters.
+
+    Returns
+    -------
+    Config
+        A NamedTuple with the fields of ``Config``, without LQG controllers.
+    """
+    return cast(Config, _Flat(*[getattr(config, name) for name, _ in _FLAT_FIELDS]))
 
 
 class ParamInfo(NamedTuple):

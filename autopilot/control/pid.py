@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple
 
+from mavlink_io.jit import numeric
+
 
 class Gains(NamedTuple):
     """PID gains, in the unit of the output over that of the error."""
@@ -18,6 +20,7 @@ class Gains(NamedTuple):
     """Measured rate above which the integrator is frozen."""
 
 
+@numeric
 def pid(
     error: float, rate: float, gains: Gains, integral: float, dt_s: float, low: float, high: float
 ) -> tuple[float, float]:

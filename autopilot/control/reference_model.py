@@ -1,8 +1,10 @@
 """Reference model of a set-point, set-point weighting, and lead of the tailcone's lag. Pure."""
 
+import math
 from typing import NamedTuple
 
 from autopilot.control.pid import Gains
+from mavlink_io.jit import numeric
 
 LEAD_DAMPING = 0.7
 """Damping ratio of the faster lag that the tailcone with lead has."""
@@ -14,6 +16,10 @@ class ReferenceState(NamedTuple):
     value: float
     rate: float = 0.0
     """Rate per second."""
+
+
+NO_REFERENCE = ReferenceState(math.nan)
+"""State of a reference that has not begun."""
 
 
 class ActuatorLead(NamedTuple):
@@ -31,6 +37,13 @@ class ActuatorLead(NamedTuple):
     """Maximum angle of the duct."""
 
 
+@numeric
+def begun(state: ReferenceState) -> bool:
+    """Return whether a reference has begun: the state is not NO_REFERENCE."""
+    return not math.isnan(state.value)
+
+
+@numeric
 def step_reference(
     to_go: float, state: ReferenceState, bandwidth_radps: float, max_rate: float, dt_s: float
 ) -> ReferenceState:
@@ -63,6 +76,7 @@ def step_reference(
     return ReferenceState(state.value + rate * dt_s, rate)
 
 
+@numeric
 def follow_reference(
     to_go: float, state: ReferenceState, gains: Gains, dt_s: float
 ) -> ReferenceState:
@@ -75,11 +89,12 @@ def follow_reference(
     ``to_go`` is r - x; ``state.value`` is x.
     """
     alpha = gains.i * dt_s / gains.p if gains.p else 1.0
-    return ReferenceState(state.value + min(1.0, alpha) * to_go)
+    return ReferenceState(state.value + min(1.0, alpha) * to_go, 0.0)
 
 
+@numeric
 def lead(
-    command_rad: float, state: ReferenceState | None, servo: ActuatorLead, dt_s: float
+    command_rad: float, state: ReferenceState, servo: ActuatorLead, dt_s: float
 ) -> tuple[float, ReferenceState]:
     """Compute the command under which the duct moves as through a faster lag.
 
@@ -97,8 +112,8 @@ def lead(
     ----------
     command_rad : float
         c.
-    state : ReferenceState | None
-        a and a' after the last tick; None starts at rest at c.
+    state : ReferenceState
+        a and a' after the last tick; NO_REFERENCE starts at rest at c.
     servo : ActuatorLead
         Parameters of both lags.
     dt_s : float
@@ -109,7 +124,7 @@ def lead(
     tuple[float, ReferenceState]
         u (rad), and the new state of the model.
     """
-    angle, rate = state or ReferenceState(command_rad)
+    angle, rate = state if begun(state) else ReferenceState(command_rad, 0.0)
     travel, w, lead_w = servo.travel_rad, servo.lag_radps, servo.lead_radps
     command_rad = min(travel, max(-travel, command_rad))
     acceleration = lead_w * lead_w * (command_rad - angle) - 2.0 * LEAD_DAMPING * lead_w * rate

@@ -3,6 +3,7 @@
 Positions are complex numbers, north + i east from home (m); depth is positive down.
 """
 
+import math
 from typing import NamedTuple
 
 
@@ -13,8 +14,8 @@ class Setpoint(NamedTuple):
     heading_rad: float = 0.0
     thrust: float = 0.0
     """Fraction of full thrust."""
-    pitch_rad: float | None = None
-    """Pitch set-point that replaces the depth loop; None: the depth loop is closed."""
+    pitch_rad: float = math.nan
+    """Pitch set-point that replaces the depth loop; NaN: the depth loop is closed."""
 
 
 class TrackLine(NamedTuple):

@@ -3,11 +3,12 @@
 Body axes FRD, world NED, depth positive down, SI units and radians.
 """
 
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
 from autopilot.control.lqg import ObserverState
-from autopilot.control.reference_model import ReferenceState
+from autopilot.control.reference_model import NO_REFERENCE, ReferenceState
 from autopilot.control.sensor_health.types import Ahrs, Health
 from autopilot.control.setpoints import Path, Setpoint, Targets
 from mavlink_io.frames import Quaternion
@@ -165,8 +166,8 @@ class VehicleEstimate(NamedTuple):
     """Velocity over ground."""
     position_sd_m: float = 0.0
     """Standard deviation of the horizontal position along each axis."""
-    altitude_m: float | None = None
-    """Altitude above the sea floor; None without a valid range."""
+    altitude_m: float = math.nan
+    """Altitude above the sea floor; NaN without a valid range."""
     altitude_time_us: int = 0
     """Time of the last valid range."""
     initialised: bool = False
@@ -196,14 +197,12 @@ class LoopMemory(NamedTuple):
     """Integrator of the pitch loop, as elevator angle."""
     depth_integral_rad: float = 0.0
     """Integrator of the depth loop, as nose-down pitch."""
-    heading_reference: ReferenceState | None = None
-    """State of the heading reference model; None if it is off or the loop was open."""
-    depth_reference: ReferenceState | None = None
-    """State of the depth reference model; None if it is off or the loop was open."""
-    rudder_lead: ReferenceState | None = None
-    """State of the rudder's actuator lead; None if it is off or the loop was open."""
-    elevator_lead: ReferenceState | None = None
-    """State of the elevator's actuator lead; None if it is off or the loop was open."""
+    heading_reference: ReferenceState = NO_REFERENCE
+    depth_reference: ReferenceState = NO_REFERENCE
+    """States of the reference models; NO_REFERENCE if the model is off or the loop was open."""
+    rudder_lead: ReferenceState = NO_REFERENCE
+    elevator_lead: ReferenceState = NO_REFERENCE
+    """States of the actuator leads; NO_REFERENCE if the lead is off or the loop was open."""
     trim: Trim = Trim()
     rudder_observer: ObserverState | None = None
     """State of the heading LQG controller; None with PID or if the loop was open."""

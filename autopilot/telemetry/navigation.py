@@ -134,7 +134,7 @@ def estimator_status(s: Snapshot) -> Values:
     flags = _ALWAYS if estimate.initialised else 0
     flags |= _ABSOLUTE if s.state.home.known else 0
     flags |= 0 if depth_unknown(s.state, s.config) else _DEPTH
-    flags |= 0 if estimate.altitude_m is None else _ABOVE_GROUND
+    flags |= 0 if math.isnan(estimate.altitude_m) else _ABOVE_GROUND
     flags |= _GLITCH if estimate.navigation.fixes_rejected else 0
     return time_us(s), *_NO_RATIOS, estimate.position_sd_m, _DEPTH_SD_M, flags
 

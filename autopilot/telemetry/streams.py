@@ -106,7 +106,7 @@ def altitude(s: Snapshot) -> Values:
     estimate = s.state.estimate
     altitude_m, clearance_m = (
         -estimate.depth_m,
-        -1.0 if estimate.altitude_m is None else estimate.altitude_m,
+        -1.0 if math.isnan(estimate.altitude_m) else estimate.altitude_m,
     )
     return time_us(s), *(altitude_m,) * 4, -2000.0, clearance_m
 
@@ -124,10 +124,11 @@ def distance_sensor(s: Snapshot) -> Values:
     limits_m = (0.0, math.inf)
     if altimeter is not None:
         limits_m = altimeter.min_range_m, altimeter.max_range_m
+    no_echo = math.isnan(range_m)
     min_cm, max_cm, range_cm = (
-        clamp(100.0 * m, 0, UNKNOWN_U16) for m in (*limits_m, range_m or 0.0)
+        clamp(100.0 * m, 0, UNKNOWN_U16) for m in (*limits_m, 0.0 if no_echo else range_m)
     )
-    quality = 1 if range_m is None else 100
+    quality = 1 if no_echo else 100
     return (
         boot_ms(s),
         min_cm,

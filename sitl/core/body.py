@@ -91,13 +91,14 @@ def integrate(
     body: Native,
     state: Vector,
     angles_rad: Vector,
+    step_s: float,
     end_angles_rad: tuple[float, float],
     thrust: float,
     wrench: Vector,
     wrench_end: Vector,
     water: Water,
 ) -> tuple[float, Vector3, Vector3]:
-    """Integrate the rigid body over the substeps of a tick, in place.
+    """Integrate the rigid body over a tick, in place, with one step per column of ``angles_rad``.
 
     Parameters
     ----------
@@ -105,8 +106,10 @@ def integrate(
         The ``Body``.
     state : ndarray, shape (13,)
         State of ``vehicle.dynamics``, FLU in NWU; overwritten.
-    angles_rad : ndarray, shape (2, substeps)
-        Mean duct angle of rudder and elevator in each substep, from ``step_axes``.
+    angles_rad : ndarray, shape (2, steps)
+        Mean duct angle of rudder and elevator in each step, from ``step_axes``.
+    step_s : float
+        Length of a step.
     end_angles_rad : tuple of 2 floats
         Duct angles of rudder and elevator at the end of the tick.
     thrust : float
@@ -125,9 +128,9 @@ def integrate(
     Notes
     -----
     Classical Runge-Kutta of order four for d(state)/dt = f(state, rudder, elevator, n, wrench,
-    water) of ``vehicle.dynamics``, with duct angles that are constant in each substep (their mean).
+    water) of ``vehicle.dynamics``, with duct angles that are constant in each step (their mean).
     """
-    model, substep_s = body.value.model, body.value.rudder.substep_s
+    model = body.value.model
     shaft_rps, work = rps(thrust, model), work_array()
     for k in range(angles_rad.shape[1]):
         rk4_step(
@@ -137,7 +140,7 @@ def integrate(
             shaft_rps,
             wrench,
             water,
-            substep_s,
+            step_s,
             model,
             work,
         )
@@ -145,3 +148,31 @@ def integrate(
     rudder_rad, elevator_rad = end_angles_rad
     derivative(state, rudder_rad, elevator_rad, shaft_rps, wrench_end, water, model, slope)
     return shaft_rps, (slope[0], slope[1], slope[2]), specific_force(state, slope, model)
+
+
+@kernel
+def is_clear(body: Native, state: Vector, water: Water) -> bool:
+    """Return whether the vehicle is clear of surface, ice and floor, whatever its attitude.
+
+    Its motion is smooth there, and one integration step of 20 ms is as good as four: contact has a
+    natural frequency of 10 rad/s, and the buoyancy of a hull in the surface changes within its
+    radius.
+
+    Parameters
+    ----------
+    body : Native
+        The ``Body``.
+    state : ndarray, shape (13,)
+        State of ``vehicle.dynamics``, FLU in NWU.
+    water : Water
+        Water at the hull.
+
+    Returns
+    -------
+    bool
+        Whether every boundary is farther away than half the hull's length plus its radius.
+    """
+    hull = body.value.model.hydrostatics
+    lid_m = min(water.ceiling_m, water.surface_m) - state[2]
+    ground_m = (state[2] - water.floor_m) * water.floor_normal[2]
+    return bool(min(lid_m, ground_m) > hull.half_length_m + hull.radius_m)

@@ -386,6 +386,7 @@ def _step_body(
         plant.native,
         new_body,
         tail.angles_rad,
+        plant.vessel.rudder.substep_s,
         tail.end_rad,
         thrust,
         _disturbance_wrench(sea, before),

@@ -50,7 +50,7 @@ def of_plane(vehicle: CandidateVehicle, plane: Plane, level: Noise) -> ShapingFi
 def wrenches(
     vehicle: CandidateVehicle, levels: Mapping[Plane, Noise], times: float, rng: np.random.Generator
 ) -> Iterator[Array]:
-    """Yield the disturbing wrench of each tick, (6,), N and N m in FLU.
+    """Yield the disturbing wrenches of `BLOCK` ticks at a time, (BLOCK, 6), N and N m in FLU.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def wrenches(
             accelerations[:, force] = (
                 levels[plane].force_mps15 / TICK_S**0.5 * rng.standard_normal(BLOCK)
             )
-        yield from times * accelerations @ vehicle.model.inertia.M.T
+        yield times * accelerations @ vehicle.model.inertia.M.T
 
 
 @entry_point

@@ -1,7 +1,7 @@
 """Motion of a sampled vehicle in six degrees of freedom behind its tailcone, one tick at a time.
 
-Tailcone and body are those of the simulator (``sitl.core.body``), with `SUBSTEPS` integration steps
-per tick.
+Tailcone and body are those of the simulator (``sitl.core.body``). A tick has `SUBSTEPS` integration
+steps; clear of surface and floor the body needs only one.
 """
 
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mavlink_io.jit import Native, entry_point, native
 from sitl.core import tailcone
-from sitl.core.body import Body, integrate, step_axes
+from sitl.core.body import Body, integrate, is_clear, step_axes
 from sitl.vehicle import dynamics
 from sitl.vehicle.water import Water
 from sysid.control_analysis.loop_transfer import TICK_S
@@ -75,7 +75,7 @@ def initial_state(
         elevator=tailcone.at_rest(body.elevator),
         observed=np.empty(N_OBSERVED),
     )
-    _advance(*craft, 0, 0.0, 0.0, 0.0, np.zeros(6))
+    step(*craft, 0, 0.0, 0.0, 0.0, np.zeros(6))
     return craft
 
 
@@ -104,12 +104,12 @@ def advance(
     ndarray
         Ideal measurements, (N_OBSERVED,).
     """
-    _advance(*craft, SUBSTEPS, rudder_rad, elevator_rad, thrust, wrench)
+    step(*craft, SUBSTEPS, rudder_rad, elevator_rad, thrust, wrench)
     return craft.observed
 
 
 @entry_point
-def _advance(
+def step(
     body: Native,
     surroundings: Native,
     state: Array,
@@ -128,7 +128,12 @@ def _advance(
     duct_rad = np.empty((2, substeps))
     end_rad = step_axes(body, rudder, elevator, rudder_rad, elevator_rad, duct_rad)
     water, field = surroundings.value.water, surroundings.value.field_nwu
-    _, _, force = integrate(body, state, duct_rad, end_rad, thrust, wrench, wrench, water)
+    step_s = SUBSTEP_S
+    if substeps > 1 and is_clear(body, state, water):
+        for axis in range(2):
+            duct_rad[axis, 0] = duct_rad[axis].mean()
+        duct_rad, step_s = duct_rad[:, :1], substeps * SUBSTEP_S
+    _, _, force = integrate(body, state, duct_rad, step_s, end_rad, thrust, wrench, wrench, water)
     north, west, up = dynamics.rotation(state)
     for i in range(3):
         sign = 1.0 if i == 0 else -1.0

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from autopilot.control.params import Config
 from mavlink_io.frames import STANDARD_GRAVITY_MPS2
+from mavlink_io.jit import numeric
 from mavlink_io.records import SENSORS_ALL, SensorFrame
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.models.noise import Noise
@@ -59,17 +60,26 @@ def deviations(levels: Mapping[Plane, Noise]) -> Array:
 
 
 def errors(levels: Mapping[Plane, Noise], rng: np.random.Generator) -> Iterator[Array]:
-    """Yield the measurement errors of each tick, (N_OBSERVED,)."""
+    """Yield the measurement errors of `BLOCK` ticks at a time, (BLOCK, N_OBSERVED)."""
     sd = deviations(levels)
     while True:
-        yield from sd * rng.standard_normal((BLOCK, N_OBSERVED))
+        yield sd * rng.standard_normal((BLOCK, N_OBSERVED))
 
 
-def frame(time_us: int, reading: Array, config: Config) -> SensorFrame:
-    """Return the sensor frame of one tick."""
-    ax, ay, az, p, q, r, mx, my, mz, depth_m = reading.tolist()
+@numeric
+def _at(observed: Array, error: Array, index: int) -> float:
+    """Return one measurement."""
+    return float(observed[index] + error[index])
+
+
+@numeric
+def frame(time_us: int, observed: Array, error: Array, config: Config) -> SensorFrame:
+    """Return the sensor frame of one tick: ideal measurements and their errors, (N_OBSERVED,)."""
+    ax, ay, az = _at(observed, error, 0), _at(observed, error, 1), _at(observed, error, 2)
+    p, q, r = _at(observed, error, 3), _at(observed, error, 4), _at(observed, error, 5)
+    mx, my, mz = _at(observed, error, 6), _at(observed, error, 7), _at(observed, error, 8)
+    depth_m = _at(observed, error, DEPTH)
     gauge_hpa = 0.01 * config.water_density_kgpm3 * STANDARD_GRAVITY_MPS2 * depth_m
-    pressure_hpa = config.surface_pressure_hpa + gauge_hpa
     return SensorFrame(
         time_us,
         ax,
@@ -81,7 +91,7 @@ def frame(time_us: int, reading: Array, config: Config) -> SensorFrame:
         mx,
         my,
         mz,
-        pressure_hpa,
+        config.surface_pressure_hpa + gauge_hpa,
         0.0,
         0.0,
         TEMPERATURE_DEGC,

@@ -1,54 +1,34 @@
 """One mission through the autopilot's own tick on one vehicle, and the log it would produce."""
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from autopilot.control import core, modes, request_handler, requests
+from autopilot.control import core, modes, params, request_handler, requests, steady
 from autopilot.control.params import Config
-from autopilot.control.types import US_PER_S, AutopilotState, Inputs, Trace
+from autopilot.control.steady import Task
+from autopilot.control.types import US_PER_S, Inputs, Trace
 from autopilot.control.types import Event as TextMessage
 from mavlink_io.errors import ErrorCode, InputError
+from mavlink_io.jit import native
 from mavlink_io.mission_items import MavCmd, MissionItem
 from sitl.vehicle.water import drifting
-from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
 from sysid.data.events import parse_text
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
-from sysid.monte_carlo import disturbance, dynamics, instruments
+from sysid.monte_carlo import closed_loop, disturbance, dynamics, instruments
+from sysid.monte_carlo.closed_loop import COLUMNS, LOG_DECIMATION, TICK_US
+from sysid.monte_carlo.dynamics import SimulatedVehicleState
 from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
-TICK_US = round(TICK_S * US_PER_S)
-"""Tick in microseconds."""
-LOG_DECIMATION = 5
-"""Ticks per logged sample: 10 Hz."""
 EXTRA_TIME_S = 300.0
 """Time (s) allowed in addition to legs and tests, for transits, waits and turns."""
-COLUMNS = (
-    "time_s",
-    "roll_rad",
-    "pitch_rad",
-    "heading_rad",
-    "p_radps",
-    "q_radps",
-    "r_radps",
-    "depth_m",
-    "depth_rate_mps",
-    "rudder_rad",
-    "elevator_rad",
-    "thrust",
-    "heading_setpoint_rad",
-    "pitch_setpoint_rad",
-    "depth_setpoint_m",
-    "true_depth_m",
-)
-"""Columns of the simulated log."""
 
 
 class MissionRejectedError(InputError):
@@ -137,33 +117,158 @@ def fly(
     water = drifting(
         (sea.current_mps * math.cos(direction_rad), sea.current_mps * math.sin(direction_rad), 0.0)
     )
-    simulated = dynamics.initial_state(
-        _with_bias_shift(vehicle, sea.bias_shift_rad), water, instruments.field_nwu(config)
+    dive = _Dive(
+        dynamics.initial_state(
+            _with_bias_shift(vehicle, sea.bias_shift_rad), water, instruments.field_nwu(config)
+        ),
+        _Rows(disturbance.wrenches(vehicle, levels, sea.times, disturbance_rng)),
+        _Rows(instruments.errors(levels, sensor_rng)),
+        config,
     )
-    wrenches, errors = (
-        disturbance.wrenches(vehicle, levels, sea.times, disturbance_rng),
-        instruments.errors(levels, sensor_rng),
-    )
-    messages, rows = list[LogEvent](), list[tuple[float, ...]]()
-    state, trace = _tick(core.initial_state(), simulated.observed + next(errors), config, messages)
-    state = _arm_in_mission(state, items, config)
+    dive.full_tick(dive.observed)
+    dive.arm_in_mission(items)
     limit_us = limit_s(items) * US_PER_S
-    while state.armed and state.mode == modes.MISSION.number and state.time_us < limit_us:
+    while dive.in_mission and dive.state.time_us < limit_us:
+        task = steady.task_of(dive.state, config)
+        if task is None:
+            dive.advance()
+        else:
+            dive.advance_steadily(task._replace(until_us=min(task.until_us, int(limit_us))))
+    return dive.result()
+
+
+class _Rows:
+    """Random numbers by rows, drawn in blocks."""
+
+    def __init__(self, blocks: Iterator[Array]) -> None:
+        self._blocks = blocks
+        self._block: Array = np.empty((0, 0))
+
+    def ahead(self) -> Array:
+        """Return the next rows, at least one."""
+        if not len(self._block):
+            self._block = next(self._blocks)
+        return self._block
+
+    def skip(self, count: int) -> None:
+        """Drop the next rows, of which ``ahead`` has returned at least ``count``."""
+        self._block = self._block[count:]
+
+    def pop(self) -> Array:
+        """Return the next row and drop it."""
+        row: Array = self.ahead()[0]
+        self.skip(1)
+        return row
+
+
+class _Dive:
+    """One dive in progress: vehicle, noise, autopilot, and the log so far."""
+
+    def __init__(
+        self, craft: SimulatedVehicleState, wrenches: _Rows, errors: _Rows, config: Config
+    ) -> None:
+        self._craft, self._wrenches, self._errors = craft, wrenches, errors
+        self._config, self._flat = config, native(cast(tuple[Any, ...], params.flat(config)))
+        self.state, self._trace = core.initial_state(), Trace()
+        self._messages = list[LogEvent]()
+        self._rows = list[Array]()
+
+    @property
+    def observed(self) -> Array:
+        """Ideal measurements after the last tick of the vehicle."""
+        return self._craft.observed
+
+    @property
+    def in_mission(self) -> bool:
+        """Whether the autopilot flies the mission."""
+        return self.state.armed and self.state.mode == modes.MISSION.number
+
+    def arm_in_mission(self, items: tuple[MissionItem, ...]) -> None:
+        """Load the mission, set mode MISSION and arm. Raises MissionRejectedError."""
+        for request in (
+            requests.LoadMission(items),
+            requests.SetMode(modes.MISSION.number),
+            requests.Arm(),
+        ):
+            self.state, answer, _ = request_handler.handle_request(
+                self.state, request, self._config
+            )
+            if answer.result:
+                raise MissionRejectedError(answer.text)
+
+    def advance(self) -> None:
+        """Advance vehicle and autopilot by one tick."""
+        trace = self._trace
         observed = dynamics.advance(
-            simulated, trace.rudder_rad, trace.elevator_rad, trace.thrust, next(wrenches)
+            self._craft, trace.rudder_rad, trace.elevator_rad, trace.thrust, self._wrenches.pop()
         )
-        state, trace = _tick(state, observed + next(errors), config, messages)
-        if state.time_us % (LOG_DECIMATION * TICK_US) == 0:
-            rows.append(_row(state, trace, float(observed[dynamics.DEPTH])))
-    finished = state.mode != modes.MISSION.number and not state.failsafe
-    rows = rows or [_row(state, trace, float(simulated.observed[dynamics.DEPTH]))]
-    columns = dict(zip(COLUMNS, np.array(rows).T, strict=True))
-    return SimulatedDive(
-        log=_log(columns, messages),
-        true_depth_m=columns["true_depth_m"],
-        failsafe=state.failsafe,
-        finished=finished,
-    )
+        self.full_tick(observed)
+        self._log()
+
+    def advance_steadily(self, task: Task) -> None:
+        """Advance until a tick is not a steady one, that tick included, or the noise ends."""
+        wrenches, errors = self._wrenches.ahead(), self._errors.ahead()
+        count = min(len(wrenches), len(errors))
+        test, signal = self.state.test, closed_loop.NO_SIGNAL
+        if test is not None:
+            signal = closed_loop.signal_of(
+                test._replace(started_us=0, heading_rad=0.0, depth_m=0.0)
+            )
+        rows = np.empty((count // LOG_DECIMATION + 1, len(COLUMNS)))
+        ticks, complete, pilot, self._trace, samples = closed_loop.run(
+            *self._craft,
+            steady.begin(self.state),
+            self._trace,
+            task,
+            self._flat,
+            wrenches[:count],
+            errors[:count],
+            signal,
+            rows,
+        )
+        self.state = steady.end(self.state, pilot)
+        self._rows.append(rows[:samples])
+        self._wrenches.skip(ticks)
+        self._errors.skip(ticks if complete else ticks - 1)
+        if not complete:
+            self.full_tick(self.observed)
+            self._log()
+
+    def full_tick(self, observed: Array) -> None:
+        """Run one tick of the autopilot and collect its messages."""
+        state = self.state
+        time_us = state.time_us + TICK_US if state.time_us >= 0 else 0
+        frame = instruments.frame(time_us, observed, self._errors.pop(), self._config)
+        inputs = Inputs(frame, None, None, None)
+        self.state, _, self._trace, events = core.tick(state, inputs, self._config)
+        self._messages += [
+            LogEvent(time_us / US_PER_S, parse_text(event.severity, event.text))
+            for event in events
+            if isinstance(event, TextMessage)
+        ]
+
+    def _log(self) -> None:
+        """Add a sample to the log if one is due."""
+        if self.state.time_us % (LOG_DECIMATION * TICK_US) == 0:
+            self._rows.append(self._sample())
+
+    def _sample(self) -> Array:
+        """Return one sample of the log, (1, number of columns)."""
+        true_depth_m = float(self.observed[dynamics.DEPTH])
+        pilot = steady.begin(self.state)
+        return np.array([closed_loop.log_sample(pilot, self._trace, true_depth_m)])
+
+    def result(self) -> SimulatedDive:
+        """Return log and outcome."""
+        state = self.state
+        rows = np.concatenate(self._rows) if self._rows else self._sample()
+        columns = dict(zip(COLUMNS, rows.T if len(rows) else self._sample().T, strict=True))
+        return SimulatedDive(
+            log=_log(columns, self._messages),
+            true_depth_m=columns["true_depth_m"],
+            failsafe=state.failsafe,
+            finished=state.mode != modes.MISSION.number and not state.failsafe,
+        )
 
 
 def _with_bias_shift(vehicle: CandidateVehicle, shift_rad: float) -> CandidateVehicle:
@@ -171,59 +276,6 @@ def _with_bias_shift(vehicle: CandidateVehicle, shift_rad: float) -> CandidateVe
     rudder = vehicle.actuators[Plane.YAW]
     bent = rudder._replace(bias_rad=rudder.bias_rad + shift_rad)
     return vehicle._replace(actuators={**vehicle.actuators, Plane.YAW: bent})
-
-
-def _tick(
-    state: AutopilotState, reading: Array, config: Config, messages: list[LogEvent]
-) -> tuple[AutopilotState, Trace]:
-    """Run one tick of the autopilot and collect its messages."""
-    time_us = state.time_us + TICK_US if state.time_us >= 0 else 0
-    inputs = Inputs(instruments.frame(time_us, reading, config), None, None, None)
-    state, _, trace, events = core.tick(state, inputs, config)
-    messages += [
-        LogEvent(time_us / US_PER_S, parse_text(event.severity, event.text))
-        for event in events
-        if isinstance(event, TextMessage)
-    ]
-    return state, trace
-
-
-def _arm_in_mission(
-    state: AutopilotState, items: tuple[MissionItem, ...], config: Config
-) -> AutopilotState:
-    """Load the mission, set mode MISSION and arm. Raises MissionRejectedError."""
-    for request in (
-        requests.LoadMission(items),
-        requests.SetMode(modes.MISSION.number),
-        requests.Arm(),
-    ):
-        state, answer, _ = request_handler.handle_request(state, request, config)
-        if answer.result:
-            raise MissionRejectedError(answer.text)
-    return state
-
-
-def _row(state: AutopilotState, trace: Trace, true_depth_m: float) -> tuple[float, ...]:
-    """Return one sample of the log."""
-    estimate, setpoint = state.estimate, state.setpoint
-    return (
-        state.time_us / US_PER_S,
-        estimate.roll_rad,
-        estimate.pitch_rad,
-        estimate.heading_rad,
-        estimate.p_radps,
-        estimate.q_radps,
-        estimate.r_radps,
-        estimate.depth_m,
-        estimate.depth_rate_mps,
-        trace.rudder_rad,
-        trace.elevator_rad,
-        trace.thrust,
-        setpoint.heading_rad,
-        trace.pitch_setpoint_rad,
-        setpoint.depth_m,
-        true_depth_m,
-    )
 
 
 def _log(columns: dict[str, Array], messages: Sequence[LogEvent]) -> Log:

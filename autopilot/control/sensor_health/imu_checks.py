@@ -3,17 +3,18 @@
 The groups are accelerometer, gyro, magnetometer and pressure sensor.
 """
 
-import math
 from typing import NamedTuple
 
 from autopilot.control.params import Config
 from autopilot.control.sensor_health.types import (
     NO_READINGS,
     Ahrs,
+    ChangeTimes,
     Fault,
     GroupReadings,
 )
 from autopilot.control.types import US_PER_S
+from mavlink_io.jit import numeric
 from mavlink_io.records import (
     ACCELEROMETER_FRESH,
     GYRO_FRESH,
@@ -108,45 +109,68 @@ def check_imu(
         names the groups that may be used: those with a recent plausible reading that are not
         excluded. If such a group has no plausible reading in this frame, its last one is used.
     """
-    now_us = frame.time_us
-    changed_us = _accepted_frame(old, frame) if old.per_group is None and not excluded else ()
-    if changed_us and (
-        (oldest_us := min(changed_us)) == now_us or not _is_frozen(now_us, oldest_us, config)
-    ):
-        return Ahrs(frame, changed_us, None), frame, ()
+    if old.per_group is None and not excluded:
+        accepted, changed_us = check_complete_frame(old.frame, old.changed_us, frame, config)
+        if accepted:
+            return Ahrs(frame, changed_us, None), frame, ()
     return _check_partial_frame(old, frame, excluded, config)
 
 
-def _accepted_frame(old: Ahrs, frame: SensorFrame) -> tuple[int, ...]:
-    """Return when each group last changed; empty if a group may be missing or implausible.
+@numeric
+def check_complete_frame(
+    before: SensorFrame, changed_us: ChangeTimes, frame: SensorFrame, config: Config
+) -> tuple[bool, ChangeTimes]:
+    """Check a frame after one in which every group was fresh and plausible.
 
     Fast path of the common case: the limits are those of ``_is_plausible`` or tighter.
+
+    Parameters
+    ----------
+    before : SensorFrame
+        The last frame.
+    changed_us : tuple of int
+        Time at which the reading of each group last changed.
+    frame : SensorFrame
+        Frame of this tick, as received.
+    config : Config
+        Parameter HLTH_STUCK_S.
+
+    Returns
+    -------
+    tuple[bool, ChangeTimes]
+        Whether every group is fresh, plausible and not stuck, and when each last changed.
     """
-    before, now, hpa, now_us = old.frame[1:10], frame[1:10], frame.pressure_hpa, frame.time_us
-    ax, ay, az, p, q, r, mx, my, mz = now
-    change_hpa = hpa - old.frame.pressure_hpa
+    now_us, hpa = frame.time_us, frame.pressure_hpa
+    ax, ay, az = frame.accel_x_mps2, frame.accel_y_mps2, frame.accel_z_mps2
+    p, q, r = frame.gyro_x_radps, frame.gyro_y_radps, frame.gyro_z_radps
+    mx, my, mz = frame.mag_x_gauss, frame.mag_y_gauss, frame.mag_z_gauss
+    da, db, dc = ax - before.accel_x_mps2, ay - before.accel_y_mps2, az - before.accel_z_mps2
+    dp, dq, dr = p - before.gyro_x_radps, q - before.gyro_y_radps, r - before.gyro_z_radps
+    dx, dy, dz = mx - before.mag_x_gauss, my - before.mag_y_gauss, mz - before.mag_z_gauss
+    change_hpa = hpa - before.pressure_hpa
+    jump = da * da + db * db + dc * dc + dp * dp + dq * dq + dr * dr + dx * dx + dy * dy + dz * dz
     if not (
         frame.fields_updated & _ALL_FRESH == _ALL_FRESH
-        and math.dist(now, before) < _MIN_JUMP
+        and jump < _MIN_JUMP * _MIN_JUMP
         and -_PRESSURE_JUMP < change_hpa < _PRESSURE_JUMP
         and ax * ax + ay * ay + az * az < _A2
         and p * p + q * q + r * r < _G2
         and mx * mx + my * my + mz * mz < _M2
         and _MIN_HPA < hpa < _MAX_HPA
     ):
-        return ()
-    if change_hpa and ax != before[0] and p != before[3] and mx != before[6]:
-        return (now_us,) * 4
-    changes = (
-        now[:3] != before[:3],
-        now[3:6] != before[3:6],
-        now[6:] != before[6:],
-        change_hpa != 0.0,
-    )
-    return tuple(
-        now_us if change else last_us
-        for change, last_us in zip(changes, old.changed_us, strict=True)
-    )
+        return False, changed_us
+    accelerometer_us, gyro_us, magnetometer_us, pressure_us = changed_us
+    if da != 0.0 or db != 0.0 or dc != 0.0:
+        accelerometer_us = now_us
+    if dp != 0.0 or dq != 0.0 or dr != 0.0:
+        gyro_us = now_us
+    if dx != 0.0 or dy != 0.0 or dz != 0.0:
+        magnetometer_us = now_us
+    if change_hpa != 0.0:
+        pressure_us = now_us
+    changed_us = accelerometer_us, gyro_us, magnetometer_us, pressure_us
+    oldest_us = min(accelerometer_us, gyro_us, magnetometer_us, pressure_us)
+    return not _is_frozen(now_us, oldest_us, config), changed_us
 
 
 def _check_partial_frame(
@@ -193,7 +217,9 @@ def _check_partial_frame(
     usable_frame = SensorFrame._make(values)
     complete = usable == _ALL_FRESH and min(received_us) == now_us
     per_group = None if complete else GroupReadings(tuple(readings), tuple(received_us))
-    return Ahrs(usable_frame, tuple(changed_us), per_group), usable_frame, tuple(faults)
+    accelerometer_us, gyro_us, magnetometer_us, pressure_us = changed_us
+    times = accelerometer_us, gyro_us, magnetometer_us, pressure_us
+    return Ahrs(usable_frame, times, per_group), usable_frame, tuple(faults)
 
 
 def _groups_of_frame(frame: SensorFrame) -> GroupReadings:
@@ -203,6 +229,7 @@ def _groups_of_frame(frame: SensorFrame) -> GroupReadings:
     )
 
 
+@numeric
 def _is_frozen(now_us: int, changed_us: int, config: Config) -> bool:
     """Return whether a reading has not changed for HLTH_STUCK_S."""
     return 0.0 < config.health_stuck_s * US_PER_S < now_us - changed_us

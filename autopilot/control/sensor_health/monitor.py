@@ -21,7 +21,16 @@ from autopilot.control.sensor_health.sensor_checks import (
     LEAK,
 )
 from autopilot.control.sensor_health.types import Ahrs, Fault, FaultTracker, Health
-from autopilot.control.types import US_PER_S, AutopilotState, Event, Inputs, Severity
+from autopilot.control.setpoints import Setpoint
+from autopilot.control.types import (
+    US_PER_S,
+    AutopilotState,
+    Event,
+    Inputs,
+    Severity,
+    VehicleEstimate,
+)
+from mavlink_io.jit import numeric
 from mavlink_io.records import Altimeter, Battery, DuctFeedback, Leak
 
 ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE = (group.name for group in imu_checks.GROUPS)
@@ -50,6 +59,8 @@ COMMANDED_THRUST_GATE, COMMANDED_DEPTH_GATE_M = 0.2, 1.0
 set-point."""
 SUBMERGED_M = 1.0
 """Depth below which no satellite is received: a receiver that reports there always reports."""
+NEVER_US = 2**62
+"""A time that does not come."""
 ECHO_TILT_LIMIT_RAD = math.radians(30.0)
 """Maximum pitch at which the altimeter is expected to detect the sea floor."""
 
@@ -112,6 +123,7 @@ def check_sensors(state: AutopilotState, inputs: Inputs, config: Config) -> Sens
     return ahrs, health._replace(faults=trackers), inputs, events
 
 
+@numeric
 def predict_duct(
     duct_rad: tuple[float, float], rudder_rad: float, elevator_rad: float, dt_s: float
 ) -> tuple[float, float]:
@@ -200,7 +212,7 @@ def _update_trackers(
     remaining: list[FaultTracker] = []
     for tracker in by_subject.values():
         quiet_us = now_us - tracker.last_us
-        clear_us = IMPLAUSIBLE_CLEAR_US if tracker.fault.what == IMPLAUSIBLE else FAULT_CLEAR_US
+        clear_us = _clear_us(tracker.fault)
         if tracker.reported and quiet_us > RECOVERY_US:
             events.append(Event(Severity.NOTICE, f"{tracker.fault.subject} recovered"))
         elif tracker.reported or quiet_us <= clear_us:
@@ -213,9 +225,7 @@ def _confirm_fault(
 ) -> FaultTracker:
     """Confirm and report a fault that has persisted; append its event to ``events``."""
     fault = tracker.fault
-    debounce = _DEBOUNCE.get(fault.what, _IMMEDIATE)
-    if fault.what == NOT_TRACKING:
-        debounce = Debounce(2, round(config.health_depth_s * US_PER_S))
+    debounce = _debounce(fault, config)
     if (
         tracker.reported
         or tracker.detections < debounce.detections
@@ -225,6 +235,45 @@ def _confirm_fault(
     severity = Severity.EMERGENCY if fault.subject == LEAK else Severity.ERROR
     events.append(Event(severity, f"{fault.subject} {fault.what}"))
     return tracker._replace(reported=True)
+
+
+def _debounce(fault: Fault, config: Config) -> Debounce:
+    """Return the evidence that confirms a fault."""
+    if fault.what == NOT_TRACKING:
+        return Debounce(2, round(config.health_depth_s * US_PER_S))
+    return _DEBOUNCE.get(fault.what, _IMMEDIATE)
+
+
+def _clear_us(fault: Fault) -> int:
+    """Return the time without new evidence after which a suspected fault is cleared."""
+    return IMPLAUSIBLE_CLEAR_US if fault.what == IMPLAUSIBLE else FAULT_CLEAR_US
+
+
+def settled_until_us(health: Health, config: Config) -> int:
+    """Return the time until which suspected faults stay as they are without new evidence.
+
+    Parameters
+    ----------
+    health : Health
+        History of the sensors.
+    config : Config
+        Parameter HLTH_DPT_S.
+
+    Returns
+    -------
+    int
+        The first time at which a fault may be confirmed or cleared; -1 if a fault is confirmed or
+        excludes a sensor already.
+    """
+    until_us = NEVER_US
+    for tracker in health.faults:
+        if tracker.reported or IMPLAUSIBLE in (tracker.fault.what, tracker.latest):
+            return -1
+        debounce = _debounce(tracker.fault, config)
+        if tracker.detections >= debounce.detections:
+            until_us = min(until_us, tracker.since_us + debounce.duration_us)
+        until_us = min(until_us, tracker.last_us + _clear_us(tracker.fault) + 1)
+    return until_us
 
 
 def _slow_checks(
@@ -303,18 +352,35 @@ def _duct_deviates(
 def _depth_not_tracking(state: AutopilotState, config: Config) -> bool:
     """Return whether the depth stays away from its set-point under thrust in a depth mode."""
     mode = modes.by_number(state.mode)
-    if not (
+    return bool(
         state.armed
         and mode
         and mode.closes_depth
-        and config.health_depth_s
-        and state.thrust > COMMANDED_THRUST_GATE
-    ):
+        and off_depth(state.estimate, state.setpoint, state.thrust, config)
+    )
+
+
+@numeric
+def off_depth(estimate: VehicleEstimate, setpoint: Setpoint, thrust: float, config: Config) -> bool:
+    """Return whether the depth does not approach its set-point under thrust.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimated motion.
+    setpoint : Setpoint
+        Set-points of a closed depth loop.
+    thrust : float
+        Commanded thrust (fraction of full).
+    config : Config
+        Parameter HLTH_DPT_S; 0 turns the check off.
+    """
+    if not config.health_depth_s or thrust <= COMMANDED_THRUST_GATE:
         return False
-    if state.setpoint.pitch_rad is not None:
+    if not math.isnan(setpoint.pitch_rad):
         return False
-    error_m = state.setpoint.depth_m - state.estimate.depth_m
+    error_m = setpoint.depth_m - estimate.depth_m
     return (
         abs(error_m) > COMMANDED_DEPTH_GATE_M
-        and math.copysign(1.0, error_m) * state.estimate.depth_rate_mps < MOVING_MPS
+        and math.copysign(1.0, error_m) * estimate.depth_rate_mps < MOVING_MPS
     )

@@ -11,6 +11,10 @@ reading."""
 _NO_FRAME = SensorFrame(-1, *(0.0,) * 13, 0, 0)
 
 
+ChangeTimes = tuple[int, int, int, int]
+"""Time at which the reading of each group last changed."""
+
+
 class GroupReadings(NamedTuple):
     """History of each group of the sensor frame, in the order of ``NO_READINGS``.
 
@@ -28,7 +32,7 @@ class Ahrs(NamedTuple):
 
     frame: SensorFrame = _NO_FRAME
     """Last readings that may be used."""
-    changed_us: tuple[int, ...] = (-1,) * 4
+    changed_us: ChangeTimes = (-1, -1, -1, -1)
     """Time at which the reading of each group last changed."""
     per_group: GroupReadings | None = GroupReadings()
     """History by group; None if every group of ``frame`` is fresh and plausible."""

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from autopilot.control import loops, modes, requests
 from autopilot.control.params import Config, ParamTable
 from autopilot.control.pid import Gains
-from autopilot.control.reference_model import ReferenceState
+from autopilot.control.reference_model import ReferenceState, begun
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import Event, LoopMemory, Trim, VehicleEstimate
 from autopilot.vehicle import Vehicle
@@ -218,14 +218,16 @@ def test_references_open_loop_are_reset() -> None:
     _, closed = loops.step_loops(
         VehicleEstimate(), Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True
     )
-    assert None not in (
+    states = (
         closed.heading_reference,
         closed.depth_reference,
         closed.rudder_lead,
         closed.elevator_lead,
     )
+    assert all(map(begun, states))
     _, opened = loops.step_loops(
         VehicleEstimate(), Setpoint(), closed, config, 0.02, heading=False, depth=True
     )
-    assert (opened.heading_reference, opened.rudder_lead) == (None, None)
-    assert opened.elevator_lead is not None
+    assert not begun(opened.heading_reference)
+    assert not begun(opened.rudder_lead)
+    assert begun(opened.elevator_lead)

@@ -128,6 +128,15 @@ def test_covariance_propagation_equals_matrix_equation(
     assert np.diag(noise).real.min() > -1e-12
 
 
+def advance(solution: NavSolution, motion: MotionInput, inputs: Inputs, dt_s: float) -> NavSolution:
+    """Dead reckoning by one tick, with the measurements of the tick if there are any."""
+    located = inputs.gps is not None or inputs.dvl is not None
+    solution = navigation.predict(
+        solution.position_m, solution.memory, motion, CONFIG, dt_s, located
+    )
+    return navigation.correct(solution, motion, inputs, HOME, CONFIG) if located else solution
+
+
 def drive(
     memory: Navigation,
     *,
@@ -169,9 +178,7 @@ def drive(
         )
         inputs = Inputs(sensors(now_us), fix if tick % 10 == 0 else None, None, None, dvl=ping)
         motion = MotionInput(now_us, attitude, ahead, True, 0.0, 0.0)
-        solution = navigation.predict_and_update(
-            solution.position_m, solution.memory, motion, inputs, HOME, CONFIG, 0.02
-        )
+        solution = advance(solution, motion, inputs, 0.02)
     return solution, true, now_us
 
 
@@ -215,9 +222,7 @@ def test_fix_outlier_is_rejected_until_it_persists() -> None:
         fix = GpsFix(now_us, 3, lat, lon, 0.0, 1.3, 0.0, 0.0, 10, 1.5)
         motion = MotionInput(now_us, (1.0, 0.0, 0.0, 0.0), 1.3 + 0j, True, 0.0, 0.0)
         inputs = Inputs(sensors(now_us), fix, None, None)
-        solution = navigation.predict_and_update(
-            solution.position_m, solution.memory, motion, inputs, HOME, CONFIG, 0.2
-        )
+        solution = advance(solution, motion, inputs, 0.2)
         if k == 10:
             assert abs(solution.position_m - true) < 3.0
             assert solution.memory.fixes_rejected == 10

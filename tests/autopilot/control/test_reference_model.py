@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autopilot.control import reference_model
-from autopilot.control.reference_model import ActuatorLead, ReferenceState
+from autopilot.control.reference_model import NO_REFERENCE, ActuatorLead, ReferenceState
 
 DT = 0.02
 SERVO = ActuatorLead(3.0, 0.6, 8.0, math.radians(15.0), math.radians(15.0))
@@ -84,6 +84,6 @@ def test_lead_any_command_stays_in_travel_and_follows_model(
 
 
 def test_lead_first_tick_has_no_jump() -> None:
-    command, state = reference_model.lead(0.1, None, SERVO, DT)
+    command, state = reference_model.lead(0.1, NO_REFERENCE, SERVO, DT)
     assert command == 0.1
     assert state == ReferenceState(0.1, 0.0)

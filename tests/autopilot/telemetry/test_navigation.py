@@ -93,11 +93,8 @@ def test_setpoint_messages_allow_offboard_mode() -> None:
     harness.tick(2)
     state = harness.vehicle.state
     assert state.mode == modes.OFFBOARD.number
-    assert (state.setpoint.depth_m, state.setpoint.thrust, state.setpoint.pitch_rad) == (
-        6.0,
-        0.5,
-        None,
-    )
+    assert (state.setpoint.depth_m, state.setpoint.thrust) == (6.0, 0.5)
+    assert math.isnan(state.setpoint.pitch_rad)
 
 
 def test_unsupported_setpoint_is_reported_once() -> None:

@@ -208,7 +208,7 @@ ESTIMATES = st.builds(
     north_rate_mps=st.floats(-1e4, 1e4),
     east_rate_mps=st.floats(-1e4, 1e4),
     position_sd_m=st.floats(0, 1e4),
-    altitude_m=st.one_of(st.none(), st.floats(0, 1e6)),
+    altitude_m=st.one_of(st.just(math.nan), st.floats(0, 1e6)),
     altitude_time_us=st.just(0),
     initialised=st.booleans(),
     navigation=st.builds(
@@ -251,7 +251,7 @@ def test_invalid_state_does_not_block_messages(nonsense: float) -> None:
         if isinstance(value, float)
     }
     state = plain.state._replace(
-        estimate=plain.state.estimate._replace(**floats, altitude_m=nonsense),
+        estimate=plain.state.estimate._replace(**floats),
         setpoint=Setpoint(nonsense, nonsense, nonsense),
     )
     s = plain._replace(

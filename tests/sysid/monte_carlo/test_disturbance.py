@@ -14,7 +14,8 @@ from tests.sysid.monte_carlo.conftest import silent
 def accelerations(known: DesignPrior, times: float, ticks: int) -> np.ndarray:  # type: ignore[type-arg]
     vehicle = known.vehicle(known.mean)
     pushed = disturbance.wrenches(vehicle, known.noise, times, np.random.default_rng(2))
-    return np.array(list(islice(pushed, ticks))) @ vehicle.model.inertia.M_inverse.T
+    blocks = islice(pushed, -(-ticks // disturbance.BLOCK))
+    return np.concatenate(list(blocks))[:ticks] @ vehicle.model.inertia.M_inverse.T
 
 
 def test_wrenches_rms_equals_noise_model(known: DesignPrior) -> None:

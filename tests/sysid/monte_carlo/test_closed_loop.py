@@ -1,0 +1,146 @@
+"""The compiled closed loop: the same dives as tick by tick, and steps that are short enough."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from autopilot.control import core, params, steady
+from mavlink_io.jit import native
+from mavlink_io.mission_items import MissionItem
+from sitl.core import body, tailcone
+from sitl.core.body import Body
+from sitl.vehicle import dynamics as physics
+from sitl.vehicle.water import STILL, Water
+from sysid.models import greybox
+from sysid.monte_carlo import dynamics, samples, simulate
+from sysid.monte_carlo.simulate import Sea, SimulatedDive
+from sysid.planes import Plane
+from sysid.test_design.prior import DesignPrior
+from tests.helpers.missions import leg
+from tests.sysid.monte_carlo.conftest import HELD, LAND, mission
+
+SHAPED = {
+    "DPT_REF_W": 0.5,
+    "HDG_REF_W": 0.5,
+    "PTCH_FF": 0.1,
+    "TRIM_AUTO_S": 20.0,
+    "ACT_LEAD_W": 6.0,
+    "GAIN_SPD_MPS": 1.3,
+}
+"""Everything that the loops can do beside PID."""
+WEIGHTED = {"DPT_SPW": 0.5, "HDG_SPW": 0.5, "ROLL_COMP": 1.0}
+CHIRP = MissionItem(5, 2, 31010, p1=12.0, p2=4.0, p3=0.05, p4=0.4, x=40, y=0, z=2.0)
+PRBS = CHIRP._replace(p1=11.0, p3=3.0, p4=1.0, y=3)
+LINE = MissionItem(5, 1, 16, x=600_000, y=200_000, z=4.0)
+"""To a place 60 m north and 20 m east, 4 m deep."""
+
+
+def numbered(*items: MissionItem) -> tuple[MissionItem, ...]:
+    return tuple(item._replace(sequence=n) for n, item in enumerate(items))
+
+
+STEPS = leg(depth_m=4.0, heading_deg=30.0, duration_s=30.0)
+MISSIONS = {
+    "legs": mission(4.0, 30.0, 60.0),
+    "tests": numbered(*STEPS, CHIRP, PRBS, LAND),
+    "line": numbered(*STEPS[:-1], LINE, LAND),
+}
+
+
+def fly(
+    known: DesignPrior, items: tuple[MissionItem, ...], values: dict[str, float]
+) -> SimulatedDive:
+    vehicle = known.vehicle(known.mean)
+    config = params.config({**samples.trims_deg(vehicle), **HELD, **values})
+    return simulate.fly(vehicle, known.noise, items, config, Sea(1.0, 0.2, 0.01), (4,))
+
+
+@pytest.mark.parametrize("name", MISSIONS)
+@pytest.mark.parametrize("values", [{}, SHAPED, WEIGHTED, {"HDG_P": 5.0, "FS_PITCH_DEG": 15.0}])
+def test_dive_is_the_same_as_tick_by_tick(
+    known: DesignPrior, name: str, values: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled = fly(known, MISSIONS[name], values)
+    with monkeypatch.context() as patch:
+        patch.setattr(steady, "task_of", lambda state, config: None)
+        stepped = fly(known, MISSIONS[name], values)
+    assert compiled.log.events == stepped.log.events
+    assert compiled.failsafe == stepped.failsafe
+    assert np.array_equal(compiled.true_depth_m, stepped.true_depth_m)
+    for part in ("attitude", "actuators", "depth", "setpoints"):
+        ours, theirs = vars(getattr(compiled.log, part)), vars(getattr(stepped.log, part))
+        for column, values_of_column in ours.items():
+            assert np.array_equal(values_of_column, theirs[column]), column
+
+
+@pytest.mark.parametrize("name", MISSIONS)
+def test_few_ticks_are_full_ones(
+    known: DesignPrior, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full_ticks: list[int] = []
+    tick = core.tick
+
+    def counted(*args: Any) -> Any:
+        full_ticks.append(1)
+        return tick(*args)
+
+    monkeypatch.setattr(core, "tick", counted)
+    dive = fly(known, MISSIONS[name], {})
+    assert dive.finished
+    assert len(full_ticks) < 0.03 * dive.seconds / 0.02
+
+
+def travelled(known: DesignPrior, steps: int, refine: int = 1, seconds: float = 60.0) -> np.ndarray:
+    """State after a weaving run in deep water with a number of steps per tick.
+
+    The duct moves as in 5 ms substeps in every case; each is divided by ``refine``.
+    """
+    vehicle = known.vehicle(known.mean)
+    vessel = Body(
+        model=vehicle.model,
+        rudder=greybox.discretise(vehicle.actuators[Plane.YAW], dynamics.SUBSTEP_S),
+        elevator=greybox.discretise(vehicle.actuators[Plane.PITCH], dynamics.SUBSTEP_S),
+    )
+    reference = native(vessel)
+    state = physics.state_at_rest(-50.0)
+    rudder, elevator = tailcone.at_rest(vessel.rudder), tailcone.at_rest(vessel.elevator)
+    for k in range(round(seconds / 0.02)):
+        angles = np.empty((2, dynamics.SUBSTEPS))
+        swing = math.sin(0.02 * k)
+        end = body.step_axes(reference, rudder, elevator, 0.2 * swing, 0.05 * swing, angles)
+        parts = angles.reshape(2, steps, -1).mean(axis=2).repeat(refine, axis=1)
+        step_s = 0.02 / parts.shape[1]
+        wrench = np.zeros(6)
+        body.integrate(reference, state, parts, step_s, end, 0.58, wrench, wrench, STILL)
+    return state
+
+
+def test_one_step_per_tick_converges_in_deep_water(known: DesignPrior) -> None:
+    exact = travelled(known, steps=4, refine=8)
+    four, one = travelled(known, steps=4), travelled(known, steps=1)
+    error_of_four, error_of_one = np.abs(four - exact), np.abs(one - exact)
+    assert error_of_four.max() < 1e-7
+    # Position (m), and the others (unit quaternion, m/s, rad/s) after 78 m of weaving.
+    assert error_of_one[:3].max() < 5e-4
+    assert error_of_one[3:].max() < 2e-5
+
+
+@pytest.mark.parametrize(
+    ("height_m", "water", "clear"),
+    [
+        (-10.0, STILL, True),
+        (-0.5, STILL, False),
+        (-10.0, Water(ceiling_m=-9.0), False),
+        (-10.0, Water(floor_m=-11.0), False),
+        (-10.0, Water(floor_m=-30.0), True),
+    ],
+)
+def test_one_step_per_tick_only_clear_of_boundaries(
+    known: DesignPrior, height_m: float, water: Water, clear: bool
+) -> None:
+    vehicle = known.vehicle(known.mean)
+    axis = greybox.discretise(vehicle.actuators[Plane.YAW], dynamics.SUBSTEP_S)
+    reference = native(Body(vehicle.model, axis, axis))
+    assert body.is_clear(reference, physics.state_at_rest(height_m), water) == clear
