@@ -17,9 +17,12 @@ COMPILE := pip-compile -q --generate-hashes --strip-extras --no-header --annotat
   --no-emit-index-url --no-emit-find-links --no-emit-trusted-host
 # Further arguments of pytest
 PYTEST ?=
+# `make bench`: BUSY=1 loads every core meanwhile; ROWS=NAME,... measures only these
+BUSY   ?=
+ROWS   ?=
 
 .PHONY: help campaign test test-fast test-clients check check-physics benchmark-sysid benchmark-control \
-        format coverage audit vehicle lock clean
+        bench format coverage audit vehicle lock clean
 
 help:                                ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/	/' | expand -t 20
@@ -52,6 +55,10 @@ benchmark-sysid: $(VENV)/dev.stamp   ## identification accuracy over 200 campaig
 
 benchmark-control: $(VENV)/dev.stamp ## redesigned gains against the paper's in many seas; resumes
 	$(BIN)/python -m benchmarks.redesign $(FLIGHTS)
+
+bench: $(VENV)/dev.stamp             ## speed of every part beside floors and peers; writes docs/performance.md
+	$(BIN)/python -m benchmarks $(if $(BUSY),--busy) $(if $(ROWS),--rows $(ROWS))
+	$(BIN)/python -m benchmarks.page
 
 format: $(VENV)/dev.stamp            ## apply the formatter and the safe lint fixes
 	$(BIN)/ruff check --fix -q . || true

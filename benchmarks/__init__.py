@@ -1,1 +1,1 @@
-"""Benchmarks of identification accuracy, controller design and speed."""
+"""Benchmarks: speed (`python -m benchmarks`), identification accuracy and controller design."""

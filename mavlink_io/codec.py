@@ -167,7 +167,13 @@ class Framer:
         return len(self._partial_frames)
 
     def forget(self, stream: Hashable) -> None:
-        """Drop the incomplete frame of a stream that has ended."""
+        """Drop the incomplete frame of a stream that has ended.
+
+        Parameters
+        ----------
+        stream : hashable
+            Key of the stream, as given to `feed`.
+        """
         self._partial_frames.pop(stream, None)
 
     def feed(self, data: bytes, stream: Hashable = None) -> list[Frame]:

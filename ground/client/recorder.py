@@ -41,7 +41,17 @@ class _Clock:
 
 
 class Recorder:
-    """An open log. Call `finish` in all cases; without it, flushed data can still be recovered."""
+    """An open log. Call `finish` in all cases; without it, flushed data can still be recovered.
+
+    Parameters
+    ----------
+    path : Path
+        MCAP file to write.
+    tlog : Path, optional
+        Telemetry log to write beside it.
+    now_unix_ns : callable
+        Return the UNIX time (ns).
+    """
 
     def __init__(
         self, path: Path, tlog: Path | None = None, now_unix_ns: Callable[[], int] = time.time_ns
@@ -68,12 +78,31 @@ class Recorder:
         return max((clock.vehicle_us for clock in self._clocks.values()), default=0) / 1e6
 
     def heard(self, component: int, name: str) -> bool:
-        """Return whether a component with this id has sent a message of this name."""
+        """Return whether a component has sent a message.
+
+        Parameters
+        ----------
+        component : int
+            Component id.
+        name : str
+            Name of the message.
+
+        Returns
+        -------
+        bool
+            True if at least one was recorded, of any system.
+        """
         message_id = dialect.by_name(name).message_id
         return any(key[1:] == (component, message_id) for key in self._streams)
 
     def record(self, frame: Frame) -> None:
-        """Write one received frame."""
+        """Write one received frame.
+
+        Parameters
+        ----------
+        frame : Frame
+            Frame of a known message.
+        """
         key = frame.system, frame.component, frame.message_id
         stream = self._streams.get(key) or self._open_stream(frame)
         clock = self._clocks.get(frame.system) or self._clocks.setdefault(
@@ -90,15 +119,39 @@ class Recorder:
             self._tlog.write(time_ns // 1000, frame.raw)
 
     def attach(self, name: str, data: bytes, media_type: str) -> None:
-        """Attach a file to the log, such as the mission."""
+        """Attach a file to the log, such as the mission.
+
+        Parameters
+        ----------
+        name : str
+            Name of the attachment.
+        data : bytes
+            Content.
+        media_type : str
+            Media type of the content.
+        """
         self._log.attach(self._now_unix_ns(), name, data, media_type)
 
     def attach_parameters(self, values: Mapping[str, float]) -> None:
-        """Attach the vehicle's parameters to the log as `params.json`."""
+        """Attach the vehicle's parameters to the log as `params.json`.
+
+        Parameters
+        ----------
+        values : mapping
+            Values by name.
+        """
         self._log.attach_parameters(self._now_unix_ns(), values)
 
     def annotate(self, name: str, values: Mapping[str, str]) -> None:
-        """Write named texts, such as versions and seeds, as metadata of the log."""
+        """Write named texts, such as versions and seeds, as metadata of the log.
+
+        Parameters
+        ----------
+        name : str
+            Name of the metadata record.
+        values : mapping
+            Texts by name.
+        """
         self._log.annotate(name, values)
 
     def flush_when_due(self) -> None:

@@ -60,6 +60,16 @@ DEPTH_ROUNDING_M = 1e-3
 def load(name_or_path: str) -> Plan:
     """Read a mission script, a `.plan` or a `QGC WPL 110` file, recognised by its content.
 
+    Parameters
+    ----------
+    name_or_path : str
+        Name of a shipped mission, or path of a file.
+
+    Returns
+    -------
+    Plan
+        Items with their places in the file.
+
     Raises
     ------
     ScriptError

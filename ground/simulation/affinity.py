@@ -50,13 +50,27 @@ def take_core() -> int | None:
 
 
 def release_core(core: int) -> None:
-    """Give back a core that `take_core` returned."""
+    """Give back a core that `take_core` returned.
+
+    Parameters
+    ----------
+    core : int
+        Number of the core.
+    """
     with _lock:
         _dives_on[core] -= 1
 
 
 def pin(pid: int, core: int) -> None:
-    """Restrict a process to a core, if the system allows it."""
+    """Restrict a process to a core, if the system allows it.
+
+    Parameters
+    ----------
+    pid : int
+        Number of the process; 0 is the calling one.
+    core : int
+        Number of the core.
+    """
     with contextlib.suppress(OSError):  # it has ended, or the core is no longer allowed
         os.sched_setaffinity(pid, {core})
 

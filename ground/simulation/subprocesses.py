@@ -89,6 +89,15 @@ class ForkedProcess:
     """A child forked from a server process that has loaded `PRELOADED_MODULES`.
 
     The first instance starts the server.
+
+    Parameters
+    ----------
+    module : str
+        Package whose `__main__` runs.
+    arguments : sequence of str
+        Arguments of its command line.
+    stderr_file : Path
+        File to which its standard error is appended.
     """
 
     def __init__(self, module: str, arguments: Sequence[str], stderr_file: Path) -> None:
@@ -104,7 +113,13 @@ class ForkedProcess:
         return self._process.exitcode
 
     def pin(self, core: int) -> None:
-        """Restrict the process to a core, if it still runs."""
+        """Restrict the process to a core, if it still runs.
+
+        Parameters
+        ----------
+        core : int
+            Number of the core.
+        """
         if self._process.pid is not None and self._process.exitcode is None:
             affinity.pin(self._process.pid, core)
 
@@ -113,7 +128,13 @@ class ForkedProcess:
         self._process.terminate()
 
     def end(self, within_s: float) -> None:
-        """Wait for the end of the process; kill it after `within_s` of wall time."""
+        """Wait for the end of the process; kill it after a timeout.
+
+        Parameters
+        ----------
+        within_s : float
+            Timeout (wall time, s).
+        """
         self._process.join(within_s)
         if self._process.exitcode is None:
             self._process.kill()

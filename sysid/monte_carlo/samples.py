@@ -88,7 +88,18 @@ def draw(posterior: DesignPrior, count: int, seed: int) -> list[Array]:
 
 
 def trims_deg(vehicle: CandidateVehicle) -> dict[str, float]:
-    """Return the trim parameters that a trim flight would give (deg)."""
+    """Return the trim parameters that a trim flight would give.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        The vehicle.
+
+    Returns
+    -------
+    dict
+        TRIM_RUD_DEG and TRIM_ELE_DEG (deg).
+    """
     return {
         "TRIM_RUD_DEG": float(np.degrees(design_priors.level_flight(vehicle, Plane.YAW).trim_rad)),
         "TRIM_ELE_DEG": float(

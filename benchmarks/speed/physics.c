@@ -1,6 +1,6 @@
 /* The equations of motion of sitl/vehicle in C, term by term in the order of the Python kernels, for comparison of run
-   times by benchmarks/physics.py. The structures have the layout of the NamedTuples of sitl/vehicle/{model,water}.py;
-   arrays are pointer and count. benchmarks/physics.py first checks that both give the same states to rounding. */
+   times by benchmarks/speed/physics.py. The structures have the layout of the NamedTuples of sitl/vehicle/{model,water}.py;
+   arrays are pointer and count. benchmarks/speed/physics.py first checks that both give the same states to rounding. */
 
 #include <math.h>
 

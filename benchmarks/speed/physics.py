@@ -1,15 +1,10 @@
 """Run time of one Runge-Kutta step of the six-degree-of-freedom vehicle, compared with two others.
 
-The others are the same equations in C (benchmarks/physics.c), compiled with ``cc -O3`` for a
-generic and for this processor, and one Euler step of the REMUS 100 of Fossen's
-PythonVehicleSimulator if a checkout is given
-(https://github.com/cybergalactic/PythonVehicleSimulator). Rounds of a few milliseconds alternate
-between the contestants; the shortest of each counts.
-
-    python benchmarks/physics.py [--peer CHECKOUT] [--vehicle NAME|FILE] [--rounds N]
+The others are the same equations in C (physics.c), compiled with ``cc -O3`` for a generic and for
+this processor, and one Euler step of the REMUS 100 of Fossen's PythonVehicleSimulator if a checkout
+is given (https://github.com/cybergalactic/PythonVehicleSimulator).
 """
 
-import argparse
 import ctypes
 import importlib
 import shutil
@@ -24,6 +19,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from benchmarks.speed.results import Measurement, Reference
+from benchmarks.speed.session import Session
+from mavlink_io.errors import OperationError
 from sitl.vehicle import build_model, config, dynamics
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.vectors import Vector
@@ -32,6 +30,8 @@ from sitl.vehicle.water import STILL, Water
 STEP_S = 0.005
 STEPS = 2_000
 PEER_STEPS = 20
+ROUNDS = 80
+"""Rounds of a repetition; the shortest counts."""
 RUDDER_RAD, ELEVATOR_RAD = 0.1, -0.05
 SHALLOW = Water(
     velocity_mps=(0.3, -0.1, 0.0),
@@ -45,11 +45,15 @@ SHALLOW = Water(
     floor_m=-2.0,
 )
 """Water with all effects, including contact with ice; the timing uses deep, still water."""
-VEHICLES = ("caribou_nominal", "remus100", "xfin_auv")
+VEHICLE = "caribou_truth"
+"""Vehicle of the timing; the states of all are compared."""
+VEHICLES = (VEHICLE, "caribou_nominal", "remus100", "xfin_auv")
 DEEP_M = -500.0
 SAME = 1e-9
 """Largest difference of states: compilers round differently, and contact with ice is stiff."""
-COMPILED = {"C -O3": ("-O3",), "C -O3 -march=native": ("-O3", "-march=native")}
+GENERIC = "C -O3"
+COMPILED = {GENERIC: ("-O3",), "C -O3 -march=native": ("-O3", "-march=native")}
+CARIBOU, PVS = "caribou", "PythonVehicleSimulator"
 
 
 class Array(ctypes.Structure):
@@ -104,25 +108,27 @@ def start(z_up_m: float) -> Vector:
     return state
 
 
-def in_numba(vehicle: str, water: Water, z_up_m: float) -> Callable[[int], Vector]:
+def in_numba(
+    vehicle: str, water: Water, z_up_m: float, step_s: float = STEP_S
+) -> Callable[[int], Vector]:
     """Return a function that runs the compiled Python model and returns the final state."""
     model, push, work = build_model.build(config.load(vehicle)), np.zeros(6), dynamics.work_array()
     shaft_rps = 0.58 * model.propeller.full_rps
 
     def run(steps: int) -> Vector:
         state = start(z_up_m)
-        fly(state, steps, RUDDER_RAD, ELEVATOR_RAD, shaft_rps, push, water, STEP_S, model, work)
+        fly(state, steps, RUDDER_RAD, ELEVATOR_RAD, shaft_rps, push, water, step_s, model, work)
         return state
 
     return run
 
 
 def compiled(flags: tuple[str, ...], folder: Path) -> Path:
-    """Compile physics.c with the flags and return the library."""
+    """Compile physics.c with the flags and return the library. Raises OperationError."""
     library = folder / f"physics{''.join(flags)}.so"
-    compiler = shutil.which("cc") or sys.exit(
-        "benchmarks/physics.py: no C compiler (cc) on the path"
-    )
+    compiler = shutil.which("cc")
+    if compiler is None:
+        raise OperationError("physics-step: no C compiler (cc) on the path")
     source = Path(__file__).with_name("physics.c")
     subprocess.run([compiler, *flags, "-shared", "-fPIC", "-o", library, source, "-lm"], check=True)
     return library
@@ -184,11 +190,11 @@ def microseconds(run: Callable[[int], Vector], steps: int) -> float:
     return 1e6 * (time.perf_counter() - began_s) / steps
 
 
-def max_difference(libraries: Iterable[Path], vehicle: str) -> float:
+def max_difference(libraries: Iterable[Path]) -> float:
     """Return the largest difference of states between Python and C, in deep and shallow water."""
     runs = [
         (name, water, z_up_m)
-        for name in (vehicle, *VEHICLES)
+        for name in VEHICLES
         for water, z_up_m in ((STILL, DEEP_M), (SHALLOW, -0.4))
     ]
     return max(
@@ -199,44 +205,56 @@ def max_difference(libraries: Iterable[Path], vehicle: str) -> float:
     )
 
 
-def main() -> None:
-    """Print the time of a physics step for several numbers of steps per call."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--vehicle", default="caribou_truth")
-    parser.add_argument("--peer", type=Path, help="checkout of PythonVehicleSimulator")
-    parser.add_argument("--rounds", type=int, default=400)
-    asked = parser.parse_args()
+def kernel_cpu_s(vehicle_s: float, step_s: float) -> float:
+    """Return the processor time (s) of the physics alone for a vehicle time.
+
+    The shortest of several rounds of the compiled loop counts.
+    """
+    run = in_numba(VEHICLE, STILL, DEEP_M, step_s)
+    run(1)
+    return vehicle_s / step_s * min(microseconds(run, STEPS) for _ in range(10)) / 1e6
+
+
+def measure(session: Session) -> list[Measurement]:
+    """Measure `physics-step`, after a check that Python and C give the same states."""
     with tempfile.TemporaryDirectory() as folder:
         libraries = {name: compiled(flags, Path(folder)) for name, flags in COMPILED.items()}
-        difference = max_difference(libraries.values(), asked.vehicle)
+        difference = max_difference(libraries.values())
         if not difference < SAME:
-            sys.exit(
-                "benchmarks/physics.py: physics.c and the Python model differ: states differ by"
-                f" {difference:.2g}"
+            raise OperationError(
+                f"physics-step: physics.c and the Python model differ: states by {difference:.2g}"
             )
-        deep = asked.vehicle, STILL, DEEP_M
-        contestants = {"caribou": (in_numba(*deep), STEPS)}
-        contestants |= {name: (in_c(library, *deep), STEPS) for name, library in libraries.items()}
-        if asked.peer:
-            contestants["PythonVehicleSimulator"] = (of_peer(asked.peer), PEER_STEPS)
+        contestants = _contestants(libraries, session.peer)
         for run, _ in contestants.values():
             run(1)
-        rounds = [
-            {name: microseconds(*of) for name, of in contestants.items()}
-            for _ in range(asked.rounds)
-        ]
-    least = {name: min(each[name] for each in rounds) for name in contestants}
-    for name, cost in least.items():
-        sys.stdout.write(f"{name:24}{cost:10.3f} us a step\n")
-    sys.stdout.write(
-        f"states of all vehicles, deep and shallow, differ by {difference:.1e} at most\n"
-    )
-    for name in list(contestants)[1:]:
-        ratio = least["caribou"] / least[name]
-        sys.stdout.write(f"caribou / {name}: {ratio:.4g} (1 / {1 / ratio:.4g})\n")
+        least = [_round(contestants) for _ in range(session.repetitions("physics-step"))]
+    session.report(f"physics-step: {least[-1][CARIBOU]:.3f} us; C -O3 {least[-1][GENERIC]:.3f} us")
+    return [
+        Measurement(
+            "physics-step",
+            tuple(each[CARIBOU] for each in least),
+            Reference(GENERIC, tuple(each[GENERIC] for each in least)),
+            details={
+                name: min(each[name] for each in least) for name in contestants if name != CARIBOU
+            },
+        )
+    ]
 
 
-if __name__ == "__main__":
-    main()
+def _contestants(
+    libraries: dict[str, Path], peer: Path | None
+) -> dict[str, tuple[Callable[[int], Vector], int]]:
+    """Return each program with the number of steps of a round."""
+    deep = VEHICLE, STILL, DEEP_M
+    contestants = {CARIBOU: (in_numba(*deep), STEPS)}
+    contestants |= {name: (in_c(library, *deep), STEPS) for name, library in libraries.items()}
+    return contestants | ({PVS: (of_peer(peer), PEER_STEPS)} if peer else {})
+
+
+def _round(contestants: dict[str, tuple[Callable[[int], Vector], int]]) -> dict[str, float]:
+    """Return the shortest time of a step (us) of each program in alternating rounds."""
+    rounds = [
+        {name: microseconds(*contestant) for name, contestant in contestants.items()}
+        for _ in range(ROUNDS)
+    ]
+    return {name: min(each[name] for each in rounds) for name in contestants}

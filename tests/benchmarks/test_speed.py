@@ -1,0 +1,103 @@
+"""The pure parts of the speed benchmark, and its processes."""
+
+import subprocess
+import sys
+
+import pytest
+
+from benchmarks.speed import fleet, machine, ping_pong, studies
+from benchmarks.speed.campaigns import Stages
+from benchmarks.speed.fleet import Window
+from benchmarks.speed.machine import ProcessEntry
+from benchmarks.speed.measures import MEASURES
+from benchmarks.speed.rows import ROWS
+from mavlink_io.errors import OperationError
+
+
+def test_every_row_is_measured_by_one_function() -> None:
+    measured = [name for names in MEASURES for name in names]
+    assert sorted(measured) == sorted(ROWS)
+
+
+def test_study_time_is_that_of_all_trials_on_all_cores() -> None:
+    # 10 trials of 1 s on two cores: 5 s; each core computes for 2 s what is needed once
+    assert studies.study_s([(3.0, 1.0, 10)], cores=2) == 7.0
+    assert studies.study_s([(0.9, 1.0, 10), (1.0, 1.0, 4)], cores=2) == 7.0
+
+
+def test_possible_speed_is_linear_until_cores_are_full() -> None:
+    alone = Window(speed=100.0, cpu_s=1.25)
+    speeds = [fleet.possible_speed(count, alone, cores=4) for count in (1, 2, 3, 4, 8)]
+    # 12.5 ms of processor time per vehicle second: four cores carry 320 vehicle seconds a second
+    assert speeds == pytest.approx([100.0, 200.0, 300.0, 320.0, 320.0])
+
+
+def test_possible_speed_in_real_time_is_number_of_vehicles() -> None:
+    alone = Window(speed=0.98, cpu_s=0.098)
+    assert fleet.possible_speed(8, alone, cores=2, wanted=1.0) == pytest.approx(8.0)
+    assert fleet.possible_speed(40, alone, cores=2, wanted=1.0) == pytest.approx(20.0)
+
+
+def test_stages_end_at_first_result() -> None:
+    stages = Stages()
+    for line in ("flying", "writing the report", "steady error, 95 %", "heading"):
+        stages.mark(line)
+    walls = [name for name in stages.times_s() if name.endswith("wall time")]
+    assert walls == ["starting: wall time", "flying: wall time", "writing the report: wall time"]
+
+
+def test_descendants_are_processes_below_one() -> None:
+    parents = {1: 0, 10: 1, 11: 10, 12: 11, 20: 1}
+    table = {pid: ProcessEntry(parent, "", 0.0) for pid, parent in parents.items()}
+    assert sorted(machine.descendants(table, 10)) == [10, 11, 12]
+    assert machine.descendants(table, 99) == {}
+
+
+def test_peak_memory_is_read_from_process_status() -> None:
+    # proc_pid_status(5) counts in KiB
+    status = "Name:\tsitl\nVmHWM:\t  125000 kB\nVmRSS:\t  1 kB\n"
+    assert machine.peak_mb(status) == pytest.approx(128.0)
+    assert machine.peak_mb("Name:\tzombie\n") is None
+
+
+@pytest.mark.process
+def test_busy_loops_run_until_the_context_ends() -> None:
+    with machine.busy_loops(2) as loops:
+        assert [loop.poll() for loop in loops] == [None, None]
+    assert all(loop.poll() is not None for loop in loops)
+
+
+@pytest.mark.process
+def test_run_returns_processor_time_and_lines() -> None:
+    lines: list[str] = []
+    cost = machine.run(["-c", "print('a'); print('b'); sum(range(10**6))"], on_line=lines.append)
+    assert lines == ["a", "b"]
+    assert cost.cpu_s > 0.0
+
+
+@pytest.mark.process
+def test_run_failure_is_one_line_with_last_output() -> None:
+    with pytest.raises(OperationError, match=r"ended with status 3: no such thing$") as caught:
+        machine.run(["-c", "import sys; print('no such thing'); sys.exit(3)"])
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.process
+def test_ping_pong_returns_a_round_trip() -> None:
+    assert ping_pong.round_trip_us() > 0.0
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        (["--rows", "nothing"], "argument --rows: 'nothing' is no row; rows: dive-tick,"),
+        (["--repetitions", "0"], "argument --repetitions: '0' is no number of 1 or more"),
+    ],
+)
+def test_bad_option_is_refused(option: list[str], message: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks", *option], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert message in done.stderr.splitlines()[-1]
