@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,8 @@ from sysid.trials import usable_cores
 
 ROOT = Path(__file__).parents[2]
 """Folder of the sources."""
+WRITTEN = ("benchmarks/results", "docs/performance.md")
+"""Files of the repository that `make bench` writes."""
 SPIN = """
 import os
 parent = os.getppid()
@@ -76,14 +79,24 @@ def conditions(load_before: float) -> Conditions:
     return Conditions(now.strftime("%Y-%m-%dT%H:%M:%SZ"), revision(), load_before, load())
 
 
+@cache
 def revision() -> str:
-    """Return `git describe` of the sources; empty outside a repository."""
-    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
+    """Return the last commit, with "-dirty" if sources differ from it; empty without a repository.
+
+    The results are no sources. They change during a run, so the first answer is kept.
+    """
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        commit = _git("rev-parse", "--short", "HEAD")
+        changed = _git("status", "--porcelain", "--", ".", *(f":!{path}" for path in WRITTEN))
     except (OSError, subprocess.CalledProcessError):
         return ""
-    return done.stdout.strip()
+    return commit + ("-dirty" if changed else "")
+
+
+def _git(*arguments: str) -> str:
+    """Return what git prints about the sources."""
+    command = ["git", "-C", str(ROOT), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
 @contextlib.contextmanager

@@ -204,7 +204,7 @@ def as_table(figures: Iterable[Figure]) -> str:
         (
             figure.row,
             figure.case,
-            format_value(figure),
+            format_value(figure).partition(":")[0],  # an error was printed during the run
             format_reference(figure),
             "" if figure.ratio is None else f"{figure.ratio:g}",
             figure.target,

@@ -174,10 +174,11 @@ _STUDIES = (
         "study-sysid",
         "`make benchmark-sysid`",
         "min",
-        """Not run as a whole: two trials of each kind on each vehicle are run in one process, and
-        the processor time of the second is multiplied by the number of trials, plus the first once
-        per core for the data that a process computes once. The sum is divided by the number of
-        cores.""",
+        """Not run as a whole: two trials of each kind on each vehicle are run in one process. The
+        processor time of the second is multiplied by the number of trials, and what the first needs
+        more is added once per core, because each process computes some data once. Where the first
+        needs over 10 s there is no second, and the first is multiplied. The sum is divided by the
+        number of cores.""",
         limit=30.0,
         repetitions=1,
     ),
