@@ -34,6 +34,8 @@ def main() -> None:
         run(asked)
     except (CaribouError, OSError) as error:
         exit_with_error(PROGRAM, error)
+    except KeyboardInterrupt:
+        sys.exit(f"{PROGRAM}: interrupted; the rows that were finished are kept")
 
 
 def _arguments() -> argparse.Namespace:
@@ -78,7 +80,7 @@ def run(asked: argparse.Namespace) -> None:
     """Measure the chosen rows. Raises InputError, OSError."""
     mode = Mode.BUSY if asked.busy else Mode.IDLE
     path = asked.json or RESULTS / f"{mode}.json"
-    known = _known(path, mode, whole=set(asked.rows) == set(ROWS))
+    known = known_results(path, mode, whole=set(asked.rows) == set(ROWS))
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         stack.enter_context(machine.busy_loops(known.machine.cores if asked.busy else 0))
@@ -93,7 +95,7 @@ def run(asked: argparse.Namespace) -> None:
     sys.stdout.write(results.as_table(figures) + f"\n{path}\n")
 
 
-def _known(path: Path, mode: Mode, *, whole: bool) -> Results:
+def known_results(path: Path, mode: Mode, *, whole: bool) -> Results:
     """Return the results of earlier runs on this machine; none yet if there is no file.
 
     Raises InputError if only some rows are measured and the file is of another machine or mode.
@@ -115,13 +117,13 @@ def _known(path: Path, mode: Mode, *, whole: bool) -> Results:
 def _measure(session: Session, names: tuple[str, ...], measure: Measure, known: Results) -> Results:
     """Return the figures of one group of rows; a failure is noted in its rows."""
     session.report(f"-- {', '.join(names)}")
-    load_before = machine.load()
+    watch = machine.Watch()
     try:
         measured = [each for each in measure(session) if each.row in names]
     except OperationError as error:
         session.report(f"not measured: {error}")
         measured = [Measurement(name, (), note=f"not measured: {error}") for name in names]
-    conditions = machine.conditions(load_before)
+    conditions = watch.conditions()
     figures = tuple(results.to_figure(each, known.mode, conditions) for each in measured)
     return Results(known.mode, known.machine, figures)
 

@@ -18,6 +18,8 @@ RESULTS = Path(__file__).parent / "results"
 PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
 WIDTH = 125
 """Columns of a line of text."""
+OTHERS_SHARE = 0.1
+"""Share of the cores above which the page warns that other programs were running."""
 INTRODUCTION = """\
 # Performance
 
@@ -66,14 +68,21 @@ def _machines(measured: dict[Mode, Results]) -> Iterator[str]:
         machine = run.machine
         conditions = [figure.conditions for figure in run.figures]
         loads = [load for each in conditions for load in (each.load_before, each.load_after)]
+        others = [each.other_cores for each in conditions if each.other_cores is not None]
         dates = sorted({each.date[:10] for each in conditions})
         revisions = sorted({each.revision for each in conditions if each.revision})
         yield _paragraph(
             f"Machine, {mode}: {machine.cores} cores, {machine.cpu}, {machine.system}, Python"
             f" {machine.python}, numpy {machine.numpy}, numba {machine.numba}; "
             f"{' and '.join(dates)}, revision {', '.join(revisions) or 'unknown'}; load average of"
-            f" the last minute {min(loads, default=0):.1f} to {max(loads, default=0):.1f}."
+            f" the last minute {min(loads, default=0):.1f} to {max(loads, default=0):.1f}, cores in"
+            f" use by other programs {min(others, default=0):.1f} to {max(others, default=0):.1f}."
         )
+        if max(others, default=0.0) > OTHERS_SHARE * machine.cores:
+            yield (
+                f"**Other programs used the machine during the measurement, {mode}**: wall times"
+                " and speeds of this table are those of a loaded machine.\n"
+            )
 
 
 def _not_measured(mode: Mode) -> list[str]:

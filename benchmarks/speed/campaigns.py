@@ -40,9 +40,9 @@ class Stages:
         """Return wall time, and processor time of the whole machine, of each stage."""
         times: dict[str, float] = {}
         for (name, wall_s, cpu_s), (_, next_wall_s, next_cpu_s) in pairwise(self._marks):
-            times[f"{name}: wall time"] = next_wall_s - wall_s
+            times[f"{name}: wall time, s"] = next_wall_s - wall_s
             if cpu_s is not None and next_cpu_s is not None:
-                times[f"{name}: processor time"] = next_cpu_s - cpu_s
+                times[f"{name}: processor time, s"] = next_cpu_s - cpu_s
         return times
 
 

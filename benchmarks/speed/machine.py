@@ -45,6 +45,8 @@ class ProcessEntry(NamedTuple):
     parent: int
     command: str
     cpu_s: float
+    ended_cpu_s: float = 0.0
+    """Processor time of its children that have ended and that it waited for."""
 
 
 def describe() -> Machine:
@@ -73,10 +75,42 @@ def load() -> float:
     return round(os.getloadavg()[0], 2)
 
 
-def conditions(load_before: float) -> Conditions:
-    """Return the conditions of a measurement that ends now."""
-    now = datetime.datetime.now(datetime.UTC)
-    return Conditions(now.strftime("%Y-%m-%dT%H:%M:%SZ"), revision(), load_before, load())
+class ProcessorTimes(NamedTuple):
+    """Wall time, and processor time of the whole machine and of this program's processes."""
+
+    wall_s: float
+    all_s: float | None
+    """None if the system does not report it."""
+    own_s: float
+
+
+class Watch:
+    """Load of the machine from the construction on."""
+
+    def __init__(self) -> None:
+        self._load = load()
+        self._began = _processor_times()
+
+    def conditions(self) -> Conditions:
+        """Return the conditions of a measurement that ends now."""
+        now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        others = other_cores(self._began, _processor_times())
+        return Conditions(now, revision(), self._load, load(), others)
+
+
+def other_cores(began: ProcessorTimes, ended: ProcessorTimes) -> float | None:
+    """Return the mean number of cores that other programs used; None if it is unknown."""
+    if began.all_s is None or ended.all_s is None:
+        return None
+    other_s = (ended.all_s - began.all_s) - (ended.own_s - began.own_s)
+    return round(max(0.0, other_s / (ended.wall_s - began.wall_s)), 2)
+
+
+def _processor_times() -> ProcessorTimes:
+    """Return the times so far."""
+    tree = descendants(process_table(), os.getpid()).values()
+    own_s = sum(entry.cpu_s + entry.ended_cpu_s for entry in tree)
+    return ProcessorTimes(time.monotonic(), used_cpu_s(), own_s)
 
 
 @cache
@@ -196,8 +230,9 @@ def process_table() -> Mapping[int, ProcessEntry]:
             # proc_pid_stat(5): the name in parentheses may contain blanks
             fields = (folder / "stat").read_text(encoding="utf-8").rpartition(")")[2].split()
             command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode().strip()
-            cpu_s = (int(fields[11]) + int(fields[12])) * tick_s
-            table[int(folder.name)] = ProcessEntry(int(fields[1]), command, cpu_s)
+            user, system, ended_user, ended_system = (tick_s * int(n) for n in fields[11:15])
+            entry = ProcessEntry(int(fields[1]), command, user + system, ended_user + ended_system)
+            table[int(folder.name)] = entry
     return table
 
 

@@ -58,6 +58,8 @@ class Conditions(msgspec.Struct, frozen=True):
     load_before: float
     load_after: float
     """Load average of the last minute: mean number of runnable processes (getloadavg(3))."""
+    other_cores: float | None
+    """Mean number of cores that other programs used meanwhile; None if it is unknown."""
 
 
 class ReferenceResult(msgspec.Struct, frozen=True):

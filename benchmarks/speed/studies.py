@@ -62,13 +62,14 @@ def _measurement(
     session: Session, row: str, kinds: Sequence[tuple[Cell, str]], first_s: float
 ) -> Measurement:
     """Run two trials of each kind; return the time of the study (min) after `first_s` in one."""
-    trials, details = [], {}
+    trials, details = [], dict[str, float]()
     for number, (cell, case) in enumerate(kinds, 1):
         first_trial_s = _trial_cpu_s(cell, case, FIRST_SEED)
         is_slow = first_trial_s > SLOW_S
         next_s = first_trial_s if is_slow else _trial_cpu_s(cell, case, FIRST_SEED + 1)
         trials.append((first_trial_s, next_s, cell.runs))
-        details[f"{cell.name}, {case}: processor time of a trial, s"] = next_s
+        name = f"{cell.name}: processor time, min"
+        details[name] = details.get(name, 0.0) + next_s * cell.runs / 60.0
         session.report(
             f"{row}: {number} of {len(kinds)}: {cell.name}, {case}: {next_s:.2f} s a trial,"
             f" {cell.runs} trials"

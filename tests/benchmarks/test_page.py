@@ -7,8 +7,8 @@ from benchmarks.speed.rows import ROWS, Mode
 MACHINE = Machine(2, "a processor", "Linux x86_64", "3.11.7", "2.0", "0.68")
 
 
-def page_of(*measured: Measurement, mode: Mode = Mode.IDLE) -> str:
-    conditions = Conditions("2026-01-02T03:04:05Z", "abc1234", 0.5, 1.5)
+def page_of(*measured: Measurement, mode: Mode = Mode.IDLE, other_cores: float | None = 0.0) -> str:
+    conditions = Conditions("2026-01-02T03:04:05Z", "abc1234", 0.5, 1.5, other_cores)
     figures = tuple(to_figure(each, mode, conditions) for each in measured)
     return page.text({mode: Results(mode, MACHINE, figures)})
 
@@ -29,7 +29,14 @@ def test_page_explains_every_row() -> None:
 def test_page_names_machine_date_revision_and_load() -> None:
     text = page_of(Measurement("campaign", (20.0,))).replace("\n", " ")
     assert "2 cores, a processor, Linux x86_64, Python 3.11.7, numpy 2.0, numba 0.68" in text
-    assert "2026-01-02, revision abc1234; load average of the last minute 0.5 to 1.5." in text
+    assert "2026-01-02, revision abc1234; load average of the last minute 0.5 to 1.5, cores" in text
+
+
+def test_page_warns_when_other_programs_ran() -> None:
+    measured, warning = Measurement("campaign", (20.0,)), "**Other programs used the machine"
+    assert warning in page_of(measured, other_cores=0.9)
+    assert warning not in page_of(measured, other_cores=0.1)
+    assert warning not in page_of(measured, other_cores=None)
 
 
 def test_page_counts_and_marks_missed_targets() -> None:

@@ -2,16 +2,20 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
-from benchmarks.speed import fleet, machine, ping_pong, studies
+from benchmarks.__main__ import known_results
+from benchmarks.speed import fleet, machine, ping_pong, results, studies
 from benchmarks.speed.campaigns import Stages
 from benchmarks.speed.fleet import Window
-from benchmarks.speed.machine import ProcessEntry
+from benchmarks.speed.machine import ProcessEntry, ProcessorTimes
 from benchmarks.speed.measures import MEASURES
-from benchmarks.speed.rows import ROWS
-from mavlink_io.errors import OperationError
+from benchmarks.speed.results import Results
+from benchmarks.speed.rows import ROWS, Mode
+from mavlink_io.errors import InputError, OperationError
 
 
 def test_every_row_is_measured_by_one_function() -> None:
@@ -42,8 +46,10 @@ def test_stages_end_at_first_result() -> None:
     stages = Stages()
     for line in ("flying", "writing the report", "steady error, 95 %", "heading"):
         stages.mark(line)
-    walls = [name for name in stages.times_s() if name.endswith("wall time")]
-    assert walls == ["starting: wall time", "flying: wall time", "writing the report: wall time"]
+    walls = [name for name in stages.times_s() if name.endswith("wall time, s")]
+    assert walls == [
+        f"{name}: wall time, s" for name in ("starting", "flying", "writing the report")
+    ]
 
 
 def test_descendants_are_processes_below_one() -> None:
@@ -58,6 +64,31 @@ def test_peak_memory_is_read_from_process_status() -> None:
     status = "Name:\tsitl\nVmHWM:\t  125000 kB\nVmRSS:\t  1 kB\n"
     assert machine.peak_mb(status) == pytest.approx(128.0)
     assert machine.peak_mb("Name:\tzombie\n") is None
+
+
+def test_other_cores_are_all_less_own() -> None:
+    began = ProcessorTimes(wall_s=0.0, all_s=100.0, own_s=1.0)
+    assert machine.other_cores(began, ProcessorTimes(10.0, 118.0, 11.0)) == pytest.approx(0.8)
+    # the clocks of both counts tick at different moments: never negative
+    assert machine.other_cores(began, ProcessorTimes(10.0, 110.0, 11.1)) == 0.0
+    assert machine.other_cores(began, ProcessorTimes(10.0, None, 11.0)) is None
+
+
+def test_some_rows_on_another_machine_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "idle.json"
+    other = replace(machine.describe(), cores=64)
+    results.write(Results(Mode.IDLE, other, ()), path)
+    with pytest.raises(InputError, match="was measured with another machine, version or mode"):
+        known_results(path, Mode.IDLE, whole=False)
+    assert known_results(path, Mode.IDLE, whole=True).machine == machine.describe()
+
+
+def test_known_results_are_those_of_this_machine(tmp_path: Path) -> None:
+    path = tmp_path / "idle.json"
+    assert known_results(path, Mode.BUSY, whole=False).figures == ()
+    kept = Results(Mode.IDLE, machine.describe(), ())
+    results.write(kept, path)
+    assert known_results(path, Mode.IDLE, whole=False) == kept
 
 
 @pytest.mark.process

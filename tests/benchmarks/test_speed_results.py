@@ -10,7 +10,7 @@ from benchmarks.speed.results import Conditions, Figure, Machine, Measurement, R
 from benchmarks.speed.rows import ROWS, Mode
 from mavlink_io.errors import InputError
 
-CONDITIONS = Conditions("2026-01-02T03:04:05Z", "abc1234", 0.5, 1.5)
+CONDITIONS = Conditions("2026-01-02T03:04:05Z", "abc1234", 0.5, 1.5, 0.0)
 MACHINE = Machine(2, "a processor", "Linux x86_64", "3.11.7", "2.0", "0.68")
 
 
