@@ -92,6 +92,7 @@ $(VENV)/bin/python:
 $(VENV)/run.stamp: requirements/run.lock pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip $(INSTALL) --require-hashes -r requirements/run.lock
 	$(BIN)/python -m pip $(INSTALL) --no-deps -e .
+	-$(BIN)/python -m ground.compile_kernels
 	touch $@
 
 $(VENV)/dev.stamp: requirements/dev.lock requirements/clients.lock $(VENV)/run.stamp

@@ -1,0 +1,86 @@
+"""Compile every kernel that a campaign uses, so that no campaign waits for the compiler.
+
+    python -m ground.compile_kernels
+
+Numba stores the machine code of a kernel on disk, keyed by the content of its source. This program
+takes each step of a campaign once, in the same processes: the simulated mission by which a campaign
+checks a new vehicle, a test dive for each plane, a refit with the paper's method for comparison, a
+redesign and a comparison with the predicted performance. A new kernel that one of these steps calls
+is compiled too; no list of kernels has to be kept.
+"""
+
+import os
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+# As in the ``ground`` command: one thread of linear algebra.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from ground.campaign import prototype, readiness, refit
+from ground.campaign.run import CampaignRequest, dive_seed
+from ground.client.flight import Dive, fly_simulated
+from ground.simulation.processes import SimulatedVehicle, Simulation
+from ground.simulation.subprocesses import ForkedProcess
+from mavlink_io.clock import wall_s
+from mavlink_io.errors import CaribouError
+from sysid.refit import RefitRequest
+
+TESTS = ("rudder_sweeps", "elevator_sweeps")
+"""Shortest test mission of each plane."""
+MISSION = "shallow_1m"
+"""Shortest mission, for the simulation without processes."""
+
+
+def compile_kernels(folder: Path) -> None:
+    """Simulate, fly, refit, redesign and compare once.
+
+    Parameters
+    ----------
+    folder : Path
+        Existing folder for the logs.
+
+    Raises
+    ------
+    InputError, OperationError
+        A step fails.
+    """
+    request = CampaignRequest(folder)
+    with ThreadPoolExecutor(len(TESTS)) as pool:
+        logs = list(pool.map(partial(_fly, request), TESTS))
+    prior = prototype.prior_file_of(request.vehicle)
+    content = readiness.scenario_content(request.scenario)
+    readiness.first_parameters(prior, request.scenario, content, (MISSION,))
+    # Two logs may be too few for the checks of a campaign, which have no kernels: use force.
+    model = refit.refit(
+        RefitRequest(paths=logs, prior=prior, alternative_methods=("paper",)), force=True
+    )
+    design = refit.redesign(model, prior=prior, force=True)
+    refit.monitor_log(refit.read_log(logs[0]), design.baseline)
+
+
+def _fly(request: CampaignRequest, mission: str) -> Path:
+    """Fly a mission with the vehicle and the scenario of a campaign; return the log."""
+    simulation = Simulation(
+        vehicle=request.vehicle, scenario=request.scenario, seed=dive_seed(request.seed, mission)
+    )
+    parameters = {**refit.initial_gains(), **prototype.trim_learning_for(request.vehicle)}
+    dive = Dive.load(mission, request.out / f"{mission}.mcap", parameters=parameters)
+    return fly_simulated(dive, SimulatedVehicle(simulation, start=ForkedProcess)).log
+
+
+def main() -> None:
+    """Compile the kernels; print the time that it took, or the reason of a failure."""
+    start_s = wall_s()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            compile_kernels(Path(folder))
+    except CaribouError as error:
+        sys.exit(f"compile_kernels: {error}; each kernel is compiled at its first use instead")
+    sys.stdout.write(f"kernels of a campaign compiled in {wall_s() - start_s:.0f} s\n")
+
+
+if __name__ == "__main__":
+    main()
