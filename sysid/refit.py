@@ -141,11 +141,61 @@ def refit(request: RefitRequest, progress: Progress | None = None) -> Identified
     anomalous are left out, and the rest is fitted again (`sysid.screening.refit_loop`).
     """
     report = progress or (lambda what, share: None)
-    knowledge = prior_knowledge(request.prior)._replace(
-        bench_measurements=bench_priors.read(request.tailcone, request.inclining)
-    )
+    knowledge = _knowledge(request)
     logs = _read(request.paths, request.outputs, lambda share: report("read logs", 0.1 * share))
     held_out_logs = _read(request.held_out, request.outputs, lambda share: None)
+    return _refit(request, knowledge, logs, held_out_logs, report)
+
+
+def refit_logs(
+    request: RefitRequest,
+    logs: Sequence[Log],
+    held_out_logs: Sequence[Log],
+    progress: Progress | None = None,
+) -> IdentifiedModel:
+    """Identify a vehicle as `refit` does, from logs that have been read.
+
+    Parameters
+    ----------
+    request : RefitRequest
+        Prior, methods and paths of the logs; the files are not read again.
+    logs, held_out_logs : sequence of Log
+        Content of ``request.paths`` and ``request.held_out``, in the same order, as
+        `sysid.data.readers` reads it with ``request.outputs``.
+    progress : callable, optional
+        As for `refit`.
+
+    Returns
+    -------
+    IdentifiedModel
+        The same as that of `refit`.
+
+    Raises
+    ------
+    BenchResultError, VehicleFileError, ModelError, RefitError
+        An input cannot be used.
+    FitFailedError
+        The tests do not determine a vehicle near the prior.
+    """
+    report = progress or (lambda what, share: None)
+    return _refit(request, _knowledge(request), logs, held_out_logs, report)
+
+
+def _knowledge(request: RefitRequest) -> PriorKnowledge:
+    """Read the prior and the bench measurements of a request."""
+    return prior_knowledge(request.prior)._replace(
+        bench_measurements=bench_priors.read(request.tailcone, request.inclining)
+    )
+
+
+def _refit(
+    request: RefitRequest,
+    knowledge: PriorKnowledge,
+    logs: Sequence[Log],
+    held_out_logs: Sequence[Log],
+    report: Progress,
+) -> IdentifiedModel:
+    """Identify a vehicle from logs."""
     _check_marks(request.marks, [log.name for log in (*logs, *held_out_logs)])
     _refuse_duplicates(request, logs, held_out_logs, knowledge)
     accepted_runs, screenings = _select(logs, request.limits, request.marks)

@@ -1,7 +1,7 @@
 """Interface to identification and design in sysid, for the commands and the campaign."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -111,12 +111,43 @@ def refit(
     """
     with _singular_model_reported():
         model = fitting.refit(request, progress)
-    if model.convergence.failures and not force:
+    if not force:
+        _check_converged(model)
+    return model
+
+
+def refit_logs(
+    request: RefitRequest, logs: Sequence[Log], held_out_logs: Sequence[Log]
+) -> IdentifiedModel:
+    """Identify a model as `refit` does, from logs that have been read.
+
+    Parameters
+    ----------
+    request : RefitRequest
+        Paths of the logs, prior and methods.
+    logs, held_out_logs : sequence of Log
+        Content of the paths, in the same order.
+
+    Raises
+    ------
+    InputError
+        A log, the prior or a bench result cannot be used.
+    OperationError
+        The fit failed.
+    """
+    with _singular_model_reported():
+        model = fitting.refit_logs(request, logs, held_out_logs)
+    _check_converged(model)
+    return model
+
+
+def _check_converged(model: IdentifiedModel) -> None:
+    """Raise OperationError if the fit failed."""
+    if model.convergence.failures:
         reasons = "; ".join(model.convergence.failures)
         raise OperationError(
             f"the fit failed: {reasons}; `ground refit --force` writes it all the same"
         )
-    return model
 
 
 def parse_segment(text: str) -> MarkedInterval:

@@ -3,7 +3,8 @@
 Each dive has its own simulator and autopilot process and its own log. The seed of a dive depends
 only on the seed of the campaign and on the mission, so that all sets of gains are flown in the same
 sea. As many dives or computations run at the same time as there are cores; vehicle time is in
-lockstep, so this does not change the logs.
+lockstep, so this does not change the logs. Besides, one process reads each log when its dive ends
+and prepares the report while the last dives are under way.
 """
 
 import importlib.metadata
@@ -11,12 +12,12 @@ import json
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, ThreadPoolExecutor, wait
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache
 from pathlib import Path
 from threading import Lock
-from typing import NamedTuple
+from typing import NamedTuple, ParamSpec
 
 import msgspec
 
@@ -59,8 +60,10 @@ PRELOADED_MODULES = (
     "sysid.design.pid",
     "sysid.data.readers",
     "sysid.monitor.tracking_metrics",
+    "ground.report.page",
+    "control",
 )
-"""Modules of the computations, which the worker loads during the trim flight."""
+"""Modules of computations and report, which the worker loads during the trim flight."""
 _PACKAGES = ("numpy", "scipy", "numba", "control", "mcap", "pymavlink")
 
 
@@ -80,6 +83,7 @@ class CampaignRequest(NamedTuple):
     """Number of dives and computations that run at the same time; each uses about one core."""
 
 
+P = ParamSpec("P")
 WatchCallback = Callable[[str, FlightProgress], None]
 """Called with the name and the progress of a dive."""
 AnnounceCallback = Callable[[str], None]
@@ -113,22 +117,25 @@ class Campaign:
     def _run(self) -> CampaignSummary:
         """Run all stages; return the summary."""
         start_s = wall_s()
-        with self._executors() as (dives, worker):
+        with self._executors() as executors:
+            dives, worker = executors.dives, executors.worker
             first = self._first_parameters(worker)
             self._prepare()
-            trims = self._measure_trims(dives, worker, first)
+            trims = self._measure_trims(executors, first)
             gains = self._first_gains(first, trims)
             self.announce("flying the tests with the initial gains")
-            _finish_dives(self._begin(dives, "identification", IDENTIFICATION, gains["initial"]))
+            tests = self._begin(dives, "identification", IDENTIFICATION, gains["initial"])
+            self._read_ahead(executors, "identification", IDENTIFICATION, tests)
+            baseline = [(name, mission) for name in gains for mission in MISSIONS]
+            # Slots that the last tests leave free fly missions; the last test's slot refits.
+            early = self.request.jobs - 1
+            missions = self._begin_missions(dives, baseline[:early], gains)
+            _finish_dives(tests)
             self.announce(
                 f"refitting the model; flying the missions with the {' and the '.join(gains)} gains"
             )
             redesigning = dives.submit(self._redesign, worker)
-            missions = [
-                dive
-                for name in gains
-                for dive in self._begin(dives, STAGES[name], MISSIONS, gains[name])
-            ]
+            missions += self._begin_missions(dives, baseline[early:], gains)
             design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
             gains["redesigned"] = {
@@ -136,31 +143,22 @@ class Campaign:
                 **_not_designed(design.gains, gains["initial"]),
                 **trims,
             }
-            _finish_dives(
-                [
-                    *missions,
-                    *self._begin(dives, STAGES["redesigned"], MISSIONS, gains["redesigned"]),
-                ]
-            )
+            verification = [("redesigned", mission) for mission in MISSIONS]
+            missions += self._begin_missions(dives, verification, gains)
+            self._prepare_report(executors, [*baseline, *verification], missions)
+            _finish_dives(missions)
             self.announce("comparing")
-            result = worker.call(
-                summary.build, self.folder, self._totals(), design, gains, trims, MISSIONS
-            )
+            result = worker.call(_compare, self.request.out, self._totals(), design, gains, trims)
             result = msgspec.structs.replace(result, wall_s=round(wall_s() - start_s, 3))
             summary_file.write(result, self.request.out / "summary.json")
             self.announce("writing the report")
-            worker.call(_report, self.folder)
+            worker.call(_report, self.request.out)
         return result
 
     def _prepare(self) -> None:
         """Prepare the folder."""
         prepare_folder(self.request)
         self._prepared = True
-
-    @cached_property
-    def folder(self) -> CampaignFolder:
-        """The folder of this campaign, for reading."""
-        return CampaignFolder(self.request.out)
 
     def _first_parameters(self, worker: Worker) -> dict[str, float]:
         """Return the parameters of the first dive.
@@ -201,20 +199,58 @@ class Campaign:
         )
 
     def _measure_trims(
-        self, dives: Executor, worker: Worker, first: Mapping[str, float]
+        self, executors: "_Executors", first: Mapping[str, float]
     ) -> dict[str, float]:
         """Fly the trim mission; return the trim parameters."""
         self.announce("prototype flight: measuring the trims")
-        _finish_dives(self._begin(dives, "prototype", (TRIM_MISSION,), first))
-        return worker.call(
-            refit.measure_trims, self.folder.log_path("prototype", TRIM_MISSION), TRIM_WINDOW_S
-        )
+        _finish_dives(self._begin(executors.dives, "prototype", (TRIM_MISSION,), first))
+        log = CampaignFolder(self.request.out).log_path("prototype", TRIM_MISSION)
+        return executors.worker.call(refit.measure_trims, log, TRIM_WINDOW_S)
 
     def _redesign(self, worker: Worker) -> DesignSummary:
         """Refit and redesign; return the summary of the design."""
-        worker.call(_identify, self.folder)
+        worker.call(_identify, self.request.out)
         self.announce("redesigning the gains")
-        return worker.call(_design, self.folder)
+        return worker.call(_design, self.request.out)
+
+    def _read_ahead(
+        self,
+        executors: "_Executors",
+        stage: str,
+        missions: Sequence[str],
+        flown: Sequence[Future[None]],
+    ) -> None:
+        """Have the worker read each log as soon as its dive has ended."""
+
+        def read(mission: str) -> Callable[[Future[None]], None]:
+            return lambda _: executors.call_ahead(_read_log, self.request.out, stage, mission)
+
+        for mission, dive in zip(missions, flown, strict=True):
+            dive.add_done_callback(read(mission))
+
+    def _prepare_report(
+        self,
+        executors: "_Executors",
+        missions: Sequence[tuple[str, str]],
+        flown: Sequence[Future[None]],
+    ) -> None:
+        """Have the worker draw the tests, and read the logs of the missions, during the dives."""
+        executors.call_ahead(_draw_tests, self.request.out)
+        for (name, mission), dive in zip(missions, flown, strict=True):
+            self._read_ahead(executors, STAGES[name], (mission,), (dive,))
+
+    def _begin_missions(
+        self,
+        dives: Executor,
+        missions: Sequence[tuple[str, str]],
+        gains: Mapping[str, Mapping[str, float]],
+    ) -> list[Future[None]]:
+        """Submit missions, given as pairs of set of gains and mission."""
+        return [
+            dive
+            for name, mission in missions
+            for dive in self._begin(dives, STAGES[name], (mission,), gains[name])
+        ]
 
     def _begin(
         self, dives: Executor, stage: str, missions: Sequence[str], parameters: Mapping[str, float]
@@ -224,7 +260,7 @@ class Campaign:
 
     def _fly(self, stage: str, mission: str, parameters: Mapping[str, float]) -> None:
         """Fly one dive. Raises OperationError after a failsafe."""
-        log = self.folder.log_path(stage, mission)
+        log = CampaignFolder(self.request.out).log_path(stage, mission)
         log.parent.mkdir(exist_ok=True)
         name = f"{stage}/{mission}"
         notes = {"stage": stage, "seed": str(dive_seed(self.request.seed, mission))}
@@ -253,14 +289,16 @@ class Campaign:
         return simulated
 
     @contextmanager
-    def _executors(self) -> Iterator[tuple[Executor, Worker]]:
-        """Yield an executor for dives and a worker for computations; stop both at the end."""
+    def _executors(self) -> Iterator["_Executors"]:
+        """Yield the executors of dives and computations; stop them at the end."""
         with ExitStack() as stack:
             dives = stack.enter_context(ThreadPoolExecutor(self.request.jobs))
+            ahead = stack.enter_context(ThreadPoolExecutor(1))
             worker = stack.enter_context(Worker(PRELOADED_MODULES))
             stack.callback(self._stop_all)
+            stack.callback(ahead.shutdown, wait=False, cancel_futures=True)
             stack.callback(dives.shutdown, wait=False, cancel_futures=True)
-            yield dives, worker
+            yield _Executors(dives, ahead, worker)
 
     def _stop_all(self) -> None:
         """Stop all simulations, and start no more."""
@@ -268,6 +306,22 @@ class Campaign:
             self._cancelled = True
             for simulated in self._simulated:
                 simulated.stop()
+
+
+class _Executors(NamedTuple):
+    """Threads and processes of a campaign."""
+
+    dives: Executor
+    """One thread per job; each flies a dive or waits for the refit."""
+    ahead: Executor
+    """One thread, which asks the worker for results that are needed later."""
+    worker: Worker
+    """Process of the computations."""
+
+    def call_ahead(self, function: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Have the worker run a function soon; an error appears when its result is needed."""
+        with suppress(RuntimeError):  # the executor is shut down: the campaign is being stopped
+            self.ahead.submit(lambda: self.worker.call(function, *args, **kwargs))
 
 
 def dive_seed(seed: int, mission: str) -> int:
@@ -362,29 +416,66 @@ def _not_designed(designed: Mapping[str, float], flown: Mapping[str, float]) -> 
     return {name: value for name, value in flown.items() if name not in designed}
 
 
-def _identify(folder: CampaignFolder) -> None:
+@cache
+def _folder(out: Path) -> CampaignFolder:
+    """Return the folder of a campaign; the worker keeps it, so that each log is read once."""
+    return CampaignFolder(out)
+
+
+def _read_log(out: Path, stage: str, mission: str) -> None:
+    """Read a log that is needed later; then it is an error if it cannot be read."""
+    with suppress(InputError):
+        _folder(out).log(stage, mission)
+
+
+def _identify(out: Path) -> None:
     """Refit the tests and write `model.json`."""
+    folder = _folder(out)
     fitted, held_out = (
-        [folder.log_path("identification", name) for name in names] for names in (FITTED, HELD_OUT)
+        [folder.log("identification", name) for name in names] for names in (FITTED, HELD_OUT)
     )
-    model = refit.refit(
-        RefitRequest(
-            paths=fitted, held_out=held_out, prior=folder.prior, alternative_methods=("paper",)
-        )
+    request = RefitRequest(
+        paths=[folder.log_path("identification", name) for name in FITTED],
+        held_out=[folder.log_path("identification", name) for name in HELD_OUT],
+        prior=folder.prior,
+        alternative_methods=("paper",),
     )
-    refit.write_model(model, folder.path / "model.json")
+    refit.write_model(refit.refit_logs(request, fitted, held_out), out / "model.json")
 
 
-def _design(folder: CampaignFolder) -> DesignSummary:
+def _design(out: Path) -> DesignSummary:
     """Redesign the gains and write `gains.param`; return the summary of the design."""
+    folder = _folder(out)
     design = refit.redesign(folder.model, prior=folder.prior)
-    design.write_params(folder.path / "gains.param")
+    design.write_params(out / "gains.param")
     return summary.summarise_design(design)
 
 
-def _report(folder: CampaignFolder) -> None:
+@cache
+def _model_figures(out: Path) -> page.ModelFigures:
+    """Return the figures of tests and model; the worker keeps them for the report."""
+    return page.model_figures(_folder(out))
+
+
+def _draw_tests(out: Path) -> None:
+    """Draw the tests and the model for the report."""
+    _model_figures(out)
+
+
+def _compare(
+    out: Path,
+    totals: summary.Totals,
+    design: DesignSummary,
+    gains: Mapping[str, Mapping[str, float]],
+    trims: Mapping[str, float],
+) -> CampaignSummary:
+    """Return the summary of the campaign without its wall time."""
+    return summary.build(_folder(out), totals, design, gains, trims, MISSIONS)
+
+
+def _report(out: Path) -> None:
     """Write `report.html`."""
-    page.write(folder)
+    page.write(_folder(out), _model_figures(out))
 
 
 def _finish_dives(dives: Sequence[Future[None]]) -> None:

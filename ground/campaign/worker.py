@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from threading import Lock
 from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
@@ -20,11 +21,12 @@ T = TypeVar("T")
 
 
 class Worker:
-    """A separate process that runs one function at a time."""
+    """A separate process that runs one function at a time; threads wait for their turn."""
 
     def __init__(self, modules: Sequence[str] = ()) -> None:
         """Start the process, which imports `modules` at once."""
         context = get_context("spawn")
+        self._turn = Lock()
         self._connection, child_end = context.Pipe()
         self._process = context.Process(
             target=_serve, args=(child_end, tuple(modules)), daemon=True
@@ -51,8 +53,9 @@ class Worker:
         Raises OperationError if the process ended.
         """
         try:
-            self._connection.send((function, args, kwargs))
-            result, error = self._connection.recv()
+            with self._turn:
+                self._connection.send((function, args, kwargs))
+                result, error = self._connection.recv()
         except (EOFError, OSError):
             raise OperationError(
                 f"the process of {function.__name__} ended before it was done"

@@ -6,6 +6,7 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
+from typing import NamedTuple
 
 from ground.campaign import design_summary
 from ground.campaign.campaign_folder import CampaignFolder
@@ -21,13 +22,45 @@ _HERE = files("ground.report")
 _PAPER = {"heading_deg": "2.5° → 2.0°", "pitch_deg": "10° → 2.5°", "depth_m": "50 cm → 10 cm"}
 
 
-def write(folder: Path | CampaignFolder) -> Path:
+class ModelFigures(NamedTuple):
+    """Figures of tests and model, which need no dive after the tests."""
+
+    steps: list[Figure]
+    responses: list[Figure]
+    whiteness: list[Figure]
+    predictions: list[Figure]
+
+
+def model_figures(campaign: CampaignFolder) -> ModelFigures:
+    """Return the figures of tests and model.
+
+    Parameters
+    ----------
+    campaign : CampaignFolder
+        Folder with the logs of the tests and `model.json`.
+
+    Raises
+    ------
+    InputError
+        If a file is missing.
+    """
+    return ModelFigures(
+        steps=figures.step_figures(campaign),
+        responses=validation_figures.response_figures(campaign),
+        whiteness=validation_figures.whiteness_figures(campaign),
+        predictions=validation_figures.prediction_figures(campaign),
+    )
+
+
+def write(folder: Path | CampaignFolder, prepared: ModelFigures | None = None) -> Path:
     """Write `report.html` into a campaign's folder.
 
     Parameters
     ----------
     folder : Path or CampaignFolder
         Folder of a finished campaign.
+    prepared : ModelFigures, optional
+        Result of `model_figures` for this folder, if it is already known.
 
     Returns
     -------
@@ -41,22 +74,17 @@ def write(folder: Path | CampaignFolder) -> Path:
     """
     campaign = folder if isinstance(folder, CampaignFolder) else CampaignFolder(folder)
     target = campaign.path / "report.html"
-    target.write_text(_page(campaign), encoding="utf-8")
+    target.write_text(_page(campaign, prepared or model_figures(campaign)), encoding="utf-8")
     return target
 
 
-def _page(campaign: CampaignFolder) -> str:
+def _page(campaign: CampaignFolder, of_model: ModelFigures) -> str:
     """Return the HTML of the report."""
     summary, model = campaign.summary, campaign.model
     missions = figures.mission_figures(campaign, list(summary.tracking))
-    steps = figures.step_figures(campaign)
+    steps, responses, whiteness, predictions = of_model
     analyses = {"initial": summary.design.initial, "redesigned": summary.design.redesigned}
     poles = {role: analysis.poles_radps for role, analysis in analyses.items()}
-    responses, whiteness = (
-        validation_figures.response_figures(campaign),
-        validation_figures.whiteness_figures(campaign),
-    )
-    predictions = validation_figures.prediction_figures(campaign)
     shown = (*missions, *steps, *responses, *predictions, *whiteness)
     drawn = {figure.key: charts.figure_chart(figure) for figure in shown}
     drawn |= {f"poles-{loop}": charts.poles_chart(poles, loop) for loop in poles["initial"]}

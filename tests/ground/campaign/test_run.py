@@ -6,6 +6,7 @@ import multiprocessing
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import msgspec
@@ -20,6 +21,7 @@ from ground.campaign.summary_file import CampaignSummary
 from ground.client import param_file
 from ground.report import page, summary_picture
 from mavlink_io.errors import InputError, OperationError
+from sysid.refit import RefitRequest
 from tests.browser import check_layout, needs_chromium, opened
 
 
@@ -64,6 +66,15 @@ class CampaignTestCase:
         assert set(errors) == {"yaw", "pitch"}
         for pair in errors.values():
             assert pair.refitted_model_deg2ps2 < pair.initial_model_deg2ps2
+
+    def test_refit_of_the_logs_gives_the_same_model(self, flown: Path, tmp_path: Path) -> None:
+        fitted, held_out = (
+            [flown / "identification" / f"{name}.mcap" for name in names]
+            for names in (run.FITTED, run.HELD_OUT)
+        )
+        request = RefitRequest(paths=fitted, held_out=held_out, alternative_methods=("paper",))
+        refit.write_model(refit.refit(request), tmp_path / "model.json")
+        assert (tmp_path / "model.json").read_bytes() == (flown / "model.json").read_bytes()
 
     def test_the_redesigned_gains_hold_heading_and_depth_better(
         self, summary: CampaignSummary
@@ -259,16 +270,66 @@ def test_campaign_prior_is_the_vehicles_own_file(
     error about bench.
     """
     handed = []
-    monkeypatch.setattr(refit, "refit", lambda request: handed.append(request.prior))
+    monkeypatch.setattr(refit, "read_log", lambda path: None)
+    monkeypatch.setattr(refit, "refit_logs", lambda request, *logs: handed.append(request.prior))
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
     monkeypatch.setattr(refit, "redesign", lambda model, prior: handed.append(prior))
     run.prepare_folder(CampaignRequest(tmp_path, vehicle=vehicle))
-    folder = CampaignFolder(tmp_path)
-    folder.__dict__["model"] = None
-    run._identify(folder)
+    run._folder(tmp_path).__dict__["model"] = None
+    run._identify(tmp_path)
     with pytest.raises(AttributeError):
-        run._design(folder)
+        run._design(tmp_path)
     assert handed == [prior, prior]
+
+
+def test_campaign_reads_each_log_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read, fitted = [], []
+    monkeypatch.setattr(refit, "read_log", lambda path: read.append(path.stem) or path.stem)
+    monkeypatch.setattr(refit, "refit_logs", lambda request, *logs: fitted.extend(logs))
+    monkeypatch.setattr(refit, "write_model", lambda *asked: None)
+    run.prepare_folder(CampaignRequest(tmp_path))
+    for mission in run.IDENTIFICATION:
+        run._read_log(tmp_path, "identification", mission)
+    run._identify(tmp_path)
+    assert read == list(run.IDENTIFICATION)
+    assert fitted == [list(run.FITTED), list(run.HELD_OUT)]
+
+
+def test_campaign_unreadable_log_is_reported_by_the_refit(tmp_path: Path) -> None:
+    run.prepare_folder(CampaignRequest(tmp_path))
+    run._read_log(tmp_path, "identification", run.FITTED[0])
+    with pytest.raises(InputError, match=r"rudder_steps\.mcap: No such file"):
+        run._identify(tmp_path)
+
+
+def test_campaign_free_slot_flies_a_mission_during_the_last_test(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, at_refit = list[str](), list[str]()
+    baseline_begun, refit_begun = Event(), Event()
+
+    def fly(self: Campaign, stage: str, mission: str, parameters: object) -> None:
+        begun.append(f"{stage}/{mission}")
+        if mission == run.IDENTIFICATION[-1]:
+            assert baseline_begun.wait(30.0)
+        if stage == "baseline":
+            baseline_begun.set()
+            assert refit_begun.wait(30.0)
+
+    def redesign(self: Campaign, worker: object) -> None:
+        at_refit.extend(begun)
+        refit_begun.set()
+        raise OperationError("no model")
+
+    monkeypatch.setattr(Campaign, "_measure_trims", lambda *asked: {})
+    monkeypatch.setattr(Campaign, "_fly", fly)
+    monkeypatch.setattr(Campaign, "_redesign", redesign)
+    request = CampaignRequest(tmp_path / "out", jobs=2)
+    with pytest.raises(OperationError, match="no model"):
+        Campaign(request, lambda name, at: None, lambda words: None).run()
+    # One slot flies the first mission from the last test on, the other one refits.
+    assert at_refit[:6] == [f"identification/{mission}" for mission in run.IDENTIFICATION]
+    assert at_refit[6:] == [f"baseline/{run.MISSIONS[0]}"]
 
 
 def test_campaign_redesign_keeps_other_parameters() -> None:

@@ -43,3 +43,9 @@ def test_worker_stop_during_call() -> None:
         worker.stop()
         with pytest.raises(OperationError):
             asked.result(timeout=60.0)
+
+
+def test_worker_calls_of_threads_take_turns(worker: Worker) -> None:
+    with ThreadPoolExecutor(4) as pool:
+        results = list(pool.map(lambda number: worker.call(math.sqrt, number), range(40)))
+    assert results == [math.sqrt(number) for number in range(40)]
