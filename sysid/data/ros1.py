@@ -78,10 +78,36 @@ def decode(payloads: Sequence[bytes], record: np.dtype[Any]) -> NDArray[Any]:
     ValueError
         The length of a payload differs from that of the schema.
     """
-    if set(map(len, payloads)) - {record.itemsize}:
-        wrong_lengths = [len(p) for p in payloads if len(p) != record.itemsize]
+    lengths = np.fromiter(map(len, payloads), np.int64, len(payloads))
+    return decode_joined(b"".join(payloads), lengths, record)
+
+
+def decode_joined(data: bytes, lengths: NDArray[np.int64], record: np.dtype[Any]) -> NDArray[Any]:
+    """Decode all messages of one channel that follow one another.
+
+    Parameters
+    ----------
+    data : bytes
+        Messages of the channel, one after the other.
+    lengths : ndarray, shape (messages,)
+        Length of each message in bytes.
+    record : numpy.dtype
+        Record type from ``record_type``.
+
+    Returns
+    -------
+    ndarray, shape (messages,)
+        Record array.
+
+    Raises
+    ------
+    ValueError
+        The length of a message differs from that of the schema.
+    """
+    wrong_lengths = lengths[lengths != record.itemsize]
+    if wrong_lengths.size:
         raise ValueError(
-            f"{len(wrong_lengths)} messages are {wrong_lengths[0]} bytes long; the schema has"
+            f"{wrong_lengths.size} messages are {wrong_lengths[0]} bytes long; the schema has"
             f" {record.itemsize}"
         )
-    return np.frombuffer(b"".join(payloads), dtype=record)
+    return np.frombuffer(data, dtype=record)

@@ -2,6 +2,7 @@
 
 import json
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -86,8 +87,7 @@ class _Streams:
 
     def __init__(self) -> None:
         self.channels: dict[str, McapChannel] = {}
-        self.payloads: dict[str, list[bytes]] = defaultdict(list)
-        self.stamps: dict[str, list[int]] = defaultdict(list)
+        self.batches: dict[str, list[McapBatch]] = defaultdict(list)
         self.parameters: bytes | None = None
         self._topics: dict[int, str] = {}
 
@@ -95,9 +95,7 @@ class _Streams:
         """Store one record of the file."""
         match item:
             case McapBatch():
-                topic = self._topics[item.channel]
-                self.payloads[topic] += item.data
-                self.stamps[topic] += item.times_ns
+                self.batches[self._topics[item.channel]].append(item)
             case McapChannel():
                 self.channels[item.topic] = item
                 self._topics[item.number] = item.topic
@@ -110,23 +108,26 @@ def _decoded(streams: _Streams, path: Path) -> Messages:
     topics = {name: topic for topic, name in _vehicle_topics(streams.channels, path).items()}
     records, stamps = {}, {}
     for name, topic in topics.items():
-        if topic in streams.payloads:
-            records[name] = _records(streams.channels[topic], streams.payloads[topic], path)
-            stamps[name] = streams.stamps[topic]
+        if topic in streams.batches:
+            batches = streams.batches[topic]
+            records[name] = _records(streams.channels[topic], batches, path)
+            stamps[name] = np.concatenate([batch.times_ns for batch in batches])
     start_ns = _start_ns(records, stamps, path)
 
     def seconds(name: str) -> Array:
-        return np.array([stamp - start_ns for stamp in stamps[name]], np.float64) * 1e-9
+        return (stamps[name] - start_ns).astype(np.float64) * 1e-9
 
     return {name: (seconds(name), records[name]) for name in records}
 
 
-def _records(channel: McapChannel, payloads: list[bytes], path: Path) -> NDArray[Any]:
+def _records(channel: McapChannel, batches: Sequence[McapBatch], path: Path) -> NDArray[Any]:
     """Decode the messages of a channel with its schema."""
     if channel.schema is None:
         raise LogError(f"{path}: {channel.topic} has no schema; it must be a ros1msg definition")
     try:
-        return ros1.decode(payloads, ros1.record_type(channel.schema.data.decode()))
+        record = ros1.record_type(channel.schema.data.decode())
+        lengths = np.concatenate([batch.lengths for batch in batches])
+        return ros1.decode_joined(b"".join(batch.data for batch in batches), lengths, record)
     except (ValueError, OverflowError) as error:
         raise LogError(f"{path}: {channel.topic}: {error}") from None
 
@@ -148,7 +149,9 @@ def _vehicle_topics(channels: dict[str, McapChannel], path: Path) -> dict[str, s
     }
 
 
-def _start_ns(records: dict[str, NDArray[Any]], stamps: dict[str, list[int]], path: Path) -> int:
+def _start_ns(
+    records: dict[str, NDArray[Any]], stamps: dict[str, NDArray[np.int64]], path: Path
+) -> int:
     """Return the UNIX time of vehicle time zero, ns: log time minus the time in the message."""
     if "ATTITUDE" not in records:
         return 0

@@ -4,6 +4,7 @@ import io
 import struct
 from collections.abc import Iterable
 
+import numpy as np
 import pytest
 from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader
@@ -228,7 +229,9 @@ def test_batches_hold_the_messages_of_each_channel_in_order(hurt: bool) -> None:
     for item in batched.items():
         assert not isinstance(item, McapMessage)
         if isinstance(item, McapBatch):
-            rows = zip(item.times_ns, item.data, strict=True)
+            ends = np.cumsum(item.lengths)
+            payloads = [item.data[e - n : e] for e, n in zip(ends, item.lengths, strict=True)]
+            rows = zip(item.times_ns, payloads, strict=True)
             found.setdefault(item.channel, []).extend(rows)
     assert found == expected
     assert batched.damage == reader.damage
