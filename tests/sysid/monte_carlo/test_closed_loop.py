@@ -1,6 +1,9 @@
 """The compiled closed loop: the same dives as tick by tick, and steps that are short enough."""
 
 import math
+import os
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -41,6 +44,7 @@ def numbered(*items: MissionItem) -> tuple[MissionItem, ...]:
     return tuple(item._replace(sequence=n) for n, item in enumerate(items))
 
 
+SHORT = mission(3.0, 20.0, 10.0)
 STEPS = leg(depth_m=4.0, heading_deg=30.0, duration_s=30.0)
 MISSIONS = {
     "legs": mission(4.0, 30.0, 60.0),
@@ -90,6 +94,39 @@ def test_few_ticks_are_full_ones(
     dive = fly(known, MISSIONS[name], {})
     assert dive.finished
     assert len(full_ticks) < 0.03 * dive.seconds / 0.02
+
+
+PLAIN = """
+import math
+import sys
+
+import numpy as np
+
+from sitl.vehicle import config
+from sysid.test_design import prior
+from tests.sysid.monte_carlo import test_closed_loop as this
+
+known = prior.with_trim(prior.from_file(config.load("caribou_nominal")), 0.1, 0.01)
+dive = this.fly(known, this.SHORT, this.SHAPED)
+sys.stdout.buffer.write(dive.true_depth_m.tobytes() + dive.log.attitude.yaw_rad.tobytes())
+"""
+
+
+@pytest.mark.slow
+def test_dive_without_numba_is_the_same() -> None:
+    # The vehicle's computer runs the same file as plain Python. Machine code and Python round every
+    # operation in the same way, and call the same library for sines and roots.
+    flown = [
+        subprocess.run(
+            [sys.executable, "-c", PLAIN],
+            env={**os.environ, "NUMBA_DISABLE_JIT": disabled},
+            check=True,
+            capture_output=True,
+        ).stdout
+        for disabled in ("0", "1")
+    ]
+    assert len(flown[0]) > 1000
+    assert flown[0] == flown[1]
 
 
 def travelled(known: DesignPrior, steps: int, refine: int = 1, seconds: float = 60.0) -> np.ndarray:
