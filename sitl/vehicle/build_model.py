@@ -93,25 +93,44 @@ def _inertia(config: VehicleConfig) -> Inertia:
 
     Roll inertia is that of the homogeneous hull; added roll inertia is that of the fins alone.
     """
+    m, linear, ballast = config.ballast.mass_kg, config.linear, config.ballast
+    shape = geometry.integrals(config.hull)
+    length, rho = geometry.length_m(config.hull), config.water.density_kgpm3
+    return _mass_matrices(
+        m,
+        (ballast.x_cm_m, ballast.y_cm_m, linear.z_CM_m),
+        (m * shape.roll_inertia_m5 / shape.volume_m3, linear.I_yy_kgm2, linear.I_zz_kgm2),
+        (
+            -empirical.axial_added_mass_kg(length, config.hull.diameter_m, rho),
+            linear.Y_vdot_kg,
+            linear.Z_wdot_kg,
+            -_roll_added_kgm2(config),
+            linear.M_qdot_kgm2,
+            linear.N_rdot_kgm2,
+        ),
+    )
+
+
+@lru_cache(maxsize=64)
+def _mass_matrices(
+    m: float,
+    r_CM: tuple[float, float, float],
+    inertias: tuple[float, float, float],
+    added: tuple[float, float, float, float, float, float],
+) -> Inertia:
+    """Return the mass matrices, cached: identification builds many vehicles of the same inertia.
+
+    Mass (kg), centre of mass (m), diagonal of I_o (kg m2), X_udot to N_rdot (kg and kg m2).
+    """
     # Fossen 2021, ch. 3, with r = r_CM = (x, y, z):  M_RB = [[m I, -m S(r)], [m S(r), I_o]],
     # S(r) a = r x a; I_o (diagonal) are the moments of inertia about the origin.
     # M_A = -diag(X_udot, Y_vdot, Z_wdot, K_pdot, M_qdot, N_rdot).
-    m, linear, ballast = config.ballast.mass_kg, config.linear, config.ballast
-    x, y, z = ballast.x_cm_m, ballast.y_cm_m, linear.z_CM_m
-    shape = geometry.integrals(config.hull)
-    I_xx = m * shape.roll_inertia_m5 / shape.volume_m3
-    M_RB = np.diag([m, m, m, I_xx, linear.I_yy_kgm2, linear.I_zz_kgm2])
+    x, y, z = r_CM
+    M_RB = np.diag([m, m, m, *inertias])
     offset = m * np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
     M_RB[:3, 3:] = offset
     M_RB[3:, :3] = offset.T
-    length, rho = geometry.length_m(config.hull), config.water.density_kgpm3
-    X_udot, K_pdot = (
-        -empirical.axial_added_mass_kg(length, config.hull.diameter_m, rho),
-        -_roll_added_kgm2(config),
-    )
-    M_A = -np.diag(
-        [X_udot, linear.Y_vdot_kg, linear.Z_wdot_kg, K_pdot, linear.M_qdot_kgm2, linear.N_rdot_kgm2]
-    )
+    M_A = -np.diag(added)
     smallest = float(np.linalg.eigvalsh(M_RB).min())
     if smallest <= 0:
         raise VehicleFileError(

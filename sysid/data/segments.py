@@ -6,10 +6,12 @@ events the user gives the time ranges (``MarkedInterval``).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from sysid.data.dataset import Log, LogError
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
@@ -23,6 +25,8 @@ PREROLL_S = 15.0
 """Duration of the pre-roll, which gives the commands, actuator bias and initial state of a test."""
 STEADY_S = 5.0
 """Last part of the pre-roll, which must be steady."""
+SMOOTHING = 101
+"""Samples (2 s) over which slow motion is smoothed; a closed loop changes it slowly."""
 
 PLANE_OF_AXIS = {TestAxis(traits.sid_axis): plane for plane, traits in PLANES.items()}
 """Plane by axis."""
@@ -39,6 +43,15 @@ class PlaneSignals(NamedTuple):
     angle_rad: Array
     """Heading, unwrapped, or pitch."""
     rate_radps: Array
+
+
+class SlowMotion(NamedTuple):
+    """Smoothed motion on the grid of a run: linear fits over a moving window."""
+
+    pitch_rad: Array
+    q_radps: Array
+    roll_rad: Array
+    depth_rate_mps: Array
 
 
 @dataclass(frozen=True)
@@ -130,6 +143,20 @@ class Run:
     def angle_rad(self) -> Array:
         """Return the angle in the plane under test."""
         return self.in_plane(self.plane).angle_rad
+
+    @cached_property
+    def slow_motion(self) -> "SlowMotion":
+        """Return the motion smoothed over SMOOTHING samples."""
+        window = min(SMOOTHING, (self.time_s.size - 1) // 2 * 2 + 1)
+        pitch, q, roll = (
+            savgol_filter(x, window, 1) for x in (self.pitch_rad, self.q_radps, self.roll_rad)
+        )
+        return SlowMotion(
+            pitch_rad=pitch,
+            q_radps=q,
+            roll_rad=roll,
+            depth_rate_mps=savgol_filter(self.depth_m, window, 1, deriv=1, delta=1.0 / RATE_HZ),
+        )
 
     @property
     def preroll(self) -> NDArray[np.bool_]:

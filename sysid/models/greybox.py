@@ -22,7 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from mavlink_io.jit import kernel
 from sitl.core import tailcone
@@ -43,9 +42,6 @@ N_COUPLING = 6
 
 They are the other plane's cross speed, rate and pitch, roll rate, roll, and the angle of the other
 surface, in the paper's axes."""
-SMOOTHING = 101
-"""Samples (2 s) over which the other plane's motion is smoothed; a closed loop changes it slowly.
-"""
 SETTLING_S = 0.5
 """Duration at the start of a run over which measured initial values are averaged."""
 
@@ -116,7 +112,7 @@ def duct_along(run: Run, surface: Plane, actuator: Actuator) -> Array:
 
 
 @kernel
-def _slopes(
+def plane_slopes(
     x: Array,
     duct_rad: float,
     coupling: Array,
@@ -201,7 +197,7 @@ def integrate(
                 for i in range(N_COUPLING):
                     inputs[i] = 0.5 * (coupling[early, i] + coupling[late, i])
             runge_kutta.stage_state(stage, track[row - 1], slopes, h, stage_state)
-            _slopes(
+            plane_slopes(
                 stage_state,
                 0.5 * (duct[early] + duct[late]),
                 inputs,
@@ -213,26 +209,6 @@ def integrate(
             )
         runge_kutta.combine(track[row - 1], slopes, h, track[row])
     return track
-
-
-@kernel
-def slopes_along(
-    track: Array,
-    duct: Array,
-    rps: Array,
-    is_yaw: bool,
-    inverse: Array,
-    model: VehicleModel,
-    coupling: Array,
-) -> Array:
-    """Return the state derivatives at every row of ``track``.
-
-    ``duct`` (rad), ``rps`` (rev/s) and ``coupling`` have the same number of rows.
-    """
-    out = np.empty_like(track)
-    for row in range(len(track)):
-        _slopes(track[row], duct[row], coupling[row], rps[row], is_yaw, inverse, model, out[row])
-    return out
 
 
 def constraint(model: VehicleModel, plane: Plane) -> Array:
@@ -254,7 +230,7 @@ def accelerations(
     ``inverse`` is from ``constraint``, for a caller that needs many states of one model.
     """
     out = np.empty(5)
-    _slopes(
+    plane_slopes(
         state,
         duct_rad,
         np.zeros(N_COUPLING),
@@ -301,13 +277,10 @@ def heave_coupling(run: Run, speed_mps: float) -> Array | None:
     # Heave from pitch and depth (FRD): depth' = w cos(theta) - U sin(theta).
     if not PLANES[run.plane].is_yaw:
         return None
-    window = min(SMOOTHING, (run.time_s.size - 1) // 2 * 2 + 1)
-    pitch, q, roll = (
-        savgol_filter(x, window, 1) for x in (run.pitch_rad, run.q_radps, run.roll_rad)
-    )
-    sinking = savgol_filter(run.depth_m, window, 1, deriv=1, delta=1.0 / RATE_HZ)
-    heave = (sinking + speed_mps * np.sin(pitch)) / np.cos(pitch)
-    return np.column_stack([-heave, -q, -pitch, 0.0 * q, roll, 0.0 * q])
+    slow = run.slow_motion
+    theta, q = slow.pitch_rad, slow.q_radps
+    heave = (slow.depth_rate_mps + speed_mps * np.sin(theta)) / np.cos(theta)
+    return np.column_stack([-heave, -q, -theta, 0.0 * q, slow.roll_rad, 0.0 * q])
 
 
 def simulate(

@@ -12,6 +12,7 @@ Coefficients are those of Table 1 in the paper's axes (x forward, y port, z up).
 import contextlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 from typing import Literal, NamedTuple, TypeVar
 
 import msgspec
@@ -140,11 +141,6 @@ def prior_covariance() -> Array:
     return covariance
 
 
-def ratio(parameter: ModelParameter, z: float) -> float:
-    """Return exp(prior_sd z), the ratio of a parameter to its prior value."""
-    return math.exp(parameter.prior_sd * z)
-
-
 class CandidateVehicle(NamedTuple):
     """A vehicle at some z: everything that the simulation of a run needs."""
 
@@ -180,8 +176,40 @@ def candidate_vehicle(
     VehicleFileError
         The coefficients are physically impossible.
     """
+    config = _changed_config(prior, z)
+    return CandidateVehicle(config, build_model.build(config), actuators(prior, biases_rad, z))
+
+
+def with_body_at(candidate: CandidateVehicle, prior: VehicleConfig, z: Array) -> CandidateVehicle:
+    """Return a candidate with the body at z and its own actuators.
+
+    Parameters
+    ----------
+    candidate : CandidateVehicle
+        Vehicle whose actuators are kept.
+    prior : VehicleConfig
+        The prior vehicle.
+    z : ndarray, shape (n,)
+        Distance from the prior mean in prior standard deviations, in the order of ``NAMES``.
+
+    Returns
+    -------
+    CandidateVehicle
+        Vehicle file, numeric model and actuators.
+
+    Raises
+    ------
+    VehicleFileError
+        The coefficients are physically impossible.
+    """
+    config = _changed_config(prior, z)
+    return CandidateVehicle(config, build_model.build(config), candidate.actuators)
+
+
+def _changed_config(prior: VehicleConfig, z: Array) -> VehicleConfig:
+    """Return the vehicle file with the coefficients of the body at z."""
     ratios, offsets = _ratios_and_offsets(z)
-    config = msgspec.structs.replace(
+    return msgspec.structs.replace(
         prior,
         linear=_coefficients(prior, ratios),
         damping=msgspec.structs.replace(
@@ -196,7 +224,6 @@ def candidate_vehicle(
         duct=prior.duct and _wing(prior.duct, ratios, offsets),
         fins=prior.fins and _wing(prior.fins, ratios, offsets),
     )
-    return CandidateVehicle(config, build_model.build(config), actuators(prior, biases_rad, z))
 
 
 class SampledVehicle(NamedTuple):
@@ -269,12 +296,19 @@ def backlash_deg(prior: VehicleConfig) -> float:
     return prior.tailcone.backlash_deg or ASSUMED_BACKLASH_DEG
 
 
+_RATIOS, _OFFSETS = (
+    tuple((i, p.name, p.prior_sd) for i, p in enumerate(PARAMETERS) if p.kind == kind)
+    for kind in ("ratio", "offset")
+)
+"""Index, name and prior standard deviation of the parameters of each kind."""
+
+
 def _ratios_and_offsets(z: Array) -> tuple[dict[str, float], dict[str, float]]:
     """Return (ratios, offsets in SI units) by name."""
-    values = dict(zip(NAMES, z.tolist(), strict=True))
+    values = z.tolist()
     return (
-        {p.name: ratio(p, values[p.name]) for p in PARAMETERS if p.kind == "ratio"},
-        {p.name: p.prior_sd * values[p.name] for p in PARAMETERS if p.kind == "offset"},
+        {name: math.exp(sd * values[i]) for i, name, sd in _RATIOS},
+        {name: sd * values[i] for i, name, sd in _OFFSETS},
     )
 
 
@@ -295,17 +329,18 @@ def _wing(wing: Wing, ratios: dict[str, float], offsets: dict[str, float]) -> Wi
 def _coefficients(prior: VehicleConfig, ratios: dict[str, float]) -> msgspec.Struct:
     """Return the linear coefficients times their ratios; see ``INERTIAS`` for inertias."""
     linear = prior.linear
-    changed: dict[str, float] = {}
+    column, changed = to_table_1_column(linear), dict[str, float]()
     for field in linear.__struct_fields__:
         name, value = symbol(field), getattr(linear, field)
         if name in INERTIAS:
-            added = getattr(to_table_1_column(linear), INERTIAS[name])
+            added = getattr(column, INERTIAS[name])
             changed[field] = (value - added) * ratios[name] + added
         elif name in ratios:
             changed[field] = value * ratios[name]
     return msgspec.structs.replace(linear, **changed)
 
 
+@cache
 def symbol(field: str) -> str:
     """Return the symbol of a key of the vehicle file: ``Y_v_kgps`` is ``Y_v``."""
     return field.rpartition("_")[0]

@@ -63,10 +63,11 @@ def descend(problem: MapProblem, start: Array, tolerance: float) -> SearchEnd:
             break
         steps += 1
         candidate = z + step
-        if problems.cost(problem, candidate) < current.cost:
+        evaluation = problems.evaluate(problem, candidate)
+        if evaluation and evaluation.cost < current.cost:
             z, current, damping = (
                 candidate,
-                problems.score(problem, candidate),
+                problems.score(problem, candidate, evaluation),
                 damping * DAMPING_DECREASE,
             )
         else:

@@ -74,6 +74,16 @@ class Score(NamedTuple):
     """(p, p), Gauss-Newton information of the data about z, without the prior."""
 
 
+class Evaluation(NamedTuple):
+    """A candidate, its simulated runs and its cost."""
+
+    candidate: CandidateVehicle
+    trajectories: Mapping[Plane, Sequence[Trajectory]]
+    whitened: Mapping[Plane, Sequence[Array]]
+    """Whitened residuals (samples, outputs) of each run."""
+    cost: float
+
+
 def vehicle(prior: Prior, z: Array) -> CandidateVehicle:
     """Return the candidate vehicle at z."""
     return parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
@@ -99,48 +109,106 @@ def filters(
 
 def cost(problem: MapProblem, z: Array) -> float:
     """Cost at z; infinite if no such vehicle is possible."""
+    evaluation = evaluate(problem, z)
+    return evaluation.cost if evaluation else math.inf
+
+
+def evaluate(problem: MapProblem, z: Array) -> Evaluation | None:
+    """Simulate the runs at z.
+
+    Parameters
+    ----------
+    problem : MapProblem
+        Data, noise filters and prior.
+    z : ndarray, shape (p,)
+        Parameters in prior standard deviations.
+
+    Returns
+    -------
+    Evaluation or None
+        Candidate with its cost; None if no such vehicle is possible.
+    """
     try:
         candidate = vehicle(problem.prior, z)
     except VehicleFileError:
-        return math.inf
+        return None
+    return _simulate_all(problem, candidate, z)
+
+
+def _simulate_all(problem: MapProblem, candidate: CandidateVehicle, z: Array) -> Evaluation:
+    """Simulate all runs with the candidate at z."""
     speeds_mps = _cruise_speeds_mps(problem, candidate)
-    residual_sum = sum(
-        float(np.sum(whitened**2))
-        for plane in problem.datasets
-        for whitened in _whiten(problem, plane, _simulate(problem, candidate, plane, speeds_mps))
-    )
+    trajectories = {
+        plane: _simulate(problem, candidate, plane, speeds_mps) for plane in problem.datasets
+    }
+    whitened = {plane: _whiten(problem, plane, runs) for plane, runs in trajectories.items()}
+    residual_sum = sum(float(np.sum(white**2)) for group in whitened.values() for white in group)
     departure = z - problem.prior.mean
-    return 0.5 * (
-        residual_sum + float(departure @ np.linalg.solve(problem.prior.covariance, departure))
+    total = residual_sum + float(departure @ np.linalg.solve(problem.prior.covariance, departure))
+    return Evaluation(
+        candidate=candidate, trajectories=trajectories, whitened=whitened, cost=0.5 * total
     )
 
 
-def score(problem: MapProblem, z: Array) -> Score:
-    """Cost at z, its gradient, and the Gauss-Newton information of the data."""
+def score(problem: MapProblem, z: Array, evaluation: Evaluation | None = None) -> Score:
+    """Cost at z, its gradient, and the Gauss-Newton information of the data.
+
+    Parameters
+    ----------
+    problem : MapProblem
+        Data, noise filters and prior.
+    z : ndarray, shape (p,)
+        Parameters in prior standard deviations; such a vehicle must be possible.
+    evaluation : Evaluation, optional
+        Result of `evaluate` at z, if it is already known.
+
+    Returns
+    -------
+    Score
+        Cost and derivatives.
+    """
     prior = problem.prior
     departure = z - prior.mean
     pull = np.asarray(np.linalg.solve(prior.covariance, departure), np.float64)
     slope: Array = pull
     total, information = float(departure @ pull), np.zeros((z.size, z.size))
-    for white, jacobian in linearise(problem, z):
+    for white, jacobian in linearise(problem, z, evaluation):
         total += float(np.sum(white**2))
         slope = slope + jacobian.T @ white.ravel()
         information += jacobian.T @ jacobian
     return Score(0.5 * total, slope, information)
 
 
-def linearise(problem: MapProblem, z: Array) -> Iterator[tuple[Array, Array]]:
-    """Yield the whitened residuals (samples, outputs) of each run and their derivatives by z."""
-    candidate = vehicle(problem.prior, z)
+def linearise(
+    problem: MapProblem, z: Array, evaluation: Evaluation | None = None
+) -> Iterator[tuple[Array, Array]]:
+    """Yield the whitened residuals (samples, outputs) of each run and their derivatives by z.
+
+    Parameters
+    ----------
+    problem : MapProblem
+        Data, noise filters and prior.
+    z : ndarray, shape (p,)
+        Parameters in prior standard deviations.
+    evaluation : Evaluation, optional
+        Result of `evaluate` at z, if it is already known.
+
+    Yields
+    ------
+    tuple of ndarray
+        Whitened residuals (samples, outputs) and their derivatives (samples x outputs, p).
+
+    Raises
+    ------
+    VehicleFileError
+        No such vehicle is possible.
+    """
+    evaluation = evaluation or _simulate_all(problem, vehicle(problem.prior, z), z)
+    candidate = evaluation.candidate
     perturbations = _perturbations(problem, candidate, z)
-    speeds_mps = _cruise_speeds_mps(problem, candidate)
-    for plane in problem.datasets:
-        trajectories = _simulate(problem, candidate, plane, speeds_mps)
-        whitened, jacobians = (
-            _whiten(problem, plane, trajectories),
-            _jacobians(problem, plane, candidate, trajectories, perturbations),
-        )
-        yield from zip(whitened, jacobians, strict=True)
+    for plane, trajectories in evaluation.trajectories.items():
+        jacobians = _jacobians(problem, plane, candidate, trajectories, perturbations)
+        yield from zip(evaluation.whitened[plane], jacobians, strict=True)
 
 
 def _cruise_speeds_mps(problem: MapProblem, candidate: CandidateVehicle) -> dict[float, float]:
@@ -216,7 +284,7 @@ def _perturbations(
     for i in parameters.parameters_of_planes(list(problem.datasets)):
         perturbed_z, part = z + DIFFERENCE * (np.arange(z.size) == i), PARAMETERS[i].part
         if part == "body":
-            perturbed = vehicle(prior, perturbed_z)
+            perturbed = parameters.with_body_at(candidate, prior.config, perturbed_z)
         else:
             perturbed = candidate._replace(
                 actuators=parameters.actuators(prior.config, prior.biases_rad, perturbed_z)

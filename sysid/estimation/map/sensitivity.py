@@ -18,7 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink_io.jit import kernel
+from sitl.core import tailcone
+from sitl.core.tailcone import TailconeAxis
 from sitl.vehicle import propeller, runge_kutta
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.map.datasets import Dataset
@@ -144,25 +147,25 @@ def sensitivities(
             [trajectory.cross_plane_inputs for trajectory in trajectories]
         ),
     )
-    base = dynamics.evaluate(vehicle)
+    base, df_du = np.empty((len(tracks), STATES)), np.empty((len(tracks), STATES))
     df_dx = np.zeros((len(tracks), STATES, STATES))
-    for i in np.flatnonzero(FD_STEP):
-        df_dx[:, :, i] = (
-            dynamics.evaluate(vehicle, track=tracks + FD_STEP * (np.arange(STATES) == i)) - base
-        ) / FD_STEP[i]
-    df_du = (
-        dynamics.evaluate(vehicle, duct_rad=ducts + FD_DUCT_STEP_RAD) - base
-    ) / FD_DUCT_STEP_RAD
+    _input_slopes(*dynamics.arguments(vehicle), base, df_dx, df_du)
     df_dtheta = np.zeros((len(tracks), STATES, columns))
     for perturbation in perturbations:
         if perturbation.part == "body":
-            df_dtheta[:, :, perturbation.column] = (
-                dynamics.evaluate(perturbation.vehicle) - base
-            ) / step
+            arguments = dynamics.arguments(perturbation.vehicle)
+            _parameter_slope(*arguments, base, step, perturbation.column, df_dtheta)
+    axes = {
+        perturbation.column: greybox.discretise(
+            perturbation.vehicle.actuators[plane], 1.0 / RATE_HZ
+        )
+        for perturbation in perturbations
+        if perturbation.part == "tailcone"
+    }
     derivatives, row = [], 0
     for data, trajectory in zip(datasets, trajectories, strict=True):
         rows = slice(row, row + len(trajectory.track))
-        du_dtheta, dx0_dtheta = _inputs(data, trajectory, perturbations, step, columns)
+        du_dtheta, dx0_dtheta = _inputs(data, trajectory, perturbations, axes, step, columns)
         derivatives.append(
             _propagate(
                 df_dx[rows],
@@ -187,16 +190,13 @@ class _SlopeInputs(NamedTuple):
     plane: Plane
     cross_plane_inputs: Array
 
-    def evaluate(
-        self, vehicle: CandidateVehicle, track: Array | None = None, duct_rad: Array | None = None
-    ) -> Array:
-        """Return the derivatives of the states (rows, 5).
-
-        Track or duct angle may be replaced by perturbed ones.
-        """
-        return greybox.slopes_along(
-            self.track if track is None else track,
-            self.duct_rad if duct_rad is None else duct_rad,
+    def arguments(
+        self, vehicle: CandidateVehicle
+    ) -> tuple[Array, Array, Array, bool, Array, VehicleModel, Array]:
+        """Return the first arguments of `_input_slopes` and `_parameter_slope`."""
+        return (
+            self.track,
+            self.duct_rad,
             self.thrust * propeller.rps(1.0, vehicle.model),
             PLANES[self.plane].is_yaw,
             greybox.constraint(vehicle.model, self.plane),
@@ -205,29 +205,110 @@ class _SlopeInputs(NamedTuple):
         )
 
 
+@kernel
+def _input_slopes(
+    track: Array,
+    duct: Array,
+    rps: Array,
+    is_yaw: bool,
+    inverse: Array,
+    model: VehicleModel,
+    coupling: Array,
+    base: Array,
+    df_dx: Array,
+    df_du: Array,
+) -> None:
+    """Write the derivatives f of the states, and their slopes by the states and the duct angle.
+
+    base[row] = f(x, u), df_dx[row, :, i] = (f(x + d e_i, u) - f(x, u)) / d with d = FD_STEP[i]
+    where d > 0; df_du is the same for u.
+    """
+    x, out = np.empty(STATES), np.empty(STATES)
+    for row in range(len(track)):
+        for i in range(-1, STATES + 1):  # base; each state; duct angle
+            if 0 <= i < STATES and FD_STEP[i] == 0.0:
+                continue
+            for j in range(STATES):
+                x[j] = track[row, j] + (FD_STEP[i] if i == j else 0.0)
+            duct_rad = duct[row] + FD_DUCT_STEP_RAD if i == STATES else duct[row]
+            greybox.plane_slopes(x, duct_rad, coupling[row], rps[row], is_yaw, inverse, model, out)
+            for j in range(STATES):
+                if i < 0:
+                    base[row, j] = out[j]
+                elif i < STATES:
+                    df_dx[row, j, i] = (out[j] - base[row, j]) / FD_STEP[i]
+                else:
+                    df_du[row, j] = (out[j] - base[row, j]) / FD_DUCT_STEP_RAD
+
+
+@kernel
+def _parameter_slope(
+    track: Array,
+    duct: Array,
+    rps: Array,
+    is_yaw: bool,
+    inverse: Array,
+    model: VehicleModel,
+    coupling: Array,
+    base: Array,
+    step: float,
+    column: int,
+    df_dtheta: Array,
+) -> None:
+    """Write the slope of ``base`` by one parameter; the vehicle is one ``step`` away along it."""
+    out = np.empty(STATES)
+    for row in range(len(track)):
+        greybox.plane_slopes(
+            track[row], duct[row], coupling[row], rps[row], is_yaw, inverse, model, out
+        )
+        for j in range(STATES):
+            df_dtheta[row, j, column] = (out[j] - base[row, j]) / step
+
+
 def _inputs(
     data: Dataset,
     trajectory: Trajectory,
     perturbations: Sequence[Perturbation],
+    axes: Mapping[int, TailconeAxis],
     step: float,
     columns: int,
 ) -> tuple[Array, Array]:
-    """Return the slopes of duct angle (samples, columns) and initial state (5, columns)."""
-    du_dtheta, dx0_dtheta = (
-        np.zeros((trajectory.duct_rad.size, columns)),
-        np.zeros((STATES, columns)),
-    )
+    """Return the slopes of duct angle (samples, columns) and initial state (5, columns).
+
+    ``axes`` are the perturbed actuators by column.
+    """
     run = data.run
+    du_dtheta = np.zeros((trajectory.duct_rad.size, columns))
+    dx0_dtheta = np.zeros((STATES, columns))
+    history_rad = run.history_rad(run.plane)
+    for column, axis in axes.items():
+        _duct_slope(axis, history_rad, trajectory.duct_rad, step, column, du_dtheta)
     for perturbation in perturbations:
-        if perturbation.part == "tailcone":
-            duct = greybox.duct_along(run, run.plane, perturbation.vehicle.actuators[run.plane])
-            du_dtheta[:, perturbation.column] = (duct - trajectory.duct_rad) / step
         if perturbation.speeds_mps:
             first = greybox.first_state(
                 run, data.start, perturbation.speeds_mps[float(run.thrust[0])]
             )
             dx0_dtheta[:, perturbation.column] = (first - trajectory.first) / step
     return du_dtheta, dx0_dtheta
+
+
+@kernel
+def _duct_slope(
+    axis: TailconeAxis,
+    commands_rad: Array,
+    duct_rad: Array,
+    step: float,
+    column: int,
+    du_dtheta: Array,
+) -> None:
+    """Write the slope of the duct angle by one parameter; ``axis`` is one ``step`` away along it.
+
+    The last commands belong to the samples of ``duct_rad``.
+    """
+    perturbed_rad = tailcone.respond(axis, commands_rad)
+    earlier = commands_rad.size - duct_rad.size
+    for k in range(duct_rad.size):
+        du_dtheta[k, column] = (perturbed_rad[earlier + k] - duct_rad[k]) / step
 
 
 @kernel
