@@ -150,6 +150,12 @@ def possible_speed(count: int, alone: Window, cores: int, wanted: float | None =
     return min(count * (wanted or alone.speed), cores / cpu_s_per_vehicle_s)
 
 
+def is_within_cores(count: int, alone: Window, cores: int, wanted: float | None = None) -> bool:
+    """Return whether several vehicles do not outnumber the cores, or at least do not fill them."""
+    wish = count * (wanted or alone.speed)
+    return count <= cores or possible_speed(count, alone, cores, wanted) == wish
+
+
 def measure_real_time(session: Session) -> list[Measurement]:
     """Measure `vehicles-real-time`."""
     return _measurements(session, "vehicles-real-time", "1")
@@ -178,6 +184,7 @@ def _measurements(session: Session, row: str, speed: str) -> list[Measurement]:
             ),
             case=f"{count} vehicle{'s' if count > 1 else ''}",
             details=_details(windows[count]),
+            is_judged=is_within_cores(count, windows[1][0], usable_cores(), wanted),
         )
         for count in COUNTS
     ]

@@ -35,6 +35,8 @@ class Measurement(NamedTuple):
     """Remark, or the reason why the figure was not measured."""
     details: Mapping[str, float] = {}
     """Parts of the value by name."""
+    is_judged: bool = True
+    """Whether the target of the row applies to this case."""
 
 
 class Machine(msgspec.Struct, frozen=True):
@@ -129,8 +131,8 @@ def to_figure(measured: Measurement, mode: Mode, conditions: Conditions) -> Figu
         if reference and reference.samples
         else None,
         ratio=rounded(ratio),
-        target=format_target(row, mode),
-        met=is_met(row, mode, judged),
+        target=format_target(row, mode) if measured.is_judged else "",
+        met=is_met(row, mode, judged) if measured.is_judged else None,
         note=measured.note,
         details={name: _significant(part) for name, part in measured.details.items()},
         conditions=conditions,

@@ -175,10 +175,9 @@ _STUDIES = (
         "`make benchmark-sysid`",
         "min",
         """Not run as a whole: two trials of each kind on each vehicle are run in one process. The
-        processor time of the second is multiplied by the number of trials, and what the first needs
-        more is added once per core, because each process computes some data once. Where the first
-        needs over 10 s there is no second, and the first is multiplied. The sum is divided by the
-        number of cores.""",
+        processor time of the second is multiplied by the number of trials; what the first needs
+        more is added once per core, because each process computes some data once. The sum is
+        divided by the number of cores. The measurement takes about ten minutes.""",
         limit=30.0,
         repetitions=1,
     ),
@@ -238,7 +237,8 @@ _PROCESSES = (
         "several simulated vehicles at once, as fast as possible: share of the possible speed",
         "%",
         """As `vehicles-real-time` with `--speed max`. Possible is the number of vehicles times the
-        speed of one alone, until the cores are full.""",
+        speed of one alone, until the cores are full. Where the vehicles outnumber the cores and can
+        fill them, the figure is only reported.""",
         limit=85.0,
         busy_limit=None,
         is_minimum=True,

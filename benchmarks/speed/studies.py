@@ -13,8 +13,6 @@ from benchmarks.study import Cell
 from sysid.trials import usable_cores
 
 FIRST_SEED = 1
-SLOW_S = 10.0
-"""Processor time of a first trial from which it counts for all, because a second takes too long."""
 
 
 def study_s(trials: Iterable[tuple[float, float, int]], cores: int) -> float:
@@ -40,7 +38,7 @@ def measure_sysid(session: Session) -> list[Measurement]:
     """Measure `study-sysid`."""
     names = [case.name for case in vehicles.cases()]
     kinds = [(cell, name) for cell in CELLS.values() for name in names]
-    return [_measurement(session, "study-sysid", kinds, 0.0)]
+    return [measure_kinds(session, "study-sysid", kinds, 0.0)]
 
 
 def measure_control(session: Session) -> list[Measurement]:
@@ -55,18 +53,17 @@ def measure_control(session: Session) -> list[Measurement]:
         for question in QUESTIONS.values()
         for case in question.cases
     ]
-    return [_measurement(session, "study-control", kinds, first_s)]
+    return [measure_kinds(session, "study-control", kinds, first_s)]
 
 
-def _measurement(
+def measure_kinds(
     session: Session, row: str, kinds: Sequence[tuple[Cell, str]], first_s: float
 ) -> Measurement:
     """Run two trials of each kind; return the time of the study (min) after `first_s` in one."""
     trials, details = [], dict[str, float]()
     for number, (cell, case) in enumerate(kinds, 1):
         first_trial_s = _trial_cpu_s(cell, case, FIRST_SEED)
-        is_slow = first_trial_s > SLOW_S
-        next_s = first_trial_s if is_slow else _trial_cpu_s(cell, case, FIRST_SEED + 1)
+        next_s = _trial_cpu_s(cell, case, FIRST_SEED + 1)
         trials.append((first_trial_s, next_s, cell.runs))
         name = f"{cell.name}: processor time, min"
         details[name] = details.get(name, 0.0) + next_s * cell.runs / 60.0

@@ -15,6 +15,8 @@ from benchmarks.speed.machine import ProcessEntry, ProcessorTimes
 from benchmarks.speed.measures import MEASURES
 from benchmarks.speed.results import Results
 from benchmarks.speed.rows import ROWS, Mode
+from benchmarks.speed.session import Session
+from benchmarks.study import Cell
 from mavlink_io.errors import InputError, OperationError
 
 
@@ -27,6 +29,26 @@ def test_study_time_is_that_of_all_trials_on_all_cores() -> None:
     # 10 trials of 1 s on two cores: 5 s; each core computes for 2 s what is needed once
     assert studies.study_s([(3.0, 1.0, 10)], cores=2) == 7.0
     assert studies.study_s([(0.9, 1.0, 10), (1.0, 1.0, 4)], cores=2) == 7.0
+
+
+def test_study_is_computed_from_two_trials_of_each_kind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seeds: list[tuple[str, int]] = []
+
+    def trial(case: str, seed: int) -> list[float]:
+        seeds.append((case, seed))
+        return [0.0]
+
+    cell = Cell("cell", "about", trial, lambda case, rows: [], runs=50)
+    measured = studies.measure_kinds(
+        Session(tmp_path), "study-sysid", [(cell, "a"), (cell, "b")], first_s=60.0
+    )
+    assert seeds == [("a", 1), ("a", 2), ("b", 1), ("b", 2)]
+    assert measured.samples == (pytest.approx(1.0, abs=0.01),)  # minutes before the trials
+    assert measured.note == "computed from two trials of each of 2 kinds; the study has 100"
+    assert list(measured.details) == ["cell: processor time, min"]
+    assert "2 of 2: cell, b: 0.00 s a trial, 50 trials" in capsys.readouterr().err
 
 
 def test_possible_speed_is_linear_until_cores_are_full() -> None:
@@ -89,6 +111,14 @@ def test_known_results_are_those_of_this_machine(tmp_path: Path) -> None:
     kept = Results(Mode.IDLE, machine.describe(), ())
     results.write(kept, path)
     assert known_results(path, Mode.IDLE, whole=False) == kept
+
+
+def test_vehicles_are_judged_until_they_fill_more_cores_than_there_are() -> None:
+    alone = Window(speed=100.0, cpu_s=1.25)
+    judged = [fleet.is_within_cores(count, alone, cores=2) for count in (1, 2, 4, 8)]
+    assert judged == [True, True, False, False]
+    slow = [fleet.is_within_cores(count, alone, cores=2, wanted=1.0) for count in (1, 2, 4, 8)]
+    assert slow == [True, True, True, True]
 
 
 @pytest.mark.process

@@ -67,6 +67,11 @@ def test_figure_without_target_has_no_verdict() -> None:
     assert (made.ratio, made.target, made.met) == (4.0, "", None)
 
 
+def test_case_that_is_not_judged_has_value_alone() -> None:
+    made = figure(Measurement("campaign", (99.0,), is_judged=False))
+    assert (made.value, made.target, made.met) == (99.0, "", None)
+
+
 def test_verdict_is_of_exact_number_not_of_rounded_one() -> None:
     limit = ROWS["campaign"].limit
     assert limit is not None
