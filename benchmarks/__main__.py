@@ -22,7 +22,7 @@ from benchmarks.speed.measures import MEASURES
 from benchmarks.speed.results import Measurement, Results
 from benchmarks.speed.rows import ROWS, Mode
 from benchmarks.speed.session import Measure, Session
-from mavlink_io.errors import CaribouError, InputError, OperationError, exit_with_error
+from mavlink_io.errors import CaribouError, InputError, exit_with_error
 
 PROGRAM = "python -m benchmarks"
 
@@ -52,12 +52,15 @@ def _arguments() -> argparse.Namespace:
         "--repetitions", type=_count, help="of every figure; default 1 to 9, depending on the row"
     )
     parser.add_argument(
-        "--json", type=Path, metavar="FILE", help="default benchmarks/results/idle.json, busy.json"
+        "--json", type=Path, metavar="FILE", help="default docs/performance/idle.json, busy.json"
     )
     parser.add_argument(
         "--peer", type=Path, metavar="FOLDER", help="checkout of PythonVehicleSimulator"
     )
-    return parser.parse_args()
+    asked = parser.parse_args()
+    if asked.peer and not (asked.peer / "src").is_dir():
+        parser.error(f"--peer {asked.peer}: has no folder src; give a checkout")
+    return asked
 
 
 def _rows(text: str) -> list[str]:
@@ -120,7 +123,7 @@ def _measure(session: Session, names: tuple[str, ...], measure: Measure, known: 
     watch = machine.Watch()
     try:
         measured = [each for each in measure(session) if each.row in names]
-    except OperationError as error:
+    except CaribouError as error:
         session.report(f"not measured: {error}")
         measured = [Measurement(name, (), note=f"not measured: {error}") for name in names]
     conditions = watch.conditions()

@@ -13,9 +13,10 @@ from benchmarks.speed.results import Figure, Results
 from benchmarks.speed.rows import ROWS, Mode, Row
 from mavlink_io.errors import CaribouError, exit_with_error
 
-RESULTS = Path(__file__).parent / "results"
-"""Folder of the committed figures."""
 PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
+RESULTS = PAGE.with_suffix("")
+"""Folder of the committed figures. It is in no package: files of packages decide whether a study
+continues (`sysid.trials`)."""
 WIDTH = 125
 """Columns of a line of text."""
 OTHERS_SHARE = 0.1
@@ -23,8 +24,8 @@ OTHERS_SHARE = 0.1
 INTRODUCTION = """\
 # Performance
 
-<!-- Written by `python -m benchmarks.page` from benchmarks/results/*.json; edit benchmarks/page.py
-or benchmarks/speed/rows.py instead. -->
+<!-- Written by `python -m benchmarks.page` from docs/performance/*.json; edit benchmarks/page.py or
+benchmarks/speed/rows.py instead. -->
 
 How fast is each part, and how far is it from what is possible?
 
@@ -91,6 +92,10 @@ def _not_measured(mode: Mode) -> list[str]:
 
 
 _HEADINGS = {Mode.IDLE: "Idle machine", Mode.BUSY: "Busy machine"}
+_CIRCUMSTANCES = {
+    Mode.IDLE: "The benchmark starts no other programs.",
+    Mode.BUSY: "Meanwhile one process per core computes all the time, with ordinary priority.",
+}
 
 
 def _table(mode: Mode, run: Results) -> list[str]:
@@ -99,7 +104,7 @@ def _table(mode: Mode, run: Results) -> list[str]:
     lines = [line for row in ROWS.values() for line in _lines(row, run.of_row(row.name))]
     return [
         f"## {_HEADINGS[mode]}\n",
-        f"{sum(judged)} of {len(judged)} targets are met.\n",
+        f"{_CIRCUMSTANCES[mode]} {sum(judged)} of {len(judged)} targets are met.\n",
         _line("row", "figure", "value", "floor or peer", "ratio", "target", "met"),
         "|---" * 7 + "|",
         *lines,

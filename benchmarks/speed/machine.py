@@ -19,7 +19,7 @@ from sysid.trials import usable_cores
 
 ROOT = Path(__file__).parents[2]
 """Folder of the sources."""
-WRITTEN = ("benchmarks/results", "docs/performance.md")
+WRITTEN = ("docs/performance", "docs/performance.md")
 """Files of the repository that `make bench` writes."""
 SPIN = """
 import os
