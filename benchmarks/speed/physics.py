@@ -130,7 +130,7 @@ def compiled(flags: tuple[str, ...], folder: Path) -> Path:
     if compiler is None:
         raise OperationError("physics-step: no C compiler (cc) on the path")
     source = Path(__file__).with_name("physics.c")
-    command = [compiler, *flags, "-shared", "-fPIC", "-o", library, source, "-lm"]
+    command = [compiler, *flags, "-shared", "-fPIC", "-o", str(library), str(source), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         reason = (done.stderr.strip().splitlines() or ["failed"])[0]
