@@ -86,6 +86,7 @@ def run(
     rudder: Array,
     elevator: Array,
     observed: Array,
+    fine: bool,
     pilot: SteadyState,
     trace: Trace,
     task: Task,
@@ -99,7 +100,7 @@ def run(
 
     Parameters
     ----------
-    body, surroundings, state, rudder, elevator, observed
+    body, surroundings, state, rudder, elevator, observed, fine
         The fields of ``dynamics.SimulatedVehicleState``.
     pilot : SteadyState
         State of the autopilot.
@@ -133,6 +134,7 @@ def run(
             rudder,
             elevator,
             observed,
+            fine,
             dynamics.SUBSTEPS,
             trace.rudder_rad,
             trace.elevator_rad,

@@ -56,12 +56,17 @@ class SimulatedVehicleState(NamedTuple):
     """Tailcone axes as in ``sitl.core.tailcone``."""
     observed: Array
     """Ideal measurements after the last tick, (N_OBSERVED,)."""
+    fine: bool
+    """Whether the body takes `SUBSTEPS` steps in every tick, also clear of surface and floor."""
 
 
 def initial_state(
-    vehicle: CandidateVehicle, water: Water, field_nwu: Vector3
+    vehicle: CandidateVehicle, water: Water, field_nwu: Vector3, *, fine_steps: bool = False
 ) -> SimulatedVehicleState:
-    """Return a vehicle at the surface, level, at rest, heading north."""
+    """Return a vehicle at the surface, level, at rest, heading north.
+
+    With ``fine_steps`` the body takes `SUBSTEPS` integration steps in every tick.
+    """
     body = Body(
         model=vehicle.model,
         rudder=greybox.discretise(vehicle.actuators[Plane.YAW], SUBSTEP_S),
@@ -74,6 +79,7 @@ def initial_state(
         rudder=tailcone.at_rest(body.rudder),
         elevator=tailcone.at_rest(body.elevator),
         observed=np.empty(N_OBSERVED),
+        fine=fine_steps,
     )
     step(*craft, 0, 0.0, 0.0, 0.0, np.zeros(6))
     return craft
@@ -116,6 +122,7 @@ def step(
     rudder: Array,
     elevator: Array,
     observed: Array,
+    fine: bool,
     substeps: int,
     rudder_rad: float,
     elevator_rad: float,
@@ -129,7 +136,7 @@ def step(
     end_rad = step_axes(body, rudder, elevator, rudder_rad, elevator_rad, duct_rad)
     water, field = surroundings.value.water, surroundings.value.field_nwu
     step_s = SUBSTEP_S
-    if substeps > 1 and is_clear(body, state, water):
+    if not fine and substeps > 1 and is_clear(body, state, water):
         for axis in range(2):
             duct_rad[axis, 0] = duct_rad[axis].mean()
         duct_rad, step_s = duct_rad[:, :1], substeps * SUBSTEP_S

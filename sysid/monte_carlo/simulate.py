@@ -83,6 +83,8 @@ def fly(
     config: Config,
     sea: Sea,
     seed: tuple[int, ...],
+    *,
+    fine_steps: bool = False,
 ) -> SimulatedDive:
     """Simulate a mission from arming at the surface until the vehicle returns to the surface.
 
@@ -100,6 +102,8 @@ def fly(
         Disturbance, current and change of bias.
     seed : tuple of int
         Seed of disturbance, sensor noise and direction of the current.
+    fine_steps : bool
+        Take four integration steps in every tick, also clear of surface and floor.
 
     Returns
     -------
@@ -119,7 +123,10 @@ def fly(
     )
     dive = _Dive(
         dynamics.initial_state(
-            _with_bias_shift(vehicle, sea.bias_shift_rad), water, instruments.field_nwu(config)
+            _with_bias_shift(vehicle, sea.bias_shift_rad),
+            water,
+            instruments.field_nwu(config),
+            fine_steps=fine_steps,
         ),
         _Rows(disturbance.wrenches(vehicle, levels, sea.times, disturbance_rng)),
         _Rows(instruments.errors(levels, sensor_rng)),

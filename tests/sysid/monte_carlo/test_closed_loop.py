@@ -22,7 +22,7 @@ from sysid.monte_carlo.simulate import Sea, SimulatedDive
 from sysid.planes import Plane
 from sysid.test_design.prior import DesignPrior
 from tests.helpers.missions import leg
-from tests.sysid.monte_carlo.conftest import HELD, LAND, mission
+from tests.sysid.monte_carlo.conftest import HELD, LAND, mission, silent
 
 SHAPED = {
     "DPT_REF_W": 0.5,
@@ -181,3 +181,15 @@ def test_one_step_per_tick_only_clear_of_boundaries(
     axis = greybox.discretise(vehicle.actuators[Plane.YAW], dynamics.SUBSTEP_S)
     reference = native(Body(vehicle.model, axis, axis))
     assert body.is_clear(reference, physics.state_at_rest(height_m), water) == clear
+
+
+def test_fine_steps_hardly_change_a_dive(known: DesignPrior) -> None:
+    vehicle, levels = known.vehicle(known.mean), {plane: silent() for plane in Plane}
+    config = params.config({**samples.trims_deg(vehicle), **HELD})
+    one, four = (
+        simulate.fly(vehicle, levels, MISSIONS["legs"], config, Sea(0.0), (4,), fine_steps=fine)
+        for fine in (False, True)
+    )
+    assert one.log.attitude.yaw_rad == pytest.approx(four.log.attitude.yaw_rad, abs=1e-3)
+    assert one.true_depth_m == pytest.approx(four.true_depth_m, abs=1e-3)
+    assert np.any(one.true_depth_m != four.true_depth_m)
