@@ -12,7 +12,13 @@ from autopilot.control import core, estimator, excitation, failsafe, guidance, l
 from autopilot.control.excitation import ExcitationOutput
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import imu_checks, monitor
-from autopilot.control.sensor_health.types import Ahrs, ChangeTimes, Device, Health
+from autopilot.control.sensor_health.types import (
+    Ahrs,
+    ChangeTimes,
+    Device,
+    FaultTracker,
+    Health,
+)
 from autopilot.control.setpoints import Setpoint, TrackLine
 from autopilot.control.types import (
     US_PER_S,
@@ -44,6 +50,10 @@ class SteadyState(NamedTuple):
     """Time of the next slow checks."""
     thrust: float
     duct_rad: tuple[float, float]
+    off_depth_us: int
+    """Time of the last evidence that the depth does not follow; -1 without suspicion."""
+    off_depth_checks: int
+    """Number of slow checks with that evidence."""
 
 
 class Task(NamedTuple):
@@ -64,6 +74,8 @@ class Task(NamedTuple):
     rudder_tested: bool
     test_started_us: int
     test_heading_rad: float
+    confirm_us: int
+    """First time at which the suspicion that the depth does not follow may be confirmed."""
 
 
 def task_of(state: AutopilotState, config: Config) -> Task | None:
@@ -94,7 +106,8 @@ def task_of(state: AutopilotState, config: Config) -> Task | None:
     ):
         return None
     item, test = mission_state.items[mission_state.current], state.test
-    until_us = monitor.settled_until_us(health, config)
+    suspicion = _depth_suspicion(health)
+    until_us = monitor.NEVER_US if suspicion else monitor.settled_until_us(health, config)
     axis = excitation.AXES[test.axis] if test else excitation.NO_AXIS
     wanted_depth_m, acceptance_m = math.nan, 0.0
     match item.command:
@@ -123,7 +136,19 @@ def task_of(state: AutopilotState, config: Config) -> Task | None:
         rudder_tested=axis.rudder,
         test_started_us=test.started_us if test else 0,
         test_heading_rad=test.heading_rad if test else 0.0,
+        confirm_us=monitor.confirm_us(suspicion, config) if suspicion else 0,
     )
+
+
+def _depth_suspicion(health: Health) -> FaultTracker | None:
+    """Return the suspicion that the depth does not follow; None if there is another one, or none.
+
+    Each slow check of a change of depth may renew it, until the vehicle moves.
+    """
+    if len(health.faults) != 1:
+        return None
+    tracker = health.faults[0]
+    return None if tracker.reported or tracker.fault != monitor.OFF_DEPTH else tracker
 
 
 def begin(state: AutopilotState) -> SteadyState:
@@ -139,6 +164,7 @@ def begin(state: AutopilotState) -> SteadyState:
     SteadyState
         State for ``tick``.
     """
+    suspicion = _depth_suspicion(state.health)
     return SteadyState(
         time_us=state.time_us,
         estimate=state.estimate,
@@ -150,6 +176,8 @@ def begin(state: AutopilotState) -> SteadyState:
         check_us=state.health.check_us,
         thrust=state.thrust,
         duct_rad=state.duct_rad,
+        off_depth_us=suspicion.last_us if suspicion else -1,
+        off_depth_checks=suspicion.detections if suspicion else 0,
     )
 
 
@@ -168,6 +196,15 @@ def end(state: AutopilotState, steady: SteadyState) -> AutopilotState:
     AutopilotState
         State for ``core.tick``.
     """
+    health = state.health._replace(check_us=steady.check_us)
+    suspicion = _depth_suspicion(health)
+    if suspicion and steady.off_depth_us > suspicion.last_us:
+        renewed = suspicion._replace(
+            last_us=steady.off_depth_us,
+            detections=steady.off_depth_checks,
+            latest=suspicion.fault.what,
+        )
+        health = health._replace(faults=(renewed,))
     return state._replace(
         time_us=steady.time_us,
         estimate=steady.estimate,
@@ -175,7 +212,7 @@ def end(state: AutopilotState, steady: SteadyState) -> AutopilotState:
         loops=steady.loops,
         path=state.path if state.path is None else steady.line,
         ahrs=Ahrs(steady.frame, steady.changed_us, None),
-        health=state.health._replace(check_us=steady.check_us),
+        health=health,
         thrust=steady.thrust,
         duct_rad=steady.duct_rad,
     )
@@ -211,9 +248,15 @@ def tick(
     steady, changed_us = imu_checks.check_complete_frame(
         state.frame, state.changed_us, frame, config
     )
+    off_depth_us, off_depth_checks = state.off_depth_us, state.off_depth_checks
     if now_us >= check_us:
-        steady = steady and not monitor.off_depth(old, setpoint, state.thrust, config)
         check_us = now_us + monitor.CHECK_US
+        if monitor.off_depth(old, setpoint, state.thrust, config):
+            steady = steady and off_depth_us >= 0
+            off_depth_us, off_depth_checks = now_us, off_depth_checks + 1
+    if off_depth_us >= 0:
+        settled = now_us < task.confirm_us or off_depth_checks < monitor.OFF_DEPTH_CHECKS
+        steady = steady and settled and now_us - off_depth_us <= monitor.FAULT_CLEAR_US
     estimate, _ = estimator.predict(old, frame, state.thrust, config, dt_s, False)
     steady = steady and failsafe.within_limits(estimate, config) and now_us < task.until_us
     if task.testing:
@@ -243,5 +286,7 @@ def tick(
         check_us,
         trace.thrust,
         duct_rad,
+        off_depth_us,
+        off_depth_checks,
     )
     return steady, advanced, trace

@@ -59,6 +59,9 @@ COMMANDED_THRUST_GATE, COMMANDED_DEPTH_GATE_M = 0.2, 1.0
 set-point."""
 SUBMERGED_M = 1.0
 """Depth below which no satellite is received: a receiver that reports there always reports."""
+OFF_DEPTH, OFF_DEPTH_CHECKS = Fault(DEPTH, NOT_TRACKING), 2
+"""Fault of a depth that does not approach its set-point, and the number of slow checks that have to
+find it."""
 NEVER_US = 2**62
 """A time that does not come."""
 ECHO_TILT_LIMIT_RAD = math.radians(30.0)
@@ -240,13 +243,18 @@ def _confirm_fault(
 def _debounce(fault: Fault, config: Config) -> Debounce:
     """Return the evidence that confirms a fault."""
     if fault.what == NOT_TRACKING:
-        return Debounce(2, round(config.health_depth_s * US_PER_S))
+        return Debounce(OFF_DEPTH_CHECKS, round(config.health_depth_s * US_PER_S))
     return _DEBOUNCE.get(fault.what, _IMMEDIATE)
 
 
 def _clear_us(fault: Fault) -> int:
     """Return the time without new evidence after which a suspected fault is cleared."""
     return IMPLAUSIBLE_CLEAR_US if fault.what == IMPLAUSIBLE else FAULT_CLEAR_US
+
+
+def confirm_us(tracker: FaultTracker, config: Config) -> int:
+    """Return the first time at which a suspected fault may be confirmed."""
+    return tracker.since_us + _debounce(tracker.fault, config).duration_us
 
 
 def settled_until_us(health: Health, config: Config) -> int:
@@ -269,9 +277,8 @@ def settled_until_us(health: Health, config: Config) -> int:
     for tracker in health.faults:
         if tracker.reported or IMPLAUSIBLE in (tracker.fault.what, tracker.latest):
             return -1
-        debounce = _debounce(tracker.fault, config)
-        if tracker.detections >= debounce.detections:
-            until_us = min(until_us, tracker.since_us + debounce.duration_us)
+        if tracker.detections >= _debounce(tracker.fault, config).detections:
+            until_us = min(until_us, confirm_us(tracker, config))
         until_us = min(until_us, tracker.last_us + _clear_us(tracker.fault) + 1)
     return until_us
 
