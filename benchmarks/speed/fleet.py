@@ -167,27 +167,44 @@ def measure_max(session: Session) -> list[Measurement]:
 
 
 def _measurements(session: Session, row: str, speed: str) -> list[Measurement]:
-    """Measure all numbers of vehicles; the repetitions alternate between them."""
-    wanted = None if speed == "max" else float(speed)
+    """Measure all numbers of vehicles; the repetitions alternate between them.
+
+    A number of vehicles that fails, such as too many for the machine, is noted in its figure.
+    """
     windows: dict[int, list[Window]] = {count: [] for count in COUNTS}
-    for _ in range(session.repetitions(row)):
-        for count in COUNTS:
-            arguments = ["-m", "benchmarks.speed.fleet", str(count), speed]
-            windows[count].append(Window(*json.loads(machine.output_of(arguments))))
-            session.report(f"{row}: {count}: {windows[count][-1].speed:.1f} x real time")
-    return [
-        Measurement(
-            row,
-            tuple(
-                100.0 * window.speed / possible_speed(count, alone, usable_cores(), wanted)
-                for alone, window in zip(windows[1], windows[count], strict=True)
-            ),
-            case=f"{count} vehicle{'s' if count > 1 else ''}",
-            details=_details(windows[count]),
-            is_judged=is_within_cores(count, windows[1][0], usable_cores(), wanted),
+    failures: dict[int, str] = {}
+    for count in COUNTS * session.repetitions(row):
+        arguments = ["-m", "benchmarks.speed.fleet", str(count), speed]
+        try:
+            window = Window(*json.loads(machine.output_of(arguments)))
+        except OperationError as error:
+            failures[count] = str(error)
+            session.report(f"{row}: {count}: {error}")
+        else:
+            windows[count].append(window)
+            session.report(f"{row}: {count}: {window.speed:.1f} x real time")
+    wanted = None if speed == "max" else float(speed)
+    return [_measurement(row, count, windows, failures.get(count, ""), wanted) for count in COUNTS]
+
+
+def _measurement(
+    row: str, count: int, windows: dict[int, list[Window]], failure: str, wanted: float | None
+) -> Measurement:
+    """Return the measurement of one number of vehicles."""
+    case = f"{count} vehicle{'s' if count > 1 else ''}"
+    if failure or not windows[1]:
+        return Measurement(
+            row, (), case=case, note=f"not measured: {failure or 'one alone failed'}"
         )
-        for count in COUNTS
-    ]
+    alone = Window(*(statistics.median(column) for column in zip(*windows[1], strict=True)))
+    possible = possible_speed(count, alone, usable_cores(), wanted)
+    return Measurement(
+        row,
+        tuple(100.0 * window.speed / possible for window in windows[count]),
+        case=case,
+        details=_details(windows[count]),
+        is_judged=is_within_cores(count, alone, usable_cores(), wanted),
+    )
 
 
 def _details(windows: Sequence[Window]) -> dict[str, float]:

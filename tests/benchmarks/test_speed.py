@@ -162,3 +162,25 @@ def test_bad_option_is_refused(option: list[str], message: str) -> None:
     )
     assert done.returncode == 2
     assert message in done.stderr.splitlines()[-1]
+
+
+def test_number_of_vehicles_that_fails_is_noted_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def output_of(arguments: list[str]) -> str:
+        count = int(arguments[2])
+        if count == 8:
+            raise OperationError("the vehicle is gone")
+        return f"[{90.0 * min(count, 2)}, {1.0 * min(count, 2)}]"
+
+    monkeypatch.setattr(machine, "output_of", output_of)
+    monkeypatch.setattr(fleet, "usable_cores", lambda: 2)
+    measured = fleet.measure_max(Session(tmp_path, repetitions=2))
+    assert [each.case for each in measured] == [
+        "1 vehicle",
+        "2 vehicles",
+        "4 vehicles",
+        "8 vehicles",
+    ]
+    assert measured[1].samples == pytest.approx((100.0, 100.0))
+    assert (measured[3].samples, measured[3].note) == ((), "not measured: the vehicle is gone")
