@@ -63,10 +63,10 @@ def warm_campaign(session: Session) -> Path:
 
 def measure_campaign(session: Session) -> list[Measurement]:
     """Measure `campaign`, with the times of its stages in the last repetition."""
-    ticks = _ticks(warm_campaign(session))
+    out = warm_campaign(session)
     walls_s, floors_s, stages = [], [], Stages()
     for number in range(session.repetitions("campaign")):
-        floors_s.append(ticks * ping_pong.round_trip_us() / 1e6 / usable_cores())
+        floors_s.append(_floor_s(out))
         stages = Stages()
         walls_s.append(run_campaign(session.folder / f"campaign-{number}", stages=stages).wall_s)
         session.report(f"campaign: {walls_s[-1]:.1f} s; floor {floors_s[-1]:.1f} s")
@@ -79,14 +79,13 @@ def measure_campaign(session: Session) -> list[Measurement]:
 
 def measure_fresh_clone(session: Session) -> list[Measurement]:
     """Measure `fresh-clone`. Raises OperationError outside a repository."""
-    ticks = _ticks(warm_campaign(session))
     walls_s, floors_s = [], []
     for number in range(session.repetitions("fresh-clone")):
-        clone = session.folder / f"clone-{number}"
+        clone, out = session.folder / f"clone-{number}", session.folder / f"fresh-{number}"
         _clone(clone)
-        floors_s.append(ticks * ping_pong.round_trip_us() / 1e6 / usable_cores())
-        walls_s.append(run_campaign(session.folder / f"fresh-{number}", clone).wall_s)
-        session.report(f"fresh-clone: {walls_s[-1]:.1f} s")
+        walls_s.append(run_campaign(out, clone).wall_s)
+        floors_s.append(_floor_s(out))
+        session.report(f"fresh-clone: {walls_s[-1]:.1f} s; floor {floors_s[-1]:.1f} s")
     return [Measurement("fresh-clone", tuple(walls_s), Reference(FLOOR, tuple(floors_s)))]
 
 
@@ -102,10 +101,11 @@ def _clone(folder: Path) -> None:
         raise OperationError(f"git clone: {reason}")
 
 
-def _ticks(campaign: Path) -> float:
-    """Return the number of ticks of all dives of a campaign."""
+def _floor_s(campaign: Path) -> float:
+    """Return the time in which all cores exchange the datagrams of all ticks of a campaign."""
     summary = json.loads((campaign / "summary.json").read_text(encoding="utf-8"))
-    return float(summary["vehicle_s"]) / timestep.TICK_S
+    ticks = float(summary["vehicle_s"]) / timestep.TICK_S
+    return ticks * ping_pong.round_trip_us() / 1e6 / usable_cores()
 
 
 def measure_refit(session: Session) -> list[Measurement]:
