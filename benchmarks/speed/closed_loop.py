@@ -8,7 +8,6 @@ Python.
 
 import sys
 import time
-from collections.abc import Callable
 from typing import NamedTuple
 
 from autopilot.control import core, modes, request_handler, requests
@@ -31,8 +30,6 @@ TICKS = 5000
 TICKS_PLAIN = 1000
 """Ticks of plain Python, where a step of the simulator takes milliseconds."""
 PHYSICS_ALONE = "physics alone"
-Loop = Callable[[int], float]
-"""Fly a number of ticks from arming on; return their processor time (s)."""
 
 
 class Flight(NamedTuple):
@@ -68,8 +65,8 @@ def _inputs(reading: Sensors) -> Inputs:
     return Inputs(reading.frame, reading.gps, reading.altimeter, None)
 
 
-def four_steps(ticks: int) -> float:
-    """Fly with four Runge-Kutta steps of 5 ms in each tick; return the processor time (s)."""
+def tick_by_tick(ticks: int) -> float:
+    """Fly by calling both functions in turn; return the processor time (s)."""
     sea, streams, body, parameters, pilot, frame = armed()
     began_s = time.process_time()
     for _ in range(ticks):
@@ -78,36 +75,20 @@ def four_steps(ticks: int) -> float:
     return time.process_time() - began_s
 
 
-ONE_STEP: Loop | None = None
-"""As `four_steps` with one step of 20 ms in each tick; None: the simulator has no such function."""
+def speed() -> float:
+    """Return the speed tick by tick, as a multiple of real time; the first ticks warm up."""
+    tick_by_tick(50)
+    return TICKS * timestep.TICK_S / tick_by_tick(TICKS)
 
 
-def speed(loop: Loop) -> float:
-    """Return the speed of a loop, as a multiple of real time; the first ticks warm up."""
-    loop(50)
-    return TICKS * timestep.TICK_S / loop(TICKS)
-
-
-def measure_four_steps(session: Session) -> list[Measurement]:
-    """Measure `closed-loop`."""
-    return [_measurement(session, "closed-loop", four_steps, timestep.SUBSTEP_S)]
-
-
-def measure_one_step(session: Session) -> list[Measurement]:
-    """Measure `closed-loop-20ms`."""
-    if ONE_STEP is None:
-        return [Measurement("closed-loop-20ms", (), note="not built")]
-    return [_measurement(session, "closed-loop-20ms", ONE_STEP, timestep.TICK_S)]
-
-
-def _measurement(session: Session, row: str, loop: Loop, step_s: float) -> Measurement:
-    """Measure the speed of a loop, and of the physics alone with the same steps."""
+def measure(session: Session) -> list[Measurement]:
+    """Measure `tick-by-tick`."""
     speeds, floors = [], []
-    for _ in range(session.repetitions(row)):
-        floors.append(1.0 / physics.kernel_cpu_s(1.0, step_s))
-        speeds.append(speed(loop))
-        session.report(f"{row}: {speeds[-1]:.0f} x real time; physics alone {floors[-1]:.0f} x")
-    return Measurement(row, tuple(speeds), Reference(PHYSICS_ALONE, tuple(floors)))
+    for _ in range(session.repetitions("tick-by-tick")):
+        floors.append(1.0 / physics.kernel_cpu_s(1.0, timestep.SUBSTEP_S))
+        speeds.append(speed())
+        session.report(f"tick-by-tick: {speeds[-1]:.0f} x; physics alone {floors[-1]:.0f} x")
+    return [Measurement("tick-by-tick", tuple(speeds), Reference(PHYSICS_ALONE, tuple(floors)))]
 
 
 def measure_plain_tick(session: Session) -> list[Measurement]:

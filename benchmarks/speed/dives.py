@@ -30,7 +30,7 @@ def measure(session: Session) -> list[Measurement]:
     ticks_us, speeds, floors_us, alone = [], [], [], []
     for number in range(1, session.repetitions("dive-tick") + 1):
         floors_us.append(ping_pong.round_trip_us())
-        alone.append(closed_loop.speed(closed_loop.four_steps))
+        alone.append(closed_loop.speed())
         result = recorded_dive(session, number)
         speeds.append(result.vehicle_s / result.wall_s)
         ticks_us.append(1e6 * timestep.TICK_S / speeds[-1])
