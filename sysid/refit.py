@@ -21,7 +21,7 @@ from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.config import VehicleFileError as VehicleFileError
 from sysid.data import duplicates, readers, segments
 from sysid.data.dataset import Log
-from sysid.data.readers.servo_channels import FIRST_THREE, ServoChannels
+from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
 from sysid.data.segments import MarkedInterval, Run
 from sysid.estimation.linear import report as linear
 from sysid.estimation.linear.multistart import NotUniqueError as NotUniqueError
@@ -97,8 +97,9 @@ class RefitRequest(NamedTuple):
     """Limits of the screening rules; by default those of `ScreeningLimits`."""
     marks: Sequence[MarkedInterval] = ()
     """Time ranges (s) of tests that the logs do not mark."""
-    outputs: ServoChannels = FIRST_THREE
-    """Output channels of rudder, elevator and thrust, counted from 1; negative if reversed."""
+    outputs: ServoChannels | None = None
+    """Output channels of rudder, elevator and thrust, counted from 1; negative if reversed. None:
+    found in the parameters of the log, else 1, 2 and 3."""
     tailcone: Path | None = None
     """Output file of ``ground bench-test``, whose actuator parameters update the prior of method
     ``map``."""
@@ -142,8 +143,9 @@ def refit(request: RefitRequest, progress: Progress | None = None) -> Identified
     """
     report = progress or (lambda what, share: None)
     knowledge = _knowledge(request)
-    logs = _read(request.paths, request.outputs, lambda share: report("read logs", 0.1 * share))
-    held_out_logs = _read(request.held_out, request.outputs, lambda share: None)
+    options = OutputOptions(request.outputs, knowledge.config.tailcone.travel_deg)
+    logs = _read(request.paths, options, lambda share: report("read logs", 0.1 * share))
+    held_out_logs = _read(request.held_out, options, lambda share: None)
     return _refit(request, knowledge, logs, held_out_logs, report)
 
 
@@ -483,13 +485,13 @@ def vehicle_file(prior: str | Path) -> VehicleConfig:
 
 
 def _read(
-    paths: Sequence[str | Path], outputs: ServoChannels, report: Callable[[float], None]
+    paths: Sequence[str | Path], options: OutputOptions, report: Callable[[float], None]
 ) -> list[Log]:
     """Read the logs; ``report`` is called with the share of the logs that are read."""
     logs = []
     for number, path in enumerate(paths):
         report(number / len(paths))
-        logs.append(readers.read(path, outputs))
+        logs.append(readers.read(path, options))
     return logs
 
 

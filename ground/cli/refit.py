@@ -45,12 +45,13 @@ def refit(
         ),
     ] = None,
     servo_channels: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="RUDDER,ELEVATOR,THRUST",
-            help="Servo outputs of the autopilot, counted from 1, as in `sitl --outputs`.",
+            help="Servo outputs, counted from 1, as in `sitl --outputs`. Default: found in the log"
+            " by SERVOn_FUNCTION, else 1,2,3.",
         ),
-    ] = "1,2,3",
+    ] = None,
     compare_method: Annotated[
         list[FitMethod] | None,
         typer.Option(help="Another method to fit on the same tests, for comparison; repeatable."),
@@ -93,7 +94,7 @@ def refit(
         method=method.value,
         alternative_methods=[other.value for other in compare_method or ()],
         marks=[refitting.parse_segment(text) for text in segment or ()],
-        outputs=parse_channels(servo_channels),
+        outputs=parse_channels(servo_channels) if servo_channels else None,
         tailcone=bench_result,
         inclining=inclining_result,
     )

@@ -10,7 +10,7 @@ from ground.live.estimate import CLOCK_RESTART_S
 from ground.live.telemetry import Telemetry
 from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
-from sysid.data.readers.samples import DEFAULT_TRAVEL_DEG
+from sysid.data.dataset import DEFAULT_TRAVEL_DEG
 from sysid.monitor import Monitor, MonitorReport
 from sysid.monitor.performance_spec import PerformanceBaseline
 

@@ -20,7 +20,7 @@ from sysid.data.dataset import Log, LogEvent
 from sysid.data.events import VehicleEvent
 from sysid.data.readers import messages
 from sysid.data.readers.messages import Messages
-from sysid.data.readers.servo_channels import FIRST_THREE
+from sysid.data.readers.servo_channels import FROM_LOG
 
 MAX_GAP_S = {
     "ATTITUDE": 0.25,
@@ -100,7 +100,7 @@ class Telemetry:
                 record = ros1.decode([raw for _, raw in samples], _decoder(name)[0])
                 messages_by_name[name] = np.array([time_s for time_s, _ in samples]), record
         log = messages.assemble(
-            _NAME, messages_by_name, self._parameters, FIRST_THREE, (np.empty(0), np.empty(0))
+            _NAME, messages_by_name, self._parameters, FROM_LOG, (np.empty(0), np.empty(0))
         )
         return replace(log, events=tuple(event for event in self.events if event.time_s <= until_s))
 

@@ -4,6 +4,7 @@ Axes are MAVLink's: NED and FRD, depth positive down, heading clockwise from nor
 time in seconds.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -14,6 +15,10 @@ from mavlink_io.errors import ErrorCode, InputError
 from sysid.data.events import VehicleEvent
 
 Array = NDArray[np.float64]
+
+
+DEFAULT_TRAVEL_DEG = 15.0
+"""Surface angle at an output of 1 if neither the log nor the vehicle file gives it."""
 
 
 class LogError(InputError):
@@ -44,6 +49,8 @@ class Actuators:
     elevator_rad: Array
     thrust: Array
     """Fraction of full thrust, -1..1."""
+    travel_rad: float = math.radians(DEFAULT_TRAVEL_DEG)
+    """Surface angle at an output of 1."""
 
 
 @dataclass(frozen=True)

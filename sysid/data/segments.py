@@ -4,6 +4,7 @@ A test begins with `events.TestStarted` and ends with `events.TestEnded`. For lo
 events the user gives the time ranges (``MarkedInterval``).
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from sysid.data.dataset import Log, LogError
+from sysid.data.dataset import DEFAULT_TRAVEL_DEG, Log, LogError
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
 from sysid.planes import PLANES, Plane
 
@@ -96,6 +97,8 @@ class Run:
     """Known rudder and elevator commands before the first sample, for the delay of the duct."""
     stop_detail: str = ""
     """Reason of an early end with value and limit; empty for a complete test."""
+    travel_rad: float = math.radians(DEFAULT_TRAVEL_DEG)
+    """Travel of a surface to either side."""
 
     def in_plane(self, plane: Plane) -> PlaneSignals:
         """Return the signals of one plane.
@@ -433,6 +436,7 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
         clock_drift_s=_clock_drift_s(log, grid_s),
         both=span.both,
         stop_detail=span.stop_detail,
+        travel_rad=actuators.travel_rad,
     )
 
 

@@ -19,8 +19,8 @@ class ScreeningLimits(NamedTuple):
     """
     saturated_share: float = 0.05
     """Largest share of a run with a surface at its stops."""
-    travel_deg: float = 15.0
-    """Travel of a surface to either side, deg."""
+    travel_deg: float | None = None
+    """Travel of a surface to either side, deg; None for that of the run."""
     start_sds: float = 3.0
     """Largest distance of the mean motion before a test from the median of the other runs.
 

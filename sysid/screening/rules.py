@@ -52,22 +52,18 @@ def saturation(run: Run, limits: ScreeningLimits) -> str:
     A surface at its stops cannot control the other plane. In the tested plane the stops clip the
     command, which matters only if the command was meant to stay within the travel.
     """
+    travel_rad = run.travel_rad if limits.travel_deg is None else math.radians(limits.travel_deg)
     other_surface_rad = run.in_plane(PLANES[run.plane].other).command_rad
-    intended_deg = abs(math.degrees(run.trim_rad)) + abs(run.magnitude_deg)
+    intended_rad = abs(run.trim_rad) + abs(math.radians(run.magnitude_deg))
     surfaces = (
-        [other_surface_rad]
-        if intended_deg >= limits.travel_deg
-        else [other_surface_rad, run.command_rad]
+        [other_surface_rad] if intended_rad >= travel_rad else [other_surface_rad, run.command_rad]
     )
-    share = max(
-        float(np.mean(np.abs(surface) >= math.radians(limits.travel_deg) - 1e-4))
-        for surface in surfaces
-    )
+    share = max(float(np.mean(np.abs(surface) >= travel_rad - 1e-4)) for surface in surfaces)
     if share <= limits.saturated_share:
         return ""
     return (
-        f"saturation: a surface at its stops in {share:.0%} of the run, at most"
-        f" {limits.saturated_share:.0%}"
+        f"saturation: a surface at its stops ({math.degrees(travel_rad):.3g} deg) in {share:.0%} of"
+        f" the run, at most {limits.saturated_share:.0%}"
     )
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from sysid.data.dataset import Log, LogError
 from sysid.data.readers.samples import MessageColumns
-from sysid.data.readers.servo_channels import FIRST_THREE, ServoChannels
+from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
 
 FORMATS = "an MCAP log, a MAVLink .tlog, an ArduPilot .bin or a PX4 .ulg"
 
@@ -51,15 +51,15 @@ def format_of(path: Path) -> str:
     return _FORMAT_BY_SUFFIX[path.suffix.lower()]
 
 
-def read(path: str | Path, outputs: ServoChannels = FIRST_THREE) -> Log:
+def read(path: str | Path, options: OutputOptions = FROM_LOG) -> Log:
     """Read one log for identification.
 
     Parameters
     ----------
     path : str or Path
         MCAP log, MAVLink .tlog, ArduPilot .bin or PX4 .ulg.
-    outputs : ServoChannels
-        Output numbers of rudder, elevator and thrust.
+    options : OutputOptions
+        Output numbers of rudder, elevator and thrust, and the vehicle's travel.
 
     Returns
     -------
@@ -73,14 +73,14 @@ def read(path: str | Path, outputs: ServoChannels = FIRST_THREE) -> Log:
     """
     from sysid.data.readers import dataflash, mcap, tlog, ulog
 
-    readers: dict[str, Callable[[Path, ServoChannels], Log]] = {
+    readers: dict[str, Callable[[Path, OutputOptions], Log]] = {
         "mcap": mcap.read,
         "tlog": tlog.read,
         "dataflash": dataflash.read,
         "ulog": ulog.read,
     }
     path = Path(path)
-    return readers[format_of(path)](path, outputs)
+    return readers[format_of(path)](path, options)
 
 
 def tables(path: Path) -> dict[str, MessageColumns]:

@@ -26,14 +26,13 @@ from sysid.data.dataset import (
 )
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave, parse_text
 from sysid.data.readers.samples import (
-    DEFAULT_TRAVEL_DEG,
     MessageColumns,
     clock_steps,
     foreign_log,
     sample_nearest,
     strictly_increasing,
 )
-from sysid.data.readers.servo_channels import ServoChannels, surface_commands
+from sysid.data.readers.servo_channels import OutputOptions, actuator_commands, travel_rad
 
 _HEAD = b"\xa3\x95"
 _HEAD_LENGTH = 3
@@ -53,15 +52,15 @@ _TEST_MODE_WINDOW_S = 0.5
 Tables = dict[str, MessageColumns]
 
 
-def read(path: Path, outputs: ServoChannels) -> Log:
+def read(path: Path, options: OutputOptions) -> Log:
     """Read one .bin.
 
     Parameters
     ----------
     path : Path
         The file.
-    outputs : ServoChannels
-        Output numbers of rudder, elevator and thrust.
+    options : OutputOptions
+        Output numbers of rudder, elevator and thrust, and the travel.
 
     Returns
     -------
@@ -75,16 +74,15 @@ def read(path: Path, outputs: ServoChannels) -> Log:
     """
     message_tables = tables(path)
     parameters = _parameters(message_tables)
-    travel_deg = parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG)
     attitude, actuators = (
         _attitude(path, message_tables),
-        _actuators(path, message_tables, travel_deg, outputs),
+        _actuators(path, message_tables, options, parameters),
     )
     depth = _depth(path, message_tables)
     steps = [
         step for name in ("ATT", "RCOU") for step in clock_steps(name, message_tables[name].time_s)
     ]
-    events = _events(message_tables, travel_deg)
+    events = _events(message_tables, float(np.degrees(travel_rad(parameters, options))))
     return foreign_log(
         path, attitude, actuators, depth, _setpoints(message_tables), events, parameters, steps
     )
@@ -236,7 +234,7 @@ def _attitude(path: Path, message_tables: Tables) -> Attitude:
 
 
 def _actuators(
-    path: Path, message_tables: Tables, travel_deg: float, outputs: ServoChannels
+    path: Path, message_tables: Tables, options: OutputOptions, parameters: dict[str, float]
 ) -> Actuators:
     """Return the commands from the pulses in RCOU."""
     time_s, columns = _table(path, message_tables, "RCOU", "C1")
@@ -244,13 +242,7 @@ def _actuators(
         (name for name in columns if re.fullmatch(r"C\d+", name)), key=lambda name: int(name[1:])
     )
     pulses = np.stack([columns[name].astype(np.float64) for name in names], axis=1)
-    rudder, elevator, thrust = surface_commands(pulses, outputs, f"{path}: RCOU")
-    return Actuators(
-        time_s=time_s,
-        rudder_rad=rudder * np.radians(travel_deg),
-        elevator_rad=elevator * np.radians(travel_deg),
-        thrust=thrust,
-    )
+    return actuator_commands(time_s, pulses, options, parameters, f"{path}: RCOU")
 
 
 def _depth(path: Path, message_tables: Tables) -> Depth:

@@ -27,18 +27,18 @@ from sysid.data.readers.messages import (
     assemble,
     messages_to_read,
 )
-from sysid.data.readers.servo_channels import ServoChannels
+from sysid.data.readers.servo_channels import OutputOptions
 
 
-def read(path: Path, outputs: ServoChannels) -> Log:
+def read(path: Path, options: OutputOptions) -> Log:
     """Read one MCAP log.
 
     Parameters
     ----------
     path : Path
         The file.
-    outputs : ServoChannels
-        Output numbers of rudder, elevator and thrust.
+    options : OutputOptions
+        Output numbers of rudder, elevator and thrust, and the travel.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def read(path: Path, outputs: ServoChannels) -> Log:
         The file is missing, unfinished, damaged, no MCAP file, or has not all required messages.
     """
     messages, parameters, ahead = _load(path)
-    return assemble(path, messages, parameters, outputs, ahead)
+    return assemble(path, messages, parameters, options, ahead)
 
 
 def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:

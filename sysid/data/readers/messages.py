@@ -1,6 +1,5 @@
 """Make a ``Log`` from decoded MAVLink messages, for MCAP logs and tlogs."""
 
-import math
 import re
 from collections.abc import Container, Mapping
 from pathlib import Path
@@ -24,13 +23,12 @@ from sysid.data.dataset import (
 )
 from sysid.data.events import MODES, Armed, ModeChanged, parse_text
 from sysid.data.readers.samples import (
-    DEFAULT_TRAVEL_DEG,
     clock_steps,
     content_sha256,
     euler_rad,
     strictly_increasing,
 )
-from sysid.data.readers.servo_channels import ServoChannels, surface_commands
+from sysid.data.readers.servo_channels import OutputOptions, actuator_commands, travel_rad
 
 DUCT = "duct"
 """Key of the ACTUATOR_OUTPUT_STATUS messages that the tailcone's component sends."""
@@ -72,7 +70,7 @@ def assemble(
     path: Path,
     messages: Messages,
     parameters: dict[str, float],
-    outputs: ServoChannels,
+    options: OutputOptions,
     ahead: tuple[Array, Array],
 ) -> Log:
     """Return the log of one vehicle.
@@ -85,8 +83,8 @@ def assemble(
         Vehicle times (s) and records by message name.
     parameters : dict
         Parameters of the autopilot.
-    outputs : ServoChannels
-        Output numbers of rudder, elevator and thrust.
+    options : OutputOptions
+        Output numbers of rudder, elevator and thrust, and the travel.
     ahead : tuple of two ndarray
         Times, and recorder time minus vehicle time, s.
 
@@ -110,7 +108,6 @@ def assemble(
             f"{path}: holds no {', '.join(missing)} of a vehicle; identification needs"
             f" {', '.join(_REQUIRED)}"
         )
-    travel_rad = math.radians(parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG))
     _refuse_other_definitions(path, messages)
     commanded = _COMMANDS if _COMMANDS in messages else _SERVOS
     steps = [
@@ -130,12 +127,12 @@ def assemble(
             parameters,
         ),
         attitude=_attitude(*messages["ATTITUDE"]),
-        actuators=_actuators(*messages[commanded], travel_rad, outputs, f"{path}: {commanded}"),
+        actuators=_actuators(*messages[commanded], options, parameters, f"{path}: {commanded}"),
         depth=_depth(*messages["LOCAL_POSITION_NED"]),
         setpoints=_setpoints(messages),
         events=_events(messages),
         parameters=parameters,
-        duct=_duct(*messages[DUCT], travel_rad)
+        duct=_duct(*messages[DUCT], travel_rad(parameters, options))
         if DUCT in messages
         else DuctAngles(*(np.empty(0),) * 3),
         clock=Clock(tuple(steps), *ahead),
@@ -176,17 +173,15 @@ def _attitude(time_s: Array, record: NDArray[Any]) -> Attitude:
 
 
 def _actuators(
-    time_s: Array, record: NDArray[Any], travel_rad: float, outputs: ServoChannels, where: str
+    time_s: Array,
+    record: NDArray[Any],
+    options: OutputOptions,
+    parameters: Mapping[str, float],
+    where: str,
 ) -> Actuators:
     """Return the commands in radians and fractions of thrust."""
     keep = strictly_increasing(time_s)
-    rudder, elevator, thrust = surface_commands(_outputs(record[keep]), outputs, where)
-    return Actuators(
-        time_s=time_s[keep],
-        rudder_rad=rudder * travel_rad,
-        elevator_rad=elevator * travel_rad,
-        thrust=thrust,
-    )
+    return actuator_commands(time_s[keep], _outputs(record[keep]), options, parameters, where)
 
 
 def _outputs(record: NDArray[Any]) -> Array:
@@ -199,10 +194,10 @@ def _outputs(record: NDArray[Any]) -> Array:
     return np.stack([record[name].astype(np.float64) for name in servos], axis=1)
 
 
-def _duct(time_s: Array, record: NDArray[Any], travel_rad: float) -> DuctAngles:
+def _duct(time_s: Array, record: NDArray[Any], full_travel_rad: float) -> DuctAngles:
     """Return the measured duct angles in radians."""
     keep = strictly_increasing(time_s)
-    angles = record["actuator"][keep].astype(np.float64) * travel_rad
+    angles = record["actuator"][keep].astype(np.float64) * full_travel_rad
     return DuctAngles(time_s[keep], angles[:, 0], angles[:, 1])
 
 

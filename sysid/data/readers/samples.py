@@ -22,8 +22,6 @@ from sysid.data.dataset import (
     Setpoints,
 )
 
-DEFAULT_TRAVEL_DEG = 15.0
-"""Duct angle at an output of 1, unless the log has the parameter ACT_TRAVEL_DEG."""
 CLOCK_STEP_SAMPLES = 5
 """Number of consecutive samples older than an earlier one that counts as a backward clock step.
 
@@ -115,6 +113,7 @@ def foreign_log(
         f"{part}.{name}": values.tobytes()
         for part, record in parts.items()
         for name, values in vars(record).items()
+        if isinstance(values, np.ndarray)
     }
     return Log(
         name=path.name,

@@ -1,15 +1,19 @@
 """Output numbers of rudder, elevator and thrust, and the scale of the outputs.
 
-Syntax and scale are those of ``sitl --outputs`` (docs/other_autopilots.md).
+Syntax and default scale are those of ``sitl --outputs`` (docs/other_autopilots.md). In logs with
+ArduPilot's parameters the outputs are found by ``SERVOn_FUNCTION`` and scaled by ``SERVOn_MIN``,
+``SERVOn_TRIM``, ``SERVOn_MAX`` and ``SERVOn_REVERSED``.
 """
 
+import math
 import re
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.dataset import Array, LogError
+from sysid.data.dataset import DEFAULT_TRAVEL_DEG, Actuators, Array, LogError
 
 PULSE_CENTRE_US = 1500.0
 """Servo pulse at zero deflection."""
@@ -28,7 +32,23 @@ class ServoChannels(NamedTuple):
 
 
 FIRST_THREE = ServoChannels(1, 2, 3)
-"""Default outputs."""
+"""Outputs of a log without SERVOn_FUNCTION."""
+_FUNCTIONS = ((21, 26), (19,), (70, 73))
+"""SERVOn_FUNCTION of rudder (rudder, ground steering), elevator and thrust (throttle, throttle
+left), the preferred first (ArduPilot, SRV_Channel.h)."""
+
+
+class OutputOptions(NamedTuple):
+    """Knowledge of the outputs that a log may not hold."""
+
+    channels: ServoChannels | None = None
+    """Output numbers; None to find them in the log's parameters, else `FIRST_THREE`."""
+    travel_deg: float | None = None
+    """Travel of the vehicle's surfaces, used for a log without ACT_TRAVEL_DEG."""
+
+
+FROM_LOG = OutputOptions()
+"""Everything is found in the log."""
 
 
 def parse(text: str) -> ServoChannels:
@@ -57,31 +77,108 @@ def parse(text: str) -> ServoChannels:
     return ServoChannels(*(int(part) for part in text.split(",")))
 
 
-def surface_commands(
-    values: NDArray[np.float64], outputs: ServoChannels, where: str
-) -> tuple[Array, Array, Array]:
-    """Return rudder, elevator and thrust as fractions -1..1.
+def find_channels(parameters: Mapping[str, float]) -> ServoChannels:
+    """Return the outputs by their SERVOn_FUNCTION; `FIRST_THREE` unless all three are found.
 
     Parameters
     ----------
+    parameters : mapping of str to float
+        Parameters of the autopilot.
+
+    Returns
+    -------
+    ServoChannels
+        The output numbers; their signs are those of SERVOn_REVERSED.
+    """
+    number_of_function = {
+        parameters[name]: int(match[1])
+        for name in sorted(parameters, reverse=True)
+        if (match := re.fullmatch(r"SERVO(\d+)_FUNCTION", name))
+    }
+    numbers = [
+        next((number_of_function[f] for f in functions if f in number_of_function), None)
+        for functions in _FUNCTIONS
+    ]
+    rudder, elevator, thrust = (
+        None if n is None else n * (-1 if parameters.get(f"SERVO{n}_REVERSED") == 1.0 else 1)
+        for n in numbers
+    )
+    if rudder is None or elevator is None or thrust is None:
+        return FIRST_THREE
+    return ServoChannels(rudder, elevator, thrust)
+
+
+def travel_rad(parameters: Mapping[str, float], options: OutputOptions) -> float:
+    """Return the surface angle at an output of 1: of the log, of the vehicle, or the default.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        Parameters of the autopilot.
+    options : OutputOptions
+        Travel of the vehicle.
+
+    Returns
+    -------
+    float
+        Angle in radians.
+    """
+    vehicle_deg = DEFAULT_TRAVEL_DEG if options.travel_deg is None else options.travel_deg
+    return math.radians(parameters.get("ACT_TRAVEL_DEG", vehicle_deg))
+
+
+def actuator_commands(
+    time_s: Array,
+    values: NDArray[np.float64],
+    options: OutputOptions,
+    parameters: Mapping[str, float],
+    where: str,
+) -> Actuators:
+    """Return the commands of the surfaces and of the thrust.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        Vehicle time.
     values : ndarray, shape (n, outputs)
-        Fractions of the travel, or pulses in microseconds: 1500 us is zero, 400 us full travel. A
-        pulse of 0 us and NaN are zero deflection.
-    outputs : ServoChannels
-        Output numbers of rudder, elevator and thrust.
+        Fractions of the travel, or pulses in microseconds. A pulse of 0 us and NaN are zero
+        deflection.
+    options : OutputOptions
+        Output numbers and travel.
+    parameters : mapping of str to float
+        Parameters of the autopilot.
     where : str
         File and message, for the error.
 
     Returns
     -------
-    tuple of three ndarray, shape (n,)
-        Rudder, elevator and thrust.
+    Actuators
+        Commands in radians and fractions of thrust.
 
     Raises
     ------
     LogError
         The log does not have one of the outputs.
     """
+    channels = options.channels or find_channels(parameters)
+    rudder, elevator, thrust = _fractions(values, channels, parameters, where)
+    travel = travel_rad(parameters, options)
+    return Actuators(
+        time_s=time_s,
+        rudder_rad=rudder * travel,
+        elevator_rad=elevator * travel,
+        thrust=thrust,
+        travel_rad=travel,
+    )
+
+
+def _fractions(
+    values: NDArray[np.float64],
+    outputs: ServoChannels,
+    parameters: Mapping[str, float],
+    where: str,
+) -> tuple[Array, Array, Array]:
+    """Return rudder, elevator and thrust as fractions -1..1; raise LogError without an output."""
     largest = max(abs(number) for number in outputs)
     if largest > values.shape[1]:
         raise LogError(
@@ -90,7 +187,30 @@ def surface_commands(
         )
     chosen = values[:, [abs(number) - 1 for number in outputs]]
     if np.nanmax(np.abs(chosen), initial=0.0) > MAX_FRACTION:
-        pulses = np.where(chosen == 0.0, PULSE_CENTRE_US, chosen)
-        chosen = np.clip((pulses - PULSE_CENTRE_US) / PULSE_HALF_US, -1.0, 1.0)
+        chosen = np.stack(
+            [
+                _fraction_of_pulse(pulses, abs(number), parameters)
+                for pulses, number in zip(chosen.T, outputs, strict=True)
+            ],
+            axis=1,
+        )
     chosen = np.nan_to_num(chosen) * np.sign(outputs)
     return chosen[:, 0], chosen[:, 1], chosen[:, 2]
+
+
+def _fraction_of_pulse(pulses: Array, number: int, parameters: Mapping[str, float]) -> Array:
+    """Return the fraction of the travel of an output, -1..1, from its pulses in microseconds.
+
+    A throttle whose trim equals its minimum has fractions 0..1.
+    """
+    centre, lowest, highest = (
+        parameters.get(f"SERVO{number}_{name}", default)
+        for name, default in (
+            ("TRIM", PULSE_CENTRE_US),
+            ("MIN", PULSE_CENTRE_US - PULSE_HALF_US),
+            ("MAX", PULSE_CENTRE_US + PULSE_HALF_US),
+        )
+    )
+    deviation = np.where(pulses == 0.0, 0.0, pulses - centre)
+    span = np.where(deviation < 0.0, max(centre - lowest, 1.0), max(highest - centre, 1.0))
+    return np.clip(deviation / span, -1.0, 1.0)

@@ -17,18 +17,18 @@ from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
 from sysid.data.readers.messages import DUCT, DUCT_COMPONENT, Messages, assemble, messages_to_read
 from sysid.data.readers.samples import MessageColumns
-from sysid.data.readers.servo_channels import ServoChannels
+from sysid.data.readers.servo_channels import OutputOptions
 
 
-def read(path: Path, outputs: ServoChannels) -> Log:
+def read(path: Path, options: OutputOptions) -> Log:
     """Read a tlog with one vehicle.
 
     Parameters
     ----------
     path : Path
         The file.
-    outputs : ServoChannels
-        Output numbers of rudder, elevator and thrust.
+    options : OutputOptions
+        Output numbers of rudder, elevator and thrust, and the travel.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def read(path: Path, outputs: ServoChannels) -> Log:
             messages[DUCT] = _decode(stream)
     nothing = np.empty(0)
     return assemble(
-        path, messages, _parameters(own.get("PARAM_VALUE")), outputs, (nothing, nothing)
+        path, messages, _parameters(own.get("PARAM_VALUE")), options, (nothing, nothing)
     )
 
 

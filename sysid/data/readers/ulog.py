@@ -18,7 +18,6 @@ from sysid.data.dataset import (
 )
 from sysid.data.events import parse_text
 from sysid.data.readers.samples import (
-    DEFAULT_TRAVEL_DEG,
     MessageColumns,
     clock_steps,
     euler_rad,
@@ -26,7 +25,7 @@ from sysid.data.readers.samples import (
     sample_nearest,
     strictly_increasing,
 )
-from sysid.data.readers.servo_channels import ServoChannels, surface_commands
+from sysid.data.readers.servo_channels import OutputOptions, actuator_commands
 from sysid.data.readers.ulog_recovery import keep_sound_messages, refuse_large_formats
 
 _OUTPUTS = ("actuator_outputs_sim", "actuator_outputs")
@@ -38,15 +37,15 @@ _QUATERNION = ("[0]", "[1]", "[2]", "[3]")
 Tables = dict[str, MessageColumns]
 
 
-def read(path: Path, outputs: ServoChannels) -> Log:
+def read(path: Path, options: OutputOptions) -> Log:
     """Read one .ulg.
 
     Parameters
     ----------
     path : Path
         The file.
-    outputs : ServoChannels
-        Output numbers of rudder, elevator and thrust.
+    options : OutputOptions
+        Output numbers of rudder, elevator and thrust, and the travel.
 
     Returns
     -------
@@ -61,10 +60,9 @@ def read(path: Path, outputs: ServoChannels) -> Log:
     log = _parse(path, [*_TOPICS, *_OUTPUTS, *_SETPOINTS])
     topic_tables = _tables(log)
     parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
-    travel_rad = float(np.radians(parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG)))
     attitude, actuators = (
         _attitude(path, topic_tables),
-        _actuators(path, topic_tables, travel_rad, outputs),
+        _actuators(path, topic_tables, options, parameters),
     )
     depth = _depth(path, topic_tables)
     steps = [
@@ -161,20 +159,14 @@ def _attitude(path: Path, topic_tables: Tables) -> Attitude:
 
 
 def _actuators(
-    path: Path, topic_tables: Tables, travel_rad: float, outputs: ServoChannels
+    path: Path, topic_tables: Tables, options: OutputOptions, parameters: dict[str, float]
 ) -> Actuators:
     """Return the commands from the outputs."""
     name = next((topic for topic in _OUTPUTS if topic in topic_tables), _OUTPUTS[1])
     time_s, columns = _table(path, topic_tables, name, "output[0]")
     count = sum(column.startswith("output[") for column in columns)
     values = np.stack([columns[f"output[{k}]"].astype(np.float64) for k in range(count)], axis=1)
-    rudder, elevator, thrust = surface_commands(values, outputs, f"{path}: {name}")
-    return Actuators(
-        time_s=time_s,
-        rudder_rad=rudder * travel_rad,
-        elevator_rad=elevator * travel_rad,
-        thrust=thrust,
-    )
+    return actuator_commands(time_s, values, options, parameters, f"{path}: {name}")
 
 
 def _depth(path: Path, topic_tables: Tables) -> Depth:

@@ -88,3 +88,13 @@ def test_screen_large_response_is_accepted(yaw: Run) -> None:
         yaw.heading_rad - yaw.heading_rad[np.argmax(yaw.time_s > 0)], 0.0
     )
     assert reasons(replace(yaw, r_radps=rate, heading_rad=heading)) == ()
+
+
+def test_saturation_uses_travel_of_the_vehicle(yaw: Run) -> None:
+    """An elevator at 9 deg is at its stops on a vehicle with 9 deg of travel, not with 15 deg."""
+    held = replace(yaw, elevator_rad=during(yaw, 0.0 * yaw.elevator_rad, math.radians(9.0)))
+    assert not any(reason.startswith("saturation") for reason in reasons(held))
+    short = replace(held, travel_rad=math.radians(9.0))
+    assert any(
+        reason.startswith("saturation: a surface at its stops (9 deg)") for reason in reasons(short)
+    )

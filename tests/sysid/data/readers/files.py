@@ -129,10 +129,16 @@ _DATAFLASH_CODES = {
 }
 
 
-def dataflash(path: Path, ending: str = "SystemID Finished", sids: bool = True) -> Path:
+def dataflash(
+    path: Path,
+    ending: str = "SystemID Finished",
+    sids: bool = True,
+    parameters: dict[str, float] | None = None,
+) -> Path:
     """Write a .bin; ``ending`` is the text that ends the test, or MODE for a change of mode."""
     data = b"".join(_format(name) for name in _DATAFLASH)
-    data += _record("PARM", 0, b"ACT_TRAVEL_DEG", 12.0, 15.0)
+    for name, value in (parameters or {"ACT_TRAVEL_DEG": 12.0}).items():
+        data += _record("PARM", 0, name.encode(), value, value)
     for k, s in enumerate(samples()):
         us = round(1e6 * s.time_s)
         yaw, pitch = (

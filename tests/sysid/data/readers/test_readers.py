@@ -13,7 +13,7 @@ from sysid.data import readers, segments
 from sysid.data.dataset import LogError
 from sysid.data.events import StopReason
 from sysid.data.readers import servo_channels, ulog_recovery
-from sysid.data.readers.servo_channels import FIRST_THREE, ServoChannels
+from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, ServoChannels
 from sysid.data.segments import MarkedInterval, Run
 from sysid.screening import screen
 from tests.sysid.data.readers import files
@@ -32,9 +32,9 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 def the_run(
-    path: Path, marks: tuple[MarkedInterval, ...] = (), chosen: ServoChannels = FIRST_THREE
+    path: Path, marks: tuple[MarkedInterval, ...] = (), chosen: ServoChannels | None = None
 ) -> Run:
-    (run,) = segments.cut_runs(readers.read(path, chosen), marks)
+    (run,) = segments.cut_runs(readers.read(path, FROM_LOG._replace(channels=chosen)), marks)
     return run
 
 
@@ -95,7 +95,7 @@ def test_outputs_selected_and_reversed(tmp_path: Path) -> None:
     with pytest.raises(
         LogError, match=r"servos\.tlog: SERVO_OUTPUT_RAW has 16 outputs but not number 17"
     ):
-        readers.read(path, ServoChannels(17, 1, 2))
+        readers.read(path, OutputOptions(ServoChannels(17, 1, 2)))
     for text in ("1,2", "0,1,2", "rudder"):
         with pytest.raises(LogError, match="give RUDDER,ELEVATOR,THRUST"):
             servo_channels.parse(text)
@@ -215,3 +215,47 @@ def test_ulog_without_topics_rejected_without_endless_loop(tmp_path: Path) -> No
 def test_undamaged_ulog_is_unchanged(written: dict[str, Path]) -> None:
     whole = written["ulg"].read_bytes()
     assert ulog_recovery.keep_sound_messages(whole) == whole
+
+
+def test_travel_without_parameter_is_the_vehicles(tmp_path: Path) -> None:
+    """The rudder is at a third of its travel; a surface with 9 deg of travel is at 3 deg."""
+    path = files.dataflash(tmp_path / "other.bin", parameters={"SCHED_LOOP_RATE": 400.0})
+    (run,) = segments.cut_runs(readers.read(path, OutputOptions(travel_deg=9.0)))
+    assert math.degrees(run.travel_rad) == pytest.approx(9.0)
+    assert math.degrees(np.max(run.rudder_rad)) == pytest.approx(3.0, abs=0.02)
+    (run,) = segments.cut_runs(readers.read(path))
+    assert math.degrees(run.travel_rad) == pytest.approx(15.0)
+
+
+def test_travel_of_log_is_preferred_to_the_vehicles(written: dict[str, Path]) -> None:
+    for path in written.values():
+        (run,) = segments.cut_runs(readers.read(path, OutputOptions(travel_deg=9.0)))
+        assert math.degrees(run.travel_rad) == pytest.approx(12.0)
+
+
+def test_ardupilot_outputs_found_by_function(tmp_path: Path) -> None:
+    """In the file the rudder is on output 1, the elevator on 2, the thrust on 3.
+
+    As the parameters have it, output 2 is the reversed rudder with 200 us of travel, output 1 the
+    elevator with another centre.
+    """
+    parameters = {
+        "SERVO2_FUNCTION": 21.0,
+        "SERVO2_REVERSED": 1.0,
+        "SERVO2_MIN": 1300.0,
+        "SERVO2_MAX": 1700.0,
+        "SERVO1_FUNCTION": 19.0,
+        "SERVO1_TRIM": 1600.0,
+        "SERVO1_MIN": 1100.0,
+        "SERVO1_MAX": 1900.0,
+        "SERVO3_FUNCTION": 70.0,
+    }
+    assert servo_channels.find_channels(parameters) == ServoChannels(-2, 1, 3)
+    path = files.dataflash(tmp_path / "rover.bin", parameters=parameters)
+    run = the_run(path)
+    # 1540 us on output 2: 0.2 of its travel, reversed. 1500 us on output 1: 100 us of 500 below.
+    np.testing.assert_allclose(np.degrees(run.rudder_rad[:100]), -0.2 * 15.0, atol=0.05)
+    np.testing.assert_allclose(np.degrees(run.elevator_rad[:100]), -0.2 * 15.0, atol=0.05)
+    np.testing.assert_allclose(run.thrust, 0.58, atol=0.002)
+    chosen = the_run(path, chosen=ServoChannels(1, 2, 3))
+    assert np.degrees(chosen.elevator_rad[0]) == pytest.approx(0.2 * 15.0, abs=0.05)
