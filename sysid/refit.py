@@ -42,7 +42,7 @@ from sysid.models.model_file import (
 from sysid.models.parameters import NAMES
 from sysid.reproduction import paper_method
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
-from sysid.screening import RunScreening, Screening, ScreeningLimits, screen
+from sysid.screening import RunScreening, Screening, ScreeningLimits, screen, wiring
 from sysid.screening.refit_loop import RefitResult, refit_until_clean, shifts
 from sysid.validation.assess import with_assessment
 
@@ -200,6 +200,7 @@ def _refit(
     """Identify a vehicle from logs."""
     _check_marks(request.marks, [log.name for log in (*logs, *held_out_logs)])
     _refuse_duplicates(request, logs, held_out_logs, knowledge)
+    _refuse_miswired(request, [*logs, *held_out_logs])
     accepted_runs, screenings = _select(logs, request.limits, request.marks)
     held_out_screenings = screen(
         [
@@ -527,6 +528,18 @@ def _refuse_duplicates(
     )
     prior_data = knowledge.earlier.data if knowledge.earlier else ()
     reason = duplicates.refusal(fitted_logs, held_out_named, prior_data)
+    if reason:
+        raise RefitError(reason)
+
+
+def _refuse_miswired(request: RefitRequest, logs: Sequence[Log]) -> None:
+    """Raise RefitError for swapped planes, a reversed sign, or logs of different vehicles."""
+    reason = wiring.refusal(
+        [
+            wiring.LogOfRuns(log, segments.cut_runs(log, _marks_of(log, request.marks)))
+            for log in logs
+        ]
+    )
     if reason:
         raise RefitError(reason)
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from sysid.data.segments import Run
 from sysid.planes import Plane
-from sysid.screening import preroll, rules
-from sysid.screening.cross_plane import cross_plane
+from sysid.screening import excitation, preroll, rules
+from sysid.screening.cross_plane import COUPLING, cross_plane
 from sysid.screening.limits import ScreeningLimits as ScreeningLimits
 from sysid.screening.outlier_tests import RunScreening as RunScreening
 from sysid.screening.outlier_tests import find_outliers as find_outliers
@@ -52,6 +52,8 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
             rules.gap(run, limits),
             rules.clock(run, limits),
             rules.too_short(run, limits),
+            excitation.no_deflection(run),
+            excitation.feedback_only(run),
             rules.saturation(run, limits),
             rules.unsteady_start(run, preroll.usual_preroll(run, runs, limits)),
             rules.disturbance(run, limits, roughness_radps[run.plane]),
@@ -62,4 +64,28 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
         )
         reasons = tuple(reason for reason in findings if reason)
         screenings.append(Screening(run, not reasons, reasons))
-    return screenings
+    return _without_unexcited_planes(screenings)
+
+
+def _without_unexcited_planes(screenings: Sequence[Screening]) -> list[Screening]:
+    """Reject the runs of a plane that all its tests together do not move.
+
+    Coupling is judged relative to the tested plane's motion, so that it is no cause of its own.
+    """
+    reasons = {
+        plane: excitation.no_response(
+            plane, [s.run for s in screenings if s.run.plane == plane and _may_be_coupled_only(s)]
+        )
+        for plane in Plane
+    }
+    return [
+        Screening(s.run, False, (reason, *s.reasons))
+        if _may_be_coupled_only(s) and (reason := reasons[s.run.plane])
+        else s
+        for s in screenings
+    ]
+
+
+def _may_be_coupled_only(screening: Screening) -> bool:
+    """Return whether a run is accepted, or rejected for motion of the other plane alone."""
+    return all(reason.startswith(COUPLING) for reason in screening.reasons)

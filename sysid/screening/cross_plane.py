@@ -13,6 +13,8 @@ from sysid.data.segments import RATE_HZ, STEADY_S, Array, Run
 from sysid.planes import PLANES
 from sysid.screening.limits import ScreeningLimits
 
+COUPLING = "cross-plane coupling"
+"""Beginning of the reasons of `cross_plane`."""
 FALSE_ALARM = 0.01
 """Probability that a run without coupling is rejected by one of the statistics here."""
 SEGMENTS = 7
@@ -82,7 +84,7 @@ def _degrees(
 
 def _reason(description: str, is_exceeded: bool) -> str:
     """Return the text of a rejection if the limit is exceeded."""
-    return f"cross-plane coupling: {description}" if is_exceeded else ""
+    return f"{COUPLING}: {description}" if is_exceeded else ""
 
 
 def _excursion(run: Run, values: Array) -> float:

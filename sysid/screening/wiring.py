@@ -1,0 +1,179 @@
+"""Refusal of logs whose surfaces and planes do not belong together, by their control effects.
+
+Each log is tested by itself, because outputs are assigned once per dive. Runs whose angles, rates
+and depth contradict each other are left out: their own screening rule names that cause.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+from sysid.data.dataset import Log
+from sysid.data.segments import Run
+from sysid.planes import PLANES, Plane
+from sysid.screening import rules
+from sysid.screening.control_effect import ControlEffect, control_effect, static_gain
+from sysid.screening.limits import ScreeningLimits
+
+REVERSED_SIGNIFICANCE = 4.0
+"""Standard deviations below zero from which on an effect is reversed."""
+SWAPPED_SIGNIFICANCE, SWAPPED_SHARE = 6.0, 0.4
+"""Significance and explained share of the other plane's rate from which on planes are swapped."""
+MAX_OWN_SHARE = 0.2
+"""Largest explained share of the tested plane's rate if planes are swapped."""
+MAX_RATIO, RATIO_SIGNIFICANCE = 2.5, 8.0
+"""Ratio of the effects in two logs, and its significance, from which on the vehicles differ.
+
+The estimate is linear and depends on size and shape of the tests: clean tests of one vehicle differ
+by up to a factor of two.
+"""
+MAX_SIZE_RATIO = 2.0
+"""Largest ratio of the median test sizes of two logs whose effects are compared."""
+HARDWARE_PARAMETERS = ("ACT_TRAVEL_DEG",)
+"""Parameters that describe the vehicle and do not change between its dives."""
+
+
+class LogOfRuns(NamedTuple):
+    """Log with its tests, before screening."""
+
+    log: Log
+    runs: Sequence[Run]
+
+
+def refusal(logs: Sequence[LogOfRuns]) -> str:
+    """Return why the logs cannot be of one correctly wired vehicle.
+
+    Parameters
+    ----------
+    logs : sequence of LogOfRuns
+        All logs, fitted and held out.
+
+    Returns
+    -------
+    str
+        One line; empty if nothing contradicts.
+    """
+    return (
+        next(filter(None, map(_miswired, logs)), "")
+        or _different_hardware(logs)
+        or _different_effects(logs)
+    )
+
+
+def _miswired(log: LogOfRuns) -> str:
+    """Return the reason if planes are swapped or a sign is reversed in a log."""
+    for plane, runs in _runs_by_plane(log.runs).items():
+        own = control_effect(runs, plane, plane)
+        if own is None:
+            continue
+        other = PLANES[plane].other
+        moved, mover = control_effect(runs, other, plane), control_effect(runs, plane, other)
+        if moved is not None and _is_swapped(own, moved):
+            return _swapped_reason(log.log.name, plane, plane, other, moved)
+        if mover is not None and _is_swapped(own, mover):
+            return _swapped_reason(log.log.name, plane, other, plane, mover)
+        gain = static_gain(runs, plane)
+        if own.significance < -REVERSED_SIGNIFICANCE and (gain is None or gain.value < 0.0):
+            return _reversed_reason(log.log.name, plane, own)
+    return ""
+
+
+def _runs_by_plane(runs: Iterable[Run]) -> Mapping[Plane, list[Run]]:
+    """Return the runs of each plane whose measurements agree with each other."""
+    limits = ScreeningLimits()
+    consistent = [
+        run
+        for run in runs
+        if not run.both
+        and not rules.attitude_rate_mismatch(run, limits)
+        and not rules.depth_pitch_mismatch(run, limits)
+    ]
+    return {plane: [run for run in consistent if run.plane == plane] for plane in Plane}
+
+
+def _is_swapped(own: ControlEffect, other: ControlEffect) -> bool:
+    """Return whether another pair of surface and plane explains the tests of a surface."""
+    return (
+        abs(other.significance) >= SWAPPED_SIGNIFICANCE
+        and other.share >= SWAPPED_SHARE
+        and own.share <= MAX_OWN_SHARE
+    )
+
+
+def _swapped_reason(
+    name: str, tested: Plane, surface: Plane, moved: Plane, effect: ControlEffect
+) -> str:
+    """Describe swapped planes: tests in which a surface moves a plane that is not its own."""
+    return (
+        f"{name}: swapped planes: in the {PLANES[tested].surface} tests the"
+        f" {PLANES[surface].surface} output moves the {moved} rate ({effect.share:.0%} of its"
+        f" change), and the {PLANES[tested].surface} output does not move the {tested} rate; give"
+        " the outputs in the right order with --servo-channels"
+    )
+
+
+def _reversed_reason(name: str, plane: Plane, own: ControlEffect) -> str:
+    """Describe a reversed sign."""
+    surface = PLANES[plane].surface
+    direction = "to port" if PLANES[plane].is_yaw else "down"
+    return (
+        f"{name}: reversed sign: a positive {surface} turns the nose {direction}"
+        f" ({own.value:+.2g} +- {own.sd:.1g} 1/s2); give the {surface}'s output with a"
+        " minus in --servo-channels, or its sensor the right sign"
+    )
+
+
+def _different_hardware(logs: Sequence[LogOfRuns]) -> str:
+    """Return the reason if a parameter that describes the vehicle differs between logs."""
+    for name in HARDWARE_PARAMETERS:
+        known = [log.log for log in logs if name in log.log.parameters]
+        for one, other in combinations(known, 2):
+            values = one.parameters[name], other.parameters[name]
+            if not math.isclose(*values, rel_tol=1e-3):
+                return (
+                    f"{one.name} and {other.name}: two different vehicles: {name} ="
+                    f" {values[0]:g} and {values[1]:g}; fit the logs of one vehicle"
+                )
+    return ""
+
+
+def _different_effects(logs: Sequence[LogOfRuns]) -> str:
+    """Return the reason if a surface is several times as effective in one log as in another."""
+    runs_by_log = [(log.log.name, _runs_by_plane(log.runs)) for log in logs]
+    for (name, runs), (other_name, other_runs) in combinations(runs_by_log, 2):
+        for plane in Plane:
+            if not _are_comparable(runs[plane], other_runs[plane]):
+                continue
+            effects = [
+                control_effect(part, plane, plane) for part in (runs[plane], other_runs[plane])
+            ]
+            if effects[0] and effects[1] and _differ(effects[0], effects[1]):
+                return (
+                    f"{name} and {other_name}: two different vehicles, or another speed: the"
+                    f" {PLANES[plane].surface} gives {effects[0].value:.2g} +-"
+                    f" {effects[0].sd:.1g} and {effects[1].value:.2g} +-"
+                    f" {effects[1].sd:.1g} 1/s2; fit the logs of one vehicle"
+                )
+    return ""
+
+
+def _are_comparable(runs: Sequence[Run], others: Sequence[Run]) -> bool:
+    """Return whether both logs have tests of the plane of similar size at the same thrust."""
+    if not runs or not others:
+        return False
+    sizes, thrusts = (
+        [sorted(value(run) for run in part)[len(part) // 2] for part in (runs, others)]
+        for value in (lambda run: abs(run.magnitude_deg), lambda run: float(run.thrust[0]))
+    )
+    return max(sizes) <= MAX_SIZE_RATIO * min(sizes) and math.isclose(*thrusts, abs_tol=0.03)
+
+
+def _differ(one: ControlEffect, other: ControlEffect) -> bool:
+    """Return whether two effects differ by more than their uncertainty and the tests' influence."""
+    small, large = sorted((one, other), key=lambda effect: effect.value)
+    if small.value <= 0.0:
+        return False
+    relative_sd = math.hypot(1.0 / small.significance, 1.0 / large.significance)
+    log_ratio = math.log(large.value / small.value)
+    return log_ratio > math.log(MAX_RATIO) and log_ratio > RATIO_SIGNIFICANCE * relative_sd

@@ -1,0 +1,128 @@
+"""Logs with swapped planes, a reversed sign or of two vehicles are refused with the cause.
+
+Each log is a simulated dive in the disturbed sea; the faults are in the log, not in the records of
+the check.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sitl.vehicle import config
+from sysid import refit
+from sysid.data import readers, segments
+from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
+from sysid.planes import Plane
+from sysid.refit import RefitRequest
+from sysid.screening import wiring
+from tests.sysid import dives, recording, sea
+from tests.sysid.dives import Array, DiveTest
+
+YAW_TESTS = [DiveTest(Plane.YAW, sea.doublet(5.0)), DiveTest(Plane.YAW, sea.doublet(-5.0))]
+PITCH_TESTS = [
+    DiveTest(Plane.PITCH, sea.doublet(4.0, 4.0)),
+    DiveTest(Plane.PITCH, sea.doublet(-4.0, 4.0)),
+]
+
+
+@pytest.fixture(scope="module")
+def field() -> config.VehicleConfig:
+    return config.load("caribou_truth")
+
+
+@pytest.fixture(scope="module")
+def sound(field: config.VehicleConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return dives.write(
+        tmp_path_factory.mktemp("wiring") / "sound.mcap", field, YAW_TESTS + PITCH_TESTS
+    )
+
+
+def refusal(*paths: Path, channels: ServoChannels | None = None) -> str:
+    logs = [readers.read(path, OutputOptions(channels)) for path in paths]
+    return wiring.refusal([wiring.LogOfRuns(log, segments.cut_runs(log)) for log in logs])
+
+
+def test_correctly_wired_dive_is_accepted(sound: Path) -> None:
+    assert refusal(sound) == ""
+
+
+@pytest.mark.parametrize(
+    ("channels", "surface", "direction"),
+    [(ServoChannels(-1, 2, 3), "rudder", "to port"), (ServoChannels(1, -2, 3), "elevator", "down")],
+)
+def test_reversed_output_names_surface(
+    sound: Path, channels: ServoChannels, surface: str, direction: str
+) -> None:
+    said = refusal(sound, channels=channels)
+    assert said.startswith(
+        f"sound.mcap: reversed sign: a positive {surface} turns the nose {direction}"
+    )
+    with pytest.raises(refit.RefitError, match=re.escape(said)):
+        refit.refit(RefitRequest(paths=[sound], outputs=channels))
+
+
+def test_swapped_outputs_are_named(sound: Path) -> None:
+    channels = ServoChannels(2, 1, 3)
+    said = refusal(sound, channels=channels)
+    assert said.startswith(
+        "sound.mcap: swapped planes: in the elevator tests the elevator output moves the yaw rate"
+    )
+    assert "--servo-channels" in said
+    with pytest.raises(refit.RefitError, match=re.escape(said)):
+        refit.refit(RefitRequest(paths=[sound], outputs=channels))
+
+
+def test_swapped_surfaces_of_vehicle_are_named(field: config.VehicleConfig, tmp_path: Path) -> None:
+    """Both commands go to the other surface; the texts name the surfaces as commanded."""
+    flown = [DiveTest(Plane.PITCH, test.signal_rad, announced=Plane.YAW) for test in YAW_TESTS]
+    path = dives.write(
+        tmp_path / "crossed.mcap",
+        field,
+        flown,
+        change=lambda log: log[:, [0, 1, 2, 3, 4, 5, 6, 8, 7]],
+    )
+    assert refusal(path).startswith(
+        "crossed.mcap: swapped planes: in the rudder tests the rudder output moves the pitch rate"
+    )
+
+
+def test_logs_of_two_vehicles_are_refused(sound: Path, tmp_path: Path) -> None:
+    """The other vehicle turns six times as fast for its rudder; both have no parameters."""
+    remus = config.load("remus100")
+    caribou = config.load("caribou_truth")
+    one = recording.write(tmp_path / "one.mcap", dives.entries(caribou, YAW_TESTS[:1]), {})
+    small = [DiveTest(Plane.YAW, sea.doublet(2.6))]
+    other = recording.write(
+        tmp_path / "other.mcap", dives.entries(remus, small, trim_rad=(0.0, 0.0), level=0.3), {}
+    )
+    logs = [readers.read(path) for path in (one, other)]
+    said = wiring.refusal([wiring.LogOfRuns(log, segments.cut_runs(log)) for log in logs])
+    assert said.startswith("one.mcap and other.mcap: two different vehicles")
+    assert "fit the logs of one vehicle" in said
+    with pytest.raises(refit.RefitError, match="two different vehicles"):
+        refit.refit(RefitRequest(paths=[one], held_out=[other]))
+
+
+def test_logs_with_different_travel_are_two_vehicles(
+    sound: Path, field: config.VehicleConfig, tmp_path: Path
+) -> None:
+    messages = dives.entries(field, YAW_TESTS[:1], seed=7)
+    other = recording.write(tmp_path / "other.mcap", messages, {"ACT_TRAVEL_DEG": 13.6})
+    said = refusal(sound, other)
+    assert said == (
+        "sound.mcap and other.mcap: two different vehicles: ACT_TRAVEL_DEG = 15 and 13.6; fit the"
+        " logs of one vehicle"
+    )
+
+
+def test_reversed_sensor_is_left_to_kinematics(field: config.VehicleConfig, tmp_path: Path) -> None:
+    def reversed_gyro(log: Array) -> Array:
+        log = np.array(log)
+        log[:, 2] *= -1.0
+        return log
+
+    path = dives.write(tmp_path / "gyro.mcap", field, YAW_TESTS, change=reversed_gyro)
+    with pytest.raises(refit.RefitError, match="kinematics: heading and yaw rate disagree"):
+        refit.refit(RefitRequest(paths=[path]))
