@@ -18,7 +18,7 @@ from sysid.models.model_file import IdentifiedModel, RunQuality
 from sysid.models.prediction import mean_rate_errors, opening_rate_errors
 from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
-from sysid.validation.results import AcceptanceCheck
+from sysid.validation.results import AcceptanceCheck, PlaneVerdict
 
 WIDTH = 118
 """Width of the tables in characters."""
@@ -130,9 +130,18 @@ def assessment_lines(model: IdentifiedModel) -> list[str]:
         return ["this model has no assessment: refit it from its logs"]
     lines = ["fit for redesign"] if assessment.fit_for_redesign else ["not fit for redesign:"]
     lines += [f"  {reason}" for reason in assessment.reasons]
+    if not assessment.fit_for_redesign:
+        lines += [_plane_line(plane, verdict) for plane, verdict in assessment.planes.items()]
     if assessment.next_test:
         lines += [f"next test: {assessment.next_test}", f"  why: {assessment.next_test.reason}"]
     return lines
+
+
+def _plane_line(plane: Plane, verdict: PlaneVerdict) -> str:
+    """Return the decision about one plane."""
+    if verdict.fit_for_redesign:
+        return f"{plane} by itself: fit"
+    return f"{plane} by itself: {'not fit' if verdict.tested else verdict.reasons[0]}"
 
 
 def _method_name(method: str) -> str:

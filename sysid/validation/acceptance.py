@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.models.model_file import IdentifiedModel, PlaneModel
-from sysid.planes import Plane
+from sysid.planes import PLANES, Plane
 from sysid.validation.results import (
     AcceptanceCheck,
     Correction,
@@ -21,6 +21,7 @@ from sysid.validation.results import (
     ModelAssessment,
     NextTest,
     PlaneValidation,
+    PlaneVerdict,
 )
 
 Sense = Literal["at most", "at least"]
@@ -55,6 +56,8 @@ LONG_S, SHORT_S = 30.0, 20.0
 """Recommended durations of a test, s."""
 FAILURES_CHECK = "failures of the fit"
 """Name of the criterion that counts the failures of the fit."""
+FITTED_CHECK = "runs fitted"
+"""Name of the criterion that counts the fitted runs of a plane."""
 DEFAULT_SIZE_DEG = 4.0
 """Recommended magnitude if no run of the plane was accepted, deg."""
 
@@ -91,6 +94,31 @@ def assess(model: IdentifiedModel, validation: Mapping[Plane, PlaneValidation]) 
         ),
         checks=checks,
         next_test=_next_test(model, failed_checks, checks),
+        planes={plane: _verdict(plane, model, checks) for plane in Plane},
+    )
+
+
+def _verdict(
+    plane: Plane, model: IdentifiedModel, checks: Sequence[AcceptanceCheck]
+) -> PlaneVerdict:
+    """Return the decision about one plane."""
+    fitted = next(c.value for c in checks if c.plane == plane and c.name == FITTED_CHECK)
+    if not fitted:
+        surface = PLANES[plane].surface
+        reason = f"no {surface} test was fitted: the {plane} numbers are the prior's"
+        return PlaneVerdict(tested=False, fit_for_redesign=False, reasons=(reason,))
+    failed_checks = [
+        check
+        for check in checks
+        if check.plane in (None, plane) and check.required and not check.passed
+    ]
+    return PlaneVerdict(
+        tested=True,
+        fit_for_redesign=not failed_checks,
+        reasons=(
+            *model.convergence.failures,
+            *(format_check(check) for check in failed_checks if check.name != FAILURES_CHECK),
+        ),
     )
 
 
@@ -165,7 +193,7 @@ def _of_plane(
     Without fitted or held-out runs, the criteria that need them are left out.
     """
     fitted = sum(not run.held_out for run in validation.runs) if validation else 0
-    yield _check("runs fitted", plane, float(fitted), "at least", 1.0)
+    yield _check(FITTED_CHECK, plane, float(fitted), "at least", 1.0)
     if validation and fitted:
         yield from _precision(model, plane)
         yield from _response(plane, validation)

@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+import msgspec
+
 from sysid.models.json_record import JsonRecord
 from sysid.planes import PLANES, Plane
 
@@ -164,6 +166,16 @@ class NextTest(JsonRecord, frozen=True):
         )
 
 
+class PlaneVerdict(JsonRecord, frozen=True):
+    """Decision about one plane, from its own criteria and those of the whole fit."""
+
+    tested: bool
+    """False if no test of the plane was fitted; its numbers are then the prior's."""
+    fit_for_redesign: bool
+    reasons: tuple[str, ...]
+    """One reason for each required criterion that is not met."""
+
+
 class ModelAssessment(JsonRecord, frozen=True):
     """Decision whether the model may be used for redesign."""
 
@@ -172,3 +184,5 @@ class ModelAssessment(JsonRecord, frozen=True):
     """One reason for each required criterion that is not met."""
     checks: tuple[AcceptanceCheck, ...]
     next_test: NextTest | None
+    planes: dict[Plane, PlaneVerdict] = msgspec.field(default_factory=dict)
+    """Decision by plane. Data of one plane alone pass or fail here."""

@@ -72,6 +72,10 @@ def test_format_text_holds_numbers_checks_assessment(told: IdentifiedModel) -> N
     assert "b1_per_s2" in words
     assert "not fit for redesign" in words
     assert "pitch: runs fitted 0, at least 1" in words
+    assert (
+        "pitch by itself: no elevator test was fitted: the pitch numbers are the prior's" in words
+    )
+    assert "yaw by itself: not fit" in words
     assert max(len(line) for line in words.splitlines()) <= 160
 
 

@@ -203,6 +203,30 @@ def test_assess_all_required_criteria_are_tested(good_model: IdentifiedModel) ->
     } == set()
 
 
+@pytest.mark.parametrize(("lost", "left"), [("pitch", "yaw"), ("yaw", "pitch")])
+def test_assess_one_plane_alone_has_own_verdict(
+    lost: str, left: str, good_model: IdentifiedModel
+) -> None:
+    """Without tests of one plane the model fails as a whole, and the other plane passes."""
+    validation = {Plane(left): good_model.validation[Plane(left)]}
+    assessment = assess(good_model, validation)
+    assert not assessment.fit_for_redesign
+    verdict = assessment.planes[Plane(left)]
+    assert (verdict.tested, verdict.fit_for_redesign, verdict.reasons) == (True, True, ())
+    untested = assessment.planes[Plane(lost)]
+    assert (untested.tested, untested.fit_for_redesign) == (False, False)
+    assert "test was fitted: the" in untested.reasons[0]
+
+
+def test_assess_failure_of_the_fit_fails_both_planes(good_model: IdentifiedModel) -> None:
+    failed = replace(
+        good_model, convergence=replace(good_model.convergence, failures=("it did not converge",))
+    )
+    verdicts = assess(failed, failed.validation).planes
+    assert [v.fit_for_redesign for v in verdicts.values()] == [False, False]
+    assert all(v.reasons == ("it did not converge",) for v in verdicts.values())
+
+
 def test_assess_unknown_value_fails(good_model: IdentifiedModel) -> None:
     changed = planes(b1_per_s2=ParameterEstimate(0.5, None))(good_model)
     assessment = assess(changed, changed.validation)
