@@ -222,6 +222,7 @@ def _refit(
         model,
         data=tuple(DataFile(log.name, log.sha256) for log in logs),
         held_out_data=tuple(DataFile(log.name, log.sha256) for log in held_out_logs),
+        notes=(*model.notes, *_damage_notes([*logs, *held_out_logs])),
         screening=tuple(_screened_run(s, tested_runs.get(s.run.name)) for s in screenings),
         held_out_screening=tuple(_screened_run(s) for s in held_out_screenings),
     )
@@ -530,6 +531,11 @@ def _refuse_duplicates(
     reason = duplicates.refusal(fitted_logs, held_out_named, prior_data)
     if reason:
         raise RefitError(reason)
+
+
+def _damage_notes(logs: Sequence[Log]) -> list[str]:
+    """Return one note for each damaged log."""
+    return [f"{log.name} is damaged: {log.damage}" for log in logs if log.damage]
 
 
 def _refuse_miswired(request: RefitRequest, logs: Sequence[Log]) -> None:

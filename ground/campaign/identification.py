@@ -102,6 +102,7 @@ def format_text(model: IdentifiedModel, out: Path) -> Rendered:
         for run in model.screening
         if run.warnings
     ]
+    lines += [f"  note: {note}" for note in model.notes]
     if model.dropped_run_influence:
         most = max(model.dropped_run_influence, key=lambda shift: abs(shift.sds))
         lines.append(

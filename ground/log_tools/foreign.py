@@ -31,7 +31,7 @@ def info(path: Path) -> dict[str, Any]:
     InputError
         The log cannot be read.
     """
-    tables = readers.tables(path)
+    tables, damage = readers.load(path)
     first_s = min(float(table.time_s.min()) for table in tables.values())
     last_s = max(float(table.time_s.max()) for table in tables.values())
     return {
@@ -44,7 +44,7 @@ def info(path: Path) -> dict[str, Any]:
         "topics": {name: table.time_s.size for name, table in sorted(tables.items())},
         "attachments": [],
         "metadata": {},
-        "damage": [],
+        "damage": [damage] if damage else [],
     }
 
 
@@ -70,7 +70,7 @@ def export_csv(path: Path, out: Path) -> list[Path]:
     FileExistsError
         A file to be written exists already.
     """
-    tables = readers.tables(path)
+    tables = readers.load(path).tables
     out.mkdir(parents=True, exist_ok=True)
     return [_write(out, name, table) for name, table in sorted(tables.items())]
 

@@ -11,11 +11,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mavlink_io import dialect
-from mavlink_io.codec import LARGEST_FRAME, Framer
+from mavlink_io.codec import LARGEST_FRAME, MAGIC_V1, MAGIC_V2, Framer
 from mavlink_io.dialect import MessageType
 from mavlink_io.logging.ros1 import vehicle_time_reader
 
 _STAMP = struct.Struct(">Q")
+_OVERHEAD = {MAGIC_V2: 12, MAGIC_V1: 8}
+"""Bytes of a frame besides its payload, by its first byte."""
+_SIGNED, _SIGNATURE_LENGTH = 1, 13
+"""Flag of a signed frame, and length of its signature."""
+_RESYNC_FRAMES = 3
+"""Number of consecutive frames required after damage, so that a chance match is unlikely."""
 
 
 class TelemetryLog:
@@ -112,6 +118,66 @@ def read(data: bytes) -> list[MessageSeries]:
         series.times_us.append(previous_us if own_us is None else own_us)
         series.payloads.append(payload)
     return list(all_series.values())
+
+
+class TlogDamage(NamedTuple):
+    """Bytes of a tlog that belong to no frame."""
+
+    skipped_bytes: int
+    """Number of such bytes before the last whole frame."""
+    places: int
+    """Number of places with such bytes before the last whole frame."""
+    trailing_bytes: int
+    """Number of such bytes after it: the file ends within a frame."""
+
+
+def find_damage(data: bytes) -> TlogDamage:
+    """Return the bytes of a tlog that belong to no frame, by the lengths in the frames' headers.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+
+    Returns
+    -------
+    TlogDamage
+        Number of bytes and places. Checksums are not compared here; frames of unknown messages
+        count as whole.
+    """
+    offset = end = skipped = places = 0
+    resynchronising = False
+    while offset + _STAMP.size < len(data):
+        following = _frame_end(data, offset)
+        if following is None or (resynchronising and not _is_frame_sequence(data, offset)):
+            resynchronising, offset = True, offset + 1
+            continue
+        if offset > end:
+            skipped, places = skipped + offset - end, places + 1
+        offset = end = following
+        resynchronising = False
+    return TlogDamage(skipped, places, len(data) - end)
+
+
+def _frame_end(data: bytes, offset: int) -> int | None:
+    """Return the end of the frame whose time stamp begins at an offset; None without a frame."""
+    start = offset + _STAMP.size
+    if start + 3 > len(data) or data[start] not in _OVERHEAD:
+        return None
+    end = start + _OVERHEAD[data[start]] + data[start + 1]
+    if data[start] == MAGIC_V2 and data[start + 2] & _SIGNED:
+        end += _SIGNATURE_LENGTH
+    return end if end <= len(data) else None
+
+
+def _is_frame_sequence(data: bytes, offset: int) -> bool:
+    """Return True if _RESYNC_FRAMES frames, or all up to the end, follow each other."""
+    position: int | None = offset
+    for _ in range(_RESYNC_FRAMES):
+        position = _frame_end(data, position) if position is not None else None
+        if position is None or position == len(data):
+            return position is not None
+    return True
 
 
 @cache

@@ -130,3 +130,5 @@ class Log:
     """Parameters of the autopilot by name."""
     duct: DuctAngles
     clock: Clock = Clock()
+    damage: str = ""
+    """Damaged places of the file and the time that is lost; empty for a whole file."""

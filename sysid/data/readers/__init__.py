@@ -2,9 +2,10 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from sysid.data.dataset import Log, LogError
-from sysid.data.readers.samples import MessageColumns
+from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
 
 FORMATS = "an MCAP log, a MAVLink .tlog, an ArduPilot .bin or a PX4 .ulg"
@@ -83,7 +84,16 @@ def read(path: str | Path, options: OutputOptions = FROM_LOG) -> Log:
     return readers[format_of(path)](path, options)
 
 
-def tables(path: Path) -> dict[str, MessageColumns]:
+class LogContent(NamedTuple):
+    """All messages of a log."""
+
+    tables: dict[str, MessageColumns]
+    """Columns by message name."""
+    damage: str
+    """Damaged places of the file and the time that is lost; empty for a whole file."""
+
+
+def load(path: Path) -> LogContent:
     """Read all messages of a tlog, .bin or .ulg.
 
     Parameters
@@ -93,8 +103,8 @@ def tables(path: Path) -> dict[str, MessageColumns]:
 
     Returns
     -------
-    dict
-        Columns by message name.
+    LogContent
+        Columns by message name, and the damage.
 
     Raises
     ------
@@ -103,12 +113,14 @@ def tables(path: Path) -> dict[str, MessageColumns]:
     """
     from sysid.data.readers import dataflash, tlog, ulog
 
-    readers: dict[str, Callable[[Path], dict[str, MessageColumns]]] = {
-        "tlog": tlog.tables,
-        "dataflash": dataflash.tables,
-        "ulog": ulog.tables,
+    readers: dict[str, Callable[[Path], tuple[dict[str, MessageColumns], FileDamage]]] = {
+        "tlog": tlog.load,
+        "dataflash": dataflash.load,
+        "ulog": ulog.load,
     }
     log_format = format_of(path)
     if log_format not in readers:
         raise LogError(f"{path}: is an MCAP log; use the tools of `ground log` for MCAP")
-    return readers[log_format](path)
+    tables, damage = readers[log_format](path)
+    regular = max(tables.values(), key=lambda table: table.time_s.size)
+    return LogContent(tables, format_damage(damage, regular.time_s))

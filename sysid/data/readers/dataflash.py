@@ -26,9 +26,11 @@ from sysid.data.dataset import (
 )
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave, parse_text
 from sysid.data.readers.samples import (
+    FileDamage,
     MessageColumns,
     clock_steps,
     foreign_log,
+    format_damage,
     sample_nearest,
     strictly_increasing,
 )
@@ -72,7 +74,7 @@ def read(path: Path, options: OutputOptions) -> Log:
     LogError
         The file is damaged, or has not all required messages.
     """
-    message_tables = tables(path)
+    message_tables, damage = load(path)
     parameters = _parameters(message_tables)
     attitude, actuators = (
         _attitude(path, message_tables),
@@ -84,24 +86,32 @@ def read(path: Path, options: OutputOptions) -> Log:
     ]
     events = _events(message_tables, float(np.degrees(travel_rad(parameters, options))))
     return foreign_log(
-        path, attitude, actuators, depth, _setpoints(message_tables), events, parameters, steps
+        path,
+        attitude,
+        actuators,
+        depth,
+        _setpoints(message_tables),
+        events,
+        parameters,
+        steps,
+        format_damage(damage, message_tables["ATT"].time_s),
     )
 
 
-def tables(path: Path) -> Tables:
-    """Return all messages with a time by name; raise LogError for a bad file."""
+def load(path: Path) -> tuple[Tables, FileDamage]:
+    """Return all messages with a time by name, and the damage; raise LogError for a bad file."""
     try:
         data = path.read_bytes()
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give an ArduPilot .bin") from None
+    index, damage = _index(data)
     decoded = {
-        kind.name: _decode(np.frombuffer(data, np.uint8), kind, offsets)
-        for kind, offsets in _index(data)
+        kind.name: _decode(np.frombuffer(data, np.uint8), kind, offsets) for kind, offsets in index
     }
     tables = {name: table for name, table in decoded.items() if table is not None}
     if not tables:
         raise LogError(f"{path}: holds no message of an ArduPilot log")
-    return tables
+    return tables, damage
 
 
 class _MessageFormat(NamedTuple):
@@ -116,8 +126,10 @@ class _MessageFormat(NamedTuple):
     """Names of the columns."""
 
 
-def _index(data: bytes) -> list[tuple[_MessageFormat, list[int]]]:
+def _index(data: bytes) -> tuple[list[tuple[_MessageFormat, list[int]]], FileDamage]:
     """Return the message types with the offsets of their messages; other bytes are skipped."""
+    skipped: list[int] = []
+    end = 0
     kinds, offsets_by_kind, offset = (
         {
             _FMT: _MessageFormat(
@@ -132,6 +144,8 @@ def _index(data: bytes) -> list[tuple[_MessageFormat, list[int]]]:
         if kind is None or offset + kind.length > len(data):
             offset = data.find(_HEAD, offset + 1)
             continue
+        if offset > end:
+            skipped.append(offset - end)
         offsets_by_kind[data[offset + 2]].append(offset)
         if kind.name == "FMT":
             number, length, *texts = _format.unpack_from(data, offset + _HEAD_LENGTH)
@@ -146,7 +160,9 @@ def _index(data: bytes) -> list[tuple[_MessageFormat, list[int]]]:
                     ),
                 )
         offset += kind.length
-    return [(kinds[number], offsets) for number, offsets in offsets_by_kind.items()]
+        end = offset
+    damage = FileDamage(sum(skipped), len(skipped), len(data) - end)
+    return [(kinds[number], offsets) for number, offsets in offsets_by_kind.items()], damage
 
 
 def _decode(

@@ -26,8 +26,75 @@ CLOCK_STEP_SAMPLES = 5
 """Number of consecutive samples older than an earlier one that counts as a backward clock step.
 
 Fewer such samples are late datagrams."""
+GAP_INTERVALS = 1.9
+"""Interval of two samples, in usual intervals, from which on samples are lost."""
 MAX_TIME_DIFFERENCE_S = 0.1
 """Maximum time difference of corresponding samples of two streams."""
+
+
+class FileDamage(NamedTuple):
+    """Bytes of a file that belong to no message."""
+
+    skipped_bytes: int = 0
+    """Number of such bytes before the last whole message."""
+    places: int = 0
+    """Number of places with such bytes before the last whole message."""
+    trailing_bytes: int = 0
+    """Number of such bytes at the end: the file ends within a message."""
+    dropouts_s: tuple[float, ...] = ()
+    """Durations in which the vehicle's logger reports that it lost messages, s."""
+
+
+UNDAMAGED = FileDamage()
+
+
+def format_damage(damage: FileDamage, time_s: Array) -> str:
+    """Return the damaged places of a file and the time that is lost, in one line.
+
+    Parameters
+    ----------
+    damage : FileDamage
+        Bytes that belong to no message.
+    time_s : ndarray, shape (n,)
+        Times of the samples of one regular message, which show the gaps.
+
+    Returns
+    -------
+    str
+        Empty for a whole file.
+    """
+    texts = []
+    if damage.places:
+        places = "1 place" if damage.places == 1 else f"{damage.places} places"
+        texts.append(
+            f"{damage.skipped_bytes} bytes in {places} are unreadable, {_format_gaps(time_s)}"
+        )
+    if damage.dropouts_s:
+        count, lost_s = len(damage.dropouts_s), sum(damage.dropouts_s)
+        dropouts = "1 dropout" if count == 1 else f"{count} dropouts"
+        texts.append(f"the vehicle's logger lost {lost_s:.2g} s in {dropouts}")
+    if damage.trailing_bytes:
+        texts.append(
+            f"it ends within a message ({damage.trailing_bytes} bytes) at {time_s[-1]:.1f} s;"
+            " what followed is lost"
+        )
+    return "; ".join(texts)
+
+
+def _format_gaps(time_s: Array) -> str:
+    """Return the time that is missing in a regular series, and where."""
+    intervals_s = np.diff(time_s)
+    usual_s = float(np.median(intervals_s)) if intervals_s.size else 0.0
+    gaps = np.flatnonzero(intervals_s > GAP_INTERVALS * usual_s)
+    if not gaps.size:
+        return "no time is lost"
+    lost_s = float(np.sum(intervals_s[gaps])) - usual_s * gaps.size
+    where = (
+        f"at {time_s[gaps[0]]:.1f} s"
+        if gaps.size == 1
+        else (f"between {time_s[gaps[0]]:.1f} and {time_s[gaps[-1] + 1]:.1f} s")
+    )
+    return f"{lost_s:.2f} s are lost {where}"
 
 
 class MessageColumns(NamedTuple):
@@ -106,6 +173,7 @@ def foreign_log(
     events: tuple[LogEvent, ...],
     parameters: dict[str, float],
     steps: Iterable[ClockStep],
+    damage: str = "",
 ) -> Log:
     """Return the log of another autopilot, which has one clock and no duct encoder."""
     parts = {"attitude": attitude, "actuators": actuators, "depth": depth}
@@ -126,4 +194,5 @@ def foreign_log(
         parameters=parameters,
         duct=DuctAngles(*(np.empty(0),) * 3),
         clock=Clock(tuple(steps)),
+        damage=damage,
     )

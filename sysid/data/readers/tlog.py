@@ -4,6 +4,7 @@ Times are the vehicle's times in the messages, not the times of reception, becau
 a variable delay.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from mavlink_io.logging.tlog import MessageSeries
 from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
 from sysid.data.readers.messages import DUCT, DUCT_COMPONENT, Messages, assemble, messages_to_read
-from sysid.data.readers.samples import MessageColumns
+from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage
 from sysid.data.readers.servo_channels import OutputOptions
 
 
@@ -40,7 +41,8 @@ def read(path: Path, options: OutputOptions) -> Log:
     LogError
         The file cannot be read, has several vehicles, or has not all required messages.
     """
-    streams = _streams(path)
+    data = _content(path)
+    streams = _streams(path, data)
     vehicles = sorted({(s.system, s.component) for s in streams if s.message.name == "ATTITUDE"})
     if len(vehicles) > 1:
         raise LogError(
@@ -55,29 +57,38 @@ def read(path: Path, options: OutputOptions) -> Log:
         if duct and any(stream.system == system for system, _ in vehicles):
             messages[DUCT] = _decode(stream)
     nothing = np.empty(0)
-    return assemble(
-        path, messages, _parameters(own.get("PARAM_VALUE")), options, (nothing, nothing)
-    )
+    log = assemble(path, messages, _parameters(own.get("PARAM_VALUE")), options, (nothing, nothing))
+    damage = FileDamage(*tlog.find_damage(data))
+    return replace(log, damage=format_damage(damage, log.attitude.time_s))
 
 
-def tables(path: Path) -> dict[str, MessageColumns]:
-    """Return all messages by ``/mavlink/SYSTEM/COMPONENT/NAME``; raise LogError for a bad file."""
+def load(path: Path) -> tuple[dict[str, MessageColumns], FileDamage]:
+    """Return all messages by ``/mavlink/SYSTEM/COMPONENT/NAME``, and the damage.
+
+    Raises LogError for a bad file.
+    """
     columns_by_topic = {}
-    for stream in _streams(path):
+    data = _content(path)
+    for stream in _streams(path, data):
         time_s, record = _decode(stream)
         columns = {name: record[name] for name in record.dtype.names or ()}
         columns_by_topic[f"/mavlink/{stream.system}/{stream.component}/{stream.message.name}"] = (
             MessageColumns(time_s, columns)
         )
-    return columns_by_topic
+    return columns_by_topic, FileDamage(*tlog.find_damage(data))
 
 
-def _streams(path: Path) -> list[MessageSeries]:
-    """Return the messages of a file by sender and name; raise LogError without any."""
+def _content(path: Path) -> bytes:
+    """Return the bytes of a file; raise LogError if it cannot be read."""
     try:
-        streams = tlog.read(path.read_bytes())
+        return path.read_bytes()
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give a tlog") from None
+
+
+def _streams(path: Path, data: bytes) -> list[MessageSeries]:
+    """Return the messages of a file by sender and name; raise LogError without any."""
+    streams = tlog.read(data)
     if not streams:
         raise LogError(f"{path}: holds no MAVLink message; is it a tlog?")
     return streams

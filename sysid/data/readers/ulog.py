@@ -18,10 +18,12 @@ from sysid.data.dataset import (
 )
 from sysid.data.events import parse_text
 from sysid.data.readers.samples import (
+    FileDamage,
     MessageColumns,
     clock_steps,
     euler_rad,
     foreign_log,
+    format_damage,
     sample_nearest,
     strictly_increasing,
 )
@@ -57,7 +59,7 @@ def read(path: Path, options: OutputOptions) -> Log:
     LogError
         The file is damaged, or has not all required topics.
     """
-    log = _parse(path, [*_TOPICS, *_OUTPUTS, *_SETPOINTS])
+    log, damage = _parse(path, [*_TOPICS, *_OUTPUTS, *_SETPOINTS])
     topic_tables = _tables(log)
     parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
     attitude, actuators = (
@@ -76,24 +78,38 @@ def read(path: Path, options: OutputOptions) -> Log:
         LogEvent(m.timestamp * 1e-6, parse_text(m.log_level - ord("0"), m.message)) for m in texts
     )
     return foreign_log(
-        path, attitude, actuators, depth, _setpoints(topic_tables), events, parameters, steps
+        path,
+        attitude,
+        actuators,
+        depth,
+        _setpoints(topic_tables),
+        events,
+        parameters,
+        steps,
+        format_damage(damage, topic_tables[_TOPICS[0]].time_s),
     )
 
 
-def tables(path: Path) -> Tables:
-    """Return all topics, a second instance as ``name.1``; raise LogError for a bad file."""
-    return _tables(_parse(path, None))
+def load(path: Path) -> tuple[Tables, FileDamage]:
+    """Return all topics, a second instance as ``name.1``, and the damage.
+
+    Raises LogError for a bad file.
+    """
+    log, damage = _parse(path, None)
+    return _tables(log), damage
 
 
-def _parse(path: Path, topics: list[str] | None) -> Any:
-    """Return pyulog's ULog of a file; raise LogError for a bad file."""
+def _parse(path: Path, topics: list[str] | None) -> tuple[Any, FileDamage]:
+    """Return pyulog's ULog of a file and its damage; raise LogError for a bad file."""
     from pyulog import ULog
 
     try:
-        data = keep_sound_messages(path.read_bytes())
+        data, damage = keep_sound_messages(path.read_bytes())
         refuse_large_formats(data)
         with contextlib.redirect_stdout(io.StringIO()):
-            return ULog(io.BytesIO(data), topics)
+            log = ULog(io.BytesIO(data), topics)
+        dropouts_s = tuple(dropout.duration * 1e-3 for dropout in log.dropouts)
+        return log, damage._replace(dropouts_s=dropouts_s)
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give a PX4 .ulg") from None
     except Exception as error:  # pyulog fails in as many ways as a file can be broken

@@ -10,6 +10,8 @@ from collections import defaultdict
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from sysid.data.readers.samples import FileDamage
+
 _HEADER_LENGTH = 16
 _TYPES = frozenset(b"ABCDFILMOPQRST")
 _MAX_MESSAGE_BYTES = 10_000
@@ -34,20 +36,25 @@ _FLAGS, _APPENDED = ord("B"), 16
 """Type of the flags message; bytes from the sixteenth on are file offsets of appended data."""
 
 
-def keep_sound_messages(data: bytes) -> bytes:
-    """Return the file with its undamaged messages only; an undamaged file is not changed.
+def keep_sound_messages(data: bytes) -> tuple[bytes, FileDamage]:
+    """Return the file with its undamaged messages only, and its damage.
 
-    Offsets of appended data in the flags message are set to zero.
+    An undamaged file is not changed, but offsets of appended data in the flags message are set to
+    zero.
     """
     sound_parts, offset, lost = [data[:_HEADER_LENGTH]], _HEADER_LENGTH, False
+    sound_end, skipped = _HEADER_LENGTH, list[int]()
     while offset < len(data):
         end = _end(data, offset)
         if end is None or (lost and not _is_message_sequence(data, offset)):
             lost, offset = True, offset + 1
             continue
+        if offset > sound_end:
+            skipped.append(offset - sound_end)
         sound_parts.append(_clear_appended_offsets(data[offset:end]))
-        offset, lost = end, False
-    return b"".join(sound_parts)
+        offset, lost, sound_end = end, False, end
+    damage = FileDamage(sum(skipped), len(skipped), max(len(data) - sound_end, 0))
+    return b"".join(sound_parts), damage
 
 
 def _end(data: bytes, offset: int) -> int | None:

@@ -58,3 +58,11 @@ def test_invalid_option_gives_clear_error(tmp_path: Path, options: list[str], me
     path = files.ulog(tmp_path / "a.ulg", texts=False)
     with pytest.raises(InputError, match=message):
         CliRunner().invoke(app, ["refit", str(path), *options], catch_exceptions=False)
+
+
+def test_info_reports_truncated_log(tmp_path: Path) -> None:
+    path = files.dataflash(tmp_path / "cut.bin")
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 3 // 4 + 5])
+    lines = CliRunner().invoke(app, ["log", "info", str(path)]).stdout.splitlines()
+    assert any("damaged" in line and "it ends within a message" in line for line in lines), lines

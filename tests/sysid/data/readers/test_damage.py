@@ -244,9 +244,9 @@ def test_dataflash_memory_is_a_few_times_the_file(tmp_path: Path) -> None:
     data = bytes((0xA3, 0x95, 0x80)) + body + (bytes((0xA3, 0x95, 1)) + bytes(252)) * 20_000
     path = tmp_path / "big.bin"
     path.write_bytes(data)
-    readers.tables(files.dataflash(tmp_path / "other.bin"))  # imports
+    readers.load(files.dataflash(tmp_path / "other.bin"))  # imports
     tracemalloc.start()
-    assert readers.tables(path)["BIG"].time_s.size == 20_000
+    assert readers.load(path).tables["BIG"].time_s.size == 20_000
     _, most_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert most_bytes < 6 * len(data)

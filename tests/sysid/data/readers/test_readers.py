@@ -1,6 +1,7 @@
 """One dive, written in each format by its specification, is read as the same run."""
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from sysid.data import readers, segments
 from sysid.data.dataset import LogError
 from sysid.data.events import StopReason
 from sysid.data.readers import servo_channels, ulog_recovery
+from sysid.data.readers.samples import FileDamage
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, ServoChannels
 from sysid.data.segments import MarkedInterval, Run
 from sysid.screening import screen
@@ -142,7 +144,7 @@ def test_missing_message_is_named_in_error(
 
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_tables_contain_all_messages(written: dict[str, Path], suffix: str) -> None:
-    found = readers.tables(written[suffix])
+    found = readers.load(written[suffix]).tables
     attitude = {"tlog": "/mavlink/1/1/ATTITUDE", "bin": "ATT", "ulg": "vehicle_attitude"}[suffix]
     assert found[attitude].time_s.size == files.SECONDS * files.RATE_HZ
     assert found[attitude].time_s[0] == pytest.approx(files.BOOTED_S)
@@ -181,6 +183,36 @@ def test_truncated_file_loses_only_its_end(written: dict[str, Path], tmp_path: P
             files.BOOTED_S + 36.0, abs=0.5
         )
         assert the_run(torn).stop_reason == StopReason.COMPLETE
+        damage = readers.read(torn).damage
+        assert re.fullmatch(
+            r"it ends within a message \(\d+ bytes\) at 13[56]\.\d s; what followed is lost", damage
+        ), damage
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_whole_file_reports_no_damage(written: dict[str, Path], suffix: str) -> None:
+    assert readers.read(written[suffix]).damage == ""
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_hole_in_file_is_reported_with_time_lost(
+    written: dict[str, Path], tmp_path: Path, suffix: str
+) -> None:
+    """A twentieth of the file, about 2 s of 40 s from 120 s on, is overwritten by zeros."""
+    data = bytearray(written[suffix].read_bytes())
+    first, last = len(data) // 2, len(data) * 11 // 20
+    data[first:last] = bytes(last - first)
+    path = tmp_path / f"hole.{suffix}"
+    path.write_bytes(data)
+    match = re.fullmatch(
+        r"(\d+) bytes in 1 place are unreadable, (\d+\.\d+) s are lost at (\d+\.\d) s",
+        readers.read(path).damage,
+    )
+    assert match, readers.read(path).damage
+    assert int(match[1]) == pytest.approx(last - first, abs=300)
+    # MAVLink 2 cuts zeros at the end of a payload, so that frames of a tlog differ in length.
+    assert float(match[2]) == pytest.approx(2.0, abs=0.2)
+    assert float(match[3]) == pytest.approx(120.0, abs=1.0)
 
 
 def test_ulog_wrong_sizes_are_skipped(written: dict[str, Path], tmp_path: Path) -> None:
@@ -214,7 +246,7 @@ def test_ulog_without_topics_rejected_without_endless_loop(tmp_path: Path) -> No
 
 def test_undamaged_ulog_is_unchanged(written: dict[str, Path]) -> None:
     whole = written["ulg"].read_bytes()
-    assert ulog_recovery.keep_sound_messages(whole) == whole
+    assert ulog_recovery.keep_sound_messages(whole) == (whole, FileDamage())
 
 
 def test_travel_without_parameter_is_the_vehicles(tmp_path: Path) -> None:
