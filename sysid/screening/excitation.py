@@ -44,7 +44,8 @@ Simulated closed-loop data of four vehicles: 0.08 to 0.7; tests, with the loop o
 0.79.
 """
 MAX_TONE_SHARE = 0.996
-"""Share of the command's power in one tone from which on cause and effect cannot be told apart."""
+"""Share of the command's power in one tone from which on cause and effect are not distinguishable.
+"""
 MIN_SPREAD_RAD = math.radians(0.02)
 """Standard deviation of the command below which nothing is compared."""
 

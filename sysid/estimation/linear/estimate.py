@@ -10,6 +10,7 @@ from sysid.data.segments import PREROLL_S
 from sysid.estimation.linear import (
     cramer_rao,
     filter_error,
+    linear_model,
     multistart,
     objective,
     output_error,
@@ -40,6 +41,10 @@ NOISE_TOLERANCE = 0.02
 """Relative change of the sensor levels below which the passes of output error end."""
 COARSE_TOLERANCE = 1e-4
 """Relative cost change that ends a pass before the noise levels are updated again."""
+
+ZERO_DELAY_SD_S = 1e-3
+"""Standard deviation that stands for that of a delay at its limit of zero, so that the covariance
+can be inverted; it is not reported."""
 
 
 class PlaneEstimate(NamedTuple):
@@ -148,10 +153,15 @@ def _estimate(
     prior: LinearPrior,
 ) -> PlaneEstimate:
     """Return the estimate with the covariance at the solution."""
-    model = LinearModel(prior.model.frame, solution.values)
-    covariance = cramer_rao.of_information(
-        model, multistart.information_at(weighted_objective, solution.values)
-    ).covariance
+    values = solution.values.copy()
+    information = multistart.information_at(weighted_objective, values)
+    if multistart.is_delay_zero(prior, values):
+        # The others' covariance is that with the delay held at zero.
+        i = linear_model.names(prior.model.frame.plane).index(multistart.DELAY)
+        values[i] = information[i, :] = information[:, i] = 0.0
+        information[i, i] = ZERO_DELAY_SD_S**-2
+    model = LinearModel(prior.model.frame, values)
+    covariance = cramer_rao.of_information(model, information).covariance
     return PlaneEstimate(
         model=model,
         covariance=covariance,

@@ -33,6 +33,10 @@ BOUND_TOLERANCE = 1e-3
 """Distance from a bound, as a share of the range, below which a value counts as at the bound."""
 
 
+DELAY = "delay_s"
+"""Name of the delay among the values."""
+
+
 class NotUniqueError(OperationError):
     """The data do not determine one plane.
 
@@ -133,7 +137,8 @@ def require_unique(
     Raises
     ------
     NotUniqueError
-        The costs of the starts differ, a value is at a bound, or the information is singular.
+        The costs of the starts differ, a value is at a bound, or the information is singular. A
+        delay of zero is a result, not a bound.
     """
     plane, names = prior.model.frame.plane, linear_model.names(prior.model.frame.plane)
     weakest = weakest_direction(information_at(objective, best.values))
@@ -145,6 +150,8 @@ def require_unique(
         )
     ranges = prior.highest - prior.lowest
     for name, value, low, high in zip(names, best.values, prior.lowest, prior.highest, strict=True):
+        if name == DELAY and is_delay_zero(prior, best.values):
+            continue
         if min(value - low, high - value) < BOUND_TOLERANCE * ranges[names.index(name)]:
             raise NotUniqueError(
                 f"{plane}: {name} = {value:.4g} is at its bound, {low:.4g} to {high:.4g}"
@@ -157,6 +164,14 @@ def require_unique(
             f" {worst_cost / best.cost - 1.0:.0%} above the least cost;"
             " the tests allow more than one model"
         )
+
+
+def is_delay_zero(prior: LinearPrior, values: Array) -> bool:
+    """Return whether the delay ended at its lower bound of zero."""
+    i = linear_model.names(prior.model.frame.plane).index(DELAY)
+    distance = values[i] - prior.lowest[i]
+    span = prior.highest[i] - prior.lowest[i]
+    return bool(prior.lowest[i] == 0.0 and distance < BOUND_TOLERANCE * span)
 
 
 class WeakestDirection(NamedTuple):

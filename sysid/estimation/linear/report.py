@@ -24,6 +24,7 @@ from sysid.estimation.linear import estimate as estimates
 from sysid.estimation.linear import linear_model, records
 from sysid.estimation.linear.estimate import Method, PlaneEstimate
 from sysid.estimation.linear.linear_model import LinearModelStructure
+from sysid.estimation.linear.multistart import DELAY
 from sysid.estimation.map.fit import Fit, Prior, Progress
 from sysid.estimation.profile_likelihood import LeastSquaresEstimate
 from sysid.models import model_export, parameters
@@ -134,6 +135,7 @@ def of_estimates(
         },
         notes=(
             *model.notes,
+            *_zero_delay_notes(plane_estimates),
             *_misfit_notes(plane_estimates, prior, nearest.z),
             *_wide_interval_notes(plane_estimates),
         ),
@@ -230,6 +232,9 @@ def _reported_numbers(plane: Plane, estimate: PlaneEstimate, nearest: Fit) -> tu
     covariance = linear_model.propagate(frame, values, estimate.covariance)
     if linear_model.OFFSETS[plane]:
         numbers[-1] = nearest.vehicle.actuators[plane].bias_rad
+    delay = linear_model.derived_names(plane).index(DELAY)
+    if numbers[delay] == 0.0:
+        covariance[delay, :] = covariance[:, delay] = 0.0
     unit_factors = np.ones(numbers.size)
     unit_factors[-1] = math.degrees(1.0)
     return numbers * unit_factors, covariance * np.outer(unit_factors, unit_factors)
@@ -244,7 +249,7 @@ def _plane(plane: Plane, numbers: Array, covariance: Array) -> PlaneModel:
     """Record of a plane for the model file."""
     sds = np.sqrt(np.diag(covariance))
     reported = {
-        name: Reported(float(v), float(sd))
+        name: Reported(float(v), float(sd) if sd else None)
         for name, v, sd in zip(_names(plane), numbers, sds, strict=True)
     }
     return PlaneModel(restoring_per_s2=reported.pop("restoring_per_s2", None), **reported)
@@ -267,6 +272,15 @@ def _status(coefficient: Coefficient, name: str, tested: set[Plane]) -> Coeffici
     ):
         return msgspec.structs.replace(coefficient, status="unidentifiable")
     return coefficient
+
+
+def _zero_delay_notes(plane_estimates: dict[Plane, PlaneEstimate]) -> list[str]:
+    """Report delays at their limit of zero."""
+    return [
+        f"{plane}: {DELAY} is at its limit of zero and has no standard deviation"
+        for plane, estimate in plane_estimates.items()
+        if estimate.model.values[linear_model.names(plane).index(DELAY)] == 0.0
+    ]
 
 
 def _misfit_notes(plane_estimates: dict[Plane, PlaneEstimate], prior: Prior, z: Array) -> list[str]:
@@ -305,6 +319,8 @@ def _wide_intervals(estimate: PlaneEstimate) -> list[tuple[str, float, float]]:
     problem = LeastSquaresEstimate(*estimate.objective, estimate.lowest, estimate.highest)
     wide = []
     for i, name in enumerate(linear_model.derived_names(frame.plane)[:-1]):
+        if name == DELAY and derived[i] == 0.0:
+            continue
         if sds[i] > WIDE_RELATIVE_SD * abs(derived[i]):
             interval = profile_likelihood.interval(
                 problem, values, _derived_number(frame, i), float(sds[i])

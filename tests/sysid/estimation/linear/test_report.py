@@ -1,8 +1,10 @@
 """Model file from linear estimates of a vehicle that was simulated with disturbances."""
 
 import math
+import warnings
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -130,3 +132,34 @@ def test_linear_run_starts_at_its_lead(flown: list[Run], plane: Plane) -> None:
     assert record.measured[40, 0] == pytest.approx(
         np.mean(run.rate_radps[sample - 2 : sample + 3]), abs=1e-12
     )
+
+
+@pytest.mark.parametrize("method", ["output-error", "filter-error"])
+def test_identify_delay_of_zero_is_a_result(method: estimate.Method) -> None:
+    """A tailcone without delay, and a prior of 0.1 s: the search ends at its bound of zero."""
+    prior, truth = (
+        with_tailcone(config.load(name), delay_s)
+        for name, delay_s in (("caribou_nominal", 0.1), ("caribou_truth", 0.0))
+    )
+    signals = [sea.doublet(5.0), sea.doublet(-7.0, 3.0), sea.step(5.0, 20.0)]
+    runs = [
+        sea.fly(truth, Plane.YAW, signal, name=f"r/{k}", seed=1 + k, level=0.5, trim_rad=TRIM)
+        for k, signal in enumerate(signals)
+    ]
+    with np.errstate(all="raise", under="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = refit.identify(runs, prior, "own", method)
+    delay = found.planes[Plane.YAW].delay_s
+    if delay.value == 0.0:
+        assert delay.sd is None
+        assert "yaw: delay_s is at its limit of zero and has no standard deviation" in found.notes
+    else:
+        assert delay.value < 3.0 * delay.sd
+    assert (delay.value == 0.0) == (method == "output-error")
+    assert found.planes[Plane.YAW].b1_per_s2.sd > 0.0
+
+
+def with_tailcone(vehicle: config.VehicleConfig, delay_s: float) -> config.VehicleConfig:
+    """Return a vehicle with another delay and a fast lag, so that the delay is observable."""
+    tail = msgspec.structs.replace(vehicle.tailcone, delay_s=delay_s, natural_frequency_radps=12.0)
+    return msgspec.structs.replace(vehicle, tailcone=tail)
