@@ -246,7 +246,7 @@ def _failing(prior_name: str) -> Iterator[None]:
     except VehicleFileError as error:
         raise FitFailedError(
             f"prior {prior_name}: the fit ended at the edge of the possible vehicles ({error}); the"
-            " logs may be of another vehicle: give its own file as the prior"
+            " logs may be of another vehicle or another tailcone: give its own file as the prior"
         ) from None
     except np.linalg.LinAlgError as error:
         raise FitFailedError(
@@ -316,6 +316,8 @@ def _alternative_fit(
     Prediction errors of fitted and held-out runs are included.
     """
     model = identify(runs, knowledge.config, knowledge.name, method, knowledge.earlier)
+    if model.convergence.failures and method != "map":
+        raise NotUniqueError("; ".join(model.convergence.failures))
     return AlternativeFit(
         method=method,
         planes=model.planes,
@@ -367,7 +369,7 @@ def identify(
     Raises
     ------
     NotUniqueError
-        Methods ``output-error`` and ``filter-error``: the runs do not determine one model.
+        Methods ``output-error`` and ``filter-error``: the runs leave values undetermined.
     """
     prior_distribution = prior_of(runs, prior, earlier)
     if method == "paper":

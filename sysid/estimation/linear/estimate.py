@@ -71,6 +71,8 @@ class PlaneEstimate(NamedTuple):
     """(p,), lower bounds of the search."""
     highest: Array
     """(p,), upper bounds of the search."""
+    failures: tuple[str, ...] = ()
+    """Reasons why the estimate is not unique; empty for a unique one."""
 
 
 def estimate(
@@ -80,7 +82,7 @@ def estimate(
     start: Array | None = None,
     others: int = multistart.STARTS,
 ) -> PlaneEstimate:
-    """Estimate the values of one plane from its runs and require that they are unique.
+    """Estimate the values of one plane from its runs and check that they are unique.
 
     Parameters
     ----------
@@ -98,12 +100,12 @@ def estimate(
     Returns
     -------
     PlaneEstimate
-        Values, covariance and noise levels.
+        Values, covariance and noise levels, and why they are not unique.
 
     Raises
     ------
     NotUniqueError
-        The runs do not determine one plane.
+        The runs leave a combination of values undetermined.
     ValueError
         There is no run.
     """
@@ -115,9 +117,9 @@ def estimate(
     best_solution, start_costs = multistart.search_from_starts(
         weighted_objective, prior, solution, others
     )
-    multistart.require_unique(weighted_objective, prior, best_solution, start_costs)
+    failures = multistart.uniqueness_failures(weighted_objective, prior, best_solution, start_costs)
     return _estimate(best_solution, weighted_objective, level, sensors, prior)._replace(
-        start_costs=tuple(start_costs)
+        start_costs=tuple(start_costs), failures=failures
     )
 
 

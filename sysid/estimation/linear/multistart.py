@@ -129,16 +129,18 @@ def search_from_starts(
     return best, [end.cost for end in ends]
 
 
-def require_unique(
+def uniqueness_failures(
     objective: Objective, prior: LinearPrior, best: SearchResult, costs: Sequence[float]
-) -> None:
-    """Require that the minimum is unique.
+) -> tuple[str, ...]:
+    """Return the reasons why the minimum is not unique; empty for a unique one.
+
+    The costs of the starts differ, or a value is at a bound. A delay of zero is a result, not a
+    bound.
 
     Raises
     ------
     NotUniqueError
-        The costs of the starts differ, a value is at a bound, or the information is singular. A
-        delay of zero is a result, not a bound.
+        The information is singular, so that there is no covariance.
     """
     plane, names = prior.model.frame.plane, linear_model.names(prior.model.frame.plane)
     weakest = weakest_direction(information_at(objective, best.values))
@@ -148,22 +150,24 @@ def require_unique(
             f"{plane}: the tests do not distinguish {names_text}; record richer ones"
             " (3-2-1-1, doublets)"
         )
+    failures = []
     ranges = prior.highest - prior.lowest
     for name, value, low, high in zip(names, best.values, prior.lowest, prior.highest, strict=True):
         if name == DELAY and is_delay_zero(prior, best.values):
             continue
         if min(value - low, high - value) < BOUND_TOLERANCE * ranges[names.index(name)]:
-            raise NotUniqueError(
+            failures.append(
                 f"{plane}: {name} = {value:.4g} is at its bound, {low:.4g} to {high:.4g}"
             )
     worst_cost = max(costs, default=best.cost)
     if worst_cost > best.cost * (1.0 + START_COST_TOLERANCE):
         other_minima = sum(cost > best.cost * (1.0 + START_COST_TOLERANCE) for cost in costs)
-        raise NotUniqueError(
+        failures.append(
             f"{plane}: {other_minima} of {len(costs)} starts ended up to"
             f" {worst_cost / best.cost - 1.0:.0%} above the least cost;"
             " the tests allow more than one model"
         )
+    return tuple(failures)
 
 
 def is_delay_zero(prior: LinearPrior, values: Array) -> bool:

@@ -83,7 +83,7 @@ def identify(
     Raises
     ------
     NotUniqueError
-        The runs do not determine one plane.
+        The runs leave a combination of values undetermined.
     ValueError
         There is no run.
     """
@@ -122,6 +122,13 @@ def of_estimates(
     return msgspec.structs.replace(
         model,
         method=method,
+        convergence=msgspec.structs.replace(
+            model.convergence,
+            failures=(
+                *model.convergence.failures,
+                *(f for estimate in plane_estimates.values() for f in estimate.failures),
+            ),
+        ),
         planes={
             **model.planes,
             **{plane: _plane(plane, *reported[plane]) for plane in plane_estimates},

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid.models.parameters import NAMES, PARAMETERS
 from sysid.planes import Plane
 
 Array = NDArray[np.float64]
@@ -53,7 +54,7 @@ def failures(
     if at_bounds:
         reasons.append(
             f"{', '.join(at_bounds)} at a bound, four prior standard deviations away: the prior is"
-            " wrong"
+            f" wrong: {_remedy(at_bounds)}"
         )
     reasons += [
         reason
@@ -61,6 +62,16 @@ def failures(
         if (reason := _uninformed_numbers(plane, prior_covariance, posterior_covariance))
     ]
     return tuple(reasons)
+
+
+def _remedy(at_bounds: Sequence[str]) -> str:
+    """Return what to do about parameters at a bound: of the body, of the tailcone, or of both."""
+    parts = {PARAMETERS[NAMES.index(name)].part for name in at_bounds}
+    remedies = {
+        "body": "give the vehicle's own file (--prior)",
+        "tailcone": "measure the tailcone with `ground bench-test` and give --bench-result",
+    }
+    return "; ".join(text for part, text in remedies.items() if part in parts)
 
 
 def _uninformed_numbers(plane: Plane, prior_covariance: Array, posterior_covariance: Array) -> str:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from ground.__main__ import app
 from ground.campaign import identification, refit
-from mavlink_io.errors import OperationError
+from mavlink_io.errors import InputError, OperationError
 from sitl.vehicle import config
 from sitl.vehicle.config import VehicleFileError
 from sysid import refit as fitting
@@ -65,6 +65,26 @@ def test_refit_failure_is_one_line(
         OperationError, match=f"prior caribou_nominal: .*{said}.*own file as the prior"
     ):
         refit.refit(fitting.RefitRequest(paths=[]))
+
+
+def test_refit_failed_model_is_written_with_force_only(
+    told: IdentifiedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With --force the file is written and records the failure; a refusal of data stays."""
+    failed = msgspec.structs.replace(
+        told, convergence=msgspec.structs.replace(told.convergence, failures=("Y_v at a bound",))
+    )
+    monkeypatch.setattr(fitting, "refit", lambda *asked: failed)
+    out = tmp_path / "model.json"
+    arguments = ["refit", "a.mcap", "--out", str(out)]
+    with pytest.raises(OperationError, match=r"the fit failed: Y_v at a bound; .*--force"):
+        CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert not out.exists()
+    CliRunner().invoke(app, [*arguments, "--force"], catch_exceptions=False)
+    assert models.read(out).convergence.failures == ("Y_v at a bound",)
+    monkeypatch.undo()
+    with pytest.raises(InputError, match=r"absent\.mcap: No such file"):
+        CliRunner().invoke(app, ["refit", "absent.mcap", "--force"], catch_exceptions=False)
 
 
 def test_format_text_holds_numbers_checks_assessment(told: IdentifiedModel) -> None:
