@@ -73,8 +73,8 @@ def refit(
         bool,
         typer.Option(
             "--force",
-            help="Write the model even if the fit failed; the file records the failure. Refused data"
-            " stay refused.",
+            help="Write the model even if the fit failed; the file records the failure."
+            " Refused data stay refused.",
         ),
     ] = False,
     out: Annotated[Path, typer.Option(metavar="MODEL.json", help="Model to write.")] = Path(

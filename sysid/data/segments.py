@@ -84,7 +84,7 @@ class Run:
     depth_m: Array
     stop_reason: StopReason
     longest_gap_s: float
-    """Largest interval between two received samples of attitude, actuators or depth."""
+    """Largest interval between two received samples of attitude or actuators."""
     rudder_trim_rad: float
     elevator_trim_rad: float
     clock_back: str = ""
@@ -99,6 +99,8 @@ class Run:
     """Reason of an early end with value and limit; empty for a complete test."""
     travel_rad: float = math.radians(DEFAULT_TRAVEL_DEG)
     """Travel of a surface to either side."""
+    longest_depth_gap_s: float = 0.0
+    """Largest interval between two received samples of depth."""
 
     def in_plane(self, plane: Plane) -> PlaneSignals:
         """Return the signals of one plane.
@@ -427,9 +429,8 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
         heading_rad=smooth(attitude.yaw_rad),
         depth_m=np.interp(grid_s, depth.time_s, depth.depth_m),
         stop_reason=span.stop_reason,
-        longest_gap_s=max(
-            _max_gap_s(t, grid_s) for t in (attitude.time_s, actuators.time_s, depth.time_s)
-        ),
+        longest_gap_s=max(_max_gap_s(t, grid_s) for t in (attitude.time_s, actuators.time_s)),
+        longest_depth_gap_s=_max_gap_s(depth.time_s, grid_s),
         rudder_trim_rad=np.radians(log.parameters.get("TRIM_RUD_DEG", 0.0)),
         elevator_trim_rad=np.radians(log.parameters.get("TRIM_ELE_DEG", 0.0)),
         clock_back=_clock_step_reason(log, grid_s),

@@ -11,7 +11,9 @@ class ScreeningLimits(NamedTuple):
     """
 
     gap_s: float = 0.2
-    """Largest gap between samples, s."""
+    """Largest gap between samples of attitude or commands, s."""
+    depth_gap_s: float = 0.5
+    """Largest gap between samples of depth, s: depth is an integral and changes slowly."""
     shortest_s: float = 3.0
     """Minimum duration of a test, s.
 

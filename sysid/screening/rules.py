@@ -15,12 +15,11 @@ from sysid.screening.preroll import UsualPreroll
 
 def gap(run: Run, limits: ScreeningLimits) -> str:
     """Reject a run with a long gap between samples."""
-    longest = run.longest_gap_s
-    return (
-        f"gap: {longest:.2f} s without data, at most {limits.gap_s:g}"
-        if longest > limits.gap_s
-        else ""
-    )
+    if run.longest_gap_s > limits.gap_s:
+        return f"gap: {run.longest_gap_s:.2f} s without data, at most {limits.gap_s:g}"
+    if run.longest_depth_gap_s > limits.depth_gap_s:
+        return f"gap: {run.longest_depth_gap_s:.2f} s without depth, at most {limits.depth_gap_s:g}"
+    return ""
 
 
 def clock(run: Run, limits: ScreeningLimits) -> str:

@@ -2,7 +2,7 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from mavlink_io.logging.mcap_reader import (
 from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
 from sysid.data.readers.messages import (
+    ATTITUDES,
     CANDIDATES,
     DUCT,
     DUCT_COMPONENT,
@@ -136,10 +137,10 @@ def _vehicle_topics(channels: dict[str, McapChannel], path: Path) -> dict[str, s
     """Return the message name by topic of the one vehicle that sends ATTITUDE."""
     topics = sorted(channels)
     parts = [(topic, topic.split("/")) for topic in topics if topic.startswith("/mavlink/")]
-    vehicles = sorted({(p[2], p[3]) for _, p in parts if len(p) == 5 and p[4] == "ATTITUDE"})
+    vehicles = sorted({(p[2], p[3]) for _, p in parts if len(p) == 5 and p[4] in ATTITUDES})
     if len(vehicles) > 1:
         raise LogError(
-            f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification has one"
+            f"{path}: {len(vehicles)} vehicles send an attitude; a log for identification has one"
         )
     sent = {t: p[4] for t, p in parts if len(p) == 5 and (p[2], p[3]) in vehicles}
     names = messages_to_read(set(sent.values()))
@@ -153,21 +154,26 @@ def _start_ns(
     records: dict[str, NDArray[Any]], stamps: dict[str, NDArray[np.int64]], path: Path
 ) -> int:
     """Return the UNIX time of vehicle time zero, ns: log time minus the time in the message."""
-    if "ATTITUDE" not in records:
-        return 0
-    attitude = records["ATTITUDE"]
+    name = _timed(records)
+    if not name:
+        return int(min((times[0] for times in stamps.values()), default=0))
+    attitude = records[name]
     if "time_boot_ms" not in (attitude.dtype.names or ()):
-        raise LogError(
-            f"{path}: ATTITUDE has no time_boot_ms; it must follow the MAVLink definition"
-        )
-    return int(stamps["ATTITUDE"][0]) - int(attitude["time_boot_ms"][0]) * 1_000_000
+        raise LogError(f"{path}: {name} has no time_boot_ms; it must follow the MAVLink definition")
+    return int(stamps[name][0]) - int(attitude["time_boot_ms"][0]) * 1_000_000
+
+
+def _timed(names: Container[str]) -> str:
+    """Return the attitude message with a time; empty without any (AHRS2 has none)."""
+    return next((name for name in ATTITUDES[:2] if name in names), "")
 
 
 def _clock_lead(messages: Messages) -> tuple[Array, Array]:
-    """Return (log times of ATTITUDE, log time minus time in the message), s."""
-    if "ATTITUDE" not in messages:
+    """Return (log times of the attitude, log time minus time in the message), s."""
+    name = _timed(messages)
+    if not name:
         return np.empty(0), np.empty(0)
-    time_s, record = messages["ATTITUDE"]
+    time_s, record = messages[name]
     return time_s, time_s - record["time_boot_ms"] * 1e-3
 
 

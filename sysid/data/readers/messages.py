@@ -1,7 +1,10 @@
-"""Make a ``Log`` from decoded MAVLink messages, for MCAP logs and tlogs."""
+"""Make a ``Log`` from decoded MAVLink messages, for MCAP logs and tlogs.
+
+Attitude, depth and commands are read from the first message of a list that the vehicle sends.
+"""
 
 import re
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +26,10 @@ from sysid.data.dataset import (
 )
 from sysid.data.events import MODES, Armed, ModeChanged, parse_text
 from sysid.data.readers.samples import (
+    body_rates,
     clock_steps,
     content_sha256,
+    derivative,
     euler_rad,
     strictly_increasing,
 )
@@ -35,18 +40,30 @@ DUCT = "duct"
 DUCT_COMPONENT = 140
 """Component of the tailcone, MAV_COMP_ID_SERVO1."""
 
+AUTOPILOT_COMPONENT = 1
+"""Component of the autopilot, MAV_COMP_ID_AUTOPILOT1."""
 _SERVOS = "SERVO_OUTPUT_RAW"
 """Message with servo pulses, from autopilots that do not send ACTUATOR_OUTPUT_STATUS."""
 _COMMANDS = "ACTUATOR_OUTPUT_STATUS"
 _HEARTBEAT = "HEARTBEAT"
 """Message with mode and arming state; it does not count as data of the dive (``Log.sha256``)."""
-_REQUIRED = ("ATTITUDE", _COMMANDS, "LOCAL_POSITION_NED")
-_READ = (*_REQUIRED, "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT", _HEARTBEAT)
-CANDIDATES = frozenset((*_READ, _SERVOS))
+ATTITUDES = ("ATTITUDE", "ATTITUDE_QUATERNION", "AHRS2")
+"""Messages with the attitude. AHRS2 has no rates; they are the derivatives of its angles."""
+_DEPTHS = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "VFR_HUD", "AHRS2")
+"""Messages with the depth."""
+_SOURCES = (ATTITUDES, (_COMMANDS, _SERVOS), _DEPTHS)
+_OTHERS = ("ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT", _HEARTBEAT)
+CANDIDATES = frozenset((*(name for names in _SOURCES for name in names), *_OTHERS))
 """All messages that ``messages_to_read`` can return."""
 _FIELDS: dict[str, dict[str, int]] = {
     "ATTITUDE": dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0),
+    "ATTITUDE_QUATERNION": dict.fromkeys(
+        ("q1", "q2", "q3", "q4", "rollspeed", "pitchspeed", "yawspeed"), 0
+    ),
+    "AHRS2": dict.fromkeys(("roll", "pitch", "yaw", "altitude"), 0),
     "LOCAL_POSITION_NED": {"z": 0, "vz": 0},
+    "GLOBAL_POSITION_INT": {"relative_alt": 0, "vz": 0},
+    "VFR_HUD": {"alt": 0, "climb": 0},
     "ATTITUDE_TARGET": {"q": 4},
     "POSITION_TARGET_LOCAL_NED": {"z": 0},
     "STATUSTEXT": {"severity": 0, "text": 1, "id": 0, "chunk_seq": 0},
@@ -63,7 +80,13 @@ Messages = dict[str, tuple[Array, NDArray[Any]]]
 
 def messages_to_read(sent: Container[str]) -> tuple[str, ...]:
     """Return the names of the messages to read from a vehicle that sends the messages ``sent``."""
-    return (*_READ, _SERVOS) if _COMMANDS not in sent and _SERVOS in sent else _READ
+    chosen = (_first(names, sent) for names in _SOURCES)
+    return (*dict.fromkeys(name for name in chosen if name), *_OTHERS)
+
+
+def _first(names: Iterable[str], sent: Container[str]) -> str:
+    """Return the first of the messages that is sent; empty without any."""
+    return next((name for name in names if name in sent), "")
 
 
 def assemble(
@@ -98,22 +121,18 @@ def assemble(
     LogError
         A required message or field is missing.
     """
-    missing = [
-        name
-        for name in _REQUIRED
-        if name not in messages and (name != _COMMANDS or _SERVOS not in messages)
-    ]
-    if missing:
+    attitude, commanded, depth = (_first(names, messages) for names in _SOURCES)
+    if not (attitude and commanded and depth):
+        found = zip((attitude, commanded, depth), _SOURCES, strict=True)
+        missing = [" or ".join(names) for name, names in found if not name]
         raise LogError(
-            f"{path}: holds no {', '.join(missing)} of a vehicle; identification needs"
-            f" {', '.join(_REQUIRED)}"
+            f"{path}: holds no {', no '.join(missing)} of a vehicle; identification needs attitude,"
+            " commands and depth"
         )
     _refuse_other_definitions(path, messages)
-    commanded = _COMMANDS if _COMMANDS in messages else _SERVOS
     steps = [
         step
-        for name in (*_REQUIRED, _SERVOS)
-        if name in messages
+        for name in dict.fromkeys((attitude, commanded, depth))
         for step in clock_steps(name, messages[name][0])
     ]
     return Log(
@@ -126,9 +145,9 @@ def assemble(
             },
             parameters,
         ),
-        attitude=_attitude(*messages["ATTITUDE"]),
+        attitude=_attitude(attitude, *messages[attitude]),
         actuators=_actuators(*messages[commanded], options, parameters, f"{path}: {commanded}"),
-        depth=_depth(*messages["LOCAL_POSITION_NED"]),
+        depth=_depth(depth, *messages[depth]),
         setpoints=_setpoints(messages),
         events=_events(messages),
         parameters=parameters,
@@ -155,17 +174,23 @@ def _columns(record: NDArray[Any], keep: NDArray[np.bool_], *names: str) -> list
     return [record[name][keep].astype(np.float64) for name in names]
 
 
-def _attitude(time_s: Array, record: NDArray[Any]) -> Attitude:
-    """Return attitude and rates from ATTITUDE."""
+def _attitude(name: str, time_s: Array, record: NDArray[Any]) -> Attitude:
+    """Return attitude and rates from one of ATTITUDES."""
     keep = strictly_increasing(time_s)
-    roll, pitch, yaw, p, q, r = _columns(
-        record, keep, "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"
-    )
+    if name == "ATTITUDE_QUATERNION":
+        roll, pitch, yaw = euler_rad(*_columns(record, keep, "q1", "q2", "q3", "q4"))
+    else:
+        roll, pitch, yaw = _columns(record, keep, "roll", "pitch", "yaw")
+    yaw = np.unwrap(yaw)
+    if name == "AHRS2":
+        p, q, r = body_rates(time_s[keep], roll, pitch, yaw)
+    else:
+        p, q, r = _columns(record, keep, "rollspeed", "pitchspeed", "yawspeed")
     return Attitude(
         time_s=time_s[keep],
         roll_rad=roll,
         pitch_rad=pitch,
-        yaw_rad=np.unwrap(yaw),
+        yaw_rad=yaw,
         p_radps=p,
         q_radps=q,
         r_radps=r,
@@ -201,10 +226,22 @@ def _duct(time_s: Array, record: NDArray[Any], full_travel_rad: float) -> DuctAn
     return DuctAngles(time_s[keep], angles[:, 0], angles[:, 1])
 
 
-def _depth(time_s: Array, record: NDArray[Any]) -> Depth:
-    """Return depth and its rate from LOCAL_POSITION_NED."""
+def _depth(name: str, time_s: Array, record: NDArray[Any]) -> Depth:
+    """Return depth and its rate, positive down, from one of the messages with the depth."""
     keep = strictly_increasing(time_s)
-    return Depth(time_s[keep], *_columns(record, keep, "z", "vz"))
+    match name:
+        case "LOCAL_POSITION_NED":
+            depth_m, rate_mps = _columns(record, keep, "z", "vz")
+        case "GLOBAL_POSITION_INT":  # mm upwards, cm/s downwards
+            altitude_mm, rate_cmps = _columns(record, keep, "relative_alt", "vz")
+            depth_m, rate_mps = -1e-3 * altitude_mm, 1e-2 * rate_cmps
+        case "VFR_HUD":
+            altitude_m, climb_mps = _columns(record, keep, "alt", "climb")
+            depth_m, rate_mps = -altitude_m, -climb_mps
+        case _:
+            (altitude_m,) = _columns(record, keep, "altitude")
+            depth_m, rate_mps = -altitude_m, -derivative(time_s[keep], altitude_m)
+    return Depth(time_s[keep], depth_m, rate_mps)
 
 
 def _setpoints(messages: Messages) -> Setpoints:

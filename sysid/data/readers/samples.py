@@ -152,6 +152,23 @@ def euler_rad(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Arr
     return roll, pitch, np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
+def derivative(time_s: Array, values: Array) -> Array:
+    """Return the time derivative by central differences; zero for fewer than two samples."""
+    return np.gradient(values, time_s) if time_s.size > 1 else np.zeros(values.size)
+
+
+def body_rates(time_s: Array, roll: Array, pitch: Array, yaw: Array) -> tuple[Array, Array, Array]:
+    """Return body rates p, q, r (rad/s) from angles (rad, yaw unwrapped).
+
+    Source: Fossen 2021, equation 2.41, inverted.
+    """
+    roll_rate, pitch_rate, yaw_rate = (derivative(time_s, angle) for angle in (roll, pitch, yaw))
+    p = roll_rate - yaw_rate * np.sin(pitch)
+    q = pitch_rate * np.cos(roll) + yaw_rate * np.cos(pitch) * np.sin(roll)
+    r = yaw_rate * np.cos(pitch) * np.cos(roll) - pitch_rate * np.sin(roll)
+    return p, q, r
+
+
 def content_sha256(parts: Mapping[str, bytes], parameters: Mapping[str, float]) -> str:
     """Return the SHA-256 of the data that identification reads and of the parameters.
 

@@ -16,7 +16,15 @@ from mavlink_io.logging.ros1 import schema_text
 from mavlink_io.logging.tlog import MessageSeries
 from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
-from sysid.data.readers.messages import DUCT, DUCT_COMPONENT, Messages, assemble, messages_to_read
+from sysid.data.readers.messages import (
+    ATTITUDES,
+    AUTOPILOT_COMPONENT,
+    DUCT,
+    DUCT_COMPONENT,
+    Messages,
+    assemble,
+    messages_to_read,
+)
 from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage
 from sysid.data.readers.servo_channels import OutputOptions
 
@@ -43,10 +51,12 @@ def read(path: Path, options: OutputOptions) -> Log:
     """
     data = _content(path)
     streams = _streams(path, data)
-    vehicles = sorted({(s.system, s.component) for s in streams if s.message.name == "ATTITUDE"})
+    vehicles = sorted({(s.system, s.component) for s in streams if s.message.name in ATTITUDES})
+    # A camera or a companion computer of the vehicle may send its attitude too.
+    vehicles = [v for v in vehicles if v[1] == AUTOPILOT_COMPONENT] or vehicles
     if len(vehicles) > 1:
         raise LogError(
-            f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification has one"
+            f"{path}: {len(vehicles)} vehicles send an attitude; a log for identification has one"
         )
     own = {s.message.name: s for s in streams if (s.system, s.component) in vehicles}
     messages: Messages = {name: _decode(own[name]) for name in messages_to_read(own) if name in own}

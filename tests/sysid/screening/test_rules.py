@@ -90,6 +90,13 @@ def test_screen_large_response_is_accepted(yaw: Run) -> None:
     assert reasons(replace(yaw, r_radps=rate, heading_rad=heading)) == ()
 
 
+def test_gap_of_depth_may_be_longer(yaw: Run) -> None:
+    assert reasons(replace(yaw, longest_depth_gap_s=0.45)) == ()
+    assert reasons(replace(yaw, longest_depth_gap_s=0.55)) == (
+        "gap: 0.55 s without depth, at most 0.5",
+    )
+
+
 def test_saturation_uses_travel_of_the_vehicle(yaw: Run) -> None:
     """An elevator at 9 deg is at its stops on a vehicle with 9 deg of travel, not with 15 deg."""
     held = replace(yaw, elevator_rad=during(yaw, 0.0 * yaw.elevator_rad, math.radians(9.0)))

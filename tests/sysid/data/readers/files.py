@@ -55,43 +55,77 @@ def pulse(fraction: float) -> int:
 
 
 def tlog(
-    path: Path, commands: Callable[[Sample], object] | None = None, texts: bool = True
+    path: Path,
+    commands: Callable[[Sample], object] | None = None,
+    texts: bool = True,
+    attitude: Callable[[Sample], object] | None = None,
+    position: Callable[[Sample], object] | None = None,
 ) -> Path:
-    """Yield the messages of the dive.
+    """Write the messages of the dive.
 
-    ``commands`` makes the message with the commands; the default is ACTUATOR_OUTPUT_STATUS.
+    ``commands`` makes the message with the commands, ``attitude`` that with the attitude and
+    ``position`` that with the depth; the defaults are ACTUATOR_OUTPUT_STATUS, ATTITUDE and
+    LOCAL_POSITION_NED.
     """
     link = mavlink.MAVLink(None, 1, 1)
     data = b""
-    for entry in _messages(commands or _output_status, texts):
+    for entry in _messages(
+        commands or _output_status, texts, attitude or _attitude, position or _local_position
+    ):
         stamp = struct.pack(">Q", 1_700_000_000_000_000 + round(1e6 * entry[0]) + 250_000)
         data += stamp + bytes(entry[1].pack(link))
     path.write_bytes(data)
     return path
 
 
-def _messages(commands: Callable[[Sample], object], texts: bool) -> Iterator[recording.Entry]:
+def _messages(
+    commands: Callable[[Sample], object],
+    texts: bool,
+    attitude: Callable[[Sample], object],
+    position: Callable[[Sample], object],
+) -> Iterator[recording.Entry]:
     yield BOOTED_S, mavlink.MAVLink_param_value_message(b"ACT_TRAVEL_DEG", 12.0, 9, 1, 0)
     for k, s in enumerate(samples()):
-        ms = round(1e3 * s.time_s)
-        yield (
-            s.time_s,
-            mavlink.MAVLink_attitude_message(
-                ms, 0.0, s.pitch_rad, s.yaw_rad, 0, 0, s.yaw_rate_radps
-            ),
-        )
+        if attitude is not _attitude:  # a message with time, for those without
+            yield s.time_s, mavlink.MAVLink_system_time_message(0, round(1e3 * s.time_s))
         yield s.time_s, commands(s)
+        yield s.time_s, attitude(s)
         if k % 5 == 0:
-            yield (
-                s.time_s,
-                mavlink.MAVLink_local_position_ned_message(ms, 0, 0, s.depth_m, 1.3, 0, 0.05),
-            )
+            yield s.time_s, position(s)
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[0]):
             yield from recording.texts(
                 s.time_s, "SystemID Starting: axis=12 wave=step magnitude=4.00", 7
             )
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[1]):
             yield from recording.texts(s.time_s, "SystemID Finished", 8)
+
+
+def _attitude(s: Sample) -> object:
+    ms = round(1e3 * s.time_s)
+    return mavlink.MAVLink_attitude_message(ms, 0.0, s.pitch_rad, s.yaw_rad, 0, 0, s.yaw_rate_radps)
+
+
+def attitude_quaternion(s: Sample) -> object:
+    ms, q = round(1e3 * s.time_s), _quaternion(s.pitch_rad, s.yaw_rad)
+    return mavlink.MAVLink_attitude_quaternion_message(ms, *q, 0, 0, s.yaw_rate_radps)
+
+
+def ahrs2(s: Sample) -> object:
+    return mavlink.MAVLink_ahrs2_message(0.0, s.pitch_rad, s.yaw_rad, -s.depth_m, 0, 0)
+
+
+def _local_position(s: Sample) -> object:
+    ms = round(1e3 * s.time_s)
+    return mavlink.MAVLink_local_position_ned_message(ms, 0, 0, s.depth_m, 1.3, 0, 0.05)
+
+
+def global_position(s: Sample) -> object:
+    ms, mm = round(1e3 * s.time_s), round(-1e3 * s.depth_m)
+    return mavlink.MAVLink_global_position_int_message(ms, 0, 0, mm, mm, 130, 0, 5, 0)
+
+
+def vfr_hud(s: Sample) -> object:
+    return mavlink.MAVLink_vfr_hud_message(0.0, 1.3, 0, 58, -s.depth_m, -0.05)
 
 
 def _output_status(s: Sample) -> object:

@@ -291,3 +291,49 @@ def test_ardupilot_outputs_found_by_function(tmp_path: Path) -> None:
     np.testing.assert_allclose(run.thrust, 0.58, atol=0.002)
     chosen = the_run(path, chosen=ServoChannels(1, 2, 3))
     assert np.degrees(chosen.elevator_rad[0]) == pytest.approx(0.2 * 15.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("attitude", "position", "depth_tolerance_m"),
+    [
+        (files.attitude_quaternion, files.global_position, 2e-3),
+        (files.ahrs2, files.vfr_hud, 1e-3),
+        (files.ahrs2, files.ahrs2, 1e-3),
+    ],
+)
+def test_tlog_alternative_messages_give_the_same_run(
+    tmp_path: Path,
+    attitude: Callable[[files.Sample], object],
+    position: Callable[[files.Sample], object],
+    depth_tolerance_m: float,
+) -> None:
+    """AHRS2 and VFR_HUD have no time; it is that of the message before them.
+
+    Rates from AHRS2 are differences, so that their steps are spread over two samples.
+    """
+    path = files.tlog(
+        tmp_path / "other.tlog", files.servo_pulses, attitude=attitude, position=position
+    )
+    run = the_run(path, chosen=ServoChannels(3, -1, 2))
+    testing = (run.time_s >= 0.05) & (run.time_s < 9.9)
+    np.testing.assert_allclose(np.degrees(run.rudder_rad[testing]), 4.0, atol=0.02)
+    np.testing.assert_allclose(np.degrees(run.r_radps[testing]), 3.0, atol=0.01)
+    np.testing.assert_allclose(np.degrees(run.pitch_rad), math.degrees(-0.03), atol=0.006)
+    turned = np.degrees(run.heading_rad - run.heading_rad[0])
+    np.testing.assert_allclose(turned[testing], 3.0 * run.time_s[testing], atol=0.06)
+    np.testing.assert_allclose(
+        run.depth_m, 4.0 + 0.05 * (20.0 + run.time_s), atol=depth_tolerance_m
+    )
+    depth = readers.read(path, FROM_LOG).depth
+    np.testing.assert_allclose(depth.rate_mps[1:-1], 0.05, atol=1e-3)
+    (screening,) = screen([run])
+    assert screening.reasons == ()
+
+
+def test_tlog_without_attitude_names_what_is_missing(tmp_path: Path) -> None:
+    path = files.tlog(tmp_path / "still.tlog", attitude=files.vfr_hud)
+    with pytest.raises(
+        LogError,
+        match=r"still\.tlog: holds no ATTITUDE or ATTITUDE_QUATERNION or AHRS2, no",
+    ):
+        readers.read(path)
