@@ -21,7 +21,7 @@ class FitMethod(StrEnum):
 def refit(
     logs: Annotated[
         list[Path],
-        typer.Argument(help="Logs with rudder or elevator tests: .mcap, .tlog, .bin, .ulg."),
+        typer.Argument(help="Logs with rudder or elevator tests: .mcap, .tlog, .bin, .ulg, .csv."),
     ],
     held_out: Annotated[
         list[Path] | None,

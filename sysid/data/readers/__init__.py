@@ -8,10 +8,16 @@ from sysid.data.dataset import Log, LogError
 from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
 
-FORMATS = "an MCAP log, a MAVLink .tlog, an ArduPilot .bin or a PX4 .ulg"
+FORMATS = "an MCAP log, a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"
 
 _FORMAT_BY_MAGIC = {b"\x89MCAP0\r\n": "mcap", b"ULog\x01\x12\x35": "ulog", b"\xa3\x95": "dataflash"}
-_FORMAT_BY_SUFFIX = {".mcap": "mcap", ".ulg": "ulog", ".bin": "dataflash", ".tlog": "tlog"}
+_FORMAT_BY_SUFFIX = {
+    ".mcap": "mcap",
+    ".ulg": "ulog",
+    ".bin": "dataflash",
+    ".tlog": "tlog",
+    ".csv": "csv",
+}
 _STAMP_LENGTH = 8
 _FRAME_MAGIC = b"\xfd\xfe"
 """First bytes of MAVLink 2 and 1 frames.
@@ -30,7 +36,7 @@ def format_of(path: Path) -> str:
     Returns
     -------
     str
-        "mcap", "tlog", "dataflash" or "ulog".
+        "mcap", "tlog", "dataflash", "ulog" or "csv".
 
     Raises
     ------
@@ -58,7 +64,7 @@ def read(path: str | Path, options: OutputOptions = FROM_LOG) -> Log:
     Parameters
     ----------
     path : str or Path
-        MCAP log, MAVLink .tlog, ArduPilot .bin or PX4 .ulg.
+        MCAP log, MAVLink .tlog, ArduPilot .bin, PX4 .ulg or CSV file.
     options : OutputOptions
         Output numbers of rudder, elevator and thrust, and the vehicle's travel.
 
@@ -72,13 +78,14 @@ def read(path: str | Path, options: OutputOptions = FROM_LOG) -> Log:
     LogError
         The file is missing, damaged, of unknown format, or has not all data for identification.
     """
-    from sysid.data.readers import dataflash, mcap, tlog, ulog
+    from sysid.data.readers import csv_table, dataflash, mcap, tlog, ulog
 
     readers: dict[str, Callable[[Path, OutputOptions], Log]] = {
         "mcap": mcap.read,
         "tlog": tlog.read,
         "dataflash": dataflash.read,
         "ulog": ulog.read,
+        "csv": csv_table.read,
     }
     path = Path(path)
     return readers[format_of(path)](path, options)
@@ -94,7 +101,7 @@ class LogContent(NamedTuple):
 
 
 def load(path: Path) -> LogContent:
-    """Read all messages of a tlog, .bin or .ulg.
+    """Read all messages of a tlog, .bin, .ulg or .csv.
 
     Parameters
     ----------
@@ -111,12 +118,13 @@ def load(path: Path) -> LogContent:
     LogError
         The file is missing, damaged, of unknown format, or an MCAP log.
     """
-    from sysid.data.readers import dataflash, tlog, ulog
+    from sysid.data.readers import csv_table, dataflash, tlog, ulog
 
     readers: dict[str, Callable[[Path], tuple[dict[str, MessageColumns], FileDamage]]] = {
         "tlog": tlog.load,
         "dataflash": dataflash.load,
         "ulog": ulog.load,
+        "csv": csv_table.load,
     }
     log_format = format_of(path)
     if log_format not in readers:

@@ -5,6 +5,7 @@ of length 0. Messages are those of ArduPilot's LogStructure.h: angles in degrees
 up, outputs as pulses in microseconds.
 """
 
+import math
 import re
 import struct
 from collections import defaultdict
@@ -41,9 +42,29 @@ _HEAD_LENGTH = 3
 _FMT = 0x80
 _format = struct.Struct("<BB4s16s64s")
 """Body of an FMT message: number, length, name, field codes and columns of a message type."""
-_REQUIRED_MESSAGES = "ATT, RATE or IMU, RCOU, and the altitude in CTUN, POS or BARO"
-_ALTITUDES = (("CTUN", "Alt"), ("POS", "RelHomeAlt"), ("BARO", "Alt"))
-"""Message and column of the altitude, the best source first."""
+_REQUIRED_MESSAGES = (
+    "ATT or AHR2, RATE, IMU or GYR, RCOU, and the altitude in CTUN, POS, BARO, XKF1, NKF1 or AHR2"
+)
+_ATTITUDES = ("ATT", "AHR2")
+"""Messages with Roll, Pitch and Yaw in degrees, the best source first."""
+_RATES = (
+    ("RATE", ("R", "P", "Y"), math.radians(1.0)),
+    ("IMU", ("GyrX", "GyrY", "GyrZ"), 1.0),
+    ("GYR", ("GyrX", "GyrY", "GyrZ"), 1.0),
+)
+"""Messages with the body rates: columns and factor to rad/s. RATE is ArduSub's and ArduCopter's;
+ArduRover and ArduPlane log IMU."""
+_ALTITUDES = (
+    ("CTUN", "Alt", -1.0),
+    ("POS", "RelHomeAlt", -1.0),
+    ("BARO", "Alt", -1.0),
+    ("XKF1", "PD", 1.0),
+    ("NKF1", "PD", 1.0),
+    ("AHR2", "Alt", -1.0),
+)
+"""Message and column of altitude or depth, and the factor to depth, the best source first."""
+_INSTANCES = ("I", "C")
+"""Columns with the number of a sensor or of an estimator; the first is read."""
 _MIXER_AXES = range(10, 14)
 """Values of SIDS.Ax with a magnitude in fractions of the travel, not in degrees."""
 _INFO = 6
@@ -82,7 +103,10 @@ def read(path: Path, options: OutputOptions) -> Log:
     )
     depth = _depth(path, message_tables)
     steps = [
-        step for name in ("ATT", "RCOU") for step in clock_steps(name, message_tables[name].time_s)
+        step
+        for name in (*_ATTITUDES, "RCOU")
+        if name in message_tables
+        for step in clock_steps(name, message_tables[name].time_s)
     ]
     events = _events(message_tables, float(np.degrees(travel_rad(parameters, options))))
     return foreign_log(
@@ -94,7 +118,7 @@ def read(path: Path, options: OutputOptions) -> Log:
         events,
         parameters,
         steps,
-        format_damage(damage, message_tables["ATT"].time_s),
+        format_damage(damage, attitude.time_s),
     )
 
 
@@ -215,29 +239,28 @@ def _table(path: Path, message_tables: Tables, name: str, *columns: str) -> Mess
             f"{path}: holds no {name}.{missing[0]}; identification needs {_REQUIRED_MESSAGES}"
         )
     time_s, values = message_tables[name]
-    first = values["I"] == 0 if "I" in values else np.ones(time_s.size, bool)
+    first = np.ones(time_s.size, bool)
+    for column in _INSTANCES:
+        if column in values and values[column].dtype.kind in "iu":
+            first &= values[column] == np.min(values[column])
     first[first] = strictly_increasing(time_s[first])
     return MessageColumns(time_s[first], {column: array[first] for column, array in values.items()})
 
 
 def _attitude(path: Path, message_tables: Tables) -> Attitude:
-    """Return attitude from ATT and rates from RATE, or else from IMU."""
-    time_s, angles = _table(path, message_tables, "ATT", "Roll", "Pitch", "Yaw")
-    if "RATE" in message_tables:
-        rates = _table(path, message_tables, "RATE", "R", "P", "Y")
-        rates_radps = [
-            np.radians(rates.columns[name].astype(np.float64)) for name in ("R", "P", "Y")
-        ]
-    else:
-        rates = _table(path, message_tables, "IMU", "GyrX", "GyrY", "GyrZ")
-        rates_radps = [rates.columns[name].astype(np.float64) for name in ("GyrX", "GyrY", "GyrZ")]
+    """Return attitude from one of _ATTITUDES and rates from one of _RATES."""
+    name = next((name for name in _ATTITUDES if name in message_tables), _ATTITUDES[0])
+    time_s, angles = _table(path, message_tables, name, "Roll", "Pitch", "Yaw")
+    source, columns, factor = next((r for r in _RATES if r[0] in message_tables), _RATES[1])
+    rates = _table(path, message_tables, source, *columns)
+    rates_radps = [factor * rates.columns[column].astype(np.float64) for column in columns]
     near = sample_nearest(time_s, rates.time_s, rates_radps[0])[0]
     p, q, r = (sample_nearest(time_s, rates.time_s, values)[1][near] for values in rates_radps)
     roll, pitch, yaw = (
         np.radians(angles[name][near].astype(np.float64)) for name in ("Roll", "Pitch", "Yaw")
     )
     if not near.any():
-        raise LogError(f"{path}: ATT and the rates were never logged at the same time")
+        raise LogError(f"{path}: {name} and {source} were never logged at the same time")
     return Attitude(
         time_s=time_s[near],
         roll_rad=roll,
@@ -252,23 +275,28 @@ def _attitude(path: Path, message_tables: Tables) -> Attitude:
 def _actuators(
     path: Path, message_tables: Tables, options: OutputOptions, parameters: dict[str, float]
 ) -> Actuators:
-    """Return the commands from the pulses in RCOU."""
-    time_s, columns = _table(path, message_tables, "RCOU", "C1")
-    names = sorted(
-        (name for name in columns if re.fullmatch(r"C\d+", name)), key=lambda name: int(name[1:])
-    )
+    """Return the commands from the pulses in RCOU; old logs name its columns Ch1 or Chan1."""
+    pattern = re.compile(r"(?:C|Ch|Chan)(\d+)")
+    known = message_tables["RCOU"].columns if "RCOU" in message_tables else {}
+    numbers = {int(match[1]): name for name in known if (match := pattern.fullmatch(name))}
+    names = [numbers[number] for number in sorted(numbers)] or ["C1"]
+    time_s, columns = _table(path, message_tables, "RCOU", *names)
     pulses = np.stack([columns[name].astype(np.float64) for name in names], axis=1)
     return actuator_commands(time_s, pulses, options, parameters, f"{path}: RCOU")
 
 
 def _depth(path: Path, message_tables: Tables) -> Depth:
-    """Return depth (minus altitude) and its rate by differences."""
-    name, column = next(
-        ((n, c) for n, c in _ALTITUDES if n in message_tables and c in message_tables[n].columns),
+    """Return depth and its rate by differences."""
+    name, column, factor = next(
+        (
+            source
+            for source in _ALTITUDES
+            if source[0] in message_tables and source[1] in message_tables[source[0]].columns
+        ),
         _ALTITUDES[0],
     )
     time_s, columns = _table(path, message_tables, name, column)
-    depth_m = -columns[column].astype(np.float64)
+    depth_m = factor * columns[column].astype(np.float64)
     if time_s.size < 2:
         raise LogError(
             f"{path}: {name}.{column} was logged {time_s.size} times; identification needs depth"

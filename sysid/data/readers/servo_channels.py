@@ -24,7 +24,10 @@ MAX_FRACTION = 2.0
 
 
 class ServoChannels(NamedTuple):
-    """Output numbers, counted from 1; negative for an output with reversed sign."""
+    """Output numbers, counted from 1; negative for an output with reversed sign.
+
+    An elevator of 0 is none, as on a boat.
+    """
 
     rudder: int
     elevator: int
@@ -57,7 +60,7 @@ def parse(text: str) -> ServoChannels:
     Parameters
     ----------
     text : str
-        Three output numbers, counted from 1, with a minus for a reversed output.
+        Three output numbers, counted from 1, with a minus for a reversed output; 0 for no elevator.
 
     Returns
     -------
@@ -69,16 +72,16 @@ def parse(text: str) -> ServoChannels:
     LogError
         The text has another form.
     """
-    if not re.fullmatch(r"-?[1-9]\d?(,-?[1-9]\d?){2}", text):
+    if not re.fullmatch(r"-?[1-9]\d?,(0|-?[1-9]\d?),-?[1-9]\d?", text):
         raise LogError(
             f"--servo-channels {text}: give RUDDER,ELEVATOR,THRUST counted from 1, "
-            "with a minus for a reversed output"
+            "with a minus for a reversed output, and 0 for no elevator"
         )
     return ServoChannels(*(int(part) for part in text.split(",")))
 
 
 def find_channels(parameters: Mapping[str, float]) -> ServoChannels:
-    """Return the outputs by their SERVOn_FUNCTION; `FIRST_THREE` unless all three are found.
+    """Return the outputs by their SERVOn_FUNCTION; `FIRST_THREE` unless they are found.
 
     Parameters
     ----------
@@ -88,7 +91,7 @@ def find_channels(parameters: Mapping[str, float]) -> ServoChannels:
     Returns
     -------
     ServoChannels
-        The output numbers; their signs are those of SERVOn_REVERSED.
+        The output numbers; their signs are those of SERVOn_REVERSED. Without an elevator, 0.
     """
     number_of_function = {
         parameters[name]: int(match[1])
@@ -103,9 +106,9 @@ def find_channels(parameters: Mapping[str, float]) -> ServoChannels:
         None if n is None else n * (-1 if parameters.get(f"SERVO{n}_REVERSED") == 1.0 else 1)
         for n in numbers
     )
-    if rudder is None or elevator is None or thrust is None:
+    if rudder is None or thrust is None:
         return FIRST_THREE
-    return ServoChannels(rudder, elevator, thrust)
+    return ServoChannels(rudder, elevator or 0, thrust)
 
 
 def travel_rad(parameters: Mapping[str, float], options: OutputOptions) -> float:

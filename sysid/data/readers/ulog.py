@@ -2,13 +2,16 @@
 
 import contextlib
 import io
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid.data.dataset import (
     Actuators,
+    Array,
     Attitude,
     Depth,
     Log,
@@ -21,6 +24,7 @@ from sysid.data.readers.samples import (
     FileDamage,
     MessageColumns,
     clock_steps,
+    derivative,
     euler_rad,
     foreign_log,
     format_damage,
@@ -30,9 +34,34 @@ from sysid.data.readers.samples import (
 from sysid.data.readers.servo_channels import OutputOptions, actuator_commands
 from sysid.data.readers.ulog_recovery import keep_sound_messages, refuse_large_formats
 
-_OUTPUTS = ("actuator_outputs_sim", "actuator_outputs")
-"""Topics of the outputs: fractions to the simulator, or pulses to the servos."""
-_TOPICS = ("vehicle_attitude", "vehicle_angular_velocity", "vehicle_local_position")
+_OUTPUTS = (
+    "actuator_outputs_sim",
+    "actuator_outputs",
+    "actuator_servos",
+    "actuator_controls_0",
+)
+"""Topics of the outputs, the preferred first: fractions to the simulator, pulses to the servos,
+fractions to servos (PX4 1.14), fractions of the mixer (before 1.14)."""
+_MOTORS = "actuator_motors"
+"""Topic whose controls count as outputs 9 and following where actuator_servos is read."""
+_SERVOS = 8
+"""Number of controls of actuator_servos."""
+_RATES = (
+    ("vehicle_angular_velocity", ("xyz[0]", "xyz[1]", "xyz[2]")),
+    ("vehicle_attitude", ("rollspeed", "pitchspeed", "yawspeed")),
+    ("sensor_combined", ("gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]")),
+)
+"""Topics and fields of the body rates, the preferred first; the second is of PX4 before 1.10."""
+_DEPTHS = (
+    ("vehicle_local_position", "z", 1.0),
+    ("vehicle_global_position", "alt", -1.0),
+    ("vehicle_air_data", "baro_alt_meter", -1.0),
+)
+"""Topics and fields of depth or altitude, and the factor to depth, the preferred first."""
+_TOPICS = tuple(
+    dict.fromkeys(("vehicle_attitude", *(topic for topic, *_ in (*_RATES, *_DEPTHS)), _MOTORS))
+)
+_NEEDED = "vehicle_attitude, vehicle_angular_velocity, vehicle_local_position, actuator_outputs"
 _SETPOINTS = ("vehicle_attitude_setpoint", "vehicle_local_position_setpoint")
 _QUATERNION = ("[0]", "[1]", "[2]", "[3]")
 
@@ -86,7 +115,7 @@ def read(path: Path, options: OutputOptions) -> Log:
         events,
         parameters,
         steps,
-        format_damage(damage, topic_tables[_TOPICS[0]].time_s),
+        format_damage(damage, attitude.time_s),
     )
 
 
@@ -139,8 +168,7 @@ def _table(path: Path, topic_tables: Tables, name: str, *columns: str) -> Messag
         if name not in topic_tables or column not in topic_tables[name].columns
     ]
     if missing:
-        needed = ", ".join((*_TOPICS, _OUTPUTS[1]))
-        raise LogError(f"{path}: holds no {name}.{missing[0]}; identification needs {needed}")
+        raise LogError(f"{path}: holds no {name}.{missing[0]}; identification needs {_NEEDED}")
     time_s, values = topic_tables[name]
     keep = strictly_increasing(time_s)
     return MessageColumns(time_s[keep], {column: array[keep] for column, array in values.items()})
@@ -151,14 +179,12 @@ def _attitude(path: Path, topic_tables: Tables) -> Attitude:
     time_s, columns = _table(
         path, topic_tables, "vehicle_attitude", *(f"q{part}" for part in _QUATERNION)
     )
-    rates = _table(path, topic_tables, "vehicle_angular_velocity", "xyz[0]", "xyz[1]", "xyz[2]")
-    rates_radps = [rates.columns[f"xyz[{k}]"].astype(np.float64) for k in range(3)]
+    source, fields = next((r for r in _RATES if _has(topic_tables, r[0], r[1][0])), _RATES[0])
+    rates = _table(path, topic_tables, source, *fields)
+    rates_radps = [rates.columns[field].astype(np.float64) for field in fields]
     near = sample_nearest(time_s, rates.time_s, rates_radps[0])[0]
     if not near.any():
-        raise LogError(
-            f"{path}: vehicle_attitude and vehicle_angular_velocity were never logged at the same"
-            " time"
-        )
+        raise LogError(f"{path}: vehicle_attitude and {source} were never logged at the same time")
     p, q, r = (sample_nearest(time_s, rates.time_s, values)[1][near] for values in rates_radps)
     roll, pitch, yaw = euler_rad(
         *(columns[f"q{part}"][near].astype(np.float64) for part in _QUATERNION)
@@ -179,16 +205,36 @@ def _actuators(
 ) -> Actuators:
     """Return the commands from the outputs."""
     name = next((topic for topic in _OUTPUTS if topic in topic_tables), _OUTPUTS[1])
-    time_s, columns = _table(path, topic_tables, name, "output[0]")
-    count = sum(column.startswith("output[") for column in columns)
-    values = np.stack([columns[f"output[{k}]"].astype(np.float64) for k in range(count)], axis=1)
+    field = "control" if name in ("actuator_servos", "actuator_controls_0") else "output"
+    time_s, columns = _table(path, topic_tables, name, f"{field}[0]")
+    values = _outputs(columns, field)
+    if name == "actuator_servos" and _MOTORS in topic_tables:
+        motors = _table(path, topic_tables, _MOTORS, "control[0]")
+        latest = np.searchsorted(motors.time_s, time_s, side="right") - 1
+        held = _outputs(motors.columns, "control")[np.clip(latest, 0, None)]
+        values = np.concatenate([values[:, :_SERVOS], held], axis=1)
     return actuator_commands(time_s, values, options, parameters, f"{path}: {name}")
 
 
+def _outputs(columns: Mapping[str, NDArray[Any]], field: str) -> Array:
+    """Return all outputs of a topic, shape (n, outputs)."""
+    count = sum(column.startswith(f"{field}[") for column in columns)
+    return np.stack([columns[f"{field}[{k}]"].astype(np.float64) for k in range(count)], axis=1)
+
+
+def _has(topic_tables: Tables, name: str, field: str) -> bool:
+    """Return whether a log has a field of a topic."""
+    return name in topic_tables and field in topic_tables[name].columns
+
+
 def _depth(path: Path, topic_tables: Tables) -> Depth:
-    """Return depth and its rate from vehicle_local_position."""
-    time_s, columns = _table(path, topic_tables, "vehicle_local_position", "z", "vz")
-    return Depth(time_s, columns["z"].astype(np.float64), columns["vz"].astype(np.float64))
+    """Return depth and its rate, by differences where the log has none."""
+    name, field, factor = next((d for d in _DEPTHS if _has(topic_tables, d[0], d[1])), _DEPTHS[0])
+    time_s, columns = _table(path, topic_tables, name, field)
+    depth_m = factor * columns[field].astype(np.float64)
+    if field == "z" and "vz" in columns:
+        return Depth(time_s, depth_m, columns["vz"].astype(np.float64))
+    return Depth(time_s, depth_m, derivative(time_s, depth_m))
 
 
 def _setpoints(topic_tables: Tables) -> Setpoints:

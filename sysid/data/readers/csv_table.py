@@ -1,0 +1,282 @@
+"""CSV files: one row per time, columns with the unit in their name (docs/logs.md).
+
+Angles in ``_deg`` or ``_rad``, rates in ``_degps`` or ``_radps``. Lines ``# NAME = VALUE`` before
+the header are parameters, for example ``# ACT_TRAVEL_DEG = 15``. Axes are MAVLink's: heading
+clockwise from north, pitch nose up, depth down; positive rudder turns the nose to starboard,
+positive elevator turns it up. Empty cells are allowed where a sensor has no sample.
+"""
+
+import csv
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from sysid.data.dataset import (
+    Actuators,
+    Array,
+    Attitude,
+    Depth,
+    Log,
+    LogError,
+    LogEvent,
+    Setpoints,
+)
+from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
+from sysid.data.readers.samples import (
+    FileDamage,
+    MessageColumns,
+    body_rates,
+    clock_steps,
+    derivative,
+    foreign_log,
+    strictly_increasing,
+)
+from sysid.data.readers.servo_channels import FIRST_THREE, OutputOptions, travel_rad
+
+_UNITS = {
+    "heading": {"_deg": math.radians(1.0), "_rad": 1.0},
+    "pitch": {"_deg": math.radians(1.0), "_rad": 1.0},
+    "roll": {"_deg": math.radians(1.0), "_rad": 1.0},
+    "p": {"_degps": math.radians(1.0), "_radps": 1.0},
+    "q": {"_degps": math.radians(1.0), "_radps": 1.0},
+    "r": {"_degps": math.radians(1.0), "_radps": 1.0},
+    "rudder": {"_deg": math.radians(1.0), "_rad": 1.0},
+    "elevator": {"_deg": math.radians(1.0), "_rad": 1.0},
+    "thrust": {"_pct": 0.01},
+    "depth": {"_m": 1.0},
+    "depth_rate": {"_mps": 1.0},
+}
+"""Factor to SI units by suffix, for each quantity."""
+TIME = "time_s"
+TEST = "test"
+"""Column with the surface under test: ``rudder``, ``elevator``, ``both``, or empty."""
+_PLANES = (("heading", "rudder"), ("pitch", "elevator", "depth"))
+"""Quantities of the yaw plane and of the pitch plane; one of the planes must be complete."""
+_AXES = {"rudder": TestAxis.RUDDER, "elevator": TestAxis.ELEVATOR, "both": TestAxis.BOTH}
+_TABLE = "csv"
+"""Name of the table for inspection."""
+
+
+class _Table(NamedTuple):
+    """Content of a file."""
+
+    quantities: dict[str, Array]
+    """SI values by quantity; NaN for an empty cell."""
+    time_s: Array
+    tests: list[str]
+    """Surface under test in each row; empty outside tests and without the column."""
+    parameters: dict[str, float]
+
+
+def read(path: Path, options: OutputOptions) -> Log:
+    """Read one CSV file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : OutputOptions
+        Travel of the vehicle. Channels 1, 2 and 3 are the columns of rudder, elevator and thrust.
+
+    Returns
+    -------
+    Log
+        Arrays in MAVLink's axes. A plane that is not in the file is zero.
+
+    Raises
+    ------
+    LogError
+        A column is missing, or a cell is not a number; the message names line and column.
+    """
+    table = _parse(path)
+    complete = [all(name in table.quantities for name in plane) for plane in _PLANES]
+    if not any(complete):
+        raise LogError(
+            f"{path}: needs {TIME}, thrust_pct and the columns of a plane: heading_deg and"
+            f" rudder_deg, or pitch_deg, elevator_deg and depth_m; it has"
+            f" {', '.join(sorted(table.quantities)) or 'none of them'}"
+        )
+    return foreign_log(
+        path,
+        _attitude(path, table),
+        _actuators(path, table, options),
+        _depth(path, table),
+        Setpoints(*(np.empty(0),) * 5),
+        tuple(_events(table)),
+        table.parameters,
+        clock_steps(TIME, table.time_s),
+    )
+
+
+def load(path: Path) -> tuple[dict[str, MessageColumns], FileDamage]:
+    """Return the quantities of a file in SI units; raise LogError for a bad file."""
+    table = _parse(path)
+    return {_TABLE: MessageColumns(table.time_s, table.quantities)}, FileDamage()
+
+
+def _parse(path: Path) -> _Table:
+    """Return the content of a file; raise LogError naming line and column."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}; give a CSV file") from None
+    except UnicodeDecodeError:
+        raise LogError(f"{path}: is no text in UTF-8; give a CSV file") from None
+    parameters = _parameters(line for line in lines if line.startswith("#"))
+    numbered = [
+        (number, line)
+        for number, line in enumerate(lines, start=1)
+        if line.strip() and not line.startswith("#")
+    ]
+    if len(numbered) < 3:
+        raise LogError(f"{path}: has no rows; give a header and at least two rows")
+    header, *rows = csv.reader([line for _, line in numbered], skipinitialspace=True)
+    names = [name.strip() for name in header]
+    duplicates = sorted({name for name in names if names.count(name) > 1})
+    if duplicates:
+        raise LogError(f"{path}: line {numbered[0][0]}: two columns {duplicates[0]!r}")
+    if TIME not in names:
+        raise LogError(f"{path}: line {numbered[0][0]}: no column {TIME}; see docs/logs.md")
+    columns = _columns(path, names, rows, [number for number, _ in numbered[1:]])
+    test = names.index(TEST) if TEST in names else None
+    tests = ["" if test is None or test >= len(row) else row[test].strip() for row in rows]
+    unknown = sorted(set(tests) - {"", *_AXES})
+    if unknown:
+        raise LogError(
+            f"{path}: column {TEST}: {unknown[0]!r}; give rudder, elevator, both or nothing"
+        )
+    time_s = columns.pop(TIME)
+    if not np.all(np.isfinite(time_s)):
+        line = numbered[1 + int(np.argmin(np.isfinite(time_s)))][0]
+        raise LogError(f"{path}: line {line}: no {TIME}; every row needs its time")
+    return _Table(columns, time_s, tests, parameters)
+
+
+def _columns(
+    path: Path, names: Sequence[str], rows: Sequence[Sequence[str]], lines: Sequence[int]
+) -> dict[str, Array]:
+    """Return time and known quantities in SI units; NaN for an empty cell."""
+    columns = {}
+    for index, name in enumerate(names):
+        known = [
+            (quantity, factor)
+            for quantity, units in _UNITS.items()
+            for suffix, factor in units.items()
+            if name == quantity + suffix
+        ]
+        if name == TIME:
+            known = [(TIME, 1.0)]
+        for quantity, factor in known:
+            if quantity in columns:
+                raise LogError(f"{path}: {quantity} is given in two units")
+            values = [
+                _number(path, row, index, name, line) for row, line in zip(rows, lines, strict=True)
+            ]
+            columns[quantity] = factor * np.array(values)
+    return columns
+
+
+def _number(path: Path, row: Sequence[str], index: int, name: str, line: int) -> float:
+    """Return the number in a cell; NaN for an empty one."""
+    if index >= len(row):
+        raise LogError(f"{path}: line {line}: has {len(row)} cells; column {name} is missing")
+    text = row[index].strip()
+    try:
+        return float(text) if text else math.nan
+    except ValueError:
+        raise LogError(f"{path}: line {line}, column {name}: {text!r} is no number") from None
+
+
+def _parameters(comments: Iterable[str]) -> dict[str, float]:
+    """Return the parameters in lines ``# NAME = VALUE``."""
+    parameters = {}
+    for line in comments:
+        name, found, value = line.lstrip("# ").partition("=")
+        try:
+            if found:
+                parameters[name.strip()] = float(value)
+        except ValueError:
+            continue  # a remark with an equals sign
+    return parameters
+
+
+def _present(table: _Table, names: Iterable[str]) -> list[str]:
+    """Return the quantities that a file has."""
+    return [name for name in names if name in table.quantities]
+
+
+def _samples(path: Path, table: _Table, names: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+    """Return times and values of the rows in which all of ``names`` have a value."""
+    values = np.stack([table.quantities[name] for name in names], axis=1)
+    filled = np.all(np.isfinite(values), axis=1)
+    filled[filled] = strictly_increasing(table.time_s[filled])
+    if np.count_nonzero(filled) < 2:
+        raise LogError(f"{path}: fewer than two rows have values of {', '.join(names)}")
+    return table.time_s[filled], {name: table.quantities[name][filled] for name in names}
+
+
+def _attitude(path: Path, table: _Table) -> Attitude:
+    """Return the attitude; rates that are not in the file are derivatives of the angles."""
+    names = _present(table, ("heading", "pitch", "roll", "p", "q", "r"))
+    time_s, values = _samples(path, table, names)
+    still = np.zeros(time_s.size)
+    roll, pitch = values.get("roll", still), values.get("pitch", still)
+    yaw = np.unwrap(values.get("heading", still))
+    p, q, r = body_rates(time_s, roll, pitch, yaw)
+    return Attitude(
+        time_s=time_s,
+        roll_rad=roll,
+        pitch_rad=pitch,
+        yaw_rad=yaw,
+        p_radps=values.get("p", p),
+        q_radps=values.get("q", q),
+        r_radps=values.get("r", r),
+    )
+
+
+def _actuators(path: Path, table: _Table, options: OutputOptions) -> Actuators:
+    """Return the commands; channel numbers reorder and reverse the three columns."""
+    if "thrust" not in table.quantities:
+        raise LogError(f"{path}: no column thrust_pct; give the thrust in percent of full thrust")
+    time_s, values = _samples(path, table, _present(table, ("rudder", "elevator", "thrust")))
+    channels = options.channels or FIRST_THREE
+    if max(abs(number) for number in channels) > len(FIRST_THREE):
+        raise LogError(
+            f"{path}: --servo-channels: a CSV file has the outputs 1 (rudder), 2 (elevator) and 3"
+            " (thrust)"
+        )
+    columns = [values.get(name, np.zeros(time_s.size)) for name in ("rudder", "elevator", "thrust")]
+    rudder, elevator, thrust = (
+        math.copysign(1.0, number) * columns[abs(number) - 1] for number in channels
+    )
+    return Actuators(
+        time_s=time_s,
+        rudder_rad=rudder,
+        elevator_rad=elevator,
+        thrust=thrust,
+        travel_rad=travel_rad(table.parameters, options),
+    )
+
+
+def _depth(path: Path, table: _Table) -> Depth:
+    """Return the depth; zero throughout for a vehicle without, such as a ship."""
+    if "depth" not in table.quantities:
+        return Depth(table.time_s, 0.0 * table.time_s, 0.0 * table.time_s)
+    time_s, values = _samples(path, table, _present(table, ("depth", "depth_rate")))
+    return Depth(
+        time_s, values["depth"], values.get("depth_rate", derivative(time_s, values["depth"]))
+    )
+
+
+def _events(table: _Table) -> Iterable[LogEvent]:
+    """Yield start and end of each range of rows with the same surface under test."""
+    previous = ""
+    for time_s, test in zip(table.time_s.tolist(), table.tests, strict=True):
+        if test != previous and previous:
+            yield LogEvent(time_s, TestEnded(StopReason.COMPLETE))
+        if test != previous and test:
+            yield LogEvent(time_s, TestStarted(_AXES[test], TestWave.MARKED))
+        previous = test

@@ -1,0 +1,126 @@
+"""CSV files: columns and units, tests marked by a column, and errors that name line and column."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sysid.data import readers, segments
+from sysid.data.dataset import LogError
+from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
+from sysid.data.segments import Run
+from sysid.planes import Plane
+from sysid.screening import screen
+from tests.sysid.data.readers import files
+
+COLUMNS = (
+    "time_s,heading_deg,pitch_deg,r_degps,q_degps,rudder_deg,elevator_deg,thrust_pct,depth_m,test"
+)
+
+
+def rows(travel_deg: float = 12.0) -> list[str]:
+    """Return the dive of the other formats as rows; depth in every fifth."""
+    table = []
+    for k, s in enumerate(files.samples()):
+        inside = files.TEST[0] <= k / files.RATE_HZ < files.TEST[1]
+        cells = [
+            f"{s.time_s:.3f}",
+            f"{math.degrees(s.yaw_rad) % 360.0:.5f}",
+            f"{math.degrees(s.pitch_rad):.5f}",
+            f"{math.degrees(s.yaw_rate_radps):.5f}",
+            "0",
+            f"{s.rudder * travel_deg:.4f}",
+            f"{s.elevator * travel_deg:.4f}",
+            f"{100.0 * s.thrust:.2f}",
+            f"{s.depth_m:.4f}" if k % 5 == 0 else "",
+            "rudder" if inside else "",
+        ]
+        table.append(",".join(cells))
+    return table
+
+
+def write(path: Path, header: str = COLUMNS, lines: list[str] | None = None) -> Path:
+    text = ["# dive of a test", "# ACT_TRAVEL_DEG = 12", header, *(lines or rows())]
+    path.write_text("\n".join(text) + "\n", encoding="utf-8")
+    return path
+
+
+def the_run(path: Path, options: OutputOptions | None = None) -> Run:
+    (run,) = segments.cut_runs(readers.read(path, options or OutputOptions()))
+    return run
+
+
+def test_csv_gives_the_run_of_the_other_formats(tmp_path: Path) -> None:
+    run = the_run(write(tmp_path / "dive.csv"))
+    testing = (run.time_s >= 0.0) & (run.time_s < 9.99)
+    assert (run.plane, run.wave) == (Plane.YAW, "marked")
+    assert run.magnitude_deg == pytest.approx(4.0, abs=1e-3)
+    assert run.time_s[-1] == pytest.approx(10.0, abs=0.03)
+    np.testing.assert_allclose(np.degrees(run.rudder_rad[testing]), 4.0, atol=1e-3)
+    np.testing.assert_allclose(np.degrees(run.elevator_rad), 1.2, atol=1e-3)
+    np.testing.assert_allclose(run.thrust, 0.58, atol=1e-6)
+    np.testing.assert_allclose(np.degrees(run.r_radps[testing]), 3.0, atol=1e-4)
+    turned = np.degrees(run.heading_rad - run.heading_rad[0])
+    np.testing.assert_allclose(turned[testing], 3.0 * run.time_s[testing], atol=0.03)
+    np.testing.assert_allclose(run.depth_m, 4.0 + 0.05 * (20.0 + run.time_s), atol=1e-3)
+    assert math.degrees(run.travel_rad) == pytest.approx(12.0)
+    (screening,) = screen([run])
+    assert screening.reasons == ()
+
+
+def test_csv_of_one_plane_in_radians_without_rates(tmp_path: Path) -> None:
+    """A ship: heading and rudder only. The rate is the derivative of the heading."""
+    lines = [
+        f"{s.time_s},{s.yaw_rad},{s.rudder * 0.2},58,{'rudder' if s.rudder else ''}"
+        for s in files.samples()
+    ]
+    path = write(tmp_path / "ship.csv", "time_s,heading_rad,rudder_rad,thrust_pct,test", lines)
+    run = the_run(path)
+    testing = (run.time_s >= 0.05) & (run.time_s < 9.9)
+    np.testing.assert_allclose(np.degrees(run.r_radps[testing]), 3.0, atol=1e-6)
+    np.testing.assert_array_equal(run.pitch_rad, 0.0)
+    np.testing.assert_array_equal(run.depth_m, 0.0)
+    (screening,) = screen([run])
+    assert screening.reasons == ()
+
+
+def test_csv_channels_reorder_and_reverse(tmp_path: Path) -> None:
+    path = write(tmp_path / "dive.csv")
+    run = the_run(path, OutputOptions(ServoChannels(-2, 1, 3)))
+    np.testing.assert_allclose(np.degrees(run.rudder_rad), -1.2, atol=1e-3)
+    with pytest.raises(LogError, match=r"dive\.csv: --servo-channels: a CSV file has the outputs"):
+        readers.read(path, OutputOptions(ServoChannels(4, 1, 3)))
+
+
+@pytest.mark.parametrize(
+    ("header", "line", "said"),
+    [
+        (COLUMNS.replace("time_s", "t"), "", "line 3: no column time_s"),
+        (COLUMNS.replace("thrust_pct", "thrust"), "", "no column thrust_pct"),
+        (
+            COLUMNS.replace("rudder_deg", "rudder").replace("depth_m", "depth"),
+            "",
+            "needs time_s, thrust_pct and the columns of a plane: heading_deg and rudder_deg, or",
+        ),
+        (COLUMNS.replace("q_degps", "r_radps"), "", "r is given in two units"),
+        (COLUMNS.replace("q_degps", "r_degps"), "", "line 3: two columns 'r_degps'"),
+        (COLUMNS, "101.0,1,x,0,0,0,0,58,4,", "line 4, column pitch_deg: 'x' is no number"),
+        (COLUMNS, "101.0,1,2", "line 4: has 3 cells; column r_degps is missing"),
+        (COLUMNS, ",1,2,0,0,0,0,58,4,", "line 4: no time_s; every row needs its time"),
+        (COLUMNS, "1,1,2,0,0,0,0,58,4,fin", "column test: 'fin'; give rudder, elevator, both"),
+    ],
+)
+def test_csv_errors_name_line_and_column(tmp_path: Path, header: str, line: str, said: str) -> None:
+    path = write(tmp_path / "bad.csv", header, [line, *rows()[1:]] if line else None)
+    with pytest.raises(LogError) as refused:
+        readers.read(path)
+    assert str(refused.value).startswith(f"{path}: {said}")
+    assert "\n" not in str(refused.value)
+
+
+def test_csv_without_rows_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "empty.csv"
+    path.write_text(COLUMNS + "\n")
+    with pytest.raises(LogError, match=r"empty\.csv: has no rows"):
+        readers.read(path)
