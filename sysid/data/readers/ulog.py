@@ -31,7 +31,7 @@ from sysid.data.readers.samples import (
     sample_nearest,
     strictly_increasing,
 )
-from sysid.data.readers.servo_channels import OutputOptions, actuator_commands
+from sysid.data.readers.servo_channels import OutputOptions, ServoChannels, actuator_commands
 from sysid.data.readers.ulog_recovery import keep_sound_messages, refuse_large_formats
 
 _OUTPUTS = (
@@ -46,6 +46,8 @@ _MOTORS = "actuator_motors"
 """Topic whose controls count as outputs 9 and following where actuator_servos is read."""
 _SERVOS = 8
 """Number of controls of actuator_servos."""
+SERVOS_AND_MOTOR = ServoChannels(1, 2, _SERVOS + 1)
+"""Outputs of a log with actuator_servos and actuator_motors: two servos and the first motor."""
 _RATES = (
     ("vehicle_angular_velocity", ("xyz[0]", "xyz[1]", "xyz[2]")),
     ("vehicle_attitude", ("rollspeed", "pitchspeed", "yawspeed")),
@@ -213,6 +215,7 @@ def _actuators(
         latest = np.searchsorted(motors.time_s, time_s, side="right") - 1
         held = _outputs(motors.columns, "control")[np.clip(latest, 0, None)]
         values = np.concatenate([values[:, :_SERVOS], held], axis=1)
+        options = options._replace(channels=options.channels or SERVOS_AND_MOTOR)
     return actuator_commands(time_s, values, options, parameters, f"{path}: {name}")
 
 

@@ -149,6 +149,12 @@ _DATAFLASH: dict[str, tuple[int, str, str]] = {
     "MSG": (6, "QZ", "TimeUS,Message"),
     "SIDS": (7, "QBfffffff", "TimeUS,Ax,Mag,FSt,FSp,TFin,TC,TR,TFout"),
     "MODE": (8, "QMBB", "TimeUS,Mode,ModeNum,Rsn"),
+    "IMU": (9, "QBfff", "TimeUS,I,GyrX,GyrY,GyrZ"),
+    "GYR": (10, "QBfff", "TimeUS,I,GyrX,GyrY,GyrZ"),
+    "POS": (11, "QLLff", "TimeUS,Lat,Lng,Alt,RelHomeAlt"),
+    "BARO": (12, "QBf", "TimeUS,I,Alt"),
+    "XKF1": (13, "QBf", "TimeUS,C,PD"),
+    "RCOU_OLD": (14, "QHHHH", "TimeUS,Chan1,Chan2,Chan3,Chan4"),
 }
 _DATAFLASH_CODES = {
     "Q": "Q",
@@ -159,8 +165,47 @@ _DATAFLASH_CODES = {
     "C": "H",
     "B": "B",
     "H": "H",
+    "L": "i",
     "M": "B",
 }
+
+
+class DataflashVariant(NamedTuple):
+    """Message and values of the rates, and message and values of the depth."""
+
+    rates: str = "RATE"
+    depth: str = "CTUN"
+    outputs: str = "RCOU"
+
+
+VARIANTS = {
+    "ArduSub": DataflashVariant(),
+    "ArduRover": DataflashVariant("IMU", "POS"),
+    "ArduPlane": DataflashVariant("IMU", "BARO"),
+    "estimator": DataflashVariant("GYR", "XKF1"),
+    "old": DataflashVariant("IMU", "BARO", "RCOU_OLD"),
+}
+"""Messages that ArduPilot's vehicles log, and those of old logs."""
+
+
+def _rates(variant: DataflashVariant, us: int, rate_radps: float) -> bytes:
+    if variant.rates == "RATE":
+        return _record("RATE", us, 0.0, 0.0, 0.0, 0.0, 0.0, math.degrees(rate_radps))
+    # The second instance measures something else and must not be read.
+    first, second = (us, 0, 0.0, 0.0, rate_radps), (us, 1, 9.0, 9.0, 9.0)
+    return _record(variant.rates, *first) + _record(variant.rates, *second)
+
+
+def _depth(variant: DataflashVariant, us: int, depth_m: float) -> bytes:
+    match variant.depth:
+        case "CTUN":
+            return _record("CTUN", us, -4.0, -depth_m)
+        case "POS":
+            return _record("POS", us, 0, 0, 100.0, -depth_m)
+        case "BARO":
+            return _record("BARO", us, 0, -depth_m) + _record("BARO", us, 1, 77.0)
+        case _:
+            return _record("XKF1", us, 0, depth_m) + _record("XKF1", us, 1, 77.0)
 
 
 def dataflash(
@@ -168,8 +213,10 @@ def dataflash(
     ending: str = "SystemID Finished",
     sids: bool = True,
     parameters: dict[str, float] | None = None,
+    variant: str = "ArduSub",
 ) -> Path:
     """Write a .bin; ``ending`` is the text that ends the test, or MODE for a change of mode."""
+    messages = VARIANTS[variant]
     data = b"".join(_format(name) for name in _DATAFLASH)
     for name, value in (parameters or {"ACT_TRAVEL_DEG": 12.0}).items():
         data += _record("PARM", 0, name.encode(), value, value)
@@ -180,10 +227,12 @@ def dataflash(
             round(math.degrees(s.pitch_rad) * 100),
         )
         data += _record("ATT", us, 0, 0, 0, pitch, 9000, yaw, 0, 0, 3)
-        data += _record("RATE", us, 0.0, 0.0, 0.0, 0.0, 0.0, math.degrees(s.yaw_rate_radps))
-        data += _record("RCOU", us, pulse(s.rudder), pulse(s.elevator), pulse(s.thrust), 0)
+        data += _rates(messages, us, s.yaw_rate_radps)
+        data += _record(
+            messages.outputs, us, pulse(s.rudder), pulse(s.elevator), pulse(s.thrust), 0
+        )
         if k % 5 == 0:
-            data += _record("CTUN", us, -4.0, -s.depth_m)
+            data += _depth(messages, us, s.depth_m)
         if sids and math.isclose(s.time_s, BOOTED_S + TEST[0]):
             data += _record("MSG", us, b"SystemID Starting: axis=12")
             data += _record("SIDS", us, 12, 1 / 3, 0.1, 1.0, 0.0, 0.0, 10.0, 0.0)
@@ -202,7 +251,7 @@ def _format(name: str) -> bytes:
     number, codes, columns = _DATAFLASH[name]
     length = 3 + struct.calcsize("<" + "".join(_DATAFLASH_CODES[c] for c in codes))
     body = struct.pack(
-        "<BB4s16s64s", number, length, name.encode(), codes.encode(), columns.encode()
+        "<BB4s16s64s", number, length, name.split("_")[0].encode(), codes.encode(), columns.encode()
     )
     return bytes((0xA3, 0x95, _FMT)) + body
 
@@ -222,28 +271,92 @@ _ULOG: dict[str, tuple[int, str, str]] = {
     ),
     "vehicle_local_position": (2, "Qff", "uint64_t timestamp;float z;float vz;"),
     "actuator_outputs": (3, "Q16f", "uint64_t timestamp;float[16] output;"),
+    "vehicle_attitude/old": (
+        4,
+        "Q7f",
+        "uint64_t timestamp;float rollspeed;float pitchspeed;float yawspeed;float[4] q;",
+    ),
+    "sensor_combined": (5, "Q3f", "uint64_t timestamp;float[3] gyro_rad;"),
+    "vehicle_air_data": (6, "Qf", "uint64_t timestamp;float baro_alt_meter;"),
+    "vehicle_global_position": (7, "Qf", "uint64_t timestamp;float alt;"),
+    "actuator_servos": (8, "Q8f", "uint64_t timestamp;float[8] control;"),
+    "actuator_motors": (9, "Q12f", "uint64_t timestamp;float[12] control;"),
+    "actuator_controls_0": (10, "Q8f", "uint64_t timestamp;float[8] control;"),
 }
 LATENCY_S = 0.012
 """Delay of a topic's time stamp after the time of its sample."""
 
 
-def ulog(path: Path, texts: bool = True) -> Path:
+class UlogVariant(NamedTuple):
+    """Topics of attitude, rates, depth and outputs."""
+
+    attitude: str = "vehicle_attitude"
+    rates: str = "vehicle_angular_velocity"
+    depth: str = "vehicle_local_position"
+    outputs: tuple[str, ...] = ("actuator_outputs",)
+
+
+ULOG_VARIANTS = {
+    "1.10 to 1.13": UlogVariant(),
+    "before 1.10": UlogVariant(
+        "vehicle_attitude/old", "", "vehicle_local_position", ("actuator_controls_0",)
+    ),
+    "gyro and barometer": UlogVariant(rates="sensor_combined", depth="vehicle_air_data"),
+    "from 1.14": UlogVariant(
+        depth="vehicle_global_position", outputs=("actuator_servos", "actuator_motors")
+    ),
+}
+"""Topics that versions of PX4 log."""
+
+
+def _ulog_topics(variant: UlogVariant, s: Sample, k: int) -> bytes:
+    us, late = round(1e6 * s.time_s), round(1e6 * (s.time_s + LATENCY_S))
+    quaternion = _quaternion(s.pitch_rad, s.yaw_rad)
+    data = b""
+    if variant.attitude.endswith("/old"):
+        data += _topic(variant.attitude, us, 0.0, 0.0, s.yaw_rate_radps, *quaternion)
+    else:
+        data += _topic(variant.attitude, late, us, *quaternion)
+    if variant.rates == "sensor_combined":
+        data += _topic(variant.rates, us, 0.0, 0.0, s.yaw_rate_radps)
+    elif variant.rates:
+        data += _topic(variant.rates, late, us, 0.0, 0.0, s.yaw_rate_radps)
+    data += b"".join(_outputs(name, us, s) for name in reversed(variant.outputs))
+    if k % 5 == 0 and variant.depth == "vehicle_local_position":
+        data += _topic(variant.depth, us, s.depth_m, 0.05)
+    elif k % 5 == 0:
+        data += _topic(variant.depth, us, -s.depth_m)
+    return data
+
+
+def _outputs(name: str, us: int, s: Sample) -> bytes:
+    fractions = (s.rudder, s.elevator, s.thrust)
+    match name:
+        case "actuator_outputs":
+            return _topic(name, us, *(float(pulse(v)) for v in fractions), *[0.0] * 13)
+        case "actuator_servos":
+            return _topic(name, us, *fractions[:2], *[math.nan] * 6)
+        case "actuator_motors":
+            return _topic(name, us, s.thrust, *[math.nan] * 11)
+        case _:
+            return _topic(name, us, *fractions, *[0.0] * 5)
+
+
+def ulog(path: Path, texts: bool = True, variant: str = "1.10 to 1.13") -> Path:
+    topics = ULOG_VARIANTS[variant]
+    names = [n for n in (topics.attitude, topics.rates, topics.depth, *topics.outputs) if n]
     data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", round(1e6 * BOOTED_S))
     data += _block("B", bytes(40))
-    for name, (_, _, fields) in _ULOG.items():
-        data += _block("F", f"{name}:{fields}".encode())
+    for name in names:
+        data += _block("F", f"{name.partition('/')[0]}:{_ULOG[name][2]}".encode())
     key = b"float ACT_TRAVEL_DEG"
     data += _block("P", bytes((len(key),)) + key + struct.pack("<f", 12.0))
-    for name, (number, _, _) in _ULOG.items():
-        data += _block("A", struct.pack("<BH", 0, number) + name.encode())
+    for name in names:
+        body = struct.pack("<BH", 0, _ULOG[name][0]) + name.partition("/")[0].encode()
+        data += _block("A", body)
     for k, s in enumerate(samples()):
-        us, late = round(1e6 * s.time_s), round(1e6 * (s.time_s + LATENCY_S))
-        data += _topic("vehicle_attitude", late, us, *_quaternion(s.pitch_rad, s.yaw_rad))
-        data += _topic("vehicle_angular_velocity", late, us, 0.0, 0.0, s.yaw_rate_radps)
-        pulses = (float(pulse(v)) for v in (s.rudder, s.elevator, s.thrust))
-        data += _topic("actuator_outputs", us, *pulses, *[0.0] * 13)
-        if k % 5 == 0:
-            data += _topic("vehicle_local_position", us, s.depth_m, 0.05)
+        us = round(1e6 * s.time_s)
+        data += _ulog_topics(topics, s, k)
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[0]):
             data += _block("L", struct.pack("<BQ", ord("6"), us) + b"SystemID Starting: axis=12")
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[1]):

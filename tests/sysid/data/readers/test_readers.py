@@ -337,3 +337,35 @@ def test_tlog_without_attitude_names_what_is_missing(tmp_path: Path) -> None:
         match=r"still\.tlog: holds no ATTITUDE or ATTITUDE_QUATERNION or AHRS2, no",
     ):
         readers.read(path)
+
+
+def check_run(run: Run) -> None:
+    """Check the values of the dive, within the resolution of the formats."""
+    testing = (run.time_s >= 0.0) & (run.time_s < 9.99)
+    np.testing.assert_allclose(np.degrees(run.rudder_rad[testing]), 4.0, atol=0.02)
+    np.testing.assert_allclose(np.degrees(run.elevator_rad), 1.2, atol=0.02)
+    np.testing.assert_allclose(run.thrust, 0.58, atol=0.002)
+    np.testing.assert_allclose(np.degrees(run.r_radps[testing]), 3.0, atol=1e-4)
+    np.testing.assert_allclose(np.degrees(run.pitch_rad), math.degrees(-0.03), atol=0.006)
+    np.testing.assert_allclose(run.depth_m, 4.0 + 0.05 * (20.0 + run.time_s), atol=1e-3)
+
+
+@pytest.mark.parametrize("variant", files.VARIANTS)
+def test_ardupilot_vehicles_give_the_same_run(tmp_path: Path, variant: str) -> None:
+    check_run(the_run(files.dataflash(tmp_path / "dive.bin", variant=variant)))
+
+
+@pytest.mark.parametrize("variant", files.ULOG_VARIANTS)
+def test_px4_versions_give_the_same_run(tmp_path: Path, variant: str) -> None:
+    """From 1.14 the thrust is a motor, which is output 9."""
+    check_run(the_run(files.ulog(tmp_path / "dive.ulg", variant=variant)))
+
+
+def test_boat_without_elevator(tmp_path: Path) -> None:
+    """ArduRover: ground steering and throttle; the elevator is zero."""
+    parameters = {"SERVO1_FUNCTION": 26.0, "SERVO3_FUNCTION": 70.0, "ACT_TRAVEL_DEG": 12.0}
+    assert servo_channels.find_channels(parameters) == ServoChannels(1, 0, 3)
+    run = the_run(files.dataflash(tmp_path / "boat.bin", parameters=parameters))
+    assert np.degrees(np.max(run.rudder_rad)) == pytest.approx(4.0, abs=0.02)
+    np.testing.assert_array_equal(run.elevator_rad, 0.0)
+    assert servo_channels.parse("1,0,3") == ServoChannels(1, 0, 3)
