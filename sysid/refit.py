@@ -42,7 +42,7 @@ from sysid.models.model_file import (
 from sysid.models.parameters import NAMES
 from sysid.reproduction import paper_method
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
-from sysid.screening import RunScreening, Screening, ScreeningLimits, screen, wiring
+from sysid.screening import RunScreening, Screening, ScreeningLimits, proposals, screen, wiring
 from sysid.screening.refit_loop import RefitResult, refit_until_clean, shifts
 from sysid.validation.assess import with_assessment
 
@@ -568,7 +568,8 @@ def _select(
     names = ", ".join(log.name for log in logs) or "no file"
     if not runs:
         needed = "tests of rudder or elevator (SID_AXIS 12 or 11), or ranges that you mark"
-        raise RefitError(f"{names}: no test found; a log needs {needed}")
+        found = proposals.format_marks([mark for log in logs for mark in proposals.propose(log)])
+        raise RefitError(f"{names}: no test found; a log needs {needed} (--segment); {found}")
     screenings = screen(runs, limits)
     accepted_runs = [s.run for s in screenings if s.accepted]
     if not accepted_runs:

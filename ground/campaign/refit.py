@@ -17,6 +17,7 @@ from sysid import refit as fitting
 from sysid.data import readers
 from sysid.data.dataset import Log
 from sysid.data.events import ModeChanged
+from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
 from sysid.data.segments import MarkedInterval
 from sysid.design import lqg, pid
 from sysid.design.lqg import LqgDesign
@@ -29,6 +30,7 @@ from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.planes import PLANE_OF_SURFACE
 from sysid.refit import SHIPPED, RefitRequest
 from sysid.reproduction import paper_tables
+from sysid.screening import proposals
 
 MAX_TRIM_DEG = 15.0
 """Largest plausible trim: the travel of Caribou's duct."""
@@ -164,6 +166,16 @@ def parse_segment(text: str) -> MarkedInterval:
         plane=PLANE_OF_SURFACE[match[4]],
         log=match[1] or "",
     )
+
+
+def propose_segments(path: Path, options: OutputOptions = FROM_LOG) -> list[MarkedInterval]:
+    """Return the segments of a log that can be used as tests. Raises InputError."""
+    return proposals.propose(readers.read(path, options))
+
+
+def format_segments(marks: list[MarkedInterval]) -> str:
+    """Return segments as text, each as ``--segment`` takes it."""
+    return proposals.format_marks(marks)
 
 
 def redesign(

@@ -88,6 +88,27 @@ def info(file: Path, json: Json = False) -> None:
 
 
 @app.command()
+def segments(
+    file: Path,
+    servo_channels: Annotated[
+        str | None,
+        typer.Option(metavar="RUDDER,ELEVATOR,THRUST", help="Servo outputs, as in `ground refit`."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Propose segments of a log without marked tests, for `ground refit --segment`."""
+    from ground.campaign import refit
+    from sysid.data.readers.servo_channels import OutputOptions, parse
+
+    options = OutputOptions(parse(servo_channels) if servo_channels else None)
+    marks = refit.propose_segments(file, options)
+    rows = [{"start_s": mark.start_s, "stop_s": mark.stop_s, "plane": mark.plane} for mark in marks]
+    print_result(
+        {"file": str(file), "segments": rows}, f"{file}: {refit.format_segments(marks)}", json
+    )
+
+
+@app.command()
 def check_performance(
     file: Path,
     gains: Annotated[

@@ -307,6 +307,23 @@ def times_of_tests(log: Log, marks: Sequence[MarkedInterval] = ()) -> list[tuple
     return [(span.start_s, span.stop_s) for span in _tests(log, marks)]
 
 
+def without_tests(log: Log) -> Log:
+    """Return a log without the events that mark tests.
+
+    Parameters
+    ----------
+    log : Log
+        The log.
+
+    Returns
+    -------
+    Log
+        The log with its other events.
+    """
+    events = [event for event in log.events if not isinstance(event.value, TestStarted | TestEnded)]
+    return replace(log, events=tuple(events))
+
+
 def _tests(log: Log, marks: Sequence[MarkedInterval]) -> list[TestInterval]:
     """Return the tests of rudder or elevator in the order of their start."""
     known = [part for span in intervals_of_tests(log) for part in _by_plane(span)]

@@ -16,8 +16,10 @@ from tests.sysid.recording import Entry
 
 Array = NDArray[np.float64]
 
-APART_S = 100.0
-"""Time from the beginning of one test with its pre-roll to that of the next."""
+REST_S = 40.0
+"""Time with the loops closed after each test."""
+START_S = 10.0
+"""Vehicle time at which a log begins."""
 Change = Callable[[Array], Array]
 """Function that changes the measurements of ``sea.fly_tests``."""
 
@@ -42,24 +44,29 @@ def entries(
     trim_rad: tuple[float, float] = (math.radians(6.0), math.radians(1.0)),
     loop_on: bool = False,
 ) -> list[Entry]:
-    """Return the messages of a dive with tests, APART_S from each other."""
+    """Return the messages of a dive with tests, with REST_S of course keeping after each."""
     travel_rad = math.radians(vehicle.tailcone.travel_deg)
+    log = _fly(vehicle, tests, seed, level, trim_rad, loop_on)
+    log = log if change is None else change(log)
     messages: list[Entry] = []
-    for number, test in enumerate(tests):
-        log = _fly(vehicle, test, seed + number, level, trim_rad, loop_on)
-        log = log if change is None else change(log)
-        start_s = 10.0 + APART_S * number
-        for k, row in enumerate(log):
-            messages += _messages(start_s + k * sea.DT, row, travel_rad, vehicle, k % 5 == 0)
-        if texts:
-            begin_s = start_s + sea.PREROLL_S
+    for k, row in enumerate(log):
+        messages += _messages(START_S + k * sea.DT, row, travel_rad, vehicle, k % 5 == 0)
+    if texts:
+        for number, (test, begin_s) in enumerate(zip(tests, begins_s(tests), strict=True)):
             size_deg = math.degrees(float(np.max(np.abs(test.signal_rad))))
             axis = PLANES[test.announced or test.plane].sid_axis
             begin = f"SystemID Starting: axis={axis} wave=step magnitude={size_deg:.2f}"
             messages += recording.texts(begin_s, begin, 2 * number + 1)
-            end_s = begin_s + test.signal_rad.size * sea.DT - 0.1
+            end_s = begin_s + test.signal_rad.size * sea.DT
             messages += recording.texts(end_s, "SystemID Finished", 2 * number + 2)
     return sorted(messages, key=lambda entry: entry[0])
+
+
+def begins_s(tests: Sequence[DiveTest]) -> list[float]:
+    """Return the vehicle times at which the tests begin."""
+    lengths_s = [test.signal_rad.size * sea.DT + REST_S for test in tests]
+    first_s = START_S + sea.PREROLL_S
+    return [first_s + sum(lengths_s[:number]) for number in range(len(tests))]
 
 
 def write(path: Path, vehicle: VehicleConfig, tests: Sequence[DiveTest], **options: object) -> Path:
@@ -70,23 +77,33 @@ def write(path: Path, vehicle: VehicleConfig, tests: Sequence[DiveTest], **optio
 
 def _fly(
     vehicle: VehicleConfig,
-    test: DiveTest,
+    tests: Sequence[DiveTest],
     seed: int,
     level: float,
     trim_rad: tuple[float, float],
     loop_on: bool,
 ) -> Array:
-    """Return the measurements of one test."""
-    closed, none = np.full(test.signal_rad.size, np.nan), np.zeros(test.signal_rad.size)
-    signals, added = [closed, closed], [none, none]
-    (added if loop_on else signals)[PLANES[test.plane].index] = test.signal_rad
+    """Return the measurements of a dive."""
+    rest = np.full(int(REST_S * sea.RATE_HZ), np.nan)
+    signals: list[Array] = []
+    for plane in Plane:
+        parts = [
+            part
+            for test in tests
+            for part in (
+                test.signal_rad if test.plane == plane else np.full(test.signal_rad.size, np.nan),
+                rest,
+            )
+        ]
+        signals.append(np.concatenate(parts))
+    closed = [np.full(signal.size, np.nan) for signal in signals]
     return sea.fly_tests(
         vehicle,
-        sea.Tests(*signals),
+        sea.Tests(*(closed if loop_on else signals)),
         rng=np.random.default_rng(seed),
         level=level,
         trim_rad=trim_rad,
-        added=sea.Tests(*added) if loop_on else None,
+        added=sea.Tests(*map(np.nan_to_num, signals)) if loop_on else None,
     )
 
 

@@ -67,7 +67,7 @@ def test_swapped_outputs_are_named(sound: Path) -> None:
     channels = ServoChannels(2, 1, 3)
     said = refusal(sound, channels=channels)
     assert said.startswith(
-        "sound.mcap: swapped planes: in the elevator tests the elevator output moves the yaw rate"
+        "sound.mcap: swapped planes: in the rudder tests the elevator output moves the yaw rate"
     )
     assert "--servo-channels" in said
     with pytest.raises(refit.RefitError, match=re.escape(said)):

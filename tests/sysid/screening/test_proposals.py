@@ -1,0 +1,65 @@
+"""Segments are proposed where tests are, with their plane; course keeping gives none."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from ground.__main__ import app
+from sitl.vehicle import config
+from sysid import refit
+from sysid.data import readers
+from sysid.planes import Plane
+from sysid.refit import RefitRequest
+from sysid.screening import proposals
+from tests.sysid import dives, recording, sea
+from tests.sysid.dives import DiveTest
+
+TESTS = [
+    DiveTest(Plane.YAW, sea.doublet(5.0)),
+    DiveTest(Plane.PITCH, sea.doublet(5.0, 4.0)),
+    DiveTest(Plane.YAW, sea.step(-6.0, 20.0)),
+    DiveTest(Plane.PITCH, sea.doublet(-5.0, 4.0)),
+]
+
+
+@pytest.fixture(scope="module")
+def unmarked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dive whose log has no texts."""
+    vehicle = config.load("caribou_truth")
+    path = tmp_path_factory.mktemp("proposals") / "silent.mcap"
+    messages = dives.entries(vehicle, TESTS, texts=False)
+    return recording.write(path, messages, {"ACT_TRAVEL_DEG": 15.0})
+
+
+def test_proposed_segments_are_the_tests(unmarked: Path) -> None:
+    marks = proposals.propose(readers.read(unmarked))
+    assert [mark.plane for mark in marks] == [test.plane for test in TESTS]
+    for mark, test, begin_s in zip(marks, TESTS, dives.begins_s(TESTS), strict=True):
+        assert mark.start_s == pytest.approx(begin_s, abs=0.5)
+        end_s = begin_s + test.signal_rad.size * sea.DT
+        assert end_s - 0.5 < mark.stop_s < end_s + proposals.QUIET_S + 2.0
+
+
+def test_course_keeping_gives_no_segment(tmp_path: Path) -> None:
+    nothing = [DiveTest(plane, np.zeros(3000)) for plane in Plane]
+    messages = dives.entries(config.load("caribou_truth"), nothing, texts=False, loop_on=True)
+    path = recording.write(tmp_path / "cruise.mcap", messages, {"ACT_TRAVEL_DEG": 15.0})
+    assert proposals.propose(readers.read(path)) == []
+    with pytest.raises(refit.RefitError, match=r"no test found; .*; no usable segment found"):
+        refit.refit(RefitRequest(paths=[path]))
+
+
+def test_refit_without_tests_proposes_segments(unmarked: Path) -> None:
+    with pytest.raises(
+        refit.RefitError,
+        match=r"silent\.mcap: no test found; .*\(--segment\); 4 usable segments found:"
+        r" 24\.\d\.\.4\d\.\d:rudder, 74\.\d\.\.9\d\.\d:elevator, ",
+    ):
+        refit.refit(RefitRequest(paths=[unmarked]))
+
+
+def test_segments_command_lists_them(unmarked: Path) -> None:
+    shown = CliRunner().invoke(app, ["log", "segments", str(unmarked)], catch_exceptions=False)
+    assert "silent.mcap: 4 usable segments found: " in shown.stdout.replace("\n", "")
