@@ -81,7 +81,8 @@ def control_effect(runs: Sequence[Run], plane: Plane, surface: Plane) -> Control
     Returns
     -------
     ControlEffect or None
-        The effect; None if no run is long enough, or if the surface did not move.
+        The effect; None if no run is long enough, or if the surface did not move. Without any
+        motion it is 0 with an infinite standard deviation.
     """
     return _estimate([_balance(run, plane, surface, steady=False) for run in runs])
 
@@ -118,8 +119,10 @@ def _estimate(candidates: Sequence[_Balance | None]) -> ControlEffect | None:
     deflections_left = deflections - (deflections @ basis) @ basis.T
     energies = np.sum(deflections_left**2, axis=1)
     total = float(change_left @ change_left)
-    if np.min(energies) <= 0.0 or total <= 0.0:
+    if np.min(energies) <= 0.0:
         return None
+    if total <= 0.0:
+        return ControlEffect(0.0, math.inf, 0.0)
     slopes = deflections_left @ change_left / energies
     explained = slopes**2 * energies
     best = int(np.argmax(explained))

@@ -89,10 +89,12 @@ def no_response(plane: Plane, runs: Sequence[Run]) -> str:
     if max(abs(effect.significance), abs(gain.significance)) >= MIN_SIGNIFICANCE:
         return ""
     surface = PLANES[plane].surface
+    measured = "which is constant"
+    if math.isfinite(effect.sd):
+        measured = f"effect {effect.value:.2g} +- {effect.sd:.2g} 1/s2 over the {plane} tests"
     return (
-        f"no excitation: the {surface} does not move the {plane} rate, effect"
-        f" {effect.value:.2g} +- {effect.sd:.2g} 1/s2 over the {plane} tests; fly larger or"
-        " longer ones, or check the outputs"
+        f"no excitation: the {surface} does not move the {plane} rate, {measured}; fly larger or"
+        " longer tests, or check the outputs"
     )
 
 

@@ -88,7 +88,15 @@ def read(path: str | Path, options: OutputOptions = FROM_LOG) -> Log:
         "csv": csv_table.read,
     }
     path = Path(path)
-    return readers[format_of(path)](path, options)
+    log = readers[format_of(path)](path, options)
+    series = {"attitude": log.attitude, "commands": log.actuators, "depth": log.depth}
+    for name, part in series.items():
+        if part.time_s.size < 2:
+            raise LogError(
+                f"{path}: holds {part.time_s.size} usable samples of {name}; identification needs"
+                " attitude, commands and depth throughout"
+            )
+    return log
 
 
 class LogContent(NamedTuple):

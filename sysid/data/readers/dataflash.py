@@ -34,6 +34,7 @@ from sysid.data.readers.samples import (
     format_damage,
     sample_nearest,
     strictly_increasing,
+    usable,
 )
 from sysid.data.readers.servo_channels import OutputOptions, actuator_commands, travel_rad
 
@@ -254,8 +255,11 @@ def _attitude(path: Path, message_tables: Tables) -> Attitude:
     source, columns, factor = next((r for r in _RATES if r[0] in message_tables), _RATES[1])
     rates = _table(path, message_tables, source, *columns)
     rates_radps = [factor * rates.columns[column].astype(np.float64) for column in columns]
-    near = sample_nearest(time_s, rates.time_s, rates_radps[0])[0]
-    p, q, r = (sample_nearest(time_s, rates.time_s, values)[1][near] for values in rates_radps)
+    known = usable(rates.time_s, *rates_radps)
+    rates_s, rates_radps = rates.time_s[known], [values[known] for values in rates_radps]
+    near = sample_nearest(time_s, rates_s, rates_radps[0])[0]
+    near &= usable(time_s, *(angles[name] for name in ("Roll", "Pitch", "Yaw")))
+    p, q, r = (sample_nearest(time_s, rates_s, values)[1][near] for values in rates_radps)
     roll, pitch, yaw = (
         np.radians(angles[name][near].astype(np.float64)) for name in ("Roll", "Pitch", "Yaw")
     )
@@ -296,7 +300,8 @@ def _depth(path: Path, message_tables: Tables) -> Depth:
         _ALTITUDES[0],
     )
     time_s, columns = _table(path, message_tables, name, column)
-    depth_m = factor * columns[column].astype(np.float64)
+    known = usable(time_s, columns[column])
+    time_s, depth_m = time_s[known], factor * columns[column][known].astype(np.float64)
     if time_s.size < 2:
         raise LogError(
             f"{path}: {name}.{column} was logged {time_s.size} times; identification needs depth"

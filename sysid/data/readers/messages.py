@@ -32,6 +32,7 @@ from sysid.data.readers.samples import (
     derivative,
     euler_rad,
     strictly_increasing,
+    usable,
 )
 from sysid.data.readers.servo_channels import OutputOptions, actuator_commands, travel_rad
 
@@ -176,7 +177,7 @@ def _columns(record: NDArray[Any], keep: NDArray[np.bool_], *names: str) -> list
 
 def _attitude(name: str, time_s: Array, record: NDArray[Any]) -> Attitude:
     """Return attitude and rates from one of ATTITUDES."""
-    keep = strictly_increasing(time_s)
+    keep = usable(time_s, *(record[field] for field in _FIELDS[name]))
     if name == "ATTITUDE_QUATERNION":
         roll, pitch, yaw = euler_rad(*_columns(record, keep, "q1", "q2", "q3", "q4"))
     else:
@@ -228,7 +229,7 @@ def _duct(time_s: Array, record: NDArray[Any], full_travel_rad: float) -> DuctAn
 
 def _depth(name: str, time_s: Array, record: NDArray[Any]) -> Depth:
     """Return depth and its rate, positive down, from one of the messages with the depth."""
-    keep = strictly_increasing(time_s)
+    keep = usable(time_s, *(record[field] for field in _FIELDS[name]))
     match name:
         case "LOCAL_POSITION_NED":
             depth_m, rate_mps = _columns(record, keep, "z", "vz")

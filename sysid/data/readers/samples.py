@@ -28,6 +28,8 @@ CLOCK_STEP_SAMPLES = 5
 Fewer such samples are late datagrams."""
 GAP_INTERVALS = 1.9
 """Interval of two samples, in usual intervals, from which on samples are lost."""
+LARGEST_VALUE = 1e9
+"""Largest value of a measurement in any unit that logs use (mm, cm/s, deg, rad)."""
 MAX_TIME_DIFFERENCE_S = 0.1
 """Maximum time difference of corresponding samples of two streams."""
 
@@ -108,6 +110,18 @@ def strictly_increasing(time_s: Array) -> NDArray[np.bool_]:
     """Return a mask of samples later than all before; repeated and late samples are excluded."""
     latest = np.maximum.accumulate(time_s)
     return np.concatenate(([True], time_s[1:] > latest[:-1]))[: time_s.size]
+
+
+def usable(time_s: Array, *columns: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return a mask of samples with finite values, each later than all usable ones before it.
+
+    Values beyond LARGEST_VALUE are no measurements.
+    """
+    finite = np.isfinite(time_s)
+    for column in columns:
+        finite &= np.isfinite(column) & (np.abs(column) <= LARGEST_VALUE)
+    finite[finite] = strictly_increasing(time_s[finite])
+    return finite
 
 
 def clock_steps(message: str, time_s: Array) -> list[ClockStep]:

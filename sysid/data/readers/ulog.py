@@ -30,6 +30,7 @@ from sysid.data.readers.samples import (
     format_damage,
     sample_nearest,
     strictly_increasing,
+    usable,
 )
 from sysid.data.readers.servo_channels import OutputOptions, ServoChannels, actuator_commands
 from sysid.data.readers.ulog_recovery import keep_sound_messages, refuse_large_formats
@@ -184,10 +185,13 @@ def _attitude(path: Path, topic_tables: Tables) -> Attitude:
     source, fields = next((r for r in _RATES if _has(topic_tables, r[0], r[1][0])), _RATES[0])
     rates = _table(path, topic_tables, source, *fields)
     rates_radps = [rates.columns[field].astype(np.float64) for field in fields]
-    near = sample_nearest(time_s, rates.time_s, rates_radps[0])[0]
+    known = usable(rates.time_s, *rates_radps)
+    rates_s, rates_radps = rates.time_s[known], [values[known] for values in rates_radps]
+    near = sample_nearest(time_s, rates_s, rates_radps[0])[0]
+    near &= usable(time_s, *(columns[f"q{part}"] for part in _QUATERNION))
     if not near.any():
         raise LogError(f"{path}: vehicle_attitude and {source} were never logged at the same time")
-    p, q, r = (sample_nearest(time_s, rates.time_s, values)[1][near] for values in rates_radps)
+    p, q, r = (sample_nearest(time_s, rates_s, values)[1][near] for values in rates_radps)
     roll, pitch, yaw = euler_rad(
         *(columns[f"q{part}"][near].astype(np.float64) for part in _QUATERNION)
     )
@@ -234,9 +238,10 @@ def _depth(path: Path, topic_tables: Tables) -> Depth:
     """Return depth and its rate, by differences where the log has none."""
     name, field, factor = next((d for d in _DEPTHS if _has(topic_tables, d[0], d[1])), _DEPTHS[0])
     time_s, columns = _table(path, topic_tables, name, field)
-    depth_m = factor * columns[field].astype(np.float64)
-    if field == "z" and "vz" in columns:
-        return Depth(time_s, depth_m, columns["vz"].astype(np.float64))
+    known = usable(time_s, columns[field])
+    time_s, depth_m = time_s[known], factor * columns[field][known].astype(np.float64)
+    if field == "z" and "vz" in columns and np.all(np.isfinite(columns["vz"][known])):
+        return Depth(time_s, depth_m, columns["vz"][known].astype(np.float64))
     return Depth(time_s, depth_m, derivative(time_s, depth_m))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
+from mavlink_io.errors import InputError
 from mavlink_io.vehicle_modes import VehicleMode
 from sysid import refit
 from sysid.data import readers, segments
@@ -22,6 +23,7 @@ from sysid.data.events import (
     VehicleEvent,
 )
 from sysid.monitor import tracking_metrics
+from sysid.planes import Plane
 from tests.sysid import recording
 from tests.sysid.recording import Entry
 
@@ -234,3 +236,33 @@ def test_tracking_excludes_settling_and_tests(tmp_path: Path) -> None:
     assert found.depth_m.max == pytest.approx(0.1, abs=1e-5)
     assert found.depth_m.mean == pytest.approx(0.1, abs=1e-5)
     assert found.pitch_deg.max == pytest.approx(0.0, abs=1e-6)
+
+
+NAN = math.nan
+STILL = (0.0, 0.0, 0.0, 0.0)
+"""Yaw, yaw rate, rudder and depth of a vehicle that does not move."""
+DEGENERATE: dict[str, tuple[tuple[float, float, float, float], str]] = {
+    "constant": (STILL, "no excitation: the rudder moved by 0.00 deg"),
+    "no answer": ((0.0, 0.0, 0.3, 4.0), "the rudder does not move the yaw rate, which is constant"),
+    "no attitude": ((NAN, NAN, 0.3, 4.0), "holds 0 usable samples of attitude"),
+    "no depth": ((0.0, 0.0, 0.3, NAN), "holds 0 usable samples of depth"),
+    "no command": ((0.0, 0.0, NAN, 4.0), "no excitation: the rudder moved by 0.00 deg"),
+    "beyond measure": ((0.0, 1e30, 0.3, 1e30), "holds 0 usable samples of attitude"),
+}
+
+
+@pytest.mark.parametrize("case", DEGENERATE)
+@pytest.mark.filterwarnings("error")
+def test_degenerate_data_are_refused_without_warning(tmp_path: Path, case: str) -> None:
+    """Neither LinAlgError nor a warning of numpy reaches the user."""
+    (yaw, rate, rudder, depth), said = DEGENERATE[case]
+    entries: list[Entry] = []
+    for k in range(2000):
+        moved = rudder if k >= 1000 else 0.0 * rudder
+        entries += [attitude(k / 50, yaw, rate), actuators(k / 50, moved, 0.0)]
+        entries.append(position(k / 50, depth))
+    path = recording.write(tmp_path / "bad.mcap", entries, {})
+    mark = segments.MarkedInterval(20.0, 35.0, Plane.YAW)
+    with pytest.raises(InputError, match=f"bad.mcap: .*{said}") as refused:
+        refit.refit(refit.RefitRequest(paths=[path], marks=[mark]))
+    assert "\n" not in str(refused.value)

@@ -369,3 +369,17 @@ def test_boat_without_elevator(tmp_path: Path) -> None:
     assert np.degrees(np.max(run.rudder_rad)) == pytest.approx(4.0, abs=0.02)
     np.testing.assert_array_equal(run.elevator_rad, 0.0)
     assert servo_channels.parse("1,0,3") == ServoChannels(1, 0, 3)
+
+
+def test_samples_that_are_not_finite_are_a_gap(tmp_path: Path) -> None:
+    """The estimator of the vehicle fails for one second within the test."""
+
+    def failing(s: files.Sample) -> object:
+        lost = 24.0 <= s.time_s - files.BOOTED_S < 25.0
+        return files.attitude_quaternion(s._replace(yaw_rate_radps=math.nan) if lost else s)
+
+    run = the_run(files.tlog(tmp_path / "nan.tlog", attitude=failing))
+    assert np.all(np.isfinite(run.r_radps))
+    assert np.all(np.isfinite(run.heading_rad))
+    (screening,) = screen([run])
+    assert screening.reasons == ("gap: 1.02 s without data, at most 0.2",)
