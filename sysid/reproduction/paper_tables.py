@@ -159,3 +159,28 @@ class SteadyError(NamedTuple):
 
 TABLE_5_INITIAL = SteadyError(2.5, 10.0, 0.5)
 TABLE_5_IMPROVED = SteadyError(2.0, 2.5, 0.1)
+
+TABLE_1_CHANGE_PCT = Table1Column(
+    Y_v=-1,
+    N_v=-33,
+    Y_r=24,
+    N_r=-1,
+    Y_dr=5,
+    N_dr=15,
+    Y_vdot=-3,
+    I_zz=17,
+    N_rdot=0,
+    Z_w=0.2,
+    M_w=-34,
+    Z_q=29,
+    M_q=14,
+    Z_de=8,
+    M_de=15,
+    Z_wdot=3,
+    I_yy=41,
+    M_qdot=0,
+    z_CM=-29,
+)
+"""Printed change of each coefficient (%)."""
+ACCELERATION_PER_S2 = {"yaw": -0.51, "pitch": -0.46}
+"""Angular acceleration per radian of duct that the paper measured in its steps (1/s^2)."""

@@ -1,0 +1,175 @@
+"""Published value, own value, difference and verdict of one quantity of the paper."""
+
+from enum import StrEnum
+from typing import NamedTuple
+
+Value = float | str
+
+
+class Verdict(StrEnum):
+    """Result of a comparison."""
+
+    REPRODUCED = "reproduced"
+    NOT_REPRODUCED = "not reproduced"
+    NOT_REPRODUCIBLE = "not reproducible"
+    """The paper lacks a necessary number, or contradicts itself; the reason gives the evidence."""
+
+
+class Comparison(NamedTuple):
+    """One quantity of a table or a figure."""
+
+    item: str
+    """Table or figure by its number, as "Table 1"."""
+    quantity: str
+    unit: str
+    published: Value
+    """Printed value, or the statement of the text."""
+    ours: Value
+    difference: Value
+    """Own minus published value in the unit of both; a text where it is not a number."""
+    criterion: str
+    """Criterion of the verdict, in words."""
+    verdict: Verdict
+    reason: str = ""
+    """How the value was obtained, and why it cannot be reproduced if it cannot."""
+
+
+def judge(holds: bool, impossible: str = "") -> Verdict:
+    """Return the verdict of a criterion.
+
+    Parameters
+    ----------
+    holds : bool
+        Whether the criterion is met.
+    impossible : str
+        Evidence that the quantity cannot be reproduced; empty if it can.
+
+    Returns
+    -------
+    Verdict
+        Evidence counts only where the criterion is not met.
+    """
+    if holds:
+        return Verdict.REPRODUCED
+    return Verdict.NOT_REPRODUCIBLE if impossible else Verdict.NOT_REPRODUCED
+
+
+def within(
+    item: str,
+    quantity: str,
+    unit: str,
+    published: float,
+    ours: float,
+    *,
+    share: float,
+    reason: str = "",
+    impossible: str = "",
+) -> Comparison:
+    """Compare two numbers with a relative tolerance.
+
+    Parameters
+    ----------
+    item, quantity, unit : str
+        As in `Comparison`.
+    published, ours : float
+        Values in `unit`.
+    share : float
+        Largest difference as a share of the published value.
+    reason : str
+        How the own value was obtained.
+    impossible : str
+        Evidence that the number cannot be reproduced; it replaces `reason` where it applies.
+
+    Returns
+    -------
+    Comparison
+        Numbers with the verdict.
+    """
+    verdict = judge(abs(ours - published) <= share * abs(published), impossible)
+    return Comparison(
+        item=item,
+        quantity=quantity,
+        unit=unit,
+        published=published,
+        ours=ours,
+        difference=ours - published,
+        criterion=f"within {100 * share:g} %",
+        verdict=verdict,
+        reason=impossible if verdict is Verdict.NOT_REPRODUCIBLE else reason,
+    )
+
+
+def at_most(
+    item: str,
+    quantity: str,
+    unit: str,
+    published: float,
+    ours: float,
+    *,
+    reason: str = "",
+    impossible: str = "",
+) -> Comparison:
+    """Compare two numbers of which the own one must not exceed the published one.
+
+    Parameters
+    ----------
+    item, quantity, unit : str
+        As in `Comparison`.
+    published, ours : float
+        Values in `unit`.
+    reason : str
+        How the own value was obtained.
+    impossible : str
+        Evidence that the number cannot be reproduced; it replaces `reason` where it applies.
+
+    Returns
+    -------
+    Comparison
+        Numbers with the verdict.
+    """
+    verdict = judge(ours <= published, impossible)
+    return Comparison(
+        item=item,
+        quantity=quantity,
+        unit=unit,
+        published=published,
+        ours=ours,
+        difference=ours - published,
+        criterion="at most the published value",
+        verdict=verdict,
+        reason=impossible if verdict is Verdict.NOT_REPRODUCIBLE else reason,
+    )
+
+
+def statement(
+    item: str, quantity: str, published: str, ours: str, holds: bool, *, reason: str = ""
+) -> Comparison:
+    """Compare a statement of the paper's text with what was found.
+
+    Parameters
+    ----------
+    item, quantity : str
+        As in `Comparison`.
+    published, ours : str
+        Statement of the paper, and the finding with its numbers.
+    holds : bool
+        Whether the finding supports the statement.
+    reason : str
+        How it was found.
+
+    Returns
+    -------
+    Comparison
+        Statements with the verdict.
+    """
+    return Comparison(
+        item=item,
+        quantity=quantity,
+        unit="",
+        published=published,
+        ours=ours,
+        difference="",
+        criterion="the statement holds",
+        verdict=judge(holds),
+        reason=reason,
+    )
