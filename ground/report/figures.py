@@ -72,7 +72,7 @@ def step_figures(folder: CampaignFolder) -> list[Figure]:
         (_largest_step(folder.runs("rudder_heldout")), "Held out: not used in the fit."),
         (_largest_step(folder.runs("elevator_heldout")), "Held out: not used in the fit."),
     ]
-    return [_step_figure(folder, run, note) for run, note in selected]
+    return [step_figure(folder, run, note) for run, note in selected]
 
 
 def mission_figures(folder: CampaignFolder, missions: list[str]) -> list[Figure]:
@@ -84,8 +84,23 @@ def _largest_step(runs: list[Run]) -> Run:
     return max(runs, key=lambda run: (run.wave == "step", abs(run.magnitude_deg)))
 
 
-def _step_figure(folder: CampaignFolder, run: Run, note: str) -> Figure:
-    """Draw rate and angle of a test, measured and predicted by both models."""
+def step_figure(folder: CampaignFolder, run: Run, note: str) -> Figure:
+    """Return rate and angle of a test, measured and predicted by both models.
+
+    Parameters
+    ----------
+    folder : CampaignFolder
+        Campaign with its model.
+    run : Run
+        Test of the campaign.
+    note : str
+        Text below the title.
+
+    Returns
+    -------
+    Figure
+        Panels of rate and angle.
+    """
     predicted = predict(folder.model, run, folder.prior_config)
     surface, angle_title = PLANES[run.plane].surface, ANGLE_TITLES[run.plane]
     start_index = int(np.argmax(~run.preroll))
@@ -131,7 +146,7 @@ def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
     """Draw depth, heading and pitch of a mission with every set of gains."""
     flown = folder.summary.tracking[mission]
     logs = {name: folder.log(stage, mission) for name, stage in STAGES.items() if name in flown}
-    ends = {name: _end_s(log) for name, log in logs.items()}
+    ends = {name: end_s(log) for name, log in logs.items()}
     reference = logs["redesigned"]
     span = ends["redesigned"]
     depth = [_curve(n, n, log.depth.time_s, log.depth.depth_m, ends[n]) for n, log in logs.items()]
@@ -177,7 +192,7 @@ _NOTES = {
 }
 
 
-def _end_s(log: Log) -> float:
+def end_s(log: Log) -> float:
     """Return the time (s) at which the mission ended and the vehicle began to surface."""
     surfacing = ModeChanged(VehicleMode.SURFACE)
     return next(
@@ -186,9 +201,9 @@ def _end_s(log: Log) -> float:
     )
 
 
-def _curve(name: str, role: str, time_s: Array, values: Array, end_s: float) -> Curve:
+def _curve(name: str, role: str, time_s: Array, values: Array, stop_s: float) -> Curve:
     """Return a curve with CURVE_HZ points per second."""
-    thin = np.arange(0.0, end_s, 1.0 / CURVE_HZ)
+    thin = np.arange(0.0, stop_s, 1.0 / CURVE_HZ)
     return Curve(
         name=name,
         role=role,

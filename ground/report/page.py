@@ -135,13 +135,28 @@ def render(parts: Mapping[str, str], drawn: Mapping[str, charts.Chart]) -> str:
     drawn : Mapping
         Charts by the id of the element that shows each.
     """
-    resources = {
+    return Template(_text("page.html")).substitute({**parts, **resources(drawn)})
+
+
+def resources(drawn: Mapping[str, charts.Chart]) -> dict[str, str]:
+    """Return style, scripts and charts for a page's template.
+
+    Parameters
+    ----------
+    drawn : Mapping
+        Charts by the id of the element that shows each.
+
+    Returns
+    -------
+    dict
+        Text by the name of its place: style, script, plotly and charts.
+    """
+    return {
         "style": _text("style.css"),
         "script": _text("charts.js"),
         "plotly": _plotly(),
         "charts": json.dumps(drawn, separators=(",", ":")).replace("</", "<\\/"),
     }
-    return Template(_text("page.html")).substitute({**parts, **resources})
 
 
 def _lead(summary: CampaignSummary) -> str:

@@ -142,7 +142,14 @@ def at_most(
 
 
 def statement(
-    item: str, quantity: str, published: str, ours: str, holds: bool, *, reason: str = ""
+    item: str,
+    quantity: str,
+    published: str,
+    ours: str,
+    holds: bool,
+    *,
+    reason: str = "",
+    impossible: str = "",
 ) -> Comparison:
     """Compare a statement of the paper's text with what was found.
 
@@ -156,12 +163,15 @@ def statement(
         Whether the finding supports the statement.
     reason : str
         How it was found.
+    impossible : str
+        Evidence that the statement cannot be reproduced; it replaces `reason` where it applies.
 
     Returns
     -------
     Comparison
         Statements with the verdict.
     """
+    verdict = judge(holds, impossible)
     return Comparison(
         item=item,
         quantity=quantity,
@@ -170,6 +180,6 @@ def statement(
         ours=ours,
         difference="",
         criterion="the statement holds",
-        verdict=judge(holds),
-        reason=reason,
+        verdict=verdict,
+        reason=impossible if verdict is Verdict.NOT_REPRODUCIBLE else reason,
     )

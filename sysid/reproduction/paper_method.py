@@ -50,6 +50,9 @@ MIN_RESPONSE = 0.1
 RANK_TOLERANCE = 1e-3
 """Singular values below this share of the largest count as zero."""
 
+MIN_IMPROVEMENT = 1e-6
+"""Relative decrease of the mean squared error from which a step counts as an improvement."""
+
 
 class PlaneFit(NamedTuple):
     """Result of one plane."""
@@ -66,6 +69,8 @@ class PlaneFit(NamedTuple):
     """Derivatives of the rate errors by the logarithms of the coefficients, (samples, free)."""
     cost: float
     """Half the sum of squared rate errors, (deg/s)^2."""
+    history_deg2ps2: tuple[float, ...]
+    """Mean squared rate error of all runs at the start and after each improving step."""
 
 
 def fit(
@@ -194,14 +199,21 @@ def _fit_plane(
 
     departures = [departure(actuator, run) for run in runs]
 
+    history: list[float] = []
+
     def errors(logs: Array) -> Array:
-        """Return the rate errors of all runs (deg/s)."""
+        """Return the rate errors of all runs (deg/s); extend the history if they are smaller."""
         discrete = step(_plane(plane, candidate(logs), *speed_and_mass))
         simulated = [states(discrete, delta)[:, 1] for delta in departures]
         rate_errors = [
             (run.rate_radps - rate)[~run.preroll] for run, rate in zip(runs, simulated, strict=True)
         ]
-        return np.degrees(np.concatenate(rate_errors))
+        errors_degps = np.degrees(np.concatenate(rate_errors))
+        mean = float(np.mean(np.square(errors_degps)))
+        # the steps of the finite differences improve the error by less
+        if not history or mean < history[-1] * (1.0 - MIN_IMPROVEMENT):
+            history.append(mean)
+        return errors_degps
 
     # Coefficients drift along unidentifiable directions; in logarithms they keep their sign, and
     # the bounds limit the drift.
@@ -216,6 +228,7 @@ def _fit_plane(
         rank=rank,
         jacobian=optimum.jac,
         cost=float(optimum.cost),
+        history_deg2ps2=tuple(history),
     )
 
 

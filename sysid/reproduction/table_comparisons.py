@@ -85,16 +85,26 @@ def table_1_initial(steps: Sequence[Derivation]) -> list[Comparison]:
 
 def _derived(name: str, step: Derivation | None, published: float, unit: str) -> Comparison:
     """Compare one coefficient; without a derivation it is an input."""
-    missing = "" if step else "the paper gives no ballast from which it follows"
+    if step is None:
+        return Comparison(
+            item="Table 1",
+            quantity=f"{name}, initial",
+            unit=unit,
+            published=published,
+            ours="not derived",
+            difference="",
+            criterion=f"within {100 * DERIVATION_SHARE:g} %",
+            verdict=Verdict.NOT_REPRODUCIBLE,
+            reason="the paper gives no ballast from which it follows",
+        )
     return within(
         "Table 1",
         f"{name}, initial",
         unit,
         published,
-        float("nan") if step is None else step.value,
+        step.value,
         share=DERIVATION_SHARE,
-        reason=f"{step.formula}: {step.source}" if step else "",
-        impossible=missing,
+        reason=f"{step.formula}: {step.source}",
     )
 
 
@@ -187,7 +197,7 @@ def _pole(row: PoleRow, alone: SinglePoleCondition, explained: bool) -> Comparis
     return Comparison(
         item="Table 4",
         quantity=f"{row.loop}, {CASE_NAMES[row.case]}",
-        unit="rad/s",
+        unit="",
         published=_pair(row.paper),
         ours=_pair(row.ours),
         difference=f"{100 * share:.1f} %",
@@ -223,4 +233,4 @@ def _damping_order(rows: Sequence[PoleRow]) -> list[Comparison]:
 
 def _pair(pole: complex) -> str:
     """Return a pole pair as text (rad/s)."""
-    return f"{pole.real:.4f} +- {pole.imag:.4f}i"
+    return f"{pole.real:.4f} +- {pole.imag:.4f}i rad/s"

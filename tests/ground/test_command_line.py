@@ -291,22 +291,22 @@ def test_params_save_set_load_and_rollback(tmp_path: Path) -> None:
     assert "Traceback" not in refused.stderr
 
 
-def test_paper_tables_need_no_flight(tmp_path: Path) -> None:
-    done = ground("paper", "--json", "--out", "paper", cwd=tmp_path)
+def test_paper_without_flights_reproduces_printed_numbers(tmp_path: Path) -> None:
+    done = ground("paper", "--no-flights", "--json", "--out", "paper", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
-    assert told["table_1"]["Y_v"] == {"initial": -449, "adjusted": -445}
-    assert (
-        len(told["table_4_radps"])
-        == len(told["table_4_our_vehicle_radps"])
-        == len(told["table_4_alone"])
-        == 9
-    )
+    assert told["reproduced"] is True
+    assert told["items"]["Table 1"] == told["items"]["Table 4"]
+    assert told["items"]["Figure 7"] == "not flown"
+    assert len(told["table_4_radps"]) == len(told["table_4_alone"]) == 9
     assert all(reading["remain"] for reading in told["table_4_tailcones"])
     assert json.loads((tmp_path / "paper" / "paper.json").read_text()) == told
     for picture in ("root_locus", "bode", "delay"):
         assert (tmp_path / "paper" / f"table_4_{picture}.png").read_bytes().startswith(b"\x89PNG")
-    assert "Y_vdot" in told["derivation"] or "Y_v'" in told["derivation"]
+    assert "Table 4" in (tmp_path / "paper" / "paper.html").read_text(encoding="utf-8")
+    again = ground("paper", "--no-flights", "--out", "paper", cwd=tmp_path)
+    assert again.returncode == 2
+    assert again.stderr == "ground: --out paper: is not an empty folder; give a new name\n"
 
 
 def test_vehicle_gains_are_compared_with_the_papers(tmp_path: Path) -> None:

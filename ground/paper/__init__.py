@@ -1,0 +1,1 @@
+"""Reproduction of the source paper: flights, comparisons and page."""
