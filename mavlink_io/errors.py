@@ -31,6 +31,7 @@ class ErrorCode(StrEnum):
     KEY_FILE = "key_file"
     LINK_LOST = "link_lost"
     LOG = "log"
+    MARGINS_DISAGREE = "margins_disagree"
     MCAP_CONTENT = "mcap_content"
     MCAP_FILE = "mcap_file"
     MISSION_FILE = "mission_file"

@@ -12,6 +12,7 @@ from mavlink_io.errors import InputError
 
 if TYPE_CHECKING:
     from ground.campaign.summary_file import DesignSummary
+    from sysid.design.loop_export import LoopExport
     from sysid.design.lqg import LqgDesign
     from sysid.design.pid import Spec
     from sysid.models.model_file import IdentifiedModel
@@ -41,6 +42,13 @@ def redesign(
     upload: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="Also set the gains on the vehicle at this address."),
+    ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Also write the loops as state spaces to FILE.json and FILE.mat.",
+        ),
     ] = None,
     prior: Prior = None,
     spec: SpecFile = None,
@@ -108,10 +116,19 @@ def redesign(
     target = out or DEFAULT_OUT[method]
     result: DesignSummary | dict[str, Any]
     if method is DesignMethod.LQG:
-        result, text = _redesign_lqg(identified, limit_spec, prior, target, force=force)
+        result, text = _redesign_lqg(
+            identified, limit_spec, prior, target, force=force, export=export
+        )
     else:
         result, text = _redesign_pid(
-            identified, limit_spec, prior, target, force=force, upload=upload, sign=sign
+            identified,
+            limit_spec,
+            prior,
+            target,
+            force=force,
+            upload=upload,
+            sign=sign,
+            export=export,
         )
     print_result(result, text, json)
 
@@ -125,13 +142,16 @@ def _redesign_pid(
     force: bool,
     upload: str | None,
     sign: Path | None,
+    export: Path | None,
 ) -> "tuple[DesignSummary, str]":
     """Design gains, write them and upload them on request; return the result as JSON and text."""
     from ground.campaign import refit, summary
+    from sysid.design import loop_export
 
     design = refit.redesign(model, spec, prior, force=force)
+    loops = loop_export.export_pid(model, design)
     design.write_params(out)
-    text = summary.format_design(design, out)
+    text = "\n".join([summary.format_design(design, out), *_format_loops(loops, export)])
     if upload:
         changes = params.upload(upload, sign, design.gains, str(out), design.baseline.model_sha256)
         text = "\n".join([text, f"{upload}, {params.UNDO}:", *params.format_changes(changes, {})])
@@ -139,15 +159,40 @@ def _redesign_pid(
 
 
 def _redesign_lqg(
-    model: "IdentifiedModel", spec: "Spec", prior: str | None, out: Path, *, force: bool
+    model: "IdentifiedModel",
+    spec: "Spec",
+    prior: str | None,
+    out: Path,
+    *,
+    force: bool,
+    export: Path | None,
 ) -> tuple[dict[str, Any], str]:
     """Design an LQG controller and write it; return the result as JSON and text."""
     from ground.campaign import refit
-    from sysid.design import lqg
+    from sysid.design import loop_export, lqg
 
     design = refit.redesign_lqg(model, spec, prior, force=force)
+    loops = loop_export.export_lqg(model, design)
     lqg.write(design, out)
-    return _lqg_json(design), _format_lqg(design, out)
+    content = _lqg_json(design) | {
+        "margins": {cut: margins._asdict() for cut, margins in loops.margins.items()}
+    }
+    return content, "\n".join([_format_lqg(design, out), *_format_loops(loops, export)])
+
+
+def _format_loops(loops: "LoopExport", export: Path | None) -> list[str]:
+    """Write the loops on request; return what python-control found, as lines of text."""
+    from sysid.design import loop_export
+
+    lines = ["margins confirmed by python-control:"]
+    lines += [
+        f"  {cut:10s}{margins.gm_db:6.1f} dB{margins.pm_deg:6.1f} deg  Ms"
+        f" {margins.max_sensitivity:.2f}"
+        for cut, margins in loops.margins.items()
+    ]
+    if export is not None:
+        lines.append(", ".join(map(str, loop_export.write(loops, export))))
+    return lines
 
 
 def _lqg_json(design: "LqgDesign") -> dict[str, Any]:

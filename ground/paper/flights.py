@@ -1,8 +1,8 @@
 """Flights that the paper's tables and figures need, all on the simulated vehicle.
 
 A campaign with the paper's improved gains gives Tables 1, 2, 3 and 5 and Figures 5, 6 and 8 to 15.
-A bench test gives Figure 4, a dive with rudder steps about the bias Figure 7, and a straight run in
-calm water the share of the sea in Table 5.
+A bench test gives Figure 4, a dive with rudder steps about the bias Figure 7, and two runs in calm
+water the share of the sea in Table 5 and Figure 15.
 """
 
 import json
@@ -71,8 +71,8 @@ class PaperFlights(NamedTuple):
     bench: AxisBench
     """Bench test of the elevator."""
     bias_steps: BiasSteps
-    calm: SteadyWindow
-    """Straight run in calm water with the paper's improved gains."""
+    calm: dict[str, SteadyWindow]
+    """Errors in calm water with the paper's improved gains, by mission."""
 
     def steady(self, role: str, mission: str = STRAIGHT_RUN) -> SteadyWindow:
         """Return the errors of steady flight with a set of gains, as in `steady_half`."""
@@ -112,10 +112,13 @@ def fly(request: PaperRequest, watch: WatchCallback, announce: AnnounceCallback)
     measured = _bench(request, watch)
     announce("rudder steps about the bias (figure 7)")
     steps = _bias_steps(request, watch)
-    announce("straight run in calm water (table 5)")
+    announce("straight run and run at 1 m in calm water (table 5, figure 15)")
     gains = refit.improved_gains() | dict(campaign.summary.trims)
-    log = _dive(request, STRAIGHT_RUN, "calm", gains, watch)
-    return PaperFlights(campaign, measured, steps, steady_half(refit.read_log(log)))
+    calm = {
+        mission: steady_half(refit.read_log(_dive(request, mission, "calm", gains, watch)))
+        for mission in (STRAIGHT_RUN, SHALLOW_RUN)
+    }
+    return PaperFlights(campaign, measured, steps, calm)
 
 
 def steady_half(log: Log) -> SteadyWindow:

@@ -6,7 +6,7 @@ from statistics import NormalDist
 import numpy as np
 
 from ground.campaign.campaign_folder import CampaignFolder
-from ground.paper.flights import PaperFlights
+from ground.paper.flights import STRAIGHT_RUN, PaperFlights
 from sysid.data.segments import Run
 from sysid.models.prediction import predict
 from sysid.monitor.tracking_metrics import SteadyWindow
@@ -265,7 +265,9 @@ def table_5(flights: PaperFlights) -> list[Comparison]:
         )
         for role, gains in GAIN_SETS.items():
             published, ours = getattr(TABLE_5_IMPROVED, name), getattr(steady[role], name).p95
-            evidence = _sea_evidence(getattr(flights.calm, name).p95, ours, published, unit)
+            evidence = sea_evidence(
+                getattr(flights.calm[STRAIGHT_RUN], name).p95, ours, published, unit
+            )
             rows.append(
                 at_most(
                     "Table 5",
@@ -280,8 +282,23 @@ def table_5(flights: PaperFlights) -> list[Comparison]:
     return [*rows, *improvements(flights, "Table 5")]
 
 
-def _sea_evidence(calm: float, disturbed: float, published: float, unit: str) -> str:
-    """Return why the printed error depends on the unknown sea; empty if calm water misses it."""
+def sea_evidence(calm: float, disturbed: float, published: float, unit: str) -> str:
+    """Return why a printed error depends on the unknown sea; empty if calm water misses it.
+
+    Parameters
+    ----------
+    calm, disturbed : float
+        Own error in calm water and in the disturbed sea, in `unit`.
+    published : float
+        Printed error, in `unit`.
+    unit : str
+        Unit of all three.
+
+    Returns
+    -------
+    str
+        Evidence for a verdict.
+    """
     if calm > published:
         return ""
     return (

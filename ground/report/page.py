@@ -1,6 +1,7 @@
 """HTML report of a campaign: one file that needs no network."""
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from html import escape
 from importlib.resources import files
@@ -14,6 +15,10 @@ from ground.campaign.summary_file import CampaignSummary, DesignSummary, SteadyE
 from ground.live.monitor_view import ROWS
 from ground.report import charts, figures, tables, validation_figures
 from ground.report.figures import Figure
+from sysid.control_analysis import control_systems
+from sysid.control_analysis.loop_transfer import Margins
+from sysid.design import design_model
+from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport
 from sysid.monitor.sequential import RmsComparison
 
@@ -114,7 +119,7 @@ def _page(campaign: CampaignFolder, of_model: ModelFigures) -> str:
         "small_signal": tables.small_signal(model),
         "screening": tables.screening(model),
         "specification": specification(summary.design),
-        "margins": tables.margins(analyses),
+        "margins": tables.margins(analyses, confirm_margins(model, summary.design)),
         "reasons": reasons(summary.design),
         "monitoring": monitoring(summary.monitoring),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary.trims.items()),
@@ -123,6 +128,41 @@ def _page(campaign: CampaignFolder, of_model: ModelFigures) -> str:
         "footer": _footer(summary),
     }
     return render(parts, drawn)
+
+
+def confirm_margins(model: IdentifiedModel, design: DesignSummary) -> dict[str, Margins]:
+    """Return the margins of the redesigned gains as python-control finds them.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Model of the design.
+    design : DesignSummary
+        Gains and their margins.
+
+    Returns
+    -------
+    dict
+        Margins by cut.
+
+    Raises
+    ------
+    MarginsDisagreeError
+        A margin of the summary differs from that of python-control.
+    """
+    vehicle = design_model.from_model(model)
+    lags = vehicle.yaw_lag, vehicle.pitch_lag
+    reported = {
+        cut: Margins(
+            gm_db=math.inf if m.gm_db is None else m.gm_db,
+            pm_deg=math.inf if m.pm_deg is None else m.pm_deg,
+            max_sensitivity=m.max_sensitivity,
+            crossover_radps=math.nan if m.crossover_radps is None else m.crossover_radps,
+        )
+        for cut, m in design.redesigned.margins.items()
+    }
+    loops = control_systems.open_loops(vehicle.planes, lags, design.gains)
+    return control_systems.check_margins(loops, reported)
 
 
 def render(parts: Mapping[str, str], drawn: Mapping[str, charts.Chart]) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 from ground.campaign import design_summary
 from ground.campaign.identification import assessment_lines, initial_error, refitted_error
 from ground.campaign.summary_file import LoopAnalysis, ModelSummary, SteadyError
+from sysid.control_analysis.loop_transfer import Margins
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.planes import PLANES, Plane
@@ -282,8 +283,16 @@ def small_signal(model: IdentifiedModel) -> str:
     return table(["plane", "quantity", "value", "1 sd", "unit"], rows, "named")
 
 
-def margins(analyses: Mapping[str, LoopAnalysis]) -> str:
-    """Return the stability margins at each cut, whether the specification limits it or not."""
+def margins(analyses: Mapping[str, LoopAnalysis], confirmed: Mapping[str, Margins]) -> str:
+    """Return the stability margins at each cut, whether the specification limits it or not.
+
+    Parameters
+    ----------
+    analyses : Mapping
+        Analysis of the initial and of the redesigned gains.
+    confirmed : Mapping
+        Margins of the redesigned gains by python-control, by cut.
+    """
     rows = []
     for cut in analyses["redesigned"].margins:
         name = cut if cut in design_summary.LIMITED_CUTS else f"{cut}, not limited"
@@ -296,12 +305,15 @@ def margins(analyses: Mapping[str, LoopAnalysis]) -> str:
             ]
             numbers.append(_number(m.crossover_radps, 2))
             cells = _strong(numbers, role == "redesigned")
-            rows.append([name if role == "initial" else "", role, *cells])
-    return table(
-        ["loop opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"],
-        rows,
-        "named",
-    )
+            second = confirmed.get(cut) if role == "redesigned" else None
+            control = (
+                ""
+                if second is None
+                else f"{second.gm_db:.1f} dB, {second.pm_deg:.0f}°, {second.max_sensitivity:.2f}"
+            )
+            rows.append([name if role == "initial" else "", role, *cells, control])
+    head = ["loop opened at", "gains", "gain margin, dB", "phase margin, °", "Ms"]
+    return table([*head, "crossover, rad/s", "python-control"], rows, "named")
 
 
 def screening(model: IdentifiedModel) -> str:
