@@ -4,9 +4,11 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 
 from ground.cli.options import Json, print_result
+from ground.terminal import Rendered
 
 
 class FitMethod(StrEnum):
@@ -86,6 +88,7 @@ def refit(
     from ground.campaign import identification
     from ground.campaign import refit as refitting
     from ground.cli import progress
+    from ground.report import second_opinion
     from sysid.data.readers.servo_channels import parse as parse_channels
     from sysid.refit import RefitRequest
 
@@ -103,6 +106,13 @@ def refit(
     with progress.display("refit", quiet=json) as display:
         model = refitting.refit(request, display.show_fraction, force=force)
     refitting.write_model(model, out)
-    print_result(
-        identification.summarise_model(model), identification.format_text(model, out), json
+    text = Rendered(
+        f"{identification.format_text(model, out)}\n{second_opinion.format_text(model)}"
     )
+    content = {
+        **msgspec.json.decode(msgspec.json.encode(identification.summarise_model(model))),
+        "second_opinion": {
+            plane: validation.second_opinion for plane, validation in model.validation.items()
+        },
+    }
+    print_result(content, text, json)

@@ -13,7 +13,7 @@ from ground.campaign import design_summary
 from ground.campaign.campaign_folder import CampaignFolder
 from ground.campaign.summary_file import CampaignSummary, DesignSummary, SteadyError
 from ground.live.monitor_view import ROWS
-from ground.report import charts, figures, tables, validation_figures
+from ground.report import charts, figures, second_opinion, tables, validation_figures
 from ground.report.figures import Figure
 from sysid.control_analysis import control_systems
 from sysid.control_analysis.loop_transfer import Margins
@@ -108,6 +108,7 @@ def _page(campaign: CampaignFolder, of_model: ModelFigures) -> str:
         "criteria": tables.checks(model),
         "validation_runs": tables.runs_table(model),
         "responses": "".join(map(_figure, responses)),
+        "second_opinion": second_opinion.html(model),
         "predictions": "".join(map(_figure, predictions)),
         "whiteness": "".join(map(_figure, whiteness)),
         "table_3": tables.table_3(summary.gains),

@@ -120,6 +120,35 @@ class Correction(JsonRecord, frozen=True):
     phase_sd_deg: float
 
 
+class Opinion(JsonRecord, frozen=True):
+    """Rate over command by another method, at the frequencies of the `SecondOpinion`."""
+
+    method: Literal["frequency response", "ARX", "python-control"]
+    gain_db: tuple[float, ...]
+    phase_deg: tuple[float, ...]
+    gain_sd_db: tuple[float, ...] | None
+    """Null for python-control, which evaluates the model's own linear plane."""
+    phase_sd_deg: tuple[float, ...] | None
+    coherence: tuple[float, ...] | None
+    """Coherence of command and rate; of the frequency response alone."""
+    order: int | None
+    """Order of the ARX model."""
+
+
+class SecondOpinion(JsonRecord, frozen=True):
+    """Rate over command by the model, at half, once and twice the crossover, beside others."""
+
+    frequency_radps: tuple[float, ...]
+    gain_db: tuple[float, ...]
+    phase_deg: tuple[float, ...]
+    gain_sd_db: tuple[float, ...] | None
+    phase_sd_deg: tuple[float, ...] | None
+    """Standard deviations of the model; null if they are unknown."""
+    opinions: tuple[Opinion, ...]
+    differences: tuple[str, ...]
+    """Opinions that differ from the model by more than their common interval, in words."""
+
+
 class PlaneValidation(JsonRecord, frozen=True):
     """Validation of one plane."""
 
@@ -131,6 +160,8 @@ class PlaneValidation(JsonRecord, frozen=True):
     crossover: Crossover | None
     """Crossover with the gains that were set during the tests."""
     correction: Correction | None
+    second_opinion: SecondOpinion | None = None
+    """Null without a crossover."""
 
 
 class AcceptanceCheck(JsonRecord, frozen=True):

@@ -21,7 +21,7 @@ from sysid.models.model_file import IdentifiedModel
 from sysid.models.noise import Filter, Noise
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import Plane
-from sysid.validation import crossover, frequency_response, noise_floor
+from sysid.validation import crossover, frequency_response, noise_floor, second_opinion
 from sysid.validation.crossover import UncertainVehicle
 from sysid.validation.crossover_correction import corrections
 from sysid.validation.frequency_response import Pair
@@ -31,8 +31,10 @@ from sysid.validation.results import (
     FrequencyComparison,
     PlaneValidation,
     RunValidation,
+    SecondOpinion,
     Whiteness,
 )
+from sysid.validation.second_opinion import ComparedTest
 from sysid.validation.whiteness import whiteness
 
 Array = NDArray[np.float64]
@@ -227,6 +229,39 @@ def _plane(
         else None,
         crossover=plane_crossover,
         correction=None,
+        second_opinion=_second_opinion(
+            plane_model,
+            [*fitted_compared, *held_out_compared],
+            swept_pairs,
+            plane_crossover.crossover_radps,
+        )
+        if plane_crossover
+        else None,
+    )
+
+
+def _second_opinion(
+    plane_model: _PlaneModel,
+    compared: Sequence[_ComparedRun],
+    swept: Sequence[Pair],
+    crossover_radps: float,
+) -> SecondOpinion:
+    """Compare the model's response with those of other methods."""
+    tests = [
+        ComparedTest(
+            command_rad=item.run.command_rad,
+            measured_radps=item.run.rate_radps,
+            simulated_radps=np.concatenate(
+                [
+                    item.run.rate_radps[: item.run.time_s.size - item.pair.simulated_radps.size],
+                    item.pair.simulated_radps,
+                ]
+            ),
+        )
+        for item in compared
+    ]
+    return second_opinion.compare(
+        plane_model.uncertain, plane_model.plane, tests, swept, crossover_radps
     )
 
 
