@@ -6,7 +6,8 @@ Model (Ljung 1999, section 4.2), one constant d_j per test j for trim and slow d
     G(w) = sum_i b_i z^-i / (1 + sum_i a_i z^-i),   z = exp(j w DT)
 
 The order minimises Akaike's criterion; the delay is covered by leading b_i near zero. The
-standard deviation follows from the covariance s^2 (Phi' Phi)^-1 to first order.
+standard deviation follows from the covariance s^2 (Phi' Phi)^-1 to first order; it is right for
+white e, which large motion and slow disturbances are not.
 
 Large motion and slow disturbances bias such an estimate by several degrees below the crossover. The
 same estimate on simulated rates of a model has the same bias, so the two are compared.
@@ -32,6 +33,10 @@ ORDERS = (2, 4, 6, 8, 10, 12, 14, 16)
 """Orders n of the rate's part that are tried."""
 EXTRA_INPUTS = 3
 """Additional lags of the command, m = n + 3, for the delay."""
+RANK_TOLERANCE = 1e-9
+"""Relative singular value below which the equations count as dependent."""
+MIN_VARIANCE = 1e-16
+"""Smallest variance of the residuals, (rad/s)^2."""
 MIN_SAMPLES_PER_PARAMETER = 5.0
 """Smallest number of samples per parameter of an order that is tried."""
 
@@ -81,13 +86,33 @@ def fit(records: Sequence[Record], orders: Sequence[int] = ORDERS) -> ArxFit | N
     ArxFit or None
         None if the tests are too short for the smallest order, or do not excite it.
     """
-    decimated = [(_means(record.command_rad), _means(record.rate_radps)) for record in records]
+    lead = max(orders) + EXTRA_INPUTS
     fits = [
         candidate
         for order in orders
-        if (candidate := _fit_order(decimated, order, max(orders) + EXTRA_INPUTS)) is not None
+        if (candidate := _solve(_reduce(records, order, lead), order)) is not None
     ]
     return min(fits, key=lambda item: item[0])[1] if fits else None
+
+
+def fit_without_each(records: Sequence[Record], order: int) -> list[ArxFit]:
+    """Fit one order without each test in turn, for the scatter between tests.
+
+    Parameters
+    ----------
+    records : Sequence of Record
+        Open-loop tests of one plane.
+    order : int
+        Order of the model.
+
+    Returns
+    -------
+    list of ArxFit
+        One fit per test; fewer if the other tests do not determine the model.
+    """
+    blocks = _reduce(records, order, order + EXTRA_INPUTS)
+    fits = [_solve(blocks[:j] + blocks[j + 1 :], order) for j in range(len(blocks))]
+    return [found[1] for found in fits if found is not None]
 
 
 def response(model: ArxFit, frequency_radps: Array) -> ArxResponse:
@@ -128,39 +153,50 @@ def _means(values: Array) -> Array:
     return np.asarray(values[:whole].reshape(-1, DECIMATION).mean(axis=1))
 
 
-def _fit_order(
-    records: Sequence[tuple[Array, Array]], order: int, lead: int
-) -> tuple[float, ArxFit] | None:
-    """Return Akaike's criterion and the fit of one order; all orders use the same samples."""
-    inputs = order + EXTRA_INPUTS
-    blocks, targets = [], []
-    usable = [record for record in records if record[0].size > lead]
-    for j, (command, rate) in enumerate(usable):
+class _Block(NamedTuple):
+    """Least-squares equations of one test, without its constant, as a triangular matrix."""
+
+    triangle: Array
+    """R of the QR factors of [Phi, r], Phi and r about their means."""
+    samples: int
+
+
+def _reduce(records: Sequence[Record], order: int, lead: int) -> list[_Block]:
+    """Return the equations of each test; all orders with the same lead use the same samples."""
+    blocks = []
+    for record in records:
+        command, rate = _means(record.command_rad), _means(record.rate_radps)
         rows = rate.size - lead
-        past_rates = [-rate[lead - i : lead - i + rows] for i in range(1, order + 1)]
-        past_commands = [command[lead - i : lead - i + rows] for i in range(1, inputs + 1)]
-        constants = np.zeros((rows, len(usable)))
-        constants[:, j] = 1.0
-        blocks.append(np.column_stack([*past_rates, *past_commands, constants]))
-        targets.append(rate[lead:])
+        if rows < 2:
+            continue
+        columns = [-rate[lead - i : lead - i + rows] for i in range(1, order + 1)]
+        columns += [command[lead - i : lead - i + rows] for i in range(1, order + EXTRA_INPUTS + 1)]
+        equations = np.column_stack([*columns, rate[lead:]])
+        centred = equations - equations.mean(axis=0)
+        blocks.append(_Block(np.linalg.qr(centred, mode="r"), rows))
+    return blocks
+
+
+def _solve(blocks: Sequence[_Block], order: int) -> tuple[float, ArxFit] | None:
+    """Return Akaike's criterion and the fit; None if the tests do not determine it."""
     if not blocks:
         return None
-    phi, y = np.vstack(blocks), np.concatenate(targets)
-    samples, parameters = phi.shape
+    stacked = np.vstack([block.triangle for block in blocks])
+    phi, y = stacked[:, :-1], stacked[:, -1]
+    samples, parameters = sum(block.samples for block in blocks), phi.shape[1] + len(blocks)
     if samples < MIN_SAMPLES_PER_PARAMETER * parameters:
         return None
-    theta, _, rank, _ = np.linalg.lstsq(phi, y, rcond=None)
-    if rank < parameters:
+    if not np.any(phi[:, order:]):
         return None
+    # simulated rates may satisfy several models of this order: the shortest is as good as any
+    theta: Array = np.linalg.lstsq(phi, y, rcond=RANK_TOLERANCE)[0]
     variance = float(np.sum((y - phi @ theta) ** 2)) / (samples - parameters)
-    count = order + inputs
-    covariance = variance * np.linalg.inv(phi.T @ phi)[:count, :count]
-    criterion = samples * math.log(variance) + 2.0 * parameters
+    variance = max(variance, MIN_VARIANCE)
     fitted = ArxFit(
         order=order,
         a=theta[:order],
-        b=theta[order:count],
-        covariance=covariance,
+        b=theta[order:],
+        covariance=variance * np.linalg.pinv(phi.T @ phi, hermitian=True),
         residual_radps=math.sqrt(variance),
     )
-    return criterion, fitted
+    return samples * math.log(variance) + 2.0 * parameters, fitted

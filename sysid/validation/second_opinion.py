@@ -3,7 +3,8 @@
 * Frequency response: measured over simulated rate of the sweeps, times the model's response, with
   the coherence (`frequency_response`).
 * ARX: the same least-squares estimate on measured and on simulated rates; their quotient, times the
-  model's response. The estimate knows neither the model's structure nor its prior.
+  model's response. The estimate knows neither the model's structure nor its prior. Its standard
+  deviation is the scatter between tests (jackknife): the residuals are not white.
 * python-control: the model's linear plane behind its tailcone, evaluated by python-control.
 """
 
@@ -19,7 +20,7 @@ from sysid.control_analysis.loop_transfer import GRID_RADPS, Lag
 from sysid.estimation.map import fit
 from sysid.planes import Plane
 from sysid.validation import arx, crossover, frequency_response
-from sysid.validation.arx import Record
+from sysid.validation.arx import ArxFit, Record
 from sysid.validation.crossover import UncertainVehicle
 from sysid.validation.frequency_response import Pair
 from sysid.validation.results import Opinion, SecondOpinion
@@ -33,6 +34,8 @@ DB_PER_UNIT = 20.0 / math.log(10.0)
 """Decibel per relative change of a magnitude."""
 JOINT_LEVEL = 0.95
 """Probability with which all comparisons of a plane agree if the model is right."""
+MIN_TESTS = 5
+"""Smallest number of tests whose scatter gives the standard deviation of an ARX estimate."""
 EVALUATION_DB, EVALUATION_DEG = 0.05, 0.5
 """Largest difference of two evaluations of the same linear plane."""
 
@@ -153,24 +156,48 @@ def _by_frequency_response(reference: _Reference, swept: Sequence[Pair]) -> Opin
 
 def _by_arx(reference: _Reference, tests: Sequence[ComparedTest]) -> Opinion | None:
     """Return the ARX estimate; None if the tests do not determine one."""
-    measured = arx.fit([Record(test.command_rad, test.measured_radps) for test in tests])
-    if measured is None:
+    measured = [Record(test.command_rad, test.measured_radps) for test in tests]
+    simulated = [Record(test.command_rad, test.simulated_radps) for test in tests]
+    ours = arx.fit(measured)
+    model = arx.fit(simulated, (ours.order,)) if ours else None
+    if ours is None or model is None:
         return None
-    simulated = arx.fit(
-        [Record(test.command_rad, test.simulated_radps) for test in tests], (measured.order,)
+
+    def ratio(numerator: ArxFit, denominator: ArxFit) -> ComplexArray:
+        """Return the quotient of two responses."""
+        first, second = (
+            arx.response(found, reference.frequency_radps).response
+            for found in (numerator, denominator)
+        )
+        return np.asarray(first / second)
+
+    without_each = [
+        ratio(*pair)
+        for pair in zip(
+            arx.fit_without_each(measured, ours.order),
+            arx.fit_without_each(simulated, ours.order),
+            strict=False,
+        )
+    ]
+    found = arx.response(ours, reference.frequency_radps)
+    sds = found.magnitude_sd, found.phase_sd_rad
+    if len(without_each) >= MIN_TESTS:
+        sds = _jackknife(np.array(without_each) / ratio(ours, model))
+    return _opinion(reference, ratio(ours, model), sds, method="ARX", order=ours.order)
+
+
+def _jackknife(ratios: ComplexArray) -> tuple[Array, Array]:
+    """Return the standard deviations of log magnitude and phase (Efron and Tibshirani 1993, 11.1).
+
+    ``ratios`` (n, frequencies) are the estimates without each test over the whole estimate:
+    sd^2 = (n - 1)/n sum_i (x_i - mean x)^2.
+    """
+    count = len(ratios)
+    magnitude, phase = (
+        np.sqrt((count - 1.0) / count * np.sum((x - x.mean(axis=0)) ** 2, axis=0))
+        for x in (np.log(np.abs(ratios)), np.angle(ratios))
     )
-    if simulated is None:
-        return None
-    ours, model = (
-        arx.response(found, reference.frequency_radps) for found in (measured, simulated)
-    )
-    return _opinion(
-        reference,
-        ours.response / model.response,
-        (ours.magnitude_sd, ours.phase_sd_rad),
-        method="ARX",
-        order=measured.order,
-    )
+    return magnitude, phase
 
 
 def _by_python_control(reference: _Reference, uncertain: UncertainVehicle, plane: Plane) -> Opinion:

@@ -75,6 +75,13 @@ def test_arx_short_or_unexcited_tests_give_none() -> None:
     assert arx.fit([]) is None
 
 
+def test_arx_noiseless_high_order_still_has_the_response() -> None:
+    """Rates of a linear model satisfy many equations of order 16; any of them has its response."""
+    fitted = arx.fit(records(0.0), (16,))
+    assert fitted is not None
+    assert np.allclose(arx.response(fitted, RADPS).response, exact(), rtol=5e-3)
+
+
 def compared(
     model: IdentifiedModel, runs: list[Run], plane: Plane, scale: float
 ) -> tuple[list[ComparedTest], list[Pair]]:
