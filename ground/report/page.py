@@ -11,7 +11,13 @@ from typing import NamedTuple
 
 from ground.campaign import design_summary
 from ground.campaign.campaign_folder import CampaignFolder
-from ground.campaign.summary_file import CampaignSummary, DesignSummary, SteadyError
+from ground.campaign.summary_file import (
+    CampaignSummary,
+    DesignSummary,
+    LoopAnalysis,
+    MarginsSummary,
+    SteadyError,
+)
 from ground.live.monitor_view import ROWS
 from ground.report import charts, figures, second_opinion, tables, validation_figures
 from ground.report.figures import Figure
@@ -120,7 +126,7 @@ def _page(campaign: CampaignFolder, of_model: ModelFigures) -> str:
         "small_signal": tables.small_signal(model),
         "screening": tables.screening(model),
         "specification": specification(summary.design),
-        "margins": tables.margins(analyses, confirm_margins(model, summary.design)),
+        "margins": tables.margins(analyses, confirm_margins(model, analyses, summary.gains)),
         "reasons": reasons(summary.design),
         "monitoring": monitoring(summary.monitoring),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary.trims.items()),
@@ -131,39 +137,51 @@ def _page(campaign: CampaignFolder, of_model: ModelFigures) -> str:
     return render(parts, drawn)
 
 
-def confirm_margins(model: IdentifiedModel, design: DesignSummary) -> dict[str, Margins]:
-    """Return the margins of the redesigned gains as python-control finds them.
+def confirm_margins(
+    model: IdentifiedModel,
+    analyses: Mapping[str, LoopAnalysis],
+    gains: Mapping[str, Mapping[str, float]],
+) -> dict[str, dict[str, Margins]]:
+    """Return the margins of each set of gains as python-control finds them.
 
     Parameters
     ----------
     model : IdentifiedModel
         Model of the design.
-    design : DesignSummary
-        Gains and their margins.
+    analyses : Mapping
+        Analysis by set of gains, with the margins that the report gives.
+    gains : Mapping
+        Gains by set.
 
     Returns
     -------
     dict
-        Margins by cut.
+        Margins by set of gains and cut.
 
     Raises
     ------
     MarginsDisagreeError
-        A margin of the summary differs from that of python-control.
+        A reported margin differs from that of python-control.
     """
     vehicle = design_model.from_model(model)
     lags = vehicle.yaw_lag, vehicle.pitch_lag
-    reported = {
-        cut: Margins(
-            gm_db=math.inf if m.gm_db is None else m.gm_db,
-            pm_deg=math.inf if m.pm_deg is None else m.pm_deg,
-            max_sensitivity=m.max_sensitivity,
-            crossover_radps=math.nan if m.crossover_radps is None else m.crossover_radps,
+    return {
+        role: control_systems.check_margins(
+            control_systems.open_loops(vehicle.planes, lags, gains[role]),
+            {cut: _margins(summary) for cut, summary in analysis.margins.items()},
         )
-        for cut, m in design.redesigned.margins.items()
+        for role, analysis in analyses.items()
     }
-    loops = control_systems.open_loops(vehicle.planes, lags, design.gains)
-    return control_systems.check_margins(loops, reported)
+
+
+def _margins(summary: MarginsSummary) -> Margins:
+    """Return margins with infinity or NaN for null."""
+    return Margins(
+        gm_db=math.inf if summary.gm_db is None else summary.gm_db,
+        pm_deg=math.inf if summary.pm_deg is None else summary.pm_deg,
+        max_sensitivity=summary.max_sensitivity,
+        crossover_radps=math.nan if summary.crossover_radps is None else summary.crossover_radps,
+    )
 
 
 def render(parts: Mapping[str, str], drawn: Mapping[str, charts.Chart]) -> str:

@@ -283,7 +283,9 @@ def small_signal(model: IdentifiedModel) -> str:
     return table(["plane", "quantity", "value", "1 sd", "unit"], rows, "named")
 
 
-def margins(analyses: Mapping[str, LoopAnalysis], confirmed: Mapping[str, Margins]) -> str:
+def margins(
+    analyses: Mapping[str, LoopAnalysis], confirmed: Mapping[str, Mapping[str, Margins]]
+) -> str:
     """Return the stability margins at each cut, whether the specification limits it or not.
 
     Parameters
@@ -291,7 +293,7 @@ def margins(analyses: Mapping[str, LoopAnalysis], confirmed: Mapping[str, Margin
     analyses : Mapping
         Analysis of the initial and of the redesigned gains.
     confirmed : Mapping
-        Margins of the redesigned gains by python-control, by cut.
+        Margins by python-control, by set of gains and cut.
     """
     rows = []
     for cut in analyses["redesigned"].margins:
@@ -305,12 +307,8 @@ def margins(analyses: Mapping[str, LoopAnalysis], confirmed: Mapping[str, Margin
             ]
             numbers.append(_number(m.crossover_radps, 2))
             cells = _strong(numbers, role == "redesigned")
-            second = confirmed.get(cut) if role == "redesigned" else None
-            control = (
-                ""
-                if second is None
-                else f"{second.gm_db:.1f} dB, {second.pm_deg:.0f}°, {second.max_sensitivity:.2f}"
-            )
+            second = confirmed[role][cut]
+            control = f"{second.gm_db:.1f} dB, {second.pm_deg:.0f}°, {second.max_sensitivity:.2f}"
             rows.append([name if role == "initial" else "", role, *cells, control])
     head = ["loop opened at", "gains", "gain margin, dB", "phase margin, °", "Ms"]
     return table([*head, "crossover, rad/s", "python-control"], rows, "named")

@@ -173,7 +173,7 @@ def _reduce(records: Sequence[Record], order: int, lead: int) -> list[_Block]:
         columns += [command[lead - i : lead - i + rows] for i in range(1, order + EXTRA_INPUTS + 1)]
         equations = np.column_stack([*columns, rate[lead:]])
         centred = equations - equations.mean(axis=0)
-        blocks.append(_Block(np.linalg.qr(centred, mode="r"), rows))
+        blocks.append(_Block(np.asarray(np.linalg.qr(centred, mode="r")), rows))
     return blocks
 
 
@@ -189,7 +189,7 @@ def _solve(blocks: Sequence[_Block], order: int) -> tuple[float, ArxFit] | None:
     if not np.any(phi[:, order:]):
         return None
     # simulated rates may satisfy several models of this order: the shortest is as good as any
-    theta: Array = np.linalg.lstsq(phi, y, rcond=RANK_TOLERANCE)[0]
+    theta = np.asarray(np.linalg.lstsq(phi, y, rcond=RANK_TOLERANCE)[0], dtype=np.float64)
     variance = float(np.sum((y - phi @ theta) ** 2)) / (samples - parameters)
     variance = max(variance, MIN_VARIANCE)
     fitted = ArxFit(
