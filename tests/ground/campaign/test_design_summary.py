@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 from ground.campaign import design_summary
 from ground.campaign.summary_file import DesignSummary, LoopAnalysis, MarginsSummary
 from ground.report import page, tables
+from sysid.control_analysis.loop_transfer import Margins
 from sysid.design.pid import DesignRobustness, Response, Spec
 from sysid.monitor import MonitorReport
 
@@ -66,7 +67,10 @@ def test_rows_ignore_pitch_point() -> None:
 
 def test_page_marks_point_without_limit() -> None:
     analysis = design().redesigned
-    page = tables.margins({"initial": analysis, "redesigned": analysis})
+    second = {cut: Margins(9.87, 54.4, 1.59, 0.9) for cut in analysis.margins}
+    roles = ("initial", "redesigned")
+    page = tables.margins(dict.fromkeys(roles, analysis), dict.fromkeys(roles, second))
+    assert "9.9 dB, 54°, 1.59" in page, "python-control's margins"
     assert "pitch, not limited" in page
     assert "rudder, not limited" not in page
 
