@@ -80,9 +80,9 @@ def _machines(measured: dict[Mode, Results]) -> Iterator[str]:
             f" use by other programs {min(others, default=0):.1f} to {max(others, default=0):.1f}."
         )
         if max(others, default=0.0) > OTHERS_SHARE * machine.cores:
-            yield (
+            yield _paragraph(
                 f"**Other programs used the machine during the measurement, {mode}**: wall times"
-                " and speeds of this table are those of a loaded machine.\n"
+                " and speeds of this table are those of a loaded machine."
             )
 
 
@@ -101,7 +101,7 @@ _CIRCUMSTANCES = {
 def _table(mode: Mode, run: Results) -> list[str]:
     """Return the section of a mode: one line per figure."""
     judged = [figure.met for figure in run.figures if figure.met is not None]
-    lines = [line for row in ROWS.values() for line in _lines(row, run.of_row(row.name))]
+    lines = [line for row in ROWS.values() for line in _lines(row, mode, run.of_row(row.name))]
     return [
         f"## {_HEADINGS[mode]}\n",
         f"{_CIRCUMSTANCES[mode]} {sum(judged)} of {len(judged)} targets are met.\n",
@@ -112,10 +112,11 @@ def _table(mode: Mode, run: Results) -> list[str]:
     ]
 
 
-def _lines(row: Row, figures: tuple[Figure, ...]) -> Iterator[str]:
+def _lines(row: Row, mode: Mode, figures: tuple[Figure, ...]) -> Iterator[str]:
     """Yield the table lines of a row."""
     if not figures:
-        yield _line(f"`{row.name}`", row.title, "not measured", "", "", "", "")
+        target = _target_in_words(results.format_target(row, mode))
+        yield _line(f"`{row.name}`", row.title, "not measured", "", "", target, "")
     for figure in figures:
         title = row.title + (f": {figure.case}" if figure.case else "")
         met = "" if figure.met is None else "yes" if figure.met else "**no**"
@@ -125,9 +126,14 @@ def _lines(row: Row, figures: tuple[Figure, ...]) -> Iterator[str]:
             results.format_value(figure),
             results.format_reference(figure),
             "" if figure.ratio is None else f"{figure.ratio:g}",
-            figure.target.replace("<=", "at most").replace(">=", "at least"),
+            _target_in_words(figure.target),
             met,
         )
+
+
+def _target_in_words(target: str) -> str:
+    """Return a target without signs, which a table of Markdown may show as marks."""
+    return target.replace("<=", "at most").replace(">=", "at least")
 
 
 def _line(*cells: str) -> str:

@@ -21,6 +21,8 @@ ROOT = Path(__file__).parents[2]
 """Folder of the sources."""
 WRITTEN = ("docs/performance", "docs/performance.md")
 """Files of the repository that `make bench` writes."""
+MIN_WATCH_S = 1.0
+"""Shortest wall time over which the use of cores is known: the system counts in steps of 10 ms."""
 SPIN = """
 import os
 parent = os.getppid()
@@ -100,10 +102,11 @@ class Watch:
 
 def other_cores(began: ProcessorTimes, ended: ProcessorTimes) -> float | None:
     """Return the mean number of cores that other programs used; None if it is unknown."""
-    if began.all_s is None or ended.all_s is None:
+    wall_s = ended.wall_s - began.wall_s
+    if began.all_s is None or ended.all_s is None or wall_s < MIN_WATCH_S:
         return None
     other_s = (ended.all_s - began.all_s) - (ended.own_s - began.own_s)
-    return round(max(0.0, other_s / (ended.wall_s - began.wall_s)), 2)
+    return round(max(0.0, other_s / wall_s), 2)
 
 
 def _processor_times() -> ProcessorTimes:

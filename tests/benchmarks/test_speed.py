@@ -94,6 +94,7 @@ def test_other_cores_are_all_less_own() -> None:
     # the clocks of both counts tick at different moments: never negative
     assert machine.other_cores(began, ProcessorTimes(10.0, 110.0, 11.1)) == 0.0
     assert machine.other_cores(began, ProcessorTimes(10.0, None, 11.0)) is None
+    assert machine.other_cores(began, ProcessorTimes(0.01, 100.03, 1.0)) is None
 
 
 def test_some_rows_on_another_machine_are_refused(tmp_path: Path) -> None:
