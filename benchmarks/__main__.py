@@ -84,6 +84,7 @@ def run(asked: argparse.Namespace) -> None:
     mode = Mode.BUSY if asked.busy else Mode.IDLE
     path = asked.json or RESULTS / f"{mode}.json"
     known = known_results(path, mode, whole=set(asked.rows) == set(ROWS))
+    results.write(known, path)  # a file that cannot be written is reported before the work
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         stack.enter_context(machine.busy_loops(known.machine.cores if asked.busy else 0))
