@@ -14,34 +14,27 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from threading import Lock
 from typing import NamedTuple, ParamSpec
 
 import msgspec
 
-from ground.campaign import prototype, readiness, refit, summary, summary_file
+from ground.campaign import computations, prototype, readiness, refit, summary, summary_file
 from ground.campaign.campaign_folder import CAMPAIGN_FILE, STAGES, CampaignFolder
+from ground.campaign.computations import FITTED as FITTED
+from ground.campaign.computations import HELD_OUT as HELD_OUT
+from ground.campaign.computations import MISSIONS as MISSIONS
 from ground.campaign.summary_file import CampaignSummary, DesignSummary
 from ground.campaign.worker import Worker
 from ground.client.flight import Dive, FlightProgress, FlightResult, fly_simulated
-from ground.report import page
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import InputError, OperationError
-from sysid.refit import RefitRequest
 
 TRIM_MISSION = "trim"
 """Straight and level mission from which the trims are measured."""
-MISSIONS = ("straight_run", "depth_change", "combined", "shallow_1m")
-"""Missions that are flown with each set of gains."""
-FITTED = ("rudder_steps", "elevator_steps", "rudder_sweeps", "elevator_sweeps")
-"""Test missions that are fitted: the paper's steps, and sweeps, which excite the dynamics near the
-crossover."""
-HELD_OUT = ("rudder_heldout", "elevator_heldout")
-"""Test missions that are predicted but not fitted."""
 IDENTIFICATION = (*FITTED[:2], *HELD_OUT, *FITTED[2:])
 """Test missions in the order of flying, longest first, so that all cores finish together."""
 ALL_MISSIONS = (TRIM_MISSION, *IDENTIFICATION, *MISSIONS)
@@ -60,10 +53,10 @@ PRELOADED_MODULES = (
     "sysid.design.pid",
     "sysid.data.readers",
     "sysid.monitor.tracking_metrics",
-    "ground.report.page",
-    "control",
 )
-"""Modules of computations and report, which the worker loads during the trim flight."""
+"""Modules of the computations, which the worker loads during the trim flight."""
+REPORT_MODULES = ("ground.report.page", "control")
+"""Modules of the report, which the worker loads during the tests."""
 _PACKAGES = ("numpy", "scipy", "numba", "control", "mcap", "pymavlink")
 
 
@@ -125,6 +118,7 @@ class Campaign:
             gains = self._first_gains(first, trims)
             self.announce("flying the tests with the initial gains")
             tests = self._begin(dives, "identification", IDENTIFICATION, gains["initial"])
+            executors.call_ahead(computations.load_modules, REPORT_MODULES)
             self._read_ahead(executors, "identification", IDENTIFICATION, tests)
             baseline = [(name, mission) for name in gains for mission in MISSIONS]
             # Slots that the last tests leave free fly missions; the last test's slot refits.
@@ -148,11 +142,13 @@ class Campaign:
             self._prepare_report(executors, [*baseline, *verification], missions)
             _finish_dives(missions)
             self.announce("comparing")
-            result = worker.call(_compare, self.request.out, self._totals(), design, gains, trims)
+            result = worker.call(
+                computations.compare, self.request.out, self._totals(), design, gains, trims
+            )
             result = msgspec.structs.replace(result, wall_s=round(wall_s() - start_s, 3))
             summary_file.write(result, self.request.out / "summary.json")
             self.announce("writing the report")
-            worker.call(_report, self.request.out)
+            worker.call(computations.report, self.request.out)
         return result
 
     def _prepare(self) -> None:
@@ -209,9 +205,9 @@ class Campaign:
 
     def _redesign(self, worker: Worker) -> DesignSummary:
         """Refit and redesign; return the summary of the design."""
-        worker.call(_identify, self.request.out)
+        worker.call(computations.identify, self.request.out)
         self.announce("redesigning the gains")
-        return worker.call(_design, self.request.out)
+        return worker.call(computations.design, self.request.out)
 
     def _read_ahead(
         self,
@@ -223,7 +219,9 @@ class Campaign:
         """Have the worker read each log as soon as its dive has ended."""
 
         def read(mission: str) -> Callable[[Future[None]], None]:
-            return lambda _: executors.call_ahead(_read_log, self.request.out, stage, mission)
+            return lambda _: executors.call_ahead(
+                computations.read_log, self.request.out, stage, mission
+            )
 
         for mission, dive in zip(missions, flown, strict=True):
             dive.add_done_callback(read(mission))
@@ -235,7 +233,7 @@ class Campaign:
         flown: Sequence[Future[None]],
     ) -> None:
         """Have the worker draw the tests, and read the logs of the missions, during the dives."""
-        executors.call_ahead(_draw_tests, self.request.out)
+        executors.call_ahead(computations.draw_tests, self.request.out)
         for (name, mission), dive in zip(missions, flown, strict=True):
             self._read_ahead(executors, STAGES[name], (mission,), (dive,))
 
@@ -414,68 +412,6 @@ def _campaign_toml(request: CampaignRequest) -> str:
 def _not_designed(designed: Mapping[str, float], flown: Mapping[str, float]) -> dict[str, float]:
     """Return the flown parameters that a redesign does not set: trims, travel, cruise speed."""
     return {name: value for name, value in flown.items() if name not in designed}
-
-
-@cache
-def _folder(out: Path) -> CampaignFolder:
-    """Return the folder of a campaign; the worker keeps it, so that each log is read once."""
-    return CampaignFolder(out)
-
-
-def _read_log(out: Path, stage: str, mission: str) -> None:
-    """Read a log that is needed later; then it is an error if it cannot be read."""
-    with suppress(InputError):
-        _folder(out).log(stage, mission)
-
-
-def _identify(out: Path) -> None:
-    """Refit the tests and write `model.json`."""
-    folder = _folder(out)
-    fitted, held_out = (
-        [folder.log("identification", name) for name in names] for names in (FITTED, HELD_OUT)
-    )
-    request = RefitRequest(
-        paths=[folder.log_path("identification", name) for name in FITTED],
-        held_out=[folder.log_path("identification", name) for name in HELD_OUT],
-        prior=folder.prior,
-        alternative_methods=("paper",),
-    )
-    refit.write_model(refit.refit_logs(request, fitted, held_out), out / "model.json")
-
-
-def _design(out: Path) -> DesignSummary:
-    """Redesign the gains and write `gains.param`; return the summary of the design."""
-    folder = _folder(out)
-    design = refit.redesign(folder.model, prior=folder.prior)
-    design.write_params(out / "gains.param")
-    return summary.summarise_design(design)
-
-
-@cache
-def _model_figures(out: Path) -> page.ModelFigures:
-    """Return the figures of tests and model; the worker keeps them for the report."""
-    return page.model_figures(_folder(out))
-
-
-def _draw_tests(out: Path) -> None:
-    """Draw the tests and the model for the report."""
-    _model_figures(out)
-
-
-def _compare(
-    out: Path,
-    totals: summary.Totals,
-    design: DesignSummary,
-    gains: Mapping[str, Mapping[str, float]],
-    trims: Mapping[str, float],
-) -> CampaignSummary:
-    """Return the summary of the campaign without its wall time."""
-    return summary.build(_folder(out), totals, design, gains, trims, MISSIONS)
-
-
-def _report(out: Path) -> None:
-    """Write `report.html`."""
-    page.write(_folder(out), _model_figures(out))
 
 
 def _finish_dives(dives: Sequence[Future[None]]) -> None:

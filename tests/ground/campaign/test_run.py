@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ground.__main__ import app
-from ground.campaign import refit, run, summary_file
+from ground.campaign import computations, refit, run, summary_file
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
 from ground.campaign.run import Campaign, CampaignRequest
 from ground.campaign.summary_file import CampaignSummary
@@ -47,8 +47,8 @@ def summary(flown: Path) -> CampaignSummary:
 class CampaignTestCase:
     def test_the_folder_holds_what_was_asked_flown_and_found(self, flown: Path) -> None:
         files = {str(path.relative_to(flown)) for path in flown.rglob("*") if path.is_file()}
-        missions = {f"{stage}/{m}.mcap" for stage in STAGES.values() for m in run.MISSIONS}
-        tests = {f"identification/{m}.mcap" for m in (*run.FITTED, *run.HELD_OUT)}
+        missions = {f"{stage}/{m}.mcap" for stage in STAGES.values() for m in computations.MISSIONS}
+        tests = {f"identification/{m}.mcap" for m in (*computations.FITTED, *computations.HELD_OUT)}
         results = {"campaign.toml", "model.json", "gains.param", "summary.json", "report.html"}
         assert files == missions | tests | results | {"prototype/trim.mcap"}
 
@@ -70,7 +70,7 @@ class CampaignTestCase:
     def test_refit_of_the_logs_gives_the_same_model(self, flown: Path, tmp_path: Path) -> None:
         fitted, held_out = (
             [flown / "identification" / f"{name}.mcap" for name in names]
-            for names in (run.FITTED, run.HELD_OUT)
+            for names in (computations.FITTED, computations.HELD_OUT)
         )
         request = RefitRequest(paths=fitted, held_out=held_out, alternative_methods=("paper",))
         refit.write_model(refit.refit(request), tmp_path / "model.json")
@@ -275,10 +275,10 @@ def test_campaign_prior_is_the_vehicles_own_file(
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
     monkeypatch.setattr(refit, "redesign", lambda model, prior: handed.append(prior))
     run.prepare_folder(CampaignRequest(tmp_path, vehicle=vehicle))
-    run._folder(tmp_path).__dict__["model"] = None
-    run._identify(tmp_path)
+    computations._folder(tmp_path).__dict__["model"] = None
+    computations.identify(tmp_path)
     with pytest.raises(AttributeError):
-        run._design(tmp_path)
+        computations.design(tmp_path)
     assert handed == [prior, prior]
 
 
@@ -289,17 +289,17 @@ def test_campaign_reads_each_log_once(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
     run.prepare_folder(CampaignRequest(tmp_path))
     for mission in run.IDENTIFICATION:
-        run._read_log(tmp_path, "identification", mission)
-    run._identify(tmp_path)
+        computations.read_log(tmp_path, "identification", mission)
+    computations.identify(tmp_path)
     assert read == list(run.IDENTIFICATION)
-    assert fitted == [list(run.FITTED), list(run.HELD_OUT)]
+    assert fitted == [list(computations.FITTED), list(computations.HELD_OUT)]
 
 
 def test_campaign_unreadable_log_is_reported_by_the_refit(tmp_path: Path) -> None:
     run.prepare_folder(CampaignRequest(tmp_path))
-    run._read_log(tmp_path, "identification", run.FITTED[0])
+    computations.read_log(tmp_path, "identification", computations.FITTED[0])
     with pytest.raises(InputError, match=r"rudder_steps\.mcap: No such file"):
-        run._identify(tmp_path)
+        computations.identify(tmp_path)
 
 
 def test_campaign_free_slot_flies_a_mission_during_the_last_test(
@@ -329,7 +329,7 @@ def test_campaign_free_slot_flies_a_mission_during_the_last_test(
         Campaign(request, lambda name, at: None, lambda words: None).run()
     # One slot flies the first mission from the last test on, the other one refits.
     assert at_refit[:6] == [f"identification/{mission}" for mission in run.IDENTIFICATION]
-    assert at_refit[6:] == [f"baseline/{run.MISSIONS[0]}"]
+    assert at_refit[6:] == [f"baseline/{computations.MISSIONS[0]}"]
 
 
 def test_campaign_redesign_keeps_other_parameters() -> None:
@@ -380,7 +380,7 @@ def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
 
 
 def test_dive_seed_differs_by_mission_and_seed(tmp_path: Path) -> None:
-    names = (run.TRIM_MISSION, *run.MISSIONS, *run.FITTED, *run.HELD_OUT)
+    names = (run.TRIM_MISSION, *computations.MISSIONS, *computations.FITTED, *computations.HELD_OUT)
     seeds = [run.dive_seed(seed, name) for seed in range(3) for name in names]
     assert len(set(seeds)) == len(seeds)
 
