@@ -40,11 +40,7 @@ def riccati(
     log_dets = np.empty(samples)
     P, PC, AP = P0.copy(), np.empty((n, outputs)), np.empty((n, n))
     G = np.empty((n, outputs))
-    settled = False
     for k in range(samples):
-        if settled:
-            gains[k], whiteners[k], log_dets[k] = gains[k - 1], whiteners[k - 1], log_dets[k - 1]
-            continue
         _product(P, C, PC)
         W = whiteners[k]
         log_dets[k] = _inverse_root(PC, C, R, W)
@@ -68,7 +64,13 @@ def riccati(
             for j in range(outputs):
                 largest = max(largest, abs(gains[k, i, j]))
                 change = max(change, abs(gains[k, i, j] - gains[k - 1, i, j]) if k > 0 else np.inf)
-        settled = change < GAIN_TOLERANCE * largest
+        if change < GAIN_TOLERANCE * largest:
+            gains[k + 1 :], whiteners[k + 1 :], log_dets[k + 1 :] = (
+                gains[k],
+                whiteners[k],
+                log_dets[k],
+            )
+            break
     return gains, whiteners, log_dets
 
 
