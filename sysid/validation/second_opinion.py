@@ -86,15 +86,13 @@ def compare(
         Responses of all methods, and the differences beyond the common intervals.
     """
     reference = _reference(uncertain, plane, crossover_radps)
-    opinions = [
-        opinion
-        for opinion in (
+    with np.errstate(all="ignore"):  # rates of zero; such opinions are left out below
+        found = (
             _by_frequency_response(reference, swept),
             _by_arx(reference, tests),
             _by_python_control(reference, uncertain, plane),
         )
-        if opinion is not None
-    ]
+    opinions = [opinion for opinion in found if opinion is not None and _is_finite(opinion)]
     known = uncertain.covariance is not None
     return SecondOpinion(
         frequency_radps=_tuple(reference.frequency_radps),
@@ -214,6 +212,18 @@ def _by_python_control(reference: _Reference, uncertain: UncertainVehicle, plane
     rate = np.asarray(response.complex).reshape(-1, reference.frequency_radps.size)[0]
     nominal = 10.0 ** (reference.gain_db / 20.0) * np.exp(1j * np.radians(reference.phase_deg))
     return _opinion(reference, rate / nominal, None, method="python-control")
+
+
+def _is_finite(opinion: Opinion) -> bool:
+    """Return whether every number of an opinion is finite."""
+    numbers = (
+        opinion.gain_db,
+        opinion.phase_deg,
+        opinion.gain_sd_db or (),
+        opinion.phase_sd_deg or (),
+        opinion.coherence or (),
+    )
+    return all(math.isfinite(number) for values in numbers for number in values)
 
 
 def _differences(reference: _Reference, opinions: Sequence[Opinion]) -> list[str]:

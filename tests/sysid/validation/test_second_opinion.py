@@ -145,3 +145,16 @@ def test_unknown_covariance_gives_no_model_interval(
     opinion = second_opinion.compare(uncertain, Plane.YAW, tests, pairs, 0.8)
     assert opinion.gain_sd_db is None
     assert opinion.phase_sd_deg is None
+
+
+def test_rates_of_zero_leave_only_the_evaluation(
+    model: IdentifiedModel, campaign: list[Run]
+) -> None:
+    """No estimate without motion, and no numpy warning (warnings are errors in the tests)."""
+    tests, pairs = compared(model, campaign, Plane.YAW, 0.0)
+    still = [test._replace(measured_radps=0.0 * test.measured_radps) for test in tests]
+    opinion = second_opinion.compare(
+        validate.uncertain_vehicle(model), Plane.YAW, still, pairs, 0.8
+    )
+    assert [other.method for other in opinion.opinions] == ["python-control"]
+    assert opinion.differences == ()
