@@ -22,6 +22,7 @@ from ground.live.monitor_view import ROWS
 from ground.report import charts, figures, second_opinion, tables, validation_figures
 from ground.report.figures import Figure
 from sysid.control_analysis import control_systems
+from sysid.control_analysis.control_systems import MarginsComparison
 from sysid.control_analysis.loop_transfer import Margins
 from sysid.design import design_model
 from sysid.models.model_file import IdentifiedModel
@@ -126,7 +127,7 @@ def _page(campaign: CampaignFolder, of_model: ModelFigures) -> str:
         "small_signal": tables.small_signal(model),
         "screening": tables.screening(model),
         "specification": specification(summary.design),
-        "margins": tables.margins(analyses, confirm_margins(model, analyses, summary.gains)),
+        "margins": tables.margins(analyses, compare_margins(model, analyses, summary.gains)),
         "reasons": reasons(summary.design),
         "monitoring": monitoring(summary.monitoring),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary.trims.items()),
@@ -137,12 +138,12 @@ def _page(campaign: CampaignFolder, of_model: ModelFigures) -> str:
     return render(parts, drawn)
 
 
-def confirm_margins(
+def compare_margins(
     model: IdentifiedModel,
     analyses: Mapping[str, LoopAnalysis],
     gains: Mapping[str, Mapping[str, float]],
-) -> dict[str, dict[str, Margins]]:
-    """Return the margins of each set of gains as python-control finds them.
+) -> dict[str, MarginsComparison]:
+    """Compare the margins of each set of gains with those of python-control.
 
     Parameters
     ----------
@@ -156,17 +157,12 @@ def confirm_margins(
     Returns
     -------
     dict
-        Margins by set of gains and cut.
-
-    Raises
-    ------
-    MarginsDisagreeError
-        A reported margin differs from that of python-control.
+        Margins by python-control and differences, by set of gains.
     """
     vehicle = design_model.from_model(model)
     lags = vehicle.yaw_lag, vehicle.pitch_lag
     return {
-        role: control_systems.check_margins(
+        role: control_systems.compare_margins(
             control_systems.open_loops(vehicle.planes, lags, gains[role]),
             {cut: _margins(summary) for cut, summary in analysis.margins.items()},
         )

@@ -7,7 +7,7 @@ from typing import Any
 from ground.campaign import design_summary
 from ground.campaign.identification import assessment_lines, initial_error, refitted_error
 from ground.campaign.summary_file import LoopAnalysis, ModelSummary, SteadyError
-from sysid.control_analysis.loop_transfer import Margins
+from sysid.control_analysis.control_systems import MarginsComparison
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.planes import PLANES, Plane
@@ -283,17 +283,15 @@ def small_signal(model: IdentifiedModel) -> str:
     return table(["plane", "quantity", "value", "1 sd", "unit"], rows, "named")
 
 
-def margins(
-    analyses: Mapping[str, LoopAnalysis], confirmed: Mapping[str, Mapping[str, Margins]]
-) -> str:
+def margins(analyses: Mapping[str, LoopAnalysis], second: Mapping[str, MarginsComparison]) -> str:
     """Return the stability margins at each cut, whether the specification limits it or not.
 
     Parameters
     ----------
     analyses : Mapping
         Analysis of the initial and of the redesigned gains.
-    confirmed : Mapping
-        Margins by python-control, by set of gains and cut.
+    second : Mapping
+        Margins by python-control, by set of gains.
     """
     rows = []
     for cut in analyses["redesigned"].margins:
@@ -307,8 +305,10 @@ def margins(
             ]
             numbers.append(_number(m.crossover_radps, 2))
             cells = _strong(numbers, role == "redesigned")
-            second = confirmed[role][cut]
-            control = f"{second.gm_db:.1f} dB, {second.pm_deg:.0f}°, {second.max_sensitivity:.2f}"
+            own = second[role].margins[cut]
+            control = f"{own.gm_db:.1f} dB, {own.pm_deg:.0f}°, {own.max_sensitivity:.2f}"
+            if cut in second[role].differences:
+                control = f'<span class="tag prior">differs</span> {control}'
             rows.append([name if role == "initial" else "", role, *cells, control])
     head = ["loop opened at", "gains", "gain margin, dB", "phase margin, °", "Ms"]
     return table([*head, "crossover, rad/s", "python-control"], rows, "named")

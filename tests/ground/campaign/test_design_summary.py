@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 from ground.campaign import design_summary
 from ground.campaign.summary_file import DesignSummary, LoopAnalysis, MarginsSummary
 from ground.report import page, tables
+from sysid.control_analysis.control_systems import MarginsComparison
 from sysid.control_analysis.loop_transfer import Margins
 from sysid.design.pid import DesignRobustness, Response, Spec
 from sysid.monitor import MonitorReport
@@ -67,10 +68,12 @@ def test_rows_ignore_pitch_point() -> None:
 
 def test_page_marks_point_without_limit() -> None:
     analysis = design().redesigned
-    second = {cut: Margins(9.87, 54.4, 1.59, 0.9) for cut in analysis.margins}
+    margins_of_control = dict.fromkeys(analysis.margins, Margins(9.87, 54.4, 1.59, 0.9))
+    second = MarginsComparison(margins_of_control, {"pitch": "pm_deg at pitch: 55"})
     roles = ("initial", "redesigned")
     page = tables.margins(dict.fromkeys(roles, analysis), dict.fromkeys(roles, second))
-    assert "9.9 dB, 54°, 1.59" in page, "python-control's margins"
+    assert page.count("9.9 dB, 54°, 1.59") == 2 * len(analysis.margins)
+    assert page.count(">differs<") == 2
     assert "pitch, not limited" in page
     assert "rudder, not limited" not in page
 

@@ -93,3 +93,11 @@ def test_plant_without_lead_is_body_behind_lag_and_delay() -> None:
     w = np.array([0.3, 1.0, 3.0])
     response = control.frequency_response(system, w).complex[:, 0]
     assert np.allclose(response[3], 1j * w * response[2], rtol=1e-6), "depth rate is d/dt depth"
+
+
+def test_difference_at_unlimited_cut_is_told_and_no_error() -> None:
+    analysis = margins.analyse(PLANES, TABLE_3_INITIAL, *LAGS)
+    loops = control_systems.open_loops(PLANES, LAGS, TABLE_3_INITIAL)
+    wrong = analysis.margins | {"pitch": analysis.margins["pitch"]._replace(gm_db=1.0)}
+    assert set(control_systems.compare_margins(loops, wrong).differences) == {"pitch"}
+    assert set(control_systems.check_margins(loops, wrong)) == set(loops)
