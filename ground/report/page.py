@@ -86,13 +86,14 @@ def write(folder: Path | CampaignFolder, prepared: ModelFigures | None = None) -
     """
     campaign = folder if isinstance(folder, CampaignFolder) else CampaignFolder(folder)
     target = campaign.path / "report.html"
-    target.write_text(_page(campaign, prepared or model_figures(campaign)), encoding="utf-8")
+    target.write_text(_page(campaign, prepared), encoding="utf-8")
     return target
 
 
-def _page(campaign: CampaignFolder, of_model: ModelFigures) -> str:
+def _page(campaign: CampaignFolder, prepared: ModelFigures | None) -> str:
     """Return the HTML of the report."""
     summary, model = campaign.summary, campaign.model
+    of_model = prepared or model_figures(campaign)
     missions = figures.mission_figures(campaign, list(summary.tracking))
     steps, responses, whiteness, predictions = of_model
     analyses = {"initial": summary.design.initial, "redesigned": summary.design.redesigned}

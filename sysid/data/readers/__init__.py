@@ -89,11 +89,15 @@ def read(path: str | Path, options: OutputOptions = FROM_LOG) -> Log:
     }
     path = Path(path)
     log = readers[format_of(path)](path, options)
-    series = {"attitude": log.attitude, "commands": log.actuators, "depth": log.depth}
-    for name, part in series.items():
-        if part.time_s.size < 2:
+    series = {
+        "attitude": log.attitude.time_s,
+        "commands": log.actuators.time_s,
+        "depth": log.depth.time_s,
+    }
+    for name, time_s in series.items():
+        if time_s.size < 2:
             raise LogError(
-                f"{path}: holds {part.time_s.size} usable samples of {name}; identification needs"
+                f"{path}: holds {time_s.size} usable samples of {name}; identification needs"
                 " attitude, commands and depth throughout"
             )
     return log
