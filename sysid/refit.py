@@ -42,7 +42,15 @@ from sysid.models.model_file import (
 from sysid.models.parameters import NAMES
 from sysid.reproduction import paper_method
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
-from sysid.screening import RunScreening, Screening, ScreeningLimits, proposals, screen, wiring
+from sysid.screening import (
+    RunScreening,
+    Screening,
+    ScreeningLimits,
+    log_consistency,
+    proposals,
+    screen,
+    wiring,
+)
 from sysid.screening.refit_loop import RefitResult, refit_until_clean, shifts
 from sysid.validation.assess import with_assessment
 
@@ -273,9 +281,12 @@ def _identify(
     parameter_shifts = refitted.fit_of_all_runs and shifts(
         model_export.from_fit(refitted.fit_of_all_runs, prior, knowledge.name), model
     )
+    other_vehicle = log_consistency.two_vehicles(refitted.screenings, runs)
+    failures = (*model.convergence.failures, *([other_vehicle] if other_vehicle else []))
     return (
         msgspec.structs.replace(
             model,
+            convergence=msgspec.structs.replace(model.convergence, failures=failures),
             fit_quality=prediction.quality(model, refitted.accepted_runs, knowledge.config),
             dropped_run_influence=parameter_shifts or (),
             notes=(

@@ -1,0 +1,79 @@
+"""Comparison of the logs of a fit: find a log of another vehicle.
+
+The outlier tests estimate an error of the surface's gain for each run against the fit of all. In
+clean campaigns of the four vehicles of the study, the median of their sizes over the runs of a log
+is at most 7 %. If logs of two vehicles are fitted together, one log has large errors of either
+sign, because the common model has the wrong shape for it.
+"""
+
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import NamedTuple
+
+from sysid.data.segments import Run
+from sysid.planes import PLANES, Plane
+from sysid.screening.outlier_tests import RunScreening
+
+MIN_RUNS = 2
+"""Minimum number of runs of a plane in a log."""
+MIN_GAIN_ERROR_PERCENT = 20.0
+"""Smallest median size of the gain errors of a log that is reported."""
+MIN_RATIO = 2.0
+"""Smallest ratio of that median to the median of the other logs."""
+MIN_SIGNIFICANCE = 3.0
+"""Smallest median significance of the gain errors, in standard deviations."""
+
+
+class _GainErrors(NamedTuple):
+    """Gain errors of the runs of one plane in one log."""
+
+    sizes_percent: list[float]
+    significances: list[float]
+
+
+def two_vehicles(screenings: Mapping[str, RunScreening], runs: Sequence[Run]) -> str:
+    """Return the reason if a log seems to be of another vehicle than the others.
+
+    Parameters
+    ----------
+    screenings : mapping of str to RunScreening
+        Outlier tests by run name.
+    runs : sequence of Run
+        The runs; the part of a name before its last ``/`` is the log.
+
+    Returns
+    -------
+    str
+        One line; empty if the logs agree, or if there is only one.
+    """
+    errors: dict[Plane, dict[str, _GainErrors]] = {plane: {} for plane in Plane}
+    for run in runs:
+        log = run.name.rpartition("/")[0]
+        found = errors[run.plane].setdefault(log, _GainErrors([], []))
+        for anomaly in screenings[run.name].scores.anomalies:
+            if anomaly.kind == "gain error":
+                found.sizes_percent.append(abs(anomaly.size))
+                found.significances.append(abs(anomaly.statistic))
+    for plane, by_log in errors.items():
+        for log, own in by_log.items():
+            others = [e for other, e in by_log.items() if other != log]
+            if others and _stands_out(own, others):
+                return (
+                    f"two different vehicles among the logs, or one that was changed: the response"
+                    f" to the {PLANES[plane].surface} in {log} is off by"
+                    f" {median(own.sizes_percent):.0f} % in the median of its"
+                    f" {len(own.sizes_percent)} tests; fit the logs of one vehicle"
+                )
+    return ""
+
+
+def _stands_out(own: _GainErrors, others: Sequence[_GainErrors]) -> bool:
+    """Return whether the gain errors of one log are large, and larger than those of the others."""
+    if len(own.sizes_percent) < MIN_RUNS:
+        return False
+    size = median(own.sizes_percent)
+    usual = median(size for errors in others for size in errors.sizes_percent)
+    return (
+        size >= max(MIN_GAIN_ERROR_PERCENT, MIN_RATIO * usual)
+        and median(own.significances) >= MIN_SIGNIFICANCE
+    )
