@@ -32,9 +32,6 @@ from sysid.refit import SHIPPED, RefitRequest
 from sysid.reproduction import paper_tables
 from sysid.screening import proposals
 
-MAX_TRIM_DEG = 15.0
-"""Largest plausible trim: the travel of Caribou's duct."""
-
 
 def initial_gains() -> dict[str, float]:
     """Return the prototype gains: the initial column of the paper's Table 3."""
@@ -66,7 +63,8 @@ def measure_trims(path: Path, window_s: float) -> dict[str, float]:
     InputError
         The log cannot be read.
     OperationError
-        The mission did not end with surfacing, or a trim exceeds `MAX_TRIM_DEG`.
+        The mission did not end with surfacing, the log has no commands before it, or a trim is at
+        or beyond the travel.
     """
     log = read_log(path)
     surfacing = ModeChanged(VehicleMode.SURFACE)
@@ -75,14 +73,20 @@ def measure_trims(path: Path, window_s: float) -> dict[str, float]:
         raise OperationError(f"{path}: the mission did not end with the vehicle surfacing")
     time_s = log.actuators.time_s
     window = (time_s > ends[0] - window_s) & (time_s <= ends[0])
+    if not window.any():
+        raise OperationError(
+            f"{path}: has no commands in the last {window_s:g} s before the vehicle surfaced"
+        )
     trims = {
         "TRIM_RUD_DEG": float(np.degrees(np.mean(log.actuators.rudder_rad[window]))),
         "TRIM_ELE_DEG": float(np.degrees(np.mean(log.actuators.elevator_rad[window]))),
     }
+    travel_deg = float(np.degrees(log.actuators.travel_rad))
     for name, value in trims.items():
-        if not abs(value) < MAX_TRIM_DEG:
+        if not abs(value) < travel_deg:
             raise OperationError(
-                f"{path}: {name} would be {value:.1f} deg, beyond the duct's {MAX_TRIM_DEG:g} deg"
+                f"{path}: {name} would be {value:.1f} deg, at or beyond the surface's travel of"
+                f" {travel_deg:.3g} deg"
             )
     return {name: round(value, 3) for name, value in trims.items()}
 

@@ -124,3 +124,14 @@ def test_csv_without_rows_is_refused(tmp_path: Path) -> None:
     path.write_text(COLUMNS + "\n")
     with pytest.raises(LogError, match=r"empty\.csv: has no rows"):
         readers.read(path)
+
+
+def test_csv_example_of_the_docs_is_read(tmp_path: Path) -> None:
+    docs = Path(__file__).parents[4] / "docs" / "logs.md"
+    blocks = docs.read_text(encoding="utf-8").split("```")[1::2]
+    (example,) = [block for block in blocks if "time_s," in block]
+    path = tmp_path / "docs.csv"
+    path.write_text(example.strip() + "\n")
+    log = readers.read(path)
+    assert log.parameters == {"ACT_TRAVEL_DEG": 20.0}
+    assert math.degrees(log.actuators.rudder_rad[-1]) == pytest.approx(4.0)
