@@ -230,7 +230,7 @@ def _refit(
         model,
         data=tuple(DataFile(log.name, log.sha256) for log in logs),
         held_out_data=tuple(DataFile(log.name, log.sha256) for log in held_out_logs),
-        notes=(*model.notes, *_damage_notes([*logs, *held_out_logs])),
+        notes=(*model.notes, *_log_notes([*logs, *held_out_logs], knowledge)),
         screening=tuple(_screened_run(s, tested_runs.get(s.run.name)) for s in screenings),
         held_out_screening=tuple(_screened_run(s) for s in held_out_screenings),
     )
@@ -546,9 +546,18 @@ def _refuse_duplicates(
         raise RefitError(reason)
 
 
-def _damage_notes(logs: Sequence[Log]) -> list[str]:
-    """Return one note for each damaged log."""
-    return [f"{log.name} is damaged: {log.damage}" for log in logs if log.damage]
+def _log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
+    """Return notes on damaged logs, and on logs with another travel than the prior's."""
+    travel_deg = knowledge.config.tailcone.travel_deg
+    return [
+        *(f"{log.name} is damaged: {log.damage}" for log in logs if log.damage),
+        *(
+            f"{log.name}: ACT_TRAVEL_DEG = {log.parameters['ACT_TRAVEL_DEG']:g}, and the travel of"
+            f" prior {knowledge.name} is {travel_deg:g} deg: a wrong prior or another tailcone"
+            for log in logs
+            if not np.isclose(log.parameters.get("ACT_TRAVEL_DEG", travel_deg), travel_deg, 1e-3)
+        ),
+    ]
 
 
 def _refuse_miswired(request: RefitRequest, logs: Sequence[Log]) -> None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -246,3 +247,18 @@ def test_fit_constant_command_is_reported_as_failure(
         fit.fit([run], prior), prior, "caribou_nominal"
     ).convergence.failures
     assert any("static_gain_per_s" in reason for reason in reasons)
+
+
+@pytest.mark.slow
+def test_fit_with_wrong_tailcone_names_it(campaign: list[Run], bench: config.VehicleConfig) -> None:
+    """The prior's tailcone has three times the frequency and almost no delay."""
+    from sysid.models import model_export
+
+    tail = msgspec.structs.replace(bench.tailcone, natural_frequency_radps=9.0, delay_s=0.02)
+    fast = msgspec.structs.replace(bench, tailcone=tail)
+    prior = prior_of(fast, campaign)
+    convergence = model_export.from_fit(fit.fit(campaign, prior), prior, "own").convergence
+    assert convergence.at_bounds
+    assert any(
+        "measure the tailcone with `ground bench-test`" in reason for reason in convergence.failures
+    )

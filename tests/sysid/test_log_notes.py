@@ -1,0 +1,45 @@
+"""Notes of a model on its logs: damage with the time lost, and a travel unlike the prior's."""
+
+from pathlib import Path
+
+from sysid import refit
+from sysid.data import readers
+from sysid.data.dataset import Log
+from sysid.planes import Plane
+from sysid.refit import RefitRequest
+from tests.sysid import dives, sea
+from tests.sysid.data.readers import files
+from tests.sysid.dives import DiveTest
+
+
+def notes(*logs: Log, prior: str = "caribou_nominal") -> list[str]:
+    return refit._log_notes(logs, refit.prior_knowledge(prior))
+
+
+def test_note_names_damaged_log(tmp_path: Path) -> None:
+    path = files.dataflash(tmp_path / "cut.bin", parameters={"ACT_TRAVEL_DEG": 15.0})
+    assert notes(readers.read(path)) == []
+    path.write_bytes(path.read_bytes()[:-303])
+    (note,) = notes(readers.read(path))
+    assert note.startswith("cut.bin is damaged: it ends within a message (")
+    assert note.endswith("what followed is lost")
+
+
+def test_note_names_travel_unlike_the_prior(tmp_path: Path) -> None:
+    log = readers.read(files.dataflash(tmp_path / "dive.bin", parameters={"ACT_TRAVEL_DEG": 15.0}))
+    assert notes(log, prior="remus100") == [
+        "dive.bin: ACT_TRAVEL_DEG = 15, and the travel of prior remus100 is 13.6 deg: a wrong prior"
+        " or another tailcone"
+    ]
+
+
+def test_refit_records_notes_on_logs(tmp_path: Path) -> None:
+    """The paper's method is the fastest; the prior has another travel."""
+    from sitl.vehicle import config
+
+    tests = [DiveTest(Plane.YAW, sea.doublet(5.0)), DiveTest(Plane.YAW, sea.doublet(-6.0))]
+    path = dives.write(tmp_path / "dive.mcap", config.load("caribou_truth"), tests)
+    model = refit.refit(RefitRequest(paths=[path], prior="remus100", method="paper"))
+    assert any("a wrong prior or another tailcone" in note for note in model.notes)
+    assert model.assessment is not None
+    assert not model.assessment.planes[Plane.PITCH].tested
