@@ -85,8 +85,7 @@ def _runs_by_plane(runs: Iterable[Run]) -> Mapping[Plane, list[Run]]:
     consistent = [
         run
         for run in runs
-        if not run.both
-        and not rules.attitude_rate_mismatch(run, limits)
+        if not rules.attitude_rate_mismatch(run, limits)
         and not rules.depth_pitch_mismatch(run, limits)
     ]
     return {plane: [run for run in consistent if run.plane == plane] for plane in Plane}

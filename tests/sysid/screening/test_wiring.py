@@ -4,7 +4,9 @@ Each log is a simulated dive in the disturbed sea; the faults are in the log, no
 the check.
 """
 
+import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +117,37 @@ def test_logs_with_different_travel_are_two_vehicles(
         "sound.mcap and other.mcap: two different vehicles: ACT_TRAVEL_DEG = 15 and 13.6; fit the"
         " logs of one vehicle"
     )
+
+
+def test_tests_of_both_surfaces_are_checked(sound: Path, field: config.VehicleConfig) -> None:
+    """Multisines with alternating tones on both surfaces at once."""
+    time_s = np.arange(int(60 * sea.RATE_HZ)) / sea.RATE_HZ
+    rudder, elevator = (
+        np.radians(1.5) * sum(np.sin(2 * np.pi * f * time_s + 9.0 * f) for f in tones)
+        for tones in ((0.04, 0.12, 0.2, 0.28), (0.08, 0.16, 0.24, 0.32))
+    )
+    trim_rad = math.radians(6.0), math.radians(1.0)
+    measured = sea.fly_tests(
+        field, sea.Tests(rudder, elevator), rng=np.random.default_rng(1), trim_rad=trim_rad
+    )
+    log = readers.read(sound)
+
+    def said(rows: Array) -> str:
+        runs = [
+            replace(
+                sea.run_of(rows, field, p, s, name=f"x/{p}", wave="multisine", trim_rad=trim_rad),
+                both=True,
+            )
+            for p, s in ((Plane.YAW, rudder), (Plane.PITCH, elevator))
+        ]
+        return wiring.refusal([wiring.LogOfRuns(log, runs)])
+
+    assert said(measured) == ""
+    reversed_rudder, swapped = measured.copy(), measured.copy()
+    reversed_rudder[:, 7] *= -1.0
+    swapped[:, [7, 8]] = measured[:, [8, 7]]
+    assert "reversed sign: a positive rudder turns the nose to port" in said(reversed_rudder)
+    assert "swapped planes" in said(swapped)
 
 
 def test_reversed_sensor_is_left_to_kinematics(field: config.VehicleConfig, tmp_path: Path) -> None:
