@@ -168,7 +168,7 @@ def begin(state: AutopilotState) -> SteadyState:
     return SteadyState(
         time_us=state.time_us,
         estimate=state.estimate,
-        setpoint=state.setpoint,
+        setpoint=Setpoint(*map(float, state.setpoint)),  # compiled for floats only
         loops=state.loops,
         line=state.path if isinstance(state.path, TrackLine) else _NO_LINE,
         frame=state.ahrs.frame,

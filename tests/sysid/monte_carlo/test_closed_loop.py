@@ -17,7 +17,7 @@ from sitl.core.body import Body
 from sitl.vehicle import dynamics as physics
 from sitl.vehicle.water import STILL, Water
 from sysid.models import greybox
-from sysid.monte_carlo import dynamics, samples, simulate
+from sysid.monte_carlo import closed_loop, dynamics, samples, simulate
 from sysid.monte_carlo.simulate import Sea, SimulatedDive
 from sysid.planes import Plane
 from sysid.test_design.prior import DesignPrior
@@ -127,6 +127,16 @@ def test_dive_without_numba_is_the_same() -> None:
     ]
     assert len(flown[0]) > 1000
     assert flown[0] == flown[1]
+
+
+def test_all_missions_are_flown_by_one_compiled_loop(known: DesignPrior) -> None:
+    # A number of another type, as a depth of 4 in place of 4.0, would compile the loop again.
+    whole_numbers = numbered(
+        *(item._replace(p1=item.p1 and round(item.p1)) for item in STEPS), LAND
+    )
+    for items in (*MISSIONS.values(), whole_numbers):
+        fly(known, items, {})
+    assert len(closed_loop.run.signatures) == 1
 
 
 def travelled(known: DesignPrior, steps: int, refine: int = 1, seconds: float = 60.0) -> np.ndarray:
