@@ -14,13 +14,16 @@ import pickle
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, contextmanager
 from functools import cache
+from itertools import islice
 from multiprocessing import get_context, parent_process
 from pathlib import Path
+from queue import SimpleQueue
 from threading import Thread
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import msgspec
 import numpy as np
@@ -37,12 +40,30 @@ HEADER = b'"results of trials, one [key, result] a line"\n'
 """First line of a file of results."""
 MAX_RESTARTS = 3
 """Number of times that dead processes are replaced without a new result in between."""
+MAX_IN_FLIGHT = 512
+"""Maximum number of trials that an engine holds: bounds the memory of a long study."""
+
+Engine = Callable[[int], AbstractContextManager[Executor]]
+"""Return an executor for a number of processes; at its exit no trial of it runs or waits."""
 
 
 class TrialsError(OperationError):
     """The processes of a study die; the message says how many results are kept."""
 
     code = ErrorCode.STUDY_STOPPED
+
+
+class Store(Protocol[R]):
+    """Place where the results of a study are kept, by key."""
+
+    def prepare(self, keys: Sequence[str]) -> None:
+        """Receive the keys of all inputs before the first trial."""
+
+    def get(self, key: str) -> R | None:
+        """Return a kept result, or None."""
+
+    def add(self, key: str, result: R) -> R:
+        """Keep a result, and return it as ``get`` will return it."""
 
 
 def usable_cores() -> int:
@@ -58,8 +79,9 @@ def map_trials(
     result_type: type[R],
     *,
     jobs: int = 1,
-    keep: Path | None = None,
+    keep: Path | Store[R] | None = None,
     on_result: Callable[[int], None] | None = None,
+    engine: Engine | None = None,
 ) -> list[R]:
     """Return the result of a trial for each input.
 
@@ -68,15 +90,18 @@ def map_trials(
     trial : callable
         Function of a module, or a ``partial`` of one: it is sent to other processes.
     inputs : sequence
-        Inputs, each with everything that the result depends on, seeds included.
+        Inputs, each with everything that the result depends on, seeds included. It may make an
+        input at each access.
     result_type : type
         Type of a result: numbers, texts, lists and named tuples of them.
     jobs : int
         Number of processes; 1 runs the trials in this one.
-    keep : Path, optional
-        File of results. Those that it holds are used, and new ones are appended.
+    keep : Path or Store, optional
+        File or other place of results. Those that it holds are used, and new ones are added.
     on_result : callable, optional
         Receive the number of results so far, kept ones included.
+    engine : Engine, optional
+        What runs the trials; without it processes of this machine do.
 
     Returns
     -------
@@ -92,14 +117,18 @@ def map_trials(
     OSError
         The file cannot be written.
     """
-    kept = KeptResults(keep, result_type)
-    keys = [key_of(trial, value) for value in inputs] if keep else [""] * len(inputs)
-    results = {n: kept.results[key] for n, key in enumerate(keys) if key in kept.results}
-    missing = {n: value for n, value in enumerate(inputs) if n not in results}
+    store: Store[R] | None = KeptResults(keep, result_type) if isinstance(keep, Path) else keep
+    keys = [key_of(trial, value) for value in inputs] if store else []
+    results: dict[int, R] = {}
+    if store:
+        store.prepare(keys)
+        kept = ((number, store.get(key)) for number, key in enumerate(keys))
+        results = {number: result for number, result in kept if result is not None}
+    missing = [number for number in range(len(inputs)) if number not in results]
     if on_result and results:
         on_result(len(results))
-    for number, result in _run(trial, missing, jobs):
-        results[number] = kept.add(keys[number], result)
+    for number, result in _run(trial, inputs, missing, jobs, engine):
+        results[number] = store.add(keys[number], result) if store else result
         if on_result:
             on_result(len(results))
     return [results[n] for n in range(len(inputs))]
@@ -141,12 +170,9 @@ class KeptResults(Generic[R]):
     Raises InputError if the file holds something else.
     """
 
-    def __init__(self, path: Path | None, result_type: type[R]) -> None:
+    def __init__(self, path: Path, result_type: type[R]) -> None:
         self._path, self._type = path, result_type
-        self.results: dict[str, R] = {}
-        """Results by key."""
-        if path is None:
-            return
+        self._results: dict[str, R] = {}
         text = _read(path) if path.exists() else b""
         if not text:
             self._append(HEADER)
@@ -156,23 +182,27 @@ class KeptResults(Generic[R]):
         for line in text[len(HEADER) :].splitlines():
             try:
                 key, result = json.loads(line)
-                self.results[str(key)] = msgspec.convert(result, result_type)
+                self._results[str(key)] = msgspec.convert(result, result_type)
             except ValueError:  # the last line of a process that was killed
                 continue
         if text and not text.endswith(b"\n"):
             self._append(b"\n")
 
+    def prepare(self, keys: Sequence[str]) -> None:
+        """Do nothing: results of other studies may stay in the file."""
+
+    def get(self, key: str) -> R | None:
+        """Return a result of the file, or None."""
+        return self._results.get(key)
+
     def add(self, key: str, result: R) -> R:
         """Append a result, and return it as a later run reads it."""
-        if self._path is None:
-            return result
         line = json.dumps([key, result], default=_builtin)
         self._append(line.encode() + b"\n")
         return msgspec.convert(json.loads(line)[1], self._type)
 
     def _append(self, data: bytes) -> None:
         """Append bytes in one write."""
-        assert self._path is not None, "only a kept result is written"
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("ab", buffering=0) as file:
             file.write(data)
@@ -193,17 +223,23 @@ def _builtin(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} is no result of a trial")
 
 
-def _run(trial: Callable[[T], R], inputs: dict[int, T], jobs: int) -> Iterator[tuple[int, R]]:
-    """Yield number and result of each input as they come; replace processes that die."""
-    if jobs == 1:
-        yield from ((number, trial(value)) for number, value in inputs.items())
+def _run(
+    trial: Callable[[T], R],
+    inputs: Sequence[T],
+    missing: Sequence[int],
+    jobs: int,
+    engine: Engine | None,
+) -> Iterator[tuple[int, R]]:
+    """Yield number and result of each missing input as they come; replace processes that die."""
+    if engine is None and jobs == 1:
+        yield from ((number, trial(inputs[number])) for number in missing)
         return
-    missing, restarts = dict(inputs), 0
-    while missing:
+    waiting, restarts = dict.fromkeys(missing), 0
+    while waiting:
         try:
-            with _local_processes(min(jobs, len(missing))) as engine:
-                for number, result in _run_on(engine, trial, missing):
-                    del missing[number]
+            with (engine or _local_processes)(min(jobs, len(waiting))) as executor:
+                for number, result in _run_on(executor, trial, inputs, list(waiting)):
+                    del waiting[number]
                     restarts = 0
                     yield number, result
         except BrokenProcessPool:
@@ -211,26 +247,42 @@ def _run(trial: Callable[[T], R], inputs: dict[int, T], jobs: int) -> Iterator[t
             if restarts > MAX_RESTARTS:
                 raise TrialsError(
                     f"the processes of the study were killed {restarts} times;"
-                    f" {len(inputs) - len(missing)} of {len(inputs)} results were computed:"
+                    f" {len(missing) - len(waiting)} of {len(missing)} results were computed:"
                     " is there enough memory? fewer --jobs need less"
                 ) from None
 
 
 def _run_on(
-    engine: Executor, trial: Callable[[T], R], inputs: dict[int, T]
+    executor: Executor, trial: Callable[[T], R], inputs: Sequence[T], numbers: Sequence[int]
 ) -> Iterator[tuple[int, R]]:
-    """Yield number and result of each input on an engine, as they come."""
-    futures = {engine.submit(trial, value): number for number, value in inputs.items()}
+    """Yield number and result of each input on an executor, as they come."""
+    done = SimpleQueue[Future[R]]()
+    waiting, in_flight = iter(numbers), dict[Future[R], int]()
+
+    def submit(count: int) -> None:
+        """Hand the next inputs to the executor."""
+        for number in islice(waiting, count):
+            future = executor.submit(trial, inputs[number])
+            in_flight[future] = number
+            future.add_done_callback(done.put)
+
+    submit(MAX_IN_FLIGHT)
+    while in_flight:
+        future = done.get()
+        yield in_flight.pop(future), future.result()
+        submit(1)
+
+
+@contextmanager
+def _local_processes(jobs: int) -> Iterator[Executor]:
+    """Start processes of this machine, and end them."""
+    executor = ProcessPoolExecutor(
+        jobs, mp_context=get_context("forkserver"), initializer=_begin
+    )
     try:
-        for future in as_completed(futures):
-            yield futures[future], future.result()
+        yield executor
     finally:
-        engine.shutdown(cancel_futures=True)
-
-
-def _local_processes(jobs: int) -> ProcessPoolExecutor:
-    """Return an engine of processes of this machine."""
-    return ProcessPoolExecutor(jobs, mp_context=get_context("forkserver"), initializer=_begin)
+        executor.shutdown(cancel_futures=True)
 
 
 def _begin() -> None:
