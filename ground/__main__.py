@@ -33,6 +33,7 @@ from ground.cli import (
     report,
     simulate,
     stop,
+    sweep,
     vehicle,
     watch,
 )
@@ -59,6 +60,7 @@ app.add_typer(params.app, name="params")
 app.add_typer(log.app, name="log")
 app.add_typer(vehicle.app, name="vehicle")
 app.add_typer(modes.app, name="modes")
+app.add_typer(sweep.app, name="sweep")
 app.command()(fly.fly)
 app.command()(stop.surface)
 app.command()(stop.hold)
