@@ -276,9 +276,7 @@ def _run_on(
 @contextmanager
 def _local_processes(jobs: int) -> Iterator[Executor]:
     """Start processes of this machine, and end them."""
-    executor = ProcessPoolExecutor(
-        jobs, mp_context=get_context("forkserver"), initializer=_begin
-    )
+    executor = ProcessPoolExecutor(jobs, mp_context=get_context("forkserver"), initializer=_begin)
     try:
         yield executor
     finally:

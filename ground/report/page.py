@@ -107,18 +107,18 @@ def _page(campaign: CampaignFolder, prepared: ModelFigures | None) -> str:
         "title": escape(TITLE),
         "lead": _lead(summary),
         "headline": _headline(summary.steady_error),
-        "missions": "".join(map(_figure, missions)),
-        "steps": "".join(map(_figure, steps)),
+        "missions": "".join(map(place_figure, missions)),
+        "steps": "".join(map(place_figure, steps)),
         "poles": "".join(map(_poles, poles["initial"])),
         "table_1": tables.table_1(model),
         "table_2": tables.table_2(summary.model),
         "assessment": tables.assessment(model),
         "criteria": tables.checks(model),
         "validation_runs": tables.runs_table(model),
-        "responses": "".join(map(_figure, responses)),
+        "responses": "".join(map(place_figure, responses)),
         "second_opinion": second_opinion.html(model),
-        "predictions": "".join(map(_figure, predictions)),
-        "whiteness": "".join(map(_figure, whiteness)),
+        "predictions": "".join(map(place_figure, predictions)),
+        "whiteness": "".join(map(place_figure, whiteness)),
         "table_3": tables.table_3(summary.gains),
         "table_4": tables.table_4(
             {role: analysis.visible_modes_radps for role, analysis in analyses.items()}
@@ -181,15 +181,19 @@ def _margins(summary: MarginsSummary) -> Margins:
     )
 
 
-def render(parts: Mapping[str, str], drawn: Mapping[str, charts.Chart]) -> str:
+def render(
+    parts: Mapping[str, str], drawn: Mapping[str, charts.Chart], template: str = "page.html"
+) -> str:
     """Return the page's HTML.
 
     Parameters
     ----------
     parts : Mapping
-        HTML of each place of the template ``page.html``, by its name.
+        HTML of each place of the template, by its name.
     drawn : Mapping
         Charts by the id of the element that shows each.
+    template : str
+        File name of the template in this package.
     """
     return Template(_text("page.html")).substitute({**parts, **resources(drawn)})
 
@@ -213,6 +217,7 @@ def resources(drawn: Mapping[str, charts.Chart]) -> dict[str, str]:
         "plotly": _plotly(),
         "charts": json.dumps(drawn, separators=(",", ":")).replace("</", "<\\/"),
     }
+    return Template(_text(template)).substitute({**parts, **resources})
 
 
 def _lead(summary: CampaignSummary) -> str:
@@ -245,8 +250,8 @@ def _headline(steady: Mapping[str, SteadyError]) -> str:
     )
 
 
-def _figure(figure: Figure) -> str:
-    """Return the title, note and place of a figure."""
+def place_figure(figure: Figure) -> str:
+    """Return the title, note and place of a figure as HTML."""
     return (
         f'<div><h3>{escape(figure.title)}</h3><p class="note">{escape(figure.note)}</p>'
         f'<div class="chart" id="{figure.key}"></div></div>'

@@ -282,9 +282,7 @@ def _levels(
 
 def _limits(path: Path, table: _Pass) -> Limits:
     """Return the limits of a dive. Raises InputError."""
-    given = {
-        key: getattr(table, key) for key in Limits._fields if getattr(table, key) is not None
-    }
+    given = {key: getattr(table, key) for key in Limits._fields if getattr(table, key) is not None}
     wrong = next((key for key, value in given.items() if not value > 0.0), None)
     if wrong:
         raise InputError(f"{path}: pass.{wrong} = {given[wrong]:g}: must be greater than 0")

@@ -12,6 +12,7 @@ from typing import Any
 from mavlink_io.errors import InputError
 from sysid.sweep import dives, parts
 from sysid.sweep.dives import COLUMNS, Chunks, Part, SweepRequest
+from sysid.sweep.points import Range
 from sysid.trials import Engine, map_trials, source_hash
 
 DESCRIPTION = "sweep.json"
@@ -109,6 +110,7 @@ def format_row(row: dict[str, str]) -> str:
 
 def _description(request: SweepRequest, chunks: Chunks) -> dict[str, Any]:
     """Return what the sweep flies and with which versions."""
+    listed = [n for n, levels in request.conditions.items() if not isinstance(levels, Range)]
     return {
         "plan": request.name,
         "dives": chunks.dives,
@@ -116,10 +118,8 @@ def _description(request: SweepRequest, chunks: Chunks) -> dict[str, Any]:
         "vehicles": [vehicle.name for vehicle in request.vehicles],
         "gains": [gains.name for gains in request.vehicles[0].gains],
         "missions": [mission.name for mission in request.missions],
-        "sampled": [n for n, levels in request.conditions.items() if isinstance(levels, dives.Range)],
-        "listed": [
-            n for n, levels in request.conditions.items() if not isinstance(levels, dives.Range)
-        ],
+        "sampled": [name for name in request.conditions if name not in listed],
+        "listed": listed,
         "limits": {n: v for n, v in request.limits._asdict().items() if v < float("inf")},
         "sampler": str(request.sampler),
         "samples": request.samples,

@@ -185,7 +185,13 @@ COLUMNS = (
 
 
 class Chunks(Sequence[Chunk]):
-    """The chunks of a sweep, each made when it is read: a sweep may have a million dives."""
+    """The chunks of a sweep, each made when it is read: a sweep may have a million dives.
+
+    Parameters
+    ----------
+    request : SweepRequest
+        The sweep.
+    """
 
     def __init__(self, request: SweepRequest) -> None:
         self._request = request

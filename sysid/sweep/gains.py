@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from autopilot.control import lqg_file, params
+import autopilot.control.lqg_file as lqg_file
+from autopilot.control import params
 from sysid.monte_carlo.study import GainsError
 from sysid.sweep.dives import SweepGains
 

@@ -22,7 +22,13 @@ _NAME = re.compile(r"part-(\d{9})-([0-9a-f]{16})\.csv")
 
 
 class PartStore:
-    """The parts in a folder; a store for ``sysid.trials.map_trials``."""
+    """The parts in a folder; a store for ``sysid.trials.map_trials``.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the sweep.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._superseded = folder / PARTS, folder / SUPERSEDED

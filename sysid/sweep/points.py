@@ -104,6 +104,4 @@ def to_ranges(coordinates: Sequence[float], ranges: Sequence[Range]) -> list[flo
     list of float
         Values, in the unit of the ranges.
     """
-    return [
-        float(r.min + (r.max - r.min) * u) for u, r in zip(coordinates, ranges, strict=True)
-    ]
+    return [float(r.min + (r.max - r.min) * u) for u, r in zip(coordinates, ranges, strict=True)]
