@@ -280,9 +280,9 @@ def influences(table: Table, result: str) -> list[Influence]:
     decide, and without the bias of the number of classes (Kelley 1935, epsilon squared). The inputs
     are selected one after the other, each on what the ones before leave unexplained: few samples of
     many inputs are correlated, and the second of two correlated inputs explains nothing more.
-    Combinations are flown with the same samples, so the share of a sampled input is computed on the
-    means of the samples, times their part of the variance. Inputs that act only together have no
-    share.
+    Combinations are flown with the same samples, as in blocks: the share of a sampled input is
+    computed on the means of the samples, that of another input on the differences from these means.
+    Inputs that act only together have no share.
     """
     known = np.isfinite(table.numbers[result])
     if np.sum(known) < 2 or np.ptp(table.numbers[result][known]) == 0.0:
@@ -296,10 +296,17 @@ def influences(table: Table, result: str) -> list[Influence]:
         for entry in inputs
         if entry.sampled
     ]
-    found = _select([entry for entry in inputs if not entry.sampled], ranks, limit)
+    others = [entry for entry in inputs if not entry.sampled]
     means, total = _means(ranks, sample), float(np.var(ranks))
-    part = float(np.var(means)) / total
-    found += [entry._replace(share=part * entry.share) for entry in _select(sampled, means, limit)]
+    within = ranks - means[sample]
+    found = [
+        entry._replace(share=entry.share * float(np.var(rest)) / total)
+        for selected, rest in (
+            (_select(sampled, means, 0, limit), means),
+            (_select(others, within, len(means) - 1, limit), within),
+        )
+        for entry in selected
+    ]
     return sorted(found, key=lambda entry: -entry.share)
 
 
@@ -317,12 +324,13 @@ def _means(values: Array, sample: NDArray[np.intp]) -> Array:
     return np.asarray(np.bincount(sample, weights=values) / np.bincount(sample))
 
 
-def _select(inputs: Sequence[_Input], result: Array, limit: float) -> list[Influence]:
+def _select(inputs: Sequence[_Input], result: Array, used: int, limit: float) -> list[Influence]:
     """Return the inputs that explain a result, each what the ones before leave unexplained.
 
-    ``limit`` is the largest accepted probability that a share is due to chance.
+    ``used`` is the number of degrees of freedom that are taken from the result, ``limit`` the
+    largest accepted probability that a share is due to chance.
     """
-    rest, used, total = result.copy(), 0, float(np.var(result))
+    rest, total = result.copy(), float(np.var(result))
     classes = {entry.name: _classes(entry.values) for entry in inputs}
     values = {entry.name: entry.values for entry in inputs}
     selected: list[Influence] = []

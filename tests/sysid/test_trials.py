@@ -7,9 +7,12 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -127,6 +130,60 @@ def test_processes_that_always_die_end_the_study(tmp_path: Path, runs: Path) -> 
     keep = tmp_path / "kept"
     with pytest.raises(TrialsError, match="killed 4 times"):
         map_trials(partial(deadly, runs), [13, 1], list[float], jobs=2, keep=keep)
+
+
+class PlainThreads(ThreadPoolExecutor):
+    """An executor whose `shutdown` knows no `cancel_futures`, as that of dask.distributed."""
+
+    submitted = 0
+
+    def submit(self, *given: Any, **named: Any) -> Any:
+        PlainThreads.submitted += 1
+        return super().submit(*given, **named)
+
+    def shutdown(self, wait: bool = True) -> None:  # type: ignore[override]
+        super().shutdown(wait)
+
+
+@contextmanager
+def plain_threads(jobs: int) -> Iterator[Executor]:
+    """Return an engine of threads."""
+    with PlainThreads(jobs) as executor:
+        yield executor
+
+
+def test_other_engine_gives_same_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trials, "MAX_IN_FLIGHT", 2)
+    inputs = range(9)
+    threads = map_trials(point, inputs, Point, jobs=3, engine=plain_threads)
+    assert repr(threads) == repr(map_trials(point, inputs, Point))
+    assert PlainThreads.submitted == len(inputs)
+
+
+class Held:
+    """A store in memory, which knows the results of even inputs."""
+
+    def __init__(self) -> None:
+        self.expected: list[str] = []
+        self.added: list[str] = []
+
+    def prepare(self, keys: Sequence[str]) -> None:
+        self.expected = list(keys)
+
+    def get(self, key: str) -> list[float] | None:
+        return None if self.expected.index(key) % 2 else [-1.0]
+
+    def add(self, key: str, result: list[float]) -> list[float]:
+        self.added.append(key)
+        return [*result, 0.0]
+
+
+def test_store_gets_keys_first_and_replaces_results(runs: Path) -> None:
+    store = Held()
+    found = map_trials(partial(counted, runs), range(4), list[float], keep=store)
+    assert found == [[-1.0], [1 / 7.0, 0.0], [-1.0], [3 / 7.0, 0.0]]
+    assert times_run(runs) == [1, 3]
+    assert store.added == store.expected[1::2]
 
 
 @pytest.mark.process
