@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from ground.__main__ import app
 from mavlink_io.errors import InputError
+from tests.browser import check_layout, needs_chromium, opened
 from tests.ground.sweep.conftest import folder as folder
 from tests.helpers.subprocesses import PATIENCE_S
 
@@ -143,6 +144,17 @@ def test_report_writes_page_and_csv(folder: Path) -> None:
     assert "$" not in page.split("<script", maxsplit=1)[0], "every place is filled"
     as_json, _ = sweep("report", folder / "out", "--json")
     assert json.loads(as_json)["cells"][0]["passed"] == 6
+
+
+@needs_chromium
+@pytest.mark.process
+@pytest.mark.timeout(120)
+def test_report_page_keeps_its_layout_in_a_browser(folder: Path) -> None:
+    flown(folder / "plan.toml", "out")
+    sweep("report", folder / "out")
+    with opened(folder / "out" / "report.html", folder / "profile") as shown:
+        assert len(shown.charts()) == 4
+        check_layout(shown)
 
 
 @pytest.mark.slow

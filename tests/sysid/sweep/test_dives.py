@@ -5,10 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sysid.monte_carlo import metrics, simulate
+from autopilot.control import lqg_file
+from autopilot.control.lqg import LqgControllers
+from sysid.control_analysis.loop_transfer import SAMPLING_S, Lag
+from sysid.design.design_model import DEFAULT_DISTURBANCE
+from sysid.design.lqg import synthesis, tick_controllers, weights
+from sysid.models import noise
+from sysid.models.linear_planes import pitch_plane, yaw_plane
+from sysid.monte_carlo import metrics, samples, simulate
 from sysid.monte_carlo.metrics import DiveMetrics, Leg, Steady
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea
-from sysid.sweep import dives
+from sysid.reproduction.paper_tables import CRUISE_SPEED_MPS, TABLE_1_ADJUSTED
+from sysid.sweep import dives, gains
 from sysid.sweep.dives import (
     COLUMNS,
     Chunks,
@@ -24,7 +32,7 @@ from sysid.sweep.parts import PartStore, digest
 from sysid.sweep.points import Range
 from sysid.trials import map_trials
 from tests.helpers.missions import leg
-from tests.sysid.monte_carlo.conftest import LAND
+from tests.sysid.monte_carlo.conftest import HELD, LAND
 from tests.sysid.sweep.conftest import SHORT, Sweep
 
 HELD_DIVE = DiveMetrics(
@@ -166,3 +174,27 @@ def test_passes_held_to_end_and_within_limits(
     change: dict[str, object], limits: Limits, passes: bool
 ) -> None:
     assert dives._passes(HELD_DIVE._replace(**change), limits) is passes
+
+
+@pytest.mark.slow
+def test_lqg_controllers_fly_instead_of_pid(tmp_path: Path, request_of: Sweep) -> None:
+    lag, sea = Lag(0.3 + SAMPLING_S), noise.from_model(DEFAULT_DISTURBANCE)
+    yaw, pitch = yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED)
+    heading = synthesis.controller(yaw, lag, sea, weights.HEADING_STARTS[0])
+    depth = synthesis.controller(pitch, lag, sea, weights.DEPTH_STARTS[0])
+    controllers = LqgControllers(
+        speed_mps=CRUISE_SPEED_MPS,
+        heading=tick_controllers(heading, yaw),
+        depth=tick_controllers(depth, pitch),
+        pitch_per_metre=synthesis.pitch_per_metre(depth),
+    )
+    path = tmp_path / "controller.json"
+    path.write_text(lqg_file.to_json(controllers, "0" * 64), encoding="utf-8")
+    (vehicle,) = request_of().vehicles
+    trims = samples.trims_deg(vehicle.prior.vehicle(vehicle.prior.mean))
+    sets = (gains.read("pid", HELD, trims), gains.read("lqg", HELD, trims, path))
+    request = request_of(vehicles=(vehicle._replace(gains=sets),), samples=1)
+    pid, lqg = rows_of(fly_chunk(Chunks(request)[0]).text)
+    assert (pid["passed"], lqg["passed"]) == ("1", "1")
+    assert pid["heading_deg"] != lqg["heading_deg"]
+    assert pid["key"] != lqg["key"]
