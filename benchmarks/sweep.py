@@ -3,8 +3,8 @@
     python -m benchmarks.sweep                     # overhead; also on a loaded machine
     python -m benchmarks.sweep --throughput 400    # and dives per minute; on an idle machine only
 
-The overhead is CPU time over that of flight and metrics: what a worker spends on a chunk besides them
-(measured with a flight that returns at once), and what the process of the sweep spends on it (key,
+The overhead is CPU time over that of flight and metrics: what a worker spends on a chunk besides
+(measured with a flight that returns at once), and what the process of the sweep spends (key,
 pickle, part).
 """
 
