@@ -17,6 +17,9 @@ from sysid.trials import Engine, map_trials, source_hash
 
 DESCRIPTION = "sweep.json"
 """File in the folder of a sweep: what was flown with which versions."""
+_UNFINISHED = f"{DESCRIPTION}.tmp"
+MAX_DIVES = 999_999_999
+"""Largest number of dives, for nine digits in the names of parts."""
 Report = Callable[[int, int], None]
 """Receive the number of completed dives and of all dives."""
 
@@ -57,6 +60,8 @@ def run(
         The processes die, or the cluster.
     """
     chunks = Chunks(request)
+    if chunks.dives > MAX_DIVES:
+        raise InputError(f"{request.name}: {chunks.dives} dives: must be at most {MAX_DIVES}")
     store = parts.PartStore(folder)
     description = _description(request, chunks)
     _prepare(folder, description)
@@ -137,15 +142,16 @@ def _description(request: SweepRequest, chunks: Chunks) -> dict[str, Any]:
 
 def _prepare(folder: Path, description: dict[str, Any]) -> None:
     """Make the folder and write its description. Raises InputError."""
-    if folder.exists() and any(folder.iterdir()) and not (folder / DESCRIPTION).is_file():
-        raise InputError(f"--out {folder}: is not the folder of a sweep; give a new one")
     folder.mkdir(parents=True, exist_ok=True)
+    names = {path.name for path in folder.iterdir()} - {_UNFINISHED}
+    if names and DESCRIPTION not in names:
+        raise InputError(f"--out {folder}: is not the folder of a sweep; give a new one")
     _write(folder, description)
 
 
 def _write(folder: Path, description: dict[str, Any]) -> None:
     """Write the description of a sweep in one step."""
-    unfinished = folder / f"{DESCRIPTION}.tmp"
+    unfinished = folder / _UNFINISHED
     unfinished.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
     unfinished.replace(folder / DESCRIPTION)
 
