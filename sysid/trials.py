@@ -135,7 +135,20 @@ def map_trials(
 
 
 def key_of(trial: Callable[[T], R], value: T) -> str:
-    """Return the key of a result: a hash of source code, function and input."""
+    """Return the key of a result: a hash of source code, function and input.
+
+    Parameters
+    ----------
+    trial : callable
+        Function of a module, or a ``partial`` of one.
+    value : object
+        Input.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
     digest = hashlib.sha256(source_hash().encode())
     digest.update(_pickled((trial, value)))
     return digest.hexdigest()

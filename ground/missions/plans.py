@@ -96,7 +96,23 @@ def load(name_or_path: str) -> Plan:
 
 
 def load_items(name_or_path: str) -> tuple[MissionItem, ...]:
-    """Return only the items of `load`. Raises ScriptError."""
+    """Return only the items of `load`.
+
+    Parameters
+    ----------
+    name_or_path : str
+        Name of a shipped mission, or path of a mission file.
+
+    Returns
+    -------
+    tuple of MissionItem
+        Items of the mission.
+
+    Raises
+    ------
+    ScriptError
+        The file is missing or invalid.
+    """
     return load(name_or_path).items
 
 
