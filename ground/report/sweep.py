@@ -46,8 +46,8 @@ class SweepReport(NamedTuple):
     cells: list[CellSummary]
     influences: dict[str, list[Influence]]
     """By the results in `RESULTS`; those that do not vary are empty."""
-    worst: list[int]
-    """Rows of the worst dives."""
+    worst: list[dict[str, Any]]
+    """Number, reason, errors and command of the worst dives, worst first."""
 
 
 def write(folder: Path) -> SweepReport:
@@ -77,11 +77,28 @@ def write(folder: Path) -> SweepReport:
         table=table,
         cells=statistics.cells(table, description["listed"]),
         influences={name: statistics.influences(table, name) for name in RESULTS},
-        worst=statistics.worst(table, N_WORST),
+        worst=_worst(table),
     )
     _write_cells(report, folder / CELLS)
     (folder / PAGE).write_text(_page(report), encoding="utf-8")
     return report
+
+
+def _worst(table: Table) -> list[dict[str, Any]]:
+    """Return number, reason, errors and command of the worst dives."""
+    reasons = statistics.failures(table)
+    return [
+        {
+            "dive": int(table.numbers["dive"][row]),
+            "reason": reasons[row],
+            **{
+                name: value if math.isfinite(value := float(table.numbers[name][row])) else None
+                for name in TITLES
+            },
+            "command": str(table.texts["command"][row]),
+        }
+        for row in statistics.worst(table, N_WORST)
+    ]
 
 
 def _write_cells(report: SweepReport, path: Path) -> None:
@@ -148,19 +165,7 @@ def as_json(report: SweepReport) -> dict[str, Any]:
             ]
             for result, entries in report.influences.items()
         },
-        "worst": [_worst_row(report, row) for row in report.worst],
-    }
-
-
-def _worst_row(report: SweepReport, row: int) -> dict[str, Any]:
-    """Return number, reason, errors and command of a dive."""
-    table = report.table
-    errors = {name: float(table.numbers[name][row]) for name in TITLES}
-    return {
-        "dive": int(table.numbers["dive"][row]),
-        "reason": statistics.failures(table)[row],
-        **{name: value if math.isfinite(value) else None for name, value in errors.items()},
-        "command": str(table.texts["command"][row]),
+        "worst": report.worst,
     }
 
 
@@ -196,7 +201,7 @@ def format_text(report: SweepReport, folder: Path) -> Rendered:
         for result, entries in report.influences.items()
         if entries
     ]
-    worst = [literal(_format_worst(_worst_row(report, row))) for row in report.worst[:N_WORST_TEXT]]
+    worst = [literal(_format_worst(row)) for row in report.worst[:N_WORST_TEXT]]
     text = render(
         [
             heading(_title(report)),
@@ -360,7 +365,7 @@ def _influences_table(report: SweepReport) -> str:
 def _worst_table(report: SweepReport) -> str:
     """Return the worst dives."""
     rows = []
-    for row in (_worst_row(report, number) for number in report.worst):
+    for row in report.worst:
         errors = ["–" if row[name] is None else f"{row[name]:.2f}" for name in TITLES]
         command = f"<code>{escape(row['command'])}</code>"
         rows.append([str(row["dive"]), escape(row["reason"]), *errors, command])
