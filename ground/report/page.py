@@ -195,7 +195,7 @@ def render(
     template : str
         File name of the template in this package.
     """
-    return Template(_text("page.html")).substitute({**parts, **resources(drawn)})
+    return Template(_text(template)).substitute({**parts, **resources(drawn)})
 
 
 def resources(drawn: Mapping[str, charts.Chart]) -> dict[str, str]:
@@ -217,7 +217,6 @@ def resources(drawn: Mapping[str, charts.Chart]) -> dict[str, str]:
         "plotly": _plotly(),
         "charts": json.dumps(drawn, separators=(",", ":")).replace("</", "<\\/"),
     }
-    return Template(_text(template)).substitute({**parts, **resources})
 
 
 def _lead(summary: CampaignSummary) -> str:
