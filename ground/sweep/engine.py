@@ -57,14 +57,11 @@ def _cluster(distributed: Any, address: str, jobs: int) -> Iterator[Executor]:
         client = distributed.Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(f"--engine dask={address}: no scheduler answers: {error}") from None
-    with client:
-        executor = client.get_executor(pure=False)
+    with client:  # whose end cancels what it has not received
         try:
-            yield executor
+            yield client.get_executor(pure=False)
         except (CancelledError, distributed.CancelledError, distributed.KilledWorker) as error:
             raise TrialsError(
                 f"--engine dask={address}: the cluster ended the sweep:"
                 f" {type(error).__name__}; what was computed is kept, run the command again"
             ) from None
-        finally:
-            executor.shutdown(wait=False)

@@ -34,9 +34,6 @@ class Inline(Executor):
             future.set_running_or_notify_cancel()
         return future
 
-    def shutdown(self, wait: bool = True) -> None:  # type: ignore[override]
-        """End, without the option `cancel_futures`, as that of dask.distributed."""
-
 
 @pytest.fixture
 def cluster(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
