@@ -19,7 +19,8 @@ from pathlib import Path
 # As in the ``ground`` command: one thread of linear algebra.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from ground.campaign import prototype, readiness, refit
+from ground.campaign import prototype, refit
+from ground.campaign.preparation import PreparationRequest, prepare
 from ground.campaign.run import CampaignRequest, dive_seed
 from ground.client.flight import Dive, fly_simulated
 from ground.simulation.processes import SimulatedVehicle, Simulation
@@ -30,8 +31,10 @@ from sysid.refit import RefitRequest
 
 TESTS = ("rudder_sweeps", "elevator_sweeps")
 """Shortest test mission of each plane."""
-MISSION = "shallow_1m"
-"""Shortest mission, for the simulation without processes."""
+OTHER_VEHICLE = "xfin_auv"
+"""Vehicle whose missions are simulated without processes; those of Caribou are not."""
+MISSIONS = ("shallow_1m", "rudder_sweeps")
+"""Missions of that simulation: the shortest one, and the shortest with tests."""
 
 
 def compile_kernels(folder: Path) -> None:
@@ -51,8 +54,15 @@ def compile_kernels(folder: Path) -> None:
     with ThreadPoolExecutor(len(TESTS)) as pool:
         logs = list(pool.map(partial(_fly, request), TESTS))
     prior = prototype.prior_file_of(request.vehicle)
-    content = readiness.scenario_content(request.scenario)
-    readiness.first_parameters(prior, request.scenario, content, (MISSION,))
+    prepare(
+        PreparationRequest(
+            vehicle=OTHER_VEHICLE,
+            scenario=request.scenario,
+            truth=OTHER_VEHICLE,
+            seed=request.seed,
+            missions=MISSIONS,
+        )
+    )
     # Two logs may be too few for the checks of a campaign, which have no kernels: use force.
     model = refit.refit(
         RefitRequest(paths=logs, prior=prior, alternative_methods=("paper",)), force=True

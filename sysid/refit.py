@@ -61,6 +61,8 @@ FORBIDDEN_PRIOR = "caribou_truth"
 
 It is refused as a prior: no such file exists for a real vehicle.
 """
+TRUTH_SUFFIX = "_truth"
+"""End of the name of a simulated vehicle, whose file is refused as a prior."""
 
 
 class RefitError(InputError):
@@ -491,12 +493,14 @@ def vehicle_file(prior: str | Path) -> VehicleConfig:
     VehicleFileError
         The file is missing or invalid, or it is the simulated truth, `FORBIDDEN_PRIOR`.
     """
-    if str(prior) == FORBIDDEN_PRIOR:
+    is_truth = str(prior) == FORBIDDEN_PRIOR
+    config = None if is_truth else vehicle_files.load(prior)
+    if config is None or config.name.endswith(TRUTH_SUFFIX):
         raise VehicleFileError(
-            f"prior {prior!r}: is the simulated truth; "
+            f"prior {str(prior)!r}: is the simulated truth; "
             "give 'caribou_nominal', a vehicle file or a model.json"
         )
-    return vehicle_files.load(prior)
+    return config
 
 
 def _read(

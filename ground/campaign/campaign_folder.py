@@ -18,6 +18,8 @@ from sysid.monitor.performance_spec import PerformanceBaseline
 STAGES = {"initial": "baseline", "improved": "improved", "redesigned": "verification"}
 """Folder of the dives by set of gains; `improved` exists only with `--include-paper-gains`."""
 CAMPAIGN_FILE = "campaign.toml"
+SCENARIO_FILE, TRUTH_FILE, MISSIONS_FOLDER = "scenario.toml", "truth.toml", "missions"
+"""Scenario, flown vehicle and folder of missions, if they are not the shipped ones."""
 
 
 class CampaignFolder:
@@ -69,6 +71,15 @@ class CampaignFolder:
     def log_path(self, stage: str, mission: str) -> Path:
         """Return the path of the log of a dive."""
         return self.path / stage / f"{mission}.mcap"
+
+    def flown(self, path: str, otherwise: str) -> str:
+        """Return a file of the folder as a path if it exists, else `otherwise`."""
+        file = self.path / path
+        return str(file) if file.is_file() else otherwise
+
+    def mission_file(self, mission: str) -> str:
+        """Return the path of a mission in the folder, or its name if it is the shipped one."""
+        return self.flown(f"{MISSIONS_FOLDER}/{mission}.toml", mission)
 
     def log(self, stage: str, mission: str) -> Log:
         """Return the log of a dive."""

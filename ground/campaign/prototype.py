@@ -10,6 +10,9 @@ from sysid.design.pid import DesignInfeasibleError
 CARIBOU = ("caribou_truth", "caribou_nominal")
 """Vehicles that need no first design: the autopilot's defaults are the paper's prototype gains."""
 
+PERTURBED = "perturbed"
+"""Flown vehicle that is a random change of the vehicle file within its uncertainty."""
+
 TRIM_LEARNING = {"TRIM_AUTO_S": 10.0}
 """Parameters by which Caribou learns its trims in a first dive.
 
@@ -35,6 +38,11 @@ def trim_learning_for(vehicle: str) -> dict[str, float]:
 def prior_file_of(vehicle: str) -> str:
     """Return the vehicle file that is known of a simulated vehicle before any test."""
     return "caribou_nominal" if vehicle in CARIBOU else vehicle
+
+
+def default_truth(vehicle: str) -> str:
+    """Return the vehicle that a campaign flies: Caribou itself, and a perturbed one for others."""
+    return vehicle if vehicle in CARIBOU else PERTURBED
 
 
 def design(vehicle: str) -> InitialDesign:

@@ -1,23 +1,18 @@
-"""Checks before the first dive of a campaign: depth of the water, and simulated missions."""
+"""Scenario of a campaign: its content, its disturbance moments, and the depth of its water."""
 
 import json
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from ground.campaign import prototype
-from ground.missions import plans, script
+from ground.missions.script import Script
 from mavlink_io.errors import BAD_INPUT, InputError, OperationError
-from sysid import refit
-from sysid.monte_carlo import readiness
 from sysid.monte_carlo.readiness import Moments
 from sysid.planes import Plane
 
 CLEARANCE_M = 3.0
 """Height above the floor below which the autopilot stops a test (SID_ALT_MIN)."""
-SEED = 1
-"""Seed of the simulated sea, the same for all campaigns."""
 
 
 def scenario_content(scenario: str) -> dict[str, Any]:
@@ -32,12 +27,14 @@ def scenario_content(scenario: str) -> dict[str, Any]:
     raise InputError(message) if process.returncode == BAD_INPUT else OperationError(message)
 
 
-def check_scenario(scenario: str, content: Mapping[str, Any], missions: Sequence[str]) -> None:
+def check_scenario(
+    scenario: str, content: Mapping[str, Any], scripts: Mapping[str, Script]
+) -> None:
     """Raise InputError if the vehicle is clamped, or a flat floor is too close to a leg."""
     if content["rig"]["clamped"]:
         raise InputError(f"--scenario {scenario}: rig.clamped = true: the vehicle cannot fly")
     floor = content["floor"]
-    legs = [(step.depth_m or 0.0, name) for name in missions for step in script.load(name).step]
+    legs = [(step.depth_m or 0.0, name) for name, script in scripts.items() for step in script.step]
     deepest_m, mission = max(legs)
     if not floor["file"] and not floor["slope_deg"] and floor["depth_m"] < deepest_m + CLEARANCE_M:
         raise InputError(
@@ -46,42 +43,7 @@ def check_scenario(scenario: str, content: Mapping[str, Any], missions: Sequence
         )
 
 
-def first_parameters(
-    vehicle: str, scenario: str, content: Mapping[str, Any], missions: Sequence[str]
-) -> dict[str, float]:
-    """Design the parameters of the first dive from a vehicle file, and simulate the missions.
-
-    Parameters
-    ----------
-    vehicle, scenario : str
-        Names or files.
-    content : Mapping
-        The scenario, as `scenario_content` returns it.
-    missions : Sequence of str
-        Missions to simulate.
-
-    Raises
-    ------
-    InputError
-        The vehicle file cannot be used, no gains meet the specification, or a mission cannot be
-        completed.
-    """
-    try:
-        parameters = prototype.design(vehicle).parameters
-    except OperationError as error:
-        raise InputError(f"--vehicle {vehicle}: no first gains: {error}") from None
-    items = {name: plans.load_items(name) for name in missions}
-    prior = refit.vehicle_file(vehicle)
-    obstacle = readiness.find_obstacle(prior, parameters, _moments(content), items, SEED)
-    if obstacle is not None:
-        raise InputError(
-            f"--vehicle {vehicle}: cannot complete a campaign in scenario {scenario}: "
-            f"{obstacle.where}, simulated with the vehicle file: {obstacle.reason}"
-        )
-    return parameters
-
-
-def _moments(content: Mapping[str, Any]) -> Any:
+def moments(content: Mapping[str, Any]) -> Moments:
     """Return the disturbance moments of a scenario."""
     slow, waves = content["disturbance"]["slow"], content["disturbance"]["waves"]
     return Moments(

@@ -13,18 +13,26 @@ import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Lock
 from typing import NamedTuple, ParamSpec
 
 import msgspec
 
-from ground.campaign import computations, prototype, readiness, refit, summary, summary_file
-from ground.campaign.campaign_folder import CAMPAIGN_FILE, STAGES, CampaignFolder
+from ground.campaign import computations, prototype, refit, summary, summary_file
+from ground.campaign.campaign_folder import (
+    CAMPAIGN_FILE,
+    MISSIONS_FOLDER,
+    SCENARIO_FILE,
+    STAGES,
+    TRUTH_FILE,
+    CampaignFolder,
+)
 from ground.campaign.computations import FITTED as FITTED
 from ground.campaign.computations import HELD_OUT as HELD_OUT
 from ground.campaign.computations import MISSIONS as MISSIONS
+from ground.campaign.preparation import Preparation, PreparationRequest, prepare
 from ground.campaign.summary_file import CampaignSummary, DesignSummary
 from ground.campaign.worker import Worker
 from ground.client.flight import Dive, FlightProgress, FlightResult, fly_simulated
@@ -74,6 +82,13 @@ class CampaignRequest(NamedTuple):
     """Replace the campaign that is in the folder."""
     jobs: int = 1
     """Number of dives and computations that run at the same time; each uses about one core."""
+    truth: str = ""
+    """Vehicle file that is flown, or `perturbed`; empty: `prototype.default_truth`."""
+
+    @property
+    def flown_vehicle(self) -> str:
+        """Vehicle file that is flown, or `perturbed`."""
+        return self.truth or prototype.default_truth(self.vehicle)
 
 
 P = ParamSpec("P")
@@ -112,8 +127,8 @@ class Campaign:
         start_s = wall_s()
         with self._executors() as executors:
             dives, worker = executors.dives, executors.worker
-            first = self._first_parameters(worker)
-            self._prepare()
+            preparation = self._prepare(worker)
+            first = preparation.parameters
             trims = self._measure_trims(executors, first)
             gains = self._first_gains(first, trims)
             self.announce("flying the tests with the initial gains")
@@ -151,29 +166,41 @@ class Campaign:
             worker.call(computations.report, self.request.out)
         return result
 
-    def _prepare(self) -> None:
-        """Prepare the folder."""
+    def _prepare(self, worker: Worker) -> Preparation:
+        """Prepare the folder; return the parameters of the first dive and what was scaled.
+
+        The parameters are the paper's Table 3 for Caribou, and a prototype design for other
+        vehicles. Raises InputError if a check shows that the campaign cannot be completed.
+        """
+        r = self.request
+        if r.vehicle not in prototype.CARIBOU:
+            if r.include_paper_gains:
+                raise InputError(
+                    "--include-paper-gains: the paper's gains are for Caribou; "
+                    f"leave it out for {r.vehicle}"
+                )
+            self.announce("designing the first gains; adapting the missions in simulation")
+        asked = PreparationRequest(
+            vehicle=r.vehicle,
+            scenario=r.scenario,
+            truth=r.flown_vehicle,
+            seed=r.seed,
+            missions=ALL_MISSIONS,
+        )
+        preparation = worker.call(prepare, asked)
+        self._write_folder(preparation.files)
+        for note in preparation.notes:
+            self.announce(note)
+        return preparation
+
+    def _write_folder(self, files: Mapping[str, str]) -> None:
+        """Prepare the folder and write the files of a preparation."""
         prepare_folder(self.request)
         self._prepared = True
-
-    def _first_parameters(self, worker: Worker) -> dict[str, float]:
-        """Return the parameters of the first dive.
-
-        They are the paper's Table 3 for Caribou, and a prototype design for other vehicles. Raises
-        InputError if a check shows that the campaign cannot be completed.
-        """
-        vehicle, scenario = self.request.vehicle, self.request.scenario
-        content = readiness.scenario_content(scenario)
-        readiness.check_scenario(scenario, content, ALL_MISSIONS)
-        if vehicle in prototype.CARIBOU:
-            return refit.initial_gains()
-        if self.request.include_paper_gains:
-            raise InputError(
-                "--include-paper-gains: the paper's gains are for Caribou; "
-                f"leave it out for {vehicle}"
-            )
-        self.announce("designing the first gains; simulating the missions with the vehicle file")
-        return worker.call(readiness.first_parameters, vehicle, scenario, content, ALL_MISSIONS)
+        for name, text in files.items():
+            path = self.request.out / name
+            path.parent.mkdir(exist_ok=True)
+            _write(path, text)
 
     def _first_gains(
         self, first: Mapping[str, float], trims: Mapping[str, float]
@@ -262,7 +289,9 @@ class Campaign:
         log.parent.mkdir(exist_ok=True)
         name = f"{stage}/{mission}"
         notes = {"stage": stage, "seed": str(dive_seed(self.request.seed, mission))}
-        dive = Dive.load(mission, log, parameters=parameters, notes=notes)
+        script = CampaignFolder(self.request.out).mission_file(mission)
+        dive = Dive.load(script, log, parameters=parameters, notes=notes)
+        dive = replace(dive, mission=mission)
         outcome = fly_simulated(
             dive, self._launch(mission), lambda progress: self.watch(name, progress)
         )
@@ -276,9 +305,10 @@ class Campaign:
         with self._lock:
             if self._cancelled:
                 raise OperationError("cancelled")
+            folder = CampaignFolder(r.out)
             simulation = Simulation(
-                vehicle=r.vehicle,
-                scenario=r.scenario,
+                vehicle=folder.flown(TRUTH_FILE, r.flown_vehicle),
+                scenario=folder.flown(SCENARIO_FILE, r.scenario),
                 seed=dive_seed(r.seed, mission),
                 speed=r.speed,
             )
@@ -372,7 +402,7 @@ def prepare_folder(request: CampaignRequest) -> None:
     out = request.out
     for path in _campaign_files(out):
         path.unlink()
-    for stage in DIVES:
+    for stage in (*DIVES, MISSIONS_FOLDER):
         if (out / stage).is_dir() and not any((out / stage).iterdir()):
             (out / stage).rmdir()
     out.mkdir(parents=True, exist_ok=True)
@@ -386,13 +416,16 @@ def _campaign_files(out: Path) -> list[Path]:
         for stage, names in DIVES.items()
         for name in names
     ]
+    missions = [out / MISSIONS_FOLDER / f"{name}.toml" for name in ALL_MISSIONS]
+    prepared = [out / name for name in (SCENARIO_FILE, TRUTH_FILE)]
     results = [out / name for name in (*RESULTS, "model.json", "gains.param", CAMPAIGN_FILE)]
-    return [path for path in (*logs, *results) if path.is_file() or path.is_symlink()]
+    known = (*logs, *missions, *prepared, *results)
+    return [path for path in known if path.is_file() or path.is_symlink()]
 
 
 def _campaign_toml(request: CampaignRequest) -> str:
     """Return options, seeds and versions of a campaign as TOML."""
-    options = request._asdict()
+    options = {**request._asdict(), "truth": request.flown_vehicle}
     lines = [
         f"{key} = {json.dumps(value)}"
         for key, value in options.items()

@@ -10,6 +10,15 @@ from ground.cli.options import Jobs, Json, ScenarioName, Seed, Speed, VehicleNam
 
 def campaign(
     vehicle: VehicleName = "caribou_truth",
+    truth: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|perturbed",
+            help="Vehicle that is flown and that identification does not know; `perturbed`: a"
+            " random change of --vehicle within its uncertainty. Default: perturbed; for Caribou"
+            " the vehicle itself.",
+        ),
+    ] = None,
     scenario: ScenarioName = "disturbed",
     seed: Seed = 1,
     speed: Speed = "max",
@@ -37,6 +46,7 @@ def campaign(
     request = CampaignRequest(
         out=out,
         vehicle=vehicle,
+        truth=truth or "",
         scenario=scenario,
         seed=seed,
         speed=speed,

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autopilot.control import params
-from autopilot.control.params import Config
 from mavlink_io.mission_items import MissionItem
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.data import segments
+from sysid.data.events import StopReason
 from sysid.data.segments import Run
 from sysid.models import prediction
 from sysid.models.noise import Noise
@@ -29,7 +29,9 @@ from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import samples, simulate
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea, SimulatedDive
 from sysid.planes import PLANES, Plane
+from sysid.screening import Screening, ScreeningLimits, screen
 from sysid.test_design import prior as design_priors
+from sysid.test_design import vehicle_scale
 from sysid.validation import crossover, frequency_response
 from sysid.validation.acceptance import COHERENCE
 from sysid.validation.crossover import UncertainVehicle
@@ -41,6 +43,10 @@ Items = tuple[MissionItem, ...]
 
 FREQUENCIES = 20
 """Number of frequencies about crossover for the coherence, as in the model assessment."""
+UNSTEADY, SATURATION = "unsteady start", "saturation"
+"""Rules of the screening: the test began in a manoeuvre; a surface was at its stops."""
+MIN_STEP_S = 4.5
+"""Duration (s) after which a limit may end a step; screening rejects tests of less than 3 s."""
 
 
 class Moments(NamedTuple):
@@ -61,12 +67,147 @@ class Obstacle(NamedTuple):
     reason: str
 
 
-class _NominalVehicle(NamedTuple):
-    """Vehicle of the prior's mean, its parameters and the disturbance for all missions."""
+class SimulatedTest(NamedTuple):
+    """Outcome of one simulated test."""
 
-    vehicle: CandidateVehicle
-    levels: dict[Plane, Noise]
-    config: Config
+    too_large: bool
+    """True if a limit ended it before `MIN_STEP_S`, or ended a sweep, or a surface saturated."""
+    unsettled: bool
+    """True if the motion before the test is that of a manoeuvre."""
+
+
+class Readiness:
+    """Simulated missions of the vehicle of the prior's mean.
+
+    Parameters
+    ----------
+    prior : VehicleConfig
+        Vehicle file.
+    gains : Gains
+        Parameters of the first dive, by name; trims are those of the prior.
+    moments : Moments
+        Disturbing moments of the scenario.
+    seed : int
+        Seed of disturbance and sensor noise.
+    """
+
+    def __init__(self, prior: VehicleConfig, gains: Gains, moments: Moments, seed: int) -> None:
+        design_prior = design_priors.from_file(prior)
+        vehicle = design_prior.vehicle(design_prior.mean)
+        self._vehicle, self._levels = vehicle, noise_levels(vehicle, moments)
+        self._config = params.config({**gains, **samples.trims_deg(vehicle)})
+        self._gains, self._seed = gains, seed
+        self._limits = ScreeningLimits(travel_deg=prior.tailcone.travel_deg)
+
+    def fly(self, items: Items, disturbance: float = 1.0) -> SimulatedDive:
+        """Simulate one mission.
+
+        Parameters
+        ----------
+        items : tuple of MissionItem
+            Mission.
+        disturbance : float
+            Factor on the disturbance.
+
+        Returns
+        -------
+        SimulatedDive
+            Log and outcome.
+
+        Raises
+        ------
+        MissionRejectedError
+            The autopilot rejects the mission.
+        """
+        condition = Sea(disturbance)
+        return simulate.fly(
+            self._vehicle, self._levels, items, self._config, condition, (self._seed,)
+        )
+
+    def obstacle(self, name: str, dive: SimulatedDive) -> Obstacle | None:
+        """Return the reason why a simulated mission failed.
+
+        Parameters
+        ----------
+        name : str
+            Name of the mission.
+        dive : SimulatedDive
+            Simulated mission.
+
+        Returns
+        -------
+        Obstacle or None
+            None if the mission was completed.
+        """
+        if dive.failsafe:
+            outcome = f"it ends with the failsafe {dive.failsafe!r}"
+            return Obstacle(name, f"{outcome}; {self.describe_disturbance()}")
+        if not dive.finished:
+            return Obstacle(name, f"it does not end within its time; {self.describe_disturbance()}")
+        return None
+
+    def coherence(
+        self, plane: Plane, missions: Mapping[str, Items], dives: Mapping[str, SimulatedDive]
+    ) -> float | None:
+        """Return the smallest coherence of the rate about crossover.
+
+        Parameters
+        ----------
+        plane : Plane
+            Plane of the tests.
+        missions : Mapping
+            Mission items by name.
+        dives : Mapping
+            The same missions, simulated with disturbance.
+
+        Returns
+        -------
+        float or None
+            None without a sweep of the plane.
+        """
+        sweeps_of = {name: _sweeps(dive) for name, dive in dives.items()}
+        tested_missions = [
+            name
+            for name, response in sweeps_of.items()
+            if any(run.plane == plane for run in response)
+        ]
+        loop = crossover.crossover(_uncertain_vehicle(self._vehicle), plane, self._gains)
+        if not tested_missions or loop is None:
+            return None
+        pairs: list[Pair] = []
+        for name in tested_missions:
+            calm = self.fly(missions[name], disturbance=0.0)
+            pairs += _pairs(_sweeps(calm), sweeps_of[name], plane)
+        low, high = (share * loop.crossover_radps for share in OCTAVE)
+        response = frequency_response.spectra(pairs, np.geomspace(low, high, FREQUENCIES))
+        return float(np.min(response.coherence))
+
+    def outcomes_of_tests(self, dive: SimulatedDive) -> list[SimulatedTest]:
+        """Return the outcomes of the tests of a simulated dive.
+
+        Parameters
+        ----------
+        dive : SimulatedDive
+            Simulated mission.
+
+        Returns
+        -------
+        list of SimulatedTest
+            One outcome per test that was begun, in the order of time.
+        """
+        return [
+            SimulatedTest(
+                too_large=_ended_early(item.run) or _has_reason(item, SATURATION),
+                unsettled=_has_reason(item, UNSTEADY),
+            )
+            for item in screen(segments.cut_runs(dive.log), self._limits)
+        ]
+
+    def describe_disturbance(self) -> str:
+        """Return the size of the disturbance as text."""
+        yaw = self._levels[Plane.YAW]
+        rms = math.degrees(math.hypot(yaw.slow_radps2, yaw.wave_radps2))
+        return f"the scenario's moments accelerate this vehicle by {rms:.2g} deg/s² rms in yaw"
 
 
 def noise_levels(vehicle: CandidateVehicle, moments: Moments) -> dict[Plane, Noise]:
@@ -88,107 +229,63 @@ def noise_levels(vehicle: CandidateVehicle, moments: Moments) -> dict[Plane, Noi
     -----
     rms = moment (N m) x (M^-1)_ii, M the mass matrix with added mass, i the row of yaw or pitch.
     """
-    inverse = np.linalg.inv(vehicle.model.inertia.M)
     levels: dict[Plane, Noise] = {}
     for plane in Plane:
-        row = PLANES[plane].velocities[2]
+        response = vehicle_scale.inverse_inertia(vehicle, plane)
         levels[plane] = Noise(
-            slow_radps2=float(moments.slow_nm[plane] * inverse[row, row]),
+            slow_radps2=moments.slow_nm[plane] * response,
             slow_time_s=moments.slow_time_s,
-            wave_radps2=float(moments.wave_nm[plane] * inverse[row, row]),
+            wave_radps2=moments.wave_nm[plane] * response,
             wave_frequency_hz=moments.wave_frequency_hz,
             wave_damping=moments.wave_damping,
         )
     return levels
 
 
-def find_obstacle(
-    prior: VehicleConfig, gains: Gains, moments: Moments, missions: Mapping[str, Items], seed: int
-) -> Obstacle | None:
+def find_obstacle(check: Readiness, missions: Mapping[str, Items]) -> Obstacle | None:
     """Return the first reason why this vehicle cannot complete the missions, or None.
 
     Parameters
     ----------
-    prior : VehicleConfig
-        Vehicle file.
-    gains : Gains
-        Parameters of the first dive, by name; trims are those of the prior.
-    moments : Moments
-        Disturbing moments of the scenario.
+    check : Readiness
+        Vehicle, gains and disturbance.
     missions : Mapping
         Mission items by the mission's name, in the order of the dives.
-    seed : int
-        Seed of disturbance and sensor noise.
 
     Returns
     -------
     Obstacle or None
         Mission or test with the reason.
     """
-    design_prior = design_priors.from_file(prior)
-    vehicle = design_prior.vehicle(design_prior.mean)
-    config = params.config({**gains, **samples.trims_deg(vehicle)})
-    nominal = _NominalVehicle(vehicle, noise_levels(vehicle, moments), config)
     dives: dict[str, SimulatedDive] = {}
     for name, items in missions.items():
         try:
-            dives[name] = _simulate(nominal, items, Sea(), seed)
+            dives[name] = check.fly(items)
         except MissionRejectedError as error:
             return Obstacle(name, f"the autopilot refuses the mission ({error})")
-        if dives[name].failsafe:
-            outcome = f"it ends with the failsafe {dives[name].failsafe!r}"
-            return Obstacle(name, f"{outcome}; {_describe_disturbance(nominal)}")
-        if not dives[name].finished:
-            return Obstacle(
-                name, f"it does not end within its time; {_describe_disturbance(nominal)}"
-            )
-    return _hidden_tests(nominal, gains, missions, dives, seed)
-
-
-def _simulate(nominal: _NominalVehicle, items: Items, condition: Sea, seed: int) -> SimulatedDive:
-    """Simulate one mission."""
-    return simulate.fly(nominal.vehicle, nominal.levels, items, nominal.config, condition, (seed,))
-
-
-def _describe_disturbance(nominal: _NominalVehicle) -> str:
-    """Return the size of the disturbance as text."""
-    yaw = nominal.levels[Plane.YAW]
-    rms = math.degrees(math.hypot(yaw.slow_radps2, yaw.wave_radps2))
-    return f"the scenario's moments accelerate this vehicle by {rms:.2g} deg/s² rms in yaw"
-
-
-def _hidden_tests(
-    nominal: _NominalVehicle,
-    gains: Gains,
-    missions: Mapping[str, Items],
-    dives: Mapping[str, SimulatedDive],
-    seed: int,
-) -> Obstacle | None:
-    """Return the tests whose coherence is too low because of the disturbance, or None."""
-    sweeps_of = {name: _sweeps(dive) for name, dive in dives.items()}
+        if obstacle := check.obstacle(name, dives[name]):
+            return obstacle
     for plane in Plane:
-        tested_missions = [
-            name
-            for name, response in sweeps_of.items()
-            if any(run.plane == plane for run in response)
-        ]
-        feasible_crossover = crossover.crossover(_uncertain_vehicle(nominal.vehicle), plane, gains)
-        if not tested_missions or feasible_crossover is None:
-            continue
-        pairs: list[Pair] = []
-        for name in tested_missions:
-            calm = _simulate(nominal, missions[name], Sea(0.0), seed)
-            pairs += _pairs(_sweeps(calm), sweeps_of[name], plane)
-        low, high = (share * feasible_crossover.crossover_radps for share in OCTAVE)
-        response = frequency_response.spectra(pairs, np.geomspace(low, high, FREQUENCIES))
-        coherence = float(np.min(response.coherence))
-        if coherence < COHERENCE:
+        coherence = check.coherence(plane, missions, dives)
+        if coherence is not None and coherence < COHERENCE:
             return Obstacle(
                 f"{PLANES[plane].surface} tests",
                 f"the disturbance masks them: coherence about crossover {coherence:.2f}, "
-                f"at least {COHERENCE:g} needed; {_describe_disturbance(nominal)}",
+                f"at least {COHERENCE:g} needed; {check.describe_disturbance()}",
             )
     return None
+
+
+def _ended_early(run: Run) -> bool:
+    """Return whether a limit ended a sweep, or a step before `MIN_STEP_S`."""
+    if run.stop_reason == StopReason.COMPLETE:
+        return False
+    return run.wave not in frequency_response.NARROWBAND_WAVES or run.time_s[-1] < MIN_STEP_S
+
+
+def _has_reason(screening: Screening, rule: str) -> bool:
+    """Return whether a rule of the screening rejects a run."""
+    return any(reason.startswith(rule) for reason in screening.reasons)
 
 
 def _uncertain_vehicle(vehicle: CandidateVehicle) -> UncertainVehicle:
@@ -196,11 +293,11 @@ def _uncertain_vehicle(vehicle: CandidateVehicle) -> UncertainVehicle:
     return UncertainVehicle(lambda z: vehicle, np.zeros(0), None)
 
 
-def _sweeps(simulate: SimulatedDive) -> list[Run]:
+def _sweeps(dive: SimulatedDive) -> list[Run]:
     """Return the broadband tests of a dive."""
     return [
         run
-        for run in segments.cut_runs(simulate.log)
+        for run in segments.cut_runs(dive.log)
         if run.wave not in frequency_response.NARROWBAND_WAVES
     ]
 

@@ -5,12 +5,14 @@ from typing import Any
 import pytest
 
 from ground.campaign import readiness
+from ground.missions import script
 from mavlink_io.errors import InputError
 
 CONTENT: dict[str, Any] = {
     "rig": {"clamped": False},
     "floor": {"depth_m": 20.0, "slope_deg": 0.0, "file": ""},
 }
+SCRIPTS = {name: script.load(name) for name in ("trim", "elevator_steps")}
 
 
 def test_scenario_content_shipped_has_every_default() -> None:
@@ -36,5 +38,5 @@ def test_scenario_content_missing_file_is_bad_input() -> None:
 )
 def test_refuse_scenario_names_key_and_value(changed: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        readiness.check_scenario("mine.toml", {**CONTENT, **changed}, ("trim", "elevator_steps"))
-    readiness.check_scenario("mine.toml", CONTENT, ("trim", "elevator_steps"))
+        readiness.check_scenario("mine.toml", {**CONTENT, **changed}, SCRIPTS)
+    readiness.check_scenario("mine.toml", CONTENT, SCRIPTS)

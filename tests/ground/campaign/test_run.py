@@ -244,7 +244,7 @@ def test_campaign_stopped_while_reporting_leaves_no_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stopped(self: Campaign) -> None:
-        self._prepare()
+        self._write_folder({})
         (tmp_path / "out" / "summary.json").write_text("{}")
         raise KeyboardInterrupt
 
@@ -350,13 +350,15 @@ def test_campaign_papers_gains_on_another_vehicle_are_refused(tmp_path: Path) ->
 
 @pytest.mark.process
 @pytest.mark.timeout(600)
-def test_campaign_impossible_vehicle_refused_before_dive(tmp_path: Path) -> None:
-    ended = CliRunner().invoke(
-        app, ["campaign", "--vehicle", "remus100", "--out", str(tmp_path / "out")]
-    )
+def test_campaign_impossible_sea_refused_before_dive(tmp_path: Path) -> None:
+    """A user's scenario is not scaled: these moments accelerate remus100 by 34 deg/s2 rms."""
+    sea = tmp_path / "rough.toml"
+    sea.write_text("[disturbance.waves]\nyaw_rms_nm = 4.96\npitch_rms_nm = 4.57\n")
+    options = ["--vehicle", "remus100", "--scenario", str(sea), "--out", str(tmp_path / "out")]
+    ended = CliRunner().invoke(app, ["campaign", *options])
     assert isinstance(ended.exception, InputError)
     assert str(ended.exception).startswith(
-        "--vehicle remus100: cannot complete a campaign in scenario disturbed: trim"
+        f"--vehicle remus100: cannot complete a campaign in scenario {sea}: trim"
     )
     assert "\n" not in str(ended.exception)
     assert not (tmp_path / "out").exists()
@@ -365,7 +367,7 @@ def test_campaign_impossible_vehicle_refused_before_dive(tmp_path: Path) -> None
 @pytest.mark.process
 @pytest.mark.timeout(600)
 def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
-    """The prior of xfin_auv is its own file; its prototype design flies first."""
+    """The prior of xfin_auv is its own file; a perturbed vehicle flies, and the prototype first."""
     out = tmp_path / "out"
     found = Campaign(
         CampaignRequest(out, vehicle="xfin_auv"), lambda name, at: None, lambda words: None
@@ -376,6 +378,12 @@ def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
         2.115, abs=0.01
     )  # `ground vehicle gains xfin`
     assert found.gains["redesigned"]["SPD_CRUISE_MPS"] == 1.5
+    assert {path.name for path in out.glob("*.toml")} == {
+        "campaign.toml",
+        "scenario.toml",
+        "truth.toml",
+    }
+    assert {path.stem for path in (out / "missions").iterdir()} == set(run.ALL_MISSIONS)
     assert (out / "report.html").stat().st_size > 1_000_000
 
 

@@ -7,7 +7,7 @@ import pytest
 from ground.missions import plans
 from sitl.vehicle import config
 from sysid.monte_carlo import readiness
-from sysid.monte_carlo.readiness import Moments, Obstacle
+from sysid.monte_carlo.readiness import Moments, Obstacle, Readiness
 
 DISTURBED = Moments(
     slow_nm={"yaw": 2.81, "pitch": 2.24},
@@ -37,7 +37,7 @@ def obstacle(vehicle: str, moments: Moments, *missions: str) -> Obstacle | None:
         "DPT_IMAX": 0.1,
     }
     items = {name: plans.load_items(name) for name in missions}
-    return readiness.find_obstacle(config.load(vehicle), gains, moments, items, seed=1)
+    return readiness.find_obstacle(Readiness(config.load(vehicle), gains, moments, seed=1), items)
 
 
 def test_obstacle_large_disturbance_is_failsafe() -> None:

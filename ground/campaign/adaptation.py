@@ -1,0 +1,135 @@
+"""Adaptation of scaled missions to a vehicle by simulated dives of its vehicle file.
+
+A test that its envelope ends early, or that the screening would reject, is made smaller. Sweeps
+whose response the disturbance masks are made larger. Legs are made longer if the vehicle has not
+settled before a test.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from ground.missions import scaling
+from ground.missions.script import Script, compile_items
+from sysid.monte_carlo.readiness import Readiness
+from sysid.monte_carlo.simulate import MissionRejectedError, SimulatedDive
+from sysid.planes import PLANES, Plane
+
+MAX_ROUNDS = 8
+"""Largest number of simulated dives of a mission, and of changes of its sweeps."""
+SMALLER, LARGER, LONGER = 0.8, 1.3, 1.3
+"""Factors on the size of tests and on the duration of legs."""
+AFTER_FAILSAFE = 0.6
+"""Factor on the size of the test before a failsafe."""
+COHERENCE = 0.8
+"""Coherence about crossover up to which sweeps are made larger; the assessment requires 0.6."""
+
+
+class AdaptedMissions(NamedTuple):
+    """Missions that the simulated vehicle completes as far as the adaptation can reach."""
+
+    scripts: dict[str, Script]
+    notes: tuple[str, ...]
+    """What was changed, one line per mission or surface."""
+
+
+def adapt(
+    check: Readiness, scripts: Mapping[str, Script], max_deg: Mapping[str, float]
+) -> AdaptedMissions:
+    """Return missions with adapted sizes and waits.
+
+    Parameters
+    ----------
+    check : Readiness
+        Vehicle, gains and disturbance.
+    scripts : Mapping
+        Missions by name.
+    max_deg : Mapping
+        Largest size of a test by surface (deg).
+
+    Returns
+    -------
+    AdaptedMissions
+        Missions by name; a mission that cannot be completed remains, and `readiness.find_obstacle`
+        gives the reason.
+    """
+    adapted = {
+        name: _fit_envelope(check, script, max_deg) if _tests(script) else script
+        for name, script in scripts.items()
+    }
+    notes = [
+        f"{name}: tests made smaller, or legs longer, in simulation"
+        for name, script in adapted.items()
+        if script != scripts[name]
+    ]
+    for plane in Plane:
+        larger = _raise_sweeps(check, adapted, max_deg, plane)
+        if larger != adapted:
+            notes.append(f"{PLANES[plane].surface} sweeps made larger in simulation")
+            adapted = larger
+    return AdaptedMissions(adapted, tuple(notes))
+
+
+def _fit_envelope(check: Readiness, script: Script, max_deg: Mapping[str, float]) -> Script:
+    """Return a mission whose tests are complete and start from steady flight, if possible."""
+    for _ in range(MAX_ROUNDS):
+        try:
+            dive = check.fly(compile_items(script))
+        except MissionRejectedError:
+            return script
+        factors, unsettled = _corrections(check, dive)
+        changed = scaling.scale_tests(script, factors, max_deg)
+        if unsettled:
+            changed = scaling.lengthen_legs(changed, LONGER)
+        if changed == script:
+            return script
+        script = changed
+    return script
+
+
+def _corrections(check: Readiness, dive: SimulatedDive) -> tuple[dict[int, float], bool]:
+    """Return the factor by number of the test, and whether a test began before the motion ended."""
+    outcomes = check.outcomes_of_tests(dive)
+    factors = {number: SMALLER for number, outcome in enumerate(outcomes) if outcome.too_large}
+    if dive.failsafe and outcomes:
+        factors[len(outcomes) - 1] = AFTER_FAILSAFE
+    return factors, any(outcome.unsettled for outcome in outcomes)
+
+
+def _raise_sweeps(
+    check: Readiness, scripts: dict[str, Script], max_deg: Mapping[str, float], plane: Plane
+) -> dict[str, Script]:
+    """Return the missions with larger sweeps of a plane, until their coherence is sufficient."""
+    surface = PLANES[plane].surface
+    sweeps = {
+        name: [number for number, test in enumerate(_tests(script)) if test == (surface, True)]
+        for name, script in scripts.items()
+    }
+    sweeps = {name: numbers for name, numbers in sweeps.items() if numbers}
+    for _ in range(MAX_ROUNDS):
+        items = {name: compile_items(scripts[name]) for name in sweeps}
+        try:
+            dives = {name: check.fly(mission) for name, mission in items.items()}
+        except MissionRejectedError:
+            return scripts
+        coherence = check.coherence(plane, items, dives)
+        if coherence is None or coherence >= COHERENCE:
+            return scripts
+        larger = {
+            name: scaling.scale_tests(scripts[name], dict.fromkeys(numbers, LARGER), max_deg)
+            for name, numbers in sweeps.items()
+        }
+        larger = {name: _fit_envelope(check, larger[name], max_deg) for name in larger}
+        larger = {**scripts, **larger}
+        if larger == scripts:
+            return scripts
+        scripts = larger
+    return scripts
+
+
+def _tests(script: Script) -> list[tuple[str, bool]]:
+    """Return surface, and whether the signal is a sweep, of each test of a mission."""
+    return [
+        (step.test.axis, step.test.signal != "step")
+        for step in script.step
+        if step.test is not None
+    ]

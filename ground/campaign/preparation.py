@@ -1,0 +1,184 @@
+"""Preparation of a campaign: first gains, and sea, missions and flown vehicle for this vehicle.
+
+The shipped missions and the disturbance moments of the shipped scenarios were made for Caribou. For
+another vehicle they are scaled by the ratios of its vehicle file to Caribou's, and the sizes of the
+tests are adapted in simulated dives of the vehicle file. The result is written into the folder of
+the campaign and flown from there. Caribou flies the shipped files.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from ground.campaign import adaptation, prototype, readiness, refit, scaled_scenario
+from ground.campaign.campaign_folder import MISSIONS_FOLDER, SCENARIO_FILE, TRUTH_FILE
+from ground.missions import scaling, script
+from ground.missions.scaling import AxisScaling, MissionScaling
+from mavlink_io.errors import InputError, OperationError
+from sysid import refit as fitting
+from sysid.monte_carlo import perturbed_vehicle
+from sysid.monte_carlo.readiness import Readiness, find_obstacle
+from sysid.planes import PLANES
+from sysid.test_design.vehicle_scale import VehicleScale, vehicle_scale
+
+REFERENCE = "caribou_nominal"
+"""Vehicle for which missions and scenarios were made."""
+SHALLOWEST_M = 1.0
+"""Smallest depth of the shipped missions (m): for a longer hull it is multiplied by the ratio."""
+RATE_LIMIT_DEGPS = 60.0
+"""SID_RATE_MAX for Caribou (deg/s)."""
+MAX_RATE_LIMIT_DEGPS = 180.0
+"""Largest SID_RATE_MAX for another vehicle (deg/s)."""
+SEED = 1
+"""Seed of the simulated sea, the same for all campaigns."""
+
+
+class Preparation(NamedTuple):
+    """Parameters and files of a campaign."""
+
+    parameters: dict[str, float]
+    """Parameters of the first dive."""
+    files: dict[str, str]
+    """Text by path in the folder of the campaign: scenario, missions and flown vehicle."""
+    notes: tuple[str, ...]
+    """What was scaled, one line each; empty for Caribou."""
+
+
+class PreparationRequest(NamedTuple):
+    """Vehicle, sea and missions of a campaign."""
+
+    vehicle: str
+    scenario: str
+    truth: str
+    """Vehicle file that is flown; `perturbed` for a random change of the vehicle file."""
+    seed: int
+    missions: tuple[str, ...]
+
+
+def prepare(request: PreparationRequest) -> Preparation:
+    """Return parameters and files of a campaign.
+
+    Parameters
+    ----------
+    request : PreparationRequest
+        Vehicle, sea and missions.
+
+    Returns
+    -------
+    Preparation
+        Parameters of the first dive, and the files that differ from the shipped ones.
+
+    Raises
+    ------
+    InputError
+        The scenario or the vehicle file cannot be used, no gains meet the specification, or a
+        mission cannot be completed.
+    """
+    content = readiness.scenario_content(request.scenario)
+    scripts = {name: script.load(name) for name in request.missions}
+    truth = _truth(request)
+    if request.vehicle in prototype.CARIBOU:
+        readiness.check_scenario(request.scenario, content, scripts)
+        return Preparation(refit.initial_gains(), truth.files, truth.notes)
+    config = fitting.vehicle_file(request.vehicle)
+    scale = vehicle_scale(config, fitting.vehicle_file(REFERENCE))
+    scripts = {
+        name: scaling.scale_script(mission, mission_scaling(scale))
+        for name, mission in scripts.items()
+    }
+    readiness.check_scenario(request.scenario, content, scripts)
+    sea = scaled_scenario.scale(request.scenario, content, moment_ratios(scale))
+    parameters = _first_parameters(request.vehicle, scale)
+    check = Readiness(config, parameters, readiness.moments(sea.content), SEED)
+    untested = {name: s for name, s in scripts.items() if not any(step.test for step in s.step)}
+    _check_obstacle(request, check, untested)
+    max_deg: dict[str, float] = {
+        PLANES[plane].surface: part.max_size_deg for plane, part in scale.planes.items()
+    }
+    adapted = adaptation.adapt(check, scripts, max_deg)
+    _check_obstacle(request, check, adapted.scripts)
+    missions = {
+        f"{MISSIONS_FOLDER}/{name}.toml": scaling.encode(mission)
+        for name, mission in adapted.scripts.items()
+    }
+    return Preparation(
+        parameters,
+        {**({SCENARIO_FILE: sea.text} if sea.text else {}), **missions, **truth.files},
+        (sea.note, _describe(scale), *adapted.notes, *truth.notes),
+    )
+
+
+def mission_scaling(scale: VehicleScale) -> MissionScaling:
+    """Return the scaling of missions by the ratios of a vehicle."""
+    return MissionScaling(
+        thrust_pct=scale.thrust_pct,
+        time=scale.time,
+        min_depth_m=SHALLOWEST_M * max(1.0, scale.length),
+        axes={
+            PLANES[plane].surface: AxisScaling(
+                step_size=part.step_size,
+                sweep_size=part.sweep_size,
+                frequency=part.frequency,
+                max_size_deg=part.max_size_deg,
+            )
+            for plane, part in scale.planes.items()
+        },
+    )
+
+
+def moment_ratios(scale: VehicleScale) -> dict[str, float]:
+    """Return the ratio of disturbance moments to those for Caribou, by plane."""
+    return {str(plane): part.moment for plane, part in scale.planes.items()}
+
+
+class _Truth(NamedTuple):
+    """File and note of the flown vehicle."""
+
+    files: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def _truth(request: PreparationRequest) -> _Truth:
+    """Return the perturbed vehicle file if it is asked for. Raises InputError."""
+    if request.truth != prototype.PERTURBED:
+        return _Truth({}, ())
+    config = fitting.vehicle_file(prototype.prior_file_of(request.vehicle))
+    note = f"flown vehicle: {config.name} with a random change, seed {request.seed}"
+    return _Truth({TRUTH_FILE: perturbed_vehicle.write(config, request.seed)}, (note,))
+
+
+def _first_parameters(vehicle: str, scale: VehicleScale) -> dict[str, float]:
+    """Return first gains and envelope of the tests. Raises InputError."""
+    try:
+        parameters = prototype.design(vehicle).parameters
+    except OperationError as error:
+        raise InputError(f"--vehicle {vehicle}: no first gains: {error}") from None
+    fastest = max(part.frequency for part in scale.planes.values())
+    rate_degps = min(MAX_RATE_LIMIT_DEGPS, max(1.0, fastest) * RATE_LIMIT_DEGPS)
+    return {**parameters, "SID_RATE_MAX": round(rate_degps, 1)}
+
+
+def _check_obstacle(
+    request: PreparationRequest, check: Readiness, scripts: Mapping[str, script.Script]
+) -> None:
+    """Raise InputError if a simulated mission cannot be completed."""
+    items = {name: script.compile_items(mission) for name, mission in scripts.items()}
+    obstacle = find_obstacle(check, items)
+    if obstacle is not None:
+        raise InputError(
+            f"--vehicle {request.vehicle}: cannot complete a campaign in scenario"
+            f" {request.scenario}: {obstacle.where}, simulated with the vehicle file:"
+            f" {obstacle.reason}"
+        )
+
+
+def _describe(scale: VehicleScale) -> str:
+    """Return the scaling of the missions as text."""
+    parts = [
+        f"{PLANES[plane].surface} steps {part.step_size:.2g}, sweeps {part.sweep_size:.2g} times"
+        f" the size, {part.frequency:.2g} times the frequency, at most {part.max_size_deg:.1f} deg"
+        for plane, part in scale.planes.items()
+    ]
+    return (
+        f"missions: Caribou's at {scale.thrust_pct:g} % thrust, steps of {scale.time:.2g} times the"
+        f" duration; {'; '.join(parts)}"
+    )

@@ -1,0 +1,119 @@
+"""Ratios between a vehicle and Caribou, by which tests, missions and disturbances are scaled.
+
+The shipped missions and the moments of the shipped scenarios were made for Caribou. The ratios are
+computed from the two vehicle files, never from the simulated truth. With L the length of the hull,
+U the speed, b1 the angular acceleration per surface angle, and w the highest feasible crossover
+frequency of a plane:
+
+    time        tau = (L / U) / (L / U)_Caribou
+    frequency   phi = w / w_Caribou
+    step        a_step = b1_Caribou / b1 / tau^2    same angle in tau times the time
+    sweep       a_sweep = b1_Caribou / b1 * phi^2   same angle at phi times the frequency
+    moment      mu = (M^-1)_Caribou / (M^-1)        same angular acceleration
+
+with (M^-1) the diagonal element of yaw or pitch of the inverse mass matrix, added mass included.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from sitl.vehicle import hull
+from sitl.vehicle.config import VehicleConfig
+from sysid.models.parameters import CandidateVehicle
+from sysid.planes import PLANES, Plane
+from sysid.test_design import crossover
+from sysid.test_design import prior as design_priors
+from sysid.test_design.plan import scale
+from sysid.test_design.prior import DesignPrior
+
+
+class PlaneScale(NamedTuple):
+    """Ratios of one plane, and the largest size of its tests."""
+
+    moment: float
+    """Disturbance moment for the same angular acceleration."""
+    frequency: float
+    """Frequencies of sweeps."""
+    step_size: float
+    """Surface angle of steps."""
+    sweep_size: float
+    """Surface angle of sweeps and pulses."""
+    max_size_deg: float
+    """Travel of the surface without the reserve for an unknown trim (deg)."""
+
+
+class VehicleScale(NamedTuple):
+    """Ratios of a vehicle to Caribou."""
+
+    time: float
+    length: float
+    thrust_pct: float
+    """Thrust of the vehicle's operating point (%)."""
+    planes: Mapping[Plane, PlaneScale]
+
+
+def vehicle_scale(config: VehicleConfig, reference: VehicleConfig) -> VehicleScale:
+    """Return the ratios of a vehicle to a reference vehicle.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle file.
+    reference : VehicleConfig
+        Vehicle file of Caribou, for which missions and scenarios were made.
+
+    Returns
+    -------
+    VehicleScale
+        Ratios; the module docstring has the equations.
+    """
+    prior, reference_prior = design_priors.from_file(config), design_priors.from_file(reference)
+    length = hull.length_m(config.hull) / hull.length_m(reference.hull)
+    speed = config.operating_point.speed_mps / reference.operating_point.speed_mps
+    return VehicleScale(
+        time=length / speed,
+        length=length,
+        thrust_pct=round(100.0 * config.operating_point.thrust_fraction, 1),
+        planes={
+            plane: _plane_scale(prior, reference_prior, plane, length / speed) for plane in Plane
+        },
+    )
+
+
+def _plane_scale(
+    prior: DesignPrior, reference: DesignPrior, plane: Plane, time: float
+) -> PlaneScale:
+    """Return the ratios of one plane."""
+    vehicle, reference_vehicle = prior.vehicle(prior.mean), reference.vehicle(reference.mean)
+    angle = scale(prior, plane) / scale(reference, plane)
+    frequency = crossover.frequency_radps(vehicle, plane) / crossover.frequency_radps(
+        reference_vehicle, plane
+    )
+    return PlaneScale(
+        moment=inverse_inertia(reference_vehicle, plane) / inverse_inertia(vehicle, plane),
+        frequency=frequency,
+        step_size=angle / time**2,
+        sweep_size=angle * frequency**2,
+        max_size_deg=float(np.degrees(design_priors.available_travel_rad(prior, plane))),
+    )
+
+
+def inverse_inertia(vehicle: CandidateVehicle, plane: Plane) -> float:
+    """Return the angular acceleration per moment (1/(kg m2)) of yaw or pitch.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle with its mass matrix.
+    plane : Plane
+        Plane.
+
+    Returns
+    -------
+    float
+        Diagonal element of the inverse of the mass matrix with added mass.
+    """
+    row = PLANES[plane].velocities[2]
+    return float(np.linalg.inv(vehicle.model.inertia.M)[row, row])
