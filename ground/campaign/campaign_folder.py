@@ -58,10 +58,23 @@ class CampaignFolder:
     def prior(self) -> str:
         """Vehicle file that is known before the campaign; `caribou_nominal` for Caribou."""
         try:
-            vehicle = tomllib.loads(self.asked)["vehicle"]
-        except (tomllib.TOMLDecodeError, KeyError) as error:
+            vehicle = self._options["vehicle"]
+        except KeyError as error:
             raise InputError(f"{self.path / CAMPAIGN_FILE}: names no vehicle ({error})") from None
         return prototype.prior_file_of(str(vehicle))
+
+    @property
+    def scaled(self) -> tuple[str, ...]:
+        """What was scaled to the vehicle, one line each; empty for Caribou."""
+        return tuple(self._options.get("scaled", ()))
+
+    @cached_property
+    def _options(self) -> dict[str, Any]:
+        """Content of `campaign.toml`."""
+        try:
+            return tomllib.loads(self.asked)
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"{self.path / CAMPAIGN_FILE}: names no vehicle ({error})") from None
 
     @cached_property
     def prior_config(self) -> Any:

@@ -188,16 +188,16 @@ class Campaign:
             missions=ALL_MISSIONS,
         )
         preparation = worker.call(prepare, asked)
-        self._write_folder(preparation.files)
+        self._write_folder(preparation)
         for note in preparation.notes:
             self.announce(note)
         return preparation
 
-    def _write_folder(self, files: Mapping[str, str]) -> None:
+    def _write_folder(self, preparation: Preparation) -> None:
         """Prepare the folder and write the files of a preparation."""
-        prepare_folder(self.request)
+        prepare_folder(self.request, preparation.notes)
         self._prepared = True
-        for name, text in files.items():
+        for name, text in preparation.files.items():
             path = self.request.out / name
             path.parent.mkdir(exist_ok=True)
             _write(path, text)
@@ -393,8 +393,10 @@ def refuse_folder(request: CampaignRequest) -> None:
         raise InputError(f"--out {out}: is a file; give a folder")
 
 
-def prepare_folder(request: CampaignRequest) -> None:
+def prepare_folder(request: CampaignRequest, scaled: Sequence[str] = ()) -> None:
     """Create the campaign folder, remove an old campaign from it, and write the options.
+
+    `scaled` says what was scaled to the vehicle.
 
     Files that no campaign writes are kept. Raises InputError, as `refuse_folder`.
     """
@@ -406,7 +408,7 @@ def prepare_folder(request: CampaignRequest) -> None:
         if (out / stage).is_dir() and not any((out / stage).iterdir()):
             (out / stage).rmdir()
     out.mkdir(parents=True, exist_ok=True)
-    _write(out / CAMPAIGN_FILE, _campaign_toml(request))
+    _write(out / CAMPAIGN_FILE, _campaign_toml(request, scaled))
 
 
 def _campaign_files(out: Path) -> list[Path]:
@@ -423,7 +425,7 @@ def _campaign_files(out: Path) -> list[Path]:
     return [path for path in known if path.is_file() or path.is_symlink()]
 
 
-def _campaign_toml(request: CampaignRequest) -> str:
+def _campaign_toml(request: CampaignRequest, scaled: Sequence[str]) -> str:
     """Return options, seeds and versions of a campaign as TOML."""
     options = {**request._asdict(), "truth": request.flown_vehicle}
     lines = [
@@ -431,6 +433,8 @@ def _campaign_toml(request: CampaignRequest) -> str:
         for key, value in options.items()
         if key not in ("out", "force", "jobs")
     ]
+    if scaled:
+        lines += ["scaled = [", *(f"  {json.dumps(note)}," for note in scaled), "]"]
     lines += ["", "[seeds]"]
     lines += [
         f"{m} = {dive_seed(request.seed, m)}" for m in (TRIM_MISSION, *MISSIONS, *FITTED, *HELD_OUT)

@@ -82,6 +82,7 @@ def build(
             )
             for name, errors in tracking["straight_run"].items()
         },
+        scaled=folder.scaled,
     )
 
 
@@ -109,6 +110,7 @@ def format_text(summary: CampaignSummary, out: Path) -> str:
     for e, paper in PAPER_ERRORS.items():
         figures = "".join(f"{getattr(errors, e):12.3f}" for errors in steady.values())
         lines.append(f"  {e.replace('_', ', '):18s}{figures}   {paper}")
+    lines += [f"scaled {note}" for note in summary.scaled]
     lines += [
         "held-out rate error, (deg/s)^2",
         *_held_out_lines(summary.model.held_out_rate_error),

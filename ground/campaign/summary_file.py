@@ -158,6 +158,8 @@ class CampaignSummary(JsonRecord, frozen=True):
     """Comparison of the redesigned gains with their predicted performance, by mission."""
     steady_error: dict[str, SteadyError]
     """Errors of straight runs by set of gains."""
+    scaled: tuple[str, ...] = ()
+    """Scaling of sea, missions and flown vehicle, one line each; empty for Caribou."""
 
 
 def write(summary: CampaignSummary, path: Path) -> None:

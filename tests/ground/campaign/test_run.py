@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from ground.__main__ import app
 from ground.campaign import computations, refit, run, summary_file
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
+from ground.campaign.preparation import Preparation
 from ground.campaign.run import Campaign, CampaignRequest
 from ground.campaign.summary_file import CampaignSummary
 from ground.client import param_file
@@ -244,7 +245,7 @@ def test_campaign_stopped_while_reporting_leaves_no_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stopped(self: Campaign) -> None:
-        self._write_folder({})
+        self._write_folder(Preparation({}, {}, ()))
         (tmp_path / "out" / "summary.json").write_text("{}")
         raise KeyboardInterrupt
 
@@ -384,6 +385,7 @@ def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
         "truth.toml",
     }
     assert {path.stem for path in (out / "missions").iterdir()} == set(run.ALL_MISSIONS)
+    assert found.scaled[0].startswith("sea: moments of disturbed times the moments of inertia")
     assert (out / "report.html").stat().st_size > 1_000_000
 
 
