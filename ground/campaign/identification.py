@@ -8,6 +8,7 @@ from rich.console import RenderableType
 from rich.table import Table
 
 from ground.campaign.summary_file import (
+    PAPER_VEHICLE,
     AlternativeSummary,
     ModelSummary,
     RateErrors,
@@ -22,8 +23,6 @@ from sysid.validation.results import AcceptanceCheck, PlaneVerdict
 
 WIDTH = 118
 """Width of the tables in characters."""
-PAPER_VEHICLE = "caribou_nominal"
-"""Prior that is the paper's vehicle; for it the table shows the paper's coefficients too."""
 
 
 def summarise_model(model: IdentifiedModel) -> ModelSummary:

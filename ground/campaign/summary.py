@@ -9,6 +9,7 @@ from ground.campaign import design_summary, identification, refit
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
 from ground.campaign.summary_file import (
     FORMAT,
+    PAPER_VEHICLE,
     CampaignSummary,
     DesignSummary,
     LoopAnalysis,
@@ -82,6 +83,7 @@ def build(
             )
             for name, errors in tracking["straight_run"].items()
         },
+        vehicle=folder.prior,
         scaled=folder.scaled,
     )
 
@@ -106,10 +108,13 @@ def summarise_design(design: Design) -> DesignSummary:
 def format_text(summary: CampaignSummary, out: Path) -> str:
     """Return the result of a campaign as text."""
     steady = summary.steady_error
-    lines = [f"{'steady error, 95 %':20s}{''.join(f'{name:>12s}' for name in steady)}   the paper"]
+    with_paper = summary.vehicle == PAPER_VEHICLE
+    head = f"{'steady error, 95 %':20s}{''.join(f'{name:>12s}' for name in steady)}"
+    lines = [f"{head}   the paper" if with_paper else head]
     for e, paper in PAPER_ERRORS.items():
         figures = "".join(f"{getattr(errors, e):12.3f}" for errors in steady.values())
-        lines.append(f"  {e.replace('_', ', '):18s}{figures}   {paper}")
+        line = f"  {e.replace('_', ', '):18s}{figures}"
+        lines.append(f"{line}   {paper}" if with_paper else line)
     lines += [f"scaled {note}" for note in summary.scaled]
     lines += [
         "held-out rate error, (deg/s)^2",

@@ -18,6 +18,8 @@ from sysid.planes import Plane
 from sysid.validation.results import Correction, Crossover, Excess, ModelAssessment
 
 FORMAT = 1
+PAPER_VEHICLE = "caribou_nominal"
+"""Vehicle of the paper; for it tables and reports show the paper's values too."""
 Pole = tuple[float, float]
 """Real and imaginary part (rad/s)."""
 
@@ -158,6 +160,8 @@ class CampaignSummary(JsonRecord, frozen=True):
     """Comparison of the redesigned gains with their predicted performance, by mission."""
     steady_error: dict[str, SteadyError]
     """Errors of straight runs by set of gains."""
+    vehicle: str = PAPER_VEHICLE
+    """Vehicle file from which the identification starts."""
     scaled: tuple[str, ...] = ()
     """Scaling of sea, missions and flown vehicle, one line each; empty for Caribou."""
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
+from ground.campaign.summary_file import PAPER_VEHICLE
 from mavlink_io.vehicle_modes import VehicleMode
 from sysid.data.dataset import Log
 from sysid.data.events import ModeChanged
@@ -65,10 +66,15 @@ class Figure(NamedTuple):
 
 
 def step_figures(folder: CampaignFolder) -> list[Figure]:
-    """Return the paper's figures 8 and 9 (largest steps) and one held-out run per plane."""
+    """Return the largest steps (the paper's figures 8 and 9) and one held-out run per plane."""
+    first, second = (
+        ("The paper's figure 8.", "The paper's figure 9.")
+        if folder.prior == PAPER_VEHICLE
+        else ("Fitted.", "Fitted.")
+    )
     selected = [
-        (_largest_step(folder.runs("rudder_steps")), "The paper's figure 8."),
-        (_largest_step(folder.runs("elevator_steps")), "The paper's figure 9."),
+        (_largest_step(folder.runs("rudder_steps")), first),
+        (_largest_step(folder.runs("elevator_steps")), second),
         (_largest_step(folder.runs("rudder_heldout")), "Held out: not used in the fit."),
         (_largest_step(folder.runs("elevator_heldout")), "Held out: not used in the fit."),
     ]
@@ -76,7 +82,7 @@ def step_figures(folder: CampaignFolder) -> list[Figure]:
 
 
 def mission_figures(folder: CampaignFolder, missions: list[str]) -> list[Figure]:
-    """Return the paper's figures 10 to 15: each mission with every set of gains."""
+    """Return each mission with every set of gains (the paper's figures 10 to 15)."""
     return [_mission_figure(folder, mission) for mission in missions]
 
 
@@ -168,7 +174,7 @@ def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
     return Figure(
         key=f"mission-{mission}",
         title=_TITLES.get(mission, mission),
-        note=_NOTES.get(mission, ""),
+        note=_NOTES.get(mission, "") if folder.prior == PAPER_VEHICLE else "",
         x_label="seconds since the vehicle was armed",
         panels=(
             Panel("depth", "m", (depth_setpoint, *depth)),

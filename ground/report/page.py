@@ -12,6 +12,7 @@ from typing import NamedTuple
 from ground.campaign import design_summary
 from ground.campaign.campaign_folder import CampaignFolder
 from ground.campaign.summary_file import (
+    PAPER_VEHICLE,
     CampaignSummary,
     DesignSummary,
     LoopAnalysis,
@@ -29,7 +30,20 @@ from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport
 from sysid.monitor.sequential import RmsComparison
 
-TITLE = "Caribou: from first trial to precise control"
+SUBTITLE = "from first trial to precise control"
+TITLE = f"Caribou: {SUBTITLE}"
+NOTES = {
+    "steady_note": " The paper's values were measured with its vehicle in its sea.",
+    "table_2_note": "The paper gives its values for one 15° step and without a unit. Its time"
+    " window is unknown, but at most about ten seconds: over a longer one its two models differ by"
+    " more than its values allow. Our values are",
+    "table_4_note": "The paper's rows are computed from its Tables 1 and 3 with its actuator and a"
+    " delay of 0.3 s. The paper does not give its mass or the delay of each row, so they do not"
+    " agree exactly; the added damping of the redesign does.",
+}
+"""Sentences about the paper's values, by their place in the template."""
+OTHER_NOTES = {"steady_note": "", "table_2_note": "Values are", "table_4_note": ""}
+"""The same places for another vehicle than the paper's."""
 _HERE = files("ground.report")
 _PAPER = {"heading_deg": "2.5° → 2.0°", "pitch_deg": "10° → 2.5°", "depth_m": "50 cm → 10 cm"}
 
@@ -94,6 +108,7 @@ def _page(campaign: CampaignFolder, prepared: ModelFigures | None) -> str:
     """Return the HTML of the report."""
     summary, model = campaign.summary, campaign.model
     of_model = prepared or model_figures(campaign)
+    with_paper = summary.vehicle == PAPER_VEHICLE
     missions = figures.mission_figures(campaign, list(summary.tracking))
     steps, responses, whiteness, predictions = of_model
     analyses = {"initial": summary.design.initial, "redesigned": summary.design.redesigned}
@@ -104,14 +119,15 @@ def _page(campaign: CampaignFolder, prepared: ModelFigures | None) -> str:
     drawn["estimates"] = charts.estimates_chart(summary.model.coefficients)
     drawn["posterior"] = charts.posterior_chart(summary.model.coefficients)
     parts = {
-        "title": escape(TITLE),
+        **(NOTES if with_paper else OTHER_NOTES),
+        "title": escape(TITLE if with_paper else f"{summary.vehicle}: {SUBTITLE}"),
         "lead": _lead(summary),
-        "headline": _headline(summary.steady_error),
+        "headline": _headline(summary.steady_error, with_paper=with_paper),
         "missions": "".join(map(place_figure, missions)),
         "steps": "".join(map(place_figure, steps)),
         "poles": "".join(map(_poles, poles["initial"])),
-        "table_1": tables.table_1(model),
-        "table_2": tables.table_2(summary.model),
+        "table_1": tables.table_1(model, with_paper=with_paper),
+        "table_2": tables.table_2(summary.model, with_paper=with_paper),
         "assessment": tables.assessment(model),
         "criteria": tables.checks(model),
         "validation_runs": tables.runs_table(model),
@@ -119,11 +135,12 @@ def _page(campaign: CampaignFolder, prepared: ModelFigures | None) -> str:
         "second_opinion": second_opinion.html(model),
         "predictions": "".join(map(place_figure, predictions)),
         "whiteness": "".join(map(place_figure, whiteness)),
-        "table_3": tables.table_3(summary.gains),
+        "table_3": tables.table_3(summary.gains, with_paper=with_paper),
         "table_4": tables.table_4(
-            {role: analysis.visible_modes_radps for role, analysis in analyses.items()}
+            {role: analysis.visible_modes_radps for role, analysis in analyses.items()},
+            with_paper=with_paper,
         ),
-        "table_5": tables.table_5(summary.steady_error),
+        "table_5": tables.table_5(summary.steady_error, with_paper=with_paper),
         "tracking": tables.tracking(summary.tracking),
         "small_signal": tables.small_signal(model),
         "screening": tables.screening(model),
@@ -230,16 +247,16 @@ def _lead(summary: CampaignSummary) -> str:
     )
 
 
-def _headline(steady: Mapping[str, SteadyError]) -> str:
+def _headline(steady: Mapping[str, SteadyError], *, with_paper: bool) -> str:
     """Return the boxes with the steady errors before and after the redesign."""
 
     def box(what: str, key: str, show: Callable[[float], str]) -> str:
         """Return the box of one error."""
+        paper = f'<br><span class="paper">the paper: {_PAPER[key]}</span>' if with_paper else ""
         was, now = (show(getattr(steady[name], key)) for name in ("initial", "redesigned"))
         return (
             f'<div><span class="what">{what}</span><br><span class="big"><span'
-            f' class="was">{was}</span> → <span class="is">{now}</span></span><br><span'
-            f' class="paper">the paper: {_PAPER[key]}</span></div>'
+            f' class="was">{was}</span> → <span class="is">{now}</span></span>{paper}</div>'
         )
 
     return (

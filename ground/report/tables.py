@@ -32,6 +32,8 @@ _GAIN_SET_NAMES = {
     "improved": "the paper's improved gains",
     "redesigned": "redesigned",
 }
+PAPER = "paper"
+"""Begin of the head of a column with the paper's values."""
 _CASES = {
     "I/I": "initial model, initial gains",
     "A/I": "adjusted, initial",
@@ -50,13 +52,21 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str = "") ->
     )
 
 
+def _without_paper(
+    head: Sequence[str], rows: Iterable[Sequence[str]]
+) -> tuple[list[str], list[list[str]]]:
+    """Return head and rows without the columns of the paper's values."""
+    own = [number for number, label in enumerate(head) if not label.startswith(PAPER)]
+    return [head[n] for n in own], [[row[n] for n in own] for row in rows]
+
+
 def symbol(name: str) -> str:
     """Return a coefficient's symbol as HTML, as the paper prints it."""
     letter, _, index = name.partition("_")
     return f"<i>{letter}</i><sub>{_SUBSCRIPTS.get(index, index)}</sub>"
 
 
-def table_1(model: IdentifiedModel) -> str:
+def table_1(model: IdentifiedModel, *, with_paper: bool = True) -> str:
     """Return the coefficients: the paper's, the identified ones, and those of other methods."""
     rows = []
     for name, c in model.coefficients.items():
@@ -93,10 +103,10 @@ def table_1(model: IdentifiedModel) -> str:
         *methods,
         "unit",
     ]
-    return table(head, rows)
+    return table(head, rows) if with_paper else table(*_without_paper(head, rows))
 
 
-def table_2(model: ModelSummary) -> str:
+def table_2(model: ModelSummary, *, with_paper: bool = True) -> str:
     """Return the mean squared rate errors, (deg/s)^2, of all models on held-out runs."""
     paper = dict(zip(Plane, TABLE_2.values(), strict=True))
     methods = {
@@ -114,9 +124,8 @@ def table_2(model: ModelSummary) -> str:
         ]
         for plane, pair in model.held_out_rate_error.items()
     ]
-    return table(
-        ["", "paper, initial", "paper, improved", "initial model", "refitted model", *methods], rows
-    )
+    head = ["", "paper, initial", "paper, improved", "initial model", "refitted model", *methods]
+    return table(head, rows) if with_paper else table(*_without_paper(head, rows))
 
 
 def assessment(model: IdentifiedModel) -> str:
@@ -192,11 +201,11 @@ def runs_table(model: IdentifiedModel) -> str:
     return table(head, rows, "named")
 
 
-def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
+def table_3(gains: Mapping[str, Mapping[str, float]], *, with_paper: bool = True) -> str:
     """Return the controller gains: initial, the paper's improved, redesigned."""
     sets = {
         "initial": gains["initial"],
-        "paper, improved": TABLE_3_IMPROVED,
+        **({"paper, improved": TABLE_3_IMPROVED} if with_paper else {}),
         "redesigned": gains["redesigned"],
     }
     rows = []
@@ -213,13 +222,15 @@ def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
     return table(["loop", "gains", "Kp", "Kd", "Ki", "Ki limit"], rows, "named")
 
 
-def table_4(poles: Mapping[str, Any]) -> str:
+def table_4(poles: Mapping[str, Any], *, with_paper: bool = True) -> str:
     """Return the dominant closed-loop poles (rad/s): printed, computed, and of our vehicle.
 
     Parameters
     ----------
     poles : Mapping
         Visible poles of our vehicle as (real, imaginary), by set of gains and loop.
+    with_paper : bool
+        Whether to show the paper's poles.
     """
     rows = [
         [
@@ -230,7 +241,7 @@ def table_4(poles: Mapping[str, Any]) -> str:
             f"{_damping(r.paper):.2f}",
             f"{_damping(r.ours):.2f}",
         ]
-        for r in computed_rows()
+        for r in (computed_rows() if with_paper else ())
     ]
     for role in ("initial", "redesigned"):
         for loop, found in poles[role].items():
@@ -246,10 +257,11 @@ def table_4(poles: Mapping[str, Any]) -> str:
                     f"<b>{_damping(pole):.2f}</b>",
                 ]
             )
-    return table(["loop", "model, gains", "paper", "ours", "damping, paper", "ours"], rows, "named")
+    head = ["loop", "model, gains", "paper", "ours", "paper, damping", "ours, damping"]
+    return table(*((head, rows) if with_paper else _without_paper(head, rows)), "named")
 
 
-def table_5(steady: Mapping[str, SteadyError]) -> str:
+def table_5(steady: Mapping[str, SteadyError], *, with_paper: bool = True) -> str:
     """Return the steady errors of the straight run, 95 % bounds."""
     units = {"heading_deg": "°", "pitch_deg": "°", "depth_m": " m"}
     rows = [
@@ -264,10 +276,9 @@ def table_5(steady: Mapping[str, SteadyError]) -> str:
         ]
         for key, unit in units.items()
     ]
-    return table(
-        ["error", "paper, initial", "paper, improved", *(_GAIN_SET_NAMES[name] for name in steady)],
-        rows,
-    )
+    sets = (_GAIN_SET_NAMES[name] for name in steady)
+    head = ["error", "paper, initial", "paper, improved", *sets]
+    return table(head, rows) if with_paper else table(*_without_paper(head, rows))
 
 
 def small_signal(model: IdentifiedModel) -> str:
