@@ -61,7 +61,7 @@ def identify(out: Path) -> None:
 def design(out: Path) -> DesignSummary:
     """Redesign the gains and write `gains.param`; return the summary of the design."""
     folder = _folder(out)
-    design = refit.redesign(folder.model, prior=folder.prior)
+    design = refit.redesign_for_campaign(folder.model, folder.prior)
     design.write_params(out / "gains.param")
     return summary.summarise_design(design)
 

@@ -15,6 +15,8 @@ from ground.missions import scaling, script
 from ground.missions.scaling import AxisScaling, MissionScaling
 from mavlink_io.errors import InputError, OperationError
 from sysid import refit as fitting
+from sysid.design import initial
+from sysid.design.initial import InitialDesign
 from sysid.monte_carlo import perturbed_vehicle
 from sysid.monte_carlo.readiness import Readiness, find_obstacle
 from sysid.planes import PLANES
@@ -87,7 +89,8 @@ def prepare(request: PreparationRequest) -> Preparation:
     }
     readiness.check_scenario(request.scenario, content, scripts)
     sea = scaled_scenario.scale(request.scenario, content, moment_ratios(scale))
-    parameters = _first_parameters(request.vehicle, scale)
+    design = _first_design(request.vehicle)
+    parameters = {**design.parameters, "SID_RATE_MAX": _rate_limit_degps(scale)}
     check = Readiness(config, parameters, readiness.moments(sea.content), SEED)
     untested = {name: s for name, s in scripts.items() if not any(step.test for step in s.step)}
     _check_obstacle(request, check, untested)
@@ -103,7 +106,7 @@ def prepare(request: PreparationRequest) -> Preparation:
     return Preparation(
         parameters,
         {**({SCENARIO_FILE: sea.text} if sea.text else {}), **missions, **truth.files},
-        (sea.note, _describe(scale), *adapted.notes, *truth.notes),
+        (sea.note, _describe(scale), *_describe_gains(design), *adapted.notes, *truth.notes),
     )
 
 
@@ -146,15 +149,28 @@ def _truth(request: PreparationRequest) -> _Truth:
     return _Truth({TRUTH_FILE: perturbed_vehicle.write(config, request.seed)}, (note,))
 
 
-def _first_parameters(vehicle: str, scale: VehicleScale) -> dict[str, float]:
-    """Return first gains and envelope of the tests. Raises InputError."""
+def _first_design(vehicle: str) -> InitialDesign:
+    """Return the first gains. Raises InputError."""
     try:
-        parameters = prototype.design(vehicle).parameters
+        return prototype.design(vehicle)
     except OperationError as error:
         raise InputError(f"--vehicle {vehicle}: no first gains: {error}") from None
+
+
+def _rate_limit_degps(scale: VehicleScale) -> float:
+    """Return SID_RATE_MAX: the limit for Caribou times the ratio of frequencies, if above 1."""
     fastest = max(part.frequency for part in scale.planes.values())
-    rate_degps = min(MAX_RATE_LIMIT_DEGPS, max(1.0, fastest) * RATE_LIMIT_DEGPS)
-    return {**parameters, "SID_RATE_MAX": round(rate_degps, 1)}
+    return round(min(MAX_RATE_LIMIT_DEGPS, max(1.0, fastest) * RATE_LIMIT_DEGPS), 1)
+
+
+def _describe_gains(design: InitialDesign) -> tuple[str, ...]:
+    """Return a note if the first gains meet relaxed limits only."""
+    if design.spec == initial.SPEC:
+        return ()
+    return (
+        f"first gains: none reach GM {initial.SPEC.gm_db:g} dB and PM {initial.SPEC.pm_deg:g} deg;"
+        f" designed for {design.spec.gm_db:g} dB and {design.spec.pm_deg:g} deg",
+    )
 
 
 def _check_obstacle(

@@ -2,11 +2,12 @@
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.linalg import LinAlgError
 
 from ground.campaign import prototype
@@ -21,7 +22,7 @@ from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
 from sysid.data.segments import MarkedInterval
 from sysid.design import lqg, pid
 from sysid.design.lqg import LqgDesign
-from sysid.design.pid import Design, Spec
+from sysid.design.pid import Design, DesignInfeasibleError, Spec
 from sysid.models import model_file
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport, tracking_metrics
@@ -31,6 +32,29 @@ from sysid.planes import PLANE_OF_SURFACE
 from sysid.refit import SHIPPED, RefitRequest
 from sysid.reproduction import paper_tables
 from sysid.screening import proposals
+
+RELAXED_LIMITS: tuple[dict[str, float], ...] = (
+    {
+        "damping": 0.5,
+        "gm_db": 7.0,
+        "pm_deg": 45.0,
+        "max_sensitivity": 1.9,
+        "robust_gm_db": 5.0,
+        "robust_pm_deg": 37.0,
+    },
+    {
+        "damping": 0.4,
+        "gm_db": 6.0,
+        "pm_deg": 38.0,
+        "max_sensitivity": 2.2,
+        "robust_gm_db": 4.0,
+        "robust_pm_deg": 30.0,
+    },
+)
+"""Limits that a campaign tries in this order if no gains meet the default specification.
+
+An unstable hull or a slow tailcone bounds the margins that any gains reach. The summary holds the
+limits that were met."""
 
 
 def initial_gains() -> dict[str, float]:
@@ -213,6 +237,36 @@ def redesign(
     with _singular_model_reported():
         spec, vehicle = spec or specification(model, prior), read_vehicle(prior) if prior else None
         return pid.redesign(model, spec, vehicle, _initial_gains_of(model, prior))
+
+
+def redesign_for_campaign(model: IdentifiedModel, prior: str) -> Design:
+    """Design PID gains for a model, with relaxed limits if no gains meet the default ones.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The model.
+    prior : str
+        Vehicle file from which it was fitted. The limits for Caribou are never relaxed.
+
+    Returns
+    -------
+    Design
+        Gains; `spec` is the specification that they meet.
+
+    Raises
+    ------
+    InputError
+        The vehicle file cannot be used.
+    OperationError
+        The model is not fit for redesign, or no gains meet the last specification.
+    """
+    spec = specification(model, prior)
+    relaxed = () if prior in prototype.CARIBOU else RELAXED_LIMITS
+    for limits in ({}, *relaxed[:-1]):
+        with suppress(DesignInfeasibleError):
+            return redesign(model, replace(spec, **limits), prior)
+    return redesign(model, replace(spec, **(relaxed[-1] if relaxed else {})), prior)
 
 
 def redesign_lqg(

@@ -21,7 +21,7 @@ from ground.campaign.summary_file import (
 )
 from ground.live import monitor_view
 from sysid.control_analysis.margins import Analysis, damping
-from sysid.design.pid import Design, Response
+from sysid.design.pid import Design, Response, Spec
 from sysid.monitor import MonitorReport
 from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.planes import Plane
@@ -121,6 +121,12 @@ def format_text(summary: CampaignSummary, out: Path) -> str:
         *_held_out_lines(summary.model.held_out_rate_error),
     ]
     gains = ", ".join(f"{n} {v:.4g}" for n, v in summary.design.gains.items())
+    spec = summary.design.specification
+    if spec.pm_deg < Spec().pm_deg:
+        lines.append(
+            "no gains meet the default specification; asked instead:"
+            f" GM {spec.gm_db:g} dB, PM {spec.pm_deg:g} deg, damping {spec.damping:g}"
+        )
     lines += [
         f"gains {gains}",
         *_performance_warnings(summary.monitoring),

@@ -5,6 +5,7 @@ from a root locus with the tailcone's lag and a Pade delay. The gain is the larg
 damping and margins on the nominal vehicle and with nine tenths of the prior's vehicles stable.
 """
 
+import contextlib
 import math
 from pathlib import Path
 from typing import NamedTuple
@@ -26,7 +27,7 @@ from sysid.design.initial.loop_structure import loop_of
 from sysid.design.initial.paper_comparison import GainComparison
 from sysid.design.initial.prior import LoopMargins, LoopRobustness
 from sysid.design.initial.root_locus import LocusPoint
-from sysid.design.pid import Loads, Spec, reference_models
+from sysid.design.pid import DesignInfeasibleError, Loads, Spec, reference_models
 from sysid.estimation.map import fit
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
@@ -46,6 +47,15 @@ SPEC = Spec(damping=0.5, gm_db=8.0, pm_deg=50.0, max_sensitivity=1.8)
 
 The lag is compensated only after it has been identified.
 """
+RELAXED_SPECS = (
+    replace(SPEC, damping=0.45, gm_db=7.0, pm_deg=42.0, max_sensitivity=2.0),
+    replace(SPEC, damping=0.4, gm_db=6.0, pm_deg=35.0, max_sensitivity=2.4),
+)
+"""Limits that are tried in this order for a vehicle on which no gains meet `SPEC`.
+
+An unstable hull or a slow tailcone bounds the margins that any gains reach. The gains of the first
+dive need margins until the redesign; the check on vehicles sampled from the prior is not relaxed.
+"""
 TRIM_UNCERTAINTY_RAD = math.radians(2.0)
 """Assumed rudder bias and elevator trim before any measurement (rad)."""
 
@@ -64,6 +74,8 @@ class InitialDesign(NamedTuple):
     """Margins over the prior by loop."""
     comparison: dict[str, GainComparison]
     """Comparison with Table 3's initial column, by gain."""
+    spec: Spec
+    """Limits that the gains meet: `SPEC`, or the first of `RELAXED_SPECS` that can be met."""
 
     def write_params(self, path: Path) -> None:
         """Write the parameter file: ``NAME,VALUE  # reason``.
@@ -102,9 +114,9 @@ def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
     DesignInfeasibleError
         No gains meet the specification, or too few vehicles of the prior are stable.
     """
-    vehicle, samples, points = design_on_root_loci(name_or_path)
+    (vehicle, samples, points), limits = _design_within_limits(name_or_path)
     config = vehicle_files.load(name_or_path)
-    model, spec = build_model.build(config), replace(SPEC, travel_deg=config.tailcone.travel_deg)
+    model, spec = build_model.build(config), replace(limits, travel_deg=config.tailcone.travel_deg)
     loads = Loads(fit.level_pitch_rad(config, model), TRIM_UNCERTAINTY_RAD, TRIM_UNCERTAINTY_RAD)
     gains = {**TABLE_3_INITIAL, **points["heading"].gains, **points["depth"].gains}
     gains |= pid.integrator_limits(loads, gains)
@@ -131,6 +143,7 @@ def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
         nominal=nominal,
         over_prior=over_prior,
         comparison=comparison,
+        spec=limits,
     )
 
 
@@ -145,13 +158,23 @@ class RootLocusDesign(NamedTuple):
     """Selected point by loop: heading, pitch, depth."""
 
 
-def design_on_root_loci(name_or_path: str | Path) -> RootLocusDesign:
+def _design_within_limits(name_or_path: str | Path) -> tuple[RootLocusDesign, Spec]:
+    """Return the loop gains with the strictest limits that can be met, and these limits."""
+    for spec in (SPEC, *RELAXED_SPECS[:-1]):
+        with contextlib.suppress(DesignInfeasibleError):
+            return design_on_root_loci(name_or_path, spec), spec
+    return design_on_root_loci(name_or_path, RELAXED_SPECS[-1]), RELAXED_SPECS[-1]
+
+
+def design_on_root_loci(name_or_path: str | Path, spec: Spec = SPEC) -> RootLocusDesign:
     """Return the loop gains of a vehicle file, without integrator limits and reference models.
 
     Parameters
     ----------
     name_or_path : str or Path
         Name of a shipped vehicle, or path of a vehicle file.
+    spec : Spec
+        Limits of the loops.
 
     Returns
     -------
@@ -165,10 +188,10 @@ def design_on_root_loci(name_or_path: str | Path) -> RootLocusDesign:
     DesignInfeasibleError
         No gains meet the specification, or too few vehicles of the prior are stable.
     """
-    config, bounds = vehicle_files.load(name_or_path), constraints.nominal(SPEC)
+    config, bounds = vehicle_files.load(name_or_path), constraints.nominal(spec)
     vehicle, samples = prior.nominal_model(config), list(prior.sample_models(config))
     pitch, depth = root_locus.depth(
-        vehicle, samples, bounds, math.radians(SPEC.pitch_per_metre_deg)
+        vehicle, samples, bounds, math.radians(spec.pitch_per_metre_deg)
     )
     heading = root_locus.heading(vehicle, samples, bounds)
     return RootLocusDesign(vehicle, samples, {"heading": heading, "pitch": pitch, "depth": depth})

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from autopilot.control import params
 from sysid.control_analysis import root_locus
 from sysid.design import constraints
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
@@ -18,6 +19,8 @@ from sysid.design.specification import DesignInfeasibleError
 
 Array = NDArray[np.float64]
 
+MAX_GAINS = {parameter.name: parameter.maximum for parameter in params.PARAMETERS}
+"""Largest value of each parameter of the autopilot."""
 STEP = 1.04
 """Ratio of neighbouring gains on a locus."""
 TURN_FACTORS = STEP ** np.arange(-72.0, 20.0)
@@ -108,7 +111,10 @@ def _select_max_gain(
 ) -> LocusPoint:
     """Return the feasible point with the largest `gain` that is robust over the prior."""
     feasible = [
-        point for point in candidates if max(point.violations.values()) <= CONSTRAINT_TOLERANCE
+        point
+        for point in candidates
+        if max(point.violations.values()) <= CONSTRAINT_TOLERANCE
+        and all(value <= MAX_GAINS[name] for name, value in point.gains.items())
     ]
     if not feasible:
         least_violations = min(
@@ -116,6 +122,11 @@ def _select_max_gain(
             key=lambda violations: max(violations.values()),
         )
         worst, violation = max(least_violations.items(), key=lambda item: item[1])
+        if violation <= CONSTRAINT_TOLERANCE:
+            raise DesignInfeasibleError(
+                f"no gains meet the specification: {gain} would exceed {MAX_GAINS[gain]:g}, the"
+                " largest value of the autopilot"
+            )
         raise DesignInfeasibleError(
             f"no gains meet the specification: the best ones violate the {worst} by"
             f" {100 * violation:.1f} %"
