@@ -218,7 +218,7 @@ def _refit(
             for log in held_out_logs
             for run in segments.cut_runs(log, _marks_of(log, request.marks))
         ],
-        limits,
+        request.limits,
     )
     held_out_runs = [s.run for s in held_out_screenings if s.accepted]
     with _failing(knowledge.name):

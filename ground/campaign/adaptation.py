@@ -105,7 +105,7 @@ def _raise_sweeps(
         for name, script in scripts.items()
     }
     sweeps = {name: numbers for name, numbers in sweeps.items() if numbers}
-    for _ in range(MAX_ROUNDS):
+    for _ in range(MAX_ROUNDS if sweeps else 0):
         items = {name: compile_items(scripts[name]) for name in sweeps}
         try:
             dives = {name: check.fly(mission) for name, mission in items.items()}

@@ -1,0 +1,87 @@
+"""Sizes and waits of scaled missions follow the outcome of simulated dives."""
+
+from typing import Any, NamedTuple
+
+import pytest
+
+from ground.campaign import adaptation
+from ground.missions import script
+from ground.missions.script import Script
+from mavlink_io.mission_items import MavCmd
+from sysid.monte_carlo.readiness import SimulatedTest
+from sysid.planes import Plane
+
+LIMITS = {"rudder": 9.0, "elevator": 9.0}
+FINE = SimulatedTest(too_large=False, unsettled=False)
+
+
+class FakeDive(NamedTuple):
+    """Sizes of the tests and first leg of a mission, in place of a simulated dive."""
+
+    sizes_deg: list[float]
+    leg_s: float
+    failsafe: str = ""
+
+
+class FakeCheck:
+    """Vehicle with a limit on the size of tests, a needed wait and a needed size of sweeps."""
+
+    def __init__(self, largest_deg: float = 90.0, wait_s: float = 0.0, heard_deg: float = 0.0):
+        self.largest_deg, self.wait_s, self.heard_deg = largest_deg, wait_s, heard_deg
+
+    def fly(self, items: Any, disturbance: float = 1.0) -> FakeDive:
+        sizes = [item.p2 for item in items if item.command == MavCmd.USER_1]
+        return FakeDive(sizes, next(i.p1 for i in items if i.command == MavCmd.NAV_DELAY))
+
+    def outcomes_of_tests(self, dive: FakeDive) -> list[SimulatedTest]:
+        return [
+            SimulatedTest(abs(size) > self.largest_deg, dive.leg_s < self.wait_s)
+            for size in dive.sizes_deg
+        ]
+
+    def coherence(self, plane: Plane, missions: Any, dives: dict[str, FakeDive]) -> float:
+        smallest = min(abs(size) for dive in dives.values() for size in dive.sizes_deg)
+        return 0.9 if smallest >= self.heard_deg else 0.3
+
+
+def adapt(check: FakeCheck, name: str) -> Script:
+    adapted = adaptation.adapt(check, {name: script.load(name)}, LIMITS)  # type: ignore[arg-type]
+    return adapted.scripts[name]
+
+
+def sizes_deg(mission: Script) -> list[float]:
+    tests = [step.test for step in mission.step if step.test is not None]
+    return [abs(test.magnitude_deg or 0.0) for test in tests]
+
+
+def test_adapt_fine_mission_is_unchanged() -> None:
+    adapted = adaptation.adapt(FakeCheck(), {"combined": script.load("combined")}, LIMITS)  # type: ignore[arg-type]
+    assert adapted.scripts == {"combined": script.load("combined")}
+    assert adapted.notes == ()
+
+
+def test_adapt_large_tests_become_smaller() -> None:
+    before, after = (
+        sizes_deg(script.load("rudder_steps")),
+        sizes_deg(adapt(FakeCheck(6.0), "rudder_steps")),
+    )
+    assert max(after) <= 6.0
+    assert [new for new, old in zip(after, before, strict=True) if old <= 6.0] == [
+        old for old in before if old <= 6.0
+    ]
+
+
+def test_adapt_unsettled_vehicle_waits_longer() -> None:
+    first = script.load("rudder_steps").step[0].duration_s or 0.0
+    assert (
+        adapt(FakeCheck(wait_s=1.5 * first), "rudder_steps").step[0].duration_s or 0.0
+    ) >= 1.5 * first
+
+
+@pytest.mark.parametrize("name", ["rudder_sweeps", "elevator_sweeps"])
+def test_adapt_masked_sweeps_become_larger(name: str) -> None:
+    assert min(sizes_deg(adapt(FakeCheck(heard_deg=7.0), name))) >= 7.0
+
+
+def test_adapt_masked_sweeps_stay_within_travel() -> None:
+    assert max(sizes_deg(adapt(FakeCheck(heard_deg=20.0), "rudder_sweeps"))) == 9.0
