@@ -10,6 +10,8 @@ from sysid.estimation.map import fit
 from sysid.models import greybox
 from sysid.planes import Plane
 
+MIN_SURFACED_M, AFLOAT_M = 0.5, 0.2
+"""Smallest depth above which the vehicle counts as surfaced (m), and its excess over the radius."""
 STEP_MPS = 1e-4
 """Step (m/s) of the central difference in surge speed."""
 
@@ -46,6 +48,10 @@ def autopilot_parameters(
             "elevator of level flight",
         ),
         "SURF_BUOY_N": (config.ballast.net_buoyancy_n, "net buoyancy of the vehicle file"),
+        "SURF_DEPTH_M": (
+            min(3.0, max(MIN_SURFACED_M, 0.5 * config.hull.diameter_m + AFLOAT_M)),
+            "radius of the hull, which floats with its axis below the surface, and waves",
+        ),
         "EST_DENSITY": (config.water.density_kgpm3, "water of the vehicle file"),
     }
 
