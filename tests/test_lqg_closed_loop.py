@@ -63,3 +63,23 @@ def test_lqg_takes_over_smoothly_and_reaches_new_depth(controllers: LqgControlle
     after, end = dive.during(60.0, 110.0), dive.during(100.0, 110.0)
     assert dive["true_depth_m"][after].max() < 6.3
     assert np.abs(dive["true_depth_m"][end] - 6.0).max() < 0.05
+
+
+def test_lqg_takes_over_smoothly_from_a_model_without_angle_noise() -> None:
+    # A fit may find an angle noise of thousandths of a degree, and the search may then turn to a
+    # filter that differentiates the angle: a large weight of the gyro's noise.
+    lag, sea = Lag(0.3 + SAMPLING_S), noise.from_model(DEFAULT_DISTURBANCE)._replace(angle_rad=1e-6)
+    yaw, pitch = yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED)
+    without_gyro = weights.HEADING_STARTS[0]._replace(gyro=30.0)
+    heading = synthesis.controller(yaw, lag, sea, without_gyro)
+    depth = synthesis.controller(pitch, lag, sea, weights.DEPTH_STARTS[0])
+    controllers = LqgControllers(
+        CRUISE_SPEED_MPS,
+        tick_controllers(heading, yaw),
+        tick_controllers(depth, pitch),
+        synthesis.pitch_per_metre(depth),
+    )
+    items = leg(depth_m=3.0, heading_deg=20.0, duration_s=80.0)
+    dive = Dive(items, sea="disturbed", values=VALUES, controllers=controllers)
+    end = dive.during(50.0, 78.0)
+    assert np.abs(np.degrees(dive["true_heading"][end]) - 20.0).max() < 3.0

@@ -7,6 +7,7 @@ the command input recovers margins (loop transfer recovery; Doyle and Stein 1979
 24).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,13 @@ PADE_ORDER = 2
 """Order of the Pade delay in the filter's model."""
 DEPTH_RATE_S = 0.7
 """Ratio of depth noise to depth rate noise (s), which results from the autopilot's depth filter."""
+MIN_ANGLE_RAD = math.radians(0.05)
+"""Minimum angle noise that the filter assumes.
+
+The identified one is that from sample to sample, and may be some thousandths of a degree. A filter
+that trusts it differentiates the angle in place of the gyro, and an error of 0.2 degrees that the
+model does not explain commands full deflection.
+"""
 SEA_STATES = 3
 """Number of disturbance states: slow moment, waves and their rate, as in ``noise.system``."""
 
@@ -122,7 +130,8 @@ def build_model(
         d'   = A_d d + w_d        b' = w_b        g' = w_g
 
     n_u has the density `Weights.recovery`^2, w_b `Weights.load`^2 and w_g `Weights.buoyancy`^2.
-    Sensor noise: gyro, angle and, in pitch, depth and depth rate, each sd^2 `NOISE_STEP_S`.
+    Sensor noise: gyro, angle (at least `MIN_ANGLE_RAD`) and, in pitch, depth and depth rate, each
+    sd^2 `NOISE_STEP_S`.
     """
     A_plane, B_plane = loop_transfer.plane_with_tailcone(plane, lag, PADE_ORDER)
     n, load = len(plane.B), len(B_plane) + SEA_STATES
@@ -155,7 +164,7 @@ def build_model(
     depth_m = weights.depth * disturbance.depth_m
     noise_sd = [
         weights.gyro * disturbance.rate_radps,
-        disturbance.angle_rad,
+        max(disturbance.angle_rad, MIN_ANGLE_RAD),
         depth_m,
         depth_m / DEPTH_RATE_S,
     ][: len(C_plane)]
