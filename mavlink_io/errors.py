@@ -39,6 +39,7 @@ class ErrorCode(StrEnum):
     MODEL_FILE = "model_file"
     NOT_UNIQUE = "not_unique"
     NO_COVARIANCE = "no_covariance"
+    NO_PERTURBATION = "no_perturbation"
     OTHER_SOURCES = "other_sources"
     PARAMETER = "parameter"
     PERFORMANCE_BASELINE = "performance_baseline"

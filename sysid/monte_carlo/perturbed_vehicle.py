@@ -42,7 +42,7 @@ HEAD = """\
 class NoPerturbationError(InputError):
     """No sample of the prior is a possible vehicle."""
 
-    code = ErrorCode.VEHICLE_FILE
+    code = ErrorCode.NO_PERTURBATION
 
 
 def perturb(config: VehicleConfig, seed: int) -> VehicleConfig:

@@ -144,7 +144,8 @@ def _statistic_over_time(
     return _StatisticOverTime(
         signature=signature,
         variance=variance,
-        statistic=white @ residual / sd,
+        # A sum, not a product of BLAS, whose rounding depends on where the arrays are in memory.
+        statistic=np.sum(white * residual, axis=1) / sd,
         correlation=neighbour_covariance / (sd[1:] * sd[:-1]),
     )
 

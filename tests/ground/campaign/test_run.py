@@ -274,7 +274,7 @@ def test_campaign_prior_is_the_vehicles_own_file(
     monkeypatch.setattr(refit, "read_log", lambda path: None)
     monkeypatch.setattr(refit, "refit_logs", lambda request, *logs: handed.append(request.prior))
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
-    monkeypatch.setattr(refit, "redesign", lambda model, prior: handed.append(prior))
+    monkeypatch.setattr(refit, "redesign", lambda model, spec, prior: handed.append(prior))
     run.prepare_folder(CampaignRequest(tmp_path, vehicle=vehicle))
     computations._folder(tmp_path).__dict__["model"] = None
     computations.identify(tmp_path)

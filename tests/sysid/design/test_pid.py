@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from autopilot.control import reference_model
-from autopilot.control.reference_model import ActuatorLead, ReferenceState
+from autopilot.control.reference_model import NO_REFERENCE, ActuatorLead
 from sysid.control_analysis import loop_transfer
 from sysid.design import constraints, pid
 from sysid.design.design_model import (
@@ -180,7 +180,7 @@ def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> flo
     servo = ActuatorLead(
         gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"], math.inf, math.inf
     )
-    reference: ReferenceState | None = None
+    reference = NO_REFERENCE
     queue = [0.0] * round(lag.delay_s / dt)
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
     A = np.zeros((5, 5))
