@@ -10,6 +10,7 @@ pickle, part).
 
 import argparse
 import math
+import os
 import pickle
 import tempfile
 import time
@@ -17,6 +18,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 from unittest.mock import patch
+
+# As in the ``ground`` command, before numpy is imported: one thread of linear algebra.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from ground.missions import plans
 from sitl.vehicle import config as vehicle_files
