@@ -144,7 +144,7 @@ def _statistic_over_time(
     return _StatisticOverTime(
         signature=signature,
         variance=variance,
-        # A sum, not a product of BLAS, whose rounding depends on where the arrays are in memory.
+        # A sum, not a product of BLAS, whose rounding depends on its number of threads.
         statistic=np.sum(white * residual, axis=1) / sd,
         correlation=neighbour_covariance / (sd[1:] * sd[:-1]),
     )
