@@ -58,6 +58,13 @@ def fly(
             help="Sign the messages of a ground link with the key in a file. Repeatable.",
         ),
     ] = None,
+    accept: Annotated[
+        str,
+        typer.Option(
+            metavar="SYSTEM,...",
+            help="System ids of the ground stations that may command; default: all.",
+        ),
+    ] = "",
     autopilot_id: Annotated[
         AutopilotId, typer.Option(help="Autopilot type reported in HEARTBEAT.")
     ] = AutopilotId.GENERIC,
@@ -76,13 +83,20 @@ def fly(
         typer.Option(
             metavar="DIR|off",
             help=(
-                "Folder where parameters are stored for the next start, or `off`; default: caribou"
-                " in the user's state directory."
+                "Folder where parameters and mission are stored for the next start, or `off`;"
+                " default: caribou in the user's state directory."
             ),
         ),
     ] = "",
     lifeline: Annotated[
         bool, typer.Option("--lifeline", help="Exit when standard input is closed.")
+    ] = False,
+    supervised: Annotated[
+        bool,
+        typer.Option(
+            "--supervised",
+            help="Start again within 2 s and continue the dive when the autopilot ends or hangs.",
+        ),
     ] = False,
     show_version: Annotated[
         bool,
@@ -93,20 +107,32 @@ def fly(
 ) -> None:
     """Fly the vehicle: read sensors, command actuators and serve ground stations over MAVLink."""
     from autopilot.start import Options, run
+    from autopilot.supervisor import Start, supervise
 
-    run(
-        Options(
-            hil=hil,
-            ground=gcs or DEFAULT_GROUND,
-            params=params,
-            controller=controller,
-            sign=sign or (),
-            autopilot_id=autopilot_id,
-            logs=None if logs == OFF else Path(logs) if logs else default_folder(),
-            state=None if state == OFF else Path(state) if state else user_data_dir(),
-            lifeline=lifeline,
-        )
+    options = Options(
+        hil=hil,
+        ground=gcs or DEFAULT_GROUND,
+        params=params,
+        controller=controller,
+        sign=sign or (),
+        accept=accept,
+        autopilot_id=autopilot_id,
+        logs=None if logs == OFF else Path(logs) if logs else default_folder(),
+        state=None if state == OFF else Path(state) if state else user_data_dir(),
+        lifeline=lifeline,
     )
+    if not supervised:
+        run(options)
+        return
+
+    def run_once(start: Start) -> None:
+        """Fly in a child process; end it with the exit status of an error."""
+        try:
+            run(options, start)
+        except CaribouError as error:
+            exit_with_error("autopilot", error)
+
+    supervise(run_once)
 
 
 def main() -> None:

@@ -7,7 +7,9 @@ from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.hil import HilLink, HilSample
 from autopilot.comms.sensor_clock import SensorClock, StampClass
 from autopilot.control.types import US_PER_S, Inputs, Severity
+from autopilot.lateness import LatenessMeter
 from autopilot.onboard_log.recorder import OnboardLog
+from autopilot.resume import StateFiles
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.records import ActuatorFrame
@@ -29,10 +31,16 @@ class App:
     """Connects the vehicle to the HIL link, the ground links and the onboard log."""
 
     def __init__(
-        self, vehicle: Vehicle, hil: HilLink, ground: GroundServer, onboard_log: OnboardLog
+        self,
+        vehicle: Vehicle,
+        hil: HilLink,
+        ground: GroundServer,
+        onboard_log: OnboardLog,
+        files: StateFiles | None = None,
     ) -> None:
         self._vehicle, self._hil = vehicle, hil
         self._ground, self._onboard_log = ground, onboard_log
+        self._files = files or StateFiles(None, vehicle.system, "")
         self._clock = SensorClock()
         self._received_s = 0.0
         """Wall time of the newest HIL traffic."""
@@ -40,6 +48,15 @@ class App:
         self._accepted_s = 0.0
         """Wall time at which a sample was last accepted."""
         self._timeout_reported = False
+        self._lateness = LatenessMeter()
+
+    def continue_from(self, clock: SensorClock) -> None:
+        """Continue with the check of time stamps of a process that has ended."""
+        self._clock = clock
+
+    def continue_ground_timeout(self) -> None:
+        """Count the silence of a ground station that a process before this one received."""
+        self._ground.continue_ground_timeout()
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve the links until ``stopping`` returns true.
@@ -68,6 +85,17 @@ class App:
         for order in self._ground.failures.pop_orders():
             self._hil.send_failure_order(order)
         self._check_sensor_timeout()
+        self._ground.guard.run("state on disk", self._store_state)
+
+    def _store_state(self) -> None:
+        """Store a changed mission, and the state of an armed vehicle for a restart."""
+        self._files.poll(
+            lambda: self._vehicle.state,
+            self._clock,
+            self._vehicle.intended_mode,
+            self._ground.ground_silent_s is not None,
+            self._vehicle.send_statustext,
+        )
 
     def _serve_lockstep(self) -> None:
         """Answer a simulator that sends without a pause; the other links wait for `BURST_S`."""
@@ -100,7 +128,7 @@ class App:
         """Report missing samples by wall time: without samples vehicle time does not advance."""
         if self._hil.lockstep:
             return
-        if self._vehicle.state.time_us < 0:
+        if self._vehicle.time_us < 0:
             self._check_baud_rate()
         elif not self._timeout_reported and wall_s() - self._accepted_s >= SENSOR_SILENCE_S:
             self._timeout_reported = True
@@ -119,7 +147,7 @@ class App:
         is new.
         """
         stamp_us = sample.sensors.time_us
-        previous_clock = self._clock if self._vehicle.state.time_us >= 0 else SensorClock()
+        previous_clock = self._clock if self._vehicle.time_us >= 0 else SensorClock()
         self._clock, stamp_class = sensor_clock.classify_stamp(previous_clock, stamp_us, silent_us)
         if stamp_class is StampClass.REFUSED:
             return False
@@ -167,9 +195,12 @@ class App:
             motion_silent_s=motion_silent_s,
         )
         self._answer(self._vehicle.tick(inputs), stamp_us)
+        if lateness := self._lateness.record(sample.sensors.time_us):
+            self._ground.guard.run("lateness", self._ground.publish_lateness, lateness)
         if sample.links_silent is False:
             self._ground.silence(False)
-        self._ground.guard.run("relay of devices", self._ground.relay, sample.relayed)
+        if sample.relayed:
+            self._ground.guard.run("relay of devices", self._ground.relay, sample.relayed)
         self._ground.guard.run("telemetry", self._ground.publish_telemetry)
         self._onboard_log.tick(sample.frames)
         if sample.links_silent:

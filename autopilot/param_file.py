@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from autopilot.control.params import ParamError, validate
+from mavlink_io.text_files import read_text
 
 
 def load(path: Path) -> dict[str, float]:
@@ -12,7 +13,7 @@ def load(path: Path) -> dict[str, float]:
     Raises ParamError with file, line and reason at the first line that is not valid.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ParamError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     values = {}

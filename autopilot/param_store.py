@@ -12,6 +12,7 @@ from pathlib import Path
 from autopilot.control.params import ParamError, ParamTable
 from autopilot.param_file import lines, to_text
 from mavlink_io.clock import Interval
+from mavlink_io.text_files import read_text
 from mavlink_io.user_data_dir import replace_file
 
 FILE = "parameters.param"
@@ -44,7 +45,7 @@ class ParamStore:
         if self._path is None:
             return {}
         try:
-            text = self._path.read_text(encoding="utf-8")
+            text = read_text(self._path)
         except (FileNotFoundError, NotADirectoryError):
             return {}
         except (OSError, UnicodeDecodeError) as error:

@@ -1,25 +1,34 @@
 """Start and end of the autopilot process: options, stored parameters, links and signals."""
 
+import gc
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from autopilot import pilot
 from autopilot.app import App
+from autopilot.comms.commanders import Commanders, systems_of
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.hil import HilLink
 from autopilot.comms.signing_keys import SigningKeys
+from autopilot.control import modes
 from autopilot.control.lqg_file import load as load_controllers
 from autopilot.control.params import ParamTable
+from autopilot.control.requests import LoadMission
 from autopilot.control.types import Severity
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_file import load
 from autopilot.param_store import ParamStore
+from autopilot.plan_store import PlanStore
+from autopilot.record_json import RecordError
+from autopilot.resume import StateFiles, continued_state
+from autopilot.supervisor import Beat, Start
 from autopilot.telemetry.identity import AutopilotId, version
 from autopilot.vehicle import Vehicle
 from mavlink_io.parent_watch import end_with_stdin, on_end_signals
 from mavlink_io.printable import printable
-from mavlink_io.transport import SEND_TIMEOUT_S, open_transport
+from mavlink_io.transport import SEND_TIMEOUT_S, baud_rate, open_transport
 
 MAX_SEND_BLOCK_S = 0.2
 """Longest time that a send to a TCP client may block when the vehicle does not wait for the answer.
@@ -40,17 +49,26 @@ class Options(NamedTuple):
     """LQG controller that replaces the PIDs."""
     sign: Sequence[str]
     """ADDRESS=KEYFILE of each signed ground link."""
+    accept: str
+    """System ids that may command, separated by commas; empty for all."""
     autopilot_id: AutopilotId
     logs: Path | None
     """Folder of the onboard logs; None for none."""
     state: Path | None
-    """Folder of the stored parameters; None for none."""
+    """Folder of the stored parameters, plans and checkpoint; None for none."""
     lifeline: bool
     """Whether the process ends when standard input is closed."""
 
 
-def run(options: Options) -> None:
+def run(options: Options, start: Start | None = None) -> None:
     """Fly until an end signal.
+
+    Parameters
+    ----------
+    options : Options
+        Options of the command line.
+    start : Start or None
+        Start by a supervisor, which continues a dive; None for a start by hand.
 
     Raises
     ------
@@ -64,32 +82,98 @@ def run(options: Options) -> None:
         stored,
         load_controllers(options.controller) if options.controller else None,
     )
-    vehicle = Vehicle(table)
+    # A supervised autopilot starts again within milliseconds; to load machine code takes longer.
+    simulated = baud_rate(options.hil) is None and start is None
+    vehicle = Vehicle(table, compiled=simulated and pilot.is_compiled())
+    commanders = Commanders(systems_of(options.accept) if options.accept else ())
     keys = SigningKeys.from_options(options.sign, options.ground)
     hil = HilLink(open_transport(options.hil, wait_for_device=True), vehicle.system)
-    send_timeout_s = SEND_TIMEOUT_S if hil.lockstep else MAX_SEND_BLOCK_S
+    waits = hil.lockstep and start is None  # a supervisor ends an autopilot that waits for long
+    send_timeout_s = SEND_TIMEOUT_S if waits else MAX_SEND_BLOCK_S
     transports = [
         open_transport(address, wait_for_device=True, send_timeout_s=send_timeout_s)
         for address in options.ground
     ]
     onboard_log = OnboardLog(vehicle, options.logs, version())
-    ground = GroundServer(vehicle, transports, options.autopilot_id, keys, onboard_log, param_store)
+    plan_store = PlanStore(options.state)
+    ground = GroundServer(
+        vehicle,
+        transports,
+        options.autopilot_id,
+        keys,
+        onboard_log,
+        param_store,
+        plans=plan_store,
+        commanders=commanders,
+    )
     links = ", ".join(link.transport.address for link in ground.links)
     _say(f"system {vehicle.system}, HIL {options.hil}, ground {links}")
     if options.controller:
         vehicle.send_statustext(f"Controller: {options.controller.name}", Severity.INFO)
+    for problem in plan_store.problems:
+        _say(printable(problem))
     for problem in param_store.problems:
         vehicle.send_statustext(f"Parameters: {problem}")
         _say(printable(problem))
-    stop = Stop()
+    files = StateFiles(options.state, vehicle.system, options.hil)
+    app = App(vehicle, hil, ground, onboard_log, files)
+    _load_mission(vehicle, files)
+    if start is not None:
+        _continue_dive(vehicle, app, files, start)
+    stop = Stop(start.beat if start else None)
     if options.lifeline:
         end_with_stdin()
+    ordered_end = False
+    # Without it a full garbage collection visits all imported code, which takes 15 ms.
+    gc.collect()
+    gc.freeze()
     try:
-        App(vehicle, hil, ground, onboard_log).run(stop)
+        app.run(stop)
+        ordered_end = not stop.orphaned
     finally:
-        for problem in (keys.save(), param_store.close(table)):
+        items = vehicle.state.mission.items if ordered_end else None
+        for problem in (keys.save(), param_store.close(table), files.close(items)):
             if problem:
                 _say(printable(problem))
+
+
+def _load_mission(vehicle: Vehicle, files: StateFiles) -> None:
+    """Load the mission of the last run; report one that cannot be used."""
+    try:
+        items = files.load_mission()
+    except RecordError as error:
+        vehicle.send_statustext(f"Mission not loaded: {error}")
+        _say(printable(str(error)))
+        return
+    if items:
+        vehicle.handle_request(LoadMission(items))
+
+
+def _continue_dive(vehicle: Vehicle, app: App, files: StateFiles, start: Start) -> None:
+    """Continue the dive of a process that has ended without an order."""
+    try:
+        checkpoint = files.load_checkpoint()
+    except RecordError as error:
+        vehicle.send_statustext(f"Dive not continued: {error}", Severity.CRITICAL)
+        _say(printable(str(error)))
+        return
+    if checkpoint is None:
+        if start.restarts:
+            vehicle.send_statustext("Autopilot restarted while disarmed", Severity.CRITICAL)
+        return
+    state = continued_state(checkpoint, vehicle.state.mission.items)
+    mode = modes.by_number(checkpoint.intended_mode)
+    if start.may_continue:
+        vehicle.continue_from(state, checkpoint.intended_mode)
+        text = f"Autopilot restarted: dive continued in {mode.name if mode else 'its mode'}"
+    else:
+        vehicle.surface_from(state)
+        text = "Autopilot ended again and again: new state, SURFACE"
+    app.continue_from(checkpoint.clock)
+    if checkpoint.ground_was_received:
+        app.continue_ground_timeout()
+    vehicle.send_statustext(text, Severity.CRITICAL)
+    _say(text)
 
 
 def _say(text: str) -> None:
@@ -98,15 +182,25 @@ def _say(text: str) -> None:
 
 
 class Stop:
-    """Flag that becomes true at the first end signal (SIGINT, SIGTERM or SIGHUP)."""
+    """Flag that becomes true at the first end signal (SIGINT, SIGTERM or SIGHUP).
 
-    def __init__(self) -> None:
-        self._requested = False
+    Each call sends a sign of life to a supervisor; the end of the supervisor sets the flag too.
+    """
+
+    def __init__(self, beat: Beat | None = None) -> None:
+        self._requested, self._beat = False, beat
         on_end_signals(self._request)
 
+    @property
+    def orphaned(self) -> bool:
+        """Whether the supervisor has ended."""
+        return self._beat is not None and self._beat.orphaned
+
     def __call__(self) -> bool:
-        """Return whether an end signal was received."""
-        return self._requested
+        """Return whether the program has to end."""
+        if self._beat is not None:
+            self._beat()
+        return self._requested or self.orphaned
 
     def _request(self, *_: object) -> None:
         """Set the flag; called by the signal handler."""

@@ -6,6 +6,7 @@ from typing import NamedTuple
 from autopilot.control import core, mission, modes, request_handler, requests
 from autopilot.control.params import Config, ParamError, ParamTable
 from autopilot.control.sensor_health import monitor
+from autopilot.control.sensor_health.sensor_checks import has_data
 from autopilot.control.types import (
     ACCEPTED,
     DENIED,
@@ -16,11 +17,15 @@ from autopilot.control.types import (
     Inputs,
     ItemReached,
     MissionState,
+    Motion,
     Severity,
     Trace,
     Trim,
+    motion_of,
 )
-from mavlink_io.mission_items import MissionItem
+from autopilot.pilot import Pilot
+from autopilot.plan_store import PlanStore
+from mavlink_io.mission_items import FENCE_TYPE, MissionItem
 from mavlink_io.records import (
     ActuatorFrame,
     Altimeter,
@@ -43,8 +48,20 @@ NO_ITEMS = 0xFFFF
 """Value of MISSION_CURRENT.total without a mission."""
 
 
+class TickReport(NamedTuple):
+    """Result of a tick, for messages that are sent or logged in every tick."""
+
+    time_us: int
+    motion: Motion
+    trace: Trace
+    actuators: ActuatorFrame
+
+
 class Snapshot(NamedTuple):
-    """State of the vehicle after a tick, as telemetry and the log use it."""
+    """State of the vehicle after a tick, as telemetry and the log use it.
+
+    It has the fields of ``TickReport`` too.
+    """
 
     state: AutopilotState
     trace: Trace
@@ -62,47 +79,96 @@ class Snapshot(NamedTuple):
     leak: Leak | None = None
     """Newest record of the leak sensor; None before the first."""
 
+    @property
+    def time_us(self) -> int:
+        """Vehicle time of the tick; -1 before the first."""
+        return self.state.time_us
+
+    @property
+    def motion(self) -> Motion:
+        """Estimated motion."""
+        return motion_of(self.state.estimate)
+
 
 class Vehicle:
     """State of the autopilot, changed by ticks and by requests, with a list of pending events."""
 
-    def __init__(self, params: ParamTable) -> None:
+    def __init__(self, params: ParamTable, *, compiled: bool = False) -> None:
+        """``compiled`` selects compiled steady ticks, for flights faster than real time."""
         self.params, self.system = params, params.config.system_id
+        self._pilot = Pilot(compiled=compiled)
         self._events: list[Event | ItemReached] = []
         self._begin()
 
     def _begin(self) -> None:
         """Set all state to its initial value."""
         self.state = core.initial_state()
-        self._trace = Trace()
+        self._pilot.trace = Trace()
         self._sensors: SensorFrame | None = None
         self._fix: GpsFix | None = None
         self._altimeter: Altimeter | None = None
         self._battery: Battery | None = None
         self._leak: Leak | None = None
         self._intended_mode = self.state.mode
-        self._actuators = core.actuator_frame(self.state, self._trace, self.params.config)
+        self._actuators = self.repeat_last()
+
+    @property
+    def state(self) -> AutopilotState:
+        """State after the last tick or request."""
+        return self._pilot.state
+
+    @state.setter
+    def state(self, state: AutopilotState) -> None:
+        self._pilot.state = state
+
+    @property
+    def time_us(self) -> int:
+        """Vehicle time of the last tick, without the cost of ``state``; -1 before the first."""
+        return self._pilot.time_us
+
+    @property
+    def armed(self) -> bool:
+        """Whether the vehicle is armed."""
+        return self._pilot.armed
+
+    @property
+    def changes(self) -> int:
+        """Number of changes of the state other than by ticks in which only numbers change."""
+        return self._pilot.changes
 
     def tick(self, inputs: Inputs) -> ActuatorFrame:
         """Run one control tick at the time stamp of the sensors and return the actuators."""
-        before = self.state
-        self.state, self._actuators, self._trace, events = core.tick(
-            before, inputs, self.params.config
-        )
+        config = self.params.config
+        if self._pilot.advance(inputs, config):
+            self._actuators = core.armed_frame(self.time_us, self._pilot.trace, config)
+        else:
+            self._tick_fully(inputs, config)
         self._sensors = inputs.sensors
+        if has_data(inputs):
+            self._update_devices(inputs)
+        elif self._fix is not None:
+            self._fix = self._recent_fix()
+        return self._actuators
+
+    def _tick_fully(self, inputs: Inputs, config: Config) -> None:
+        """Run a tick in which more than numbers may change."""
+        before = self.state
+        self._events += self._pilot.tick(inputs, config)
+        self._actuators = self.repeat_last()
+        self._update_intended_mode()
+        if before.armed and not self.state.armed:
+            self._store_trim(before.loops.trim)
+
+    def _update_devices(self, inputs: Inputs) -> None:
+        """Keep the newest record of each device."""
         self._fix = inputs.gps or self._recent_fix()
         self._altimeter = inputs.altimeter or self._altimeter
         self._battery = inputs.battery or self._battery
         self._leak = inputs.leak or self._leak
-        self._events += events
-        self._update_intended_mode()
-        if before.armed and not self.state.armed:
-            self._store_trim(before.loops.trim)
-        return self._actuators
 
     def repeat_last(self) -> ActuatorFrame:
         """Return the last actuators for a repeated sample, with the present arming state."""
-        return core.actuator_frame(self.state, self._trace, self.params.config)
+        return core.actuator_frame(self.state, self._pilot.trace, self.params.config)
 
     def handle_request(self, request: requests.Request) -> Answer:
         """Apply a request from ground and return the answer; send the reason of a refusal."""
@@ -119,12 +185,32 @@ class Vehicle:
         return answer
 
     def restart(self, reason: str) -> None:
-        """Reset the state as after a reboot; keep parameters and mission."""
-        items = self.state.mission.items
+        """Reset the state as after a reboot; keep parameters and plans."""
+        before = self.state
         self._begin()
-        loaded = mission.restart(MissionState(items), self.params.config)
-        self.state = self.state._replace(mission=loaded)
+        loaded = mission.restart(MissionState(before.mission.items), self.params.config)
+        self.state = self.state._replace(mission=loaded, fence=before.fence, rally=before.rally)
         self.send_statustext(f"Restarted: {reason}", Severity.NOTICE)
+
+    def continue_from(self, state: AutopilotState, intended_mode: int) -> None:
+        """Continue with the state of a process that has ended."""
+        self.state, self._intended_mode = state, intended_mode
+
+    def surface_from(self, state: AutopilotState) -> None:
+        """Begin with a new state, armed as before, in mode SURFACE; keep mission and home.
+
+        For a state that ends the process each time that it is continued.
+        """
+        loaded = mission.restart(MissionState(state.mission.items), self.params.config)
+        self.state = core.initial_state()._replace(
+            mode=modes.SURFACE.number, armed=state.armed, home=state.home, mission=loaded
+        )
+        self._intended_mode = self.state.mode
+
+    @property
+    def intended_mode(self) -> int:
+        """Mode that was last requested; a failsafe may have selected another one."""
+        return self._intended_mode
 
     def on_sensor_loss(self) -> None:
         """Report that samples no longer arrive.
@@ -138,6 +224,11 @@ class Vehicle:
         """Queue a text for every ground station."""
         self._events.append(Event(severity, text))
 
+    @property
+    def has_events(self) -> bool:
+        """Whether there are events since the last ``pop_events``."""
+        return bool(self._events)
+
     def pop_events(self) -> list[Event | ItemReached]:
         """Return the events since the last call, in order."""
         events, self._events = self._events, []
@@ -147,7 +238,7 @@ class Vehicle:
         """Return the state after the newest tick."""
         return Snapshot(
             state=self.state,
-            trace=self._trace,
+            trace=self._pilot.trace,
             actuators=self._actuators,
             sensors=self._sensors,
             fix=self._fix,
@@ -157,6 +248,11 @@ class Vehicle:
             battery=self._battery,
             leak=self._leak,
         )
+
+    def report(self) -> TickReport:
+        """Return the result of the newest tick."""
+        pilot = self._pilot
+        return TickReport(pilot.time_us, pilot.motion, pilot.trace, self._actuators)
 
     def _store_trim(self, trim: Trim) -> None:
         """Store the trims as parameters at disarming, when they were learned for long enough."""
@@ -180,12 +276,11 @@ class Vehicle:
     def _recent_fix(self) -> GpsFix | None:
         """Return the last satellite fix while it is not older than FIX_TIMEOUT_US."""
         fix = self._fix
-        return (
-            fix if fix is not None and self.state.time_us - fix.time_us < FIX_TIMEOUT_US else None
-        )
+        return fix if fix is not None and self.time_us - fix.time_us < FIX_TIMEOUT_US else None
 
     def _update_intended_mode(self) -> None:
-        """Record the mode, unless a failsafe has selected it."""
+        """Record the mode, unless a failsafe has selected it, and lock parameters while armed."""
+        self.params.armed = self.state.armed
         if not self.state.failsafe:
             self._intended_mode = self.state.mode
 
@@ -220,6 +315,35 @@ class VehicleMission:
     def explain(self, text: str) -> None:
         """Send the reason of a refusal to ground."""
         self._vehicle.send_statustext(text)
+
+
+class VehiclePlan:
+    """Adapter of geofence or rally points for the mission protocol; a new plan is stored."""
+
+    def __init__(self, vehicle: Vehicle, store: PlanStore, kind: int) -> None:
+        self._vehicle, self._store, self._kind = vehicle, store, kind
+        if stored := store.load(kind):
+            self._vehicle.handle_request(self._request(stored))
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """Items of the loaded plan."""
+        state = self._vehicle.state
+        return state.fence.items if self._kind == FENCE_TYPE else state.rally.items
+
+    def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
+        """Replace the plan and store it; return the MAV_MISSION_RESULT."""
+        answer = self._vehicle.handle_request(self._request(items))
+        if answer.parameter:
+            return MissionResult(missions.INVALID_PARAM1 + answer.parameter - 1)
+        if answer.result == ACCEPTED and (problem := self._store.save(self._kind, items)):
+            self._vehicle.send_statustext(f"Plan not stored: {problem}")
+        return MissionResult(_MISSION_RESULTS.get(answer.result, missions.DENIED))
+
+    def _request(self, items: tuple[MissionItem, ...]) -> requests.Request:
+        """Return the request that loads the plan."""
+        load = requests.LoadFence if self._kind == FENCE_TYPE else requests.LoadRally
+        return load(items)
 
 
 _MISSION_RESULTS = {

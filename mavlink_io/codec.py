@@ -122,7 +122,34 @@ def encode(
     bytes
         The frame without a signature.
     """
-    payload = message.pack(values).rstrip(b"\0") or b"\0"
+    return encode_payload(message, message.pack(values), sequence, system, component, flags)
+
+
+def encode_payload(
+    message: MessageType,
+    payload: bytes,
+    sequence: int,
+    system: int,
+    component: int,
+    flags: int = 0,
+) -> bytes:
+    """Encode a packed message as one MAVLink 2 frame; see ``encode``.
+
+    Parameters
+    ----------
+    message : MessageType
+        Type of the message.
+    payload : bytes
+        Packed fields at full length.
+    sequence, system, component, flags : int
+        As for ``encode``.
+
+    Returns
+    -------
+    bytes
+        The frame without a signature.
+    """
+    payload = payload.rstrip(b"\0") or b"\0"
     number = message.message_id
     body = (
         _HEAD.pack(
@@ -243,6 +270,23 @@ def _next_magic(buffer: bytes, start: int) -> int:
         position for magic in (b"\xfd", b"\xfe") if (position := buffer.find(magic, start)) >= 0
     ]
     return min(positions, default=len(buffer))
+
+
+def is_intact(raw: bytes) -> bool:
+    """Return whether a frame's checksum is right.
+
+    Parameters
+    ----------
+    raw : bytes
+        A whole frame by the length in its header.
+
+    Returns
+    -------
+    bool
+        For a message that the dialect does not define: whether any seed explains the checksum.
+    """
+    sender = (raw[3], raw[4]) if raw[0] == MAGIC_V1 else (raw[5], raw[6])
+    return _parse_frame(raw, (sender,)) is not None
 
 
 def _parse_frame(raw: bytes, senders: Container[tuple[int, int]]) -> Frame | None:

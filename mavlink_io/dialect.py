@@ -59,7 +59,14 @@ class MessageType:
         # "s" and not "c": a text of one character may be empty, which "c" refuses
         self.struct = struct.Struct(definition.unpacker.format.replace("c", "s"))
         self._slices = tuple(_slices(self.fields))
+        self._names = dict.fromkeys(f.name for f in self.fields)
         self._has_arrays = any(f.array_length for f in self.fields)
+        self._compounds = tuple(
+            index
+            for index in reversed(range(len(self.fields)))
+            if self.fields[index].array_length or self.fields[index].type == "char"
+        )
+        """Indices of texts and arrays, the last one first, so that the others stay valid."""
         self._construct = definition.__init__
 
     # cached properties, because a program looks up many message types at its start and uses few
@@ -94,10 +101,12 @@ class MessageType:
         TypeError
             A field is unknown, or a field that is no extension is missing.
         """
+        if fields.keys() == self._names.keys():
+            return tuple([fields[name] for name in self._names])
         try:
             ordered = tuple(
-                fields.pop(f.name) if f.name in fields else self._extensions[f.name]
-                for f in self.fields
+                fields.pop(name) if name in fields else self._extensions[name]
+                for name in self._names
             )
         except KeyError as missing:
             raise TypeError(f"{self.name} needs field {missing}") from None
@@ -127,19 +136,17 @@ class MessageType:
         """
         if not self._has_arrays:
             return self.struct.pack(*values)
-        flat: list[Any] = []
-        for field, value in zip(self.fields, values, strict=True):
+        flat = list(values)
+        for index in self._compounds:
+            field, value = self.fields[index], flat[index]
             if field.type == "char":
-                flat.append(value.encode() if isinstance(value, str) else value)
-            elif field.array_length:
-                if len(value) != field.array_length:
-                    raise TypeError(
-                        f"{self.name}.{field.name} holds {field.array_length} numbers, not"
-                        f" {len(value)}"
-                    )
-                flat.extend(value)
+                flat[index] = value.encode() if isinstance(value, str) else value
+            elif len(value) == field.array_length:
+                flat[index : index + 1] = value
             else:
-                flat.append(value)
+                raise TypeError(
+                    f"{self.name}.{field.name} holds {field.array_length} numbers, not {len(value)}"
+                )
         return self.struct.pack(*flat)
 
     def clamped(self, values: Values) -> Values:

@@ -1,11 +1,20 @@
 """A MAVLink participant on one transport: its ids, sequence numbers and count of lost frames."""
 
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 from mavlink_io import dialect
 from mavlink_io.codec import SIGNED_FLAG, Frame, Framer, encode
+from mavlink_io.fixed_frame import SENDER, SEQUENCE, FixedFrame
 from mavlink_io.signing import Signing
-from mavlink_io.transport import SPIN_S, LockstepTransport, SharedTransport, Transport, wait
+from mavlink_io.transport import (
+    SPIN_S,
+    LockstepTransport,
+    Piece,
+    SharedTransport,
+    Transport,
+    wait,
+)
 
 
 class Endpoint:
@@ -100,8 +109,31 @@ class Endpoint:
         bytes
             The frame, signed if the endpoint has a key.
         """
+        return self._next(encode, message, values)
+
+    def encode_fixed(self, message: FixedFrame, fields: tuple[Any, ...]) -> bytes:
+        """Encode one message, as ``encode_values`` does, from fields without nested arrays.
+
+        Parameters
+        ----------
+        message : FixedFrame
+            Codec of the message.
+        fields : tuple
+            Fields in wire order, arrays element by element.
+
+        Returns
+        -------
+        bytes
+            The frame, signed if the endpoint has a key.
+        """
+        return self._next(FixedFrame.encode, message, fields)
+
+    def _next(
+        self, encode_frame: Callable[..., bytes], message: object, values: tuple[Any, ...]
+    ) -> bytes:
+        """Encode the next frame of this participant."""
         sequence, flags = (self._sequence + 1) & 0xFF, 0 if self.signing is None else SIGNED_FLAG
-        frame = encode(message, values, sequence, self.system, self.component, flags)
+        frame = encode_frame(message, values, sequence, self.system, self.component, flags)
         self._sequence = sequence  # after encode: an error there must not leave a sequence gap
         return frame if self.signing is None else self.signing.sign(frame)
 
@@ -123,31 +155,92 @@ class Endpoint:
         LinkLostError
             The other end of the link is gone.
         """
+        return self._frames(self._receive_pieces(eager=eager))
+
+    def receive_fixed(
+        self, expected: FixedFrame, *, eager: bool = False
+    ) -> tuple[tuple[Any, ...] | None, bytes, list[Frame]]:
+        """Receive as ``receive`` does, on a link where one message arrives nearly always alone.
+
+        Parameters
+        ----------
+        expected : FixedFrame
+            Codec of that message.
+        eager : bool
+            Whether to wait, as in ``receive``.
+
+        Returns
+        -------
+        decoded : tuple or None
+            The message as ``FixedFrame.decode`` returns it; None if anything else has arrived.
+        raw : bytes
+            The whole frame of that message.
+        frames : list of Frame
+            The frames that have arrived, if it is anything else.
+
+        Raises
+        ------
+        LinkLostError
+            The other end of the link is gone.
+        """
+        pieces = self._receive_pieces(eager=eager)
+        if len(pieces) == 1 and self.signing is None and not self._framer.partial_streams:
+            data = pieces[0][1]
+            decoded = expected.decode(data)
+            if decoded is not None:
+                self._count(decoded[SENDER], decoded[SEQUENCE])
+                return decoded, data, []
+        return None, b"", self._frames(pieces)
+
+    def _receive_pieces(self, *, eager: bool) -> Sequence[Piece]:
+        """Return the bytes that have arrived from each peer; wait for them if ``eager``."""
         if self._lockstep is not None:
             self._lockstep.eager = eager
         elif eager:
             wait((self.transport,), SPIN_S, eager=True)
-        if self._shared is not None:
-            frames = self._receive_from(self._shared)
-        else:
-            data = self.transport.receive()
-            frames = self._framer.feed(data) if data else []
-        if not frames:
-            return frames
-        if self.signing is not None:
-            frames = [frame for frame in frames if self.signing.accepts(frame)]
-        for frame in frames:
-            self._count(frame)
-        return frames
+        return self._read()
 
-    def _receive_from(self, shared: SharedTransport) -> list[Frame]:
-        """Return the frames of all peers; the bytes of each peer are framed separately."""
+    def receive_from_peers(self) -> list[tuple[Hashable, list[Frame]]]:
+        """Read once; return the peers that have sent, each with the frames that are complete.
+
+        Returns
+        -------
+        list of (peer, list of Frame)
+            A peer may have sent bytes that complete no frame. The peer of a transport with one
+            other end is None. The list is empty if nothing has arrived.
+
+        Raises
+        ------
+        LinkLostError
+            The other end of the link is gone.
+        """
+        received: list[tuple[Hashable, list[Frame]]] = []
+        for peer, data in self._read():
+            if data:
+                received.append((peer, self._frames([(peer, data)])))
+            else:
+                self._framer.forget(peer)
+        return received
+
+    def _read(self) -> Sequence[Piece]:
+        """Return the bytes that have arrived from each peer."""
+        if self._shared is not None:
+            return self._shared.receive_from()
+        data = self.transport.receive()
+        return ((None, data),) if data else ()
+
+    def _frames(self, pieces: Sequence[Piece]) -> list[Frame]:
+        """Return the frames in received bytes; the bytes of each peer are framed separately."""
         frames: list[Frame] = []
-        for peer, data in shared.receive_from():
+        for peer, data in pieces:
             if data:
                 frames += self._framer.feed(data, peer)
             else:
                 self._framer.forget(peer)
+        if self.signing is not None:
+            frames = [frame for frame in frames if self.signing.accepts(frame)]
+        for frame in frames:
+            self._count((frame.system, frame.component), frame.sequence)
         return frames
 
     @property
@@ -165,10 +258,9 @@ class Endpoint:
         """Number of received bytes that belonged to no frame."""
         return self._framer.skipped_bytes
 
-    def _count(self, frame: Frame) -> None:
-        """Add the frames missing before this one to ``lost_frames``."""
-        sender = frame.system, frame.component
+    def _count(self, sender: tuple[int, int], sequence: int) -> None:
+        """Add the frames of a sender that are missing before this one to ``lost_frames``."""
         expected = self._expected.get(sender)
         if expected is not None:
-            self.lost_frames += (frame.sequence - expected) & 0xFF
-        self._expected[sender] = (frame.sequence + 1) & 0xFF
+            self.lost_frames += (sequence - expected) & 0xFF
+        self._expected[sender] = (sequence + 1) & 0xFF

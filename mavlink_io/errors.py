@@ -10,10 +10,15 @@ FAILED, BAD_INPUT = 1, 2
 """Exit status after a failure of the work, and after bad input."""
 
 
+MAX_MESSAGE_LENGTH = 1500
+"""Maximum characters of a message: a value from a damaged file may have a million."""
+
+
 class ErrorCode(StrEnum):
     """Stable short identifier of an error class; `docs/errors.md` gives the meanings."""
 
     ADDRESS = "address"
+    ALLOW_LIST = "allow_list"
     AUTOPILOT_OPTION = "autopilot_option"
     AUTOPILOT_TIMEOUT = "autopilot_timeout"
     BAD_INPUT = "bad_input"
@@ -50,6 +55,7 @@ class ErrorCode(StrEnum):
     SERIAL_TOO_SLOW = "serial_too_slow"
     SERVO_OUTPUTS = "servo_outputs"
     SETPOINT = "setpoint"
+    STATE_FILE = "state_file"
     STUDY_STOPPED = "study_stopped"
     TRUTH_FILE = "truth_file"
     UNSTABLE_LOOP = "unstable_loop"
@@ -63,6 +69,14 @@ class CaribouError(Exception):
 
     code: ClassVar[ErrorCode]
     exit_status: ClassVar[int]
+
+    def __str__(self) -> str:
+        """Return the message; the middle of a very long one is left out."""
+        text = super().__str__()
+        if len(text) <= MAX_MESSAGE_LENGTH:
+            return text
+        half = MAX_MESSAGE_LENGTH // 2 - 10
+        return f"{text[:half]} ... {text[-half:]}"
 
 
 class InputError(CaribouError, ValueError):

@@ -199,6 +199,7 @@ def offset_to_geodetic(
     return lat, lon
 
 
+@numeric
 def geodetic_to_offset(
     lat_deg: float, lon_deg: float, origin_lat_deg: float, origin_lon_deg: float
 ) -> tuple[float, float]:

@@ -5,6 +5,7 @@ themselves. NUMBA_DISABLE_JIT=1 selects Python where numba is installed.
 """
 
 import os
+from array import array
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -27,14 +28,36 @@ class Native(Protocol):
     value: Any
 
 
+class Numbers(Protocol):
+    """Array of floats that Python and kernels read and write: a buffer."""
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return a number or a part of the array."""
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        """Set a number or a part of the array."""
+
+    def __buffer__(self, flags: int, /) -> memoryview:
+        """Return the memory."""
+
+    def tolist(self) -> list[float]:
+        """Return the numbers."""
+
+
 class _Compiler(Protocol):
     """What this module takes from ``mavlink_io.jit_numba``."""
 
     def compiled(self, function: Function, *, inline: bool) -> Function:
         """Return the compiled function."""
 
+    def is_stored(self, function: Callable[..., Any]) -> bool:
+        """Return whether the machine code is on disk."""
+
     def native(self, value: tuple[Any, ...]) -> Native:
         """Return a reference to the record."""
+
+    def numbers(self, count: int) -> Numbers:
+        """Return an array of zeros."""
 
 
 NUMERIC = set[Callable[..., Any]]()
@@ -110,6 +133,38 @@ def entry_point(function: Function) -> Function:
         The compiled function, compiled at the first call; the function itself without numba.
     """
     return _compiler().compiled(function, inline=False) if COMPILED else function
+
+
+def numbers(count: int) -> Numbers:
+    """Return an array of zeros for kernels; an array of the standard library without numba.
+
+    Parameters
+    ----------
+    count : int
+        Length.
+
+    Returns
+    -------
+    Numbers
+        The array.
+    """
+    return _compiler().numbers(count) if COMPILED else array("d", bytes(8 * count))
+
+
+def is_stored(function: Callable[..., Any]) -> bool:
+    """Return whether the machine code of an entry point is on disk; never without numba.
+
+    Parameters
+    ----------
+    function : callable
+        Function marked with ``entry_point``.
+
+    Returns
+    -------
+    bool
+        Whether its first call only loads it. Otherwise that call compiles it, for up to a minute.
+    """
+    return COMPILED and _compiler().is_stored(function)
 
 
 def native(value: tuple[Any, ...]) -> Native:

@@ -6,8 +6,8 @@ This module does not import the MAVLink dialect, so that the pure tick can use i
 from enum import IntEnum
 from typing import NamedTuple
 
-MISSION_TYPE, ALL_TYPES = 0, 255
-"""MAV_MISSION_TYPE of a mission, the only plan that the vehicle has, and of all kinds of plans."""
+MISSION_TYPE, FENCE_TYPE, RALLY_TYPE, ALL_TYPES = 0, 1, 2, 255
+"""MAV_MISSION_TYPE of mission, geofence and rally points, and of all kinds of plans."""
 
 FRAME_LOCAL_NED, FRAME_MISSION = 1, 2
 """MAV_FRAME of items with a local position, and of items without a position."""
@@ -88,6 +88,11 @@ class MavCmd(IntEnum):
     SET_MESSAGE_INTERVAL = 511
     REQUEST_MESSAGE = 512
     REQUEST_AUTOPILOT_CAPABILITIES = 520
+    NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001
+    NAV_FENCE_POLYGON_VERTEX_EXCLUSION = 5002
+    NAV_FENCE_CIRCLE_INCLUSION = 5003
+    NAV_FENCE_CIRCLE_EXCLUSION = 5004
+    NAV_RALLY_POINT = 5100
     USER_1 = 31010
     """An excitation for system identification."""
 

@@ -10,12 +10,14 @@ END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that end a program after it has finished its logs: Ctrl-C, kill, a closed terminal."""
 
 
-def on_end_signals(handler: Callable[[int, FrameType | None], None]) -> None:
+def on_end_signals(
+    handler: Callable[[int, FrameType | None], object] | signal.Handlers,
+) -> None:
     """Call a handler for each of ``END_SIGNALS``; an ignored SIGHUP stays ignored (``nohup``).
 
     Parameters
     ----------
-    handler : callable
+    handler : callable or signal.Handlers
         Signal handler as of ``signal.signal``.
     """
     for number in END_SIGNALS:

@@ -54,10 +54,10 @@ class ActuatorFrame(NamedTuple):
     flags: int
     """HIL_ACTUATOR_CONTROLS_FLAGS."""
     controls: tuple[float, ...]
-    """16 numbers in [-1, 1]: rudder, elevator, thrust; the others are zero.
+    """16 numbers in [-1, 1]: rudder, elevator, thrust, drop weight; the others are zero.
 
     Rudder and elevator are fractions of the duct's travel (positive: nose to starboard, nose up),
-    thrust is a fraction of full thrust (58 % is 0.58)."""
+    thrust is a fraction of full thrust (58 % is 0.58). 1 releases the drop weight."""
     mode: int
     """MAV_MODE_FLAG."""
 
@@ -108,6 +108,10 @@ class GpsFix(NamedTuple):
     """Vertical error estimated by the receiver, in m; NaN if it gives none."""
 
 
+NO_FIX = GpsFix(0, 0, *(nan,) * 6, 0)
+"""Record of a receiver without a position."""
+
+
 class Altimeter(NamedTuple):
     """DISTANCE_SENSOR facing down: range to the sea floor."""
 
@@ -135,6 +139,10 @@ class Dvl(NamedTuple):
     """Standard deviation of the velocity that the DVL estimates from its beams."""
     quality_pct: int
     """Share of the beams with an echo: 1 to 100 %."""
+
+
+NO_PING = Dvl(0, nan, nan, nan, over_ground=False, figure_of_merit_mps=nan, quality_pct=0)
+"""Record without a velocity."""
 
 
 class Battery(NamedTuple):

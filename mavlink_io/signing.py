@@ -9,7 +9,8 @@ https://mavlink.io/en/guide/message_signing.html. Its rules on timestamps:
 - A correctly signed frame sets the timestamp to its own, if that is later.
 - The timestamps of each stream (system, component, link number) must grow. The first frame of a
   stream may be at most one minute behind the timestamp.
-- The timestamp is stored over restarts, so that recorded frames cannot be replayed.
+- The timestamp is stored over restarts, so that recorded frames cannot be replayed. The autopilot
+  stores those of the streams too: frames of the last minute could be replayed otherwise.
 """
 
 import hashlib
@@ -18,7 +19,7 @@ import os
 import re
 import stat
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from mavlink_io import dialect
@@ -27,6 +28,8 @@ from mavlink_io.codec import Frame
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.user_data_dir import replace_file
 
+Stream = tuple[int, int, int]
+"""System, component and link number of a sender."""
 KEY_BYTES = 32
 """Length of a key."""
 EPOCH_UNIX_S = 1_420_070_400
@@ -198,12 +201,20 @@ class Signing:
         Number of the link in the signatures of sent frames, 0 to 255.
     timestamp : Timestamp
         The program's timestamp, shared by all links.
+    streams : mapping, optional
+        Timestamps of an earlier run: frames up to these are replays.
     """
 
-    def __init__(self, key: bytes, link_id: int, timestamp: Timestamp) -> None:
+    def __init__(
+        self,
+        key: bytes,
+        link_id: int,
+        timestamp: Timestamp,
+        streams: Mapping[Stream, int] | None = None,
+    ) -> None:
         assert len(key) == KEY_BYTES
         self._key, self._link_id, self._timestamp = key, link_id, timestamp
-        self._streams: dict[tuple[int, int, int], int] = {}
+        self._streams: dict[Stream, int] = dict(streams or {})
         self.refused_frames = 0
         """Number of frames without a signature, with a wrong one, or with a timestamp too old."""
 
@@ -240,6 +251,17 @@ class Signing:
         accepted = unsigned_radio or self._verify(frame)
         self.refused_frames += not accepted
         return accepted
+
+    def recent_streams(self) -> dict[Stream, int]:
+        """Return the last timestamp of each stream that a replay could still follow.
+
+        Returns
+        -------
+        dict of (system, component, link number) to int
+            Streams with a frame in the last minute; older frames are refused by their age.
+        """
+        oldest = self._timestamp.now() - MAX_STREAM_AGE_UNITS
+        return {stream: last for stream, last in self._streams.items() if last >= oldest}
 
     def change_key(self, key: bytes) -> None:
         """Use another key from now on.

@@ -15,7 +15,7 @@ def user_data_dir() -> Path:
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "caribou"
 
 
-def replace_file(path: Path, text: str) -> None:
+def replace_file(path: Path, text: str, *, durable: bool = True) -> None:
     """Replace a file by a new one that only its owner can read, in one atomic step.
 
     Parameters
@@ -24,6 +24,9 @@ def replace_file(path: Path, text: str) -> None:
         The file; it may not exist.
     text : str
         New content, written as UTF-8.
+    durable : bool
+        Whether to wait until the content is on the disk and survives a loss of power. Without it
+        the content survives the end of the program.
 
     Raises
     ------
@@ -37,8 +40,9 @@ def replace_file(path: Path, text: str) -> None:
             os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8"
         ) as file:
             file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
         temporary.replace(path)
     except OSError:
         temporary.unlink(missing_ok=True)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.text_files import read_text
 from sitl.scenario_types import ScenarioError
 
 _CORNER = ("xllcorner", "yllcorner")
@@ -41,7 +42,7 @@ def read(path: Path) -> Grid:
         The file cannot be used; the message names the file, the fault and the expected content.
     """
     try:
-        lines = path.read_text(encoding="ascii").splitlines()
+        lines = read_text(path, "ascii").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not ASCII text"
         raise ScenarioError(f"floor {path}: {reason}; expected an ESRI ASCII grid") from None

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from msgspec import Meta
 from msgspec.structs import replace
 
+from mavlink_io.text_files import read_text
 from sitl import bathymetry, environment_schema
 from sitl.environment_schema import Current, Density, FloorTable, Ice, WaterTable, Waves
 from sitl.faults import catalogue
@@ -211,7 +212,7 @@ def _read(path: str) -> str:
     Raises ScenarioError.
     """
     try:
-        return Path(path).read_text(encoding="utf-8")
+        return read_text(Path(path))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ScenarioError(

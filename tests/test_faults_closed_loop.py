@@ -72,6 +72,10 @@ DETECTED = {
     "rudder stuck": "Duct does not follow",
     "elevator stuck": "Duct does not follow",
     "leak wet": "Leak detected",
+    "gyro wrong": "Gyro disagrees",
+    "accelerometer wrong": "Accelerometer disagrees",
+    "magnetometer wrong": "Magnetometer disagrees",
+    "pressure wrong": "Pressure sensor implausible",
 }
 """STATUSTEXT of each fault that is always detected.
 
@@ -112,7 +116,9 @@ LONG_FAULTS = {
     *(f"{u} intermittent" for u in CATALOGUE),
 }
 LONG_S, REST_S, TAIL_REST_S = 15.0, 8.0, 16.0
-"""Durations: of long faults, and without faults after one (longer after faults of the tail)."""
+"""Durations: of long faults, and without faults after one (longer after faults of SLOW_UNITS)."""
+SLOW_UNITS = ("rudder", "elevator", "gyro")
+"""Units after whose faults motion or attitude settle slowly."""
 MISLEADING = ("wrong", "drifting")
 """Kinds tested last: the estimate needs minutes to recover from them."""
 
@@ -128,7 +134,7 @@ class Window(NamedTuple):
 def timetable(units: tuple[str, ...]) -> dict[str, Window]:
     """Return the time of each fault: one kind after the other, on all units that have it."""
     windows: dict[str, Window] = {}
-    from_s, rest_s = FAULT_START_S, TAIL_REST_S if units[0] in ("rudder", "elevator") else REST_S
+    from_s, rest_s = FAULT_START_S, TAIL_REST_S if units[0] in SLOW_UNITS else REST_S
     kinds = dict.fromkeys(kind for unit in units for kind in CATALOGUE[unit])
     for kind in sorted(kinds, key=MISLEADING.__contains__):
         names = [f"{unit} {kind}" for unit in units if kind in CATALOGUE[unit]]
@@ -143,7 +149,7 @@ def timetable(units: tuple[str, ...]) -> dict[str, Window]:
 TIMETABLES = {unit: timetable(DEVICES if unit in DEVICES else (unit,)) for unit in CATALOGUE}
 
 
-REPORT_ONLY = {"FS_LEAK_ACT": 0.0, "FS_PRESS_ACT": 0.0, "FS_BATT_ACT": 0.0}
+REPORT_ONLY = {"FS_LEAK_ACT": 0.0, "FS_PRESS_ACT": 0.0, "FS_BATT_ACT": 0.0, "FS_DIVE_S": 0.0}
 """Parameters with which the failsafes send a STATUSTEXT and take no action."""
 
 

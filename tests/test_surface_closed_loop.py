@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import msgspec
-import pytest
 
 from autopilot.control import core, modes, params, request_handler, requests
 from autopilot.control.types import Event, Inputs
@@ -64,23 +63,24 @@ def surface(*faults: dict[str, Any], **values: float) -> Ascent:
     return Ascent(texts, state.armed, body.truth.position_ned_m[2], deepest_m)
 
 
-@pytest.mark.parametrize(
-    "fault",
-    [
-        {"unit": "elevator", "kind": "stuck", "angle_deg": -8.0},
-        {"unit": "elevator", "kind": "off"},
-    ],
-    ids=["stuck", "off"],
-)
-def test_surface_elevator_lost_floats_up_and_disarms(fault: dict[str, Any]) -> None:
-    """Under power the vehicle goes down to the floor (stuck) or deeper (off); 22 N raise it."""
-    ascent = surface(fault)
-    assert "Failsafe: no rise for 20 s -> propeller stopped" in ascent.texts
+def test_surface_elevator_stuck_down_never_touches_floor() -> None:
+    """Without the check of FS_DIVE_S it went to the floor at 7 m, 3 m below its depth."""
+    ascent = surface({"unit": "elevator", "kind": "stuck", "angle_deg": -8.0})
+    assert "Failsafe: Elevator has no effect -> SURFACE" in ascent.texts
+    assert "Failsafe: sinks against the elevator -> propeller astern" in ascent.texts
     assert ascent.texts[-1] == "Surfaced: disarmed"
     assert not ascent.armed
     assert ascent.depth_m < 0.5, "SURF_DEPTH_M"
-    if fault["kind"] == "stuck":
-        assert ascent.deepest_m > FLOOR_M - 0.6, "the hull's radius and its bow's reach at -8 deg"
+    assert ascent.deepest_m < FLOOR_M - 1.0, "the hull's radius and its bow's reach at -30 deg"
+
+
+def test_surface_elevator_off_floats_up_and_disarms() -> None:
+    """Under power the vehicle does not rise; 22 N raise it."""
+    ascent = surface({"unit": "elevator", "kind": "off"})
+    assert any(text.endswith("propeller stopped") for text in ascent.texts)
+    assert ascent.texts[-1] == "Surfaced: disarmed"
+    assert not ascent.armed
+    assert ascent.depth_m < 0.5, "SURF_DEPTH_M"
 
 
 def test_surface_vehicle_too_heavy_ends_on_the_floor() -> None:

@@ -14,6 +14,11 @@ Clients repeat a command after 0.5 s without an acknowledgement, and give up 3 s
 REPETITION_TIMEOUT_S = 3.5
 """Time after the end of a job in which a repetition gets its result; QGroundControl waits 3 s."""
 
+MAX_OPEN_JOBS = 16
+"""Maximum number of jobs in progress; a further one ends the oldest as cancelled.
+
+A job lasts until the vehicle has finished it; the vehicle runs one of each kind."""
+
 AnswerCallback = Callable[[JobProgress], None]
 """Function that acknowledges the command to its requester."""
 
@@ -56,6 +61,8 @@ class Jobs:
         now_s: float,
     ) -> None:
         """Add a job whose start was acknowledged at ``now_s``."""
+        if len(self._open) >= MAX_OPEN_JOBS:
+            self._end(self._open.pop(0), JobProgress(CANCELLED), now_s)
         self._open.append(
             _OpenJob(
                 requester=requester,

@@ -1,6 +1,5 @@
 """Ground links: queueing, batching and rate limiting of outgoing frames."""
 
-from collections import deque
 from collections.abc import Sequence
 from functools import partial
 
@@ -11,10 +10,12 @@ from autopilot.comms.bandwidth_limiter import (
     SendQueue,
     TokenBucket,
 )
+from autopilot.comms.inbox import Inbox
 from autopilot.comms.stream_rates import Schedule, profile_for
 from autopilot.telemetry.encoding import encode_frame
 from autopilot.telemetry.identity import COMPONENT
 from mavlink_io import dialect
+from mavlink_io.clock import wall_s
 from mavlink_io.codec import LARGEST_FRAME, Frame, largest_frame
 from mavlink_io.dialect import MessageType, Values
 from mavlink_io.endpoint import Endpoint
@@ -30,6 +31,13 @@ BULK_BYTES = 16_384
 """Limit of bulk data in the queue of a link without a baud rate: about 800 kB/s with BATCH_S."""
 BULK_BACKLOG_S = 0.25
 """Queue length on a serial line, as time to send it, below which bulk data is added."""
+
+MAX_SENDERS = 64
+"""Number of senders of a link that are recorded for routing and greeted with a heartbeat."""
+STREAM_BACKLOG_FRAMES = 64
+"""Number of waiting frames below which a stream is read again."""
+MAX_READING_S = 2e-3
+"""Wall time for which one pass of the main loop reads datagrams of a link."""
 
 _BULK = frozenset(
     dialect.by_name(name).message_id for name in ("LOG_DATA", "FILE_TRANSFER_PROTOCOL")
@@ -55,13 +63,12 @@ class GroundLink:
         self.endpoint = Endpoint(transport, system, COMPONENT, signing, accept_unknown=True)
         self.profile = profile_for(baud_rate(transport.address))
         self.schedule = Schedule(self.profile)
-        self._max_packet_bytes = (
-            MAX_DATAGRAM_BYTES if transport.address.startswith("udp") else MAX_STREAM_BYTES
-        )
+        self._datagrams = transport.address.startswith("udp")
+        self._max_packet_bytes = MAX_DATAGRAM_BYTES if self._datagrams else MAX_STREAM_BYTES
         self._devices: dict[int, Endpoint] = {}
         self._outbox: list[bytes] = []
-        self.backlog: deque[Frame] = deque()
-        """Received frames that are not processed yet, in order of arrival."""
+        self.backlog = Inbox()
+        """Received frames that are not processed yet."""
         self._due_s = 0.0
         self._known_senders: set[MavlinkId] = set()
 
@@ -71,19 +78,37 @@ class GroundLink:
         return self.endpoint.signing is not None or baud_rate(self.transport.address) is not None
 
     def register_sender(self, sender: MavlinkId) -> bool:
-        """Record a sender; return whether this is its first message on this link."""
-        if sender in self._known_senders:
+        """Record a sender; return whether this is its first message on this link.
+
+        Senders beyond `MAX_SENDERS` are served, but not recorded.
+        """
+        if sender in self._known_senders or len(self._known_senders) >= MAX_SENDERS:
             return False
         self._known_senders.add(sender)
         return True
 
     def read_pending(self) -> None:
-        """Read received frames into the backlog when it is empty. Raises LinkLostError.
+        """Read received frames into the backlog. Raises LinkLostError.
 
-        Until then data waits in the operating system, which slows down a sender on TCP.
+        Datagrams are read until none waits: the system drops those of all senders when its buffer
+        is full. A stream is read when the backlog is short: until then its data waits in the
+        operating system, which slows down its sender.
         """
-        if not self.backlog:
-            self.backlog.extend(self.endpoint.receive())
+        if not self._datagrams:
+            if len(self.backlog) < STREAM_BACKLOG_FRAMES:
+                self._read_once()
+            return
+        until_s = wall_s() + MAX_READING_S
+        while self._read_once() and wall_s() < until_s:
+            pass
+
+    def _read_once(self) -> bool:
+        """Read once from the transport; return whether anything had arrived."""
+        pieces = self.endpoint.receive_from_peers()
+        for peer, frames in pieces:
+            for frame in frames:
+                self.backlog.add(peer, frame)
+        return bool(pieces)
 
     def write(self, message: MessageType, values: Values) -> None:
         """Queue a message that is never dropped."""

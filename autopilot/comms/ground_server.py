@@ -8,15 +8,18 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from autopilot.commands.failure_injection import FailureRelay
+from autopilot.comms.commanders import COMMANDS, Commanders
 from autopilot.comms.ground_links import GroundLink, ground_link
 from autopilot.comms.guard import Guard, print_error
 from autopilot.comms.routing import Router
 from autopilot.comms.services import ReceivedMessage, Services
 from autopilot.comms.signing_keys import SigningKeys
 from autopilot.comms.statustext import EventPublisher
-from autopilot.control.types import Stick
+from autopilot.control.types import DENIED, Stick
+from autopilot.lateness import Lateness
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_store import ParamStore
+from autopilot.plan_store import PlanStore
 from autopilot.telemetry.identity import COMPONENT, AutopilotId
 from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.vehicle import Vehicle
@@ -30,12 +33,21 @@ from mavlink_io.transport import LinkLostError, Transport
 HEARTBEAT_S = 1.0
 IDLE_S = 0.05
 """Longest time between two polls."""
+LATENESS_NAMES = ("LATE_P50", "LATE_P99", "LATE_MAX", "LATE_OVR")
+"""Names of NAMED_VALUE_FLOAT: lateness of the ticks in ms, and number of overruns."""
+LATENESS_PART = 100
+"""First part number of these messages in the queue of a slow line; streams use smaller ones."""
+LATENESS_REPORT_S = 60.0
+"""Shortest time between two texts about overruns."""
+FLOOD_REPORT_S = 10.0
+"""Shortest time between two reports of dropped messages."""
 MAX_FRAMES_PER_POLL, MAX_PROCESSING_S = 16, 3e-3
-"""Frames of one link, and wall time, that are processed before the sensors are read again.
+"""Frames of one link, and wall time of all links, before the sensors are read again.
 
 At least one frame is processed. 3 ms is about a sixth of a tick of 20 ms."""
 
-_HEARTBEAT = dialect.by_name("HEARTBEAT")
+_NAMED_VALUE = dialect.by_name("NAMED_VALUE_FLOAT")
+_HEARTBEAT, _COMMAND_ACK = dialect.by_name("HEARTBEAT"), dialect.by_name("COMMAND_ACK")
 
 
 class GroundServer:
@@ -49,10 +61,12 @@ class GroundServer:
         keys: SigningKeys | None = None,
         onboard_log: OnboardLog | None = None,
         store: ParamStore | None = None,
+        plans: PlanStore | None = None,
+        commanders: Commanders | None = None,
     ) -> None:
         self._vehicle = vehicle
         self._onboard_log, keys = onboard_log or OnboardLog(vehicle, None), keys or SigningKeys()
-        self._store = store or ParamStore(None)
+        self._store, self._commanders = store or ParamStore(None), commanders or Commanders()
         self._own = MavlinkId(vehicle.system, COMPONENT)
         self.links = [
             ground_link(transport, self._own.system, keys.signing(transport.address))
@@ -70,6 +84,7 @@ class GroundServer:
             self._broadcast,
             keys,
             self._onboard_log,
+            plans or PlanStore(None),
         )
         self._reply_functions = {link: self._reply_function(link) for link in self.links}
         """Reply function of each link, always the same object.
@@ -78,6 +93,8 @@ class GroundServer:
         self.guard = Guard(vehicle.send_statustext)
         self._silent = False
         self._heartbeat = Interval(HEARTBEAT_S)
+        self._flood_report = Interval(FLOOD_REPORT_S)
+        self._lateness_report = Interval(LATENESS_REPORT_S)
 
     @property
     def failures(self) -> FailureRelay:
@@ -90,10 +107,15 @@ class GroundServer:
         received_s = self._services.ground_received_s
         return None if received_s is None else wall_s() - received_s
 
+    def continue_ground_timeout(self) -> None:
+        """Count the silence of a ground station that a process before this one received."""
+        self._services.ground_received_s = wall_s()
+
     @property
     def stick(self) -> Stick | None:
         """Present manual-control input; None without one."""
-        return self._services.helm.stick(self._vehicle.state, wall_s())
+        helm = self._services.helm
+        return helm.stick(self._vehicle.state, wall_s()) if helm.in_use else None
 
     @property
     def targets_silent_s(self) -> tuple[float | None, float | None]:
@@ -102,15 +124,34 @@ class GroundServer:
 
     def publish_telemetry(self) -> None:
         """Queue the telemetry that is due after a tick, then the events of the tick."""
-        time_us = self._vehicle.state.time_us
+        report, snapshot = self._vehicle.report(), None
         for link in self.links:
-            if due := link.schedule.due(time_us):
-                snapshot = self._vehicle.snapshot()
-                for stream in due:
-                    link.stream(stream.message, stream.build(snapshot))
-                    for part, build in enumerate(stream.more_builders, 1):
+            for stream in link.schedule.due(report.time_us):
+                try:
+                    if stream.of_tick:
+                        link.stream(stream.message, stream.build(report))
+                        continue
+                    snapshot = snapshot or self._vehicle.snapshot()
+                    for part, build in enumerate(stream.builders):
                         link.stream(stream.message, build(snapshot), part)
+                except Exception as error:  # the other messages are sent
+                    self.guard.report("telemetry", error)
         self._event_publisher.publish()
+
+    def publish_lateness(self, lateness: Lateness) -> None:
+        """Queue and log the lateness of the ticks; report overruns as a text."""
+        time_ms = self._vehicle.time_us // 1000 & 0xFFFF_FFFF
+        values = zip(LATENESS_NAMES, lateness, strict=False)
+        for part, (name, value) in enumerate(values, LATENESS_PART):
+            fields = time_ms, float(value), name.encode()
+            self._onboard_log.log_sent(_NAMED_VALUE, fields)
+            for link in self.links:
+                link.stream(_NAMED_VALUE, fields, part)
+        if lateness.new_overruns and self._lateness_report.due():
+            self._vehicle.send_statustext(
+                f"{lateness.new_overruns} ticks late by more than {lateness.interval_ms:.0f} ms;"
+                f" p99 {lateness.p99_ms:.0f}, at most {lateness.max_ms:.0f} ms"
+            )
 
     def relay(self, frames: Iterable[Frame]) -> None:
         """Queue messages of onboard devices for the ground, with their own component ids."""
@@ -126,7 +167,8 @@ class GroundServer:
         now_s, run = wall_s(), self.guard.run
         if self._heartbeat.due():
             run("heartbeat", self._send_heartbeat)
-        run("ground services", self._services.poll, now_s)
+        if not run("ground services", self._services.poll, now_s):
+            self._services.restart()
         self._onboard_log.poll()
         run(
             "parameter store", self._store.poll, self._vehicle.params, self._vehicle.send_statustext
@@ -134,7 +176,8 @@ class GroundServer:
         run("announcements", self._event_publisher.publish)
         if any(link.wait_s(now_s) == 0.0 for link in self.links):
             self.flush()
-        run("bulk services", self._services.poll_bulk, now_s)
+        if not run("bulk services", self._services.poll_bulk, now_s):
+            self._services.restart()
         if any(link.backlog for link in self.links):
             return 0.0
         return min(
@@ -169,11 +212,23 @@ class GroundServer:
             return
         if self._silent:
             link.backlog.clear()
-        until_s = wall_s() + MAX_PROCESSING_S
-        for _ in range(min(MAX_FRAMES_PER_POLL, len(link.backlog))):
-            self.guard.run("ground service", self._process, link, link.backlog.popleft())
+        self._report_flood(link)
+        until_s = wall_s() + MAX_PROCESSING_S / len(self.links)
+        for _ in range(MAX_FRAMES_PER_POLL):
+            if not link.backlog:
+                return
+            if not self.guard.run("ground service", self._process, link, link.backlog.pop()):
+                self._services.restart()
             if wall_s() > until_s:
                 return
+
+    def _report_flood(self, link: GroundLink) -> None:
+        """Report messages that were dropped because their sender sends too many."""
+        if link.backlog.dropped and self._flood_report.due():
+            dropped, link.backlog.dropped = link.backlog.dropped, 0
+            self._vehicle.send_statustext(
+                f"Link {link.transport.address}: {dropped} messages of a flood dropped"
+            )
 
     def _process(self, link: GroundLink, frame: Frame) -> None:
         """Forward a frame, and serve it when it is addressed to this vehicle."""
@@ -190,7 +245,7 @@ class GroundServer:
         if not self._services.handles(frame.message_id):
             return
         message = frame.decode()
-        if addressed_to(message, self._own):
+        if addressed_to(message, self._own) and self._may_command(link, frame):
             self._services.feed(
                 ReceivedMessage(
                     link=link, frame=frame, message=message, send=self._reply_functions[link]
@@ -199,6 +254,18 @@ class GroundServer:
             self._onboard_log.log_received(frame)
             self._event_publisher.publish()
             link.flush_soon()
+
+    def _may_command(self, link: GroundLink, frame: Frame) -> bool:
+        """Return whether a message is served; answer a refused command, and report it once."""
+        if self._commanders.accepts(frame):
+            return True
+        if text := self._commanders.report(frame):
+            self._vehicle.send_statustext(text)
+        if frame.message_id in COMMANDS:
+            values = frame.decode().command, DENIED, 0, 0, frame.system, frame.component
+            link.write(_COMMAND_ACK, values)
+            link.flush_soon()
+        return False
 
     def _send_heartbeat(self) -> None:
         """Queue HEARTBEAT on all links."""

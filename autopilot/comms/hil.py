@@ -11,6 +11,14 @@ from mavlink_io import device_messages, dialect
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import Message, constant
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.fixed_frame import (
+    CRC_LENGTH,
+    FIELDS,
+    HEAD_LENGTH,
+    SENDER,
+    SEQUENCE,
+    FixedFrame,
+)
 from mavlink_io.mission_items import MavCmd
 from mavlink_io.records import (
     ActuatorFrame,
@@ -25,7 +33,9 @@ from mavlink_io.records import (
 from mavlink_io.transport import Transport, baud_rate
 
 _SENSOR, _GPS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_GPS")
-_RANGE, _CONTROLS = dialect.by_name("DISTANCE_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
+_SENSOR_FRAME = FixedFrame(_SENSOR)
+_CONTROLS_FRAME = FixedFrame(dialect.by_name("HIL_ACTUATOR_CONTROLS"))
+_RANGE = dialect.by_name("DISTANCE_SENSOR")
 _COMMAND_ACK = dialect.by_name("COMMAND_ACK")
 _LINK, _OFF = constant("FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL"), constant("FAILURE_TYPE_OFF")
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
@@ -87,24 +97,28 @@ class HilLink:
         With ``eager`` wait for frames, at most `SPIN_S`. Raises LinkLostError when the link is
         lost.
         """
-        frames = self._endpoint.receive(eager=eager)
+        decoded, raw, frames = self._endpoint.receive_fixed(_SENSOR_FRAME, eager=eager)
+        if decoded is not None:
+            system, component = decoded[SENDER]
+            head = system, component, _SENSOR.message_id, decoded[SEQUENCE]
+            frame = Frame._make((*head, raw[HEAD_LENGTH:-CRC_LENGTH], raw))
+            return self._samples(frame, SensorFrame._make(decoded[FIELDS:]))
         if not frames:
             return None
         samples: list[HilSample] = []
         for frame in frames:
             if frame.message_id == _SENSOR.message_id:
                 sensors = SensorFrame._make(_SENSOR.unpack(frame.payload))
-                if sensors.time_us <= MAX_TIME_US:
-                    samples.append(self._sample(frame, sensors))
-                else:
-                    self._report_time(sensors.time_us)
+                samples += self._samples(frame, sensors)
             else:
                 self._collect(frame)
         return samples
 
     def answer(self, frame: ActuatorFrame) -> None:
         """Send the actuators in reply to a sample."""
-        self._endpoint.send_values(_CONTROLS, frame if self.lockstep else frame._replace(flags=0))
+        flags = frame.flags if self.lockstep else 0
+        fields = (frame.time_us, flags, *frame.controls, frame.mode)
+        self.transport.send(self._endpoint.encode_fixed(_CONTROLS_FRAME, fields))
 
     def send_failure_order(self, order: InjectionOrder) -> None:
         """Send a failure-injection order to the simulator."""
@@ -138,6 +152,13 @@ class HilLink:
         """Return the error text about samples once; "" without an error."""
         error, self._error = self._error, ""
         return error
+
+    def _samples(self, frame: Frame, sensors: SensorFrame) -> list[HilSample]:
+        """Return the sample of a frame; nothing if its time is impossible."""
+        if sensors.time_us <= MAX_TIME_US:
+            return [self._sample(frame, sensors)]
+        self._report_time(sensors.time_us)
+        return []
 
     def _report_time(self, time_us: int) -> None:
         """Report once that a sample is dropped because its time would expire every timer."""

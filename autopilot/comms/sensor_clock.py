@@ -84,7 +84,10 @@ def classify_stamp(
     step_us = stamp_us - clock.newest_us
     if 0 < step_us <= LOST_SAMPLES * clock.interval_us + silent_us:
         usual_us = max(round(INTERVAL_DECAY * clock.interval_us), min(step_us, MAX_INTERVAL_US))
-        return clock._replace(newest_us=stamp_us, interval_us=usual_us, refused=0), StampClass.NEW
+        accepted = SensorClock(
+            stamp_us, clock.offset_us, usual_us, 0, clock.refused_first_us, clock.refused_us
+        )
+        return accepted, StampClass.NEW
     if step_us == 0:
         return clock._replace(refused=0), StampClass.REPEATED
     first_us, refused = stamp_us, 1

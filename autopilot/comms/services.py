@@ -24,9 +24,10 @@ from autopilot.control.params import PARAMETERS, ParamTable
 from autopilot.control.requests import SetMode
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_file import to_text
+from autopilot.plan_store import FILES, PlanStore
 from autopilot.telemetry import component_metadata
 from autopilot.telemetry.request_message import MessageBuilder
-from autopilot.vehicle import Vehicle, VehicleMission
+from autopilot.vehicle import Vehicle, VehicleMission, VehiclePlan
 from mavlink_io import dialect
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
@@ -71,6 +72,7 @@ class Services:
         broadcast: Publish,
         keys: SigningKeys,
         onboard_log: OnboardLog,
+        plan_store: PlanStore,
     ) -> None:
         self._vehicle, self._event_publisher, self._message_builder = (
             vehicle,
@@ -83,18 +85,33 @@ class Services:
         self.ground_received_s: float | None = None
         """Wall time of the last heartbeat of a ground station."""
         self.failures = FailureRelay(vehicle.send_statustext)
-        self._missions = MissionServer(VehicleMission(vehicle))
-        self._params = ParamServer(vehicle.params, send_by_name(broadcast), vehicle.send_statustext)
+        self._broadcast = broadcast
+        self._plans = {kind: VehiclePlan(vehicle, plan_store, kind) for kind in FILES}
+        for problem in plan_store.problems:
+            vehicle.send_statustext(f"Plan: {problem}")
+        self.restart()
+        self._table = self._handlers()
+
+    def restart(self) -> None:
+        """Begin with new protocol servers; after an exception their state may be inconsistent.
+
+        Transfers in progress end, and their clients ask again. Manual control, set-points and the
+        time of the last ground station are kept.
+        """
+        vehicle, onboard_log = self._vehicle, self._onboard_log
+        self._missions = MissionServer(VehicleMission(vehicle), plans=self._plans)
+        self._params = ParamServer(
+            vehicle.params, send_by_name(self._broadcast), vehicle.send_statustext
+        )
         self._files = FileServer(_file_tree(vehicle.params, onboard_log))
         self._logs = LogServer(onboard_log, vehicle.send_statustext, lambda: vehicle.state.armed)
         self._context = CommandContext(
             vehicle=vehicle,
             helm=self.helm,
-            build=message_builder.build,
+            build=self._message_builder.build,
             publish_parameter=self._params.announce,
         )
         self._commander = Commander(self._context)
-        self._table = self._handlers()
 
     def _handlers(self) -> dict[int, Callable[[ReceivedMessage], None]]:
         """Return the handler of each message id."""

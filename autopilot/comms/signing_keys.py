@@ -1,19 +1,31 @@
 """Signing keys of the ground links: their files, and their change by SETUP_SIGNING."""
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from mavlink_io.clock import Interval
 from mavlink_io.signing import (
     TIMESTAMP_FILE,
+    UNITS_PER_S,
     KeyFileError,
     Signing,
+    Stream,
     Timestamp,
     load_key,
     save_key,
 )
-from mavlink_io.user_data_dir import user_data_dir
+from mavlink_io.text_files import parse_json, read_text
+from mavlink_io.user_data_dir import replace_file, user_data_dir
 
+STREAMS_FILE = "signing_streams"
+"""File in the state directory with the last timestamp of each sender."""
+STREAMS_SAVE_S = 1.0
+"""Wall time between two saves of these timestamps."""
+STREAMS_MARGIN_UNITS = round(1.5 * STREAMS_SAVE_S * UNITS_PER_S)
+"""Time by which stored timestamps are moved ahead: frames accepted after the last save."""
 NO_KEY = bytes(32)
 """Key in a SETUP_SIGNING message that turns signing off."""
 
@@ -22,15 +34,23 @@ class SigningKeys:
     """Signing keys and their files by link address."""
 
     def __init__(
-        self, files: Mapping[str, Path] | None = None, timestamp: Timestamp | None = None
+        self,
+        files: Mapping[str, Path] | None = None,
+        timestamp: Timestamp | None = None,
+        streams: Path | None = None,
     ) -> None:
-        """Load all keys. Raises KeyFileError."""
+        """Load all keys, and the timestamps of an earlier run. Raises KeyFileError."""
         self._files = dict(files or {})
         self._timestamp = timestamp or Timestamp()
+        self._streams_path, self._stored = streams, ""
+        earlier = _read_streams(streams)
         self._signing = {
-            address: Signing(load_key(file), number, self._timestamp)
+            address: Signing(load_key(file), number, self._timestamp, earlier.get(address))
             for number, (address, file) in enumerate(self._files.items())
         }
+        self._due = Interval(STREAMS_SAVE_S)
+        self._writer = ThreadPoolExecutor(max_workers=1)
+        self._writing: Future[None] | None = None
 
     @classmethod
     def from_options(cls, words: Sequence[str], addresses: Sequence[str]) -> "SigningKeys":
@@ -47,7 +67,10 @@ class SigningKeys:
                     f"--sign {word}: expected ADDRESS=KEYFILE, where ADDRESS is one of {links}"
                 )
             files[address] = Path(file)
-        return cls(files, Timestamp(user_data_dir() / TIMESTAMP_FILE) if files else None)
+        if not files:
+            return cls()
+        folder = user_data_dir()
+        return cls(files, Timestamp(folder / TIMESTAMP_FILE), folder / STREAMS_FILE)
 
     def signing(self, address: str) -> Signing | None:
         """Return the signing state of a link; None for a link that is not signed."""
@@ -97,18 +120,66 @@ class SigningKeys:
         return f"Signing key changed on {len(changed)} link{'s' if len(changed) > 1 else ''}"
 
     def save_when_due(self) -> str:
-        """Store the signing time once a minute when a link is signed; return the error or ""."""
-        return self._try_save(self._timestamp.save_when_due)
+        """Store the timestamps every second when a link is signed; return an error or "".
+
+        A thread writes, so that a slow disk never delays a tick.
+        """
+        error = ""
+        if self._writing is not None and self._writing.done():
+            error = _error_text(self._writing.exception())
+            self._writing = None
+        if self._signing and self._writing is None and self._due.due():
+            self._writing = self._writer.submit(self._save, self._streams_text())
+        return error
 
     def save(self) -> str:
-        """Store the signing time now; return the error text, "" for success."""
-        return self._try_save(self._timestamp.save)
-
-    def _try_save(self, save: Callable[[], None]) -> str:
-        """Call ``save`` when a link is signed; return the error text instead of raising."""
+        """Store the timestamps now; return the error text, "" for success."""
+        self._writer.shutdown()
+        if not self._signing:
+            return ""
         try:
-            if self._signing:
-                save()
+            self._timestamp.save()
+            self._save(self._streams_text())
         except OSError as error:
-            return f"Signing time cannot be stored: {error.strerror}"
+            return _error_text(error)
         return ""
+
+    def _streams_text(self) -> str:
+        """Return the recent timestamps of all links as JSON."""
+        rows = [
+            [address, *stream, last]
+            for address, signing in self._signing.items()
+            for stream, last in signing.recent_streams().items()
+        ]
+        return json.dumps(rows) + "\n"
+
+    def _save(self, streams: str) -> None:
+        """Write the timestamps that have changed. Raises OSError."""
+        self._timestamp.save_when_due()
+        if self._streams_path is not None and streams != self._stored:
+            self._streams_path.parent.mkdir(parents=True, exist_ok=True)
+            replace_file(self._streams_path, streams)
+            self._stored = streams
+
+
+def _error_text(error: BaseException | None) -> str:
+    """Return the text of a failed write, "" without one."""
+    if error is None:
+        return ""
+    return f"Signing time cannot be stored: {getattr(error, 'strerror', None) or error}"
+
+
+def _read_streams(path: Path | None) -> dict[str, dict[Stream, int]]:
+    """Return the stored timestamps by link, moved ahead by what a crash may have lost.
+
+    Without a file, or with one that cannot be read, frames of the last minute can be replayed once.
+    """
+    streams: dict[str, dict[Stream, int]] = {}
+    try:
+        rows = parse_json(read_text(path)) if path else []
+        for address, system, component, link, last in rows:
+            numbers = int(system), int(component), int(link)
+            streams.setdefault(str(address), {})[numbers] = int(last) + STREAMS_MARGIN_UNITS
+    except (OSError, ValueError, TypeError):
+        return {}
+    return streams

@@ -35,11 +35,17 @@ class EventPublisher:
         self._vehicle, self._build, self._broadcast, self._log = vehicle, build, broadcast, log
         self._rate_limiter = TextRateLimiter()
         self._long_texts = 0
+        self._changes = -1
+        """``Vehicle.changes`` at the last call."""
         self._published: tuple[int, bool, int] | None = self._read_state()
         self._home: Home = vehicle.state.home
 
     def publish(self) -> None:
         """Publish the events since the last call, and mode and home when they have changed."""
+        changes = self._vehicle.changes
+        if changes == self._changes and not self._vehicle.has_events:
+            return
+        self._changes = changes
         for event in self._vehicle.pop_events():
             if isinstance(event, ItemReached):
                 self._broadcast(_ITEM_REACHED, (event.sequence,))
@@ -57,7 +63,7 @@ class EventPublisher:
 
     def resend_mode(self) -> None:
         """Publish the mode at the next call, changed or not."""
-        self._published = None
+        self._published, self._changes = None, -1
 
     def _read_state(self) -> tuple[int, bool, int]:
         """Return mode, arming state and MAV_STATE."""
@@ -75,7 +81,7 @@ class EventPublisher:
         dropped = self._rate_limiter.dropped
         publish = (
             self._broadcast
-            if self._rate_limiter.allows(event.severity, self._vehicle.state.time_us)
+            if self._rate_limiter.allows(event.severity, self._vehicle.time_us)
             else self._log
         )
         if dropped and publish is self._broadcast:

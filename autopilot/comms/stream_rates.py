@@ -5,7 +5,7 @@ messages; and the few messages that fit on a 9600 baud radio. A ground station m
 message at any rate; ``autopilot.comms.bandwidth_limiter`` drops what the line cannot carry.
 """
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import NamedTuple
 
 from autopilot.control.types import US_PER_S
@@ -52,6 +52,10 @@ def profile_for(baud: int | None) -> RateProfile:
     return HALF if baud >= HALF_BAUD else MINIMAL
 
 
+NEVER_US = 2**63
+"""Due time of a link without streams."""
+
+
 class Schedule:
     """Schedule of the streams of one link.
 
@@ -64,7 +68,12 @@ class Schedule:
             number: _interval_us(profile.rates_hz.get(number, 0.0)) for number in BY_ID
         }
         self._intervals_us = dict(self._defaults_us)
-        self._due_us = dict.fromkeys(BY_ID, 0)
+        self._due_us: dict[int, int] = {}
+        """Next due time of the streams of each interval (us)."""
+        self._next_us = 0
+        """The earliest of them."""
+        self._streams: dict[tuple[int, ...], list[TelemetryStream]] = {}
+        """Streams that are due together, by their intervals."""
         self._running = False
         self._time_us = 0
 
@@ -75,7 +84,7 @@ class Schedule:
         """
         default_us = self._defaults_us[message_id]
         self._intervals_us[message_id] = default_us if interval_us is None else interval_us
-        self._align(message_id)
+        self._align()
 
     def interval_us(self, message_id: int) -> int:
         """Return the present interval, 0 for a stopped stream. Raises KeyError."""
@@ -83,25 +92,42 @@ class Schedule:
 
     def due(self, time_us: int) -> list[TelemetryStream]:
         """Return the streams to send in the tick at ``time_us``, in the order of the table."""
-        due: list[TelemetryStream] = []
         restarted = not self._running or time_us < self._time_us
         self._time_us = time_us
         if restarted:
             self._running = True
-            for number in BY_ID:
-                self._align(number)
-            return due
-        for number, due_us in self._due_us.items():
-            if due_us <= time_us:
-                if self._intervals_us[number]:
-                    due.append(BY_ID[number])
-                self._align(number)
-        return due
+            self._align()
+            return []
+        if time_us < self._next_us:
+            return []
+        crossed = tuple([i for i, due_us in self._due_us.items() if due_us <= time_us])
+        for interval in crossed:
+            self._due_us[interval] = _next_multiple(time_us, interval)
+        self._next_us = min(self._due_us.values())
+        if crossed not in self._streams:
+            self._streams[crossed] = self._streams_of(crossed)
+        return self._streams[crossed]
 
-    def _align(self, message_id: int) -> None:
-        """Set the next due time of a stream to the next multiple of its interval."""
-        interval = self._intervals_us[message_id] or US_PER_S
-        self._due_us[message_id] = (self._time_us // interval + 1) * interval
+    def _streams_of(self, intervals_us: Container[int]) -> list[TelemetryStream]:
+        """Return the streams with one of the intervals, in the order of the table."""
+        return [
+            BY_ID[number] for number, own_us in self._intervals_us.items() if own_us in intervals_us
+        ]
+
+    def _align(self) -> None:
+        """Set the due times of all streams to the next multiple of their interval."""
+        self._due_us = {
+            interval: _next_multiple(self._time_us, interval)
+            for interval in self._intervals_us.values()
+            if interval
+        }
+        self._next_us = min(self._due_us.values(), default=NEVER_US)
+        self._streams = {}
+
+
+def _next_multiple(time_us: int, interval_us: int) -> int:
+    """Return the first multiple of an interval after a time."""
+    return (time_us // interval_us + 1) * interval_us
 
 
 def _interval_us(rate_hz: float) -> int:

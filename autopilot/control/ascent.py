@@ -1,17 +1,23 @@
-"""Mode SURFACE: rise under power, or by buoyancy where power does not raise the vehicle, and end.
+"""Mode SURFACE: rise under power, escalate where that does not raise the vehicle, and end.
 
-Pure, part of the tick.
+Pure, part of the tick. The stages (``AscentStage``) are tried in this order:
+
+1. Power, with the depth set-point 0.
+2. Power does not raise the vehicle: no rise for SURF_RISE_S, or it sinks against its elevator
+   (``monitor.dives``), or it sinks after twice FS_LOOK_S. A vehicle that floats up (SURF_BUOY_N, or
+   a drop weight) stops its propeller: an elevator that is stuck or off can hold it down for as long
+   as the propeller turns. If it sinks nose down, the propeller runs astern first, for
+   SURF_ASTERN_S at most.
+3. No rise for SURF_DROP_S without power: the drop weight is released, if fitted.
+4. Without a drop weight, a vehicle that sinks without power tries power again.
 
 SURFACE ends in one of four ways, each with disarming:
 
-- the measured depth is less than SURF_DEPTH_M;
-- depth is not measured, and a satellite fix arrives;
+- the measured depth is less than SURF_DEPTH_M and has not decreased further for SURF_HOLD_S;
+- depth is not measured, or its sensor has a fault, and a satellite fix arrives;
 - the measured depth stays, and a satellite fix holds for SURF_FIX_S: the depth reading is wrong,
   because satellites are received at the surface only;
 - the vehicle has not risen for SURF_TIME_S.
-
-A buoyant vehicle (SURF_BUOY_N) that has not risen for SURF_RISE_S under power stops its propeller:
-an elevator that is stuck or off can hold it down for as long as the propeller turns.
 """
 
 import math
@@ -19,7 +25,14 @@ import math
 from autopilot.control import failsafe, modes
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor, sensor_checks
-from autopilot.control.types import US_PER_S, Ascent, AutopilotState, Event, Severity
+from autopilot.control.types import (
+    US_PER_S,
+    Ascent,
+    AscentStage,
+    AutopilotState,
+    Event,
+    Severity,
+)
 
 RISE_M = 0.2
 """Decrease of the least depth so far that counts as a rise.
@@ -27,6 +40,17 @@ RISE_M = 0.2
 An ascent rises that much within SURF_RISE_S. A vehicle that only moves up and down, in waves or on
 the sea floor, does so a few times at most.
 """
+NOSE_DOWN_RAD = math.radians(-10.0)
+"""Pitch below which the propeller astern lifts the vehicle."""
+RECOVERIES = 2.0
+"""Multiple of FS_LOOK_S, the time of a recovery, after which a vehicle that sinks does not recover.
+"""
+SUNK_M = 1.0
+"""Increase of depth without power after which power is tried again."""
+AFLOAT_MARGIN_M = 0.5
+"""Depth below SURF_DEPTH_M at which a vehicle is no longer at the surface: waves cover it."""
+MAX_ATTEMPTS = 3
+"""Number of times that power is stopped before the vehicle stays without power."""
 NOT_RISING = "not rising"
 """Cause of the failsafe of a vehicle that does not rise."""
 
@@ -38,39 +62,148 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
 
     Returns the new state and the events.
     """
-    blind = failsafe.depth_unknown(state, config)
-    ascent = _update(state, blind)
+    blind = _is_blind(state, config)
+    ascent = _update(state, blind, config)
     if surfaced := _reached_surface(state, ascent, blind, config):
         return modes.disarm(state), (surfaced,)
     still_s = (state.time_us - ascent.risen_us) / US_PER_S
-    if 0.0 < config.surface_time_s < still_s:
+    stage, reason = _next_stage(state, ascent, blind, config)
+    events: Events = ()
+    if reason:
+        state, ascent, events = _enter(state, ascent, stage, reason)
+    elif 0.0 < config.surface_time_s < still_s:
         text = f"Failsafe: surface not reached, no rise for {config.surface_time_s:g} s -> disarmed"
         return modes.disarm(_give_up(state)), (Event(Severity.CRITICAL, text),)
-    events: Events = ()
-    driven = not (blind or ascent.stopped)
-    if driven and config.buoyancy_n > 0.0 and 0.0 < config.surface_rise_s < still_s:
-        text = f"Failsafe: no rise for {config.surface_rise_s:g} s -> propeller stopped"
-        # The rise is counted from here: the vehicle may have sunk far under power.
-        ascent = Ascent(state.estimate.depth_m, state.time_us, stopped=True)
-        state, driven = _give_up(state), False
-        events = (Event(Severity.CRITICAL, text),)
+    cruise = config.cruise_thrust_pct / 100.0
     setpoint = state.setpoint._replace(thrust=0.0, pitch_rad=0.0)
-    if driven:
-        cruise = config.cruise_thrust_pct / 100.0
+    if ascent.stage == AscentStage.ASTERN:
+        setpoint = setpoint._replace(thrust=-cruise)
+    elif ascent.stage == AscentStage.POWERED and not (blind or _floats(ascent, config)):
         setpoint = state.setpoint._replace(depth_m=0.0, thrust=cruise, pitch_rad=math.nan)
     return state._replace(setpoint=setpoint, ascent=ascent), events
 
 
-def _update(state: AutopilotState, blind: bool) -> Ascent:
+def _is_blind(state: AutopilotState, config: Config) -> bool:
+    """Return whether the depth must not be used: it is unknown, or its sensor has a fault.
+
+    A vehicle that floats up does not need it: a few samples in many seconds are worth less than a
+    satellite fix.
+    """
+    faulty = monitor.PRESSURE in monitor.active_faults(state.health)
+    floats_up = bool(config.fs_pressure_action) and config.buoyancy_n > 0.0
+    return failsafe.depth_unknown(state, config) or (faulty and floats_up)
+
+
+def _next_stage(
+    state: AutopilotState, ascent: Ascent, blind: bool, config: Config
+) -> tuple[AscentStage, str]:
+    """Return the stage that follows and the reason; an empty reason: the present stage goes on."""
+    stage, estimate = ascent.stage, state.estimate
+    still_s = (state.time_us - ascent.risen_us) / US_PER_S
+    stage_s = (state.time_us - ascent.began_us) / US_PER_S
+    buoyant = config.buoyancy_n > 0.0 or config.weight_fitted
+    if stage == AscentStage.POWERED:
+        dives = monitor.ELEVATOR in monitor.active_faults(state.health)
+        stopped = AscentStage.ASTERN if _astern_helps(state, config) else AscentStage.STOPPED
+        if blind or not buoyant or ascent.attempts >= MAX_ATTEMPTS:
+            return _release(state, ascent, still_s, config) if blind else (stage, "")
+        if dives:
+            return stopped, "sinks against the elevator"
+        if 0.0 < config.surface_rise_s < still_s:
+            return stopped, f"no rise for {config.surface_rise_s:g} s"
+        sinks = estimate.depth_m > ascent.depth_m and estimate.depth_rate_mps > monitor.SINKING_MPS
+        if sinks and 0.0 < RECOVERIES * config.fs_look_s < still_s:
+            return stopped, f"still sinks after {still_s:.0f} s"
+    elif stage == AscentStage.ASTERN:
+        if stage_s > config.surface_astern_s or not _astern_helps(state, config):
+            return AscentStage.STOPPED, f"astern for {stage_s:.0f} s"
+    elif stage == AscentStage.STOPPED:
+        released, reason = _release(state, ascent, still_s, config)
+        if reason:
+            return released, reason
+        sunk_m = estimate.depth_m - ascent.depth_m
+        if (
+            not blind
+            and ascent.attempts < MAX_ATTEMPTS
+            and sunk_m > SUNK_M
+            and 0.0 < config.surface_rise_s < still_s
+            and estimate.depth_rate_mps > 0.0
+        ):
+            return AscentStage.POWERED, f"sank {sunk_m:.1f} m without power"
+    return stage, ""
+
+
+def _release(
+    state: AutopilotState, ascent: Ascent, still_s: float, config: Config
+) -> tuple[AscentStage, str]:
+    """Return the stage after the drop weight is released, and the reason, if that is due."""
+    if not config.weight_fitted or state.weight_released or still_s < config.weight_time_s:
+        return ascent.stage, ""
+    return AscentStage.RELEASED, f"no rise for {config.weight_time_s:g} s without power"
+
+
+def _astern_helps(state: AutopilotState, config: Config) -> bool:
+    """Return whether the vehicle sinks nose down, so that thrust astern pulls it up."""
+    estimate = state.estimate
+    return (
+        config.surface_astern_s > 0.0
+        and estimate.pitch_rad < NOSE_DOWN_RAD
+        and estimate.depth_rate_mps > 0.0
+    )
+
+
+_ACTIONS = {
+    AscentStage.POWERED: "power",
+    AscentStage.ASTERN: "propeller astern",
+    AscentStage.STOPPED: "propeller stopped",
+    AscentStage.RELEASED: "weight released",
+}
+
+
+def _enter(
+    state: AutopilotState, ascent: Ascent, stage: AscentStage, reason: str
+) -> tuple[AutopilotState, Ascent, Events]:
+    """Begin a stage.
+
+    The rise is counted from its beginning: the vehicle may have sunk far in the stage before it.
+    """
+    attempts = ascent.attempts + (ascent.stage == AscentStage.POWERED)
+    ascent = Ascent(
+        state.estimate.depth_m,
+        state.time_us,
+        ascent.fix_us,
+        stage=stage,
+        began_us=state.time_us,
+        attempts=attempts,
+    )
+    state = _give_up(state)
+    if stage == AscentStage.RELEASED:
+        state = state._replace(weight_released=True)
+    return state, ascent, (Event(Severity.CRITICAL, f"Failsafe: {reason} -> {_ACTIONS[stage]}"),)
+
+
+def _update(state: AutopilotState, blind: bool, config: Config) -> Ascent:
     """Return the progress after this tick; without a depth measurement there is no rise."""
     now_us, depth_m = state.time_us, state.estimate.depth_m
     ascent = state.ascent or Ascent(depth_m, now_us)
     if not blind and depth_m < ascent.depth_m - RISE_M:
         ascent = ascent._replace(depth_m=depth_m, risen_us=now_us)
-    gps = state.health.gps
-    if not sensor_checks.has_fix(gps.record) or sensor_checks.is_silent(gps, now_us):
+    afloat_us = ascent.afloat_us
+    if blind or depth_m > config.surfaced_depth_m + AFLOAT_MARGIN_M:
+        afloat_us = None
+    elif afloat_us is None and depth_m < config.surfaced_depth_m:
+        afloat_us = now_us
+    if afloat_us != ascent.afloat_us:
+        ascent = ascent._replace(afloat_us=afloat_us)
+    gps = state.health.devices.gps
+    if not sensor_checks.has_position(gps) or sensor_checks.is_silent(gps, now_us):
         return ascent._replace(fix_us=None) if ascent.fix_us is not None else ascent
     return ascent if ascent.fix_us is not None else ascent._replace(fix_us=gps.accepted_us)
+
+
+def _floats(ascent: Ascent, config: Config) -> bool:
+    """Return whether the vehicle waits at the surface, held there by its buoyancy."""
+    return ascent.afloat_us is not None and config.buoyancy_n > 0.0
 
 
 def _reached_surface(
@@ -82,8 +215,10 @@ def _reached_surface(
             return Event(Severity.INFO, "Surfaced by satellite fix: disarmed")
         return None
     depth_m = state.estimate.depth_m
-    if depth_m < config.surfaced_depth_m:
-        return Event(Severity.INFO, "Surfaced: disarmed")
+    if ascent.afloat_us is not None:
+        held_us = state.time_us - max(ascent.afloat_us, ascent.risen_us)
+        if held_us >= config.surface_hold_s * US_PER_S:
+            return Event(Severity.INFO, "Surfaced: disarmed")
     if config.surface_fix_s and _fix_holds(state, ascent, round(config.surface_fix_s * US_PER_S)):
         text = f"Surfaced by satellite fix, though depth reads {depth_m:.1f} m: disarmed"
         return Event(Severity.WARNING, text)
@@ -97,7 +232,7 @@ def _fix_holds(state: AutopilotState, ascent: Ascent, hold_us: int) -> bool:
     that repeats its last fix from before a dive, or reports it late, does not count. Nor does a fix
     while the measured depth decreases: some simulators receive satellites under water.
     """
-    gps, now_us = state.health.gps, state.time_us
+    gps, now_us = state.health.devices.gps, state.time_us
     if ascent.fix_us is None or now_us - ascent.risen_us < hold_us:
         return False
     if now_us - gps.record.time_us > sensor_checks.SILENT_US:

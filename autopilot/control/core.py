@@ -46,7 +46,8 @@ MAX_STEP_S = 0.2
 """Maximum time step of the tick: a longer gap between sensor frames is not integrated."""
 
 _NEUTRAL = (0.0,) * 16
-_UNUSED_CHANNELS = (0.0,) * 13
+_UNUSED_CHANNELS = (0.0,) * 12
+_ARMED_MODE = CUSTOM_MODE_FLAG | ARMED_FLAG
 
 Events = tuple[Event | ItemReached, ...]
 
@@ -173,7 +174,13 @@ def step_rtl(state: AutopilotState, config: Config) -> tuple[AutopilotState, Eve
     ):
         return state, ()
     state, events = modes.enter(state, modes.SURFACE)
-    return state, (Event(Severity.INFO, "RTL: home reached"), *events)
+    return state, (
+        Event(
+            Severity.INFO,
+            "RTL: return point reached" if state.rally.places else "RTL: home reached",
+        ),
+        *events,
+    )
 
 
 def step_offboard(
@@ -290,27 +297,37 @@ def limit(
     """Limit deflections (rad) to the duct's travel and thrust to [-1, 1]."""
     travel = config.travel_rad
     return (
-        min(travel, max(-travel, rudder_rad)),
-        min(travel, max(-travel, elevator_rad)),
-        min(1.0, max(-1.0, thrust)),
+        _clip(rudder_rad, travel),
+        _clip(elevator_rad, travel),
+        _clip(thrust, 1.0),
     )
+
+
+@numeric
+def _clip(value: float, limit: float) -> float:
+    """Limit a value to +-limit; NaN becomes 0: neutral, not full deflection."""
+    return min(limit, max(-limit, value)) if value == value else 0.0
 
 
 def actuator_frame(state: AutopilotState, trace: Trace, config: Config) -> ActuatorFrame:
     """Return the actuator frame of this tick; while disarmed all zero except for actuator tests."""
-    mode = CUSTOM_MODE_FLAG | (ARMED_FLAG if state.armed else 0)
-    if not state.armed:
-        resting = (
-            (*actuator_test.positions(state), *_UNUSED_CHANNELS)
-            if state.actuator_tests
-            else _NEUTRAL
-        )
-        return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, resting, mode)
+    weight = 1.0 if state.weight_released else 0.0
+    if state.armed:
+        return armed_frame(state.time_us, trace, config, weight)
+    resting: tuple[float, ...] = _NEUTRAL
+    if state.actuator_tests or state.weight_released:
+        resting = (*actuator_test.positions(state), weight, *_UNUSED_CHANNELS)
+    return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, resting, CUSTOM_MODE_FLAG)
+
+
+def armed_frame(time_us: int, trace: Trace, config: Config, weight: float = 0.0) -> ActuatorFrame:
+    """Return the actuator frame of a tick of an armed vehicle; ``weight`` 1 releases the weight."""
     travel = config.travel_rad
     controls = (
         trace.rudder_rad / travel,
         trace.elevator_rad / travel,
         trace.thrust,
+        weight,
         *_UNUSED_CHANNELS,
     )
-    return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, controls, mode)
+    return ActuatorFrame(time_us, LOCKSTEP_FLAG, controls, _ARMED_MODE)

@@ -19,6 +19,7 @@ estimates the rates from gravity and magnetic field; without the pressure sensor
 the integral of the vertical speed.
 """
 
+import cmath
 import math
 
 from autopilot.control import navigation
@@ -38,7 +39,12 @@ from mavlink_io.records import (
     ACCELEROMETER_FRESH,
     GYRO_FRESH,
     MAGNETOMETER_FRESH,
+    NO_FIX,
+    NO_PING,
     PRESSURE_FRESH,
+    Altimeter,
+    Dvl,
+    GpsFix,
     SensorFrame,
 )
 
@@ -119,16 +125,43 @@ def update(
     located = inputs.gps is not None or inputs.dvl is not None
     estimate, motion = predict(old, inputs.sensors, thrust, config, dt_s, located)
     if located:
-        solution = navigation.NavSolution(
-            complex(estimate.north_m, estimate.east_m),
-            complex(estimate.north_rate_mps, estimate.east_rate_mps),
-            estimate.navigation,
-        )
-        estimate = _at(navigation.correct(solution, motion, inputs, home, config), estimate)
-    echo = inputs.altimeter
-    if echo is not None and echo.min_range_m <= echo.range_m < echo.max_range_m:
-        estimate = estimate._replace(altitude_m=echo.range_m, altitude_time_us=motion.time_us)
+        fix, ping = inputs.gps or NO_FIX, inputs.dvl or NO_PING
+        estimate = use_position(estimate, motion, fix, inputs.dvl is not None, ping, home, config)
+    if inputs.altimeter is not None:
+        estimate = use_range(estimate, motion, inputs.altimeter)
     return estimate
+
+
+@numeric
+def use_position(
+    estimate: VehicleEstimate,
+    motion: navigation.MotionInput,
+    fix: GpsFix,
+    has_ping: bool,
+    ping: Dvl,
+    home: Home,
+    config: Config,
+) -> VehicleEstimate:
+    """Return the estimate of ``predict`` after ``navigation.correct``."""
+    solution = navigation.NavSolution(
+        complex(estimate.north_m, estimate.east_m),
+        complex(estimate.north_rate_mps, estimate.east_rate_mps),
+        estimate.navigation,
+    )
+    corrected = navigation.correct(solution, motion, fix, has_ping, ping, home, config)
+    if cmath.isfinite(corrected.position_m) and cmath.isfinite(corrected.velocity_mps):
+        return _at(corrected, estimate)
+    return estimate
+
+
+@numeric
+def use_range(
+    estimate: VehicleEstimate, motion: navigation.MotionInput, echo: Altimeter
+) -> VehicleEstimate:
+    """Return the estimate with the altitude of a valid range."""
+    if not echo.min_range_m <= echo.range_m < echo.max_range_m:
+        return estimate
+    return estimate._replace(altitude_m=echo.range_m, altitude_time_us=motion.time_us)
 
 
 @numeric
@@ -155,7 +188,7 @@ def predict(
     dt_s : float
         Time since the last tick.
     located : bool
-        Whether ``navigation.correct`` follows, with a satellite fix or a Doppler log velocity.
+        Whether ``use_position`` follows, with a satellite fix or a Doppler log velocity.
 
     Returns
     -------
@@ -202,6 +235,7 @@ def predict(
     return estimate, motion
 
 
+@numeric
 def _at(solution: navigation.NavSolution, estimate: VehicleEstimate) -> VehicleEstimate:
     """Return the estimate with another solution of the navigation."""
     return estimate._replace(
@@ -259,7 +293,7 @@ def _attitude(
     bx, by, bz = old.gyro_bias_radps
     p, q, r = sensors[4:7]
     p, q, r = p - bx, q - by, r - bz
-    (ex, ey, ez), (mx, my, mz) = _attitude_errors(old.attitude, sensors, speed_mps, q, r, config)
+    (ex, ey, ez), (mx, my, mz) = attitude_errors(old.attitude, sensors, speed_mps, q, r, config)
     weight = 1.0 / (1.0 + (q * q + r * r) / (TURN_RATE_GATE_RADPS * TURN_RATE_GATE_RADPS))
     ka, kh, kb = (
         weight * config.attitude_gain,
@@ -288,7 +322,7 @@ def _attitude_without_gyro(
         R' = R [w + 2 a e]_x        w' = a^2 e
     """
     p, q, r = old.p_radps, old.q_radps, old.r_radps
-    (ex, ey, ez), (mx, my, mz) = _attitude_errors(old.attitude, sensors, speed_mps, q, r, config)
+    (ex, ey, ez), (mx, my, mz) = attitude_errors(old.attitude, sensors, speed_mps, q, r, config)
     ex, ey, ez = ex + mx, ey + my, ez + mz
     angle_gain, rate_gain = (
         2.0 * RATE_OBSERVER_RADPS,
@@ -312,7 +346,7 @@ def _down_vector(attitude: Quaternion) -> Vector:
 
 
 @numeric
-def _attitude_errors(
+def attitude_errors(
     attitude: Quaternion,
     sensors: SensorFrame,
     speed_mps: float,
@@ -320,7 +354,24 @@ def _attitude_errors(
     r_radps: float,
     config: Config,
 ) -> tuple[Vector, Vector]:
-    """Return e_a and e_m: rotation errors (rad, body axes) to gravity and to magnetic north."""
+    """Return e_a and e_m: rotation errors (rad, body axes) to gravity and to magnetic north.
+
+    Parameters
+    ----------
+    attitude : Quaternion
+        Estimated attitude.
+    sensors : SensorFrame
+        Sensor frame, checked.
+    speed_mps, q_radps, r_radps : float
+        Forward speed, pitch rate and yaw rate.
+    config : Config
+        Parameter MAG_DECL_DEG.
+
+    Returns
+    -------
+    tuple of 2 vectors
+        Zero for a sensor that is not fresh.
+    """
     down = _down_vector(attitude)
     x, y, z = down
     heading_error = _heading_error(attitude, sensors, config)

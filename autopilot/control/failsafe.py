@@ -2,7 +2,7 @@
 
 import math
 
-from autopilot.control import guidance, modes
+from autopilot.control import fence, guidance, modes
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor
 from autopilot.control.sensor_health.sensor_checks import BATTERY, LEAK
@@ -18,8 +18,14 @@ from autopilot.control.types import (
 from mavlink_io.frames import wrap_pi
 from mavlink_io.jit import numeric
 
+FENCE = "geofence"
+"""Cause of the failsafe of a vehicle that reaches its geofence."""
+FENCE_CHECK_US = US_PER_S // 2
+"""Interval of the checks of the geofence."""
 GCS_LOST = "ground lost"
 """Cause of the failsafe of a lost ground station."""
+LOOK_AHEAD_MPS = 0.15
+"""Rate of descent above which limits look ahead: less is waves and noise at constant depth."""
 _GCS_LOST_MODES = (modes.HOLD, modes.SURFACE, modes.RTL)
 """Modes of FS_GCS_ACT, in the order of its values."""
 
@@ -33,16 +39,72 @@ def check_failsafes(
     station leads to the mode of FS_GCS_ACT and ends when the ground station requests a mode;
     another cause replaces it.
     """
-    if not state.armed or state.failsafe not in ("", GCS_LOST):
+    if not state.armed or state.failsafe not in ("", GCS_LOST, FENCE):
         return state, ()
     cause = _cause(state, inputs, config)
-    if cause in ("", state.failsafe):
+    if state.fence.zones and cause in ("", GCS_LOST) and state.time_us >= state.fence_us:
+        state, report = _check_fence(state, config)
+        if report is not None:
+            return state, report
+    if cause in ("", state.failsafe) or (cause, state.failsafe) == (GCS_LOST, FENCE):
         return state, ()
     mode = _failsafe_mode(cause, state, config)
     state, events = modes.enter(state._replace(failsafe=cause), mode)
     if mode != modes.SURFACE:
         state = guidance.hold_current(state, config)
     return state, (Event(Severity.CRITICAL, f"Failsafe: {cause} -> {mode.name}"), *events)
+
+
+def _check_fence(
+    state: AutopilotState, config: Config
+) -> tuple[AutopilotState, tuple[Event, ...] | None]:
+    """Check the geofence now and FS_LOOK_S ahead; the events are None if nothing happens.
+
+    A vehicle on its way back or up is not checked again. With FENCE_ACTION 0 each check reports.
+    """
+    state = state._replace(fence_us=state.time_us + FENCE_CHECK_US)
+    if state.failsafe == FENCE or not (text := fence_breach(state, config)):
+        return state, None
+    if not config.fence_action:
+        state = state._replace(fence_us=state.time_us + 10 * US_PER_S)
+        return state, (Event(Severity.WARNING, f"Geofence: {text}"),)
+    if state.mode == modes.SURFACE.number:
+        return state, None
+    mode = modes.RTL if config.fence_action == 2 and state.home.known else modes.SURFACE
+    state, events = modes.enter(state._replace(failsafe=FENCE), mode)
+    if mode != modes.SURFACE:
+        state = guidance.hold_current(state, config)
+    return state, (Event(Severity.CRITICAL, f"Failsafe: {text} -> {mode.name}"), *events)
+
+
+def fence_breach(state: AutopilotState, config: Config, *, ahead: bool = True) -> str:
+    """Return which zone of the geofence forbids the position; empty if none does.
+
+    Parameters
+    ----------
+    state : AutopilotState
+        State with estimate, home and geofence.
+    config : Config
+        Parameter FS_LOOK_S.
+    ahead : bool
+        Whether to check the position after FS_LOOK_S at the present velocity too.
+
+    Returns
+    -------
+    str
+        Reason with the zone.
+    """
+    if not (state.fence.zones and state.home.known):
+        return ""
+    at, home = state.estimate, (state.home.lat_deg, state.home.lon_deg)
+    position_m = guidance.position_of(at)
+    if text := fence.breach(state.fence, position_m, home):
+        return text
+    if not ahead:
+        return ""
+    way_m = complex(at.north_rate_mps, at.east_rate_mps) * config.fs_look_s
+    text = fence.breach(state.fence, position_m + way_m, home)
+    return f"{text} in {config.fs_look_s:g} s" if text else ""
 
 
 def _failsafe_mode(cause: str, state: AutopilotState, config: Config) -> modes.Mode:
@@ -70,19 +132,22 @@ def _cause(state: AutopilotState, inputs: Inputs, config: Config) -> str:
 
 
 def _exceeded_limit(estimate: VehicleEstimate, config: Config) -> str:
-    """Return the first limit of ``within_limits`` that is exceeded."""
-    if estimate.depth_m > config.fs_depth_m:
-        return f"depth {estimate.depth_m:.1f} m"
-    if estimate.altitude_m < config.fs_altitude_m:
-        return f"altitude {estimate.altitude_m:.1f} m"
+    """Return the first limit of ``within_limits`` that is exceeded, with the value compared."""
+    ahead_m = sinking_m(estimate, config)
+    ahead = f" in {config.fs_look_s:g} s" if ahead_m else ""
+    if estimate.depth_m + ahead_m > max_depth_m(config):
+        return f"depth {estimate.depth_m + ahead_m:.1f} m{ahead}"
+    if estimate.altitude_m - ahead_m < config.fs_altitude_m:
+        return f"altitude {estimate.altitude_m - ahead_m:.1f} m{ahead}"
     return f"pitch {math.degrees(estimate.pitch_rad):.0f} deg"
 
 
 def _device_failsafe(state: AutopilotState, config: Config) -> str:
-    """Return a confirmed leak or low battery if its action is to surface; else empty."""
+    """Return a confirmed leak, dive or low battery if its action is to surface; else empty."""
     active = monitor.active_faults(state.health)
     actions = (
         (LEAK, config.fs_leak_action),
+        (monitor.ELEVATOR, 1),
         (BATTERY, config.fs_battery_action if active.get(BATTERY) == monitor.LOW else 0),
     )
     return next(
@@ -97,11 +162,32 @@ def depth_unknown(state: AutopilotState, config: Config) -> bool:
 
 
 @numeric
+def max_depth_m(config: Config) -> float:
+    """Return the maximum depth (m): the lesser one of FS_DEPTH_M and FENCE_DPT_MAX."""
+    fence_m = config.fence_max_m
+    return min(config.fs_depth_m, fence_m) if fence_m > 0.0 else config.fs_depth_m
+
+
+@numeric
+def sinking_m(estimate: VehicleEstimate, config: Config) -> float:
+    """Return how far the vehicle sinks before a recovery ends: w T for w > w_0, else 0.
+
+    w is the rate of descent, T = FS_LOOK_S and w_0 = ``LOOK_AHEAD_MPS``.
+    """
+    rate_mps = estimate.depth_rate_mps
+    return rate_mps * config.fs_look_s if rate_mps > LOOK_AHEAD_MPS else 0.0
+
+
+@numeric
 def within_limits(estimate: VehicleEstimate, config: Config) -> bool:
-    """Return whether no limit of the motion (FS_DEPTH_M, FS_ALT_M, FS_PITCH_DEG) is exceeded."""
+    """Return whether no limit of the motion (FS_DEPTH_M, FS_ALT_M, FS_PITCH_DEG) is exceeded.
+
+    Depth and altitude are those after FS_LOOK_S at the present rate of descent (``sinking_m``).
+    """
+    ahead_m = sinking_m(estimate, config)
     return not (
-        estimate.depth_m > config.fs_depth_m
-        or estimate.altitude_m < config.fs_altitude_m
+        estimate.depth_m + ahead_m > max_depth_m(config)
+        or estimate.altitude_m - ahead_m < config.fs_altitude_m
         or abs(estimate.pitch_rad) > config.fs_pitch_rad
     )
 

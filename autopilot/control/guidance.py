@@ -18,7 +18,7 @@ import cmath
 import math
 from typing import NamedTuple
 
-from autopilot.control import modes
+from autopilot.control import fence, modes
 from autopilot.control.params import Config
 from autopilot.control.setpoints import Circle, Path, Setpoint, TrackLine
 from autopilot.control.types import US_PER_S, AutopilotState, Home, VehicleEstimate
@@ -118,9 +118,17 @@ def hold_current(state: AutopilotState, config: Config) -> AutopilotState:
     if mode == modes.RTL.number:
         setpoint, path = (
             setpoint._replace(depth_m=config.rtl_depth_m),
-            TrackLine(position_of(estimate), 0j),
+            TrackLine(position_of(estimate), return_point(state)),
         )
     return state._replace(setpoint=setpoint, path=path)
+
+
+def return_point(state: AutopilotState) -> complex:
+    """Return where RTL ends, north + i east from home (m): a rally point, or home."""
+    if not (state.rally.places and state.home.known):
+        return 0j
+    home = state.home.lat_deg, state.home.lon_deg
+    return fence.nearest_rally(state.rally, state.fence, position_of(state.estimate), home)
 
 
 def circle(

@@ -392,7 +392,8 @@ def depth_pids(
     """
     depth = depth_reference(estimate, setpoint, memory, config, dt_s)
     rest, travel = trim_rad, config.travel_rad
-    pitch_setpoint, depth_integral = depth_loop(depth, memory, config, dt_s)
+    level_rad = level_pitch(estimate, config)
+    pitch_setpoint, depth_integral = depth_loop(depth, level_rad, memory, config, dt_s)
     if math.isnan(setpoint.pitch_rad):
         rest += pitch_feedforward(depth.reference, estimate, config)
     else:
@@ -474,12 +475,20 @@ def depth_reference(
     if bandwidth:
         if not begun(start):
             start = ReferenceState(estimate.depth_m, rate)
+        # A slow vehicle cannot follow: at the surface the reference waits for the speed.
+        max_rate_mps = config.depth_ref_mps * min(
+            1.0, max(0.0, estimate.speed_mps / config.cruise_speed_mps)
+        )
         reference = reference_model.step_reference(
-            setpoint.depth_m - start.value, start, bandwidth, config.depth_ref_mps, dt_s
+            setpoint.depth_m - start.value, start, bandwidth, max_rate_mps, dt_s
         )
         error = reference.value - estimate.depth_m
+        acceleration_mps2 = (reference.rate - start.rate) / dt_s if dt_s > 0.0 else 0.0
+        ahead = ReferenceState(
+            reference.value, reference.rate + config.depth_ref_lead_s * acceleration_mps2
+        )
         return DepthReference(
-            error, rate - reference.rate, required_pitch(reference, estimate), reference
+            error, rate - reference.rate, required_pitch(ahead, estimate), reference
         )
     if config.depth_setpoint_weight < 1.0:
         if not begun(start):
@@ -497,17 +506,19 @@ def depth_reference(
 
 @numeric
 def depth_loop(
-    depth: DepthReference, memory: LoopMemory, config: Config, dt_s: float
+    depth: DepthReference, level_rad: float, memory: LoopMemory, config: Config, dt_s: float
 ) -> tuple[float, float]:
     """Compute the pitch set-point (rad, nose up) and the new integral (rad, nose down).
 
-    With e and rate of ``depth_reference`` and a the nose-down pitch of the reference::
+    With e and rate of ``depth_reference``, a the nose-down pitch of the reference and theta_0 the
+    pitch of a level run, ``level_rad``::
 
-        theta_s = -(P e - D rate + I) - a
+        theta_s = theta_0 - (P e - D rate + I) - a
 
     The sign changes because a vehicle that is too shallow must pitch down.
     """
-    limit, ahead, gains = config.pitch_limit_rad, depth.pitch_down_rad, config.depth_gains
+    limit, gains = config.pitch_limit_rad, config.depth_gains
+    ahead = depth.pitch_down_rad - level_rad
     if abs(depth.reference.rate) > INTEGRATOR_HOLD_MPS:
         gains = gains._replace(i=0.0)
     nose_down, integral = pid(
@@ -520,6 +531,24 @@ def depth_loop(
         limit - ahead,
     )
     return -nose_down - ahead, integral
+
+
+@numeric
+def level_pitch(estimate: VehicleEstimate, config: Config) -> float:
+    """Return the pitch (rad) at which the lift of the hull balances the net buoyancy.
+
+    With theta_c = TRIM_PIT_DEG and x = U / U_cruise, limited: theta_c / x^2, because the lift per
+    angle grows with U^2.
+    """
+    x, limit = _cruise_ratio(estimate, config), config.pitch_limit_rad
+    return min(limit, max(-limit, config.level_pitch_rad / (x * x)))
+
+
+@numeric
+def _cruise_ratio(estimate: VehicleEstimate, config: Config) -> float:
+    """Return speed over cruise speed, limited as in gain scheduling."""
+    ratio = estimate.speed_mps / config.cruise_speed_mps
+    return min(MAX_SPEED_RATIO, max(MIN_SPEED_RATIO, ratio))
 
 
 @numeric
@@ -544,10 +573,7 @@ def pitch_feedforward(
     """
     if not config.pitch_feedforward or not begun(reference):
         return 0.0
-    limit, x = (
-        config.pitch_limit_rad,
-        min(MAX_SPEED_RATIO, max(MIN_SPEED_RATIO, estimate.speed_mps / config.cruise_speed_mps)),
-    )
+    limit, x = config.pitch_limit_rad, _cruise_ratio(estimate, config)
     pitch = -min(limit, max(-limit, required_pitch(reference, estimate)))
     return config.pitch_feedforward * pitch / (x * x)
 

@@ -13,6 +13,7 @@ from typing import Any
 from autopilot.control import lqg
 from autopilot.control.lqg import LqgController, LqgControllers
 from mavlink_io.errors import ErrorCode, InputError
+from mavlink_io.text_files import parse_json, read_text
 
 FORMAT = 1
 TICK_S = 0.02
@@ -36,7 +37,7 @@ def load(path: Path) -> LqgControllers:
         The file cannot be read or is not a valid controller file.
     """
     try:
-        return parse(path.read_text(encoding="utf-8"))
+        return parse(read_text(path))
     except (OSError, UnicodeDecodeError) as error:
         raise LqgFileError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     except LqgFileError as error:
@@ -52,7 +53,7 @@ def parse(text: str) -> LqgControllers:
         The text is not a valid controller file.
     """
     try:
-        decoded = json.loads(text)
+        decoded = parse_json(text)
     except ValueError as error:
         raise LqgFileError(
             f"not JSON: {error}; use a file written by `ground redesign --method lqg`"
@@ -120,13 +121,17 @@ def _parse_numbers(values: Any, key: str, count: int) -> tuple[float, ...]:
     if not isinstance(values, list) or len(values) != count:
         raise LqgFileError(f"{key}: expected {count} numbers")
     for value in values:
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not math.isfinite(value)
-        ):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not _is_finite(value):
             raise LqgFileError(f"{key} = {value}: expected a number")
     return tuple(float(value) for value in values)
+
+
+def _is_finite(value: float) -> bool:
+    """Return whether a number fits a float and is neither infinite nor NaN."""
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer of more than 308 digits
+        return False
 
 
 def to_json(controllers: LqgControllers, model_sha256: str) -> str:

@@ -22,6 +22,11 @@ class Helm:
         self._stick: tuple[Stick, float] | None = None
         self._fixed: Stick | None = None
 
+    @property
+    def in_use(self) -> bool:
+        """Whether there may be manual control."""
+        return self._stick is not None or self._fixed is not None
+
     def take(self, message: Any, now_s: float) -> None:
         """Take a MANUAL_CONTROL message: x forward is nose down, r is rudder, z is thrust.
 

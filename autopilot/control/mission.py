@@ -7,7 +7,7 @@ import math
 from bisect import bisect_left
 from typing import NamedTuple
 
-from autopilot.control import excitation, guidance, modes, offboard
+from autopilot.control import excitation, fence, guidance, modes, offboard
 from autopilot.control.params import Config
 from autopilot.control.setpoints import Circle, TrackLine
 from autopilot.control.types import (
@@ -122,6 +122,42 @@ def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Mi
             parameter, reason = _distance_fault(item, home, config)
         if reason:
             return MissionFault(item.sequence, reason, parameter)
+    return None
+
+
+def find_fence_fault(
+    items: tuple[MissionItem, ...], zones: fence.Fence, home: Home, config: Config
+) -> MissionFault | None:
+    """Return the first item whose position or depth the geofence forbids, None if there is none.
+
+    Lines between waypoints are not checked: they are checked in flight.
+    """
+    for item in _items_to_fly(items, config):
+        if (depth_m := _wanted_depth_m(item)) is not None:
+            if 0.0 < config.fence_max_m < depth_m - DEPTH_ROUNDING_M:
+                limit = f"at most FENCE_DPT_MAX = {config.fence_max_m:g} m"
+                return MissionFault(item.sequence, f"depth {depth_m:g} m: must be {limit}")
+            if depth_m + DEPTH_ROUNDING_M < config.fence_min_m:
+                limit = f"at least FENCE_DPT_MIN = {config.fence_min_m:g} m"
+                return MissionFault(item.sequence, f"depth {depth_m:g} m: must be {limit}")
+        if item.command not in _POSITION_COMMANDS or not home.known:
+            continue
+        position_m = guidance.item_position(item, home)
+        if position_m is not None and (
+            text := fence.breach(zones, position_m, (home.lat_deg, home.lon_deg))
+        ):
+            return MissionFault(item.sequence, f"geofence: {text}")
+    return None
+
+
+def _wanted_depth_m(item: MissionItem) -> float | None:
+    """Return the depth that an item sets; None if it sets none."""
+    if item.command == MavCmd.NAV_LAND:
+        return None
+    if item.command == MavCmd.DO_CHANGE_ALTITUDE or (
+        item.command in _DEPTH_COMMANDS and not math.isnan(item.z)
+    ):
+        return new_depth_m(item)
     return None
 
 

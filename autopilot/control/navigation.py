@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 from autopilot.control.params import Config
 from autopilot.control.sensor_health.sensor_checks import has_fix
-from autopilot.control.types import US_PER_S, Home, Inputs, NavCovariance, Navigation
+from autopilot.control.types import US_PER_S, Home, NavCovariance, Navigation
 from mavlink_io.frames import Quaternion, geodetic_to_offset, rotate
 from mavlink_io.jit import numeric
 from mavlink_io.records import Dvl, GpsFix
@@ -70,7 +70,7 @@ MAX_LATENCY_S = 1.0
 
 Row = tuple[complex, complex, complex, complex]
 """Row H of the measurement matrix: derivatives by p, c, m and k."""
-_POSITION_ROW: Row = (1.0, 0.0, 0.0, 0.0)
+_POSITION_ROW: Row = (1.0 + 0j, 0j, 0j, 0j)
 
 
 class MotionInput(NamedTuple):
@@ -145,8 +145,15 @@ def predict(
     return NavSolution(position_m, velocity, memory)
 
 
+@numeric
 def correct(
-    solution: NavSolution, motion: MotionInput, inputs: Inputs, home: Home, config: Config
+    solution: NavSolution,
+    motion: MotionInput,
+    fix: GpsFix,
+    has_ping: bool,
+    ping: Dvl,
+    home: Home,
+    config: Config,
 ) -> NavSolution:
     """Apply the satellite fix and the Doppler log velocity of a tick.
 
@@ -156,8 +163,12 @@ def correct(
         Result of ``predict``.
     motion : MotionInput
         Attitude and motion in this tick.
-    inputs : Inputs
-        Satellite fix and Doppler log velocity; one of them may be missing.
+    fix : GpsFix
+        Record of the satellite receiver; one without a position is not used.
+    has_ping : bool
+        Whether a Doppler log velocity has come.
+    ping : Dvl
+        Doppler log velocity.
     home : Home
         Home position.
     config : Config
@@ -168,14 +179,13 @@ def correct(
     NavSolution
         Position, velocity over ground and new state of the filter.
     """
-    fix, ping = inputs.gps, inputs.dvl
-    if ping is not None:
+    if has_ping:
         solution = _update_dvl(solution, motion, ping, config)
-    if fix is not None and has_fix(fix) and home.known:
+    if has_fix(fix) and home.known:
         solution = _update_gnss(solution, motion, fix, home)
     memory = solution.memory
     steady = _velocity(memory, motion) + motion.water_mps * memory.slip
-    return solution._replace(velocity_mps=steady)
+    return NavSolution(solution.position_m, steady, memory)
 
 
 @numeric
@@ -345,6 +355,7 @@ def _slip_sd_mps(old: Navigation, span_s: float, distance_m: complex, motion: Mo
     return max(decayed, SLIP_M * abs(motion.yaw_rate_radps), SLIP_S * acceleration, coasting)
 
 
+@numeric
 def _update_gnss(
     solution: NavSolution, motion: MotionInput, fix: GpsFix, home: Home
 ) -> NavSolution:
@@ -360,24 +371,22 @@ def _update_gnss(
     """
     memory, now_us = solution.memory, motion.time_us
     latency_s = _latency_s(fix.time_us, now_us)
-    measured = complex(*geodetic_to_offset(fix.lat_deg, fix.lon_deg, home.lat_deg, home.lon_deg))
-    measured += solution.velocity_mps * latency_s
+    north_m, east_m = geodetic_to_offset(fix.lat_deg, fix.lon_deg, home.lat_deg, home.lon_deg)
+    measured = complex(north_m, east_m) + solution.velocity_mps * latency_s
     sd = DEFAULT_GNSS_SD_M if math.isnan(fix.eph_m) else max(MIN_GNSS_SD_M, fix.eph_m)
     if memory.fix_us < 0:
         covariance = memory.covariance._replace(
             position=sd * sd, position_current=0j, position_speed=0j, position_dvl=0j
         )
-        return solution._replace(
-            position_m=measured, memory=memory._replace(covariance=covariance, fix_us=now_us)
-        )
+        memory = memory._replace(covariance=covariance, fix_us=now_us)
+        return NavSolution(measured, solution.velocity_mps, memory)
     scale = _correlation_scale(GNSS_CORRELATION_S, now_us - memory.fix_us)
     error = measured - solution.position_m
     if _rejected(_POSITION_ROW, error, sd * sd, memory.covariance):
         if memory.fixes_rejected < MAX_CONSECUTIVE_REJECTIONS:
-            return solution._replace(
-                memory=memory._replace(fixes_rejected=memory.fixes_rejected + 1)
-            )
-        variance = memory.covariance.position + abs(error) ** 2
+            memory = memory._replace(fixes_rejected=memory.fixes_rejected + 1)
+            return solution._replace(memory=memory)
+        variance = memory.covariance.position + _square(error)
         memory = memory._replace(covariance=memory.covariance._replace(position=variance))
     solution = _kalman_update(
         solution._replace(memory=memory), _POSITION_ROW, error, sd * sd * scale
@@ -385,11 +394,14 @@ def _update_gnss(
     velocity_error = complex(fix.velocity_north_mps, fix.velocity_east_mps) - _velocity(
         solution.memory, motion
     )
-    variance = (GNSS_VELOCITY_SD_MPS**2 + memory.slip_sd_mps**2) * scale
-    solution = _kalman_update(solution, (0.0, 1.0, motion.water_mps, 0.0), velocity_error, variance)
+    slip_variance = memory.slip_sd_mps * memory.slip_sd_mps
+    variance = (GNSS_VELOCITY_SD_MPS * GNSS_VELOCITY_SD_MPS + slip_variance) * scale
+    row = (0j, 1.0 + 0j, motion.water_mps, 0j)
+    solution = _kalman_update(solution, row, velocity_error, variance)
     return solution._replace(memory=solution.memory._replace(fix_us=now_us, fixes_rejected=0))
 
 
+@numeric
 def _update_dvl(
     solution: NavSolution, motion: MotionInput, ping: Dvl, config: Config
 ) -> NavSolution:
@@ -415,16 +427,16 @@ def _update_dvl(
     predicted = (
         _velocity(memory, motion) if ping.over_ground else water * (1.0 + memory.speed_error)
     )
-    row: Row = (0.0, 1.0 if ping.over_ground else 0.0, water, predicted)
-    variance = max(DVL_SD_MPS, ping.figure_of_merit_mps) ** 2 + memory.slip_sd_mps**2
+    row = (0j, complex(1.0 if ping.over_ground else 0.0, 0.0), water, predicted)
+    sd_mps = max(DVL_SD_MPS, ping.figure_of_merit_mps)
+    variance = sd_mps * sd_mps + memory.slip_sd_mps * memory.slip_sd_mps
     error = measured - predicted * (1.0 + memory.dvl_error)
     if _rejected(row, error, variance, memory.covariance):
         if memory.pings_rejected < MAX_CONSECUTIVE_REJECTIONS:
-            return solution._replace(
-                memory=memory._replace(pings_rejected=memory.pings_rejected + 1)
-            )
+            memory = memory._replace(pings_rejected=memory.pings_rejected + 1)
+            return solution._replace(memory=memory)
         current, speed_error, _ = _max_variances(config)
-        reset = memory.covariance._replace(current=current + abs(error) ** 2, speed=speed_error)
+        reset = memory.covariance._replace(current=current + _square(error), speed=speed_error)
         memory = memory._replace(covariance=reset)
     scale = _correlation_scale(DVL_CORRELATION_S, now_us - memory.ping_us)
     solution = _kalman_update(solution._replace(memory=memory), row, error, variance * scale)
@@ -445,17 +457,20 @@ def _velocity(memory: Navigation, motion: MotionInput) -> complex:
     return motion.water_mps * (1.0 + memory.speed_error) + memory.current_mps
 
 
+@numeric
 def _latency_s(time_us: int, now_us: int) -> float:
     """Return the age of a measurement; 0 if it is not plausible."""
     latency_s = (now_us - time_us) / US_PER_S
     return latency_s if 0.0 <= latency_s <= MAX_LATENCY_S else 0.0
 
 
+@numeric
 def _correlation_scale(correlation_s: float, since_us: int) -> float:
     """Return the factor of the variance for the correlation with the last measurement."""
     return max(1.0, correlation_s * US_PER_S / max(1, since_us))
 
 
+@numeric
 def _cross_covariance(row: Row, covariance: NavCovariance) -> tuple[Row, float]:
     """Return P H^H and H P H^H."""
     pp, cc, mm, kk, pc, pm, pk, cm, ck, mk = covariance
@@ -470,13 +485,15 @@ def _cross_covariance(row: Row, covariance: NavCovariance) -> tuple[Row, float]:
     return column, (hp * column[0] + hc * column[1] + hm * column[2] + hk * column[3]).real
 
 
+@numeric
 def _rejected(row: Row, error: complex, variance: float, covariance: NavCovariance) -> bool:
     """Return whether an innovation is outside the gate: |e|^2 > gate^2 (H P H^H + R)."""
-    return abs(error) ** 2 > INNOVATION_GATE_SD**2 * (
-        _cross_covariance(row, covariance)[1] + variance
-    )
+    _, predicted_variance = _cross_covariance(row, covariance)
+    gate = INNOVATION_GATE_SD * INNOVATION_GATE_SD
+    return _square(error) > gate * (predicted_variance + variance)
 
 
+@numeric
 def _kalman_update(solution: NavSolution, row: Row, error: complex, variance: float) -> NavSolution:
     """Apply the Kalman update by one measurement with innovation e = ``error``, R = ``variance``.
 
@@ -493,10 +510,10 @@ def _kalman_update(solution: NavSolution, row: Row, error: complex, variance: fl
     step = error * inverse
     wc, wm, wk = c.conjugate() * inverse, m.conjugate() * inverse, k.conjugate() * inverse
     covariance = NavCovariance(
-        pp - abs(p) ** 2 * inverse,
-        cc - abs(c) ** 2 * inverse,
-        mm - abs(m) ** 2 * inverse,
-        kk - abs(k) ** 2 * inverse,
+        pp - _square(p) * inverse,
+        cc - _square(c) * inverse,
+        mm - _square(m) * inverse,
+        kk - _square(k) * inverse,
         pc - p * wc,
         pm - p * wm,
         pk - p * wk,

@@ -23,6 +23,7 @@ MIN_WHEN_ON = {
     "FS_ALT_M": 0.1,
     "FS_BATT_PCT": 0.1,
     "FS_BATT_V": 0.1,
+    "FS_DIVE_S": 1.0,
     "FS_GCS_TIMEOUT": 0.1,
     "FS_TIME_S": 1.0,
     "GAIN_SPD_MPS": 0.1,
@@ -34,6 +35,28 @@ MIN_WHEN_ON = {
     "TRIM_AUTO_S": 1.0,
 }
 """Minimum value, in its own unit, of a parameter for which 0 means off."""
+
+
+LOCKED_WHILE_ARMED = frozenset(
+    (
+        "ACT_TRAVEL_DEG",
+        "EST_DENSITY",
+        "EST_SURF_HPA",
+        "MAG_DECL_DEG",
+        "MAV_SYS_ID",
+        "MIS_SEQ0_HOME",
+        "SURF_BUOY_N",
+        "SURF_DEPTH_M",
+        "SURF_DROP_EN",
+        "SURF_FIX_S",
+        "SURF_HOLD_S",
+        "SURF_TIME_S",
+    )
+)
+"""Parameters that do not change while the vehicle is armed.
+
+A wrong one moves the measured depth or heading, turns the duct farther than it is built for, or
+ends SURFACE under water."""
 
 
 class Doc(NamedTuple):
@@ -206,6 +229,16 @@ class Config:
             doc="Maximum depth rate of the depth reference model",
         ),
     ] = 0.3
+    depth_ref_lead_s: Annotated[
+        float,
+        Doc(
+            name="DPT_REF_LEAD",
+            minimum=0,
+            maximum=10,
+            unit="s",
+            doc="Time by which the pitch leads the depth rate of the reference model",
+        ),
+    ] = 0.0
     heading_setpoint_weight: Annotated[
         float,
         Doc(
@@ -277,6 +310,16 @@ class Config:
             doc="Elevator that holds a level run",
         ),
     ] = 0.0
+    level_pitch_deg: Annotated[
+        float,
+        Doc(
+            name="TRIM_PIT_DEG",
+            minimum=-15,
+            maximum=15,
+            unit="deg",
+            doc="Pitch of a level run at cruise speed, nose up positive",
+        ),
+    ] = 0.0
     travel_deg: Annotated[
         float,
         Doc(
@@ -321,6 +364,16 @@ class Config:
             doc="Natural frequency of the tailcone with lead compensation; 0 off",
         ),
     ] = 0.0
+    actuator_lead_damping: Annotated[
+        float,
+        Doc(
+            name="ACT_LEAD_Z",
+            minimum=0.1,
+            maximum=2,
+            unit="",
+            doc="Damping ratio of the tailcone with lead compensation",
+        ),
+    ] = 0.7
     rate_degps: Annotated[
         float,
         Doc(
@@ -587,6 +640,46 @@ class Config:
             doc="Duration of a satellite fix that ends SURFACE at any depth; 0 off",
         ),
     ] = 5.0
+    surface_astern_s: Annotated[
+        float,
+        Doc(
+            name="SURF_ASTERN_S",
+            minimum=0,
+            maximum=120,
+            unit="s",
+            doc="Longest time astern of a vehicle that sinks nose down in SURFACE; 0 off",
+        ),
+    ] = 20.0
+    surface_hold_s: Annotated[
+        float,
+        Doc(
+            name="SURF_HOLD_S",
+            minimum=0,
+            maximum=60,
+            unit="s",
+            doc="Time for which the depth must stay at the surface before SURFACE ends",
+        ),
+    ] = 3.0
+    weight_fitted: Annotated[
+        int,
+        Doc(
+            name="SURF_DROP_EN",
+            minimum=0,
+            maximum=1,
+            unit="",
+            doc="1: a drop weight is fitted at output 4; SURFACE releases it as a last resort",
+        ),
+    ] = 0
+    weight_time_s: Annotated[
+        float,
+        Doc(
+            name="SURF_DROP_S",
+            minimum=1,
+            maximum=3600,
+            unit="s",
+            doc="Time without power and without a rise after which the weight is released",
+        ),
+    ] = 30.0
     buoyancy_n: Annotated[
         float,
         Doc(
@@ -629,6 +722,37 @@ class Config:
     ] = 10_000.0
     """The default is the distance at cruise speed (1.3 m/s) in FS_TIME_S (7200 s), rounded up."""
 
+    fence_action: Annotated[
+        int,
+        Doc(
+            name="FENCE_ACTION",
+            minimum=0,
+            maximum=2,
+            unit="",
+            doc="Geofence reached: 0 report only, 1 SURFACE, 2 RTL (nearest rally point, or home)",
+        ),
+    ] = 1
+    fence_min_m: Annotated[
+        float,
+        Doc(
+            name="FENCE_DPT_MIN",
+            minimum=0,
+            maximum=6000,
+            unit="m",
+            doc="Minimum depth of mission items; 0: no limit",
+        ),
+    ] = 0.0
+    fence_max_m: Annotated[
+        float,
+        Doc(
+            name="FENCE_DPT_MAX",
+            minimum=0,
+            maximum=6000,
+            unit="m",
+            doc="Maximum depth of mission items and in flight; 0: that of FS_DEPTH_M",
+        ),
+    ] = 0.0
+
     fs_depth_m: Annotated[
         float,
         Doc(
@@ -649,6 +773,26 @@ class Config:
             doc="Minimum altitude; below it the failsafe surfaces; 0 off",
         ),
     ] = 1.0
+    fs_look_s: Annotated[
+        float,
+        Doc(
+            name="FS_LOOK_S",
+            minimum=0,
+            maximum=60,
+            unit="s",
+            doc="Time that a recovery takes: depth and altitude limits apply to the depth after it",
+        ),
+    ] = 4.0
+    fs_dive_s: Annotated[
+        float,
+        Doc(
+            name="FS_DIVE_S",
+            minimum=0,
+            maximum=60,
+            unit="s",
+            doc="Time of sinking against the elevator after which the failsafe surfaces; 0 off",
+        ),
+    ] = 3.0
     fs_pitch_deg: Annotated[
         float,
         Doc(
@@ -974,6 +1118,7 @@ class Config:
     travel_rad: float = field(init=False)
     rudder_trim_rad: float = field(init=False)
     elevator_trim_rad: float = field(init=False)
+    level_pitch_rad: float = field(init=False)
     declination_rad: float = field(init=False)
     pitch_limit_rad: float = field(init=False)
     fs_pitch_rad: float = field(init=False)
@@ -990,6 +1135,7 @@ class Config:
             ("travel_rad", math.radians(self.travel_deg)),
             ("rudder_trim_rad", math.radians(self.rudder_trim_deg)),
             ("elevator_trim_rad", math.radians(self.elevator_trim_deg)),
+            ("level_pitch_rad", math.radians(self.level_pitch_deg)),
             ("declination_rad", math.radians(self.declination_deg)),
             ("pitch_limit_rad", math.radians(self.pitch_limit_deg)),
             ("fs_pitch_rad", math.radians(self.fs_pitch_deg)),
@@ -1023,6 +1169,7 @@ class Config:
             lag_radps=self.lag_radps,
             lag_damping=self.lag_damping,
             lead_radps=self.actuator_lead_radps,
+            lead_damping=self.actuator_lead_damping,
             rate_radps=rate,
             travel_rad=travel,
         )
@@ -1069,13 +1216,23 @@ class ParamInfo(NamedTuple):
         """Return whether a value is a number in the range.
 
         A limit may be rounded to REAL32 by the transfer; integers are rounded later.
+
+        Parameters
+        ----------
+        value : float
+            Value in the parameter's unit.
+
+        Returns
+        -------
+        bool
+            False for NaN.
         """
         lower = min(self.minimum, _as_real32(self.minimum))
         upper = max(self.maximum, _as_real32(self.maximum))
         if not lower <= value <= upper:  # NaN is in no range
             return False
         smallest = min(self.smallest, _as_real32(self.smallest))
-        return self.integer or value == 0.0 or abs(value) >= smallest
+        return self.integer or value == 0.0 or _as_real32(abs(value)) >= smallest
 
     @property
     def range(self) -> str:
@@ -1183,6 +1340,57 @@ def config(values: Mapping[str, float]) -> Config:
     return Config(**changed)  # type: ignore[arg-type]
 
 
+class Rule(NamedTuple):
+    """Two parameters of which the first must not be above the second."""
+
+    lower: str
+    upper: str
+    off: bool = False
+    """Whether 0 of either parameter turns the rule off."""
+    strict: bool = False
+    """Whether they must differ."""
+
+
+RULES = (
+    Rule("SID_DEPTH_MIN", "SID_DEPTH_MAX", strict=True),
+    Rule("SURF_DEPTH_M", "FS_DEPTH_M", strict=True),
+    Rule("RTL_DEPTH_M", "FS_DEPTH_M"),
+    Rule("RTL_DEPTH_M", "FENCE_DPT_MAX", off=True),
+    Rule("FENCE_DPT_MIN", "FENCE_DPT_MAX", off=True, strict=True),
+    Rule("FENCE_DPT_MIN", "FS_DEPTH_M", strict=True),
+    Rule("HLTH_LOST_S", "FS_PRESS_S"),
+    Rule("SURF_HOLD_S", "SURF_TIME_S", off=True, strict=True),
+    Rule("SURF_RISE_S", "SURF_TIME_S", off=True),
+    Rule("SURF_ASTERN_S", "SURF_TIME_S", off=True),
+    Rule("PTCH_LIM_DEG", "FS_PITCH_DEG", strict=True),
+)
+"""Rules of consistency, checked at arming and not when a value is set: the order in
+which a set of parameters is loaded has no effect."""
+
+
+def find_conflict(config: Config) -> str:
+    """Return the first rule that the parameters break; empty if there is none.
+
+    Parameters
+    ----------
+    config : Config
+        Parameters.
+
+    Returns
+    -------
+    str
+        Both names and values.
+    """
+    for rule in RULES:
+        low, high = (float(getattr(config, _BY_NAME[name].field)) for name in rule[:2])
+        if rule.off and not (low and high):
+            continue
+        if low > high or (rule.strict and low == high):
+            word = "less than" if rule.strict else "at most"
+            return f"{rule.lower} = {low:g}: must be {word} {rule.upper} = {high:g}"
+    return ""
+
+
 class ParamTable:
     """Current values of the parameters by name; ``config`` is their form for the tick."""
 
@@ -1197,6 +1405,8 @@ class ParamTable:
         self.stored = dict(stored or {})
         self.revision = 0
         """Number of changes of ``stored``."""
+        self.armed = False
+        """Whether the parameters of ``LOCKED_WHILE_ARMED`` are locked."""
 
     def names(self) -> list[str]:
         """Return the names of all parameters."""
@@ -1212,6 +1422,8 @@ class ParamTable:
         """Set a value and return it as stored. Raises ParamError without any change."""
         stored_value = validate(name, value)
         row = _BY_NAME[name]
+        if self.armed and name in LOCKED_WHILE_ARMED and stored_value != self.get(name):
+            raise ParamError(f"{name} = {value:g}: locked while armed; disarm first")
         self.config = replace(
             self.config,
             **{row.field: int(stored_value) if row.integer else stored_value},  # type: ignore[arg-type]

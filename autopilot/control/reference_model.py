@@ -6,8 +6,8 @@ from typing import NamedTuple
 from autopilot.control.pid import Gains
 from mavlink_io.jit import numeric
 
-LEAD_DAMPING = 0.7
-"""Damping ratio of the faster lag that the tailcone with lead has."""
+START_SHARE = 0.5
+"""Largest acceleration of a reference as a share of bandwidth times maximum rate."""
 
 
 class ReferenceState(NamedTuple):
@@ -31,6 +31,8 @@ class ActuatorLead(NamedTuple):
     """Damping ratio of the tailcone."""
     lead_radps: float
     """Natural frequency with lead."""
+    lead_damping: float
+    """Damping ratio with lead."""
     rate_radps: float
     """Rate limit of the tailcone."""
     travel_rad: float
@@ -51,7 +53,10 @@ def step_reference(
 
     With r the set-point, x the reference and w the bandwidth, semi-implicit Euler::
 
-        x'' = w^2 (r - x) - 2 w x',    |x'| <= max_rate
+        x'' = w^2 (r - x) - 2 w x',    |x'| <= max_rate,    |x''| <= w max_rate / 2
+
+    The limit of x'' makes the reference begin to move as smoothly as it stops: without it the rate
+    jumps to ``max_rate`` after a large change. Stopping from ``max_rate`` needs w max_rate / e.
 
     Parameters
     ----------
@@ -72,7 +77,9 @@ def step_reference(
         Reference of this tick.
     """
     w = bandwidth_radps
-    rate = min(max_rate, max(-max_rate, state.rate + (w * w * to_go - 2.0 * w * state.rate) * dt_s))
+    limit = START_SHARE * w * max_rate
+    acceleration = min(limit, max(-limit, w * w * to_go - 2.0 * w * state.rate))
+    rate = min(max_rate, max(-max_rate, state.rate + acceleration * dt_s))
     return ReferenceState(state.value + rate * dt_s, rate)
 
 
@@ -99,7 +106,7 @@ def lead(
     """Compute the command under which the duct moves as through a faster lag.
 
     With c the command of the loops, a the angle of a model of the faster lag (natural frequency
-    w2, damping z2 = LEAD_DAMPING), and w, z those of the tailcone::
+    w2, damping z2), and w, z those of the tailcone::
 
         a'' = w2^2 (c - a) - 2 z2 w2 a'
         u   = a + (2 z / w) a' + a'' / w^2
@@ -127,7 +134,8 @@ def lead(
     angle, rate = state if begun(state) else ReferenceState(command_rad, 0.0)
     travel, w, lead_w = servo.travel_rad, servo.lag_radps, servo.lead_radps
     command_rad = min(travel, max(-travel, command_rad))
-    acceleration = lead_w * lead_w * (command_rad - angle) - 2.0 * LEAD_DAMPING * lead_w * rate
+    drag = 2.0 * servo.lead_damping * lead_w
+    acceleration = lead_w * lead_w * (command_rad - angle) - drag * rate
     moving = angle + 2.0 * servo.lag_damping / w * rate
     command = min(travel, max(-travel, moving + acceleration / (w * w)))
     rate = min(servo.rate_radps, max(-servo.rate_radps, rate + (command - moving) * w * w * dt_s))

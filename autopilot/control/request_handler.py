@@ -4,13 +4,14 @@ from autopilot.control import (
     actuator_test,
     excitation,
     failsafe,
+    fence,
     guidance,
     mission,
     modes,
     navigation,
     requests,
 )
-from autopilot.control.params import Config
+from autopilot.control.params import Config, find_conflict
 from autopilot.control.sensor_health import monitor
 from autopilot.control.setpoints import AttitudeTarget, Circle, TrackLine
 from autopilot.control.types import (
@@ -67,6 +68,10 @@ def handle_request(
             return state._replace(test=None), Answer(ACCEPTED), events
         case requests.LoadMission(items):
             return load_mission(state, items, config)
+        case requests.LoadFence(items):
+            return load_fence(state, items, config)
+        case requests.LoadRally(items):
+            return load_rally(state, items)
         case requests.SetMissionItem(sequence):
             if not 0 <= sequence < max(1, len(state.mission.items)):
                 return state, Answer(DENIED, f"Mission item {sequence} does not exist"), ()
@@ -94,6 +99,7 @@ def arm(
     state = state._replace(
         armed=True,
         armed_us=state.time_us,
+        health=monitor.begin_dive(state.health, state.ahrs.frame),
         failsafe="",
         loops=LoopMemory(),
         test=None,
@@ -121,6 +127,13 @@ def prearm(state: AutopilotState, config: Config) -> str:
         return "no sensors"
     if reason := monitor.prearm_failure(state.health):
         return reason
+    if conflict := find_conflict(config):
+        return conflict
+    if state.fence.zones and config.fence_action:
+        if not state.home.known:
+            return "home is not known, and there is a geofence"
+        if text := failsafe.fence_breach(state, config, ahead=False):
+            return f"geofence: {text}"
     return missing_requirement(state, modes.by_number(state.mode) or modes.HOLD, config)
 
 
@@ -133,6 +146,10 @@ def missing_requirement(state: AutopilotState, mode: modes.Mode, config: Config)
         return "no mission"
     if mode == modes.MISSION and (
         fault := mission.find_fault(state.mission.items, state.home, config)
+    ):
+        return f"mission item {fault.sequence}: {fault.reason}"
+    if mode == modes.MISSION and (
+        fault := mission.find_fence_fault(state.mission.items, state.fence, state.home, config)
     ):
         return f"mission item {fault.sequence}: {fault.reason}"
     if mode == modes.RTL or (
@@ -209,7 +226,8 @@ def set_home(state: AutopilotState, home: Home) -> AutopilotState:
     old, path = state.estimate, state.path
     estimate = old._replace(north_m=old.north_m + shift.real, east_m=old.east_m + shift.imag)
     if isinstance(path, TrackLine):
-        to_m = 0j if state.mode == modes.RTL.number else path.to_m + shift
+        returning_home = state.mode == modes.RTL.number and path.to_m == 0j
+        to_m = 0j if returning_home else path.to_m + shift
         path = path._replace(from_m=path.from_m + shift, to_m=to_m)
     if isinstance(path, Circle):
         path = path._replace(centre_m=path.centre_m + shift)
@@ -251,6 +269,35 @@ def test_actuator(
         Answer(ACCEPTED),
         (),
     )
+
+
+def load_fence(
+    state: AutopilotState, items: tuple[MissionItem, ...], config: Config
+) -> tuple[AutopilotState, Answer, Events]:
+    """Replace the geofence; while armed only by one that allows the present position."""
+    new = fence.parse_fence(items)
+    if isinstance(new, fence.PlanFault):
+        return state, _plan_refusal("Fence", new), ()
+    changed = state._replace(fence=new)
+    if state.armed and (text := failsafe.fence_breach(changed, config, ahead=False)):
+        return state, Answer(TEMPORARILY_REJECTED, f"Fence refused: the vehicle is {text}"), ()
+    return changed, Answer(ACCEPTED), ()
+
+
+def load_rally(
+    state: AutopilotState, items: tuple[MissionItem, ...]
+) -> tuple[AutopilotState, Answer, Events]:
+    """Replace the rally points."""
+    new = fence.parse_rally(items)
+    if isinstance(new, fence.PlanFault):
+        return state, _plan_refusal("Rally", new), ()
+    return state._replace(rally=new), Answer(ACCEPTED), ()
+
+
+def _plan_refusal(plan: str, fault: fence.PlanFault) -> Answer:
+    """Return the answer to a plan with a fault."""
+    result = UNSUPPORTED if fault.unknown else DENIED
+    return Answer(result, f"{plan} item {fault.sequence}: {fault.reason}", fault.parameter)
 
 
 def load_mission(

@@ -57,6 +57,18 @@ class LoadMission(NamedTuple):
     items: tuple[MissionItem, ...]
 
 
+class LoadFence(NamedTuple):
+    """Replace the geofence."""
+
+    items: tuple[MissionItem, ...]
+
+
+class LoadRally(NamedTuple):
+    """Replace the rally points."""
+
+    items: tuple[MissionItem, ...]
+
+
 class SetMissionItem(NamedTuple):
     """Set the current mission item."""
 
@@ -103,6 +115,8 @@ Request = (
     | StartTest
     | StopTest
     | LoadMission
+    | LoadFence
+    | LoadRally
     | SetMissionItem
     | ChangeTarget
     | SetTarget

@@ -1,8 +1,9 @@
-"""The tick while only numbers change: no event, no new mission item, no fault, no device record.
+"""The tick while only numbers change: no event, no new mission item, no fault.
 
-``core.tick`` is the tick; this one is its numeric part, from the same functions, for compiled code
-that flies many ticks in one call. It gives the same numbers, and refuses every tick in which
-anything else could happen: then ``core.tick`` has to run. Used by simulations in process.
+``core.tick`` is the tick; this one is its numeric part, from the same functions, for compiled code.
+It gives the same numbers, and refuses every tick in which anything else could happen: then
+``core.tick`` has to run. Simulations in process use ``tick``, which knows no device beside the
+sensor frame; the autopilot of a simulated vehicle uses ``tick_with_devices``.
 """
 
 import math
@@ -11,28 +12,60 @@ from typing import NamedTuple
 from autopilot.control import core, estimator, excitation, failsafe, guidance, loops, mission, modes
 from autopilot.control.excitation import ExcitationOutput
 from autopilot.control.params import Config
-from autopilot.control.sensor_health import imu_checks, monitor
+from autopilot.control.sensor_health import cross_checks, imu_checks, monitor, sensor_checks
 from autopilot.control.sensor_health.types import (
+    NO_FIELD,
     Ahrs,
     ChangeTimes,
-    Device,
+    Devices,
     FaultTracker,
+    FieldReference,
     Health,
 )
-from autopilot.control.setpoints import Setpoint, TrackLine
+from autopilot.control.setpoints import Circle, Setpoint, TrackLine
 from autopilot.control.types import (
     US_PER_S,
     AutopilotState,
+    Home,
     LoopMemory,
     Trace,
     VehicleEstimate,
 )
 from mavlink_io.jit import numeric
 from mavlink_io.mission_items import MavCmd
-from mavlink_io.records import SensorFrame
+from mavlink_io.records import (
+    NO_FIX,
+    NO_PING,
+    Altimeter,
+    Battery,
+    DuctFeedback,
+    Dvl,
+    GpsFix,
+    Leak,
+    SensorFrame,
+)
 
 _NO_LINE = TrackLine(0j, 0j, 0.0)
-_NO_DEVICES = (Device(),) * (len(Health._fields) - 3)
+_MODES = frozenset(mode.number for mode in (modes.MISSION, modes.DEPTH, modes.HOLD, modes.SYSID))
+"""Modes with steady ticks: both loops are closed, and the set-points are those of the mission."""
+
+
+class DeviceRecords(NamedTuple):
+    """Newest record of each device; numbers without a meaning before the first."""
+
+    gps: GpsFix = NO_FIX
+    altimeter: Altimeter = Altimeter(0, math.nan, math.nan, math.nan)
+    dvl: Dvl = NO_PING
+    battery: Battery = Battery(math.nan, math.nan, math.nan, math.nan)
+    leak: Leak = Leak(wet=False)
+    duct: DuctFeedback = DuctFeedback(0, math.nan, math.nan)
+
+
+NO_RECORDS = DeviceRecords()
+GPS_NEW, ALTIMETER_NEW, DVL_NEW, BATTERY_NEW, LEAK_NEW, DUCT_NEW = (
+    1 << index for index in range(len(DeviceRecords._fields))
+)
+"""Bits of the records that have come in a tick."""
 
 
 class SteadyState(NamedTuple):
@@ -56,6 +89,15 @@ class SteadyState(NamedTuple):
     """Number of slow checks with that evidence."""
 
 
+class SensorChecks(NamedTuple):
+    """What the sensor checks of one tick change of ``SteadyState``."""
+
+    changed_us: ChangeTimes
+    check_us: int
+    off_depth_us: int
+    off_depth_checks: int
+
+
 class Task(NamedTuple):
     """What stays the same during steady ticks, and the conditions that end them."""
 
@@ -76,6 +118,27 @@ class Task(NamedTuple):
     test_heading_rad: float
     confirm_us: int
     """First time at which the suspicion that the depth does not follow may be confirmed."""
+    field_gauss: FieldReference
+    """Magnetic field at arming."""
+    home: Home
+
+
+NO_TASK = Task(
+    heading_closed=False,
+    depth_closed=False,
+    until_us=0,
+    wanted_depth_m=math.nan,
+    following=False,
+    acceptance_m=0.0,
+    testing=False,
+    rudder_tested=False,
+    test_started_us=0,
+    test_heading_rad=0.0,
+    confirm_us=0,
+    field_gauss=NO_FIELD,
+    home=Home(),
+)
+"""Task without a steady tick."""
 
 
 def task_of(state: AutopilotState, config: Config) -> Task | None:
@@ -93,34 +156,27 @@ def task_of(state: AutopilotState, config: Config) -> Task | None:
     Task | None
         Task; None if the next tick has to be a full one.
     """
-    health, mission_state = state.health, state.mission
     if not (
         state.armed
-        and state.mode == modes.MISSION.number
-        and mission_state.current < len(mission_state.items)
-        and mission_state.entered_us is not None
-        and not (state.failsafe or any(state.targets))
-        and health[: len(_NO_DEVICES)] == _NO_DEVICES
+        and state.mode in _MODES
+        and not (state.failsafe or any(state.targets) or isinstance(state.path, Circle))
+        and not state.fence.zones
         and state.ahrs.per_group is None
+        and not state.weight_released
         and not (config.lqg_enabled and config.lqg_controllers)
     ):
         return None
-    item, test = mission_state.items[mission_state.current], state.test
+    health, test = state.health, state.test
     suspicion = _depth_suspicion(health)
     until_us = monitor.NEVER_US if suspicion else monitor.settled_until_us(health, config)
     axis = excitation.AXES[test.axis] if test else excitation.NO_AXIS
-    wanted_depth_m, acceptance_m = math.nan, 0.0
-    match item.command:
-        case MavCmd.NAV_DELAY:
-            until_us = min(until_us, mission_state.entered_us + int(item.p1 * US_PER_S))
-        case MavCmd.CONDITION_CHANGE_ALT:
-            wanted_depth_m = mission.new_depth_m(item)
-        case MavCmd.USER_1 if test:
-            until_us = min(until_us, test.started_us + int(test.duration_s * US_PER_S))
-        case MavCmd.NAV_WAYPOINT if isinstance(state.path, TrackLine):
-            acceptance_m = mission.acceptance_m(item, config)
-        case _:
-            return None
+    if test:
+        until_us = min(until_us, test.started_us + int(test.duration_s * US_PER_S))
+    elif state.mode == modes.SYSID.number:
+        return None
+    if (limits := _item_limits(state, config)) is None:
+        return None
+    until_us = min(until_us, limits.until_us)
     if config.fs_time_s > 0.0:
         until_us = min(until_us, state.armed_us + int(config.fs_time_s * US_PER_S))
     if until_us <= state.time_us:
@@ -129,15 +185,45 @@ def task_of(state: AutopilotState, config: Config) -> Task | None:
         heading_closed=not axis.opens_heading,
         depth_closed=not axis.opens_depth,
         until_us=until_us,
-        wanted_depth_m=wanted_depth_m,
+        wanted_depth_m=limits.wanted_depth_m,
         following=state.path is not None,
-        acceptance_m=acceptance_m,
+        acceptance_m=limits.acceptance_m,
         testing=test is not None,
         rudder_tested=axis.rudder,
         test_started_us=test.started_us if test else 0,
         test_heading_rad=test.heading_rad if test else 0.0,
         confirm_us=monitor.confirm_us(suspicion, config) if suspicion else 0,
+        field_gauss=health.field_gauss,
+        home=state.home,
     )
+
+
+class _ItemLimits(NamedTuple):
+    """What ends the mission item in progress; the fields are those of ``Task``."""
+
+    until_us: int = monitor.NEVER_US
+    wanted_depth_m: float = math.nan
+    acceptance_m: float = 0.0
+
+
+def _item_limits(state: AutopilotState, config: Config) -> _ItemLimits | None:
+    """Return what ends the mission item in progress; None if the next tick has to be a full one."""
+    mission_state = state.mission
+    if state.mode != modes.MISSION.number:
+        return _ItemLimits()
+    if mission_state.current >= len(mission_state.items) or mission_state.entered_us is None:
+        return None
+    item = mission_state.items[mission_state.current]
+    match item.command:
+        case MavCmd.NAV_DELAY:
+            return _ItemLimits(until_us=mission_state.entered_us + int(item.p1 * US_PER_S))
+        case MavCmd.CONDITION_CHANGE_ALT:
+            return _ItemLimits(wanted_depth_m=mission.new_depth_m(item))
+        case MavCmd.USER_1 if state.test:
+            return _ItemLimits()
+        case MavCmd.NAV_WAYPOINT if isinstance(state.path, TrackLine):
+            return _ItemLimits(acceptance_m=mission.acceptance_m(item, config))
+    return None
 
 
 def _depth_suspicion(health: Health) -> FaultTracker | None:
@@ -181,7 +267,39 @@ def begin(state: AutopilotState) -> SteadyState:
     )
 
 
-def end(state: AutopilotState, steady: SteadyState) -> AutopilotState:
+def begin_devices(devices: Devices) -> Devices:
+    """Return the history of the devices with a record of numbers for each.
+
+    Parameters
+    ----------
+    devices : Devices
+        History in an ``AutopilotState``: without a record before the first plausible one.
+
+    Returns
+    -------
+    Devices
+        History for ``tick_with_devices``.
+    """
+    *histories, gps_under_water = devices
+    filled = (
+        device if sensor_checks.has_record(device) else device._replace(record=record)
+        for device, record in zip(histories, NO_RECORDS, strict=True)
+    )
+    return Devices._make((*filled, gps_under_water))
+
+
+def _end_devices(devices: Devices) -> Devices:
+    """Return the history without records before the first plausible one."""
+    *histories, gps_under_water = devices
+    seen = [
+        device if device.accepted_us >= 0 else device._replace(record=None) for device in histories
+    ]
+    return Devices._make((*seen, gps_under_water))
+
+
+def end(
+    state: AutopilotState, steady: SteadyState, devices: Devices | None = None
+) -> AutopilotState:
     """Return the state after steady ticks.
 
     Parameters
@@ -190,13 +308,18 @@ def end(state: AutopilotState, steady: SteadyState) -> AutopilotState:
         State at which they began.
     steady : SteadyState
         State after the last of them.
+    devices : Devices, optional
+        History of the devices after ``tick_with_devices``.
 
     Returns
     -------
     AutopilotState
         State for ``core.tick``.
     """
-    health = state.health._replace(check_us=steady.check_us)
+    health = state.health._replace(
+        check_us=steady.check_us,
+        devices=state.health.devices if devices is None else _end_devices(devices),
+    )
     suspicion = _depth_suspicion(health)
     if suspicion and steady.off_depth_us > suspicion.last_us:
         renewed = suspicion._replace(
@@ -243,21 +366,138 @@ def tick(
         Whether this tick is a steady one, and the state and the signals after it. If it is not, the
         others have no meaning.
     """
-    now_us, old, setpoint, line = frame.time_us, state.estimate, state.setpoint, state.line
-    dt_s, check_us = core.span_s(state.time_us, now_us), state.check_us
+    dt_s = core.span_s(state.time_us, frame.time_us)
+    steady, checks = check_frame(state, frame, task, config)
+    estimate, _ = estimator.predict(state.estimate, frame, state.thrust, config, dt_s, False)
+    return control(steady, state, checks, estimate, frame, signal, task, config, dt_s)
+
+
+@numeric
+def tick_with_devices(
+    state: SteadyState,
+    devices: Devices,
+    records: DeviceRecords,
+    new: int,
+    frame: SensorFrame,
+    signal: ExcitationOutput,
+    task: Task,
+    config: Config,
+) -> tuple[bool, SteadyState, Devices, Trace]:
+    """Advance by one tick with the records of devices beside the sensor frame.
+
+    Parameters
+    ----------
+    state : SteadyState
+        State after the last tick.
+    devices : Devices
+        History of the devices, from ``begin_devices``.
+    records : DeviceRecords
+        Newest records.
+    new : int
+        Bits of those that have come in this tick: GPS_NEW and so on.
+    frame, signal, task, config
+        As of ``tick``.
+
+    Returns
+    -------
+    tuple[bool, SteadyState, Devices, Trace]
+        As of ``tick``, with the new history of the devices.
+    """
+    now_us, dt_s = frame.time_us, core.span_s(state.time_us, frame.time_us)
+    steady, checks = check_frame(state, frame, task, config)
+    if new != 0:
+        plausible, devices = add_records(devices, records, new, now_us)
+        finds_home = new & GPS_NEW != 0 and sensor_checks.has_fix(records.gps)
+        steady = steady and plausible and (task.home.known or not finds_home)
+    if now_us >= state.check_us:
+        faulty = monitor.check_devices(devices, state.estimate, state.duct_rad, now_us, config)
+        if True in faulty or monitor.course_disagrees(devices, state.estimate, now_us):
+            steady = False
+        if monitor.fix_while_submerged(devices, state.estimate, now_us):
+            devices = devices._replace(gps_under_water=True)
+    located = new & (GPS_NEW | DVL_NEW) != 0
+    estimate, motion = estimator.predict(state.estimate, frame, state.thrust, config, dt_s, located)
+    if located:
+        fix = records.gps if new & GPS_NEW != 0 else NO_FIX
+        estimate = estimator.use_position(
+            estimate, motion, fix, new & DVL_NEW != 0, records.dvl, task.home, config
+        )
+    if new & ALTIMETER_NEW != 0:
+        estimate = estimator.use_range(estimate, motion, records.altimeter)
+    steady, advanced, trace = control(
+        steady, state, checks, estimate, frame, signal, task, config, dt_s
+    )
+    return steady, advanced, devices, trace
+
+
+@numeric
+def add_records(
+    devices: Devices, records: DeviceRecords, new: int, now_us: int
+) -> tuple[bool, Devices]:
+    """Add the new records to the history; return whether all are plausible, and the history."""
+    gps, altimeter, dvl = devices.gps, devices.altimeter, devices.dvl
+    battery, leak, duct = devices.battery, devices.leak, devices.duct
+    fix_ok = range_ok = velocity_ok = battery_ok = True
+    if new & GPS_NEW != 0:
+        fix_ok, gps = sensor_checks.add_fix(gps, records.gps, now_us)
+    if new & ALTIMETER_NEW != 0:
+        range_ok, altimeter = sensor_checks.add_range(altimeter, records.altimeter, now_us)
+    if new & DVL_NEW != 0:
+        velocity_ok, dvl = sensor_checks.add_velocity(dvl, records.dvl, now_us)
+    if new & BATTERY_NEW != 0:
+        battery_ok, battery = sensor_checks.add_battery(battery, records.battery, now_us)
+    if new & LEAK_NEW != 0:
+        _, leak = sensor_checks.add_any(leak, records.leak, now_us)
+    if new & DUCT_NEW != 0:
+        _, duct = sensor_checks.add_any(duct, records.duct, now_us)
+    plausible = fix_ok and range_ok and velocity_ok and battery_ok
+    return plausible, Devices(gps, altimeter, dvl, battery, leak, duct, devices.gps_under_water)
+
+
+@numeric
+def check_frame(
+    state: SteadyState, frame: SensorFrame, task: Task, config: Config
+) -> tuple[bool, SensorChecks]:
+    """Check the sensor frame, and slowly whether the depth follows.
+
+    Returns whether nothing was found, and the new history.
+    """
+    now_us, check_us = frame.time_us, state.check_us
     steady, changed_us = imu_checks.check_complete_frame(
         state.frame, state.changed_us, frame, config
     )
     off_depth_us, off_depth_checks = state.off_depth_us, state.off_depth_checks
     if now_us >= check_us:
         check_us = now_us + monitor.CHECK_US
-        if monitor.off_depth(old, setpoint, state.thrust, config):
+        if monitor.off_depth(state.estimate, state.setpoint, state.thrust, config):
             steady = steady and off_depth_us >= 0
             off_depth_us, off_depth_checks = now_us, off_depth_checks + 1
+        sinks = monitor.dives(state.estimate, state.duct_rad, state.thrust, config)
+        turns = monitor.turns_away(state.estimate, state.duct_rad, state.thrust, config)
+        steady = steady and not (turns or (sinks and not task.testing))
+        steady = steady and cross_checks.agree(
+            state.estimate, state.frame, task.field_gauss, config
+        )
     if off_depth_us >= 0:
         settled = now_us < task.confirm_us or off_depth_checks < monitor.OFF_DEPTH_CHECKS
         steady = steady and settled and now_us - off_depth_us <= monitor.FAULT_CLEAR_US
-    estimate, _ = estimator.predict(old, frame, state.thrust, config, dt_s, False)
+    return steady, SensorChecks(changed_us, check_us, off_depth_us, off_depth_checks)
+
+
+@numeric
+def control(
+    steady: bool,
+    state: SteadyState,
+    checks: SensorChecks,
+    estimate: VehicleEstimate,
+    frame: SensorFrame,
+    signal: ExcitationOutput,
+    task: Task,
+    config: Config,
+    dt_s: float,
+) -> tuple[bool, SteadyState, Trace]:
+    """Complete a tick after its estimate: limits, guidance, loops and commands; see ``tick``."""
+    now_us, setpoint, line = frame.time_us, state.setpoint, state.line
     steady = steady and failsafe.within_limits(estimate, config) and now_us < task.until_us
     if task.testing:
         elapsed_s = (now_us - task.test_started_us) / US_PER_S
@@ -282,11 +522,11 @@ def tick(
         memory,
         line,
         frame,
-        changed_us,
-        check_us,
+        checks.changed_us,
+        checks.check_us,
         trace.thrust,
         duct_rad,
-        off_depth_us,
-        off_depth_checks,
+        checks.off_depth_us,
+        checks.off_depth_checks,
     )
     return steady, advanced, trace

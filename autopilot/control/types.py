@@ -7,11 +7,13 @@ import math
 from enum import IntEnum
 from typing import NamedTuple
 
+from autopilot.control.fence import Fence, Rally
 from autopilot.control.lqg import ObserverState
 from autopilot.control.reference_model import NO_REFERENCE, ReferenceState
 from autopilot.control.sensor_health.types import Ahrs, Health
 from autopilot.control.setpoints import Path, Setpoint, Targets
 from mavlink_io.frames import Quaternion
+from mavlink_io.jit import numeric
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.records import (
     Altimeter,
@@ -176,6 +178,42 @@ class VehicleEstimate(NamedTuple):
     navigation: Navigation = Navigation()
 
 
+class Motion(NamedTuple):
+    """Part of ``VehicleEstimate`` that is reported in every tick."""
+
+    roll_rad: float
+    pitch_rad: float
+    heading_rad: float
+    p_radps: float
+    q_radps: float
+    r_radps: float
+    north_m: float
+    east_m: float
+    depth_m: float
+    north_rate_mps: float
+    east_rate_mps: float
+    depth_rate_mps: float
+
+
+@numeric
+def motion_of(estimate: VehicleEstimate) -> Motion:
+    """Return the part of an estimate that is reported in every tick."""
+    return Motion(
+        estimate.roll_rad,
+        estimate.pitch_rad,
+        estimate.heading_rad,
+        estimate.p_radps,
+        estimate.q_radps,
+        estimate.r_radps,
+        estimate.north_m,
+        estimate.east_m,
+        estimate.depth_m,
+        estimate.north_rate_mps,
+        estimate.east_rate_mps,
+        estimate.depth_rate_mps,
+    )
+
+
 class Trim(NamedTuple):
     """Trims learned in flight, added to the trim parameters."""
 
@@ -272,18 +310,36 @@ class ActuatorTest(NamedTuple):
     """Time at which the test ends."""
 
 
+class AscentStage(IntEnum):
+    """Stages of mode SURFACE, in the order in which they are tried."""
+
+    POWERED = 0
+    """Under power to depth 0."""
+    ASTERN = 1
+    """Propeller astern: the nose is down and the vehicle sinks."""
+    STOPPED = 2
+    """Propeller off: buoyancy raises the vehicle."""
+    RELEASED = 3
+    """Propeller off and drop weight released."""
+
+
 class Ascent(NamedTuple):
     """Progress of mode SURFACE."""
 
     depth_m: float
-    """Depth at the last rise; before the first: where SURFACE began or the propeller stopped."""
+    """Depth at the last rise; before the first: where SURFACE or its present stage began."""
     risen_us: int
-    """Time of the last rise; before the first: when SURFACE began or the propeller stopped."""
+    """Time of the last rise; before the first: when SURFACE or its present stage began."""
     fix_us: int | None = None
     """Time of the first of the satellite fixes that have come without a gap; None without a
     fix."""
-    stopped: bool = False
-    """Whether the propeller was stopped because it did not raise the vehicle."""
+    stage: AscentStage = AscentStage.POWERED
+    began_us: int = 0
+    """Time at which the stage began; 0 for the first stage."""
+    afloat_us: int | None = None
+    """Time since which the depth is that of the surface; None below it."""
+    attempts: int = 0
+    """Number of times that power was stopped."""
 
 
 class AutopilotState(NamedTuple):
@@ -317,6 +373,14 @@ class AutopilotState(NamedTuple):
     """Actuator tests in progress; only while disarmed."""
     ascent: Ascent | None = None
     """Progress of mode SURFACE; None in other modes and before its first tick."""
+    weight_released: bool = False
+    """Whether the drop weight was released; stays so until the autopilot restarts."""
+    fence: Fence = Fence()
+    """Geofence."""
+    rally: Rally = Rally()
+    """Rally points: where RTL ends."""
+    fence_us: int = 0
+    """Time of the next check of the geofence."""
 
 
 class Trace(NamedTuple):

@@ -20,7 +20,7 @@ from autopilot.telemetry.streams import (
     TRACE_NAME,
     TelemetryStream,
 )
-from autopilot.vehicle import Snapshot
+from autopilot.vehicle import TickReport
 from mavlink_io import dialect
 from mavlink_io.logging.mavlink_log import Column
 
@@ -93,18 +93,18 @@ def columns(system: int, sensors_component: int) -> tuple[Column, ...]:
     )
 
 
-def fields(snapshot: Snapshot, sensors: bytes) -> Sequence[tuple[Any, ...]]:
+def fields(report: TickReport, sensors: bytes) -> Sequence[tuple[Any, ...]]:
     """Return the fields of each column for one tick.
 
     ``sensors`` is the payload of HIL_SENSOR, with or without trailing zeros.
     """
-    time_us = snapshot.state.time_us
+    time_us = report.time_us
     return (
         (sensors,),
-        streams.attitude(snapshot),
-        streams.local_position(snapshot),
-        (time_us, ACTUATORS_IN_USE, *snapshot.actuators.controls[: actuator_test.CHANNELS]),
-        (time_us, TRACE_ID, TRACE_NAME, *snapshot.trace),
+        streams.attitude(report),
+        streams.local_position(report),
+        (time_us, ACTUATORS_IN_USE, *report.actuators.controls[: actuator_test.CHANNELS]),
+        (time_us, TRACE_ID, TRACE_NAME, *report.trace),
     )
 
 

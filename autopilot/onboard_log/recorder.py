@@ -22,6 +22,8 @@ P = ParamSpec("P")
 
 FLUSH_S = 0.2
 """Interval of flushes: a killed process loses at most this much of the log."""
+RETRY_S = 10.0
+"""Wall time after a failed log until the next one is tried."""
 AFTER_DISARM_US, AFTER_DISARM_WALL_S = 2 * US_PER_S, 1.0
 """Duration of a log after disarming, in vehicle and wall time; the first to expire ends it."""
 
@@ -38,7 +40,9 @@ class OnboardLog:
         self._file: BackgroundFile | None = None
         self._path: Path | None = None
         self._armed = False
-        self._failed = False
+        self._retry_s = 0.0
+        """Wall time from which a log may begin after one that failed."""
+        self._reported_error = ""
         self._disarmed_us, self._disarmed_s = 0, 0.0
         self._newest_us = -1
         self._flush = Interval(FLUSH_S)
@@ -85,11 +89,19 @@ class OnboardLog:
             return
         session.flush()
         if session.file.error:
-            self._vehicle.send_statustext(f"Log stopped: {session.file.error}")
-            self._session, self._failed = None, True
+            self._report_error(session.file.error)
+            self._session, self._retry_s = None, wall_s() + RETRY_S
         elif session.overrun:
             session.overrun = False
             self._vehicle.send_statustext("Log: the disk is too slow, data is dropped")
+
+    def _report_error(self, error: str) -> None:
+        """Report why a log has ended, once per arming and reason."""
+        if error != self._reported_error:
+            self._reported_error = error
+            self._vehicle.send_statustext(
+                f"Log stopped: {error}; the dive goes on, a new log is tried every {RETRY_S:g} s"
+            )
 
     def files(self) -> Sequence[LogFile]:
         """Return the existing logs, the oldest first."""
@@ -109,19 +121,20 @@ class OnboardLog:
         """Call a method of the log; an unexpected exception ends the log but never the flight."""
         if self._guard.run("onboard log", work, *args, **kwargs):
             return
-        session, self._session, self._failed = self._session, None, True
+        session, self._session, self._retry_s = self._session, None, wall_s() + RETRY_S
         if session is not None and not self._guard.run("onboard log", session.finish):
             session.file.close()
 
     def _update_session(self) -> LogSession | None:
         """Begin or end a log by the arming state; return the log to write now."""
-        state, config = self._vehicle.state, self._vehicle.params.config
-        if state.armed != self._armed or state.time_us < self._newest_us:
-            self._on_arming_change(state.armed, state.time_us < self._newest_us)
-        self._newest_us = state.time_us
-        wanted = config.log_enabled and (state.armed or config.log_disarmed)
+        vehicle, config = self._vehicle, self._vehicle.params.config
+        armed, time_us = vehicle.armed, vehicle.time_us
+        if armed != self._armed or time_us < self._newest_us:
+            self._on_arming_change(armed, time_us < self._newest_us)
+        self._newest_us = time_us
+        wanted = config.log_enabled and (armed or config.log_disarmed)
         if self._session is None:
-            if wanted and not self._failed:
+            if wanted and wall_s() >= self._retry_s:
                 self._begin()
         elif not wanted and not self._within_tail():
             self._finish()
@@ -131,13 +144,14 @@ class OnboardLog:
         """End the log when the vehicle is armed or vehicle time restarts; record the time."""
         if armed or restarted:
             self._finish()
-            self._failed = False
-        self._disarmed_us, self._disarmed_s = self._vehicle.state.time_us, wall_s()
+            self._retry_s = 0.0
+            self._reported_error = ""
+        self._disarmed_us, self._disarmed_s = self._vehicle.time_us, wall_s()
         self._armed = armed
 
     def _within_tail(self) -> bool:
         """Return whether the log still continues after disarming."""
-        since_us = self._vehicle.state.time_us - self._disarmed_us
+        since_us = self._vehicle.time_us - self._disarmed_us
         return since_us < AFTER_DISARM_US and wall_s() - self._disarmed_s < AFTER_DISARM_WALL_S
 
     def _begin(self) -> None:

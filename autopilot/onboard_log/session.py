@@ -30,7 +30,7 @@ class LogSession:
         self._vehicle, self.file = vehicle, file
         self._log = MavlinkLog(file, file.enqueue)
         self._system = vehicle.system
-        self._start_us = vehicle.state.time_us
+        self._start_us = vehicle.time_us
         self._zero_ns = time.time_ns() - self._start_us * 1000
         self._channels: dict[tuple[int, int, int], Channel] = {}
         self._sequences: dict[tuple[int, int], int] = {}
@@ -43,7 +43,7 @@ class LogSession:
     @property
     def time_us(self) -> int:
         """Vehicle time of the newest tick."""
-        return self._vehicle.state.time_us
+        return self._vehicle.time_us
 
     def tick(self, frames: Sequence[Frame]) -> None:
         """Write one tick: its received frames, HIL_SENSOR last, and the resulting state."""
@@ -52,16 +52,16 @@ class LogSession:
             return
         for frame in frames[:-1]:
             self.frame(frame, self._system)
-        sensors, snapshot = frames[-1], self._vehicle.snapshot()
+        sensors, report = frames[-1], self._vehicle.report()
         if self._table is None:
             self._table = self._log.table(channels.columns(self._system, sensors.component))
         own = self._next_sequence(self._system, COMPONENT, 4)
         sensor_sequence = self._next_sequence(self._system, sensors.component)
         sequences = sensor_sequence, own, own + 1, own + 2, own + 3
-        self._table.write(self._now_ns(), channels.fields(snapshot, sensors.payload), sequences)
+        self._table.write(self._now_ns(), channels.fields(report, sensors.payload), sequences)
         slot = self.time_us // channels.SLOT_US
         if slot != self._slot:
-            self._slot = slot
+            self._slot, snapshot = slot, self._vehicle.snapshot()
             for stream, slots in channels.SLOW_CHANNELS:
                 if slot % slots == 0:
                     self.message(stream.message, stream.build(snapshot))

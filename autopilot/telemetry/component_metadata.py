@@ -24,6 +24,7 @@ _GROUPS = {
     "ACT": "Actuators",
     "DPT": "Depth loop",
     "EST": "Estimator",
+    "FENCE": "Geofence",
     "FS": "Failsafe",
     "GAIN": "Speed",
     "HDG": "Heading loop",

@@ -6,23 +6,26 @@ The time since boot wraps after 2^32 ms (49.7 days), as MAVLink's ``time_boot_ms
 import math
 import struct
 from collections.abc import Callable
+from typing import Any
 
-from autopilot.vehicle import Snapshot
+from autopilot.vehicle import Snapshot, TickReport
 from mavlink_io.device_messages import UNKNOWN_U16
 from mavlink_io.dialect import MessageType, Values
 from mavlink_io.endpoint import Endpoint
 
-Builder = Callable[[Snapshot], Values]
+Builder = Callable[[Any], Values]
+"""Build a message from a ``Snapshot``; from a ``TickReport`` if its stream is ``of_tick``."""
+Report = Snapshot | TickReport
 
 
-def time_us(s: Snapshot) -> int:
+def time_us(s: Report) -> int:
     """Return vehicle time in us; 0 before the first sample."""
-    return max(0, s.state.time_us)
+    return max(0, s.time_us)
 
 
-def boot_ms(s: Snapshot) -> int:
+def boot_ms(s: Report) -> int:
     """Return vehicle time in ms, modulo 2^32."""
-    return max(0, s.state.time_us) // 1000 & 0xFFFF_FFFF
+    return max(0, s.time_us) // 1000 & 0xFFFF_FFFF
 
 
 def clamp(value: float, minimum: int, maximum: int) -> int:

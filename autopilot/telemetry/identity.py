@@ -24,6 +24,8 @@ _CAPABILITIES = sum(
     constant(f"MAV_PROTOCOL_CAPABILITY_{name}")
     for name in (
         "MISSION_INT",
+        "MISSION_FENCE",
+        "MISSION_RALLY",
         "COMMAND_INT",
         "PARAM_ENCODE_BYTEWISE",
         "FTP",

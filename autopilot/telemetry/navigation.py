@@ -18,6 +18,8 @@ _XY = 0b11
 """POSITION_TARGET_TYPEMASK: x and y."""
 _DEPTH_SD_M, _TILT_SD_RAD, _HEADING_SD_RAD = 0.1, math.radians(0.5), math.radians(1.0)
 """Assumed standard deviations of depth, roll and pitch, and heading; they are not estimated."""
+_DIAGONAL = (0, 6, 11, 15, 18, 20)
+"""Index of the diagonal elements in the upper triangle, row by row, of a 6 x 6 matrix."""
 _NO_RATIOS = (math.nan,) * 6
 """Innovation test ratios of ESTIMATOR_STATUS: not available."""
 _ALWAYS, _ABSOLUTE, _DEPTH, _ABOVE_GROUND, _GLITCH = (
@@ -123,9 +125,10 @@ def odometry(s: Snapshot) -> Values:
 
 def _diagonal(*sds: float) -> tuple[float, ...]:
     """Return the upper triangle, row by row, of a diagonal 6 x 6 covariance."""
-    return tuple(
-        sds[row] ** 2 if row == column else 0.0 for row in range(6) for column in range(row, 6)
-    )
+    elements = [0.0] * 21
+    for index, sd in zip(_DIAGONAL, sds, strict=True):
+        elements[index] = sd**2
+    return tuple(elements)
 
 
 def estimator_status(s: Snapshot) -> Values:

@@ -2,6 +2,7 @@
 
 import math
 
+from autopilot.control import failsafe
 from autopilot.control.sensor_health import monitor
 from autopilot.control.sensor_health.sensor_checks import (
     ALTIMETER,
@@ -53,11 +54,13 @@ _BITS = {
         BATTERY: "SENSOR_BATTERY",
         DUCT: "SENSOR_MOTOR_OUTPUTS",
         monitor.DEPTH: "SENSOR_Z_ALTITUDE_CONTROL",
+        monitor.ELEVATOR: "SENSOR_ATTITUDE_STABILIZATION",
+        monitor.RUDDER: "SENSOR_YAW_POSITION",
     }.items()
 }
 """Bit of SYS_STATUS by sensor. Altimeter and Doppler log use the bits of similar sensors."""
 _GEOFENCE = constant("MAV_SYS_STATUS_GEOFENCE")
-"""Always healthy: otherwise MAVProxy reports a breach of a fence that does not exist."""
+"""Healthy without a fence: otherwise MAVProxy reports a breach of a fence that does not exist."""
 
 
 def system_status(s: Snapshot) -> Values:
@@ -69,11 +72,13 @@ def system_status(s: Snapshot) -> Values:
     sensors = _SENSORS if s.state.estimate.initialised else 0
     health = s.state.health
     extra = _device_bits(s) | (device_messages.EXTENSION_USED if s.leak else 0)
+    inside = 0 if s.state.failsafe == failsafe.FENCE else _GEOFENCE
+    extra |= _GEOFENCE if s.state.fence.zones else 0
     present = _SENSORS | _CONTROLS | _PREARM | extra
     ready = _PREARM if s.state.estimate.initialised and not monitor.prearm_failure(health) else 0
     enabled = _SENSORS | _PREARM | (_CONTROLS if s.state.armed else 0) | extra
     faulty = sum(_BITS.get(name, 0) for name in monitor.active_faults(health))
-    healthy = (sensors | _CONTROLS | _GEOFENCE | ready | extra) & ~faulty
+    healthy = (sensors | _CONTROLS | ready | extra & ~_GEOFENCE | inside) & ~faulty
     leak_sensor = device_messages.LEAK_BIT if s.leak else 0
     dry = leak_sensor if s.leak and not s.leak.wet else 0
     return (
@@ -92,7 +97,8 @@ def system_status(s: Snapshot) -> Values:
 
 def _device_bits(s: Snapshot) -> int:
     """Return the bits of optional devices that have sent data."""
-    devices = (BATTERY, s.battery), (ALTIMETER, s.altimeter), (DVL, s.state.health.dvl.record)
+    log = s.state.health.devices.dvl.record
+    devices = (BATTERY, s.battery), (ALTIMETER, s.altimeter), (DVL, log)
     return sum(_BITS[name] for name, record in devices if record is not None)
 
 

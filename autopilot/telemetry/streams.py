@@ -13,6 +13,7 @@ from autopilot.control.types import AutopilotState, Trace
 from autopilot.telemetry import navigation, status
 from autopilot.telemetry.encoding import (
     Builder,
+    Report,
     boot_ms,
     centidegrees,
     clamp,
@@ -38,10 +39,9 @@ _ATTITUDE_TARGET_IGNORES = 0b111
 """ATTITUDE_TARGET.type_mask: the body rates are ignored."""
 
 
-def attitude(s: Snapshot) -> Values:
+def attitude(s: Report) -> Values:
     """Return ATTITUDE: Euler angles (rad) and body rates (rad/s)."""
-    e = s.state.estimate
-    return boot_ms(s), e.roll_rad, e.pitch_rad, e.heading_rad, e.p_radps, e.q_radps, e.r_radps
+    return boot_ms(s), *s.motion[:6]
 
 
 def attitude_quaternion(s: Snapshot) -> Values:
@@ -50,18 +50,9 @@ def attitude_quaternion(s: Snapshot) -> Values:
     return boot_ms(s), *e.attitude, e.p_radps, e.q_radps, e.r_radps, (0.0,) * 4
 
 
-def local_position(s: Snapshot) -> Values:
+def local_position(s: Report) -> Values:
     """Return LOCAL_POSITION_NED: position (m) and velocity over ground (m/s)."""
-    estimate = s.state.estimate
-    return (
-        boot_ms(s),
-        estimate.north_m,
-        estimate.east_m,
-        estimate.depth_m,
-        estimate.north_rate_mps,
-        estimate.east_rate_mps,
-        estimate.depth_rate_mps,
-    )
+    return boot_ms(s), *s.motion[6:]
 
 
 def global_position(s: Snapshot) -> Values:
@@ -151,7 +142,7 @@ def attitude_target(s: Snapshot) -> Values:
     return boot_ms(s), target, 0.0, 0.0, 0.0, s.trace.thrust, _ATTITUDE_TARGET_IGNORES
 
 
-def servo_outputs(s: Snapshot) -> Values:
+def servo_outputs(s: Report) -> Values:
     """Return SERVO_OUTPUT_RAW: commands of -1..1 as pulse widths of 1100..1900 us."""
     pulses_us = [
         clamp(1500.0 + 400.0 * c, 1100, 1900)
@@ -160,7 +151,7 @@ def servo_outputs(s: Snapshot) -> Values:
     return time_us(s) & 0xFFFF_FFFF, *pulses_us, *(0,) * (8 - actuator_test.CHANNELS), 0, *(0,) * 8
 
 
-def actuator_outputs(s: Snapshot) -> Values:
+def actuator_outputs(s: Report) -> Values:
     """Return ACTUATOR_OUTPUT_STATUS: commands of -1..1."""
     return time_us(s), ACTUATORS_IN_USE, s.actuators.controls + (0.0,) * 16
 
@@ -216,7 +207,7 @@ TRACE_NAME, TRACE_ID = b"TRACE", 1
 _TRACE_PADDING = (0.0,) * (58 - len(Trace._fields))
 
 
-def loop_trace(s: Snapshot) -> Values:
+def loop_trace(s: Report) -> Values:
     """Return DEBUG_FLOAT_ARRAY with the control-loop signals."""
     return time_us(s), TRACE_ID, TRACE_NAME, (*s.trace, *_TRACE_PADDING)
 
@@ -245,6 +236,8 @@ class TelemetryStream(NamedTuple):
     build: Builder
     more_builders: tuple[Builder, ...] = ()
     """Builders of further messages of the same type."""
+    of_tick: bool = False
+    """Whether ``TickReport`` is enough for its only builder."""
 
     @property
     def builders(self) -> tuple[Builder, ...]:
@@ -255,8 +248,15 @@ class TelemetryStream(NamedTuple):
 def _stream(name: str, rate_hz: float, build: Builder, *more_builders: Builder) -> TelemetryStream:
     """Return a row for a message name."""
     return TelemetryStream(
-        message=dialect.by_name(name), rate_hz=rate_hz, build=build, more_builders=more_builders
+        message=dialect.by_name(name),
+        rate_hz=rate_hz,
+        build=build,
+        more_builders=more_builders,
+        of_tick=build in _OF_TICK,
     )
+
+
+_OF_TICK = frozenset((attitude, local_position, servo_outputs, actuator_outputs, loop_trace))
 
 
 STREAMS = (

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mavlink_io import dialect
-from mavlink_io.codec import LARGEST_FRAME, MAGIC_V1, MAGIC_V2, Framer
+from mavlink_io.codec import LARGEST_FRAME, MAGIC_V1, MAGIC_V2, Framer, is_intact
 from mavlink_io.dialect import MessageType
 from mavlink_io.logging.ros1 import vehicle_time_reader
 
@@ -132,7 +132,7 @@ class TlogDamage(NamedTuple):
 
 
 def find_damage(data: bytes) -> TlogDamage:
-    """Return the bytes of a tlog that belong to no frame, by the lengths in the frames' headers.
+    """Return the bytes of a tlog that belong to no frame, by lengths and checksums.
 
     Parameters
     ----------
@@ -142,8 +142,8 @@ def find_damage(data: bytes) -> TlogDamage:
     Returns
     -------
     TlogDamage
-        Number of bytes and places. Checksums are not compared here; frames of unknown messages
-        count as whole.
+        Number of bytes and places. The frame of an unknown message counts as whole if any seed
+        explains its checksum.
     """
     offset = end = skipped = places = 0
     resynchronising = False
@@ -151,6 +151,9 @@ def find_damage(data: bytes) -> TlogDamage:
         following = _frame_end(data, offset)
         if following is None or (resynchronising and not _is_frame_sequence(data, offset)):
             resynchronising, offset = True, offset + 1
+            continue
+        if not is_intact(data[offset + _STAMP.size : following]):
+            offset, resynchronising = following, False
             continue
         if offset > end:
             skipped, places = skipped + offset - end, places + 1

@@ -3,7 +3,7 @@
 Source: https://mavlink.io/en/services/mission.html.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
@@ -60,21 +60,25 @@ class MissionResult(NamedTuple):
     """Reason of a refusal, for the operator; "" if accepted."""
 
 
-class MissionStore(Protocol):
-    """The mission of a vehicle, as the autopilot implements it."""
+class Plan(Protocol):
+    """A plan of a vehicle: mission, geofence or rally points."""
 
     @property
     def items(self) -> Sequence[MissionItem]:
-        """The current mission."""
+        """The current plan."""
         ...
+
+    def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
+        """Replace the plan, or refuse all of the items."""
+        ...
+
+
+class MissionStore(Plan, Protocol):
+    """The mission of a vehicle, as the autopilot implements it."""
 
     @property
     def progress(self) -> MissionProgress:
         """Progress of the current mission."""
-        ...
-
-    def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
-        """Replace the mission, or refuse all of the items."""
         ...
 
     def set_current(self, sequence: int) -> bool:
@@ -98,7 +102,9 @@ class _UploadSession:
     due_s: float
     """Wall time at which the next item is requested again."""
     whole: bool
-    """Whether the items replace the whole mission."""
+    """Whether the items replace the whole plan."""
+    kind: int
+    """MAV_MISSION_TYPE of the plan."""
     attempts_left: int = RE_REQUESTS
     items: list[MissionItem] = field(default_factory=list)
 
@@ -110,7 +116,7 @@ class _UploadSession:
             target_system=self.client.mavlink_id.system,
             target_component=self.client.mavlink_id.component,
             seq=self.next_sequence,
-            mission_type=MISSION_TYPE,
+            mission_type=self.kind,
         )
 
     @property
@@ -129,7 +135,9 @@ class MissionServer:
     store : MissionStore
         The vehicle's mission.
     capacity : int
-        Maximum number of items of a mission.
+        Maximum number of items of a plan.
+    plans : mapping, optional
+        The other plans of the vehicle, by MAV_MISSION_TYPE.
     """
 
     message_names = frozenset(
@@ -146,8 +154,14 @@ class MissionServer:
         )
     )
 
-    def __init__(self, store: MissionStore, capacity: int = 1000) -> None:
+    def __init__(
+        self,
+        store: MissionStore,
+        capacity: int = 1000,
+        plans: Mapping[int, Plan] | None = None,
+    ) -> None:
         self._store, self._capacity = store, capacity
+        self._plans: dict[int, Plan] = {MISSION_TYPE: store, **(plans or {})}
         self._session: _UploadSession | None = None
         self._finished: tuple[_UploadSession, int] | None = None
         self._handlers = {
@@ -199,38 +213,41 @@ class MissionServer:
 
     def _count(self, message: Any, client: Client, now_s: float) -> None:
         """Begin the upload of a whole mission."""
-        if message.mission_type != MISSION_TYPE:
-            _acknowledge(client, UNSUPPORTED, message.mission_type)
+        kind = message.mission_type
+        if kind not in self._plans:
+            _acknowledge(client, UNSUPPORTED, kind)
         elif message.count > self._capacity:
             self._store.explain(
                 f"Mission refused: {message.count} items, room for {self._capacity}"
             )
-            _acknowledge(client, NO_SPACE)
+            _acknowledge(client, NO_SPACE, kind)
         else:
-            self._begin(
-                _UploadSession(client=client, first=0, stop=message.count, due_s=now_s, whole=True),
-                now_s,
+            session = _UploadSession(
+                client=client, first=0, stop=message.count, due_s=now_s, whole=True, kind=kind
             )
+            self._begin(session, now_s)
 
     def _partial(self, message: Any, client: Client, now_s: float) -> None:
         """Begin an upload that replaces some items of the mission."""
-        count, first, last = len(self._store.items), message.start_index, message.end_index
-        if message.mission_type != MISSION_TYPE:
-            _acknowledge(client, UNSUPPORTED, message.mission_type)
-        elif not 0 <= first <= last < count:
+        kind, first, last = message.mission_type, message.start_index, message.end_index
+        if kind not in self._plans:
+            _acknowledge(client, UNSUPPORTED, kind)
+            return
+        count = len(self._plans[kind].items)
+        if not 0 <= first <= last < count:
             self._store.explain(f"Mission items {first} to {last} refused: the mission has {count}")
-            _acknowledge(client, INVALID_SEQUENCE)
+            _acknowledge(client, INVALID_SEQUENCE, kind)
         else:
-            self._begin(
-                _UploadSession(client=client, first=first, stop=last + 1, due_s=now_s, whole=False),
-                now_s,
+            session = _UploadSession(
+                client=client, first=first, stop=last + 1, due_s=now_s, whole=False, kind=kind
             )
+            self._begin(session, now_s)
 
     def _begin(self, session: _UploadSession, now_s: float) -> None:
         """Begin an upload, unless another client is uploading; the same client may start again."""
         if self._session is not None and self._session.client != session.client:
             self._store.explain("Mission upload refused: another is under way")
-            _acknowledge(session.client, DENIED)
+            _acknowledge(session.client, DENIED, session.kind)
         else:
             self._session, self._finished = session, None
             self._advance(session, now_s)
@@ -240,8 +257,9 @@ class MissionServer:
         session = self._session
         if session is None or session.client != client:
             if self._finished is not None and self._finished[0].client == client:
-                _acknowledge(client, self._finished[1])  # the first acknowledgement was lost
-        elif message.mission_type != MISSION_TYPE or message.seq != session.next_sequence:
+                # the first acknowledgement was lost
+                _acknowledge(client, self._finished[1], self._finished[0].kind)
+        elif message.mission_type != session.kind or message.seq != session.next_sequence:
             session.request(now_s)
         else:
             self._add_item(session, item_from_message(message), now_s)
@@ -261,18 +279,18 @@ class MissionServer:
         if session.next_sequence < session.stop:
             session.request(now_s)
             return
-        items = tuple(session.items)
+        items, plan = tuple(session.items), self._plans[session.kind]
         if not session.whole:
-            present = tuple(self._store.items)
+            present = tuple(plan.items)
             items = present[: session.first] + items + present[session.stop :]
-        self._end(session, self._store.load(items))
+        self._end(session, plan.load(items))
 
     def _end(self, session: _UploadSession, outcome: MissionResult) -> None:
         """End an upload, report a refusal and acknowledge."""
         self._session, self._finished = None, (session, outcome.result)
         if outcome.text:
             self._store.explain(outcome.text)
-        _acknowledge(session.client, outcome.result)
+        _acknowledge(session.client, outcome.result, session.kind)
 
     def _send_count(self, message: Any, client: Client, now_s: float) -> None:
         """Answer MISSION_REQUEST_LIST with the number of items."""
@@ -280,29 +298,36 @@ class MissionServer:
             "MISSION_COUNT",
             target_system=client.mavlink_id.system,
             target_component=client.mavlink_id.component,
-            count=len(self._store.items) if message.mission_type == MISSION_TYPE else 0,
+            count=len(self._items(message.mission_type)),
             mission_type=message.mission_type,
         )
 
     def _send_item(self, message: Any, client: Client, now_s: float) -> None:
         """Answer MISSION_REQUEST_INT and MISSION_REQUEST with the item."""
-        items = self._store.items
-        if message.mission_type == MISSION_TYPE and message.seq < len(items):
+        items = self._items(message.mission_type)
+        if message.seq < len(items):
             client.send("MISSION_ITEM_INT", **item_fields(items[message.seq], client.mavlink_id))
         else:
             _acknowledge(client, INVALID_SEQUENCE, message.mission_type)
 
     def _clear(self, message: Any, client: Client, now_s: float) -> None:
         """Remove all items, unless an upload is in progress."""
-        if message.mission_type not in (MISSION_TYPE, ALL_TYPES):
+        kind = message.mission_type
+        kinds = list(self._plans) if kind == ALL_TYPES else [kind]
+        if not self._plans.keys() >= set(kinds):
             outcome = MissionResult(UNSUPPORTED)
         elif self._session is not None:
             outcome = MissionResult(DENIED, "Mission not cleared: an upload is under way")
         else:
-            outcome = self._store.load(())
+            results = [self._plans[kind].load(()) for kind in kinds]
+            outcome = next((one for one in results if one.result != ACCEPTED), results[0])
         if outcome.text:
             self._store.explain(outcome.text)
         _acknowledge(client, outcome.result, message.mission_type)
+
+    def _items(self, kind: int) -> Sequence[MissionItem]:
+        """Return the items of a kind of plan; none if the vehicle has no such plan."""
+        return self._plans[kind].items if kind in self._plans else ()
 
     def _set_current(self, message: Any, client: Client, now_s: float) -> None:
         """Continue at another item and answer with MISSION_CURRENT."""
@@ -333,11 +358,16 @@ def send_progress(send: Send, progress: MissionProgress) -> None:
 
 
 def _item_fault(item: MissionItem) -> MissionResult:
-    """Return the fault of an item with an unsupported frame or a position above the water."""
+    """Return the fault of an item with an unsupported frame or a position above the water.
+
+    The altitude of a fence item or a rally point has no meaning.
+    """
     if item.frame not in GLOBAL_FRAMES and item.frame not in (FRAME_LOCAL_NED, FRAME_MISSION):
         return MissionResult(
             UNSUPPORTED_FRAME, f"Mission item {item.sequence}: frame {item.frame} is not supported"
         )
+    if item.mission_type != MISSION_TYPE:
+        return MissionResult()
     if not (has_location(item.command) or item.command == MavCmd.CONDITION_CHANGE_ALT):
         return MissionResult()
     if item.frame in GLOBAL_FRAMES and item.z > 0.0:

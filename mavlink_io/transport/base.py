@@ -60,12 +60,19 @@ class _WaitMode(threading.local):
     def __init__(self) -> None:
         self.decided_s = wall_s()
         self.preemptions = _preemptions()
-        self.core_is_free = True
+        self.may_poll = _has_several_cores()
 
 
 def _preemptions() -> int:
     """Return how often another program has taken the core of this thread."""
     return resource.getrusage(_THREAD).ru_nivcsw
+
+
+def _has_several_cores() -> bool:
+    """Return whether the affinity of this thread allows more than one core now."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0)) > 1
+    return (os.cpu_count() or 1) > 1
 
 
 _THREAD = getattr(resource, "RUSAGE_THREAD", resource.RUSAGE_SELF)
@@ -190,17 +197,10 @@ def _may_poll() -> bool:
     elapsed_s = now_s - _mode.decided_s
     if elapsed_s > DECISION_S:
         preemptions = _preemptions()
-        new = preemptions - _mode.preemptions
-        _mode.core_is_free = new <= MAX_PREEMPTIONS_PER_S * elapsed_s
+        core_is_free = preemptions - _mode.preemptions <= MAX_PREEMPTIONS_PER_S * elapsed_s
+        _mode.may_poll = core_is_free and _has_several_cores()
         _mode.decided_s, _mode.preemptions = now_s, preemptions
-    return _mode.core_is_free and _has_several_cores()
-
-
-def _has_several_cores() -> bool:
-    """Return whether the affinity of this thread allows more than one core now."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0)) > 1
-    return (os.cpu_count() or 1) > 1
+    return _mode.may_poll
 
 
 def _ready(handles: Iterable[Handle], timeout_s: float) -> list[Handle]:

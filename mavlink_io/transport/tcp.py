@@ -20,7 +20,11 @@ from mavlink_io.transport.base import (
 SEND_TIMEOUT_S = 10.0
 """Default wall time for which a full pipe may block the sender, in seconds."""
 MAX_CLIENTS = 32
-"""Maximum number of connections of a server; further ones are closed as soon as accepted."""
+"""Maximum number of connections of a server."""
+CLIENT_IDLE_S = 5.0
+"""Wall time without received bytes after which a client gives way to a new one, in seconds.
+
+A ground station sends a heartbeat every second."""
 ACCEPTS_PER_RECEIVE = 64
 """Maximum number of connections accepted per ``receive``, so that a flood does not stop reading."""
 ACCEPT_PAUSE_S = 1.0
@@ -96,8 +100,8 @@ class TcpServer:
     host, port : str, int
         Local address; port 0 lets the system choose.
     send_timeout_s : float
-        Wall time for which a client with a full pipe blocks the sender (lossless), in seconds.
-        After it the client is disconnected, so that it cannot stop the vehicle.
+        Wall time for which clients with a full pipe together block the sender (lossless), in
+        seconds. After it they are disconnected, so that they cannot stop the vehicle.
 
     Raises
     ------
@@ -106,7 +110,8 @@ class TcpServer:
 
     Notes
     -----
-    At most ``MAX_CLIENTS`` are connected at a time.
+    At most ``MAX_CLIENTS`` are connected at a time. A further one replaces the client that has been
+    silent for longest, if for more than ``CLIENT_IDLE_S``; otherwise it is closed at once.
     """
 
     def __init__(
@@ -115,6 +120,8 @@ class TcpServer:
         self.address = address
         self._patience_s = send_timeout_s
         self._clients: list[socket.socket] = []
+        self._received_s: dict[socket.socket, float] = {}
+        """Wall time at which each client connected or sent last."""
         self._disconnected: list[socket.socket] = []
         self._accept_after_s = 0.0
         self._listener = open_or_raise(address, lambda: socket.create_server((host, port)))
@@ -144,9 +151,10 @@ class TcpServer:
         data : bytes
             One or more complete frames.
         """
+        until_s = wall_s() + self._patience_s
         for client in list(self._clients):
             try:
-                _send(client, data, self._patience_s)
+                _send(client, data, max(0.0, until_s - wall_s()))
             except OSError:
                 self._drop(client)
 
@@ -164,6 +172,7 @@ class TcpServer:
             if data is None:
                 self._drop(client)
             elif data:
+                self._received_s[client] = wall_s()
                 received.append((client, data))
         received += ((client, b"") for client in self._disconnected)
         self._disconnected.clear()
@@ -176,7 +185,7 @@ class TcpServer:
         self._listener.close()
 
     def _accept(self) -> None:
-        """Accept waiting connections up to ``MAX_CLIENTS`` clients; close the others."""
+        """Accept waiting connections up to ``MAX_CLIENTS`` clients in use; close the others."""
         for _ in range(ACCEPTS_PER_RECEIVE):
             try:
                 client, _ = self._listener.accept()
@@ -187,7 +196,7 @@ class TcpServer:
                     self._accept_after_s = wall_s() + ACCEPT_PAUSE_S
                     return
                 continue  # this connection broke before it was accepted
-            if len(self._clients) >= MAX_CLIENTS:
+            if len(self._clients) >= MAX_CLIENTS and not self._drop_idle():
                 client.close()
                 continue
             try:
@@ -197,10 +206,20 @@ class TcpServer:
                 client.close()
                 continue
             self._clients.append(client)
+            self._received_s[client] = wall_s()
+
+    def _drop_idle(self) -> bool:
+        """Disconnect the client that has been silent for longest, if it is idle."""
+        client = min(self._clients, key=self._received_s.__getitem__)
+        idle = wall_s() - self._received_s[client] > CLIENT_IDLE_S
+        if idle:
+            self._drop(client)
+        return idle
 
     def _drop(self, client: socket.socket) -> None:
         """Disconnect a client."""
         self._clients.remove(client)
+        del self._received_s[client]
         self._disconnected.append(client)
         client.close()
 

@@ -7,11 +7,13 @@ depends on vehicle time, seed, answers and commands only.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from mavlink_io import device_messages, dialect
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import MessageType, Values
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.fixed_frame import FIELDS
 from mavlink_io.mission_items import MavCmd
 from mavlink_io.records import ActuatorFrame, TruthFrame
 from mavlink_io.transport import Transport, wait
@@ -21,8 +23,9 @@ from sitl.backends.messages import (
     COMMAND,
     COMPONENT,
     CONTROLS,
+    CONTROLS_FRAME,
     GPS,
-    SENSOR,
+    SENSOR_FRAME,
     SYSTEM,
     TRUTH,
     altimeter_values,
@@ -77,22 +80,23 @@ class HilClient:
         bytes
             MAVLink frames, concatenated.
         """
-        encode = self._endpoint.encode_values
-        frames = [
-            b"" if truth is None else encode(TRUTH, truth),
-            b"" if sensors.gps is None else encode(GPS, gps_values(sensors.gps)),
-            b""
-            if sensors.altimeter is None
-            else encode(ALTIMETER, altimeter_values(sensors.altimeter)),
-            *self._device_frames(sensors),
-            *self._fault_frames(changes),
-            encode(SENSOR, sensors.frame),
-        ]
-        return b"".join(frames)
+        encode, frames = self._endpoint.encode_values, []
+        if truth is not None:
+            frames.append(encode(TRUTH, truth))
+        if sensors.has_devices:
+            frames += self._device_frames(sensors)
+        if changes:
+            frames += self._fault_frames(changes)
+        sample = self._endpoint.encode_fixed(SENSOR_FRAME, sensors.frame)
+        return b"".join((*frames, sample)) if frames else sample
 
     def _device_frames(self, sensors: Sensors) -> list[bytes]:
-        """Encode the frames of devices that have component ids of their own."""
-        frames = []
+        """Encode the frames of the slower sensors; most have component ids of their own."""
+        encode, frames = self._endpoint.encode_values, []
+        if sensors.gps is not None:
+            frames.append(encode(GPS, gps_values(sensors.gps)))
+        if sensors.altimeter is not None:
+            frames.append(encode(ALTIMETER, altimeter_values(sensors.altimeter)))
         if sensors.dvl is not None:
             frames.append(
                 self._encode_from(
@@ -191,8 +195,12 @@ class HilClient:
         LinkLostError
             The link is closed and cannot be opened again.
         """
-        frames = self._endpoint.receive(eager=True)
-        if not frames and wait((self._transport,), timeout_s):
+        decoded, _, frames = self._endpoint.receive_fixed(CONTROLS_FRAME, eager=True)
+        if decoded is not None:
+            if decoded[FIELDS] == time_us:
+                return _actuators(decoded)
+            frames = self._endpoint.receive()
+        elif not frames and wait((self._transport,), timeout_s):
             frames = self._endpoint.receive()
         answer = None
         while frames:
@@ -224,3 +232,9 @@ class HilClient:
         if frame.message_id == COMMAND.message_id:
             self._handle_command(frame)
         return None
+
+
+def _actuators(decoded: tuple[Any, ...]) -> ActuatorFrame:
+    """Return the actuators of a frame that `CONTROLS_FRAME` has decoded."""
+    time_us, flags, *controls, mode = decoded[FIELDS:]
+    return ActuatorFrame(time_us, flags, tuple(controls), mode)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import atan2, hypot, isnan, pi
 
 from mavlink_io import device_messages, dialect
+from mavlink_io.fixed_frame import FixedFrame
 from mavlink_io.records import Altimeter, GpsFix
 
 SYSTEM = 1
@@ -17,6 +18,7 @@ TRUTH = dialect.by_name("HIL_STATE_QUATERNION")
 GPS = dialect.by_name("HIL_GPS")
 ALTIMETER = dialect.by_name("DISTANCE_SENSOR")
 CONTROLS = dialect.by_name("HIL_ACTUATOR_CONTROLS")
+SENSOR_FRAME, CONTROLS_FRAME = FixedFrame(SENSOR), FixedFrame(CONTROLS)
 COMMAND, ACKNOWLEDGEMENT = dialect.by_name("COMMAND_LONG"), dialect.by_name("COMMAND_ACK")
 
 TRUTH_PERIOD_US = 100_000

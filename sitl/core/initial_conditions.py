@@ -8,8 +8,7 @@ import numpy as np
 
 from mavlink_io.frames import quaternion_from_euler
 from sitl.core import environment
-from sitl.core.environment import Environment, Weather
-from sitl.core.environment.field import LocalWater
+from sitl.core.environment import Surroundings
 from sitl.scenario import StartTable
 from sitl.vehicle import restoring
 from sitl.vehicle.dynamics import NU, QUATERNION, rotation, state_at_rest
@@ -23,9 +22,9 @@ _DIFFERENCE = 1e-6
 
 
 def initial_body_state(
-    model: VehicleModel, start: StartTable, sea: Environment, weather: Weather
-) -> tuple[Vector, LocalWater]:
-    """Return the body state at the start of a scenario and the water around the hull.
+    model: VehicleModel, start: StartTable, sea: Surroundings, variation: Vector
+) -> Vector:
+    """Return the body state at the start of a scenario.
 
     Parameters
     ----------
@@ -33,27 +32,25 @@ def initial_body_state(
         The vehicle.
     start : StartTable
         Heading, depth and speed through the water.
-    sea : Environment
-        The scenario's environment.
-    weather : Weather
-        Waves and current variation of this run at time zero.
+    sea : Surroundings
+        Environment of this run.
+    variation : Vector
+        Variation of the current at time zero, see ``environment.current``.
 
     Returns
     -------
-    body : Vector
+    Vector
         State of ``vehicle.dynamics``, shape (13,): position (NWU, m), attitude quaternion, velocity
         over ground (FLU). The vehicle moves with the water, plus the speed through the water.
-    local_water : LocalWater
-        The water at that position.
     """
     body = _rest_state(model, start, sea)
-    local_water = environment.sample_water(sea, weather, body, 0.0)
+    local_water = environment.sample_water(sea, variation, body, 0.0)
     to_body = np.array(rotation(body)).T
     body[NU][:3] = to_body @ local_water.water.velocity_mps + (start.speed_mps, 0.0, 0.0)
-    return body, local_water
+    return body
 
 
-def _rest_state(model: VehicleModel, start: StartTable, sea: Environment) -> Vector:
+def _rest_state(model: VehicleModel, start: StartTable, sea: Surroundings) -> Vector:
     """Return the state at rest: at the start depth, or in floating trim and below any ice."""
     if start.depth_m is None:
         ratio = float(sea.field.column[0, 1]) / sea.field.ballast_density_kgpm3

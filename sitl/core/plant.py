@@ -18,15 +18,23 @@ from numpy.random import Generator, SeedSequence, default_rng
 
 from mavlink_io.frames import flip, flip_quaternion
 from mavlink_io.jit import Native, native
-from mavlink_io.records import ActuatorFrame
-from sitl.core import body as core_body
-from sitl.core import environment, initial_conditions, sensors, tailcone
-from sitl.core.body import Body, TailconeMotion
-from sitl.core.environment import Environment, Weather, moments
-from sitl.core.environment.field import LocalWater
-from sitl.core.environment.moments import Disturbance
-from sitl.core.sensors import Sensors, SensorStreams, SensorSuite, SensorSuiteState
+from mavlink_io.records import ActuatorFrame, SensorFrame
+from sitl.core import environment, initial_conditions, sensors, state, tailcone, tick
+from sitl.core.body import Body
+from sitl.core.draws import AT_START, PER_TICK, Draws
+from sitl.core.environment import Environment, current, moments
+from sitl.core.sensors import (
+    DeviceState,
+    Sensors,
+    SensorStreams,
+    SensorSuite,
+    inertial,
+    magnetic,
+    pressure,
+    sample_timing,
+)
 from sitl.core.sensors.noise import NoiseStream
+from sitl.core.state import Layout
 from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
 from sitl.core.truth import Truth
 from sitl.faults import body as body_faults
@@ -39,13 +47,14 @@ from sitl.faults.timeline import Timeline
 from sitl.scenario import Scenario, StartTable
 from sitl.scenario_types import ScenarioError
 from sitl.vehicle import build_model
-from sitl.vehicle.config import VehicleConfig
+from sitl.vehicle.config import DropWeight, VehicleConfig, VehicleFileError
 from sitl.vehicle.dynamics import POSITION, QUATERNION
-from sitl.vehicle.propeller import rps
 from sitl.vehicle.vectors import Vector
 
-RUDDER, ELEVATOR, THRUST = 0, 1, 2
+RUDDER, ELEVATOR, THRUST, DROP = 0, 1, 2, 3
 """Indices of ``ActuatorFrame.controls``."""
+RELEASE_ABOVE = 0.5
+"""Control above which the drop weight is released."""
 RATES = slice(10, 13)
 """Angular rates in the body state, FLU, rad/s."""
 
@@ -59,14 +68,14 @@ class Plant(NamedTuple):
     sea: Environment
     suite: SensorSuite
     start: StartTable
-    clamped: bool
-    """Whether the body is held in its initial state."""
+    constants: tick.Constants
+    draws: int
+    """Largest number of draws of one stream in a tick."""
     tick_us: int
-    tick_s: float
-    substeps: int
-    """Integration steps per tick."""
     faults: Timeline
     """Scheduled faults."""
+    drop_weight: DropWeight | None = None
+    """None if none is fitted."""
 
 
 class PlantState(NamedTuple):
@@ -74,34 +83,35 @@ class PlantState(NamedTuple):
 
     time_us: int
     """Vehicle time."""
-    body: Vector
-    """State of ``vehicle.dynamics``, shape (13,), FLU in NWU."""
-    rudder: Vector
-    elevator: Vector
-    """States of the tailcone axes, see ``core.tailcone``."""
-    disturbance: Disturbance
-    weather: Weather
-    instruments: SensorSuiteState
-    truth: Truth
-    """True motion in FRD and NED."""
+    values: Vector
+    """Numeric state, see ``core.state``."""
+    layout: Layout
+    run: Native
+    """The ``tick.Run``."""
+    devices: DeviceState
     faults: Timeline
+    weight_released: bool = False
+
+    @property
+    def body(self) -> Vector:
+        """State of ``vehicle.dynamics``, shape (13,), FLU in NWU."""
+        return self.values[state.BODY]
+
+    @property
+    def truth(self) -> Truth:
+        """True motion in FRD and NED."""
+        return _truth(self)
 
 
 class RandomStreams(NamedTuple):
     """Independent random streams of a run."""
 
-    slow: Generator
-    wave: Generator
-    """Slow and wave-band disturbance moments."""
+    draws: Draws
+    """Streams of the compiled tick."""
     sensors: SensorStreams
-    rudder: Generator
-    elevator: Generator
-    """Lost motor steps of the axes."""
     faults: Generator
     swell: Generator
     """Phases and directions of the waves."""
-    drift: Generator
-    """Variation of the current."""
 
 
 def build(
@@ -133,11 +143,22 @@ def build(
     if scenario.rig.encoder:
         instruments = replace(vehicle.instruments, encoder=scenario.rig.encoder)
         vehicle = replace(vehicle, instruments=instruments)
-    model = build_model.build(vehicle)
+    model, weight = build_model.build(vehicle), vehicle.drop_weight
+    if weight is not None and weight.mass_kg >= 0.5 * model.inertia.mass_kg:
+        raise VehicleFileError(
+            f"vehicle {vehicle.name}: drop_weight.mass_kg = {weight.mass_kg:g}: expected less than"
+            f" half of the vehicle's {model.inertia.mass_kg:.4g} kg"
+        )
     try:
         body_faults.check_feasible(model, scenario.faults)
     except FaultError as error:
         raise ScenarioError(f"scenario {scenario.title}: fault: {error}") from None
+    suite = sensors.build(
+        vehicle,
+        model.propeller.full_rps,
+        timestep.tick_us,
+        imu_every_tick=timestep.imu_every_tick,
+    )
     vessel = Body(
         model=model,
         rudder=tailcone.from_config(
@@ -146,6 +167,21 @@ def build(
         elevator=tailcone.from_config(
             vehicle.tailcone, vehicle.tailcone.elevator_bias_deg, timestep.substep_s
         ),
+    )
+    layout = Layout(
+        axis=len(tailcone.at_rest(vessel.rudder)),
+        imu_slots=sample_timing.slots(suite.imu.timing),
+        magnetometer_slots=sample_timing.slots(suite.magnetometer.timing),
+        pressure_slots=sample_timing.slots(suite.pressure.timing),
+    )
+    constants = tick.Constants(
+        layout=layout,
+        imu=suite.imu,
+        magnetometer=suite.magnetometer,
+        pressure=suite.pressure,
+        clamped=scenario.rig.clamped,
+        tick_s=timestep.tick_s,
+        substeps=timestep.substeps,
     )
     return Plant(
         vessel=vessel,
@@ -157,18 +193,13 @@ def build(
             model.hydrostatics.half_length_m,
             vehicle.water.density_kgpm3,
         ),
-        suite=sensors.build(
-            vehicle,
-            model.propeller.full_rps,
-            timestep.tick_us,
-            imu_every_tick=timestep.imu_every_tick,
-        ),
+        suite=suite,
         start=scenario.start,
-        clamped=scenario.rig.clamped,
+        constants=constants,
+        draws=max(PER_TICK, timestep.substeps),
         tick_us=timestep.tick_us,
-        tick_s=timestep.tick_s,
-        substeps=timestep.substeps,
         faults=timeline.schedule(scenario.faults),
+        drop_weight=vehicle.drop_weight,
     )
 
 
@@ -190,18 +221,14 @@ def random_streams(seed: int) -> RandomStreams:
     RandomStreams
         Generators of the environment, the sensors, the actuators and the faults.
     """
-    slow, wave, *instruments, rudder, elevator, faults, swell, drift = [
-        default_rng(child) for child in SeedSequence(seed).spawn(7 + len(SensorStreams._fields))
+    slow, wave, imu, compass, depth, *devices, rudder, elevator, faults, swell, drift = [
+        default_rng(child) for child in SeedSequence(seed).spawn(10 + len(SensorStreams._fields))
     ]
     return RandomStreams(
-        slow=slow,
-        wave=wave,
-        sensors=SensorStreams(*map(NoiseStream, instruments)),
-        rudder=rudder,
-        elevator=elevator,
+        draws=Draws((slow, wave, imu, compass, depth, drift, rudder, elevator)),
+        sensors=SensorStreams(*map(NoiseStream, devices)),
         faults=faults,
         swell=swell,
-        drift=drift,
     )
 
 
@@ -222,30 +249,27 @@ def initial_state(plant: Plant, rng: RandomStreams) -> tuple[PlantState, Sensors
     sensors : Sensors
         Sensor output at that time.
     """
-    disturbance = moments.sample_stationary(rng.slow, rng.wave)
-    weather = environment.initial_weather(plant.sea, rng.swell, rng.drift)
-    tail = core_body.motion_at_rest(plant.vessel)
-    start, local_water = initial_conditions.initial_body_state(
-        plant.vessel.model, plant.start, plant.sea, weather
+    rng.draws.prepare(AT_START)
+    suite, layout = plant.suite, plant.constants.layout
+    sea, values = environment.draw_waves(plant.sea, rng.swell), np.zeros(state.size(layout))
+    parts = state.parts(layout, values)
+    parts.moments[:] = moments.sample_stationary(rng.draws)
+    parts.variation[:] = current.sample_stationary(sea.drift, rng.draws)
+    parts.body[:] = initial_conditions.initial_body_state(
+        plant.vessel.model, plant.start, sea, parts.variation
     )
-    body, truth = _step_body(plant, 0, start, tail, 0.0, disturbance, disturbance, local_water)
-    instruments = sensors.initial_state(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
-    instruments, output = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
-    return PlantState(
-        time_us=0,
-        body=body,
-        rudder=tail.rudder,
-        elevator=tail.elevator,
-        disturbance=disturbance,
-        weather=weather,
-        instruments=instruments,
-        truth=truth,
-        faults=plant.faults,
-    ), output
+    errors, parts.biases[:] = inertial.initial_errors(suite.imu, rng.draws)
+    iron = magnetic.initial_errors(suite.magnetometer, rng.draws)
+    offset_hpa = pressure.initial_offset_hpa(suite.pressure, rng.draws)
+    run = native(tick.Run(plant.constants, sea, errors, iron, offset_hpa))
+    fresh = tick.start(plant.native, run, *rng.draws.table, values)
+    devices = sensors.initial_devices(suite.devices, plant.start.battery_pct / 100.0, rng.sensors)
+    begun = PlantState(0, values, layout, run, devices, plant.faults)
+    return _measure(plant, begun, fresh, rng)
 
 
 def step(
-    plant: Plant, state: PlantState, actuators: ActuatorFrame, rng: RandomStreams
+    plant: Plant, before: PlantState, actuators: ActuatorFrame, rng: RandomStreams
 ) -> tuple[PlantState, Sensors]:
     """Advance the plant by one tick.
 
@@ -253,10 +277,10 @@ def step(
     ----------
     plant : Plant
         Parameters of the run.
-    state : PlantState
+    before : PlantState
         State at the start of the tick.
     actuators : ActuatorFrame
-        Controls in [-1, 1], constant during the tick: rudder, elevator, thrust.
+        Controls in [-1, 1], constant during the tick: rudder, elevator, thrust, drop weight.
     rng : RandomStreams
         Random streams of the run; they advance.
 
@@ -267,46 +291,53 @@ def step(
     sensors : Sensors
         Sensor output at the end of the tick.
     """
-    time_us = state.time_us + plant.tick_us
-    faults = timeline.advance(state.faults, plant.vessel.model, time_us)
-    controls = actuators.controls
+    time_us = before.time_us + plant.tick_us
+    faults = timeline.advance(before.faults, plant.vessel.model, time_us)
+    controls, vessel = actuators.controls, plant.vessel
     if faults.running:
-        plant, controls, faults = _apply_faults(plant, controls, faults, rng.faults)
-    tail = _step_actuators(plant, state, controls, rng)
-    thrust = _limit_control(controls[THRUST])
-    disturbance = moments.advance(plant.sea.moments, state.disturbance, rng.slow, rng.wave)
-    weather = environment.advance(plant.sea, state.weather, rng.drift)
-    if plant.clamped:
-        body, truth = (
-            state.body,
-            _hold_clamped(state.truth, time_us, tail, rps(thrust, plant.vessel.model)),
-        )
-    else:
-        local_water = environment.sample_water(
-            plant.sea, weather, state.body, time_us * 1e-6, plant.tick_s
-        )
-        body, truth = _step_body(
-            plant, time_us, state.body, tail, thrust, state.disturbance, disturbance, local_water
-        )
-    if faults.running:
-        truth = truth._replace(flooding="leak wet" in faults.names, faults=faults.names)
-    instruments, output = sensors.sample(
-        plant.suite, truth, plant.sea, state.instruments, rng.sensors
+        vessel, controls, faults = _apply_faults(vessel, controls, faults, rng.faults)
+    weight, released = plant.drop_weight, before.weight_released
+    if weight is not None:
+        released = released or (len(controls) > DROP and controls[DROP] > RELEASE_ABOVE)
+        vessel = _without_weight(vessel, weight) if released else vessel
+    rng.draws.prepare(plant.draws)
+    values = before.values.copy()
+    fresh = tick.advance(
+        plant.native if vessel is plant.vessel else native(vessel),
+        before.run,
+        *rng.draws.table,
+        values,
+        time_us,
+        controls[RUDDER],
+        controls[ELEVATOR],
+        controls[THRUST],
     )
-    if faults.running:
-        output, running = readings.apply(output, faults.running, time_us, plant.tick_s, rng.faults)
-        faults = faults._replace(running=running)
-    return PlantState(
-        time_us=time_us,
-        body=body,
-        rudder=tail.rudder,
-        elevator=tail.elevator,
-        disturbance=disturbance,
-        weather=weather,
-        instruments=instruments,
-        truth=truth,
-        faults=faults,
-    ), output
+    after = PlantState(time_us, values, before.layout, before.run, before.devices, faults, released)
+    return _measure(plant, after, fresh, rng)
+
+
+def _measure(
+    plant: Plant, moved: PlantState, fresh: int, rng: RandomStreams
+) -> tuple[PlantState, Sensors]:
+    """Sample the slower sensors, if due; return the state and the sensor output under faults.
+
+    ``fresh`` is HIL_SENSOR.fields_updated.
+    """
+    time_us = moved.time_us
+    frame = SensorFrame._make((time_us, *state.readings(moved.values), fresh, 0))
+    if time_us % plant.suite.devices_us:
+        output = Sensors(frame, None, None)
+    else:
+        devices, output = sensors.sample_devices(
+            plant.suite.devices, moved.truth, plant.sea, moved.devices, rng.sensors, frame
+        )
+        moved = moved._replace(devices=devices)
+    if moved.faults.running:
+        output, running = readings.apply(
+            output, moved.faults.running, time_us, plant.constants.tick_s, rng.faults
+        )
+        moved = moved._replace(faults=moved.faults._replace(running=running))
+    return moved, output
 
 
 def inject_failure(state: PlantState, injection: InjectionResult) -> PlantState:
@@ -325,106 +356,50 @@ def inject_failure(state: PlantState, injection: InjectionResult) -> PlantState:
 
 
 def _apply_faults(
-    plant: Plant, controls: tuple[float, ...], faults: Timeline, noise: Generator
-) -> tuple[Plant, tuple[float, ...], Timeline]:
-    """Return the plant, the controls and the fault states under the faults of this tick."""
-    commanded, vessel = (controls[RUDDER], controls[ELEVATOR], controls[THRUST]), plant.vessel
+    vessel: Body, controls: tuple[float, ...], faults: Timeline, noise: Generator
+) -> tuple[Body, tuple[float, ...], Timeline]:
+    """Return the body, the controls and the fault states under the faults of this tick."""
+    commanded = controls[RUDDER], controls[ELEVATOR], controls[THRUST]
     drives, running = tailcone_faults.apply(
         Drives(vessel.rudder, vessel.elevator, commanded), faults.running, noise
     )
     faulted = Body(faults.model or vessel.model, drives.rudder, drives.elevator)
-    if any(part is not nominal for part, nominal in zip(faulted, vessel, strict=True)):
-        plant = with_body(plant, faulted)
-    return plant, drives.controls, faults._replace(running=running)
-
-
-def _step_actuators(
-    plant: Plant, state: PlantState, controls: tuple[float, ...], rng: RandomStreams
-) -> TailconeMotion:
-    """Return the motion of rudder and elevator during a tick."""
-    _, rudder, elevator = plant.vessel
-    rudder_state, elevator_state = state.rudder.copy(), state.elevator.copy()
-    angles_rad = np.empty((2, plant.substeps))
-    end_rad = core_body.step_axes(
-        plant.native,
-        rudder_state,
-        elevator_state,
-        _limit_control(controls[RUDDER]) * rudder.travel_rad,
-        _limit_control(controls[ELEVATOR]) * elevator.travel_rad,
-        angles_rad,
-        tailcone.step_loss_draws(rudder, rng.rudder, plant.substeps),
-        tailcone.step_loss_draws(elevator, rng.elevator, plant.substeps),
-    )
-    return TailconeMotion(
-        rudder=rudder_state, elevator=elevator_state, angles_rad=angles_rad, end_rad=end_rad
+    is_changed = any(part is not nominal for part, nominal in zip(faulted, vessel, strict=True))
+    others = controls[THRUST + 1 :]
+    return (
+        faulted if is_changed else vessel,
+        (*drives.controls, *others),
+        faults._replace(running=running),
     )
 
 
-def _limit_control(control: float) -> float:
-    """Limit a control to [-1, 1]; NaN, which some autopilots send for idle channels, means 0."""
-    return 0.0 if control != control else max(-1.0, min(1.0, control))
+def _without_weight(vessel: Body, weight: DropWeight) -> Body:
+    """Return the body after the drop weight was released."""
+    position_m = weight.x_m, weight.y_m, weight.z_m
+    light = body_faults.add_mass(vessel.model, -weight.mass_kg, position_m)
+    return vessel._replace(model=light)
 
 
-def _step_body(
-    plant: Plant,
-    time_us: int,
-    body: Vector,
-    tail: TailconeMotion,
-    thrust: float,
-    before: Disturbance,
-    after: Disturbance,
-    local_water: LocalWater,
-) -> tuple[Vector, Truth]:
-    """Integrate the body over the substeps of a tick; return its state and the true motion.
-
-    Disturbance moments are constant at ``before`` during the tick; the accelerometer at the end of
-    the tick measures with ``after``. The water is constant during the tick. It was sampled for the
-    end of the tick at the position extrapolated to that time, half a tick ahead of the mean.
-    """
-    new_body, sea = body.copy(), plant.sea
-    shaft_rps, velocity, force = core_body.integrate(
-        plant.native,
-        new_body,
-        tail.angles_rad,
-        plant.vessel.rudder.substep_s,
-        tail.end_rad,
-        thrust,
-        _disturbance_wrench(sea, before),
-        _disturbance_wrench(sea, after),
-        local_water.water,
+def _truth(now: PlantState) -> Truth:
+    """Return the true motion in FRD and NED."""
+    body, motion = state.body_and_motion(now.values)
+    velocity, force, water = state.VELOCITY, state.FORCE, state.WATER_VELOCITY
+    faults = now.faults.names
+    return Truth(
+        now.time_us,
+        position_ned_m=flip(*body[POSITION]),
+        attitude_q=flip_quaternion(*body[QUATERNION]),
+        velocity_ned_mps=flip(*motion[velocity : velocity + 3]),
+        rates_radps=flip(*body[RATES]),
+        specific_force_mps2=flip(*motion[force : force + 3]),
+        water_velocity_ned_mps=flip(*motion[water : water + 3]),
+        rudder_rad=motion[state.RUDDER_RAD],
+        elevator_rad=motion[state.ELEVATOR_RAD],
+        propeller_rps=motion[state.SHAFT_RPS],
+        pitch_disturbance_nm=-motion[state.PITCH_NM],
+        yaw_disturbance_nm=-motion[state.YAW_NM],
+        flooding="leak wet" in faults,
+        faults=faults,
+        surface_m=motion[state.SURFACE_M],
+        wave_pressure_pa=motion[state.WAVE_PA],
     )
-    values = new_body.tolist()
-    pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, after)
-    truth = Truth(
-        time_us,
-        position_ned_m=flip(*values[POSITION]),
-        attitude_q=flip_quaternion(*values[QUATERNION]),
-        velocity_ned_mps=flip(*velocity),
-        rates_radps=flip(*values[RATES]),
-        specific_force_mps2=flip(*force),
-        water_velocity_ned_mps=flip(*local_water.water.velocity_mps),
-        rudder_rad=tail.end_rad[0],
-        elevator_rad=tail.end_rad[1],
-        propeller_rps=shaft_rps,
-        pitch_disturbance_nm=-pitch_nm,
-        yaw_disturbance_nm=-yaw_nm,
-        surface_m=local_water.water.surface_m,
-        wave_pressure_pa=local_water.wave_pressure_pa,
-    )
-    return new_body, truth
-
-
-def _hold_clamped(truth: Truth, time_us: int, tail: TailconeMotion, shaft_rps: float) -> Truth:
-    """Return the true motion of a clamped body: only duct and propeller move."""
-    return truth._replace(
-        time_us=time_us,
-        rudder_rad=tail.end_rad[0],
-        elevator_rad=tail.end_rad[1],
-        propeller_rps=shaft_rps,
-    )
-
-
-def _disturbance_wrench(sea: Environment, disturbance: Disturbance) -> Vector:
-    """Return the disturbance as generalised force (X, Y, Z, K, M, N), FLU, N and N m."""
-    pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, disturbance)
-    return np.array((0.0, 0.0, 0.0, 0.0, pitch_nm, yaw_nm))

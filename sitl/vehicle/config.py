@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from mavlink_io.text_files import read_text
 from sitl.vehicle import fill_missing, hull, toml_io
 from sitl.vehicle.file_schema import (
     Ballast,
@@ -12,6 +13,7 @@ from sitl.vehicle.file_schema import (
     Cylinder,
     Damping,
     Description,
+    DropWeight,
     DuctGeometry,
     FinGeometry,
     HullGeometry,
@@ -36,6 +38,7 @@ __all__ = [
     "Completed",
     "Cylinder",
     "Damping",
+    "DropWeight",
     "DuctGeometry",
     "FinGeometry",
     "HullGeometry",
@@ -139,7 +142,7 @@ def _read(name_or_path: str | Path) -> tuple[str, str, Path]:
     shipped = name_or_path in SHIPPED
     path = Path(__file__).with_name(f"{name_or_path}.toml") if shipped else Path(name_or_path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         names = f"{', '.join(SHIPPED[:-1])} or {SHIPPED[-1]}"
@@ -151,7 +154,13 @@ def _read(name_or_path: str | Path) -> tuple[str, str, Path]:
 
 def _complete(text: str, source: str, folder: Path | None) -> Completed:
     """Read and complete the text of a vehicle file."""
-    return finish(toml_io.read(text, source, VehicleFileError), source, folder)
+    tables = toml_io.read(text, source, VehicleFileError)
+    try:
+        return finish(tables, source, folder)
+    except ArithmeticError as error:  # of a derived quantity, by a length of 1e-320 m or 1e300 m
+        raise VehicleFileError(
+            f"{source}: its lengths and masses give no vehicle ({error}); give SI units"
+        ) from None
 
 
 def finish(tables: dict[str, Any], source: str, folder: Path | None = None) -> Completed:
@@ -193,11 +202,7 @@ def _with_points(shape: dict[str, Any], source: str, folder: Path | None) -> dic
         return shape
     path = (folder or Path()) / name
     try:
-        rows = [
-            line.split(",")
-            for line in path.read_text(encoding="utf-8").splitlines()
-            if line.strip()
-        ]
+        rows = [line.split(",") for line in read_text(path).splitlines() if line.strip()]
         points = [[float(cell) for cell in row] for row in rows[not _is_number(rows[0][0]) :]]
     except (OSError, UnicodeDecodeError, ValueError, IndexError) as error:
         raise VehicleFileError(

@@ -296,6 +296,16 @@ class Instruments(VehicleTable, frozen=True):
     encoder: str = "none"
 
 
+class DropWeight(VehicleTable, frozen=True):
+    """Weight that output 4 of the autopilot releases once; part of ``ballast.mass_kg`` before."""
+
+    mass_kg: Positive
+    x_m: float = 0.0
+    """Position forward of mid-length, as y to port and z up."""
+    y_m: float = 0.0
+    z_m: float = 0.0
+
+
 class VehicleConfig(VehicleTable, frozen=True):
     """Complete vehicle file. The vehicle steers by duct, by fins, or by both."""
 
@@ -314,6 +324,8 @@ class VehicleConfig(VehicleTable, frozen=True):
     """True if the coefficients were identified together and need not be physical one by one."""
     power: Power = Power()
     instruments: Instruments = Instruments()
+    drop_weight: DropWeight | None = None
+    """None if none is fitted."""
 
 
 _GEOMETRY: dict[type[VehicleTable], tuple[str, ...]] = {

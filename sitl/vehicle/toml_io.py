@@ -8,6 +8,8 @@ from typing import Any, TypeVar, get_args, get_origin
 
 import msgspec
 
+from mavlink_io.text_files import parse_toml
+
 T = TypeVar("T", bound=msgspec.Struct)
 
 
@@ -41,7 +43,7 @@ def decode(text: str, kind: type[T], source: str, error: type[ValueError]) -> T:
 def read(text: str, source: str, error: type[ValueError]) -> dict[str, Any]:
     """Return the tables of ``text`` without validation; raise ``error`` for invalid TOML."""
     try:
-        return tomllib.loads(text)
+        return parse_toml(text)
     except tomllib.TOMLDecodeError as problem:
         raise error(f"{source}: not valid TOML: {problem}") from None
 

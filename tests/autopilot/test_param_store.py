@@ -125,7 +125,7 @@ def test_unreadable_folder_is_reported(tmp_path: Path, monkeypatch: pytest.Monke
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(EACCES, "Permission denied")
 
-    for name in ("exists", "read_text", "replace"):
+    for name in ("exists", "open", "replace"):
         monkeypatch.setattr(Path, name, refuse)
     store = ParamStore(tmp_path)
     assert store.load() == {}

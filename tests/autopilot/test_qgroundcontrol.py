@@ -67,12 +67,15 @@ def test_version_reports_supported_protocols(qgc: Connection) -> None:
     """
     version = qgc.message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
     able = version.capabilities
-    for name in ("MISSION_INT", "COMMAND_INT", "MAVLINK2", "FTP"):
+    for name in (
+        "MISSION_INT",
+        "MISSION_FENCE",
+        "MISSION_RALLY",
+        "COMMAND_INT",
+        "MAVLINK2",
+        "FTP",
+    ):
         assert able & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{name}"), name
-    for name in ("MISSION_FENCE", "MISSION_RALLY"):
-        assert not able & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{name}"), (
-            "it would request an unsupported plan"
-        )
     assert version.flight_sw_version >> 8, "major, minor and patch: zero is taken for unknown"
 
 
@@ -257,7 +260,7 @@ def test_refused_item_is_named_in_text(qgc: Connection) -> None:
     assert texts(received) == ["Mission item 0: command 2000 is not one this vehicle flies"]
 
 
-@pytest.mark.parametrize(("kind", "result"), [(MISSION, 0), (ALL_PLANS, 0), (FENCE, 3), (RALLY, 3)])
+@pytest.mark.parametrize(("kind", "result"), [(MISSION, 0), (ALL_PLANS, 0), (FENCE, 0), (RALLY, 0)])
 def test_plan_removal_is_acknowledged_with_its_type(
     qgc: Connection, kind: int, result: int
 ) -> None:
@@ -266,3 +269,64 @@ def test_plan_removal_is_acknowledged_with_its_type(
         qgc.ask(mavlink.MAVLink_mission_clear_all_message(1, AUTOPILOT, kind)), "MISSION_ACK"
     )
     assert (acknowledgement.type, acknowledgement.mission_type) == (result, kind)
+
+
+def write_plan(qgc: Connection, kind: int, rows: list[tuple[int, float, float, float]]) -> int:
+    """Upload (command, p1, latitude, longitude); return the MAV_MISSION_RESULT."""
+    received = qgc.ask(mavlink.MAVLink_mission_count_message(1, AUTOPILOT, len(rows), kind))
+    for n, (command, p1, lat, lon) in enumerate(rows):
+        place = round(lat * 1e7), round(lon * 1e7), 0.0
+        received = qgc.ask(
+            mavlink.MAVLink_mission_item_int_message(
+                1, AUTOPILOT, n, 0, command, 0, 1, p1, 0, 0, 0, *place, kind
+            )
+        )
+    acknowledgement = only(received, "MISSION_ACK")
+    assert acknowledgement.mission_type == kind
+    return int(acknowledgement.type)
+
+
+SQUARE = [(42.36, -71.01), (42.36, -70.99), (42.34, -70.99), (42.34, -71.01)]
+
+
+def test_fence_and_rally_are_written_and_read_back(qgc: Connection) -> None:
+    """``GeoFenceManager::sendToVehicle`` and ``RallyPointManager::sendToVehicle``."""
+    fence = [(5001, 4.0, *corner) for corner in SQUARE] + [(5004, 50.0, 42.351, -71.0)]
+    assert write_plan(qgc, FENCE, fence) == mavlink.MAV_MISSION_ACCEPTED
+    assert write_plan(qgc, RALLY, [(5100, 0.0, 42.352, -71.0)]) == mavlink.MAV_MISSION_ACCEPTED
+    for kind, rows in ((FENCE, fence), (RALLY, [(5100, 0.0, 42.352, -71.0)])):
+        count = qgc.ask(mavlink.MAVLink_mission_request_list_message(1, AUTOPILOT, kind))
+        assert only(count, "MISSION_COUNT").count == len(rows)
+        last = len(rows) - 1
+        back = only(
+            qgc.ask(mavlink.MAVLink_mission_request_int_message(1, AUTOPILOT, last, kind)),
+            "MISSION_ITEM_INT",
+        )
+        command, p1, lat, lon = rows[-1]
+        assert (back.command, back.param1, back.mission_type) == (command, p1, kind)
+        assert (back.x, back.y) == (round(lat * 1e7), round(lon * 1e7))
+
+
+@pytest.mark.parametrize(
+    ("rows", "result", "text"),
+    [
+        ([(5001, 3.0, *SQUARE[0])] * 2, "INVALID_PARAM1", "polygon of 3 vertices"),
+        ([(5003, -5.0, 42.35, -71.0)], "INVALID_PARAM1", "radius -5 m"),
+        ([(5003, 50.0, 95.0, -71.0)], "INVALID_PARAM5_X", "latitude 95"),
+        ([(16, 0.0, 42.35, -71.0)], "UNSUPPORTED", "command 16 is not an item of a fence"),
+    ],
+)
+def test_fence_with_fault_is_refused_with_reason(
+    qgc: Connection, rows: list[tuple[int, float, float, float]], result: str, text: str
+) -> None:
+    received = qgc.ask(mavlink.MAVLink_mission_count_message(1, AUTOPILOT, len(rows), FENCE))
+    for n, (command, p1, lat, lon) in enumerate(rows):
+        place = round(lat * 1e7), round(lon * 1e7), 0.0
+        received = qgc.ask(
+            mavlink.MAVLink_mission_item_int_message(
+                1, AUTOPILOT, n, 0, command, 0, 1, p1, 0, 0, 0, *place, FENCE
+            )
+        )
+    expected = getattr(mavlink, f"MAV_MISSION_{result}")
+    assert only(received, "MISSION_ACK").type == expected
+    assert text in texts(received)[0]

@@ -250,17 +250,24 @@ async def unsupported_mission_command_is_refused(c: Client) -> None:
     equal(rows(await download(c)), rows(leg()), "mission that was there before")
 
 
-async def geofence_is_refused(c: Client) -> None:
-    fence = [item(0, 5001, 3.0, frame=3, kind=1)]
-    attempt = patiently(c, lambda: c.missions.upload_geofence(fence), "TIMEOUT")
-    await refused("UNSUPPORTED", attempt, MissionRawError)
+async def geofence_is_written_and_read_back(c: Client) -> None:
+    """A triangle of 100 km about home, which does not hinder the other checks."""
+    corners = ((43.0, -71.0), (42.0, -72.0), (42.0, -70.0))
+    fence = [
+        MissionItem(
+            n, 0, 5001, int(n == 0), 1, 3.0, 0, 0, 0, int(lat * 1e7), int(lon * 1e7), 0.0, 1
+        )
+        for n, (lat, lon) in enumerate(corners)
+    ]
+    await patiently(c, lambda: c.missions.upload_geofence(fence), "TIMEOUT")
+    back = await c.missions.download_geofence()
+    equal([(one.command, one.x, one.y) for one in back], [(5001, f.x, f.y) for f in fence], "fence")
 
 
-async def geofence_list_is_empty(c: Client) -> None:
-    try:
-        equal(len(await c.missions.download_geofence()), 0, "count of fence items")
-    except MissionRawError as error:
-        equal(error.result.name, "NO_MISSION_AVAILABLE", "result")
+async def impossible_geofence_is_refused(c: Client) -> None:
+    wrong = [item(0, 5001, 3.0, frame=3, kind=1)]
+    attempt = patiently(c, lambda: c.missions.upload_geofence(wrong), "TIMEOUT")
+    await refused("INVALID_ARGUMENT", attempt, MissionRawError)
 
 
 async def clears_the_mission(c: Client) -> None:
@@ -718,8 +725,8 @@ BEFORE_THE_DIVE: list[Check] = [
     waypoint_plan_round_trip,
     altitude_above_water_is_refused,
     unsupported_mission_command_is_refused,
-    geofence_is_refused,
-    geofence_list_is_empty,
+    geofence_is_written_and_read_back,
+    impossible_geofence_is_refused,
     sets_each_mode_by_main_and_sub_number,
     sets_each_mode_by_its_whole_number,
     sets_mode_by_set_mode_message,

@@ -16,6 +16,7 @@ INT32_MAX = 2**31 - 1
 
 
 def under_way(harness: Harness, depth_m: float = 5.0) -> None:
+    harness.vehicle.params.set("FS_DIVE_S", 0.0)  # the depth does not follow the elevator
     harness.command(400, 1)
     harness.command(176, 1, 2)
     harness.tick(200, depth_m=depth_m)

@@ -1,5 +1,6 @@
 """An autopilot server in memory with a ground station on each link that uses pymavlink."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -78,6 +79,17 @@ class Station:
         return [message for message in self.pop_received() if message.get_type() == name]
 
 
+MAX_STEP_M = 0.03
+"""Change of depth in a tick, 1.5 m/s: no jump of the pressure sensor, and within the limits."""
+
+
+def approach(before_m: float, wanted_m: float) -> float:
+    """Return the depth after a tick on the way to another one; NaN before the first tick."""
+    if math.isnan(before_m):
+        return wanted_m
+    return before_m + min(MAX_STEP_M, max(-MAX_STEP_M, wanted_m - before_m))
+
+
 class Harness:
     """A vehicle, its server, and one station per link."""
 
@@ -85,16 +97,18 @@ class Harness:
         self.stations = stations or (Station(),)
         self.vehicle = Vehicle(ParamTable())
         self.server = GroundServer(self.vehicle, self.stations, autopilot)
-        self.time_us = -TICK_US
+        self.time_us, self.depth_m = -TICK_US, math.nan
 
     @property
     def station(self) -> Station:
         return self.stations[0]
 
     def tick(self, count: int = 1, depth_m: float = 0.0, fix: GpsFix | None = None) -> None:
+        """Run ticks; the depth moves there in steps that a pressure sensor can have."""
         for _ in range(count):
             self.time_us += TICK_US
-            self.vehicle.tick(Inputs(sensors(self.time_us, depth_m), fix, None, None))
+            self.depth_m = approach(self.depth_m, depth_m)
+            self.vehicle.tick(Inputs(sensors(self.time_us, self.depth_m), fix, None, None))
             self.server.publish_telemetry()
         self.server.flush()
 

@@ -41,6 +41,10 @@ class Process:
     def running(self) -> bool:
         return self._popen.poll() is None
 
+    @property
+    def pid(self) -> int:
+        return self._popen.pid
+
     def wait_for_line(self) -> str:
         """Return the next line on stderr, which a process prints when it is ready."""
         assert self._popen.stderr is not None

@@ -58,6 +58,33 @@ def test_unchanged_sources_are_not_compiled_again(package):
     assert call(package) == "6.0 1"
 
 
+def test_machine_code_from_disk_loads_no_compiler_library(package):
+    """numba.np.linalg: one of the implementations that numba imports before it compiles."""
+    loaded = "print('numba.np.linalg' in sys.modules)"
+    command = [sys.executable, "-c", CALL.format(folder=package.name) + loaded, str(package.parent)]
+    outputs = [
+        subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+        for _ in range(2)
+    ]
+    assert outputs == [["6.0", "0", "True"], ["6.0", "1", "False"]]
+
+
+def test_machine_code_is_stored_after_the_first_call_only(package):
+    """Before it, an autopilot flies plain Python instead of compiling for a minute."""
+    asked = "from mavlink_io import jit; print(jit.is_stored(doubled))"
+    before = CALL.replace("print(doubled(3.0), sum(doubled.stats.cache_hits.values()))", asked)
+    command = [sys.executable, "-c", before.format(folder=package.name), str(package.parent)]
+
+    def stored() -> str:
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+    assert stored() == "False"
+    call(package)
+    assert stored() == "True"
+    (package / "inner.py").write_text(INNER.replace("factor * x", "factor + x"))
+    assert stored() == "False", "the content of an inner kernel counts"
+
+
 def test_newer_files_of_the_same_content_are_not_compiled_again(package):
     call(package)
     for source in package.glob("*.py"):
@@ -128,7 +155,6 @@ import importlib.util
 found = importlib.util.find_spec
 importlib.util.find_spec = lambda name: None if name == "numba" else found(name)
 """
-DISABLED = "import os; os.environ['NUMBA_DISABLE_JIT'] = '1'"
 PLAIN = """
 from typing import NamedTuple
 from mavlink_io import jit

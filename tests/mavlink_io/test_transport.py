@@ -29,9 +29,10 @@ from mavlink_io.transport import (
     Transport,
     base,
     open_transport,
+    tcp,
     wait,
 )
-from mavlink_io.transport.tcp import ACCEPT_PAUSE_S, MAX_CLIENTS, READ_BYTES
+from mavlink_io.transport.tcp import ACCEPT_PAUSE_S, CLIENT_IDLE_S, MAX_CLIENTS, READ_BYTES
 
 PATIENCE_S = 10.0
 SELECT_LIMIT = 1024
@@ -103,10 +104,11 @@ def test_wait_returns_ready_transports() -> None:
 
 
 @pytest.fixture
-def one_core() -> Iterator[None]:
-    """Restrict this thread to one core."""
+def one_core(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Restrict this thread to one core, from its first wait on."""
     usable = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {min(usable)})
+    monkeypatch.setattr(base, "_mode", base._WaitMode())
     yield
     os.sched_setaffinity(0, usable)
 
@@ -144,6 +146,7 @@ def test_eager_wait_on_one_core_receives() -> None:
 @pytest.mark.parametrize("cores", [1, 2])
 def test_eager_read_of_a_datagram_waits_for_it(cores: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(base, "_has_several_cores", lambda: cores > 1)
+    monkeypatch.setattr(base, "_mode", base._WaitMode())
     port = free_port(socket.SOCK_DGRAM)
     with (
         closing(open_transport(f"udpin:127.0.0.1:{port}")) as near,
@@ -179,6 +182,7 @@ def test_wait_does_not_poll_where_other_programs_want_the_core(
 def test_eager_wait_on_two_cores_polls(monkeypatch: pytest.MonkeyPatch) -> None:
     polls: list[None] = []
     monkeypatch.setattr(base, "_yield_cpu", lambda: polls.append(None))
+    monkeypatch.setattr(base, "_mode", base._WaitMode())
     processor_time_of_eager_waits_s()
     assert len(polls) > 10, "one poll would be no polling"
 
@@ -355,6 +359,25 @@ def test_tcp_server_keeps_the_first_clients_and_closes_the_rest(server: TcpServe
     server.send(b"again")
     assert late.recv(100) == b"again"
     for each in (*sockets, late):
+        each.close()
+
+
+def test_idle_tcp_clients_give_way_to_new_ones(
+    server: TcpServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr(tcp, "wall_s", lambda: now_s[0])
+    idle = connected(server, MAX_CLIENTS)
+    receive(server)
+    now_s[0] += CLIENT_IDLE_S + 1.0
+    idle[0].send(b"here")
+    receive(server)
+    late = connected(server, 2)
+    receive(server)
+    server.send(b"to all")
+    assert [s.recv(100) for s in (idle[0], *late)] == [b"to all"] * 3
+    assert [s.recv(100) for s in idle[1:3]] == [b""] * 2
+    for each in (*idle, *late):
         each.close()
 
 

@@ -58,7 +58,14 @@ EVERY = [
 Texts during the link's silence are lost.
 """
 FIRST_S, APART_S, LASTING_S = 5.0, 0.9, 1.6
-TELL_ONLY = {"FS_LEAK_ACT": 0.0, "FS_PRESS_ACT": 0.0, "FS_BATT_ACT": 0.0, "TRIM_RUD_DEG": 6.0}
+TELL_ONLY = {
+    "FS_LEAK_ACT": 0.0,
+    "FS_PRESS_ACT": 0.0,
+    "FS_BATT_ACT": 0.0,
+    "FS_DIVE_S": 0.0,
+    "FS_LOOK_S": 0.0,
+    "TRIM_RUD_DEG": 6.0,
+}
 
 
 def scenario_of_every_fault(file: Path) -> None:

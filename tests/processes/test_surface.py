@@ -53,7 +53,9 @@ def fly(folder: Path, faults: str) -> Finished:
 def test_fly_elevator_stuck_down_ends_with_reason(tmp_path: Path) -> None:
     finished = fly(tmp_path, STUCK)
     assert finished.status == 1, finished
-    assert "Failsafe: no rise for 20 s -> propeller stopped" in finished.stderr.splitlines()[-1]
+    last_line = finished.stderr.splitlines()[-1]
+    assert "Failsafe: Elevator has no effect -> SURFACE" in last_line
+    assert last_line.endswith("-> propeller stopped")
 
 
 def test_fly_vehicle_too_heavy_to_surface_ends_with_reason(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from mavlink_io.frames import quaternion_from_euler
 from mavlink_io.records import Dvl
 from sitl import scenario
 from sitl.core import environment, plant, timestep
+from sitl.core.draws import AT_START, PER_TICK
 from sitl.core.environment import Environment
 from sitl.core.sensors import (
     altimeter,
@@ -62,19 +63,44 @@ def allan_deviation(series: Any, cluster: int) -> float:
     return float(np.sqrt(0.5 * np.mean(np.diff(means) ** 2)))
 
 
+class ImuAtRest:
+    """An IMU at rest, with its errors and readings in transit."""
+
+    def __init__(self, imu: inertial.Imu, seed: int) -> None:
+        self.imu, self.draws = imu, plant.random_streams(seed).draws
+        self.draws.prepare(AT_START)
+        self.errors, bias = inertial.initial_errors(imu, self.draws)
+        self.bias, self.latest = np.array(bias), np.zeros(inertial.READING)
+        self.transit = np.zeros((sample_timing.slots(imu.timing), inertial.READING))
+
+    def sample(self, time_us: int) -> bool:
+        """Sample at a vehicle time; return whether the latest reading is new."""
+        self.draws.prepare(PER_TICK)
+        return inertial.sample(
+            self.imu,
+            self.errors,
+            AT_REST.specific_force_mps2,
+            AT_REST.rates_radps,
+            time_us,
+            self.bias,
+            self.transit,
+            self.latest,
+            self.draws.table,
+        )
+
+
 def test_gyro_allan_deviation_matches_data_sheet() -> None:
     """White noise gives N / sqrt(2 tau) for the one-sided density N; the wander peaks at 1.89 T."""
-    sheet, stream = CATALOGUE.imu["mti-300"], noise_stream(11)
-    imu = inertial.build(sheet, TICK_US)
-    state, rates, wander = inertial.initial_state(imu, stream), [], []
-    for truth in ticks(AT_REST, 50 * 600):
-        state, _ = inertial.sample(imu, truth, state, stream)
-        rates.append(state.latest.rates_radps)
+    sheet = CATALOGUE.imu["mti-300"]
+    resting, rates, wander = ImuAtRest(inertial.build(sheet, TICK_US), 11), [], []
+    for tick in range(50 * 600):
+        resting.sample(tick * TICK_US)
+        rates.append(resting.latest[3:].copy())
     noise = np.mean([allan_deviation(axis, 50) for axis in np.array(rates).T])
     assert noise == pytest.approx(math.radians(0.01) / math.sqrt(2.0), rel=0.1)
     for second in range(60_000):
-        state, _ = inertial.sample(imu, AT_REST._replace(time_us=second * 1_000_000), state, stream)
-        wander.append(state.errors.gyro_bias_radps)
+        resting.sample(second * 1_000_000)
+        wander.append(resting.bias[:3].copy())
     peak = np.mean(
         [allan_deviation(axis, round(1.89 * sheet.wander_time_s)) for axis in np.array(wander).T]
     )
@@ -122,17 +148,31 @@ def test_dropout_rate_matches_data_sheet(dropout: float) -> None:
 
 
 def test_missing_imu_sample_keeps_latest_and_is_not_new() -> None:
-    sheet = CATALOGUE.imu["mti-300"]
-    imu = inertial.build(sheet, TICK_US)._replace(timing=Timing(TICK_US, 2 * TICK_US, 0.5))
-    stream, state = noise_stream(4), inertial.InertialState()
-    before, seen = state.latest, []
-    for truth in ticks(AT_REST, 400):
-        state, fresh = inertial.sample(imu, truth, state, stream)
-        assert fresh == (state.latest != before)
-        before = state.latest
+    imu = inertial.build(CATALOGUE.imu["mti-300"], TICK_US)
+    resting = ImuAtRest(imu._replace(timing=Timing(TICK_US, 2 * TICK_US, 0.5)), 4)
+    before, seen = resting.latest.copy(), []
+    for tick in range(400):
+        fresh = resting.sample(tick * TICK_US)
+        assert fresh == (resting.latest != before).any()
+        before = resting.latest.copy()
         seen.append(fresh)
     assert seen[:2] == [False, False]
     assert 140 < sum(seen) < 260
+
+
+@pytest.mark.parametrize("latency_ticks", [0, 1, 7])
+def test_imu_reading_arrives_after_latency(latency_ticks: int) -> None:
+    """Reference: an IMU with the same errors whose readings arrive at once."""
+    imu = inertial.build(CATALOGUE.imu["mti-300"], TICK_US)
+    at_once = ImuAtRest(imu._replace(timing=Timing(3 * TICK_US, 0, 0.0)), 5)
+    late = ImuAtRest(imu._replace(timing=Timing(3 * TICK_US, latency_ticks * TICK_US, 0.0)), 5)
+    expected, arrived = {}, {}
+    for tick in range(40):
+        for resting, readings, delay in ((at_once, expected, latency_ticks), (late, arrived, 0)):
+            if resting.sample(tick * TICK_US):
+                readings[tick + delay] = tuple(resting.latest.tolist())
+    assert len(arrived) > 9
+    assert arrived == {tick: reading for tick, reading in expected.items() if tick < 40}
 
 
 class Receiver:

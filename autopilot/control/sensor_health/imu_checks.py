@@ -54,7 +54,7 @@ GROUPS = (
         high=100.0,
         jump=20.0,
     ),
-    Group(name="Gyro", fresh=GYRO_FRESH, first=4, last=7, low=-8.0, high=8.0, jump=2.0),
+    Group(name="Gyro", fresh=GYRO_FRESH, first=4, last=7, low=-8.0, high=8.0, jump=0.4),
     Group(
         name="Magnetometer",
         fresh=MAGNETOMETER_FRESH,
@@ -71,10 +71,15 @@ GROUPS = (
         last=11,
         low=500.0,
         high=700_000.0,
-        jump=100.0,
+        jump=30.0,
     ),
 )
-"""The magnetic field of the earth is below 0.7 gauss; 100 hPa is about one metre of water."""
+"""The magnetic field of the earth is below 0.7 gauss; 100 hPa is about one metre of water.
+
+A gyro jump of 0.4 rad/s in a tick would be 1,100 deg/s2; the hull and its added inertia turn at
+less than 30 deg/s2. A pressure jump of 30 hPa is 0.3 m, to which ``PRESSURE_HPAPS`` is added."""
+PRESSURE_HPAPS = 300.0
+"""Rate of change of the pressure, hPa/s, at a depth rate of 3 m/s."""
 _ALL_FRESH = ACCELEROMETER_FRESH | GYRO_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
 _MIN_JUMP, _PRESSURE_JUMP = min(group.jump for group in GROUPS), GROUPS[3].jump
 _A2, _G2, _M2 = (group.high * group.high for group in GROUPS[:3])
@@ -195,6 +200,7 @@ def _check_partial_frame(
                 before
                 if now_us - received_us[index] < _CONSECUTIVE_WINDOW_US
                 else NO_READINGS[index],
+                now_us - received_us[index],
             )
             if plausible:
                 received_us[index] = now_us
@@ -235,9 +241,14 @@ def _is_frozen(now_us: int, changed_us: int, config: Config) -> bool:
     return 0.0 < config.health_stuck_s * US_PER_S < now_us - changed_us
 
 
-def _is_plausible(group: Group, reading: tuple[float, ...], before: tuple[float, ...]) -> bool:
+def _is_plausible(
+    group: Group, reading: tuple[float, ...], before: tuple[float, ...], interval_us: int
+) -> bool:
     """Check limits and change; NaN is implausible, and ``before`` NaN accepts any change."""
+    jump = group.jump
+    if group.fresh == PRESSURE_FRESH:
+        jump += PRESSURE_HPAPS * interval_us / US_PER_S
     for value, last in zip(reading, before, strict=True):
-        if not group.low < value < group.high or abs(value - last) > group.jump:
+        if not group.low < value < group.high or abs(value - last) > jump:
             return False
     return True

@@ -6,11 +6,12 @@ no new evidence has come for ``RECOVERY_US``.
 """
 
 import math
+from itertools import compress
 from typing import NamedTuple
 
 from autopilot.control import modes
 from autopilot.control.params import Config
-from autopilot.control.sensor_health import imu_checks, sensor_checks
+from autopilot.control.sensor_health import cross_checks, imu_checks, sensor_checks
 from autopilot.control.sensor_health.imu_checks import IMPLAUSIBLE, SILENT, STUCK
 from autopilot.control.sensor_health.sensor_checks import (
     ALTIMETER,
@@ -20,7 +21,14 @@ from autopilot.control.sensor_health.sensor_checks import (
     GPS,
     LEAK,
 )
-from autopilot.control.sensor_health.types import Ahrs, Fault, FaultTracker, Health
+from autopilot.control.sensor_health.types import (
+    Ahrs,
+    Device,
+    Devices,
+    Fault,
+    FaultTracker,
+    Health,
+)
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import (
     US_PER_S,
@@ -31,7 +39,13 @@ from autopilot.control.types import (
     VehicleEstimate,
 )
 from mavlink_io.jit import numeric
-from mavlink_io.records import Altimeter, Battery, DuctFeedback, Leak
+from mavlink_io.records import (
+    ACCELEROMETER_FRESH,
+    GYRO_FRESH,
+    MAGNETOMETER_FRESH,
+    PRESSURE_FRESH,
+    SensorFrame,
+)
 
 ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE = (group.name for group in imu_checks.GROUPS)
 DEPTH = "Depth"
@@ -39,7 +53,12 @@ SENSORS = "Sensors"
 """Subject of a fault of the whole sensor frame: the HIL link is silent."""
 VITAL = frozenset((ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE, SENSORS, BATTERY, LEAK, DUCT))
 """Subjects whose fault prevents arming."""
+ELEVATOR, RUDDER = "Elevator", "Rudder"
+"""Subjects of faults that the vehicle's motion shows: the duct, or the attitude that it follows."""
 DETECTED, LOW, DEVIATES, NOT_TRACKING = "detected", "low", "does not follow", "not tracking"
+NO_EFFECT, DISAGREES = "has no effect", "disagrees"
+HEADING = "Heading"
+"""Subject of a fault of the heading that the course over ground shows."""
 
 RECOVERY_US = 5 * US_PER_S
 """A confirmed fault with no new evidence for longer than this is reported as recovered."""
@@ -54,6 +73,13 @@ DUCT_LAG_S = 0.7
 """Time constant (s) that approximates transport delay and lag of the tailcone together."""
 MOVING_MPS = 0.02
 """Minimum depth rate towards the set-point of a depth that is tracked."""
+SINKING_MPS, NOSE_UP_SINKING_MPS, RAISING_RADPS = 0.05, 0.1, math.radians(1.0)
+"""Rate of descent with the elevator up and with the nose up, and pitch rate below which the nose
+does not come up. A heavy vehicle holds its depth with its nose up; waves move it by 0.05 m/s."""
+ELEVATOR_UP, NOSE_UP_RAD = 0.5, math.radians(5.0)
+"""Elevator (fraction of the travel) and pitch above which a vehicle must not sink."""
+TURN_DEADBAND_RADPS, RUDDER_HARD, RUDDER_CHECK_US = math.radians(0.3), 0.9, 10 * US_PER_S
+"""Yaw rate that a rudder beyond this fraction of its travel must exceed, and the time it has."""
 COMMANDED_THRUST_GATE, COMMANDED_DEPTH_GATE_M = 0.2, 1.0
 """Thrust (fraction of full) and depth error (m) above which the depth must approach its
 set-point."""
@@ -82,6 +108,7 @@ _DEBOUNCE = {
     IMPLAUSIBLE: Debounce(5, 0),
     LOW: Debounce(5, US_PER_S),
     DEVIATES: Debounce(5, 2 * US_PER_S),
+    DISAGREES: Debounce(10, 3 * US_PER_S),
 }
 
 _NO_SUBJECTS: frozenset[str] = frozenset()
@@ -117,9 +144,12 @@ def check_sensors(state: AutopilotState, inputs: Inputs, config: Config) -> Sens
         health, inputs, implausible = sensor_checks.update(health, inputs, excluded)
         detected += implausible
     if now_us >= health.check_us:
-        detected += _slow_checks(health, state, now_us, config)
-        wet_gps = health.gps_under_water or _fix_while_submerged(health, state, now_us)
-        health = health._replace(check_us=now_us + CHECK_US, gps_under_water=wet_gps)
+        detected += _slow_checks(state._replace(health=health), now_us, config)
+        detected += _cross_checks(health, state, now_us, config)
+        wet_gps = fix_while_submerged(health.devices, state.estimate, now_us)
+        if wet_gps:
+            health = health._replace(devices=health.devices._replace(gps_under_water=True))
+        health = health._replace(check_us=now_us + CHECK_US)
     if not detected and not health.faults:
         return ahrs, health, inputs, ()
     trackers, events = _update_trackers(health.faults, detected, now_us, config)
@@ -178,22 +208,47 @@ def report_sensor_loss(state: AutopilotState) -> AutopilotState:
     return state._replace(ahrs=Ahrs(), health=state.health._replace(faults=(*others, lost)))
 
 
+def begin_dive(health: Health, frame: SensorFrame) -> Health:
+    """Return the history at arming.
+
+    The magnetic field becomes the reference of later readings. A fault of the elevator ends: it
+    lasts until the next arming, because without thrust the vehicle shows no evidence of it.
+
+    Parameters
+    ----------
+    health : Health
+        History before arming.
+    frame : SensorFrame
+        Present sensor frame.
+
+    Returns
+    -------
+    Health
+        History after arming.
+    """
+    others = tuple(tracker for tracker in health.faults if tracker.fault.subject != ELEVATOR)
+    return health._replace(field_gauss=cross_checks.field_of(frame), faults=others)
+
+
 def has_new_fix(health: Health, time_us: int) -> bool:
     """Return whether a satellite fix was accepted in the tick at ``time_us``."""
-    return health.gps.accepted_us == time_us and sensor_checks.has_fix(health.gps.record)
+    gps = health.devices.gps
+    return gps.accepted_us == time_us and sensor_checks.has_position(gps)
 
 
 def _excluded_subjects(health: Health) -> frozenset[str]:
     """Return the sensors whose readings are not used.
 
-    An implausible reading excludes at once, any other fault once it is confirmed. A silent sensor
-    is not excluded: its next reading is used.
+    An implausible reading excludes at once, and a sensor that disagrees after it stays excluded;
+    any other fault excludes once it is confirmed. A silent sensor is not excluded: its next reading
+    is used.
     """
     return frozenset(
         tracker.fault.subject
         for tracker in health.faults
         if (what := tracker.latest or tracker.fault.what) == IMPLAUSIBLE
         or (tracker.reported and what != SILENT)
+        or (tracker.fault.what == IMPLAUSIBLE and what == DISAGREES)
     )
 
 
@@ -216,7 +271,7 @@ def _update_trackers(
     for tracker in by_subject.values():
         quiet_us = now_us - tracker.last_us
         clear_us = _clear_us(tracker.fault)
-        if tracker.reported and quiet_us > RECOVERY_US:
+        if tracker.reported and quiet_us > RECOVERY_US and tracker.fault.subject != ELEVATOR:
             events.append(Event(Severity.NOTICE, f"{tracker.fault.subject} recovered"))
         elif tracker.reported or quiet_us <= clear_us:
             remaining.append(_confirm_fault(tracker, now_us, config, events))
@@ -244,6 +299,10 @@ def _debounce(fault: Fault, config: Config) -> Debounce:
     """Return the evidence that confirms a fault."""
     if fault.what == NOT_TRACKING:
         return Debounce(OFF_DEPTH_CHECKS, round(config.health_depth_s * US_PER_S))
+    if fault.subject == ELEVATOR:
+        return Debounce(OFF_DEPTH_CHECKS, round(config.fs_dive_s * US_PER_S))
+    if fault.subject == RUDDER:
+        return Debounce(OFF_DEPTH_CHECKS, RUDDER_CHECK_US)
     return _DEBOUNCE.get(fault.what, _IMMEDIATE)
 
 
@@ -283,77 +342,165 @@ def settled_until_us(health: Health, config: Config) -> int:
     return until_us
 
 
-def _slow_checks(
+_DEVICE_FAULTS = (
+    Fault(GPS, SILENT),
+    Fault(GPS, STUCK),
+    Fault(ALTIMETER, SILENT),
+    Fault(ALTIMETER, STUCK),
+    Fault(DVL, SILENT),
+    Fault(DVL, STUCK),
+    Fault(BATTERY, SILENT),
+    Fault(BATTERY, LOW),
+    Fault(LEAK, DETECTED),
+    Fault(DUCT, SILENT),
+    Fault(DUCT, DEVIATES),
+)
+"""Faults of ``check_devices``, in its order."""
+
+
+def _slow_checks(state: AutopilotState, now_us: int, config: Config) -> tuple[Fault, ...]:
+    """Return the faults that change slowly: silent, stuck, low, leak and deviations."""
+    devices, estimate = state.health.devices, state.estimate
+    present = check_devices(devices, estimate, state.duct_rad, now_us, config)
+    found = list(compress(_DEVICE_FAULTS, present))
+    if _depth_not_tracking(state, config):
+        found.append(OFF_DEPTH)
+    if _dive_not_stopped(state, config):
+        found.append(Fault(ELEVATOR, NO_EFFECT))
+    if state.armed and turns_away(estimate, state.duct_rad, state.thrust, config):
+        found.append(Fault(RUDDER, NO_EFFECT))
+    return tuple(found)
+
+
+@numeric
+def check_devices(
+    devices: Devices,
+    estimate: VehicleEstimate,
+    duct_rad: tuple[float, float],
+    now_us: int,
+    config: Config,
+) -> tuple[bool, ...]:
+    """Return which of ``_DEVICE_FAULTS`` are present.
+
+    Parameters
+    ----------
+    devices : Devices
+        History of the sensors.
+    estimate : VehicleEstimate
+        Estimate after the last tick.
+    duct_rad : tuple[float, float]
+        Predicted rudder and elevator angle.
+    now_us : int
+        Time of this tick.
+    config : Config
+        Parameters.
+    """
+    silent, stuck = sensor_checks.is_silent, sensor_checks.is_frozen
+    gps, altimeter, dvl = devices.gps, devices.altimeter, devices.dvl
+    battery, leak, duct = devices.battery, devices.leak, devices.duct
+    default_us = sensor_checks.SILENT_US
+    return (
+        silent(gps, now_us, default_us) and _fix_expected(devices, estimate, config),
+        stuck(gps, now_us) and sensor_checks.has_position(gps),
+        silent(altimeter, now_us, default_us) and _echo_expected(altimeter, estimate),
+        stuck(altimeter, now_us),
+        silent(dvl, now_us, default_us),
+        stuck(dvl, now_us),
+        silent(battery, now_us, sensor_checks.BATTERY_SILENT_US),
+        _battery_low(battery, config),
+        sensor_checks.has_record(leak) and leak.record.wet,
+        silent(duct, now_us, default_us),
+        _duct_deviates(duct, duct_rad, config),
+    )
+
+
+def _cross_checks(
     health: Health, state: AutopilotState, now_us: int, config: Config
 ) -> tuple[Fault, ...]:
-    """Return the faults that change slowly: silent, stuck, low, leak and deviations."""
-    silent, stuck = sensor_checks.is_silent, sensor_checks.is_frozen
-    checks = (
-        (GPS, SILENT, silent(health.gps, now_us) and _fix_expected(health, state, config)),
-        (GPS, STUCK, stuck(health.gps, now_us) and sensor_checks.has_fix(health.gps.record)),
-        (ALTIMETER, SILENT, silent(health.altimeter, now_us) and _echo_expected(health, state)),
-        (ALTIMETER, STUCK, stuck(health.altimeter, now_us)),
-        (DVL, SILENT, silent(health.dvl, now_us)),
-        (DVL, STUCK, stuck(health.dvl, now_us)),
-        (BATTERY, SILENT, silent(health.battery, now_us, sensor_checks.BATTERY_SILENT_US)),
-        (BATTERY, LOW, _battery_low(health.battery.record, config)),
-        (LEAK, DETECTED, _leak_detected(health.leak.record)),
-        (DUCT, SILENT, silent(health.duct, now_us)),
-        (DUCT, DEVIATES, _duct_deviates(health.duct.record, state.duct_rad, config)),
-        (DEPTH, NOT_TRACKING, _depth_not_tracking(state, config)),
-    )
-    return tuple(Fault(subject, what) for subject, what, present in checks if present)
+    """Return the sensors that disagree with others.
+
+    A sensor that is named accounts for the difference of the attitude, so that the gyro is not
+    named with it. State and frame are those of the last tick.
+    """
+    estimate, ahrs, found = state.estimate, state.ahrs, []
+    frame, fresh = ahrs.frame, ahrs.frame.fields_updated
+    if not estimate.initialised:
+        return ()
+    known = {tracker.fault.subject for tracker in health.faults}
+    raw = cross_checks.raw_frame(ahrs)
+    if raw.fields_updated & ACCELEROMETER_FRESH and cross_checks.gravity_differs(raw):
+        found.append(ACCELEROMETER)
+    elif (
+        ACCELEROMETER not in known
+        and raw.fields_updated & MAGNETOMETER_FRESH
+        and cross_checks.field_differs(raw, *health.field_gauss)
+    ):
+        found.append(MAGNETOMETER)
+    steady = not (found or known & {ACCELEROMETER, MAGNETOMETER})
+    if cross_checks.gyro_differs(estimate, ahrs) or (
+        steady and fresh & GYRO_FRESH and cross_checks.attitude_differs(estimate, frame, config)
+    ):
+        found.append(GYRO)
+    if cross_checks.pressure_differs(estimate, ahrs, config) or (
+        fresh & PRESSURE_FRESH and cross_checks.above_water(estimate, frame, config)
+    ):
+        found.append(PRESSURE)
+    if course_disagrees(health.devices, estimate, now_us):
+        found.append(HEADING)
+    return tuple(Fault(subject, DISAGREES) for subject in found)
 
 
-def _fix_while_submerged(health: Health, state: AutopilotState, now_us: int) -> bool:
+@numeric
+def course_disagrees(devices: Devices, estimate: VehicleEstimate, now_us: int) -> bool:
+    """Return whether the last satellite fix contradicts the heading (``course_differs``)."""
+    gps = devices.gps
+    recent = sensor_checks.has_record(gps) and now_us - gps.accepted_us < sensor_checks.SILENT_US
+    return recent and cross_checks.course_differs(estimate, gps.record)
+
+
+@numeric
+def fix_while_submerged(devices: Devices, estimate: VehicleEstimate, now_us: int) -> bool:
     """Return whether the receiver reported since the last slow check while submerged."""
-    return 0 <= now_us - CHECK_US < health.gps.received_us and state.estimate.depth_m > SUBMERGED_M
+    return 0 <= now_us - CHECK_US < devices.gps.received_us and estimate.depth_m > SUBMERGED_M
 
 
-def _fix_expected(health: Health, state: AutopilotState, config: Config) -> bool:
+@numeric
+def _fix_expected(devices: Devices, estimate: VehicleEstimate, config: Config) -> bool:
     """Return whether the receiver should report: at the surface, or if it reports at any depth."""
-    return health.gps_under_water or state.estimate.depth_m < config.surfaced_depth_m
+    return devices.gps_under_water or estimate.depth_m < config.surfaced_depth_m
 
 
-def _echo_expected(health: Health, state: AutopilotState) -> bool:
+@numeric
+def _echo_expected(altimeter: Device, estimate: VehicleEstimate) -> bool:
     """Return whether the altimeter should report a range.
 
     The last range was less than 0.7 of the maximum, and the pitch is small.
     """
-    last: Altimeter | None = health.altimeter.record
     return (
-        last is not None
-        and last.range_m < 0.7 * last.max_range_m
-        and abs(state.estimate.pitch_rad) < ECHO_TILT_LIMIT_RAD
+        sensor_checks.has_record(altimeter)
+        and altimeter.record.range_m < 0.7 * altimeter.record.max_range_m
+        and abs(estimate.pitch_rad) < ECHO_TILT_LIMIT_RAD
     )
 
 
-def _battery_low(battery: Battery | None, config: Config) -> bool:
+@numeric
+def _battery_low(battery: Device, config: Config) -> bool:
     """Return whether charge or voltage is below its limit (FS_BATT_PCT, FS_BATT_V)."""
-    if battery is None:
-        return False
-    return (
-        100.0 * battery.remaining < config.fs_battery_pct or battery.voltage_v < config.fs_battery_v
+    return sensor_checks.has_record(battery) and (
+        100.0 * battery.record.remaining < config.fs_battery_pct
+        or battery.record.voltage_v < config.fs_battery_v
     )
 
 
-def _leak_detected(leak: Leak | None) -> bool:
-    """Return whether the leak sensor is wet."""
-    return leak is not None and leak.wet
-
-
-def _duct_deviates(
-    feedback: DuctFeedback | None, expected_rad: tuple[float, float], config: Config
-) -> bool:
+@numeric
+def _duct_deviates(duct: Device, expected_rad: tuple[float, float], config: Config) -> bool:
     """Return whether the duct's feedback differs from the predicted angles by HLTH_DUCT_PCT."""
-    if feedback is None:
+    if not sensor_checks.has_record(duct):
         return False
     travel = config.travel_rad
     rudder, elevator = expected_rad[0] / travel, expected_rad[1] / travel
-    return (
-        100.0 * max(abs(feedback.rudder - rudder), abs(feedback.elevator - elevator))
-        > config.health_duct_pct
-    )
+    deviation = max(abs(duct.record.rudder - rudder), abs(duct.record.elevator - elevator))
+    return bool(100.0 * deviation > config.health_duct_pct)
 
 
 def _depth_not_tracking(state: AutopilotState, config: Config) -> bool:
@@ -391,3 +538,59 @@ def off_depth(estimate: VehicleEstimate, setpoint: Setpoint, thrust: float, conf
         abs(error_m) > COMMANDED_DEPTH_GATE_M
         and math.copysign(1.0, error_m) * estimate.depth_rate_mps < MOVING_MPS
     )
+
+
+def _dive_not_stopped(state: AutopilotState, config: Config) -> bool:
+    """Return whether the vehicle dives (``dives``), outside a test, while depth is measured."""
+    measured = state.time_us - state.estimate.depth_time_us < CHECK_US
+    return state.armed and measured and dives(state.estimate, state.duct_rad, state.thrust, config)
+
+
+@numeric
+def dives(
+    estimate: VehicleEstimate, duct_rad: tuple[float, float], thrust: float, config: Config
+) -> bool:
+    """Return whether the vehicle sinks although elevator or pitch point up, and does not pitch up.
+
+    Either the elevator does not act, or pitch or depth is measured wrongly.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimated motion.
+    duct_rad : tuple[float, float]
+        Rudder and elevator angle that the commands predict.
+    thrust : float
+        Commanded thrust (fraction of full).
+    config : Config
+        Parameter FS_DIVE_S; 0 turns the check off.
+    """
+    if not config.fs_dive_s or thrust <= COMMANDED_THRUST_GATE:
+        return False
+    rate_mps = estimate.depth_rate_mps
+    elevator_up = duct_rad[1] > ELEVATOR_UP * config.travel_rad and rate_mps > SINKING_MPS
+    nose_up = estimate.pitch_rad > NOSE_UP_RAD and rate_mps > NOSE_UP_SINKING_MPS
+    return (elevator_up or nose_up) and estimate.q_radps < RAISING_RADPS
+
+
+@numeric
+def turns_away(
+    estimate: VehicleEstimate, duct_rad: tuple[float, float], thrust: float, config: Config
+) -> bool:
+    """Return whether the vehicle does not turn towards a rudder that is hard over.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimated motion.
+    duct_rad : tuple[float, float]
+        Rudder and elevator angle that the commands predict.
+    thrust : float
+        Commanded thrust (fraction of full).
+    config : Config
+        Parameters.
+    """
+    rudder_rad = duct_rad[0]
+    if thrust <= COMMANDED_THRUST_GATE or abs(rudder_rad) < RUDDER_HARD * config.travel_rad:
+        return False
+    return math.copysign(1.0, rudder_rad) * estimate.r_radps < TURN_DEADBAND_RADPS

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from autopilot.control.sensor_health.imu_checks import IMPLAUSIBLE
 from autopilot.control.sensor_health.types import Device, Fault, Health
 from autopilot.control.types import US_PER_S, Inputs
+from mavlink_io.jit import numeric
 from mavlink_io.records import Altimeter, Battery, Dvl, GpsFix
 
 GPS, ALTIMETER, DVL, BATTERY, LEAK, DUCT = "GPS", "Altimeter", "DVL", "Battery", "Leak", "Duct"
@@ -28,6 +29,8 @@ ACTIVE_US = US_PER_S // 2
 FIX_JUMP_M, ECHO_JUMP_M, DVL_JUMP_MPS, DVL_MAX_MPS, CHARGE_JUMP = 50.0, 3.0, 1.0, 10.0, 0.2
 """Maximum plausible change between two records, and maximum velocity per axis of the Doppler
 log (DVL). The charge is a fraction of full."""
+FIX_MAX_MPS = 30.0
+"""Maximum plausible speed of a fix: the vehicle may be on its ship."""
 JUMP_WITHIN_US = 2 * US_PER_S
 """Maximum age of the last plausible record to which a change is compared."""
 _METRES_PER_DEG = 111_000.0
@@ -61,54 +64,143 @@ def update(
         The new history, the inputs without implausible and excluded records, and the faults.
     """
     now_us = inputs.sensors.time_us
-    devices: dict[str, Any] = {}
+    updated: dict[str, Any] = {}
     dropped: dict[str, Any] = {}
     faults = []
-    for field, name, plausible, reading in _DEVICES:
+    for field, name, add in _DEVICES:
         record = getattr(inputs, field)
         if record is None:
             continue
-        old: Device = getattr(health, field)
-        recent = old.record if now_us - old.accepted_us < JUMP_WITHIN_US else None
-        interval_us = now_us - old.received_us if old.received_us >= 0 else 0
-        usual_us = _update_interval_us(old.usual_interval_us, interval_us)
-        if plausible(record, recent):
-            same = old.record is not None and reading(record) == reading(old.record)
-            devices[field] = Device(
-                record=record,
-                accepted_us=now_us,
-                received_us=now_us,
-                changed_us=old.changed_us if same else now_us,
-                interval_us=interval_us,
-                usual_interval_us=usual_us,
-            )
-            if name in excluded:
-                dropped[field] = None
-        else:
+        plausible, updated[field] = add(getattr(health.devices, field), record, now_us)
+        if not plausible:
             faults.append(Fault(name, IMPLAUSIBLE))
-            devices[field] = Device(
-                record=old.record,
-                accepted_us=old.accepted_us,
-                received_us=now_us,
-                changed_us=now_us,
-                interval_us=interval_us,
-                usual_interval_us=usual_us,
-            )
+        if not plausible or name in excluded:
             dropped[field] = None
     return (
-        health._replace(**devices),
+        health._replace(devices=health.devices._replace(**updated)),
         inputs._replace(**dropped) if dropped else inputs,
         tuple(faults),
     )
 
 
+@numeric
+def add_fix(old: Device, fix: GpsFix, now_us: int) -> tuple[bool, Device]:
+    """Add a satellite fix to the history; return whether it is plausible, and the new history.
+
+    Plausible are a possible velocity, and a latitude and a longitude in range, near the last fix if
+    that is recent.
+    """
+    if not math.hypot(fix.velocity_north_mps, fix.velocity_east_mps) < FIX_MAX_MPS:
+        return False, _reject(old, now_us)
+    if fix.fix_type >= 3 and _is_recent(old, now_us) and old.record.fix_type >= 3:
+        before, east_scale = old.record, math.cos(math.radians(fix.lat_deg))
+        north_m = _METRES_PER_DEG * (fix.lat_deg - before.lat_deg)
+        east_m = _METRES_PER_DEG * (fix.lon_deg - before.lon_deg) * east_scale
+        plausible = math.hypot(north_m, east_m) < FIX_JUMP_M
+    else:
+        plausible = abs(fix.lat_deg) <= 90.0 and abs(fix.lon_deg) <= 180.0
+    if not plausible:
+        return False, _reject(old, now_us)
+    same = (
+        has_record(old) and fix.lat_deg == old.record.lat_deg and fix.lon_deg == old.record.lon_deg
+    )
+    return True, _accept(old, fix, now_us, same)
+
+
+@numeric
+def add_range(old: Device, echo: Altimeter, now_us: int) -> tuple[bool, Device]:
+    """Add a range to the history; it must be within the sensor's limits and not jump."""
+    plausible = echo.min_range_m <= echo.range_m <= echo.max_range_m
+    if plausible and _is_recent(old, now_us):
+        plausible = abs(echo.range_m - old.record.range_m) < ECHO_JUMP_M
+    if not plausible:
+        return False, _reject(old, now_us)
+    same = has_record(old) and echo.range_m == old.record.range_m
+    return True, _accept(old, echo, now_us, same)
+
+
+@numeric
+def add_velocity(old: Device, ping: Dvl, now_us: int) -> tuple[bool, Device]:
+    """Add a Doppler log velocity; each axis is limited, and must not jump in one tracking mode."""
+    x, y, z = ping.velocity_x_mps, ping.velocity_y_mps, ping.velocity_z_mps
+    plausible = abs(x) < DVL_MAX_MPS and abs(y) < DVL_MAX_MPS and abs(z) < DVL_MAX_MPS
+    if plausible and _is_recent(old, now_us) and old.record.over_ground == ping.over_ground:
+        before = old.record
+        plausible = (
+            abs(x - before.velocity_x_mps) < DVL_JUMP_MPS
+            and abs(y - before.velocity_y_mps) < DVL_JUMP_MPS
+            and abs(z - before.velocity_z_mps) < DVL_JUMP_MPS
+        )
+    if not plausible:
+        return False, _reject(old, now_us)
+    same = (
+        has_record(old)
+        and x == old.record.velocity_x_mps
+        and y == old.record.velocity_y_mps
+        and z == old.record.velocity_z_mps
+    )
+    return True, _accept(old, ping, now_us, same)
+
+
+@numeric
+def add_battery(old: Device, battery: Battery, now_us: int) -> tuple[bool, Device]:
+    """Add a battery record: positive voltage, no jump of the charge (NaN: unknown, plausible)."""
+    change = battery.remaining - old.record.remaining if _is_recent(old, now_us) else 0.0
+    if not (battery.voltage_v > 0.0 and not abs(change) > CHARGE_JUMP):
+        return False, _reject(old, now_us)
+    return True, _accept(old, battery, now_us, False)
+
+
+@numeric
+def add_any(old: Device, record: Any, now_us: int) -> tuple[bool, Device]:
+    """Add a record of a sensor without checks: leak detector and duct feedback."""
+    return True, _accept(old, record, now_us, False)
+
+
+@numeric
+def has_record(device: Device) -> bool:
+    """Return whether the sensor has sent a plausible record."""
+    return device.accepted_us >= 0
+
+
+@numeric
+def _is_recent(device: Device, now_us: int) -> bool:
+    """Return whether the last plausible record is recent enough to limit a change from it."""
+    return has_record(device) and now_us - device.accepted_us < JUMP_WITHIN_US
+
+
+@numeric
+def _accept(old: Device, record: Any, now_us: int, same: bool) -> Device:
+    """Return the history after a plausible record; ``same``: its reading equals the last one."""
+    interval_us = _interval_us(old, now_us)
+    usual_us = _update_interval_us(old.usual_interval_us, interval_us)
+    changed_us = old.changed_us if same else now_us
+    return Device(record, now_us, now_us, changed_us, interval_us, usual_us)
+
+
+@numeric
+def _reject(old: Device, now_us: int) -> Device:
+    """Return the history after an implausible record."""
+    interval_us = _interval_us(old, now_us)
+    usual_us = _update_interval_us(old.usual_interval_us, interval_us)
+    return Device(old.record, old.accepted_us, now_us, now_us, interval_us, usual_us)
+
+
+@numeric
+def _interval_us(old: Device, now_us: int) -> int:
+    """Return the time since the last record; 0 for the first."""
+    return now_us - old.received_us if old.received_us >= 0 else 0
+
+
+@numeric
 def _update_interval_us(usual_us: int, interval_us: int) -> int:
     """Return the usual interval (us): the newest one, at most a factor INTERVAL_CHANGE away."""
-    if not usual_us:
+    if usual_us == 0:
         return interval_us
     return round(min(INTERVAL_CHANGE * usual_us, max(usual_us / INTERVAL_CHANGE, interval_us)))
 
 
+@numeric
 def is_silent(device: Device, now_us: int, min_silent_us: int = SILENT_US) -> bool:
     """Return whether a sensor that has sent records is silent, or was until its last record.
 
@@ -116,7 +208,7 @@ def is_silent(device: Device, now_us: int, min_silent_us: int = SILENT_US) -> bo
     """
     limit_us = (
         max(min_silent_us, SILENT_INTERVALS * device.usual_interval_us)
-        if device.usual_interval_us
+        if device.usual_interval_us > 0
         else DEFAULT_SILENT_US
     )
     return device.received_us >= 0 and limit_us < max(
@@ -124,6 +216,7 @@ def is_silent(device: Device, now_us: int, min_silent_us: int = SILENT_US) -> bo
     )
 
 
+@numeric
 def is_frozen(device: Device, now_us: int) -> bool:
     """Return whether a sensor still sends records, all with the same reading."""
     unchanged_us = device.received_us - device.changed_us
@@ -133,90 +226,33 @@ def is_frozen(device: Device, now_us: int) -> bool:
     )
 
 
-def has_fix(fix: GpsFix | None) -> bool:
+@numeric
+def has_fix(fix: GpsFix) -> bool:
     """Return whether a record has a position fix (fix type 3D or better)."""
-    return fix is not None and fix.fix_type >= 3
+    return fix.fix_type >= 3
 
 
-def _plausible_fix(fix: GpsFix, before: GpsFix | None) -> bool:
-    """Check latitude and longitude, and the distance from the last fix."""
-    if fix.fix_type < 3 or before is None or before.fix_type < 3:
-        return abs(fix.lat_deg) <= 90.0 and abs(fix.lon_deg) <= 180.0
-    north_m = _METRES_PER_DEG * (fix.lat_deg - before.lat_deg)
-    east_m = _METRES_PER_DEG * (fix.lon_deg - before.lon_deg) * math.cos(math.radians(fix.lat_deg))
-    return math.hypot(north_m, east_m) < FIX_JUMP_M
-
-
-def _plausible_range(echo: Altimeter, before: Altimeter | None) -> bool:
-    """Check that the range is within the sensor's limits, and its change."""
-    if not echo.min_range_m <= echo.range_m <= echo.max_range_m:
-        return False
-    return before is None or abs(echo.range_m - before.range_m) < ECHO_JUMP_M
-
-
-def _plausible_velocity(ping: Dvl, before: Dvl | None) -> bool:
-    """Check each axis, and its change if the tracking mode is the same."""
-    x, y, z = _velocity(ping)
-    if not (abs(x) < DVL_MAX_MPS and abs(y) < DVL_MAX_MPS and abs(z) < DVL_MAX_MPS):
-        return False
-    if before is None or before.over_ground != ping.over_ground:
-        return True
-    before_x, before_y, before_z = _velocity(before)
-    return (
-        abs(x - before_x) < DVL_JUMP_MPS
-        and abs(y - before_y) < DVL_JUMP_MPS
-        and abs(z - before_z) < DVL_JUMP_MPS
-    )
-
-
-def _plausible_battery(battery: Battery, before: Battery | None) -> bool:
-    """Check voltage and change of charge; an unknown charge is NaN and plausible."""
-    change = battery.remaining - before.remaining if before else 0.0
-    return battery.voltage_v > 0.0 and not abs(change) > CHARGE_JUMP
-
-
-def _always_plausible(record: object, before: object) -> bool:
-    """Accept any record."""
-    return True
-
-
-def _position(fix: GpsFix) -> tuple[float, float]:
-    """Return latitude and longitude (deg)."""
-    return fix.lat_deg, fix.lon_deg
-
-
-def _range(echo: Altimeter) -> float:
-    """Return the range (m)."""
-    return echo.range_m
-
-
-def _velocity(ping: Dvl) -> tuple[float, float, float]:
-    """Return the velocity in body axes (m/s)."""
-    return ping.velocity_x_mps, ping.velocity_y_mps, ping.velocity_z_mps
-
-
-def _whole_record(record: object) -> object:
-    """Return the record: all its fields are compared."""
-    return record
+@numeric
+def has_position(gps: Device) -> bool:
+    """Return whether the last plausible record of the receiver has a position fix."""
+    return has_record(gps) and has_fix(gps.record)
 
 
 class _DeviceKind(NamedTuple):
     """Checks of the records of one kind of sensor."""
 
     field: str
-    """Field of ``Inputs`` and of ``Health``."""
+    """Field of ``Inputs`` and of ``Devices``."""
     name: str
-    plausible: Callable[[Any, Any], bool]
-    """Check of a record; the second argument is the last plausible record, None if too old."""
-    reading: Callable[[Any], object]
-    """Part of a record that stays the same when the sensor is stuck."""
+    add: Callable[[Device, Any, int], tuple[bool, Device]]
+    """Check a record and add it to the history."""
 
 
 _DEVICES = (
-    _DeviceKind(field="gps", name=GPS, plausible=_plausible_fix, reading=_position),
-    _DeviceKind(field="altimeter", name=ALTIMETER, plausible=_plausible_range, reading=_range),
-    _DeviceKind(field="dvl", name=DVL, plausible=_plausible_velocity, reading=_velocity),
-    _DeviceKind(field="battery", name=BATTERY, plausible=_plausible_battery, reading=_whole_record),
-    _DeviceKind(field="leak", name=LEAK, plausible=_always_plausible, reading=_whole_record),
-    _DeviceKind(field="duct", name=DUCT, plausible=_always_plausible, reading=_whole_record),
+    _DeviceKind(field="gps", name=GPS, add=add_fix),
+    _DeviceKind(field="altimeter", name=ALTIMETER, add=add_range),
+    _DeviceKind(field="dvl", name=DVL, add=add_velocity),
+    _DeviceKind(field="battery", name=BATTERY, add=add_battery),
+    _DeviceKind(field="leak", name=LEAK, add=add_any),
+    _DeviceKind(field="duct", name=DUCT, add=add_any),
 )

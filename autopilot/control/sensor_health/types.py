@@ -80,8 +80,14 @@ class FaultTracker(NamedTuple):
     """Kind of the last detection after the first; empty before the second detection."""
 
 
-class Health(NamedTuple):
-    """History of the sensors outside the sensor frame, and all faults."""
+FieldReference = tuple[float, float]
+"""Horizontal and downward magnetic field, gauss."""
+NO_FIELD: FieldReference = (math.nan, math.nan)
+"""Reference before the first arming: no field differs from it."""
+
+
+class Devices(NamedTuple):
+    """History of all sensors outside the sensor frame."""
 
     gps: Device = Device()
     altimeter: Device = Device()
@@ -92,7 +98,15 @@ class Health(NamedTuple):
     gps_under_water: bool = False
     """Whether the receiver has reported while submerged; then its silence is a fault at any
     depth."""
+
+
+class Health(NamedTuple):
+    """History of the sensors outside the sensor frame, and all faults."""
+
+    devices: Devices = Devices()
     faults: tuple[FaultTracker, ...] = ()
     """Suspected and confirmed faults, at most one per subject."""
     check_us: int = 0
     """Time of the next slow checks."""
+    field_gauss: FieldReference = NO_FIELD
+    """Magnetic field at the last arming."""

@@ -15,9 +15,9 @@ from numpy.random import Generator
 
 from mavlink_io.frames import Vector as Vector3
 from mavlink_io.frames import flip
-from mavlink_io.jit import Native, native
+from mavlink_io.jit import entry_point, kernel
 from sitl.core.environment import current, density, field, floor, moments, waves
-from sitl.core.environment.current import CurrentVariation, Drift
+from sitl.core.environment.current import Drift
 from sitl.core.environment.field import LocalWater, WaterField
 from sitl.core.environment.moments import Levels
 from sitl.core.environment.waves import Swell
@@ -26,14 +26,13 @@ from sitl.vehicle.vectors import Vector
 from sitl.vehicle.water import Water
 
 PASCAL_PER_HPA = 100.0
-_ZERO: Vector3 = (0.0, 0.0, 0.0)
+STILL_WATER = LocalWater(Water(), 0.0)
+"""Still, deep and uniform water."""
 
 
-class Environment(NamedTuple):
-    """Parameters of a scenario's environment."""
+class Surroundings(NamedTuple):
+    """Environment of a run, for compiled code."""
 
-    latitude_deg: float
-    longitude_deg: float
     density_kgpm3: float
     """Density that the pressure sensor assumes."""
     gravity_mps2: float
@@ -41,20 +40,32 @@ class Environment(NamedTuple):
     temperature_degc: float
     magnetic_field_ned_gauss: Vector3
     field: WaterField
-    swell: Swell | None
-    drift: Drift | None
-    uniform: LocalWater | None
-    """The water if it is uniform in space and time, else None."""
+    drift: Drift
     moments: Levels
+    is_uniform: bool
+    """Whether the water is uniform in space and time."""
+    uniform: LocalWater
+    """The water if it is uniform."""
 
 
-class Weather(NamedTuple):
-    """Waves and current variation of one run at one instant."""
+class Environment(NamedTuple):
+    """Parameters of a scenario's environment."""
 
-    field: WaterField
-    native: Native
-    """Copy of ``field`` for compiled code."""
-    current_variation: CurrentVariation | None
+    latitude_deg: float
+    longitude_deg: float
+    swell: Swell | None
+    surroundings: Surroundings
+    """Water without waves, and the disturbances."""
+
+    @property
+    def field(self) -> WaterField:
+        """The water without waves."""
+        return self.surroundings.field
+
+    @property
+    def gravity_mps2(self) -> float:
+        """Gravity of the vehicle model."""
+        return self.surroundings.gravity_mps2
 
 
 def build(
@@ -98,70 +109,87 @@ def build(
     )
     swell = waves.build(scenario.waves, depth_m, gravity_mps2)
     drift = current.current_drift(scenario.current.variation, tick_s)
+    uniform = None if swell or drift.rms_mps else _uniform_water(still)
     return Environment(
         latitude_deg=scenario.site.latitude_deg,
         longitude_deg=scenario.site.longitude_deg,
-        density_kgpm3=scenario.water.density_kgpm3,
-        gravity_mps2=gravity_mps2,
-        surface_pressure_hpa=scenario.water.surface_pressure_hpa,
-        temperature_degc=scenario.water.temperature_degc,
-        magnetic_field_ned_gauss=_magnetic_field_ned(scenario),
-        field=still,
         swell=swell,
-        drift=drift,
-        uniform=None if swell or drift else _uniform_water(still),
-        moments=_disturbance_levels(scenario, tick_s),
+        surroundings=Surroundings(
+            density_kgpm3=scenario.water.density_kgpm3,
+            gravity_mps2=gravity_mps2,
+            surface_pressure_hpa=scenario.water.surface_pressure_hpa,
+            temperature_degc=scenario.water.temperature_degc,
+            magnetic_field_ned_gauss=_magnetic_field_ned(scenario),
+            field=still,
+            drift=drift,
+            moments=_disturbance_levels(scenario, tick_s),
+            is_uniform=uniform is not None,
+            uniform=uniform or STILL_WATER,
+        ),
     )
 
 
-def initial_weather(sea: Environment, swell: Generator, drift: Generator) -> Weather:
-    """Draw the waves and the current variation of a run at time zero."""
-    drawn = (
-        sea.field._replace(sea=waves.draw_components(sea.swell, swell)) if sea.swell else sea.field
-    )
-    return Weather(drawn, native(drawn), current.sample_stationary(drift) if sea.drift else None)
+def draw_waves(sea: Environment, swell: Generator) -> Surroundings:
+    """Return the environment of a run: draw its waves, if there are any."""
+    if sea.swell is None:
+        return sea.surroundings
+    drawn = sea.field._replace(sea=waves.draw_components(sea.swell, swell))
+    return sea.surroundings._replace(field=drawn)
 
 
-def advance(sea: Environment, weather: Weather, drift: Generator) -> Weather:
-    """Return the weather one tick later."""
-    if sea.drift is None or weather.current_variation is None:
-        return weather
-    variation = current.advance(sea.drift, weather.current_variation, drift)
-    return weather._replace(current_variation=variation)
-
-
-def sample_water(
-    sea: Environment, weather: Weather, body: Vector, time_s: float, ahead_s: float = 0.0
+@kernel
+def local_water(
+    sea: Surroundings, variation: Vector, body: Vector, time_s: float, ahead_s: float
 ) -> LocalWater:
     """Return the water around the vehicle.
 
     Parameters
     ----------
-    sea : Environment
-        The environment.
-    weather : Weather
-        Waves and current variation of the run.
-    body : Vector
-        State of ``vehicle.dynamics``, shape (13,).
+    sea : Surroundings
+        Environment of the run.
+    variation : ndarray, shape (4,)
+        State of the current's variation, see ``current``.
+    body : ndarray, shape (13,)
+        State of ``vehicle.dynamics``.
     time_s : float
         Vehicle time.
     ahead_s : float
         Time by which the position of ``body`` is extrapolated with its velocity.
     """
-    if sea.uniform is not None:
+    if sea.is_uniform:
         return sea.uniform
-    variation, variation_rate = _ZERO, _ZERO
-    if sea.drift is not None and weather.current_variation is not None:
-        variation, variation_rate = current.variation_motion(sea.drift, weather.current_variation)
-    return LocalWater(
-        *field.sample_native(weather.native, body, ahead_s, time_s, variation, variation_rate)
-    )
+    velocity, rate = current.variation_motion(sea.drift, variation)
+    water, wave_pa = field.sample(sea.field, body, ahead_s, time_s, velocity, rate)
+    return LocalWater(water, wave_pa)
 
 
-def pressure_hpa(sea: Environment, depth_m: float, wave_pa: float = 0.0) -> float:
-    """Return the absolute pressure at a depth (m below still surface), at least that of the air."""
-    _, still_pa = density.density_and_pressure(sea.field.column, depth_m, sea.gravity_mps2)
-    return sea.surface_pressure_hpa + max(0.0, still_pa + wave_pa) / PASCAL_PER_HPA
+@entry_point
+def sample_water(sea: Surroundings, variation: Vector, body: Vector, time_s: float) -> LocalWater:
+    """Return the water around the vehicle; see ``local_water``."""
+    return local_water(sea, variation, body, time_s, 0.0)
+
+
+@kernel
+def pressure_hpa(
+    column: Vector, gravity_mps2: float, surface_hpa: float, depth_m: float, wave_pa: float
+) -> float:
+    """Return the absolute pressure at a depth, at least that of the air.
+
+    Parameters
+    ----------
+    column : ndarray
+        Water column of ``density.column``.
+    gravity_mps2 : float
+        Gravity.
+    surface_hpa : float
+        Pressure of the air.
+    depth_m : float
+        Depth below the still surface.
+    wave_pa : float
+        Pressure due to waves.
+    """
+    _, still_pa = density.density_and_pressure(column, depth_m, gravity_mps2)
+    return surface_hpa + max(0.0, still_pa + wave_pa) / PASCAL_PER_HPA
 
 
 def floor_range_m(sea: Environment, position_ned_m: Vector3, direction_ned: Vector3) -> float:

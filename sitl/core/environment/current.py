@@ -6,9 +6,9 @@ from math import cos, radians, sin
 from typing import NamedTuple
 
 import numpy as np
-from numpy.random import Generator
 
-from mavlink_io.jit import kernel
+from mavlink_io.jit import kernel, numeric
+from sitl.core.draws import DRIFT, Draws, DrawTable, draw
 from sitl.core.environment.moments import SecondOrder, second_order, step_second_order
 from sitl.environment_schema import Current, Variation
 from sitl.vehicle.vectors import Vector, Vector3
@@ -28,13 +28,13 @@ class Drift(NamedTuple):
     process: SecondOrder
     omega_radps: float
     rms_mps: float
+    """0 for a steady current."""
 
 
-class CurrentVariation(NamedTuple):
-    """Variation at one instant: unit-variance states (x, x'/omega) of north and west."""
-
-    north: tuple[float, float]
-    west: tuple[float, float]
+VARIATION = 4
+"""Length of the variation's state: unit-variance (x, x'/omega) of north, then of west."""
+STEADY = Drift(SecondOrder((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 0.0, 0.0)
+"""No variation."""
 
 
 def profile(current: Current) -> Vector:
@@ -74,31 +74,31 @@ def steady_current(profile: Vector, z_m: float) -> tuple[float, float, float, fl
     return profile[last, 1], profile[last, 2], 0.0, 0.0
 
 
-def current_drift(variation: Variation, tick_s: float) -> Drift | None:
-    """Return the discretised variation; None if the current is steady."""
+def current_drift(variation: Variation, tick_s: float) -> Drift:
+    """Return the discretised variation; ``STEADY`` if the current is steady."""
     if not variation.rms_mps:
-        return None
+        return STEADY
     omega = _CORRELATION_TIMES / variation.time_constant_s
     return Drift(second_order(omega, 1.0, tick_s), omega, variation.rms_mps)
 
 
-def sample_stationary(stream: Generator) -> CurrentVariation:
-    """Draw a variation from its stationary distribution."""
-    a, b, c, d = stream.standard_normal(4).tolist()
-    return CurrentVariation((a, b), (c, d))
+def sample_stationary(drift: Drift, stream: Draws) -> list[float]:
+    """Draw a variation from its stationary distribution; zeros in a steady current."""
+    return stream.normals(DRIFT, VARIATION) if drift.rms_mps else [0.0] * VARIATION
 
 
-def advance(drift: Drift, variation: CurrentVariation, stream: Generator) -> CurrentVariation:
-    """Return the variation one tick later."""
-    a, b, c, d = stream.standard_normal(4).tolist()
-    return CurrentVariation(
-        step_second_order(drift.process, variation.north, a, b),
-        step_second_order(drift.process, variation.west, c, d),
-    )
+@numeric
+def advance(drift: Drift, state: Vector, table: DrawTable) -> None:
+    """Advance the variation by one tick, in place."""
+    if drift.rms_mps > 0.0:
+        for i in (0, 2):
+            step_second_order(
+                drift.process, state[i : i + 2], draw(table, DRIFT), draw(table, DRIFT)
+            )
 
 
-def variation_motion(drift: Drift, variation: CurrentVariation) -> tuple[Vector3, Vector3]:
+@numeric
+def variation_motion(drift: Drift, state: Vector) -> tuple[Vector3, Vector3]:
     """Return velocity (m/s) and acceleration (m/s2) of the variation, NWU."""
     speed, rate = drift.rms_mps, drift.rms_mps * drift.omega_radps
-    (north, north_rate), (west, west_rate) = variation
-    return (speed * north, speed * west, 0.0), (rate * north_rate, rate * west_rate, 0.0)
+    return (speed * state[0], speed * state[2], 0.0), (rate * state[1], rate * state[3], 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
-from mavlink_io.jit import Native, entry_point, kernel
+from mavlink_io.jit import entry_point, kernel
 from sitl.core.environment import current, density, floor, waves
 from sitl.core.environment.floor import SeaFloor
 from sitl.vehicle.dynamics import rotation
@@ -154,16 +154,3 @@ def sample(
     )
     return water, field.column[0, 1] * field.gravity_mps2 * wave.head_m
     return water, field.column[0, 1] * field.gravity_mps2 * wave.head_m
-
-
-@entry_point
-def sample_native(
-    field: Native,
-    body: Vector,
-    ahead_s: float,
-    time_s: float,
-    variation: Vector3,
-    variation_rate: Vector3,
-) -> tuple[Water, float]:
-    """Call ``sample`` with a field that is stored for compiled code."""
-    return sample(field.value, body, ahead_s, time_s, variation, variation_rate)

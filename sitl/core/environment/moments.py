@@ -11,7 +11,16 @@ from __future__ import annotations
 from math import cos, exp, sin, sqrt
 from typing import NamedTuple
 
-from numpy.random import Generator
+from mavlink_io.jit import numeric
+from sitl.core.draws import SLOW, WAVE, Draws, DrawTable, draw
+from sitl.vehicle.vectors import Vector
+
+PROCESSES = 6
+"""Length of the state: four unit-variance processes at one instant.
+
+Slow process of yaw and pitch, then (x, x'/omega) of the wave band for yaw and for pitch.
+"""
+_SLOW_YAW, _SLOW_PITCH, _WAVE_YAW, _WAVE_PITCH = 0, 1, 2, 4
 
 
 class SlowMoment(NamedTuple):
@@ -34,14 +43,6 @@ class SecondOrder(NamedTuple):
     """Transition matrix Phi, row by row."""
     noise: tuple[float, float, float]
     """Lower Cholesky factor L of I - Phi Phi^T: elements (1,1), (2,1), (2,2)."""
-
-
-class Disturbance(NamedTuple):
-    """States of the four unit-variance processes at one instant, in the order yaw, pitch."""
-
-    slow: tuple[float, float]
-    wave: tuple[tuple[float, float], tuple[float, float]]
-    """States (x, x'/omega)."""
 
 
 class Levels(NamedTuple):
@@ -87,47 +88,34 @@ def second_order(frequency_radps: float, damping: float, tick_s: float) -> Secon
     return SecondOrder((a, b, -b, d), (first, q12 / first, sqrt(q22 - q12 * q12 / q11)))
 
 
-def sample_stationary(slow: Generator, wave: Generator) -> Disturbance:
+def sample_stationary(stream: Draws) -> list[float]:
     """Draw all four processes from their stationary distribution."""
-    slow_yaw, slow_pitch = slow.standard_normal(2).tolist()
-    a, b, c, d = wave.standard_normal(4).tolist()
-    return Disturbance((slow_yaw, slow_pitch), ((a, b), (c, d)))
+    return stream.normals(SLOW, 2) + stream.normals(WAVE, 4)
 
 
-def advance(
-    levels: Levels, disturbance: Disturbance, slow: Generator, wave: Generator
-) -> Disturbance:
-    """Return the disturbance one tick later."""
-    decay, noise_gain = levels.slow
-    n_yaw, n_pitch = slow.standard_normal(2).tolist()
-    a, b, c, d = wave.standard_normal(4).tolist()
-    return Disturbance(
-        (
-            decay * disturbance.slow[0] + noise_gain * n_yaw,
-            decay * disturbance.slow[1] + noise_gain * n_pitch,
-        ),
-        (
-            step_second_order(levels.wave, disturbance.wave[0], a, b),
-            step_second_order(levels.wave, disturbance.wave[1], c, d),
-        ),
-    )
+@numeric
+def advance(levels: Levels, state: Vector, table: DrawTable) -> None:
+    """Advance the processes by one tick, in place."""
+    slow = levels.slow
+    for i in (_SLOW_YAW, _SLOW_PITCH):
+        state[i] = slow.decay * state[i] + slow.noise_gain * draw(table, SLOW)
+    for i in (_WAVE_YAW, _WAVE_PITCH):
+        step_second_order(levels.wave, state[i : i + 2], draw(table, WAVE), draw(table, WAVE))
 
 
-def moments_flu_nm(levels: Levels, disturbance: Disturbance) -> tuple[float, float]:
+@numeric
+def moments_flu_nm(levels: Levels, state: Vector) -> tuple[float, float]:
     """Return pitch and yaw moment (M, N) on the vehicle, FLU, N m."""
-    yaw = (
-        levels.slow_rms_nm[0] * disturbance.slow[0] + levels.wave_rms_nm[0] * disturbance.wave[0][0]
-    )
-    pitch = (
-        levels.slow_rms_nm[1] * disturbance.slow[1] + levels.wave_rms_nm[1] * disturbance.wave[1][0]
-    )
+    yaw = levels.slow_rms_nm[0] * state[_SLOW_YAW] + levels.wave_rms_nm[0] * state[_WAVE_YAW]
+    pitch = levels.slow_rms_nm[1] * state[_SLOW_PITCH] + levels.wave_rms_nm[1] * state[_WAVE_PITCH]
     return pitch, yaw
 
 
-def step_second_order(
-    process: SecondOrder, x: tuple[float, float], n1: float, n2: float
-) -> tuple[float, float]:
-    """Return x(k+1) = Phi x(k) + L n for two standard normal draws ``n1``, ``n2``."""
+@numeric
+def step_second_order(process: SecondOrder, state: Vector, n1: float, n2: float) -> None:
+    """Advance x(k+1) = Phi x(k) + L n in place, for two standard normal draws ``n1``, ``n2``."""
     p11, p12, p21, p22 = process.transition
     l11, l21, l22 = process.noise
-    return p11 * x[0] + p12 * x[1] + l11 * n1, p21 * x[0] + p22 * x[1] + l21 * n1 + l22 * n2
+    x1, x2 = state[0], state[1]
+    state[0] = p11 * x1 + p12 * x2 + l11 * n1
+    state[1] = p21 * x1 + p22 * x2 + l21 * n1 + l22 * n2

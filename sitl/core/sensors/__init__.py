@@ -1,5 +1,8 @@
 """The sensors: sampled at their own rates from the true motion, with errors, latency and dropouts.
 
+IMU, magnetometer and pressure sensor are sampled in the compiled tick (``core.tick``); the slower
+ones, with messages of their own, here.
+
 Each sensor has its own random stream, so that a change of one sensor does not alter the errors of
 the others; a sensor that is not fitted draws nothing. The error parameters are in
 ``datasheets.toml``. The table [instruments] of a vehicle file names the sensors that are fitted.
@@ -13,10 +16,6 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from mavlink_io.records import (
-    ACCELEROMETER_FRESH,
-    GYRO_FRESH,
-    MAGNETOMETER_FRESH,
-    PRESSURE_FRESH,
     Altimeter,
     Battery,
     DuctFeedback,
@@ -44,21 +43,22 @@ from sitl.core.truth import Truth
 from sitl.vehicle.config import VehicleConfig
 
 DAY_US = 86_400_000_000
+_NO_DEVICES = (None,) * 6
 
 
 class SensorSuite(NamedTuple):
-    """Parameters of the fitted sensors; None for a sensor that is not fitted."""
+    """Parameters of the sensors; ``timing.period_us`` is 0 for one that is not fitted."""
 
-    imu: inertial.Imu | None
-    magnetometer: magnetic.Magnetometer | None
-    pressure: pressure.PressureSensor | None
+    imu: inertial.Imu
+    magnetometer: magnetic.Magnetometer
+    pressure: pressure.PressureSensor
     devices: Devices
     devices_us: int
     """Common period: devices sample and deliver only at multiples of this vehicle time."""
 
 
 class Devices(NamedTuple):
-    """Parameters of the slower sensors, which have messages of their own."""
+    """Parameters of the slower sensors, which have messages of their own; None if not fitted."""
 
     gps: gps.GpsReceiver | None
     dvl: dvl.DvlSensor | None
@@ -69,11 +69,8 @@ class Devices(NamedTuple):
 
 
 class SensorStreams(NamedTuple):
-    """Random stream of each sensor."""
+    """Random stream of each of the slower sensors."""
 
-    imu: NoiseStream
-    magnetometer: NoiseStream
-    pressure: NoiseStream
     gps: NoiseStream
     dvl: NoiseStream
     altimeter: NoiseStream
@@ -93,15 +90,6 @@ class DeviceState(NamedTuple):
     encoder: encoder.EncoderState
 
 
-class SensorSuiteState(NamedTuple):
-    """States of all sensors: errors of this run, latest readings, and readings in transit."""
-
-    imu: inertial.InertialState
-    magnetometer: magnetic.MagnetometerState
-    pressure: pressure.PressureState
-    devices: DeviceState
-
-
 class Sensors(NamedTuple):
     """Sensor output of one tick; None for a sensor without a new reading."""
 
@@ -113,6 +101,11 @@ class Sensors(NamedTuple):
     battery: Battery | None = None
     leak: Leak | None = None
     duct: DuctFeedback | None = None
+
+    @property
+    def has_devices(self) -> bool:
+        """Whether any of the slower sensors has a new reading."""
+        return self[1:] != _NO_DEVICES
 
 
 def build(
@@ -158,9 +151,9 @@ def build(
         encoder=encoder.build(encoders, vehicle.tailcone.travel_deg, tick_us) if encoders else None,
     )
     return SensorSuite(
-        imu=inertial.build(imu, tick_us) if imu else None,
-        magnetometer=magnetic.build(compass, tick_us) if compass else None,
-        pressure=pressure.build(depth, tick_us) if depth else None,
+        imu=inertial.build(imu, tick_us) if imu else inertial.Imu(),
+        magnetometer=magnetic.build(compass, tick_us) if compass else magnetic.Magnetometer(),
+        pressure=pressure.build(depth, tick_us) if depth else pressure.PressureSensor(),
         devices=devices,
         devices_us=_common_us(devices),
     )
@@ -177,25 +170,11 @@ def _common_us(devices: Devices) -> int:
     )
 
 
-def initial_state(suite: SensorSuite, charge: float, streams: SensorStreams) -> SensorSuiteState:
-    """Draw the errors of this run and return the states before the first reading.
+def initial_devices(devices: Devices, charge: float, streams: SensorStreams) -> DeviceState:
+    """Draw the errors of this run of the slower sensors; return their states at the start.
 
     ``charge`` is the initial charge of the battery as a fraction of its capacity.
     """
-    return SensorSuiteState(
-        inertial.initial_state(suite.imu, streams.imu) if suite.imu else inertial.InertialState(),
-        magnetic.initial_state(suite.magnetometer, streams.magnetometer)
-        if suite.magnetometer
-        else magnetic.MagnetometerState(),
-        pressure.initial_state(suite.pressure, streams.pressure)
-        if suite.pressure
-        else pressure.PressureState(),
-        _initial_device_state(suite.devices, charge, streams),
-    )
-
-
-def _initial_device_state(devices: Devices, charge: float, streams: SensorStreams) -> DeviceState:
-    """Return the initial states of the slower sensors."""
     return DeviceState(
         gps.GpsState(),
         dvl.initial_state(devices.dvl, streams.dvl) if devices.dvl else dvl.DvlState(),
@@ -210,52 +189,7 @@ def _initial_device_state(devices: Devices, charge: float, streams: SensorStream
     )
 
 
-def sample(
-    suite: SensorSuite,
-    truth: Truth,
-    sea: Environment,
-    state: SensorSuiteState,
-    streams: SensorStreams,
-) -> tuple[SensorSuiteState, Sensors]:
-    """Sample all sensors that are due in this tick.
-
-    Parameters
-    ----------
-    suite : SensorSuite
-        Sensor parameters.
-    truth : Truth
-        True state of the vehicle.
-    sea : Environment
-        The environment.
-    state : SensorSuiteState
-        Sensor states.
-    streams : SensorStreams
-        Random streams; they advance.
-    """
-    imu, compass, depth, devices = state
-    new_imu = new_field = new_pressure = False
-    if suite.imu:
-        imu, new_imu = inertial.sample(suite.imu, truth, imu, streams.imu)
-    if suite.magnetometer:
-        compass, new_field = magnetic.sample(
-            suite.magnetometer, truth, sea, compass, streams.magnetometer
-        )
-    if suite.pressure:
-        depth, new_pressure = pressure.sample(suite.pressure, truth, sea, depth, streams.pressure)
-    frame = _frame(
-        truth.time_us,
-        imu.latest,
-        compass.latest,
-        depth.latest,
-        _fields_updated(new_imu, new_field, new_pressure),
-    )
-    if truth.time_us % suite.devices_us:
-        return SensorSuiteState(imu, compass, depth, devices), Sensors(frame, None, None)
-    devices, sensors = _sample_devices(suite.devices, truth, sea, devices, streams, frame)
-    return SensorSuiteState(imu, compass, depth, devices), sensors
-
-
-def _sample_devices(
+def sample_devices(
     fitted: Devices,
     truth: Truth,
     sea: Environment,
@@ -263,7 +197,23 @@ def _sample_devices(
     streams: SensorStreams,
     frame: SensorFrame,
 ) -> tuple[DeviceState, Sensors]:
-    """Sample the slower sensors that are due in this tick."""
+    """Sample the slower sensors that are due in this tick.
+
+    Parameters
+    ----------
+    fitted : Devices
+        Parameters of the sensors.
+    truth : Truth
+        True state of the vehicle.
+    sea : Environment
+        The environment.
+    state : DeviceState
+        States of the sensors.
+    streams : SensorStreams
+        Random streams; they advance.
+    frame : SensorFrame
+        Readings of the other sensors.
+    """
     receiver, log, sounder, pack, bilge, duct = state
     fix = velocity = echo = charge = wet = angles = None
     if fitted.gps:
@@ -282,32 +232,3 @@ def _sample_devices(
         frame=frame, gps=fix, altimeter=echo, dvl=velocity, battery=charge, leak=wet, duct=angles
     )
     return DeviceState(receiver, log, sounder, pack, bilge, duct), sensors
-
-
-def _frame(
-    time_us: int,
-    motion: inertial.InertialReading,
-    field_gauss: tuple[float, float, float],
-    water: pressure.PressureReading,
-    fresh: int,
-) -> SensorFrame:
-    """Return the fields of HIL_SENSOR in wire order."""
-    return SensorFrame(
-        time_us,
-        *motion.specific_force_mps2,
-        *motion.rates_radps,
-        *field_gauss,
-        water.pressure_hpa,
-        0.0,
-        water.altitude_m,
-        water.temperature_degc,
-        fresh,
-        0,
-    )
-
-
-def _fields_updated(new_imu: bool, new_field: bool, new_pressure: bool) -> int:
-    """Return the bit mask HIL_SENSOR.fields_updated."""
-    inertial_bits = ACCELEROMETER_FRESH | GYRO_FRESH if new_imu else 0
-    magnetic_bits = MAGNETOMETER_FRESH if new_field else 0
-    return inertial_bits | magnetic_bits | (PRESSURE_FRESH if new_pressure else 0)

@@ -98,10 +98,8 @@ def _measure(
 ) -> Dvl | None:
     """Return bottom track if the floor is in range, else water track if due, else None."""
     sheet = log.sheet
-    altitudes_m = [
-        log.cosine * echo.range_m(sea, truth.position_ned_m, truth.attitude_q, beam)
-        for beam in log.beams
-    ]
+    ranges_m = echo.ranges_m(sea.field.floor, truth.position_ned_m, truth.attitude_q, log.beams)
+    altitudes_m = (log.cosine * ranges_m).tolist()
     upright = echo.tilt_cos(truth.attitude_q) >= log.worst_tilt_cos
     echoes = [
         upright and sheet.min_altitude_m <= altitude <= sheet.max_altitude_m

@@ -4,18 +4,29 @@ from __future__ import annotations
 
 from math import acos, cos, sin
 
-from mavlink_io.frames import Quaternion, Vector, rotate
-from sitl.core.environment import Environment, floor_range_m
+import numpy as np
+
+from mavlink_io.frames import Quaternion, Vector, flip, rotate
+from mavlink_io.jit import entry_point
+from sitl.core.environment import Environment, floor, floor_range_m
+from sitl.core.environment.floor import SeaFloor
+from sitl.vehicle.vectors import Vector as Array
 
 DOWN: Vector = (0.0, 0.0, 1.0)
 """Down axis, in FRD and in NED."""
 
 
-def range_m(
-    sea: Environment, position_ned_m: Vector, attitude_q: Quaternion, beam: Vector
-) -> float:
-    """Return the distance (m) along a unit vector ``beam`` (FRD) to the floor; infinite if none."""
-    return floor_range_m(sea, position_ned_m, rotate(attitude_q, beam))
+@entry_point
+def ranges_m(
+    ground: SeaFloor, position_ned_m: Vector, attitude_q: Quaternion, beams: tuple[Vector, ...]
+) -> Array:
+    """Return the distances (m) along unit vectors (FRD) to the floor; infinite without a hit."""
+    ranges = np.empty(len(beams))
+    origin = flip(position_ned_m[0], position_ned_m[1], position_ned_m[2])
+    for i in range(len(beams)):
+        north, east, down = rotate(attitude_q, beams[i])
+        ranges[i] = floor.range_m(ground, origin, flip(north, east, down))
+    return ranges
 
 
 def tilt_cos(attitude_q: Quaternion) -> float:

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mavlink_io.frames import Vector, rotate_back
-from sitl.core.environment import Environment
+from mavlink_io.frames import Quaternion, rotate_back
+from mavlink_io.frames import Vector as Vector3
+from mavlink_io.jit import kernel
+from sitl.core import draws
+from sitl.core.draws import Draws, DrawTable
 from sitl.core.sensors.datasheets import MagnetometerSheet
-from sitl.core.sensors.noise import NoiseStream
-from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
+from sitl.core.sensors.sample_timing import NOT_FITTED, Timing, deliver, drop, is_due, row, timing
 from sitl.core.sensors.three_axis import (
     IDENTITY,
     ZERO,
@@ -24,28 +26,28 @@ from sitl.core.sensors.three_axis import (
     soft_iron,
     white_noise_sd,
 )
-from sitl.core.truth import Truth
+from sitl.vehicle.vectors import Vector
+
+READING = 3
+"""Length of a reading: field (gauss), FRD."""
 
 
 class Magnetometer(NamedTuple):
     """Parameters of the magnetometer."""
 
-    timing: Timing
-    noise_gauss: float
+    timing: Timing = NOT_FITTED
+    noise_gauss: float = 0.0
     """Standard deviation of the white noise of a sample."""
-    hard_iron_gauss: float
-    soft_iron: float
+    hard_iron_gauss: float = 0.0
+    soft_iron: float = 0.0
     """Standard deviations over runs of the bias and of the distortion's elements."""
 
 
-class MagnetometerState(NamedTuple):
-    """Errors of this run, latest reading, and readings in transit."""
+class MagneticErrors(NamedTuple):
+    """Errors that are constant during a run."""
 
     distortion: Matrix = IDENTITY
-    bias_gauss: Vector = ZERO
-    latest: Vector = ZERO
-    """Latest reading that has arrived, gauss, FRD."""
-    queue: Queue[Vector] = ()
+    bias_gauss: Vector3 = ZERO
 
 
 def build(sheet: MagnetometerSheet, tick_us: int) -> Magnetometer:
@@ -60,25 +62,53 @@ def build(sheet: MagnetometerSheet, tick_us: int) -> Magnetometer:
     )
 
 
-def initial_state(magnetometer: Magnetometer, stream: NoiseStream) -> MagnetometerState:
+def initial_errors(magnetometer: Magnetometer, stream: Draws) -> MagneticErrors:
     """Draw the iron errors of this run."""
-    bias = biases(magnetometer.hard_iron_gauss, stream)
-    return MagnetometerState(soft_iron(magnetometer.soft_iron, stream), bias)
+    bias = biases(magnetometer.hard_iron_gauss, stream, draws.MAGNETOMETER)
+    return MagneticErrors(soft_iron(magnetometer.soft_iron, stream, draws.MAGNETOMETER), bias)
 
 
+@kernel
 def sample(
     magnetometer: Magnetometer,
-    truth: Truth,
-    sea: Environment,
-    state: MagnetometerState,
-    stream: NoiseStream,
-) -> tuple[MagnetometerState, bool]:
-    """Sample if due; return the new state and whether ``latest`` is new in this tick."""
-    distortion, bias, latest, queue = state
-    measured, time_us = None, truth.time_us
+    errors: MagneticErrors,
+    attitude_q: Quaternion,
+    field_ned_gauss: Vector3,
+    time_us: int,
+    transit: Vector,
+    latest: Vector,
+    table: DrawTable,
+) -> bool:
+    """Sample if due; return whether ``latest`` is new in this tick.
+
+    Parameters
+    ----------
+    magnetometer, errors
+        Parameters, and errors of this run.
+    attitude_q : tuple of 4 floats
+        True rotation from FRD to NED.
+    field_ned_gauss : tuple of 3 floats
+        Earth's magnetic field.
+    time_us : int
+        Vehicle time.
+    transit : ndarray, shape (slots, READING)
+        Readings in transit; updated.
+    latest : ndarray, shape (READING,)
+        Receives the reading that arrives.
+    table : DrawTable
+        Random numbers.
+    """
     if is_due(magnetometer.timing, time_us):
-        field = rotate_back(truth.attitude_q, sea.magnetic_field_ned_gauss)
-        n_x, n_y, n_z = stream.normals(3)
-        measured = apply_errors(field, distortion, bias, magnetometer.noise_gauss, n_x, n_y, n_z)
-    queue, reading = queue_reading(magnetometer.timing, queue, measured, time_us, stream)
-    return MagnetometerState(distortion, bias, reading or latest, queue), reading is not None
+        n = draws.take(table, draws.MAGNETOMETER, READING)
+        reading = row(magnetometer.timing, transit, time_us)
+        reading[0], reading[1], reading[2] = apply_errors(
+            rotate_back(attitude_q, field_ned_gauss),
+            errors.distortion,
+            errors.bias_gauss,
+            magnetometer.noise_gauss,
+            n[0],
+            n[1],
+            n[2],
+        )
+        drop(magnetometer.timing, reading, table, draws.MAGNETOMETER)
+    return deliver(magnetometer.timing, transit, time_us, latest)

@@ -1,4 +1,4 @@
-"""Random numbers for the sensors."""
+"""Random numbers of sensors that Python samples, drawn in blocks."""
 
 from __future__ import annotations
 

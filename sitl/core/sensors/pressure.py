@@ -4,40 +4,29 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sitl.core.environment import PASCAL_PER_HPA, Environment, pressure_hpa
+from mavlink_io.jit import kernel
+from sitl.core import draws
+from sitl.core.draws import Draws, DrawTable
+from sitl.core.environment import PASCAL_PER_HPA, Surroundings, pressure_hpa
 from sitl.core.sensors.datasheets import PressureSheet
-from sitl.core.sensors.noise import NoiseStream
-from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
-from sitl.core.truth import Truth
+from sitl.core.sensors.sample_timing import NOT_FITTED, Timing, deliver, drop, is_due, row, timing
+from sitl.vehicle.vectors import Vector
+
+READING = 4
+"""Length of a reading, fields of HIL_SENSOR: pressure (hPa), differential pressure (zero), height
+above the still surface computed from the pressure with the scenario's density (m), temperature (deg
+C)."""
 
 
 class PressureSensor(NamedTuple):
     """Parameters of the pressure sensor."""
 
-    timing: Timing
-    noise_hpa: float
-    offset_hpa: float
-    """Standard deviation of the offset over runs."""
-    resolution_hpa: float
-    temperature_noise_degc: float
-
-
-class PressureReading(NamedTuple):
-    """One reading."""
-
-    pressure_hpa: float = 0.0
-    altitude_m: float = 0.0
-    """Height above the still surface computed from the pressure with the scenario's density."""
-    temperature_degc: float = 0.0
-
-
-class PressureState(NamedTuple):
-    """Offset of this run, latest reading, and readings in transit."""
-
+    timing: Timing = NOT_FITTED
+    noise_hpa: float = 0.0
     offset_hpa: float = 0.0
-    latest: PressureReading = PressureReading()
-    """Latest reading that has arrived."""
-    queue: Queue[PressureReading] = ()
+    """Standard deviation of the offset over runs."""
+    resolution_hpa: float = 0.0
+    temperature_noise_degc: float = 0.0
 
 
 def build(sheet: PressureSheet, tick_us: int) -> PressureSensor:
@@ -52,41 +41,67 @@ def build(sheet: PressureSheet, tick_us: int) -> PressureSensor:
     )
 
 
-def initial_state(sensor: PressureSensor, stream: NoiseStream) -> PressureState:
+def initial_offset_hpa(sensor: PressureSensor, stream: Draws) -> float:
     """Draw the offset of this run."""
-    return PressureState(sensor.offset_hpa * stream.normal())
+    return sensor.offset_hpa * stream.normals(draws.PRESSURE, 1)[0]
 
 
+@kernel
 def sample(
     sensor: PressureSensor,
-    truth: Truth,
-    sea: Environment,
-    state: PressureState,
-    stream: NoiseStream,
-) -> tuple[PressureState, bool]:
-    """Sample if due; return the new state and whether ``latest`` is new in this tick."""
-    offset, latest, queue = state
-    measured = (
-        _read(sensor, truth, sea, offset, stream) if is_due(sensor.timing, truth.time_us) else None
-    )
-    queue, reading = queue_reading(sensor.timing, queue, measured, truth.time_us, stream)
-    return PressureState(offset, reading or latest, queue), reading is not None
+    offset_hpa: float,
+    depth_m: float,
+    wave_pa: float,
+    sea: Surroundings,
+    time_us: int,
+    transit: Vector,
+    latest: Vector,
+    table: DrawTable,
+) -> bool:
+    """Sample if due; return whether ``latest`` is new in this tick.
+
+    Parameters
+    ----------
+    sensor : PressureSensor
+        Parameters.
+    offset_hpa : float
+        Offset of this run.
+    depth_m, wave_pa : float
+        True depth below the still surface, and pressure due to waves at the origin.
+    sea : Surroundings
+        The environment.
+    time_us : int
+        Vehicle time.
+    transit : ndarray, shape (slots, READING)
+        Readings in transit; updated.
+    latest : ndarray, shape (READING,)
+        Receives the reading that arrives.
+    table : DrawTable
+        Random numbers.
+    """
+    if is_due(sensor.timing, time_us):
+        reading = row(sensor.timing, transit, time_us)
+        true_hpa = pressure_hpa(
+            sea.field.column, sea.gravity_mps2, sea.surface_pressure_hpa, depth_m, wave_pa
+        )
+        _read(sensor, true_hpa + offset_hpa, sea, table, reading)
+        drop(sensor.timing, reading, table, draws.PRESSURE)
+    return deliver(sensor.timing, transit, time_us, latest)
 
 
+@kernel
 def _read(
-    sensor: PressureSensor, truth: Truth, sea: Environment, offset_hpa: float, stream: NoiseStream
-) -> PressureReading:
-    """Return a reading: pressure p with errors, and the altitude -(p - p0) / (rho g)."""
+    sensor: PressureSensor, mean_hpa: float, sea: Surroundings, table: DrawTable, reading: Vector
+) -> None:
+    """Write a reading: pressure p with errors, and the altitude -(p - p0) / (rho g)."""
     # p = round_to_resolution(p_true + offset + sd n) in hPa, p0 pressure at the surface (hPa), rho
     # density (kg/m3) and g gravity (m/s2) of the surface water, n standard normal.
-    n_pressure, n_temperature = stream.normals(2)
-    true_hpa = pressure_hpa(sea, truth.position_ned_m[2], truth.wave_pressure_pa)
-    pressure = true_hpa + offset_hpa + sensor.noise_hpa * n_pressure
-    if sensor.resolution_hpa:
+    n = draws.take(table, draws.PRESSURE, 2)
+    pressure = mean_hpa + sensor.noise_hpa * n[0]
+    if sensor.resolution_hpa > 0.0:
         pressure = round(pressure / sensor.resolution_hpa) * sensor.resolution_hpa
     gauge_pa = (pressure - sea.surface_pressure_hpa) * PASCAL_PER_HPA
-    return PressureReading(
-        pressure,
-        -gauge_pa / (sea.density_kgpm3 * sea.gravity_mps2),
-        sea.temperature_degc + sensor.temperature_noise_degc * n_temperature,
-    )
+    reading[0] = pressure
+    reading[1] = 0.0
+    reading[2] = -gauge_pa / (sea.density_kgpm3 * sea.gravity_mps2)
+    reading[3] = sea.temperature_degc + sensor.temperature_noise_degc * n[1]

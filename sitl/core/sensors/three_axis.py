@@ -8,7 +8,8 @@ from __future__ import annotations
 from math import sqrt
 
 from mavlink_io.frames import Vector
-from sitl.core.sensors.noise import NoiseStream
+from mavlink_io.jit import numeric
+from sitl.core.draws import Draws
 
 Matrix = tuple[Vector, Vector, Vector]
 """3 x 3 matrix, row by row."""
@@ -25,15 +26,15 @@ def white_noise_sd(density: float, rate_hz: float) -> float:
     return density * sqrt(0.5 * rate_hz)
 
 
-def biases(rms: float, stream: NoiseStream) -> Vector:
+def biases(rms: float, draws: Draws, stream: int) -> Vector:
     """Draw the bias of each axis from a normal distribution."""
-    x, y, z = stream.normals(3)
+    x, y, z = draws.normals(stream, 3)
     return rms * x, rms * y, rms * z
 
 
-def imperfect_axes(scale_rms: float, skew_rms: float, stream: NoiseStream) -> Matrix:
+def imperfect_axes(scale_rms: float, skew_rms: float, draws: Draws, stream: int) -> Matrix:
     """Draw a matrix of random scale errors (diagonal) and misalignments (off-diagonal, rad)."""
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = stream.normals(9)
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = draws.normals(stream, 9)
     return (
         (1.0 + scale_rms * xx, skew_rms * xy, skew_rms * xz),
         (skew_rms * yx, 1.0 + scale_rms * yy, skew_rms * yz),
@@ -41,12 +42,13 @@ def imperfect_axes(scale_rms: float, skew_rms: float, stream: NoiseStream) -> Ma
     )
 
 
-def soft_iron(rms: float, stream: NoiseStream) -> Matrix:
+def soft_iron(rms: float, draws: Draws, stream: int) -> Matrix:
     """Draw a symmetric distortion matrix: identity plus induced magnetism."""
-    xx, yy, zz, xy, xz, yz = (rms * n for n in stream.normals(6))
+    xx, yy, zz, xy, xz, yz = (rms * n for n in draws.normals(stream, 6))
     return (1.0 + xx, xy, xz), (xy, 1.0 + yy, yz), (xz, yz, 1.0 + zz)
 
 
+@numeric
 def apply_errors(
     true: Vector, axes: Matrix, bias: Vector, noise: float, n_x: float, n_y: float, n_z: float
 ) -> Vector:

@@ -3,82 +3,23 @@
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from autopilot.app import App
 from autopilot.comms.ground_server import MAX_FRAMES_PER_POLL, GroundServer
 from autopilot.comms.guard import MAX_TEXT, Guard
-from autopilot.comms.hil import MAX_TIME_US, HilLink
+from autopilot.comms.hil import MAX_TIME_US
 from autopilot.comms.services import Services
-from autopilot.control.params import ParamTable
 from autopilot.control.types import Severity
-from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.onboard_log.session import LogSession
-from autopilot.telemetry.identity import AutopilotId
-from autopilot.vehicle import Vehicle
+from autopilot.telemetry.streams import TelemetryStream, system_time
 from mavlink_io import dialect
-from mavlink_io.codec import Frame, Framer
-from mavlink_io.endpoint import Endpoint
-from mavlink_io.transport import open_transport
 from tests.helpers.fake_hil import TICK_US, sensors
+from tests.helpers.rig import SENSOR, Rig
 
-SENSOR = dialect.by_name("HIL_SENSOR")
 BOOT_TIME_WRAP_US = (1 << 32) * 1000
 """Vehicle time at which ``time_boot_ms``, a uint32, wraps: 49.7 days."""
-
-
-class Rig:
-    """App loop between a simulator and one ground station, in this process."""
-
-    def __init__(self, folder: Path | None = None) -> None:
-        self._ends = [open_transport(f"memory:{name}") for name in ("hil", "hil", "gcs", "gcs")]
-        near, far, self.line, gcs = self._ends
-        self.simulator = Endpoint(near, 2, 1)
-        self._station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        self._framer = Framer()
-        self.vehicle = Vehicle(ParamTable())
-        self.onboard_log = OnboardLog(self.vehicle, folder)
-        self.server = GroundServer(
-            self.vehicle, [gcs], AutopilotId.GENERIC, onboard_log=self.onboard_log
-        )
-        self.app = App(self.vehicle, HilLink(far, 1), self.server, self.onboard_log)
-
-    def close(self) -> None:
-        for end in self._ends:
-            end.close()
-
-    def send(self, *messages: Any) -> None:
-        """Send messages of the ground station in one datagram."""
-        self.line.send(b"".join(message.pack(self._station) for message in messages))
-
-    def receive(self) -> list[Frame]:
-        """Return the frames that the ground station has received since the last call."""
-        self.server.flush()
-        frames: list[Frame] = []
-        while data := self.line.receive():
-            frames += self._framer.feed(data)
-        return frames
-
-    def texts(self) -> list[Any]:
-        self.server.poll()
-        return [frame.decode() for frame in self.receive() if frame.name == "STATUSTEXT"]
-
-    def step(self) -> None:
-        self.app.step(min(self.server.poll(), 0.0))
-
-    def tick(self, time_us: int) -> Any:
-        """Send one sample and return its answer."""
-        self.simulator.send_values(SENSOR, sensors(time_us))
-        self.step()
-        (frame,) = self.simulator.receive()
-        return frame.decode()
-
-    def reports(self) -> list[Any]:
-        """Return STATUSTEXTs of severity CRITICAL; only the first chunk of each."""
-        return [m for m in self.texts() if m.severity == Severity.CRITICAL and m.chunk_seq == 0]
 
 
 @pytest.fixture
@@ -127,6 +68,8 @@ def test_ticks_continue_when_another_part_raises(
     monkeypatch.setattr(owner, name, fail)
     for tick in range(5):
         rig.server._heartbeat.hasten()
+        rig.simulator.send_values(dialect.by_name("STATUSTEXT"), (6, b"device", 0, 0))
+        rig.step()
         rig.send(mavlink.MAVLink_param_request_read_message(1, 1, b"HDG_P", -1))
         assert rig.tick(tick * TICK_US).time_usec == tick * TICK_US
     (report,) = rig.reports()
@@ -212,3 +155,48 @@ def test_latest_time_and_wrap_of_boot_time_are_answered(rig: Rig, times_us: list
     for time_us in times_us:
         assert rig.tick(time_us).time_usec == time_us
     assert rig.reports() == []
+
+
+def test_failing_stream_does_not_stop_the_others(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    (link,) = rig.server.links
+    broken = TelemetryStream(dialect.by_name("ATTITUDE"), 50, fail)
+    sound = TelemetryStream(dialect.by_name("SYSTEM_TIME"), 50, system_time)
+    monkeypatch.setattr(link.schedule, "due", lambda _: [broken, sound])
+    rig.tick(0)
+    received = rig.receive()
+    assert "SYSTEM_TIME" in [frame.name for frame in received]
+    (report, *_) = [frame.decode() for frame in received if frame.name == "STATUSTEXT"]
+    assert report.severity == Severity.CRITICAL
+    assert report.text.startswith("Internal error in telemetry: ValueError")
+
+
+def test_services_start_again_after_an_exception(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig.tick(0)
+    services = rig.server._services
+    services.ground_received_s = 5.0
+    missions = services._missions
+    monkeypatch.setattr(missions, "feed", fail)
+    rig.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
+    rig.tick(TICK_US)
+    assert services._missions is not missions
+    assert services.ground_received_s == 5.0
+    rig.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
+    rig.tick(2 * TICK_US)
+    assert "MISSION_COUNT" in [frame.name for frame in rig.receive()]
+
+
+def test_log_starts_again_after_an_exception(
+    logging: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = logging
+    rig.tick(0)
+    rig.send(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+    rig.tick(TICK_US)
+    with monkeypatch.context() as patch:
+        patch.setattr(LogSession, "tick", fail)
+        rig.tick(2 * TICK_US)
+    rig.onboard_log._retry_s = 0.0
+    for tick in range(3, 20):
+        rig.tick(tick * TICK_US)
+    rig.onboard_log.close()
+    assert len(list(tmp_path.glob("*.mcap"))) == 2

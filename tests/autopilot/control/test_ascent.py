@@ -6,6 +6,7 @@ from functools import partial
 import pytest
 
 from autopilot.control import ascent, modes, requests
+from autopilot.control.sensor_health.types import Fault, FaultTracker
 from autopilot.control.types import ACCEPTED
 from mavlink_io.records import GpsFix
 from tests.helpers.missions import Flight, under_way
@@ -30,11 +31,17 @@ def at_5_m(t_s: float) -> float:
     return 5.0
 
 
-def hold_down(flight: Flight, seconds: float, depth_m: Course = at_5_m) -> float:
-    """Force the vehicle to a depth; return the seconds until it disarmed or the time was over."""
+def hold_down(
+    flight: Flight, seconds: float, depth_m: Course = at_5_m, pitch_rad: float = 0.0
+) -> float:
+    """Force the vehicle to a depth and a pitch, whatever its elevator does.
+
+    Return the seconds until it disarmed or the time was over.
+    """
     for tick in range(round(seconds * 50)):
+        pitch_rate = pitch_rad - flight.pitch  # within about a second
+        flight.trace = flight.trace._replace(elevator_rad=2.0 * pitch_rate)
         flight.depth_m = depth_m(tick / 50)
-        flight.pitch = 0.0
         if not flight.step().armed:
             return tick / 50
     return seconds
@@ -94,7 +101,7 @@ def test_surface_slow_rise_keeps_propeller() -> None:
 
 def test_surface_rise_after_deep_sinking_is_not_ended() -> None:
     """The vehicle sinks 10 m under power, then rises at 0.1 m/s for longer than SURF_TIME_S."""
-    flight = surfacing(surface_time_s=60.0)
+    flight = surfacing(surface_time_s=60.0, fs_dive_s=0.0, fs_look_s=0.0)
     hold_down(flight, 20.0, lambda t_s: 5.0 + 0.5 * t_s)
     hold_down(flight, 100.0, lambda t_s: 15.0 - 0.1 * t_s)
     assert STOPPED in flight.texts()
@@ -193,3 +200,105 @@ def test_surface_fix_while_rising_is_ignored() -> None:
         hold_down(flight, 1.0, partial(rising, start_m))
     assert flight.state.armed
     assert flight.state.estimate.depth_m == pytest.approx(2.0, abs=0.2)
+
+
+def sinking(t_s: float) -> float:
+    return 5.0 + 0.3 * t_s
+
+
+def test_surface_sinking_nose_down_runs_astern_then_stops() -> None:
+    """The elevator is hard up within a second; the dive is reported after FS_DIVE_S (3 s)."""
+    flight = surfacing(fs_depth_m=100.0)
+    hold_down(flight, 8.0, sinking, pitch_rad=-0.5)
+    assert "Failsafe: sinks against the elevator -> propeller astern" in flight.texts()
+    assert flight.trace.thrust == pytest.approx(-0.58)
+    hold_down(flight, 3.0, lambda t_s: 7.4, pitch_rad=-0.5)
+    assert flight.trace.thrust == 0.0
+    assert flight.texts()[-1].endswith("-> propeller stopped")
+
+
+def test_surface_astern_ends_at_its_time_limit() -> None:
+    flight = surfacing(fs_depth_m=100.0, surface_astern_s=5.0)
+    hold_down(flight, 15.0, sinking, pitch_rad=-0.5)
+    assert "Failsafe: astern for 5 s -> propeller stopped" in flight.texts()
+
+
+def test_surface_astern_off_stops_at_once() -> None:
+    flight = surfacing(fs_depth_m=100.0, surface_astern_s=0.0)
+    hold_down(flight, 8.0, sinking, pitch_rad=-0.5)
+    assert "Failsafe: sinks against the elevator -> propeller stopped" in flight.texts()
+
+
+def test_surface_sinking_without_power_tries_power_again() -> None:
+    flight = surfacing()
+    hold_down(flight, 21.0)
+    assert flight.trace.thrust == 0.0
+    hold_down(flight, 21.0, lambda t_s: 5.0 + 0.06 * t_s)
+    assert flight.trace.thrust == pytest.approx(0.58)
+    assert "Failsafe: sank 1.1 m without power -> power" in flight.texts()
+
+
+def test_surface_releases_fitted_weight_once() -> None:
+    flight = surfacing(weight_fitted=1, buoyancy_n=-5.0)
+    hold_down(flight, 21.0)
+    assert flight.frame is not None
+    assert flight.frame.controls[2:4] == (0.0, 0.0)
+    hold_down(flight, 31.0)
+    assert flight.frame.controls[2:4] == (0.0, 1.0)
+    texts = "".join(flight.texts())
+    assert texts.count("no rise for 30 s without power -> weight released") == 1
+    assert flight.ask(requests.Disarm(force=True)) == ACCEPTED
+    hold_down(flight, 0.02)
+    assert flight.frame.controls[3] == 1.0
+
+
+def test_surface_ends_when_depth_has_stayed_at_surface() -> None:
+    """A pressure sensor that reads shallow: the vehicle rises on after the depth reads 0.4 m."""
+    flight = surfacing()
+    assert hold_down(flight, 27.5, partial(rising, 5.0)) == 27.5
+    assert flight.state.estimate.depth_m == pytest.approx(-0.5, abs=0.1)
+    assert flight.trace.thrust == 0.0
+    assert hold_down(flight, 10.0, lambda t_s: -0.5) < 5.0
+    assert flight.texts()[-1] == "Surfaced: disarmed"
+
+
+def test_dive_against_elevator_surfaces_from_any_depth_mode() -> None:
+    flight = under_way()
+    assert flight.ask(requests.ChangeTarget(3.0, 0.0, 0.58)) == ACCEPTED
+    hold_down(flight, 6.0, sinking, pitch_rad=-0.3)
+    assert "Failsafe: Elevator has no effect -> SURFACE" in flight.texts()
+
+
+def test_limit_of_depth_looks_ahead() -> None:
+    """At 0.5 m/s the vehicle sinks 2 m in FS_LOOK_S: 18 m is reached from 16 m."""
+    flight = under_way(fs_dive_s=0.0)
+    hold_down(flight, 20.0, lambda t_s: 5.0 + 0.5 * t_s)
+    assert flight.state.failsafe == ""
+    hold_down(flight, 3.0, lambda t_s: 15.0 + 0.5 * t_s)
+    assert flight.state.failsafe.endswith("m in 4 s")
+    assert flight.state.estimate.depth_m < 17.0
+
+
+def test_surface_with_faulty_pressure_sensor_waits_for_fix() -> None:
+    """With one sample in 3 s the depth is integrated between them, and never settles."""
+    flight = surfacing()
+    hold_down(flight, 2.0)
+    assert flight.trace.thrust == pytest.approx(0.58)
+    health = flight.state.health
+    silent = FaultTracker(
+        Fault("Pressure sensor", "silent"), 0, flight.state.time_us, reported=True
+    )
+    flight.state = flight.state._replace(health=health._replace(faults=(silent,)))
+    flight.step()
+    assert flight.trace.thrust == 0.0
+    receive(flight, 1, lambda n: fix(flight))
+    assert flight.texts()[-1] == "Surfaced by satellite fix: disarmed"
+
+
+def test_surface_still_sinking_after_two_recoveries_stops_propeller() -> None:
+    """FS_LOOK_S is the time of a recovery, 4 s."""
+    flight = surfacing(fs_dive_s=0.0)
+    hold_down(flight, 7.5, lambda t_s: 5.0 + 0.1 * t_s)
+    assert flight.trace.thrust == pytest.approx(0.58)
+    hold_down(flight, 2.0, lambda t_s: 5.75 + 0.1 * t_s)
+    assert "Failsafe: still sinks after 8 s -> propeller stopped" in flight.texts()

@@ -81,7 +81,10 @@ def test_depth_reference_step_keeps_rate_limit() -> None:
 
 @pytest.mark.parametrize(("speed", "share"), [(1.3, 1.0), (0.65, 4.0), (0.1, 6.25), (2.6, 0.25)])
 def test_pitch_feedforward_scales_with_inverse_square_of_speed(speed: float, share: float) -> None:
-    """Added to the command of the loops: 0.2 of the pitch at cruise speed, more at lower speed."""
+    """Added to the command of the loops: 0.2 of the pitch at cruise speed, more at lower speed.
+
+    Below cruise speed the reference is slower in proportion, so that its pitch stays the same.
+    """
     config = {"depth_ref_radps": 0.5, "depth_ref_mps": 0.1, "travel_deg": 45.0}
     held, bare = Config(pitch_feedforward=0.2, **config), Config(**config)
     memory = LoopMemory(depth_reference=ReferenceState(3.0, 0.1))
@@ -92,7 +95,7 @@ def test_pitch_feedforward_scales_with_inverse_square_of_speed(speed: float, sha
         ].elevator_rad
         for each in (held, bare)
     )
-    pitch = -min(math.radians(20.0), 0.1 / max(speed, 0.3))
+    pitch = -min(math.radians(20.0), 0.1 * min(1.0, speed / 1.3) / max(speed, 0.3))
     assert with_it - without == pytest.approx(0.2 * pitch * share, rel=1e-6)
     level = loops.step_loops(
         estimate, asked._replace(depth_m=3.0), LoopMemory(), held, 0.02, heading=False, depth=True
@@ -211,6 +214,52 @@ def test_trim_turning_is_not_learned() -> None:
         turning, Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True
     )
     assert memory.trim == LoopMemory().trim
+
+
+def test_level_pitch_is_added_and_grows_with_inverse_square_of_speed() -> None:
+    """Lift balances the net buoyancy: at half the speed four times the angle (Fossen 2021, 4.1)."""
+    config = Config(level_pitch_deg=-2.0, cruise_speed_mps=1.3)
+    for speed, pitch_deg in ((1.3, -2.0), (0.65, -8.0)):
+        still = VehicleEstimate(depth_m=3.0, speed_mps=speed)
+        output, _ = loops.step_loops(
+            still, Setpoint(depth_m=3.0), LoopMemory(), config, 0.02, heading=False, depth=True
+        )
+        assert math.degrees(output.pitch_setpoint_rad) == pytest.approx(pitch_deg)
+
+
+def test_depth_reference_slow_vehicle_waits_for_speed() -> None:
+    config = Config(depth_ref_radps=0.5, depth_ref_mps=0.3, cruise_speed_mps=1.3)
+    memory, values = LoopMemory(), []
+    for speed in (0.0, 0.65):
+        for _ in range(1000):
+            estimate = VehicleEstimate(depth_m=0.0, speed_mps=speed)
+            _, memory = loops.step_loops(
+                estimate, Setpoint(depth_m=50.0), memory, config, 0.02, heading=False, depth=True
+            )
+        values.append(memory.depth_reference)
+    assert values[0].value == 0.0
+    assert values[1].rate == pytest.approx(0.15)
+
+
+def test_depth_reference_lead_adds_its_acceleration_to_the_pitch() -> None:
+    """Pitch for x' + T x'' over the speed; the gains of depth are zero."""
+    estimate, pitch = VehicleEstimate(speed_mps=1.3), []
+    for lead_s in (0.0, 3.0):
+        config = Config(
+            depth_p=0.0,
+            depth_i=0.0,
+            depth_ref_radps=0.5,
+            depth_ref_mps=0.3,
+            depth_ref_lead_s=lead_s,
+        )
+        output, memory = loops.step_loops(
+            estimate, Setpoint(depth_m=5.0), LoopMemory(), config, 0.02, heading=False, depth=True
+        )
+        pitch.append(output.pitch_setpoint_rad)
+    rate = memory.depth_reference.rate  # from rest in one tick
+    assert rate > 0.0
+    assert pitch[0] == pytest.approx(-rate / 1.3)
+    assert pitch[1] == pytest.approx(-(rate + 3.0 * rate / 0.02) / 1.3)
 
 
 def test_references_open_loop_are_reset() -> None:

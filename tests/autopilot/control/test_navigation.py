@@ -14,7 +14,7 @@ from autopilot.control.navigation import MotionInput, NavSolution
 from autopilot.control.params import Config
 from autopilot.control.types import Home, Inputs, NavCovariance, Navigation
 from mavlink_io.frames import offset_to_geodetic, quaternion_from_euler
-from mavlink_io.records import Dvl, GpsFix
+from mavlink_io.records import NO_FIX, NO_PING, Dvl, GpsFix
 from tests.helpers.missions import TICK_US, sensors
 
 HOME = Home(42.35, -71.0, True)
@@ -134,7 +134,10 @@ def advance(solution: NavSolution, motion: MotionInput, inputs: Inputs, dt_s: fl
     solution = navigation.predict(
         solution.position_m, solution.memory, motion, CONFIG, dt_s, located
     )
-    return navigation.correct(solution, motion, inputs, HOME, CONFIG) if located else solution
+    if not located:
+        return solution
+    fix, ping = inputs.gps or NO_FIX, inputs.dvl or NO_PING
+    return navigation.correct(solution, motion, fix, inputs.dvl is not None, ping, HOME, CONFIG)
 
 
 def drive(

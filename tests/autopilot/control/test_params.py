@@ -8,16 +8,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from autopilot.control import request_handler, requests
 from autopilot.control.params import (
+    LOCKED_WHILE_ARMED,
     PARAMETERS,
+    RULES,
     Config,
     ParamError,
     ParamInfo,
     ParamTable,
     config,
+    find_conflict,
 )
 from autopilot.param_file import lines, load, to_text
 from mavlink_io.services.params import as_real32
+from tests.helpers.missions import Flight
 
 
 def test_every_parameter_is_representable_in_mavlink() -> None:
@@ -110,3 +115,43 @@ def test_file_round_trip_any_float32_is_exact(data: st.DataObject) -> None:
 def test_file_missing_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ParamError, match=r"none\.param"):
         load(tmp_path / "none.param")
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"FENCE_DPT_MIN": 5.0, "FENCE_DPT_MAX": 5.0}, "must be less than FENCE_DPT_MAX = 5"),
+        ({"FS_DEPTH_M": 1.0}, "RTL_DEPTH_M = 2: must be at most FS_DEPTH_M = 1"),
+        ({"SID_DEPTH_MIN": 20.0}, "SID_DEPTH_MIN = 20: must be less than SID_DEPTH_MAX = 15"),
+        ({"SURF_TIME_S": 2.0}, "SURF_HOLD_S = 3: must be less than SURF_TIME_S = 2"),
+        ({"FS_PITCH_DEG": 20.0}, "PTCH_LIM_DEG = 20: must be less than FS_PITCH_DEG = 20"),
+    ],
+)
+def test_conflicting_parameters_prevent_arming(values: dict[str, float], text: str) -> None:
+    assert find_conflict(config({})) == ""
+    assert find_conflict(config({"SURF_TIME_S": 0.0, "FENCE_DPT_MIN": 5.0})) == ""
+    flight = Flight(config=config(values))
+    for _ in flight.run(0.1):
+        pass
+    _, answer, _ = request_handler.handle_request(flight.state, requests.Arm(), flight.config)
+    assert text in answer.text
+    assert flight.ask(requests.Arm(force=True)) == 0
+
+
+def test_every_rule_names_parameters_and_holds_for_defaults() -> None:
+    names = {row.name for row in PARAMETERS}
+    for rule in RULES:
+        assert {rule.lower, rule.upper} <= names
+    assert names >= LOCKED_WHILE_ARMED
+
+
+def test_dangerous_parameter_is_locked_while_armed() -> None:
+    table = ParamTable()
+    table.armed = True
+    with pytest.raises(ParamError, match="EST_SURF_HPA = 900: locked while armed"):
+        table.set("EST_SURF_HPA", 900.0)
+    assert table.get("EST_SURF_HPA") == 1013.25
+    assert table.set("EST_SURF_HPA", 1013.25) == 1013.25, "a set that changes nothing is loaded"
+    assert table.set("HDG_P", 0.5) == 0.5
+    table.armed = False
+    assert table.set("EST_SURF_HPA", 990.0) == 990.0

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -10,7 +11,7 @@ from autopilot.control import reference_model
 from autopilot.control.reference_model import NO_REFERENCE, ActuatorLead, ReferenceState
 
 DT = 0.02
-SERVO = ActuatorLead(3.0, 0.6, 8.0, math.radians(15.0), math.radians(15.0))
+SERVO = ActuatorLead(3.0, 0.6, 8.0, 0.7, math.radians(15.0), math.radians(15.0))
 
 
 def follow_model(
@@ -40,6 +41,13 @@ def test_reference_without_rate_limit_is_critically_damped() -> None:
     np.testing.assert_allclose(states, 1.0 - (1.0 + 0.5 * t) * np.exp(-0.5 * t), atol=0.01)
 
 
+def test_reference_starts_no_faster_than_it_stops() -> None:
+    """After a large change the rate rises within two time constants, not in one tick."""
+    rates = np.array([state.rate for state in follow_model(10.0, 0.5, 0.3)])
+    assert np.max(np.abs(np.diff(rates, prepend=0.0))) / DT <= 0.5 * 0.5 * 0.3 + 1e-12
+    assert np.argmax(rates > 0.999 * 0.3) * DT == pytest.approx(4.0, abs=0.05)
+
+
 def simulate_tailcone(wanted: np.ndarray, servo: ActuatorLead) -> tuple[np.ndarray, np.ndarray]:
     """Return (commands, duct angles); the tailcone is the lag of ``servo`` with its limits."""
     angle = rate = 0.0
@@ -62,7 +70,7 @@ def simulate_tailcone(wanted: np.ndarray, servo: ActuatorLead) -> tuple[np.ndarr
 def test_lead_duct_moves_as_faster_lag() -> None:
     wanted = np.full(150, math.radians(1.0))
     _, angles = simulate_tailcone(wanted, SERVO)
-    t, w, z = DT * np.arange(1, 151), SERVO.lead_radps, reference_model.LEAD_DAMPING
+    t, w, z = DT * np.arange(1, 151), SERVO.lead_radps, SERVO.lead_damping
     damped = w * math.sqrt(1.0 - z * z)
     faster = 1.0 - np.exp(-z * w * t) * (np.cos(damped * t) + z * w / damped * np.sin(damped * t))
     assert np.max(np.abs(angles / wanted - faster)) < 0.12

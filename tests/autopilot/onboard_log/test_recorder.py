@@ -25,7 +25,7 @@ from mavlink_io.mission_items import MissionItem
 from mavlink_io.vehicle_modes import VehicleMode
 from sysid.data import readers as identification
 from sysid.data.events import Armed, ModeChanged
-from tests.helpers.fake_hil import TICK_US, Station, sensors
+from tests.helpers.fake_hil import TICK_US, Station, approach, sensors
 from tests.mavlink_io.logging import decoding
 
 SENSOR = dialect.by_name("HIL_SENSOR")
@@ -41,14 +41,15 @@ class Rig:
         self.server = GroundServer(
             self.vehicle, [self.station], AutopilotId.GENERIC, onboard_log=self.onboard_log
         )
-        self.time_us = -TICK_US
+        self.time_us, self.depth_m = -TICK_US, float("nan")
         self.sent: list[Frame] = []
         self.tick(3)
 
     def tick(self, count: int = 1, depth_m: float = 0.0) -> None:
         for _ in range(count):
             self.time_us += TICK_US
-            record = sensors(self.time_us, depth_m)
+            self.depth_m = approach(self.depth_m, depth_m)
+            record = sensors(self.time_us, self.depth_m)
             (frame,) = Framer().feed(encode(SENSOR, record, self.time_us // TICK_US & 255, 1, 25))
             self.sent.append(frame)
             self.vehicle.tick(Inputs(record, None, None, None))
@@ -244,7 +245,7 @@ def test_unwritable_folder_is_reported_once(tmp_path: Path) -> None:
     boat = Rig(tmp_path / "file")
     boat.arm()
     boat.tick(10)
-    boat.until(lambda: boat.onboard_log._failed)
+    boat.until(lambda: boat.onboard_log._retry_s > 0.0)
     boat.tick(10)
     assert [text for text in boat.received_texts() if text.startswith("Log")] == [
         f"Log stopped: File exists: {tmp_path}/file"[:50]
@@ -261,7 +262,7 @@ def test_full_disk_is_reported_and_log_is_readable(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("autopilot.onboard_log.writer.FREE_SPACE_CHECK_BYTES", 1000)
     monkeypatch.setattr("shutil.disk_usage", lambda folder: type("Usage", (), {"free": 0}))
     boat.tick(500)
-    boat.until(lambda: boat.onboard_log._failed)
+    boat.until(lambda: boat.onboard_log._retry_s > 0.0)
     boat.tick(100)
     assert [text for text in boat.received_texts() if "no room" in text] == [
         f"Log stopped: no room left for logs in {tmp_path}"[:50]

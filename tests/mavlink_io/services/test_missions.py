@@ -282,6 +282,32 @@ def test_mission_fence_and_rally_lists_are_empty(kind: int) -> None:
     assert sea.store.items == tuple(leg())
 
 
+@pytest.mark.parametrize("kind", [1, 2])
+def test_plans_are_kept_apart_by_type(kind: int) -> None:
+    """pymavlink's messages carry the type; the other plan of the vehicle is not changed."""
+    sea, plan = Sea(), Store()
+    sea.server = MissionServer(sea.store, plans={kind: plan})
+    sea.run(sea.client.upload(leg()))
+    points = [MissionItem(n, 0, 5100, x=10 * n, z=50.0, mission_type=kind) for n in range(2)]
+    (first,) = sea.ask("MISSION_COUNT", count=2, mission_type=kind)
+    assert (first.seq, first.mission_type) == (0, kind)
+    (wrong,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(leg()[0], VEHICLE))
+    assert (wrong.seq, wrong.mission_type) == (0, kind), "an item of another plan is not taken"
+    (second,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(points[0], VEHICLE))
+    assert second.seq == 1
+    (done,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(points[1], VEHICLE))
+    assert (done.type, done.mission_type) == (missions.ACCEPTED, kind)
+    assert plan.items == tuple(points)
+    (count,) = sea.ask("MISSION_REQUEST_LIST", mission_type=kind)
+    assert count.count == 2
+    (back,) = sea.ask("MISSION_REQUEST_INT", seq=1, mission_type=kind)
+    assert (back.x, back.mission_type) == (10, kind)
+    (cleared,) = sea.ask("MISSION_CLEAR_ALL", mission_type=kind)
+    assert (cleared.type, cleared.mission_type) == (missions.ACCEPTED, kind)
+    assert plan.items == ()
+    assert sea.store.items == tuple(leg())
+
+
 def test_mission_clear_all_types_is_accepted() -> None:
     sea = Sea()
     sea.run(sea.client.upload(leg()))

@@ -7,18 +7,20 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from mavlink_io.frames import quaternion_from_euler, rotate
+from mavlink_io.frames import flip, flip_quaternion, quaternion_from_euler, rotate
 from mavlink_io.records import SENSORS_ALL, ActuatorFrame, SensorFrame
 from sitl import scenario
-from sitl.core import environment, plant, sensors, timestep
+from sitl.core import environment, plant, timestep
+from sitl.core import state as layout
+from sitl.core.plant import Plant, PlantState
 from sitl.core.sensors import Sensors
 from sitl.core.truth import Truth
 from sitl.vehicle import config
 from sitl.vehicle.config import Instruments, VehicleFileError
+from sitl.vehicle.dynamics import POSITION, QUATERNION
 
 TRUE_VEHICLE = config.load("caribou_truth")
 SEA = environment.build(scenario.load("calm"), 9.81, timestep.TICK_S)
-FULL_RPS = 6.5
 AT_REST = Truth(
     time_us=0,
     position_ned_m=(0.0, 0.0, 5.0),
@@ -35,22 +37,36 @@ AT_REST = Truth(
 )
 
 
-def suite_with(**instruments: str) -> sensors.SensorSuite:
+def held_with(**instruments: str) -> Plant:
+    """Return a vehicle with other sensors that is held in place."""
     vehicle = replace(TRUE_VEHICLE, instruments=Instruments(**instruments))
-    return sensors.build(vehicle, FULL_RPS, timestep.TICK_US)
+    return plant.build(vehicle, scenario.Scenario(rig=scenario.Rig(clamped=True)))
 
 
-def readings(
-    truth: Truth, ticks: int, suite: sensors.SensorSuite | None = None, seed: int = 1
-) -> list[Sensors]:
-    """Return the output while the vehicle's state is constant."""
-    suite = suite or suite_with()
-    streams = plant.random_streams(seed).sensors
-    state, output = sensors.initial_state(suite, 1.0, streams), []
-    for tick in range(ticks):
-        state, reading = sensors.sample(
-            suite, truth._replace(time_us=tick * timestep.TICK_US), SEA, state, streams
-        )
+def moved_to(truth: Truth, state: PlantState) -> PlantState:
+    """Return the state with another true motion."""
+    values = state.values.copy()
+    parts = layout.parts(state.layout, values)
+    parts.body[POSITION] = flip(*truth.position_ned_m)
+    parts.body[QUATERNION] = flip_quaternion(*truth.attitude_q)
+    parts.body[plant.RATES] = flip(*truth.rates_radps)
+    for start, vector in (
+        (layout.VELOCITY, truth.velocity_ned_mps),
+        (layout.FORCE, truth.specific_force_mps2),
+        (layout.WATER_VELOCITY, truth.water_velocity_ned_mps),
+    ):
+        parts.motion[start : start + 3] = flip(*vector)
+    return state._replace(values=values)
+
+
+def readings(truth: Truth, ticks: int, held: Plant | None = None, seed: int = 1) -> list[Sensors]:
+    """Return the output of ticks while the vehicle's state is constant."""
+    held = held or held_with()
+    rng = plant.random_streams(seed)
+    state, _ = plant.initial_state(held, rng)
+    state, output = moved_to(truth, state), []
+    for _ in range(ticks):
+        state, reading = plant.step(held, state, ActuatorFrame(0, 1, (0.0, 0.0, 0.0), 129), rng)
         output.append(reading)
     return output
 
@@ -83,7 +99,7 @@ def test_turn_on_errors_over_runs_match_data_sheets() -> None:
         "accel_z_mps2": (-9.81, math.hypot(0.5 * milli_g, 0.3 * milli_g, tilt_and_scale)),
         "gyro_z_radps": (0.03, 5.0 * math.radians(0.01)),
         "mag_z_gauss": (0.52 * math.sin(math.radians(67.0)), math.hypot(1e-3, 0.5e-3, 0.48e-3)),
-        "pressure_hpa": (1013.25 + 1025.0 * 9.81 * 5.0 / 100.0, math.hypot(0.5, 0.5)),
+        "pressure_hpa": (1013.25 + 1025.0 * 9.80665 * 5.0 / 100.0, math.hypot(0.5, 0.5)),
     }
     for name, (mean, spread) in expected.items():
         assert columns[name].mean() == pytest.approx(mean, abs=4.0 * spread / math.sqrt(runs)), name
@@ -109,16 +125,16 @@ def test_sensor_errors_are_independent_of_other_sensors() -> None:
     bare = readings(
         AT_REST,
         200,
-        suite_with(gps="none", dvl="none", altimeter="none", battery="none", leak="none"),
+        held_with(gps="none", dvl="none", altimeter="none", battery="none", leak="none"),
     )
-    rich = readings(AT_REST, 200, suite_with(encoder="as5048"))
+    rich = readings(AT_REST, 200, held_with(encoder="as5048"))
     assert [r.frame for r in bare] == [r.frame for r in plain] == [r.frame for r in rich]
     assert [r.dvl for r in rich] == [r.dvl for r in plain]
     assert any(r.duct for r in rich)
 
 
 def test_sensor_not_fitted_has_no_output() -> None:
-    nothing = suite_with(**dict.fromkeys(Instruments.__struct_fields__, "none"))
+    nothing = held_with(**dict.fromkeys(Instruments.__struct_fields__, "none"))
     for reading in readings(AT_REST, 60, nothing):
         assert reading.frame == SensorFrame(reading.frame.time_us, *(0.0,) * 13, 0, 0)
         assert set(reading[1:]) == {None}
@@ -128,7 +144,7 @@ def test_unknown_sensor_name_is_rejected() -> None:
     with pytest.raises(
         VehicleFileError, match=r"instruments\.dvl = 'a5O': unknown; known here: a50, .*none"
     ):
-        suite_with(dvl="a5O")
+        held_with(dvl="a5O")
 
 
 def test_specific_force_is_acceleration_minus_gravity() -> None:

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from numpy.random import default_rng
 
+from sitl.core import plant
+from sitl.core.draws import AT_START, PER_TICK
 from sitl.core.environment import current
 from sitl.environment_schema import Current, CurrentLayer, Variation
 
@@ -59,11 +60,12 @@ def test_steady_current_has_direction_at_every_depth() -> None:
 def test_variation_has_rms_correlation_and_acceleration() -> None:
     """The autocorrelation is (1 + omega t) exp(-omega t), 1/e at the time constant."""
     drift = current.current_drift(Variation(rms_mps=0.1, time_constant_s=2.0), TICK_S)
-    assert drift is not None
-    stream = default_rng(3)
-    variation, velocity, rate = current.sample_stationary(stream), [], []
+    draws = plant.random_streams(3).draws
+    draws.prepare(AT_START)
+    variation, velocity, rate = np.array(current.sample_stationary(drift, draws)), [], []
     for _ in range(400_000):
-        variation = current.advance(drift, variation, stream)
+        draws.prepare(PER_TICK)
+        current.advance(drift, variation, draws.table)
         v, a = current.variation_motion(drift, variation)
         velocity.append(v)
         rate.append(a)
@@ -80,4 +82,4 @@ def test_variation_has_rms_correlation_and_acceleration() -> None:
 
 
 def test_without_rms_there_is_no_variation() -> None:
-    assert current.current_drift(Variation(), TICK_S) is None
+    assert current.current_drift(Variation(), TICK_S).rms_mps == 0.0

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mavlink_io.records import ActuatorFrame
 from sitl import scenario
 from sitl.core import environment, plant, timestep
+from sitl.core.draws import BLOCK, DRIFT
 from sitl.core.environment import current, field
 from sitl.core.environment.field import WaterField
 from sitl.environment_schema import (
@@ -31,6 +32,7 @@ from tests.sitl.vehicle import flight
 
 Array = NDArray[np.float64]
 NOTHING = (0.0, 0.0, 0.0)
+STEADY = np.zeros(current.VARIATION)
 ROUGH = Scenario(
     current=Current(
         layer=(
@@ -48,7 +50,7 @@ LONG_WAVE = Waves(
 
 def sea_of(what: Scenario, half_length_m: float = 1.0, seed: int = 1) -> WaterField:
     sea = environment.build(what, bodies.GRAVITY_MPS2, timestep.TICK_S, half_length_m)
-    return environment.initial_weather(sea, default_rng(seed), default_rng(seed)).field
+    return environment.draw_waves(sea, default_rng(seed)).field
 
 
 def velocity(sea: WaterField, point: Array, time_s: float) -> Array:
@@ -110,15 +112,15 @@ def test_wave_pressure_gradient_matches_acceleration() -> None:
     waves = Waves(significant_height_m=0.1, peak_period_s=5.0, from_deg=70.0)
     what = Scenario(waves=waves)
     sea = environment.build(what, bodies.GRAVITY_MPS2, timestep.TICK_S)
-    own = environment.initial_weather(sea, default_rng(1), default_rng(1))
+    own = environment.draw_waves(sea, default_rng(1))
     h = 1e-4
 
     def gauge_pa(point: Array) -> float:
         body = dynamics.state_at_rest()
         body[:3] = point
-        wave_pa = environment.sample_water(sea, own, body, 3.0).wave_pressure_pa
-        return 100.0 * (
-            environment.pressure_hpa(sea, -point[2], wave_pa) - sea.surface_pressure_hpa
+        wave_pa = environment.sample_water(own, STEADY, body, 3.0).wave_pressure_pa
+        return 100.0 * environment.pressure_hpa(
+            own.field.column, own.gravity_mps2, 0.0, -point[2], wave_pa
         )
 
     point = np.array([2.0, 5.0, -3.0])
@@ -179,11 +181,16 @@ def test_neutral_sphere_follows_fluid_particle() -> None:
 @pytest.mark.parametrize("name", ["calm", "disturbed", "under_ice"])
 def test_uniform_water_draws_no_random_numbers(name: str) -> None:
     sea = environment.build(scenario.load(name), 9.81, timestep.TICK_S)
-    swell, drift = default_rng(1), default_rng(2)
-    before: Any = swell.bit_generator.state, drift.bit_generator.state
-    own = environment.advance(sea, environment.initial_weather(sea, swell, drift), drift)
-    assert (swell.bit_generator.state, drift.bit_generator.state) == before
-    assert environment.sample_water(sea, own, dynamics.state_at_rest(-3.0), 5.0) is sea.uniform
+    swell, draws = default_rng(1), plant.random_streams(1).draws
+    before: Any = swell.bit_generator.state
+    own = environment.draw_waves(sea, swell)
+    variation = np.array(current.sample_stationary(own.drift, draws))
+    current.advance(own.drift, variation, draws.table)
+    assert swell.bit_generator.state == before
+    assert (draws.table.used == BLOCK).all()
+    assert (variation == 0.0).all()
+    water = environment.sample_water(own, variation, dynamics.state_at_rest(-3.0), 5.0)
+    assert water == own.uniform
 
 
 def test_uniform_water_equals_sampled_field() -> None:
@@ -193,27 +200,26 @@ def test_uniform_water_equals_sampled_field() -> None:
         floor=FloorTable(depth_m=12.0),
     )
     sea = environment.build(what, 9.81, timestep.TICK_S, 1.0, 1000.0)
-    assert sea.uniform is not None
+    own = sea.surroundings
+    assert own.is_uniform
     water, wave_pa = field.sample(
         sea.field, dynamics.state_at_rest(-3.0), 0.02, 5.0, NOTHING, NOTHING
     )
-    assert wave_pa == sea.uniform.wave_pressure_pa == 0.0
-    for uniform, sampled in zip(sea.uniform.water, water, strict=True):
+    assert wave_pa == own.uniform.wave_pressure_pa == 0.0
+    for uniform, sampled in zip(own.uniform.water, water, strict=True):
         np.testing.assert_allclose(sampled, uniform, atol=1e-15)
 
 
 def test_waves_and_variation_use_separate_streams() -> None:
     restless = Scenario(current=Current(variation=Variation(rms_mps=0.1)))
-    for what, draws in ((restless, (False, True)), (Scenario(waves=LONG_WAVE), (True, False))):
-        sea = environment.build(what, 9.81, timestep.TICK_S)
+    for what, drawn in ((restless, (False, True)), (Scenario(waves=LONG_WAVE), (True, False))):
+        vehicle = plant.build(config.load("caribou_nominal"), what)
         used, fresh = plant.random_streams(3), plant.random_streams(3)
-        environment.advance(
-            sea, environment.initial_weather(sea, used.swell, used.drift), used.drift
-        )
+        plant.initial_state(vehicle, used)
         assert (
             used.swell.random() != fresh.swell.random(),
-            used.drift.random() != fresh.drift.random(),
-        ) == draws
+            bool(used.draws.table.used[DRIFT]),
+        ) == drawn
 
 
 def test_dive_in_waves_depends_on_seed_only() -> None:

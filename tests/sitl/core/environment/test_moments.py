@@ -12,6 +12,7 @@ from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.records import ActuatorFrame
 from sitl import scenario
 from sitl.core import environment, plant
+from sitl.core.draws import AT_START, PER_TICK
 from sitl.core.environment import moments
 from sitl.core.plant import Plant
 from sitl.environment_schema import FloorTable
@@ -137,12 +138,14 @@ def test_disturbances_are_stationary() -> None:
     sea = sea_of("disturbed")
     start, later = [], []
     for seed in range(1500):
-        streams = plant.random_streams(seed)
-        disturbance = moments.sample_stationary(streams.slow, streams.wave)
-        start.append([*disturbance.slow, *disturbance.wave[0], *disturbance.wave[1]])
+        draws = plant.random_streams(seed).draws
+        draws.prepare(AT_START)
+        disturbance = np.array(moments.sample_stationary(draws))
+        start.append(disturbance.copy())
         for _ in range(20):
-            disturbance = moments.advance(sea.moments, disturbance, streams.slow, streams.wave)
-        later.append([*disturbance.slow, *disturbance.wave[0], *disturbance.wave[1]])
+            draws.prepare(PER_TICK)
+            moments.advance(sea.surroundings.moments, disturbance, draws.table)
+        later.append(disturbance)
     four_sigma = 4.0 * math.sqrt(2.0 / 1500)
     np.testing.assert_allclose(np.cov(np.array(start).T), np.eye(6), atol=four_sigma)
     np.testing.assert_allclose(np.cov(np.array(later).T), np.eye(6), atol=four_sigma)
@@ -153,26 +156,25 @@ def test_disturbances_are_stationary() -> None:
 
 
 def test_calm_scenario_has_no_disturbance() -> None:
-    streams = plant.random_streams(seed=1)
-    sea = sea_of("calm")
-    assert moments.moments_flu_nm(
-        sea.moments, moments.sample_stationary(streams.slow, streams.wave)
-    ) == (
-        0.0,
-        0.0,
-    )
+    levels = sea_of("calm").surroundings.moments
+    assert moments.moments_flu_nm(levels, np.ones(moments.PROCESSES)) == (0.0, 0.0)
 
 
 def test_pressure_grows_one_bar_per_ten_metres() -> None:
     sea = sea_of("calm")
-    assert environment.pressure_hpa(sea, -1.0) == 1013.25
-    assert environment.pressure_hpa(sea, 10.0) - environment.pressure_hpa(
-        sea, 0.0
-    ) == pytest.approx(1005.5, abs=0.1)
+    surface_hpa = sea.surroundings.surface_pressure_hpa
+
+    def pressure_hpa(depth_m: float) -> float:
+        return environment.pressure_hpa(
+            sea.field.column, sea.gravity_mps2, surface_hpa, depth_m, 0.0
+        )
+
+    assert pressure_hpa(-1.0) == surface_hpa == 1013.25
+    assert pressure_hpa(10.0) - pressure_hpa(0.0) == pytest.approx(1005.5, abs=0.1)
 
 
 def test_magnetic_field_matches_boston() -> None:
-    north, east, down = sea_of("calm").magnetic_field_ned_gauss
+    north, east, down = sea_of("calm").surroundings.magnetic_field_ned_gauss
     assert math.degrees(math.atan2(east, north)) == pytest.approx(-14.4)
     assert math.degrees(math.atan2(down, math.hypot(north, east))) == pytest.approx(67.0)
     assert math.hypot(north, east, down) == pytest.approx(0.52)

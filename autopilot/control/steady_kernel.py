@@ -1,0 +1,130 @@
+"""Steady ticks of a vehicle with its devices, each one compiled call.
+
+The state stays in memory of compiled code from tick to tick: to convert it from and to records of
+Python takes longer than a tick. For the same reason inputs and results are numbers in one array.
+Importing this module loads the compiler.
+"""
+
+from typing import NamedTuple
+
+from autopilot.control import steady
+from autopilot.control.excitation import ExcitationOutput
+from autopilot.control.sensor_health.types import Devices
+from autopilot.control.steady import DeviceRecords, SteadyState, Task
+from autopilot.control.types import Motion, Trace, motion_of
+from mavlink_io.jit import Native, Numbers, entry_point, numeric
+from mavlink_io.records import (
+    Altimeter,
+    Battery,
+    DuctFeedback,
+    Dvl,
+    GpsFix,
+    Leak,
+    SensorFrame,
+)
+
+KINDS = (SensorFrame, ExcitationOutput, *(type(record) for record in steady.NO_RECORDS))
+"""Records of the inputs, in the order of the array; the results are ``Motion`` and ``Trace``."""
+STARTS = tuple(sum(len(kind._fields) for kind in KINDS[:n]) for n in range(len(KINDS) + 1))
+"""Index in the array of the first number of each input, and of the results."""
+SIGNAL, GPS, ALTIMETER, DVL, BATTERY, LEAK, DUCT, RESULTS = STARTS[1:]
+SIZE = RESULTS + len(Motion._fields) + len(Trace._fields)
+"""Length of the array."""
+
+
+class Flight(NamedTuple):
+    """Steady ticks in progress: what they change, and what stays the same."""
+
+    state: SteadyState
+    devices: Devices
+    task: Task
+
+
+@entry_point
+def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
+    """Advance a flight by one tick if that is a steady one.
+
+    Parameters
+    ----------
+    flight : Native
+        ``Flight``; it changes if the tick is a steady one.
+    config : Native
+        Parameters, from ``params.flat``.
+    values : Numbers
+        ``SIZE`` numbers. Inputs: sensor frame as received, test signal and newest device records.
+        Receives the results: motion and signals after the tick.
+    new : int
+        Bits of the device records that have come in this tick.
+
+    Returns
+    -------
+    bool
+        Whether the tick is a steady one; if not, the results have no meaning.
+    """
+    before = flight.value
+    signal = ExcitationOutput(
+        values[SIGNAL], values[SIGNAL + 1], values[SIGNAL + 2], values[SIGNAL + 3]
+    )
+    done, state, devices, trace = steady.tick_with_devices(
+        before.state,
+        before.devices,
+        _records(values) if new != 0 else steady.NO_RECORDS,
+        new,
+        _frame(values),
+        signal,
+        before.task,
+        config.value,
+    )
+    if done:
+        flight.value = Flight(state, devices, before.task)
+    motion = motion_of(state.estimate)
+    for i in range(len(motion)):
+        values[RESULTS + i] = motion[i]
+    for i in range(len(trace)):
+        values[RESULTS + len(motion) + i] = trace[i]
+    return done
+
+
+@entry_point
+def read(flight: Native) -> tuple[SteadyState, Devices]:
+    """Return what the ticks have changed as records of Python."""
+    return flight.value.state, flight.value.devices
+
+
+@numeric
+def _frame(v: Numbers) -> SensorFrame:
+    """Return the sensor frame in the array."""
+    return SensorFrame(
+        int(v[0]),
+        v[1],
+        v[2],
+        v[3],
+        v[4],
+        v[5],
+        v[6],
+        v[7],
+        v[8],
+        v[9],
+        v[10],
+        v[11],
+        v[12],
+        v[13],
+        int(v[14]),
+        int(v[15]),
+    )
+
+
+@numeric
+def _records(values: Numbers) -> DeviceRecords:
+    """Return the device records in the array."""
+    g, e, p = values[GPS:], values[ALTIMETER:], values[DVL:]
+    b, d = values[BATTERY:], values[DUCT:]
+    fix = GpsFix(int(g[0]), int(g[1]), g[2], g[3], g[4], g[5], g[6], g[7], int(g[8]), g[9], g[10])
+    return DeviceRecords(
+        fix,
+        Altimeter(int(e[0]), e[1], e[2], e[3]),
+        Dvl(int(p[0]), p[1], p[2], p[3], p[4] != 0.0, p[5], int(p[6])),
+        Battery(b[0], b[1], b[2], b[3]),
+        Leak(values[LEAK] != 0.0),
+        DuctFeedback(int(d[0]), d[1], d[2]),
+    )

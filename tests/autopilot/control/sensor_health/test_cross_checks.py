@@ -1,0 +1,113 @@
+"""Sensors that disagree with others: named, not used, and used again when they agree."""
+
+import math
+
+import pytest
+
+from autopilot.control import core, modes, requests
+from autopilot.control.sensor_health import monitor
+from autopilot.control.types import Event, Inputs
+from mavlink_io.records import GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH, GpsFix, SensorFrame
+from tests.helpers.missions import TICK_US, Flight, sensors, under_way
+
+Change = dict[str, float]
+
+
+def dive() -> Flight:
+    """Return an armed vehicle in mode MANUAL, which keeps its attitude and depth."""
+    return under_way(modes.MANUAL)
+
+
+def feed(flight: Flight, seconds: float, offsets: Change, **devices: object) -> list[str]:
+    """Run ticks with constant errors of the readings, at rest at 5 m; return the texts."""
+    texts = []
+    for _ in range(round(seconds * 50)):
+        frame = sensors(flight.state.time_us + TICK_US)
+        wrong = {name: getattr(frame, name) + error for name, error in offsets.items()}
+        inputs = Inputs(frame._replace(**wrong), None, None, None)._replace(**devices)  # type: ignore[arg-type]
+        flight.state, flight.frame, flight.trace, events = core.tick(
+            flight.state, inputs, flight.config
+        )
+        texts += [event.text for event in events if isinstance(event, Event)]
+    return texts
+
+
+def fresh(flight: Flight) -> int:
+    frame: SensorFrame = flight.state.ahrs.frame
+    return frame.fields_updated
+
+
+@pytest.mark.parametrize(
+    ("offsets", "name"),
+    [
+        ({f"accel_{axis}_mps2": 1.0 for axis in "xyz"}, "Accelerometer"),
+        ({f"mag_{axis}_gauss": 0.1 for axis in "xyz"}, "Magnetometer"),
+        ({f"gyro_{axis}_radps": math.radians(5.0) for axis in "xyz"}, "Gyro"),
+        ({"gyro_y_radps": math.radians(4.0)}, "Gyro"),
+    ],
+)
+def test_sensor_disagrees_is_named_excluded_and_recovers(offsets: Change, name: str) -> None:
+    """The sizes are the defaults of the simulator's faults."""
+    flight = dive()
+    assert feed(flight, 3.0, {}) == []
+    assert feed(flight, 15.0, offsets) == [f"{name} disagrees"]
+    bits = {"Gyro": GYRO_FRESH, "Magnetometer": MAGNETOMETER_FRESH}
+    assert not fresh(flight) & bits.get(name, 7)
+    assert monitor.active_faults(flight.state.health) == {name: "disagrees"}
+    estimate = flight.state.estimate
+    assert abs(estimate.pitch_rad) < math.radians(14.0)
+    assert f"{name} recovered" in feed(flight, 30.0, {})
+
+
+def test_pressure_step_is_never_used_while_it_lasts() -> None:
+    """200 hPa are 2 m in a tick: the depth estimate stays, and the failsafe of no depth acts."""
+    flight = dive()
+    feed(flight, 3.0, {})
+    texts = feed(flight, 5.0, {"pressure_hpa": 200.0})
+    assert texts == ["Pressure sensor implausible"]
+    assert flight.state.estimate.depth_m == pytest.approx(5.0, abs=0.1)
+    assert "Failsafe: depth unknown -> SURFACE" in feed(flight, 0.5, {"pressure_hpa": 200.0})
+
+
+def test_pressure_above_water_is_named() -> None:
+    flight = dive()
+    feed(flight, 3.0, {})
+    for step in range(30):
+        feed(flight, 0.1, {"pressure_hpa": -20.0 * step})
+    texts = feed(flight, 5.0, {"pressure_hpa": -580.0})
+    assert "Pressure sensor disagrees" in texts
+    assert not fresh(flight) & PRESSURE_FRESH
+
+
+def test_gyro_step_is_not_used_at_once() -> None:
+    """30 deg/s would command full rudder by HDG_D; the jump is implausible in the first tick."""
+    flight = under_way()
+    feed(flight, 3.0, {})
+    feed(flight, 2.0, {"gyro_z_radps": math.radians(30.0)})
+    assert abs(flight.trace.rudder_rad) < 0.1 * flight.config.travel_rad
+
+
+def test_course_differs_from_heading_is_named() -> None:
+    flight = under_way()
+    assert flight.ask(requests.ChangeTarget(None, 0.0, 0.58)) == 0
+    for _ in range(20):
+        flight.more = {"gps": None}
+        for _ in flight.run(0.98):
+            pass
+        time_us = flight.state.time_us + TICK_US
+        fix = GpsFix(time_us, 3, 42.35, -71.0, 0.0, -1.3, 0.0, 0.0, 10, 1.5, 3.0)
+        flight.more = {"gps": fix}
+        flight.step()
+    assert "Heading disagrees" in flight.texts()
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_command_that_is_no_number_is_neutral_or_limited(value: float) -> None:
+    flight = dive()
+    rudder, elevator, thrust = core.limit(value, value, value, flight.config)
+    travel = flight.config.travel_rad
+    if math.isnan(value):
+        assert (rudder, elevator, thrust) == (0.0, 0.0, 0.0)
+    else:
+        sign = math.copysign(1.0, value)
+        assert (rudder, elevator, thrust) == (sign * travel, sign * travel, sign)
