@@ -15,6 +15,7 @@ from ground.client.flight import FlightProgress
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import InputError
+from mavlink_io.text_files import parse_toml, read_text
 from sysid.data import readers
 from sysid.data.dataset import LogError
 from sysid.estimation import inclining_test
@@ -58,7 +59,7 @@ def load(path: Path | None) -> IncliningPlan:
     """Read a list of moves; None selects the shipped one. Raises InputError."""
     source = path or SHIPPED
     try:
-        plan = msgspec.convert(tomllib.loads(source.read_text(encoding="utf-8")), IncliningPlan)
+        plan = msgspec.convert(parse_toml(read_text(source)), IncliningPlan)
     except OSError as error:
         raise InputError(
             f"--moves {path}: {error.strerror}; give a TOML file of [[move]] tables"

@@ -2,7 +2,7 @@
 
 A test that its envelope ends early, or that the screening would reject, is made smaller. Sweeps
 whose response the disturbance masks are made larger. Legs are made longer if the vehicle has not
-settled before a test.
+settled before a test, in the sea and in calm water: the motion of the sea alone does not end.
 """
 
 from collections.abc import Mapping
@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ground.missions import scaling
 from ground.missions.script import Script, compile_items
+from sysid.monte_carlo import simulate
 from sysid.monte_carlo.readiness import Readiness
 from sysid.monte_carlo.simulate import MissionRejectedError, SimulatedDive
 from sysid.planes import PLANES, Plane
@@ -18,6 +19,8 @@ MAX_ROUNDS = 8
 """Largest number of simulated dives of a mission, and of changes of its sweeps."""
 SMALLER, LARGER, LONGER = 0.8, 1.3, 1.3
 """Factors on the size of tests and on the duration of legs."""
+MAX_MISSION_S = 3600.0
+"""Largest duration of legs and tests (s) up to which legs are made longer."""
 AFTER_FAILSAFE = 0.6
 """Factor on the size of the test before a failsafe."""
 COHERENCE = 0.8
@@ -76,9 +79,8 @@ def _fit_envelope(check: Readiness, script: Script, max_deg: Mapping[str, float]
             dive = check.fly(compile_items(script))
         except MissionRejectedError:
             return script
-        factors, unsettled = _corrections(check, dive)
-        changed = scaling.scale_tests(script, factors, max_deg)
-        if unsettled:
+        changed = scaling.scale_tests(script, _corrections(check, dive), max_deg)
+        if _unsettled(check, dive, script):
             changed = scaling.lengthen_legs(changed, LONGER)
         if changed == script:
             return script
@@ -86,13 +88,26 @@ def _fit_envelope(check: Readiness, script: Script, max_deg: Mapping[str, float]
     return script
 
 
-def _corrections(check: Readiness, dive: SimulatedDive) -> tuple[dict[int, float], bool]:
-    """Return the factor by number of the test, and whether a test began before the motion ended."""
+def _corrections(check: Readiness, dive: SimulatedDive) -> dict[int, float]:
+    """Return the factor on the size by number of the test."""
     outcomes = check.outcomes_of_tests(dive)
     factors = {number: SMALLER for number, outcome in enumerate(outcomes) if outcome.too_large}
     if dive.failsafe and outcomes:
         factors[len(outcomes) - 1] = AFTER_FAILSAFE
-    return factors, any(outcome.unsettled for outcome in outcomes)
+    return factors
+
+
+def _unsettled(check: Readiness, dive: SimulatedDive, script: Script) -> bool:
+    """Return whether a test begins before the motion of a manoeuvre has ended.
+
+    Then its start is unsteady in calm water too. Missions that are long already stay as they are.
+    """
+    suspects = [test.unsettled for test in check.outcomes_of_tests(dive)]
+    items = compile_items(script)
+    if not any(suspects) or simulate.planned_s(items) * LONGER > MAX_MISSION_S:
+        return False
+    calm = check.outcomes_of_tests(check.fly(items, disturbance=0.0))
+    return any(a and b.unsettled for a, b in zip(suspects, calm, strict=False))
 
 
 def _raise_sweeps(

@@ -9,6 +9,7 @@ from ground.campaign import prototype, refit, summary_file
 from ground.campaign.summary_file import CampaignSummary
 from ground.client import param_file
 from mavlink_io.errors import InputError
+from mavlink_io.text_files import parse_toml
 from sysid.data import segments
 from sysid.data.dataset import Log
 from sysid.data.segments import Run
@@ -38,6 +39,10 @@ class CampaignFolder:
     def model(self) -> IdentifiedModel:
         """The model in `model.json`."""
         return refit.read_model(self.path / "model.json")
+
+    def forget_model(self) -> None:
+        """Read `model.json` again when it is needed next."""
+        self.__dict__.pop("model", None)
 
     @cached_property
     def baseline(self) -> PerformanceBaseline:
@@ -72,7 +77,7 @@ class CampaignFolder:
     def _options(self) -> dict[str, Any]:
         """Content of `campaign.toml`."""
         try:
-            return tomllib.loads(self.asked)
+            return parse_toml(self.asked)
         except tomllib.TOMLDecodeError as error:
             raise InputError(f"{self.path / CAMPAIGN_FILE}: names no vehicle ({error})") from None
 

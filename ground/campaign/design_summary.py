@@ -6,10 +6,6 @@ from typing import NamedTuple
 from ground.campaign.summary_file import DesignSummary, LoopAnalysis
 from sysid.design.specification import Spec
 
-LIMITED_CUTS = ("rudder", "heading", "elevator", "depth")
-"""Points at which the specification limits margins and sensitivity. The pitch loop alone, opened at
-the pitch error without the depth loop, is analysed and reported but not limited."""
-
 
 class LimitRow(NamedTuple):
     """One limit, and the value that the design reaches."""
@@ -45,8 +41,9 @@ def describe_other_limits(spec: Spec) -> str:
         f"{100 * spec.integral_residual:.0f} % of a constant load left after"
         f" {spec.integral_settling_s:g} s,"
         f" {spec.heading_step_deg:g} deg of heading within {spec.travel_deg:g} deg of travel,"
-        f" {spec.depth_step_m:g} m of depth with at most {100 * spec.depth_overshoot:.0f} %"
-        f" overshoot, at most {spec.command_noise_deg:g} deg of noise in a command"
+        f" {spec.depth_step_m:g} and {2 * spec.depth_step_m:g} m of depth with at most"
+        f" {100 * spec.depth_overshoot * spec.depth_step_m:.0f} cm of overshoot, at most"
+        f" {spec.command_noise_deg:g} deg of noise in a command"
     )
 
 
@@ -56,7 +53,7 @@ def _nominal_rows(spec: Spec, reached: LoopAnalysis) -> Iterator[LimitRow]:
     yield LimitRow(
         limit="damping", asked=f">= {spec.damping:g}", reached=f"{damping:.2f}", where=loop
     )
-    margins = {cut: m for cut, m in reached.margins.items() if cut in LIMITED_CUTS}
+    margins = reached.margins
     gains = {cut: m.gm_db for cut, m in margins.items() if m.gm_db is not None}
     if gains:
         cut, least = min(gains.items(), key=lambda item: item[1])

@@ -1,17 +1,17 @@
 """Interface to identification and design in sysid, for the commands and the campaign."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from msgspec.structs import replace
 from numpy.linalg import LinAlgError
 
 from ground.campaign import prototype
 from mavlink_io.errors import InputError, OperationError
+from mavlink_io.mission_items import MissionItem
 from mavlink_io.vehicle_modes import VehicleMode
 from sysid import monitor
 from sysid import refit as fitting
@@ -22,39 +22,18 @@ from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
 from sysid.data.segments import MarkedInterval
 from sysid.design import lqg, pid
 from sysid.design.lqg import LqgDesign
-from sysid.design.pid import Design, DesignInfeasibleError, Spec
+from sysid.design.pid import Design, Spec
 from sysid.models import model_file
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport, tracking_metrics
 from sysid.monitor.performance_spec import PerformanceBaseline
 from sysid.monitor.tracking_metrics import TrackingMetrics
+from sysid.monte_carlo import gain_selection
+from sysid.monte_carlo.gain_selection import GainSelection, SelectionRequest
 from sysid.planes import PLANE_OF_SURFACE
 from sysid.refit import SHIPPED, RefitRequest
 from sysid.reproduction import paper_tables
 from sysid.screening import proposals
-
-RELAXED_LIMITS: tuple[dict[str, float], ...] = (
-    {
-        "damping": 0.5,
-        "gm_db": 7.0,
-        "pm_deg": 45.0,
-        "max_sensitivity": 1.9,
-        "robust_gm_db": 5.0,
-        "robust_pm_deg": 37.0,
-    },
-    {
-        "damping": 0.4,
-        "gm_db": 6.0,
-        "pm_deg": 38.0,
-        "max_sensitivity": 2.2,
-        "robust_gm_db": 4.0,
-        "robust_pm_deg": 30.0,
-    },
-)
-"""Limits that a campaign tries in this order if no gains meet the default specification.
-
-An unstable hull or a slow tailcone bounds the margins that any gains reach. The summary holds the
-limits that were met."""
 
 
 def initial_gains() -> dict[str, float]:
@@ -142,12 +121,12 @@ def refit(
     with _singular_model_reported():
         model = fitting.refit(request, progress)
     if not force:
-        _check_converged(model)
+        check_converged(model)
     return model
 
 
 def refit_logs(
-    request: RefitRequest, logs: Sequence[Log], held_out_logs: Sequence[Log]
+    request: RefitRequest, logs: Sequence[Log], held_out_logs: Sequence[Log], *, force: bool = False
 ) -> IdentifiedModel:
     """Identify a model as `refit` does, from logs that have been read.
 
@@ -157,6 +136,8 @@ def refit_logs(
         Paths of the logs, prior and methods.
     logs, held_out_logs : sequence of Log
         Content of the paths, in the same order.
+    force : bool
+        Return the model even if the fit failed; the model records the failure.
 
     Raises
     ------
@@ -167,11 +148,12 @@ def refit_logs(
     """
     with _singular_model_reported():
         model = fitting.refit_logs(request, logs, held_out_logs)
-    _check_converged(model)
+    if not force:
+        check_converged(model)
     return model
 
 
-def _check_converged(model: IdentifiedModel) -> None:
+def check_converged(model: IdentifiedModel) -> None:
     """Raise OperationError if the fit failed."""
     if model.convergence.failures:
         reasons = "; ".join(model.convergence.failures)
@@ -239,20 +221,28 @@ def redesign(
         return pid.redesign(model, spec, vehicle, _initial_gains_of(model, prior))
 
 
-def redesign_for_campaign(model: IdentifiedModel, prior: str) -> Design:
-    """Design PID gains for a model, with relaxed limits if no gains meet the default ones.
+def redesign_for_campaign(
+    model: IdentifiedModel, prior: str, first: Mapping[str, float], items: tuple[MissionItem, ...]
+) -> tuple[Design, GainSelection]:
+    """Design PID gains for a model, and compare them with the first gains in simulation.
 
     Parameters
     ----------
     model : IdentifiedModel
         The model.
     prior : str
-        Vehicle file from which it was fitted. The limits for Caribou are never relaxed.
+        Vehicle file from which it was fitted.
+    first : Mapping
+        Parameters of the first dives, without trims.
+    items : tuple of MissionItem
+        Mission that is rehearsed.
 
     Returns
     -------
-    Design
+    design : Design
         Gains; `spec` is the specification that they meet.
+    selection : GainSelection
+        Comparison with the first gains.
 
     Raises
     ------
@@ -261,12 +251,12 @@ def redesign_for_campaign(model: IdentifiedModel, prior: str) -> Design:
     OperationError
         The model is not fit for redesign, or no gains meet the last specification.
     """
-    spec = specification(model, prior)
-    relaxed = () if prior in prototype.CARIBOU else RELAXED_LIMITS
-    for limits in ({}, *relaxed[:-1]):
-        with suppress(DesignInfeasibleError):
-            return redesign(model, replace(spec, **limits), prior)
-    return redesign(model, replace(spec, **(relaxed[-1] if relaxed else {})), prior)
+    _check_fit_for_redesign(model, "redesign", force=False)
+    with _singular_model_reported():
+        request = SelectionRequest(
+            model, specification(model, prior), read_vehicle(prior), first, items
+        )
+        return gain_selection.select(request)
 
 
 def redesign_lqg(

@@ -29,15 +29,14 @@ from ground.campaign.campaign_folder import (
     TRUTH_FILE,
     CampaignFolder,
 )
-from ground.campaign.computations import FITTED as FITTED
-from ground.campaign.computations import HELD_OUT as HELD_OUT
-from ground.campaign.computations import MISSIONS as MISSIONS
+from ground.campaign.computations import FITTED, HELD_OUT, MISSIONS, RETESTS, RetestRecord
 from ground.campaign.preparation import Preparation, PreparationRequest, prepare
-from ground.campaign.summary_file import CampaignSummary, DesignSummary
+from ground.campaign.summary_file import CampaignSummary, DesignSummary, RetestSummary
 from ground.campaign.worker import Worker
 from ground.client.flight import Dive, FlightProgress, FlightResult, fly_simulated
+from ground.missions import scaling
 from ground.simulation.processes import SimulatedVehicle, Simulation
-from ground.simulation.subprocesses import ForkedProcess
+from ground.simulation.subprocesses import ForkedProcess, start_fork_server
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import InputError, OperationError
 
@@ -45,10 +44,12 @@ TRIM_MISSION = "trim"
 """Straight and level mission from which the trims are measured."""
 IDENTIFICATION = (*FITTED[:2], *HELD_OUT, *FITTED[2:])
 """Test missions in the order of flying, longest first, so that all cores finish together."""
+DEFAULT_EXTRA_WATER_S = 1800.0
+"""Default of the vehicle time for recommended tests (s)."""
 ALL_MISSIONS = (TRIM_MISSION, *IDENTIFICATION, *MISSIONS)
 DIVES = {
     "prototype": (TRIM_MISSION,),
-    "identification": IDENTIFICATION,
+    "identification": (*IDENTIFICATION, *RETESTS),
     **dict.fromkeys(STAGES.values(), MISSIONS),
 }
 """Missions by the folder of their logs."""
@@ -84,6 +85,8 @@ class CampaignRequest(NamedTuple):
     """Number of dives and computations that run at the same time; each uses about one core."""
     truth: str = ""
     """Vehicle file that is flown, or `perturbed`; empty: `prototype.default_truth`."""
+    extra_water_s: float = DEFAULT_EXTRA_WATER_S
+    """Vehicle time for the tests that the assessment recommends for a model that is not fit (s)."""
 
     @property
     def flown_vehicle(self) -> str:
@@ -106,6 +109,7 @@ class Campaign:
     watch: WatchCallback
     announce: AnnounceCallback
     outcomes: dict[str, FlightResult] = field(default_factory=dict)
+    retests: list[RetestSummary] = field(default_factory=list)
     _simulated: list[SimulatedVehicle] = field(default_factory=list)
     _lock: Lock = field(default_factory=Lock)
     _cancelled: bool = False
@@ -143,7 +147,7 @@ class Campaign:
             self.announce(
                 f"refitting the model; flying the missions with the {' and the '.join(gains)} gains"
             )
-            redesigning = dives.submit(self._redesign, worker)
+            redesigning = dives.submit(self._redesign, worker, first, gains["initial"])
             missions += self._begin_missions(dives, baseline[early:], gains)
             design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
@@ -154,13 +158,17 @@ class Campaign:
             }
             verification = [("redesigned", mission) for mission in MISSIONS]
             missions += self._begin_missions(dives, verification, gains)
-            self._prepare_report(executors, [*baseline, *verification], missions)
+            executors.call_ahead(computations.prepare_report, self.request.out, design, gains)
+            for (name, mission), dive in zip([*baseline, *verification], missions, strict=True):
+                self._read_ahead(executors, STAGES[name], (mission,), (dive,))
             _finish_dives(missions)
             self.announce("comparing")
             result = worker.call(
                 computations.compare, self.request.out, self._totals(), design, gains, trims
             )
-            result = msgspec.structs.replace(result, wall_s=round(wall_s() - start_s, 3))
+            result = msgspec.structs.replace(
+                result, wall_s=round(wall_s() - start_s, 3), retests=tuple(self.retests)
+            )
             summary_file.write(result, self.request.out / "summary.json")
             self.announce("writing the report")
             worker.call(computations.report, self.request.out)
@@ -230,11 +238,46 @@ class Campaign:
         log = CampaignFolder(self.request.out).log_path("prototype", TRIM_MISSION)
         return executors.worker.call(refit.measure_trims, log, TRIM_WINDOW_S)
 
-    def _redesign(self, worker: Worker) -> DesignSummary:
-        """Refit and redesign; return the summary of the design."""
-        worker.call(computations.identify, self.request.out)
+    def _redesign(
+        self, worker: Worker, first: Mapping[str, float], flown: Mapping[str, float]
+    ) -> DesignSummary:
+        """Refit, fly the recommended tests, and redesign; return the summary of the design.
+
+        `first` are the first gains, and `flown` these gains with the trims.
+        """
+        self._identify(worker, flown)
         self.announce("redesigning the gains")
-        return worker.call(computations.design, self.request.out)
+        return worker.call(computations.design, self.request.out, first)
+
+    def _identify(self, worker: Worker, flown: Mapping[str, float]) -> None:
+        """Refit; while the model is not fit and water time is left, fly the recommended test."""
+        out, left_s, records = self.request.out, self.request.extra_water_s, list[RetestRecord]()
+        assessment = worker.call(computations.identify, out)
+        for mission in RETESTS:
+            if assessment is None or assessment.fit_for_redesign or assessment.next_test is None:
+                return
+            recommended = assessment.next_test
+            dive = worker.call(computations.plan_retest, out, recommended, mission)
+            if dive is None or dive.planned_s > left_s:
+                return
+            path = out / MISSIONS_FOLDER / f"{mission}.toml"
+            path.parent.mkdir(exist_ok=True)
+            _write(path, scaling.encode(dive.script))
+            self.announce(f"not fit: {recommended.reason}; flying {recommended}")
+            self._fly("identification", mission, flown)
+            flown_s = self.outcomes[f"identification/{mission}"].vehicle_s
+            left_s -= flown_s
+            records.append(RetestRecord(mission, dive.held_out))
+            assessment = worker.call(computations.identify, out, tuple(records))
+            self.retests.append(
+                RetestSummary(
+                    mission=mission,
+                    test=str(recommended),
+                    reason=recommended.reason,
+                    vehicle_s=round(flown_s, 3),
+                    fit_for_redesign=assessment is not None and assessment.fit_for_redesign,
+                )
+            )
 
     def _read_ahead(
         self,
@@ -252,17 +295,6 @@ class Campaign:
 
         for mission, dive in zip(missions, flown, strict=True):
             dive.add_done_callback(read(mission))
-
-    def _prepare_report(
-        self,
-        executors: "_Executors",
-        missions: Sequence[tuple[str, str]],
-        flown: Sequence[Future[None]],
-    ) -> None:
-        """Have the worker draw the tests, and read the logs of the missions, during the dives."""
-        executors.call_ahead(computations.draw_tests, self.request.out)
-        for (name, mission), dive in zip(missions, flown, strict=True):
-            self._read_ahead(executors, STAGES[name], (mission,), (dive,))
 
     def _begin_missions(
         self,
@@ -323,6 +355,7 @@ class Campaign:
             dives = stack.enter_context(ThreadPoolExecutor(self.request.jobs))
             ahead = stack.enter_context(ThreadPoolExecutor(1))
             worker = stack.enter_context(Worker(PRELOADED_MODULES))
+            start_fork_server()  # loads the simulator while the worker prepares
             stack.callback(self._stop_all)
             stack.callback(ahead.shutdown, wait=False, cancel_futures=True)
             stack.callback(dives.shutdown, wait=False, cancel_futures=True)
@@ -367,7 +400,7 @@ def dive_seed(seed: int, mission: str) -> int:
     int
         Seed of the simulation.
     """
-    return seed * 1000 + (TRIM_MISSION, *MISSIONS, *FITTED, *HELD_OUT).index(mission)
+    return seed * 1000 + (TRIM_MISSION, *MISSIONS, *FITTED, *HELD_OUT, *RETESTS).index(mission)
 
 
 def refuse_folder(request: CampaignRequest) -> None:
@@ -418,7 +451,7 @@ def _campaign_files(out: Path) -> list[Path]:
         for stage, names in DIVES.items()
         for name in names
     ]
-    missions = [out / MISSIONS_FOLDER / f"{name}.toml" for name in ALL_MISSIONS]
+    missions = [out / MISSIONS_FOLDER / f"{name}.toml" for name in (*ALL_MISSIONS, *RETESTS)]
     prepared = [out / name for name in (SCENARIO_FILE, TRUTH_FILE)]
     results = [out / name for name in (*RESULTS, "model.json", "gains.param", CAMPAIGN_FILE)]
     known = (*logs, *missions, *prepared, *results)

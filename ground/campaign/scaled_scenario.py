@@ -25,7 +25,7 @@ class ScaledScenario(NamedTuple):
 
 
 def scale(scenario: str, content: dict[str, Any], ratios: Mapping[str, float]) -> ScaledScenario:
-    """Return a shipped scenario with moments that give the same angular acceleration.
+    """Return a shipped scenario with its moments scaled.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def scale(scenario: str, content: dict[str, Any], ratios: Mapping[str, float]) -
     content : dict
         The scenario with all keys.
     ratios : Mapping
-        Moment for the same angular acceleration, relative to Caribou, by plane.
+        Moment relative to Caribou's, by plane (`sysid.test_design.vehicle_scale`).
 
     Returns
     -------
@@ -54,7 +54,7 @@ def scale(scenario: str, content: dict[str, Any], ratios: Mapping[str, float]) -
     for table, key, ratio in moments:
         table[key] = float(f"{ratio * table[key]:.{SIGNIFICANT_DIGITS}g}")
     by_plane = ", ".join(f"{ratio:.3g} in {plane}" for plane, ratio in ratios.items())
-    note = f"moments of inertia over Caribou's: {by_plane}"
+    note = f"ratio of the moments of inertia to Caribou's, less where surfaces are weak: {by_plane}"
     head = f"# Scenario {scenario} with its disturbance moments times the {note}\n"
     return ScaledScenario(
         scaled, head + encode(scaled), f"sea: moments of {scenario} times the {note}"

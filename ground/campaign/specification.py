@@ -11,6 +11,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from mavlink_io.errors import InputError
+from mavlink_io.text_files import parse_toml, read_text
 from sysid.design.pid import Spec
 
 BOUNDS = {
@@ -23,6 +24,7 @@ BOUNDS = {
     "robust_fraction": (0.0, 1.0),
     "integral_settling_s": (1.0, 3600.0),
     "integral_residual": (0.01, 1.0),
+    "impulse_overshoot": (0.01, 1.0),
     "heading_step_deg": (1.0, 180.0),
     "travel_deg": (1.0, 45.0),
     "rate_degps": (0.1, 720.0),
@@ -69,7 +71,7 @@ def read(file: Path | None, options: Mapping[str, float | None], first: Spec | N
 def _table(file: Path) -> dict[str, object]:
     """Read a TOML file. Raises InputError."""
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return parse_toml(read_text(file))
     except OSError as error:
         raise InputError(f"{file}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

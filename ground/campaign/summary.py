@@ -21,7 +21,8 @@ from ground.campaign.summary_file import (
 )
 from ground.live import monitor_view
 from sysid.control_analysis.margins import Analysis, damping
-from sysid.design.pid import Design, Response, Spec
+from sysid.design.pid import Design, Response
+from sysid.design.specification import MinimumVariance
 from sysid.monitor import MonitorReport
 from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.planes import Plane
@@ -101,6 +102,7 @@ def summarise_design(design: Design) -> DesignSummary:
             name: PredictedError(mean=e.mean, rms=e.rms, p95=e.p95)
             for name, e in design.baseline.predicted.items()
         },
+        minimum_variance=design.minimum,
         model_sha256=design.baseline.model_sha256,
     )
 
@@ -121,12 +123,12 @@ def format_text(summary: CampaignSummary, out: Path) -> str:
         *_held_out_lines(summary.model.held_out_rate_error),
     ]
     gains = ", ".join(f"{n} {v:.4g}" for n, v in summary.design.gains.items())
-    spec = summary.design.specification
-    if spec.pm_deg < Spec().pm_deg:
-        lines.append(
-            "no gains meet the default specification; asked instead:"
-            f" GM {spec.gm_db:g} dB, PM {spec.pm_deg:g} deg, damping {spec.damping:g}"
-        )
+    lines += [
+        f"flown because of {r.reason}: {r.test}, {r.vehicle_s:.0f} s" for r in summary.retests
+    ]
+    selection = summary.design.selection
+    if selection is not None and selection.reason:
+        lines.append(selection.reason)
     lines += [
         f"gains {gains}",
         *_performance_warnings(summary.monitoring),
@@ -154,7 +156,38 @@ def format_design(design: Design, out: Path) -> str:
         f"  {label:32s}{design.baseline.predicted[name].p95:9.3f}"
         for name, label in monitor_view.ROWS.items()
     ]
-    return "\n".join(lines)
+    return "\n".join([*lines, *minimum_lines(design.predicted, design.minimum)])
+
+
+def minimum_lines(ours: Response, least: MinimumVariance | None) -> list[str]:
+    """Return predicted standard deviations beside their lower bounds, as lines of text.
+
+    Parameters
+    ----------
+    ours : Response
+        Predicted response of a design.
+    least : MinimumVariance or None
+        Lower bounds; there are no lines without them.
+
+    Returns
+    -------
+    list of str
+        One line per error, below a title and a head.
+    """
+    if least is None:
+        return []
+    rows = (
+        ("heading, deg", ours.heading_deg, least.heading_deg, least.same_rudder_heading_deg),
+        ("pitch, deg", ours.pitch_deg, least.pitch_deg, None),
+        ("depth, cm", 100 * ours.depth_m, 100 * least.depth_m, 100 * least.same_elevator_depth_m),
+    )
+    head = f"  {'':14s}{'predicted':>10s}{'minimum variance':>24s}{'with the same command':>28s}"
+    lines = ["standard deviation beside the bound of any linear controller (no limit of margins):"]
+    lines.append(head)
+    for name, value, bound, same in rows:
+        text = f"  {name:14s}{value:10.3f}{bound:16.3f} ({value / bound:4.1f} x)"
+        lines.append(text if same is None else f"{text}{same:20.3f} ({value / same:4.2f} x)")
+    return lines
 
 
 def _performance_warnings(monitoring: Mapping[str, MonitorReport]) -> list[str]:

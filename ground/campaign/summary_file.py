@@ -9,11 +9,13 @@ from pathlib import Path
 import msgspec
 
 from mavlink_io.errors import InputError
-from sysid.design.specification import DesignRobustness, Response, Spec
-from sysid.models.json_record import JsonRecord, encode, format_of, schema_of
+from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
+from sysid.design.specification import DesignRobustness, MinimumVariance, Response, Spec
+from sysid.models.json_record import JsonRecord, decode, encode, format_of, schema_of
 from sysid.models.model_file import Coefficient, Method, PlaneModel
 from sysid.monitor import MonitorReport
 from sysid.monitor.tracking_metrics import TrackingMetrics
+from sysid.monte_carlo.gain_selection import GainSelection
 from sysid.planes import Plane
 from sysid.validation.results import Correction, Crossover, Excess, ModelAssessment
 
@@ -124,7 +126,11 @@ class DesignSummary(JsonRecord, frozen=True):
     """Null for a model without covariance or without its vehicle file."""
     predicted: dict[str, PredictedError]
     """Predicted performance by quantity."""
+    minimum_variance: MinimumVariance | None
+    """Lower bound of the standard deviations; null if it has no numerical solution."""
     model_sha256: str
+    selection: GainSelection | None = None
+    """Null for a redesign without rehearsal."""
 
 
 class SteadyError(JsonRecord, frozen=True):
@@ -133,6 +139,19 @@ class SteadyError(JsonRecord, frozen=True):
     heading_deg: float
     pitch_deg: float
     depth_m: float
+
+
+class RetestSummary(JsonRecord, frozen=True):
+    """Dive with the test that the assessment of a model recommended."""
+
+    mission: str
+    test: str
+    reason: str
+    """Criterion that the model did not meet."""
+    vehicle_s: float
+    """Duration of the dive in vehicle time (s)."""
+    fit_for_redesign: bool
+    """Whether the model was fit for redesign with these tests."""
 
 
 class CampaignSummary(JsonRecord, frozen=True):
@@ -164,6 +183,8 @@ class CampaignSummary(JsonRecord, frozen=True):
     """Vehicle file from which the identification starts."""
     scaled: tuple[str, ...] = ()
     """Scaling of sea, missions and flown vehicle, one line each; empty for Caribou."""
+    retests: tuple[RetestSummary, ...] = ()
+    """Dives with recommended tests, in the order of flying; empty if the first model was fit."""
 
 
 def write(summary: CampaignSummary, path: Path) -> None:
@@ -174,14 +195,14 @@ def write(summary: CampaignSummary, path: Path) -> None:
 def read(path: Path) -> CampaignSummary:
     """Read ``summary.json``. Raises InputError naming the file and the key in error."""
     try:
-        text = path.read_bytes()
+        text = read_limited(path, MAX_TEXT_BYTES)
         file_format = format_of(text)
         if file_format != FORMAT:
             found = f"format = {file_format}" if file_format else "no 'format' key"
             raise InputError(
                 f"{path}: {found}; this version reads format {FORMAT}: run the campaign again"
             )
-        return msgspec.json.decode(text, type=CampaignSummary)
+        return decode(text, CampaignSummary)
     except OSError:
         raise InputError(
             f"{path.parent}: holds no {path.name}; give the folder of a finished campaign"

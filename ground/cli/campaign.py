@@ -28,6 +28,15 @@ def campaign(
             "--include-paper-gains", help="Also fly the missions with the paper's improved gains."
         ),
     ] = False,
+    extra_water_time: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            min=0.0,
+            help="Vehicle time for the tests that the assessment recommends if the model is not"
+            " fit for redesign; 0: none.",
+        ),
+    ] = 1800.0,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the campaign.")] = Path(
         "campaign"
     ),
@@ -53,6 +62,7 @@ def campaign(
         include_paper_gains=include_paper_gains,
         force=force,
         jobs=jobs or usable_cores(),
+        extra_water_s=extra_water_time,
     )
     with progress.display("campaign", quiet=json) as display:
         result = Campaign(request, display.watch_named, display.announce).run()

@@ -57,15 +57,15 @@ def redesign(
     ] = None,
     gm_db: Annotated[
         float | None,
-        typer.Option(help="Min gain margin at rudder, heading, elevator and depth, dB; 8."),
+        typer.Option(help="Min gain margin at rudder, heading, elevator, depth and pitch, dB; 8."),
     ] = None,
     pm_deg: Annotated[
         float | None,
-        typer.Option(help="Min phase margin at the same four points, deg; 55."),
+        typer.Option(help="Min phase margin at the same points, deg; 55."),
     ] = None,
     max_sensitivity: Annotated[
         float | None,
-        typer.Option(help="Max sensitivity (Ms) at the same four points; 1.6."),
+        typer.Option(help="Max sensitivity (Ms) at the same points; 1.6."),
     ] = None,
     robust_gm_db: Annotated[
         float | None,
@@ -83,7 +83,7 @@ def redesign(
         typer.Option(help="Time in which the integral action removes a constant load, s; 30."),
     ] = None,
     depth_overshoot: Annotated[
-        float | None, typer.Option(help="Max overshoot as a fraction of a depth step; 0.1.")
+        float | None, typer.Option(help="Max overshoot as a fraction of a depth step of 3 m; 0.04.")
     ] = None,
     force: Force = False,
     sign: Sign = None,
@@ -200,6 +200,7 @@ def _lqg_json(design: "LqgDesign") -> dict[str, Any]:
     return {
         "predicted": design.predicted,
         "robustness": design.robustness,
+        "minimum_variance": design.minimum,
         "weights": design.weights,
         "speed_mps": design.speed_mps,
         "model_sha256": design.model_sha256,
@@ -208,6 +209,8 @@ def _lqg_json(design: "LqgDesign") -> dict[str, Any]:
 
 def _format_lqg(design: "LqgDesign", out: Path) -> str:
     """Return the LQG design as lines of text."""
+    from ground.campaign import summary
+
     predicted, robustness = design.predicted, design.robustness
     lines = [
         f"{out}: start `autopilot --controller {out}`; LQG_ENABLE = 0 switches to the PID loops",
@@ -222,4 +225,4 @@ def _format_lqg(design: "LqgDesign", out: Path) -> str:
             f"  {100.0 * robustness.specification:.0f} % of the vehicles sampled from the model"
             " meet the specification"
         )
-    return "\n".join(lines)
+    return "\n".join([*lines, *summary.minimum_lines(predicted, design.minimum)])

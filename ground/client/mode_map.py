@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mavlink_io.errors import InputError
+from mavlink_io.text_files import parse_json, read_text
 
 ModeMap = dict[str, dict[str, str]]
 
@@ -30,7 +31,7 @@ class ModeMapChange(NamedTuple):
 def read(path: Path) -> ModeMap:
     """Return the map in a file, empty without a file. Raises InputError if it is malformed."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(read_text(path))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mavlink_io.errors import InputError
+from mavlink_io.text_files import read_text
 from sysid.monitor.performance_spec import BaselineError, PerformanceBaseline, decode
 
 
@@ -119,7 +120,7 @@ def save(path: Path, values: Mapping[str, float]) -> None:
 def _text(path: Path) -> str:
     """Read a text file. Raises InputError."""
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: {getattr(error, 'strerror', None) or 'not a text file'}"

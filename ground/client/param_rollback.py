@@ -13,7 +13,9 @@ import msgspec
 
 from ground.client.vehicle import VehicleClient, VehicleClientError
 from mavlink_io.errors import InputError, OperationError
+from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
 from mavlink_io.user_data_dir import replace_file, user_data_dir
+from sysid.models.json_record import decode
 
 MAX_HISTORY = 50
 """Maximum number of stored changes per vehicle."""
@@ -132,7 +134,7 @@ class History:
     def _read(self) -> list[ParamUpload]:
         """Read the stored uploads. Raises InputError."""
         try:
-            return msgspec.json.decode(self.path.read_bytes(), type=list[ParamUpload])
+            return decode(read_limited(self.path, MAX_TEXT_BYTES), list[ParamUpload])
         except FileNotFoundError:
             return []
         except msgspec.MsgspecError as error:

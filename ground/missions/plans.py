@@ -20,6 +20,7 @@ from mavlink_io.mission_items import (
     MissionItem,
     place_fault,
 )
+from mavlink_io.text_files import parse_json, read_text
 
 WPL_HEADER = "QGC WPL 110"
 SUBMARINE, GENERIC = 12, 0
@@ -80,7 +81,7 @@ def load(name_or_path: str) -> Plan:
         steps = script.load(name_or_path)
         labels = tuple(f"step {number}" for number in script.step_numbers(steps))
         return Plan(script.compile_items(steps), labels)
-    text = path.read_text(encoding="utf-8", errors="replace")
+    text = read_text(path, errors="replace")
     if text.startswith(WPL_HEADER):
         items = read_wpl(text, name_or_path)
     elif text.lstrip().startswith("{"):
@@ -207,7 +208,7 @@ def write_plan(items: Sequence[MissionItem]) -> str:
 def read_plan(text: str, where: str) -> tuple[MissionItem, ...]:
     """Return the items of a plan file that holds only simple items. Raises ScriptError."""
     try:
-        entries = json.loads(text)["mission"]["items"]
+        entries = parse_json(text)["mission"]["items"]
         if any(entry.get("type") != "SimpleItem" for entry in entries):
             raise ScriptError(
                 f"{where}: mission.items: only SimpleItem can be flown; surveys and scans cannot"

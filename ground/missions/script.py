@@ -58,6 +58,7 @@ from mavlink_io.mission_items import (
     MavCmd,
     MissionItem,
 )
+from mavlink_io.text_files import parse_toml, read_text
 
 RELATIVE_ALTITUDE = 3
 """MAV_FRAME_GLOBAL_RELATIVE_ALT: altitude above home, which is at the water surface."""
@@ -154,7 +155,7 @@ def load(name_or_path: str) -> Script:
     if not source.is_file():
         source = Path(name_or_path)
     try:
-        text = source.read_text(encoding="utf-8")
+        text = read_text(source)
     except (OSError, UnicodeDecodeError):
         known = ", ".join(shipped_names())
         raise ScriptError(
@@ -166,7 +167,7 @@ def load(name_or_path: str) -> Script:
 def parse(text: str, where: str) -> Script:
     """Parse a mission from TOML text; `where` names it in errors. Raises ScriptError."""
     try:
-        script = msgspec.convert(tomllib.loads(text), Script)
+        script = msgspec.convert(parse_toml(text), Script)
     except tomllib.TOMLDecodeError as error:
         raise ScriptError(f"{where}: not TOML: {error}") from None
     except msgspec.ValidationError as error:

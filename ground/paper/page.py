@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from string import Template
 
 from ground.paper import reproduction
 from ground.paper.reproduction import ITEMS, Reproduction
@@ -52,9 +51,9 @@ def write(result: Reproduction, drawn: Sequence[Figure], target: Path) -> Path:
         ),
         "derivation": escape(result.derivation),
     }
-    template = Template(files("ground.paper").joinpath("page.html").read_text(encoding="utf-8"))
     shown = {figure.key: charts.figure_chart(figure) for figure in drawn}
-    target.write_text(template.substitute({**parts, **page.resources(shown)}), encoding="utf-8")
+    template = files("ground.paper") / "page.html"
+    target.write_text(page.render(parts, shown, template), encoding="utf-8")
     return target
 
 

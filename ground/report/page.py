@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Mapping
 from html import escape
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from string import Template
 from typing import NamedTuple
@@ -78,7 +79,11 @@ def model_figures(campaign: CampaignFolder) -> ModelFigures:
     )
 
 
-def write(folder: Path | CampaignFolder, prepared: ModelFigures | None = None) -> Path:
+def write(
+    folder: Path | CampaignFolder,
+    prepared: ModelFigures | None = None,
+    compared: Mapping[str, MarginsComparison] | None = None,
+) -> Path:
     """Write `report.html` into a campaign's folder.
 
     Parameters
@@ -87,6 +92,8 @@ def write(folder: Path | CampaignFolder, prepared: ModelFigures | None = None) -
         Folder of a finished campaign.
     prepared : ModelFigures, optional
         Result of `model_figures` for this folder, if it is already known.
+    compared : Mapping, optional
+        Result of `compare_margins` for its model, analyses and gains, if it is already known.
 
     Returns
     -------
@@ -100,18 +107,23 @@ def write(folder: Path | CampaignFolder, prepared: ModelFigures | None = None) -
     """
     campaign = folder if isinstance(folder, CampaignFolder) else CampaignFolder(folder)
     target = campaign.path / "report.html"
-    target.write_text(_page(campaign, prepared), encoding="utf-8")
+    target.write_text(_page(campaign, prepared, compared), encoding="utf-8")
     return target
 
 
-def _page(campaign: CampaignFolder, prepared: ModelFigures | None) -> str:
+def _page(
+    campaign: CampaignFolder,
+    prepared: ModelFigures | None,
+    compared: Mapping[str, MarginsComparison] | None,
+) -> str:
     """Return the HTML of the report."""
     summary, model = campaign.summary, campaign.model
     of_model = prepared or model_figures(campaign)
     with_paper = summary.vehicle == PAPER_VEHICLE
     missions = figures.mission_figures(campaign, list(summary.tracking))
     steps, responses, whiteness, predictions = of_model
-    analyses = {"initial": summary.design.initial, "redesigned": summary.design.redesigned}
+    analyses = loop_analyses(summary.design)
+    comparisons = compared or compare_margins(model, analyses, summary.gains)
     poles = {role: analysis.poles_radps for role, analysis in analyses.items()}
     shown = (*missions, *steps, *responses, *predictions, *whiteness)
     drawn = {figure.key: charts.figure_chart(figure) for figure in shown}
@@ -145,7 +157,7 @@ def _page(campaign: CampaignFolder, prepared: ModelFigures | None) -> str:
         "small_signal": tables.small_signal(model),
         "screening": tables.screening(model),
         "specification": specification(summary.design),
-        "margins": tables.margins(analyses, compare_margins(model, analyses, summary.gains)),
+        "margins": tables.margins(analyses, comparisons),
         "reasons": reasons(summary.design),
         "monitoring": monitoring(summary.monitoring),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary.trims.items()),
@@ -154,6 +166,11 @@ def _page(campaign: CampaignFolder, prepared: ModelFigures | None) -> str:
         "footer": _footer(summary),
     }
     return render(parts, drawn)
+
+
+def loop_analyses(design: DesignSummary) -> dict[str, LoopAnalysis]:
+    """Return the analyses of a design by set of gains."""
+    return {"initial": design.initial, "redesigned": design.redesigned}
 
 
 def compare_margins(
@@ -199,41 +216,29 @@ def _margins(summary: MarginsSummary) -> Margins:
 
 
 def render(
-    parts: Mapping[str, str], drawn: Mapping[str, charts.Chart], template: str = "page.html"
+    parts: Mapping[str, str],
+    drawn: Mapping[str, charts.Chart],
+    template: Traversable = _HERE / "page.html",
 ) -> str:
-    """Return the page's HTML.
+    """Return a whole page: the shell with style, scripts and charts around a filled template.
 
     Parameters
     ----------
     parts : Mapping
-        HTML of each place of the template, by its name.
+        HTML of each place of the template, by its name, and the page's `title`.
     drawn : Mapping
         Charts by the id of the element that shows each.
-    template : str
-        File name of the template in this package.
+    template : Traversable
+        File with the page's content.
     """
-    return Template(_text(template)).substitute({**parts, **resources(drawn)})
-
-
-def resources(drawn: Mapping[str, charts.Chart]) -> dict[str, str]:
-    """Return style, scripts and charts for a page's template.
-
-    Parameters
-    ----------
-    drawn : Mapping
-        Charts by the id of the element that shows each.
-
-    Returns
-    -------
-    dict
-        Text by the name of its place: style, script, plotly and charts.
-    """
-    return {
-        "style": _text("style.css"),
-        "script": _text("charts.js"),
-        "plotly": _plotly(),
-        "charts": json.dumps(drawn, separators=(",", ":")).replace("</", "<\\/"),
-    }
+    return Template(_text("shell.html")).substitute(
+        title=parts["title"],
+        body=Template(template.read_text(encoding="utf-8")).substitute(parts),
+        style=_text("style.css"),
+        script=_text("charts.js"),
+        plotly=_plotly(),
+        charts=json.dumps(drawn, separators=(",", ":")).replace("</", "<\\/"),
+    )
 
 
 def _lead(summary: CampaignSummary) -> str:

@@ -4,6 +4,7 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from html import escape
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -287,7 +288,7 @@ def _page(report: SweepReport) -> str:
         "footer": escape(f"Digest of all rows: {report.description['digest'] or 'not finished'}."),
     }
     drawn = {figure.key: charts.figure_chart(figure) for figure in figures}
-    return page.render(parts_of_page, drawn, "sweep.html")
+    return page.render(parts_of_page, drawn, files("ground.report") / "sweep.html")
 
 
 def _plain(value: object) -> str:

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from ground.campaign import design_summary
 from ground.campaign.identification import assessment_lines, initial_error, refitted_error
 from ground.campaign.summary_file import LoopAnalysis, ModelSummary, SteadyError
 from sysid.control_analysis.control_systems import MarginsComparison
@@ -295,7 +294,7 @@ def small_signal(model: IdentifiedModel) -> str:
 
 
 def margins(analyses: Mapping[str, LoopAnalysis], second: Mapping[str, MarginsComparison]) -> str:
-    """Return the stability margins at each cut, whether the specification limits it or not.
+    """Return the stability margins at each cut.
 
     Parameters
     ----------
@@ -306,7 +305,6 @@ def margins(analyses: Mapping[str, LoopAnalysis], second: Mapping[str, MarginsCo
     """
     rows = []
     for cut in analyses["redesigned"].margins:
-        name = cut if cut in design_summary.LIMITED_CUTS else f"{cut}, not limited"
         for role in ("initial", "redesigned"):
             m = analyses[role].margins[cut]
             numbers = [
@@ -320,7 +318,7 @@ def margins(analyses: Mapping[str, LoopAnalysis], second: Mapping[str, MarginsCo
             control = f"{own.gm_db:.1f} dB, {own.pm_deg:.0f}°, {own.max_sensitivity:.2f}"
             if cut in second[role].differences:
                 control = f'<span class="tag prior">differs</span> {control}'
-            rows.append([name if role == "initial" else "", role, *cells, control])
+            rows.append([cut if role == "initial" else "", role, *cells, control])
     head = ["loop opened at", "gains", "gain margin, dB", "phase margin, °", "Ms"]
     return table([*head, "crossover, rad/s", "python-control"], rows, "named")
 

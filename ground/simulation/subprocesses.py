@@ -10,13 +10,14 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from multiprocessing import get_context, parent_process
+from multiprocessing import forkserver, get_context, parent_process
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
 from typing import Protocol
 
 from ground.simulation import affinity
 
-PRELOADED_MODULES = ("__main__", "autopilot.__main__", "autopilot.start", "sitl.preload")
+PRELOADED_MODULES = ("__main__", "autopilot.__main__", "autopilot.preload", "sitl.preload")
 """Modules that the fork server loads before it forks. `__main__` is the running command, which
 multiprocessing would otherwise load in each child."""
 _SOURCES = str(Path(__file__).parents[2])
@@ -85,10 +86,23 @@ class SpawnedProcess:
             self._process.stdin.close()
 
 
+def start_fork_server() -> None:
+    """Start the process from which `ForkedProcess` forks, which takes a second to load modules."""
+    _fork_context()
+    forkserver.ensure_running()
+
+
+def _fork_context() -> ForkServerContext:
+    """Return the context whose server process has loaded `PRELOADED_MODULES`."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload(list(PRELOADED_MODULES))
+    return context
+
+
 class ForkedProcess:
     """A child forked from a server process that has loaded `PRELOADED_MODULES`.
 
-    The first instance starts the server.
+    The first instance starts the server, unless `start_fork_server` did.
 
     Parameters
     ----------
@@ -101,9 +115,7 @@ class ForkedProcess:
     """
 
     def __init__(self, module: str, arguments: Sequence[str], stderr_file: Path) -> None:
-        context = get_context("forkserver")
-        context.set_forkserver_preload(list(PRELOADED_MODULES))
-        self._process = context.Process(
+        self._process = _fork_context().Process(
             target=_run, args=(module, list(arguments), stderr_file), daemon=True
         )
         self._process.start()

@@ -18,6 +18,13 @@
     name = "pid"                       # default: the file without folder and suffix
     controller = "controller.json"     # LQG: flown instead of the PID loops
 
+    [[gains]]                          # a campaign on each vehicle: its redesigned gains are flown
+    file = "gains.param"               # gains that fly the tests
+    name = "20 min of tests"
+    tests = ["rudder_steps", "elevator_steps"]          # missions, as for `ground fly`
+    held_out = ["rudder_heldout", "elevator_heldout"]   # default: none, the model is not validated
+    spec = { pm_deg = 45.0, max_sensitivity = 1.9 }     # limits other than those of redesign
+
     [sea]                              # a number, a list of numbers, or a range to sample
     disturbance_scale = [1.0, 1.5]
     current_mps = { min = 0.0, max = 0.3 }
@@ -49,13 +56,15 @@ from ground.client import param_file
 from ground.missions import plans, script
 from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MissionItem
+from mavlink_io.text_files import parse_toml, read_text
+from sysid.design.specification import Spec
 from sysid.monte_carlo import samples
 from sysid.sweep import gains as gain_sets
+from sysid.sweep.campaigns import CampaignPlan, SweepMission
 from sysid.sweep.dives import (
     Levels,
     Limits,
     SweepGains,
-    SweepMission,
     SweepRequest,
     SweepVehicle,
 )
@@ -107,6 +116,9 @@ class _Gains(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     file: str
     name: str = ""
     controller: str | None = None
+    tests: list[str] = []
+    held_out: list[str] = []
+    spec: Spec = Spec()
 
 
 class _Pass(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -162,7 +174,7 @@ def load(path: Path) -> SweepRequest:
     return SweepRequest(
         name=path.name,
         vehicles=_vehicles(path, plan),
-        missions=_missions(path, plan.missions),
+        missions=_missions(path, "missions", plan.missions),
         conditions={
             **_levels(path, "sea", plan.sea, SEA),
             **_levels(path, "fault", plan.fault, FAULTS),
@@ -179,7 +191,7 @@ def load(path: Path) -> SweepRequest:
 def _read(path: Path) -> _Plan:
     """Return the content of a plan. Raises InputError."""
     try:
-        return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), _Plan)
+        return msgspec.convert(parse_toml(read_text(path)), _Plan)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -198,7 +210,7 @@ def _vehicles(path: Path, plan: _Plan) -> tuple[SweepVehicle, ...]:
             raise InputError(f"{path}: {name}: spread = {entry.spread:g}: must be 0 to 10")
         prior = _prior(folder, entry)
         sets = tuple(
-            _gains(folder, gain_name, gains, prior)
+            _gains(path, gain_name, gains, prior)
             for gain_name, gains in zip(gain_names, plan.gains, strict=True)
         )
         vehicles.append(SweepVehicle(name, prior, entry.spread, sets))
@@ -214,19 +226,30 @@ def _prior(folder: Path, entry: _Vehicle) -> DesignPrior:
     return samples.read(folder / entry.source, prior)
 
 
-def _gains(folder: Path, name: str, entry: _Gains, prior: DesignPrior) -> SweepGains:
+def _gains(path: Path, name: str, entry: _Gains, prior: DesignPrior) -> SweepGains:
     """Return a set of gains with the trims of the mean vehicle. Raises InputError."""
-    return gain_sets.read(
-        name,
-        param_file.load(folder / entry.file),
-        samples.trims_deg(prior.vehicle(prior.mean)),
-        folder / entry.controller if entry.controller else None,
+    values = param_file.load(path.parent / entry.file)
+    trims_deg = samples.trims_deg(prior.vehicle(prior.mean))
+    controller = path.parent / entry.controller if entry.controller else None
+    gains = gain_sets.read(name, values, trims_deg, controller)
+    if not entry.tests:
+        if entry.held_out:
+            raise InputError(f"{path}: {name}: held_out: needs tests that are fitted")
+        return gains
+    if controller:
+        raise InputError(f"{path}: {name}: tests: are flown by PID loops; remove controller")
+    plan = CampaignPlan(
+        values,
+        _missions(path, "tests", entry.tests),
+        _missions(path, "held_out", entry.held_out),
+        entry.spec,
     )
+    return gains._replace(campaign=plan)
 
 
-def _missions(path: Path, names: Sequence[str]) -> tuple[SweepMission, ...]:
-    """Return the missions. Raises InputError."""
-    stems = _names(path, "missions", [("", name) for name in names])
+def _missions(path: Path, key: str, names: Sequence[str]) -> tuple[SweepMission, ...]:
+    """Return the missions of a key. Raises InputError."""
+    stems = _names(path, key, [("", name) for name in names])
     return tuple(
         SweepMission(stem, _items(path.parent, name))
         for stem, name in zip(stems, names, strict=True)

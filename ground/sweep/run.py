@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mavlink_io.errors import InputError
+from mavlink_io.text_files import parse_json, read_text
 from sysid.sweep import dives, parts
 from sysid.sweep.dives import COLUMNS, Chunks, Part, SweepRequest
 from sysid.sweep.points import Range
@@ -175,7 +176,7 @@ def read_description(folder: Path) -> dict[str, Any]:
         The folder is not that of a sweep.
     """
     try:
-        description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+        description = parse_json(read_text(folder / DESCRIPTION))
     except (OSError, ValueError):
         raise InputError(f"{folder}: is not the folder of a sweep") from None
     if not isinstance(description, dict) or "dives" not in description:

@@ -16,7 +16,7 @@ assumed lag of the tailcone and replaces it by a faster one::
 
     F(s) = (s^2 + 2 z w s + w^2) / (s^2 + 2 z' w' s + w'^2) * w'^2 / w^2
 
-with w = ACT_LAG_W, z = ACT_LAG_Z, w' = ACT_LEAD_W (rad/s) and z' = 0.7.
+with w = ACT_LAG_W, z = ACT_LAG_Z, w' = ACT_LEAD_W (rad/s) and z' = ACT_LEAD_Z.
 """
 
 import cmath
@@ -56,15 +56,16 @@ class Lag(NamedTuple):
 
 
 class Lead(NamedTuple):
-    """Assumed lag of the tailcone and the natural frequency of the faster lag that replaces it."""
+    """Assumed lag of the tailcone, and the faster lag that replaces it."""
 
     lag_radps: float
     lag_damping: float
     lead_radps: float
+    lead_damping: float
 
 
 LEAD_DAMPING = 0.7
-"""Damping ratio of the faster lag."""
+"""Damping ratio of the faster lag without ACT_LEAD_Z: the default of this parameter."""
 
 
 class Margins(NamedTuple):
@@ -128,7 +129,12 @@ def actuator_lead(gains: Gains) -> Lead | None:
     """Return the actuator lead that the gains ask for, or None if it is off."""
     if not gains.get("ACT_LEAD_W"):
         return None
-    return Lead(gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"])
+    return Lead(
+        gains["ACT_LAG_W"],
+        gains["ACT_LAG_Z"],
+        gains["ACT_LEAD_W"],
+        gains.get("ACT_LEAD_Z", LEAD_DAMPING),
+    )
 
 
 def lead_response(gains: Gains) -> ComplexArray:
@@ -142,9 +148,8 @@ def _lead_response(lead: Lead) -> ComplexArray:
     """Return F(s) of the module docstring on `GRID_RADPS`."""
     s, lag_radps, lead_radps = 1j * GRID_RADPS, lead.lag_radps, lead.lead_radps
     cancelled = (s**2 + 2.0 * lead.lag_damping * lag_radps * s + lag_radps**2) / lag_radps**2
-    return np.asarray(
-        cancelled * lead_radps**2 / (s**2 + 2.0 * LEAD_DAMPING * lead_radps * s + lead_radps**2)
-    )
+    faster = s**2 + 2.0 * lead.lead_damping * lead_radps * s + lead_radps**2
+    return np.asarray(cancelled * lead_radps**2 / faster)
 
 
 def with_lead(plant: Responses, gains: Gains) -> Responses:
@@ -370,7 +375,7 @@ def plane_with_tailcone(
         return A, B
     n, lag_radps, lead_radps = len(B), lead.lag_radps, lead.lead_radps
     A_lead, B_lead = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
-    stiffness, drag = -(lead_radps**2), -2.0 * LEAD_DAMPING * lead_radps
+    stiffness, drag = -(lead_radps**2), -2.0 * lead.lead_damping * lead_radps
     A_lead[:n, :n], A_lead[n, n + 1], A_lead[n + 1, n:], B_lead[n + 1] = (
         A,
         1.0,
@@ -477,12 +482,12 @@ def close_depth(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation
     Returns
     -------
     ClosedLoop
-        An integrator is the last state; it is left out if its gain is zero.
+        Integrators are the last states; one whose gain is zero is left out.
 
-    Raises
-    ------
-    ValueError
-        PTCH_I and DPT_I are both non-zero.
+    Notes
+    -----
+    With both integrators the last two states are those of depth and pitch. The pitch set-point, and
+    so the input of the pitch integrator, contains the depth integrator.
     """
     A, B = plane_with_tailcone(plane, lag, order, actuator_lead(gains))
     p = gains["PTCH_P"]
@@ -492,12 +497,10 @@ def close_depth(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation
     feedback = p * error + _row(A, {1: -gains["PTCH_D"]})
     depth_integral = (_row(A, {3: -gains["DPT_I"]}), gains["DPT_I"], -p)
     pitch_integral = (gains["PTCH_I"] * error, -gains["PTCH_I"] * gains["DPT_P"], 1.0)
+    closed = _close(A, B, feedback, -p * gains["DPT_P"], [depth_integral, pitch_integral])
     if gains["PTCH_I"] != 0.0 and gains["DPT_I"] != 0.0:
-        raise ValueError(
-            "PTCH_I and DPT_I are both non-zero; set one of them to zero: this analysis covers one"
-            " integrator"
-        )
-    return _close(A, B, feedback, -p * gains["DPT_P"], [depth_integral, pitch_integral])
+        closed.A[-1, -2] = -gains["PTCH_I"]
+    return closed
 
 
 LOOPS: dict[str, tuple[Plane, Callable[[LinearPlane, Lag, Gains, Approximation], ClosedLoop]]] = {

@@ -6,6 +6,7 @@ time in seconds.
 
 import math
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -71,6 +72,52 @@ class Depth:
     rate_mps: Array
 
 
+class VelocitySource(StrEnum):
+    """Origin of a velocity, the most direct first."""
+
+    WATER_TRACK = "DVL, through the water"
+    BOTTOM_TRACK = "DVL, over ground"
+    COLUMN = "column of the file"
+    ESTIMATE = "estimate of the autopilot, over ground"
+    """Without DVL and satellite fixes it is a model of the autopilot (here: thrust table), and no
+    measurement."""
+    GROUND_SPEED = "speed over ground"
+    NONE = "none"
+
+
+def _no_samples() -> Array:
+    """Return an empty array."""
+    return np.empty(0)
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """Velocity in body axes (FRD); arrays of equal length, empty where the log has none.
+
+    Sources over ground include the current.
+    """
+
+    time_s: Array = field(default_factory=_no_samples)
+    forward_mps: Array = field(default_factory=_no_samples)
+    starboard_mps: Array = field(default_factory=_no_samples)
+    """NaN where only a speed was recorded, as is ``down_mps``."""
+    down_mps: Array = field(default_factory=_no_samples)
+    source: VelocitySource = VelocitySource.NONE
+
+
+@dataclass(frozen=True)
+class SpecificForce:
+    """Accelerometer in body axes (FRD): acceleration minus gravity, -9.8 in z at rest.
+
+    Arrays of equal length, empty where the log has none.
+    """
+
+    time_s: Array = field(default_factory=_no_samples)
+    x_mps2: Array = field(default_factory=_no_samples)
+    y_mps2: Array = field(default_factory=_no_samples)
+    z_mps2: Array = field(default_factory=_no_samples)
+
+
 @dataclass(frozen=True)
 class Setpoints:
     """Setpoints of the autopilot; arrays are empty where the log has none."""
@@ -106,9 +153,9 @@ class Clock:
     """Errors of a log's time stamps."""
 
     steps: tuple[ClockStep, ...] = ()
-    time_s: Array = field(default_factory=lambda: np.empty(0))
+    time_s: Array = field(default_factory=_no_samples)
     """Times of ``ahead_s``."""
-    ahead_s: Array = field(default_factory=lambda: np.empty(0))
+    ahead_s: Array = field(default_factory=_no_samples)
     """Time of the recorder minus time of the vehicle; empty where the log has vehicle time."""
 
 
@@ -132,3 +179,5 @@ class Log:
     clock: Clock = Clock()
     damage: str = ""
     """Damaged places of the file and the time that is lost; empty for a whole file."""
+    velocity: Velocity = Velocity()
+    specific_force: SpecificForce = SpecificForce()

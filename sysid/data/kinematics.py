@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid.data.segments import RATE_HZ, Array, Run
+from sysid.signal_processing import fit_line
 
 MAX_PITCH_RAD = math.radians(75.0)
 """Pitch above which heading is not evaluated, because of the singularity at 90 degrees."""
@@ -69,28 +70,23 @@ def depth_mismatch(run: Run) -> DepthPitchMismatch | None:
     """
     # Least squares: depth = c_0 + c_1 t + U integral of -sin(theta).
     sine_integral_s = -_integral(np.sin(run.pitch_rad))
-    line_terms = np.stack([np.ones(run.time_s.size), run.time_s], axis=1)
-    if (
-        np.ptp(
-            sine_integral_s
-            - line_terms @ np.linalg.lstsq(line_terms, sine_integral_s, rcond=None)[0]
-        )
-        < MIN_DEPTH_SENSITIVITY_S
-    ):
+    # The line is eliminated from both first: regression of the remainders gives the same U.
+    sine_rest_s, depth_rest_m = (
+        values - fit_line(run.time_s, values).values for values in (sine_integral_s, run.depth_m)
+    )
+    if np.ptp(sine_rest_s) < MIN_DEPTH_SENSITIVITY_S:
         return None
-    base = np.column_stack([line_terms, sine_integral_s])
-    coefficients = np.linalg.lstsq(base, run.depth_m, rcond=None)[0]
+    speed_mps = float(sine_rest_s @ depth_rest_m) / float(sine_rest_s @ sine_rest_s)
     return DepthPitchMismatch(
-        _rms(run.depth_m - base @ coefficients), float(coefficients[2]), float(np.ptp(run.depth_m))
+        _rms(depth_rest_m - speed_mps * sine_rest_s), speed_mps, float(np.ptp(run.depth_m))
     )
 
 
 def _mismatch(time_s: Array, angle_rad: Array, rate_radps: Array) -> AngleRateMismatch:
     """Return the difference of an angle and the integral of a rate."""
     difference = angle_rad - _integral(rate_radps)
-    line = np.polynomial.Polynomial.fit(time_s, difference, 1)
-    bias = float(line.convert().coef[-1]) if time_s.size > 1 else 0.0
-    return AngleRateMismatch(_rms(difference - line(time_s)), bias, float(np.ptp(angle_rad)))
+    line = fit_line(time_s, difference)
+    return AngleRateMismatch(_rms(difference - line.values), line.slope, float(np.ptp(angle_rad)))
 
 
 def _integral(rate: Array) -> Array:

@@ -6,17 +6,17 @@ events the user gives the time ranges (``MarkedInterval``).
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
-from sysid.data.dataset import DEFAULT_TRAVEL_DEG, Log, LogError
+from sysid.data.dataset import DEFAULT_TRAVEL_DEG, Log, LogError, VelocitySource
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
 from sysid.planes import PLANES, Plane
+from sysid.signal_processing import smooth
 
 Array = NDArray[np.float64]
 
@@ -29,8 +29,19 @@ STEADY_S = 5.0
 SMOOTHING = 101
 """Samples (2 s) over which slow motion is smoothed; a closed loop changes it slowly."""
 
+MAX_VELOCITY_AGE_S = 1.0
+"""Distance in time to the next sample of velocity or acceleration from which on it is unknown."""
+
 PLANE_OF_AXIS = {TestAxis(traits.sid_axis): plane for plane, traits in PLANES.items()}
 """Plane by axis."""
+MEASURED_SPEED = (
+    VelocitySource.WATER_TRACK,
+    VelocitySource.BOTTOM_TRACK,
+    VelocitySource.COLUMN,
+)
+"""Sources of a velocity that show the loss of speed in a turn.
+
+A recorded ground speed may be the estimate of an autopilot without satellite fixes."""
 LOOP_ON = 100
 """Offset of the axes with the loop closed."""
 
@@ -101,6 +112,16 @@ class Run:
     """Travel of a surface to either side."""
     longest_depth_gap_s: float = 0.0
     """Largest interval between two received samples of depth."""
+    forward_mps: Array = field(default_factory=lambda: np.empty(0))
+    """Forward velocity from the log (``velocity_source``); as the next five, empty if the log has
+    none, NaN further than MAX_VELOCITY_AGE_S from a sample."""
+    starboard_mps: Array = field(default_factory=lambda: np.empty(0))
+    down_mps: Array = field(default_factory=lambda: np.empty(0))
+    specific_force_x_mps2: Array = field(default_factory=lambda: np.empty(0))
+    """Accelerometer in FRD: acceleration minus gravity."""
+    specific_force_y_mps2: Array = field(default_factory=lambda: np.empty(0))
+    specific_force_z_mps2: Array = field(default_factory=lambda: np.empty(0))
+    velocity_source: VelocitySource = VelocitySource.NONE
 
     def in_plane(self, plane: Plane) -> PlaneSignals:
         """Return the signals of one plane.
@@ -154,14 +175,28 @@ class Run:
         """Return the motion smoothed over SMOOTHING samples."""
         window = min(SMOOTHING, (self.time_s.size - 1) // 2 * 2 + 1)
         pitch, q, roll = (
-            savgol_filter(x, window, 1) for x in (self.pitch_rad, self.q_radps, self.roll_rad)
+            smooth(x, window).value for x in (self.pitch_rad, self.q_radps, self.roll_rad)
         )
         return SlowMotion(
             pitch_rad=pitch,
             q_radps=q,
             roll_rad=roll,
-            depth_rate_mps=savgol_filter(self.depth_m, window, 1, deriv=1, delta=1.0 / RATE_HZ),
+            depth_rate_mps=smooth(self.depth_m, window).slope * RATE_HZ,
         )
+
+    @cached_property
+    def relative_speed(self) -> Array | None:
+        """Return the measured forward speed over its median before the test, smoothed.
+
+        None if it was not measured throughout, or is only an estimate of the autopilot.
+        """
+        forward, before = self.forward_mps, self.preroll
+        if self.velocity_source not in MEASURED_SPEED or not forward.size or not before.any():
+            return None
+        if not np.all(forward > 0.0):  # NaN counts as not measured
+            return None
+        window = min(SMOOTHING, (self.time_s.size - 1) // 2 * 2 + 1)
+        return smooth(forward, window).value / float(np.median(forward[before]))
 
     @property
     def preroll(self) -> NDArray[np.bool_]:
@@ -429,7 +464,7 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
         latest = np.searchsorted(actuators.time_s, grid_s + 1e-6, side="right") - 1
         return values[np.clip(latest, 0, None)]
 
-    return Run(
+    run = Run(
         name=name,
         plane=PLANE_OF_AXIS[span.axis],
         wave=span.wave,
@@ -455,7 +490,34 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
         both=span.both,
         stop_detail=span.stop_detail,
         travel_rad=actuators.travel_rad,
+        velocity_source=log.velocity.source,
     )
+    return replace(run, **_optional_series(log, grid_s))
+
+
+def _optional_series(log: Log, grid_s: Array) -> dict[str, Any]:
+    """Return velocity and specific force on the grid by the names of a run's arrays."""
+    velocity, force = log.velocity, log.specific_force
+    series = {
+        "forward_mps": (velocity.time_s, velocity.forward_mps),
+        "starboard_mps": (velocity.time_s, velocity.starboard_mps),
+        "down_mps": (velocity.time_s, velocity.down_mps),
+        "specific_force_x_mps2": (force.time_s, force.x_mps2),
+        "specific_force_y_mps2": (force.time_s, force.y_mps2),
+        "specific_force_z_mps2": (force.time_s, force.z_mps2),
+    }
+    return {
+        name: _interpolate_near(grid_s, time_s, values)
+        for name, (time_s, values) in series.items()
+        if time_s.size > 1
+    }
+
+
+def _interpolate_near(grid_s: Array, time_s: Array, values: Array) -> Array:
+    """Interpolate linearly; NaN further than MAX_VELOCITY_AGE_S from a sample."""
+    after = np.clip(np.searchsorted(time_s, grid_s), 1, time_s.size - 1)
+    age_s = np.minimum(np.abs(grid_s - time_s[after - 1]), np.abs(grid_s - time_s[after]))
+    return np.where(age_s <= MAX_VELOCITY_AGE_S, np.interp(grid_s, time_s, values), np.nan)
 
 
 def _clock_step_reason(log: Log, grid_s: Array) -> str:

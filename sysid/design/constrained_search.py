@@ -43,7 +43,10 @@ class ConstrainedProblem(NamedTuple):
 
 
 def solve(search: ConstrainedProblem) -> dict[str, float]:
-    """Return the free gains of the first start that ends within the constraints.
+    """Return the free gains of the first start that ends within the constraints and below 1.
+
+    An objective of 1 is that of the reference gains. If every start ends above it, the best end
+    within the constraints is returned.
 
     Parameters
     ----------
@@ -60,11 +63,16 @@ def solve(search: ConstrainedProblem) -> dict[str, float]:
     DesignInfeasibleError
         No start ends within the constraints; the message names the worst constraint.
     """
-    ends = []
+    ends, feasible = [], []
     for start in search.starts:
-        ends.append(_restart_until_converged(start, search))
-        if _max_violation(ends[-1].evaluated.violations) <= CONSTRAINT_TOLERANCE:
-            return ends[-1].gains
+        end = _restart_until_converged(start, search)
+        ends.append(end)
+        if _max_violation(end.evaluated.violations) <= CONSTRAINT_TOLERANCE:
+            feasible.append(end)
+            if end.evaluated.objective <= 1.0:
+                break
+    if feasible:
+        return min(feasible, key=lambda end: end.evaluated.objective).gains
     nearest = min((end.evaluated.violations for end in ends), key=_max_violation)
     worst, violation = max(nearest.items(), key=lambda item: item[1])
     raise DesignInfeasibleError(

@@ -92,6 +92,41 @@ def damping_violations(modes: Modes, loop: str, bounds: Bounds) -> ConstraintVio
     }
 
 
+def impulse_violation(modes: Modes, state: int, name: str, spec: Spec) -> ConstraintViolation:
+    """Return the violation of the overshoot of one state after an impulsive moment.
+
+    Parameters
+    ----------
+    modes : Modes
+        Modes of the closed loop.
+    state : int
+        Index of the state.
+    name : str
+        Name of the loop.
+    spec : Spec
+        `impulse_overshoot` and, for the length of the response, `integral_settling_s`.
+
+    Returns
+    -------
+    dict
+        overshoot / impulse_overshoot - 1.
+
+    Notes
+    -----
+    With A = V diag(lambda) V^-1 and e_r the rate, x_k(t) = sum_i V_ki (V^-1 e_r)_i exp(lambda_i t).
+    The overshoot is -min x_k / max x_k: damping ratios of single modes do not limit the sum of a
+    pair of poles and the slow pole of the integrator.
+    """
+    impulse = np.zeros(modes.values.size, dtype=np.complex128)
+    impulse[modal.RATE_STATE] = 1.0
+    shares = modes.right[state] * np.linalg.solve(modes.right, impulse)
+    times = np.arange(0.0, spec.integral_settling_s, STEP_S)
+    response = (np.exp(np.outer(times, modes.values)) @ shares).real
+    overshoot = -float(np.min(response)) / float(np.max(response))
+    limit = spec.impulse_overshoot
+    return {f"overshoot after an impulse of the {name} loop": overshoot / limit - 1.0}
+
+
 def load_violation(
     modes: Modes, surface: Array, state: int, name: str, spec: Spec
 ) -> ConstraintViolation:

@@ -41,9 +41,11 @@ It causes 0.3 deg/s rms of rate by the slow part and as much by waves.
 """
 NOISE_STEP_S = 0.1
 """Sample interval (s) of a model's sensor noise; between samples it is taken as white."""
+DEPTH_RATE_S = 0.7
+"""Ratio of depth noise to depth rate noise (s), which results from the autopilot's depth filter."""
 SEED = 2001
 """Seed of the samples of a model's posterior."""
-NOT_SCALED_BY_EFFECTIVENESS = ("DPT_P", "DPT_D", "DPT_I", "ACT_LEAD_W")
+NOT_SCALED_BY_EFFECTIVENESS = ("DPT_P", "DPT_D", "DPT_I", "ACT_LEAD_W", "ACT_LEAD_Z")
 """Parameters that do not scale with control effectiveness: they map no error to a duct angle."""
 
 
@@ -87,6 +89,23 @@ def build(
     )
 
 
+def outputs(plane: LinearPlane) -> Array:
+    """Return the output matrix of what the autopilot measures, (outputs, states).
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Linear plane.
+
+    Returns
+    -------
+    ndarray
+        Rows r, psi in yaw; q, theta, depth, depth rate in pitch.
+    """
+    rows = np.eye(len(plane.B))[1:]
+    return rows if "depth" not in plane.states else np.vstack([rows, plane.A[3]])
+
+
 def scale_starts(
     starts: Sequence[Mapping[str, float]], plane: LinearPlane
 ) -> tuple[dict[str, float], ...]:
@@ -115,13 +134,15 @@ def scale_starts(
     )
 
 
-def from_model(model: IdentifiedModel) -> DesignModel:
-    """Return the design model of an identified model.
+def from_model(model: IdentifiedModel, prior: VehicleConfig | None = None) -> DesignModel:
+    """Return the design model of an identified model: level flight if its vehicle file is known.
 
     Parameters
     ----------
     model : IdentifiedModel
         Content of a model file.
+    prior : VehicleConfig, optional
+        Vehicle file of the refit; needed if that file is not shipped.
 
     Returns
     -------
@@ -129,6 +150,8 @@ def from_model(model: IdentifiedModel) -> DesignModel:
         Both planes with their actuator lags, which include the delay of the sampled control, and
         the identified disturbance.
     """
+    if model.method == "map" and (prior is not None or model.vehicle.prior in SHIPPED):
+        return from_vehicle(prediction.vehicles(model, prior)[0], _disturbance_of(model))
     coefficients = Table1Column(
         **{name: coefficient.value for name, coefficient in model.coefficients.items()}
     )

@@ -27,8 +27,8 @@ class Spec(JsonRecord, frozen=True):
     max_sensitivity: float = 1.6
     """Maximum sensitivity of the nominal model.
 
-    Margins and sensitivity apply at four cuts: rudder, heading error, elevator and depth error. The
-    pitch error is not limited.
+    Margins and sensitivity apply at every cut for which they are reported: rudder, heading error,
+    elevator, depth error and, with PID, pitch error.
     """
     robust_gm_db: float = 6.0
     """Minimum gain margin of the sampled vehicles at the same cuts (dB)."""
@@ -40,6 +40,8 @@ class Spec(JsonRecord, frozen=True):
     """Time (s) after which a constant load must be compensated."""
     integral_residual: float = 0.15
     """Maximum residual error after `integral_settling_s`, as a share of its largest value."""
+    impulse_overshoot: float = 0.2
+    """Maximum overshoot of the heading after an impulsive moment, as a share of its maximum."""
     heading_step_deg: float = 20.0
     """Change of heading (deg) in which the rudder must stay within the travel left by its bias."""
     travel_deg: float = 15.0
@@ -48,8 +50,8 @@ class Spec(JsonRecord, frozen=True):
     """Rate limit of the tailcone (deg/s)."""
     depth_step_m: float = 3.0
     """Change of depth (m) for which the overshoot is limited."""
-    depth_overshoot: float = 0.10
-    """Maximum overshoot, as a share of `depth_step_m`."""
+    depth_overshoot: float = 0.04
+    """Maximum overshoot of changes by one and by two `depth_step_m`, as a share of it."""
     pitch_rms_ratio: float = 1.25
     """Maximum pitch rms under disturbance, relative to the initial gains."""
     pitch_per_metre_deg: float = 18.0
@@ -73,6 +75,21 @@ class Response(JsonRecord, frozen=True):
     depth_m: float
     rudder_deg: float
     elevator_deg: float
+
+
+class MinimumVariance(JsonRecord, frozen=True):
+    """Least standard deviations of any linear controller under the identified disturbance.
+
+    Same delay, tailcone and sensors as the model, without limits of margins, travel and rate.
+    """
+
+    heading_deg: float
+    pitch_deg: float
+    depth_m: float
+    same_rudder_heading_deg: float
+    """Heading, if the rms of the rudder's command is that of the design."""
+    same_elevator_depth_m: float
+    """Depth, if the rms of the elevator's command is that of the design."""
 
 
 class DesignRobustness(JsonRecord, frozen=True):
@@ -99,6 +116,8 @@ class Design(NamedTuple):
     predicted: Response
     initial: Response
     """Predicted response of the initial gains on the same model."""
+    minimum: MinimumVariance | None
+    """Lower bound of the errors; None if it has no numerical solution."""
     initial_analysis: Analysis
     spec: Spec
     robustness: DesignRobustness | None

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 Array = NDArray[np.float64]
 
@@ -81,7 +81,7 @@ def interval(
     """
     # An end is the root of C(v) - C(g(x0)) - 1/2 chi2 along v = g(x0) + sign d sd: d is bracketed
     # with a growing stride, then found by Brent's method.
-    allowed_growth = 0.5 * float(chi2.ppf(level, 1))
+    allowed_growth = 0.5 * float(chdtri(1, 1.0 - level))
     least_cost = 0.5 * float(np.sum(problem.residuals(best) ** 2))
     estimate = derived(best)
 

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 from sysid.data.segments import RATE_HZ
 from sysid.models import greybox
@@ -283,5 +282,5 @@ def _clustered_deviations(J: Array, residual: Array, clusters: NDArray[np.int_])
     scores = np.column_stack([np.bincount(clusters, column * residual) for column in J.T])
     count = len(scores)
     meat = scores.T @ scores * count / max(1, count - J.shape[1])
-    small_sample_factor = float(student.ppf(0.975, max(1, count - 1)) / norm.ppf(0.975))
+    small_sample_factor = float(stdtrit(max(1, count - 1), 0.975) / ndtri(0.975))
     return np.asarray(small_sample_factor * np.sqrt(np.diag(bread @ meat @ bread)))

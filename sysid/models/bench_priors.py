@@ -16,9 +16,11 @@ import msgspec
 import numpy as np
 
 from mavlink_io.errors import ErrorCode, InputError
+from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
 from sitl.vehicle.config import VehicleConfig
 from sysid.estimation.map.problem import Prior
 from sysid.models import parameters
+from sysid.models.json_record import decode
 from sysid.models.parameters import NAMES, PARAMETERS
 from sysid.planes import PLANE_OF_SURFACE, Plane
 
@@ -191,7 +193,7 @@ def _in_prior_deviations(config: VehicleConfig, reading: BenchMeasurement) -> tu
 def _decode(path: Path, kind: type[T], source: str) -> T:
     """Decode a JSON file; ``source`` names the command that writes it."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=kind)
+        return decode(read_limited(path, MAX_TEXT_BYTES), kind)
     except OSError as error:
         raise BenchResultError(
             f"{path}: {error.strerror}; give the JSON that `{source}` prints"

@@ -32,16 +32,21 @@ from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
 from sysid.data.segments import RATE_HZ, Run
 from sysid.planes import PLANES, Plane
+from sysid.signal_processing import fit_line
 
 Array = NDArray[np.float64]
 
 SUBMERGED_Z_M = -50.0
 """Height of the simulated vehicle, deep enough that the surface has no effect."""
-N_COUPLING = 6
-"""Number of cross-plane inputs.
+N_COUPLING = 7
+"""Number of known inputs besides the surface.
 
 They are the other plane's cross speed, rate and pitch, roll rate, roll, and the angle of the other
-surface, in the paper's axes."""
+surface, in the paper's axes, and the measured forward speed (m/s); 0 if it is not measured."""
+SPEED = 6
+"""Index of the measured speed."""
+LINEARISATION_STEP = 1e-5
+"""Step of the central differences of a linearisation (m/s, rad/s, rad)."""
 SETTLING_S = 0.5
 """Duration at the start of a run over which measured initial values are averaged."""
 
@@ -126,12 +131,14 @@ def plane_slopes(
 
     The water is deep and still, the axes are the paper's. ``coupling`` holds the cross-plane
     inputs: the other plane's cross speed, rate and pitch (0 where pitch is a state), roll rate,
-    roll, and the angle of the other surface. ``inverse`` is from ``constraint``.
+    roll, the angle of the other surface, and the measured speed. ``inverse`` is from
+    ``constraint``.
     """
     # (u', cross', rate') = M_p^-1 (X, side, moment), with the components in the plane of the sum of
     # forces in ``sitl.vehicle.forces`` (N, N m, FLU); R^T z = (-sin theta, sin phi cos theta,
     # cos phi cos theta); kinematics: module docstring.
-    u, p, roll = x[0], coupling[3], coupling[4]
+    # A measured speed replaces the state u.
+    u, p, roll = (coupling[SPEED] if coupling[SPEED] > 0.0 else x[0]), coupling[3], coupling[4]
     if is_yaw:
         v, r, w, q = x[1], x[2], coupling[0], coupling[1]
         theta, rudder, elevator = coupling[2], duct_rad, coupling[5]
@@ -162,6 +169,8 @@ def plane_slopes(
         out[4] = up[0] * u + up[1] * v + up[2] * w
     for k in range(3):
         out[k] = inverse[k, 0] * X + inverse[k, 1] * side + inverse[k, 2] * moment
+    if coupling[SPEED] > 0.0:
+        out[0] = 0.0
 
 
 @kernel
@@ -211,6 +220,33 @@ def integrate(
     return track
 
 
+@kernel
+def slopes_about(
+    x: Array, inputs: Array, rps: float, is_yaw: bool, inverse: Array, model: VehicleModel
+) -> tuple[Array, Array]:
+    """Return the derivative (5,) of the state, and its slopes (5, 6) by the state and the surface.
+
+    ``inputs`` holds the surface angle and then the known inputs; the slopes are central
+    differences.
+    """
+    base, up, down = np.empty(5), np.empty(5), np.empty(5)
+    out = np.empty((5, 6))
+    moved = x.copy()
+    plane_slopes(x, inputs[0], inputs[1:], rps, is_yaw, inverse, model, base)
+    for i in range(6):
+        for sign in (1.0, -1.0):
+            duct = inputs[0] + sign * LINEARISATION_STEP if i == 5 else inputs[0]
+            if i < 5:
+                moved[i] = x[i] + sign * LINEARISATION_STEP
+            result = up if sign > 0.0 else down
+            plane_slopes(moved, duct, inputs[1:], rps, is_yaw, inverse, model, result)
+            if i < 5:
+                moved[i] = x[i]
+        for k in range(5):
+            out[k, i] = (up[k] - down[k]) / (2.0 * LINEARISATION_STEP)
+    return base, out
+
+
 def constraint(model: VehicleModel, plane: Plane) -> Array:
     """Return M_p^-1, shape (3, 3): from forces in the plane to accelerations."""
     rows = PLANES[plane].velocities
@@ -246,14 +282,12 @@ def accelerations(
 def initial_motion(run: Run) -> InitialMotion:
     """Return the measured initial motion of a run; rates are averaged over SETTLING_S."""
     settling_samples = max(2, int(SETTLING_S * RATE_HZ))
-    slope = float(
-        np.polyfit(run.time_s[: 2 * settling_samples], run.depth_m[: 2 * settling_samples], 1)[0]
-    )
+    start = slice(2 * settling_samples)
     return InitialMotion(
         rate_radps=float(np.mean(run.rate_radps[:settling_samples])),
         angle_rad=float(run.angle_rad[0]),
         depth_m=float(run.depth_m[0]),
-        depth_rate_mps=slope,
+        depth_rate_mps=fit_line(run.time_s[start], run.depth_m[start]).slope,
     )
 
 
@@ -267,20 +301,29 @@ def first_state(run: Run, start: InitialMotion, speed_mps: float) -> Array:
     return np.array([speed_mps, -w_frd, -start.rate_radps, -theta, SUBMERGED_Z_M])
 
 
-def heave_coupling(run: Run, speed_mps: float) -> Array | None:
-    """Return the cross-plane inputs (samples, N_COUPLING) of a yaw test; None for a pitch test.
+def known_inputs(run: Run, speed_mps: float) -> Array | None:
+    """Return the known inputs (samples, N_COUPLING) of a test; None if there are none.
 
     A vehicle that is not neutrally buoyant keeps depth with a pitch angle and a heave velocity. The
-    crossflow drag is quadratic in the total crossflow, so heave also damps sway. A pitch test needs
-    no inputs: the heading loop keeps the vehicle straight, and sway is not measured.
+    crossflow drag is quadratic in the total crossflow, so heave also damps sway: an input of a yaw
+    test. In a pitch test the heading loop keeps the vehicle straight, and sway is not measured.
+
+    The measured speed is used relative to that before the test, times the cruise speed of the
+    model: this leaves out the scale of the sensor and a steady current.
     """
     # Heave from pitch and depth (FRD): depth' = w cos(theta) - U sin(theta).
+    ratio = run.relative_speed
+    speed = 0.0 * run.time_s if ratio is None else speed_mps * ratio
     if not PLANES[run.plane].is_yaw:
-        return None
+        if ratio is None:
+            return None
+        still = np.zeros(run.time_s.size)
+        return np.column_stack([*(still,) * (N_COUPLING - 1), speed])
     slow = run.slow_motion
     theta, q = slow.pitch_rad, slow.q_radps
-    heave = (slow.depth_rate_mps + speed_mps * np.sin(theta)) / np.cos(theta)
-    return np.column_stack([-heave, -q, -theta, 0.0 * q, slow.roll_rad, 0.0 * q])
+    along = speed_mps if ratio is None else speed
+    heave = (slow.depth_rate_mps + along * np.sin(theta)) / np.cos(theta)
+    return np.column_stack([-heave, -q, -theta, 0.0 * q, slow.roll_rad, 0.0 * q, speed])
 
 
 def simulate(
@@ -295,10 +338,10 @@ def simulate(
     """Simulate a run from ``start`` under the commands of the run.
 
     One integration step covers ``stride`` samples: 1 for plots (20 ms), 5 for fitting (0.1 s).
-    ``coupling`` holds the cross-plane inputs; the default is ``heave_coupling``, for a test with
+    ``coupling`` holds the cross-plane inputs; the default is ``known_inputs``, for a test with
     the loop of the other plane closed.
     """
-    coupling = heave_coupling(run, speed_mps) if coupling is None else coupling
+    coupling = known_inputs(run, speed_mps) if coupling is None else coupling
     x0 = first_state(run, start, speed_mps)
     angles = duct_along(run, run.plane, actuator)
     rps, inverse = run.thrust * propeller.rps(1.0, model), constraint(model, run.plane)

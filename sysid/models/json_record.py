@@ -1,6 +1,12 @@
 """Base class of the records that are written to JSON files, and the schemas of such files."""
 
+from typing import TypeVar
+
 import msgspec
+
+from mavlink_io.text_files import TOO_NESTED
+
+T = TypeVar("T")
 
 
 class JsonRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -31,7 +37,35 @@ def format_of(text: bytes) -> int:
     msgspec.MsgspecError
         The content is no JSON object, or the format is no integer.
     """
-    return msgspec.json.decode(text, type=_Head).format
+    return decode(text, _Head).format
+
+
+def decode(text: bytes, kind: type[T]) -> T:
+    """Return the record in the content of a JSON file.
+
+    Parameters
+    ----------
+    text : bytes
+        Content of a JSON file.
+    kind : type
+        Type of the record.
+
+    Returns
+    -------
+    object
+        The record.
+
+    Raises
+    ------
+    msgspec.MsgspecError
+        The content is no JSON of this type, or is nested too deeply.
+    """
+    try:
+        return msgspec.json.decode(text, type=kind)
+    except RecursionError:
+        raise msgspec.DecodeError(TOO_NESTED) from None
+    except UnicodeDecodeError as error:
+        raise msgspec.DecodeError(f"is no text in UTF-8: {error.reason}") from None
 
 
 def encode(record: JsonRecord) -> bytes:

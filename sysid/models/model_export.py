@@ -64,13 +64,15 @@ def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         return _derived(parameters.candidate_vehicle(prior.config, prior.biases_rad, z))
 
     values, slope = derive(fit.z), _slope(derive, fit.z)
-    before, spread = (
-        slope @ covariance @ slope.T for covariance in (prior.covariance, fit.covariance)
+    # Whether the data inform a number is decided without errors of the model structure.
+    informed = np.linalg.inv(fit.data_information + np.linalg.inv(prior.covariance))
+    before, after, spread = (
+        slope @ covariance @ slope.T for covariance in (prior.covariance, informed, fit.covariance)
     )
     sds = np.sqrt(np.diag(spread))
     measured = set(fit.datasets)
     design_covariances = {
-        p: (_design_covariance(p, before), _design_covariance(p, spread))
+        p: (_design_covariance(p, before), _design_covariance(p, after))
         for p in Plane
         if p in measured
     }
@@ -94,7 +96,9 @@ def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
                 abs(cost - fit.cost) <= START_COST_TOLERANCE * fit.cost for cost in fit.start_costs
             ),
             at_bounds=fit.at_bounds,
-            failures=failures(fit.cost, fit.start_costs, fit.at_bounds, design_covariances),
+            failures=failures(
+                fit.cost, fit.start_costs, fit.at_bounds, design_covariances, fit.at_edge
+            ),
         ),
         data=(),
         screening=(),
@@ -128,7 +132,7 @@ def _slope(function: Callable[[Array], Array], z: Array) -> Array:
     """Return the Jacobian of ``function`` with respect to z, by central differences."""
     h = 1e-4
     return np.column_stack(
-        [(function(z + h * e) - function(z - h * e)) / (2.0 * h) for e in np.eye(z.size)]
+        [parameters.change_per_step(function, z, h * e) / h for e in np.eye(z.size)]
     )
 
 
@@ -296,8 +300,20 @@ def _notes(fit: Fit, measured: set[Plane]) -> tuple[str, ...]:
     ]
     if fit.at_bounds:
         notes.append(f"at a bound of four prior standard deviations: {', '.join(fit.at_bounds)}")
+    if fit.run_scatter > 0.0:
+        notes.append(
+            f"the tests disagree by {fit.run_scatter:.2f} prior standard deviations beyond noise:"
+            " the model structure is in error, and its standard deviations contain this error"
+        )
+    measured_speed = all(
+        data.run.relative_speed is not None for group in fit.datasets.values() for data in group
+    )
     notes.append(
-        "speed was not measured: coefficients are valid at the prior's speed for the thrust used"
+        "speed was measured relative to that before each test: coefficients are valid at the"
+        " prior's speed for the thrust used"
+        if measured_speed
+        else "speed was not measured: coefficients are valid at the prior's speed for the thrust"
+        " used"
     )
     return tuple(notes)
 

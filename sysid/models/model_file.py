@@ -15,7 +15,8 @@ from typing import Literal
 import msgspec
 
 from mavlink_io.errors import ErrorCode, InputError
-from sysid.models.json_record import JsonRecord, encode, format_of, schema_of
+from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
+from sysid.models.json_record import JsonRecord, decode, encode, format_of, schema_of
 from sysid.planes import Plane
 from sysid.validation.results import ModelAssessment, PlaneValidation
 
@@ -335,7 +336,7 @@ def read(path: str | Path) -> IdentifiedModel:
         The file is missing, is not a model, or has another format.
     """
     try:
-        text = Path(path).read_bytes()
+        text = read_limited(Path(path), MAX_TEXT_BYTES)
         file_format = format_of(text)
         if file_format == 0:
             raise ModelError(
@@ -347,7 +348,7 @@ def read(path: str | Path) -> IdentifiedModel:
                 f"{path}: format = {file_format}; this version reads format {FORMAT}: refit the"
                 " logs"
             )
-        return msgspec.json.decode(text, type=IdentifiedModel)
+        return decode(text, IdentifiedModel)
     except OSError as error:
         raise ModelError(
             f"{path}: {error.strerror}; give a model.json that `ground refit` wrote"

@@ -27,7 +27,9 @@ from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import Table1Column
 
 Array = NDArray[np.float64]
+Values = TypeVar("Values", float, Array)
 Kind = Literal["ratio", "offset"]
+Part = Literal["body", "tailcone", "sensors"]
 Wing = TypeVar("Wing", DuctGeometry, FinGeometry)
 
 MAX_DAMPING = 0.99
@@ -50,8 +52,8 @@ class ModelParameter(NamedTuple):
     """Prior standard deviation: of the logarithm for a ratio, in SI units for an offset."""
     twin: str = ""
     """Yaw coefficient that is equal by symmetry of revolution; empty for none."""
-    part: Literal["body", "tailcone"] = "body"
-    """Part of the vehicle that it changes: forces on the body, or the actuator."""
+    part: Part = "body"
+    """Part of the vehicle that it changes: forces on the body, actuator, or measured outputs."""
 
 
 _YAW: tuple[Plane, ...] = (Plane.YAW,)
@@ -90,17 +92,22 @@ PARAMETERS: tuple[ModelParameter, ...] = (
     ),
     ModelParameter(name="net_buoyancy", planes=_PITCH, kind="offset", prior_sd=5.0),
     ModelParameter(name="crossflow_cd", planes=_BOTH, kind="ratio", prior_sd=0.25),
+    ModelParameter(name="crossflow_slope", planes=_BOTH, kind="offset", prior_sd=0.5),
+    ModelParameter(name="crossflow_ends", planes=_BOTH, kind="offset", prior_sd=0.5),
     ModelParameter(
         name="natural_frequency", planes=_BOTH, kind="ratio", prior_sd=0.05, part="tailcone"
     ),
     ModelParameter(
         name="damping_ratio", planes=_BOTH, kind="ratio", prior_sd=0.05, part="tailcone"
     ),
+    ModelParameter(name="elevator_lag", planes=_PITCH, kind="ratio", prior_sd=0.1, part="tailcone"),
     ModelParameter(name="rate_limit", planes=_BOTH, kind="ratio", prior_sd=0.1, part="tailcone"),
     ModelParameter(name="backlash", planes=_BOTH, kind="ratio", prior_sd=1.0, part="tailcone"),
     ModelParameter(name="axial_drag", planes=_BOTH, kind="ratio", prior_sd=0.2),
     ModelParameter(name="lift_quadratic", planes=_BOTH, kind="offset", prior_sd=0.3),
     ModelParameter(name="stall_angle", planes=_BOTH, kind="ratio", prior_sd=0.15),
+    ModelParameter(name="angle_lag", planes=_BOTH, kind="offset", prior_sd=0.05, part="sensors"),
+    ModelParameter(name="depth_lag", planes=_PITCH, kind="offset", prior_sd=0.15, part="sensors"),
 )
 """All parameters, in the order of z, with prior standard deviations.
 
@@ -150,6 +157,8 @@ class CandidateVehicle(NamedTuple):
     """Numeric model of ``config``."""
     actuators: dict[Plane, Actuator]
     """Rudder ("yaw") and elevator ("pitch") axis of the tailcone."""
+    sensor_lags_s: tuple[float, float] = (0.0, 0.0)
+    """Lag of angle and of depth behind the rate."""
 
 
 def candidate_vehicle(
@@ -177,7 +186,49 @@ def candidate_vehicle(
         The coefficients are physically impossible.
     """
     config = _changed_config(prior, z)
-    return CandidateVehicle(config, build_model.build(config), actuators(prior, biases_rad, z))
+    return CandidateVehicle(
+        config, _body(config, z), actuators(prior, biases_rad, z), sensor_lags_s(z)
+    )
+
+
+def sensor_lags_s(z: Array) -> tuple[float, float]:
+    """Return the lags of angle and of depth behind the rate at z, s."""
+    angle, depth = (PARAMETERS[i].prior_sd * float(z[i]) for i in _SENSOR_LAGS)
+    return angle, depth
+
+
+def change_per_step(function: Callable[[Array], Values], z: Array, step: Array) -> Values:
+    """Return half the difference of a function of the vehicle one step to both sides of z.
+
+    At the edge of the possible vehicles it is the difference to the side that is possible.
+
+    Parameters
+    ----------
+    function : callable
+        Function of z that raises VehicleFileError where no such vehicle is possible.
+    z : ndarray, shape (p,)
+        Point, which must be possible.
+    step : ndarray, shape (p,)
+        Step.
+
+    Returns
+    -------
+    float or ndarray
+        Change of the function for one step.
+
+    Raises
+    ------
+    VehicleFileError
+        Neither side is possible.
+    """
+    try:
+        ahead = function(z + step)
+    except VehicleFileError:
+        return function(z) - function(z - step)
+    try:
+        return 0.5 * (ahead - function(z - step))
+    except VehicleFileError:
+        return ahead - function(z)
 
 
 def with_body_at(candidate: CandidateVehicle, prior: VehicleConfig, z: Array) -> CandidateVehicle:
@@ -203,7 +254,27 @@ def with_body_at(candidate: CandidateVehicle, prior: VehicleConfig, z: Array) ->
         The coefficients are physically impossible.
     """
     config = _changed_config(prior, z)
-    return CandidateVehicle(config, build_model.build(config), candidate.actuators)
+    return candidate._replace(config=config, model=_body(config, z))
+
+
+def _body(config: VehicleConfig, z: Array) -> VehicleModel:
+    """Return the numeric model with the distribution of crossflow drag along the hull at z.
+
+    The drag of a station at x, xi = x over half the length, is multiplied by
+
+        1 + a xi + b (3 xi^2 - 1) / 2,   not below zero,
+
+    a and b from ``crossflow_slope`` and ``crossflow_ends``: Legendre polynomials, so that
+    ``crossflow_cd`` keeps its meaning for a cylinder.
+    """
+    model = build_model.build(config)
+    slope, ends = (PARAMETERS[i].prior_sd * z[i] for i in _CROSSFLOW_SHAPE)
+    if slope == 0.0 and ends == 0.0:
+        return model
+    stations = model.stations
+    xi = stations.x_m / np.max(np.abs(stations.x_m))
+    factor = np.maximum(1.0 + slope * xi + ends * 0.5 * (3.0 * xi**2 - 1.0), 0.0)
+    return model._replace(stations=stations._replace(drag_kgpm=stations.drag_kgpm * factor))
 
 
 def _changed_config(prior: VehicleConfig, z: Array) -> VehicleConfig:
@@ -277,7 +348,9 @@ def actuators(
         """Return the actuator of a plane."""
         return Actuator(
             delay_s=max(0.0, tailcone.delay_s + offsets[f"delay_{plane}"]),
-            natural_frequency_radps=tailcone.natural_frequency_radps * ratios["natural_frequency"],
+            natural_frequency_radps=tailcone.natural_frequency_radps
+            * ratios["natural_frequency"]
+            * (1.0 if PLANES[plane].is_yaw else ratios["elevator_lag"]),
             damping_ratio=min(tailcone.damping_ratio * ratios["damping_ratio"], MAX_DAMPING),
             bias_rad=biases_rad[plane] + offsets[f"bias_{PLANES[plane].surface}"],
             travel_rad=math.radians(tailcone.travel_deg),
@@ -296,6 +369,8 @@ def backlash_deg(prior: VehicleConfig) -> float:
     return prior.tailcone.backlash_deg or ASSUMED_BACKLASH_DEG
 
 
+_CROSSFLOW_SHAPE = tuple(NAMES.index(name) for name in ("crossflow_slope", "crossflow_ends"))
+_SENSOR_LAGS = tuple(NAMES.index(name) for name in ("angle_lag", "depth_lag"))
 _RATIOS, _OFFSETS = (
     tuple((i, p.name, p.prior_sd) for i, p in enumerate(PARAMETERS) if p.kind == kind)
     for kind in ("ratio", "offset")

@@ -129,7 +129,22 @@ def vehicles(
 def perturb(
     model: IdentifiedModel, z: Array, prior: VehicleConfig | None = None
 ) -> CandidateVehicle:
-    """Return the vehicle at ``z``, in the order of ``model.joint.names``."""
+    """Return a vehicle of a model's distribution.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The identified model.
+    z : ndarray, shape (n,)
+        Parameters in prior standard deviations, in the order of ``model.joint.names``.
+    prior : VehicleConfig, optional
+        The prior vehicle; by default the file named in the model.
+
+    Returns
+    -------
+    CandidateVehicle
+        Vehicle at ``z``.
+    """
     name = model.vehicle.prior
     config = prior or (
         _shipped(name) if name in vehicle_files.SHIPPED else vehicle_files.load(name)

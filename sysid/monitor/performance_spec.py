@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 import msgspec
 
 from mavlink_io.errors import ErrorCode, InputError
+from mavlink_io.text_files import parse_toml
 from sysid.models.json_record import JsonRecord
 
 MAGIC = "# caribou gains "
@@ -136,7 +137,7 @@ def decode(text: str, values: Mapping[str, float]) -> PerformanceBaseline | None
             f"its header has format {header_format}; this version reads format {FORMAT}"
         )
     try:
-        header = tomllib.loads("\n".join(_head(lines)))
+        header = parse_toml("\n".join(_head(lines)))
         digest = header.pop("gains_sha256", "")
         baseline = msgspec.convert(header, PerformanceBaseline)
     except (tomllib.TOMLDecodeError, msgspec.ValidationError) as error:

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import iirpeak, lfilter
 
 from sysid.data.dataset import Log
 from sysid.data.events import TestEnded, TestStarted
@@ -16,6 +15,7 @@ from sysid.monitor.tracking_metrics import (
     HEADING_CHANGE_RAD,
     SETTLING_S,
 )
+from sysid.signal_processing import filter_recursively, resonance
 
 Array = NDArray[np.float64]
 
@@ -95,8 +95,8 @@ class WindowCutter:
 
     def __init__(self, baseline: PerformanceBaseline) -> None:
         self._bands = {
-            "heading": _band(baseline.heading_resonance_radps),
-            "pitch": _band(baseline.pitch_resonance_radps),
+            "heading": resonance(baseline.heading_resonance_radps, RESONANCE_BANDWIDTH, STEP_S),
+            "pitch": resonance(baseline.pitch_resonance_radps, RESONANCE_BANDWIDTH, STEP_S),
         }
         self._rows: list[MotionRow] = []
 
@@ -121,9 +121,9 @@ class WindowCutter:
         pitch = np.degrees([row.pitch_rad for row in rows])
         series = {
             "heading_deg": heading,
-            "heading_resonance_deg": lfilter(*self._bands["heading"], heading - np.mean(heading)),
+            "heading_resonance_deg": self._in_band("heading", heading),
             "pitch_deg": pitch,
-            "pitch_resonance_deg": lfilter(*self._bands["pitch"], pitch - np.mean(pitch)),
+            "pitch_resonance_deg": self._in_band("pitch", pitch),
             "depth_m": np.array([row.depth_m - row.depth_setpoint_m for row in rows]),
             "rudder_deg": np.degrees([row.rudder_rad for row in rows]),
             "elevator_deg": np.degrees([row.elevator_rad for row in rows]),
@@ -137,11 +137,10 @@ class WindowCutter:
             variances={name: float(np.var(values)) for name, values in window_series.items()},
         )
 
-
-def _band(radps: float) -> tuple[Array, Array]:
-    """Return the coefficients of the resonance filter at a frequency (rad/s)."""
-    numerator, denominator = iirpeak(radps, 1.0 / RESONANCE_BANDWIDTH, fs=2.0 * math.pi / STEP_S)
-    return numerator, denominator
+    def _in_band(self, plane: str, values: Array) -> Array:
+        """Return a signal without its mean, filtered by the resonance filter of a plane."""
+        numerator, denominator = self._bands[plane]
+        return filter_recursively(numerator, denominator, values - np.mean(values), np.zeros(2))
 
 
 def _latest(at_s: Array, time_s: Array, values: Array) -> Array:

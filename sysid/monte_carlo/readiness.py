@@ -45,6 +45,9 @@ FREQUENCIES = 20
 """Number of frequencies about crossover for the coherence, as in the model assessment."""
 UNSTEADY, SATURATION = "unsteady start", "saturation"
 """Rules of the screening: the test began in a manoeuvre; a surface was at its stops."""
+MIN_DEPTH_SHARE, AT_STOP = 0.5, 0.99
+"""Smallest share of the commanded depth that a dive reaches, and share of the largest elevator
+angle from which on it counts as such."""
 MIN_STEP_S = 4.5
 """Duration (s) after which a limit may end a step; screening rejects tests of less than 3 s."""
 
@@ -142,6 +145,20 @@ class Readiness:
         if dive.failsafe:
             outcome = f"it ends with the failsafe {dive.failsafe!r}"
             return Obstacle(name, f"{outcome}; {self.describe_disturbance()}")
+        asked_m, reached_m = (
+            float(np.max(depth_m, initial=0.0))
+            for depth_m in (dive.log.setpoints.depth_m, dive.true_depth_m)
+        )
+        if reached_m < MIN_DEPTH_SHARE * asked_m:
+            elevator = np.abs(dive.log.actuators.elevator_rad)
+            at_stop = float(np.mean(elevator > AT_STOP * np.max(elevator)))
+            return Obstacle(
+                name,
+                f"it reaches {reached_m:.1f} of {asked_m:.1f} m, with the elevator at its largest"
+                f" angle for {at_stop:.0%} of the time: the vehicle cannot dive against its"
+                f" buoyancy of {self._vehicle.config.ballast.net_buoyancy_n:.3g} N; less buoyancy,"
+                " more speed or a larger elevator is needed",
+            )
         if not dive.finished:
             return Obstacle(name, f"it does not end within its time; {self.describe_disturbance()}")
         return None

@@ -68,12 +68,27 @@ class SimulatedDive(NamedTuple):
 
 def limit_s(items: Sequence[MissionItem]) -> float:
     """Return the time (s) after which a mission counts as unfinished."""
+    waypoints = sum(item.command == MavCmd.NAV_WAYPOINT for item in items)
+    return planned_s(items) + (1 + waypoints) * EXTRA_TIME_S
+
+
+def planned_s(items: Sequence[MissionItem]) -> float:
+    """Return the duration (s) of the legs and tests of a mission.
+
+    Parameters
+    ----------
+    items : sequence of MissionItem
+        Mission.
+
+    Returns
+    -------
+    float
+        Sum of delays, loiter times and tests; transits are not counted.
+    """
     delays = sum(
         item.p1 for item in items if item.command in (MavCmd.NAV_DELAY, MavCmd.NAV_LOITER_TIME)
     )
-    tests = sum(item.x for item in items if item.command == MavCmd.USER_1)
-    waypoints = sum(item.command == MavCmd.NAV_WAYPOINT for item in items)
-    return delays + tests + (1 + waypoints) * EXTRA_TIME_S
+    return delays + sum(item.x for item in items if item.command == MavCmd.USER_1)
 
 
 def fly(

@@ -85,8 +85,8 @@ def within(
     Comparison
         Numbers with the verdict.
     """
-    verdict = judge(abs(ours - published) <= share * abs(published), impossible)
-    return Comparison(
+    holds = abs(ours - published) <= share * abs(published)
+    row = Comparison(
         item=item,
         quantity=quantity,
         unit=unit,
@@ -94,9 +94,10 @@ def within(
         ours=ours,
         difference=ours - published,
         criterion=f"within {100 * share:g} %",
-        verdict=verdict,
-        reason=impossible if verdict is Verdict.NOT_REPRODUCIBLE else reason,
+        verdict=judge(holds, impossible),
+        reason=reason,
     )
+    return _with_evidence(row, impossible)
 
 
 def at_most(
@@ -127,18 +128,11 @@ def at_most(
     Comparison
         Numbers with the verdict.
     """
-    verdict = judge(ours <= published, impossible)
-    return Comparison(
-        item=item,
-        quantity=quantity,
-        unit=unit,
-        published=published,
-        ours=ours,
-        difference=ours - published,
-        criterion="at most the published value",
-        verdict=verdict,
-        reason=impossible if verdict is Verdict.NOT_REPRODUCIBLE else reason,
+    row = within(item, quantity, unit, published, ours, share=0.0, reason=reason)
+    row = row._replace(
+        criterion="at most the published value", verdict=judge(ours <= published, impossible)
     )
+    return _with_evidence(row, impossible)
 
 
 def statement(
@@ -171,8 +165,7 @@ def statement(
     Comparison
         Statements with the verdict.
     """
-    verdict = judge(holds, impossible)
-    return Comparison(
+    row = Comparison(
         item=item,
         quantity=quantity,
         unit="",
@@ -180,6 +173,12 @@ def statement(
         ours=ours,
         difference="",
         criterion="the statement holds",
-        verdict=verdict,
-        reason=impossible if verdict is Verdict.NOT_REPRODUCIBLE else reason,
+        verdict=judge(holds, impossible),
+        reason=reason,
     )
+    return _with_evidence(row, impossible)
+
+
+def _with_evidence(row: Comparison, impossible: str) -> Comparison:
+    """Return a comparison with the evidence as reason if it cannot be reproduced."""
+    return row._replace(reason=impossible) if row.verdict is Verdict.NOT_REPRODUCIBLE else row

@@ -163,12 +163,15 @@ def _track(
 
     U, v or w, rate, angle, z (m, m/s, rad, rad/s).
 
-    ``speed_ratio`` scales the shaft speed; ``first`` is the state at row ``first_row``.
+    ``speed_ratio`` scales the shaft speed and a measured speed; ``first`` is the state at row
+    ``first_row``.
     """
     run, model, first_sample = dataset.run, vehicle.model, first_row * fit.STRIDE
     rps = speed_ratio * run.thrust[first_sample:] * propeller.rps(1.0, model)
     cross_plane_inputs = (
-        None if dataset.cross_plane_inputs is None else dataset.cross_plane_inputs[first_sample:]
+        None
+        if dataset.cross_plane_inputs is None
+        else dataset.cross_plane_inputs[first_sample:] * _speed_scale(speed_ratio)
     )
     return greybox.integrate(
         first,
@@ -181,6 +184,13 @@ def _track(
         model,
         cross_plane_inputs,
     )
+
+
+def _speed_scale(speed_ratio: float) -> Array:
+    """Return factors of the known inputs that scale the measured speed alone."""
+    factors = np.ones(greybox.N_COUPLING)
+    factors[greybox.SPEED] = speed_ratio
+    return factors
 
 
 def departure_rad(run: Run) -> Array:

@@ -7,11 +7,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import signal
 
 from sysid.data.segments import RATE_HZ, STEADY_S, Array, Run
 from sysid.planes import PLANES
 from sysid.screening.limits import ScreeningLimits
+from sysid.signal_processing import averaged_spectra
 
 COUPLING = "cross-plane coupling"
 """Beginning of the reasons of `cross_plane`."""
@@ -151,14 +151,9 @@ def coherence(run: Run, rate_radps: Array) -> tuple[float, int]:
     surface, rate = run.command_rad[test], rate_radps[test]
     if np.ptp(surface) == 0.0 or np.ptp(rate) == 0.0:
         return 0.0, 1
-    welch_options = {
-        "fs": RATE_HZ,
-        "nperseg": 2 * surface.size // (SEGMENTS + 1),
-        "detrend": "linear",
-    }
-    frequency_hz, surface_power = signal.welch(surface, **welch_options)
-    _, rate_power = signal.welch(rate, **welch_options)
-    _, cross_power = signal.csd(surface, rate, **welch_options)
+    frequency_hz, surface_power, rate_power, cross_power = averaged_spectra(
+        surface, rate, RATE_HZ, segment=2 * surface.size // (SEGMENTS + 1)
+    )
     excited = (
         (frequency_hz > 0.0)
         & (surface_power > MIN_RELATIVE_POWER * np.max(surface_power[1:]))

@@ -14,11 +14,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from sysid.data.segments import RATE_HZ, Run
 from sysid.planes import PLANES, Plane
 from sysid.screening.control_effect import control_effect, static_gain
+from sysid.signal_processing import moving_mean
 
 Array = NDArray[np.float64]
 
@@ -138,15 +138,15 @@ def _shares_by_shift(run: Run) -> tuple[Array, Array] | None:
     if samples.size < 4 * margin:
         return None
     signals = run.in_plane(run.plane)
-    command = uniform_filter1d(signals.command_rad, width)[samples]
+    command = moving_mean(signals.command_rad, width)[samples]
     command = command - np.mean(command)
     if np.std(command) < MIN_SPREAD_RAD or _tone_share(command) > MAX_TONE_SHARE:
         return None
-    angle = uniform_filter1d(signals.angle_rad, width)
+    angle = moving_mean(signals.angle_rad, width)
     angle = angle - np.mean(angle[samples])
-    columns = [angle, uniform_filter1d(signals.rate_radps, width), np.cumsum(angle) / RATE_HZ]
+    columns = [angle, moving_mean(signals.rate_radps, width), np.cumsum(angle) / RATE_HZ]
     if PLANES[run.plane].has_depth:
-        depth = uniform_filter1d(run.depth_m, width)
+        depth = moving_mean(run.depth_m, width)
         depth = depth - np.mean(depth[samples])
         columns += [depth, np.cumsum(depth) / RATE_HZ]
     steps = np.arange(-margin, margin + 1, int(SHIFT_STEP_S * RATE_HZ))

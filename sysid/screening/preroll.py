@@ -12,6 +12,7 @@ import numpy as np
 from sysid.data.segments import RATE_HZ, STEADY_S, Array, Run
 from sysid.planes import Plane
 from sysid.screening.limits import ScreeningLimits
+from sysid.signal_processing import fit_line
 
 WINDOW = int(STEADY_S * RATE_HZ)
 """Length of a window, samples."""
@@ -92,7 +93,7 @@ def _windows(run: Run, plane: Plane) -> list[PrerollWindow]:
 
 def _window(rate_radps: Array, time_s: Array, depth_m: Array) -> PrerollWindow:
     """Mean rate, and depth rate as the slope of a straight line."""
-    return PrerollWindow(float(np.mean(rate_radps)), float(np.polyfit(time_s, depth_m, 1)[0]))
+    return PrerollWindow(float(np.mean(rate_radps)), fit_line(time_s, depth_m).slope)
 
 
 def _spread(values: Array) -> float:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from sysid.screening.anomaly_models import Kind, Signature
 
@@ -174,7 +174,7 @@ def exceedance(level: float, correlation: Array) -> float:
     plus that of a crossing, exp(-c^2/2)/pi times the arc length, sum arccos(correlation). If two
     neighbouring times are nearly independent, the second adds at most its own probability.
     """
-    pointwise = 2.0 * float(norm.sf(level))
+    pointwise = 2.0 * float(ndtr(-level))
     arcs = np.arccos(np.clip(correlation, -1.0, 1.0))
     return pointwise + float(
         np.sum(np.minimum(arcs / math.pi * math.exp(-0.5 * level**2), pointwise))

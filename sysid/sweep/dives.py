@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from autopilot.control.params import Config
 from mavlink_io.errors import ErrorCode, OperationError
-from mavlink_io.mission_items import MissionItem
 from sitl.vehicle.config import VehicleFileError
 from sysid.models.parameters import NAMES, CandidateVehicle
 from sysid.monte_carlo import metrics, simulate
@@ -24,7 +23,8 @@ from sysid.monte_carlo.metrics import DiveMetrics
 from sysid.monte_carlo.samples import MAX_DRAWS_PER_SAMPLE, NoCovarianceError
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea
 from sysid.planes import Plane
-from sysid.sweep import points
+from sysid.sweep import campaigns, points
+from sysid.sweep.campaigns import CampaignPlan, CampaignResult, SweepMission
 from sysid.sweep.points import Range, Sampler
 from sysid.test_design.prior import DesignPrior
 from sysid.trials import key_of, source_hash
@@ -66,6 +66,8 @@ class SweepGains(NamedTuple):
 
     name: str
     config: Config
+    campaign: CampaignPlan | None = None
+    """Campaign on each vehicle, whose redesigned gains are flown instead of `config`."""
 
 
 class SweepVehicle(NamedTuple):
@@ -76,13 +78,6 @@ class SweepVehicle(NamedTuple):
     spread: float
     """Factor on the standard deviations; 0 flies the mean vehicle."""
     gains: tuple[SweepGains, ...]
-
-
-class SweepMission(NamedTuple):
-    """A mission."""
-
-    name: str
-    items: tuple[MissionItem, ...]
 
 
 class Limits(NamedTuple):
@@ -176,6 +171,8 @@ COLUMNS = (
     "repeat",
     *Conditions._fields,
     *_METRICS,
+    "tests_s",
+    "not_redesigned",
     "redraws",
     *(f"z_{name}" for name in NAMES),
     "key",
@@ -322,13 +319,35 @@ def fly_chunk(chunk: Chunk) -> Part:
     text = io.StringIO()
     lines = csv.writer(text, lineterminator="\n")
     vehicles = dict[tuple[str, int], tuple[CandidateVehicle, Array, int]]()
+    campaign_results = dict[tuple[object, ...], CampaignResult]()
     for dive in chunk.dives:
         sampled = (dive.vehicle, dive.sample)
         if sampled not in vehicles:
             vehicles[sampled] = _possible_vehicle(dive)
         vehicle, z, redraws = vehicles[sampled]
-        lines.writerow(_row(dive, chunk, _fly(dive, vehicle), z, redraws))
+        config, result = dive.gains.config, None
+        if dive.gains.campaign:
+            tested = (*sampled, dive.repeat, dive.gains.name, _sea_before_faults(dive.conditions))
+            if tested not in campaign_results:
+                campaign_results[tested] = _run_campaign(dive, dive.gains.campaign, vehicle)
+            result = campaign_results[tested]
+            config = result.config
+        lines.writerow(_row(dive, chunk, _fly(dive, vehicle, config), result, z, redraws))
     return Part(chunk.dives[0].number, len(chunk.dives), text.getvalue())
+
+
+def _run_campaign(dive: SweepDive, plan: CampaignPlan, vehicle: CandidateVehicle) -> CampaignResult:
+    """Return the gains of a campaign in the sea of a dive, before its faults."""
+    sea, seed = _sea_before_faults(dive.conditions), (dive.seed, dive.sample, dive.repeat)
+    try:
+        return campaigns.run(plan, vehicle, dive.prior, sea, seed)
+    except MissionRejectedError as error:
+        raise MissionRejectedError(f"tests of {dive.gains.name}: {error}") from None
+
+
+def _sea_before_faults(conditions: Conditions) -> Sea:
+    """Return the sea without the change of the rudder bias."""
+    return Sea(times=conditions.disturbance_scale, current_mps=conditions.current_mps)
 
 
 def _possible_vehicle(dive: SweepDive) -> tuple[CandidateVehicle, Array, int]:
@@ -345,14 +364,10 @@ def _possible_vehicle(dive: SweepDive) -> tuple[CandidateVehicle, Array, int]:
     )
 
 
-def _fly(dive: SweepDive, vehicle: CandidateVehicle) -> DiveMetrics:
+def _fly(dive: SweepDive, vehicle: CandidateVehicle, config: Config) -> DiveMetrics:
     """Return the metrics of one dive."""
-    sea = Sea(
-        times=dive.conditions.disturbance_scale,
-        current_mps=dive.conditions.current_mps,
-        bias_shift_rad=math.radians(dive.conditions.rudder_bias_deg),
-    )
-    config = dive.gains.config
+    shift_rad = math.radians(dive.conditions.rudder_bias_deg)
+    sea = _sea_before_faults(dive.conditions)._replace(bias_shift_rad=shift_rad)
     try:
         flown = simulate.fly(
             _with_faults(vehicle, dive.conditions),
@@ -382,7 +397,12 @@ def _with_faults(vehicle: CandidateVehicle, conditions: Conditions) -> Candidate
 
 
 def _row(
-    dive: SweepDive, chunk: Chunk, result: DiveMetrics, z: Array, redraws: int
+    dive: SweepDive,
+    chunk: Chunk,
+    result: DiveMetrics,
+    campaign: CampaignResult | None,
+    z: Array,
+    redraws: int,
 ) -> list[object]:
     """Return the row of a dive; an empty cell means that there is no value."""
     steady = result.steady
@@ -409,6 +429,8 @@ def _row(
         100.0 * result.stopped,
         result.shallowest_m,
         result.seconds,
+        campaign and campaign.tests_s,
+        campaign and campaign.failure,
         redraws,
         *(f"{value:.{Z_DIGITS}f}" for value in z),
         key_of(fly_chunk, chunk._replace(dives=(dive,)))[:KEY_LETTERS],

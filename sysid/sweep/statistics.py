@@ -16,7 +16,7 @@ from sysid.sweep.dives import COLUMNS, Conditions
 Array = NDArray[np.float64]
 Texts = NDArray[np.str_]
 
-TEXTS = ("vehicle", "gains", "mission", "diverged", "failsafe", "key", "command")
+TEXTS = ("vehicle", "gains", "mission", "diverged", "failsafe", "not_redesigned", "key", "command")
 """Columns of texts; all others hold numbers, NaN where a cell is empty."""
 ERRORS = ("heading_deg", "pitch_deg", "depth_m", "settling_s")
 """Columns whose distributions are shown."""
@@ -213,6 +213,7 @@ def failures(table: Table) -> list[str]:
     columns = zip(
         table.texts["failsafe"].tolist(),
         table.texts["diverged"].tolist(),
+        table.texts["not_redesigned"].tolist(),
         table.numbers["broached"].tolist(),
         table.numbers["passed"].tolist(),
         strict=True,
@@ -225,7 +226,8 @@ def failures(table: Table) -> list[str]:
             or (diverged and f"did not hold {diverged}")
             or ("broached" if broached else "outside the limits")
         )
-        for failsafe, diverged, broached, passed in columns
+        + ("; gains not redesigned" if unchanged and not passed else "")
+        for failsafe, diverged, unchanged, broached, passed in columns
     ]
 
 

@@ -118,7 +118,22 @@ def from_file(config: VehicleConfig, name: str = "caribou_nominal") -> DesignPri
 def from_model(
     model: IdentifiedModel, config: VehicleConfig, name: str = "model.json"
 ) -> DesignPrior:
-    """Return the posterior of an earlier fit as prior, with the identified disturbance."""
+    """Return the posterior of an earlier fit as prior, with the identified disturbance.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Earlier fit of method ``map``.
+    config : VehicleConfig
+        Vehicle file from which it was fitted.
+    name : str
+        Name of the prior in messages.
+
+    Returns
+    -------
+    DesignPrior
+        Mean and covariance of the model.
+    """
     biases: dict[Plane, float] = {
         plane: math.radians(bias_deg) for plane, bias_deg in model.vehicle.prior_biases_deg.items()
     }

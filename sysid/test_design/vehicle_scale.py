@@ -9,9 +9,12 @@ frequency of a plane:
     frequency   phi = w / w_Caribou
     step        a_step = b1_Caribou / b1 / tau^2    same angle in tau times the time
     sweep       a_sweep = b1_Caribou / b1 * phi^2   same angle at phi times the frequency
-    moment      mu = (M^-1)_Caribou / (M^-1)        same angular acceleration
+    moment      mu = (M^-1)_Caribou / (M^-1) min(1, b1 / b1_Caribou)
 
 with (M^-1) the diagonal element of yaw or pitch of the inverse mass matrix, added mass included.
+The moment gives the same angular acceleration, or, where the surface accelerates the vehicle less
+than Caribou's, the acceleration that takes the same share of the surface's travel: no control holds
+a vehicle against moments beyond its surfaces.
 """
 
 from collections.abc import Mapping
@@ -33,7 +36,7 @@ class PlaneScale(NamedTuple):
     """Ratios of one plane, and the largest size of its tests."""
 
     moment: float
-    """Disturbance moment for the same angular acceleration."""
+    """Disturbance moment for the same angular acceleration, or less for a weaker surface."""
     frequency: float
     """Frequencies of sweeps."""
     step_size: float
@@ -92,7 +95,9 @@ def _plane_scale(
         reference_vehicle, plane
     )
     return PlaneScale(
-        moment=inverse_inertia(reference_vehicle, plane) / inverse_inertia(vehicle, plane),
+        moment=inverse_inertia(reference_vehicle, plane)
+        / inverse_inertia(vehicle, plane)
+        * min(1.0, 1.0 / angle),
         frequency=frequency,
         step_size=angle / time**2,
         sweep_size=angle * frequency**2,

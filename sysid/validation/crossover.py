@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains, Lag
 from sysid.estimation.map import fit
-from sysid.models import linear_planes
+from sysid.models import linear_planes, parameters
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, TABLE_3_INITIAL
@@ -188,7 +188,7 @@ def propagate_sd(function: Callable[[Array], Array], z: Array, covariance: Array
         for variance, axis in zip(np.maximum(variances, 0.0), axes.T, strict=True)
     ]
     derivatives = [
-        (function(z + STEP * step) - function(z - STEP * step)) / (2.0 * STEP)
+        parameters.change_per_step(function, z, STEP * step) / STEP
         for step in steps
         if np.any(step)
     ]

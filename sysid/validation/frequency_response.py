@@ -17,10 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.map.fit import STRIDE
+from sysid.signal_processing import record_spectra
 from sysid.validation.results import FrequencyComparison
 
 Array = NDArray[np.float64]
@@ -102,14 +102,13 @@ def spectra(pairs: Sequence[Pair], frequency_radps: Array) -> Spectra:
     Spectra
         Spectra at these frequencies.
     """
+    # The records begin in straight flight and need no window; it would suppress half of them.
     total, seconds = np.zeros((3, _PADDED // 2 + 1), dtype=np.complex128), 0.0
     for pair in pairs:
         simulated, measured = _decimate(pair.simulated_radps), _decimate(pair.measured_radps)
         seconds += measured.size * DT_S
-        for index, (x, y) in enumerate(
-            ((simulated, simulated), (measured, measured), (simulated, measured))
-        ):
-            total[index] += measured.size * _cross(x, y)
+        found = record_spectra(simulated, measured, 1.0 / DT_S, _PADDED)
+        total += measured.size * np.array([found.x, found.y, found.cross])
     grid_hz = np.fft.rfftfreq(_PADDED, DT_S)
     centre_hz = frequency_radps / (2.0 * math.pi)
     half_width_hz = np.maximum(SMOOTHING_HALF_WIDTH * centre_hz, MIN_HALF_WIDTH_HZ)
@@ -126,19 +125,6 @@ def spectra(pairs: Sequence[Pair], frequency_radps: Array) -> Spectra:
         measured=averaged[1].real,
         cross=averaged[2],
         averages=averages,
-    )
-
-
-def _cross(x: Array, y: Array) -> ComplexArray:
-    """Cross spectrum of whole records.
-
-    The records begin in straight flight, so that no window is needed; a window would suppress half
-    of them.
-    """
-    return np.asarray(
-        signal.csd(
-            x, y, fs=1.0 / DT_S, window="boxcar", nperseg=x.size, nfft=_PADDED, detrend="constant"
-        )[1]
     )
 
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import GRID_RADPS
@@ -35,7 +34,7 @@ from sysid.validation.results import (
     Whiteness,
 )
 from sysid.validation.second_opinion import ComparedTest
-from sysid.validation.whiteness import whiteness
+from sysid.validation.whiteness import combined_p, whiteness
 
 Array = NDArray[np.float64]
 
@@ -380,6 +379,6 @@ def _excess(compared_runs: Sequence[_ComparedRun], repeats_deg2ps2: float | None
             np.concatenate([compared_run.measured for compared_run in compared_runs]),
             np.concatenate([compared_run.model for compared_run in compared_runs]),
         ),
-        whiteness_p=float(stats.combine_pvalues(ps).pvalue) if ps else None,
+        whiteness_p=combined_p(ps) if ps else None,
         new_types=sum(compared_run.record.new_type for compared_run in compared_runs),
     )

@@ -70,8 +70,7 @@ def small_report() -> str:
         "posterior": charts.posterior_chart(known),
     }
     template = (files("ground.report") / "page.html").read_text(encoding="utf-8")
-    resources = ("style", "script", "plotly", "charts")
-    names = [name for name in re.findall(r"\$(\w+)", template) if name not in resources]
+    names = re.findall(r"\$(\w+)", template)
     row = ["a name", *["12.345 → 6.789"] * 8, "a reason of many words, broken at the line's end"]
     parts = dict.fromkeys(names, "") | {
         "title": "A small report",

@@ -46,8 +46,13 @@ def payload(message: Any) -> bytes:
 
 
 def write(
-    path: Path, entries: Iterable[Entry], parameters: dict[str, float], system: int = 1
+    path: Path,
+    entries: Iterable[Entry],
+    parameters: dict[str, float],
+    system: int = 1,
+    components: dict[str, int] | None = None,
 ) -> Path:
+    """Write a log; ``components`` gives the sender of messages that the autopilot does not send."""
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
@@ -59,7 +64,7 @@ def write(
                     f"mavlink/{name}", "ros1msg", schema(message).encode()
                 )
                 channels[name] = writer.register_channel(
-                    f"/mavlink/{system}/1/{name}", "ros1", number
+                    f"/mavlink/{system}/{(components or {}).get(name, 1)}/{name}", "ros1", number
                 )
             stamp = START_NS + round(time_s * 1e9)
             writer.add_message(channels[name], stamp, payload(message), stamp)

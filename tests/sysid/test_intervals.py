@@ -24,24 +24,24 @@ def prior(campaign: list[Run], bench: config.VehicleConfig) -> Prior:
 
 @pytest.fixture(scope="module")
 def step_fit(campaign: list[Run], prior: Prior) -> Fit:
-    """Fit of one short step, which hardly determines the static gain."""
+    """Fit of one short step, which hardly determines the slow pole."""
     return fit.fit(campaign[:1], prior, starts=0)
 
 
 def test_wide_intervals_contain_the_estimate(step_fit: Fit, prior: Prior) -> None:
     by_name = {interval.name: interval for interval in intervals.wide_intervals(step_fit, prior)}
-    assert "static_gain_per_s" in by_name
+    assert "p_slow_per_s" in by_name
     assert "b1_per_s2" not in by_name
-    gain = intervals._number(prior, "yaw", "static_gain_per_s")(step_fit.z)
-    assert by_name["static_gain_per_s"].low < gain < by_name["static_gain_per_s"].high
-    assert str(by_name["static_gain_per_s"]).startswith("yaw: static_gain_per_s lies in ")
+    pole = intervals._number(prior, "yaw", "p_slow_per_s")(step_fit.z)
+    assert by_name["p_slow_per_s"].low < pole < by_name["p_slow_per_s"].high
+    assert str(by_name["p_slow_per_s"]).startswith("yaw: p_slow_per_s lies in ")
 
 
 def test_interval_end_cost_grows_by_quantile(step_fit: Fit, prior: Prior) -> None:
     """A generic constrained search on the residuals finds no lower cost at the ends."""
     problem, number = (
         intervals.problem_at_estimate(step_fit, prior),
-        intervals._number(prior, "yaw", "static_gain_per_s"),
+        intervals._number(prior, "yaw", "p_slow_per_s"),
     )
     least_cost = problems.cost(problem, step_fit.z)
     root = np.linalg.inv(np.linalg.cholesky(prior.covariance))

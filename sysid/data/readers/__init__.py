@@ -4,6 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from sysid.data.dataset import Log, LogError
 from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
@@ -88,7 +90,8 @@ def read(path: str | Path, options: OutputOptions = FROM_LOG) -> Log:
         "csv": csv_table.read,
     }
     path = Path(path)
-    log = readers[format_of(path)](path, options)
+    with np.errstate(all="ignore"):  # damaged logs hold NaN, infinity and signalling NaN
+        log = readers[format_of(path)](path, options)
     series = {
         "attitude": log.attitude.time_s,
         "commands": log.actuators.time_s,
@@ -141,6 +144,9 @@ def load(path: Path) -> LogContent:
     log_format = format_of(path)
     if log_format not in readers:
         raise LogError(f"{path}: is an MCAP log; use the tools of `ground log` for MCAP")
-    tables, damage = readers[log_format](path)
+    with np.errstate(all="ignore"):
+        tables, damage = readers[log_format](path)
+    if not tables:
+        raise LogError(f"{path}: holds no message with a time")
     regular = max(tables.values(), key=lambda table: table.time_s.size)
     return LogContent(tables, format_damage(damage, regular.time_s))

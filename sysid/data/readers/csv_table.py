@@ -3,7 +3,8 @@
 Angles in ``_deg`` or ``_rad``, rates in ``_degps`` or ``_radps``. Lines ``# NAME = VALUE`` before
 the header are parameters, for example ``# ACT_TRAVEL_DEG = 15``. Axes are MAVLink's: heading
 clockwise from north, pitch nose up, depth down; positive rudder turns the nose to starboard,
-positive elevator turns it up. Empty cells are allowed where a sensor has no sample.
+positive elevator turns it up; velocity u, v, w and specific force ax, ay, az forward, starboard
+and down. Empty cells are allowed where a sensor has no sample.
 """
 
 import csv
@@ -14,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavlink_io.text_files import read_text
 from sysid.data.dataset import (
     Actuators,
     Array,
@@ -23,6 +25,9 @@ from sysid.data.dataset import (
     LogError,
     LogEvent,
     Setpoints,
+    SpecificForce,
+    Velocity,
+    VelocitySource,
 )
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
 from sysid.data.readers.samples import (
@@ -48,6 +53,12 @@ _UNITS = {
     "thrust": {"_pct": 0.01},
     "depth": {"_m": 1.0},
     "depth_rate": {"_mps": 1.0},
+    "u": {"_mps": 1.0},
+    "v": {"_mps": 1.0},
+    "w": {"_mps": 1.0},
+    "ax": {"_mps2": 1.0},
+    "ay": {"_mps2": 1.0},
+    "az": {"_mps2": 1.0},
 }
 """Factor to SI units by suffix, for each quantity."""
 TIME = "time_s"
@@ -108,6 +119,8 @@ def read(path: Path, options: OutputOptions) -> Log:
         tuple(_events(table)),
         table.parameters,
         clock_steps(TIME, table.time_s),
+        velocity=_velocity(path, table),
+        specific_force=_specific_force(path, table),
     )
 
 
@@ -120,7 +133,7 @@ def load(path: Path) -> tuple[dict[str, MessageColumns], FileDamage]:
 def _parse(path: Path) -> _Table:
     """Return the content of a file; raise LogError naming line and column."""
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_text(path, "utf-8-sig").splitlines()
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give a CSV file") from None
     except UnicodeDecodeError:
@@ -133,7 +146,12 @@ def _parse(path: Path) -> _Table:
     ]
     if len(numbered) < 3:
         raise LogError(f"{path}: has no rows; give a header and at least two rows")
-    header, *rows = csv.reader([line for _, line in numbered], skipinitialspace=True)
+    try:
+        header, *rows = csv.reader([line for _, line in numbered], skipinitialspace=True)
+    except csv.Error as error:
+        raise LogError(f"{path}: is no CSV file: {error}") from None
+    if len(rows) != len(numbered) - 1:
+        raise LogError(f"{path}: a quotation mark is not closed; write one row per line")
     names = [name.strip() for name in header]
     duplicates = sorted({name for name in names if names.count(name) > 1})
     if duplicates:
@@ -269,6 +287,25 @@ def _depth(path: Path, table: _Table) -> Depth:
     return Depth(
         time_s, values["depth"], values.get("depth_rate", derivative(time_s, values["depth"]))
     )
+
+
+def _velocity(path: Path, table: _Table) -> Velocity:
+    """Return the velocity in body axes; a component that is not in the file is NaN."""
+    if "u" not in table.quantities:
+        return Velocity()
+    time_s, values = _samples(path, table, _present(table, ("u", "v", "w")))
+    unknown = np.full(time_s.size, np.nan)
+    u, v, w = (values.get(name, unknown) for name in ("u", "v", "w"))
+    return Velocity(time_s, u, v, w, VelocitySource.COLUMN)
+
+
+def _specific_force(path: Path, table: _Table) -> SpecificForce:
+    """Return the acceleration, if the file has all three axes."""
+    names = ("ax", "ay", "az")
+    if any(name not in table.quantities for name in names):
+        return SpecificForce()
+    time_s, values = _samples(path, table, names)
+    return SpecificForce(time_s, *(values[name] for name in names))
 
 
 def _events(table: _Table) -> Iterable[LogEvent]:

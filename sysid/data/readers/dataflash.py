@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.text_files import read_limited
 from sysid.data.dataset import (
     Actuators,
     Array,
@@ -24,19 +25,25 @@ from sysid.data.dataset import (
     LogError,
     LogEvent,
     Setpoints,
+    SpecificForce,
+    Velocity,
 )
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave, parse_text
 from sysid.data.readers.samples import (
     FileDamage,
     MessageColumns,
+    accelerometer,
+    body_velocity,
     clock_steps,
     foreign_log,
     format_damage,
+    ground_speed,
     sample_nearest,
     strictly_increasing,
     usable,
 )
 from sysid.data.readers.servo_channels import OutputOptions, actuator_commands, travel_rad
+from sysid.data.readers.spikes import Plausible, drop_contradicted
 
 _HEAD = b"\xa3\x95"
 _HEAD_LENGTH = 3
@@ -64,6 +71,26 @@ _ALTITUDES = (
     ("AHR2", "Alt", -1.0),
 )
 """Message and column of altitude or depth, and the factor to depth, the best source first."""
+_VELOCITIES = ("XKF1", "NKF1")
+"""Messages with the velocity of the estimator over ground: VN, VE and VD in m/s."""
+_ACCELEROMETERS = ("IMU", "ACC")
+"""Messages with AccX, AccY and AccZ in m/s2."""
+_ACCELERATION = ("AccX", "AccY", "AccZ")
+_ANGLE, _YAW = Plausible(floor=1.0), Plausible(floor=1.0, period=360.0)
+_OUTPUT = re.compile(r"(?:C|Ch|Chan)(\d+)")
+_PLAUSIBLE = {
+    **{
+        name: {"Roll": _ANGLE, "Pitch": _ANGLE, "Yaw": _YAW, "DesPitch": _ANGLE, "DesYaw": _YAW}
+        for name in _ATTITUDES
+    },
+    **{
+        name: dict.fromkeys(columns, Plausible(floor=math.radians(3.0) / factor))
+        for name, columns, factor in _RATES
+    },
+    **{name: {column: Plausible(floor=0.2)} for name, column, _ in _ALTITUDES if name != "AHR2"},
+    "RCOU": {f"{prefix}{n}": Plausible(25.0) for prefix in ("C", "Ch", "Chan") for n in range(15)},
+}
+"""Smallest spikes that are reported: 1 deg, 3 deg/s, 0.2 m, 25 us."""
 _INSTANCES = ("I", "C")
 """Columns with the number of a sensor or of an estimator; the first is read."""
 _MIXER_AXES = range(10, 14)
@@ -97,6 +124,12 @@ def read(path: Path, options: OutputOptions) -> Log:
         The file is damaged, or has not all required messages.
     """
     message_tables, damage = load(path)
+    checked = {
+        name: _first_instance(table) for name, table in message_tables.items() if name in _PLAUSIBLE
+    }
+    checked, spikes = drop_contradicted(checked, _PLAUSIBLE)
+    message_tables |= checked
+    damage = damage._replace(contradicted_s=spikes.contradicted_s)
     parameters = _parameters(message_tables)
     attitude, actuators = (
         _attitude(path, message_tables),
@@ -120,13 +153,15 @@ def read(path: Path, options: OutputOptions) -> Log:
         parameters,
         steps,
         format_damage(damage, attitude.time_s),
+        _velocity(path, message_tables, attitude),
+        _specific_force(path, message_tables),
     )
 
 
 def load(path: Path) -> tuple[Tables, FileDamage]:
     """Return all messages with a time by name, and the damage; raise LogError for a bad file."""
     try:
-        data = path.read_bytes()
+        data = read_limited(path)
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give an ArduPilot .bin") from None
     index, damage = _index(data)
@@ -198,6 +233,8 @@ def _decode(
 
     codes = [FORMAT_TO_STRUCT[code] for code in kind.codes if code in FORMAT_TO_STRUCT]
     time_column = next((name for name in ("TimeUS", "TimeMS") if name in kind.columns), None)
+    if not all(kind.columns):
+        return None
     if time_column is None or not len(kind.codes) == len(codes) == len(set(kind.columns)) == len(
         kind.columns
     ):
@@ -239,12 +276,18 @@ def _table(path: Path, message_tables: Tables, name: str, *columns: str) -> Mess
         raise LogError(
             f"{path}: holds no {name}.{missing[0]}; identification needs {_REQUIRED_MESSAGES}"
         )
-    time_s, values = message_tables[name]
+    time_s, values = _first_instance(message_tables[name])
+    later = strictly_increasing(time_s)
+    return MessageColumns(time_s[later], {column: array[later] for column, array in values.items()})
+
+
+def _first_instance(table: MessageColumns) -> MessageColumns:
+    """Return the messages of the first sensor or estimator."""
+    time_s, values = table
     first = np.ones(time_s.size, bool)
     for column in _INSTANCES:
         if column in values and values[column].dtype.kind in "iu":
             first &= values[column] == np.min(values[column])
-    first[first] = strictly_increasing(time_s[first])
     return MessageColumns(time_s[first], {column: array[first] for column, array in values.items()})
 
 
@@ -280,9 +323,8 @@ def _actuators(
     path: Path, message_tables: Tables, options: OutputOptions, parameters: dict[str, float]
 ) -> Actuators:
     """Return the commands from the pulses in RCOU; old logs name its columns Ch1 or Chan1."""
-    pattern = re.compile(r"(?:C|Ch|Chan)(\d+)")
     known = message_tables["RCOU"].columns if "RCOU" in message_tables else {}
-    numbers = {int(match[1]): name for name in known if (match := pattern.fullmatch(name))}
+    numbers = {int(match[1]): name for name in known if (match := _OUTPUT.fullmatch(name))}
     names = [numbers[number] for number in sorted(numbers)] or ["C1"]
     time_s, columns = _table(path, message_tables, "RCOU", *names)
     pulses = np.stack([columns[name].astype(np.float64) for name in names], axis=1)
@@ -308,6 +350,39 @@ def _depth(path: Path, message_tables: Tables) -> Depth:
             " throughout"
         )
     return Depth(time_s, depth_m, np.gradient(depth_m, time_s))
+
+
+def _has(message_tables: Tables, name: str, *columns: str) -> bool:
+    """Return whether a log has all columns of a message."""
+    return name in message_tables and set(columns) <= message_tables[name].columns.keys()
+
+
+def _floats(table: MessageColumns, *columns: str) -> list[Array]:
+    """Return columns as floats."""
+    return [table.columns[column].astype(np.float64) for column in columns]
+
+
+def _velocity(path: Path, message_tables: Tables, attitude: Attitude) -> Velocity:
+    """Return the velocity of the estimator, or else the speed of the satellite receiver."""
+    for name in _VELOCITIES:
+        if _has(message_tables, name, "VN", "VE", "VD"):
+            table = _table(path, message_tables, name, "VN")
+            velocity = body_velocity(attitude, table.time_s, *_floats(table, "VN", "VE", "VD"))
+            if velocity.time_s.size:
+                return velocity
+    if _has(message_tables, "GPS", "Spd"):
+        table = _table(path, message_tables, "GPS", "Spd")
+        return ground_speed(table.time_s, *_floats(table, "Spd"))
+    return Velocity()
+
+
+def _specific_force(path: Path, message_tables: Tables) -> SpecificForce:
+    """Return the acceleration of the first sensor."""
+    for name in _ACCELEROMETERS:
+        if _has(message_tables, name, *_ACCELERATION):
+            table = _table(path, message_tables, name, *_ACCELERATION)
+            return accelerometer(table.time_s, *_floats(table, *_ACCELERATION))
+    return SpecificForce()
 
 
 def _setpoints(message_tables: Tables) -> Setpoints:

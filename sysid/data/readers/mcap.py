@@ -1,6 +1,5 @@
 """MCAP logs of ground and of the vehicle, or of others with the same layout (docs/logs.md)."""
 
-import json
 from collections import defaultdict
 from collections.abc import Container, Sequence
 from pathlib import Path
@@ -17,13 +16,14 @@ from mavlink_io.logging.mcap_reader import (
     McapReader,
     format_damage,
 )
+from mavlink_io.text_files import parse_json
 from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
 from sysid.data.readers.messages import (
     ATTITUDES,
     CANDIDATES,
-    DUCT,
-    DUCT_COMPONENT,
+    DEVICES,
+    IMU,
     Messages,
     assemble,
     messages_to_read,
@@ -144,9 +144,14 @@ def _vehicle_topics(channels: dict[str, McapChannel], path: Path) -> dict[str, s
         )
     sent = {t: p[4] for t, p in parts if len(p) == 5 and (p[2], p[3]) in vehicles}
     names = messages_to_read(set(sent.values()))
-    ducts = {f"/mavlink/{system}/{DUCT_COMPONENT}/ACTUATOR_OUTPUT_STATUS" for system, _ in vehicles}
+    devices = {
+        f"/mavlink/{system}/{component}/{name}": device
+        for system, _ in vehicles
+        for (component, name), device in DEVICES.items()
+    }
+    devices |= {t: IMU for t, p in parts if len(p) == 5 and p[4] == IMU}
     return {t: name for t, name in sent.items() if name in names} | {
-        t: DUCT for t in topics if t in ducts
+        t: devices[t] for t in topics if t in devices
     }
 
 
@@ -182,7 +187,7 @@ def _parameters(data: bytes | None, path: Path) -> dict[str, float]:
     if data is None:
         return {}
     try:
-        return {str(name): float(value) for name, value in json.loads(data).items()}
+        return {str(name): float(value) for name, value in parse_json(data).items()}
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         needed = "must be an object of numbers by name"
         raise LogError(f"{path}: attachment params.json {needed}") from None

@@ -23,14 +23,20 @@ from sysid.data.dataset import (
     LogError,
     LogEvent,
     Setpoints,
+    SpecificForce,
+    Velocity,
+    VelocitySource,
 )
 from sysid.data.events import MODES, Armed, ModeChanged, parse_text
 from sysid.data.readers.samples import (
+    accelerometer,
     body_rates,
+    body_velocity,
     clock_steps,
     content_sha256,
     derivative,
     euler_rad,
+    ground_speed,
     strictly_increasing,
     usable,
 )
@@ -40,6 +46,14 @@ DUCT = "duct"
 """Key of the ACTUATOR_OUTPUT_STATUS messages that the tailcone's component sends."""
 DUCT_COMPONENT = 140
 """Component of the tailcone, MAV_COMP_ID_SERVO1."""
+DVL = "dvl"
+"""Key of the ODOMETRY messages that a Doppler velocity log (DVL) sends."""
+_DVL_COMPONENT = 197
+"""Component of the DVL, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY."""
+IMU = "HIL_SENSOR"
+"""Message of the inertial sensors that the onboard log holds; a component of its own sends it."""
+DEVICES = {(DUCT_COMPONENT, "ACTUATOR_OUTPUT_STATUS"): DUCT, (_DVL_COMPONENT, "ODOMETRY"): DVL}
+"""Key of the messages that a device of the vehicle sends, by component and message name."""
 
 AUTOPILOT_COMPONENT = 1
 """Component of the autopilot, MAV_COMP_ID_AUTOPILOT1."""
@@ -52,10 +66,20 @@ ATTITUDES = ("ATTITUDE", "ATTITUDE_QUATERNION", "AHRS2")
 """Messages with the attitude. AHRS2 has no rates; they are the derivatives of its angles."""
 _DEPTHS = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "VFR_HUD", "AHRS2")
 """Messages with the depth."""
+_ACCELEROMETERS = (IMU, "HIGHRES_IMU", "SCALED_IMU", "SCALED_IMU2")
+"""Messages with the acceleration."""
 _SOURCES = (ATTITUDES, (_COMMANDS, _SERVOS), _DEPTHS)
 _OTHERS = ("ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT", _HEARTBEAT)
-CANDIDATES = frozenset((*(name for names in _SOURCES for name in names), *_OTHERS))
-"""All messages that ``messages_to_read`` can return."""
+CANDIDATES = frozenset(
+    (*(name for names in (*_SOURCES, _ACCELEROMETERS) for name in names), *_OTHERS, "ODOMETRY")
+)
+"""All messages that ``messages_to_read`` can return, and those of devices."""
+_NOT_HASHED = {_HEARTBEAT, DVL, *_ACCELEROMETERS}
+"""Messages that do not count as data of the dive (``Log.sha256``)."""
+_MILLIG_MPS2 = 9.80665e-3
+_FRAME_BODY, _FRAME_GROUND = 12, 20
+"""MAV_FRAME_BODY_FRD and MAV_FRAME_LOCAL_FRD; as ``frame_id`` of a DVL's velocity they mean
+through the water (water track) and over ground (bottom track)."""
 _FIELDS: dict[str, dict[str, int]] = {
     "ATTITUDE": dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0),
     "ATTITUDE_QUATERNION": dict.fromkeys(
@@ -72,6 +96,8 @@ _FIELDS: dict[str, dict[str, int]] = {
     _COMMANDS: {"actuator": 1},
     _SERVOS: {"servo1_raw": 0},
     DUCT: {"actuator": 2},
+    DVL: dict.fromkeys(("frame_id", "child_frame_id", "vx", "vy", "vz"), 0),
+    **dict.fromkeys(_ACCELEROMETERS, dict.fromkeys(("xacc", "yacc", "zacc"), 0)),
 }
 """Fields that are read from each message: 0 for a scalar, else the minimum length of an array."""
 
@@ -81,7 +107,7 @@ Messages = dict[str, tuple[Array, NDArray[Any]]]
 
 def messages_to_read(sent: Container[str]) -> tuple[str, ...]:
     """Return the names of the messages to read from a vehicle that sends the messages ``sent``."""
-    chosen = (_first(names, sent) for names in _SOURCES)
+    chosen = (_first(names, sent) for names in (*_SOURCES, _ACCELEROMETERS))
     return (*dict.fromkeys(name for name in chosen if name), *_OTHERS)
 
 
@@ -136,17 +162,18 @@ def assemble(
         for name in dict.fromkeys((attitude, commanded, depth))
         for step in clock_steps(name, messages[name][0])
     ]
+    motion = _attitude(attitude, *messages[attitude])
     return Log(
         name=path.name,
         sha256=content_sha256(
             {
                 name: record.tobytes()
                 for name, (_, record) in messages.items()
-                if name != _HEARTBEAT
+                if name not in _NOT_HASHED
             },
             parameters,
         ),
-        attitude=_attitude(attitude, *messages[attitude]),
+        attitude=motion,
         actuators=_actuators(*messages[commanded], options, parameters, f"{path}: {commanded}"),
         depth=_depth(depth, *messages[depth]),
         setpoints=_setpoints(messages),
@@ -156,6 +183,8 @@ def assemble(
         if DUCT in messages
         else DuctAngles(*(np.empty(0),) * 3),
         clock=Clock(tuple(steps), *ahead),
+        velocity=_velocity(messages, motion, depth),
+        specific_force=_specific_force(messages),
     )
 
 
@@ -243,6 +272,44 @@ def _depth(name: str, time_s: Array, record: NDArray[Any]) -> Depth:
             (altitude_m,) = _columns(record, keep, "altitude")
             depth_m, rate_mps = -altitude_m, -derivative(time_s[keep], altitude_m)
     return Depth(time_s[keep], depth_m, rate_mps)
+
+
+def _velocity(messages: Messages, attitude: Attitude, depth_message: str) -> Velocity:
+    """Return the velocity of a DVL, or else that in the message with the depth."""
+    if DVL in messages:
+        time_s, record = messages[DVL]
+        measured = (record["child_frame_id"] == _FRAME_BODY) & usable(
+            time_s, *(record[name] for name in ("vx", "vy", "vz"))
+        )
+        for frame, source in (
+            (_FRAME_BODY, VelocitySource.WATER_TRACK),
+            (_FRAME_GROUND, VelocitySource.BOTTOM_TRACK),
+        ):
+            keep = measured & (record["frame_id"] == frame)
+            if np.count_nonzero(keep) > 1:
+                x, y, z = _columns(record, keep, "vx", "vy", "vz")
+                return Velocity(time_s[keep], x, y, z, source)
+    time_s, record = messages[depth_message]
+    names = record.dtype.names or ()
+    whole = np.ones(time_s.size, bool)
+    if {"vx", "vy", "vz"} <= set(names):
+        factor = 1e-2 if depth_message == "GLOBAL_POSITION_INT" else 1.0  # cm/s
+        velocity = (factor * axis for axis in _columns(record, whole, "vx", "vy", "vz"))
+        return body_velocity(attitude, time_s, *velocity)
+    if "groundspeed" in names:
+        return ground_speed(time_s, *_columns(record, whole, "groundspeed"))
+    return Velocity()
+
+
+def _specific_force(messages: Messages) -> SpecificForce:
+    """Return the acceleration from the first of _ACCELEROMETERS; SCALED_IMU has milli-g."""
+    name = _first(_ACCELEROMETERS, messages)
+    if not name:
+        return SpecificForce()
+    time_s, record = messages[name]
+    factor = _MILLIG_MPS2 if name.startswith("SCALED") else 1.0
+    axes = _columns(record, np.ones(time_s.size, bool), "xacc", "yacc", "zacc")
+    return accelerometer(time_s, *(factor * axis for axis in axes))
 
 
 def _setpoints(messages: Messages) -> Setpoints:

@@ -20,6 +20,9 @@ from sysid.data.dataset import (
     Log,
     LogEvent,
     Setpoints,
+    SpecificForce,
+    Velocity,
+    VelocitySource,
 )
 
 CLOCK_STEP_SAMPLES = 5
@@ -45,9 +48,8 @@ class FileDamage(NamedTuple):
     """Number of such bytes at the end: the file ends within a message."""
     dropouts_s: tuple[float, ...] = ()
     """Durations in which the vehicle's logger reports that it lost messages, s."""
-
-
-UNDAMAGED = FileDamage()
+    contradicted_s: tuple[float, ...] = ()
+    """Times before samples that their neighbours contradict and that were left out, s."""
 
 
 def format_damage(damage: FileDamage, time_s: Array) -> str:
@@ -75,6 +77,12 @@ def format_damage(damage: FileDamage, time_s: Array) -> str:
         count, lost_s = len(damage.dropouts_s), sum(damage.dropouts_s)
         dropouts = "1 dropout" if count == 1 else f"{count} dropouts"
         texts.append(f"the vehicle's logger lost {lost_s:.2g} s in {dropouts}")
+    if times_s := damage.contradicted_s:
+        samples = "1 sample is" if len(times_s) == 1 else f"{len(times_s)} samples are"
+        where = f"at {times_s[0]:.1f} s"
+        if len(times_s) > 1:
+            where = f"between {times_s[0]:.1f} and {times_s[-1]:.1f} s"
+        texts.append(f"{samples} contradicted by the ones around and left out, {where}")
     if damage.trailing_bytes:
         texts.append(
             f"it ends within a message ({damage.trailing_bytes} bytes) at {time_s[-1]:.1f} s;"
@@ -183,6 +191,60 @@ def body_rates(time_s: Array, roll: Array, pitch: Array, yaw: Array) -> tuple[Ar
     return p, q, r
 
 
+def body_velocity(
+    attitude: Attitude, time_s: Array, north_mps: Array, east_mps: Array, down_mps: Array
+) -> Velocity:
+    """Return a velocity in body axes from one in NED, rotated with the attitude at its times.
+
+    A horizontal velocity that never changes is the output of an estimator without a measurement;
+    the result is empty then. Source: Fossen 2021, equation 2.31, transposed.
+    """
+    keep = usable(time_s, north_mps, east_mps, down_mps)
+    time_s, north, east, down = (x[keep] for x in (time_s, north_mps, east_mps, down_mps))
+    if time_s.size < 2 or not (np.ptp(north) or np.ptp(east)):
+        return Velocity()
+    roll, pitch, yaw = (
+        np.interp(time_s, attitude.time_s, angle)
+        for angle in (attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad)
+    )
+    ahead = north * np.cos(yaw) + east * np.sin(yaw)
+    abeam = east * np.cos(yaw) - north * np.sin(yaw)
+    below = ahead * np.sin(pitch) + down * np.cos(pitch)
+    return Velocity(
+        time_s=time_s,
+        forward_mps=ahead * np.cos(pitch) - down * np.sin(pitch),
+        starboard_mps=abeam * np.cos(roll) + below * np.sin(roll),
+        down_mps=below * np.cos(roll) - abeam * np.sin(roll),
+        source=VelocitySource.ESTIMATE,
+    )
+
+
+def ground_speed(time_s: Array, speed_mps: Array) -> Velocity:
+    """Return a velocity of which only the speed over ground is known; empty if it is constant."""
+    keep = usable(time_s, speed_mps)
+    if np.count_nonzero(keep) < 2 or not np.ptp(speed_mps[keep]):
+        return Velocity()
+    unknown = np.full(np.count_nonzero(keep), np.nan)
+    return Velocity(
+        time_s=time_s[keep],
+        forward_mps=speed_mps[keep],
+        starboard_mps=unknown,
+        down_mps=unknown,
+        source=VelocitySource.GROUND_SPEED,
+    )
+
+
+def accelerometer(time_s: Array, *axes_mps2: Array) -> SpecificForce:
+    """Return the usable samples of an accelerometer with the axes x, y and z.
+
+    Axes that never change belong to no sensor; the result is empty then.
+    """
+    keep = usable(time_s, *axes_mps2)
+    if np.count_nonzero(keep) < 2 or not any(np.ptp(axis[keep]) for axis in axes_mps2):
+        return SpecificForce()
+    return SpecificForce(time_s[keep], *(axis[keep] for axis in axes_mps2))
+
+
 def content_sha256(parts: Mapping[str, bytes], parameters: Mapping[str, float]) -> str:
     """Return the SHA-256 of the data that identification reads and of the parameters.
 
@@ -205,6 +267,8 @@ def foreign_log(
     parameters: dict[str, float],
     steps: Iterable[ClockStep],
     damage: str = "",
+    velocity: Velocity | None = None,
+    specific_force: SpecificForce | None = None,
 ) -> Log:
     """Return the log of another autopilot, which has one clock and no duct encoder."""
     parts = {"attitude": attitude, "actuators": actuators, "depth": depth}
@@ -226,4 +290,6 @@ def foreign_log(
         duct=DuctAngles(*(np.empty(0),) * 3),
         clock=Clock(tuple(steps)),
         damage=damage,
+        velocity=velocity or Velocity(),
+        specific_force=specific_force or SpecificForce(),
     )

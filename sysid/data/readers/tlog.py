@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from mavlink_io.logging import tlog
 from mavlink_io.logging.ros1 import schema_text
 from mavlink_io.logging.tlog import MessageSeries
+from mavlink_io.text_files import read_limited
 from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
 from sysid.data.readers.messages import (
     ATTITUDES,
     AUTOPILOT_COMPONENT,
-    DUCT,
-    DUCT_COMPONENT,
+    DEVICES,
     Messages,
     assemble,
     messages_to_read,
@@ -61,11 +61,9 @@ def read(path: Path, options: OutputOptions) -> Log:
     own = {s.message.name: s for s in streams if (s.system, s.component) in vehicles}
     messages: Messages = {name: _decode(own[name]) for name in messages_to_read(own) if name in own}
     for stream in streams:
-        duct = (
-            stream.component == DUCT_COMPONENT and stream.message.name == "ACTUATOR_OUTPUT_STATUS"
-        )
-        if duct and any(stream.system == system for system, _ in vehicles):
-            messages[DUCT] = _decode(stream)
+        device = DEVICES.get((stream.component, stream.message.name))
+        if device and any(stream.system == system for system, _ in vehicles):
+            messages[device] = _decode(stream)
     nothing = np.empty(0)
     log = assemble(path, messages, _parameters(own.get("PARAM_VALUE")), options, (nothing, nothing))
     damage = FileDamage(*tlog.find_damage(data))
@@ -91,7 +89,7 @@ def load(path: Path) -> tuple[dict[str, MessageColumns], FileDamage]:
 def _content(path: Path) -> bytes:
     """Return the bytes of a file; raise LogError if it cannot be read."""
     try:
-        return path.read_bytes()
+        return read_limited(path)
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give a tlog") from None
 

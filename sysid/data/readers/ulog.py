@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.text_files import read_limited
 from sysid.data.dataset import (
     Actuators,
     Array,
@@ -18,21 +19,27 @@ from sysid.data.dataset import (
     LogError,
     LogEvent,
     Setpoints,
+    SpecificForce,
+    Velocity,
 )
 from sysid.data.events import parse_text
 from sysid.data.readers.samples import (
     FileDamage,
     MessageColumns,
+    accelerometer,
+    body_velocity,
     clock_steps,
     derivative,
     euler_rad,
     foreign_log,
     format_damage,
+    ground_speed,
     sample_nearest,
     strictly_increasing,
     usable,
 )
 from sysid.data.readers.servo_channels import OutputOptions, ServoChannels, actuator_commands
+from sysid.data.readers.spikes import Plausible, drop_contradicted
 from sysid.data.readers.ulog_recovery import keep_sound_messages, refuse_large_formats
 
 _OUTPUTS = (
@@ -61,11 +68,32 @@ _DEPTHS = (
     ("vehicle_air_data", "baro_alt_meter", -1.0),
 )
 """Topics and fields of depth or altitude, and the factor to depth, the preferred first."""
+_POSITION, _SATELLITE = "vehicle_local_position", "vehicle_gps_position"
+"""Topics with the velocity of the estimator over ground, and the speed of the receiver."""
+_ACCELEROMETERS = (
+    ("vehicle_acceleration", ("xyz[0]", "xyz[1]", "xyz[2]")),
+    (
+        "sensor_combined",
+        ("accelerometer_m_s2[0]", "accelerometer_m_s2[1]", "accelerometer_m_s2[2]"),
+    ),
+)
+"""Topics and fields of the acceleration in m/s2, the preferred first."""
 _TOPICS = tuple(
     dict.fromkeys(("vehicle_attitude", *(topic for topic, *_ in (*_RATES, *_DEPTHS)), _MOTORS))
 )
 _NEEDED = "vehicle_attitude, vehicle_angular_velocity, vehicle_local_position, actuator_outputs"
 _SETPOINTS = ("vehicle_attitude_setpoint", "vehicle_local_position_setpoint")
+_FRACTIONS = {
+    f"{field}[{n}]": Plausible(floor=0.05) for field in ("control", "output") for n in range(16)
+}
+_PLAUSIBLE = {
+    **{name: {column: Plausible(floor=0.2)} for name, column, _ in _DEPTHS},
+    **{name: dict.fromkeys(columns, Plausible(floor=0.05)) for name, columns in _RATES},
+    **dict.fromkeys((*_OUTPUTS, _MOTORS), _FRACTIONS),
+    "actuator_outputs": {f"output[{n}]": Plausible(floor=25.0) for n in range(16)},
+}
+_PLAUSIBLE["vehicle_attitude"] |= {f"q[{n}]": Plausible(floor=0.01) for n in range(4)}
+"""Smallest spikes that are reported: 0.2 m, 0.05 rad/s, 5 % of the travel, 25 us, 0.01."""
 _QUATERNION = ("[0]", "[1]", "[2]", "[3]")
 
 Tables = dict[str, MessageColumns]
@@ -91,9 +119,16 @@ def read(path: Path, options: OutputOptions) -> Log:
     LogError
         The file is damaged, or has not all required topics.
     """
-    log, damage = _parse(path, [*_TOPICS, *_OUTPUTS, *_SETPOINTS])
-    topic_tables = _tables(log)
-    parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
+    log, damage = _parse(
+        path, [*_TOPICS, *_OUTPUTS, *_SETPOINTS, _SATELLITE, *(name for name, _ in _ACCELEROMETERS)]
+    )
+    topic_tables, spikes = drop_contradicted(_tables(log), _PLAUSIBLE)
+    damage = damage._replace(contradicted_s=spikes.contradicted_s)
+    parameters = {  # a damaged parameter has a type that pyulog does not convert
+        str(name): float(value)
+        for name, value in log.initial_parameters.items()
+        if isinstance(value, int | float)
+    }
     attitude, actuators = (
         _attitude(path, topic_tables),
         _actuators(path, topic_tables, options, parameters),
@@ -119,6 +154,8 @@ def read(path: Path, options: OutputOptions) -> Log:
         parameters,
         steps,
         format_damage(damage, attitude.time_s),
+        _velocity(path, topic_tables, attitude),
+        _specific_force(path, topic_tables),
     )
 
 
@@ -136,7 +173,7 @@ def _parse(path: Path, topics: list[str] | None) -> tuple[Any, FileDamage]:
     from pyulog import ULog
 
     try:
-        data, damage = keep_sound_messages(path.read_bytes())
+        data, damage = keep_sound_messages(read_limited(path))
         refuse_large_formats(data)
         with contextlib.redirect_stdout(io.StringIO()):
             log = ULog(io.BytesIO(data), topics)
@@ -243,6 +280,30 @@ def _depth(path: Path, topic_tables: Tables) -> Depth:
     if field == "z" and "vz" in columns and np.all(np.isfinite(columns["vz"][known])):
         return Depth(time_s, depth_m, columns["vz"][known].astype(np.float64))
     return Depth(time_s, depth_m, derivative(time_s, depth_m))
+
+
+def _velocity(path: Path, topic_tables: Tables, attitude: Attitude) -> Velocity:
+    """Return the velocity of the estimator where it is valid, or else the receiver's speed."""
+    if all(_has(topic_tables, _POSITION, field) for field in ("vx", "vy", "vz")):
+        time_s, columns = _table(path, topic_tables, _POSITION, "vx", "vy", "vz")
+        north, east, down = (columns[field].astype(np.float64) for field in ("vx", "vy", "vz"))
+        valid = columns.get("v_xy_valid", np.ones(time_s.size)) != 0
+        velocity = body_velocity(attitude, time_s[valid], north[valid], east[valid], down[valid])
+        if velocity.time_s.size:
+            return velocity
+    if _has(topic_tables, _SATELLITE, "vel_m_s"):
+        time_s, columns = _table(path, topic_tables, _SATELLITE, "vel_m_s")
+        return ground_speed(time_s, columns["vel_m_s"].astype(np.float64))
+    return Velocity()
+
+
+def _specific_force(path: Path, topic_tables: Tables) -> SpecificForce:
+    """Return the acceleration of the first of _ACCELEROMETERS."""
+    for name, fields in _ACCELEROMETERS:
+        if all(_has(topic_tables, name, field) for field in fields):
+            time_s, columns = _table(path, topic_tables, name, *fields)
+            return accelerometer(time_s, *(columns[f].astype(np.float64) for f in fields))
+    return SpecificForce()
 
 
 def _setpoints(topic_tables: Tables) -> Setpoints:

@@ -208,6 +208,7 @@ _INTEGRATOR_REASONS = {
     "HDG_REF_RATE": "share of the turn rate that the free travel can hold",
     "DPT_REF_W": "a change of depth with little overshoot",
     "DPT_REF_RATE": "share of the speed",
+    "DPT_REF_LEAD": "delay from the pitch command to the depth rate at DPT_REF_W",
 }
 
 

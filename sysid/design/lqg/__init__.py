@@ -4,12 +4,14 @@
 depth, and the share of sampled vehicles on which the controllers meet the robust limits.
 """
 
+import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import asdict
 from numpy.typing import NDArray
 
 from autopilot.control import lqg as state_space
@@ -19,7 +21,7 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.control_analysis.margins import Planes
-from sysid.design import constraints, design_model
+from sysid.design import constraints, design_model, minimum_variance
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
 from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import DesignModel
@@ -29,7 +31,13 @@ from sysid.design.lqg.controller import DiscreteController, discretise
 from sysid.design.lqg.weights import Reference, Task
 from sysid.design.pid import DAMPING_FACTORS, ROBUST_ENOUGH, VEHICLES, check_robustness
 from sysid.design.robustness import RELAXED, min_bounds, summarise
-from sysid.design.specification import DesignInfeasibleError, DesignRobustness, Response, Spec
+from sysid.design.specification import (
+    DesignInfeasibleError,
+    DesignRobustness,
+    MinimumVariance,
+    Response,
+    Spec,
+)
 from sysid.models import noise
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel, sha256_of_model
@@ -50,6 +58,8 @@ class LqgDesign(NamedTuple):
     predicted: Response
     robustness: DesignRobustness | None
     """Robustness over the model's posterior; None for a model without covariance."""
+    minimum: MinimumVariance | None
+    """Lower bound of the errors; None if it has no numerical solution."""
     model_sha256: str
 
 
@@ -89,7 +99,7 @@ def design_lqg(
             "the fit's starts disagree, so the model is not unique; record more tests and refit"
         )
     vehicle, vehicles = (
-        design_model.from_model(model),
+        design_model.from_model(model, prior),
         list(design_model.sample_models(model, VEHICLES, prior)),
     )
     reference = _reference_errors(vehicle, initial)
@@ -97,13 +107,15 @@ def design_lqg(
     depth = _tune(vehicle, vehicles, Plane.PITCH, spec, reference)
     robust = robustness(vehicles, heading.controller, depth.controller, spec)
     check_robustness(robust, model, spec)
+    predicted = predict_response(vehicle, heading.controller, depth.controller)
     return LqgDesign(
         heading=heading.controller,
         depth=depth.controller,
         weights={Plane.YAW: heading.weights, Plane.PITCH: depth.weights},
         planes=vehicle.planes,
         speed_mps=model.speed_mps,
-        predicted=predict_response(vehicle, heading.controller, depth.controller),
+        predicted=predicted,
+        minimum=minimum_variance.minimum_variance(vehicle, predicted),
         robustness=robust,
         model_sha256=sha256_of_model(model),
     )
@@ -246,7 +258,7 @@ def tick_controllers(
 
     The initial observer state follows from the measurements by the pseudo-inverse of C.
     """
-    step, measured = discretise(controller, loop_transfer.TICK_S), loop_analysis.outputs(plane)
+    step, measured = discretise(controller, loop_transfer.TICK_S), design_model.outputs(plane)
     initial_state_map = np.zeros((len(controller.B), len(measured)))
     initial_state_map[: len(plane.B)] = np.linalg.pinv(measured)
     rows = np.column_stack([step.A, step.B, step.L])
@@ -264,7 +276,9 @@ def _tuples(matrix: Array) -> tuple[tuple[float, ...], ...]:
 
 
 def write(design: LqgDesign, path: str | Path) -> None:
-    """Write the controller file that `autopilot --controller` reads.
+    """Write the controller file that `autopilot --controller` reads, with the prediction.
+
+    The autopilot ignores `predicted` and `robustness`, which are for the reader of the file.
 
     Parameters
     ----------
@@ -273,6 +287,8 @@ def write(design: LqgDesign, path: str | Path) -> None:
     path : str or Path
         JSON file to write.
     """
-    Path(path).write_text(
-        lqg_file.to_json(autopilot_controllers(design), design.model_sha256), encoding="utf-8"
-    )
+    content = json.loads(lqg_file.to_json(autopilot_controllers(design), design.model_sha256))
+    content["predicted"] = asdict(design.predicted)
+    if design.robustness:
+        content["robustness"] = asdict(design.robustness)
+    Path(path).write_text(json.dumps(content) + "\n", encoding="utf-8")

@@ -14,7 +14,7 @@ from sysid.control_analysis import loop_transfer, modal
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Lag
 from sysid.design import constraints
 from sysid.design.constraints import Bounds, ConstraintViolation
-from sysid.design.design_model import NOISE_STEP_S, DesignModel, spectrum
+from sysid.design.design_model import NOISE_STEP_S, DesignModel, outputs, spectrum
 from sysid.design.lqg import controller as lqg_controller
 from sysid.design.lqg.controller import DiscreteController
 from sysid.design.specification import Spec
@@ -80,12 +80,6 @@ def measured_plane(vehicle: DesignModel, plane: Plane) -> MeasuredPlane:
         command=responses.command @ measured,
         moment=responses.moment @ measured,
     )
-
-
-def outputs(plane: LinearPlane) -> Array:
-    """Return the output matrix C, (outputs, states)."""
-    rows = np.eye(len(plane.B))[1:]
-    return rows if "depth" not in plane.states else np.vstack([rows, plane.A[3]])
 
 
 class Cuts(NamedTuple):

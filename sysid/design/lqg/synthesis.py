@@ -16,9 +16,8 @@ from scipy.linalg import solve_continuous_are
 
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Lag
-from sysid.design.design_model import NOISE_STEP_S
+from sysid.design.design_model import DEPTH_RATE_S, NOISE_STEP_S, outputs
 from sysid.design.lqg.controller import DiscreteController
-from sysid.design.lqg.loop_analysis import outputs
 from sysid.models import noise
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.noise import Noise
@@ -27,8 +26,6 @@ Array = NDArray[np.float64]
 
 PADE_ORDER = 2
 """Order of the Pade delay in the filter's model."""
-DEPTH_RATE_S = 0.7
-"""Ratio of depth noise to depth rate noise (s), which results from the autopilot's depth filter."""
 MIN_ANGLE_RAD = math.radians(0.05)
 """Minimum angle noise that the filter assumes.
 

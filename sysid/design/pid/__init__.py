@@ -9,13 +9,14 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from sitl.vehicle.config import VehicleConfig
-from sysid.control_analysis.loop_transfer import Gains
-from sysid.design import constraints, design_model
+from sysid.control_analysis.loop_transfer import LEAD_DAMPING, Gains
+from sysid.design import constraints, design_model, minimum_variance
+from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
 from sysid.design.constraints import Bounds
 from sysid.design.design_model import DesignModel
 from sysid.design.pid import depth, heading, predicted_performance, reference_models
 from sysid.design.pid.rationale import explain
-from sysid.design.robustness import fraction_satisfying, min_bounds, robustness
+from sysid.design.robustness import fraction_satisfying, min_bounds, robustness, violations
 from sysid.design.specification import (
     Design,
     DesignInfeasibleError,
@@ -37,6 +38,7 @@ __all__ = [
     "Response",
     "Spec",
     "constant_loads",
+    "keep",
     "redesign",
 ]
 
@@ -59,6 +61,21 @@ It allows for ballast changes of about a fourth of the net buoyancy.
 """
 MAX_IMAX_RAD = 0.25
 """Upper bound of integrator limits (rad)."""
+FIRST_LEAD_RATIO = 1.5
+"""ACT_LEAD_W over the tailcone's natural frequency at a start without actuator lead."""
+MIN_START = 1e-3
+"""Smallest start of a gain: the search varies the logarithms."""
+PARAMETERS = (
+    *TABLE_3_INITIAL,
+    "HDG_REF_W",
+    "HDG_REF_RATE",
+    "DPT_REF_W",
+    "DPT_REF_RATE",
+    "DPT_REF_LEAD",
+    "PTCH_FF",
+    "TRIM_PIT_DEG",
+)
+"""Parameters that a design sets besides those of the tailcone."""
 
 
 def redesign(
@@ -93,14 +110,11 @@ def redesign(
 
     Notes
     -----
-    Minimises the rms of heading, then of depth, in the identified disturbance, subject to `Spec`.
+    Minimises the rms of depth, then of heading, in the identified disturbance, subject to `Spec`.
     """
     spec = spec or Spec()
-    if not model.convergence.agreed:
-        raise DesignInfeasibleError(
-            "the fit's starts disagree, so the model is not unique; record more tests and refit"
-        )
-    vehicle, loads = design_model.from_model(model), constant_loads(model)
+    _check_unique(model)
+    vehicle, loads = design_model.from_model(model, prior), constant_loads(model)
     vehicles = list(design_model.sample_models(model, VEHICLES, prior))
     try:
         gains = _gains(vehicle, vehicles, _initial_values(vehicle, initial), spec)
@@ -111,19 +125,81 @@ def redesign(
     robust = robustness(vehicles, gains, spec)
     check_robustness(robust, model, spec)
     gains |= integrator_limits(loads, gains)
+    gains["TRIM_PIT_DEG"] = round(math.degrees(loads.level_pitch_rad), 2)
     gains |= reference_models.heading(vehicle, gains, loads, spec)
     gains |= reference_models.depth(vehicle, gains, loads, spec)
-    analysis = design_model.analyse_loops(vehicle, gains)
-    initial_response, predicted_response = (
-        design_model.predict_response(vehicle, initial),
-        design_model.predict_response(vehicle, gains),
+    design = _assemble(model, vehicle, gains, initial, spec, robust)
+    return design._replace(
+        reasons=explain(model, gains, design.analysis, design.initial, design.predicted, spec)
     )
+
+
+def keep(
+    model: IdentifiedModel, parameters: Gains, spec: Spec, prior: VehicleConfig | None = None
+) -> Design:
+    """Return the flown gains as the result of a redesign.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Identified model; its fit must have converged to one solution.
+    parameters : Gains
+        Parameters of the dives, all that a design sets.
+    spec : Spec
+        Limits that the gains must meet.
+    prior : VehicleConfig, optional
+        Vehicle file of the refit; needed if that file is not shipped.
+
+    Returns
+    -------
+    Design
+        The loop parameters that were flown, with analysis and robustness on the model.
+
+    Raises
+    ------
+    DesignInfeasibleError
+        The model is not usable, or the gains do not meet the margins of the specification.
+    """
+    _check_unique(model)
+    vehicle = design_model.from_model(model)
+    gains = {name: parameters[name] for name in PARAMETERS if name in parameters}
+    flown = _initial_values(vehicle, gains)
+    worst, violation = max(
+        violations(vehicle, flown, constraints.nominal(spec)).items(), key=lambda item: item[1]
+    )
+    if violation > CONSTRAINT_TOLERANCE:
+        raise DesignInfeasibleError(f"the gains violate the {worst} by {100 * violation:.1f} %")
+    robust = robustness(list(design_model.sample_models(model, VEHICLES, prior)), flown, spec)
+    check_robustness(robust, model, spec)
+    design = _assemble(model, vehicle, flown, gains, spec, robust)
+    return design._replace(reasons=dict.fromkeys(flown, "the gains of the first dives, kept"))
+
+
+def _check_unique(model: IdentifiedModel) -> None:
+    """Raise DesignInfeasibleError if the fit has several solutions."""
+    if not model.convergence.agreed:
+        raise DesignInfeasibleError(
+            "the fit's starts disagree, so the model is not unique; record more tests and refit"
+        )
+
+
+def _assemble(
+    model: IdentifiedModel,
+    vehicle: DesignModel,
+    gains: dict[str, float],
+    initial: Gains,
+    spec: Spec,
+    robust: DesignRobustness | None,
+) -> Design:
+    """Return the analysis of gains, without their reasons."""
+    predicted = design_model.predict_response(vehicle, gains)
     return Design(
         gains=gains,
-        reasons=explain(model, gains, analysis, initial_response, predicted_response, spec),
-        analysis=analysis,
-        predicted=predicted_response,
-        initial=initial_response,
+        reasons={},
+        analysis=design_model.analyse_loops(vehicle, gains),
+        predicted=predicted,
+        initial=design_model.predict_response(vehicle, initial),
+        minimum=minimum_variance.minimum_variance(vehicle, predicted),
         initial_analysis=design_model.analyse_loops(vehicle, initial),
         spec=spec,
         robustness=robust,
@@ -138,6 +214,7 @@ def _initial_values(vehicle: DesignModel, initial: Gains) -> dict[str, float]:
         "ACT_LAG_W": lag.natural_frequency_radps,
         "ACT_LAG_Z": lag.damping_ratio,
         "ACT_LEAD_W": 0.0,
+        "ACT_LEAD_Z": LEAD_DAMPING,
     }
     return {**initial, **tail}
 
@@ -145,7 +222,7 @@ def _initial_values(vehicle: DesignModel, initial: Gains) -> dict[str, float]:
 def _gains(
     vehicle: DesignModel, vehicles: Sequence[DesignModel], initial: dict[str, float], spec: Spec
 ) -> dict[str, float]:
-    """Return the gains of heading, which also sets the actuator lead, then of depth.
+    """Return the gains of depth, which also sets the actuator lead, then of heading.
 
     Raises DesignInfeasibleError.
     """
@@ -154,7 +231,8 @@ def _gains(
         plane: ModuleType, linear: LinearPlane, gains: dict[str, float]
     ) -> dict[str, float]:
         """Increase the nominal damping until enough sampled vehicles meet the limits."""
-        best, best_fraction, starts = gains, -1.0, design_model.scale_starts(plane.STARTS, linear)
+        best, best_fraction = gains, -1.0
+        starts = (*design_model.scale_starts(plane.STARTS, linear), _reference_start(plane, gains))
         for factor in DAMPING_FACTORS:
             try:
                 candidate = plane.gains(
@@ -175,8 +253,16 @@ def _gains(
         return best
 
     return design_plane(
-        depth, vehicle.planes.pitch, design_plane(heading, vehicle.planes.yaw, initial)
+        heading, vehicle.planes.yaw, design_plane(depth, vehicle.planes.pitch, initial)
     )
+
+
+def _reference_start(plane: ModuleType, reference: Gains) -> dict[str, float]:
+    """Return the gains of the reference design as a start; a missing lead begins near the lag."""
+    values = {name: reference[name] for name in plane.STARTS[0]}
+    if values.get("ACT_LEAD_W") == 0.0:
+        values["ACT_LEAD_W"] = FIRST_LEAD_RATIO * reference["ACT_LAG_W"]
+    return {name: max(value, MIN_START) for name, value in values.items()}
 
 
 def _tighten_damping(spec: Spec, factor: float) -> Bounds:

@@ -1,4 +1,4 @@
-"""Gains of the pitch and depth loops."""
+"""Gains of the pitch and depth loops, and the actuator lead, which both planes use."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,10 +13,30 @@ from sysid.design.specification import Spec
 from sysid.planes import Plane
 
 STARTS: Sequence[Mapping[str, float]] = (
-    {"PTCH_P": 0.75, "PTCH_D": 2.0, "DPT_P": 0.22, "DPT_D": 0.4, "DPT_I": 0.007},
-    {"PTCH_P": 0.65, "PTCH_D": 1.5, "DPT_P": 0.16, "DPT_D": 0.3, "DPT_I": 0.005},
+    {
+        "PTCH_P": 0.7,
+        "PTCH_D": 2.1,
+        "DPT_P": 0.3,
+        "DPT_D": 0.9,
+        "DPT_I": 0.018,
+        "ACT_LEAD_W": 6.0,
+        "ACT_LEAD_Z": 0.2,
+    },
+    {
+        "PTCH_P": 0.65,
+        "PTCH_D": 1.5,
+        "DPT_P": 0.16,
+        "DPT_D": 0.3,
+        "DPT_I": 0.005,
+        "ACT_LEAD_W": 6.0,
+        "ACT_LEAD_Z": 0.7,
+    },
 )
 """Starting points of the search, suitable for Caribou."""
+MIN_LEAD_RATIO, MAX_LEAD_RATIO = 1.2, 6.0
+"""Bounds of ACT_LEAD_W as multiples of the tailcone's own natural frequency."""
+MIN_LEAD_DAMPING = 0.15
+"""Minimum of ACT_LEAD_Z: with less, one step of the command makes the duct ring."""
 
 
 def gains(
@@ -26,14 +46,14 @@ def gains(
     bounds: Bounds,
     starts: Sequence[Mapping[str, float]] = STARTS,
 ) -> dict[str, float]:
-    """Return PTCH_P, PTCH_D, DPT_P, DPT_D and DPT_I with the smallest depth rms within the limits.
+    """Return the gains with the smallest depth rms within the limits.
 
     Parameters
     ----------
     vehicle : DesignModel
         Nominal model.
     reference : Gains
-        Gains of the reference design and the actuator lead.
+        Gains of the reference design and the identified lag of the tailcone.
     spec : Spec
         Limits.
     bounds : Bounds
@@ -44,12 +64,17 @@ def gains(
     Returns
     -------
     dict
-        Gains by name.
+        PTCH_P, PTCH_D, DPT_P, DPT_D, DPT_I and, if the starts have them, ACT_LEAD_W and ACT_LEAD_Z.
 
     Raises
     ------
     DesignInfeasibleError
         No gains meet the limits.
+
+    Notes
+    -----
+    Below its natural frequency a weakly damped lead has less phase lag than a well damped one, and
+    above it less gain for the gyro's noise. So the noise limit permits a faster loop.
     """
     initial_pitch, initial_depth, _ = depth_rms(vehicle, {**reference, "ACT_LEAD_W": 0.0})
 
@@ -64,15 +89,27 @@ def gains(
             - 1.0,
             "noise of the elevator's command": noise / spec.command_noise_deg - 1.0,
         }
+        if lead := gains.get("ACT_LEAD_W", 0.0):
+            constraint_violations |= _lead_violations(lead, gains)
         return CostAndConstraints(depth / initial_depth, constraint_violations)
 
     return constrained_search.solve(ConstrainedProblem(reference, starts, evaluate))
 
 
+def _lead_violations(lead_radps: float, gains: Gains) -> ConstraintViolation:
+    """Return the violations of the bounds of the actuator lead."""
+    lag_radps, damping = gains["ACT_LAG_W"], gains["ACT_LEAD_Z"]
+    return {
+        "lower bound of the actuator lead": MIN_LEAD_RATIO * lag_radps / lead_radps - 1.0,
+        "upper bound of the actuator lead": lead_radps / (MAX_LEAD_RATIO * lag_radps) - 1.0,
+        "damping of the actuator lead": MIN_LEAD_DAMPING / damping - 1.0,
+    }
+
+
 def violations(
     vehicle: DesignModel, gains: Gains, bounds: Bounds, finishing: Spec | None = None
 ) -> ConstraintViolation:
-    """Return the violations of margins at both cuts and of damping in pitch and depth.
+    """Return the violations of margins at the three cuts and of damping in pitch and depth.
 
     With `finishing`, the residual depth error after an elevator offset is limited as well.
     """
@@ -81,6 +118,7 @@ def violations(
     return {
         **constraints.margin_violations(loops["elevator"], "elevator", bounds),
         **constraints.margin_violations(loops["depth"], "depth", bounds),
+        **constraints.margin_violations(loops["pitch"], "pitch", bounds),
         **constraints.damping_violations(modes, "depth", bounds),
         **(constraints.load_violation(modes, plane.B, 3, "depth", finishing) if finishing else {}),
     }

@@ -1,4 +1,4 @@
-"""Gains of the heading loop, and the natural frequency of the actuator lead."""
+"""Gains of the heading loop."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,11 +13,10 @@ from sysid.design.specification import Spec
 from sysid.planes import Plane
 
 STARTS: Sequence[Mapping[str, float]] = (
-    {"HDG_P": 0.7, "HDG_D": 1.8, "HDG_I": 0.04, "ACT_LEAD_W": 6.0},
+    {"HDG_P": 1.2, "HDG_D": 1.9, "HDG_I": 0.07},
+    {"HDG_P": 0.7, "HDG_D": 1.8, "HDG_I": 0.04},
 )
 """Starting points of the search, suitable for Caribou."""
-MIN_LEAD_RATIO, MAX_LEAD_RATIO = 1.2, 6.0
-"""Bounds of ACT_LEAD_W as multiples of the tailcone's own natural frequency."""
 
 
 def gains(
@@ -27,14 +26,14 @@ def gains(
     bounds: Bounds,
     starts: Sequence[Mapping[str, float]] = STARTS,
 ) -> dict[str, float]:
-    """Return HDG_P, HDG_D, HDG_I and, if the starts have it, ACT_LEAD_W.
+    """Return HDG_P, HDG_D and HDG_I with the smallest heading rms within the limits.
 
     Parameters
     ----------
     vehicle : DesignModel
         Nominal model.
     reference : Gains
-        Gains of the reference design and the identified lag of the tailcone.
+        Gains of the reference design and the actuator lead.
     spec : Spec
         Limits.
     bounds : Bounds
@@ -45,7 +44,7 @@ def gains(
     Returns
     -------
     dict
-        Gains by name with the smallest heading rms within the limits.
+        Gains by name.
 
     Raises
     ------
@@ -61,14 +60,6 @@ def gains(
             **violations(vehicle, gains, bounds, spec),
             "noise of the rudder's command": noise / spec.command_noise_deg - 1.0,
         }
-        if lead := gains.get("ACT_LEAD_W", 0.0):
-            lag_radps = gains["ACT_LAG_W"]
-            constraint_violations["lower bound of the actuator lead"] = (
-                MIN_LEAD_RATIO * lag_radps / lead - 1.0
-            )
-            constraint_violations["upper bound of the actuator lead"] = (
-                lead / (MAX_LEAD_RATIO * lag_radps) - 1.0
-            )
         return CostAndConstraints(
             heading_rms(vehicle, gains)[0] / reference_rms_rad, constraint_violations
         )
@@ -81,7 +72,8 @@ def violations(
 ) -> ConstraintViolation:
     """Return the violations of margins at both cuts and of damping.
 
-    With `finishing`, the residual heading error after a rudder offset is limited as well.
+    With `finishing`, the residual heading error after a rudder offset and the overshoot after an
+    impulse are limited as well.
     """
     loops, plane = loop_transfer.heading_loops(vehicle.yaw, gains), vehicle.planes.yaw
     modes = modal.modes_of(loop_transfer.close_heading(plane, vehicle.yaw_lag, gains))
@@ -90,6 +82,11 @@ def violations(
         **constraints.margin_violations(loops["heading"], "heading", bounds),
         **constraints.damping_violations(modes, "heading", bounds),
         **(
-            constraints.load_violation(modes, plane.B, 2, "heading", finishing) if finishing else {}
+            {
+                **constraints.load_violation(modes, plane.B, 2, "heading", finishing),
+                **constraints.impulse_violation(modes, 2, "heading", finishing),
+            }
+            if finishing
+            else {}
         ),
     }

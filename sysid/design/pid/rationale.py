@@ -61,20 +61,23 @@ def explain(
             f"the level-flight pitch of {level_pitch_deg:.1f} deg and a fourth, and the uncertainty"
             " of the elevator trim"
         ),
+        "TRIM_PIT_DEG": "the identified pitch of level flight; the depth integrator does the rest",
         "ACT_LAG_W": "the identified lag of the tailcone",
         "ACT_LAG_Z": "the identified lag of the tailcone",
         "ACT_LEAD_W": (
             f"the lag compensated as far as {spec.command_noise_deg:g} deg of command noise allow"
         ),
+        "ACT_LEAD_Z": "little phase lag below ACT_LEAD_W, little gain for gyro noise above it",
         "ACT_RATE_DEGPS": "rate limit of the tailcone",
         "HDG_REF_W": (
             f"a heading change of {spec.heading_step_deg:g} deg within the travel left by the bias"
         ),
         "HDG_REF_RATE": "share of the turn rate that the free travel can hold",
         "DPT_REF_W": (
-            f"a depth change of {spec.depth_step_m:g} m within"
-            f" {100 * spec.depth_overshoot:.0f} % overshoot"
+            f"depth changes of {spec.depth_step_m:g} and {2 * spec.depth_step_m:g} m within"
+            f" {100 * spec.depth_overshoot * spec.depth_step_m:.0f} cm of overshoot, simulated"
         ),
+        "DPT_REF_LEAD": "delay from the pitch command to the depth rate at DPT_REF_W",
         "DPT_REF_RATE": "share of the speed",
         "PTCH_FF": "elevator per pitch of a steady climb, against the righting moment",
     }

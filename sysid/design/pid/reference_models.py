@@ -7,14 +7,21 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sysid.control_analysis import loop_transfer
+from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.design.design_model import DesignModel
 from sysid.design.pid import step_response
 from sysid.design.specification import DesignInfeasibleError, Loads, Spec
 from sysid.models.linear_planes import LinearPlane
 
+Array = NDArray[np.float64]
+
 BANDWIDTHS_RADPS = tuple(np.geomspace(1.6, 0.1, 13).round(3).tolist())
 """Bandwidths that are tried, fastest first."""
+DEPTH_STEPS = (1.0, -1.0, 2.0, -2.0)
+"""Simulated changes of depth as multiples of `depth_step_m`, positive down."""
 HEADING_S, DEPTH_S = 30.0, 60.0
 """Length of the simulated change of heading and of depth (s)."""
 TURN_SHARE, DESCENT_SHARE = 0.6, 0.25
@@ -71,7 +78,7 @@ def heading(
 def depth(
     vehicle: DesignModel, values: Mapping[str, float], loads: Loads, spec: Spec
 ) -> dict[str, float]:
-    """Return DPT_REF_W (rad/s), DPT_REF_RATE (m/s) and PTCH_FF.
+    """Return DPT_REF_W (rad/s), DPT_REF_RATE (m/s), DPT_REF_LEAD (s) and PTCH_FF.
 
     Parameters
     ----------
@@ -87,7 +94,8 @@ def depth(
     Returns
     -------
     dict
-        The fastest reference model whose steps down and up stay within the overshoot.
+        The fastest reference model whose simulated changes of depth, down and up, stay within the
+        overshoot. The climb by two `depth_step_m` ends near the surface in the paper's figure 14.
 
     Raises
     ------
@@ -95,16 +103,18 @@ def depth(
         No bandwidth meets the limit.
     """
     speed_mps = -float(vehicle.planes.pitch.A[3, 2])
-    rate_and_feedforward = {
+    fixed = {
         "DPT_REF_RATE": round(DESCENT_SHARE * speed_mps, 2),
         "PTCH_FF": max(0.0, _elevator_per_pitch(vehicle.planes.pitch)),
     }
+    delays_s = _depth_rate_delays_s(vehicle, {**values, **fixed})
     min_overshoot = math.inf
     for bandwidth in BANDWIDTHS_RADPS:
-        reference = {"DPT_REF_W": bandwidth, **rate_and_feedforward}
+        delay_s = float(np.interp(bandwidth, GRID_RADPS, delays_s))
+        reference = {"DPT_REF_W": bandwidth, "DPT_REF_LEAD": round(delay_s, 2), **fixed}
         overshoot = max(
-            _overshoot({**values, **reference}, vehicle, loads, spec, direction)
-            for direction in (1.0, -1.0)
+            _overshoot({**values, **reference}, vehicle, loads, spec, steps)
+            for steps in DEPTH_STEPS
         )
         min_overshoot = min(min_overshoot, overshoot)
         if overshoot <= spec.depth_overshoot:
@@ -115,6 +125,19 @@ def depth(
     )
 
 
+def _depth_rate_delays_s(vehicle: DesignModel, values: Mapping[str, float]) -> Array:
+    """Return the delay from the pitch command of the reference to the depth rate (s), on the grid.
+
+    With the closed pitch loop, the feedforward K = PTCH_FF and the depth z per elevator::
+
+        T(s) = (PTCH_P + K) s z / (1 + L_pitch)        delay = -arg(-T) / w
+    """
+    plant = loop_transfer.with_lead(vehicle.pitch, values).command
+    pitch = loop_transfer.depth_loops(vehicle.pitch, values)["pitch"]
+    rate = -1j * GRID_RADPS * plant[:, 3] / (1.0 + pitch)
+    return np.maximum(0.0, -np.unwrap(np.angle(rate)) / GRID_RADPS)
+
+
 def _elevator_per_pitch(plane: LinearPlane) -> float:
     """Return the elevator per pitch of a steady climb: no heave or pitch acceleration."""
     coefficients = np.column_stack([plane.A[:2, 0], plane.B[:2]])
@@ -122,11 +145,13 @@ def _elevator_per_pitch(plane: LinearPlane) -> float:
 
 
 def _overshoot(
-    values: Mapping[str, float], vehicle: DesignModel, loads: Loads, spec: Spec, direction: float
+    values: Mapping[str, float], vehicle: DesignModel, loads: Loads, spec: Spec, steps: float
 ) -> float:
-    """Return the relative overshoot of a depth change; `direction` is 1 for down, -1 for up."""
-    step_m = direction * spec.depth_step_m
+    """Return the overshoot of a depth change by `steps` (positive down), per `depth_step_m`."""
+    step_m = steps * spec.depth_step_m
     response = step_response.depth_step(
         vehicle, values, step_m, DEPTH_S, spec, loads.level_pitch_rad
     )
-    return float(np.max(direction * response.value)) / spec.depth_step_m - 1.0
+    return float(np.max(math.copysign(1.0, steps) * response.value)) / spec.depth_step_m - abs(
+        steps
+    )

@@ -113,7 +113,8 @@ def depth_step(
         Depth and elevator.
     """
     config = params.config(values)
-    initial_integral_rad = min(config.depth_i_max, max(-config.depth_i_max, -level_pitch_rad))
+    load_rad = config.level_pitch_rad - level_pitch_rad
+    initial_integral_rad = min(config.depth_i_max, max(-config.depth_i_max, load_rad))
     states, commands, memory = [], [], LoopMemory(depth_integral_rad=initial_integral_rad)
     plant = _PlaneWithTailcone(vehicle.planes.pitch, vehicle.pitch_lag, spec)
     for _ in range(round(seconds / TICK_S)):

@@ -132,7 +132,7 @@ def of_vehicle(vehicle: CandidateVehicle, plane: Plane) -> LinearModel:
         Structure and values.
     """
     return of_plane(
-        fit.linear_plane(vehicle, plane),
+        fit.straight_plane(vehicle, plane),
         vehicle.actuators[plane],
         vehicle.config.operating_point.speed_mps,
     )

@@ -56,9 +56,19 @@ class LinearPrior(NamedTuple):
 
 
 def linear_run(run: Run, lead_s: float) -> LinearRun:
-    """Cut a run from ``lead_s`` (s) before its test on.
+    """Cut a run from some time before its test on.
 
-    The duct is simulated from the pre-roll on.
+    Parameters
+    ----------
+    run : Run
+        Test with its pre-roll.
+    lead_s : float
+        Time before the test at which the outputs begin, s.
+
+    Returns
+    -------
+    LinearRun
+        Command from the pre-roll on, so that the duct is simulated from there, and outputs.
     """
     data = fit.dataset(run.since(-lead_s))
     origin = data.measured[0].copy()

@@ -23,6 +23,7 @@ def failures(
     start_costs: Sequence[float],
     at_bounds: Sequence[str],
     spreads: Mapping[Plane, tuple[Array, Array]],
+    at_edge: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """Return the reasons why a fit has failed; empty for a fit that passes.
 
@@ -36,6 +37,8 @@ def failures(
         Names of parameters at a bound of the search.
     spreads : mapping of plane to two ndarrays, (5, 5)
         Covariances of DESIGN_NUMBERS before and after the data, for each tested plane.
+    at_edge : sequence of str
+        Names of parameters beyond whose value no vehicle is possible.
 
     Returns
     -------
@@ -50,6 +53,11 @@ def failures(
             f"{other_minima} of {len(cost_differences)} other starts end elsewhere, their costs up"
             f" to {max(cost_differences):.1%} away, at most {START_COST_TOLERANCE:.0%}: "
             "the tests admit more than one vehicle"
+        )
+    if at_edge:
+        reasons.append(
+            f"the fit ended at the edge of the possible vehicles ({', '.join(at_edge)}); the logs"
+            " may be of another vehicle or another tailcone: give its own file as the prior"
         )
     if at_bounds:
         reasons.append(
@@ -70,6 +78,7 @@ def _remedy(at_bounds: Sequence[str]) -> str:
     remedies = {
         "body": "give the vehicle's own file (--prior)",
         "tailcone": "measure the tailcone with `ground bench-test` and give --bench-result",
+        "sensors": "check the time stamps of attitude and depth",
     }
     return "; ".join(text for part, text in remedies.items() if part in parts)
 

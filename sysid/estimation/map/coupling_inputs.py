@@ -8,13 +8,13 @@ and duct angle by the force equation of that plane.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from sysid.data.segments import RATE_HZ, Run
 from sysid.models import greybox
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane
 from sysid.planes import PLANES
+from sysid.signal_processing import filter_recursively
 
 Array = NDArray[np.float64]
 
@@ -36,8 +36,8 @@ def cross_plane_inputs(run: Run, other: LinearPlane, actuator: Actuator, speed_m
     Returns
     -------
     ndarray, (samples, N_COUPLING)
-        Sway or heave (m/s), rate (rad/s), pitch (rad), roll rate (rad/s), roll (rad) and duct
-        angle (rad) on the run's grid; signs as `greybox.integrate` expects them.
+        Sway or heave (m/s), rate (rad/s), pitch (rad), roll rate (rad/s), roll (rad), duct angle
+        (rad) and measured speed (m/s) on the run's grid; signs as `greybox.integrate` expects them.
 
     Notes
     -----
@@ -48,10 +48,12 @@ def cross_plane_inputs(run: Run, other: LinearPlane, actuator: Actuator, speed_m
         greybox.duct_along(run, other_plane, actuator),
         run.in_plane(other_plane).rate_radps,
     )
-    across, pitch = cross_speed_mps(other, rate, duct), 0.0 * rate
-    if (heave_inputs := greybox.heave_coupling(run, speed_mps)) is not None:
-        across, pitch = across - np.mean(across) - np.mean(heave_inputs[:, 0]), run.pitch_rad
-    return np.column_stack([-across, -rate, -pitch, run.p_radps, run.roll_rad, duct])
+    across, pitch, speed = cross_speed_mps(other, rate, duct), 0.0 * rate, 0.0 * rate
+    if (known := greybox.known_inputs(run, speed_mps)) is not None:
+        speed = known[:, greybox.SPEED]
+        if PLANES[run.plane].is_yaw:
+            across, pitch = across - np.mean(across) - np.mean(known[:, 0]), run.pitch_rad
+    return np.column_stack([-across, -rate, -pitch, run.p_radps, run.roll_rad, duct, speed])
 
 
 def cross_speed_mps(plane: LinearPlane, rate_radps: Array, duct_rad: Array) -> Array:
@@ -66,10 +68,9 @@ def cross_speed_mps(plane: LinearPlane, rate_radps: Array, duct_rad: Array) -> A
     decay = float(np.exp(plane.A[0, 0] / RATE_HZ))
     equilibrium = forcing[0] / -plane.A[0, 0]
     previous_forcing = np.concatenate(([forcing[0]], forcing[:-1]))
-    across, _ = lfilter(
-        [(1.0 - decay) / -plane.A[0, 0]],
-        [1.0, -decay],
-        previous_forcing,
-        zi=np.array([decay * equilibrium]),
+    return filter_recursively(
+        numerator=np.array([(1.0 - decay) / -plane.A[0, 0], 0.0]),
+        denominator=np.array([1.0, -decay]),
+        values=previous_forcing,
+        state=np.array([decay * equilibrium]),
     )
-    return np.asarray(across)

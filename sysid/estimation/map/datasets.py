@@ -6,14 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import Run
+from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map.coupling_inputs import cross_plane_inputs
-from sysid.estimation.map.steady_state import cruise_speed_mps
-from sysid.models import greybox, linear_planes, parameters
+from sysid.estimation.map.steady_state import cruise_speed_mps, linear_plane
+from sysid.models import greybox
 from sysid.models.greybox import InitialMotion
-from sysid.models.linear_planes import LinearPlane
 from sysid.models.parameters import CandidateVehicle
-from sysid.planes import PLANES, Plane
+from sysid.planes import PLANES
 
 Array = NDArray[np.float64]
 
@@ -86,7 +85,7 @@ def with_coupling_inputs(vehicle: CandidateVehicle, data: Dataset) -> Dataset:
     """
     run, speed_mps = data.run, cruise_speed_mps(vehicle, float(data.run.thrust[0]))
     if not run.both:
-        return data._replace(cross_plane_inputs=greybox.heave_coupling(run, speed_mps))
+        return data._replace(cross_plane_inputs=greybox.known_inputs(run, speed_mps))
     other = PLANES[run.plane].other
     return data._replace(
         cross_plane_inputs=cross_plane_inputs(
@@ -102,30 +101,6 @@ def _decimate(values: Array) -> Array:
     """
     padded = np.pad(values, STRIDE // 2, mode="edge")
     return np.convolve(padded, np.full(STRIDE, 1.0 / STRIDE), mode="valid")[::STRIDE]
-
-
-def linear_plane(vehicle: CandidateVehicle, plane: Plane) -> LinearPlane:
-    """Return the small-signal model of one plane of a vehicle at its operating point.
-
-    Parameters
-    ----------
-    vehicle : CandidateVehicle
-        Vehicle with its linear coefficients.
-    plane : Plane
-        Plane.
-
-    Returns
-    -------
-    LinearPlane
-        State-space model in MAVLink's axes.
-    """
-    config = vehicle.config
-    coefficients, speed, mass = (
-        parameters.to_table_1_column(config.linear),
-        config.operating_point.speed_mps,
-        config.ballast.mass_kg,
-    )
-    return linear_planes.linear_plane(plane, coefficients, speed, mass, config.water.gravity_mps2)
 
 
 def residuals(vehicle: CandidateVehicle, datasets: Sequence[Dataset]) -> list[Array]:
@@ -155,4 +130,34 @@ def _residual(vehicle: CandidateVehicle, data: Dataset, speed_mps: float) -> Arr
         vehicle.model, actuator, data.run, data.start, STRIDE, speed_mps, data.cross_plane_inputs
     )
     columns = (motion.rate_radps, motion.angle_rad, motion.depth_m)
-    return data.measured - np.column_stack(columns[: PLANES[data.run.plane].n_outputs])
+    outputs = np.column_stack(columns[: PLANES[data.run.plane].n_outputs])
+    return data.measured - with_sensor_lags(outputs, vehicle.sensor_lags_s, STRIDE)
+
+
+def with_sensor_lags(outputs: Array, lags_s: tuple[float, float], stride: int) -> Array:
+    """Return outputs whose angle and depth lag behind the rate, to first order in the lags.
+
+    Parameters
+    ----------
+    outputs : ndarray, (samples, outputs) or (samples, outputs, columns)
+        Rate, angle and, in pitch, depth, or their derivatives by parameters.
+    lags_s : tuple of float
+        Lags of angle and depth, s.
+    stride : int
+        Samples of the 50 Hz grid per row.
+
+    Returns
+    -------
+    ndarray
+        angle - lag rate, depth - lag depth', in place of angle and depth.
+    """
+    late = outputs.copy()
+    late[:, 1] -= lags_s[0] * outputs[:, 0]
+    if outputs.shape[1] > 2:
+        late[:, 2] -= lags_s[1] * depth_rate(outputs, stride)
+    return late
+
+
+def depth_rate(outputs: Array, stride: int) -> Array:
+    """Return the derivative of the depth, the third output, by time."""
+    return np.asarray(np.gradient(outputs[:, 2], stride / RATE_HZ, axis=0))

@@ -14,23 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.segments import RATE_HZ, Run
+from sysid.estimation.map import model_error
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import START_COST_TOLERANCE
 from sysid.estimation.map.datasets import (
     STRIDE,
     Dataset,
     dataset,
-    linear_plane,
     residuals,
     with_coupling_inputs,
 )
-from sysid.estimation.map.gauss_newton import Z_LIMIT, descend
+from sysid.estimation.map.gauss_newton import Z_LIMIT, SearchEnd, descend
 from sysid.estimation.map.problem import DIFFERENCE, MapProblem, Prior
 from sysid.estimation.map.steady_state import (
     cruise_speed_mps,
     level_elevator_rad,
     level_pitch_rad,
     level_surface_rad,
+    linear_plane,
+    straight_plane,
     trim_biases,
 )
 from sysid.models import noise
@@ -55,6 +57,7 @@ __all__ = [
     "level_surface_rad",
     "linear_plane",
     "residuals",
+    "straight_plane",
     "trim_biases",
 ]
 
@@ -79,6 +82,8 @@ In passes before the noise is updated again, and in the last pass.
 """
 MULTISTART_DECIMATION = 2
 """Restarts use every second sample: enough to distinguish local minima, at half the cost."""
+OPENING_TOLERANCE = 1e-3
+"""The same for the initial parts of the runs, whose end is only a start."""
 RESTART_SPANS_S = (5.0, 15.0)
 """Initial parts of every run (s) that a restart fits before the whole.
 
@@ -93,7 +98,7 @@ class Fit(NamedTuple):
     z: Array
     """(p,), parameters in prior standard deviations, in the order of `parameters.NAMES`."""
     covariance: Array
-    """(p, p), posterior covariance of z: inverse of the data's information plus the prior's."""
+    """(p, p), covariance of z: noise and prior, plus that of the model structure."""
     data_information: Array
     """(p, p), information about z from the data alone."""
     vehicle: CandidateVehicle
@@ -110,6 +115,10 @@ class Fit(NamedTuple):
     """Names of the parameters at a bound, see `at_bounds`."""
     evaluations: int
     """Steps of all searches."""
+    at_edge: tuple[str, ...] = ()
+    """Names of the parameters beyond whose value no vehicle is possible."""
+    run_scatter: float = 0.0
+    """Scatter of the parameters between runs beyond noise, in prior standard deviations."""
 
 
 def fit(
@@ -144,7 +153,7 @@ def fit(
         )
     # Cost: ``problem``. PASSES times: z by Gauss-Newton for given noise levels, then noise levels
     # (``noise.estimate``) for given z. Then z to the fine tolerance, and
-    #     covariance = (information of the data + prior covariance^-1)^-1.
+    #     covariance = (information of the data + prior covariance^-1)^-1 + that of `model_error`.
     report = progress or (lambda what, ratio: None)
     datasets = _datasets(runs, problems.vehicle(prior, prior.mean))
     z, work_steps, steps = prior.mean.copy(), PASSES + 2, 0
@@ -165,10 +174,14 @@ def fit(
     )
     if better_z is not None:
         optimum = descend(problem, better_z, FINE_TOLERANCE)
+    run_scatter = model_error.scatter(
+        model_error.score_of(*run) for run in problems.linearise(problem, optimum.z)
+    )
     report("fit", 1.0)
     return Fit(
         z=optimum.z,
-        covariance=np.linalg.inv(optimum.score.information + np.linalg.inv(prior.covariance)),
+        covariance=np.linalg.inv(optimum.score.information + np.linalg.inv(prior.covariance))
+        + model_error.covariance(run_scatter),
         data_information=optimum.score.information,
         vehicle=problems.vehicle(prior, optimum.z),
         noise=levels,
@@ -177,6 +190,8 @@ def fit(
         start_costs=tuple(optimum.score.cost * ratio for ratio in start_cost_ratios),
         at_bounds=at_bounds(optimum.z),
         evaluations=steps + optimum.steps + restart_steps,
+        at_edge=problems.at_edge(prior, optimum.z),
+        run_scatter=run_scatter,
     )
 
 
@@ -244,20 +259,40 @@ def _search_other_starts(
     reference = descend(decimated, z, COARSE_TOLERANCE)
     reference_cost, steps = reference.score.cost, reference.steps
     generator, root = np.random.default_rng(4154), np.linalg.cholesky(prior.covariance)
+    spans = [*(_truncate(decimated, seconds) for seconds in RESTART_SPANS_S), decimated]
+    paths: list[list[SearchEnd]] = []
     cost_ratios, better_z = [], None
     for index in range(start_count):
         report(index / start_count)
         sample = prior.mean + root @ generator.standard_normal(len(NAMES))
         start = _feasible_start(decimated, np.clip(sample, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
-        for seconds in RESTART_SPANS_S:
-            opening_end = descend(_truncate(decimated, seconds), start, COARSE_TOLERANCE)
-            start, steps = opening_end.z, steps + opening_end.steps
-        end = descend(decimated, start, COARSE_TOLERANCE)
-        cost_ratios.append(end.score.cost / reference_cost)
-        steps += end.steps
+        path, path_steps = _search_spans(spans, start, paths)
+        paths.append(path)
+        steps += path_steps
+        cost_ratios.append(path[-1].score.cost / reference_cost)
         if cost_ratios[-1] < min([1.0 - START_COST_TOLERANCE, *cost_ratios[:-1]]):
-            better_z = end.z
+            better_z = path[-1].z
     return cost_ratios, better_z, steps
+
+
+def _search_spans(
+    spans: Sequence[MapProblem], start: Array, paths: Sequence[list[SearchEnd]]
+) -> tuple[list[SearchEnd], int]:
+    """Search from span to span; return the end of each, and the number of steps.
+
+    A search that comes to the end of an earlier path follows that path from there.
+    """
+    path: list[SearchEnd] = []
+    steps = 0
+    for index, span in enumerate(spans):
+        tolerance = OPENING_TOLERANCE if index < len(RESTART_SPANS_S) else COARSE_TOLERANCE
+        end = descend(span, start, tolerance, [earlier[index] for earlier in paths])
+        steps += end.steps
+        if end.joined is not None:
+            return [*path, *paths[end.joined][index:]], steps
+        path.append(end)
+        start = end.z
+    return path, steps
 
 
 def _feasible_start(problem: MapProblem, start: Array, z: Array) -> Array:

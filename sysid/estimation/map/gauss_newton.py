@@ -11,6 +11,7 @@ covariance, g gradient of the cost, H = J'J the data's information from the whit
 lambda decreases after a step that lowers the cost and increases after one that does not.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,10 @@ MAX_STEPS = 60
 """Maximum number of steps, rejected ones included."""
 INITIAL_DAMPING, DAMPING_INCREASE, DAMPING_DECREASE, MAX_DAMPING = 1e-3, 10.0, 0.1, 1e8
 """Damping lambda: initial value, factors after a rejected and an accepted step, final value."""
+BASIN_SDS = 1.0
+"""Distance from a known end, in its standard deviations, within which a search ends there too.
+
+The linearised model that gives the standard deviations is valid in this range."""
 
 
 class SearchEnd(NamedTuple):
@@ -35,9 +40,13 @@ class SearchEnd(NamedTuple):
     z: Array
     score: Score
     steps: int
+    joined: int | None = None
+    """Index of the known end at which the search stopped; None if it went to its own end."""
 
 
-def descend(problem: MapProblem, start: Array, tolerance: float) -> SearchEnd:
+def descend(
+    problem: MapProblem, start: Array, tolerance: float, known: Sequence[SearchEnd] = ()
+) -> SearchEnd:
     """Minimise the cost from ``start``.
 
     Parameters
@@ -48,16 +57,21 @@ def descend(problem: MapProblem, start: Array, tolerance: float) -> SearchEnd:
         Initial parameters, in prior standard deviations; clipped to the bounds.
     tolerance : float
         The search ends when the predicted decrease of a step is below this share of the cost.
+    known : sequence of SearchEnd
+        Ends of earlier searches of the same problem. A search that comes within ``BASIN_SDS`` of
+        one of them stops.
 
     Returns
     -------
     SearchEnd
-        Parameters of the least cost found.
+        Parameters of the least cost found, or those of the known end that was reached.
     """
     z = np.clip(start, -Z_LIMIT, Z_LIMIT)
     current, damping, steps = problems.score(problem, z), INITIAL_DAMPING, 0
     precision = np.asarray(np.linalg.inv(problem.prior.covariance), np.float64)
     while steps < MAX_STEPS and damping < MAX_DAMPING:
+        if (reached := _reached(known, precision, z)) is not None:
+            return known[reached]._replace(steps=steps, joined=reached)
         step, predicted_decrease = _step(current, precision, z, damping)
         if predicted_decrease <= tolerance * current.cost:
             break
@@ -73,6 +87,18 @@ def descend(problem: MapProblem, start: Array, tolerance: float) -> SearchEnd:
         else:
             damping *= DAMPING_INCREASE
     return SearchEnd(z, current, steps)
+
+
+def _reached(known: Sequence[SearchEnd], precision: Array, z: Array) -> int | None:
+    """Return the index of a known end near z; None if there is none.
+
+    Distance in posterior standard deviations: sqrt((z - z_k)' (H_k + P^-1) (z - z_k)).
+    """
+    for index, end in enumerate(known):
+        departure = z - end.z
+        if departure @ (end.score.information + precision) @ departure < BASIN_SDS**2:
+            return index
+    return None
 
 
 def _step(current: Score, precision: Array, z: Array, damping: float) -> tuple[Array, float]:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import STRIDE, Fit, linear_plane
@@ -112,7 +112,7 @@ def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float
         math.sqrt(gradient @ estimate.covariance @ gradient),
         problems.cost(problem, estimate.z),
     )
-    quantile = float(norm.ppf(0.5 + 0.5 * LEVEL))
+    quantile = float(ndtri(0.5 + 0.5 * LEVEL))
     distance_sd, z = quantile, estimate.z + estimate.covariance @ gradient / sd * sign * quantile
     for _ in range(SEARCHES):
         z = constrained_optimum(problem, number, z, value + sign * distance_sd * sd)
@@ -166,4 +166,4 @@ def _number(prior: Prior, plane: Plane, name: str) -> Number:
 def _slope(number: Number, z: Array) -> Array:
     """Gradient of a number by z, central differences."""
     steps = DIFFERENCE * np.eye(z.size)
-    return np.array([(number(z + step) - number(z - step)) / (2.0 * DIFFERENCE) for step in steps])
+    return np.array([parameters.change_per_step(number, z, step) for step in steps]) / DIFFERENCE

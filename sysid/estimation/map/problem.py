@@ -20,9 +20,13 @@ from numpy.typing import NDArray
 from sitl.vehicle.config import VehicleConfig, VehicleFileError
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import sensitivity
-from sysid.estimation.map.datasets import Dataset, linear_plane
+from sysid.estimation.map.datasets import (
+    Dataset,
+    depth_rate,
+    with_sensor_lags,
+)
 from sysid.estimation.map.sensitivity import Perturbation, Trajectory
-from sysid.estimation.map.steady_state import cruise_speed_mps
+from sysid.estimation.map.steady_state import cruise_speed_mps, linear_plane
 from sysid.models import noise, parameters
 from sysid.models.noise import Filter, Noise
 from sysid.models.parameters import PARAMETERS, CandidateVehicle
@@ -30,6 +34,8 @@ from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
+EDGE_STEP = 1e-3
+"""Distance from z, in prior standard deviations, at which a vehicle may be impossible."""
 DIFFERENCE = 1e-4
 """Forward difference step of the sensitivities, in prior standard deviations."""
 SPEED_PARAMETERS = ("axial_drag",)
@@ -141,13 +147,41 @@ def _simulate_all(problem: MapProblem, candidate: CandidateVehicle, z: Array) ->
     trajectories = {
         plane: _simulate(problem, candidate, plane, speeds_mps) for plane in problem.datasets
     }
-    whitened = {plane: _whiten(problem, plane, runs) for plane, runs in trajectories.items()}
+    whitened = {
+        plane: _whiten(problem, plane, candidate, runs) for plane, runs in trajectories.items()
+    }
     residual_sum = sum(float(np.sum(white**2)) for group in whitened.values() for white in group)
     departure = z - problem.prior.mean
     total = residual_sum + float(departure @ np.linalg.solve(problem.prior.covariance, departure))
     return Evaluation(
         candidate=candidate, trajectories=trajectories, whitened=whitened, cost=0.5 * total
     )
+
+
+def at_edge(prior: Prior, z: Array) -> tuple[str, ...]:
+    """Return the parameters beyond whose value no vehicle is possible.
+
+    Parameters
+    ----------
+    prior : Prior
+        Prior of the fit.
+    z : ndarray, shape (p,)
+        Parameters in prior standard deviations.
+
+    Returns
+    -------
+    tuple of str
+        Names; empty inside the possible vehicles.
+    """
+    names = []
+    for i, parameter in enumerate(PARAMETERS):
+        step = EDGE_STEP * (np.arange(z.size) == i)
+        try:
+            for neighbour in (z + step, z - step):
+                vehicle(prior, neighbour)
+        except VehicleFileError:
+            names.append(parameter.name)
+    return tuple(names)
 
 
 def score(problem: MapProblem, z: Array, evaluation: Evaluation | None = None) -> Score:
@@ -237,13 +271,19 @@ def _outputs(plane: Plane) -> list[int]:
     return [2, 3, 4][: PLANES[plane].n_outputs]
 
 
-def _whiten(problem: MapProblem, plane: Plane, trajectories: Sequence[Trajectory]) -> list[Array]:
+def _whiten(
+    problem: MapProblem,
+    plane: Plane,
+    candidate: CandidateVehicle,
+    trajectories: Sequence[Trajectory],
+) -> list[Array]:
     """Whitened residuals (samples, outputs) of each run of a plane."""
     noise_filter = problem.filters[plane]
     whitened = []
     for data, trajectory in zip(problem.datasets[plane], trajectories, strict=True):
         simulated = -trajectory.track[:, _outputs(plane)]
         simulated[:, 2:] += data.start.depth_m + trajectory.first[4]  # depth, in pitch
+        simulated = with_sensor_lags(simulated, candidate.sensor_lags_s, problem.stride)
         whitened.append(noise.whiten_residual(data.measured - simulated, noise_filter))
     return whitened
 
@@ -264,16 +304,40 @@ def _jacobians(
     ]
     packed = [perturbation._replace(column=k) for k, perturbation in enumerate(used)]
     jacobians = []
-    for state_slopes in sensitivity.sensitivities(
+    state_slopes = sensitivity.sensitivities(
         candidate, plane, datasets, trajectories, packed, DIFFERENCE, problem.stride
-    ):
-        whitened = noise.whiten_columns(state_slopes[:, _outputs(plane)], noise_filter)
+    )
+    for slopes, trajectory in zip(state_slopes, trajectories, strict=True):
+        output_slopes = with_sensor_lags(
+            slopes[:, _outputs(plane)], candidate.sensor_lags_s, problem.stride
+        )
+        _add_sensor_slopes(output_slopes, plane, trajectory, packed, used, problem.stride)
+        whitened = noise.whiten_columns(output_slopes, noise_filter)
         jacobian = np.zeros((whitened.shape[0] * whitened.shape[1], len(PARAMETERS)))
-        jacobian[:, [perturbation.column for perturbation in used]] = whitened.reshape(
+        signs = np.array([-1.0 if perturbation.backward else 1.0 for perturbation in used])
+        jacobian[:, [perturbation.column for perturbation in used]] = signs * whitened.reshape(
             len(jacobian), -1
         )
         jacobians.append(jacobian)
     return jacobians
+
+
+def _add_sensor_slopes(
+    output_slopes: Array,
+    plane: Plane,
+    trajectory: Trajectory,
+    packed: Sequence[Perturbation],
+    used: Sequence[Perturbation],
+    stride: int,
+) -> None:
+    """Write the derivatives of the outputs by the sensor lags, in the paper's axes."""
+    outputs = trajectory.track[:, _outputs(plane)]
+    for perturbation, parameter in zip(packed, used, strict=True):
+        name, sd = PARAMETERS[parameter.column].name, PARAMETERS[parameter.column].prior_sd
+        if name == "angle_lag":
+            output_slopes[:, 1, perturbation.column] = -sd * outputs[:, 0]
+        elif name == "depth_lag":
+            output_slopes[:, 2, perturbation.column] = -sd * depth_rate(outputs, stride)
 
 
 def _perturbations(
@@ -282,12 +346,19 @@ def _perturbations(
     """Return a candidate one step away for each parameter that the runs depend on."""
     prior, perturbations = problem.prior, []
     for i in parameters.parameters_of_planes(list(problem.datasets)):
-        perturbed_z, part = z + DIFFERENCE * (np.arange(z.size) == i), PARAMETERS[i].part
+        step, part = DIFFERENCE * (np.arange(z.size) == i), PARAMETERS[i].part
+        backward = False
         if part == "body":
-            perturbed = parameters.with_body_at(candidate, prior.config, perturbed_z)
+            try:
+                perturbed = parameters.with_body_at(candidate, prior.config, z + step)
+            except VehicleFileError:
+                perturbed = parameters.with_body_at(candidate, prior.config, z - step)
+                backward = True
+        elif part == "sensors":
+            perturbed = candidate
         else:
             perturbed = candidate._replace(
-                actuators=parameters.actuators(prior.config, prior.biases_rad, perturbed_z)
+                actuators=parameters.actuators(prior.config, prior.biases_rad, z + step)
             )
         perturbations.append(
             Perturbation(
@@ -297,6 +368,7 @@ def _perturbations(
                 speeds_mps=_cruise_speeds_mps(problem, perturbed)
                 if PARAMETERS[i].name in SPEED_PARAMETERS
                 else {},
+                backward=backward,
             )
         )
     return perturbations

@@ -12,7 +12,7 @@ simulation of its own would cost four, and the initial state of every run.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from sysid.data.segments import RATE_HZ
 from sysid.estimation.map.datasets import Dataset
 from sysid.models import greybox
 from sysid.models.greybox import N_COUPLING
-from sysid.models.parameters import CandidateVehicle
+from sysid.models.parameters import CandidateVehicle, Part
 from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
@@ -60,14 +60,16 @@ class Perturbation(NamedTuple):
 
     column: int
     """Index of the parameter."""
-    part: Literal["body", "tailcone"]
+    part: Part
     """Part that the parameter changes.
 
-    Forces on the body, or response of the duct to its command.
+    Forces on the body, response of the duct to its command, or measured outputs.
     """
     vehicle: CandidateVehicle
     speeds_mps: Mapping[float, float]
     """Cruise speed by thrust, m/s; empty if the parameter does not change it."""
+    backward: bool = False
+    """Whether the step is negative, because the vehicle of a positive one is impossible."""
 
 
 def simulate(

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,8 @@ from scipy.optimize import brentq, fsolve
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import VehicleModel
 from sysid.data.segments import Run
-from sysid.models import greybox
+from sysid.models import greybox, linear_planes, parameters
+from sysid.models.linear_planes import LinearPlane
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 
@@ -18,6 +20,8 @@ Array = NDArray[np.float64]
 
 MIN_SPEED_MPS, MAX_SPEED_MPS = 0.1, 10.0
 """Range in which the cruise speed is sought, m/s."""
+MAX_TRIM_STEPS, MAX_TRIM_CHANGE, TRIM_TOLERANCE = 20, 0.3, 1e-10
+"""Newton's method for level flight: steps, largest change per step and last change (m/s, rad)."""
 
 
 def cruise_speed_mps(vehicle: CandidateVehicle, thrust: float) -> float:
@@ -45,6 +49,120 @@ def cruise_speed_mps(vehicle: CandidateVehicle, thrust: float) -> float:
     if surge(MIN_SPEED_MPS) <= 0.0:
         return MIN_SPEED_MPS
     return float(brentq(surge, MIN_SPEED_MPS, MAX_SPEED_MPS, xtol=1e-9))
+
+
+class LevelFlight(NamedTuple):
+    """Straight flight at constant depth and cruise thrust, in the paper's axes."""
+
+    speed_mps: float
+    heave_mps: float
+    pitch_rad: float
+    elevator_rad: float
+
+
+def level_flight(vehicle: CandidateVehicle) -> LevelFlight:
+    """Return the straight flight at constant depth with the thrust of the operating point.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle.
+
+    Returns
+    -------
+    LevelFlight
+        Straight flight without heave and pitch if no such flight is found.
+
+    Notes
+    -----
+    Newton's method on surge, heave and pitch acceleration and climb.
+    """
+    model, point = vehicle.model, vehicle.config.operating_point
+    rps = point.thrust_fraction * model.propeller.full_rps
+    inverse = greybox.constraint(model, Plane.PITCH)
+    x, inputs = np.zeros(5), np.zeros(1 + greybox.N_COUPLING)
+    x[0], x[4] = point.speed_mps, greybox.SUBMERGED_Z_M
+    rows, columns = [0, 1, 2, 4], [0, 1, 3, 5]
+    for _ in range(MAX_TRIM_STEPS):
+        base, slopes = greybox.slopes_about(x, inputs, rps, False, inverse, model)
+        try:
+            step = -np.linalg.solve(slopes[np.ix_(rows, columns)], base[rows])
+        except np.linalg.LinAlgError:
+            break
+        step = np.clip(step, -MAX_TRIM_CHANGE, MAX_TRIM_CHANGE)
+        x[[0, 1, 3]] += step[:3]
+        inputs[0] += step[3]
+        if float(np.max(np.abs(step))) < TRIM_TOLERANCE:
+            return LevelFlight(float(x[0]), float(x[1]), float(x[3]), float(inputs[0]))
+    return LevelFlight(point.speed_mps, 0.0, 0.0, 0.0)
+
+
+def linear_plane(vehicle: CandidateVehicle, plane: Plane) -> LinearPlane:
+    """Return the small-signal model of one plane of a vehicle in level flight.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle.
+    plane : Plane
+        Plane.
+
+    Returns
+    -------
+    LinearPlane
+        State-space model in MAVLink's axes.
+
+    Notes
+    -----
+    Central differences of the nonlinear model. A vehicle that is not neutrally buoyant flies with
+    heave, so that its quadratic crossflow drag damps small motion too.
+    """
+    model, trim, is_yaw = vehicle.model, level_flight(vehicle), PLANES[plane].is_yaw
+    rps = vehicle.config.operating_point.thrust_fraction * model.propeller.full_rps
+    x, inputs = np.zeros(5), np.zeros(1 + greybox.N_COUPLING)
+    x[0], x[4] = trim.speed_mps, greybox.SUBMERGED_Z_M
+    if is_yaw:
+        inputs[1], inputs[3], inputs[6] = trim.heave_mps, trim.pitch_rad, trim.elevator_rad
+    else:
+        x[1], x[3], inputs[0] = trim.heave_mps, trim.pitch_rad, trim.elevator_rad
+    inverse = greybox.constraint(model, plane)
+    slopes = greybox.slopes_about(x, inputs, rps, is_yaw, inverse, model)[1]
+    size = 3 if is_yaw else 4
+    A, B = np.zeros((size, size)), np.zeros(size)
+    # From FLU to FRD every state changes its sign and the surface angle does not. Heading and
+    # pitch rate are r and q for small motion.
+    A[:2, :2], B[:2] = slopes[1:3, 1:3], -slopes[1:3, 5]
+    A[2, 1] = 1.0
+    if not is_yaw:
+        A[:2, 2] = slopes[1:3, 3]
+        A[3, 0], A[3, 2] = 1.0, -trim.speed_mps
+    moment = np.eye(size)[1]
+    return LinearPlane(A=A, B=B, states=PLANES[plane].states, moment=moment)
+
+
+def straight_plane(vehicle: CandidateVehicle, plane: Plane) -> LinearPlane:
+    """Return the small-signal model of one plane without heave, from the linear coefficients.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle with its linear coefficients.
+    plane : Plane
+        Plane.
+
+    Returns
+    -------
+    LinearPlane
+        State-space model in MAVLink's axes.
+    """
+    config = vehicle.config
+    return linear_planes.linear_plane(
+        plane,
+        parameters.to_table_1_column(config.linear),
+        config.operating_point.speed_mps,
+        config.ballast.mass_kg,
+        config.water.gravity_mps2,
+    )
 
 
 def trim_biases(

@@ -1,5 +1,6 @@
 """Sizes and waits of scaled missions follow the outcome of simulated dives."""
 
+import math
 from typing import Any, NamedTuple
 
 import pytest
@@ -8,11 +9,11 @@ from ground.campaign import adaptation
 from ground.missions import script
 from ground.missions.script import Script
 from mavlink_io.mission_items import MavCmd
+from sysid.monte_carlo import simulate
 from sysid.monte_carlo.readiness import SimulatedTest
 from sysid.planes import Plane
 
 LIMITS = {"rudder": 9.0, "elevator": 9.0}
-FINE = SimulatedTest(too_large=False, unsettled=False)
 
 
 class FakeDive(NamedTuple):
@@ -20,22 +21,34 @@ class FakeDive(NamedTuple):
 
     sizes_deg: list[float]
     leg_s: float
+    calm: bool
     failsafe: str = ""
 
 
 class FakeCheck:
     """Vehicle with a limit on the size of tests, a needed wait and a needed size of sweeps."""
 
-    def __init__(self, largest_deg: float = 90.0, wait_s: float = 0.0, heard_deg: float = 0.0):
+    def __init__(
+        self,
+        largest_deg: float = 90.0,
+        wait_s: float = 0.0,
+        heard_deg: float = 0.0,
+        rough: bool = False,
+    ):
         self.largest_deg, self.wait_s, self.heard_deg = largest_deg, wait_s, heard_deg
+        self.rough = rough
 
     def fly(self, items: Any, disturbance: float = 1.0) -> FakeDive:
         sizes = [item.p2 for item in items if item.command == MavCmd.USER_1]
-        return FakeDive(sizes, next(i.p1 for i in items if i.command == MavCmd.NAV_DELAY))
+        leg_s = next(i.p1 for i in items if i.command == MavCmd.NAV_DELAY)
+        return FakeDive(sizes, leg_s, calm=disturbance == 0.0)
 
     def outcomes_of_tests(self, dive: FakeDive) -> list[SimulatedTest]:
         return [
-            SimulatedTest(abs(size) > self.largest_deg, dive.leg_s < self.wait_s)
+            SimulatedTest(
+                abs(size) > self.largest_deg,
+                dive.leg_s < self.wait_s or (self.rough and not dive.calm),
+            )
             for size in dive.sizes_deg
         ]
 
@@ -76,6 +89,17 @@ def test_adapt_unsettled_vehicle_waits_longer() -> None:
     assert (
         adapt(FakeCheck(wait_s=1.5 * first), "rudder_steps").step[0].duration_s or 0.0
     ) >= 1.5 * first
+
+
+def test_adapt_motion_of_the_sea_is_not_waited_for() -> None:
+    """A short fat hull was refused: its legs grew eightfold, to the limit of 7200 s armed."""
+    assert adapt(FakeCheck(rough=True), "rudder_heldout") == script.load("rudder_heldout")
+
+
+def test_adapt_endless_motion_ends_with_a_mission_of_an_hour() -> None:
+    adapted = adapt(FakeCheck(wait_s=math.inf), "rudder_heldout")
+    assert adapted != script.load("rudder_heldout")
+    assert simulate.planned_s(script.compile_items(adapted)) <= adaptation.MAX_MISSION_S
 
 
 @pytest.mark.parametrize("name", ["rudder_sweeps", "elevator_sweeps"])

@@ -8,6 +8,7 @@ from ground.report import page, tables
 from sysid.control_analysis.control_systems import MarginsComparison
 from sysid.control_analysis.loop_transfer import Margins
 from sysid.design.pid import DesignRobustness, Response, Spec
+from sysid.design.specification import MinimumVariance
 from sysid.monitor import MonitorReport
 
 PITCH_MARGINS = MarginsSummary(gm_db=None, pm_deg=None, max_sensitivity=1.2, crossover_radps=1.0)
@@ -43,6 +44,7 @@ def design(
         specification=Spec(),
         robustness=robustness,
         predicted={},
+        minimum_variance=MinimumVariance(0.02, 0.03, 0.004, 0.2, 0.012),
         model_sha256="ab" * 32,
     )
 
@@ -57,16 +59,16 @@ def test_rows_show_worst_loop_and_point() -> None:
     assert "most others miss the damping of the heading loop" in rows["vehicles that meet it"].where
 
 
-def test_rows_ignore_pitch_point() -> None:
-    """The specification limits four cuts (`sysid/design/pid`); pitch is not one."""
+def test_rows_contain_pitch_point() -> None:
+    """The specification limits every cut whose margins are reported."""
     weak_pitch = design(pitch=margins(7.0, 50.0, 1.9))
     rows = {row.limit: row for row in design_summary.rows(weak_pitch)}
-    assert rows["gain margin, dB"].where == "rudder"
-    assert rows["phase margin, deg"].where == "elevator"
-    assert rows["largest sensitivity"][1:] == ("<= 1.6", "1.60", "rudder")
+    assert rows["gain margin, dB"].where == "pitch"
+    assert rows["phase margin, deg"].where == "pitch"
+    assert rows["largest sensitivity"][1:] == ("<= 1.6", "1.90", "pitch")
 
 
-def test_page_marks_point_without_limit() -> None:
+def test_page_marks_margins_that_differ() -> None:
     analysis = design().redesigned
     margins_of_control = dict.fromkeys(analysis.margins, Margins(9.87, 54.4, 1.59, 0.9))
     second = MarginsComparison(margins_of_control, {"pitch": "pm_deg at pitch: 55"})
@@ -74,8 +76,6 @@ def test_page_marks_point_without_limit() -> None:
     page = tables.margins(dict.fromkeys(roles, analysis), dict.fromkeys(roles, second))
     assert page.count("9.9 dB, 54°, 1.59") == 2 * len(analysis.margins)
     assert page.count(">differs<") == 2
-    assert "pitch, not limited" in page
-    assert "rudder, not limited" not in page
 
 
 def test_rows_unknown_robustness_is_reported() -> None:

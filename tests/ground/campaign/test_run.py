@@ -7,6 +7,7 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 from threading import Event
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -272,21 +273,36 @@ def test_campaign_prior_is_the_vehicles_own_file(
     """
     handed = []
     monkeypatch.setattr(refit, "read_log", lambda path: None)
-    monkeypatch.setattr(refit, "refit_logs", lambda request, *logs: handed.append(request.prior))
+
+    def refit_logs(request: RefitRequest, *logs: object, force: bool) -> Any:
+        handed.append(request.prior)
+        return SimpleNamespace(assessment=None)
+
+    def redesign(model: object, prior: str, *asked: object) -> Any:
+        handed.append(prior)
+        raise OperationError("no gains")
+
+    monkeypatch.setattr(refit, "refit_logs", refit_logs)
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
-    monkeypatch.setattr(refit, "redesign", lambda model, spec, prior: handed.append(prior))
+    monkeypatch.setattr(refit, "check_converged", lambda model: None)
+    monkeypatch.setattr(refit, "redesign_for_campaign", redesign)
     run.prepare_folder(CampaignRequest(tmp_path, vehicle=vehicle))
-    computations._folder(tmp_path).__dict__["model"] = None
     computations.identify(tmp_path)
-    with pytest.raises(AttributeError):
-        computations.design(tmp_path)
+    computations._folder(tmp_path).__dict__["model"] = None
+    with pytest.raises(OperationError, match="no gains"):
+        computations.design(tmp_path, {})
     assert handed == [prior, prior]
 
 
 def test_campaign_reads_each_log_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read, fitted = [], []
     monkeypatch.setattr(refit, "read_log", lambda path: read.append(path.stem) or path.stem)
-    monkeypatch.setattr(refit, "refit_logs", lambda request, *logs: fitted.extend(logs))
+
+    def refit_logs(request: RefitRequest, *logs: Any, force: bool) -> Any:
+        fitted.extend(logs)
+        return SimpleNamespace(assessment=None)
+
+    monkeypatch.setattr(refit, "refit_logs", refit_logs)
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
     run.prepare_folder(CampaignRequest(tmp_path))
     for mission in run.IDENTIFICATION:
@@ -317,7 +333,7 @@ def test_campaign_free_slot_flies_a_mission_during_the_last_test(
             baseline_begun.set()
             assert refit_begun.wait(30.0)
 
-    def redesign(self: Campaign, worker: object) -> None:
+    def redesign(self: Campaign, *asked: object) -> None:
         at_refit.extend(begun)
         refit_begun.set()
         raise OperationError("no model")
@@ -385,7 +401,7 @@ def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
         "truth.toml",
     }
     assert {path.stem for path in (out / "missions").iterdir()} == set(run.ALL_MISSIONS)
-    assert found.scaled[0].startswith("sea: moments of disturbed times the moments of inertia")
+    assert found.scaled[0].startswith("sea: moments of disturbed times the ratio of the moments")
     assert (out / "report.html").stat().st_size > 1_000_000
 
 

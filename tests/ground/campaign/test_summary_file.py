@@ -18,7 +18,7 @@ from ground.campaign.summary_file import (
     SteadyError,
 )
 from mavlink_io.errors import InputError
-from sysid.design.specification import DesignRobustness, Response, Spec
+from sysid.design.specification import DesignRobustness, MinimumVariance, Response, Spec
 from sysid.monitor import Cause, MonitorReport
 from sysid.monitor.sequential import RmsComparison
 from sysid.monitor.tracking_metrics import Spread, SteadyWindow, TrackingMetrics
@@ -67,6 +67,7 @@ SUMMARY = CampaignSummary(
         specification=Spec(),
         robustness=DesignRobustness(0.9, 1.0, "", 240),
         predicted={},
+        minimum_variance=MinimumVariance(0.02, 0.03, 0.004, 0.2, 0.012),
         model_sha256="ab" * 32,
     ),
     tracking={

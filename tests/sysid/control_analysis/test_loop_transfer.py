@@ -144,6 +144,32 @@ def test_actuator_lead_known_tailcone_gives_faster_lag() -> None:
     np.testing.assert_allclose(np.sort_complex(undone_poles), np.sort_complex(expected), rtol=1e-6)
 
 
+def test_actuator_lead_damping_is_that_of_the_faster_lag() -> None:
+    gains = {"ACT_LAG_W": 3.0, "ACT_LAG_Z": 0.6, "ACT_LEAD_W": 8.0, "ACT_LEAD_Z": 0.2}
+    faster = LAG._replace(natural_frequency_radps=8.0, damping_ratio=0.2)
+    undone = loop_transfer.heading_loops(
+        loop_transfer.responses(YAW, LAG), {**TABLE_3_INITIAL, **gains}
+    )
+    fast = loop_transfer.heading_loops(loop_transfer.responses(YAW, faster), TABLE_3_INITIAL)
+    np.testing.assert_allclose(undone["rudder"], fast["rudder"], rtol=1e-9)
+
+
+def test_close_depth_both_integrators_has_poles_where_loop_is_minus_one() -> None:
+    """Each slow pole s of the state space solves 1 + L(s) = 0 at the elevator."""
+    gains = {**TABLE_3_INITIAL, "PTCH_I": 0.05, "DPT_I": 0.004, "DPT_D": 0.3}
+    lag = LAG._replace(delay_s=0.0)
+    closed = loop_transfer.close_depth(PITCH, lag, gains)
+    slow = [pole for pole in loop_transfer.poles(closed) if abs(pole) < 1.0]
+    assert len(slow) >= 4
+    wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
+    for s in slow:
+        duct = wn**2 / (s**2 + 2.0 * zeta * wn * s + wn**2)
+        _, q, theta, depth = np.linalg.solve(s * np.eye(4) - PITCH.A, PITCH.B) * duct
+        forward = gains["PTCH_P"] + gains["PTCH_I"] / s
+        outer = (gains["DPT_P"] + gains["DPT_I"] / s + gains["DPT_D"] * s) * depth
+        assert gains["PTCH_D"] * q + forward * (theta - outer) == pytest.approx(-1.0, abs=1e-6)
+
+
 def test_actuator_lead_cancelled_lag_is_not_visible() -> None:
     """The lag's poles exist next to the zeros that cancel them; the faster lag is visible."""
     both, pair = margins.Planes(YAW, PITCH), 3.0 * (-0.6 + 0.8j)

@@ -1,5 +1,6 @@
 """The search caches evaluations and ends on the active constraint."""
 
+import math
 from collections.abc import Mapping
 
 import pytest
@@ -21,3 +22,17 @@ def test_solve_active_constraint_is_met_with_few_evaluations() -> None:
     assert gains_found["P"] == pytest.approx(10.0**0.5, rel=0.05)
     # Each restart evaluates the end of the previous search again.
     assert len(evaluated) <= len(set(evaluated)) + 8
+
+
+def test_solve_start_with_a_poor_optimum_is_followed_by_the_next() -> None:
+    """Objective with minima 2 at P = 0.1 and 0.5 at P = 10; the reference's objective is 1."""
+
+    def evaluate(gains: Mapping[str, float]) -> CostAndConstraints:
+        logarithm = math.log10(gains["P"])
+        poor, good = 2.0 + (logarithm + 1.0) ** 2, 0.5 + (logarithm - 1.0) ** 2
+        return CostAndConstraints(min(poor, good), {"none": -1.0})
+
+    search = ConstrainedProblem({}, ({"P": 0.05}, {"P": 20.0}), evaluate)
+    assert solve(search)["P"] == pytest.approx(10.0, rel=0.05)
+    search = ConstrainedProblem({}, ({"P": 0.05},), evaluate)
+    assert solve(search)["P"] == pytest.approx(0.1, rel=0.05)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
+from autopilot.control import lqg_file
 from sysid.control_analysis.control_systems import MarginsDisagreeError
 from sysid.control_analysis.loop_transfer import Margins
 from sysid.design import loop_export, lqg, pid
@@ -64,9 +65,18 @@ def test_design_with_wrong_margins_is_not_exported(
 
 
 @pytest.mark.slow
-def test_lqg_controller_and_plant_give_the_exported_loop(model: IdentifiedModel) -> None:
-    """L = -K P, with K and P loaded from the export."""
-    exported = loop_export.export_lqg(model, lqg.design_lqg(model))
+def test_lqg_controller_and_plant_give_the_exported_loop(
+    model: IdentifiedModel, tmp_path: Path
+) -> None:
+    """L = -K P, with K and P loaded from the export; the controller file has the prediction."""
+    design = lqg.design_lqg(model)
+    lqg.write(design, tmp_path / "controller.json")
+    assert lqg_file.load(tmp_path / "controller.json") == lqg.autopilot_controllers(design)
+    content = json.loads((tmp_path / "controller.json").read_text())
+    assert content["predicted"]["depth_m"] == design.predicted.depth_m
+    assert design.minimum is not None
+    assert design.minimum.same_rudder_heading_deg < design.predicted.heading_deg
+    exported = loop_export.export_lqg(model, design)
     assert set(exported.margins) == {"rudder", "heading", "elevator", "depth"}
     for plane, cut in (("yaw", "rudder"), ("pitch", "elevator")):
         plant = control.ss(*exported.plants[plane][:4])

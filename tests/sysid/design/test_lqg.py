@@ -15,7 +15,7 @@ from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import TICK_S, Lag
 from sysid.control_analysis.margins import Planes
 from sysid.design import lqg as optimal
-from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel, build
+from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel, build, outputs
 from sysid.design.lqg import controller as lqg_controller
 from sysid.design.lqg import loop_analysis, synthesis, weights
 from sysid.design.lqg.controller import DiscreteController
@@ -129,7 +129,7 @@ def test_constant_load_other_vehicle_leaves_no_error(vehicle: DesignModel, plane
     other = linear_plane(plane, TABLE_1_INITIAL)
     A, B = loop_transfer.plane_with_tailcone(other, LAG, loop_analysis.PADE_ORDER)
     C = np.zeros((controller.L.shape[1], len(B)))
-    C[:, : len(other.B)] = loop_analysis.outputs(other)
+    C[:, : len(other.B)] = outputs(other)
     closed = lqg_controller.close(controller, A, B, C).A
     assert np.max(np.linalg.eigvals(closed).real) < 0.0
     for load in (other.B, np.eye(len(other.B))[0]):

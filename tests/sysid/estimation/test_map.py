@@ -99,6 +99,26 @@ def test_descend_ends_at_a_minimum(problem: MapProblem, random_z: np.ndarray) ->
             assert problems.cost(problem, beside) > end.score.cost, NAMES[i]
 
 
+def test_descend_near_known_end_stops_there(problem: MapProblem, random_z: np.ndarray) -> None:
+    """Reference: the search from the same start that knows no end, to a tolerance of 1e-6."""
+    start = random_z + 0.5 * np.random.default_rng(4).standard_normal(len(NAMES))
+    known = descend(problem, random_z, 1e-6)
+    alone, joined = descend(problem, start, 1e-6), descend(problem, start, 1e-6, [known])
+    assert joined.joined == 0
+    assert joined.score.cost == known.score.cost
+    assert 0 < joined.steps <= alone.steps
+    assert joined.score.cost == pytest.approx(alone.score.cost, rel=2e-4)
+
+
+def test_descend_far_from_known_end_goes_on(problem: MapProblem, random_z: np.ndarray) -> None:
+    """An end that is no minimum, more than one standard deviation off, is passed by."""
+    elsewhere = descend(problem, random_z + 1.0, 1e9)
+    end = descend(problem, random_z, 1e-6, [elsewhere])
+    assert elsewhere.steps == 0
+    assert end.joined is None
+    assert end.score.cost < elsewhere.score.cost
+
+
 def test_descend_stays_within_bounds(few: list[Run], bench: config.VehicleConfig) -> None:
     """The prior is too narrow, with its mean beyond the bounds in one parameter."""
     problem = problem_of(bench, few, np.zeros(len(NAMES)))
@@ -214,6 +234,12 @@ def test_failures_name_the_reason(
     reasons = failures(100.0, starts, bounds, {"yaw": (np.eye(5), after)})
     assert len(reasons) == bool(expected)
     assert expected in "".join(reasons)
+
+
+def test_failures_name_the_edge_of_possible_vehicles() -> None:
+    (reason,) = failures(100.0, (100.0,), (), {}, ("N_v",))
+    assert "edge of the possible vehicles (N_v)" in reason
+    assert "give its own file as the prior" in reason
 
 
 def test_failures_number_without_variance_is_ignored() -> None:

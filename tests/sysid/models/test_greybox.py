@@ -1,12 +1,14 @@
 """The plane model equals the simulator's physics, and its actuator equals the tailcone."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sitl.core import tailcone
 from sitl.vehicle import build_model, config
+from sysid.data.dataset import VelocitySource
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.models import greybox, linear_planes, parameters
@@ -77,6 +79,28 @@ def test_plane_model_equals_six_dof_simulation(
     assert np.ptp(np.degrees(run.rate_radps)) > 2.0
 
 
+def test_measured_speed_replaces_the_simulated_speed(bench: config.VehicleConfig) -> None:
+    """The speed of the simulation, measured with another scale, gives the same motion.
+
+    Tolerance: the measured speed is smoothed over 2 s (0.1 deg/s of 6 deg/s).
+    """
+    run = sea.fly(bench, "yaw", sea.step(9.0), level=sea.CALM, sensors=QUIET)
+    model, actuator, start = (
+        build_model.build(bench),
+        nominal(bench, "yaw"),
+        greybox.initial_motion(run),
+    )
+    motion = greybox.simulate(model, actuator, run, start, 1, 1.3)
+    assert motion.speed_mps[-1] < 1.25
+    water = VelocitySource.WATER_TRACK
+    measured = replace(run, forward_mps=1.1 * motion.speed_mps, velocity_source=water)
+    same = greybox.simulate(model, actuator, measured, start, 1, 1.3)
+    constant = replace(run, forward_mps=0.0 * run.time_s + 1.0, velocity_source=water)
+    other = greybox.simulate(model, actuator, constant, start, 1, 1.3)
+    assert np.max(np.abs(np.degrees(same.rate_radps - motion.rate_radps))) < 0.1
+    assert np.max(np.abs(np.degrees(other.rate_radps - motion.rate_radps))) > 0.2
+
+
 def test_fit_step_equals_fine_step(bench: config.VehicleConfig) -> None:
     run = sea.fly(bench, "yaw", sea.step(9.0), level=sea.CALM, sensors=QUIET)
     model, actuator, start = (
@@ -98,7 +122,7 @@ def test_linear_planes_are_derivatives_of_plane_model(bench: config.VehicleConfi
     )
     rps = 0.58 * vehicle.model.propeller.full_rps
     for plane in ("yaw", "pitch"):
-        linear = fit.linear_plane(vehicle, plane)
+        linear = fit.straight_plane(vehicle, plane)
 
         def rates(
             across: float, rate: float, angle: float, duct: float, plane: Plane = plane

@@ -30,6 +30,9 @@ SHAPED = {
     "PTCH_FF": 0.1,
     "TRIM_AUTO_S": 20.0,
     "ACT_LEAD_W": 6.0,
+    "ACT_LEAD_Z": 0.2,
+    "DPT_REF_LEAD": 3.0,
+    "TRIM_PIT_DEG": -2.0,
     "GAIN_SPD_MPS": 1.3,
 }
 """Everything that the loops can do beside PID."""
@@ -61,8 +64,12 @@ def fly(
     return simulate.fly(vehicle, known.noise, items, config, Sea(1.0, 0.2, 0.01), (4,))
 
 
+PITCH_LIMITED = {"HDG_P": 5.0, "FS_PITCH_DEG": 15.0, "PTCH_LIM_DEG": 14.9}
+"""The pitch overshoots its limit into the failsafe."""
+
+
 @pytest.mark.parametrize("name", MISSIONS)
-@pytest.mark.parametrize("values", [{}, SHAPED, WEIGHTED, {"HDG_P": 5.0, "FS_PITCH_DEG": 15.0}])
+@pytest.mark.parametrize("values", [{}, SHAPED, WEIGHTED, PITCH_LIMITED])
 def test_dive_is_the_same_as_tick_by_tick(
     known: DesignPrior, name: str, values: dict[str, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:

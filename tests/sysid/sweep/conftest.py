@@ -7,7 +7,8 @@ from mavlink_io.mission_items import MissionItem
 from sitl.vehicle import config
 from sysid.monte_carlo import samples
 from sysid.sweep import gains
-from sysid.sweep.dives import SweepMission, SweepRequest, SweepVehicle
+from sysid.sweep.campaigns import SweepMission
+from sysid.sweep.dives import SweepRequest, SweepVehicle
 from sysid.test_design import prior as design_priors
 from tests.helpers.missions import leg
 from tests.sysid.monte_carlo.conftest import HELD, LAND, UNSTABLE

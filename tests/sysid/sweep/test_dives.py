@@ -17,6 +17,7 @@ from sysid.monte_carlo.metrics import DiveMetrics, Leg, Steady
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea
 from sysid.reproduction.paper_tables import CRUISE_SPEED_MPS, TABLE_1_ADJUSTED
 from sysid.sweep import dives, gains
+from sysid.sweep.campaigns import SweepMission
 from sysid.sweep.dives import (
     COLUMNS,
     Chunks,
@@ -24,7 +25,6 @@ from sysid.sweep.dives import (
     Limits,
     OtherSourcesError,
     Part,
-    SweepMission,
     fly_chunk,
     rows_of,
 )

@@ -22,6 +22,7 @@ DEFAULTS: dict[str, object] = {
     "mission": "square",
     "diverged": "",
     "failsafe": "",
+    "not_redesigned": "",
     "passed": 1,
     "heading_deg": 1.0,
     "pitch_deg": 1.0,

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 from scipy.signal import lfilter
 
-from sysid.validation.whiteness import cumulative_periodogram, whiteness
+from sysid.validation.whiteness import (
+    combined_p,
+    cumulative_periodogram,
+    kolmogorov_p,
+    whiteness,
+)
 
 DT_S = 0.1
 SERIES = 1500
@@ -52,3 +58,27 @@ def test_cumulative_periodogram_steps_at_a_tone() -> None:
 
 def test_whiteness_short_series_gives_none() -> None:
     assert whiteness(np.ones(20), DT_S) is None
+
+
+@pytest.mark.parametrize("samples", [19, 100, 300, 2000])
+@pytest.mark.parametrize("scaled", [0.3, 0.7, 1.0, 1.6, 1.99, 2.01, 3.0])
+def test_kolmogorov_p_matches_scipy(samples: int, scaled: float) -> None:
+    """Reference: scipy.stats, whose series for n > 140 has errors of 1.4e-6; scaled: sqrt(n) D."""
+    distance, tolerance = scaled / samples**0.5, 1e-9 if samples <= 140 else 3e-6
+    expected = stats.kstwo.sf(distance, samples)
+    assert kolmogorov_p(distance, samples) == pytest.approx(expected, rel=tolerance)
+
+
+def test_whiteness_distance_matches_kstest() -> None:
+    series = np.random.default_rng(2).standard_normal(201)
+    found = whiteness(series, DT_S)
+    assert found is not None
+    expected = stats.kstest(cumulative_periodogram(series - np.mean(series)), "uniform")
+    assert found.distance == pytest.approx(expected.statistic, rel=1e-12)
+    assert found.periodogram_p == pytest.approx(expected.pvalue, rel=1e-9)  # n <= 140
+
+
+@pytest.mark.parametrize("p_values", [[0.3], [0.01, 0.9, 0.2], [1.0, 1.0], [1e-300, 0.5]])
+def test_combined_p_matches_fisher_of_scipy(p_values: list[float]) -> None:
+    expected = stats.combine_pvalues(p_values).pvalue
+    assert combined_p(p_values) == pytest.approx(expected, rel=1e-12)

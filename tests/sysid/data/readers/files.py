@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
+from scipy.spatial.transform import Rotation
 
 from tests.sysid import recording
 
@@ -124,6 +125,39 @@ def global_position(s: Sample) -> object:
     return mavlink.MAVLink_global_position_int_message(ms, 0, 0, mm, mm, 130, 0, 5, 0)
 
 
+BODY_VELOCITY_MPS = (1.2, -0.1, 0.05)
+"""Velocity in FRD of the dives with a velocity."""
+SPECIFIC_FORCE_MPS2 = (0.3, -0.2, -9.8)
+"""Accelerometer of the dives with an acceleration, in FRD, without turning; turning adds the yaw
+rate (rad/s) to x."""
+
+
+def specific_force_mps2(yaw_rate_radps: float) -> tuple[float, float, float]:
+    x, y, z = SPECIFIC_FORCE_MPS2
+    return x + yaw_rate_radps, y, z
+
+
+def velocity_ned_mps(s: Sample) -> tuple[float, float, float]:
+    """Return the velocity in NED, turned by scipy from yaw, then pitch."""
+    turned = Rotation.from_euler("ZY", [s.yaw_rad, s.pitch_rad]).apply(BODY_VELOCITY_MPS)
+    return float(turned[0]), float(turned[1]), float(turned[2])
+
+
+def moving_local_position(s: Sample) -> object:
+    ms = round(1e3 * s.time_s)
+    return mavlink.MAVLink_local_position_ned_message(ms, 0, 0, s.depth_m, *velocity_ned_mps(s))
+
+
+def moving_global_position(s: Sample) -> object:
+    ms, mm = round(1e3 * s.time_s), round(-1e3 * s.depth_m)
+    cmps = (round(100 * v) for v in velocity_ned_mps(s))
+    return mavlink.MAVLink_global_position_int_message(ms, 0, 0, mm, mm, *cmps, 0)
+
+
+def moving_vfr_hud(s: Sample) -> object:
+    return mavlink.MAVLink_vfr_hud_message(0.0, 1.2 + 0.01 * s.yaw_rad, 0, 58, -s.depth_m, -0.05)
+
+
 def vfr_hud(s: Sample) -> object:
     return mavlink.MAVLink_vfr_hud_message(0.0, 1.3, 0, 58, -s.depth_m, -0.05)
 
@@ -149,11 +183,11 @@ _DATAFLASH: dict[str, tuple[int, str, str]] = {
     "MSG": (6, "QZ", "TimeUS,Message"),
     "SIDS": (7, "QBfffffff", "TimeUS,Ax,Mag,FSt,FSp,TFin,TC,TR,TFout"),
     "MODE": (8, "QMBB", "TimeUS,Mode,ModeNum,Rsn"),
-    "IMU": (9, "QBfff", "TimeUS,I,GyrX,GyrY,GyrZ"),
+    "IMU": (9, "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
     "GYR": (10, "QBfff", "TimeUS,I,GyrX,GyrY,GyrZ"),
     "POS": (11, "QLLff", "TimeUS,Lat,Lng,Alt,RelHomeAlt"),
     "BARO": (12, "QBf", "TimeUS,I,Alt"),
-    "XKF1": (13, "QBf", "TimeUS,C,PD"),
+    "XKF1": (13, "QBffff", "TimeUS,C,VN,VE,VD,PD"),
     "RCOU_OLD": (14, "QHHHH", "TimeUS,Chan1,Chan2,Chan3,Chan4"),
 }
 _DATAFLASH_CODES = {
@@ -193,10 +227,13 @@ def _rates(variant: DataflashVariant, us: int, rate_radps: float) -> bytes:
         return _record("RATE", us, 0.0, 0.0, 0.0, 0.0, 0.0, math.degrees(rate_radps))
     # The second instance measures something else and must not be read.
     first, second = (us, 0, 0.0, 0.0, rate_radps), (us, 1, 9.0, 9.0, 9.0)
+    if variant.rates == "IMU":
+        first, second = (*first, *specific_force_mps2(rate_radps)), (*second, 9.0, 9.0, 9.0)
     return _record(variant.rates, *first) + _record(variant.rates, *second)
 
 
-def _depth(variant: DataflashVariant, us: int, depth_m: float) -> bytes:
+def _depth(variant: DataflashVariant, us: int, s: Sample) -> bytes:
+    depth_m = s.depth_m
     match variant.depth:
         case "CTUN":
             return _record("CTUN", us, -4.0, -depth_m)
@@ -205,7 +242,8 @@ def _depth(variant: DataflashVariant, us: int, depth_m: float) -> bytes:
         case "BARO":
             return _record("BARO", us, 0, -depth_m) + _record("BARO", us, 1, 77.0)
         case _:
-            return _record("XKF1", us, 0, depth_m) + _record("XKF1", us, 1, 77.0)
+            estimate = _record("XKF1", us, 0, *velocity_ned_mps(s), depth_m)
+            return estimate + _record("XKF1", us, 1, 7.0, 7.0, 7.0, 77.0)
 
 
 def dataflash(
@@ -232,7 +270,7 @@ def dataflash(
             messages.outputs, us, pulse(s.rudder), pulse(s.elevator), pulse(s.thrust), 0
         )
         if k % 5 == 0:
-            data += _depth(messages, us, s.depth_m)
+            data += _depth(messages, us, s)
         if sids and math.isclose(s.time_s, BOOTED_S + TEST[0]):
             data += _record("MSG", us, b"SystemID Starting: axis=12")
             data += _record("SIDS", us, 12, 1 / 3, 0.1, 1.0, 0.0, 0.0, 10.0, 0.0)
@@ -269,14 +307,22 @@ _ULOG: dict[str, tuple[int, str, str]] = {
         "QQ3f",
         "uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz;",
     ),
-    "vehicle_local_position": (2, "Qff", "uint64_t timestamp;float z;float vz;"),
+    "vehicle_local_position": (
+        2,
+        "Qffff",
+        "uint64_t timestamp;float z;float vx;float vy;float vz;",
+    ),
     "actuator_outputs": (3, "Q16f", "uint64_t timestamp;float[16] output;"),
     "vehicle_attitude/old": (
         4,
         "Q7f",
         "uint64_t timestamp;float rollspeed;float pitchspeed;float yawspeed;float[4] q;",
     ),
-    "sensor_combined": (5, "Q3f", "uint64_t timestamp;float[3] gyro_rad;"),
+    "sensor_combined": (
+        5,
+        "Q3f3f",
+        "uint64_t timestamp;float[3] gyro_rad;float[3] accelerometer_m_s2;",
+    ),
     "vehicle_air_data": (6, "Qf", "uint64_t timestamp;float baro_alt_meter;"),
     "vehicle_global_position": (7, "Qf", "uint64_t timestamp;float alt;"),
     "actuator_servos": (8, "Q8f", "uint64_t timestamp;float[8] control;"),
@@ -318,12 +364,13 @@ def _ulog_topics(variant: UlogVariant, s: Sample, k: int) -> bytes:
     else:
         data += _topic(variant.attitude, late, us, *quaternion)
     if variant.rates == "sensor_combined":
-        data += _topic(variant.rates, us, 0.0, 0.0, s.yaw_rate_radps)
+        force = specific_force_mps2(s.yaw_rate_radps)
+        data += _topic(variant.rates, us, 0.0, 0.0, s.yaw_rate_radps, *force)
     elif variant.rates:
         data += _topic(variant.rates, late, us, 0.0, 0.0, s.yaw_rate_radps)
     data += b"".join(_outputs(name, us, s) for name in reversed(variant.outputs))
     if k % 5 == 0 and variant.depth == "vehicle_local_position":
-        data += _topic(variant.depth, us, s.depth_m, 0.05)
+        data += _topic(variant.depth, us, s.depth_m, *velocity_ned_mps(s))
     elif k % 5 == 0:
         data += _topic(variant.depth, us, -s.depth_m)
     return data

@@ -135,3 +135,16 @@ def test_csv_example_of_the_docs_is_read(tmp_path: Path) -> None:
     log = readers.read(path)
     assert log.parameters == {"ACT_TRAVEL_DEG": 20.0}
     assert math.degrees(log.actuators.rudder_rad[-1]) == pytest.approx(4.0)
+
+
+def test_speed_is_relative_to_that_before_the_test(tmp_path: Path) -> None:
+    """1.5 m/s before the test and 1.2 m/s in it; every fifth row has a value."""
+    lines = []
+    for k, line in enumerate(rows()):
+        speed = 1.2 if line.endswith("rudder") else 1.5
+        lines.append(f"{line},{speed if k % 5 == 0 else ''}")
+    run = the_run(write(tmp_path / "dive.csv", f"{COLUMNS},u_mps", lines))
+    assert run.relative_speed is not None
+    inside = (run.time_s > 2.0) & (run.time_s < 8.0)
+    np.testing.assert_allclose(run.relative_speed[inside], 0.8, atol=1e-6)
+    assert the_run(write(tmp_path / "without.csv")).relative_speed is None

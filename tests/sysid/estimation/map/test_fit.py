@@ -99,14 +99,14 @@ def test_fit_undetermined_coefficients_keep_the_prior(model: IdentifiedModel) ->
 
 
 def test_scaled_equation_has_the_same_motion(bench: config.VehicleConfig) -> None:
-    """Moment coefficients, inertia and righting moment are scaled together: a null direction."""
+    """Moment coefficients and inertia are scaled together: a null direction without crossflow."""
     vehicle = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
     z = np.zeros(len(NAMES))
     for name in ("N_v", "N_r", "N_dr", "I_zz"):
         z[NAMES.index(name)] = math.log(1.2) / PARAMETERS[NAMES.index(name)].prior_sd
     scaled = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, z)
     before, after = (
-        linear_planes.small_signal(fit.linear_plane(v, "yaw")) for v in (vehicle, scaled)
+        linear_planes.small_signal(fit.straight_plane(v, "yaw")) for v in (vehicle, scaled)
     )
     np.testing.assert_allclose(after, before, rtol=1e-9)
 

@@ -9,6 +9,7 @@ from sysid.data.segments import Run
 from sysid.estimation.map import fit as joint
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.problem import MapProblem
+from sysid.models import parameters
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
@@ -34,7 +35,20 @@ def test_score_with_known_evaluation_has_same_bits(problem: MapProblem) -> None:
     assert known.information.tobytes() == fresh.information.tobytes()
 
 
-@pytest.mark.parametrize("name", ["Y_v", "N_r", "axial_drag", "natural_frequency", "delay_yaw"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "Y_v",
+        "N_r",
+        "axial_drag",
+        "natural_frequency",
+        "delay_yaw",
+        "crossflow_slope",
+        "elevator_lag",
+        "angle_lag",
+        "depth_lag",
+    ],
+)
 def test_slope_of_cost_matches_central_difference(name: str, problem: MapProblem) -> None:
     """Tolerance: forward differences of 1e-4 sd, and linear inputs between rows (1 %)."""
     z, i = np.zeros(len(NAMES)), NAMES.index(name)
@@ -42,3 +56,49 @@ def test_slope_of_cost_matches_central_difference(name: str, problem: MapProblem
     difference = (problems.cost(problem, z + step) - problems.cost(problem, z - step)) / 0.02
     slope = problems.score(problem, z).slope
     assert slope[i] == pytest.approx(difference, rel=0.03, abs=0.003 * np.abs(slope).max())
+
+
+def forbid_beyond(name: str, limit: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make vehicles impossible whose parameter is above a limit, in prior standard deviations."""
+    index, build = NAMES.index(name), parameters._changed_config
+
+    def changed_config(prior: config.VehicleConfig, z: np.ndarray) -> config.VehicleConfig:
+        if z[index] > limit:
+            raise config.VehicleFileError("the mass matrix has an eigenvalue -0.007")
+        return build(prior, z)
+
+    monkeypatch.setattr(parameters, "_changed_config", changed_config)
+
+
+def test_score_at_edge_of_possible_vehicles_is_one_sided(
+    problem: MapProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A step beyond the edge ended the fit, so that --force had nothing to write.
+
+    Tolerance: forward against backward differences of 1e-4 sd.
+    """
+    z = np.zeros(len(NAMES))
+    inside = problems.score(problem, z).slope
+    assert problems.at_edge(problem.prior, z) == ()
+    forbid_beyond("N_v", 0.0, monkeypatch)
+    assert problems.evaluate(problem, z + 0.1) is None
+    edge = problems.score(problem, z).slope
+    np.testing.assert_allclose(edge, inside, atol=0.01 * np.abs(inside).max())
+    assert problems.at_edge(problem.prior, z) == ("N_v",)
+
+
+def test_change_per_step_uses_the_possible_side() -> None:
+    def quadratic(z: np.ndarray) -> np.ndarray:
+        if z[0] > limit:
+            raise config.VehicleFileError("impossible")
+        return z**2
+
+    z, step = np.array([1.0]), np.array([0.1])
+    limit = 2.0
+    assert parameters.change_per_step(quadratic, z, step) == pytest.approx(0.2)
+    limit = 1.0
+    assert parameters.change_per_step(quadratic, z, step) == pytest.approx(0.19)
+    assert parameters.change_per_step(quadratic, z, -step) == pytest.approx(-0.19)
+    limit = 0.0
+    with pytest.raises(config.VehicleFileError):
+        parameters.change_per_step(quadratic, z, step)

@@ -5,6 +5,7 @@ Its updates, its report, and the batch estimate.
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from sitl.vehicle import config
 from sysid.data.segments import Run
@@ -153,6 +154,8 @@ def test_advance_stable_plane_matches_whitened_simulation(flown: list[Run], prio
 def test_finish_unstable_plane_is_recovered() -> None:
     """A free simulation of this vehicle would diverge within a minute."""
     remus = config.load("remus100")
+    coefficients = structs.replace(remus.linear, N_v_kgmps=1.5 * remus.linear.N_v_kgmps)
+    remus = structs.replace(remus, linear=coefficients)
     prior = Prior(
         remus, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)), parameters.prior_covariance()
     )

@@ -1,0 +1,127 @@
+"""Single values that their neighbours contradict, in log formats without a checksum.
+
+ArduPilot's .bin and PX4's .ulg have no checksums, so a flipped bit shows in its effect only. A
+sample is contradicted if it differs from both neighbours, in the same direction, by more than the
+floor of its unit and more than NOISE_RATIO standard deviations of the noise, while the neighbours
+agree. A flipped bit below these limits cannot be told from noise and stays.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.data.dataset import Array
+from sysid.data.readers.samples import LARGEST_VALUE, FileDamage, MessageColumns
+
+NOISE_RATIO = 8.0
+"""Smallest spike in standard deviations of the noise: 1e-15 of Gaussian samples are beyond."""
+AGREEMENT = 0.5
+"""Largest difference of the two neighbours, as a fraction of the spike."""
+MIN_SAMPLES = 8
+"""Number of samples below which the noise is not estimated."""
+_MAD_TO_SD = 1.4826
+"""Standard deviation of Gaussian noise per median absolute deviation."""
+
+
+class Plausible(NamedTuple):
+    """Plausible changes of a column."""
+
+    floor: float
+    """Smallest spike that is reported, in the unit of the column."""
+    period: float = 0.0
+    """Period of an angle; 0 for other quantities."""
+
+
+def drop_contradicted(
+    tables: Mapping[str, MessageColumns], columns: Mapping[str, Mapping[str, Plausible]]
+) -> tuple[dict[str, MessageColumns], FileDamage]:
+    """Return the tables without contradicted samples, and what was left out.
+
+    Parameters
+    ----------
+    tables : mapping of str to MessageColumns
+        Messages by name.
+    columns : mapping of str to mapping of str to Plausible
+        Columns to check, by message and name.
+
+    Returns
+    -------
+    tables : dict of str to MessageColumns
+        The tables.
+    damage : FileDamage
+        Number and times of the samples that were left out.
+    """
+    kept, dropped_s = dict(tables), list[float]()
+    for name, checks in columns.items():
+        table = tables.get(name)
+        if table is None or table.time_s.size < MIN_SAMPLES:
+            continue
+        bad = _out_of_order(table.time_s)
+        for column, plausible in checks.items():
+            values = table.columns.get(column)
+            if values is not None and values.dtype.kind in "iuf":
+                bad |= contradicted(values.astype(np.float64), plausible)
+        if bad.any():
+            dropped_s += _times_of(bad, table.time_s)
+            columns_kept = {key: values[~bad] for key, values in table.columns.items()}
+            kept[name] = MessageColumns(table.time_s[~bad], columns_kept)
+    return kept, FileDamage(contradicted_s=tuple(sorted(dropped_s)))
+
+
+def contradicted(values: Array, plausible: Plausible) -> NDArray[np.bool_]:
+    """Return a mask of samples that both neighbours contradict.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Samples in order of time.
+    plausible : Plausible
+        Floor and period of the column.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        True for a spike of one sample, and for a sample without a value between two with one.
+    """
+    mask = np.zeros(values.size, bool)
+    if values.size < MIN_SAMPLES:
+        return mask
+    measured = np.isfinite(values) & (np.abs(values) <= LARGEST_VALUE)
+    before = _wrapped(values[1:-1] - values[:-2], plausible.period)
+    after = _wrapped(values[1:-1] - values[2:], plausible.period)
+    across = _wrapped(values[2:] - values[:-2], plausible.period)
+    second = np.abs(before + after)
+    second = second[np.isfinite(second)]
+    noise_sd = _MAD_TO_SD * float(np.median(second)) / math.sqrt(6.0) if second.size else 0.0
+    spike = np.minimum(np.abs(before), np.abs(after))
+    mask[1:-1] = (
+        (spike > max(plausible.floor, NOISE_RATIO * noise_sd))
+        & (np.sign(before) == np.sign(after))
+        & (np.abs(across) <= AGREEMENT * spike)
+    )
+    mask[1:-1] |= ~measured[1:-1] & measured[:-2] & measured[2:]
+    return mask
+
+
+def _out_of_order(time_s: Array) -> NDArray[np.bool_]:
+    """Return a mask of samples whose time is not between those of their neighbours in order."""
+    mask = np.zeros(time_s.size, bool)
+    before, now, after = time_s[:-2], time_s[1:-1], time_s[2:]
+    mask[1:-1] = (before < after) & ((now < before) | (now > after) | ~np.isfinite(now))
+    return mask
+
+
+def _times_of(bad: NDArray[np.bool_], time_s: Array) -> list[float]:
+    """Return the times of samples; that of the sample before, because their own may be wrong."""
+    return [float(time_s[index - 1]) for index in np.flatnonzero(bad)]
+
+
+def _wrapped(difference: Array, period: float) -> Array:
+    """Return differences of an angle in half a period to either side."""
+    if not period:
+        return difference
+    wrapped: Array = np.mod(difference + 0.5 * period, period) - 0.5 * period
+    return wrapped

@@ -1,0 +1,47 @@
+"""Samples that their neighbours contradict are left out and reported."""
+
+import numpy as np
+import pytest
+
+from sysid.data.readers.samples import MessageColumns, format_damage
+from sysid.data.readers.spikes import Plausible, contradicted, drop_contradicted
+
+NOISE_SD = 0.1
+RNG = np.random.default_rng(5)
+NOISE = NOISE_SD * RNG.standard_normal(2000)
+
+
+@pytest.mark.parametrize("spike", [1.5, -1.5, 1e30, np.nan, np.inf])
+def test_single_wrong_sample_is_found(spike: float) -> None:
+    values = NOISE.copy()
+    values[700] = values[699] + spike
+    assert list(np.flatnonzero(contradicted(values, Plausible(0.01)))) == [700]
+
+
+def test_noise_steps_and_ramps_are_kept() -> None:
+    steps = np.where(np.arange(2000) // 100 % 2, 5.0, -5.0)
+    for values in (NOISE, NOISE + steps, np.linspace(0.0, 900.0, 2000), steps, np.zeros(2000)):
+        assert not contradicted(values, Plausible(0.01)).any()
+
+
+def test_missing_values_throughout_are_kept() -> None:
+    assert not contradicted(np.full(50, np.nan), Plausible(0.01)).any()
+
+
+def test_angle_that_crosses_north_is_kept() -> None:
+    values = np.full(40, 359.9)
+    values[20] = 0.4
+    assert not contradicted(values, Plausible(1.0, 360.0)).any()
+    assert contradicted(values, Plausible(1.0)).any()
+
+
+def test_dropped_samples_are_reported_with_their_time() -> None:
+    time_s, values = np.arange(50) * 0.02, np.zeros(50)
+    time_s[10], values[30] = 99.0, 7.0
+    tables = {"A": MessageColumns(time_s, {"x": values}), "B": MessageColumns(time_s, {})}
+    kept, damage = drop_contradicted(tables, {"A": {"x": Plausible(0.1)}, "C": {}})
+    assert kept["A"].time_s == pytest.approx(np.delete(np.arange(50) * 0.02, [10, 30]))
+    assert kept["B"] is tables["B"]
+    assert format_damage(damage, kept["A"].time_s) == (
+        "2 samples are contradicted by the ones around and left out, between 0.2 and 0.6 s"
+    )

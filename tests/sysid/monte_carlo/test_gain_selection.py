@@ -1,0 +1,84 @@
+"""Redesigned gains are at least as good as the first ones in simulation, or these are kept."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from sysid.design import pid
+from sysid.design.pid import DesignInfeasibleError, Spec
+from sysid.monte_carlo import gain_selection
+from sysid.monte_carlo.gain_selection import SelectionRequest
+from sysid.reproduction.paper_tables import TABLE_3_INITIAL
+
+Ratios = tuple[float, float] | None
+"""Errors in heading and depth over those of the first gains; None where no gains are feasible."""
+
+
+def select(
+    monkeypatch: pytest.MonkeyPatch, by_phase_margin: dict[float, Ratios], *, first_stable: bool
+) -> tuple[float, Any]:
+    """Return the phase margin of the chosen limits (0: the first gains), and the selection."""
+
+    def redesign(model: object, spec: Spec, *asked: object) -> Any:
+        if by_phase_margin.get(spec.pm_deg) is None:
+            raise DesignInfeasibleError("no gains")
+        return SimpleNamespace(spec=spec)
+
+    def rehearse(request: object, design: Any) -> Any:
+        ratios = by_phase_margin[design.spec.pm_deg]
+        assert ratios is not None
+        return gain_selection._Candidate(design, *ratios)
+
+    def keep(*asked: object) -> Any:
+        if not first_stable:
+            raise DesignInfeasibleError("no margins")
+        return SimpleNamespace(spec=Spec(pm_deg=0.0))
+
+    monkeypatch.setattr(pid, "redesign", redesign)
+    monkeypatch.setattr(pid, "keep", keep)
+    monkeypatch.setattr(gain_selection, "_rehearse", rehearse)
+    anything: Any = None
+    request = SelectionRequest(anything, Spec(), anything, TABLE_3_INITIAL, ())
+    design, selection = gain_selection.select(request)
+    return design.spec.pm_deg, selection
+
+
+@pytest.mark.parametrize(
+    ("by_phase_margin", "first_stable", "chosen"),
+    [
+        ({55.0: (0.5, 0.6), 45.0: (0.1, 0.1)}, True, 55.0),
+        ({55.0: (0.5, 1.6), 45.0: (0.4, 0.8)}, True, 45.0),
+        ({55.0: None, 45.0: (0.4, 0.8)}, True, 45.0),
+        ({55.0: (0.9, 0.99), 45.0: (1.2, 0.8)}, True, 55.0),
+        ({55.0: (1.5, 1.6), 45.0: (1.3, 0.8), 38.0: (1.1, 0.7)}, True, 0.0),
+        ({55.0: (1.5, 1.6), 45.0: (1.3, 0.8), 38.0: (1.1, 0.7)}, False, 55.0),
+        ({}, True, 0.0),
+    ],
+    ids=[
+        "specification suffices",
+        "lower limits hold better",
+        "specification infeasible",
+        "slightly better with the strictest limits",
+        "first gains are better",
+        "first gains are better without margins",
+        "nothing feasible",
+    ],
+)
+def test_select_strictest_limits_that_are_better_than_the_first_gains(
+    monkeypatch: pytest.MonkeyPatch,
+    by_phase_margin: dict[float, Ratios],
+    first_stable: bool,
+    chosen: float,
+) -> None:
+    pm_deg, selection = select(monkeypatch, by_phase_margin, first_stable=first_stable)
+    assert pm_deg == chosen
+    assert selection.kept_first == (chosen == 0.0)
+    assert (selection.reason == "") == (chosen == 55.0 and first_stable)
+
+
+def test_select_nothing_feasible_and_first_gains_without_margins_is_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with pytest.raises(DesignInfeasibleError, match="no gains"):
+        select(monkeypatch, {}, first_stable=False)

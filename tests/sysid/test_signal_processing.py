@@ -1,0 +1,81 @@
+"""Smoothing, filters and spectra. Reference: scipy.signal and scipy.ndimage, to rounding."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import ndimage, signal
+
+from sysid import signal_processing as processing
+
+RATE_HZ = 50.0
+NOISE = np.random.default_rng(1).standard_normal((2, 1507)).cumsum(axis=1)
+ROUNDING = {"rtol": 1e-9, "atol": 1e-9}
+
+
+@pytest.mark.parametrize("width", [1, 5, 25])
+def test_moving_mean_matches_scipy(width: int) -> None:
+    expected = ndimage.uniform_filter1d(NOISE[0], width)
+    np.testing.assert_allclose(processing.moving_mean(NOISE[0], width), expected, **ROUNDING)
+
+
+@pytest.mark.parametrize("window", [1, 3, 101, 1507])
+def test_smooth_matches_savitzky_golay(window: int) -> None:
+    smoothed = processing.smooth(NOISE[0], window)
+    if window > 1:
+        value = signal.savgol_filter(NOISE[0], window, 1)
+        slope = signal.savgol_filter(NOISE[0], window, 1, deriv=1)
+        np.testing.assert_allclose(smoothed.slope, slope, **ROUNDING)
+    else:
+        value = NOISE[0]
+    np.testing.assert_allclose(smoothed.value, value, **ROUNDING)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_filter_recursively_matches_lfilter(order: int) -> None:
+    numerator, denominator = signal.butter(order, 0.1)
+    state = np.arange(1.0, order + 1.0)
+    expected, _ = signal.lfilter(numerator, denominator, NOISE[0], zi=state)
+    filtered = processing.filter_recursively(numerator, denominator, NOISE[0], state)
+    np.testing.assert_allclose(filtered, expected, **ROUNDING)
+
+
+@pytest.mark.parametrize("radps", [0.3, 2.0])
+def test_resonance_matches_iirpeak(radps: float) -> None:
+    expected = signal.iirpeak(radps, 2.0, fs=2.0 * math.pi / 0.2)
+    np.testing.assert_allclose(processing.resonance(radps, 0.5, 0.2), expected, **ROUNDING)
+
+
+@pytest.mark.parametrize("segment", [300, 301])
+def test_averaged_spectra_match_welch(segment: int) -> None:
+    x, y = NOISE
+    options = {"fs": RATE_HZ, "nperseg": segment, "detrend": "linear"}
+    found = processing.averaged_spectra(x, y, RATE_HZ, segment)
+    expected = (*signal.welch(x, **options), signal.welch(y, **options)[1])
+    for got, reference in zip(found[:3], expected, strict=True):
+        np.testing.assert_allclose(got, reference, **ROUNDING)
+    np.testing.assert_allclose(found.cross, signal.csd(x, y, **options)[1], **ROUNDING)
+
+
+def test_record_spectra_match_padded_periodogram() -> None:
+    x, y = NOISE
+    options = {"fs": RATE_HZ, "window": "boxcar", "nperseg": x.size, "nfft": 4096}
+    options["detrend"] = "constant"
+    found = processing.record_spectra(x, y, RATE_HZ, 4096)
+    np.testing.assert_allclose(found.x, signal.csd(x, x, **options)[1].real, **ROUNDING)
+    np.testing.assert_allclose(found.y, signal.csd(y, y, **options)[1].real, **ROUNDING)
+    np.testing.assert_allclose(found.cross, signal.csd(x, y, **options)[1], **ROUNDING)
+
+
+@pytest.mark.parametrize("samples", [2, 101])
+def test_fit_line_matches_polyfit(samples: int) -> None:
+    time_s = np.linspace(-3.0, 7.0, samples)
+    line = processing.fit_line(time_s, NOISE[0, :samples])
+    slope, offset = np.polyfit(time_s, NOISE[0, :samples], 1)
+    assert line.slope == pytest.approx(slope, rel=1e-9)
+    np.testing.assert_allclose(line.values, slope * time_s + offset, **ROUNDING)
+
+
+def test_fit_line_single_sample_has_no_slope() -> None:
+    line = processing.fit_line(np.array([3.0]), np.array([5.0]))
+    assert (line.values.tolist(), line.slope) == ([5.0], 0.0)
