@@ -7,14 +7,10 @@ Prints a table and keeps the figures as JSON. `python -m benchmarks.page` writes
 """
 
 import argparse
-import os
 import sys
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
-
-# As in the ``ground`` command, before numpy is imported: one thread of linear algebra.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from benchmarks.page import RESULTS
 from benchmarks.speed import machine, results

@@ -21,6 +21,8 @@ from rich.table import Table
 from sysid.trials import map_trials, usable_cores
 
 Array = NDArray[np.float64]
+ALL_CASES = "all"
+"""Name of all cases of a cell together."""
 KEEP = Path("studies")
 """Default folder of the results of trials."""
 Trial = Callable[[str, int], Sequence[float]]
@@ -63,6 +65,8 @@ class Cell(NamedTuple):
     judge: Callable[[str, Array], Sequence[Figure]]
     """Return the figures of a case from an array of shape (runs, numbers per trial)."""
     runs: int = 200
+    cases: tuple[str, ...] = ()
+    """Cases of its own, which are also judged together; empty for those of the study."""
 
 
 class Outcome(NamedTuple):
@@ -109,12 +113,24 @@ def run_cells(
     outcomes = list(known)
     for outcome in outcomes:
         show(outcome)
-    for cell, case in questions:
-        seeds = range(asked.seed, asked.seed + (asked.runs or cell.runs))
-        outcomes.append(run(cell, case, seeds, asked.jobs, asked.keep / f"{cell.name}.jsonl"))
-        show(outcomes[-1])
+
+    def add(outcome: Outcome) -> None:
+        """Print a result, and write all that there are."""
+        outcomes.append(outcome)
+        show(outcome)
         if asked.out:
             asked.out.write_text(as_json(outcomes, asked.seed), encoding="utf-8")
+
+    pooled = dict[Cell, list[Array]]()
+    for cell, case in questions:
+        seeds = range(asked.seed, asked.seed + (asked.runs or cell.runs))
+        rows = run_trials(cell, case, seeds, asked.jobs, asked.keep / f"{cell.name}.jsonl")
+        add(Outcome(cell.name, case, len(rows), tuple(cell.judge(case, rows))))
+        if cell.cases:
+            pooled.setdefault(cell, []).append(rows)
+    for cell, groups in pooled.items():
+        rows = np.concatenate(groups)
+        add(Outcome(cell.name, ALL_CASES, len(rows), tuple(cell.judge(ALL_CASES, rows))))
     return outcomes
 
 
@@ -127,6 +143,14 @@ def run(
     cell: Cell, case: str, seeds: Sequence[int], jobs: int = 1, keep: Path | None = None
 ) -> Outcome:
     """Run one cell for one case with each seed; ``keep`` is the file of finished trials."""
+    rows = run_trials(cell, case, seeds, jobs, keep)
+    return Outcome(cell.name, case, len(seeds), tuple(cell.judge(case, rows)))
+
+
+def run_trials(
+    cell: Cell, case: str, seeds: Sequence[int], jobs: int = 1, keep: Path | None = None
+) -> Array:
+    """Return the numbers of one cell for one case, (seeds, numbers); arguments as for ``run``."""
     trial = partial(_numbers, cell.trial)
     with Progress(console=Console(stderr=True), transient=True) as bars:
         bar = bars.add_task(f"{cell.name}, {case}", total=len(seeds))
@@ -138,8 +162,7 @@ def run(
             keep=keep,
             on_result=lambda done: bars.update(bar, completed=done),
         )
-    figures = cell.judge(case, np.array(rows, dtype=np.float64))
-    return Outcome(cell.name, case, len(seeds), tuple(figures))
+    return np.array(rows, dtype=np.float64)
 
 
 def _numbers(trial: Trial, question: tuple[str, int]) -> list[float]:

@@ -1,7 +1,8 @@
 """Cost of a sweep: CPU time of a dive, overhead of chunks, throughput on one and two processes.
 
     python -m benchmarks.sweep                     # overhead; also on a loaded machine
-    python -m benchmarks.sweep --throughput 400    # and dives per minute; on an idle machine only
+    python -m benchmarks.sweep --throughput 3000   # and dives per minute; on an idle machine only
+    python -m benchmarks.sweep --throughput 3000 --dask   # the same on a local dask cluster
 
 The overhead is CPU time over that of flight and metrics: what a worker spends on a chunk besides
 (measured with a flight that returns at once), and what the process of the sweep spends (key,
@@ -10,30 +11,29 @@ pickle, part).
 
 import argparse
 import math
-import os
 import pickle
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 from unittest.mock import patch
 
-# As in the ``ground`` command, before numpy is imported: one thread of linear algebra.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 from ground.missions import plans
+from ground.sweep import engine as engines
 from sitl.vehicle import config as vehicle_files
 from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import metrics, samples, simulate
 from sysid.monte_carlo.metrics import DiveMetrics
 from sysid.monte_carlo.simulate import Sea
 from sysid.sweep import dives, gains
+from sysid.sweep.campaigns import SweepMission
 from sysid.sweep.dives import (
     Chunks,
     Part,
     SweepDive,
-    SweepMission,
     SweepRequest,
     SweepVehicle,
     fly_chunk,
@@ -41,7 +41,7 @@ from sysid.sweep.dives import (
 from sysid.sweep.parts import PartStore
 from sysid.sweep.points import Range
 from sysid.test_design import prior as design_priors
-from sysid.trials import key_of, map_trials
+from sysid.trials import Engine, key_of, map_trials
 
 SPREAD = 0.2
 """Factor on the standard deviations of the first-principles vehicle: as after a refit."""
@@ -134,11 +134,28 @@ def _cpu_s(work: Callable[[], object]) -> float:
     return min(times)
 
 
-def dives_per_minute(count: int, jobs: int, folder: Path) -> float:
-    """Return the throughput of a sweep on local processes, with the start of the processes."""
-    start_s = time.monotonic()
-    map_trials(fly_chunk, Chunks(request_of(count, 8)), Part, jobs=jobs, keep=PartStore(folder))
-    return 60.0 * count / (time.monotonic() - start_s)
+def dives_per_minute(count: int, jobs: int, folder: Path, *, dask: bool) -> float:
+    """Return the throughput of a sweep, with the start of local processes, not of a cluster."""
+    with cluster(jobs) if dask else nullcontext() as engine:
+        start_s = time.monotonic()
+        keep = PartStore(folder)
+        map_trials(
+            fly_chunk, Chunks(request_of(count, 8)), Part, jobs=jobs, keep=keep, engine=engine
+        )
+        return 60.0 * count / (time.monotonic() - start_s)
+
+
+@contextmanager
+def cluster(workers: int) -> Iterator[Engine | None]:
+    """Start a local dask cluster whose workers have flown a dive, and return its engine."""
+    distributed = import_module("distributed")
+    options = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
+    with (
+        distributed.LocalCluster(**options) as local,
+        distributed.Client(local.scheduler_address, set_as_default=False) as client,
+    ):
+        client.run(fly_chunk, Chunks(request_of(1, 1))[0])
+        yield engines.parse(f"dask={local.scheduler_address}")
 
 
 def main() -> None:
@@ -147,6 +164,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("--throughput", type=int, default=0, metavar="DIVES")
+    options.add_argument("--dask", action="store_true")
     asked = options.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -161,7 +179,7 @@ def main() -> None:
                 flush=True,
             )
         rates = [
-            dives_per_minute(asked.throughput, jobs, folder / f"jobs-{jobs}")
+            dives_per_minute(asked.throughput, jobs, folder / f"jobs-{jobs}", dask=asked.dask)
             for jobs in (1, 2)
             if asked.throughput
         ]

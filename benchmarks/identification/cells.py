@@ -7,12 +7,14 @@ from benchmarks.identification.joint_time import JOINT_TIME
 from benchmarks.identification.judging import JUDGING
 from benchmarks.identification.linear_time import TIME as LINEAR_TIME
 from benchmarks.identification.online import ONLINE
+from benchmarks.identification.outside import OUTSIDE
 from benchmarks.identification.prediction import PREDICTION
 from benchmarks.study import Cell
 
 CELLS: dict[str, Cell] = {
     cell.name: cell
     for cell in (
+        OUTSIDE,
         *efficiency.CELLS,
         CONVERGENCE,
         LINEAR_TIME,

@@ -31,7 +31,11 @@ def trial(vehicle: str, seed: int) -> list[float]:
     return [
         _seconds(ours("output-error"), campaign),
         _seconds(ours("filter-error"), campaign),
-        _seconds(lambda c: baseline.estimate(c.records, c.belief), campaign, warm=False),
+        _seconds(
+            lambda c: baseline.estimate(c.records, c.belief, baseline.simulate_lsim),
+            campaign,
+            warm=False,
+        ),
     ]
 
 

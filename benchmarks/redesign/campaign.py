@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ground.campaign.run import FITTED, HELD_OUT, TRIM_MISSION, TRIM_WINDOW_S, dive_seed
+from ground.campaign.computations import FITTED, HELD_OUT
+from ground.campaign.run import TRIM_MISSION, TRIM_WINDOW_S, dive_seed
 from ground.missions import script
 from sitl.vehicle import config
 from sysid import refit

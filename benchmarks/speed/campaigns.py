@@ -12,7 +12,7 @@ from benchmarks.speed import machine, ping_pong
 from benchmarks.speed.machine import ROOT, Cost
 from benchmarks.speed.results import Measurement, Reference
 from benchmarks.speed.session import Session
-from ground.campaign.run import FITTED, HELD_OUT
+from ground.campaign.computations import FITTED, HELD_OUT
 from mavlink_io.errors import OperationError
 from sitl.core import timestep
 from sysid.trials import usable_cores
@@ -83,6 +83,7 @@ def measure_fresh_clone(session: Session) -> list[Measurement]:
     for number in range(session.repetitions("fresh-clone")):
         clone, out = session.folder / f"clone-{number}", session.folder / f"fresh-{number}"
         _clone(clone)
+        machine.run(["-m", "ground.compile_kernels"], sources=clone)
         walls_s.append(run_campaign(out, clone).wall_s)
         floors_s.append(_floor_s(out))
         session.report(f"fresh-clone: {walls_s[-1]:.1f} s; floor {floors_s[-1]:.1f} s")

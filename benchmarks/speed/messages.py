@@ -12,6 +12,7 @@ from ground.client.recorder import Recorder
 from mavlink_io import codec, dialect
 from mavlink_io.codec import Frame, Framer
 from mavlink_io.dialect import MessageType
+from mavlink_io.fixed_frame import FIELDS, FixedFrame
 from mavlink_io.records import ActuatorFrame, SensorFrame
 from sitl import scenario
 from sitl.core import plant, timestep
@@ -37,14 +38,21 @@ def _tick_values() -> tuple[SensorFrame, ActuatorFrame]:
 
 
 def _own_codec(sensors: SensorFrame, actuators: ActuatorFrame) -> Callable[[int], object]:
-    """Return a function that encodes and decodes both messages with `mavlink_io.codec`."""
-    simulator, autopilot = Framer(), Framer()
+    """Return a function that encodes and decodes both messages as the HIL link does."""
+    sensor, controls = FixedFrame(SENSOR), FixedFrame(CONTROLS)
+    time_us, flags, outputs, mode = actuators
 
     def exchange(sequence: int) -> object:
-        data = codec.encode(SENSOR, sensors, sequence, SYSTEM, COMPONENT)
-        received = [SensorFrame._make(SENSOR.unpack(f.payload)) for f in autopilot.feed(data)]
-        data = codec.encode(CONTROLS, actuators, sequence, SYSTEM, COMPONENT)
-        return received, [ActuatorFrame._make(f.decode()) for f in simulator.feed(data)]
+        data = sensor.encode(sensors, sequence, SYSTEM, COMPONENT)
+        received = sensor.decode(data)
+        answer = (time_us, flags, *outputs, mode)
+        decoded = controls.decode(controls.encode(answer, sequence, SYSTEM, COMPONENT))
+        assert received is not None
+        assert decoded is not None
+        stamp, bits, *values, state = decoded[FIELDS:]
+        return SensorFrame._make(received[FIELDS:]), ActuatorFrame(
+            stamp, bits, tuple(values), state
+        )
 
     return exchange
 

@@ -147,10 +147,11 @@ _CAMPAIGNS = (
     ),
     _row(
         "fresh-clone",
-        "first campaign in a fresh clone",
+        "first campaign in a fresh clone after installation",
         "s",
         """The same command in a new `git clone` of the last commit, with the installed packages of
-        this environment: all kernels are compiled first. Installation is not included.""",
+        this environment. `python -m ground.compile_kernels`, which the installation runs, precedes
+        it and is not included.""",
         limit=35.0,
         repetitions=3,
     ),

@@ -1,0 +1,1 @@
+"""Campaigns of unlike vehicles: whether they complete, and whether the redesign is better."""

@@ -1,0 +1,1 @@
+"""Estimators on public free-running tests and logs."""

@@ -1,0 +1,288 @@
+"""One dive of the safety benchmark, and the same dive flown by an oracle that knows the fault."""
+
+import math
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from autopilot.control import core, modes, params, request_handler, requests
+from autopilot.control.params import Config, ParamError
+from autopilot.control.types import AutopilotState, Event, Inputs, Severity
+from benchmarks.safety.cases import Case
+from mavlink_io.frames import euler_from_quaternion
+from mavlink_io.mission_items import MavCmd, MissionItem
+from mavlink_io.records import ActuatorFrame
+from sitl import scenario
+from sitl.core import plant, timestep
+from sitl.vehicle import config as vehicle_files
+from sysid.design import initial
+
+LIMIT_S = 1500.0
+"""Vehicle time after which a dive that has not ended counts as endless."""
+ORACLE_S = 400.0
+"""Vehicle time for which the oracle is observed after the fault."""
+SETTLE_S = 300.0
+"""Longest time for which a disarmed vehicle is observed until it floats or lies on the floor."""
+AFLOAT_M = 1.0
+"""Largest depth of the origin of a vehicle that floats, above waves."""
+RESTING_MPS, RESTING_S = 0.01, 10.0
+"""Speed and duration of a vehicle at rest."""
+HEARTBEAT_S = 1.0
+"""Interval of the ground station's heartbeats."""
+
+
+class Outcome(NamedTuple):
+    """Result of one dive."""
+
+    name: str
+    vehicle: str
+    seed: int
+    ending: str
+    """"afloat", "on the floor", "submerged", "endless" or "refused"."""
+    ended_s: float
+    """Time of disarming."""
+    safe_s: float
+    """Time from the first fault to disarming at the surface; NaN if not reached."""
+    deepest_m: float
+    """Largest true depth of the origin."""
+    contact_s: float
+    """Time of the first contact with the floor after the first fault; NaN for none."""
+    avoidable: bool
+    """Whether the vehicle touched the floor and the oracle does not."""
+    reasons: str
+    """Warnings and critical messages."""
+
+
+class Sea(NamedTuple):
+    """A plant with its random streams."""
+
+    parts: Any
+    rng: Any
+
+
+def fly(case: Case) -> Outcome:
+    """Fly a dive, and the oracle's where the vehicle touches the floor."""
+    outcome = _fly(case)
+    if not math.isnan(outcome.contact_s):
+        avoidable = math.isnan(oracle_contact_s(case))
+        outcome = outcome._replace(avoidable=avoidable)
+    return outcome
+
+
+def _fly(case: Case) -> Outcome:
+    """Fly a dive with the autopilot, until it ends and the vehicle has settled."""
+    try:
+        config = configuration(case)
+    except ParamError as error:
+        return _refused(case, str(error))
+    sea = build(case)
+    hull = sea.parts.vessel.model.hydrostatics
+    body, reading = plant.initial_state(sea.parts, sea.rng)
+    link = np.random.default_rng((4, case.seed))
+    state, warnings = core.initial_state(), []
+    fault_s = first_fault_s(case)
+    contact_s, deepest_m, ended_s, resting_s = math.nan, 0.0, math.nan, 0.0
+    heard_s = 0.0
+    for tick in range(round((LIMIT_S + SETTLE_S) / timestep.TICK_S)):
+        now_s = tick * timestep.TICK_S
+        if now_s % HEARTBEAT_S < timestep.TICK_S and link.random() >= case.link_loss:
+            heard_s = now_s
+        state, frame, _, events = core.tick(state, _inputs(reading, now_s - heard_s), config)
+        warnings += [
+            event.text
+            for event in events
+            if isinstance(event, Event) and event.severity <= Severity.WARNING
+        ]
+        if tick == 2 and (refusal := begin(case, state, config)) is not None:
+            state, reason = refusal
+            if reason:
+                return _refused(case, reason)
+        body, reading = plant.step(sea.parts, body, frame, sea.rng)
+        truth = body.truth
+        deepest_m = max(deepest_m, truth.position_ned_m[2])
+        if math.isnan(contact_s) and now_s >= fault_s and touches(truth, hull, case.floor_m):
+            contact_s = now_s
+        if tick > 2 and not state.armed:
+            ended_s = now_s if math.isnan(ended_s) else ended_s
+            speed_mps = math.hypot(*truth.velocity_ned_mps)
+            afloat = truth.position_ned_m[2] < AFLOAT_M and now_s > ended_s + RESTING_S
+            resting_s = resting_s + timestep.TICK_S if speed_mps < RESTING_MPS else 0.0
+            if afloat or resting_s > RESTING_S or now_s > ended_s + SETTLE_S:
+                break
+        elif now_s > LIMIT_S:
+            break
+    ending = _ending(state, body.truth, hull, case)
+    return Outcome(
+        name=case.name,
+        vehicle=case.vehicle,
+        seed=case.seed,
+        ending=ending,
+        ended_s=ended_s,
+        safe_s=ended_s - fault_s if ending == "afloat" and fault_s < math.inf else math.nan,
+        deepest_m=deepest_m,
+        contact_s=contact_s,
+        avoidable=False,
+        reasons="; ".join(warnings),
+    )
+
+
+def begin(case: Case, state: AutopilotState, config: Config) -> tuple[AutopilotState, str]:
+    """Load the mission, select its mode and arm; return the reason of a refusal."""
+    for request in (
+        requests.LoadMission(items(case)),
+        requests.SetMode(modes.MISSION.number),
+        requests.Arm(),
+    ):
+        state, answer, _ = request_handler.handle_request(state, request, config)
+        if answer.result:
+            return state, answer.text
+    return state, ""
+
+
+def oracle_contact_s(case: Case) -> float:
+    """Return the time of contact if the propeller stops when the fault begins; NaN for none.
+
+    The fins go to neutral and the drop weight, if fitted, is released in the same tick. What is
+    stuck stays stuck.
+    """
+    config, sea = configuration(case), build(case)
+    hull, fault_s = sea.parts.vessel.model.hydrostatics, first_fault_s(case)
+    body, reading = plant.initial_state(sea.parts, sea.rng)
+    state = core.initial_state()
+    for tick in range(round((fault_s + ORACLE_S) / timestep.TICK_S)):
+        now_s = tick * timestep.TICK_S
+        if now_s < fault_s:
+            state, frame, _, _ = core.tick(state, _inputs(reading, 0.0), config)
+            if tick == 2:
+                state, _ = begin(case, state, config)
+        else:
+            neutral = (0.0, 0.0, 0.0, 1.0, *(0.0,) * 12)
+            frame = ActuatorFrame(body.time_us, 0, neutral, 0)
+        body, reading = plant.step(sea.parts, body, frame, sea.rng)
+        if now_s >= fault_s and touches(body.truth, hull, case.floor_m):
+            return now_s
+        if now_s > fault_s + 30.0 and body.truth.position_ned_m[2] < AFLOAT_M:
+            break
+    return math.nan
+
+
+def build(case: Case) -> Sea:
+    """Return the simulated vehicle at the surface of its sea."""
+    base = scenario.load("disturbed")
+    factor, current_mps, height_m = case.sea
+    levels = base.disturbance
+    replace = msgspec.structs.replace
+    levels = replace(
+        levels,
+        slow=replace(
+            levels.slow,
+            yaw_rms_nm=factor * levels.slow.yaw_rms_nm * scale(case.vehicle),
+            pitch_rms_nm=factor * levels.slow.pitch_rms_nm * scale(case.vehicle),
+        ),
+        waves=replace(
+            levels.waves,
+            yaw_rms_nm=factor * levels.waves.yaw_rms_nm * scale(case.vehicle),
+            pitch_rms_nm=factor * levels.waves.pitch_rms_nm * scale(case.vehicle),
+        ),
+    )
+    sea = replace(
+        base,
+        disturbance=levels,
+        floor=replace(base.floor, depth_m=case.floor_m),
+        current=replace(base.current, speed_mps=current_mps, towards_deg=90.0),
+        waves=replace(base.waves, significant_height_m=height_m, peak_period_s=6.0),
+        fault=case.faults,
+    )
+    parts = plant.build(vehicle_files.load(case.vehicle), sea)
+    return Sea(parts, plant.random_streams(case.seed))
+
+
+@lru_cache
+def scale(vehicle: str) -> float:
+    """Return the factor from Caribou's disturbance moments to those of a vehicle.
+
+    Moments of the same sea scale with displaced mass times length.
+    """
+    own, caribou = (vehicle_files.load(name) for name in (vehicle, "caribou_nominal"))
+    return (
+        own.ballast.mass_kg
+        * own.hull.diameter_m
+        / (caribou.ballast.mass_kg * caribou.hull.diameter_m)
+    )
+
+
+@lru_cache
+def vehicle_parameters(vehicle: str) -> dict[str, float]:
+    """Return the parameters of a vehicle's first dive: Caribou's are the defaults."""
+    if vehicle.startswith("caribou"):
+        return {}
+    return initial.design_initial_gains(vehicle).parameters
+
+
+def configuration(case: Case) -> Config:
+    """Return the autopilot's parameters for a dive.
+
+    Raises ParamError.
+    """
+    return params.config({**vehicle_parameters(case.vehicle), **dict(case.values)})
+
+
+def items(case: Case) -> tuple[MissionItem, ...]:
+    """Return the mission items of the legs."""
+    rows: list[MissionItem] = []
+    for leg in case.legs:
+        percent = {"p2": -1.0, "p3": leg.thrust_pct} if leg.thrust_pct else {"p2": -2.0, "p3": -1.0}
+        for command, fields in (
+            (MavCmd.DO_CHANGE_SPEED, {"p1": 1.0, **percent}),
+            (MavCmd.DO_CHANGE_ALTITUDE, {"p1": -leg.depth_m, "p2": 3.0}),
+            (MavCmd.CONDITION_YAW, {"p1": leg.heading_deg}),
+            (MavCmd.NAV_DELAY, {"p1": leg.duration_s}),
+        ):
+            rows.append(MissionItem(len(rows), 2, command, **fields))  # type: ignore[arg-type]
+    return tuple(rows)
+
+
+def first_fault_s(case: Case) -> float:
+    """Return the time of the first fault; infinity without one."""
+    return min((float(row["at_s"]) for row in case.faults), default=math.inf)
+
+
+def touches(truth: Any, hull: Any, floor_m: float) -> bool:
+    """Return whether nose or tail, spheres of the hull's radius, touch a flat floor."""
+    _, pitch, _ = euler_from_quaternion(*truth.attitude_q)
+    arm_m = hull.half_length_m - hull.radius_m
+    lowest_m = truth.position_ned_m[2] + arm_m * abs(math.sin(pitch)) + hull.radius_m
+    return bool(lowest_m > floor_m)
+
+
+def _inputs(reading: Any, silent_s: float) -> Inputs:
+    """Return the inputs of a tick."""
+    devices = reading.dvl, reading.battery, reading.leak, reading.duct
+    return Inputs(reading.frame, reading.gps, reading.altimeter, silent_s, None, *devices)
+
+
+def _ending(state: AutopilotState, truth: Any, hull: Any, case: Case) -> str:
+    """Return where the vehicle is at the end."""
+    if state.armed:
+        return "endless"
+    if truth.position_ned_m[2] < AFLOAT_M + hull.radius_m + case.sea[2]:
+        return "afloat"
+    return "on the floor" if touches(truth, hull, case.floor_m - 0.2) else "submerged"
+
+
+def _refused(case: Case, reason: str) -> Outcome:
+    """Return the outcome of a dive that the autopilot refuses."""
+    return Outcome(
+        name=case.name,
+        vehicle=case.vehicle,
+        seed=case.seed,
+        ending="refused",
+        ended_s=0.0,
+        safe_s=math.nan,
+        deepest_m=0.0,
+        contact_s=math.nan,
+        avoidable=False,
+        reasons=reason,
+    )
