@@ -15,6 +15,8 @@ VEHICLE ?= .venv-vehicle
 INSTALL := install -q --disable-pip-version-check
 COMPILE := pip-compile -q --generate-hashes --strip-extras --no-header --annotation-style=line \
   --no-emit-index-url --no-emit-find-links --no-emit-trusted-host
+# `make soak`: fraction of the sizes that issue and table name; 1 runs for days
+SIZE   ?=
 # Further arguments of pytest
 PYTEST ?=
 # `make bench`: BUSY=1 loads every core meanwhile; ROWS=NAME,... measures only these
@@ -22,7 +24,7 @@ BUSY   ?=
 ROWS   ?=
 
 .PHONY: help campaign test test-fast test-clients check check-physics benchmark-sysid benchmark-control \
-        bench format coverage audit vehicle lock clean
+        benchmark-campaigns bench soak format coverage audit vehicle lock clean
 
 help:                                ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/	/' | expand -t 20
@@ -56,9 +58,15 @@ benchmark-sysid: $(VENV)/dev.stamp   ## identification accuracy over 200 campaig
 benchmark-control: $(VENV)/dev.stamp ## redesigned gains against the paper's in many seas; resumes
 	$(BIN)/python -m benchmarks.redesign $(FLIGHTS)
 
+benchmark-campaigns: $(VENV)/dev.stamp ## campaigns of eight unlike vehicles, five seeds each; resumes
+	$(BIN)/python -m benchmarks.campaigns $(FLIGHTS)
+
 bench: $(VENV)/dev.stamp             ## speed of every part beside floors and peers; writes docs/performance.md
 	$(BIN)/python -m benchmarks $(if $(BUSY),--busy) $(if $(ROWS),--rows $(ROWS))
 	$(BIN)/python -m benchmarks.page
+
+soak: $(VENV)/dev.stamp              ## robustness table: SIZE=fraction of the required sizes; resumes
+	$(BIN)/python -m tests.soak $(if $(SIZE),--size $(SIZE)) $(if $(ROWS),--rows $(ROWS))
 
 format: $(VENV)/dev.stamp            ## apply the formatter and the safe lint fixes
 	$(BIN)/ruff check --fix -q . || true

@@ -1,0 +1,50 @@
+"""The soak rows run: a few cases of each, and results that continue."""
+
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+
+from tests.soak.__main__ import ROWS
+from tests.soak.row import Batch, Result, Row
+
+CASES = {"frames": 300, "files": 2, "protocols": 4}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_row_holds_over_its_first_cases(name: str) -> None:
+    row = ROWS[name]
+    # in a process of its own, whose peak of memory is that of the row
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        batch = pool.submit(row.run, 0, CASES[name]).result()
+    assert row.holds(batch.counts), batch.failures
+    assert row.describe(batch.counts)
+
+
+def test_flips_of_formats_with_checksum_are_never_silent() -> None:
+    counts = ROWS["flips"].run(0, 8).counts
+    assert counts["flips"] == 32
+    for name in ("mcap", "tlog"):
+        assert not counts.get(f"silent {name}")
+        assert not counts.get(f"hidden {name}")
+
+
+def count_cases(first: int, count: int) -> Batch:
+    batch = Batch()
+    for case in range(first, first + count):
+        batch.add("cases")
+        batch.add("max case", case)
+        if case == 3:
+            batch.fail(case, "three")
+    return batch
+
+
+def test_result_continues_where_it_was_interrupted(tmp_path: Path) -> None:
+    row = Row("t", 100, 2, count_cases, lambda c: "", lambda c: True, "")
+    Result(tmp_path / "r.json").extend(row, 3)
+    result = Result(tmp_path / "r.json")
+    result.extend(row, 7)
+    assert result.cases == 7
+    assert result.batch.counts == {"cases": 7, "max case": 6, "failures": 1}
+    assert result.batch.failures == ["case 3: three"]
