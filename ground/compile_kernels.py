@@ -31,6 +31,8 @@ from sysid.refit import RefitRequest
 
 TESTS = ("rudder_sweeps", "elevator_sweeps")
 """Shortest test mission of each plane."""
+STEADY = "straight_run"
+"""Mission with steady windows, whose performance is compared with the predicted one."""
 OTHER_VEHICLE = "xfin_auv"
 """Vehicle whose missions are simulated without processes; those of Caribou are not."""
 MISSIONS = ("shallow_1m", "rudder_sweeps")
@@ -52,7 +54,7 @@ def compile_kernels(folder: Path) -> None:
     """
     request = CampaignRequest(folder)
     with ThreadPoolExecutor(len(TESTS)) as pool:
-        logs = list(pool.map(partial(_fly, request), TESTS))
+        *logs, steady_log = pool.map(partial(_fly, request), (*TESTS, STEADY))
     prior = prototype.prior_file_of(request.vehicle)
     prepare(
         PreparationRequest(
@@ -68,7 +70,7 @@ def compile_kernels(folder: Path) -> None:
         RefitRequest(paths=logs, prior=prior, alternative_methods=("paper",)), force=True
     )
     design = refit.redesign(model, prior=prior, force=True)
-    refit.monitor_log(refit.read_log(logs[0]), design.baseline)
+    refit.monitor_log(refit.read_log(steady_log), design.baseline)
 
 
 def _fly(request: CampaignRequest, mission: str) -> Path:
