@@ -314,7 +314,7 @@ class AscentStage(IntEnum):
     """Stages of mode SURFACE, in the order in which they are tried."""
 
     POWERED = 0
-    """Under power to depth 0."""
+    """Ascent under power to depth 0."""
     ASTERN = 1
     """Propeller astern: the nose is down and the vehicle sinks."""
     STOPPED = 2

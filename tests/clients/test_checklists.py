@@ -13,7 +13,7 @@ from tests.clients.streams import SENSES
 pytestmark = [pytest.mark.process, pytest.mark.client, pytest.mark.timeout(500)]
 CHECKS = {"mavsdk": 85, "mavproxy": 63}
 SHORT = {"mavsdk": 19, "mavproxy": 15}
-"""At 0.2x, where a dive takes minutes, short lists; ``make test-clients`` runs the full lists."""
+"""Short lists for 0.2x, where dives take minutes; ``make test-clients`` runs the full lists."""
 NOISE_SPOILS = {"vehicle": 20, "ground": 1}
 """Minimum number of bytes from each end, so that the line was noisy enough."""
 AT_ONCE = (("udp", "serial", "udp 0.2x"), ("udp 10x",), ("udp 50x",))
