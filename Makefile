@@ -24,7 +24,7 @@ BUSY   ?=
 ROWS   ?=
 
 .PHONY: help campaign test test-fast test-clients check check-physics benchmark-sysid benchmark-control \
-        benchmark-campaigns bench soak format coverage audit vehicle lock clean
+        benchmark-campaigns bench soak docs format coverage audit vehicle lock clean
 
 help:                                ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/	/' | expand -t 20
@@ -67,6 +67,9 @@ bench: $(VENV)/dev.stamp             ## speed of every part beside floors and pe
 
 soak: $(VENV)/dev.stamp              ## robustness table: SIZE=fraction of the required sizes; resumes
 	$(BIN)/python -m tests.soak $(if $(SIZE),--size $(SIZE)) $(if $(ROWS),--rows $(ROWS))
+
+docs: $(VENV)/dev.stamp             ## documentation site in build/docs; a warning is an error
+	$(BIN)/python -m sphinx -q -W --keep-going docs build/docs
 
 format: $(VENV)/dev.stamp            ## apply the formatter and the safe lint fixes
 	$(BIN)/ruff check --fix -q . || true

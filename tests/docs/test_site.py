@@ -1,0 +1,89 @@
+"""The documentation site: it builds without a warning, and its commands work."""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+sys.path.insert(0, str(DOCS))
+
+from site_pages import programs  # noqa: E402 - beside the pages, on the path from here on
+
+PROGRAMS = programs()
+BLOCK = re.compile(r"^```(?:sh|bash)?\n(.*?)^```", re.MULTILINE | re.DOTALL)
+TUTORIALS = ("first_flight", "identify_and_redesign", "own_vehicle")
+"""Tutorials without hardware or a program that runs until it is stopped."""
+TESTED_ELSEWHERE = "ground campaign"
+"""Command of the tutorials that tests/ground/test_compile_kernels.py runs."""
+
+
+def commands_of(page: Path) -> Iterator[list[str]]:
+    """Yield the words of each command of our programs in the blocks of a page."""
+    for block in BLOCK.findall(page.read_text(encoding="utf-8")):
+        for line in block.replace("\\\n", " ").replace(" & ", "\n").splitlines():
+            command = line.removeprefix("$ ").removesuffix("&").strip()
+            if command.split(" ")[0] in PROGRAMS and "--->" not in line:
+                words = shlex.split(command, comments=True)
+                yield words[: words.index("|")] if "|" in words else words
+
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+COMMANDS = sorted({tuple(words) for page in PAGES for words in commands_of(page)})
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_command_of_docs_parses(words: tuple[str, ...]) -> None:
+    """Commands, options and numbers of arguments exist; `...` stands for an argument."""
+    command: Any = PROGRAMS[words[0]]
+    arguments = list(words[1:])
+    while arguments and arguments[0] in getattr(command, "commands", {}):
+        command = command.commands[arguments.pop(0)]
+    if "--help" not in arguments:
+        command.make_context(words[0], arguments)
+
+
+def test_site_builds_without_warnings(tmp_path: Path) -> None:
+    """A page that no table of contents names, or a link to nothing, is a warning."""
+    sources = tmp_path / "docs"
+    shutil.copytree(DOCS, sources, ignore=shutil.ignore_patterns("generated", "__pycache__"))
+    for file in ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"):
+        shutil.copy(ROOT / file, tmp_path / file)
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    sphinx = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going"]
+    built = subprocess.run(
+        [*sphinx, str(sources), str(tmp_path / "site")], capture_output=True, text=True, check=False
+    )
+    assert (built.returncode, built.stderr) == (0, "")
+    page = (tmp_path / "site/generated/parameters.html").read_text(encoding="utf-8")
+    assert "HDG_P" in page
+
+
+@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("name", TUTORIALS)
+def test_tutorial_runs_as_written(name: str, tmp_path: Path) -> None:
+    page = DOCS / "tutorials" / f"{name}.md"
+    (tmp_path / "docs").mkdir()
+    shutil.copy(DOCS / "my_vehicle.toml", tmp_path / "docs")
+    for mission in re.findall(r"^```toml\n(.*?)^```", page.read_text("utf-8"), re.M | re.S):
+        (tmp_path / "first.toml").write_text(mission, encoding="utf-8")
+    for program, *arguments in commands_of(page):
+        if " ".join([program, *arguments]).startswith(TESTED_ELSEWHERE):
+            continue
+        ran = subprocess.run(
+            [sys.executable, "-m", program, *arguments],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert ran.returncode == 0, (program, arguments, ran.stderr)
