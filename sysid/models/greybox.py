@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavlink_io.jit import kernel
+from mavlink_io.jit import entry_point, kernel
 from sitl.core import tailcone
 from sitl.core.tailcone import TailconeAxis
 from sitl.vehicle import forces, propeller, runge_kutta
@@ -49,6 +49,9 @@ LINEARISATION_STEP = 1e-5
 """Step of the central differences of a linearisation (m/s, rad/s, rad)."""
 SETTLING_S = 0.5
 """Duration at the start of a run over which measured initial values are averaged."""
+
+MAX_TRIM_STEPS, MAX_TRIM_CHANGE, TRIM_TOLERANCE = 20, 0.3, 1e-10
+"""Newton's method for level flight: steps, largest change per step and last change (m/s, rad)."""
 
 
 class Actuator(NamedTuple):
@@ -245,6 +248,67 @@ def slopes_about(
         for k in range(5):
             out[k, i] = (up[k] - down[k]) / (2.0 * LINEARISATION_STEP)
     return base, out
+
+
+@entry_point
+def find_level_flight(
+    x: Array, inputs: Array, rps: float, inverse: Array, model: VehicleModel
+) -> bool:
+    """Move ``x`` and ``inputs`` to straight flight at constant depth; return whether it is found.
+
+    Newton's method on (u', w', q', z') changes speed, heave and pitch of the pitch plane's state
+    ``x`` and the elevator ``inputs[0]``. Arguments as for ``slopes_about``.
+    """
+    residuals, unknowns = (0, 1, 2, 4), (0, 1, 3, 5)
+    system, offset = np.empty((4, 4)), np.empty(4)
+    for _ in range(MAX_TRIM_STEPS):
+        base, slopes = slopes_about(x, inputs, rps, False, inverse, model)
+        for i in range(4):
+            offset[i] = base[residuals[i]]
+            for j in range(4):
+                system[i, j] = slopes[residuals[i], unknowns[j]]
+        if not solve_in_place(system, offset):
+            return False
+        converged = True
+        for i in range(4):
+            change = min(max(-offset[i], -MAX_TRIM_CHANGE), MAX_TRIM_CHANGE)
+            converged = converged and abs(change) < TRIM_TOLERANCE
+            if i < 3:
+                x[unknowns[i]] += change
+            else:
+                inputs[0] += change
+        if converged:
+            return True
+    return False
+
+
+@kernel
+def solve_in_place(A: Array, b: Array) -> bool:
+    """Replace ``b`` by A^-1 b, and ``A`` by its factors; return False for a singular matrix.
+
+    Gaussian elimination with partial pivoting.
+    """
+    n = b.size
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[pivot, k]):
+                pivot = i
+        if not abs(A[pivot, k]) > 0.0:
+            return False
+        for j in range(k, n):
+            A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+        b[k], b[pivot] = b[pivot], b[k]
+        for i in range(k + 1, n):
+            factor = A[i, k] / A[k, k]
+            b[i] -= factor * b[k]
+            for j in range(k, n):
+                A[i, j] -= factor * A[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            b[k] -= A[k, j] * b[j]
+        b[k] /= A[k, k]
+    return True
 
 
 def constraint(model: VehicleModel, plane: Plane) -> Array:

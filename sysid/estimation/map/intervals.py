@@ -30,6 +30,7 @@ from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 Number = Callable[[Array], float]
+Numbers = Callable[[Array], Array]
 
 WIDE_RELATIVE_SD = 0.25
 """Relative standard deviation above which a symmetric interval is not valid."""
@@ -70,13 +71,12 @@ def wide_intervals(estimate: Fit, prior: Prior) -> Iterator[ParameterInterval]:
     """Yield the intervals of all numbers with a large relative sd (above WIDE_RELATIVE_SD)."""
     problem = problem_at_estimate(estimate, prior)
     for plane in estimate.datasets:
-        for name in NUMBERS:
-            number = _number(prior, plane, name)
-            gradient = _slope(number, estimate.z)
-            sd, value = math.sqrt(gradient @ estimate.covariance @ gradient), number(estimate.z)
-            if sd > WIDE_RELATIVE_SD * abs(value):
-                low, high = interval(problem, estimate, number)
-                yield ParameterInterval(plane=plane, name=name, low=low, high=high)
+        numbers = _design_numbers(prior, plane)
+        values, slopes = numbers(estimate.z), _slope(numbers, estimate.z)
+        sds = np.sqrt(np.diag(slopes.T @ estimate.covariance @ slopes))
+        for index in np.flatnonzero(sds > WIDE_RELATIVE_SD * np.abs(values)):
+            low, high = interval(problem, estimate, _element(numbers, index))
+            yield ParameterInterval(plane=plane, name=NUMBERS[index], low=low, high=high)
 
 
 def problem_at_estimate(estimate: Fit, prior: Prior) -> MapProblem:
@@ -173,18 +173,23 @@ def _possible(prior: Prior, inside: Array, wanted: Array) -> Array:
     return inside
 
 
-def _number(prior: Prior, plane: Plane, name: str) -> Number:
-    """Return a design number of a plane as a function of z."""
-    index = SmallSignal._fields.index(name)
+def _design_numbers(prior: Prior, plane: Plane) -> Numbers:
+    """Return the design numbers NUMBERS of a plane as a function of z."""
+    indices = [SmallSignal._fields.index(name) for name in NUMBERS]
 
-    def number(z: Array) -> float:
+    def numbers(z: Array) -> Array:
         vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
-        return float(linear_planes.small_signal(linear_plane(vehicle, plane))[index])
+        return np.array(linear_planes.small_signal(linear_plane(vehicle, plane)))[indices]
 
-    return number
+    return numbers
 
 
-def _slope(number: Number, z: Array) -> Array:
-    """Gradient of a number by z, central differences."""
+def _element(numbers: Numbers, index: int) -> Number:
+    """Return one of several numbers as a function of z."""
+    return lambda z: float(numbers(z)[index])
+
+
+def _slope(function: Callable[[Array], parameters.Values], z: Array) -> Array:
+    """Return the derivatives of a number (p,) or of several numbers (p, n) by z."""
     steps = DIFFERENCE * np.eye(z.size)
-    return np.array([parameters.change_per_step(number, z, step) for step in steps]) / DIFFERENCE
+    return np.array([parameters.change_per_step(function, z, step) for step in steps]) / DIFFERENCE

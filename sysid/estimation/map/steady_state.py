@@ -20,8 +20,6 @@ Array = NDArray[np.float64]
 
 MIN_SPEED_MPS, MAX_SPEED_MPS = 0.1, 10.0
 """Range in which the cruise speed is sought, m/s."""
-MAX_TRIM_STEPS, MAX_TRIM_CHANGE, TRIM_TOLERANCE = 20, 0.3, 1e-10
-"""Newton's method for level flight: steps, largest change per step and last change (m/s, rad)."""
 
 
 def cruise_speed_mps(vehicle: CandidateVehicle, thrust: float) -> float:
@@ -72,28 +70,14 @@ def level_flight(vehicle: CandidateVehicle) -> LevelFlight:
     -------
     LevelFlight
         Straight flight without heave and pitch if no such flight is found.
-
-    Notes
-    -----
-    Newton's method on surge, heave and pitch acceleration and climb.
     """
     model, point = vehicle.model, vehicle.config.operating_point
     rps = point.thrust_fraction * model.propeller.full_rps
     inverse = greybox.constraint(model, Plane.PITCH)
     x, inputs = np.zeros(5), np.zeros(1 + greybox.N_COUPLING)
     x[0], x[4] = point.speed_mps, greybox.SUBMERGED_Z_M
-    rows, columns = [0, 1, 2, 4], [0, 1, 3, 5]
-    for _ in range(MAX_TRIM_STEPS):
-        base, slopes = greybox.slopes_about(x, inputs, rps, False, inverse, model)
-        try:
-            step = -np.linalg.solve(slopes[np.ix_(rows, columns)], base[rows])
-        except np.linalg.LinAlgError:
-            break
-        step = np.clip(step, -MAX_TRIM_CHANGE, MAX_TRIM_CHANGE)
-        x[[0, 1, 3]] += step[:3]
-        inputs[0] += step[3]
-        if float(np.max(np.abs(step))) < TRIM_TOLERANCE:
-            return LevelFlight(float(x[0]), float(x[1]), float(x[3]), float(inputs[0]))
+    if greybox.find_level_flight(x, inputs, rps, inverse, model):
+        return LevelFlight(float(x[0]), float(x[1]), float(x[3]), float(inputs[0]))
     return LevelFlight(point.speed_mps, 0.0, 0.0, 0.0)
 
 
