@@ -276,29 +276,7 @@ def _identify(
     prior = bench_priors.update_prior(
         prior_of(runs, knowledge.config, knowledge.earlier), knowledge.bench_measurements
     )
-    refitted = refit_until_clean(
-        runs, prior, lambda accepted_runs: fit.fit(accepted_runs, prior, progress)
-    )
-    model = model_export.from_fit(refitted.fit, prior, knowledge.name)
-    parameter_shifts = refitted.fit_of_all_runs and shifts(
-        model_export.from_fit(refitted.fit_of_all_runs, prior, knowledge.name), model
-    )
-    other_vehicle = log_consistency.two_vehicles(refitted.screenings, runs)
-    failures = (*model.convergence.failures, *([other_vehicle] if other_vehicle else []))
-    return (
-        msgspec.structs.replace(
-            model,
-            convergence=msgspec.structs.replace(model.convergence, failures=failures),
-            fit_quality=prediction.quality(model, refitted.accepted_runs, knowledge.config),
-            dropped_run_influence=parameter_shifts or (),
-            notes=(
-                *model.notes,
-                *refitted.structure,
-                *map(str, intervals.wide_intervals(refitted.fit, prior)),
-            ),
-        ),
-        refitted,
-    )
+    return identify_without_outliers(runs, prior, knowledge.name, progress)
 
 
 def _with_alternative_fits(
@@ -398,6 +376,55 @@ def identify(
     else:
         model = linear.identify(runs, prior_distribution, prior_name, method, progress)
     return msgspec.structs.replace(model, fit_quality=prediction.quality(model, runs, prior))
+
+
+def identify_without_outliers(
+    runs: Sequence[Run], prior: Prior, prior_name: str, progress: Progress | None = None
+) -> tuple[IdentifiedModel, RefitResult]:
+    """Identify a vehicle by method ``map``, without the runs that the fit finds anomalous.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs that passed the screening rules, at least one.
+    prior : Prior
+        Distribution of the parameters before the runs.
+    prior_name : str
+        Name of the prior that the model file records.
+    progress : callable, optional
+        Called with the present step and the completed share of the work, 0 to 1.
+
+    Returns
+    -------
+    model : IdentifiedModel
+        Model with the prediction errors of the fitted runs and without validation. Logs of two
+        vehicles are a failure of its convergence.
+    refitted : RefitResult
+        The last fit, its runs, and the outlier tests of all runs.
+    """
+    refitted = refit_until_clean(
+        runs, prior, lambda accepted_runs: fit.fit(accepted_runs, prior, progress)
+    )
+    model = model_export.from_fit(refitted.fit, prior, prior_name)
+    parameter_shifts = refitted.fit_of_all_runs and shifts(
+        model_export.from_fit(refitted.fit_of_all_runs, prior, prior_name), model
+    )
+    other_vehicle = log_consistency.two_vehicles(refitted.screenings, runs)
+    failures = (*model.convergence.failures, *([other_vehicle] if other_vehicle else []))
+    return (
+        msgspec.structs.replace(
+            model,
+            convergence=msgspec.structs.replace(model.convergence, failures=failures),
+            fit_quality=prediction.quality(model, refitted.accepted_runs, prior.config),
+            dropped_run_influence=parameter_shifts or (),
+            notes=(
+                *model.notes,
+                *refitted.structure,
+                *map(str, intervals.wide_intervals(refitted.fit, prior)),
+            ),
+        ),
+        refitted,
+    )
 
 
 def prior_of(

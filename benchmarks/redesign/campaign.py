@@ -23,13 +23,10 @@ from sysid.data.events import parse_text
 from sysid.data.segments import Run
 from sysid.design import pid
 from sysid.design.pid import Design, DesignInfeasibleError
-from sysid.estimation.map import fit
-from sysid.models import model_export
 from sysid.models import model_file as models
 from sysid.models.model_file import IdentifiedModel, ModelError
 from sysid.reproduction.paper_tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
 from sysid.screening import screen
-from sysid.screening.refit_loop import refit_until_clean
 from sysid.validation.assess import with_assessment
 from tests.helpers.closed_loop import Dive
 
@@ -78,10 +75,9 @@ def fly(seed: int) -> Campaign:
     fitted, held_out = (_kept(missions, seed, values) for missions in (FITTED, HELD_OUT))
     prior_file = config.load(PRIOR)
     prior = refit.prior_of(fitted, prior_file)
-    settled = refit_until_clean(fitted, prior, lambda chosen: fit.fit(chosen, prior))
-    model = model_export.from_fit(settled.fit, prior, PRIOR)
+    model, refitted = refit.identify_without_outliers(fitted, prior, PRIOR)
     return Campaign(
-        with_assessment(model, settled.accepted_runs, held_out, TABLE_3_INITIAL, prior_file), trims
+        with_assessment(model, refitted.accepted_runs, held_out, TABLE_3_INITIAL, prior_file), trims
     )
 
 

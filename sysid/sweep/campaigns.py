@@ -17,16 +17,13 @@ from sysid.data.dataset import Log
 from sysid.data.segments import Run
 from sysid.design import pid
 from sysid.design.specification import Design, DesignInfeasibleError, Spec
-from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Prior
-from sysid.models import model_export
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import samples, simulate
 from sysid.monte_carlo.simulate import Sea
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.screening import screen
-from sysid.screening.refit_loop import refit_until_clean
 from sysid.test_design.prior import DesignPrior
 from sysid.validation.assess import with_assessment
 
@@ -123,8 +120,7 @@ def _identify(
         if prior.trims_known
         else refit.prior_of(runs, prior.config)
     )
-    refitted = refit_until_clean(runs, before, lambda accepted: fit.fit(accepted, before))
-    model = model_export.from_fit(refitted.fit, before, prior.name)
+    model, refitted = refit.identify_without_outliers(runs, before, prior.name)
     if model.convergence.failures:
         raise DesignInfeasibleError(f"the fit failed: {'; '.join(model.convergence.failures)}")
     if not held_out:
@@ -139,7 +135,11 @@ def _identify(
 def _redesign(
     model: IdentifiedModel, limits: Spec, prior: DesignPrior, values: dict[str, float]
 ) -> Design:
-    """Return the redesign for the vehicle's tailcone. Raises DesignInfeasibleError."""
+    """Return the redesign for the vehicle's tailcone. Raises DesignInfeasibleError.
+
+    The limits are those of the plan. `ground campaign` relaxes its own ones step by step
+    (`gain_selection`), which would replace limits that a plan states.
+    """
     tail = prior.config.tailcone
     spec = msgspec.structs.replace(limits, travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
     return pid.redesign(model, spec, prior.config, _gains(values))

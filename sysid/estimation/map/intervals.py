@@ -75,7 +75,7 @@ def wide_intervals(estimate: Fit, prior: Prior) -> Iterator[ParameterInterval]:
         values, slopes = numbers(estimate.z), _slope(numbers, estimate.z)
         sds = np.sqrt(np.diag(slopes.T @ estimate.covariance @ slopes))
         for index in np.flatnonzero(sds > WIDE_RELATIVE_SD * np.abs(values)):
-            low, high = interval(problem, estimate, _element(numbers, index))
+            low, high = interval(problem, estimate, _number(prior, plane, NUMBERS[index]))
             yield ParameterInterval(plane=plane, name=NUMBERS[index], low=low, high=high)
 
 
@@ -184,8 +184,9 @@ def _design_numbers(prior: Prior, plane: Plane) -> Numbers:
     return numbers
 
 
-def _element(numbers: Numbers, index: int) -> Number:
-    """Return one of several numbers as a function of z."""
+def _number(prior: Prior, plane: Plane, name: str) -> Number:
+    """Return one of the design numbers of a plane as a function of z."""
+    numbers, index = _design_numbers(prior, plane), NUMBERS.index(name)
     return lambda z: float(numbers(z)[index])
 
 
