@@ -313,8 +313,24 @@ def solve_in_place(A: Array, b: Array) -> bool:
 
 def constraint(model: VehicleModel, plane: Plane) -> Array:
     """Return M_p^-1, shape (3, 3): from forces in the plane to accelerations."""
-    rows = PLANES[plane].velocities
-    return np.ascontiguousarray(np.linalg.inv(model.inertia.M[np.ix_(rows, rows)]))
+    return _inverse_of_block(model.inertia.M, PLANES[plane].velocities)
+
+
+@entry_point
+def _inverse_of_block(M: Array, rows: tuple[int, int, int]) -> Array:
+    """Return the inverse, shape (3, 3), of the block of ``M`` in these rows and columns.
+
+    Cramer's rule: element (j, i) is the cofactor of (i, j) over the determinant.
+    """
+    inverse, determinant = np.empty((3, 3)), 0.0
+    for i in range(3):
+        i1, i2 = rows[(i + 1) % 3], rows[(i + 2) % 3]
+        for j in range(3):
+            j1, j2 = rows[(j + 1) % 3], rows[(j + 2) % 3]
+            inverse[j, i] = M[i1, j1] * M[i2, j2] - M[i1, j2] * M[i2, j1]
+    for j in range(3):
+        determinant += M[rows[0], rows[j]] * inverse[j, 0]
+    return inverse / determinant
 
 
 def accelerations(

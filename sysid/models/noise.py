@@ -178,7 +178,9 @@ def discrete(A: Array, density: Array, dt: float) -> tuple[Array, Array]:
     """
     # Van Loan 1978: expm([[-A, density], [0, A^T]] dt) = [[., F], [0, Ad^T]], Q = Ad F.
     n = A.shape[0]
-    block = expm(np.block([[-A, density], [np.zeros((n, n)), A.T]]) * dt)
+    joint = np.zeros((2 * n, 2 * n))
+    joint[:n, :n], joint[:n, n:], joint[n:, n:] = -A, density, A.T
+    block = expm(joint * dt)
     transition = np.ascontiguousarray(block[n:, n:].T)
     process = transition @ block[:n, n:]
     return transition, 0.5 * (process + process.T)

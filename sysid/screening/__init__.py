@@ -46,8 +46,8 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
         plane: preroll.typical_roughness_radps([r for r in runs if r.plane == plane])
         for plane in Plane
     }
-    screenings = []
-    for run in runs:
+    screenings, usual_prerolls = [], preroll.usual_prerolls(runs, limits)
+    for run, usual in zip(runs, usual_prerolls, strict=True):
         findings = (
             rules.gap(run, limits),
             rules.clock(run, limits),
@@ -55,7 +55,7 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
             excitation.no_deflection(run),
             excitation.feedback_only(run),
             rules.saturation(run, limits),
-            rules.unsteady_start(run, preroll.usual_preroll(run, runs, limits)),
+            rules.unsteady_start(run, usual),
             rules.disturbance(run, limits, roughness_radps[run.plane]),
             rules.thrust_change(run, limits),
             cross_plane(run, limits, runs),

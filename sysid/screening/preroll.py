@@ -54,15 +54,29 @@ def last_window(run: Run) -> PrerollWindow | None:
     return _window(run.rate_radps[before], run.time_s[before], run.depth_m[before])
 
 
-def usual_preroll(run: Run, runs: Sequence[Run], limits: ScreeningLimits) -> UsualPreroll:
-    """Estimate the usual motion before a test from the pre-rolls of the other runs of both planes.
+def usual_prerolls(runs: Sequence[Run], limits: ScreeningLimits) -> list[UsualPreroll]:
+    """Estimate, for each run, the usual motion before a test from the pre-rolls of the other runs.
 
-    With x the window means and median m, the limit is ``start_sds * 1.4826 * median(|x - m|)``, and
-    not less than the floor in ``limits``.
+    With x the window means of the other runs of both planes and median m, the limit is
+    ``start_sds * 1.4826 * median(|x - m|)``, and not less than the floor in ``limits``.
     """
-    windows = [
-        window for other in runs if other is not run for window in _windows(other, run.plane)
+    windows = {plane: [_windows(run, plane) for run in runs] for plane in Plane}
+    return [
+        _usual_preroll(
+            [
+                window
+                for other, group in enumerate(windows[run.plane])
+                if other != index
+                for window in group
+            ],
+            limits,
+        )
+        for index, run in enumerate(runs)
     ]
+
+
+def _usual_preroll(windows: Sequence[PrerollWindow], limits: ScreeningLimits) -> UsualPreroll:
+    """Return the usual motion from the windows of the other runs."""
     if len(windows) < MIN_WINDOWS:
         return UsualPreroll(0.0, math.radians(limits.mean_rate_degps), limits.start_depth_rate_mps)
     rates, climbs = (np.array(values) for values in zip(*windows, strict=True))

@@ -160,4 +160,8 @@ def with_sensor_lags(outputs: Array, lags_s: tuple[float, float], stride: int) -
 
 def depth_rate(outputs: Array, stride: int) -> Array:
     """Return the derivative of the depth, the third output, by time."""
-    return np.asarray(np.gradient(outputs[:, 2], stride / RATE_HZ, axis=0))
+    # Central differences inside and one-sided ones at the ends, as `numpy.gradient`.
+    depth, slope = outputs[:, 2], np.empty_like(outputs[:, 2])
+    slope[1:-1] = (depth[2:] - depth[:-2]) / 2.0
+    slope[0], slope[-1] = depth[1] - depth[0], depth[-1] - depth[-2]
+    return slope * (RATE_HZ / stride)
