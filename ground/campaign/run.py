@@ -131,7 +131,7 @@ class Campaign:
         start_s = wall_s()
         with self._executors() as executors:
             dives, worker = executors.dives, executors.worker
-            preparation = self._prepare(worker)
+            preparation = self._prepare()
             first = preparation.parameters
             trims = self._measure_trims(executors, first)
             gains = self._first_gains(first, trims)
@@ -174,7 +174,7 @@ class Campaign:
             worker.call(computations.report, self.request.out)
         return result
 
-    def _prepare(self, worker: Worker) -> Preparation:
+    def _prepare(self) -> Preparation:
         """Prepare the folder; return the parameters of the first dive and what was scaled.
 
         The parameters are the paper's Table 3 for Caribou, and a prototype design for other
@@ -195,7 +195,7 @@ class Campaign:
             seed=r.seed,
             missions=ALL_MISSIONS,
         )
-        preparation = worker.call(prepare, asked)
+        preparation = prepare(asked)
         self._write_folder(preparation)
         for note in preparation.notes:
             self.announce(note)
@@ -354,8 +354,8 @@ class Campaign:
         with ExitStack() as stack:
             dives = stack.enter_context(ThreadPoolExecutor(self.request.jobs))
             ahead = stack.enter_context(ThreadPoolExecutor(1))
+            start_fork_server()
             worker = stack.enter_context(Worker(PRELOADED_MODULES))
-            start_fork_server()  # loads the simulator while the worker prepares
             stack.callback(self._stop_all)
             stack.callback(ahead.shutdown, wait=False, cancel_futures=True)
             stack.callback(dives.shutdown, wait=False, cancel_futures=True)

@@ -47,6 +47,9 @@ def campaign(
     json: Json = False,
 ) -> None:
     """Fly a simulated campaign: trims, tests, refit, redesign, verification and report."""
+    from ground.simulation.subprocesses import start_fork_server
+
+    start_fork_server()  # it loads the simulator while this process loads the rest
     from ground.campaign import summary
     from ground.campaign.run import Campaign, CampaignRequest
     from ground.cli import progress
