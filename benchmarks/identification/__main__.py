@@ -13,18 +13,17 @@ import sys
 
 from benchmarks import study
 from benchmarks.identification import vehicles
-from benchmarks.identification.cells import CELLS
+from benchmarks.identification.cells import CELLS, cases_of
 from benchmarks.identification.outside import PRIORS
 
 
 def main() -> None:
     """Run the chosen cells; exit with status 1 if a figure misses its target."""
     asked = _arguments()
-    own = [case.name for case in vehicles.cases()]
     questions = [
         (CELLS[name], case)
         for name in asked.cell or CELLS
-        for case in CELLS[name].cases or own
+        for case in cases_of(CELLS[name])
         if not asked.vehicle or case in asked.vehicle
     ]
     sys.exit(study.exit_status(study.run_cells(questions, asked)))

@@ -1,6 +1,6 @@
 """All cells of the study by name."""
 
-from benchmarks.identification import efficiency, screening
+from benchmarks.identification import efficiency, screening, vehicles
 from benchmarks.identification.convergence import CONVERGENCE
 from benchmarks.identification.excitation import EXCITATION
 from benchmarks.identification.joint_time import JOINT_TIME
@@ -26,3 +26,8 @@ CELLS: dict[str, Cell] = {
         *screening.CELLS,
     )
 }
+
+
+def cases_of(cell: Cell) -> tuple[str, ...]:
+    """Return the cases of a cell: its own, or the vehicles of the study."""
+    return cell.cases or tuple(case.name for case in vehicles.cases())

@@ -3,8 +3,7 @@
 import time
 from collections.abc import Iterable, Sequence
 
-from benchmarks.identification import vehicles
-from benchmarks.identification.cells import CELLS
+from benchmarks.identification.cells import CELLS, cases_of
 from benchmarks.redesign import campaign
 from benchmarks.redesign.cells import QUESTIONS
 from benchmarks.speed.results import Measurement
@@ -36,8 +35,7 @@ def study_s(trials: Iterable[tuple[float, float, int]], cores: int) -> float:
 
 def measure_sysid(session: Session) -> list[Measurement]:
     """Measure `study-sysid`."""
-    names = [case.name for case in vehicles.cases()]
-    kinds = [(cell, name) for cell in CELLS.values() for name in names]
+    kinds = [(cell, case) for cell in CELLS.values() for case in cases_of(cell)]
     return [measure_kinds(session, "study-sysid", kinds, 0.0)]
 
 

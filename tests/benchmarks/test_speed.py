@@ -8,6 +8,9 @@ import pytest
 from msgspec.structs import replace
 
 from benchmarks.__main__ import known_results
+from benchmarks.identification import vehicles
+from benchmarks.identification.convergence import CONVERGENCE
+from benchmarks.identification.outside import OUTSIDE, PRIORS
 from benchmarks.speed import fleet, machine, ping_pong, results, studies
 from benchmarks.speed.campaigns import Stages
 from benchmarks.speed.fleet import Window
@@ -29,6 +32,21 @@ def test_study_time_is_that_of_all_trials_on_all_cores() -> None:
     # 10 trials of 1 s on two cores: 5 s; each core computes for 2 s what is needed once
     assert studies.study_s([(3.0, 1.0, 10)], cores=2) == 7.0
     assert studies.study_s([(0.9, 1.0, 10), (1.0, 1.0, 4)], cores=2) == 7.0
+
+
+def test_study_of_identification_measures_own_cases_of_cells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinds = list[tuple[Cell, str]]()
+
+    def measure(session: Session, row: str, found: list[tuple[Cell, str]], first_s: float) -> None:
+        kinds.extend(found)
+
+    monkeypatch.setattr(studies, "measure_kinds", measure)
+    studies.measure_sysid(Session(tmp_path))
+    assert [case for cell, case in kinds if cell is OUTSIDE] == list(PRIORS)
+    own = [case.name for case in vehicles.cases()]
+    assert [case for cell, case in kinds if cell is CONVERGENCE] == own
 
 
 def test_study_is_computed_from_two_trials_of_each_kind(
