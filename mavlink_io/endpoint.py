@@ -1,10 +1,10 @@
 """A MAVLink participant on one transport: its ids, sequence numbers and count of lost frames."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 from mavlink_io import dialect
-from mavlink_io.codec import SIGNED_FLAG, Frame, Framer, encode
+from mavlink_io.codec import SIGNED_FLAG, Frame, Framer, encode_payload
 from mavlink_io.fixed_frame import SENDER, SEQUENCE, FixedFrame
 from mavlink_io.signing import Signing
 from mavlink_io.transport import (
@@ -109,7 +109,7 @@ class Endpoint:
         bytes
             The frame, signed if the endpoint has a key.
         """
-        return self._next(encode, message, values)
+        return self.encode_payload(message, message.pack(values))
 
     def encode_fixed(self, message: FixedFrame, fields: tuple[Any, ...]) -> bytes:
         """Encode one message, as ``encode_values`` does, from fields without nested arrays.
@@ -126,16 +126,29 @@ class Endpoint:
         bytes
             The frame, signed if the endpoint has a key.
         """
-        return self._next(FixedFrame.encode, message, fields)
+        return self.encode_payload(message.message, message.pack(*fields))
 
-    def _next(
-        self, encode_frame: Callable[..., bytes], message: object, values: tuple[Any, ...]
-    ) -> bytes:
-        """Encode the next frame of this participant."""
-        sequence, flags = (self._sequence + 1) & 0xFF, 0 if self.signing is None else SIGNED_FLAG
-        frame = encode_frame(message, values, sequence, self.system, self.component, flags)
-        self._sequence = sequence  # after encode: an error there must not leave a sequence gap
-        return frame if self.signing is None else self.signing.sign(frame)
+    def encode_payload(self, message: dialect.MessageType, payload: bytes) -> bytes:
+        """Encode one packed message, as ``encode_values`` does.
+
+        Parameters
+        ----------
+        message : MessageType
+            Type of the message.
+        payload : bytes
+            Fields in wire order; trailing zeros may be missing.
+
+        Returns
+        -------
+        bytes
+            The frame, signed if the endpoint has a key.
+        """
+        self._sequence = sequence = (self._sequence + 1) & 0xFF
+        if self.signing is None:
+            return encode_payload(message, payload, sequence, self.system, self.component)
+        return self.signing.sign(
+            encode_payload(message, payload, sequence, self.system, self.component, SIGNED_FLAG)
+        )
 
     def receive(self, *, eager: bool = False) -> list[Frame]:
         """Return the frames that have arrived since the last call.

@@ -35,7 +35,8 @@ class FixedFrame:
 
     def __init__(self, message: MessageType) -> None:
         self.message = message
-        self._pack = message.struct.pack
+        self.pack = message.struct.pack
+        """Pack the fields into a payload at full length."""
         whole = struct.Struct(_HEAD + message.struct.format.removeprefix("<"))
         self._unpack, self._length = whole.unpack, whole.size
         number = message.message_id
@@ -67,7 +68,7 @@ class FixedFrame:
         bytes
             The frame without a signature; trailing zeros of its payload are cut off.
         """
-        payload = self._pack(*fields)
+        payload = self.pack(*fields)
         return encode_payload(self.message, payload, sequence, system, component, flags)
 
     def decode(self, data: bytes) -> tuple[Any, ...] | None:

@@ -129,7 +129,7 @@ class GroundServer:
             for stream in link.schedule.due(report.time_us):
                 try:
                     if stream.of_tick:
-                        link.stream(stream.message, stream.build(report))
+                        link.publish(stream, report)
                         continue
                     snapshot = snapshot or self._vehicle.snapshot()
                     for part, build in enumerate(stream.builders):
@@ -199,6 +199,9 @@ class GroundServer:
                 self._drop(link, error)
             except Exception as error:
                 self.guard.report("ground link", error)
+            errors, link.errors = link.errors, []
+            for error in errors:
+                self.guard.report("telemetry", error)
 
     def receive(self, link: GroundLink) -> None:
         """Process received frames of a link up to the quota; the others wait in its backlog."""

@@ -11,7 +11,6 @@ from typing import Any
 from autopilot.vehicle import Snapshot, TickReport
 from mavlink_io.device_messages import UNKNOWN_U16
 from mavlink_io.dialect import MessageType, Values
-from mavlink_io.endpoint import Endpoint
 
 Builder = Callable[[Any], Values]
 """Build a message from a ``Snapshot``; from a ``TickReport`` if its stream is ``of_tick``."""
@@ -55,20 +54,12 @@ def uint32(value: float) -> int:
     return clamp(value, 0, (1 << 32) - 1)
 
 
-def encode_frame(endpoint: Endpoint, message: MessageType, values: Values) -> bytes:
-    """Return the next frame of ``endpoint``; all messages to ground are packed here.
+def pack_payload(message: MessageType, values: Values) -> bytes:
+    """Return the payload of a message; all messages to ground and to the log are packed here.
 
     A number outside the range of its field is replaced by the nearest one inside. A value that is
     missing or has a wrong type raises struct.error or TypeError: that is a programming error.
     """
-    try:
-        return endpoint.encode_values(message, values)
-    except (struct.error, OverflowError):
-        return endpoint.encode_values(message, message.clamped(values))
-
-
-def pack_payload(message: MessageType, values: Values) -> bytes:
-    """Return the payload of a message for the log, with numbers limited as in ``encode_frame``."""
     try:
         return message.pack(values)
     except (struct.error, OverflowError):
