@@ -19,12 +19,11 @@ from sitl import scenario
 from sitl.backends import Backend
 from sitl.backends.factory import BackendOptions, create_backend
 from sitl.core import plant
-from sitl.core.plant import Plant
+from sitl.core.plant import Plant, PlantState
 from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
-from sitl.core.truth import Truth
 from sitl.vehicle import config
 
-RecordTruth = Callable[[Truth], None]
+RecordTruth = Callable[[PlantState], None]
 """Callback that records the true state, called once per tick."""
 
 
@@ -92,13 +91,13 @@ def _simulate(
         simulated, rng = build(timestep), plant.random_streams(options.seed)
         pacer = Pacer(options.speed)
         state, sensors = plant.initial_state(simulated, rng)
-        record(state.truth)
+        record(state)
         while (actuators := backend.exchange(simulated, state, sensors)) is not None:
             for injection in backend.take_injections():
                 state = plant.inject_failure(state, injection)
             state, sensors = plant.step(simulated, state, actuators, rng)
             pacer.wait(state.time_us * 1e-6)
-            record(state.truth)
+            record(state)
 
 
 def _stop_on_signals() -> Event:
@@ -127,4 +126,4 @@ def _open_truth_log(path: Path | None) -> Iterator[RecordTruth]:
         )
         raise TruthFileError(f"--truth {path}: {reason}") from None
     with closing(log):
-        yield log.write
+        yield lambda state: log.write(state.truth)
