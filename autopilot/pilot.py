@@ -1,28 +1,32 @@
 """The tick of a vehicle: ``core.tick``, and compiled steady ticks in simulated flights."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from struct import Struct
 from typing import Any, NamedTuple, cast
 
-from autopilot.control import core, excitation, params, steady
+from autopilot.control import core, estimator, excitation, params, steady
 from autopilot.control.core import Events
 from autopilot.control.params import Config
 from autopilot.control.sensor_health.sensor_checks import has_data
+from autopilot.control.setpoints import Path, Setpoint
 from autopilot.control.steady import DeviceRecords, Task
 from autopilot.control.types import (
     US_PER_S,
     AutopilotState,
     Excitation,
+    Home,
     Inputs,
     Motion,
     Trace,
-    motion_of,
 )
 from mavlink_io import jit
 
 _FRAME, _SIGNAL, _FIRST_DEVICE = 0, 1, 2
 """Index of inputs in ``steady_kernel.KINDS``."""
+_SETPOINT = len(Motion._fields)
+_TRACE = _SETPOINT + len(Setpoint._fields)
+"""Indices of set-points and signals in the results of ``steady_kernel``."""
 
 
 def is_compiled() -> bool:
@@ -48,9 +52,12 @@ class Pilot:
         self.time_us = self._state.time_us
         """Vehicle time of the last tick; -1 before the first."""
         self.armed = self._state.armed
-        self.motion = motion_of(self._state.estimate)
+        self._results: _Results | None = None
+        """Results of the last tick, if that was a steady one in compiled code."""
+        self._motion: Motion | None = None
+        """Motion of ``_state``; None until it is asked for."""
         self.trace = Trace()
-        """Motion and signals of the last tick."""
+        """Signals of the last tick."""
         self.changes = 0
         """Number of changes of the state that were no steady ticks."""
 
@@ -66,15 +73,39 @@ class Pilot:
         if self._steady is not None:
             self._steady.stop()
         self._state, self.time_us, self.armed = state, state.time_us, state.armed
-        self.motion = motion_of(state.estimate)
+        self._results = self._motion = None
         self.changes += 1
+
+    @property
+    def motion(self) -> Motion:
+        """Motion after the last tick or request."""
+        if self._results is not None:
+            return self._results.motion
+        if self._motion is None:
+            self._motion = estimator.motion_of(self._state.estimate, self._state.time_us)
+        return self._motion
+
+    @property
+    def setpoint(self) -> Setpoint:
+        """Set-points after the last tick or request."""
+        return self._state.setpoint if self._results is None else self._results.setpoint
+
+    @property
+    def path(self) -> Path | None:
+        """Path; the integral of its guidance is that of an earlier tick."""
+        return self._state.path
+
+    @property
+    def home(self) -> Home:
+        """Home."""
+        return self._state.home
 
     def advance(self, inputs: Inputs, config: Config) -> bool:
         """Advance by one steady tick in compiled code; return whether this was possible."""
-        done = None if self._steady is None else self._steady.advance(inputs, config)
-        if done is None:
+        results = None if self._steady is None else self._steady.advance(inputs, config)
+        if results is None:
             return False
-        self.motion, self.trace = done
+        self._results, self.trace = results, results.trace
         self.time_us = inputs.sensors.time_us
         return True
 
@@ -86,9 +117,19 @@ class Pilot:
         return events
 
 
+class _Results(NamedTuple):
+    """Results of a steady tick."""
+
+    motion: Motion
+    setpoint: Setpoint
+    trace: Trace
+
+
 class _Course(NamedTuple):
     """Compiled steady ticks in progress."""
 
+    advance: Callable[[jit.Native, jit.Native, jit.Numbers, int], bool]
+    """Machine code of the tick."""
     flight: jit.Native
     config: jit.Native
     parameters: Config
@@ -117,14 +158,11 @@ class _SteadyTicks:
         """Begin steady ticks after a state, if the next tick may be one."""
         task = steady.task_of(state, config)
         if task is not None:
-            self._course = _Course(
-                flight=self._flight(state, task),
-                config=self._flat(config),
-                parameters=config,
-                test=state.test,
-            )
+            flight, flat = self._flight(state, task), self._flat(config)
+            advance = jit.machine_code(self._kernel.advance, flight, flat, self._values, 0)
+            self._course = _Course(advance, flight, flat, parameters=config, test=state.test)
 
-    def advance(self, inputs: Inputs, config: Config) -> tuple[Motion, Trace] | None:
+    def advance(self, inputs: Inputs, config: Config) -> _Results | None:
         """Advance by one steady tick; None if the tick has to be a full one."""
         course = self._course
         if course is None or course.parameters is not config or _ground_lost(inputs, config):
@@ -135,12 +173,15 @@ class _SteadyTicks:
             elapsed_us = inputs.sensors.time_us - course.test.started_us
             self._store(_SIGNAL, excitation.sample(course.test, elapsed_us / US_PER_S))
         new = self._collect(inputs) if has_data(inputs) else 0
-        if not self._kernel.advance(course.flight, course.config, self._values, new):
+        if not course.advance(course.flight, course.config, self._values, new):
             return None
         self._ahead = True
-        results = self._values[self._kernel.RESULTS :].tolist()
-        count = len(Motion._fields)
-        return Motion._make(results[:count]), Trace._make(results[count:])
+        numbers = self._values[self._kernel.RESULTS :].tolist()
+        return _Results(
+            Motion._make(numbers[:_SETPOINT]),
+            Setpoint._make(numbers[_SETPOINT:_TRACE]),
+            Trace._make(numbers[_TRACE:]),
+        )
 
     def update(self, state: AutopilotState) -> AutopilotState:
         """Return the state after the steady ticks since the last call."""

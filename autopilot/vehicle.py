@@ -3,10 +3,11 @@
 import math
 from typing import NamedTuple
 
-from autopilot.control import core, mission, modes, request_handler, requests
+from autopilot.control import core, estimator, mission, modes, request_handler, requests
 from autopilot.control.params import Config, ParamError, ParamTable
 from autopilot.control.sensor_health import monitor
 from autopilot.control.sensor_health.sensor_checks import has_data
+from autopilot.control.setpoints import Path, Setpoint
 from autopilot.control.types import (
     ACCEPTED,
     DENIED,
@@ -14,6 +15,7 @@ from autopilot.control.types import (
     Answer,
     AutopilotState,
     Event,
+    Home,
     Inputs,
     ItemReached,
     MissionState,
@@ -21,7 +23,6 @@ from autopilot.control.types import (
     Severity,
     Trace,
     Trim,
-    motion_of,
 )
 from autopilot.pilot import Pilot
 from autopilot.plan_store import PlanStore
@@ -49,12 +50,20 @@ NO_ITEMS = 0xFFFF
 
 
 class TickReport(NamedTuple):
-    """Result of a tick, for messages that are sent or logged in every tick."""
+    """Result of a tick, for messages that are sent or logged several times a second.
+
+    It needs no ``AutopilotState``, which compiled code would have to convert first.
+    """
 
     time_us: int
     motion: Motion
+    setpoint: Setpoint
+    path: Path | None
+    home: Home
     trace: Trace
     actuators: ActuatorFrame
+    sensors: SensorFrame | None
+    altimeter: Altimeter | None
 
 
 class Snapshot(NamedTuple):
@@ -87,7 +96,22 @@ class Snapshot(NamedTuple):
     @property
     def motion(self) -> Motion:
         """Estimated motion."""
-        return motion_of(self.state.estimate)
+        return estimator.motion_of(self.state.estimate, self.state.time_us)
+
+    @property
+    def setpoint(self) -> Setpoint:
+        """Set-points of the loops."""
+        return self.state.setpoint
+
+    @property
+    def path(self) -> Path | None:
+        """Path over ground; None without one."""
+        return self.state.path
+
+    @property
+    def home(self) -> Home:
+        """Home."""
+        return self.state.home
 
 
 class Vehicle:
@@ -252,7 +276,17 @@ class Vehicle:
     def report(self) -> TickReport:
         """Return the result of the newest tick."""
         pilot = self._pilot
-        return TickReport(pilot.time_us, pilot.motion, pilot.trace, self._actuators)
+        return TickReport(
+            time_us=pilot.time_us,
+            motion=pilot.motion,
+            setpoint=pilot.setpoint,
+            path=pilot.path,
+            home=pilot.home,
+            trace=pilot.trace,
+            actuators=self._actuators,
+            sensors=self._sensors,
+            altimeter=self._altimeter,
+        )
 
     def _store_trim(self, trim: Trim) -> None:
         """Store the trims as parameters at disarming, when they were learned for long enough."""

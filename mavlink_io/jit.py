@@ -53,6 +53,9 @@ class _Compiler(Protocol):
     def is_stored(self, function: Callable[..., Any]) -> bool:
         """Return whether the machine code is on disk."""
 
+    def machine_code(self, function: Function, arguments: tuple[Any, ...]) -> Function:
+        """Return the machine code for arguments of these types."""
+
     def native(self, value: tuple[Any, ...]) -> Native:
         """Return a reference to the record."""
 
@@ -165,6 +168,27 @@ def is_stored(function: Callable[..., Any]) -> bool:
         Whether its first call only loads it. Otherwise that call compiles it, for up to a minute.
     """
     return COMPILED and _compiler().is_stored(function)
+
+
+def machine_code(function: Function, *arguments: Any) -> Function:
+    """Return the code of an entry point for arguments of given types.
+
+    A call of it does not look at the types again, which takes longer than many a kernel. Other
+    types in a later call are an error that is not noticed.
+
+    Parameters
+    ----------
+    function : callable
+        Function marked with ``entry_point``.
+    *arguments : object
+        Arguments with the types of all later calls.
+
+    Returns
+    -------
+    callable
+        The machine code; the function itself without numba.
+    """
+    return _compiler().machine_code(function, arguments) if COMPILED else function
 
 
 def native(value: tuple[Any, ...]) -> Native:

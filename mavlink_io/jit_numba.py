@@ -233,6 +233,26 @@ def is_stored(function: Any) -> bool:
     return not function._cache.is_empty()
 
 
+def machine_code(function: Any, arguments: tuple[Any, ...]) -> Any:
+    """Return the machine code of a compiled function for arguments of given types.
+
+    Parameters
+    ----------
+    function : callable
+        Result of ``compiled``.
+    arguments : tuple
+        Arguments with the types of all later calls.
+
+    Returns
+    -------
+    callable
+        Function of C that converts the arguments and calls the code.
+    """
+    given = tuple(map(function.typeof_pyval, arguments))
+    function.compile(given)
+    return function.overloads[given].entry_point
+
+
 def numbers(count: int) -> Any:
     """Return an array of zeros.
 

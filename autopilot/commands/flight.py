@@ -138,9 +138,12 @@ def set_home(context: CommandContext, command: MavCommand, schedule: Schedule) -
     scale = 1e-7 if command.scaled else 1.0
     lat_deg, lon_deg = command.p5 * scale, command.p6 * scale
     if command.p1 == 1:
-        if not context.vehicle.state.home.known:
+        state = context.vehicle.state
+        if not state.home.known:
             return context.refuse(TEMPORARILY_REJECTED, "Home refused: the position is not known")
-        lat_deg, lon_deg = (angle * 1e-7 for angle in streams.position_dege7(context.vehicle.state))
+        lat_deg, lon_deg = (
+            angle * 1e-7 for angle in streams.position_dege7(state.estimate, state.home)
+        )
     return move_home(context, lat_deg, lon_deg, command.p7)
 
 

@@ -24,7 +24,7 @@ import math
 
 from autopilot.control import navigation
 from autopilot.control.params import Config
-from autopilot.control.types import Home, Inputs, VehicleEstimate
+from autopilot.control.types import Home, Inputs, Motion, VehicleEstimate
 from mavlink_io.frames import (
     STANDARD_GRAVITY_MPS2,
     Quaternion,
@@ -233,6 +233,48 @@ def predict(
         memory,
     )
     return estimate, motion
+
+
+@numeric
+def motion_of(estimate: VehicleEstimate, time_us: int) -> Motion:
+    """Return the numbers of an estimate that telemetry reports several times a second.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimate of a tick.
+    time_us : int
+        Vehicle time of the tick.
+
+    Returns
+    -------
+    Motion
+        All of them as floats.
+    """
+    w, x, y, z = estimate.attitude
+    velocity_sd_mps = navigation.velocity_sd_mps(estimate.navigation, estimate.speed_mps, time_us)
+    return Motion(
+        estimate.roll_rad,
+        estimate.pitch_rad,
+        estimate.heading_rad,
+        estimate.p_radps,
+        estimate.q_radps,
+        estimate.r_radps,
+        estimate.north_m,
+        estimate.east_m,
+        estimate.depth_m,
+        estimate.north_rate_mps,
+        estimate.east_rate_mps,
+        estimate.depth_rate_mps,
+        w,
+        x,
+        y,
+        z,
+        estimate.speed_mps,
+        estimate.altitude_m,
+        estimate.position_sd_m,
+        velocity_sd_mps,
+    )
 
 
 @numeric

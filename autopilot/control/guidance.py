@@ -21,7 +21,7 @@ from typing import NamedTuple
 from autopilot.control import fence, modes
 from autopilot.control.params import Config
 from autopilot.control.setpoints import Circle, Path, Setpoint, TrackLine
-from autopilot.control.types import US_PER_S, AutopilotState, Home, VehicleEstimate
+from autopilot.control.types import US_PER_S, AutopilotState, Home, Motion, VehicleEstimate
 from mavlink_io.frames import geodetic_to_offset, wrap_pi
 from mavlink_io.jit import numeric
 from mavlink_io.mission_items import (
@@ -64,7 +64,7 @@ class PathProgress(NamedTuple):
 
 
 @numeric
-def position_of(estimate: VehicleEstimate) -> complex:
+def position_of(estimate: VehicleEstimate | Motion) -> complex:
     """Return the estimated position, north + i east from home (m)."""
     return complex(estimate.north_m, estimate.east_m)
 
@@ -236,7 +236,7 @@ def orbit_time_s(path: Circle, time_us: int) -> float:
     return 0.0 if path.since_us is None else (time_us - path.since_us) / US_PER_S
 
 
-def progress(path: Path, estimate: VehicleEstimate) -> PathProgress:
+def progress(path: Path, estimate: VehicleEstimate | Motion) -> PathProgress:
     """Return distance, bearing and cross-track error for telemetry."""
     position = position_of(estimate)
     if isinstance(path, TrackLine):

@@ -199,6 +199,7 @@ def current_sd_mps(memory: Navigation) -> float:
     return math.sqrt(max(0.0, memory.covariance.current))
 
 
+@numeric
 def velocity_sd_mps(memory: Navigation, speed_mps: float, time_us: int) -> float:
     """Return the standard deviation of the velocity over ground (m/s) along each axis.
 
@@ -220,9 +221,10 @@ def velocity_sd_mps(memory: Navigation, speed_mps: float, time_us: int) -> float
     covariance = memory.covariance
     if _has_dvl(memory, time_us):
         current = 0.0 if memory.over_ground else covariance.current
-        return math.sqrt(max(0.0, current + DVL_SD_MPS**2 + speed_mps**2 * covariance.dvl))
-    slip = memory.slip_sd_mps**2
-    return math.sqrt(max(0.0, covariance.current + speed_mps**2 * covariance.speed + slip))
+        log = DVL_SD_MPS * DVL_SD_MPS + speed_mps * speed_mps * covariance.dvl
+        return math.sqrt(max(0.0, current + log))
+    slip = memory.slip_sd_mps * memory.slip_sd_mps
+    return math.sqrt(max(0.0, covariance.current + speed_mps * speed_mps * covariance.speed + slip))
 
 
 def shift_home(position_m: complex, old: Home, new: Home) -> complex:

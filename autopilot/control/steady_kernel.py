@@ -7,11 +7,12 @@ Importing this module loads the compiler.
 
 from typing import NamedTuple
 
-from autopilot.control import steady
+from autopilot.control import estimator, steady
 from autopilot.control.excitation import ExcitationOutput
 from autopilot.control.sensor_health.types import Devices
+from autopilot.control.setpoints import Setpoint
 from autopilot.control.steady import DeviceRecords, SteadyState, Task
-from autopilot.control.types import Motion, Trace, motion_of
+from autopilot.control.types import Motion, Trace
 from mavlink_io.jit import Native, Numbers, entry_point, numeric
 from mavlink_io.records import (
     Altimeter,
@@ -24,12 +25,16 @@ from mavlink_io.records import (
 )
 
 KINDS = (SensorFrame, ExcitationOutput, *(type(record) for record in steady.NO_RECORDS))
-"""Records of the inputs, in the order of the array; the results are ``Motion`` and ``Trace``."""
+"""Records of the inputs, in the order of the array; the results follow them."""
 STARTS = tuple(sum(len(kind._fields) for kind in KINDS[:n]) for n in range(len(KINDS) + 1))
 """Index in the array of the first number of each input, and of the results."""
 SIGNAL, GPS, ALTIMETER, DVL, BATTERY, LEAK, DUCT, RESULTS = STARTS[1:]
-SIZE = RESULTS + len(Motion._fields) + len(Trace._fields)
+RESULT_KINDS = Motion, Setpoint, Trace
+"""Records of the results, in the order of the array."""
+SIZE = RESULTS + sum(len(kind._fields) for kind in RESULT_KINDS)
 """Length of the array."""
+_SETPOINT = RESULTS + len(Motion._fields)
+_TRACE = _SETPOINT + len(Setpoint._fields)
 
 
 class Flight(NamedTuple):
@@ -52,7 +57,7 @@ def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
         Parameters, from ``params.flat``.
     values : Numbers
         ``SIZE`` numbers. Inputs: sensor frame as received, test signal and newest device records.
-        Receives the results: motion and signals after the tick.
+        Receives the results: motion, set-points and signals after the tick.
     new : int
         Bits of the device records that have come in this tick.
 
@@ -77,11 +82,13 @@ def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
     )
     if done:
         flight.value = Flight(state, devices, before.task)
-    motion = motion_of(state.estimate)
+    motion = estimator.motion_of(state.estimate, state.time_us)
     for i in range(len(motion)):
         values[RESULTS + i] = motion[i]
+    for i in range(len(state.setpoint)):
+        values[_SETPOINT + i] = state.setpoint[i]
     for i in range(len(trace)):
-        values[RESULTS + len(motion) + i] = trace[i]
+        values[_TRACE + i] = trace[i]
     return done
 
 

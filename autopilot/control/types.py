@@ -13,7 +13,6 @@ from autopilot.control.reference_model import NO_REFERENCE, ReferenceState
 from autopilot.control.sensor_health.types import Ahrs, Health
 from autopilot.control.setpoints import Path, Setpoint, Targets
 from mavlink_io.frames import Quaternion
-from mavlink_io.jit import numeric
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.records import (
     Altimeter,
@@ -179,7 +178,7 @@ class VehicleEstimate(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Part of ``VehicleEstimate`` that is reported in every tick."""
+    """Numbers of ``VehicleEstimate`` that telemetry reports several times a second."""
 
     roll_rad: float
     pitch_rad: float
@@ -193,25 +192,16 @@ class Motion(NamedTuple):
     north_rate_mps: float
     east_rate_mps: float
     depth_rate_mps: float
-
-
-@numeric
-def motion_of(estimate: VehicleEstimate) -> Motion:
-    """Return the part of an estimate that is reported in every tick."""
-    return Motion(
-        estimate.roll_rad,
-        estimate.pitch_rad,
-        estimate.heading_rad,
-        estimate.p_radps,
-        estimate.q_radps,
-        estimate.r_radps,
-        estimate.north_m,
-        estimate.east_m,
-        estimate.depth_m,
-        estimate.north_rate_mps,
-        estimate.east_rate_mps,
-        estimate.depth_rate_mps,
-    )
+    attitude_w: float
+    attitude_x: float
+    attitude_y: float
+    attitude_z: float
+    """Quaternion from body to NED."""
+    speed_mps: float
+    altitude_m: float
+    position_sd_m: float
+    velocity_sd_mps: float
+    """Standard deviation of the velocity over ground along each axis."""
 
 
 class Trim(NamedTuple):

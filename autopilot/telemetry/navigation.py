@@ -6,7 +6,7 @@ from autopilot.control import guidance
 from autopilot.control import navigation as dead_reckoning
 from autopilot.control.failsafe import depth_unknown
 from autopilot.control.setpoints import TrackLine
-from autopilot.telemetry.encoding import boot_ms, int16, time_us, uint16
+from autopilot.telemetry.encoding import Report, boot_ms, int16, time_us, uint16
 from autopilot.vehicle import Snapshot
 from mavlink_io.dialect import Values, constant
 from mavlink_io.frames import rotate_back
@@ -35,16 +35,16 @@ _ALWAYS, _ABSOLUTE, _DEPTH, _ABOVE_GROUND, _GLITCH = (
 """Bits of ESTIMATOR_STATUS_FLAGS."""
 
 
-def navigation(s: Snapshot) -> Values:
+def navigation(s: Report) -> Values:
     """Return NAV_CONTROLLER_OUTPUT: set-points in deg, distance to go and cross-track error in m.
 
     Without a path the target bearing is the heading set-point.
     """
-    setpoint, path = s.state.setpoint, s.state.path
+    setpoint, path = s.setpoint, s.path
     heading_deg = target_bearing_deg = int16(math.degrees(setpoint.heading_rad))
     distance_m = cross_track_m = 0.0
     if path is not None:
-        distance_m, bearing_rad, cross_track_m = guidance.progress(path, s.state.estimate)
+        distance_m, bearing_rad, cross_track_m = guidance.progress(path, s.motion)
         target_bearing_deg = int16(math.degrees(bearing_rad))
     pitch_deg = math.degrees(s.trace.pitch_setpoint_rad)
     return (
@@ -59,12 +59,12 @@ def navigation(s: Snapshot) -> Values:
     )
 
 
-def position_target(s: Snapshot) -> Values:
+def position_target(s: Report) -> Values:
     """Return POSITION_TARGET_LOCAL_NED: end of the line or centre of the circle, and heading.
 
     Position and depth in m, north-east-down; heading in rad.
     """
-    setpoint, path, ignored, position_m = s.state.setpoint, s.state.path, _ALL_BUT_DEPTH_AND_YAW, 0j
+    setpoint, path, ignored, position_m = s.setpoint, s.path, _ALL_BUT_DEPTH_AND_YAW, 0j
     if path is not None:
         position_m, ignored = (
             path.to_m if isinstance(path, TrackLine) else path.centre_m,
@@ -84,37 +84,32 @@ def position_target(s: Snapshot) -> Values:
     )
 
 
-def odometry(s: Snapshot) -> Values:
+def odometry(s: Report) -> Values:
     """Return ODOMETRY: position in NED (m), velocity over ground in body axes (m/s)."""
-    estimate = s.state.estimate
-    velocity = rotate_back(
-        estimate.attitude,
-        (estimate.north_rate_mps, estimate.east_rate_mps, estimate.depth_rate_mps),
-    )
-    velocity_sd_mps = dead_reckoning.velocity_sd_mps(
-        estimate.navigation, estimate.speed_mps, s.state.time_us
-    )
+    m = s.motion
+    attitude = m.attitude_w, m.attitude_x, m.attitude_y, m.attitude_z
+    velocity = rotate_back(attitude, (m.north_rate_mps, m.east_rate_mps, m.depth_rate_mps))
     pose = _diagonal(
-        estimate.position_sd_m,
-        estimate.position_sd_m,
+        m.position_sd_m,
+        m.position_sd_m,
         _DEPTH_SD_M,
         _TILT_SD_RAD,
         _TILT_SD_RAD,
         _HEADING_SD_RAD,
     )
-    motion = _diagonal(*(velocity_sd_mps,) * 3, *(math.nan,) * 3)
+    rates = _diagonal(*(m.velocity_sd_mps,) * 3, *(math.nan,) * 3)
     return (
         time_us(s),
-        estimate.north_m,
-        estimate.east_m,
-        estimate.depth_m,
-        estimate.attitude,
+        m.north_m,
+        m.east_m,
+        m.depth_m,
+        attitude,
         *velocity,
-        estimate.p_radps,
-        estimate.q_radps,
-        estimate.r_radps,
+        m.p_radps,
+        m.q_radps,
+        m.r_radps,
         pose,
-        motion,
+        rates,
         _GLOBAL_NED,
         _CHILD_FRD,
         0,

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from autopilot.control import actuator_test
-from autopilot.control.types import AutopilotState, Trace
+from autopilot.control.types import Home, Motion, Trace, VehicleEstimate
 from autopilot.telemetry import navigation, status
 from autopilot.telemetry.encoding import (
     Builder,
@@ -44,25 +44,26 @@ def attitude(s: Report) -> Values:
     return boot_ms(s), *s.motion[:6]
 
 
-def attitude_quaternion(s: Snapshot) -> Values:
+def attitude_quaternion(s: Report) -> Values:
     """Return ATTITUDE_QUATERNION: attitude (w, x, y, z) and body rates (rad/s)."""
-    e = s.state.estimate
-    return boot_ms(s), *e.attitude, e.p_radps, e.q_radps, e.r_radps, (0.0,) * 4
+    m = s.motion
+    attitude = m.attitude_w, m.attitude_x, m.attitude_y, m.attitude_z
+    return boot_ms(s), *attitude, m.p_radps, m.q_radps, m.r_radps, (0.0,) * 4
 
 
 def local_position(s: Report) -> Values:
     """Return LOCAL_POSITION_NED: position (m) and velocity over ground (m/s)."""
-    return boot_ms(s), *s.motion[6:]
+    return boot_ms(s), *s.motion[6:12]
 
 
-def global_position(s: Snapshot) -> Values:
+def global_position(s: Report) -> Values:
     """Return GLOBAL_POSITION_INT: degE7, mm, cm/s and cdeg."""
-    estimate = s.state.estimate
-    lat, lon = position_dege7(s.state)
-    height_mm = int32(-estimate.depth_m * 1000.0)
+    motion = s.motion
+    lat, lon = position_dege7(motion, s.home)
+    height_mm = int32(-motion.depth_m * 1000.0)
     vx, vy, vz = (
         int16(v * 100.0)
-        for v in (estimate.north_rate_mps, estimate.east_rate_mps, estimate.depth_rate_mps)
+        for v in (motion.north_rate_mps, motion.east_rate_mps, motion.depth_rate_mps)
     )
     return (
         boot_ms(s),
@@ -73,45 +74,45 @@ def global_position(s: Snapshot) -> Values:
         vx,
         vy,
         vz,
-        centidegrees(estimate.heading_rad),
+        centidegrees(motion.heading_rad),
     )
 
 
-def vfr_hud(s: Snapshot) -> Values:
+def vfr_hud(s: Report) -> Values:
     """Return VFR_HUD: speeds (m/s), altitude (m), heading (deg) and thrust (percent)."""
-    estimate = s.state.estimate
-    ground_speed_mps = math.hypot(estimate.north_rate_mps, estimate.east_rate_mps)
+    motion = s.motion
+    ground_speed_mps = math.hypot(motion.north_rate_mps, motion.east_rate_mps)
     throttle = clamp(abs(s.trace.thrust) * 100.0, 0, 100)
     return (
-        estimate.speed_mps,
+        motion.speed_mps,
         ground_speed_mps,
-        -estimate.depth_m,
-        -estimate.depth_rate_mps,
-        centidegrees(estimate.heading_rad) // 100,
+        -motion.depth_m,
+        -motion.depth_rate_mps,
+        centidegrees(motion.heading_rad) // 100,
         throttle,
     )
 
 
-def altitude(s: Snapshot) -> Values:
+def altitude(s: Report) -> Values:
     """Return ALTITUDE (m): relative to the surface, and above the sea floor; -1 when unknown."""
-    estimate = s.state.estimate
+    motion = s.motion
     altitude_m, clearance_m = (
-        -estimate.depth_m,
-        -1.0 if math.isnan(estimate.altitude_m) else estimate.altitude_m,
+        -motion.depth_m,
+        -1.0 if math.isnan(motion.altitude_m) else motion.altitude_m,
     )
     return time_us(s), *(altitude_m,) * 4, -2000.0, clearance_m
 
 
-def water_pressure(s: Snapshot) -> Values:
+def water_pressure(s: Report) -> Values:
     """Return SCALED_PRESSURE2: absolute pressure (hPa) and temperature (cdegC)."""
     if s.sensors is None:
         return boot_ms(s), 0.0, 0.0, 0, 0
     return boot_ms(s), s.sensors.pressure_hpa, 0.0, int16(s.sensors.temperature_degc * 100.0), 0
 
 
-def distance_sensor(s: Snapshot) -> Values:
+def distance_sensor(s: Report) -> Values:
     """Return DISTANCE_SENSOR (cm) of the altimeter; signal quality 1 means no echo."""
-    range_m, altimeter = s.state.estimate.altitude_m, s.altimeter
+    range_m, altimeter = s.motion.altitude_m, s.altimeter
     limits_m = (0.0, math.inf)
     if altimeter is not None:
         limits_m = altimeter.min_range_m, altimeter.max_range_m
@@ -136,9 +137,9 @@ def distance_sensor(s: Snapshot) -> Values:
     )
 
 
-def attitude_target(s: Snapshot) -> Values:
+def attitude_target(s: Report) -> Values:
     """Return ATTITUDE_TARGET: pitch and heading set-points as a quaternion, and thrust."""
-    target = quaternion_from_euler(0.0, s.trace.pitch_setpoint_rad, s.state.setpoint.heading_rad)
+    target = quaternion_from_euler(0.0, s.trace.pitch_setpoint_rad, s.setpoint.heading_rad)
     return boot_ms(s), target, 0.0, 0.0, 0.0, s.trace.thrust, _ATTITUDE_TARGET_IGNORES
 
 
@@ -156,7 +157,7 @@ def actuator_outputs(s: Report) -> Values:
     return time_us(s), ACTUATORS_IN_USE, s.actuators.controls + (0.0,) * 16
 
 
-def imu(s: Snapshot) -> Values:
+def imu(s: Report) -> Values:
     """Return HIGHRES_IMU with the fields of the newest HIL_SENSOR."""
     if s.sensors is None:
         return time_us(s), *(0.0,) * 13, 0, 0
@@ -191,14 +192,14 @@ def gps_raw(s: Snapshot) -> Values:
     )
 
 
-def system_time(s: Snapshot) -> Values:
+def system_time(s: Report) -> Values:
     """Return SYSTEM_TIME with vehicle time (ms) only: the time of day is not known."""
     return 0, boot_ms(s)
 
 
-def global_origin(s: Snapshot) -> Values:
+def global_origin(s: Report) -> Values:
     """Return GPS_GLOBAL_ORIGIN: home at the surface is the origin of north and east."""
-    home = s.state.home
+    home = s.home
     return int32(home.lat_deg * 1e7), int32(home.lon_deg * 1e7), 0, time_us(s)
 
 
@@ -256,7 +257,28 @@ def _stream(name: str, rate_hz: float, build: Builder, *more_builders: Builder) 
     )
 
 
-_OF_TICK = frozenset((attitude, local_position, servo_outputs, actuator_outputs, loop_trace))
+_OF_TICK = frozenset(
+    (
+        attitude,
+        attitude_quaternion,
+        local_position,
+        global_position,
+        vfr_hud,
+        altitude,
+        water_pressure,
+        distance_sensor,
+        navigation.navigation,
+        attitude_target,
+        navigation.position_target,
+        servo_outputs,
+        actuator_outputs,
+        imu,
+        navigation.odometry,
+        system_time,
+        loop_trace,
+    )
+)
+"""Builders for which ``TickReport`` is enough."""
 
 
 STREAMS = (
@@ -295,12 +317,9 @@ STREAMS = (
 BY_ID = {stream.message.message_id: stream for stream in STREAMS}
 
 
-def position_dege7(state: AutopilotState) -> tuple[int, int]:
+def position_dege7(at: VehicleEstimate | Motion, home: Home) -> tuple[int, int]:
     """Return the estimated latitude and longitude in degE7; 0, 0 while home is not known."""
-    if not state.home.known:
+    if not home.known:
         return 0, 0
-    estimate = state.estimate
-    lat, lon = offset_to_geodetic(
-        estimate.north_m, estimate.east_m, state.home.lat_deg, state.home.lon_deg
-    )
+    lat, lon = offset_to_geodetic(at.north_m, at.east_m, home.lat_deg, home.lon_deg)
     return int32(lat * 1e7), int32(lon * 1e7)

@@ -10,12 +10,14 @@ The only side effect is that the given random streams advance.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 from numpy.random import Generator, SeedSequence, default_rng
 
+from mavlink_io import jit
 from mavlink_io.frames import flip, flip_quaternion
 from mavlink_io.jit import Native, native
 from mavlink_io.records import ActuatorFrame, SensorFrame
@@ -88,6 +90,8 @@ class PlantState(NamedTuple):
     layout: Layout
     run: Native
     """The ``tick.Run``."""
+    advance: Callable[..., int]
+    """Machine code of ``tick.advance``."""
     devices: DeviceState
     faults: Timeline
     weight_released: bool = False
@@ -264,7 +268,11 @@ def initial_state(plant: Plant, rng: RandomStreams) -> tuple[PlantState, Sensors
     run = native(tick.Run(plant.constants, sea, errors, iron, offset_hpa))
     fresh = tick.start(plant.native, run, *rng.draws.table, values)
     devices = sensors.initial_devices(suite.devices, plant.start.battery_pct / 100.0, rng.sensors)
-    begun = PlantState(0, values, layout, run, devices, plant.faults)
+    numbers, used = rng.draws.table
+    advance = jit.machine_code(
+        tick.advance, plant.native, run, numbers, used, values, 0, 0.0, 0.0, 0.0
+    )
+    begun = PlantState(0, values, layout, run, advance, devices, plant.faults)
     return _measure(plant, begun, fresh, rng)
 
 
@@ -302,8 +310,10 @@ def step(
         vessel = _without_weight(vessel, weight) if released else vessel
     rng.draws.prepare(plant.draws)
     values = before.values.copy()
-    fresh = tick.advance(
-        plant.native if vessel is plant.vessel else native(vessel),
+    is_nominal = vessel is plant.vessel
+    advance = before.advance if is_nominal else tick.advance
+    fresh = advance(
+        plant.native if is_nominal else native(vessel),
         before.run,
         *rng.draws.table,
         values,
@@ -312,7 +322,16 @@ def step(
         controls[ELEVATOR],
         controls[THRUST],
     )
-    after = PlantState(time_us, values, before.layout, before.run, before.devices, faults, released)
+    after = PlantState(
+        time_us,
+        values,
+        before.layout,
+        before.run,
+        before.advance,
+        before.devices,
+        faults,
+        released,
+    )
     return _measure(plant, after, fresh, rng)
 
 
