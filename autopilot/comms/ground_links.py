@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 from autopilot.comms.bandwidth_limiter import (
     BITS_PER_BYTE,
@@ -12,9 +13,10 @@ from autopilot.comms.bandwidth_limiter import (
 )
 from autopilot.comms.inbox import Inbox
 from autopilot.comms.stream_rates import Schedule, profile_for
-from autopilot.telemetry.encoding import Report, pack_payload
+from autopilot.telemetry.encoding import pack_payload
 from autopilot.telemetry.identity import COMPONENT
 from autopilot.telemetry.streams import TelemetryStream
+from autopilot.vehicle import TickReport
 from mavlink_io import dialect
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import LARGEST_FRAME, Frame, largest_frame
@@ -53,6 +55,18 @@ _HIGH_PRIORITY = frozenset(
 """Forwarded and relayed messages that are never dropped; of others only the newest is sent."""
 
 
+class _TickTelemetry(NamedTuple):
+    """Telemetry of a tick in the queue."""
+
+    streams: Sequence[TelemetryStream]
+    report: TickReport
+
+    @property
+    def max_bytes(self) -> int:
+        """Upper bound of the bytes of all frames."""
+        return sum(largest_frame(stream.message) for stream in self.streams)
+
+
 class GroundLink:
     """A ground link without a rate limit. Frames are sent in order, batched over BATCH_S.
 
@@ -69,7 +83,7 @@ class GroundLink:
         self._datagrams = transport.address.startswith("udp")
         self._max_packet_bytes = MAX_DATAGRAM_BYTES if self._datagrams else MAX_STREAM_BYTES
         self._devices: dict[int, Endpoint] = {}
-        self._outbox: list[QueuedFrame] = []
+        self._outbox: list[QueuedFrame | _TickTelemetry] = []
         self.errors: list[Exception] = []
         """Exceptions of messages that could not be encoded; the other messages were sent."""
         self.backlog = Inbox()
@@ -123,10 +137,9 @@ class GroundLink:
         """Queue telemetry; on a slow line only the newest of each message and part is sent."""
         self._outbox.append(_queue_entry(self.endpoint, message, pack_payload(message, values)))
 
-    def publish(self, stream: TelemetryStream, report: Report) -> None:
-        """Queue the message of a stream with one builder, as ``stream`` does."""
-        encode = partial(_encode_telemetry, self.endpoint, stream, report)
-        self._outbox.append(QueuedFrame(largest_frame(stream.message), encode))
+    def publish(self, streams: Sequence[TelemetryStream], report: TickReport) -> None:
+        """Queue the messages of streams that a report is enough for, as ``stream`` does."""
+        self._outbox.append(_TickTelemetry(streams, report))
 
     def relay(self, frame: Frame) -> None:
         """Queue a message of an onboard device, with the device's component id."""
@@ -149,13 +162,25 @@ class GroundLink:
         """Send the queued frames, or ``discard`` them. Raises LinkLostError."""
         entries, self._outbox = [] if discard else self._outbox, []
         self._due_s = now_s + BATCH_S
-        frames = []
+        frames: list[bytes] = []
         for entry in entries:
-            try:
+            if isinstance(entry, _TickTelemetry):
+                self._encode_telemetry(entry, frames)
+            else:
                 frames.append(entry.encode())
+        self._send(frames)
+
+    def _encode_telemetry(self, telemetry: _TickTelemetry, frames: list[bytes]) -> None:
+        """Build and encode the telemetry of a tick, and append its frames."""
+        streams, report = telemetry
+        for stream in streams:
+            message = stream.message
+            try:
+                payload = pack_payload(message, stream.build(report))
             except Exception as error:  # the other messages are sent
                 self.errors.append(error)
-        self._send(frames)
+            else:
+                frames.append(self.endpoint.encode_payload(message, payload))
 
     def flush_soon(self) -> None:
         """Make the next flush due now: a client waits for a reply."""
@@ -211,9 +236,13 @@ class BandwidthLimitedLink(GroundLink):
         payload = pack_payload(message, values)
         self._queue.add_telemetry(kind, _queue_entry(self.endpoint, message, payload))
 
-    def publish(self, stream: TelemetryStream, report: Report) -> None:
-        """Queue the message of a stream with one builder, as ``stream`` does."""
-        self.stream(stream.message, stream.build(report))
+    def publish(self, streams: Sequence[TelemetryStream], report: TickReport) -> None:
+        """Queue the messages of streams that a report is enough for, as ``stream`` does."""
+        for stream in streams:
+            try:
+                self.stream(stream.message, stream.build(report))
+            except Exception as error:  # the other messages are sent
+                self.errors.append(error)
 
     def relay(self, frame: Frame) -> None:
         """Queue a device message as a reply or as telemetry, by its type."""
@@ -272,9 +301,3 @@ def ground_link(transport: Transport, system: int, signing: Signing | None = Non
 def _queue_entry(endpoint: Endpoint, message: MessageType, payload: bytes) -> QueuedFrame:
     """Return a queue entry that makes the frame of a payload when it is sent."""
     return QueuedFrame(largest_frame(message), partial(endpoint.encode_payload, message, payload))
-
-
-def _encode_telemetry(endpoint: Endpoint, stream: TelemetryStream, report: Report) -> bytes:
-    """Build and encode the message of a stream with one builder."""
-    payload = pack_payload(stream.message, stream.build(report))
-    return endpoint.encode_payload(stream.message, payload)

@@ -22,7 +22,8 @@ from autopilot.param_store import ParamStore
 from autopilot.plan_store import PlanStore
 from autopilot.telemetry.identity import COMPONENT, AutopilotId
 from autopilot.telemetry.request_message import MessageBuilder
-from autopilot.vehicle import Vehicle
+from autopilot.telemetry.streams import TelemetryStream
+from autopilot.vehicle import Snapshot, Vehicle
 from mavlink_io import dialect
 from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
@@ -126,17 +127,24 @@ class GroundServer:
         """Queue the telemetry that is due after a tick, then the events of the tick."""
         report, snapshot = self._vehicle.report(), None
         for link in self.links:
-            for stream in link.schedule.due(report.time_us):
-                try:
-                    if stream.of_tick:
-                        link.publish(stream, report)
-                        continue
+            for of_tick, streams in link.schedule.due(report.time_us):
+                if of_tick:
+                    link.publish(streams, report)
+                else:
                     snapshot = snapshot or self._vehicle.snapshot()
-                    for part, build in enumerate(stream.builders):
-                        link.stream(stream.message, build(snapshot), part)
+                    self._publish_slowly(link, streams, snapshot)
+        self._event_publisher.publish()
+
+    def _publish_slowly(
+        self, link: GroundLink, streams: Iterable[TelemetryStream], snapshot: Snapshot
+    ) -> None:
+        """Queue the messages of streams that need the whole state."""
+        for stream in streams:
+            for part, build in enumerate(stream.builders):
+                try:
+                    link.stream(stream.message, build(snapshot), part)
                 except Exception as error:  # the other messages are sent
                     self.guard.report("telemetry", error)
-        self._event_publisher.publish()
 
     def publish_lateness(self, lateness: Lateness) -> None:
         """Queue and log the lateness of the ticks; report overruns as a text."""

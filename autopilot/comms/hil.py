@@ -155,10 +155,12 @@ class HilLink:
 
     def _samples(self, frame: Frame, sensors: SensorFrame) -> list[HilSample]:
         """Return the sample of a frame; nothing if its time is impossible."""
-        if sensors.time_us <= MAX_TIME_US:
-            return [self._sample(frame, sensors)]
-        self._report_time(sensors.time_us)
-        return []
+        if sensors.time_us > MAX_TIME_US:
+            self._report_time(sensors.time_us)
+            return []
+        if self._frames:
+            return [self._sample_with_devices(frame, sensors)]
+        return [HilSample(sensors, frames=(frame,))]
 
     def _report_time(self, time_us: int) -> None:
         """Report once that a sample is dropped because its time would expire every timer."""
@@ -166,10 +168,8 @@ class HilLink:
             self._time_error_reported = True
             self._error = f"HIL: sample time {time_us} us ignored: must be 0 to {MAX_TIME_US}"
 
-    def _sample(self, frame: Frame, sensors: SensorFrame) -> HilSample:
+    def _sample_with_devices(self, frame: Frame, sensors: SensorFrame) -> HilSample:
         """Return the sample, with the device messages received since the one before."""
-        if not self._frames:
-            return HilSample(sensors, frames=(frame,))
         sample = HilSample(
             sensors, **self._records, relayed=tuple(self._relayed), frames=(*self._frames, frame)
         )

@@ -5,7 +5,8 @@ messages; and the few messages that fit on a 9600 baud radio. A ground station m
 message at any rate; ``autopilot.comms.bandwidth_limiter`` drops what the line cannot carry.
 """
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
+from itertools import groupby
 from typing import NamedTuple
 
 from autopilot.control.types import US_PER_S
@@ -56,6 +57,14 @@ NEVER_US = 2**63
 """Due time of a link without streams."""
 
 
+class StreamGroup(NamedTuple):
+    """Streams to send in a tick that follow each other in the table."""
+
+    of_tick: bool
+    """``TelemetryStream.of_tick`` of each of them."""
+    streams: Sequence[TelemetryStream]
+
+
 class Schedule:
     """Schedule of the streams of one link.
 
@@ -72,7 +81,7 @@ class Schedule:
         """Next due time of the streams of each interval (us)."""
         self._next_us = 0
         """The earliest of them."""
-        self._streams: dict[tuple[int, ...], list[TelemetryStream]] = {}
+        self._streams: dict[tuple[int, ...], list[StreamGroup]] = {}
         """Streams that are due together, by their intervals."""
         self._running = False
         self._time_us = 0
@@ -90,7 +99,7 @@ class Schedule:
         """Return the present interval, 0 for a stopped stream. Raises KeyError."""
         return self._intervals_us[message_id]
 
-    def due(self, time_us: int) -> list[TelemetryStream]:
+    def due(self, time_us: int) -> list[StreamGroup]:
         """Return the streams to send in the tick at ``time_us``, in the order of the table."""
         restarted = not self._running or time_us < self._time_us
         self._time_us = time_us
@@ -108,10 +117,14 @@ class Schedule:
             self._streams[crossed] = self._streams_of(crossed)
         return self._streams[crossed]
 
-    def _streams_of(self, intervals_us: Container[int]) -> list[TelemetryStream]:
+    def _streams_of(self, intervals_us: Container[int]) -> list[StreamGroup]:
         """Return the streams with one of the intervals, in the order of the table."""
-        return [
+        streams = [
             BY_ID[number] for number, own_us in self._intervals_us.items() if own_us in intervals_us
+        ]
+        return [
+            StreamGroup(of_tick, list(group))
+            for of_tick, group in groupby(streams, key=lambda stream: stream.of_tick)
         ]
 
     def _align(self) -> None:

@@ -238,7 +238,7 @@ class TelemetryStream(NamedTuple):
     more_builders: tuple[Builder, ...] = ()
     """Builders of further messages of the same type."""
     of_tick: bool = False
-    """Whether ``TickReport`` is enough for its only builder."""
+    """Whether ``TickReport`` is enough for its only builder, which then needs no ``Snapshot``."""
 
     @property
     def builders(self) -> tuple[Builder, ...]:

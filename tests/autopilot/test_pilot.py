@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from autopilot.control import request_handler, requests
+from autopilot.control import estimator, request_handler, requests
+from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import Inputs
 from autopilot.pilot import Pilot
 from mavlink_io.mission_items import MissionItem
@@ -51,7 +52,9 @@ class Doubled(Voyage):
             self.full_ticks += 1
             assert list(self.pilot.tick(inputs, self.config)) == self.events[told:]
         assert repr(self.pilot.trace) == repr(self.trace)
-        assert self.pilot.motion.heading_rad == self.state.estimate.heading_rad
+        motion = estimator.motion_of(self.state.estimate, self.state.time_us)
+        assert repr(self.pilot.motion) == repr(motion)
+        assert repr(self.pilot.setpoint) == repr(Setpoint(*map(float, self.state.setpoint)))
         return frame
 
 

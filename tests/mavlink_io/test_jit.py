@@ -142,6 +142,18 @@ def test_numeric_function_is_called_by_kernels_and_is_itself_in_python():
     assert raised_in_machine_code(wave, 3.0) == raised(wave, 3.0) == Wave(3.0, 2, One(-3.0))
 
 
+@jit.entry_point
+def height_of(wave: jit.Native, factor: float) -> float:
+    return factor * wave.value.height
+
+
+def test_machine_code_without_a_look_at_types_gives_the_same():
+    wave = jit.native(Wave(1.5, 1, One(0.5)))
+    code = jit.machine_code(height_of, wave, 1.0)
+    assert code is not height_of
+    assert code(wave, 3.0) == height_of(wave, 3.0) == 4.5
+
+
 def test_replacing_a_field_of_a_kernel_does_not_change_the_record():
     wave = Wave(1.0, 1, One(0.5))
     raised_in_machine_code(wave, 3.0)
@@ -171,7 +183,8 @@ def total(pair):
 def total_of(reference):
     return total(reference.value)
 
-print(jit.COMPILED, type(total).__name__, total_of(jit.native(Pair(1.0, 2.0))))
+pair = jit.native(Pair(1.0, 2.0))
+print(jit.COMPILED, type(total).__name__, jit.machine_code(total_of, pair)(pair))
 """
 
 

@@ -11,6 +11,7 @@ from autopilot.comms.ground_server import MAX_FRAMES_PER_POLL, GroundServer
 from autopilot.comms.guard import MAX_TEXT, Guard
 from autopilot.comms.hil import MAX_TIME_US
 from autopilot.comms.services import Services
+from autopilot.comms.stream_rates import StreamGroup
 from autopilot.control.types import Severity
 from autopilot.onboard_log.session import LogSession
 from autopilot.telemetry.streams import TelemetryStream, system_time
@@ -157,13 +158,19 @@ def test_latest_time_and_wrap_of_boot_time_are_answered(rig: Rig, times_us: list
     assert rig.reports() == []
 
 
-def test_failing_stream_does_not_stop_the_others(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("of_tick", [True, False])
+def test_failing_stream_does_not_stop_the_others(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, of_tick: bool
+) -> None:
     (link,) = rig.server.links
     broken = TelemetryStream(dialect.by_name("ATTITUDE"), 50, fail)
     sound = TelemetryStream(dialect.by_name("SYSTEM_TIME"), 50, system_time)
-    monkeypatch.setattr(link.schedule, "due", lambda _: [broken, sound])
+    group = StreamGroup(of_tick, [broken, sound])
+    monkeypatch.setattr(link.schedule, "due", lambda _: [group])
     rig.tick(0)
     received = rig.receive()
+    rig.server.poll()
+    received += rig.receive()
     assert "SYSTEM_TIME" in [frame.name for frame in received]
     (report, *_) = [frame.decode() for frame in received if frame.name == "STATUSTEXT"]
     assert report.severity == Severity.CRITICAL
