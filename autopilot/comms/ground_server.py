@@ -208,8 +208,8 @@ class GroundServer:
             except Exception as error:
                 self.guard.report("ground link", error)
             errors, link.errors = link.errors, []
-            for error in errors:
-                self.guard.report("telemetry", error)
+            for failure in errors:
+                self.guard.report("telemetry", failure)
 
     def receive(self, link: GroundLink) -> None:
         """Process received frames of a link up to the quota; the others wait in its backlog."""
