@@ -5,13 +5,12 @@ file that cannot be read is reported and renamed; the autopilot starts without i
 """
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
 
 from autopilot.control.params import ParamError, ParamTable
+from autopilot.disk import BackgroundWriter, disk_error_text
 from autopilot.param_file import lines, to_text
-from mavlink_io.clock import Interval
 from mavlink_io.text_files import read_text
 from mavlink_io.user_data_dir import replace_file
 
@@ -27,13 +26,9 @@ class ParamStore:
 
     def __init__(self, folder: Path | None) -> None:
         self._path = folder / FILE if folder else None
-        self._writer = ThreadPoolExecutor(max_workers=1)
-        self._writing: Future[None] | None = None
+        self._writer = BackgroundWriter("Parameters", SAVE_DELAY_S)
         self._written = 0
-        """Revision of the table that is on disk or is being written."""
-        self._failed = False
-        """Whether the last write failed."""
-        self._due = Interval(SAVE_DELAY_S)
+        """Revision of the table that is on disk."""
         self.problems: list[str] = []
         """Problems of the file, found when it was loaded."""
 
@@ -65,32 +60,29 @@ class ParamStore:
 
     def poll(self, table: ParamTable, report: Callable[[str], None]) -> None:
         """Start to write the values set since the last write, and report a write that failed."""
-        if self._writing is not None and self._writing.done():
-            error = self._writing.exception()
-            self._writing, self._failed = None, error is not None
-            if error is not None:
-                report(f"Parameters are not stored: {getattr(error, 'strerror', None) or error}")
-        if (
-            self._path is None
-            or self._writing is not None
-            or table.revision == self._written
-            or not self._due.due()
-        ):
+        if self._path is None or not self._writer.ready(report):
             return
-        self._written = table.revision
-        self._writing = self._writer.submit(_write, self._path, to_text(table.stored))
+        if table.revision != self._written:
+            text, revision = to_text(table.stored), table.revision
+            self._writer.start(lambda: self._write(text, revision))
 
     def close(self, table: ParamTable) -> str:
         """Write unsaved values and wait for it. Return the error text, "" for success."""
-        self._writer.shutdown()
-        failed = self._failed if self._writing is None else self._writing.exception() is not None
-        if self._path is None or (table.revision == self._written and not failed):
+        self._writer.close()
+        if self._path is None or table.revision == self._written:
             return ""
         try:
-            _write(self._path, to_text(table.stored))
+            self._write(to_text(table.stored), table.revision)
         except OSError as error:
-            return f"parameters are not stored: {error.strerror}"
+            return f"parameters are not stored: {disk_error_text(error)}"
         return ""
+
+    def _write(self, text: str, revision: int) -> None:
+        """Replace the file, and create its folder where it is missing. Raises OSError."""
+        assert self._path is not None, "without a folder nothing is written"
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(self._path, text)
+        self._written = revision
 
     def _rename_broken(self, path: Path) -> None:
         """Rename a file with errors to ``NAME.broken-N``."""
@@ -101,9 +93,3 @@ class ParamStore:
             self.problems.append(f"renamed to {backup}")
         except OSError as error:
             self.problems.append(f"cannot be renamed: {error.strerror}")
-
-
-def _write(path: Path, text: str) -> None:
-    """Replace the file, and create its folder where it is missing."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(path, text)

@@ -1,27 +1,27 @@
-"""State on disk: the mission of the last run, and the state to continue a dive from after a crash.
+"""State on disk: the plans of the last run, and the state to continue a dive from after a crash.
 
-Two files in the state folder, each with the vehicle's system id in its name:
+Files in the state folder, each with the vehicle's system id in its name:
 
-- ``mission-1.json``: the loaded mission, written when it changes, loaded at every start.
-- ``checkpoint-1.json``: the complete state of the tick while the vehicle is armed, written several
-  times per second and removed when the vehicle is disarmed or the program ends on a signal. A
-  start under supervision (``autopilot --supervised``) that finds one continues the dive from it.
-
-A separate thread writes, so that a slow disk never delays a tick.
+- ``mission-1.json``, ``fence-1.json``, ``rally-1.json``: the loaded plans, each written when it
+  changes, loaded at every start.
+- ``checkpoint-1.json``: the state of the tick without the plans while the vehicle is armed, written
+  several times per second and removed when the vehicle is disarmed or the program ends on a signal.
+  A start under supervision (``autopilot --supervised``) that finds one continues the dive from it.
 """
 
 import time
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from autopilot.comms.sensor_clock import SensorClock
+from autopilot.control.fence import Fence, Rally
 from autopilot.control.sensor_health.types import Ahrs, Health
 from autopilot.control.types import AutopilotState, MissionState
+from autopilot.disk import BackgroundWriter, disk_error_text
 from autopilot.record_json import RecordError, from_json, to_json
-from mavlink_io.clock import Interval
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import FENCE_TYPE, MISSION_TYPE, RALLY_TYPE, MissionItem
 from mavlink_io.text_files import read_text
 from mavlink_io.user_data_dir import replace_file
 
@@ -33,6 +33,12 @@ MAX_AGE_S = 10.0
 The position does not advance while no program runs, and a vehicle without commands floats up."""
 
 
+Items = tuple[MissionItem, ...]
+"""Items of a plan."""
+PLAN_NAMES = {MISSION_TYPE: "mission", FENCE_TYPE: "fence", RALLY_TYPE: "rally"}
+"""Name of each kind of plan, by its MAV_MISSION_TYPE."""
+
+
 class Checkpoint(NamedTuple):
     """What a new process needs to continue a dive."""
 
@@ -40,57 +46,65 @@ class Checkpoint(NamedTuple):
     hil: str
     """Address of the HIL link: a checkpoint belongs to the vehicle on that link."""
     state: AutopilotState
-    """State of the last tick, without mission items, sensor memory and faults."""
+    """State of the last tick, without plans, sensor memory and faults."""
     clock: SensorClock
     intended_mode: int
     ground_was_received: bool
     """Whether a ground station was connected, so that its silence is a failsafe condition."""
 
 
-class _StoredMission(NamedTuple):
-    """Content of the mission file."""
+class _StoredPlan(NamedTuple):
+    """Content of the file of a plan."""
 
-    items: tuple[MissionItem, ...]
+    items: Items
+
+
+def plans_of(state: AutopilotState) -> dict[int, Items]:
+    """Return the items of each kind of plan."""
+    return {
+        MISSION_TYPE: state.mission.items,
+        FENCE_TYPE: state.fence.items,
+        RALLY_TYPE: state.rally.items,
+    }
 
 
 class StateFiles:
-    """Mission and checkpoint in a folder; without a folder nothing is stored."""
+    """Plans and checkpoint in a folder; without a folder nothing is stored."""
 
     def __init__(self, folder: Path | None, system: int, hil: str) -> None:
-        self._mission = folder / f"mission-{system}.json" if folder else None
-        self._checkpoint = folder / f"checkpoint-{system}.json" if folder else None
-        self._hil = hil
-        self._writer = ThreadPoolExecutor(max_workers=1)
-        self._writing: Future[None] | None = None
-        self._stored_items: tuple[MissionItem, ...] = ()
+        self._folder, self._system, self._hil = folder, system, hil
+        self._writer = BackgroundWriter("Plans and state", CHECKPOINT_S)
+        self._stored: dict[int, Items] = {}
+        """Items on disk by kind of plan; a kind is absent when there is no file."""
         self._checkpoint_exists = False
-        self._due = Interval(CHECKPOINT_S)
-        self._failed = False
 
-    def load_mission(self) -> tuple[MissionItem, ...]:
-        """Return the stored mission; no items without one.
+    def load_plan(self, kind: int) -> Items:
+        """Return the stored plan of a kind; no items without one.
 
         Raises RecordError with the file and the reason if it cannot be read; a damaged file is
         then renamed to ``NAME.broken``.
         """
-        path = self._mission
+        path = self._path(PLAN_NAMES[kind])
         if path is None:
             return ()
         try:
-            self._stored_items = from_json(_StoredMission, read_text(path)).items
+            items = from_json(_StoredPlan, read_text(path)).items
+            if any(item.mission_type != kind for item in items):
+                raise RecordError("has items of another kind of plan")
         except (FileNotFoundError, NotADirectoryError):
             return ()
         except (OSError, UnicodeDecodeError, RecordError) as error:
             renamed = _rename_broken(path)
             raise RecordError(f"{path}: {_reason(error)}{renamed}") from None
-        return self._stored_items
+        self._stored[kind] = items
+        return items
 
     def load_checkpoint(self) -> Checkpoint | None:
         """Return the checkpoint of a dive to continue; None without one.
 
         Raises RecordError with the file and the reason if it cannot be used.
         """
-        path = self._checkpoint
+        path = self._path("checkpoint")
         if path is None:
             return None
         try:
@@ -132,13 +146,10 @@ class StateFiles:
         report : callable
             Sends a text to ground.
         """
-        if self._writing is not None and self._writing.done():
-            self._report(self._writing.exception(), report)
-            self._writing = None
-        if self._mission is None or self._writing is not None or not self._due.due():
+        if self._folder is None or not self._writer.ready(report):
             return
         state = read_state()
-        items = None if state.mission.items == self._stored_items else state.mission.items
+        changed = self._changed(plans_of(state))
         checkpoint = None
         if state.armed:
             checkpoint = Checkpoint(
@@ -149,68 +160,58 @@ class StateFiles:
                 intended_mode=intended_mode,
                 ground_was_received=ground_was_received,
             )
-        if items is None and checkpoint is None and not self._checkpoint_exists:
-            return
-        self._stored_items = state.mission.items
-        self._checkpoint_exists = checkpoint is not None
-        self._writing = self._writer.submit(self._write, items, checkpoint)
+        if changed or checkpoint is not None or self._checkpoint_exists:
+            self._writer.start(partial(self._write, changed, checkpoint))
 
-    def close(self, items: tuple[MissionItem, ...] | None) -> str:
+    def close(self, plans: Mapping[int, Items] | None) -> str:
         """Wait for the writer; return the error text, "" for success.
 
-        ``items`` is the mission at an ordered end: it is written, and no dive is continued. None
+        ``plans`` are those at an ordered end: they are written, and no dive is continued. None
         is an end by an error: the next start under supervision continues the dive.
         """
-        self._writer.shutdown()
+        self._writer.close()
         try:
-            if items is not None:
-                if self._mission is not None and items != self._stored_items:
-                    self._write_mission(items)
-                self._remove_checkpoint()
+            if self._folder is not None and plans is not None:
+                self._write(self._changed(plans), None)
         except OSError as error:
-            return f"state is not stored: {error.strerror}: {error.filename}"
+            return f"state is not stored: {disk_error_text(error)}"
         return ""
 
-    def _write(self, items: tuple[MissionItem, ...] | None, checkpoint: Checkpoint | None) -> None:
-        """Write a changed mission, then write or remove the checkpoint. Raises OSError."""
-        if items is not None:
-            self._write_mission(items)
+    def _path(self, name: str) -> Path | None:
+        """Return the path of a file; None without a folder."""
+        return self._folder / f"{name}-{self._system}.json" if self._folder else None
+
+    def _changed(self, plans: Mapping[int, Items]) -> dict[int, Items]:
+        """Return the plans that differ from those on disk."""
+        return {kind: items for kind, items in plans.items() if items != self._stored.get(kind, ())}
+
+    def _write(self, plans: Mapping[int, Items], checkpoint: Checkpoint | None) -> None:
+        """Write plans, then write or remove the checkpoint. Raises OSError."""
+        path = self._path("checkpoint")
+        assert path is not None, "without a folder nothing is written"
+        for kind, items in plans.items():
+            self._replace(PLAN_NAMES[kind], _StoredPlan(items))
+            self._stored[kind] = items
         if checkpoint is None:
-            self._remove_checkpoint()
-        else:
-            self._write_checkpoint(checkpoint)
+            path.unlink(missing_ok=True)
+        else:  # without waiting for the disk
+            self._replace("checkpoint", checkpoint, durable=False)
+        self._checkpoint_exists = checkpoint is not None
 
-    def _write_mission(self, items: tuple[MissionItem, ...]) -> None:
-        """Replace the mission file. Raises OSError."""
-        assert self._mission is not None, "without a folder nothing is written"
-        self._mission.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(self._mission, to_json(_StoredMission(items)))
-
-    def _write_checkpoint(self, checkpoint: Checkpoint) -> None:
-        """Replace the checkpoint file, without waiting for the disk. Raises OSError."""
-        assert self._checkpoint is not None, "without a folder nothing is written"
-        self._checkpoint.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(self._checkpoint, to_json(checkpoint), durable=False)
-
-    def _remove_checkpoint(self) -> None:
-        """Remove the checkpoint file. Raises OSError."""
-        if self._checkpoint is not None:
-            self._checkpoint.unlink(missing_ok=True)
-
-    def _report(self, error: BaseException | None, report: Callable[[str], None]) -> None:
-        """Report the first of several failures in a row."""
-        if error is not None and not self._failed:
-            report(
-                f"Mission and state are not stored: {_reason(error)}: the dive goes on;"
-                " free the disk or start with another --state"
-            )
-        self._failed = error is not None
+    def _replace(self, name: str, record: tuple[object, ...], *, durable: bool = True) -> None:
+        """Replace a file. Raises OSError."""
+        path = self._path(name)
+        assert path is not None, "without a folder nothing is written"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, to_json(record), durable=durable)
 
 
 def _continuable(state: AutopilotState) -> AutopilotState:
-    """Return the state without what a new process finds again: items, sensor memory, test."""
+    """Return the state without what a new process finds again: plans, sensor memory, test."""
     return state._replace(
         mission=state.mission._replace(items=()),
+        fence=Fence(),
+        rally=Rally(),
         ahrs=Ahrs(),
         health=Health(),
         test=None,
@@ -218,15 +219,17 @@ def _continuable(state: AutopilotState) -> AutopilotState:
     )
 
 
-def continued_state(checkpoint: Checkpoint, items: tuple[MissionItem, ...]) -> AutopilotState:
-    """Return the state to continue from, with the items of the mission file.
+def continued_state(checkpoint: Checkpoint, loaded: AutopilotState) -> AutopilotState:
+    """Return the state to continue from, with the plans that were loaded from their files.
 
     Without the items that the checkpoint belongs to, the mission starts again.
     """
-    mission = checkpoint.state.mission
+    mission, items = checkpoint.state.mission, loaded.mission.items
     fits = mission.current <= len(items)
     return checkpoint.state._replace(
-        mission=mission._replace(items=items) if fits else MissionState(items)
+        mission=mission._replace(items=items) if fits else MissionState(items),
+        fence=loaded.fence,
+        rally=loaded.rally,
     )
 
 

@@ -2,7 +2,7 @@
 
 import gc
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,17 +15,17 @@ from autopilot.comms.signing_keys import SigningKeys
 from autopilot.control import modes
 from autopilot.control.lqg_file import load as load_controllers
 from autopilot.control.params import ParamTable
-from autopilot.control.requests import LoadMission
+from autopilot.control.requests import LoadFence, LoadMission, LoadRally, Request
 from autopilot.control.types import Severity
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_file import load
 from autopilot.param_store import ParamStore
-from autopilot.plan_store import PlanStore
 from autopilot.record_json import RecordError
-from autopilot.resume import StateFiles, continued_state
+from autopilot.resume import PLAN_NAMES, Items, StateFiles, continued_state, plans_of
 from autopilot.supervisor import Beat, Start
 from autopilot.telemetry.identity import AutopilotId, version
 from autopilot.vehicle import Vehicle
+from mavlink_io.mission_items import FENCE_TYPE, MISSION_TYPE, RALLY_TYPE
 from mavlink_io.parent_watch import end_with_stdin, on_end_signals
 from mavlink_io.printable import printable
 from mavlink_io.transport import SEND_TIMEOUT_S, baud_rate, open_transport
@@ -34,6 +34,12 @@ MAX_SEND_BLOCK_S = 0.2
 """Longest time that a send to a TCP client may block when the vehicle does not wait for the answer.
 
 A client stops reading when the vehicle dives and Wi-Fi is lost."""
+_LOAD_REQUESTS: dict[int, Callable[[Items], Request]] = {
+    MISSION_TYPE: LoadMission,
+    FENCE_TYPE: LoadFence,
+    RALLY_TYPE: LoadRally,
+}
+"""Request that loads each kind of plan."""
 
 
 class Options(NamedTuple):
@@ -95,7 +101,6 @@ def run(options: Options, start: Start | None = None) -> None:
         for address in options.ground
     ]
     onboard_log = OnboardLog(vehicle, options.logs, version())
-    plan_store = PlanStore(options.state)
     ground = GroundServer(
         vehicle,
         transports,
@@ -103,21 +108,18 @@ def run(options: Options, start: Start | None = None) -> None:
         keys,
         onboard_log,
         param_store,
-        plans=plan_store,
         commanders=commanders,
     )
     links = ", ".join(link.transport.address for link in ground.links)
     _say(f"system {vehicle.system}, HIL {options.hil}, ground {links}")
     if options.controller:
         vehicle.send_statustext(f"Controller: {options.controller.name}", Severity.INFO)
-    for problem in plan_store.problems:
-        _say(printable(problem))
     for problem in param_store.problems:
         vehicle.send_statustext(f"Parameters: {problem}")
         _say(printable(problem))
     files = StateFiles(options.state, vehicle.system, options.hil)
     app = App(vehicle, hil, ground, onboard_log, files)
-    _load_mission(vehicle, files)
+    _load_plans(vehicle, files)
     if start is not None:
         _continue_dive(vehicle, app, files, start)
     stop = Stop(start.beat if start else None)
@@ -131,22 +133,25 @@ def run(options: Options, start: Start | None = None) -> None:
         app.run(stop)
         ordered_end = not stop.orphaned
     finally:
-        items = vehicle.state.mission.items if ordered_end else None
-        for problem in (keys.save(), param_store.close(table), files.close(items)):
+        plans = plans_of(vehicle.state) if ordered_end else None
+        for problem in (keys.save(), param_store.close(table), files.close(plans)):
             if problem:
                 _say(printable(problem))
 
 
-def _load_mission(vehicle: Vehicle, files: StateFiles) -> None:
-    """Load the mission of the last run; report one that cannot be used."""
-    try:
-        items = files.load_mission()
-    except RecordError as error:
-        vehicle.send_statustext(f"Mission not loaded: {error}")
-        _say(printable(str(error)))
-        return
-    if items:
-        vehicle.handle_request(LoadMission(items))
+def _load_plans(vehicle: Vehicle, files: StateFiles) -> None:
+    """Load mission, fence and rally points of the last run; report those that cannot be used."""
+    for kind, load_request in _LOAD_REQUESTS.items():
+        try:
+            items = files.load_plan(kind)
+        except RecordError as error:
+            vehicle.send_statustext(
+                f"{PLAN_NAMES[kind].capitalize()} not loaded: {error}: upload it again"
+            )
+            _say(printable(str(error)))
+            continue
+        if items:
+            vehicle.handle_request(load_request(items))
 
 
 def _continue_dive(vehicle: Vehicle, app: App, files: StateFiles, start: Start) -> None:
@@ -161,7 +166,7 @@ def _continue_dive(vehicle: Vehicle, app: App, files: StateFiles, start: Start) 
         if start.restarts:
             vehicle.send_statustext("Autopilot restarted while disarmed", Severity.CRITICAL)
         return
-    state = continued_state(checkpoint, vehicle.state.mission.items)
+    state = continued_state(checkpoint, vehicle.state)
     mode = modes.by_number(checkpoint.intended_mode)
     if start.may_continue:
         vehicle.continue_from(state, checkpoint.intended_mode)

@@ -25,7 +25,6 @@ from autopilot.control.types import (
     Trim,
 )
 from autopilot.pilot import Pilot
-from autopilot.plan_store import PlanStore
 from mavlink_io.mission_items import FENCE_TYPE, MissionItem
 from mavlink_io.records import (
     ActuatorFrame,
@@ -221,13 +220,18 @@ class Vehicle:
         self.state, self._intended_mode = state, intended_mode
 
     def surface_from(self, state: AutopilotState) -> None:
-        """Begin with a new state, armed as before, in mode SURFACE; keep mission and home.
+        """Begin with a new state, armed as before, in mode SURFACE; keep plans and home.
 
         For a state that ends the process each time that it is continued.
         """
         loaded = mission.restart(MissionState(state.mission.items), self.params.config)
         self.state = core.initial_state()._replace(
-            mode=modes.SURFACE.number, armed=state.armed, home=state.home, mission=loaded
+            mode=modes.SURFACE.number,
+            armed=state.armed,
+            home=state.home,
+            mission=loaded,
+            fence=state.fence,
+            rally=state.rally,
         )
         self._intended_mode = self.state.mode
 
@@ -337,10 +341,7 @@ class VehicleMission:
 
     def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
         """Replace the mission; return the MAV_MISSION_RESULT."""
-        answer = self._vehicle.handle_request(requests.LoadMission(items))
-        if answer.parameter:
-            return MissionResult(missions.INVALID_PARAM1 + answer.parameter - 1)
-        return MissionResult(_MISSION_RESULTS.get(answer.result, missions.DENIED))
+        return _mission_result(self._vehicle.handle_request(requests.LoadMission(items)))
 
     def set_current(self, sequence: int) -> bool:
         """Continue the mission at an item; return whether this was accepted."""
@@ -352,12 +353,10 @@ class VehicleMission:
 
 
 class VehiclePlan:
-    """Adapter of geofence or rally points for the mission protocol; a new plan is stored."""
+    """Adapter of geofence or rally points for the mission protocol."""
 
-    def __init__(self, vehicle: Vehicle, store: PlanStore, kind: int) -> None:
-        self._vehicle, self._store, self._kind = vehicle, store, kind
-        if stored := store.load(kind):
-            self._vehicle.handle_request(self._request(stored))
+    def __init__(self, vehicle: Vehicle, kind: int) -> None:
+        self._vehicle, self._kind = vehicle, kind
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
@@ -366,18 +365,9 @@ class VehiclePlan:
         return state.fence.items if self._kind == FENCE_TYPE else state.rally.items
 
     def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
-        """Replace the plan and store it; return the MAV_MISSION_RESULT."""
-        answer = self._vehicle.handle_request(self._request(items))
-        if answer.parameter:
-            return MissionResult(missions.INVALID_PARAM1 + answer.parameter - 1)
-        if answer.result == ACCEPTED and (problem := self._store.save(self._kind, items)):
-            self._vehicle.send_statustext(f"Plan not stored: {problem}")
-        return MissionResult(_MISSION_RESULTS.get(answer.result, missions.DENIED))
-
-    def _request(self, items: tuple[MissionItem, ...]) -> requests.Request:
-        """Return the request that loads the plan."""
-        load = requests.LoadFence if self._kind == FENCE_TYPE else requests.LoadRally
-        return load(items)
+        """Replace the plan; return the MAV_MISSION_RESULT."""
+        load_request = requests.LoadFence if self._kind == FENCE_TYPE else requests.LoadRally
+        return _mission_result(self._vehicle.handle_request(load_request(items)))
 
 
 _MISSION_RESULTS = {
@@ -385,6 +375,13 @@ _MISSION_RESULTS = {
     DENIED: missions.INVALID,
     UNSUPPORTED: missions.UNSUPPORTED,
 }
+
+
+def _mission_result(answer: Answer) -> MissionResult:
+    """Return the MAV_MISSION_RESULT of an answer to a plan."""
+    if answer.parameter:
+        return MissionResult(missions.INVALID_PARAM1 + answer.parameter - 1)
+    return MissionResult(_MISSION_RESULTS.get(answer.result, missions.DENIED))
 
 
 def mission_progress(state: AutopilotState, config: Config) -> MissionProgress:

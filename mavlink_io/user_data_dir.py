@@ -1,6 +1,7 @@
 """Directory for data that a program keeps until its next start, and safe replacement of files."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -31,11 +32,11 @@ def replace_file(path: Path, text: str, *, durable: bool = True) -> None:
     Raises
     ------
     OSError
-        The file cannot be written; the old file is unchanged.
+        The file cannot be written; the old file is unchanged. ``filename`` is that of ``path``.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.unlink(missing_ok=True)  # from a killed program; O_EXCL requires a new file
     try:
+        temporary.unlink(missing_ok=True)  # from a killed program; O_EXCL requires a new file
         with os.fdopen(
             os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8"
         ) as file:
@@ -44,6 +45,8 @@ def replace_file(path: Path, text: str, *, durable: bool = True) -> None:
                 file.flush()
                 os.fsync(file.fileno())
         temporary.replace(path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        error.filename, error.filename2 = str(path), None
         raise

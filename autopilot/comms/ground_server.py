@@ -19,7 +19,6 @@ from autopilot.control.types import DENIED, Stick
 from autopilot.lateness import Lateness
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_store import ParamStore
-from autopilot.plan_store import PlanStore
 from autopilot.telemetry.identity import COMPONENT, AutopilotId
 from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.telemetry.streams import TelemetryStream
@@ -62,7 +61,6 @@ class GroundServer:
         keys: SigningKeys | None = None,
         onboard_log: OnboardLog | None = None,
         store: ParamStore | None = None,
-        plans: PlanStore | None = None,
         commanders: Commanders | None = None,
     ) -> None:
         self._vehicle = vehicle
@@ -85,7 +83,6 @@ class GroundServer:
             self._broadcast,
             keys,
             self._onboard_log,
-            plans or PlanStore(None),
         )
         self._reply_functions = {link: self._reply_function(link) for link in self.links}
         """Reply function of each link, always the same object.

@@ -24,7 +24,6 @@ from autopilot.control.params import PARAMETERS, ParamTable
 from autopilot.control.requests import SetMode
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_file import to_text
-from autopilot.plan_store import FILES, PlanStore
 from autopilot.telemetry import component_metadata
 from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.vehicle import Vehicle, VehicleMission, VehiclePlan
@@ -32,7 +31,7 @@ from mavlink_io import dialect
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
-from mavlink_io.mission_items import MavCmd
+from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MavCmd
 from mavlink_io.request import MavlinkId, Send
 from mavlink_io.services import param_file_ftp
 from mavlink_io.services.ftp.server import FileServer
@@ -72,7 +71,6 @@ class Services:
         broadcast: Publish,
         keys: SigningKeys,
         onboard_log: OnboardLog,
-        plan_store: PlanStore,
     ) -> None:
         self._vehicle, self._event_publisher, self._message_builder = (
             vehicle,
@@ -86,9 +84,6 @@ class Services:
         """Wall time of the last heartbeat of a ground station."""
         self.failures = FailureRelay(vehicle.send_statustext)
         self._broadcast = broadcast
-        self._plans = {kind: VehiclePlan(vehicle, plan_store, kind) for kind in FILES}
-        for problem in plan_store.problems:
-            vehicle.send_statustext(f"Plan: {problem}")
         self.restart()
         self._table = self._handlers()
 
@@ -99,7 +94,8 @@ class Services:
         time of the last ground station are kept.
         """
         vehicle, onboard_log = self._vehicle, self._onboard_log
-        self._missions = MissionServer(VehicleMission(vehicle), plans=self._plans)
+        plans = {kind: VehiclePlan(vehicle, kind) for kind in (FENCE_TYPE, RALLY_TYPE)}
+        self._missions = MissionServer(VehicleMission(vehicle), plans=plans)
         self._params = ParamServer(
             vehicle.params, send_by_name(self._broadcast), vehicle.send_statustext
         )

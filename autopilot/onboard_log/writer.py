@@ -6,6 +6,7 @@ from queue import SimpleQueue
 from threading import Event, Thread
 from typing import BinaryIO
 
+from autopilot.disk import disk_error_text
 from mavlink_io.clock import Interval
 
 SYNC_S = 2.0
@@ -94,7 +95,7 @@ class BackgroundFile:
         try:
             file = self._open()
         except Exception as error:
-            self.error = _reason(error)
+            self.error = disk_error_text(error)
             return
         finally:
             self._opened.set()
@@ -104,11 +105,4 @@ class BackgroundFile:
                     work()
                     self._done_count += 1
         except Exception as error:
-            self.error = _reason(error)
-
-
-def _reason(error: Exception) -> str:
-    """Return the text of an error."""
-    if not isinstance(error, OSError):
-        return f"internal error: {type(error).__name__} {error}"
-    return f"{error.strerror or error}" + (f": {error.filename}" if error.filename else "")
+            self.error = disk_error_text(error)

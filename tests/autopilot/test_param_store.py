@@ -146,6 +146,11 @@ def test_unwritable_disk_is_reported_and_value_applies(tmp_path: Path) -> None:
         store.poll(table, sent_texts.append)
         time.sleep(0.005)
     assert len(sent_texts) == 1
-    assert sent_texts[0].startswith("Parameters are not stored: ")
+    assert sent_texts[0] == (
+        f"Parameters not stored: File exists: {blocked}; check the disk; the dive goes on"
+    )
     assert table.get("HDG_P") == 0.7
-    assert store.close(table).startswith("parameters are not stored: ")
+    assert ParamStore(blocked).close(table).startswith("parameters are not stored: File exists")
+    blocked.unlink()
+    settle(store, table, (blocked / FILE).exists)
+    assert restart(blocked)[0].get("HDG_P") == 0.7

@@ -1,5 +1,6 @@
-"""Mission and state of a dive on disk."""
+"""Plans and state of a dive on disk."""
 
+import errno
 import json
 import math
 import os
@@ -13,14 +14,27 @@ from hypothesis import strategies as st
 
 from autopilot.comms.sensor_clock import SensorClock
 from autopilot.control import modes
+from autopilot.control.fence import Fence, Place, Rally, Zone
 from autopilot.control.setpoints import Circle, TrackLine
 from autopilot.control.types import AutopilotState, MissionState
 from autopilot.record_json import RecordError, from_json, to_json
-from autopilot.resume import MAX_AGE_S, StateFiles, continued_state
-from mavlink_io.mission_items import MissionItem
+from autopilot.resume import (
+    MAX_AGE_S,
+    PLAN_NAMES,
+    StateFiles,
+    _StoredPlan,
+    continued_state,
+    plans_of,
+)
+from mavlink_io.mission_items import FENCE_TYPE, MISSION_TYPE, RALLY_TYPE, MissionItem
 from tests.helpers.fake_hil import Harness
 
 ITEMS = (MissionItem(0, 2, 93, p1=5.0), MissionItem(1, 2, 93, p1=math.nan))
+FENCE = Fence(
+    (MissionItem(0, 6, 5003, p1=500.0, x=1, y=2, mission_type=FENCE_TYPE),),
+    (Zone(True, (Place(1e-7, 2e-7),), 500.0),),
+)
+RALLY = Rally((MissionItem(0, 6, 5100, x=3, y=4, mission_type=RALLY_TYPE),), (Place(3e-7, 4e-7),))
 
 
 class Inner(NamedTuple):
@@ -87,53 +101,97 @@ def dived_state() -> AutopilotState:
         armed=True,
         mode=modes.MISSION.number,
         mission=MissionState(ITEMS, 1, 17, reached=0, previous_waypoint_m=1 + 2j),
+        fence=FENCE,
+        rally=RALLY,
     )
 
 
 def store(folder: Path, state: AutopilotState, problems: list[str] | None = None) -> None:
     """Write a state as the main loop does, without an ordered end."""
     files = StateFiles(folder, 1, "udpin:a:1")
-    files.load_mission()
-    clock = SensorClock(5, 6, 7)
-    report = [].append if problems is None else problems.append
-    for _ in range(2):
-        files._due.hasten()
-        files.poll(lambda: state, clock, modes.HOLD.number, True, report)
-        if files._writing is not None:
-            files._writing.exception()
+    load_plans(files)
+    write(files, state, problems)
     assert files.close(None) == ""
 
 
-def test_checkpoint_restores_estimate_progress_and_mode(tmp_path: Path) -> None:
+def load_plans(files: StateFiles) -> dict[int, tuple[MissionItem, ...]]:
+    """Load the plans as a start does."""
+    return {kind: files.load_plan(kind) for kind in (MISSION_TYPE, FENCE_TYPE, RALLY_TYPE)}
+
+
+def write(files: StateFiles, state: AutopilotState, problems: list[str] | None = None) -> None:
+    """Write a state once and wait for it."""
+    report = [].append if problems is None else problems.append
+    for _ in range(2):
+        files._writer._due.hasten()
+        files.poll(lambda: state, SensorClock(5, 6, 7), modes.HOLD.number, True, report)
+        if files._writer._write is not None:
+            files._writer._write.exception()
+
+
+def test_checkpoint_restores_estimate_progress_mode_and_plans(tmp_path: Path) -> None:
     state = dived_state()
     store(tmp_path, state)
     files = StateFiles(tmp_path, 1, "udpin:a:1")
-    items = files.load_mission()
-    assert repr(items) == repr(ITEMS)
+    assert repr(load_plans(files)) == repr(plans_of(state))
     checkpoint = files.load_checkpoint()
     assert checkpoint is not None
     assert (checkpoint.clock, checkpoint.intended_mode) == (SensorClock(5, 6, 7), modes.HOLD.number)
-    restored = continued_state(checkpoint, items)
-    for field in ("time_us", "mode", "armed", "estimate", "loops", "mission", "setpoint", "home"):
+    loaded = AutopilotState(mission=MissionState(ITEMS), fence=FENCE, rally=RALLY)
+    restored = continued_state(checkpoint, loaded)
+    for field in (
+        *("time_us", "mode", "armed", "estimate", "loops", "mission", "fence", "rally"),
+        *("setpoint", "home"),
+    ):
         assert repr(getattr(restored, field)) == repr(getattr(state, field)), field
+
+
+def test_checkpoint_has_no_items_and_plans_are_written_once(tmp_path: Path) -> None:
+    files, state = StateFiles(tmp_path, 1, "udpin:a:1"), dived_state()
+    write(files, state)
+    plans = [tmp_path / f"{name}-1.json" for name in ("mission", "fence", "rally")]
+    inodes = [path.stat().st_ino for path in plans]
+    held = [path.open() for path in plans]  # an inode in use is not given to a new file
+    write(files, state._replace(time_us=1))
+    assert [path.stat().st_ino for path in plans] == inodes
+    assert '"items":[{' not in (tmp_path / "checkpoint-1.json").read_text()
+    for file in held:
+        file.close()
+    assert files.close(None) == ""
+
+
+def test_two_vehicles_in_one_folder_keep_their_own_plans(tmp_path: Path) -> None:
+    store(tmp_path, dived_state())
+    assert load_plans(StateFiles(tmp_path, 2, "udpin:a:1"))[FENCE_TYPE] == ()
+    assert load_plans(StateFiles(tmp_path, 1, "udpin:a:1"))[FENCE_TYPE] == FENCE.items
+
+
+def test_state_without_checkpoint_keeps_plans_and_surfaces(tmp_path: Path) -> None:
+    vehicle = Harness().vehicle
+    vehicle.surface_from(dived_state())
+    assert vehicle.state.mode == modes.SURFACE.number
+    assert (vehicle.state.fence, vehicle.state.rally) == (FENCE, RALLY)
+    assert vehicle.state.mission.items == ITEMS
 
 
 def test_disarmed_vehicle_leaves_no_checkpoint(tmp_path: Path) -> None:
     store(tmp_path, dived_state())
     files = StateFiles(tmp_path, 1, "udpin:a:1")
-    files.load_mission()
+    load_plans(files)
     assert files.load_checkpoint() is not None
-    files.poll(lambda: dived_state()._replace(armed=False), SensorClock(), 0, False, print)
+    write(files, dived_state()._replace(armed=False))
     assert files.close(None) == ""
     assert StateFiles(tmp_path, 1, "udpin:a:1").load_checkpoint() is None
 
 
-def test_ordered_end_keeps_mission_and_removes_checkpoint(tmp_path: Path) -> None:
+def test_ordered_end_keeps_plans_and_removes_checkpoint(tmp_path: Path) -> None:
     store(tmp_path, dived_state())
     files = StateFiles(tmp_path, 1, "udpin:a:1")
-    assert files.close(ITEMS[:1]) == ""
+    load_plans(files)
+    plans = {MISSION_TYPE: ITEMS[:1], FENCE_TYPE: (), RALLY_TYPE: RALLY.items}
+    assert files.close(plans) == ""
     files = StateFiles(tmp_path, 1, "udpin:a:1")
-    assert files.load_mission() == ITEMS[:1]
+    assert load_plans(files) == plans
     assert files.load_checkpoint() is None
 
 
@@ -155,22 +213,57 @@ def test_checkpoint_that_cannot_be_continued_is_refused(
         StateFiles(tmp_path, 1, "udpin:a:1").load_checkpoint()
 
 
-def test_damaged_mission_is_named_and_kept_aside(tmp_path: Path) -> None:
-    (tmp_path / "mission-1.json").write_text('{"items": [')
-    with pytest.raises(RecordError, match=r"mission-1\.json: no JSON.*renamed to mission-1"):
-        StateFiles(tmp_path, 1, "udpin:a:1").load_mission()
-    assert (tmp_path / "mission-1.json.broken").exists()
-    assert StateFiles(tmp_path, 1, "udpin:a:1").load_mission() == ()
+@pytest.mark.parametrize(
+    ("kind", "text", "reason"),
+    [
+        (MISSION_TYPE, '{"items": [', "no JSON"),
+        (FENCE_TYPE, to_json(_StoredPlan(ITEMS)), "another kind of plan"),
+        (RALLY_TYPE, "[" * 100_000, "no JSON"),
+    ],
+)
+def test_damaged_plan_is_named_and_kept_aside(
+    tmp_path: Path, kind: int, text: str, reason: str
+) -> None:
+    name = f"{PLAN_NAMES[kind]}-1.json"
+    (tmp_path / name).write_text(text)
+    with pytest.raises(RecordError, match=rf"{name}: .*{reason}.*renamed to {name}\.broken"):
+        StateFiles(tmp_path, 1, "udpin:a:1").load_plan(kind)
+    assert (tmp_path / f"{name}.broken").exists()
+    assert StateFiles(tmp_path, 1, "udpin:a:1").load_plan(kind) == ()
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_read_only_folder_is_reported_once(tmp_path: Path) -> None:
-    folder = tmp_path / "state"
-    folder.mkdir(mode=0o500)
+def fail_with(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """Let every write of a file fail, as on a full disk or in a read-only folder."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("mavlink_io.user_data_dir.os.open", refuse)
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (errno.ENOSPC, "No space left on device: {}; free space on the disk; the dive goes on"),
+        (errno.EROFS, "Read-only file system: {}; make the folder writable; the dive goes on"),
+        (errno.EACCES, "Permission denied: {}; make the folder writable; the dive goes on"),
+    ],
+)
+def test_plan_that_cannot_be_written_is_reported_once_and_written_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, text: str
+) -> None:
     problems: list[str] = []
-    store(folder, dived_state(), problems)
+    files, state = StateFiles(tmp_path, 1, "udpin:a:1"), dived_state()
+    with monkeypatch.context() as disk:
+        fail_with(disk, number)
+        for _ in range(3):
+            write(files, state, problems)
+    place = tmp_path / "mission-1.json"
+    assert problems == [f"Plans and state not stored: {text.format(place)}"]
+    write(files, state, problems)
     assert len(problems) == 1
-    assert "Permission denied" in problems[0]
+    assert files.close(None) == ""
+    assert repr(load_plans(StateFiles(tmp_path, 1, "udpin:a:1"))) == repr(plans_of(state))
 
 
 def test_folder_that_is_a_file_is_reported_once(tmp_path: Path) -> None:
@@ -178,4 +271,4 @@ def test_folder_that_is_a_file_is_reported_once(tmp_path: Path) -> None:
     problems: list[str] = []
     store(tmp_path / "state", dived_state(), problems)
     assert len(problems) == 1
-    assert "the dive goes on" in problems[0]
+    assert f"{tmp_path / 'state'}; check the disk; the dive goes on" in problems[0]

@@ -1,14 +1,10 @@
 """Geofence and rally points: zones, arming, missions, the action in flight and storage."""
 
-import json
-from pathlib import Path
-
 import pytest
 
 from autopilot.control import fence, modes, requests
 from autopilot.control.fence import Fence, PlanFault
 from autopilot.control.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Home
-from autopilot.plan_store import PlanStore
 from mavlink_io.frames import offset_to_geodetic
 from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MissionItem
 from tests.helpers.missions import Flight, under_way
@@ -164,21 +160,6 @@ def test_depth_band_is_a_limit_in_flight() -> None:
     assert dive.ask(requests.ChangeTarget(12.0, 0.0, 0.58)) == ACCEPTED
     dive.run_until(lambda state: state.failsafe.startswith("depth"), 60.0)
     assert dive.state.estimate.depth_m < 8.0
-
-
-def test_plan_store_keeps_plans_and_survives_damage(tmp_path: Path) -> None:
-    store = PlanStore(tmp_path / "state")
-    assert store.load(FENCE_TYPE) == ()
-    assert store.save(FENCE_TYPE, SQUARE) == ""
-    assert store.save(RALLY_TYPE, (at(0, RALLY, 0.0, 1.0, 1.0),)) == ""
-    assert PlanStore(tmp_path / "state").load(FENCE_TYPE) == SQUARE
-    for text in ("", "[1]", "{}", "[" * 100_000, json.dumps([[0] * 13])):
-        (tmp_path / "state" / "fence.json").write_text(text)
-        damaged = PlanStore(tmp_path / "state")
-        assert damaged.load(FENCE_TYPE) == ()
-        assert ("upload it again" in "".join(damaged.problems)) == (text != "{}")
-    assert len(PlanStore(tmp_path / "state").load(RALLY_TYPE)) == 1
-    assert PlanStore(None).save(FENCE_TYPE, SQUARE) == ""
 
 
 def test_fence_refused_leaves_the_old_one() -> None:
