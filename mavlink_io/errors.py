@@ -58,6 +58,7 @@ class ErrorCode(StrEnum):
     STATE_FILE = "state_file"
     STUDY_STOPPED = "study_stopped"
     TRUTH_FILE = "truth_file"
+    UNSAFE_GAINS = "unsafe_gains"
     UNSTABLE_LOOP = "unstable_loop"
     UNSUCCESSFUL = "unsuccessful"
     VEHICLE = "vehicle"

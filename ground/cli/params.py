@@ -81,18 +81,29 @@ def load(
     model: Annotated[
         Path | None,
         typer.Option(
-            metavar="MODEL.json", help="Refuse gains that were designed on another model."
+            metavar="MODEL.json",
+            help="Model on which the gains are checked, and refused if it is another one than they"
+            " were designed on. Default: model.json in the folder of the gains.",
         ),
     ] = None,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Also load gains with too little margin or damping on their model."
+        ),
+    ] = False,
     json: Json = False,
 ) -> None:
-    """Set the parameters of a file, read them back, and store the old values for rollback."""
+    """Set the parameters of a file, read them back, and store the old values for rollback.
+
+    Gains of a design are refused if they have too little margin or damping on their model.
+    """
     from ground.client import param_file
 
     lines = param_file.load_lines(file)
-    model_sha256 = _model_sha256(file, model)
     values = {name: line.value for name, line in lines.items()}
-    changes = upload(connect, sign, values, str(file), model_sha256)
+    _check_gains(file, values, model, force=force)
+    changes = upload(connect, sign, values, str(file), param_file.model_sha256_of(file))
     _print_changes(
         changes,
         {name: line.reason for name, line in lines.items()},
@@ -170,22 +181,30 @@ def _print_changes(
     print_result({"parameters": values}, text, json)
 
 
-def _model_sha256(file: Path, model: Path | None) -> str:
-    """Return the SHA-256 of the model that the gains in a file were designed on.
+def _check_gains(
+    file: Path, values: Mapping[str, float], model: Path | None, *, force: bool
+) -> None:
+    """Check gains on their model; with `force`, remark why they would be refused.
 
-    Raises InputError if `model` is given and is another one.
+    Raises InputError and UnsafeGainsError.
     """
     from ground.client import param_file
+    from sysid.monitor.performance_spec import BaselineError
 
-    if model is None:
-        return param_file.model_sha256_of(file)
-    from ground.campaign import refit
+    try:
+        if param_file.read_header(file) is None and model is None:
+            return  # no gains of a design: the check is not imported
+    except BaselineError as error:
+        if model is not None:
+            raise
+        remark(f"{error}; the gains are not checked")
+        return
+    from ground.campaign.gains_check import UnsafeGainsError, check_gains
 
-    baseline, model_sha256 = param_file.read_baseline(file), refit.sha256_of_model(model)
-    if baseline is None or baseline.model_sha256 != model_sha256:
-        digest = baseline.model_sha256[:12] if baseline else "unknown"
-        raise InputError(
-            f"{file}: was designed on model {digest}, and {model} is model {model_sha256[:12]}; "
-            f"redesign on {model}"
-        )
-    return model_sha256
+    try:
+        if reason := check_gains(file, values, model):
+            remark(reason)
+    except UnsafeGainsError as error:
+        if not force:
+            raise UnsafeGainsError(f"{error}, or load them with --force") from None
+        remark(f"{error}; loaded by --force")

@@ -5,13 +5,14 @@ is its reason, and the header holds the predicted performance (`sysid.monitor.pe
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 from mavlink_io.errors import InputError
 from mavlink_io.text_files import read_text
-from sysid.monitor.performance_spec import BaselineError, PerformanceBaseline, decode
+from sysid.monitor.performance_spec import BaselineError, PerformanceBaseline, decode, header_of
 
 
 class ParamLine(NamedTuple):
@@ -84,8 +85,37 @@ def read_baseline(path: Path) -> PerformanceBaseline | None:
     InputError
         The file cannot be read, or its values were changed after the design.
     """
-    try:
+    with _file_named(path):
         return decode(_text(path), load(path))
+
+
+def read_header(path: Path) -> PerformanceBaseline | None:
+    """Return the header of a gains file, whose values may have been changed after the design.
+
+    Parameters
+    ----------
+    path : Path
+        Gains file of `ground redesign`, or another parameter file.
+
+    Returns
+    -------
+    PerformanceBaseline or None
+        Header; None if the file has none.
+
+    Raises
+    ------
+    InputError
+        The file or its header cannot be read.
+    """
+    with _file_named(path):
+        return header_of(_text(path))
+
+
+@contextmanager
+def _file_named(path: Path) -> Iterator[None]:
+    """Add the file to the message of a BaselineError."""
+    try:
+        yield
     except BaselineError as error:
         raise BaselineError(f"{path}: {error}; `ground redesign` writes a new one") from None
 

@@ -128,6 +128,41 @@ def decode(text: str, values: Mapping[str, float]) -> PerformanceBaseline | None
     BaselineError
         The header cannot be read or has another format, or the parameters were changed.
     """
+    header = _decode_header(text)
+    if header is None:
+        return None
+    baseline, digest = header
+    if digest != _digest({name: f"{value:.6g}" for name, value in values.items()}):
+        raise BaselineError(
+            "its values were changed after the design; the predictions do not apply to them"
+        )
+    return baseline
+
+
+def header_of(text: str) -> PerformanceBaseline | None:
+    """Return the header of a gains file, whose values may have been changed after the design.
+
+    Parameters
+    ----------
+    text : str
+        Text of the file.
+
+    Returns
+    -------
+    PerformanceBaseline or None
+        Header; None for a file without one.
+
+    Raises
+    ------
+    BaselineError
+        The header cannot be read or has another format.
+    """
+    header = _decode_header(text)
+    return header[0] if header else None
+
+
+def _decode_header(text: str) -> tuple[PerformanceBaseline, str] | None:
+    """Return the header and the digest of the designed values. Raises BaselineError."""
     lines = text.splitlines()
     if not lines or not lines[0].startswith(MAGIC):
         return None
@@ -139,14 +174,9 @@ def decode(text: str, values: Mapping[str, float]) -> PerformanceBaseline | None
     try:
         header = parse_toml("\n".join(_head(lines)))
         digest = header.pop("gains_sha256", "")
-        baseline = msgspec.convert(header, PerformanceBaseline)
+        return msgspec.convert(header, PerformanceBaseline), str(digest)
     except (tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
         raise BaselineError(f"its header cannot be read: {error}".replace("`", "")) from None
-    if digest != _digest({name: f"{value:.6g}" for name, value in values.items()}):
-        raise BaselineError(
-            "its values were changed after the design; the predictions do not apply to them"
-        )
-    return baseline
 
 
 def _head(lines: list[str]) -> Iterator[str]:
