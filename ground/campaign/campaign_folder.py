@@ -63,7 +63,7 @@ class CampaignFolder:
     def prior(self) -> str:
         """Vehicle file that is known before the campaign; `caribou_nominal` for Caribou."""
         try:
-            vehicle = self._options["vehicle"]
+            vehicle = self.options["vehicle"]
         except KeyError as error:
             raise InputError(f"{self.path / CAMPAIGN_FILE}: names no vehicle ({error})") from None
         return prototype.prior_file_of(str(vehicle))
@@ -71,10 +71,10 @@ class CampaignFolder:
     @property
     def scaled(self) -> tuple[str, ...]:
         """What was scaled to the vehicle, one line each; empty for Caribou."""
-        return tuple(self._options.get("scaled", ()))
+        return tuple(self.options.get("scaled", ()))
 
     @cached_property
-    def _options(self) -> dict[str, Any]:
+    def options(self) -> dict[str, Any]:
         """Content of `campaign.toml`."""
         try:
             return parse_toml(self.asked)

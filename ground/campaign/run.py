@@ -4,7 +4,8 @@ Each dive has its own simulator and autopilot process and its own log. The seed 
 only on the seed of the campaign and on the mission, so that all sets of gains are flown in the same
 sea. As many dives or computations run at the same time as there are cores; vehicle time is in
 lockstep, so this does not change the logs. Besides, one process reads each log when its dive ends
-and prepares the report while the last dives are under way.
+and prepares the report while the last dives are under way. A campaign that was killed is resumed:
+dives that are recorded as finished are not flown again; all computations are repeated.
 """
 
 import importlib.metadata
@@ -30,10 +31,18 @@ from ground.campaign.campaign_folder import (
     CampaignFolder,
 )
 from ground.campaign.computations import FITTED, HELD_OUT, MISSIONS, RETESTS, RetestRecord
+from ground.campaign.dive_records import (
+    RECORDS_FILE,
+    DiveRecord,
+    DiveRecords,
+    digest_request,
+    temporary_name,
+    write_whole,
+)
 from ground.campaign.preparation import Preparation, PreparationRequest, prepare
 from ground.campaign.summary_file import CampaignSummary, DesignSummary, RetestSummary
 from ground.campaign.worker import Worker
-from ground.client.flight import Dive, FlightProgress, FlightResult, fly_simulated
+from ground.client.flight import Dive, FlightProgress, fly_simulated
 from ground.missions import scaling
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess, start_fork_server
@@ -81,6 +90,8 @@ class CampaignRequest(NamedTuple):
     """Whether to fly the missions also with the paper's improved gains."""
     force: bool = False
     """Replace the campaign that is in the folder."""
+    resume: bool = False
+    """Continue the campaign that is in the folder; begin it if the folder is empty."""
     jobs: int = 1
     """Number of dives and computations that run at the same time; each uses about one core."""
     truth: str = ""
@@ -108,23 +119,28 @@ class Campaign:
     request: CampaignRequest
     watch: WatchCallback
     announce: AnnounceCallback
-    outcomes: dict[str, FlightResult] = field(default_factory=dict)
+    outcomes: dict[str, DiveRecord] = field(default_factory=dict)
     retests: list[RetestSummary] = field(default_factory=list)
     _simulated: list[SimulatedVehicle] = field(default_factory=list)
     _lock: Lock = field(default_factory=Lock)
     _cancelled: bool = False
     _prepared: bool = False
+    _records: DiveRecords = field(init=False)
 
     def run(self) -> CampaignSummary:
         """Run the campaign; write and return the summary. Raises InputError, OperationError."""
         refuse_folder(self.request)
+        if self.request.resume and is_finished(self.request.out):
+            return summary_file.read(self.request.out / "summary.json")
         try:
-            return self._run()
+            result = self._run()
         except BaseException:
             # Stopped between summary and report: neither may look like that of a finished campaign.
             for name in RESULTS if self._prepared else ():
                 (self.request.out / name).unlink(missing_ok=True)
             raise
+        self._records.remove()
+        return result
 
     def _run(self) -> CampaignSummary:
         """Run all stages; return the summary."""
@@ -205,10 +221,11 @@ class Campaign:
         """Prepare the folder and write the files of a preparation."""
         prepare_folder(self.request, preparation.notes)
         self._prepared = True
+        self._records = DiveRecords(self.request.out)
         for name, text in preparation.files.items():
             path = self.request.out / name
             path.parent.mkdir(exist_ok=True)
-            _write(path, text)
+            write_whole(path, text)
 
     def _first_gains(
         self, first: Mapping[str, float], trims: Mapping[str, float]
@@ -262,7 +279,7 @@ class Campaign:
                 return
             path = out / MISSIONS_FOLDER / f"{mission}.toml"
             path.parent.mkdir(exist_ok=True)
-            _write(path, scaling.encode(dive.script))
+            write_whole(path, scaling.encode(dive.script))
             self.announce(f"not fit: {recommended.reason}; flying {recommended}")
             self._fly("identification", mission, flown)
             flown_s = self.outcomes[f"identification/{mission}"].vehicle_s
@@ -316,7 +333,7 @@ class Campaign:
         return [dives.submit(self._fly, stage, mission, parameters) for mission in missions]
 
     def _fly(self, stage: str, mission: str, parameters: Mapping[str, float]) -> None:
-        """Fly one dive. Raises OperationError after a failsafe."""
+        """Fly one dive, unless it is recorded. Raises OperationError after a failsafe."""
         log = CampaignFolder(self.request.out).log_path(stage, mission)
         log.parent.mkdir(exist_ok=True)
         name = f"{stage}/{mission}"
@@ -324,12 +341,18 @@ class Campaign:
         script = CampaignFolder(self.request.out).mission_file(mission)
         dive = Dive.load(script, log, parameters=parameters, notes=notes)
         dive = replace(dive, mission=mission)
+        request_sha256 = digest_request(
+            parameters, dive.items, dive_seed(self.request.seed, mission)
+        )
+        if record := self._records.find(name, log, request_sha256):
+            self.outcomes[name] = record
+            return
         outcome = fly_simulated(
             dive, self._launch(mission), lambda progress: self.watch(name, progress)
         )
         if outcome.failsafes:
             raise OperationError(f"{name}: {outcome.failsafes[0]}")
-        self.outcomes[name] = outcome
+        self.outcomes[name] = self._records.add(name, request_sha256, outcome)
 
     def _launch(self, mission: str) -> SimulatedVehicle:
         """Start the processes of a dive. Raises OperationError after a cancellation."""
@@ -403,27 +426,63 @@ def dive_seed(seed: int, mission: str) -> int:
     return seed * 1000 + (TRIM_MISSION, *MISSIONS, *FITTED, *HELD_OUT, *RETESTS).index(mission)
 
 
+def is_finished(out: Path) -> bool:
+    """Return whether a folder holds a finished campaign.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+
+    Returns
+    -------
+    bool
+        Whether all results are there and the records of the dives were removed.
+    """
+    results = all((out / name).is_file() for name in RESULTS)
+    return results and not (out / RECORDS_FILE).exists()
+
+
 def refuse_folder(request: CampaignRequest) -> None:
     """Raise InputError if the folder is a file, or holds other files or another campaign."""
     out = request.out
+    if request.resume and request.force:
+        raise InputError("--resume cannot be combined with --force, which starts again")
     if out.is_dir():
-        if any(out.iterdir()) and not (out / CAMPAIGN_FILE).is_file():
+        if any(_foreign_files(out)) and not (out / CAMPAIGN_FILE).is_file():
             raise InputError(
                 f"--out {out}: holds files that are no campaign; give a new or an empty folder"
             )
         if (out / CAMPAIGN_FILE).is_file() and not request.force:
-            state = (
-                "a finished"
-                if all((out / name).is_file() for name in RESULTS)
-                else "an interrupted"
-            )
+            if request.resume:
+                _refuse_other_options(request)
+                return
+            state, hint = "an interrupted", ", --resume to continue it"
+            if is_finished(out):
+                state, hint = "a finished", ""
             logs = sum(path.suffix == ".mcap" for path in _campaign_files(out))
             raise InputError(
-                f"--out {out}: holds {state} campaign ({logs} logs); give a new folder, or --force"
-                " to replace it"
+                f"--out {out}: holds {state} campaign ({logs} logs); give a new folder{hint}, or"
+                " --force to replace it"
             )
     elif out.exists():
         raise InputError(f"--out {out}: is a file; give a folder")
+
+
+def _foreign_files(out: Path) -> Iterator[Path]:
+    """Return the entries of a folder without those of a campaign that was killed as it began."""
+    return (path for path in out.iterdir() if path.name != temporary_name(CAMPAIGN_FILE))
+
+
+def _refuse_other_options(request: CampaignRequest) -> None:
+    """Raise InputError if the campaign in the folder has other options."""
+    folder = CampaignFolder(request.out)
+    for key, value in _options(request).items():
+        if (begun := folder.options.get(key)) != value:
+            raise InputError(
+                f"--resume: {request.out / CAMPAIGN_FILE} has {key} = {json.dumps(begun)}, not"
+                f" {json.dumps(value)}; give the options of that campaign"
+            )
 
 
 def prepare_folder(request: CampaignRequest, scaled: Sequence[str] = ()) -> None:
@@ -431,17 +490,26 @@ def prepare_folder(request: CampaignRequest, scaled: Sequence[str] = ()) -> None
 
     `scaled` says what was scaled to the vehicle.
 
-    Files that no campaign writes are kept. Raises InputError, as `refuse_folder`.
+    A campaign that is resumed keeps its files. Files that no campaign writes are kept too. Raises
+    InputError, as `refuse_folder`, and for a campaign that other versions of the programs began.
     """
     refuse_folder(request)
     out = request.out
+    text = _campaign_toml(request, scaled)
+    if request.resume and (out / CAMPAIGN_FILE).is_file():
+        if CampaignFolder(out).asked != text:
+            raise InputError(
+                f"--resume: {out / CAMPAIGN_FILE} was written by other versions of Python or of the"
+                " packages, which may give another model; use them, or --force to start again"
+            )
+        return
     for path in _campaign_files(out):
         path.unlink()
     for stage in (*DIVES, MISSIONS_FOLDER):
         if (out / stage).is_dir() and not any((out / stage).iterdir()):
             (out / stage).rmdir()
     out.mkdir(parents=True, exist_ok=True)
-    _write(out / CAMPAIGN_FILE, _campaign_toml(request, scaled))
+    write_whole(out / CAMPAIGN_FILE, text)
 
 
 def _campaign_files(out: Path) -> list[Path]:
@@ -454,18 +522,23 @@ def _campaign_files(out: Path) -> list[Path]:
     missions = [out / MISSIONS_FOLDER / f"{name}.toml" for name in (*ALL_MISSIONS, *RETESTS)]
     prepared = [out / name for name in (SCENARIO_FILE, TRUTH_FILE)]
     results = [out / name for name in (*RESULTS, "model.json", "gains.param", CAMPAIGN_FILE)]
-    known = (*logs, *missions, *prepared, *results)
+    known = (out / RECORDS_FILE, *logs, *missions, *prepared, *results)
     return [path for path in known if path.is_file() or path.is_symlink()]
+
+
+def _options(request: CampaignRequest) -> dict[str, object]:
+    """Return the options that decide about the results."""
+    options = {**request._asdict(), "truth": request.flown_vehicle}
+    return {
+        key: value
+        for key, value in options.items()
+        if key not in ("out", "force", "resume", "jobs")
+    }
 
 
 def _campaign_toml(request: CampaignRequest, scaled: Sequence[str]) -> str:
     """Return options, seeds and versions of a campaign as TOML."""
-    options = {**request._asdict(), "truth": request.flown_vehicle}
-    lines = [
-        f"{key} = {json.dumps(value)}"
-        for key, value in options.items()
-        if key not in ("out", "force", "jobs")
-    ]
+    lines = [f"{key} = {json.dumps(value)}" for key, value in _options(request).items()]
     if scaled:
         lines += ["scaled = [", *(f"  {json.dumps(note)}," for note in scaled), "]"]
     lines += ["", "[seeds]"]
@@ -489,8 +562,3 @@ def _finish_dives(dives: Sequence[Future[None]]) -> None:
     done, _ = wait(dives, return_when=FIRST_EXCEPTION)
     for dive in done:
         dive.result()
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a text file."""
-    path.write_text(text, encoding="utf-8")

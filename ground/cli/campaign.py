@@ -43,6 +43,14 @@ def campaign(
     force: Annotated[
         bool, typer.Option("--force", help="Replace the campaign that is in the folder.")
     ] = False,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Continue the campaign in the folder, which was begun with the same options and"
+            " interrupted: dives that are recorded as finished are not flown again.",
+        ),
+    ] = False,
     jobs: Jobs = None,
     json: Json = False,
 ) -> None:
@@ -64,6 +72,7 @@ def campaign(
         speed=speed,
         include_paper_gains=include_paper_gains,
         force=force,
+        resume=resume,
         jobs=jobs or usable_cores(),
         extra_water_s=extra_water_time,
     )

@@ -4,6 +4,7 @@ import json
 import math
 import multiprocessing
 import re
+import time
 from html.parser import HTMLParser
 from pathlib import Path
 from threading import Event
@@ -17,6 +18,7 @@ from typer.testing import CliRunner
 from ground.__main__ import app
 from ground.campaign import computations, refit, run, summary_file
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
+from ground.campaign.dive_records import DiveRecords
 from ground.campaign.preparation import Preparation
 from ground.campaign.run import Campaign, CampaignRequest
 from ground.campaign.summary_file import CampaignSummary
@@ -25,6 +27,7 @@ from ground.report import page, summary_picture
 from mavlink_io.errors import InputError, OperationError
 from sysid.refit import RefitRequest
 from tests.browser import check_layout, needs_chromium, opened
+from tests.helpers.subprocesses import Process
 
 
 @pytest.fixture(scope="module")
@@ -92,14 +95,25 @@ class CampaignTestCase:
         assert steady["redesigned"].heading_deg < steady["improved"].heading_deg
         assert steady["redesigned"].depth_m < steady["improved"].depth_m
 
-    def test_the_same_seed_gives_the_same_model_and_gains(
+    def test_the_same_seed_gives_the_same_model_and_gains_after_a_kill(
         self, flown: Path, tmp_path: Path
     ) -> None:
+        out = tmp_path / "again"
+        first = Process("-m", "ground", "campaign", "--out", str(out), "--seed", "1")
+        while first.running and len(recorded_dives(out)) < 3:
+            time.sleep(0.01)
+        first.kill()
+        before = recorded_dives(out)
+        assert len(before) >= 3
+        flown_again = set[str]()
         Campaign(
-            CampaignRequest(tmp_path / "again", seed=1), lambda name, at: None, lambda words: None
+            CampaignRequest(out, seed=1, resume=True),
+            lambda name, at: flown_again.add(name),
+            lambda words: None,
         ).run()
+        assert not before & flown_again
         for name in ("model.json", "gains.param"):
-            assert (tmp_path / "again" / name).read_bytes() == (flown / name).read_bytes()
+            assert (out / name).read_bytes() == (flown / name).read_bytes()
 
     def test_the_gains_file_holds_what_was_flown(
         self, flown: Path, summary: CampaignSummary
@@ -147,6 +161,11 @@ class CampaignTestCase:
         target = summary_picture.draw(flown, tmp_path / "picture.png")
         assert target.read_bytes().startswith(b"\x89PNG")
         assert target.stat().st_size < 300_000
+
+
+def recorded_dives(out: Path) -> set[str]:
+    """Return the names of the finished dives of a campaign."""
+    return set(DiveRecords(out)._records)
 
 
 def test_campaign_worker_error_leaves_no_process(
@@ -210,10 +229,11 @@ def test_campaign_second_in_folder_refused_before_flying(
     asked = ["campaign", "--out", str(tmp_path)]
     ended = CliRunner().invoke(app, asked)
     assert isinstance(ended.exception, InputError)  # exit status 2
+    hint = "" if finished else ", --resume to continue it"
     assert (
         str(ended.exception)
-        == f"--out {tmp_path}: holds {said} campaign (3 logs); give a new folder, or --force to"
-        " replace it"
+        == f"--out {tmp_path}: holds {said} campaign (3 logs); give a new folder{hint}, or --force"
+        " to replace it"
     )
     assert content(tmp_path) == before
 
