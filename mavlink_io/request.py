@@ -14,6 +14,7 @@ from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.errors import ErrorCode, OperationError
+from mavlink_io.frame_order import FrameOrder
 from mavlink_io.transport import wait
 
 T = TypeVar("T")
@@ -73,6 +74,8 @@ class Exchange(ABC, Generic[T]):
 
     message_names: ClassVar[frozenset[str]]
     """Names of the messages that can be an answer."""
+    in_order: ClassVar[bool] = False
+    """Whether frames that the link has delivered late are ignored (``frame_order``)."""
 
     def __init__(
         self,
@@ -85,7 +88,8 @@ class Exchange(ABC, Generic[T]):
     ) -> None:
         self._send, self._own, self._peer = send, MavlinkId(*own), MavlinkId(*peer)
         self._retry_s, self._attempts, self._attempts_left = retry_s, attempts, attempts
-        self._due_s = -math.inf
+        self._due_s = self._now_s = -math.inf
+        self._order = FrameOrder()
         self._has_progressed = False
         self._result: T | None = None
         self._error = ""
@@ -100,6 +104,7 @@ class Exchange(ABC, Generic[T]):
         now_s : float
             Wall clock (``clock.wall_s``), in seconds.
         """
+        self._now_s = now_s
         if self.done:
             return
         if self._has_progressed:
@@ -122,11 +127,10 @@ class Exchange(ABC, Generic[T]):
         frame : Frame
             Any received frame.
         """
-        if (
-            self.done
-            or (frame.system, frame.component) != self._peer
-            or frame.name not in self.message_names
-        ):
+        if self.done or (frame.system, frame.component) != self._peer:
+            return
+        late = self.in_order and self._order.is_late(frame.sequence, self._now_s)
+        if late or frame.name not in self.message_names:
             return
         message = frame.decode()
         if addressed_to(message, self._own):

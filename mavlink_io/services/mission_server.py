@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import has_location
+from mavlink_io.frame_order import FrameOrder
 from mavlink_io.mission_items import (
     ALL_TYPES,
     FRAME_LOCAL_NED,
@@ -34,6 +35,8 @@ from mavlink_io.services.missions import (
 
 RE_REQUEST_S = 1.5
 """Wall time after which a missing item is requested again, in seconds (the protocol's value)."""
+MAX_CLIENTS = 16
+"""Number of clients whose frames are put in order; the client that came first is forgotten."""
 RE_REQUESTS = 5
 """Number of repeated requests for one item before the upload is abandoned."""
 
@@ -128,7 +131,8 @@ class _UploadSession:
 class MissionServer:
     """Server of the mission protocol: uploads, downloads, clearing and the current item.
 
-    One upload at a time. The old mission stays until the new one is complete and accepted.
+    One upload at a time. The old mission stays until the new one is complete and accepted. Frames
+    that a link delivers late are ignored: they may belong to an earlier upload.
 
     Parameters
     ----------
@@ -164,6 +168,7 @@ class MissionServer:
         self._plans: dict[int, Plan] = {MISSION_TYPE: store, **(plans or {})}
         self._session: _UploadSession | None = None
         self._finished: tuple[_UploadSession, int] | None = None
+        self._orders: dict[Client, FrameOrder] = {}
         self._handlers = {
             "MISSION_COUNT": self._count,
             "MISSION_ITEM_INT": self._item,
@@ -188,8 +193,19 @@ class MissionServer:
             Wall clock, in seconds.
         """
         handler = self._handlers.get(frame.name)
-        if handler is not None:
-            handler(frame.decode(), Client(MavlinkId(frame.system, frame.component), send), now_s)
+        if handler is None:
+            return
+        client = Client(MavlinkId(frame.system, frame.component), send)
+        if not self._order_of(client).is_late(frame.sequence, now_s):
+            handler(frame.decode(), client, now_s)
+
+    def _order_of(self, client: Client) -> FrameOrder:
+        """Return the order of a client's frames."""
+        if client not in self._orders:
+            while len(self._orders) >= MAX_CLIENTS:
+                del self._orders[next(iter(self._orders))]
+            self._orders[client] = FrameOrder()
+        return self._orders[client]
 
     def poll(self, now_s: float) -> None:
         """Request a missing item again, or abandon an upload whose sender is silent.

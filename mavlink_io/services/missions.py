@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mavlink_io.dialect import constant, enum_names
+from mavlink_io.frame_order import FrameOrder
 from mavlink_io.mission_items import (
     MISSION_TYPE,
     MissionItem,
@@ -108,6 +109,8 @@ class MissionClient:
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         self._participants = send, own, peer
+        self._order = FrameOrder()
+        """Order of the vehicle's frames over all uploads: an answer to an earlier one is late."""
 
     def upload(self, items: Sequence[MissionItem]) -> Exchange[None]:
         """Replace the vehicle's mission.
@@ -122,7 +125,7 @@ class MissionClient:
         Exchange
             It fails if the vehicle refuses the mission.
         """
-        return _Upload(*self._participants, tuple(items))
+        return _Upload(*self._participants, tuple(items), self._order)
 
     def download(self) -> Exchange[tuple[MissionItem, ...]]:
         """Read the vehicle's mission.
@@ -164,11 +167,18 @@ class _Upload(Exchange[None]):
     """Announce the number of items, then send each item that the vehicle requests."""
 
     message_names = frozenset(("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"))
+    in_order = True
 
     def __init__(
-        self, send: Send, own: MavlinkId, peer: MavlinkId, items: tuple[MissionItem, ...]
+        self,
+        send: Send,
+        own: MavlinkId,
+        peer: MavlinkId,
+        items: tuple[MissionItem, ...],
+        order: FrameOrder,
     ) -> None:
         super().__init__(send, own, peer)
+        self._order = order
         self._items = tuple(
             item._replace(sequence=n, mission_type=MISSION_TYPE) for n, item in enumerate(items)
         )
@@ -196,6 +206,10 @@ class _Upload(Exchange[None]):
             self._fail(f"the vehicle refused the mission{position}: {_result_name(message.type)}")
         elif not self._items or self._requested_item == len(self._items) - 1:
             self._finish(None)
+        elif self._requested_item is not None:
+            # The vehicle has asked by the number of items of an earlier upload, and has fewer.
+            self._requested_item = None
+            self._send_request()
 
     def _describe(self) -> str:
         return f"the upload of {len(self._items)} mission items"

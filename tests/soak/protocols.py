@@ -37,13 +37,15 @@ class Water:
         self._sender, self._rng, self._framer = sender, rng, Framer()
         self._loss, self._repeat, self._delay_s = (rng.choice((0.0, x)) for x in (0.3, 0.3, 1.5))
         self._waiting: list[tuple[float, int, Frame]] = []
-        self._count = 0
+        self._count = self._sent = 0
         self.now_s = 0.0
 
     def send(self, name: str, **fields: Any) -> None:
         """Send a message."""
         message = dialect.by_name(name)
-        (frame,) = self._framer.feed(encode(message, message.values(**fields), 0, *self._sender))
+        values, sequence = message.values(**fields), self._sent & 0xFF
+        (frame,) = self._framer.feed(encode(message, values, sequence, *self._sender))
+        self._sent += 1
         for _ in range(1 + (self._rng.random() < self._repeat)):
             if self._rng.random() >= self._loss:
                 self._count += 1

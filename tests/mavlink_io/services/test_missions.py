@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mavlink_io import dialect
+from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.request import ExchangeError, MavlinkId
 from mavlink_io.services import missions
@@ -355,3 +357,43 @@ def test_mission_parameters_are_float32() -> None:
     sea = Sea()
     sea.run(sea.client.upload([MissionItem(0, 2, 93, p1=0.1)]))
     assert sea.store.items[0].p1 == as_real32(0.1)
+
+
+def upload_frames(items: list[MissionItem], first: int) -> list[Frame]:
+    """Return the frames of an upload, numbered from ``first``."""
+    framer, target = Framer(), {"target_system": 1, "target_component": 1}
+    messages = [("MISSION_COUNT", {"count": len(items), **target})]
+    messages += [("MISSION_ITEM_INT", missions.item_fields(item, VEHICLE)) for item in items]
+    frames = list[Frame]()
+    for number, (name, fields) in enumerate(messages, first):
+        message = dialect.by_name(name)
+        frames += framer.feed(encode(message, message.values(**fields), number, *GROUND))
+    return frames
+
+
+def test_mission_late_frames_on_one_link_leave_the_new_mission() -> None:
+    """Before, a repeated count began another upload, of the first mission's length."""
+    store, send = Store(), Wire(VEHICLE).send
+    server = MissionServer(store)
+    first = [MissionItem(0, 2, 93, p1=1.0)]
+    second = [MissionItem(n, 2, 93, p1=2.0) for n in range(2)]
+    early, now = upload_frames(first, 0), upload_frames(second, 10)
+    for frame in (*early, now[0], *early, now[1], *early, now[2], *early):
+        server.feed(frame, send, 0.0)
+    assert store.items == tuple(second)
+
+
+def test_mission_acknowledged_with_fewer_items_is_sent_again() -> None:
+    """The vehicle took a late count of an earlier upload for this one."""
+    sent: list[str] = []
+    client = MissionClient(lambda name, **_: sent.append(name), GROUND, VEHICLE)
+    upload = client.upload([MissionItem(n, 2, 93) for n in range(3)])
+    upload.poll(0.0)
+    wire = Wire(VEHICLE)
+    target = {"target_system": GROUND.system, "target_component": GROUND.component}
+    wire.send("MISSION_REQUEST_INT", seq=0, **target)
+    wire.send("MISSION_ACK", type=missions.ACCEPTED, **target)
+    for frame in wire.take():
+        upload.feed(frame)
+    assert not upload.done
+    assert sent == ["MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_COUNT"]

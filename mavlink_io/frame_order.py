@@ -1,0 +1,43 @@
+"""Recognition of frames that a link has delivered late, by the sequence numbers of their sender.
+
+A repeated or delayed MISSION_COUNT, MISSION_ITEM_INT or MISSION_ACK of an earlier upload cannot be
+distinguished from one of the present upload by its content.
+"""
+
+MAX_FRAMES_LATE = 32
+"""Largest number of frames by which a frame is recognised as late.
+
+A gap of more than 255 minus this number of frames looks the same: then one frame too many is
+ignored, which its protocol repeats."""
+MAX_LATE_S = 2.0
+"""Wall time after the newest frame within which a lower number is late; later the sender may have
+started again."""
+
+
+class FrameOrder:
+    """Newest sequence number of one sender on one link."""
+
+    def __init__(self) -> None:
+        self._newest, self._newest_s = 0, float("-inf")
+
+    def is_late(self, sequence: int, now_s: float) -> bool:
+        """Return whether a frame is older than the newest one, and note it otherwise.
+
+        Parameters
+        ----------
+        sequence : int
+            Sequence number of the frame, modulo 256. A sender that does not count has no late
+            frames.
+        now_s : float
+            Wall clock, in seconds.
+
+        Returns
+        -------
+        bool
+            Whether a newer frame of the sender has arrived before.
+        """
+        frames_late = self._newest - sequence & 0xFF
+        if now_s - self._newest_s < MAX_LATE_S and 0 < frames_late <= MAX_FRAMES_LATE:
+            return True
+        self._newest, self._newest_s = sequence, now_s
+        return False

@@ -1,0 +1,25 @@
+"""Late frames of a sender are recognised; senders that start again or do not count are not."""
+
+from mavlink_io.frame_order import MAX_FRAMES_LATE, MAX_LATE_S, FrameOrder
+
+
+def late(numbers: list[int], step_s: float = 0.01) -> list[bool]:
+    order = FrameOrder()
+    return [order.is_late(number, step * step_s) for step, number in enumerate(numbers)]
+
+
+def test_delayed_frames_are_late_across_the_wrap() -> None:
+    assert late([254, 255, 1, 0, 255, 2]) == [False, False, False, True, True, False]
+
+
+def test_lost_frames_make_no_frame_late() -> None:
+    assert late([3, 150, 20]) == [False, False, False]
+
+
+def test_sender_that_does_not_count_has_no_late_frames() -> None:
+    assert late([0, 0, 0]) == [False, False, False]
+
+
+def test_sender_that_starts_again_is_accepted_after_a_while() -> None:
+    assert late([MAX_FRAMES_LATE, 0], step_s=0.5 * MAX_LATE_S) == [False, True]
+    assert late([MAX_FRAMES_LATE, 0], step_s=MAX_LATE_S) == [False, False]
