@@ -411,7 +411,11 @@ def tick_with_devices(
         steady = steady and plausible and (task.home.known or not finds_home)
     if now_us >= state.check_us:
         faulty = monitor.check_devices(devices, state.estimate, state.duct_rad, now_us, config)
-        if True in faulty or monitor.course_disagrees(devices, state.estimate, now_us):
+        if (
+            True in faulty
+            or monitor.course_disagrees(devices, state.estimate, now_us)
+            or monitor.doppler_disagrees(devices, state.estimate, now_us)
+        ):
             steady = False
         if monitor.fix_while_submerged(devices, state.estimate, now_us):
             devices = devices._replace(gps_under_water=True)

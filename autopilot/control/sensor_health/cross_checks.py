@@ -17,6 +17,7 @@ from mavlink_io.records import (
     GYRO_FRESH,
     MAGNETOMETER_FRESH,
     PRESSURE_FRESH,
+    Dvl,
     GpsFix,
     SensorFrame,
 )
@@ -41,6 +42,11 @@ MIN_DEPTH_M = -0.7
 MAX_CURRENT_MPS, MIN_COURSE_MPS = 1.5, 0.8
 """Difference between velocity over ground and through the water that no current explains, and the
 speed at which it is checked."""
+MAX_SLIP_MPS = 0.8
+"""Difference between measured and predicted velocity through the water that neither sideslip (0.3
+m/s in the tightest turn) nor the error of the speed model (a third at cruise) explains."""
+MAX_AFLOAT_DEPTH_M = 1.0
+"""Depth reading at which no satellite is received: weather moves the reading by 0.3 m."""
 RECENT_US = 250_000
 """Maximum age of a reading that is compared: a silent or stuck sensor is another fault."""
 _GROUP_BITS = ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH
@@ -247,6 +253,21 @@ def pressure_differs(estimate: VehicleEstimate, ahrs: Ahrs, config: Config) -> b
     return abs(estimator.depth_of(reading[0], config) - estimate.depth_m) > limit_m
 
 
+def deeper_than_afloat(ahrs: Ahrs, config: Config) -> bool:
+    """Return whether the pressure, used or not, is that of a depth without satellite reception.
+
+    Parameters
+    ----------
+    ahrs : Ahrs
+        History of the sensor frame.
+    config : Config
+        Parameters.
+    """
+    reading = _excluded_reading(ahrs, _PRESSURE, PRESSURE_FRESH)
+    pressure_hpa = ahrs.frame.pressure_hpa if reading is None else reading[0]
+    return estimator.depth_of(pressure_hpa, config) > MAX_AFLOAT_DEPTH_M
+
+
 def _excluded_reading(ahrs: Ahrs, group: int, fresh: int) -> tuple[float, ...] | None:
     """Return the present reading of a sensor that is not used; None if it is used or silent."""
     if ahrs.per_group is None or ahrs.frame.fields_updated & fresh:
@@ -273,3 +294,39 @@ def course_differs(estimate: VehicleEstimate, fix: GpsFix) -> bool:
     heading, speed_mps = estimate.heading_rad, estimate.speed_mps * math.cos(estimate.pitch_rad)
     water = complex(speed_mps * math.cos(heading), speed_mps * math.sin(heading))
     return speed_mps > MIN_COURSE_MPS and abs(course - water) > MAX_CURRENT_MPS
+
+
+@numeric
+def doppler_differs(estimate: VehicleEstimate, ping: Dvl) -> bool:
+    """Return whether a Doppler log shows a velocity that neither vehicle nor current explains.
+
+    The vehicle's own velocity along x is between 0, with a propeller that has failed, and the
+    predicted speed U. With v the measurement, the difference is the distance of v from the segment
+    (0..U, 0, 0).
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimated motion.
+    ping : Dvl
+        Newest record of the Doppler log.
+    """
+    x, y, z = ping.velocity_x_mps, ping.velocity_y_mps, ping.velocity_z_mps
+    along = x - min(max(x, 0.0), max(estimate.speed_mps, 0.0))
+    limit_mps = MAX_CURRENT_MPS if ping.over_ground else MAX_SLIP_MPS
+    return along * along + y * y + z * z > limit_mps * limit_mps
+
+
+@numeric
+def speed_differs(estimate: VehicleEstimate, ping: Dvl) -> bool:
+    """Return whether a Doppler log shows less speed than predicted: no thrust, or a wrong log.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimated motion.
+    ping : Dvl
+        Newest record of the Doppler log.
+    """
+    limit_mps = MAX_CURRENT_MPS if ping.over_ground else MAX_SLIP_MPS
+    return estimate.speed_mps - ping.velocity_x_mps > limit_mps

@@ -57,8 +57,8 @@ ELEVATOR, RUDDER = "Elevator", "Rudder"
 """Subjects of faults that the vehicle's motion shows: the duct, or the attitude that it follows."""
 DETECTED, LOW, DEVIATES, NOT_TRACKING = "detected", "low", "does not follow", "not tracking"
 NO_EFFECT, DISAGREES = "has no effect", "disagrees"
-HEADING = "Heading"
-"""Subject of a fault of the heading that the course over ground shows."""
+HEADING, SPEED = "Heading", "Speed"
+"""Subjects of faults of heading and speed that course over ground and Doppler log show."""
 
 RECOVERY_US = 5 * US_PER_S
 """A confirmed fault with no new evidence for longer than this is reported as recovered."""
@@ -146,7 +146,7 @@ def check_sensors(state: AutopilotState, inputs: Inputs, config: Config) -> Sens
     if now_us >= health.check_us:
         detected += _slow_checks(state._replace(health=health), now_us, config)
         detected += _cross_checks(health, state, now_us, config)
-        wet_gps = fix_while_submerged(health.devices, state.estimate, now_us)
+        wet_gps = state.armed and fix_while_submerged(health.devices, state.estimate, now_us)
         if wet_gps:
             health = health._replace(devices=health.devices._replace(gps_under_water=True))
         health = health._replace(check_us=now_us + CHECK_US)
@@ -441,10 +441,15 @@ def _cross_checks(
         steady and fresh & GYRO_FRESH and cross_checks.attitude_differs(estimate, frame, config)
     ):
         found.append(GYRO)
-    if cross_checks.pressure_differs(estimate, ahrs, config) or (
-        fresh & PRESSURE_FRESH and cross_checks.above_water(estimate, frame, config)
+    if (
+        cross_checks.pressure_differs(estimate, ahrs, config)
+        or (fresh & PRESSURE_FRESH and cross_checks.above_water(estimate, frame, config))
+        or (not state.armed and _submerged_with_fix(health.devices, ahrs, now_us, config))
     ):
         found.append(PRESSURE)
+    if doppler_disagrees(health.devices, estimate, now_us):
+        ping = health.devices.dvl.record
+        found.append(DVL if cross_checks.doppler_differs(estimate, ping) else SPEED)
     if course_disagrees(health.devices, estimate, now_us):
         found.append(HEADING)
     return tuple(Fault(subject, DISAGREES) for subject in found)
@@ -456,6 +461,31 @@ def course_disagrees(devices: Devices, estimate: VehicleEstimate, now_us: int) -
     gps = devices.gps
     recent = sensor_checks.has_record(gps) and now_us - gps.accepted_us < sensor_checks.SILENT_US
     return recent and cross_checks.course_differs(estimate, gps.record)
+
+
+@numeric
+def doppler_disagrees(devices: Devices, estimate: VehicleEstimate, now_us: int) -> bool:
+    """Return whether the last Doppler log velocity contradicts the predicted speed."""
+    dvl = devices.dvl
+    recent = sensor_checks.has_record(dvl) and now_us - dvl.accepted_us < sensor_checks.SILENT_US
+    return recent and (
+        cross_checks.doppler_differs(estimate, dvl.record)
+        or cross_checks.speed_differs(estimate, dvl.record)
+    )
+
+
+def _submerged_with_fix(devices: Devices, ahrs: Ahrs, now_us: int, config: Config) -> bool:
+    """Return whether a vehicle before its launch has a fix and a pressure of under water.
+
+    A receiver that has reported under water before is not evidence.
+    """
+    gps = devices.gps
+    return (
+        sensor_checks.has_position(gps)
+        and now_us - gps.accepted_us < sensor_checks.SILENT_US
+        and not devices.gps_under_water
+        and cross_checks.deeper_than_afloat(ahrs, config)
+    )
 
 
 @numeric

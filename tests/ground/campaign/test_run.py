@@ -27,7 +27,7 @@ from ground.report import page, summary_picture
 from mavlink_io.errors import InputError, OperationError
 from sysid.refit import RefitRequest
 from tests.browser import check_layout, needs_chromium, opened
-from tests.helpers.subprocesses import Process
+from tests.helpers.subprocesses import process
 
 
 @pytest.fixture(scope="module")
@@ -99,12 +99,12 @@ class CampaignTestCase:
         self, flown: Path, tmp_path: Path
     ) -> None:
         out = tmp_path / "again"
-        first = Process("-m", "ground", "campaign", "--out", str(out), "--seed", "1")
-        while first.running and len(recorded_dives(out)) < 3:
-            time.sleep(0.01)
-        first.kill()
+        with process("-m", "ground", "campaign", "--out", str(out), "--seed", "1") as first:
+            while first.running and not recorded_dives(out):
+                time.sleep(0.01)
+            first.kill()
         before = recorded_dives(out)
-        assert len(before) >= 3
+        assert before
         flown_again = set[str]()
         Campaign(
             CampaignRequest(out, seed=1, resume=True),

@@ -7,7 +7,14 @@ import pytest
 from autopilot.control import core, modes, requests
 from autopilot.control.sensor_health import monitor
 from autopilot.control.types import Event, Inputs
-from mavlink_io.records import GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH, GpsFix, SensorFrame
+from mavlink_io.records import (
+    GYRO_FRESH,
+    MAGNETOMETER_FRESH,
+    PRESSURE_FRESH,
+    Dvl,
+    GpsFix,
+    SensorFrame,
+)
 from tests.helpers.missions import TICK_US, Flight, sensors, under_way
 
 Change = dict[str, float]
@@ -16,6 +23,16 @@ Change = dict[str, float]
 def dive() -> Flight:
     """Return an armed vehicle in mode MANUAL, which keeps its attitude and depth."""
     return under_way(modes.MANUAL)
+
+
+def cruising() -> Flight:
+    """Return an armed vehicle at cruise speed, on a heading and a depth."""
+    flight = under_way()
+    assert flight.ask(requests.ChangeTarget(None, 0.0, 0.58)) == 0
+    for _ in flight.run(20.0):
+        pass
+    flight.events.clear()
+    return flight
 
 
 def feed(flight: Flight, seconds: float, offsets: Change, **devices: object) -> list[str]:
@@ -99,6 +116,76 @@ def test_course_differs_from_heading_is_named() -> None:
         flight.more = {"gps": fix}
         flight.step()
     assert "Heading disagrees" in flight.texts()
+
+
+def ping(flight: Flight, x: float, y: float, over_ground: bool) -> Dvl:
+    """Return a record of the Doppler log; the dither of a sensor that is not stuck is added."""
+    time_us = flight.state.time_us + TICK_US
+    dither = 1e-4 if time_us // TICK_US % 2 else -1e-4
+    return Dvl(time_us, x + dither, y, 0.0, over_ground, 0.02, 100)
+
+
+def swim(flight: Flight, seconds: float, x: float, y: float = 0.0, ground: bool = False) -> None:
+    """Fly at cruise speed with a Doppler log that adds an error to the predicted speed."""
+    for _ in range(round(seconds * 50)):
+        speed_mps = flight.state.estimate.speed_mps
+        flight.more = {"dvl": ping(flight, speed_mps + x, y, ground)}
+        flight.step()
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "ground"),
+    [(1.0, 0.0, False), (0.0, -0.9, False), (-2.2, 0.0, False), (1.7, 0.0, True)],
+)
+def test_doppler_log_beyond_any_motion_is_named_not_used_and_recovers(
+    x: float, y: float, ground: bool
+) -> None:
+    flight = cruising()
+    swim(flight, 6.0, x, y, ground)
+    assert flight.texts() == ["DVL disagrees"]
+    before = flight.state.estimate.navigation
+    swim(flight, 2.0, x, y, ground)
+    assert flight.state.estimate.navigation.ping_us == before.ping_us
+    swim(flight, 12.0, 0.0)
+    assert flight.texts()[-1] == "DVL recovered"
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "ground"), [(0.3, 0.3, False), (-0.4, 0.0, False), (0.8, -0.9, True)]
+)
+def test_slip_and_current_are_no_fault_of_the_doppler_log(x: float, y: float, ground: bool) -> None:
+    flight = cruising()
+    swim(flight, 8.0, x, y, ground)
+    assert flight.texts() == []
+
+
+def test_speed_below_the_predicted_one_is_reported_and_log_is_used() -> None:
+    """A propeller that turns without thrust looks like this; the log is the better evidence."""
+    flight = cruising()
+    swim(flight, 6.0, -0.95)
+    assert flight.texts() == ["Speed disagrees"]
+    assert flight.state.estimate.navigation.ping_us == flight.state.time_us
+
+
+def test_pressure_of_under_water_with_a_fix_prevents_the_launch() -> None:
+    flight = Flight()
+    for depth_m, expected in ((0.3, True), (2.0, False), (0.3, True)):
+        for _ in range(500):
+            frame = sensors(flight.state.time_us + TICK_US, depth_m=depth_m)
+            fix = GpsFix(
+                frame.time_us,
+                3,
+                42.35 + 1e-9 * (frame.time_us % 7),
+                -71.0,
+                *(0.0,) * 4,
+                10,
+                1.5,
+                3.0,
+            )
+            flight.state, *_ = core.tick(
+                flight.state, Inputs(frame, fix, None, None), flight.config
+            )
+        assert ("Pressure sensor" not in monitor.prearm_failure(flight.state.health)) == expected
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
