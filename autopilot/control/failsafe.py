@@ -65,11 +65,12 @@ def _check_fence(
     state = state._replace(fence_us=state.time_us + FENCE_CHECK_US)
     if state.failsafe == FENCE or not (text := fence_breach(state, config)):
         return state, None
+    if config.fence_action and state.mode == modes.SURFACE.number:
+        return state, None
+    state = state._replace(fence_breaches=state.fence_breaches + 1, fence_breach_us=state.time_us)
     if not config.fence_action:
         state = state._replace(fence_us=state.time_us + 10 * US_PER_S)
         return state, (Event(Severity.WARNING, f"Geofence: {text}"),)
-    if state.mode == modes.SURFACE.number:
-        return state, None
     mode = modes.RTL if config.fence_action == 2 and state.home.known else modes.SURFACE
     state, events = modes.enter(state._replace(failsafe=FENCE), mode)
     if mode != modes.SURFACE:

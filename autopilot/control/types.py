@@ -371,6 +371,10 @@ class AutopilotState(NamedTuple):
     """Rally points: where RTL ends."""
     fence_us: int = 0
     """Time of the next check of the geofence."""
+    fence_breaches: int = 0
+    """Number of reported breaches of the geofence since the start of the autopilot."""
+    fence_breach_us: int = 0
+    """Time of the last one."""
 
 
 class Trace(NamedTuple):

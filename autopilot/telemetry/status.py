@@ -59,6 +59,8 @@ _BITS = {
     }.items()
 }
 """Bit of SYS_STATUS by sensor. Altimeter and Doppler log use the bits of similar sensors."""
+_BOUNDARY = constant("FENCE_BREACH_BOUNDARY")
+"""FENCE_BREACH: the horizontal fence; the depth band is a failsafe of its own."""
 _GEOFENCE = constant("MAV_SYS_STATUS_GEOFENCE")
 """Healthy without a fence: otherwise MAVProxy reports a breach of a fence that does not exist."""
 
@@ -92,6 +94,19 @@ def system_status(s: Snapshot) -> Values:
         leak_sensor,
         leak_sensor,
         dry,
+    )
+
+
+def fence_status(s: Snapshot) -> Values:
+    """Return FENCE_STATUS: whether the position is forbidden now, and the breaches so far."""
+    state = s.state
+    outside = bool(failsafe.fence_breach(state, s.config, ahead=False))
+    return (
+        state.fence_breach_us // 1000,
+        min(state.fence_breaches, device_messages.UNKNOWN_U16),
+        outside,
+        _BOUNDARY if state.fence_breaches else 0,
+        0,
     )
 
 

@@ -307,6 +307,7 @@ STREAMS = (
     _stream("CURRENT_MODE", 0.5, status.current_mode),
     _stream("BATTERY_STATUS", 0.5, status.battery),
     _stream("HOME_POSITION", 0.2, status.home_position),
+    _stream("FENCE_STATUS", 0, status.fence_status),
     _stream("DEBUG_FLOAT_ARRAY", 0, loop_trace),
     _stream(
         "NAMED_VALUE_FLOAT",

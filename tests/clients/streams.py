@@ -189,6 +189,10 @@ def loops_inside(m: Fields, latest: Latest) -> None:
     require(any(m["data"]), "all numbers are zero under way")
 
 
+def inside_fence(m: Fields, latest: Latest) -> None:
+    equal((m["breach_status"], m["breach_count"]), (0, 0), "breach_status and breach_count")
+
+
 class Sense(NamedTuple):
     """One row: rate of a message, whether slow links have it, and a check of its values."""
 
@@ -228,6 +232,7 @@ SENSES: dict[str, Sense] = {
     "ODOMETRY": Sense(5, odometry, on_request_when_slow=True),
     "ESTIMATOR_STATUS": Sense(1, estimator),
     "WIND_COV": Sense(1, current),
+    "FENCE_STATUS": Sense(0, inside_fence),
     "DEBUG_FLOAT_ARRAY": Sense(0, loops_inside),
     "NAMED_VALUE_FLOAT": Sense(0, named_value),
 }

@@ -90,6 +90,8 @@ def test_breach_is_predicted_and_acts(action: int, mode: modes.Mode) -> None:
     assert dive.state.mode == mode.number
     assert 90.0 < dive.state.estimate.north_m < 100.0
     assert f"Failsafe: outside the inclusion zones in 4 s -> {mode.name}" in dive.texts()
+    assert dive.state.fence_breaches == 1
+    assert dive.state.fence_breach_us == dive.state.time_us
 
 
 def test_breach_report_only_goes_on() -> None:
@@ -98,6 +100,8 @@ def test_breach_report_only_goes_on() -> None:
         pass
     assert dive.state.failsafe == ""
     assert "Geofence: outside the inclusion zones" in dive.texts()
+    reports = [text for text in dive.texts() if text.startswith("Geofence: ")]
+    assert dive.state.fence_breaches == len(reports) > 1
 
 
 def test_breach_rtl_goes_to_nearest_allowed_rally_point() -> None:

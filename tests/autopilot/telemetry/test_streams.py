@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.comms.stream_rates import Schedule
+from autopilot.control.fence import Fence, Place, Zone
 from autopilot.control.params import Config
 from autopilot.control.sensor_health.types import Fault, FaultTracker, Health
 from autopilot.control.setpoints import Setpoint
@@ -194,6 +195,20 @@ def test_health_bits_match_client_requirements() -> None:
         assert status.onboard_control_sensors_present & status.onboard_control_sensors_health & bit
     assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK
     assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_GEOFENCE
+
+
+@pytest.mark.parametrize(("north_m", "outside"), [(0.0, 0), (150.0, 1)])
+def test_fence_status_has_present_state_and_history(north_m: float, outside: int) -> None:
+    at = snapshot(north_m=north_m)
+    zone = Zone(True, (Place(at.state.home.lat_deg, at.state.home.lon_deg),), 100.0)
+    breached = at.state._replace(
+        fence=Fence(zones=(zone,)), fence_breaches=2, fence_breach_us=12_000_000
+    )
+    status = message("FENCE_STATUS", at._replace(state=breached))
+    assert (status.breach_status, status.breach_count, status.breach_time) == (outside, 2, 12_000)
+    assert status.breach_type == mavlink.FENCE_BREACH_BOUNDARY
+    never = message("FENCE_STATUS", at)
+    assert (never.breach_status, never.breach_count, never.breach_type) == (0, 0, 0)
 
 
 ESTIMATES = st.builds(
