@@ -105,4 +105,6 @@ class BackgroundFile:
                     work()
                     self._done_count += 1
         except Exception as error:
+            if isinstance(error, OSError) and error.filename is None:
+                error.filename = getattr(file, "name", None)  # a failed write names no file
             self.error = disk_error_text(error)

@@ -1,5 +1,7 @@
 """The onboard log: content, start and end, and independence of the flight from the disk."""
 
+import errno
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +18,8 @@ from autopilot.control.params import ParamTable
 from autopilot.control.types import Inputs
 from autopilot.onboard_log import recorder
 from autopilot.onboard_log.recorder import OnboardLog
+from autopilot.onboard_log.storage import LogStore
+from autopilot.onboard_log.writer import BackgroundFile
 from autopilot.telemetry.identity import AutopilotId
 from autopilot.vehicle import Vehicle
 from ground.log_tools import mcap
@@ -269,6 +273,37 @@ def test_full_disk_is_reported_and_log_is_readable(tmp_path: Path, monkeypatch: 
     ]
     (path,) = boat.end()
     assert mcap.recover(path, tmp_path / "saved.mcap").messages > 1000
+
+
+@pytest.mark.parametrize(
+    ("owner", "method", "number", "text"),
+    [
+        (BackgroundFile, "write", errno.ENOSPC, "{}/00001-"),
+        (LogStore, "create", errno.EROFS, "Log stopped: Read-only file system; make the folder"),
+    ],
+)
+def test_disk_error_is_named_and_a_new_log_begins_later(
+    tmp_path: Path, monkeypatch: Any, owner: type, method: str, number: int, text: str
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    boat = Rig(tmp_path)
+    with monkeypatch.context() as disk:
+        disk.setattr(owner, method, refuse)
+        boat.arm()
+        boat.tick(100, depth_m=2.0)
+        boat.until(lambda: boat.onboard_log._retry_s > 0.0)
+        boat.tick(10, depth_m=2.0)
+        said = "".join(boat.received_texts())
+        assert text.format(tmp_path) in said
+        assert os.strerror(number) in said
+        assert "the dive goes on" in said
+    assert boat.vehicle.state.armed
+    boat.onboard_log._retry_s = 0.0
+    boat.tick(100, depth_m=2.0)
+    newest = boat.end()[-1]
+    assert len(messages(newest, "ATTITUDE")) >= 100
 
 
 def test_slow_disk_is_reported_without_delaying_ticks(tmp_path: Path, monkeypatch: Any) -> None:
