@@ -30,7 +30,7 @@ class Lateness(NamedTuple):
     overruns: int
     """Ticks since the start of the program that were late by more than a sample interval."""
     new_overruns: int
-    """Overruns of this window."""
+    """Those of this window."""
     interval_ms: float
     """Usual interval of the samples."""
 

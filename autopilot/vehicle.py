@@ -25,7 +25,7 @@ from autopilot.control.types import (
     Trim,
 )
 from autopilot.pilot import Pilot
-from mavlink_io.mission_items import FENCE_TYPE, MissionItem
+from mavlink_io.mission_items import FENCE_TYPE, NOT_GIVEN, MavCmd, MissionItem
 from mavlink_io.records import (
     ActuatorFrame,
     Altimeter,
@@ -193,19 +193,27 @@ class Vehicle:
         """Return the last actuators for a repeated sample, with the present arming state."""
         return core.actuator_frame(self.state, self._pilot.trace, self.params.config)
 
-    def handle_request(self, request: requests.Request) -> Answer:
-        """Apply a request from ground and return the answer; send the reason of a refusal."""
-        before = self.state
+    def handle_request(self, request: requests.Request, *, quiet: bool = False) -> Answer:
+        """Apply a request from ground and return the answer.
+
+        The reason of a refusal is sent as a text, unless ``quiet``.
+        """
+        before = self.state._replace(charge=self._charge())
         self.state, answer, events = request_handler.handle_request(
             before, request, self.params.config
         )
         self._events += events
         if before.armed and not self.state.armed:
             self._store_trim(before.loops.trim)
-        if answer.result != ACCEPTED and answer.text:
+        if answer.result != ACCEPTED and answer.text and not quiet:
             self.send_statustext(answer.text)
         self._update_intended_mode()
         return answer
+
+    def _charge(self) -> float:
+        """Return the remaining fraction of the battery; 1 if it is not known."""
+        remaining = math.nan if self._battery is None else self._battery.remaining
+        return 1.0 if math.isnan(remaining) else remaining
 
     def restart(self, reason: str) -> None:
         """Reset the state as after a reboot; keep parameters and plans."""
@@ -346,6 +354,16 @@ class VehicleMission:
     def set_current(self, sequence: int) -> bool:
         """Continue the mission at an item; return whether this was accepted."""
         return self._vehicle.handle_request(requests.SetMissionItem(sequence)).result == ACCEPTED
+
+    def go_to(self, item: MissionItem) -> MissionResult:
+        """Circle the place of an item in STATION; without a place change the depth."""
+        wanted = (
+            MavCmd.CONDITION_CHANGE_ALT
+            if NOT_GIVEN in (item.x, item.y)
+            else MavCmd.NAV_LOITER_UNLIM
+        )
+        answer = self._vehicle.handle_request(requests.GoTo(item._replace(command=wanted, p3=0.0)))
+        return MissionResult(_MISSION_RESULTS.get(answer.result, missions.DENIED))
 
     def explain(self, text: str) -> None:
         """Send the reason of a refusal to ground."""

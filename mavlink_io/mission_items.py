@@ -61,6 +61,8 @@ class MavCmd(IntEnum):
     NAV_LOITER_TIME = 19
     NAV_RETURN_TO_LAUNCH = 20
     NAV_LAND = 21
+    NAV_TAKEOFF = 22
+    DO_ORBIT = 34
     NAV_DELAY = 93
     CONDITION_CHANGE_ALT = 113
     """Continue with the next item when the depth is reached."""
@@ -69,6 +71,8 @@ class MavCmd(IntEnum):
     DO_JUMP = 177
     DO_CHANGE_SPEED = 178
     DO_SET_HOME = 179
+    DO_SET_RELAY = 181
+    DO_FLIGHTTERMINATION = 185
     DO_CHANGE_ALTITUDE = 186
     DO_SET_ACTUATOR = 187
     DO_REPOSITION = 192

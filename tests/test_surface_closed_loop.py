@@ -64,7 +64,7 @@ def surface(*faults: dict[str, Any], **values: float) -> Ascent:
 
 
 def test_surface_elevator_stuck_down_never_touches_floor() -> None:
-    """The vehicle does not reach the floor at 7 m, as it does without the check of FS_DIVE_S."""
+    """Without the check of FS_DIVE_S it went to the floor at 7 m, 3 m below its depth."""
     ascent = surface({"unit": "elevator", "kind": "stuck", "angle_deg": -8.0})
     assert "Failsafe: Elevator has no effect -> SURFACE" in ascent.texts
     assert "Failsafe: sinks against the elevator -> propeller astern" in ascent.texts

@@ -24,14 +24,24 @@ from autopilot.control.types import (
     Severity,
 )
 from autopilot.telemetry import streams
-from mavlink_io.mission_items import FRAME_MISSION, MavCmd, MissionItem
+from mavlink_io.mission_items import (
+    FRAME_LOCAL_NED,
+    FRAME_MISSION,
+    GLOBAL_FRAMES,
+    GLOBAL_SCALE,
+    NOT_GIVEN,
+    MavCmd,
+    MissionItem,
+)
 
 _FORCE = 21_196
 """Value of COMPONENT_ARM_DISARM.param2 that skips the checks."""
 _PAUSE, _CONTINUE = 0, 1
 """Values of DO_PAUSE_CONTINUE.param1."""
-_CHANGE_MODE = 1
-"""Bit of DO_REPOSITION.param2: change the mode."""
+_CHANGE_MODE, _COUNTER_CLOCKWISE = 1, 1
+"""Bit of DO_REPOSITION.param2: change the mode; value of its param4 for a vehicle that circles."""
+_HEADING_ALONG_CIRCLE = (3, 5)
+"""ORBIT_YAW_BEHAVIOUR values that a vehicle can follow that circles: tangent, unchanged."""
 
 
 def arm(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
@@ -100,17 +110,81 @@ def pause(context: CommandContext, command: MavCommand, schedule: Schedule) -> C
 
 
 def reposition(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """DO_REPOSITION without a position: HOLD (QGroundControl's pause button for PX4)."""
-    if (
-        math.isfinite(command.p5)
-        or math.isfinite(command.p6)
-        or not integer_parameter(command.p2) & _CHANGE_MODE
-    ):
-        return context.refuse(
-            UNSUPPORTED,
-            "DO_REPOSITION: a position is not supported; use a mission",
-        )
-    return context.ask(requests.SetMode(modes.HOLD.number))
+    """DO_REPOSITION: circle a place in STATION; without a place a new depth, or HOLD.
+
+    param1: speed (m/s), param3: radius of the circle (m), param4 = 1: counter-clockwise. Another
+    heading cannot be held, as the vehicle circles.
+    """
+    changes_mode = bool(integer_parameter(command.p2) & _CHANGE_MODE)
+    if all(math.isnan(value) for value in (command.p5, command.p6)):
+        if math.isnan(command.p7):
+            if not changes_mode:
+                return context.refuse(DENIED, "DO_REPOSITION: neither a place nor a depth is given")
+            return context.ask(requests.SetMode(modes.HOLD.number))
+        return go_to(context, command, MavCmd.CONDITION_CHANGE_ALT, changes_mode=changes_mode)
+    sense = -1.0 if command.p4 == _COUNTER_CLOCKWISE else 1.0
+    radius_m = sense * abs(command.p3)
+    return go_to(
+        context, command, MavCmd.NAV_LOITER_UNLIM, radius_m=radius_m, changes_mode=changes_mode
+    )
+
+
+def orbit(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """DO_ORBIT: circle a place in STATION; param1: radius (m), negative for counter-clockwise."""
+    if command.p4 > 0.0:
+        return context.refuse(DENIED, "DO_ORBIT: param4 must be 0, the number of orbits is endless")
+    outcome = go_to(
+        context,
+        command._replace(p1=command.p2),
+        MavCmd.NAV_LOITER_UNLIM,
+        radius_m=command.p1,
+        changes_mode=True,
+    )
+    free = command.p3 in _HEADING_ALONG_CIRCLE or math.isnan(command.p3)
+    if outcome.result == ACCEPTED and not free:
+        return context.accept_with_notice("DO_ORBIT: the bow points along the circle")
+    return outcome
+
+
+def go_to(
+    context: CommandContext,
+    command: MavCommand,
+    item: MavCmd,
+    *,
+    radius_m: float = math.nan,
+    changes_mode: bool,
+) -> CommandResult:
+    """Ask for the place and the depth of a command; param1 is the speed, not above 0 for cruise."""
+    frame = command.frame
+    if frame not in GLOBAL_FRAMES and frame != FRAME_LOCAL_NED:
+        return context.refuse(DENIED, f"Go-to refused: frame {frame}; 0, 1, 3, 5, 6 are supported")
+    x, y = _coordinate(command.p5, command.scaled), _coordinate(command.p6, command.scaled)
+    home, depth_m = context.vehicle.state.home, command.p7
+    if x == y == 0 and frame in GLOBAL_FRAMES and not guidance.near_zero_zero(home):
+        return context.refuse(DENIED, "Go-to refused: 0, 0 is not a place near home")
+    if frame in GLOBAL_FRAMES and 0.0 < depth_m <= context.vehicle.params.config.surfaced_depth_m:
+        depth_m = 0.0  # a tool repeats the altitude of a vehicle at the surface
+    place = MissionItem(0, frame, item, p3=radius_m, x=x, y=y, z=depth_m)
+    speed_mps = command.p1 if command.p1 > 0.0 else None
+    return context.ask(requests.GoTo(place, speed_mps, changes_mode))
+
+
+def _coordinate(value: float, scaled: bool) -> int:
+    """Return a coordinate in the unit of an item; NOT_GIVEN for NaN."""
+    if not math.isfinite(value):
+        return NOT_GIVEN
+    limit = NOT_GIVEN - 1
+    return round(max(-limit, min(limit, value if scaled else value * GLOBAL_SCALE)))
+
+
+def refuse_because(reason: str) -> Handler:
+    """Return the handler of a command without a meaning for this vehicle."""
+
+    def refuse(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+        """Answer UNSUPPORTED and send the reason."""
+        return context.refuse(UNSUPPORTED, reason)
+
+    return refuse
 
 
 def change_target(
@@ -174,6 +248,12 @@ HANDLERS: dict[MavCmd, Handler] = {
     MavCmd.DO_SET_MISSION_CURRENT: set_mission_item,
     MavCmd.DO_PAUSE_CONTINUE: pause,
     MavCmd.DO_REPOSITION: reposition,
+    MavCmd.DO_ORBIT: orbit,
+    MavCmd.NAV_TAKEOFF: refuse_because("Takeoff refused: an underwater vehicle dives in a mission"),
+    MavCmd.DO_SET_RELAY: refuse_because("Relay refused: the vehicle has none"),
+    MavCmd.DO_FLIGHTTERMINATION: refuse_because(
+        "Termination refused: use SURFACE, or a forced disarm"
+    ),
     MavCmd.NAV_RETURN_TO_LAUNCH: partial(enter, modes.RTL),
     MavCmd.NAV_LAND: partial(enter, modes.SURFACE),
     MavCmd.NAV_LOITER_UNLIM: partial(enter, modes.HOLD),

@@ -25,9 +25,13 @@ def reboot(context: CommandContext, command: MavCommand, schedule: Schedule) -> 
     """PREFLIGHT_REBOOT_SHUTDOWN: reset the state; shutdown is not supported."""
     if context.vehicle.state.armed:
         return context.refuse(TEMPORARILY_REJECTED, "Reboot refused: armed")
+    if command.p1 not in (0, 1):
+        return context.refuse(
+            UNSUPPORTED, "Shutdown refused: the autopilot does not control its computer"
+        )
     if command.p1 == 1:
         context.vehicle.restart("requested by ground")
-    return CommandResult(ACCEPTED if command.p1 in (0, 1) else UNSUPPORTED)
+    return CommandResult(ACCEPTED)
 
 
 def store(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:

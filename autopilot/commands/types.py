@@ -31,6 +31,8 @@ class MavCommand(NamedTuple):
     """Whether it is a COMMAND_INT, with a position in p5 and p6 in 1e-7 degrees."""
     repetition: bool = False
     """Whether the sender of a COMMAND_LONG marks it as a repetition."""
+    frame: int = 0
+    """MAV_FRAME of a COMMAND_INT; GLOBAL for a COMMAND_LONG, whose position is in degrees."""
 
 
 class JobProgress(NamedTuple):
@@ -98,6 +100,7 @@ def command_from_message(message: Any) -> MavCommand:
         p6=y,
         p7=m.z,
         scaled=True,
+        frame=m.frame,
     )
 
 

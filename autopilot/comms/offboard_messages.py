@@ -5,18 +5,20 @@ are those that PX4 documents (docs.px4.io, "Offboard Mode"). An underwater vehic
 propeller can follow neither accelerations nor a sideways velocity.
 """
 
+import cmath
 import math
 from typing import Any
 
 from autopilot.control.requests import SetTarget
 from autopilot.control.setpoints import AttitudeTarget, MotionTarget
-from autopilot.control.types import Home
+from autopilot.control.types import AutopilotState, Home
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.dialect import constant
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.frames import euler_from_quaternion, geodetic_to_offset
 from mavlink_io.mission_items import FRAME_LOCAL_NED, GLOBAL_FRAMES, GLOBAL_SCALE
+from mavlink_io.vehicle_modes import VehicleMode
 
 ATTITUDE, LOCAL, GLOBAL = (
     "SET_ATTITUDE_TARGET",
@@ -49,14 +51,20 @@ class SetpointReceiver:
     def handle(self, name: str, message: Any) -> None:
         """Apply a set-point message that is addressed to this vehicle."""
         try:
-            target = read(name, message, self._vehicle.state.home)
+            target = read(name, message, self._vehicle.state)
         except TargetError as error:
-            if str(error) != self._last_error:
-                self._last_error = str(error)
-                self._vehicle.send_statustext(f"Set-point ignored: {error}")
+            self._report(f"Set-point ignored: {error}")
             return
         self._received_s[type(target)] = wall_s()
-        self._vehicle.handle_request(SetTarget(target))
+        answer = self._vehicle.handle_request(SetTarget(target), quiet=True)
+        if answer.text:
+            self._report(answer.text)
+
+    def _report(self, text: str) -> None:
+        """Send why a set-point is not followed, once for a stream."""
+        if text != self._last_error:
+            self._last_error = text
+            self._vehicle.send_statustext(text)
 
     @property
     def silent_s(self) -> tuple[float | None, float | None]:
@@ -74,14 +82,16 @@ class SetpointReceiver:
         )
 
 
-def read(name: str, message: Any, home: Home) -> AttitudeTarget | MotionTarget:
+def read(name: str, message: Any, state: AutopilotState) -> AttitudeTarget | MotionTarget:
     """Return the target in a decoded message. Raises TargetError."""
     if name == ATTITUDE:
         return attitude(message)
     fields = _used_fields(message, name)
     if name == GLOBAL:
-        return _global(message, fields, home)
+        return _global(message, fields, state.home)
     if message.coordinate_frame in _BODY:
+        if state.mode == VehicleMode.STATION.value and {"x", "y"} <= fields.keys():
+            return _offset(fields, state)
         return _body(fields)
     if message.coordinate_frame != FRAME_LOCAL_NED:
         raise TargetError(
@@ -165,7 +175,9 @@ def _motion(
 def _body(fields: dict[str, float]) -> MotionTarget:
     """Return the target of body-frame velocities: forward, down and yaw rate."""
     if {"x", "y", "z"} & fields.keys():
-        raise TargetError(f"positions in body axes of {LOCAL}: only velocities are supported")
+        raise TargetError(
+            f"positions in body axes of {LOCAL}: only in mode STATION, else velocities"
+        )
     if fields.get("vy", 0.0) != 0.0:
         raise TargetError(
             f"vy in body axes of {LOCAL}: must be 0 or ignored, the vehicle cannot move sideways"
@@ -176,6 +188,17 @@ def _body(fields: dict[str, float]) -> MotionTarget:
         speed_mps=fields.get("vx"),
         heading_rad=fields.get("yaw"),
         heading_rate_radps=rate,
+    )
+
+
+def _offset(fields: dict[str, float], state: AutopilotState) -> MotionTarget:
+    """Return the place at a distance ahead of, to starboard of and below the vehicle."""
+    estimate = state.estimate
+    ahead_m = complex(fields["x"], fields["y"])
+    return MotionTarget(
+        position_m=complex(estimate.north_m, estimate.east_m)
+        + ahead_m * cmath.rect(1.0, estimate.heading_rad),
+        depth_m=max(0.0, estimate.depth_m + fields["z"]) if fields.get("z") else None,
     )
 
 

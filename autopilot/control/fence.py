@@ -4,6 +4,7 @@ A position is allowed inside at least one inclusion zone, if there is any, and o
 exclusion zone. Positions are complex numbers, north + i east from home (m).
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,6 +21,8 @@ _INCLUSIONS = frozenset(
 )
 MIN_VERTICES = 3
 """Minimum number of vertices of a polygon."""
+EDGE_M = 0.01
+"""Length below which a part of a line is not checked: a line may touch an edge."""
 MAX_RADIUS_M = 100_000.0
 """Maximum radius of a circle: the projection is that of a flat earth."""
 
@@ -179,6 +182,78 @@ def breach(fence: Fence, position_m: complex, home_deg: tuple[float, float]) -> 
         inclusions += zone.inclusion
         inside_any = inside_any or (inside and zone.inclusion)
     return "outside the inclusion zones" if inclusions and not inside_any else ""
+
+
+def line_breach(fence: Fence, from_m: complex, to_m: complex, home_deg: tuple[float, float]) -> str:
+    """Return which zone forbids a part of a line.
+
+    The line is divided where it crosses the edge of a zone, and each part is checked at its middle.
+
+    Parameters
+    ----------
+    fence : Fence
+        Geofence.
+    from_m, to_m : complex
+        Ends of the line, north + i east from home (m).
+    home_deg : tuple of 2 floats
+        Latitude and longitude of home.
+
+    Returns
+    -------
+    str
+        The zone with its number; empty for an allowed line.
+    """
+    crossings = {0.0, 1.0}
+    for zone in fence.zones:
+        corners = [place.offset_m(*home_deg) for place in zone.points]
+        if zone.radius_m:
+            crossings |= _circle_crossings(from_m, to_m, corners[0], zone.radius_m)
+        else:
+            crossings |= _polygon_crossings(from_m, to_m, corners)
+    shares = sorted(crossings)
+    for start, end in itertools.pairwise(shares):
+        middle_m = from_m + 0.5 * (start + end) * (to_m - from_m)
+        if (end - start) * abs(to_m - from_m) > EDGE_M and (
+            text := breach(fence, middle_m, home_deg)
+        ):
+            return text
+    return ""
+
+
+def _circle_crossings(
+    from_m: complex, to_m: complex, centre_m: complex, radius_m: float
+) -> set[float]:
+    """Return the shares of a line at which it crosses a circle.
+
+    With d = to - from and f = from - centre, |f + s d| = r is
+    |d|^2 s^2 + 2 Re(f d*) s + |f|^2 - r^2 = 0.
+    """
+    d, f = to_m - from_m, from_m - centre_m
+    a, b = abs(d) ** 2, (f * d.conjugate()).real
+    discriminant = b * b - a * (abs(f) ** 2 - radius_m**2)
+    if a == 0.0 or discriminant <= 0.0:
+        return set()
+    root = math.sqrt(discriminant)
+    return {share for share in ((-b - root) / a, (-b + root) / a) if 0.0 < share < 1.0}
+
+
+def _polygon_crossings(from_m: complex, to_m: complex, corners_m: Sequence[complex]) -> set[float]:
+    """Return the shares of a line at which it crosses the edges of a polygon.
+
+    With d = to - from, e = b - a and the cross product x, from + s d = a + t e gives
+    s = (a - from) x e / (d x e) and t = (a - from) x d / (d x e).
+    """
+    d, shares = to_m - from_m, set()
+    for a, b in zip(corners_m, (*corners_m[1:], corners_m[0]), strict=True):
+        e = b - a
+        determinant = (d.conjugate() * e).imag
+        if determinant == 0.0:
+            continue
+        offset = a - from_m
+        share = (offset.conjugate() * e).imag / determinant
+        if 0.0 < share < 1.0 and 0.0 <= (offset.conjugate() * d).imag / determinant <= 1.0:
+            shares.add(share)
+    return shares
 
 
 def inside_polygon(point_m: complex, corners_m: Sequence[complex]) -> bool:

@@ -7,7 +7,7 @@ import math
 from bisect import bisect_left
 from typing import NamedTuple
 
-from autopilot.control import excitation, fence, guidance, modes, offboard
+from autopilot.control import excitation, guidance, modes, offboard
 from autopilot.control.params import Config
 from autopilot.control.setpoints import Circle, TrackLine
 from autopilot.control.types import (
@@ -57,7 +57,7 @@ ITEMS_PER_TICK = 10
 """Maximum number of items, jumps included, completed in one tick; the next tick continues. Without
 it an endless loop of jumps would block the tick."""
 
-_POSITION_COMMANDS = frozenset(
+POSITION_COMMANDS = frozenset(
     (
         MavCmd.NAV_WAYPOINT,
         MavCmd.NAV_LOITER_UNLIM,
@@ -67,7 +67,7 @@ _POSITION_COMMANDS = frozenset(
     )
 )
 """Commands with a position."""
-_DEPTH_COMMANDS = _POSITION_COMMANDS | {MavCmd.CONDITION_CHANGE_ALT}
+_DEPTH_COMMANDS = POSITION_COMMANDS | {MavCmd.CONDITION_CHANGE_ALT}
 """Commands whose z is a depth or an altitude."""
 
 StepResult = tuple[AutopilotState, tuple[Event | ItemReached, ...]]
@@ -116,7 +116,7 @@ def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Mi
     A mission is checked when it is loaded and again when it is started: home and limits may have
     changed in between.
     """
-    for item in _items_to_fly(items, config):
+    for item in items_to_fly(items, config):
         parameter, reason = _item_fault(item, len(items), config)
         if not reason:
             parameter, reason = _distance_fault(item, home, config)
@@ -125,32 +125,7 @@ def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Mi
     return None
 
 
-def find_fence_fault(
-    items: tuple[MissionItem, ...], zones: fence.Fence, home: Home, config: Config
-) -> MissionFault | None:
-    """Return the first item whose position or depth the geofence forbids, None if there is none.
-
-    Lines between waypoints are not checked: they are checked in flight.
-    """
-    for item in _items_to_fly(items, config):
-        if (depth_m := _wanted_depth_m(item)) is not None:
-            if 0.0 < config.fence_max_m < depth_m - DEPTH_ROUNDING_M:
-                limit = f"at most FENCE_DPT_MAX = {config.fence_max_m:g} m"
-                return MissionFault(item.sequence, f"depth {depth_m:g} m: must be {limit}")
-            if depth_m + DEPTH_ROUNDING_M < config.fence_min_m:
-                limit = f"at least FENCE_DPT_MIN = {config.fence_min_m:g} m"
-                return MissionFault(item.sequence, f"depth {depth_m:g} m: must be {limit}")
-        if item.command not in _POSITION_COMMANDS or not home.known:
-            continue
-        position_m = guidance.item_position(item, home)
-        if position_m is not None and (
-            text := fence.breach(zones, position_m, (home.lat_deg, home.lon_deg))
-        ):
-            return MissionFault(item.sequence, f"geofence: {text}")
-    return None
-
-
-def _wanted_depth_m(item: MissionItem) -> float | None:
+def wanted_depth_m(item: MissionItem) -> float | None:
     """Return the depth that an item sets; None if it sets none."""
     if item.command == MavCmd.NAV_LAND:
         return None
@@ -196,7 +171,7 @@ def _item_fault(item: MissionItem, count: int, config: Config) -> ItemFault:
         if depth_m > limit_m + DEPTH_ROUNDING_M:
             parameter = 7 if item.command in _DEPTH_COMMANDS else 1
             return parameter, f"depth {depth_m:g} m: must be at most FS_DEPTH_M = {limit_m:g} m"
-    if item.command in _POSITION_COMMANDS:
+    if item.command in POSITION_COMMANDS:
         return place_fault(item)
     if item.command == MavCmd.USER_1:
         return 0, excitation.check(excitation_of(item, AutopilotState(), config), config.travel_deg)
@@ -208,7 +183,7 @@ def _distance_fault(item: MissionItem, home: Home, config: Config) -> ItemFault:
     limit_m = config.mission_distance_m
     if (
         limit_m == 0.0
-        or item.command not in _POSITION_COMMANDS
+        or item.command not in POSITION_COMMANDS
         or not (home.known or item.frame == FRAME_LOCAL_NED)
     ):
         return 0, ""
@@ -227,17 +202,17 @@ def needs_home(items: tuple[MissionItem, ...], config: Config) -> bool:
     return any(
         item.command == MavCmd.NAV_RETURN_TO_LAUNCH
         or (
-            item.command in _POSITION_COMMANDS
+            item.command in POSITION_COMMANDS
             and item.frame in GLOBAL_FRAMES
             and guidance.item_position(item, Home()) is not None
         )
-        for item in _items_to_fly(items, config)
+        for item in items_to_fly(items, config)
     )
 
 
 def restart(mission: MissionState, config: Config) -> MissionState:
     """Return the mission reset to its first item to fly."""
-    first = len(mission.items) - len(_items_to_fly(mission.items, config))
+    first = len(mission.items) - len(items_to_fly(mission.items, config))
     return MissionState(mission.items, first)
 
 
@@ -277,12 +252,12 @@ def begin_item(item: MissionItem, state: AutopilotState, config: Config) -> Step
         case MavCmd.CONDITION_YAW:
             setpoint = setpoint._replace(heading_rad=_heading(item, state))
         case MavCmd.DO_CHANGE_SPEED:
-            setpoint = setpoint._replace(thrust=_thrust(item, setpoint.thrust, config))
+            setpoint = setpoint._replace(thrust=item_thrust(item, setpoint.thrust, config))
         case MavCmd.NAV_RETURN_TO_LAUNCH:
             return begin_rtl(state, config)
         case MavCmd.NAV_LAND if guidance.item_position(item, state.home) is None:
             return modes.enter(state, modes.SURFACE)
-        case _ if item.command in _POSITION_COMMANDS:
+        case _ if item.command in POSITION_COMMANDS:
             return _begin_leg(item, state, config), ()
         case MavCmd.USER_1:
             return start_test(excitation_of(item, state, config), state)
@@ -382,7 +357,7 @@ def start_test(test: Excitation, state: AutopilotState) -> tuple[AutopilotState,
     )
 
 
-def _items_to_fly(items: tuple[MissionItem, ...], config: Config) -> tuple[MissionItem, ...]:
+def items_to_fly(items: tuple[MissionItem, ...], config: Config) -> tuple[MissionItem, ...]:
     """Return the items without item 0 if that is home (MIS_SEQ0_HOME)."""
     return items[1:] if config.mission_seq0_home else items
 
@@ -447,7 +422,7 @@ def _heading(item: MissionItem, state: AutopilotState) -> float:
     return wrap_pi(angle)
 
 
-def _thrust(item: MissionItem, thrust: float, config: Config) -> float:
+def item_thrust(item: MissionItem, thrust: float, config: Config) -> float:
     """Return the thrust of CHANGE_SPEED: p3 (%) if given, else that of speed p2; -2: cruise."""
     if item.p3 >= 0:
         return min(1.0, item.p3 / 100.0)

@@ -721,6 +721,17 @@ class Config:
         ),
     ] = 10_000.0
     """The default is the distance at cruise speed (1.3 m/s) in FS_TIME_S (7200 s), rounded up."""
+    battery_cruise_h: Annotated[
+        float,
+        Doc(
+            name="BAT_CRUISE_H",
+            minimum=0,
+            maximum=1000,
+            unit="h",
+            doc="Time at cruise speed on a full battery, for the check of missions; 0: no check",
+        ),
+    ] = 10.0
+    """The default is 1500 Wh over 60 W of instruments and 86 W of the drive, rounded down."""
 
     fence_action: Annotated[
         int,

@@ -1,19 +1,24 @@
 """Handling of ground station requests, between two ticks. Pure."""
 
+import math
+from dataclasses import replace
+
 from autopilot.control import (
     actuator_test,
     excitation,
     failsafe,
+    feasibility,
     fence,
     guidance,
     mission,
     modes,
     navigation,
+    offboard,
     requests,
 )
 from autopilot.control.params import Config, find_conflict
 from autopilot.control.sensor_health import monitor
-from autopilot.control.setpoints import AttitudeTarget, Circle, TrackLine
+from autopilot.control.setpoints import AttitudeTarget, Circle, MotionTarget, TrackLine
 from autopilot.control.types import (
     ACCEPTED,
     DENIED,
@@ -28,7 +33,13 @@ from autopilot.control.types import (
     MissionState,
     Severity,
 )
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import (
+    FRAME_LOCAL_NED,
+    GLOBAL_FRAMES,
+    LOCAL_SCALE,
+    MavCmd,
+    MissionItem,
+)
 
 Events = tuple[Event | ItemReached, ...]
 
@@ -81,8 +92,10 @@ def handle_request(
             return change_target(state, request), Answer(ACCEPTED), ()
         case requests.TestActuator():
             return test_actuator(state, request)
+        case requests.GoTo():
+            return go_to(state, request, config)
         case requests.SetTarget():
-            return set_target(state, request), Answer(ACCEPTED), ()
+            return set_target(state, request, config)
         case requests.SetHome(lat_deg, lon_deg):
             return set_home(state, Home(lat_deg, lon_deg, known=True)), Answer(ACCEPTED), ()
 
@@ -145,11 +158,9 @@ def missing_requirement(state: AutopilotState, mode: modes.Mode, config: Config)
     if mode == modes.MISSION and not state.mission.items:
         return "no mission"
     if mode == modes.MISSION and (
-        fault := mission.find_fault(state.mission.items, state.home, config)
-    ):
-        return f"mission item {fault.sequence}: {fault.reason}"
-    if mode == modes.MISSION and (
-        fault := mission.find_fence_fault(state.mission.items, state.fence, state.home, config)
+        fault := feasibility.find_fault(
+            state, state.mission.items, config, feasibility.start_of(state)
+        )
     ):
         return f"mission item {fault.sequence}: {fault.reason}"
     if mode == modes.RTL or (
@@ -210,11 +221,87 @@ def set_mode(
     return state, Answer(ACCEPTED), events
 
 
-def set_target(state: AutopilotState, request: requests.SetTarget) -> AutopilotState:
-    """Store the latest target of a stream."""
-    if isinstance(request.target, AttitudeTarget):
-        return state._replace(targets=state.targets._replace(attitude=request.target))
-    return state._replace(targets=state.targets._replace(motion=request.target))
+def set_target(
+    state: AutopilotState, request: requests.SetTarget, config: Config
+) -> tuple[AutopilotState, Answer, Events]:
+    """Store the latest target of a stream; in STATION a place is the new centre of the circle."""
+    target = request.target
+    if isinstance(target, AttitudeTarget):
+        targets = state.targets._replace(attitude=target)
+        return state._replace(targets=targets), Answer(ACCEPTED), ()
+    stored = state._replace(targets=state.targets._replace(motion=target))
+    if state.armed and state.mode == modes.STATION.number and target.position_m is not None:
+        return go_to(stored, requests.GoTo(_place(target), target.speed_mps), config)
+    return stored, Answer(ACCEPTED), ()
+
+
+def _place(target: MotionTarget) -> MissionItem:
+    """Return the place and the depth of a motion target as an item to circle."""
+    position_m = target.position_m or 0j
+    return MissionItem(
+        0,
+        FRAME_LOCAL_NED,
+        MavCmd.NAV_LOITER_UNLIM,
+        x=round(position_m.real * LOCAL_SCALE),
+        y=round(position_m.imag * LOCAL_SCALE),
+        z=math.nan if target.depth_m is None else target.depth_m,
+    )
+
+
+def go_to(
+    state: AutopilotState, request: requests.GoTo, config: Config
+) -> tuple[AutopilotState, Answer, Events]:
+    """Circle a place in STATION, or change the depth, within the limits of a mission item."""
+    item, mode = request.item, modes.by_number(state.mode) or modes.HOLD
+    result, reason = _go_to_refusal(state, request, config)
+    if reason:
+        return state, Answer(result, f"Go-to refused: {reason}"), ()
+    circles = item.command == MavCmd.NAV_LOITER_UNLIM
+    stays = mode == modes.STATION or (mode == modes.HOLD and not circles)
+    wanted = modes.STATION if circles or mode == modes.STATION else modes.HOLD
+    present = state.setpoint
+    state, answer, events = set_mode(state, wanted.number, config)
+    if answer.result != ACCEPTED:
+        return state, answer, events
+    depth_m = present.depth_m if mode in (modes.HOLD, modes.STATION) else state.setpoint.depth_m
+    thrust = present.thrust if stays else state.setpoint.thrust
+    if request.speed_mps is not None:
+        thrust = offboard.thrust_for(request.speed_mps, config)
+    setpoint = state.setpoint._replace(
+        depth_m=guidance.item_depth_m(item, depth_m), thrust=thrust, pitch_rad=math.nan
+    )
+    state = state._replace(setpoint=setpoint)
+    return (_circle_place(state, item, config) if circles else state), answer, events
+
+
+def _go_to_refusal(
+    state: AutopilotState, request: requests.GoTo, config: Config
+) -> tuple[int, str]:
+    """Return MAV_RESULT and reason if a place or a depth is refused; no reason if it is not."""
+    item = request.item
+    if not state.armed:
+        return TEMPORARILY_REJECTED, "not armed"
+    mode = modes.by_number(state.mode) or modes.HOLD
+    if mode not in (modes.HOLD, modes.STATION) and not request.changes_mode:
+        return TEMPORARILY_REJECTED, f"mode {mode.name}; set the change-mode flag, or HOLD first"
+    has_place = item.command == MavCmd.NAV_LOITER_UNLIM
+    if has_place and item.frame in GLOBAL_FRAMES and not state.home.known:
+        return TEMPORARILY_REJECTED, "home is not known"
+    items, config = (item,), replace(config, mission_seq0_home=0)
+    fault = mission.find_fault(items, state.home, config) or feasibility.find_fence_fault(
+        items, state.fence, state.home, config
+    )
+    return (DENIED, fault.reason) if fault else (ACCEPTED, "")
+
+
+def _circle_place(state: AutopilotState, item: MissionItem, config: Config) -> AutopilotState:
+    """Set the path to the circle of an item; a repeated request does not restart it."""
+    place_m = guidance.item_position(item, state.home)
+    centre_m = guidance.position_of(state.estimate) if place_m is None else place_m
+    path = guidance.circle(centre_m, item.p3, config)
+    old = state.path
+    same = isinstance(old, Circle) and old[:3] == path[:3]
+    return state if same else state._replace(path=path)
 
 
 def set_home(state: AutopilotState, home: Home) -> AutopilotState:
@@ -304,7 +391,7 @@ def load_mission(
     state: AutopilotState, items: tuple[MissionItem, ...], config: Config
 ) -> tuple[AutopilotState, Answer, Events]:
     """Replace the mission if all its items can be flown and none is in progress."""
-    if fault := mission.find_fault(items, state.home, config):
+    if fault := feasibility.find_fault(state, items, config, None):
         result = DENIED if items[fault.sequence].command in mission.COMMANDS else UNSUPPORTED
         return (
             state,

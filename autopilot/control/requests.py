@@ -69,6 +69,18 @@ class LoadRally(NamedTuple):
     items: tuple[MissionItem, ...]
 
 
+class GoTo(NamedTuple):
+    """Go to a place and circle it in mode STATION, or only change the depth."""
+
+    item: MissionItem
+    """NAV_LOITER_UNLIM: circle its place, or the vehicle's if it has none.
+    CONDITION_CHANGE_ALT: change the depth in STATION or HOLD, from another mode in HOLD."""
+    speed_mps: float | None = None
+    """Speed through the water; None for that of ``SPD_CRUISE_MPS``, or in STATION the present."""
+    changes_mode: bool = True
+    """Whether to leave another mode than HOLD and STATION."""
+
+
 class SetMissionItem(NamedTuple):
     """Set the current mission item."""
 
@@ -117,6 +129,7 @@ Request = (
     | LoadMission
     | LoadFence
     | LoadRally
+    | GoTo
     | SetMissionItem
     | ChangeTarget
     | SetTarget

@@ -304,7 +304,7 @@ class AscentStage(IntEnum):
     """Stages of mode SURFACE, in the order in which they are tried."""
 
     POWERED = 0
-    """Ascent under power to depth 0."""
+    """Under power to depth 0."""
     ASTERN = 1
     """Propeller astern: the nose is down and the vehicle sinks."""
     STOPPED = 2
@@ -375,6 +375,8 @@ class AutopilotState(NamedTuple):
     """Number of reported breaches of the geofence since the start of the autopilot."""
     fence_breach_us: int = 0
     """Time of the last one."""
+    charge: float = 1.0
+    """Remaining fraction of the battery at the last request; 1 if it is not known."""
 
 
 class Trace(NamedTuple):

@@ -63,6 +63,7 @@ LOGGED_FROM_GROUND = frozenset(
         "MANUAL_CONTROL",
         "MISSION_COUNT",
         "MISSION_ITEM_INT",
+        "MISSION_ITEM",
         "MISSION_CLEAR_ALL",
         "MISSION_SET_CURRENT",
         "MISSION_WRITE_PARTIAL_LIST",

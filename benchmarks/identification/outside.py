@@ -64,7 +64,7 @@ class Truth(NamedTuple):
     """True small-signal behaviour of a plant."""
 
     numbers: dict[str, float]
-    """True values by label, without those at crossover."""
+    """By label, without those at crossover."""
     crossover_radps: dict[Plane, float]
     response: dict[Plane, complex]
     """Command to measured rate at crossover."""

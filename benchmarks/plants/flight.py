@@ -57,7 +57,7 @@ class Test(NamedTuple):
     rudder: bool
     start_s: float
     signal_rad: Array
-    """Samples at 50 Hz, relative to trim."""
+    """At 50 Hz, relative to trim."""
 
 
 class Recorded(NamedTuple):

@@ -22,7 +22,7 @@ class Sizes(NamedTuple):
     """Number of dives of each part."""
 
     seeds: int = 20
-    """Number of seeds of each fault and vehicle."""
+    """Of each fault of the catalogue and vehicle."""
     pairs: int = 2000
     missions: int = 1000
     vehicles: tuple[str, ...] = cases.VEHICLES

@@ -17,7 +17,7 @@ from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MissionItem
 from mavlink_io.transport import open_transport, wait
 from sysid.data.events import Failsafe, TrimLearned
 
@@ -249,7 +249,10 @@ def raise_process_error(simulated: SimulatedVehicle, patience_s: float = 1.0) ->
 
 
 def prepare(vehicle: VehicleClient, dive: Dive) -> dict[str, float]:
-    """Set parameters, message rates, mission and mode; return the parameters of the vehicle.
+    """Set parameters, message rates, plans and mode; return the parameters of the vehicle.
+
+    A geofence and rally points of the file come first: the vehicle checks the mission with them.
+    Without any in the file those of the vehicle stay.
 
     Raises
     ------
@@ -264,6 +267,9 @@ def prepare(vehicle: VehicleClient, dive: Dive) -> dict[str, float]:
     plans.check_limits(dive.mission, dive.plan, plans.Limits.from_parameters(parameters))
     for name, rate_hz in RATES_HZ.items():
         vehicle.set_interval(name, rate_hz)
+    for items, kind in ((dive.plan.fence, FENCE_TYPE), (dive.plan.rally, RALLY_TYPE)):
+        if items:
+            vehicle.upload(items, kind)
     vehicle.upload(dive.items)
     vehicle.set_mode("MISSION")
     return parameters

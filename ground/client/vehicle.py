@@ -21,7 +21,7 @@ from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.errors import ErrorCode, OperationError
 from mavlink_io.logging.statustext import TextJoiner
-from mavlink_io.mission_items import MavCmd, MissionItem
+from mavlink_io.mission_items import MISSION_TYPE, MavCmd, MissionItem
 from mavlink_io.records import ARMED_FLAG
 from mavlink_io.request import Exchange, ExchangeError, MavlinkId
 from mavlink_io.services.missions import MissionClient
@@ -251,9 +251,9 @@ class VehicleClient:
         """Set a parameter; return the value that the vehicle reports back."""
         return self._run(self._client(ParamClient).set(name, value))
 
-    def upload(self, items: Sequence[MissionItem]) -> None:
-        """Replace the mission on the vehicle."""
-        self._run(self._client(MissionClient).upload(items))
+    def upload(self, items: Sequence[MissionItem], mission_type: int = MISSION_TYPE) -> None:
+        """Replace the mission, the geofence or the rally points on the vehicle."""
+        self._run(self._client(MissionClient).upload(items, mission_type))
 
     def download(self) -> tuple[MissionItem, ...]:
         """Return the mission on the vehicle."""

@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,18 +11,33 @@ from ground.missions import script
 from ground.missions.script import ScriptError
 from mavlink_io.dialect import has_location
 from mavlink_io.mission_items import (
+    FENCE_TYPE,
     FRAME_LOCAL_NED,
     FRAME_MISSION,
     GLOBAL_FRAMES,
     GLOBAL_SCALE,
     LOCAL_SCALE,
     NOT_GIVEN,
+    RALLY_TYPE,
     MavCmd,
     MissionItem,
     place_fault,
 )
 from mavlink_io.text_files import parse_json, read_text
 
+_INCLUSION, _EXCLUSION = (
+    MavCmd.NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+    MavCmd.NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
+)
+_CIRCLE_INCLUSION, _CIRCLE_EXCLUSION = (
+    MavCmd.NAV_FENCE_CIRCLE_INCLUSION,
+    MavCmd.NAV_FENCE_CIRCLE_EXCLUSION,
+)
+_CAMERA_COMMANDS = frozenset((206, 214, 530, 2000, 2001, 2003, 2500, 2501))
+"""DO_SET_CAM_TRIGG_DIST and _INTERVAL, SET_CAMERA_MODE, IMAGE_* and VIDEO_*_CAPTURE,
+DO_TRIGGER_CONTROL."""
+_GLOBAL_RELATIVE = 3
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT, which QGroundControl sends."""
 WPL_HEADER = "QGC WPL 110"
 SUBMARINE, GENERIC = 12, 0
 """MAV_TYPE and MAV_AUTOPILOT that a plan file names."""
@@ -35,6 +51,10 @@ class Plan(NamedTuple):
     items: tuple[MissionItem, ...]
     labels: tuple[str, ...]
     """Place of each item in the file: `step 2`, or `item 3` if the file has no steps."""
+    fence: tuple[MissionItem, ...] = ()
+    """Items of the geofence in the file."""
+    rally: tuple[MissionItem, ...] = ()
+    """Rally points in the file."""
 
 
 class Limits(NamedTuple):
@@ -82,10 +102,13 @@ def load(name_or_path: str) -> Plan:
         labels = tuple(f"step {number}" for number in script.step_numbers(steps))
         return Plan(script.compile_items(steps), labels)
     text = read_text(path, errors="replace")
+    fence: tuple[MissionItem, ...] = ()
+    rally: tuple[MissionItem, ...] = ()
     if text.startswith(WPL_HEADER):
         items = read_wpl(text, name_or_path)
     elif text.lstrip().startswith("{"):
         items = read_plan(text, name_or_path)
+        fence, rally = read_fence(text, name_or_path), read_rally(text, name_or_path)
     else:
         raise ScriptError(
             f"{name_or_path}: neither a .toml mission, a .plan nor a {WPL_HEADER!r} file"
@@ -93,7 +116,7 @@ def load(name_or_path: str) -> Plan:
     for item in items:
         if has_location(item.command) and (reason := place_fault(item)[1]):
             raise ScriptError(f"{name_or_path}: item {item.sequence}: {reason}")
-    return Plan(items, tuple(f"item {item.sequence}" for item in items))
+    return Plan(items, tuple(f"item {item.sequence}" for item in items), fence, rally)
 
 
 def load_items(name_or_path: str) -> tuple[MissionItem, ...]:
@@ -206,22 +229,76 @@ def write_plan(items: Sequence[MissionItem]) -> str:
 
 
 def read_plan(text: str, where: str) -> tuple[MissionItem, ...]:
-    """Return the items of a plan file that holds only simple items. Raises ScriptError."""
+    """Return the items of a plan file; surveys and scans as the lines that QGroundControl stored.
+
+    The items of a survey that trigger a camera are left out. Raises ScriptError.
+    """
+    with _errors_named(where, "mission.items"):
+        entries = [
+            entry for outer in parse_json(text)["mission"]["items"] for entry in _simple(outer)
+        ]
+        places = {entry.get("doJumpId"): n for n, entry in enumerate(entries)}
+        return _renumber([_from_plan(entry, places) for entry in entries])
+
+
+def read_fence(text: str, where: str) -> tuple[MissionItem, ...]:
+    """Return the items of the geofence of a plan file; none if it has none. Raises ScriptError."""
+    with _errors_named(where, "geoFence"):
+        fence = parse_json(text).get("geoFence") or {}
+        items: list[MissionItem] = []
+        for polygon in fence.get("polygons", ()):
+            command = _INCLUSION if polygon.get("inclusion", True) else _EXCLUSION
+            corners = polygon["polygon"]
+            items += [_place_item(command, corner, float(len(corners))) for corner in corners]
+        for entry in fence.get("circles", ()):
+            command = _CIRCLE_INCLUSION if entry.get("inclusion", True) else _CIRCLE_EXCLUSION
+            circle = entry["circle"]
+            items.append(_place_item(command, circle["center"], float(circle["radius"])))
+        return _numbered(items, FENCE_TYPE)
+
+
+def read_rally(text: str, where: str) -> tuple[MissionItem, ...]:
+    """Return the rally points of a plan file; none if it has none. Raises ScriptError."""
+    with _errors_named(where, "rallyPoints"):
+        points = (parse_json(text).get("rallyPoints") or {}).get("points", ())
+        items = [_place_item(MavCmd.NAV_RALLY_POINT, point, 0.0) for point in points]
+        return _numbered(items, RALLY_TYPE)
+
+
+@contextmanager
+def _errors_named(where: str, part: str) -> Iterator[None]:
+    """Turn the errors of a wrong file into ScriptError that name the file and its part."""
     try:
-        entries = parse_json(text)["mission"]["items"]
-        if any(entry.get("type") != "SimpleItem" for entry in entries):
-            raise ScriptError(
-                f"{where}: mission.items: only SimpleItem can be flown; surveys and scans cannot"
-            )
-        return _renumber([_from_plan(entry) for entry in entries])
+        yield
+    except ScriptError:
+        raise
     except json.JSONDecodeError as error:
         raise ScriptError(f"{where}: not JSON: {error}") from None
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, ScriptError):
-            raise
-        raise ScriptError(
-            f"{where}: mission.items: not a QGroundControl plan ({error!r})"
-        ) from None
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise ScriptError(f"{where}: {part}: not a QGroundControl plan ({error!r})") from None
+
+
+def _simple(entry: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the simple items of an entry. Raises KeyError or ValueError."""
+    if entry["type"] == "SimpleItem":
+        return [entry]
+    transects = entry.get("TransectStyleComplexItem", {})
+    if "Items" not in transects:
+        raise ValueError(f"{entry['type']} {entry.get('complexItemType', '')} without its items")
+    return [item for item in transects["Items"] if item["command"] not in _CAMERA_COMMANDS]
+
+
+def _place_item(command: int, place: Sequence[float], p1: float) -> MissionItem:
+    """Return an item of a fence or a rally point. Raises ValueError if it is out of range."""
+    item = MissionItem(0, _GLOBAL_RELATIVE, command, p1=p1)
+    return _with_location(item, float(place[0]), float(place[1]))
+
+
+def _numbered(items: Sequence[MissionItem], mission_type: int) -> tuple[MissionItem, ...]:
+    """Set the sequence numbers from 0 and the type of the plan."""
+    return tuple(
+        item._replace(sequence=n, mission_type=mission_type) for n, item in enumerate(items)
+    )
 
 
 def _wpl_item(row: list[str]) -> MissionItem:
@@ -258,7 +335,8 @@ def _plan_item(number: int, item: MissionItem) -> dict[str, Any]:
     x, y = _location(item)
     if _has_global_position(item) and item.x == item.y == NOT_GIVEN:
         x = y = math.nan
-    values = [item.p1, item.p2, item.p3, item.p4, x, y, item.z]
+    first = item.p1 + 1.0 if item.command == MavCmd.DO_JUMP else item.p1  # a doJumpId
+    values = [first, item.p2, item.p3, item.p4, x, y, item.z]
     return {
         "autoContinue": bool(item.autocontinue),
         "command": item.command,
@@ -269,13 +347,18 @@ def _plan_item(number: int, item: MissionItem) -> dict[str, Any]:
     }
 
 
-def _from_plan(entry: dict[str, Any]) -> MissionItem:
-    """Parse one entry of a plan file. Raises KeyError, TypeError, ValueError."""
+def _from_plan(entry: dict[str, Any], places: Mapping[Any, int]) -> MissionItem:
+    """Parse one entry of a plan file; ``places`` are the positions of the items by doJumpId.
+
+    Raises KeyError, TypeError, ValueError.
+    """
     p1, p2, p3, p4, x, y, z = (
         math.nan if value is None else float(value) for value in entry["params"]
     )
     autocontinue = int(entry.get("autoContinue", True))
     item = _item(int(entry["frame"]), int(entry["command"]), autocontinue, (p1, p2, p3, p4, z))
+    if item.command == MavCmd.DO_JUMP:
+        item = item._replace(p1=float(places[int(p1)]))
     if _has_global_position(item) and math.isnan(x) and math.isnan(y):
         return item._replace(x=NOT_GIVEN, y=NOT_GIVEN)
     return _with_location(item, 0.0 if math.isnan(x) else x, 0.0 if math.isnan(y) else y)

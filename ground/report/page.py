@@ -27,6 +27,7 @@ from sysid.control_analysis import control_systems
 from sysid.control_analysis.control_systems import MarginsComparison
 from sysid.control_analysis.loop_transfer import Margins
 from sysid.design import design_model
+from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport
 from sysid.monitor.sequential import RmsComparison
 
@@ -92,7 +93,7 @@ def write(
     prepared : ModelFigures, optional
         Result of `model_figures` for this folder, if it is already known.
     compared : Mapping, optional
-        Result of `compare_margins` for this folder, its analyses and gains, if it is already known.
+        Result of `compare_margins` for its model, analyses and gains, if it is already known.
 
     Returns
     -------
@@ -122,7 +123,7 @@ def _page(
     missions = figures.mission_figures(campaign, list(summary.tracking))
     steps, responses, whiteness, predictions = of_model
     analyses = loop_analyses(summary.design)
-    comparisons = compared or compare_margins(campaign, analyses, summary.gains)
+    comparisons = compared or compare_margins(model, analyses, summary.gains)
     poles = {role: analysis.poles_radps for role, analysis in analyses.items()}
     shown = (*missions, *steps, *responses, *predictions, *whiteness)
     drawn = {figure.key: charts.figure_chart(figure) for figure in shown}
@@ -173,7 +174,7 @@ def loop_analyses(design: DesignSummary) -> dict[str, LoopAnalysis]:
 
 
 def compare_margins(
-    campaign: CampaignFolder,
+    model: IdentifiedModel,
     analyses: Mapping[str, LoopAnalysis],
     gains: Mapping[str, Mapping[str, float]],
 ) -> dict[str, MarginsComparison]:
@@ -181,8 +182,8 @@ def compare_margins(
 
     Parameters
     ----------
-    campaign : CampaignFolder
-        Folder with the model of the design.
+    model : IdentifiedModel
+        Model of the design.
     analyses : Mapping
         Analysis by set of gains, with the margins that the report gives.
     gains : Mapping
@@ -193,7 +194,7 @@ def compare_margins(
     dict
         Margins by python-control and differences, by set of gains.
     """
-    vehicle = design_model.from_model(campaign.model, campaign.prior_config)
+    vehicle = design_model.from_model(model)
     lags = vehicle.yaw_lag, vehicle.pitch_lag
     return {
         role: control_systems.compare_margins(

@@ -46,7 +46,7 @@ class SweepReport(NamedTuple):
     table: Table
     cells: list[CellSummary]
     influences: dict[str, list[Influence]]
-    """Influences by the results in `RESULTS`; empty where a result does not vary."""
+    """By the results in `RESULTS`; those that do not vary are empty."""
     worst: list[dict[str, Any]]
     """Number, reason, errors and command of the worst dives, worst first."""
 

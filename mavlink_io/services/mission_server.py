@@ -16,6 +16,7 @@ from mavlink_io.mission_items import (
     FRAME_MISSION,
     GLOBAL_FRAMES,
     MISSION_TYPE,
+    NOT_GIVEN,
     MavCmd,
     MissionItem,
 )
@@ -39,6 +40,11 @@ MAX_CLIENTS = 16
 """Number of clients whose frames are put in order; the client that came first is forgotten."""
 RE_REQUESTS = 5
 """Number of repeated requests for one item before the upload is abandoned."""
+
+OLD_REQUESTS = 2
+"""Number of the last requests for the first item that are sent as MISSION_REQUEST."""
+GO_TO, CHANGE_DEPTH = 2, 3
+"""Values of ``current`` in an item that is a command and no part of a mission (ArduPilot)."""
 
 
 class MissionProgress(NamedTuple):
@@ -88,6 +94,10 @@ class MissionStore(Plan, Protocol):
         """Continue at an item; return False if the mission has no such item."""
         ...
 
+    def go_to(self, item: MissionItem) -> MissionResult:
+        """Go to the place of an item now, or to its depth if it has no place."""
+        ...
+
     def explain(self, text: str) -> None:
         """Send the operator the reason of a refusal."""
         ...
@@ -110,12 +120,18 @@ class _UploadSession:
     """MAV_MISSION_TYPE of the plan."""
     attempts_left: int = RE_REQUESTS
     items: list[MissionItem] = field(default_factory=list)
+    sends_floats: bool = False
+    """Whether the sender answers with MISSION_ITEM."""
 
     def request(self, now_s: float) -> None:
-        """Request the next item."""
+        """Request the next item.
+
+        A sender that does not answer for the first item may know only the deprecated messages.
+        """
         self.due_s = now_s + RE_REQUEST_S
+        deaf = not self.items and self.attempts_left < OLD_REQUESTS
         self.client.send(
-            "MISSION_REQUEST_INT",
+            "MISSION_REQUEST" if self.sends_floats or deaf else "MISSION_REQUEST_INT",
             target_system=self.client.mavlink_id.system,
             target_component=self.client.mavlink_id.component,
             seq=self.next_sequence,
@@ -148,6 +164,7 @@ class MissionServer:
         (
             "MISSION_COUNT",
             "MISSION_ITEM_INT",
+            "MISSION_ITEM",
             "MISSION_REQUEST_LIST",
             "MISSION_REQUEST_INT",
             "MISSION_REQUEST",
@@ -172,6 +189,7 @@ class MissionServer:
         self._handlers = {
             "MISSION_COUNT": self._count,
             "MISSION_ITEM_INT": self._item,
+            "MISSION_ITEM": self._item,
             "MISSION_REQUEST_LIST": self._send_count,
             "MISSION_REQUEST_INT": self._send_item,
             "MISSION_REQUEST": self._send_item,
@@ -269,7 +287,10 @@ class MissionServer:
             self._advance(session, now_s)
 
     def _item(self, message: Any, client: Client, now_s: float) -> None:
-        """Process a MISSION_ITEM_INT of an upload."""
+        """Process a MISSION_ITEM_INT or MISSION_ITEM of an upload, or a place to go to."""
+        if message.current in (GO_TO, CHANGE_DEPTH):
+            self._go_to(message, client)
+            return
         session = self._session
         if session is None or session.client != client:
             if self._finished is not None and self._finished[0].client == client:
@@ -278,7 +299,19 @@ class MissionServer:
         elif message.mission_type != session.kind or message.seq != session.next_sequence:
             session.request(now_s)
         else:
+            session.sends_floats = isinstance(message.x, float)
             self._add_item(session, item_from_message(message), now_s)
+
+    def _go_to(self, message: Any, client: Client) -> None:
+        """Go to the place of an item with ``current`` 2; with 3 only to its depth."""
+        item = item_from_message(message)
+        if message.current == CHANGE_DEPTH:
+            item = item._replace(x=NOT_GIVEN, y=NOT_GIVEN)
+        fault = _item_fault(item)
+        outcome = self._store.go_to(item) if fault.result == ACCEPTED else fault
+        if outcome.text:
+            self._store.explain(outcome.text)
+        _acknowledge(client, outcome.result, item.mission_type)
 
     def _add_item(self, session: _UploadSession, item: MissionItem, now_s: float) -> None:
         """Add a valid item to the upload; end the upload at an invalid one."""

@@ -12,7 +12,14 @@ from typing import Any
 from mavlink_io.dialect import constant, enum_names
 from mavlink_io.frame_order import FrameOrder
 from mavlink_io.mission_items import (
+    FENCE_TYPE,
+    FRAME_LOCAL_NED,
+    GLOBAL_FRAMES,
+    GLOBAL_SCALE,
+    LOCAL_SCALE,
     MISSION_TYPE,
+    NOT_GIVEN,
+    RALLY_TYPE,
     MissionItem,
 )
 from mavlink_io.request import Exchange, MavlinkId, Send
@@ -30,19 +37,28 @@ DENIED = constant("MAV_MISSION_DENIED")
 CANCELLED = constant("MAV_MISSION_OPERATION_CANCELLED")
 
 
+_PLAN_NAMES = {MISSION_TYPE: "mission", FENCE_TYPE: "geofence", RALLY_TYPE: "rally points"}
+
+
 def item_from_message(message: Any) -> MissionItem:
-    """Return the item in a MISSION_ITEM_INT.
+    """Return the item in a MISSION_ITEM_INT, or in the deprecated MISSION_ITEM.
 
     Parameters
     ----------
     message : namedtuple
-        Decoded MISSION_ITEM_INT.
+        Decoded message; x and y of a MISSION_ITEM are degrees, metres or plain numbers.
 
     Returns
     -------
     MissionItem
-        The item, unchanged.
+        The item, unchanged except for the unit of x and y; a number that does not fit is
+        NOT_GIVEN.
     """
+    x, y = message.x, message.y
+    if isinstance(x, float):
+        scale = GLOBAL_SCALE if message.frame in GLOBAL_FRAMES else 1
+        scale = LOCAL_SCALE if message.frame == FRAME_LOCAL_NED else scale
+        x, y = (_scaled(value, scale) for value in (x, y))
     return MissionItem(
         sequence=message.seq,
         frame=message.frame,
@@ -53,11 +69,17 @@ def item_from_message(message: Any) -> MissionItem:
         p2=message.param2,
         p3=message.param3,
         p4=message.param4,
-        x=message.x,
-        y=message.y,
+        x=x,
+        y=y,
         z=message.z,
         mission_type=message.mission_type,
     )
+
+
+def _scaled(value: float, scale: int) -> int:
+    """Return a coordinate as an integer; NOT_GIVEN for NaN or a number beyond int32."""
+    number = value * scale
+    return round(number) if abs(number) < NOT_GIVEN else NOT_GIVEN
 
 
 def item_fields(item: MissionItem, receiver: MavlinkId) -> dict[str, Any]:
@@ -112,20 +134,24 @@ class MissionClient:
         self._order = FrameOrder()
         """Order of the vehicle's frames over all uploads: an answer to an earlier one is late."""
 
-    def upload(self, items: Sequence[MissionItem]) -> Exchange[None]:
-        """Replace the vehicle's mission.
+    def upload(
+        self, items: Sequence[MissionItem], mission_type: int = MISSION_TYPE
+    ) -> Exchange[None]:
+        """Replace the vehicle's mission, geofence or rally points.
 
         Parameters
         ----------
         items : sequence of MissionItem
-            The new mission. The items are renumbered from 0.
+            The new plan. The items are renumbered from 0.
+        mission_type : int
+            MAV_MISSION_TYPE of the plan.
 
         Returns
         -------
         Exchange
             It fails if the vehicle refuses the mission.
         """
-        return _Upload(*self._participants, tuple(items), self._order)
+        return _Upload(*self._participants, tuple(items), self._order, mission_type)
 
     def download(self) -> Exchange[tuple[MissionItem, ...]]:
         """Read the vehicle's mission.
@@ -176,25 +202,26 @@ class _Upload(Exchange[None]):
         peer: MavlinkId,
         items: tuple[MissionItem, ...],
         order: FrameOrder,
+        mission_type: int,
     ) -> None:
         super().__init__(send, own, peer)
-        self._order = order
+        self._order, self._type = order, mission_type
         self._items = tuple(
-            item._replace(sequence=n, mission_type=MISSION_TYPE) for n, item in enumerate(items)
+            item._replace(sequence=n, mission_type=mission_type) for n, item in enumerate(items)
         )
         self._requested_item: int | None = None
 
     def _send_request(self) -> None:
         """Send the number of items, or the item that the vehicle has requested."""
         if self._requested_item is None:
-            self._send_to_peer("MISSION_COUNT", count=len(self._items), mission_type=MISSION_TYPE)
+            self._send_to_peer("MISSION_COUNT", count=len(self._items), mission_type=self._type)
         else:
             item = self._items[self._requested_item]
             self._send("MISSION_ITEM_INT", **item_fields(item, self._peer))
 
     def _handle_message(self, name: str, message: Any) -> None:
         """Send a requested item; finish or fail with the vehicle's MISSION_ACK."""
-        if message.mission_type != MISSION_TYPE:
+        if message.mission_type != self._type:
             return
         if name != "MISSION_ACK":
             if message.seq < len(self._items):
@@ -203,7 +230,8 @@ class _Upload(Exchange[None]):
                 self._note_progress()
         elif message.type != ACCEPTED:
             position = "" if self._requested_item is None else f" at item {self._requested_item}"
-            self._fail(f"the vehicle refused the mission{position}: {_result_name(message.type)}")
+            plan, result = _PLAN_NAMES[self._type], _result_name(message.type)
+            self._fail(f"the vehicle refused the {plan}{position}: {result}")
         elif not self._items or self._requested_item == len(self._items) - 1:
             self._finish(None)
         elif self._requested_item is not None:
@@ -212,7 +240,7 @@ class _Upload(Exchange[None]):
             self._send_request()
 
     def _describe(self) -> str:
-        return f"the upload of {len(self._items)} mission items"
+        return f"the upload of {len(self._items)} items of the {_PLAN_NAMES[self._type]}"
 
 
 class _MissionDownload(Exchange[tuple[MissionItem, ...]]):

@@ -172,7 +172,7 @@ class Log:
     depth: Depth
     setpoints: Setpoints
     events: tuple[LogEvent, ...]
-    """Events in the order of time."""
+    """In the order of time."""
     parameters: dict[str, float]
     """Parameters of the autopilot by name."""
     duct: DuctAngles

@@ -11,7 +11,6 @@ import control
 import numpy as np
 from scipy.io import savemat
 
-from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis import control_systems, loop_transfer
 from sysid.control_analysis.control_systems import LoopSystem
 from sysid.control_analysis.loop_transfer import Margins
@@ -45,9 +44,7 @@ class LoopExport(NamedTuple):
     """Parameters of PID loops by name; empty for LQG."""
 
 
-def export_pid(
-    model: IdentifiedModel, design: Design, prior: VehicleConfig | None = None
-) -> LoopExport:
+def export_pid(model: IdentifiedModel, design: Design) -> LoopExport:
     """Return the loops of a PID design, with its margins confirmed by python-control.
 
     Parameters
@@ -56,8 +53,6 @@ def export_pid(
         Model of the design.
     design : Design
         Designed gains and their analysis.
-    prior : VehicleConfig, optional
-        Vehicle file of the refit; needed if that file is not shipped.
 
     Returns
     -------
@@ -69,7 +64,7 @@ def export_pid(
     MarginsDisagreeError
         A margin of the design differs from that of python-control.
     """
-    vehicle = design_model.from_model(model, prior)
+    vehicle = design_model.from_model(model)
     lags = vehicle.yaw_lag, vehicle.pitch_lag
     loops = control_systems.open_loops(vehicle.planes, lags, design.gains)
     return LoopExport(
@@ -83,9 +78,7 @@ def export_pid(
     )
 
 
-def export_lqg(
-    model: IdentifiedModel, design: LqgDesign, prior: VehicleConfig | None = None
-) -> LoopExport:
+def export_lqg(model: IdentifiedModel, design: LqgDesign) -> LoopExport:
     """Return the loops of an LQG design, with its margins confirmed by python-control.
 
     Parameters
@@ -94,8 +87,6 @@ def export_lqg(
         Model of the design.
     design : LqgDesign
         Designed controllers.
-    prior : VehicleConfig, optional
-        Vehicle file of the refit; needed if that file is not shipped.
 
     Returns
     -------
@@ -107,7 +98,7 @@ def export_lqg(
     MarginsDisagreeError
         A margin of the design differs from that of python-control.
     """
-    vehicle = design_model.from_model(model, prior)
+    vehicle = design_model.from_model(model)
     lags = vehicle.yaw_lag, vehicle.pitch_lag
     loops: dict[str, LoopSystem] = {}
     reported: dict[str, Margins] = {}

@@ -56,7 +56,7 @@ class CellSummary(NamedTuple):
     failures: dict[str, int]
     """Number of dives that did not pass, by reason."""
     errors: dict[str, Distribution]
-    """Statistics by the names in `ERRORS`; one without any value is missing."""
+    """By the names in `ERRORS`; one without any value is missing."""
 
 
 class Influence(NamedTuple):

@@ -153,6 +153,8 @@ def test_mission_loaded_before_home_is_checked_at_start() -> None:
     assert flight.ask(requests.Arm()) == TEMPORARILY_REJECTED
     assert not flight.state.armed
     flight.config = Config(mission_distance_m=0.0)
+    assert flight.ask(requests.Arm()) == TEMPORARILY_REJECTED, "517 km are beyond the battery"
+    flight.config = Config(mission_distance_m=0.0, battery_cruise_h=0.0)
     assert flight.ask(requests.Arm()) == ACCEPTED, "0 is no limit"
 
 

@@ -15,7 +15,7 @@ from tests.helpers.missions import excitation_item, leg
 from tests.helpers.navigation_sim import Voyage
 
 WAYPOINT = MissionItem(4, 1, 16, x=200_000, y=-100_000, z=3.0)
-"""Waypoint 20 m north and 10 m west, 3 m deep."""
+"""To a place 20 m north and 10 m west, 3 m deep."""
 LEGS = (*leg(depth_m=2.0, heading_deg=40.0, duration_s=15.0), WAYPOINT)
 TESTS = (
     *leg(depth_m=3.0, heading_deg=0.0, duration_s=15.0),

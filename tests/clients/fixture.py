@@ -101,6 +101,19 @@ def wait_for_heartbeat(address: str, status: int = 0, within_s: float = STARTS_W
     raise AssertionError(f"no vehicle is in standby on {address}")
 
 
+def mavsdk_action_results() -> Verdicts:
+    """Return result and difference from the expected one of each method of plugin `action`."""
+    port = free_port()
+    with (
+        afloat(f"udpout:127.0.0.1:{port}"),
+        process("-m", "tests.clients.mavsdk_actions", f"udpin://127.0.0.1:{port}") as program,
+    ):
+        finished = program.finish(patience_s=300.0)
+    assert finished.status == 0, finished.stderr[-3000:]
+    results: Verdicts = json.loads(finished.stdout.splitlines()[-1])
+    return results
+
+
 class Act(NamedTuple):
     """A running client program, and its serial line if it uses one."""
 

@@ -35,7 +35,7 @@ from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate
 
 DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
 MODES = ("MANUAL", "DEPTH", "STATION", "HOLD", "RTL", "SURFACE", "STABILIZE", "MISSION")
-MISSION_MODE = 67_371_008
+MISSION_MODE, STATION_MODE = 67_371_008, 196_608
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 STREAMS_COUNTED_S = 11.0
 LOG_ROW = r"Log (0) +numLogs \d+ lastLog \d+ size ([1-9]\d*)"
@@ -292,6 +292,22 @@ def requests_a_message(p: Person) -> None:
     require(p.latest("AUTOPILOT_VERSION")["capabilities"] & 4, "capability MISSION_INT is missing")
 
 
+def guided_goes_to_a_place(p: Person) -> None:
+    """Check ``guided`` (DO_REPOSITION), and ``guided forward`` (a target in body axes)."""
+    here = p.latest("GLOBAL_POSITION_INT")
+    p.ask(f"guided {here['lat'] / 1e7 + 1e-3} {here['lon'] / 1e7} -3", "DO_REPOSITION: ACCEPTED")
+    p.until(lambda: p.latest("HEARTBEAT")["custom_mode"] == STATION_MODE, "mode is not STATION")
+    p.until(lambda: p.latest("POSITION_TARGET_LOCAL_NED")["z"] == 3.0, "the depth is not 3 m", 60.0)
+    far_m = p.latest("POSITION_TARGET_LOCAL_NED")["x"]
+
+    def nearer() -> bool:
+        p.console.type_line("guided forward 30")
+        time.sleep(1.0)
+        return bool(abs(p.latest("POSITION_TARGET_LOCAL_NED")["x"] - far_m) > 10.0)
+
+    p.until(nearer, "guided forward has no effect", 60.0)
+
+
 def takeoff_is_refused(p: Person) -> None:
     p.ask("long NAV_TAKEOFF 0", "NAV_TAKEOFF: UNSUPPORTED")
 
@@ -396,6 +412,7 @@ EVERY: list[Check] = [
     repeated_stream_requests_keep_rates,
     sets_current_mission_item,
     requests_a_message,
+    guided_goes_to_a_place,
     takeoff_is_refused,
     reboot_while_armed_is_refused,
     disarm_under_water_is_refused,

@@ -12,7 +12,7 @@ from typing import Any
 PATIENCE_S = 15.0
 POLL_S = 0.02
 END = "end-of-list"
-"""Word that is no command: MAVProxy's error for it shows that it executed all commands before."""
+"""Not a command: MAVProxy's error for it shows that all commands before it were executed."""
 REPEATS_AFTER_LOSS = 3
 UDP_SOCKETS = Path("/proc/net/udp")
 """Sockets of the system (proc_net(5)): local address in column 1, dropped datagrams in the last."""

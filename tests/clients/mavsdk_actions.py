@@ -24,6 +24,8 @@ PLACE = (LATITUDE_DEG, LONGITUDE_DEG, DEPTH_AS_ALTITUDE_M)
 HOLD, MANUAL = (4, 3), (1 << 16, 0)
 """Main and sub number of the modes in DO_SET_MODE."""
 DO_SET_MODE = 176
+STATION = "POSCTL"
+"""MAVSDK's name of mode STATION."""
 WORKS, UNSUPPORTED = ("SUCCESS",), ("UNSUPPORTED",)
 NO_TRANSITION = ("NO_VTOL_TRANSITION_SUPPORT", "VTOL_TRANSITION_SUPPORT_UNKNOWN")
 """Time until MAVSDK has received the first EXTENDED_SYS_STATE, in s."""
@@ -63,12 +65,13 @@ CALLS = (
     Call("get_return_to_launch_altitude", results=UNSUPPORTED),
     Call("set_return_to_launch_altitude", (1.0,), UNSUPPORTED),
     Call("takeoff", results=UNSUPPORTED),
-    Call("goto_location", (*PLACE, 0.0), UNSUPPORTED),
-    Call("goto_location_fixedwing", (*PLACE, 60.0), UNSUPPORTED),
+    Call("goto_location", (*PLACE, 0.0), armed_in=HOLD, mode=STATION),
+    Call("goto_location_fixedwing", (*PLACE, 60.0), armed_in=HOLD, mode=STATION),
     Call(
         "do_orbit",
-        (10.0, 1.0, OrbitYawBehavior.HOLD_FRONT_TO_CIRCLE_CENTER, *PLACE),
-        UNSUPPORTED,
+        (30.0, 1.0, OrbitYawBehavior.HOLD_FRONT_TO_CIRCLE_CENTER, *PLACE),
+        armed_in=HOLD,
+        mode=STATION,
     ),
     Call("set_relay", (1, RelayCommand.ON), UNSUPPORTED),
     Call("transition_to_fixedwing", results=NO_TRANSITION),

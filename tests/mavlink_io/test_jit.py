@@ -70,7 +70,7 @@ def test_machine_code_from_disk_loads_no_compiler_library(package):
 
 
 def test_machine_code_is_stored_after_the_first_call_only(package):
-    """An autopilot without stored code flies plain Python instead of compiling for a minute."""
+    """Before it, an autopilot flies plain Python instead of compiling for a minute."""
     asked = "from mavlink_io import jit; print(jit.is_stored(doubled))"
     before = CALL.replace("print(doubled(3.0), sum(doubled.stats.cache_hits.values()))", asked)
     command = [sys.executable, "-c", before.format(folder=package.name), str(package.parent)]

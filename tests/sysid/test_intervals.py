@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import build_model, config
-from sitl.vehicle.config import VehicleFileError
 from sysid.data.segments import Run
 from sysid.estimation import profile_likelihood
 from sysid.estimation.map import fit, intervals
@@ -36,27 +35,6 @@ def test_wide_intervals_contain_the_estimate(step_fit: Fit, prior: Prior) -> Non
     pole = intervals._number(prior, "yaw", "p_slow_per_s")(step_fit.z)
     assert by_name["p_slow_per_s"].low < pole < by_name["p_slow_per_s"].high
     assert str(by_name["p_slow_per_s"]).startswith("yaw: p_slow_per_s lies in ")
-
-
-def test_interval_ends_at_edge_of_possible_vehicles(
-    step_fit: Fit, prior: Prior, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The number's own parameter may grow by half a prior sd only, less than the interval needs."""
-    problem = intervals.problem_at_estimate(step_fit, prior)
-    number, build = intervals._number(prior, "yaw", "p_slow_per_s"), problems.vehicle
-    whole = intervals.interval_end(problem, step_fit, number, 1.0)
-    moved = int(np.argmax(np.abs(whole.z - step_fit.z)))
-    assert abs(whole.z[moved] - step_fit.z[moved]) > 0.5
-
-    def vehicle(of: Prior, z: np.ndarray) -> parameters.CandidateVehicle:
-        if abs(z[moved] - step_fit.z[moved]) > 0.5:
-            raise VehicleFileError("the mass matrix has an eigenvalue -1")
-        return build(of, z)
-
-    monkeypatch.setattr(problems, "vehicle", vehicle)
-    end = intervals.interval_end(problem, step_fit, number, 1.0)
-    assert abs(end.z[moved] - step_fit.z[moved]) <= 0.5
-    assert number(step_fit.z) < end.value
 
 
 def test_interval_end_cost_grows_by_quantile(step_fit: Fit, prior: Prior) -> None:

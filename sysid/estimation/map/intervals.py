@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from sitl.vehicle.config import VehicleFileError
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import STRIDE, Fit, linear_plane
 from sysid.estimation.map.gauss_newton import Z_LIMIT
@@ -44,8 +43,6 @@ QUANTILE_TOLERANCE = 0.03
 """Relative tolerance of the square root of the cost growth at an end."""
 MAX_SD = 12.0
 """Distance from the estimate, in standard deviations, at which an end is reported as infinite."""
-HALVINGS = 10
-"""Maximum number of times that a step beyond the possible vehicles is halved."""
 DIFFERENCE = 1e-3
 """Central difference step of a number by z, in prior standard deviations."""
 
@@ -116,8 +113,7 @@ def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float
         problems.cost(problem, estimate.z),
     )
     quantile = float(ndtri(0.5 + 0.5 * LEVEL))
-    start = estimate.z + estimate.covariance @ gradient / sd * sign * quantile
-    distance_sd, z = quantile, _possible(problem.prior, estimate.z, start)
+    distance_sd, z = quantile, estimate.z + estimate.covariance @ gradient / sd * sign * quantile
     for _ in range(SEARCHES):
         z = constrained_optimum(problem, number, z, value + sign * distance_sd * sd)
         root_growth = math.sqrt(max(0.0, 2.0 * (problems.cost(problem, z) - least_cost)))
@@ -127,8 +123,10 @@ def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float
         ):
             break
         next_distance_sd = distance_sd * min(2.0, quantile / max(root_growth, 1e-9))
-        start = estimate.z + (z - estimate.z) * next_distance_sd / distance_sd
-        z, distance_sd = _possible(problem.prior, estimate.z, start), next_distance_sd
+        z, distance_sd = (
+            estimate.z + (z - estimate.z) * next_distance_sd / distance_sd,
+            next_distance_sd,
+        )
         if distance_sd > MAX_SD:
             return IntervalEnd(sign * math.inf, z)
     return IntervalEnd(number(z), z)
@@ -137,14 +135,11 @@ def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float
 def constrained_optimum(problem: MapProblem, number: Number, start: Array, value: float) -> Array:
     """Minimise the cost with ``number`` at ``value``: Gauss-Newton with a Lagrange multiplier.
 
-    A step that leads beyond the possible vehicles is shortened, so that the search ends at their
-    edge where no possible vehicle has the value. ``start`` must be possible.
-
     A = J'J + P^-1, cost gradient g, number g_n(z) with gradient c; f = -A^-1 g is the free step::
 
         dz = f + A^-1 c (value - g_n(z) - c'f) / (c' A^-1 c)
     """
-    precision, z = np.linalg.inv(problem.prior.covariance), start
+    precision, z = np.linalg.inv(problem.prior.covariance), np.clip(start, -Z_LIMIT, Z_LIMIT)
     for _ in range(STEPS):
         current, gradient = problems.score(problem, z), _slope(number, z)
         inverse = np.linalg.inv(current.information + precision)
@@ -153,24 +148,8 @@ def constrained_optimum(problem: MapProblem, number: Number, start: Array, value
         step = free_step + direction * (value - number(z) - gradient @ free_step) / (
             gradient @ direction
         )
-        z = _possible(problem.prior, z, z + np.clip(step, -1.0, 1.0))
-    return z
-
-
-def _possible(prior: Prior, inside: Array, wanted: Array) -> Array:
-    """Return ``wanted`` within the bounds, or the part of the way from ``inside`` that is possible.
-
-    The way is halved until the vehicle at its end is possible; ``inside`` is.
-    """
-    way = np.clip(wanted, -Z_LIMIT, Z_LIMIT) - inside
-    for _ in range(HALVINGS):
-        try:
-            problems.vehicle(prior, inside + way)
-        except VehicleFileError:
-            way = 0.5 * way
-        else:
-            return np.asarray(inside + way)
-    return inside
+        z = np.clip(z + np.clip(step, -1.0, 1.0), -Z_LIMIT, Z_LIMIT)
+    return np.asarray(z)
 
 
 def _design_numbers(prior: Prior, plane: Plane) -> Numbers:

@@ -5,14 +5,12 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from autopilot.control import modes
 from tests.helpers.commands import (
     ACCEPTED,
     DENIED,
     IN_PROGRESS,
     INT32_MAX,
     NAN,
-    UNSUPPORTED,
     results,
     under_way,
 )
@@ -69,13 +67,3 @@ def test_command_int_excitation_has_integer_duration(harness: Harness) -> None:
     assert results(harness.ask(message)) == [IN_PROGRESS]
     assert harness.vehicle.state.test is not None
     assert harness.vehicle.state.test.duration_s == 8.0
-
-
-def test_do_reposition_holds_only_without_position(harness: Harness) -> None:
-    under_way(harness)
-    pause = mavlink.MAVLink_command_int_message(
-        1, 1, 0, 192, 0, 0, -1, 1, 0, NAN, INT32_MAX, INT32_MAX, NAN
-    )
-    assert results(harness.ask(pause)) == [ACCEPTED]
-    assert harness.vehicle.state.mode == modes.HOLD.number
-    assert results(harness.command(192, -1, 1, 0, NAN, 41.5, -70.7, 0)) == [UNSUPPORTED]

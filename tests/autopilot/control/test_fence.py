@@ -4,6 +4,7 @@ import pytest
 
 from autopilot.control import fence, modes, requests
 from autopilot.control.fence import Fence, PlanFault
+from autopilot.control.params import Config
 from autopilot.control.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Home
 from mavlink_io.frames import offset_to_geodetic
 from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MissionItem
@@ -154,7 +155,11 @@ def test_mission_leaving_fence_or_depth_band_is_not_started(
 ) -> None:
     dive = flight(fence_min_m=2.0, fence_max_m=8.0)
     waypoint = MissionItem(0, 1, 16, x=round(north_m * 1e4), y=0, z=depth_m)
+    assert dive.ask(requests.LoadMission((waypoint,))) == (ACCEPTED if accepted else DENIED)
+    dive.config, dive.state = Config(), dive.state._replace(fence=Fence())
     assert dive.ask(requests.LoadMission((waypoint,))) == ACCEPTED
+    dive.config = Config(fence_min_m=2.0, fence_max_m=8.0)
+    dive.state = dive.state._replace(fence=parsed(SQUARE))
     expected = ACCEPTED if accepted else TEMPORARILY_REJECTED
     assert dive.ask(requests.SetMode(modes.MISSION.number)) == expected
 

@@ -18,12 +18,20 @@ from autopilot.control.setpoints import (
     Targets,
     TrackLine,
 )
-from autopilot.control.types import ACCEPTED, TEMPORARILY_REJECTED, Home, Inputs, Stick
+from autopilot.control.types import (
+    ACCEPTED,
+    TEMPORARILY_REJECTED,
+    AutopilotState,
+    Home,
+    Inputs,
+    Stick,
+)
 from mavlink_io.frames import offset_to_geodetic, quaternion_from_euler
 from mavlink_io.mission_items import MissionItem
 from tests.helpers.missions import Flight, sensors
 
 HOME = Home(42.35, -71.0, True)
+STATE = AutopilotState(home=HOME)
 
 
 def armed(mode: modes.Mode, *initial_requests: requests.Request, **changes: Any) -> Flight:
@@ -222,19 +230,19 @@ def test_attitude_message_any_roll_is_read(
 def test_position_message_masks_and_frames_are_read() -> None:
     local, world = offboard_messages.LOCAL, offboard_messages.GLOBAL
     place = offboard_messages.read(
-        local, message(x=3.0, y=-4.0, z=5.0, yaw=0.2, type_mask=0b1001_1111_1000), HOME
+        local, message(x=3.0, y=-4.0, z=5.0, yaw=0.2, type_mask=0b1001_1111_1000), STATE
     )
     assert place == MotionTarget(position_m=3 - 4j, depth_m=5.0, heading_rad=0.2)
-    depth = offboard_messages.read(local, message(z=-2.0, type_mask=0b1101_1111_1011), HOME)
+    depth = offboard_messages.read(local, message(z=-2.0, type_mask=0b1101_1111_1011), STATE)
     assert depth == MotionTarget(depth_m=0.0), "above the water is at the surface"
     both = offboard_messages.read(
-        local, message(x=1.0, y=1.0, z=1.0, vx=0.6, vy=0.8, type_mask=0b1101_1110_0000), HOME
+        local, message(x=1.0, y=1.0, z=1.0, vx=0.6, vy=0.8, type_mask=0b1101_1110_0000), STATE
     )
     assert both == MotionTarget(position_m=1 + 1j, depth_m=1.0, speed_mps=1.0)
     ahead = offboard_messages.read(
         local,
         message(vx=0.9, vz=0.1, yaw_rate=0.05, coordinate_frame=8, type_mask=0b0101_1100_0111),
-        HOME,
+        STATE,
     )
     assert ahead == MotionTarget(depth_rate_mps=0.1, speed_mps=0.9, heading_rate_radps=0.05)
     lat, lon = offset_to_geodetic(50.0, 20.0, HOME.lat_deg, HOME.lon_deg)
@@ -245,7 +253,7 @@ def test_position_message_masks_and_frames_are_read() -> None:
         coordinate_frame=6,
         type_mask=0b1101_1111_1000,
     )
-    read = offboard_messages.read(world, there, HOME)
+    read = offboard_messages.read(world, there, STATE)
     assert isinstance(read, MotionTarget)
     assert read.position_m == pytest.approx(50 + 20j, abs=0.02)
     assert read.depth_m == 7.0
@@ -276,4 +284,4 @@ def test_position_message_masks_and_frames_are_read() -> None:
 )
 def test_unsupported_message_returns_reason(name: str, fields: dict[str, Any], word: str) -> None:
     with pytest.raises(offboard_messages.TargetError, match=word):
-        offboard_messages.read(name, message(**fields), HOME)
+        offboard_messages.read(name, message(**fields), STATE)

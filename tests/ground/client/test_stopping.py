@@ -17,7 +17,7 @@ from tests.ground.fake import DENIED, FakeVehicle, step_while_waiting
 
 SET_MODE = 176
 HOLD, MISSION, SURFACE = 50_593_792, 67_371_008, 100_925_440
-"""Modes of docs/clients.md; MISSION and SURFACE are the standard modes 6 and 7."""
+"""As in docs/clients.md; MISSION and SURFACE are the standard modes 6 and 7."""
 MODES = (("HOLD", 0, HOLD), ("", 6, MISSION), ("", 7, SURFACE))
 SUBMARINE, ARDUPILOT, ARDUSUB_SURFACE = 12, 3, 9
 

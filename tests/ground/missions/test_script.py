@@ -197,7 +197,7 @@ def test_a_plan_may_leave_numbers_out() -> None:
             "QGC WPL 110\n0 1 0 16 0 0 0 0 0 0 0 1\n1 0 999 16 0 0 0 0 0 0 0 1\n",
             "frame 999",
         ),
-        ("m.plan", '{"mission": {"items": [{"type": "ComplexItem"}]}}', "only SimpleItem"),
+        ("m.plan", '{"mission": {"items": [{"type": "ComplexItem"}]}}', "without its items"),
         ("m.plan", "{broken", "not JSON"),
         ("m.plan", '{"mission": 3}', "not a QGroundControl plan"),
         ("m.txt", "hello", "neither"),

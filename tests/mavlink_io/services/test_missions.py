@@ -30,6 +30,7 @@ class Store:
         self.items: tuple[MissionItem, ...] = ()
         self.current = 0
         self.texts: list[str] = []
+        self.places: list[MissionItem] = []
         self.verdict = MissionResult()
 
     @property
@@ -46,6 +47,10 @@ class Store:
             return False
         self.current = sequence
         return True
+
+    def go_to(self, item: MissionItem) -> MissionResult:
+        self.places.append(item)
+        return self.verdict
 
     def explain(self, text: str) -> None:
         self.texts.append(text)
@@ -158,7 +163,7 @@ def test_mission_abandoned_upload_keeps_old_mission() -> None:
     for tenth in range(200):
         sea.server.poll(tenth * 0.1)
         for frame in sea.down.take():
-            request_count += frame.name == "MISSION_REQUEST_INT"
+            request_count += frame.name in ("MISSION_REQUEST_INT", "MISSION_REQUEST")
             last = frame
     assert request_count == RE_REQUESTS
     assert last.decode().type == missions.CANCELLED
@@ -397,3 +402,57 @@ def test_mission_acknowledged_with_fewer_items_is_sent_again() -> None:
         upload.feed(frame)
     assert not upload.done
     assert sent == ["MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_COUNT"]
+
+
+def old_item(n: int, **changes: Any) -> dict[str, Any]:
+    """Return the fields of a MISSION_ITEM, with degrees as floats."""
+    fields = {"seq": n, "frame": 3, "command": 16, "current": 0, "autocontinue": 1}
+    numbers = {"param1": 0.0, "param2": 0.0, "param3": 0.0, "param4": 0.0}
+    place = {"x": 47.5, "y": -8.25, "z": -3.0, "mission_type": 0}
+    return {**fields, **numbers, **place, **changes}
+
+
+def test_upload_by_deprecated_float_items_is_accepted() -> None:
+    """An old client ignores MISSION_REQUEST_INT; MISSION_REQUEST is asked for after 4.5 s."""
+    sea = Sea()
+    assert [type(m).__name__ for m in sea.ask("MISSION_COUNT", count=3, mission_type=0)] == [
+        "MISSION_REQUEST_INT"
+    ]
+    requested: list[tuple[float, str]] = []
+    for tenth in range(100):
+        sea.server.poll(tenth * 0.1)
+        requested += [(tenth * 0.1, frame.name) for frame in sea.down.take()]
+        if requested and requested[-1][1] == "MISSION_REQUEST":
+            break
+    assert requested[-1][0] == pytest.approx(6.0, abs=0.2)
+    (second,) = sea.ask("MISSION_ITEM", now_s=6.1, **old_item(0))
+    assert (type(second).__name__, second.seq) == ("MISSION_REQUEST", 1)
+    sea.ask("MISSION_ITEM", now_s=6.2, **old_item(1, frame=1, x=1.5, y=-2.25, z=3.0))
+    (ack,) = sea.ask("MISSION_ITEM", now_s=6.3, **old_item(2, frame=2, command=93, x=7.0, y=0.0))
+    assert ack.type == missions.ACCEPTED
+    assert [(item.frame, item.x, item.y) for item in sea.store.items] == [
+        (3, 475_000_000, -82_500_000),
+        (1, 15_000, -22_500),
+        (2, 7, 0),
+    ]
+
+
+def test_float_item_without_number_is_not_given() -> None:
+    sea = Sea()
+    sea.ask("MISSION_COUNT", count=1, mission_type=0)
+    sea.ask("MISSION_ITEM", **old_item(0, x=math.nan, y=1e30))
+    (item,) = sea.store.items
+    assert (item.x, item.y) == (2**31 - 1, 2**31 - 1)
+
+
+def test_item_to_go_to_is_no_part_of_an_upload() -> None:
+    sea = Sea()
+    sea.ask("MISSION_COUNT", count=1, mission_type=0)
+    (ack,) = sea.ask("MISSION_ITEM", **old_item(0, current=2))
+    assert ack.type == missions.ACCEPTED
+    assert [item.x for item in sea.store.places] == [475_000_000]
+    assert sea.store.items == ()
+    (refusal,) = sea.ask("MISSION_ITEM", **old_item(0, current=2, z=5.0))
+    assert refusal.type == missions.INVALID_PARAM7
+    (ack,) = sea.ask("MISSION_ITEM", **old_item(0))
+    assert (ack.type, len(sea.store.items)) == (missions.ACCEPTED, 1)

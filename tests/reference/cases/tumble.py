@@ -89,7 +89,7 @@ def euler_radps(start_radps: tuple[float, ...], time_s: Array) -> Array:
 
 
 def _period_s(track: Array) -> float:
-    """Return the time between upward crossings of the middle rate through zero."""
+    """Between upward crossings of the middle rate through zero."""
     q, time = track[:, 11], _time(track)
     at = np.flatnonzero((q[1:-1] < 0) & (q[2:] >= 0)) + 1
     crossings = [np.interp(0.0, q[i : i + 2], time[i : i + 2]) for i in at]

@@ -57,9 +57,8 @@ def checks() -> Iterator[Check]:
 
 
 def _pull_kgpm(vehicle: config.VehicleConfig, distance_m: float) -> float:
-    """Return the pull per U^2.
-
-    Sources lie at the middles of equal steps, each as strong as the section's change over its step.
+    """Per U^2: sources at the middles of equal steps, each as strong as the section's change over
+    its step.
     """
     half = hull.length_m(vehicle.hull) / 2
     edges = np.linspace(-half, half, GRID + 1)

@@ -6,11 +6,9 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-from msgspec.structs import replace
 from scipy.io import loadmat
 
 from autopilot.control import lqg_file
-from sitl.vehicle import config as vehicle_files
 from sysid.control_analysis.control_systems import MarginsDisagreeError
 from sysid.control_analysis.loop_transfer import Margins
 from sysid.design import loop_export, lqg, pid
@@ -64,20 +62,6 @@ def test_design_with_wrong_margins_is_not_exported(
     wrong = designed._replace(analysis=designed.analysis._replace(margins=margins))
     with pytest.raises(MarginsDisagreeError, match="at rudder"):
         loop_export.export_pid(model, wrong)
-
-
-def test_vehicle_file_of_the_user_gives_the_loops_of_level_flight(
-    model: IdentifiedModel, designed: Design, exported: LoopExport
-) -> None:
-    """The margins of a design in level flight are not those of the plane without its file."""
-    vehicle = replace(model.vehicle, prior="boat.toml")
-    of_user = replace(model, vehicle=vehicle)
-    prior = vehicle_files.load(model.vehicle.prior)
-    assert loop_export.export_pid(of_user, designed, prior).margins == exported.margins
-    weak = {"damping": 0.1, "gm_db": 3.0, "pm_deg": 10.0, "max_sensitivity": 5.0}
-    spec = replace(designed.spec, **weak, robust_gm_db=2.0, robust_pm_deg=5.0)
-    kept = pid.keep(of_user, designed.gains, spec, prior)
-    assert kept.analysis == pid.keep(model, designed.gains, spec).analysis
 
 
 @pytest.mark.slow

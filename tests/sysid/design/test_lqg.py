@@ -142,7 +142,7 @@ def test_constant_load_other_vehicle_leaves_no_error(vehicle: DesignModel, plane
 
 
 def test_predicted_heading_equals_lyapunov_equation(vehicle: DesignModel) -> None:
-    """The frequency integral of the slow disturbance equals the closed loop's covariance."""
+    """For the slow disturbance alone: frequency integral against the closed loop's covariance."""
     sea = msgspec.structs.replace(DEFAULT_DISTURBANCE, wave_accel_degps2=0.0)
     _, controller = designed(vehicle, "yaw")
     seen = loop_analysis.measured_plane(

@@ -93,7 +93,7 @@ def test_robustness_other_samples_agrees(model: IdentifiedModel, designed: Desig
 def test_heading_step_reference_model_avoids_saturation(
     model: IdentifiedModel, designed: Design
 ) -> None:
-    """The autopilot's own loops turn by 20 deg within the travel left by the bias.
+    """By the autopilot's own loops: 20 deg within the travel left by the bias.
 
     Without a reference model the rudder would saturate.
     """

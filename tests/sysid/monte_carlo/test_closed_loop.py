@@ -40,7 +40,7 @@ WEIGHTED = {"DPT_SPW": 0.5, "HDG_SPW": 0.5, "ROLL_COMP": 1.0}
 CHIRP = MissionItem(5, 2, 31010, p1=12.0, p2=4.0, p3=0.05, p4=0.4, x=40, y=0, z=2.0)
 PRBS = CHIRP._replace(p1=11.0, p3=3.0, p4=1.0, y=3)
 LINE = MissionItem(5, 1, 16, x=600_000, y=200_000, z=4.0)
-"""Waypoint 60 m north and 20 m east, 4 m deep."""
+"""To a place 60 m north and 20 m east, 4 m deep."""
 
 
 def numbered(*items: MissionItem) -> tuple[MissionItem, ...]:

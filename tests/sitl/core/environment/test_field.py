@@ -86,7 +86,7 @@ def test_waves_in_drifting_frame_ignore_current() -> None:
 
 
 def test_pitched_hull_in_shear_has_velocity_slope() -> None:
-    """The slope at 20 degrees of pitch is shear times the height gained per metre forward."""
+    """With 20 degrees of pitch: shear times the height gained per metre forward."""
     layers = tuple(
         CurrentLayer(depth_m=z, speed_mps=v, towards_deg=0.0) for z, v in ((0.0, 0.5), (10.0, 0.0))
     )

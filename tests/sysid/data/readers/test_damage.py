@@ -207,7 +207,7 @@ def ulog_block(kind: bytes, body: bytes) -> bytes:
 
 
 def ulog_file(formats: dict[str, str], topics: list[str]) -> bytes:
-    """The layout is that of docs.px4.io, "ULog File Format"."""
+    """By docs.px4.io, "ULog File Format"."""
     data = b"ULog\x01\x12\x35\x01" + bytes(8)
     for name, fields in formats.items():
         data += ulog_block(b"F", f"{name}:{fields}".encode())

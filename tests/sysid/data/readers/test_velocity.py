@@ -56,7 +56,7 @@ def test_ground_speed_has_no_direction(tmp_path: Path) -> None:
 
 
 def test_constant_velocity_of_an_estimator_is_no_measurement(tmp_path: Path) -> None:
-    """ArduPilot reports zero if nothing is measured, PX4 the last value."""
+    """Without a measurement ArduPilot reports zero, PX4 the last value."""
     log = readers.read(files.tlog(tmp_path / "dive.tlog"))
     assert log.velocity.source == VelocitySource.NONE
     (run,) = segments.cut_runs(log)

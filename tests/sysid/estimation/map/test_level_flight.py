@@ -33,7 +33,7 @@ def test_level_flight_has_no_acceleration_and_no_climb(bench: config.VehicleConf
 
 
 def test_buoyancy_adds_crossflow_damping(bench: config.VehicleConfig) -> None:
-    """The slope is 2 c |w| in heave and c |w| in sway, c the sum of the strips, N s2/m2."""
+    """To first order 2 c |w| in heave and c |w| in sway, c the sum of the strips, N s2/m2."""
     vehicle = candidate(bench)
     w = abs(steady_state.level_flight(vehicle).heave_mps)
     c = float(np.sum(vehicle.model.stations.drag_kgpm))
