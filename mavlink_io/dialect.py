@@ -1,8 +1,8 @@
 """The MAVLink dialect: fields and packing of every message, and the enums.
 
 This is the only file that imports pymavlink. The dialect is ``all``, because pymavlink's ``common``
-lacks AVAILABLE_MODES and CURRENT_MODE. Two messages of ``common.xml`` that ``all`` lacks too are
-added here.
+lacks AVAILABLE_MODES and CURRENT_MODE. Two messages of ``common.xml`` that ``all`` lacks too, and
+the target of TIMESYNC, are added here.
 """
 
 import inspect
@@ -257,6 +257,16 @@ _ADDED = {
             target_component=("uint8_t", 0),
         ),
         _definition(
+            "TIMESYNC",
+            111,
+            34,
+            "<qqBB",
+            tc1=("int64_t", 0),
+            ts1=("int64_t", 0),
+            target_system=("uint8_t", 0),
+            target_component=("uint8_t", 0),
+        ),
+        _definition(
             "COMPONENT_METADATA",
             397,
             182,
@@ -267,7 +277,8 @@ _ADDED = {
         ),
     )
 }
-"""Definitions by message number of messages that clients use and pymavlink 2.4.50 lacks."""
+"""Definitions by message number of messages that clients use and pymavlink 2.4.50 lacks, and of
+TIMESYNC, whose target it lacks."""
 _DEFINITIONS = {**mavlink.mavlink_map, **_ADDED}
 _NUMBERS = {definition.msgname: number for number, definition in _DEFINITIONS.items()}
 

@@ -240,9 +240,10 @@ def send_by_name(publish: Publish) -> Send:
 
 
 def _answer_timesync(received: ReceivedMessage) -> None:
-    """Reply to a TIMESYNC request with the wall clock in ns."""
+    """Reply to a TIMESYNC request with the wall clock in ns, addressed to its sender."""
     if received.message.tc1 == 0:
-        received.link.write(_TIME, (round(wall_s() * 1e9), received.message.ts1))
+        reply = round(wall_s() * 1e9), received.message.ts1, *received.sender
+        received.link.write(_TIME, reply)
 
 
 def _answer_ping(received: ReceivedMessage) -> None:

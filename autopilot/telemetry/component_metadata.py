@@ -8,9 +8,11 @@ more.
 """
 
 import json
+import re
 from functools import cache
 from typing import Any
 
+from autopilot.control import excitation
 from autopilot.control.params import PARAMETERS, ParamInfo
 from autopilot.telemetry.identity import version
 from mavlink_io.services.ftp.payload import crc32
@@ -22,6 +24,7 @@ _PARAMETER_TYPE = 1
 """COMP_METADATA_TYPE_PARAMETER."""
 _GROUPS = {
     "ACT": "Actuators",
+    "BAT": "Battery",
     "DPT": "Depth loop",
     "EST": "Estimator",
     "FENCE": "Geofence",
@@ -49,6 +52,8 @@ _GROUPS = {
     "TRIM": "Actuators",
 }
 """Group title by name prefix; the prefix is the title of other groups."""
+_VALUE = re.compile(r"(?:^|[:,] )(\d+) ([^,;(]+(?:\([^)]*\))?)")
+"""A value and its meaning in the description of a parameter."""
 _REBOOT_REQUIRED = frozenset(("MAV_SYS_ID",))
 """Parameters that take effect after a restart."""
 
@@ -113,9 +118,32 @@ def _describe(row: ParamInfo) -> dict[str, Any]:
     }
     if row.integer:
         description |= {"decimalPlaces": 0, "increment": 1}
+    if meanings := enumeration(row):
+        description["values"] = [
+            {"value": value, "description": meaning} for value, meaning in meanings.items()
+        ]
     if row.name in _REBOOT_REQUIRED:
         description["rebootRequired"] = True
     return description
+
+
+def enumeration(row: ParamInfo) -> dict[int, str]:
+    """Return the meaning of each value of a parameter whose description lists them; else none.
+
+    Parameters
+    ----------
+    row : ParamInfo
+        Row of the table; its description has "0 HOLD, 1 SURFACE", or "1: ..." for a switch.
+    """
+    if not row.integer:
+        return {}
+    if switch := re.match("1: (.*)", row.doc):
+        return {0: "Off", 1: switch[1]}
+    found = {int(number): meaning.strip() for number, meaning in _VALUE.findall(row.doc)}
+    if row.name == "SID_AXIS":
+        names = {number: found[number % 100] for number in excitation.AXES if number >= 100}
+        found |= {number: f"{name}, loop on" for number, name in names.items()}
+    return found
 
 
 def _json(content: Any) -> bytes:

@@ -1,5 +1,6 @@
 """`ground modes`: list the modes of a vehicle, and export their names for MAVProxy."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -32,35 +33,60 @@ def modes(
     )
 
 
+MapFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--path", metavar="FILE", help="Mode map to extend. Default: the file that pymavlink reads."
+    ),
+]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Print what would be added, write nothing.")
+]
+
+
 @app.command()
 def export_mavproxy(
     connect: Address = GROUND_LINK,
     sign: Sign = None,
-    path: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Mode map to extend. Default: the file that pymavlink reads."
-        ),
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print what would be added, write nothing.")
-    ] = False,
+    path: MapFile = None,
+    dry_run: DryRun = False,
     json: Json = False,
 ) -> None:
     """Add the names of this vehicle's modes to the mode map of MAVProxy and other pymavlink tools.
 
     Names that are in the file already are kept.
     """
-    from ground.client import mode_map
     from ground.client.vehicle import connected
 
-    target = (path or mode_map.DEFAULT_PATH).expanduser()
-    present = mode_map.read(target)
     with connected(connect, sign) as vehicle:
         offered, kind = (
             {printable(name): number for name, number in vehicle.modes().items()},
             vehicle.kind,
         )
+    _extend(path, kind, offered, dry_run=dry_run, json=json)
+
+
+@app.command()
+def install(path: MapFile = None, dry_run: DryRun = False, json: Json = False) -> None:
+    """Add the names of Caribou's modes to the same file, without a vehicle.
+
+    Names that are in the file already are kept.
+    """
+    from mavlink_io.dialect import constant
+    from mavlink_io.vehicle_modes import VehicleMode
+
+    offered = {mode.name: mode.value for mode in VehicleMode}
+    _extend(path, constant("MAV_TYPE_SUBMARINE"), offered, dry_run=dry_run, json=json)
+
+
+def _extend(
+    path: Path | None, kind: int, offered: Mapping[str, int], *, dry_run: bool, json: bool
+) -> None:
+    """Add modes of a vehicle type to the mode map, and print what was added."""
+    from ground.client import mode_map
+
+    target = (path or mode_map.DEFAULT_PATH).expanduser()
+    present = mode_map.read(target)
     change = mode_map.merge(present, kind, offered, target)
     if change.added and not dry_run:
         mode_map.write(target, change.merged)

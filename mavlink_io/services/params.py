@@ -19,6 +19,18 @@ REAL32 = constant("MAV_PARAM_TYPE_REAL32")
 DOES_NOT_EXIST = constant("MAV_PARAM_ERROR_DOES_NOT_EXIST")
 OUT_OF_RANGE = constant("MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE")
 _INTEGERS = range(constant("MAV_PARAM_TYPE_UINT8"), REAL32)
+_BYTEWISE = {
+    constant(f"MAV_PARAM_TYPE_{name}"): code
+    for name, code in {
+        "UINT8": "<B",
+        "INT8": "<b",
+        "UINT16": "<H",
+        "INT16": "<h",
+        "UINT32": "<I",
+        "INT32": "<i",
+    }.items()
+}
+"""Format of the first bytes of param_value by MAV_PARAM_TYPE."""
 
 NO_INDEX = 65_535
 """param_index of a PARAM_VALUE that was requested by name."""
@@ -252,13 +264,22 @@ class ParamServer:
         Function that sends a message on every link.
     explain : callable
         Send the operator the reason of a refusal.
+    bytewise : bool
+        Whether integers in PARAM_SET are bytes (PARAM_ENCODE_BYTEWISE) or numbers
+        (PARAM_ENCODE_C_CAST): the encoding that the vehicle's capabilities advertise.
     """
 
     message_names = frozenset(("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"))
 
     def __init__(
-        self, table: ParamProvider, broadcast: Send, explain: Callable[[str], None]
+        self,
+        table: ParamProvider,
+        broadcast: Send,
+        explain: Callable[[str], None],
+        *,
+        bytewise: bool = True,
     ) -> None:
+        self._bytewise = bytewise
         self._table, self._broadcast, self._explain = table, broadcast, explain
         self._names = tuple(table.names())
         self._listings: dict[Client, _Listing] = {}
@@ -328,7 +349,10 @@ class ParamServer:
             _send_error(send, sender, name, -1, DOES_NOT_EXIST)
             return
         try:
-            self._table.set(name, _requested_value(message))
+            value = requested_value(
+                name, message.param_value, message.param_type, bytewise=self._bytewise
+            )
+            self._table.set(name, value)
         except ValueError as refusal:
             self._explain(str(refusal))
             _send_error(send, sender, name, -1, OUT_OF_RANGE)
@@ -348,16 +372,38 @@ class ParamServer:
         )
 
 
-def _requested_value(message: Any) -> float:
-    """Return the value in a PARAM_SET. Raises ValueError for integer types and non-finite values.
+def requested_value(name: str, value: float, param_type: int, *, bytewise: bool) -> float:
+    """Return the value that a client has put into a PARAM_SET.
 
-    An integer type does not say whether the sender copied bytes or converted the number.
+    Parameters
+    ----------
+    name : str
+        Name of the parameter, for the reason of a refusal.
+    value : float
+        Field param_value.
+    param_type : int
+        MAV_PARAM_TYPE.
+    bytewise : bool
+        Whether the vehicle advertises PARAM_ENCODE_BYTEWISE (PX4): the bytes of the field are those
+        of an integer. Else it advertises PARAM_ENCODE_C_CAST (ArduPilot): the field is the number.
+
+    Raises
+    ------
+    ValueError
+        The type does not fit into the field, or the value is not a finite number, or not whole
+        for an integer type.
     """
-    if message.param_type in _INTEGERS:
-        raise ValueError(f"Parameter {message.param_id}: to be sent as REAL32, not as an integer")
-    if not math.isfinite(message.param_value):
-        raise ValueError(f"Parameter {message.param_id}: {message.param_value} is not finite")
-    return float(message.param_value)
+    is_integer = param_type in _INTEGERS
+    if is_integer and bytewise:
+        if param_type not in _BYTEWISE:
+            raise ValueError(f"Parameter {name}: an integer of 64 bits does not fit into PARAM_SET")
+        code = _BYTEWISE[param_type]
+        return float(struct.unpack(code, struct.pack("<f", value)[: struct.calcsize(code)])[0])
+    if not math.isfinite(value):
+        raise ValueError(f"Parameter {name}: {value} is not finite")
+    if is_integer and value != round(value):
+        raise ValueError(f"Parameter {name}: {value:g} is not a whole number, as its type says")
+    return float(value)
 
 
 def _send_error(send: Send, receiver: MavlinkId, name: str, index: int, error: int) -> None:

@@ -12,8 +12,11 @@ from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.dialect import MessageField, MessageType
 
 MESSAGES = [
-    dialect.by_name(name) for name in dialect.names() if hasattr(mavlink, f"MAVLINK_MSG_ID_{name}")
+    dialect.by_name(name)
+    for name in dialect.names()
+    if hasattr(mavlink, f"MAVLINK_MSG_ID_{name}") and name != "TIMESYNC"
 ]
+"""Messages that pymavlink knows with all their fields; test_dialect.py has the others."""
 _BITS = {"int8_t": 8, "int16_t": 16, "int32_t": 32, "int64_t": 64}
 LONGEST_FRAME = 300
 

@@ -11,7 +11,7 @@ from autopilot.control import modes
 from autopilot.control.params import PARAMETERS
 from autopilot.onboard_log import channels
 from autopilot.telemetry.identity import AutopilotId
-from mavlink_io import dialect
+from mavlink_io import codec, dialect
 from mavlink_io.records import GpsFix
 from tests.helpers.fake_hil import Harness, Station, only, texts
 
@@ -348,6 +348,13 @@ def test_ping_and_timesync_are_answered(harness: Harness) -> None:
     )
     time = only(harness.ask(mavlink.MAVLink_timesync_message(0, 456)), "TIMESYNC")
     assert (time.ts1, time.tc1 > 0) == (456, True)
+    assert time.get_msgbuf()[26:28] == bytes((255, 190)), "target, which pymavlink lacks"
+    timesync = dialect.by_name("TIMESYNC")
+    for target, answered in ((1, True), (9, False)):
+        request = codec.encode(timesync, (0, 7, target, 1), sequence=0, system=255, component=190)
+        harness.station._outgoing.append(request)
+        harness.serve()
+        assert bool(harness.station.pop_named("TIMESYNC")) == answered, target
     assert harness.ask(mavlink.MAVLink_timesync_message(5, 6)) == []
     entry = only(
         harness.ask(mavlink.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF)), "LOG_ENTRY"

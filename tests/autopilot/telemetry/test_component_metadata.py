@@ -4,6 +4,7 @@ import json
 import re
 from typing import Any
 
+from autopilot.control import excitation
 from autopilot.control.params import PARAMETERS
 from autopilot.telemetry import component_metadata
 from mavlink_io.services.ftp.payload import crc32
@@ -27,6 +28,7 @@ PARAMETER: dict[str, Any] = {
     "max": (int, float),
     "increment": (int, float),
     "rebootRequired": bool,
+    "values": list,
     "group": str,
     "category": str,
 }
@@ -79,3 +81,25 @@ def test_every_parameter_group_has_title() -> None:
         row["group"] for row in json.loads(component_metadata.parameters_json())["parameters"]
     }
     assert not [group for group in groups if group.isupper()]
+
+
+SWITCHES = {"LOG_DISARMED", "LOG_ENABLE", "LQG_ENABLE", "MAV_FORWARD", "MIS_SEQ0_HOME"}
+SWITCHES |= {"ROLL_COMP", "SURF_DROP_EN", "SYS_FAILURE_EN"}
+NUMBERS = {"MAV_SYS_ID", "SID_RUNS_1", "SID_RUNS_2", "SID_SEED"}
+"""Integers whose values have no names."""
+
+
+def test_every_enumeration_names_all_its_values() -> None:
+    rows = {row.name: row for row in PARAMETERS if row.integer}
+    described = {
+        row["name"]: {entry["value"]: entry["description"] for entry in row.get("values", ())}
+        for row in json.loads(component_metadata.parameters_json())["parameters"]
+    }
+    assert {name for name, values in described.items() if values} == rows.keys() - NUMBERS
+    for name in rows.keys() - NUMBERS - {"SID_AXIS"}:
+        assert set(described[name]) == set(range(int(rows[name].maximum) + 1)), name
+    assert set(described["SID_AXIS"]) == {0, *excitation.AXES}
+    assert described["SID_AXIS"][112] == "rudder, loop on"
+    assert described["FENCE_ACTION"][2] == "RTL (nearest rally point, or home)"
+    assert described["MIS_END_ACT"] == {0: "HOLD", 1: "SURFACE", 2: "disarm"}
+    assert all(described[name][0] == "Off" for name in SWITCHES)

@@ -10,7 +10,10 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner, Result
 
+from autopilot.control import modes
+from ground.cli import modes as modes_cli
 from ground.client import mode_map
 from mavlink_io.errors import InputError
 
@@ -97,3 +100,23 @@ def test_pymavlink_reads_the_default_file(tmp_path: Path) -> None:
         [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
     )
     assert told.stdout.strip() == str(OURS)
+
+
+def test_install_without_vehicle_writes_every_mode(tmp_path: Path) -> None:
+    path = tmp_path / "pymavlink" / "custom_mode_map.json"
+    command = ("install", "--path", str(path))
+    assert "would add" in run_modes(*command, "--dry-run").output
+    assert not path.exists()
+    first = run_modes(*command)
+    assert first.exit_code == 0, first.output
+    names = json.loads(path.read_text())["12"]
+    assert names == {str(mode.number): mode.name for mode in modes.MODES}
+    assert "nothing" in run_modes(*command).output
+    path.write_text(json.dumps({"12": {"65536": "BOOST"}}))
+    refused = run_modes(*command)
+    assert isinstance(refused.exception, InputError)
+    assert "12.65536: is 'BOOST' in the file" in str(refused.exception)
+
+
+def run_modes(*arguments: str) -> Result:
+    return CliRunner().invoke(modes_cli.app, list(arguments))

@@ -1,6 +1,8 @@
 """The parameter protocol over lossy links."""
 
 import math
+import re
+import struct
 from typing import Any
 
 import pytest
@@ -16,8 +18,12 @@ from mavlink_io.services.params import (
     ParamClient,
     ParamServer,
     as_real32,
+    requested_value,
 )
 from tests.helpers.lossy_link import GROUND, VEHICLE, Lost, Wire, nothing, settle
+
+INT32 = 6
+"""MAV_PARAM_TYPE_INT32."""
 
 
 class Table:
@@ -172,9 +178,57 @@ def test_param_non_finite_value_is_refused_at_both_ends(value: float) -> None:
     assert sea.table.values["P_07"] == 0.7
 
 
-def test_param_integer_type_is_refused() -> None:
+def as_bytes(code: str, value: int) -> float:
+    """Return an integer as PX4's clients put it into param_value."""
+    padded = struct.pack(code, value).ljust(4, b"\0")
+    return float(struct.unpack("<f", padded)[0])
+
+
+@pytest.mark.parametrize(
+    ("param_type", "code", "value"),
+    [
+        (1, "<B", 200),
+        (2, "<b", -7),
+        (3, "<H", 60_000),
+        (4, "<h", -300),
+        (5, "<I", 7),
+        (6, "<i", -1),
+    ],
+)
+def test_typed_integer_is_read_as_advertised(param_type: int, code: str, value: int) -> None:
+    """PARAM_ENCODE_BYTEWISE copies the bytes, PARAM_ENCODE_C_CAST converts the number."""
+    sent = as_bytes(code, value)
+    assert requested_value("P", sent, param_type, bytewise=True) == value
+    assert requested_value("P", float(value), param_type, bytewise=False) == value
+
+
+def test_typed_integer_is_stored_and_reported() -> None:
     sea = Sea()
-    answers = sea.ask("PARAM_SET", param_id="P_07", param_value=4.2e-45, param_type=6)
+    (answer,) = sea.ask(
+        "PARAM_SET", param_id="P_07", param_value=as_bytes("<i", 3), param_type=INT32
+    )
+    assert (answer.param_value, answer.param_type) == (3.0, REAL32)
+    assert sea.table.values["P_07"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("value", "param_type", "reason"),
+    [
+        (3.0, INT32, r"P_07 = 1.0779\de\+09: must be 0 to 10"),
+        (0.0, 8, "an integer of 64 bits does not fit"),
+    ],
+)
+def test_integer_of_wrong_encoding_is_refused(value: float, param_type: int, reason: str) -> None:
+    """A number that was converted and not copied is far outside the range."""
+    sea = Sea()
+    answers = sea.ask("PARAM_SET", param_id="P_07", param_value=value, param_type=param_type)
     assert answers[0].error == OUT_OF_RANGE
-    assert sea.texts == ["Parameter P_07: to be sent as REAL32, not as an integer"]
+    assert re.search(reason, sea.texts[0])
     assert sea.table.values["P_07"] == 0.7
+
+
+def test_fraction_with_integer_type_is_refused_by_c_cast() -> None:
+    with pytest.raises(ValueError, match="not a whole number"):
+        requested_value("P", 2.5, INT32, bytewise=False)
+    with pytest.raises(ValueError, match="not finite"):
+        requested_value("P", math.nan, INT32, bytewise=False)
