@@ -74,8 +74,15 @@ def simulate(
     hil_baro: Annotated[
         str | None,
         typer.Option(
-            help="px4: pressure to send: water [default], or air_equivalent (the air pressure at"
-            " an altitude of minus the depth)."
+            help="px4: pressure to send: air_equivalent [default] (the air pressure at an altitude"
+            " of minus the depth, which PX4 reads as the depth), or water."
+        ),
+    ] = None,
+    hil_position: Annotated[
+        str | None,
+        typer.Option(
+            help="px4: position under water: sensors [default] (none), gps (true fixes), or"
+            " vision (true pose as ODOMETRY)."
         ),
     ] = None,
     outputs: Annotated[
@@ -112,6 +119,7 @@ def simulate(
         wait_for_arm=wait_for_arm,
         rate_hz=rate,
         barometer=hil_baro,
+        position=hil_position,
         outputs=outputs,
         lockstep=not no_lockstep,
     )

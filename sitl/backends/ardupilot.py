@@ -1,7 +1,9 @@
 """ArduPilot over its JSON simulator backend: a datagram of servo pulses in, one of physics out.
 
 Protocol: ArduPilot, libraries/SITL/examples/JSON/readme.md. ArduPilot leads: each of its frames
-requests one step of 1 / frame_rate, and it waits for the answer. It numbers its frames. A repeated
+requests one step of 1 / frame_rate, and it waits for the answer. The rate changes by 1 Hz a frame
+from the first one (1200 Hz) to SIM_RATE_HZ (SIM_JSON.cpp), so the tick of the plant is that of the
+first frame, and an answer between two ticks is extrapolated. It numbers its frames. A repeated
 frame gets the same answer again, without a step; a frame number that starts again from zero comes
 from a restarted ArduPilot. The answer holds the true motion, as the protocol requires: ArduPilot
 simulates its own sensors, except the altimeter and the battery gauge.
@@ -12,8 +14,10 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable, Sequence
+from math import sqrt
 from typing import NamedTuple
 
+from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.records import ActuatorFrame, Altimeter, Battery
 from mavlink_io.transport import Transport, wait
 from sitl.backends.servo_outputs import ServoOutputs, controls_from_outputs
@@ -60,6 +64,8 @@ class ArduPilot:
         """Answer to the frame before, sent again if that frame is repeated."""
         self._range: Altimeter | None = None
         self._battery: Battery | None = None
+        self._due_us = 0
+        """Vehicle time of the next answer."""
 
     def wait_for_autopilot(self) -> Timestep | None:
         """Wait for the first servo frame and return the step that it requests."""
@@ -67,21 +73,23 @@ class ArduPilot:
             wait((self._transport,), _STOP_CHECK_S)
             self._request = self._newest()
         self._range = self._battery = None
-        return (
-            None
-            if self._request is None or self._stopped()
-            else timestep_for_rate(self._request.frame_rate_hz)
-        )
+        if self._request is None or self._stopped():
+            return None
+        timestep = timestep_for_rate(self._request.frame_rate_hz)
+        self._due_us = timestep.tick_us
+        return timestep
 
     def exchange(self, plant: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
-        """Answer the servo frame of this step and return the controls of the next."""
+        """Answer the servo frames that are due at this tick; return the controls of the next."""
         self._range = sensors.altimeter or self._range
         self._battery = sensors.battery or self._battery
-        if state.time_us > 0:
-            self._answer = reply_json(state.truth, self._range, self._battery)
+        while self._due_us <= state.time_us + plant.tick_us // 2:
+            truth = extrapolated(state.truth, self._due_us)
+            self._answer = reply_json(truth, self._range, self._battery)
             self._transport.send(self._answer)
-            if not self._await_next_frame():
+            if not self._await_next_frame() or self._request is None:
                 return None
+            self._due_us += timestep_for_rate(self._request.frame_rate_hz).tick_us
         assert self._request is not None
         return ActuatorFrame(
             state.time_us,
@@ -109,7 +117,6 @@ class ArduPilot:
             elif received.number > previous.number:
                 self._request = received
                 return True
-        return False
         return False
 
     def _newest(self) -> Servos | None:
@@ -141,7 +148,7 @@ def is_restart(received: Servos, previous: Servos) -> bool:
 
 
 def timestep_for_rate(frame_rate_hz: int) -> Timestep:
-    """Return the step for a frame rate in whole microseconds; a run keeps the rate of its start."""
+    """Return the step for a frame rate in whole microseconds."""
     return Timestep(min(TICK_US, max(MIN_STEP_US, round(1e6 / frame_rate_hz))))
 
 
@@ -153,6 +160,39 @@ def controls_from_pulses(pulses_us: Sequence[int]) -> list[float]:
     ]
 
 
+def extrapolated(truth: Truth, time_us: int) -> Truth:
+    """Return the motion at a time less than a tick away, at constant velocity and rates.
+
+    Parameters
+    ----------
+    truth : Truth
+        Motion at a tick.
+    time_us : int
+        Vehicle time of the result.
+    """
+    span_s = (time_us - truth.time_us) * 1e-6
+    if span_s == 0.0:
+        return truth
+    north, east, down = (
+        position + velocity * span_s
+        for position, velocity in zip(truth.position_ned_m, truth.velocity_ned_mps, strict=True)
+    )
+    # q' = q (0, rates) / 2
+    w, x, y, z = truth.attitude_q
+    p, q, r = (0.5 * span_s * rate for rate in truth.rates_radps)
+    turned = (
+        w - x * p - y * q - z * r,
+        x + w * p + y * r - z * q,
+        y + w * q + z * p - x * r,
+        z + w * r + x * q - y * p,
+    )
+    norm = sqrt(sum(part * part for part in turned))
+    w, x, y, z = (part / norm for part in turned)
+    return truth._replace(
+        time_us=time_us, position_ned_m=(north, east, down), attitude_q=(w, x, y, z)
+    )
+
+
 def reply_json(truth: Truth, echo: Altimeter | None, battery: Battery | None) -> bytes:
     """Return the JSON line for ArduPilot, which matches ``"key":`` as text: no blank after colons.
 
@@ -162,6 +202,7 @@ def reply_json(truth: Truth, echo: Altimeter | None, battery: Battery | None) ->
         "timestamp": truth.time_us / 1e6,
         "imu": {"gyro": truth.rates_radps, "accel_body": truth.specific_force_mps2},
         "position": truth.position_ned_m,
+        "attitude": euler_from_quaternion(*truth.attitude_q),
         "quaternion": truth.attitude_q,
         "velocity": truth.velocity_ned_mps,
     }

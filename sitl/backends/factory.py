@@ -10,7 +10,7 @@ from mavlink_io.transport import Transport
 from sitl.backends import Backend
 from sitl.backends.ardupilot import ArduPilot
 from sitl.backends.caribou import Caribou
-from sitl.backends.px4 import Barometer, Px4
+from sitl.backends.px4 import Barometer, Position, Px4
 from sitl.backends.servo_outputs import DEFAULT, parse
 from sitl.backends.wall_clock import WallClock
 
@@ -42,7 +42,9 @@ KINDS = {
         "udpout:127.0.0.1:14560", "1", frozenset({"--wait-for-arm", "--no-lockstep"})
     ),
     "px4": BackendDefaults(
-        "tcpin:127.0.0.1:4560", "1", frozenset({"--rate", "--hil-baro", "--outputs"})
+        "tcpin:127.0.0.1:4560",
+        "1",
+        frozenset({"--rate", "--hil-baro", "--hil-position", "--outputs"}),
     ),
     "ardupilot": BackendDefaults("udpin:127.0.0.1:9002", "max", frozenset({"--outputs"})),
 }
@@ -55,6 +57,7 @@ class BackendOptions(NamedTuple):
     wait_for_arm: bool = False
     rate_hz: int | None = None
     barometer: str | None = None
+    position: str | None = None
     outputs: str | None = None
     lockstep: bool = True
 
@@ -79,6 +82,7 @@ def check_options(choice: BackendOptions) -> None:
         "--wait-for-arm": choice.wait_for_arm or None,
         "--rate": choice.rate_hz,
         "--hil-baro": choice.barometer,
+        "--hil-position": choice.position,
         "--outputs": choice.outputs,
         "--no-lockstep": None if choice.lockstep else True,
     }
@@ -100,6 +104,9 @@ def check_options(choice: BackendOptions) -> None:
     barometers = get_args(Barometer)
     if choice.barometer not in (None, *barometers):
         raise BackendError(f"--hil-baro {choice.barometer}: expected {' or '.join(barometers)}")
+    positions = get_args(Position)
+    if choice.position not in (None, *positions):
+        raise BackendError(f"--hil-position {choice.position}: expected {', '.join(positions)}")
     parse(choice.outputs or DEFAULT)
 
 
@@ -116,9 +123,17 @@ def create_backend(
     outputs = parse(choice.outputs or DEFAULT)
     match choice.autopilot:
         case "px4":
-            barometer = cast(Barometer, choice.barometer or "water")
+            barometer = cast(Barometer, choice.barometer or "air_equivalent")
+            position = cast(Position, choice.position or "sensors")
             rate_hz = choice.rate_hz or PX4_RATE_HZ
-            return Px4(transport, stopped, rate_hz=rate_hz, outputs=outputs, barometer=barometer)
+            return Px4(
+                transport,
+                stopped,
+                rate_hz=rate_hz,
+                outputs=outputs,
+                barometer=barometer,
+                position=position,
+            )
         case "ardupilot":
             return ArduPilot(transport, stopped, outputs=outputs)
         case _ if not choice.lockstep:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from math import atan2, hypot, isnan, pi
+from math import atan2, hypot, isnan, nan, pi
 
 from mavlink_io import device_messages, dialect
 from mavlink_io.fixed_frame import FixedFrame
+from mavlink_io.frames import offset_to_geodetic
 from mavlink_io.records import Altimeter, GpsFix
+from sitl.core.truth import Truth
 
 SYSTEM = 1
 """System id of the vehicle."""
@@ -18,6 +20,7 @@ TRUTH = dialect.by_name("HIL_STATE_QUATERNION")
 GPS = dialect.by_name("HIL_GPS")
 ALTIMETER = dialect.by_name("DISTANCE_SENSOR")
 CONTROLS = dialect.by_name("HIL_ACTUATOR_CONTROLS")
+ODOMETRY = device_messages.ODOMETRY
 SENSOR_FRAME, CONTROLS_FRAME = FixedFrame(SENSOR), FixedFrame(CONTROLS)
 COMMAND, ACKNOWLEDGEMENT = dialect.by_name("COMMAND_LONG"), dialect.by_name("COMMAND_ACK")
 
@@ -27,6 +30,14 @@ TRUTH_PERIOD_US = 100_000
 _DOWN = dialect.constant("MAV_SENSOR_ROTATION_PITCH_270")
 _ULTRASOUND = dialect.constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _UNKNOWN_VARIANCE = 255
+POSITION_SD_M, _ATTITUDE_SD_RAD = 0.3, 0.02
+"""Standard deviations that are reported with a true position, and with a true attitude."""
+_FIX_3D, _SATELLITES = 3, 12
+_LOCAL_NED = dialect.constant("MAV_FRAME_LOCAL_NED")
+_BODY_FRD = dialect.constant("MAV_FRAME_BODY_FRD")
+_VISION = dialect.constant("MAV_ESTIMATOR_TYPE_VISION")
+_UPPER_TRIANGLE = tuple((row, column) for row in range(6) for column in range(row, 6))
+"""Row and column of each element of a covariance in ODOMETRY."""
 
 
 def gps_values(fix: GpsFix) -> tuple[object, ...]:
@@ -66,4 +77,59 @@ def altimeter_values(altimeter: Altimeter) -> tuple[object, ...]:
         id=0,
         orientation=_DOWN,
         covariance=_UNKNOWN_VARIANCE,
+    )
+
+
+def true_fix(truth: Truth, latitude_deg: float, longitude_deg: float) -> GpsFix:
+    """Return a satellite fix at the true position, also under water.
+
+    Parameters
+    ----------
+    truth : Truth
+        True motion.
+    latitude_deg, longitude_deg : float
+        Position of the origin of NED.
+    """
+    north_m, east_m, down_m = truth.position_ned_m
+    latitude, longitude = offset_to_geodetic(north_m, east_m, latitude_deg, longitude_deg)
+    north_mps, east_mps, down_mps = truth.velocity_ned_mps
+    return GpsFix(
+        time_us=truth.time_us,
+        fix_type=_FIX_3D,
+        lat_deg=latitude,
+        lon_deg=longitude,
+        alt_m=-down_m,
+        velocity_north_mps=north_mps,
+        velocity_east_mps=east_mps,
+        velocity_down_mps=down_mps,
+        satellites=_SATELLITES,
+        eph_m=POSITION_SD_M,
+        epv_m=POSITION_SD_M,
+    )
+
+
+def true_pose_values(truth: Truth) -> tuple[object, ...]:
+    """Return the fields of an ODOMETRY with the true position and attitude, in NED."""
+    variance = POSITION_SD_M**2
+    diagonal = (variance, variance, variance, *(_ATTITUDE_SD_RAD**2,) * 3)
+    covariance = [diagonal[row] if row == column else 0.0 for row, column in _UPPER_TRIANGLE]
+    return ODOMETRY.values(
+        time_usec=truth.time_us,
+        frame_id=_LOCAL_NED,
+        child_frame_id=_BODY_FRD,
+        x=truth.position_ned_m[0],
+        y=truth.position_ned_m[1],
+        z=truth.position_ned_m[2],
+        q=truth.attitude_q,
+        vx=nan,
+        vy=nan,
+        vz=nan,
+        rollspeed=nan,
+        pitchspeed=nan,
+        yawspeed=nan,
+        pose_covariance=covariance,
+        velocity_covariance=[nan] * len(_UPPER_TRIANGLE),
+        reset_counter=0,
+        estimator_type=_VISION,
+        quality=100,
     )

@@ -27,12 +27,15 @@ from sitl.backends.messages import (
     COMPONENT,
     CONTROLS,
     GPS,
+    ODOMETRY,
     SENSOR,
     SYSTEM,
     TRUTH,
     TRUTH_PERIOD_US,
     altimeter_values,
     gps_values,
+    true_fix,
+    true_pose_values,
 )
 from sitl.backends.rate_control import AnswerRate
 from sitl.backends.servo_outputs import ServoOutputs, controls_from_outputs
@@ -44,6 +47,13 @@ from sitl.faults.failure_injection import InjectionResult
 
 Barometer = Literal["water", "air_equivalent"]
 """Meaning of HIL_SENSOR.abs_pressure: water pressure, or air pressure at altitude minus depth."""
+
+Position = Literal["sensors", "gps", "vision"]
+"""Position under water: none, fixes as at the surface, or the pose as a camera or an acoustic
+network would give it. The last two are the true position."""
+
+POSITION_PERIOD_US = 100_000
+"""Period of a true position."""
 
 SEA_LEVEL_HPA, SEA_LEVEL_K, LAPSE_KPM, EXPONENT = 1013.25, 288.15, 0.0065, 5.25588
 """ISA troposphere (ICAO Doc 7488): p = p0 (1 - L h / T0)^(g M / (R L))."""
@@ -81,13 +91,10 @@ class Px4:
         rate_hz: int,
         outputs: ServoOutputs,
         barometer: Barometer,
+        position: Position = "sensors",
     ) -> None:
-        self._transport, self._stopped, self._outputs, self._barometer = (
-            transport,
-            stopped,
-            outputs,
-            barometer,
-        )
+        self._transport, self._stopped, self._outputs = transport, stopped, outputs
+        self._barometer, self._position = barometer, position
         self._endpoint = Endpoint(transport, SYSTEM, COMPONENT)
         self._timestep = Timestep(round(1e6 / rate_hz), imu_every_tick=True)
         self._connection: _Connection | None = None
@@ -187,13 +194,20 @@ class Px4:
         if _is_due(connection.truth_period_us, state.time_us, self._timestep.tick_us):
             frame = truth.to_frame(state.truth, plant.sea.latitude_deg, plant.sea.longitude_deg)
             frames.append(encode(TRUTH, frame))
-        if sensors.gps is not None:
+        located = _is_due(POSITION_PERIOD_US, state.time_us, self._timestep.tick_us)
+        if self._position == "gps":
+            if located:
+                fix = true_fix(state.truth, plant.sea.latitude_deg, plant.sea.longitude_deg)
+                frames.append(encode(GPS, gps_values(fix)))
+        elif sensors.gps is not None:
             frames.append(encode(GPS, gps_values(sensors.gps)))
+        if self._position == "vision" and located:
+            frames.append(encode(ODOMETRY, true_pose_values(state.truth)))
         if sensors.altimeter is not None:
             frames.append(encode(ALTIMETER, altimeter_values(sensors.altimeter)))
         # PX4 treats every velocity in ODOMETRY as a velocity over ground.
         if sensors.dvl is not None and sensors.dvl.over_ground:
-            frames.append(encode(device_messages.ODOMETRY, device_messages.dvl_values(sensors.dvl)))
+            frames.append(encode(ODOMETRY, device_messages.dvl_values(sensors.dvl)))
         frames.append(encode(SENSOR, _sensor_frame(sensors.frame, self._barometer)))
         return b"".join(frames)
 

@@ -28,6 +28,7 @@ class Motion(NamedTuple):
     gyro_radps: list[float]
     accel_body_mps2: list[float]
     position_ned_m: list[float]
+    attitude_rad: list[float]
     quaternion: list[float]
     velocity_ned_mps: list[float]
     rng_1_m: float | None
@@ -83,6 +84,15 @@ class ArduPilot:
         self.count += 1
         return read(line)
 
+    def ramp(self, count: int, goal_hz: int) -> list[Motion]:
+        """Fly while the rate changes by 1 Hz a frame towards SIM_RATE_HZ, as SIM_JSON does."""
+        motions = []
+        for _ in range(count):
+            motions.append(self.step())
+            change = max(-1, min(1, goal_hz - self._frame_rate_hz))
+            self._frame_rate_hz += change
+        return motions
+
     def fly(self, count: int, pulses_us: Sequence[int] = ()) -> list[Motion]:
         return [self.step(pulses_us) for _ in range(count)]
 
@@ -99,6 +109,7 @@ def read(datagram: bytes) -> Motion:
         _vector(line, "imu", "gyro", 3),
         _vector(line, "imu", "accel_body", 3),
         _vector(line, "", "position", 3),
+        _vector(line, "", "attitude", 3),
         _vector(line, "", "quaternion", 4),
         _vector(line, "", "velocity", 3),
         _number(line, "", "rng_1"),

@@ -2,6 +2,7 @@
 
 import math
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import closing
 from itertools import pairwise
@@ -94,6 +95,36 @@ def test_each_frame_is_one_step_of_frame_rate(port: int, frame_rate_hz: int, ste
         motions = ardupilot.fly(120)
     assert motions[0].timestamp_s == pytest.approx(step_s, abs=1e-9)
     assert steps_s(motions) == pytest.approx([step_s] * 119, abs=1e-9)
+
+
+@pytest.mark.parametrize(("first_hz", "goal_hz"), [(500, 400), (400, 500)])
+def test_step_follows_rate_that_ramps(port: int, first_hz: int, goal_hz: int) -> None:
+    with closing(ArduPilot(port, first_hz)) as ardupilot:
+        motions = [*ardupilot.ramp(100, goal_hz), *ardupilot.fly(50)]
+    way = [first_hz + (n if goal_hz > first_hz else -n) for n in range(101)]
+    rates_hz = [*way, *[goal_hz] * 49]
+    wanted_s = [round(1e6 / rate_hz) * 1e-6 for rate_hz in rates_hz[1:150]]
+    assert steps_s(motions) == pytest.approx(wanted_s, abs=1e-9)
+    for before, after in pairwise(motions):
+        step_s = after.timestamp_s - before.timestamp_s
+        moved_m = math.dist(after.position_ned_m, before.position_ned_m)
+        assert moved_m == pytest.approx(speed_mps(before) * step_s, rel=0.02, abs=1e-6)
+
+
+def test_attitude_agrees_with_quaternion(ardupilot: ArduPilot) -> None:
+    last = ardupilot.fly(200, (1700, 1400, 1732))[-1]
+    assert last.attitude_rad[1:] == pytest.approx([pitch_rad(last), heading_rad(last)], abs=1e-6)
+
+
+def test_restart_after_a_kill_and_a_pause_starts_a_new_run(port: int) -> None:
+    with closing(ArduPilot(port)) as first:
+        first.fly(50)
+        first.send(first.frame())  # the answer meets a closed port
+    time.sleep(0.5)
+    with closing(ArduPilot(port, 250)) as second:
+        motions = second.fly(20)
+    assert motions[0].timestamp_s == pytest.approx(0.004)
+    assert steps_s(motions) == pytest.approx([0.004] * 19, abs=1e-9)
 
 
 def test_motion_is_nearly_independent_of_frame_rate(port: int) -> None:

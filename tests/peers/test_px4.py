@@ -205,7 +205,7 @@ def test_without_lockstep_wait_is_one_step(px4: Px4) -> None:
 
 @pytest.fixture(scope="module")
 def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
-    """One simulator with options: at depth, 100 Hz, assigned outputs, air-equivalent pressure."""
+    """One simulator with options: at depth, 100 Hz, assigned outputs, true pose as vision."""
     scenario, port = tmp_path_factory.mktemp("px4") / "deep.toml", free_port(SOCK_STREAM)
     scenario.write_text(DEEP)
     options = (
@@ -213,8 +213,8 @@ def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         "100",
         "--outputs",
         "4,-6,1",
-        "--hil-baro",
-        "air_equivalent",
+        "--hil-position",
+        "vision",
         "--scenario",
         str(scenario),
     )
@@ -267,7 +267,7 @@ def test_assigned_outputs_control_the_vehicle(deep_port: int) -> None:
     assert disarmed.vy == adrift.vy
 
 
-def test_air_equivalent_pressure_gives_depth_in_px4(deep_port: int) -> None:
+def test_default_pressure_gives_depth_in_px4(deep_port: int) -> None:
     """Reference: PX4's formula of the standard atmosphere."""
     with closing(Px4(deep_port)) as px4:
         instants = list(px4.fly(20))
@@ -285,6 +285,20 @@ def test_air_equivalent_pressure_gives_depth_in_px4(deep_port: int) -> None:
     exponent = -lapse * air_constant / gravity
     altitude_m = ((pressure_pa / sea_level_pa) ** exponent * sea_level_k - sea_level_k) / lapse
     assert altitude_m == pytest.approx(-5.0, abs=0.1)
+
+
+def test_vision_pose_is_the_true_one_under_water(deep_port: int) -> None:
+    with closing(Px4(deep_port)) as px4:
+        instants = list(px4.fly(60))
+    poses = [tick.find("ODOMETRY") for tick in instants if tick.find("ODOMETRY")]
+    located = [pose for pose in poses if math.isfinite(pose.x)]
+    assert len(located) == 6, "10 Hz beside the velocity of the DVL"
+    last = located[-1]
+    assert (last.frame_id, last.child_frame_id, last.estimator_type) == (1, 12, 2)
+    assert last.z == pytest.approx(5.0, abs=0.1)
+    assert 2.0 * math.atan2(last.q[3], last.q[0]) == pytest.approx(math.pi / 2, abs=0.01)
+    assert last.pose_covariance[0] == pytest.approx(0.09)
+    assert math.isnan(last.vx)
 
 
 def test_px4_on_udp_receives_first_datagram(tmp_path: Path) -> None:

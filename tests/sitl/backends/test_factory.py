@@ -24,6 +24,10 @@ from sitl.backends.servo_outputs import OutputsError, controls_from_outputs, par
         (BackendOptions("px4", rate_hz=0), "--rate 0: expected"),
         (BackendOptions("px4", rate_hz=10), "--rate 10: expected"),
         (
+            BackendOptions("px4", position="stars"),
+            "--hil-position stars: expected sensors, gps, vision",
+        ),
+        (
             BackendOptions("px4", barometer="mercury"),
             "--hil-baro mercury: expected water or air_equivalent",
         ),
