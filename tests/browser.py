@@ -27,8 +27,8 @@ FLAGS = (
     "--disable-component-update",
     "--disable-sync",
 )
-LOCAL_SCHEMES = ("file:", "data:", "blob:", "chrome:")
-"""Addresses that need no network; ``chrome:`` is the browser's own start page."""
+LOCAL_SCHEMES = ("file:", "data:", "blob:", "chrome:", "chrome-untrusted:")
+"""Addresses that need no network; the last two are the browser's own start page."""
 WINDOWS_PX = ((768, 1024), (390, 844), (844, 390), (1440, 900))
 """A tablet, a telephone upright and turned, and the desktop that the page was opened on."""
 HEIGHT_TOLERANCE_PX = 5.0
@@ -47,8 +47,8 @@ needs_chromium = pytest.mark.skipif(
 
 _CHARTS = """
 return Object.fromEntries([...document.querySelectorAll('.chart')].map(chart => {
-  const svg = chart.querySelector('.main-svg');
-  return [chart.id, [chart, svg].map(e => {
+  const drawing = chart.querySelector('.main-svg, canvas');
+  return [chart.id, [chart, drawing].map(e => {
     const box = e ? e.getBoundingClientRect() : {width: 0, height: 0};
     return [box.width, box.height];
   })];
@@ -62,11 +62,11 @@ class Page:
     def __init__(self, driver: Any) -> None:
         self._driver = driver
 
-    def open(self, path: Path, width_px: int, height_px: int) -> None:
-        """Open a file in a viewport of a size, and wait until it is drawn."""
+    def open(self, address: str, width_px: int, height_px: int) -> None:
+        """Open an address in a viewport of a size, and wait until it is drawn."""
         self._driver.get("about:blank")
         self._set_viewport(width_px, height_px)
-        self._driver.get(path.resolve().as_uri())
+        self._driver.get(address)
         self._settle()
 
     def resize(self, width_px: int, height_px: int) -> None:
@@ -90,6 +90,15 @@ class Page:
     def run(self, script: str) -> Any:
         """Run a piece of JavaScript and return its result."""
         return self._driver.execute_script(script)
+
+    def text(self, element: str) -> str:
+        """Return the text that the element of an id shows."""
+        return str(self.run(f"return document.getElementById('{element}').innerText"))
+
+    def save_picture(self, path: Path) -> None:
+        """Write what the viewport shows as PNG."""
+        if not self._driver.save_screenshot(str(path)):
+            raise OSError(f"{path}: could not be written")
 
     def errors(self) -> list[str]:
         """Return the errors in the console."""
@@ -140,8 +149,11 @@ def check_layout(page: Page) -> None:
 
 
 @contextmanager
-def opened(path: Path, profile: Path) -> Iterator[Page]:
-    """Open a file in a browser of its own, which keeps its data in the empty folder ``profile``."""
+def opened(target: Path | str, profile: Path) -> Iterator[Page]:
+    """Open a file or an address in a browser of its own.
+
+    The browser keeps its data in the empty folder ``profile``.
+    """
     from selenium import webdriver
     from selenium.webdriver.chrome.options import Options
     from selenium.webdriver.chrome.service import Service
@@ -154,7 +166,8 @@ def opened(path: Path, profile: Path) -> Iterator[Page]:
     driver = webdriver.Chrome(options=options, service=Service(str(_DRIVER)))
     try:
         page = Page(driver)
-        page.open(path, *WINDOWS_PX[-1])
+        address = target if isinstance(target, str) else target.resolve().as_uri()
+        page.open(address, *WINDOWS_PX[-1])
         yield page
     finally:
         driver.quit()

@@ -88,10 +88,7 @@ class ModeList(Exchange[dict[str, int]]):
 
     def _handle_message(self, name: str, message: Any) -> None:
         """Store the name and number of a mode; finish when none is missing."""
-        mode_name = message.mode_name or _STANDARD_NAMES.get(
-            message.standard_mode, f"MODE_{message.custom_mode}"
-        )
-        self._modes[message.mode_index] = mode_name, message.custom_mode
+        self._modes[message.mode_index] = listed_mode_name(message), message.custom_mode
         self._missing = set(range(1, message.number_modes + 1)) - set(self._modes)
         self._note_progress()
         if not self._missing:
@@ -99,6 +96,24 @@ class ModeList(Exchange[dict[str, int]]):
 
     def _describe(self) -> str:
         return "the list of modes"
+
+
+def listed_mode_name(message: Any) -> str:
+    """Return the name of the mode in an AVAILABLE_MODES.
+
+    Parameters
+    ----------
+    message : namedtuple
+        Decoded message; a standard mode may come without a name.
+
+    Returns
+    -------
+    str
+        Name as shown to the user.
+    """
+    return message.mode_name or _STANDARD_NAMES.get(
+        message.standard_mode, f"MODE_{message.custom_mode}"
+    )
 
 
 def readable_name(value: int, enum: str) -> str:

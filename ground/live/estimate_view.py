@@ -85,6 +85,30 @@ def line(report: PlaneReport) -> str:
     )
 
 
+def as_panel(status: EstimateStatus) -> dict[str, Any]:
+    """Return the rows of `table` as JSON values for the live page."""
+    return {
+        "trouble": status.trouble,
+        "planes": [
+            {
+                "plane": plane,
+                "testing": plane in status.testing,
+                "enough": report.enough,
+                "verdict": "you may stop"
+                if report.enough
+                else describe_precision(report).removeprefix("go on: "),
+                "rows": [
+                    *((label, _cell(report.numbers[name])) for name, label in ROWS.items()),
+                    ("crossover, rad/s", f"{report.crossover_radps:.2f}"),
+                    ("gain there, dB", _cell(report.gain_db)),
+                    ("phase there, deg", _cell(report.phase_deg)),
+                ],
+            }
+            for plane, report in status.readings.items()
+        ],
+    }
+
+
 def as_json(status: EstimateStatus) -> dict[str, Any]:
     """Return value, standard deviation and prior standard deviation by plane and name."""
     return {

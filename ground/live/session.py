@@ -95,6 +95,10 @@ class LiveSession:
         """Return the table of the current estimate."""
         return estimate_view.table(self._status)
 
+    def panel(self) -> dict[str, Any]:
+        """Return the current estimate for the live page."""
+        return estimate_view.as_panel(self._status)
+
     def as_json(self) -> dict[str, Any]:
         """Return the current estimate as JSON values."""
         return estimate_view.as_json(self._status)

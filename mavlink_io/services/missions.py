@@ -153,15 +153,20 @@ class MissionClient:
         """
         return _Upload(*self._participants, tuple(items), self._order, mission_type)
 
-    def download(self) -> Exchange[tuple[MissionItem, ...]]:
-        """Read the vehicle's mission.
+    def download(self, mission_type: int = MISSION_TYPE) -> Exchange[tuple[MissionItem, ...]]:
+        """Read a plan of the vehicle.
+
+        Parameters
+        ----------
+        mission_type : int
+            MAV_MISSION_TYPE of the plan: mission (default), fence or rally points.
 
         Returns
         -------
         Exchange
             Its result is the tuple of items.
         """
-        return _MissionDownload(*self._participants)
+        return _PlanDownload(*self._participants, mission_type)
 
     def clear(self) -> Exchange[None]:
         """Remove all items of the vehicle's mission.
@@ -243,28 +248,27 @@ class _Upload(Exchange[None]):
         return f"the upload of {len(self._items)} items of the {_PLAN_NAMES[self._type]}"
 
 
-class _MissionDownload(Exchange[tuple[MissionItem, ...]]):
+class _PlanDownload(Exchange[tuple[MissionItem, ...]]):
     """Request the number of items, then each item in order."""
 
     message_names = frozenset(("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"))
 
-    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, mission_type: int) -> None:
         super().__init__(send, own, peer)
+        self._type = mission_type
         self._count: int | None = None
         self._items: list[MissionItem] = []
 
     def _send_request(self) -> None:
         """Request the number of items, or the next item."""
         if self._count is None:
-            self._send_to_peer("MISSION_REQUEST_LIST", mission_type=MISSION_TYPE)
+            self._send_to_peer("MISSION_REQUEST_LIST", mission_type=self._type)
         else:
-            self._send_to_peer(
-                "MISSION_REQUEST_INT", seq=len(self._items), mission_type=MISSION_TYPE
-            )
+            self._send_to_peer("MISSION_REQUEST_INT", seq=len(self._items), mission_type=self._type)
 
     def _handle_message(self, name: str, message: Any) -> None:
         """Store the number of items or the next item; finish when all have arrived."""
-        if message.mission_type != MISSION_TYPE:
+        if message.mission_type != self._type:
             return
         if name == "MISSION_ACK":
             if message.type != ACCEPTED:
@@ -284,7 +288,7 @@ class _MissionDownload(Exchange[tuple[MissionItem, ...]]):
         if len(self._items) < self._count:
             self._send_request()
         else:
-            self._send_to_peer("MISSION_ACK", type=ACCEPTED, mission_type=MISSION_TYPE)
+            self._send_to_peer("MISSION_ACK", type=ACCEPTED, mission_type=self._type)
             self._finish(tuple(self._items))
 
     def _describe(self) -> str:

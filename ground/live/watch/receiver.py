@@ -5,6 +5,7 @@ detects the loss of its ground station.
 """
 
 from collections import deque
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ground.client import commands, connection_diagnosis
@@ -51,6 +52,17 @@ class LatestMessage(NamedTuple):
     """Mean time between two messages (s); 0 after the first."""
 
 
+def after(before: LatestMessage | None, message: Any, now_s: float) -> LatestMessage:
+    """Return a new message as the latest one, with the smoothed period of its type (s)."""
+    period_s = 0.0
+    if before is not None:
+        gap_s = now_s - before.at_s
+        period_s = (
+            before.period_s + SMOOTHING * (gap_s - before.period_s) if before.period_s else gap_s
+        )
+    return LatestMessage(message, now_s, period_s)
+
+
 class ReceivedText(NamedTuple):
     """STATUSTEXT of the vehicle, with its time of reception."""
 
@@ -76,6 +88,9 @@ class Receiver:
         self.texts: deque[ReceivedText] = deque(maxlen=MAX_TEXTS)
         self.modes: dict[int, str] = {}
         self.frames = 0
+        self.received_bytes = 0
+        self.rates_hz: Mapping[str, float] = LISTENER_RATES_HZ
+        """Message rates that the listener needs (Hz)."""
         self.listener: TelemetryListener | None = None
         """Listener that receives the frames and texts of the vehicle, if any."""
         self.trouble = ""
@@ -90,6 +105,10 @@ class Receiver:
     def rejected_frames(self) -> int:
         """Number of received frames that were rejected."""
         return self._endpoint.rejected_frames
+
+    def send(self, name: str, **fields: Any) -> None:
+        """Send a message, for a request of a service."""
+        self._endpoint.send(name, **fields)
 
     def rates(self, now_s: float) -> tuple[float, float]:
         """Return the recent data rate in bytes/s and messages/s."""
@@ -139,7 +158,7 @@ class Receiver:
         """Request the version, and telemetry that the autopilot does not send unrequested."""
         if "AUTOPILOT_VERSION" not in self.latest:
             self._command(vehicle_id, MavCmd.REQUEST_MESSAGE, _VERSION)
-        for name, rate_hz in LISTENER_RATES_HZ.items() if self.listener else ():
+        for name, rate_hz in self.rates_hz.items() if self.listener else ():
             if name not in self.latest or self.latest[name].period_s > 1.5 / rate_hz:
                 self._command(
                     vehicle_id,
@@ -178,6 +197,7 @@ class Receiver:
         self._senders.add(sender)
         self._arrivals.append((now_s, len(frame.raw)))
         self.frames += 1
+        self.received_bytes += len(frame.raw)
         message = frame.decode() if not frame.name.startswith("UNKNOWN") else None
         if (
             self.vehicle_id is None
@@ -187,7 +207,7 @@ class Receiver:
             self.vehicle_id = sender
         if message is None or sender != self.vehicle_id:
             return
-        self._store(frame.name, message, now_s)
+        self.latest[frame.name] = after(self.latest.get(frame.name), message, now_s)
         if self.listener is not None:
             self.listener.on_frame(frame)
         if (
@@ -199,18 +219,6 @@ class Receiver:
                 self.listener.on_text(StatusText(message.severity, text))
         if self._mode_list is not None and not self.modes:
             self._update_modes(self._mode_list, frame)
-
-    def _store(self, name: str, message: Any, now_s: float) -> None:
-        """Store a message with its time and the smoothed period between such messages (s)."""
-        before, period_s = self.latest.get(name), 0.0
-        if before is not None:
-            gap_s = now_s - before.at_s
-            period_s = (
-                before.period_s + SMOOTHING * (gap_s - before.period_s)
-                if before.period_s
-                else gap_s
-            )
-        self.latest[name] = LatestMessage(message, now_s, period_s)
 
     def _update_modes(self, modes: commands.ModeList, frame: Frame) -> None:
         """Take over the mode list of the vehicle when it is complete."""

@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ground.client.commands import readable_name
 from ground.live.watch import mode_names
@@ -135,12 +135,14 @@ def attitude_of_quaternion(m: Any, context: RowContext) -> Cell:
     return _attitude(roll_rad, pitch_rad)
 
 
-def _heading(deg: float) -> Cell:
-    """Return a heading in [0, 360) degrees."""
+def _heading(deg: float) -> Cell | None:
+    """Return a heading in [0, 360) degrees; None for infinity and NaN."""
+    if not math.isfinite(deg):
+        return None
     return Cell(f"{round(deg) % 360:03d} deg", deg % 360.0)
 
 
-def heading_of_attitude(m: Any, context: RowContext) -> Cell:
+def heading_of_attitude(m: Any, context: RowContext) -> Cell | None:
     """Return the heading (deg) of an ATTITUDE."""
     return _heading(math.degrees(m.yaw))
 
@@ -327,7 +329,14 @@ NEVER_STALE = frozenset(("AUTOPILOT_VERSION",))
 """Messages that are sent once and do not become stale."""
 
 
-def rows(receiver: Receiver, now_s: float) -> list[WatchRow]:
+class LatestMessages(Protocol):
+    """Source of the rows: the latest messages of a vehicle and the names of its modes."""
+
+    latest: dict[str, LatestMessage]
+    modes: dict[int, str]
+
+
+def rows(receiver: LatestMessages, now_s: float) -> list[WatchRow]:
     """Return every line of the view, with present ages."""
     heartbeat = receiver.latest.get("HEARTBEAT")
     context = RowContext(

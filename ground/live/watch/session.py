@@ -56,7 +56,7 @@ def watch(
     OperationError
         No vehicle was received for a snapshot.
     """
-    stopped = _Stopped()
+    stopped = Stopped()
     page = console()
     with open_signing(sign) as key:
         transport = open_transport(connect)
@@ -75,7 +75,7 @@ def watch(
             transport.close()
 
 
-class _Stopped:
+class Stopped:
     """Flag that becomes true at Ctrl-C, the normal end of a live view."""
 
     def __init__(self) -> None:
@@ -83,13 +83,14 @@ class _Stopped:
         on_end_signals(self._stop)
 
     def __call__(self) -> bool:
+        """Return whether the user has ended the view."""
         return self._stopped
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         self._stopped = True
 
 
-def _listen_once(receiver: Receiver, stopped: _Stopped) -> None:
+def _listen_once(receiver: Receiver, stopped: Stopped) -> None:
     """Receive from a vehicle for `LISTEN_S`. Raises OperationError without a vehicle."""
     until_s = wall_s() + VEHICLE_TIMEOUT_S
     receiver.listen(REFRESH_S)
@@ -105,7 +106,7 @@ def _listen_once(receiver: Receiver, stopped: _Stopped) -> None:
 
 
 def _show_live(
-    receiver: Receiver, page: Console, stopped: _Stopped, listener: Listeners | None
+    receiver: Receiver, page: Console, stopped: Stopped, listener: Listeners | None
 ) -> None:
     """Receive and draw every REFRESH_S until stopped."""
     drawn_s = 0.0

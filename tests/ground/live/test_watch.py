@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import os
 import pty
 import signal
@@ -213,6 +214,13 @@ def test_view_accepts_messages_with_arbitrary_bytes(name: str, payload: bytes) -
         )
         assert "system 1" in sea.screen()
         json.dumps(reading.as_json(sea.receiver, time.monotonic()))
+
+
+def test_heading_that_is_no_number_is_not_shown(sea: Sea) -> None:
+    sea.heartbeat()
+    for yaw in (math.inf, math.nan):
+        sea.send("ATTITUDE", yaw=yaw)
+        assert sea.rows()["heading"].cell is None
 
 
 def command(*words: str) -> list[str]:

@@ -1,0 +1,123 @@
+"""Server of the live page: names, headers, and browsers that do not read."""
+
+import http.client
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+
+from ground.live.page import server
+from ground.live.page.page_state import PageState
+from ground.live.page.server import PageServer
+from mavlink_io.errors import InputError
+from tests.ground.live.page.telemetry import heartbeat, motion
+
+START_S, LAST_S = 400.0, 430.0
+BUFFER_BYTES = 8192
+"""Size of the buffers in the kernel: the history of `START_S` does not fit into them."""
+
+
+@pytest.fixture(scope="module")
+def state() -> PageState:
+    return PageState()
+
+
+@pytest.fixture(scope="module")
+def port(state: PageState) -> Iterator[int]:
+    listener = server.listen(port=None)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
+    with PageServer(state, listener):
+        yield listener.getsockname()[1]
+
+
+def get(port: int, path: str, host: str | None = None) -> http.client.HTTPResponse:
+    with closing(http.client.HTTPConnection("127.0.0.1", port)) as connection:
+        connection.request("GET", path, headers={"Host": host} if host else {})
+        response = connection.getresponse()
+        response.read()
+        return response
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("127.0.0.1:8750", 200),
+        ("localhost", 200),
+        ("LOCALHOST:1", 200),
+        ("[::1]:8750", 200),
+        ("192.168.1.20", 200),
+        ("rebound.example:8750", 400),
+        ("127.0.0.1.rebound.example", 400),
+        ("localhost.rebound.example", 400),
+        ("", 400),
+    ],
+)
+def test_request_under_a_foreign_name_is_refused(port: int, host: str, status: int) -> None:
+    assert get(port, "/", host or " ").status == status
+    if status == 400:
+        assert get(port, "/events", host or " ").status == status
+
+
+def test_page_allows_its_own_server_only(port: int) -> None:
+    policy = get(port, "/").headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "http" not in policy
+
+
+def test_unknown_path_and_other_method_are_refused(port: int) -> None:
+    assert get(port, "/../server.py").status == 404
+    with closing(http.client.HTTPConnection("127.0.0.1", port)) as connection:
+        connection.request("POST", "/events", b"{}")
+        assert connection.getresponse().status == 405
+
+
+def test_stopped_browser_does_not_delay_another(port: int, state: PageState) -> None:
+    """A browser that reads nothing is sent more than its buffers take; another gets every row."""
+    with state.dive("dive") as dive:
+        for tick in range(int(10 * START_S)):
+            dive.on_frame(motion(tick / 10.0)[-1])
+    stopped = socket.socket()
+    stopped.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+    stopped.connect(("127.0.0.1", port))
+    stopped.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    stop = threading.Event()
+
+    def fly() -> None:
+        time_s = START_S
+        while not stop.wait(0.01):
+            with state.dive("dive") as dive:
+                dive.on_frame(heartbeat())
+                for received in motion(time_s):
+                    dive.on_frame(received)
+            time_s += 0.1
+
+    flight = threading.Thread(target=fly)
+    flight.start()
+    try:
+        with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)) as connection:
+            connection.request("GET", "/events")
+            response, times_s = connection.getresponse(), list[float]()
+            while not times_s or times_s[-1] < LAST_S:
+                line = response.readline()
+                if line.startswith(b"data: "):
+                    times_s += [row[0] for row in json.loads(line[6:]).get("rows", [])]
+            response.close()
+    finally:
+        stop.set()
+        flight.join()
+        stopped.close()
+    assert times_s == sorted(set(times_s))
+
+
+def test_port_in_use_is_an_input_error(port: int) -> None:
+    with pytest.raises(InputError, match=f"--port {port}"):
+        server.listen(port=port)
+
+
+def test_default_port_in_use_gives_another() -> None:
+    with server.listen() as first, server.listen() as second:
+        assert first.getsockname()[1] != second.getsockname()[1]
+        assert first.getsockname()[0] == "127.0.0.1"
