@@ -23,11 +23,14 @@ PYTEST ?=
 BUSY   ?=
 ROWS   ?=
 
-.PHONY: help campaign test test-fast test-clients check check-physics benchmark-sysid benchmark-control \
+.PHONY: help demo campaign test test-fast test-clients check check-physics benchmark-sysid benchmark-control \
         benchmark-campaigns bench soak docs format coverage audit vehicle lock clean
 
 help:                                ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/	/' | expand -t 20
+
+demo: $(VENV)/run.stamp             ## fly a simulated vehicle and show it live in a browser
+	$(BIN)/ground demo
 
 campaign: $(VENV)/run.stamp          ## fly, identify, redesign, fly again; report in $(OUT)/report.html
 	$(BIN)/ground campaign --seed $(SEED) --out $(OUT) $(if $(FORCE),--force)

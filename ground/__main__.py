@@ -20,9 +20,11 @@ from typer import rich_utils
 from ground.cli import (
     bench_test,
     campaign,
+    demo,
     design_test,
     fly,
     inclining_test,
+    live,
     log,
     missions,
     modes,
@@ -61,6 +63,7 @@ app.add_typer(log.app, name="log")
 app.add_typer(vehicle.app, name="vehicle")
 app.add_typer(modes.app, name="modes")
 app.add_typer(sweep.app, name="sweep")
+app.command()(demo.demo)
 app.command()(fly.fly)
 app.command()(stop.surface)
 app.command()(stop.hold)
@@ -70,6 +73,7 @@ app.command()(design_test.design_test)
 app.command()(simulate.simulate)
 app.command()(redesign.redesign)
 app.command()(watch.watch)
+app.command()(live.live)
 app.command()(campaign.campaign)
 app.command()(refit.refit)
 app.command()(report.report)

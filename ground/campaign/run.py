@@ -42,12 +42,13 @@ from ground.campaign.dive_records import (
 from ground.campaign.preparation import Preparation, PreparationRequest, prepare
 from ground.campaign.summary_file import CampaignSummary, DesignSummary, RetestSummary
 from ground.campaign.worker import Worker
-from ground.client.flight import Dive, FlightProgress, fly_simulated
+from ground.client.flight import Dive, FlightProgress, TelemetryListener, fly_simulated
 from ground.missions import scaling
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess, start_fork_server
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import InputError, OperationError
+from mavlink_io.mission_items import MissionItem
 
 TRIM_MISSION = "trim"
 """Straight and level mission from which the trims are measured."""
@@ -110,6 +111,8 @@ WatchCallback = Callable[[str, FlightProgress], None]
 """Called with the name and the progress of a dive."""
 AnnounceCallback = Callable[[str], None]
 """Called with a text about what begins."""
+ListenCallback = Callable[[str, Sequence[MissionItem]], TelemetryListener]
+"""Called with the name and the mission of a dive; returns the listener to its telemetry."""
 
 
 @dataclass
@@ -119,6 +122,7 @@ class Campaign:
     request: CampaignRequest
     watch: WatchCallback
     announce: AnnounceCallback
+    listen: ListenCallback | None = None
     outcomes: dict[str, DiveRecord] = field(default_factory=dict)
     retests: list[RetestSummary] = field(default_factory=list)
     _simulated: list[SimulatedVehicle] = field(default_factory=list)
@@ -347,8 +351,12 @@ class Campaign:
         if record := self._records.find(name, log, request_sha256):
             self.outcomes[name] = record
             return
+        listener = self.listen(name, dive.items) if self.listen else None
         outcome = fly_simulated(
-            dive, self._launch(mission), lambda progress: self.watch(name, progress)
+            dive,
+            self._launch(mission),
+            lambda progress: self.watch(name, progress),
+            follower=listener,
         )
         if outcome.failsafes:
             raise OperationError(f"{name}: {outcome.failsafes[0]}")

@@ -1,10 +1,12 @@
 """`ground campaign`: fly, identify, redesign and verify in one command."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from ground.cli.live import Live, page_process
 from ground.cli.options import Jobs, Json, ScenarioName, Seed, Speed, VehicleName, print_result
 
 
@@ -52,6 +54,7 @@ def campaign(
         ),
     ] = False,
     jobs: Jobs = None,
+    live: Live = False,
     json: Json = False,
 ) -> None:
     """Fly a simulated campaign: trims, tests, refit, redesign, verification and report."""
@@ -61,6 +64,7 @@ def campaign(
     from ground.campaign import summary
     from ground.campaign.run import Campaign, CampaignRequest
     from ground.cli import progress
+    from ground.live.page.feed import DiveFeed
     from sysid.trials import usable_cores
 
     request = CampaignRequest(
@@ -76,6 +80,7 @@ def campaign(
         jobs=jobs or usable_cores(),
         extra_water_s=extra_water_time,
     )
-    with progress.display("campaign", quiet=json) as display:
-        result = Campaign(request, display.watch_named, display.announce).run()
+    with page_process(live=live) as page, progress.display("campaign", quiet=json) as display:
+        listen = partial(DiveFeed, page) if page else None
+        result = Campaign(request, display.watch_named, display.announce, listen).run()
     print_result(result, summary.format_text(result, out), json)

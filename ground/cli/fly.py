@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ground.cli.live import Live, page_process
 from ground.cli.options import (
     GROUND_LINK,
     Address,
@@ -25,6 +26,7 @@ from mavlink_io.mission_items import MavCmd
 if TYPE_CHECKING:
     from ground.cli.progress import ProgressDisplay
     from ground.client.flight import Dive
+    from ground.live.page.feed import DiveFeed, PageProcess
     from ground.live.performance_monitor import PerformanceMonitor
     from ground.live.session import LiveSession
 
@@ -82,6 +84,7 @@ def fly(
             ),
         ),
     ] = None,
+    live: Live = False,
     json: Json = False,
 ) -> None:
     """Upload a mission, fly it, and record until the vehicle has disarmed itself at the surface."""
@@ -104,11 +107,15 @@ def fly(
     dive = Dive.load(mission, log_file, parameters=parameters, tlog=tlog and new_file(tlog))
     if sitl and not (params or gains or _has_tests(dive)):
         dive = _with_trim_learning(dive, vehicle)
-    with progress.display(Path(mission).stem, quiet=json) as display:
+    with (
+        page_process(live=live) as page,
+        progress.display(Path(mission).stem, quiet=json) as display,
+    ):
         estimate = _live_estimate(dive, prior or _prior_file(vehicle if sitl else None), display)
         monitor = _performance_monitor(gains, display) if gains else None
+        feed = _live_feed(page, dive, estimate) if page else None
         listeners = Listeners(
-            [listener for listener in (estimate, monitor) if listener], display.show
+            [listener for listener in (estimate, monitor, feed) if listener], display.show
         )
         if sitl:
             simulated = SimulatedVehicle(
@@ -185,6 +192,14 @@ def _live_estimate(dive: "Dive", prior: str, display: "ProgressDisplay") -> "Liv
     from ground.live.session import LiveSession
 
     return LiveSession(prior, None, display.print_line)
+
+
+def _live_feed(page: "PageProcess", dive: "Dive", estimate: "LiveSession | None") -> "DiveFeed":
+    """Return the listener that sends the dive to the live page."""
+    from ground.live.page.feed import DiveFeed
+
+    name = Path(dive.mission).stem
+    return DiveFeed(page, name, dive.items, estimate.panel if estimate else None)
 
 
 def _performance_monitor(gains_file: Path, display: "ProgressDisplay") -> "PerformanceMonitor":

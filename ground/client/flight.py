@@ -122,7 +122,7 @@ class TelemetryListener(Protocol):
         """Receive the vehicle's parameters, just before it is armed."""
 
     def on_frame(self, frame: Frame) -> None:
-        """Receive a frame of the autopilot."""
+        """Receive a frame of the autopilot; the first ones come before `begin`."""
 
     def on_text(self, text: StatusText) -> None:
         """Receive a text of the vehicle."""
@@ -287,12 +287,13 @@ def _fly(
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
     recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
     vehicle.connect()
+    if follower is not None:
+        vehicle.on_frame = follower.on_frame
     vehicle.wait_until_started()
     parameters = prepare(vehicle, dive)
     recorder.attach_parameters(parameters)
     if follower is not None:
         follower.begin(parameters)
-        vehicle.on_frame = follower.on_frame
     start_s, vehicle_start_s = wall_s(), recorder.vehicle_s
     vehicle.arm()
     vehicle.on_text = _call_both(hear, follower.on_text if follower else None)
