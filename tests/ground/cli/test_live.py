@@ -37,7 +37,7 @@ def serving(*words: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
 
 def panels(port: int) -> Iterator[dict[str, Any]]:
     """Yield the panels that a page sends."""
-    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=120.0)) as connection:
+    with closing(http.client.HTTPConnection("127.0.0.1", port)) as connection:
         connection.request("GET", "/events")
         response = connection.getresponse()
         while line := response.readline():

@@ -13,7 +13,7 @@ from ground.live.page import server
 from ground.live.page.page_state import PageState
 from ground.live.page.server import PageServer
 from mavlink_io.errors import InputError
-from tests.ground.live.page.telemetry import heartbeat, motion
+from tests.ground.live.page.telemetry import frame, heartbeat, motion
 
 START_S, LAST_S = 400.0, 430.0
 BUFFER_BYTES = 8192
@@ -78,7 +78,7 @@ def test_stopped_browser_does_not_delay_another(port: int, state: PageState) -> 
     """A browser that reads nothing is sent more than its buffers take; another gets every row."""
     with state.dive("dive") as dive:
         for tick in range(int(10 * START_S)):
-            dive.on_frame(motion(tick / 10.0)[-1])
+            dive.on_frame(frame("ATTITUDE", time_boot_ms=100 * tick))
     stopped = socket.socket()
     stopped.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
     stopped.connect(("127.0.0.1", port))
@@ -97,7 +97,7 @@ def test_stopped_browser_does_not_delay_another(port: int, state: PageState) -> 
     flight = threading.Thread(target=fly)
     flight.start()
     try:
-        with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)) as connection:
+        with closing(http.client.HTTPConnection("127.0.0.1", port)) as connection:
             connection.request("GET", "/events")
             response, times_s = connection.getresponse(), list[float]()
             while not times_s or times_s[-1] < LAST_S:
