@@ -11,7 +11,6 @@ from ground.live.page import feed, server
 from ground.live.page.feed import LENGTH, MAX_SAMPLES, MAX_TEXTS, DiveFeed, FeedMessage, PageProcess
 from tests.ground.live.page.telemetry import frame, heartbeat, motion
 
-
 SECONDS = 100
 """Vehicle time that the page refuses: ten samples a second do not fit into one message."""
 
