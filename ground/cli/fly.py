@@ -89,7 +89,7 @@ def fly(
 ) -> None:
     """Upload a mission, fly it, and record until the vehicle has disarmed itself at the surface."""
     from ground.cli import progress
-    from ground.client import assessment, flight
+    from ground.client import assessment, flight, verdict
     from ground.client.flight import Dive
     from ground.live.listeners import Listeners
     from ground.simulation.processes import SimulatedVehicle, Simulation
@@ -137,7 +137,7 @@ def fly(
         },
         f"{result.log}: {result.vehicle_s:.0f} s flown in {result.wall_s:.1f} s, "
         f"{result.messages} messages, {result.lost_frames} lost\n"
-        f"{assessment.format_text(assessed)}" + (f"\n{monitor.format_text()}" if monitor else ""),
+        f"{verdict.format_text(assessed)}" + (f"\n{monitor.format_text()}" if monitor else ""),
         json,
     )
     if result.failsafes:

@@ -4,6 +4,7 @@ The errors are those of `sysid.monitor.tracking_metrics`, computed from the reco
 are relative to the vehicle's own sensors.
 """
 
+import math
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 from msgspec.structs import asdict
 
 from ground.campaign import refit
+from ground.client.dive_symptoms import Symptom, SymptomKind, find_symptoms
 from mavlink_io.errors import InputError
 from sysid.data.dataset import Log
 from sysid.monitor import tracking_metrics
@@ -32,6 +34,9 @@ STOP_MARGIN_DEG = 0.5
 """Distance of the mean command from the travel limit within which it counts as at the stop."""
 MIN_LEG_S = 5.0
 """Minimum duration of a leg; shorter intervals of constant set-points are parts of a turn."""
+ADVISED_LEG_S = 60.0
+"""Duration of a leg that gives a useful verdict: settling, and as long again."""
+_FAILURES = (SymptomKind.REVERSED, SymptomKind.STUCK, SymptomKind.FAILSAFE)
 _MIN_ASSESSED_S = tracking_metrics.SETTLING_S + tracking_metrics.MIN_WINDOW_S
 """Minimum duration of a leg that can be assessed."""
 
@@ -46,7 +51,14 @@ class ErrorCause(StrEnum):
     LEARNING = "trim still being learned"
     INTEGRATOR = "integrator at its limit"
     SWINGING = "swinging"
+    SYMPTOM = "symptom of the dive"
+    """The cause is one of `Assessment.symptoms`."""
     UNKNOWN = "unknown"
+
+
+_VARYING = (ErrorCause.LATE, ErrorCause.UNSETTLED, ErrorCause.SWINGING)
+_BY_WEIGHT = (ErrorCause.INTEGRATOR, ErrorCause.TRIM, ErrorCause.AT_STOP, ErrorCause.UNKNOWN)
+"""Causes of a depth error that a wrong weight explains."""
 
 
 class AssessedLeg(NamedTuple):
@@ -64,6 +76,14 @@ class AssessedLeg(NamedTuple):
     """Mean elevator command including trim."""
     pitch_deg: float
     """Mean pitch."""
+    rudder_sd_deg: float
+    """Standard deviation of the rudder command about its mean."""
+    elevator_sd_deg: float
+    """Standard deviation of the elevator command about its mean."""
+    thrust_pct: float
+    """Mean thrust command, percent of full."""
+    at_stop_pct: float
+    """Share of the time with rudder or elevator at its stop (percent)."""
 
 
 class Finding(NamedTuple):
@@ -75,6 +95,21 @@ class Finding(NamedTuple):
     """Number of legs with this cause."""
     message: str
     """Description of the error, the likely cause and the remedy."""
+    remedy: str
+    """Next step."""
+
+
+class Outcome(StrEnum):
+    """Result of a dive in one word."""
+
+    GOOD = "good"
+    """Every leg is within the limits."""
+    ATTENTION = "needs attention"
+    """A leg is outside the limits, or something odd happened."""
+    FAILED = "failed"
+    """A failsafe ended the dive, or a surface does not work."""
+    UNKNOWN = "not assessed"
+    """No leg can be assessed."""
 
 
 class Assessment(NamedTuple):
@@ -88,6 +123,17 @@ class Assessment(NamedTuple):
     """Trims that the vehicle reported as learned and stored; empty without any."""
     reason: str
     """Reason why no leg can be assessed; empty otherwise."""
+    symptoms: tuple[Symptom, ...] = ()
+    """Properties of the whole dive, the gravest first."""
+
+    @property
+    def outcome(self) -> Outcome:
+        """Result in one word."""
+        if any(symptom.kind in _FAILURES for symptom in self.symptoms):
+            return Outcome.FAILED
+        if not self.legs:
+            return Outcome.UNKNOWN
+        return Outcome.ATTENTION if self.findings or self.symptoms else Outcome.GOOD
 
 
 def assess_dive(log_file: Path, trims_learned: str = "") -> Assessment:
@@ -101,12 +147,38 @@ def assess_dive(log_file: Path, trims_learned: str = "") -> Assessment:
         Trims that the vehicle learned during the dive; empty without any.
     """
     try:
-        return assess_log(refit.read_log(log_file), trims_learned)
+        log = refit.read_log(log_file)
     except InputError as error:
-        reason = str(error)
+        return _not_assessed(str(error), trims_learned)
+    return assess_read_log(log, trims_learned)
+
+
+def assess_read_log(log: Log, trims_learned: str = "") -> Assessment:
+    """Assess a dive from its log; a log with gaps gives a reason instead of an exception.
+
+    Parameters
+    ----------
+    log : Log
+        Log of the dive.
+    trims_learned : str
+        Trims that the vehicle learned during the dive; empty without any.
+
+    Returns
+    -------
+    Assessment
+        Legs, findings and symptoms.
+    """
+    try:
+        return assess_log(log, trims_learned)
+    except InputError as error:
+        return _not_assessed(str(error), trims_learned)
     except (ArithmeticError, IndexError, ValueError) as error:
         # The dive succeeded, so a log with gaps must not raise an exception here.
-        reason = f"{log_file}: the telemetry has gaps ({error})"
+        return _not_assessed(f"{log.name}: the telemetry has gaps ({error})", trims_learned)
+
+
+def _not_assessed(reason: str, trims_learned: str) -> Assessment:
+    """Return an assessment without legs."""
     return Assessment(
         legs=(), short_legs=0, findings=(), trims_learned=trims_learned, reason=reason
     )
@@ -117,40 +189,22 @@ def assess_log(log: Log, trims_learned: str = "") -> Assessment:
     tracking = tracking_metrics.tracking(log)
     windows = tracking.windows if tracking else ()
     recorded = [window for window in windows if _is_recorded(log, window)]
+    symptoms = find_symptoms(log, recorded)
+    explained = {symptom.axis: symptom for symptom in symptoms if symptom.axis}
     assessed = [(_leg(log, window), _halves(log, window)) for window in recorded]
     lengths_s = [stop - start for start, stop in tracking_metrics.stretches(log)]
     return Assessment(
         legs=tuple(leg for leg, _ in assessed),
         short_legs=sum(MIN_LEG_S <= length < _MIN_ASSESSED_S for length in lengths_s),
-        findings=tuple(finding for axis in MAX_ERROR for finding in _findings(log, axis, assessed)),
+        findings=tuple(
+            finding
+            for axis in MAX_ERROR
+            for finding in _findings(log, axis, assessed, explained.get(axis))
+        ),
         trims_learned=trims_learned,
         reason="" if assessed else _why_no_leg(log, windows),
+        symptoms=symptoms,
     )
-
-
-def format_text(assessment: Assessment) -> str:
-    """Return a table of the legs and the findings with their remedies."""
-    lines = []
-    if assessment.legs:
-        interval = f"from {tracking_metrics.SETTLING_S:g} s after each change of set-point"
-        lines += [
-            f"errors {interval}, by the vehicle's own instruments",
-            f"  {'leg, s':>11s}  {'set-points':>16s}{'heading, deg':>17s}{'depth, m':>17s}",
-            f"  {'':29s}{'mean':>9s}{'95 %':>8s}{'mean':>9s}{'95 %':>8s}",
-            *(_row(leg) for leg in assessment.legs),
-        ]
-    else:
-        lines += [f"the errors of this dive cannot be assessed: {assessment.reason}"]
-    if assessment.short_legs and assessment.legs:
-        legs = _count(assessment.short_legs, "leg")
-        lines += [f"too short to assess, less than {_MIN_ASSESSED_S:g} s: {legs}"]
-    lines += [finding.message for finding in assessment.findings]
-    if assessment.legs and not assessment.findings:
-        limits = " and ".join(f"{MAX_ERROR[axis]:g} {UNIT[axis]} of {axis}" for axis in UNIT)
-        lines += [f"good: 95 % of the errors within {limits} on every leg"]
-    if assessment.trims_learned:
-        lines += [f"the vehicle learned its trims: {assessment.trims_learned}"]
-    return "\n".join(lines)
 
 
 def as_json(assessment: Assessment) -> dict[str, Any]:
@@ -163,6 +217,8 @@ def as_json(assessment: Assessment) -> dict[str, Any]:
         **assessment._asdict(),
         "legs": legs,
         "findings": [finding._asdict() for finding in assessment.findings],
+        "symptoms": [symptom._asdict() for symptom in assessment.symptoms],
+        "outcome": assessment.outcome,
         "settling_s": tracking_metrics.SETTLING_S,
     }
 
@@ -175,6 +231,10 @@ def _leg(log: Log, window: SteadyWindow) -> AssessedLeg:
         return float(np.degrees(np.mean(angle_rad[inside])))
 
     commands, attitude = log.actuators, log.attitude
+    inside = (commands.time_s >= window.start_s) & (commands.time_s < window.stop_s)
+    rudder, elevator = commands.rudder_rad[inside], commands.elevator_rad[inside]
+    stop_rad = commands.travel_rad - math.radians(STOP_MARGIN_DEG)
+    at_stop = (np.abs(rudder) >= stop_rad) | (np.abs(elevator) >= stop_rad)
     return AssessedLeg(
         start_s=window.start_s,
         stop_s=window.stop_s,
@@ -185,6 +245,10 @@ def _leg(log: Log, window: SteadyWindow) -> AssessedLeg:
         rudder_deg=mean_deg(commands.time_s, commands.rudder_rad),
         elevator_deg=mean_deg(commands.time_s, commands.elevator_rad),
         pitch_deg=mean_deg(attitude.time_s, attitude.pitch_rad),
+        rudder_sd_deg=float(np.degrees(np.std(rudder))),
+        elevator_sd_deg=float(np.degrees(np.std(elevator))),
+        thrust_pct=100.0 * float(np.mean(commands.thrust[inside])),
+        at_stop_pct=100.0 * float(np.mean(at_stop)),
     )
 
 
@@ -209,21 +273,32 @@ def _findings(
     log: Log,
     axis: str,
     legs: Sequence[tuple[AssessedLeg, tuple[SteadyWindow, SteadyWindow]]],
+    symptom: Symptom | None,
 ) -> list[Finding]:
-    """Return one finding per cause, with the text for the worst leg."""
+    """Return one finding per cause, with the text for the worst leg.
+
+    `symptom` replaces the causes that follow from it.
+    """
     by_cause: dict[ErrorCause, list[AssessedLeg]] = {}
     for leg, (first, second) in legs:
         cause = _cause(log, axis, leg, _error(first, axis), _error(second, axis))
+        if cause is not None and symptom and (symptom.kind in _FAILURES or cause in _BY_WEIGHT):
+            cause = ErrorCause.SYMPTOM
         if cause is not None:
             by_cause.setdefault(cause, []).append(leg)
     findings = []
     for cause, affected in by_cause.items():
         worst = max(affected, key=lambda leg: _error(leg, axis).p95)
         extent = "" if len(legs) == 1 else f" on {len(affected)} of {len(legs)} legs"
-        message = (
-            f"{axis} {_how_far(axis, cause, worst)}{extent}: {_explain(log, axis, cause, worst)}"
+        why, remedy = (
+            (symptom.message, symptom.remedy)
+            if symptom and cause is ErrorCause.SYMPTOM
+            else _explain(log, axis, cause, worst)
         )
-        findings.append(Finding(axis=axis, cause=cause, legs=len(affected), message=message))
+        message = f"{axis} {_how_far(axis, cause, worst)}{extent}: {why}; {remedy}"
+        findings.append(
+            Finding(axis=axis, cause=cause, legs=len(affected), message=message, remedy=remedy)
+        )
     return findings
 
 
@@ -284,12 +359,17 @@ def _surface(axis: str, leg: AssessedLeg) -> tuple[float, str]:
 def _how_far(axis: str, cause: ErrorCause, leg: AssessedLeg) -> str:
     """Return the size of an error as text."""
     error, unit = _error(leg, axis), UNIT[axis]
-    if cause in (ErrorCause.LATE, ErrorCause.UNSETTLED, ErrorCause.SWINGING):
-        return f"{error.p95:.2g} {unit} off (95 %)"
-    return f"{abs(error.mean):.2g} {unit} off in the mean"
+    if cause in _VARYING or abs(error.mean) < 0.5 * error.p95:
+        return f"{format_value(error.p95)} {unit} off (95 %)"
+    return f"{format_value(abs(error.mean))} {unit} off in the mean"
 
 
-def _explain(log: Log, axis: str, cause: ErrorCause, leg: AssessedLeg) -> str:
+def format_value(value: float) -> str:
+    """Return a number with two significant digits and no exponent."""
+    return f"{value:.0f}" if abs(value) >= 10.0 else f"{value:.2g}"
+
+
+def _explain(log: Log, axis: str, cause: ErrorCause, leg: AssessedLeg) -> tuple[str, str]:
     """Return the likely cause and its remedy."""
     name = _SURFACE[axis]
     command_deg, parameter = _surface(axis, leg)
@@ -298,29 +378,31 @@ def _explain(log: Log, axis: str, cause: ErrorCause, leg: AssessedLeg) -> str:
         case ErrorCause.LATE:
             text = f"settled later than {tracking_metrics.SETTLING_S:g} s after the change"
             why = ", while the trims were still being learned" if _was_learning(log, leg) else ""
-            return f"{text}{why}; good in the second half of the leg"
+            remedy = "fly `trim` first" if why else "nothing to do, or a longer leg"
+            return f"{text}{why}; good in the second half of the leg", remedy
         case ErrorCause.UNSETTLED:
-            return "never settled, as the error still changed; give the leg more time"
+            return "never settled, as the error still changed", "give the leg more time"
         case ErrorCause.AT_STOP:
             remedy = "straighten the duct, or change the ballast"
-            return f"the {name} is at its stop, {command_deg:.1f} deg; {remedy}"
+            return f"the {name} is at its stop, {command_deg:.1f} deg", remedy
         case ErrorCause.TRIM:
             trim = log.parameters[parameter]
             values = f"the {name} is at {command_deg:.1f} deg on average, {parameter} is {trim:g}"
             learn = "set TRIM_AUTO_S to 10 and fly `trim`, which learns it"
-            return f"the {name} trim is not set ({values}); set {value}, or {learn}"
+            return f"the {name} trim is not set ({values})", f"set {value}, or {learn}"
         case ErrorCause.LEARNING:
             remedy = f"fly `trim` first, or set {value}"
-            return f"the {name} trim was still being learned; {remedy}"
+            return f"the {name} trim was still being learned", remedy
         case ErrorCause.INTEGRATOR:
             pitch = f"level flight takes {leg.pitch_deg:.1f} deg of pitch"
             limit = "DPT_IMAX lets the depth integrator carry less"
-            return f"{pitch} and {limit}; raise DPT_IMAX, or redesign the gains"
+            return f"{pitch} and {limit}", "raise DPT_IMAX, or redesign the gains"
         case ErrorCause.SWINGING:
-            return "it oscillates about the set-point: a rough sea, or unsuitable gains"
-        case ErrorCause.UNKNOWN:
+            why = "it oscillates about the set-point: a rough sea, or unsuitable gains"
+            return why, "redesign the gains, or fly in a calmer sea"
+        case _:
             known = f"the {name} is near its trim, or its trim is not known"
-            return f"the telemetry does not show the cause: {known}"
+            return f"the telemetry does not show the cause: {known}", "look at the time plots"
 
 
 def _was_learning(log: Log, leg: AssessedLeg) -> bool:
@@ -337,17 +419,4 @@ def _why_no_leg(log: Log, windows: Sequence[SteadyWindow]) -> str:
     if windows:
         return "the telemetry has gaps of half a leg"
     leg = f"leg under water lasted {_MIN_ASSESSED_S:g} s with unchanged set-points"
-    return f"too short: no {leg}"
-
-
-def _row(leg: AssessedLeg) -> str:
-    """Return the row of a leg in the table."""
-    span = f"{leg.start_s:.0f} - {leg.stop_s:.0f}"
-    points = f"{leg.heading_setpoint_deg:.0f} deg, {leg.depth_setpoint_m:.1f} m"
-    errors = "".join(f"{e.mean:9.2f}{e.p95:8.2f}" for e in (leg.heading_deg, leg.depth_m))
-    return f"  {span:>11s}  {points:>16s}{errors}"
-
-
-def _count(number: int, noun: str) -> str:
-    """Return a number with its noun in singular or plural."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+    return f"too short: no {leg}; give each leg at least {ADVISED_LEG_S:g} s"

@@ -71,6 +71,8 @@ def test_dive_with_tests_and_no_trims_names_the_remedy(tmp_path: Path) -> None:
     (tmp_path / "one.toml").write_text(TEST_DIVE, encoding="utf-8")
     done = ground("fly", "one.toml", "--sitl", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    (line,) = [line for line in done.stdout.splitlines() if line.startswith("heading ")]
-    assert re.search(r"heading 8\.\d deg off in the mean: the rudder trim is not set", line)
-    assert re.search(r"set TRIM_RUD_DEG to (5\.9|6\.\d)", line)
+    lines = done.stdout.splitlines()
+    (verdict,) = [line for line in lines if line.startswith("needs attention: ")]
+    assert re.search(r"heading 8\.\d deg off in the mean: the rudder trim is not set", verdict)
+    (step,) = [line for line in lines if line.startswith("next: ")]
+    assert re.search(r"set TRIM_RUD_DEG to (5\.9|6\.\d)", step)

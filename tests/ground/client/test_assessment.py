@@ -10,73 +10,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ground.client import assessment
-from ground.client.assessment import ErrorCause
+from ground.client import assessment, verdict
+from ground.client.assessment import ErrorCause, Outcome
+from ground.client.dive_symptoms import SymptomKind
 from sysid.data import dataset as logs
-from sysid.data.dataset import Log
+from sysid.data.dataset import Log, VelocitySource
+from sysid.data.events import Failsafe, FailsafeCause
+from tests.helpers.synthetic_dive import EMPTY, constant, decay, dive, swing
 
 Array = NDArray[np.float64]
-FIRST_GAINS = {
-    "ACT_TRAVEL_DEG": 15.0,
-    "PTCH_P": 0.8,
-    "TRIM_RUD_DEG": 0.0,
-    "TRIM_ELE_DEG": 0.0,
-    "TRIM_AUTO_S": 0.0,
-}
-EMPTY = np.empty(0)
-
-
-def constant(value: float) -> Callable[[Array], Array]:
-    return lambda t: np.full(t.size, value)
-
-
-def dive(
-    *,
-    length_s: float = 200.0,
-    heading_error_deg: Callable[[Array], Array] = np.zeros_like,
-    depth_error_m: Callable[[Array], Array] = np.zeros_like,
-    turn_degps: float = 0.0,
-    rudder_deg: float = 0.0,
-    elevator_deg: float = 0.0,
-    pitch_deg: float = 0.0,
-    parameters: dict[str, float] | None = None,
-) -> Log:
-    """Return the log of a leg at 20 deg, which may turn, and 3 m that begins at 0 s."""
-    t = np.arange(0.0, length_s, 0.1)
-    zero = np.zeros(t.size)
-    setpoint_rad = np.radians(20.0 + turn_degps * t)
-    return Log(
-        name="made up",
-        sha256="",
-        attitude=logs.Attitude(
-            time_s=t,
-            roll_rad=zero,
-            pitch_rad=np.full(t.size, math.radians(pitch_deg)),
-            yaw_rad=setpoint_rad + np.radians(heading_error_deg(t)),
-            p_radps=zero,
-            q_radps=zero,
-            r_radps=zero,
-        ),
-        actuators=logs.Actuators(
-            time_s=t,
-            rudder_rad=np.full(t.size, math.radians(rudder_deg)),
-            elevator_rad=np.full(t.size, math.radians(elevator_deg)),
-            thrust=np.full(t.size, 0.58),
-        ),
-        depth=logs.Depth(t, 3.0 + depth_error_m(t), zero),
-        setpoints=logs.Setpoints(t, setpoint_rad, zero, t, np.full(t.size, 3.0)),
-        events=(),
-        parameters=FIRST_GAINS | (parameters or {}),
-        duct=logs.DuctAngles(EMPTY, EMPTY, EMPTY),
-    )
-
-
-def swing(size: float, period_s: float = 8.0) -> Callable[[Array], Array]:
-    return lambda t: size * np.sin(2.0 * math.pi * t / period_s)
-
-
-def decay(size: float, time_s: float) -> Callable[[Array], Array]:
-    return lambda t: size * np.exp(-t / time_s)
 
 
 def test_dive_held_well_has_no_findings() -> None:
@@ -87,8 +29,8 @@ def test_dive_held_well_has_no_findings() -> None:
     # 95 % of a sine lie within sin(0.95 * 90 deg) = 0.997 of its amplitude
     assert leg.heading_deg.p95 == pytest.approx(0.997, abs=0.005)
     assert (leg.depth_m.mean, leg.depth_m.p95) == pytest.approx((-0.2, 0.2))
-    words = "good: 95 % of the errors within 2.5 deg of heading and 0.5 m of depth on every leg"
-    assert words in assessment.format_text(found)
+    words = "good: heading within 1 deg and depth within 20 cm for 95 % of the leg"
+    assert words in verdict.format_text(found)
 
 
 def test_heading_offset_names_the_trim_that_is_not_set() -> None:
@@ -99,7 +41,9 @@ def test_heading_offset_names_the_trim_that_is_not_set() -> None:
     assert (
         "set TRIM_RUD_DEG to 6.0" in finding.message or "set TRIM_RUD_DEG to 6.1" in finding.message
     )
-    assert finding.message in assessment.format_text(found)
+    first, step, *_ = verdict.format_text(found).splitlines()
+    assert first.startswith("needs attention: heading 8.4 deg off in the mean: the rudder trim")
+    assert step.startswith("next: set TRIM_RUD_DEG to 6.")
 
 
 CAUSES: list[tuple[ErrorCause, dict[str, Any]]] = [
@@ -140,10 +84,7 @@ def test_trim_being_learned_is_not_called_unset() -> None:
 def test_short_dive_is_not_assessed() -> None:
     found = assessment.assess_log(dive(length_s=20.0, heading_error_deg=constant(-8.4)))
     assert (found.legs, found.findings, found.short_legs) == ((), (), 1)
-    assert (
-        "cannot be assessed: too short: no leg under water lasted 30 s"
-        in assessment.format_text(found)
-    )
+    assert "not assessed: too short: no leg under water lasted 30 s" in verdict.format_text(found)
 
 
 def test_log_without_setpoints_is_not_assessed() -> None:
@@ -183,7 +124,7 @@ def test_heading_on_a_line_uses_moving_setpoint() -> None:
 def test_trims_that_the_vehicle_learned_are_reported() -> None:
     found = assessment.assess_log(dive(), "TRIM_RUD_DEG 6.05, TRIM_ELE_DEG 0.4")
     assert found.trims_learned == "TRIM_RUD_DEG 6.05, TRIM_ELE_DEG 0.4"
-    assert "learned its trims: TRIM_RUD_DEG 6.05" in assessment.format_text(found)
+    assert "learned its trims: TRIM_RUD_DEG 6.05" in verdict.format_text(found)
 
 
 def test_assessment_as_json_holds_plain_finite_values() -> None:
@@ -192,3 +133,67 @@ def test_assessment_as_json_holds_plain_finite_values() -> None:
     assert plain["findings"][0]["cause"] == "trim not set"
     assert plain["legs"][0]["heading_deg"]["mean"] == pytest.approx(-8.4)
     assert plain["settling_s"] == 25.0
+
+
+def hard_over(side_s: float = 20.0) -> Callable[[Array], Array]:
+    """Return commands that change from one stop to the other."""
+    return lambda t: np.where((t // side_s) % 2 == 0, 15.0, -15.0)
+
+
+def with_rudder(flown: Log, command_deg: Array, yaw_rate_radps: Array) -> Log:
+    commands = replace(flown.actuators, rudder_rad=np.radians(command_deg))
+    return replace(
+        flown,
+        actuators=commands,
+        attitude=replace(flown.attitude, r_radps=yaw_rate_radps),
+    )
+
+
+@pytest.mark.parametrize(
+    ("turn", "kind"),
+    [(1.0, None), (-1.0, SymptomKind.REVERSED), (0.0, SymptomKind.STUCK)],
+)
+def test_rudder_hard_over_shows_sign_or_lack_of_its_effect(
+    turn: float, kind: SymptomKind | None
+) -> None:
+    """A turn of 5 deg/s with or against the rudder, or always to one side."""
+    flown = dive(heading_error_deg=swing(90.0, 40.0))
+    command_deg = hard_over()(flown.actuators.time_s)
+    rate = math.radians(5.0) * (turn * np.sign(command_deg) if turn else np.ones(command_deg.size))
+    found = assessment.assess_log(with_rudder(flown, command_deg, rate))
+    assert [s.kind for s in found.symptoms] == ([kind] if kind else [])
+    if kind:
+        assert found.outcome is Outcome.FAILED
+        assert found.findings[0].cause is ErrorCause.SYMPTOM
+
+
+@pytest.mark.parametrize(
+    ("pitch_deg", "kind"), [(4.0, SymptomKind.HEAVY), (-8.0, SymptomKind.LIGHT), (-2.0, None)]
+)
+def test_level_flight_at_a_large_pitch_names_the_weight(
+    pitch_deg: float, kind: SymptomKind | None
+) -> None:
+    found = assessment.assess_log(dive(pitch_deg=pitch_deg))
+    assert [s.kind for s in found.symptoms] == ([kind] if kind else [])
+    assert found.outcome is (Outcome.ATTENTION if kind else Outcome.GOOD)
+
+
+@pytest.mark.parametrize("source", [VelocitySource.BOTTOM_TRACK, VelocitySource.WATER_TRACK])
+def test_drift_over_ground_is_a_current(source: VelocitySource) -> None:
+    """0.5 m/s to starboard at one heading; a log through the water shows no current."""
+    flown = dive()
+    t = flown.attitude.time_s
+    velocity = logs.Velocity(t, np.full(t.size, 1.3), np.full(t.size, 0.5), 0.0 * t, source)
+    found = assessment.assess_log(replace(flown, velocity=velocity)).symptoms
+    if source is VelocitySource.WATER_TRACK:
+        assert found == ()
+    else:
+        assert found[0].message.startswith("strong current: 0.5 m/s across the heading")
+        assert "21 deg off the heading" in found[0].message  # atan(0.5 / 1.3)
+
+
+def test_failsafe_is_reported_before_errors_without_a_known_cause() -> None:
+    event = logs.LogEvent(90.0, Failsafe(FailsafeCause.LEAK, "Failsafe: Leak -> SURFACE"))
+    found = assessment.assess_log(replace(dive(depth_error_m=swing(1.0)), events=(event,)))
+    assert found.outcome is Outcome.FAILED
+    assert verdict.headline(found) == "the vehicle reported at 90 s: Failsafe: Leak -> SURFACE"

@@ -1,0 +1,261 @@
+"""Symptoms of a whole dive that explain its errors: surfaces, weight, current, reported faults.
+
+Only the vehicle's own telemetry is used. Axes are those of `sysid.data.dataset`.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.data.dataset import Log, VelocitySource
+from sysid.data.events import Failsafe, PlainText
+from sysid.monitor.tracking_metrics import SteadyWindow
+
+Array = NDArray[np.float64]
+
+HARD_OVER = 0.9
+"""Fraction of the travel from which a surface counts as hard over."""
+REACTION_S = 4.0
+"""Time a surface must be hard over before its effect is judged (s).
+
+The duct takes 2 s from stop to stop, and the yaw rate follows with about 1 s."""
+MIN_JUDGED_S = 2.0
+"""Minimum time with an effect that can be judged, per direction of the surface (s)."""
+MIN_YAW_RATE_RADPS = math.radians(0.5)
+"""Yaw rate below which the vehicle does not turn."""
+MIN_PITCH_RAD = math.radians(3.0)
+"""Pitch below which a hard-over elevator has no effect."""
+HELD_DEG = 5.0
+"""Heading error below which the rudder was in control."""
+HELD_S = 8.0
+"""Time for which the error must stay below `HELD_DEG` (s): a turn passes through it faster."""
+NOSE_UP_DEG = 3.0
+"""Mean pitch of level flight from which the vehicle counts as too heavy.
+
+A neutral Caribou flies level 2 deg nose down, and 1 kg more raises that by 0.8 deg."""
+NOSE_DOWN_DEG = -6.0
+"""Mean pitch of level flight below which the vehicle counts as too light."""
+STRONG_CURRENT_MPS = 0.3
+"""Current from which the path over ground differs much from the heading: 13 deg at 1.3 m/s."""
+MIN_TURN_DEG = 15.0
+"""Difference of headings from which the current along the heading can be estimated."""
+WORST_SEVERITY = 3
+"""Largest MAV_SEVERITY of texts that are listed: 3 is an error."""
+_OVER_GROUND = (VelocitySource.BOTTOM_TRACK, VelocitySource.ESTIMATE)
+
+
+class SymptomKind(StrEnum):
+    """Kind of a symptom."""
+
+    REVERSED = "surface acts in the wrong direction"
+    STUCK = "surface has no effect"
+    HEAVY = "too heavy"
+    LIGHT = "too light"
+    CURRENT = "strong current"
+    FAILSAFE = "failsafe"
+    REPORTED = "reported by the vehicle"
+
+
+_SURFACE_REMEDIES = {
+    SymptomKind.REVERSED: "reverse the {0} (output or wiring); `ground bench-test` shows its sign",
+    SymptomKind.STUCK: "check the {0} and its linkage with `ground bench-test`",
+}
+
+
+class Symptom(NamedTuple):
+    """Property of a whole dive that explains errors, or that the errors do not show."""
+
+    kind: SymptomKind
+    axis: str
+    """``heading`` or ``depth`` if the errors of this axis are explained; empty otherwise."""
+    message: str
+    remedy: str
+    """Next step; empty if none is known."""
+
+
+def find_symptoms(log: Log, windows: Sequence[SteadyWindow]) -> tuple[Symptom, ...]:
+    """Return the symptoms of a dive, the gravest first.
+
+    Parameters
+    ----------
+    log : Log
+        Log of the dive.
+    windows : sequence of SteadyWindow
+        Stretches of constant set-points.
+
+    Returns
+    -------
+    tuple of Symptom
+        Surfaces first, then weight, current, failsafes and other reports.
+    """
+    return (
+        *_surfaces(log),
+        *_weight(log, windows),
+        *_current(log, windows),
+        *_reports(log),
+    )
+
+
+def _surfaces(log: Log) -> Iterator[Symptom]:
+    """Yield a symptom for a rudder or elevator without effect or with the wrong one."""
+    attitude, commands = log.attitude, log.actuators
+    rows = [
+        ("rudder", "heading", commands.rudder_rad, attitude.r_radps, MIN_YAW_RATE_RADPS),
+        ("elevator", "depth", commands.elevator_rad, attitude.pitch_rad, MIN_PITCH_RAD),
+    ]
+    for surface, axis, command_rad, response, threshold in rows:
+        means = _responses_when_hard_over(log, command_rad, response)
+        wrong = {side: mean for side, mean in means.items() if side * mean < -threshold}
+        if not wrong:
+            continue
+        motion = "turns" if surface == "rudder" else "pitches"
+        since = _lost_at(log) if surface == "rudder" else ""
+        kind = SymptomKind.REVERSED
+        if len(wrong) == 2:
+            cause = (
+                f"the {surface} acts in the wrong direction: hard over to one side, the vehicle"
+                f" {motion} to the other"
+            )
+        elif len(means) == 2 or since:
+            kind = SymptomKind.STUCK
+            cause = (
+                f"the {surface} is stuck or disconnected{since}: the vehicle {motion} to one side"
+                " whatever the command"
+            )
+        else:
+            cause = (
+                f"the {surface} acts in the wrong direction or is stuck: the vehicle {motion}"
+                " against its command"
+            )
+        yield Symptom(kind, axis, cause, _SURFACE_REMEDIES[kind].format(surface))
+
+
+def _responses_when_hard_over(log: Log, command_rad: Array, response: Array) -> dict[int, float]:
+    """Return the mean response by the side (1 or -1) to which a surface was hard over."""
+    time_s = log.actuators.time_s
+    sides = np.where(np.abs(command_rad) >= HARD_OVER * log.actuators.travel_rad, 1, 0)
+    sides = sides * np.sign(command_rad).astype(int)
+    edges = np.flatnonzero(np.diff(sides, prepend=2))
+    began_s = np.repeat(time_s[edges], np.diff(np.append(edges, sides.size)))
+    judged = (sides != 0) & (time_s - began_s >= REACTION_S)
+    values = np.interp(time_s, log.attitude.time_s, response)
+    step_s = float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
+    means = {}
+    for side in (1, -1):
+        samples = values[judged & (sides == side)]
+        if samples.size * step_s >= MIN_JUDGED_S:
+            means[side] = float(np.mean(samples))
+    return means
+
+
+def _lost_at(log: Log) -> str:
+    """Return since when the heading was no longer held, as text; empty if it never was."""
+    points, attitude = log.setpoints, log.attitude
+    if points.attitude_time_s.size == 0:
+        return ""
+    setpoint = np.interp(attitude.time_s, points.attitude_time_s, points.heading_rad)
+    error = (attitude.yaw_rad - setpoint + math.pi) % (2.0 * math.pi) - math.pi
+    held = np.abs(np.degrees(error)) < HELD_DEG
+    edges = np.flatnonzero(np.diff(held.astype(int), prepend=0, append=0))
+    last = attitude.time_s.size - 1
+    ends_s = [
+        float(attitude.time_s[min(end, last)])
+        for start, end in zip(edges[::2], edges[1::2], strict=True)
+        if attitude.time_s[min(end, last)] - attitude.time_s[start] >= HELD_S
+    ]
+    return f" since about {ends_s[-1]:.0f} s" if ends_s else ""
+
+
+def _weight(log: Log, windows: Sequence[SteadyWindow]) -> Iterator[Symptom]:
+    """Yield a symptom for a vehicle whose level flight takes a large pitch."""
+    attitude = log.attitude
+    pitches = [
+        attitude.pitch_rad[(attitude.time_s >= w.start_s) & (attitude.time_s < w.stop_s)]
+        for w in windows
+    ]
+    means_deg = [float(np.degrees(np.mean(pitch))) for pitch in pitches if pitch.size]
+    if not means_deg:
+        return
+    pitch_deg = float(np.median(means_deg))
+    if pitch_deg > NOSE_UP_DEG:
+        yield Symptom(
+            SymptomKind.HEAVY,
+            "depth",
+            f"the vehicle is too heavy: level flight takes {pitch_deg:.1f} deg nose up",
+            "take ballast out, or fly faster",
+        )
+    elif pitch_deg < NOSE_DOWN_DEG:
+        yield Symptom(
+            SymptomKind.LIGHT,
+            "depth",
+            f"the vehicle is too light: level flight takes {-pitch_deg:.1f} deg nose down",
+            "add ballast, or fly faster",
+        )
+
+
+def _current(log: Log, windows: Sequence[SteadyWindow]) -> Iterator[Symptom]:
+    """Yield a symptom for a strong current.
+
+    Model: v = U (cos psi, sin psi) + c, with v the velocity over ground (north, east, m/s), U the
+    speed through the water, psi the heading and c the current. Least squares over the steady
+    windows; with one heading only the current across it is known.
+    """
+    velocity, attitude = log.velocity, log.attitude
+    if velocity.source not in _OVER_GROUND or not windows:
+        return
+    inside = np.zeros(velocity.time_s.size, bool)
+    for window in windows:
+        inside |= (velocity.time_s >= window.start_s) & (velocity.time_s < window.stop_s)
+    inside &= np.isfinite(velocity.forward_mps) & np.isfinite(velocity.starboard_mps)
+    if not inside.any():
+        return
+    ahead, abeam = velocity.forward_mps[inside], velocity.starboard_mps[inside]
+    psi = np.interp(velocity.time_s[inside], attitude.time_s, attitude.yaw_rad)
+    drifts_rad = _means(windows, velocity.time_s[inside], np.arctan2(abeam, ahead))
+    drift_deg = float(np.degrees(np.max(np.abs(drifts_rad))))
+    if np.degrees(np.ptp(psi)) < MIN_TURN_DEG:
+        speed, where = abs(float(np.mean(abeam))), "across the heading"
+    else:
+        north = ahead * np.cos(psi) - abeam * np.sin(psi)
+        east = ahead * np.sin(psi) + abeam * np.cos(psi)
+        one, none = np.ones(psi.size), np.zeros(psi.size)
+        matrix = np.vstack(
+            [np.column_stack([np.cos(psi), one, none]), np.column_stack([np.sin(psi), none, one])]
+        )
+        (_, c_north, c_east), *_ = np.linalg.lstsq(matrix, np.append(north, east), rcond=None)
+        speed = math.hypot(c_north, c_east)
+        where = f"towards {math.degrees(math.atan2(c_east, c_north)) % 360.0:.0f} deg"
+    if speed > STRONG_CURRENT_MPS:
+        yield Symptom(
+            SymptomKind.CURRENT,
+            "",
+            f"strong current: {speed:.1f} m/s {where}; the path over ground is up to"
+            f" {drift_deg:.0f} deg off the heading",
+            "legs hold a heading, not a path over ground: use waypoints, or plan for the drift",
+        )
+
+
+def _means(windows: Sequence[SteadyWindow], time_s: Array, values: Array) -> Array:
+    """Return the mean of the values in each window that has samples."""
+    parts = [values[(time_s >= w.start_s) & (time_s < w.stop_s)] for w in windows]
+    return np.array([float(np.mean(part)) for part in parts if part.size])
+
+
+def _reports(log: Log) -> Iterator[Symptom]:
+    """Yield each failsafe and each different error text of the vehicle, with its first time."""
+    seen: set[str] = set()
+    for event in log.events:
+        value = event.value
+        if isinstance(value, Failsafe):
+            kind, text = SymptomKind.FAILSAFE, value.text
+        elif isinstance(value, PlainText) and value.severity <= WORST_SEVERITY:
+            kind, text = SymptomKind.REPORTED, value.text
+        else:
+            continue
+        if text not in seen:
+            seen.add(text)
+            yield Symptom(kind, "", f"the vehicle reported at {event.time_s:.0f} s: {text}", "")
