@@ -28,7 +28,7 @@ FLAGS = (
     "--disable-sync",
 )
 LOCAL_SCHEMES = ("file:", "data:", "blob:", "chrome:", "chrome-untrusted:")
-"""Addresses that need no network; the last two are the browser's own start page."""
+"""Addresses that need no network, or belong to the browser's own start page."""
 WINDOWS_PX = ((768, 1024), (390, 844), (844, 390), (1440, 900))
 """A tablet, a telephone upright and turned, and the desktop that the page was opened on."""
 HEIGHT_TOLERANCE_PX = 5.0
@@ -99,6 +99,18 @@ class Page:
         """Write what the viewport shows as PNG."""
         if not self._driver.save_screenshot(str(path)):
             raise OSError(f"{path}: could not be written")
+
+    def run_async(self, script: str) -> Any:
+        """Run a piece of JavaScript that calls its last argument with the result."""
+        self._driver.set_script_timeout(LAYOUT_TIMEOUT_S * 2.0)
+        return self._driver.execute_async_script(script)
+
+    def emulate(self, media: str, scheme: str) -> None:
+        """Show the page as for a medium, such as print, and a colour scheme, light or dark."""
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        self._driver.execute_cdp_cmd(
+            "Emulation.setEmulatedMedia", {"media": media, "features": features}
+        )
 
     def errors(self) -> list[str]:
         """Return the errors in the console."""

@@ -1,4 +1,4 @@
-"""`ground report`: write the report of a campaign, or one figure of it."""
+"""`ground report`: write the report of a campaign or of dives, or one figure of a campaign."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ground.cli.options import say
+from mavlink_io.errors import InputError
 
 
 class Subject(StrEnum):
@@ -17,23 +18,57 @@ class Subject(StrEnum):
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished campaign.")],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIR|LOG...",
+            help="Folder of a finished campaign, or logs of one dive or several: .mcap, .bin, .ulg,"
+            " .tlog or .csv.",
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.html",
+            help="Page of dives. Default: beside the first log, LOG-report.html.",
+        ),
+    ] = None,
+    servo_channels: Annotated[
+        str | None,
+        typer.Option(metavar="RUDDER,ELEVATOR,THRUST", help="Servo outputs, as in `ground refit`."),
+    ] = None,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png|svg", help="Draw one figure instead of the report."),
+        typer.Option(
+            metavar="FILE.png|svg", help="Draw one figure of a campaign instead of the report."
+        ),
     ] = None,
     of: Annotated[
         Subject,
         typer.Option(help="Subject of the figure: the result, or the validation of the model."),
     ] = Subject.RESULT,
 ) -> None:
-    """Write report.html of a campaign, or draw one figure of its result or of its model."""
-    if picture is None:
+    """Write the report of a campaign, of one dive, or of several dives side by side."""
+    folders = [path for path in paths if path.is_dir()]
+    if folders and len(paths) > 1:
+        raise InputError(f"{folders[0]}: is a folder; give one campaign, or logs of dives")
+    if not folders:
+        if picture is not None:
+            raise InputError(f"--picture {picture}: is drawn of a campaign; give its folder")
+        from ground.report import dives
+        from sysid.data.readers.servo_channels import OutputOptions, parse
+
+        options = OutputOptions(parse(servo_channels) if servo_channels else None)
+        say(str(dives.write(paths, out, options)))
+    elif out is not None or servo_channels is not None:
+        option = "--out" if out is not None else "--servo-channels"
+        raise InputError(f"{option}: is for logs of dives; a campaign's report is in its folder")
+    elif picture is None:
         from ground.report import page
 
-        say(str(page.write(folder)))
+        say(str(page.write(paths[0])))
     else:
         from ground.report import matplotlib_figures, summary_picture
 
         draw = summary_picture.draw if of is Subject.RESULT else matplotlib_figures.draw
-        say(str(draw(folder, picture)))
+        say(str(draw(paths[0], picture)))
