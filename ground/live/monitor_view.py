@@ -6,6 +6,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from sysid.monitor.sequential import describe_agreement
+
 if TYPE_CHECKING:
     from sysid.monitor import Cause, MonitorReport
 
@@ -34,7 +36,8 @@ def table(report: "MonitorReport") -> RenderableType:
         output.add_row(
             Text(label, style=LABEL_STYLE), f"{rms.measured:.3f}", f"{rms.predicted:.3f}"
         )
-    good = Text(f"  as predicted, {report.steady_s:.0f} s of steady flight", style=GOOD_STYLE)
+    agreement = describe_agreement(report.rms)
+    good = Text(f"  {agreement}, {report.steady_s:.0f} s of steady flight", style=GOOD_STYLE)
     causes = [
         Text(f"  {line(cause)}", style=BAD_STYLE if cause.refit_recommended else "")
         for cause in report.causes
@@ -55,7 +58,7 @@ def format_text(report: "MonitorReport") -> str:
     for name, label in ROWS.items():
         rms = report.rms[name]
         lines.append(f"  {label:16s}{rms.measured:8.3f}   predicted {rms.predicted:.3f}")
-    lines += [line(cause) for cause in report.causes] or ["as predicted"]
+    lines += [line(cause) for cause in report.causes] or [describe_agreement(report.rms)]
     lines += (
         [f"first detected at {report.detected_at_s:.0f} s of vehicle time"]
         if report.detected_at_s is not None

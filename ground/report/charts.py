@@ -245,7 +245,7 @@ def _line(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
         "showlegend": show_legend,
         "yaxis": f"y{suffix}",
         "line": line,
-        "x": _round(curve.x, 3),
+        "x": _round(curve.x, 4),
         "y": _round(curve.y, 3),
     }
 

@@ -21,7 +21,7 @@ from ground.campaign.summary_file import (
     SteadyError,
 )
 from ground.live.monitor_view import ROWS
-from ground.report import charts, figures, second_opinion, tables, validation_figures
+from ground.report import charts, figures, loop_charts, second_opinion, tables, validation_figures
 from ground.report.figures import Figure
 from sysid.control_analysis import control_systems
 from sysid.control_analysis.control_systems import MarginsComparison
@@ -29,7 +29,7 @@ from sysid.control_analysis.loop_transfer import Margins
 from sysid.design import design_model
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport
-from sysid.monitor.sequential import RmsComparison
+from sysid.monitor.sequential import RmsComparison, describe_agreement
 
 SUBTITLE = "from first trial to precise control"
 TITLE = f"Caribou: {SUBTITLE}"
@@ -128,6 +128,8 @@ def _page(
     shown = (*missions, *steps, *responses, *predictions, *whiteness)
     drawn = {figure.key: charts.figure_chart(figure) for figure in shown}
     drawn |= {f"poles-{loop}": charts.poles_chart(poles, loop) for loop in poles["initial"]}
+    loops = loop_charts.loop_charts(design_model.from_model(model), summary.gains)
+    drawn |= loops.charts
     drawn["estimates"] = charts.estimates_chart(summary.model.coefficients)
     drawn["posterior"] = charts.posterior_chart(summary.model.coefficients)
     parts = {
@@ -159,6 +161,10 @@ def _page(
         "specification": specification(summary.design),
         "margins": tables.margins(analyses, comparisons),
         "reasons": reasons(summary.design),
+        "bode": places(loops.bode),
+        "nyquist": places(loops.nyquist),
+        "closed_steps": places(loops.steps),
+        "loci": places(loops.loci),
         "monitoring": monitoring(summary.monitoring),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary.trims.items()),
         "speed": f"{model.speed_mps:g}",
@@ -279,6 +285,14 @@ def place_figure(figure: Figure) -> str:
     )
 
 
+def places(titles: Mapping[str, str]) -> str:
+    """Return the places of charts by their ids, each below its title, as HTML."""
+    return "".join(
+        f'<div><h4>{escape(title)}</h4><div class="chart" id="{key}"></div></div>'
+        for key, title in titles.items()
+    )
+
+
 def _poles(loop: str) -> str:
     """Return the place of a pole chart."""
     return (
@@ -334,8 +348,8 @@ def monitoring(missions: Mapping[str, MonitorReport]) -> str:
     rows = []
     for mission, result in missions.items():
         cells = [_measured_and_predicted(result.rms.get(name)) for name in ROWS]
-        causes = "; ".join(cause.message for cause in result.causes) or (
-            "as predicted" if result.windows else ""
+        causes = "; ".join(cause.message for cause in result.causes) or describe_agreement(
+            result.rms
         )
         rows.append([mission.replace("_", " "), f"{result.steady_s:.0f} s", *cells, escape(causes)])
     return tables.table(["mission", "steady flight", *ROWS.values(), ""], rows, "named prose")

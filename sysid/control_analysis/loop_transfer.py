@@ -225,7 +225,22 @@ def depth_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
 
 
 def open_loops(plane: Plane, plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
-    """Return the open-loop transfer functions of a plane."""
+    """Return the open-loop transfer functions of a plane.
+
+    Parameters
+    ----------
+    plane : Plane
+        Yaw or pitch.
+    plant : Responses
+        Responses of that plane.
+    gains : Gains
+        Gains of its loops and, where used, the ACT_ parameters.
+
+    Returns
+    -------
+    dict
+        Transfer functions by the point where the loop is opened, on `GRID_RADPS`.
+    """
     return (heading_loops, depth_loops)[PLANES[plane].index](plant, gains)
 
 
@@ -518,7 +533,24 @@ def close_loop(
     gains: Gains,
     order: Approximation = 4,
 ) -> ClosedLoop:
-    """Return one of the closed `LOOPS`; planes and lags in the order of `Plane`."""
+    """Return one of the closed `LOOPS`.
+
+    Parameters
+    ----------
+    loop : str
+        Name in `LOOPS`.
+    planes, lags : sequence
+        Linear planes, and lags of the tailcone, in the order of `Plane`.
+    gains : Gains
+        Gains of the loop and, where used, the ACT_ parameters.
+    order : int or tuple
+        Approximation of the delay.
+
+    Returns
+    -------
+    ClosedLoop
+        Closed loop.
+    """
     plane, close = LOOPS[loop]
     index = PLANES[plane].index
     return close(planes[index], lags[index], gains, order)

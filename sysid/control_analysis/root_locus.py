@@ -28,7 +28,17 @@ class OpenLoop(NamedTuple):
 def open_at_duct(closed: ClosedLoop, states: int) -> OpenLoop:
     """Open a loop between duct angle and vehicle.
 
-    The first `states` states are the vehicle's; the duct angle is the next one.
+    Parameters
+    ----------
+    closed : ClosedLoop
+        Closed loop.
+    states : int
+        Number of states of the vehicle, which come first; the duct angle is the next state.
+
+    Returns
+    -------
+    OpenLoop
+        Opened loop.
     """
     return _open(closed, states, slice(0, states))
 

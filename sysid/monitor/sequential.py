@@ -50,6 +50,43 @@ class RmsComparison(JsonRecord, frozen=True):
     predicted: float
 
 
+CALMER_RATIO = 0.7
+"""Measured over predicted rms below which the sea was calmer than in the identification tests.
+
+The variance is then half the predicted one, the inverse of `ALLOWED_RATIO`."""
+_MOVED_BY_SEA = ("heading_deg", "depth_m")
+"""Quantities that the loops hold, by which the sea is judged."""
+
+
+def describe_agreement(rms: Mapping[str, RmsComparison]) -> str:
+    """Return how the errors of a dive without an alarm compare with the predicted ones.
+
+    Parameters
+    ----------
+    rms : Mapping
+        Measured and predicted rms by quantity; empty without steady flight.
+
+    Returns
+    -------
+    str
+        ``as predicted``, or that errors were smaller because the sea was calmer; empty without
+        steady flight. A beaten prediction is no proof of it.
+    """
+    ratios = {
+        name: rms[name].measured / rms[name].predicted
+        for name in _MOVED_BY_SEA
+        if name in rms and rms[name].predicted > 0.0
+    }
+    smaller = [
+        f"{name.split('_')[0]} {ratio:.1f} times"
+        for name, ratio in ratios.items()
+        if ratio < CALMER_RATIO
+    ]
+    if smaller:
+        return f"a calmer sea than in the tests: {' and '.join(smaller)} the predicted rms"
+    return "as predicted" if rms else ""
+
+
 class Sum(NamedTuple):
     """State of one test since its sum was last zero."""
 

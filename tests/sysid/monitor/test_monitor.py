@@ -166,3 +166,20 @@ def test_windows_transit_is_excluded() -> None:
     late = np.maximum(0.0, 4.5 - 0.03 * log.depth.time_s)
     cause = windows(replace(log, depth=replace(log.depth, depth_m=log.depth.depth_m - late)))
     assert cause[0].start_s > 4.0 / 0.03 + SETTLING_S - 5.0
+
+
+@pytest.mark.parametrize(
+    ("ratio", "text"),
+    [
+        (1.0, "as predicted"),
+        (0.8, "as predicted"),
+        (0.5, "a calmer sea than in the tests: heading 0.5 times and depth 0.5 times the"),
+    ],
+)
+def test_beaten_prediction_is_a_calmer_sea(ratio: float, text: str) -> None:
+    rms = {
+        name: sequential.RmsComparison(measured=ratio * 0.3, predicted=0.3)
+        for name in ("heading_deg", "depth_m", "rudder_deg")
+    }
+    assert sequential.describe_agreement(rms).startswith(text)
+    assert sequential.describe_agreement({}) == ""
