@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from sysid.data.dataset import Log, VelocitySource
 from sysid.data.events import Failsafe, PlainText
-from sysid.monitor.tracking_metrics import SteadyWindow
+from sysid.data.readers.servo_channels import FIRST_THREE, find_channels
+from sysid.monitor.tracking_metrics import SUBMERGED_M, SteadyWindow
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,8 @@ REACTION_S = 4.0
 The duct takes 2 s from stop to stop, and the yaw rate follows with about 1 s."""
 MIN_JUDGED_S = 2.0
 """Minimum time with an effect that can be judged, per direction of the surface (s)."""
+MIN_THRUST = 0.1
+"""Thrust, as a fraction of full, below which a surface has too little flow to be judged."""
 MIN_YAW_RATE_RADPS = math.radians(0.5)
 """Yaw rate below which the vehicle does not turn."""
 MIN_PITCH_RAD = math.radians(3.0)
@@ -101,7 +104,13 @@ def find_symptoms(log: Log, windows: Sequence[SteadyWindow]) -> tuple[Symptom, .
 
 
 def _surfaces(log: Log) -> Iterator[Symptom]:
-    """Yield a symptom for a rudder or elevator without effect or with the wrong one."""
+    """Yield a symptom for a rudder or elevator without effect or with the wrong one.
+
+    Outputs of a log that does not say which one is the rudder may belong to motors.
+    """
+    parameters = log.parameters
+    if "ACT_TRAVEL_DEG" not in parameters and find_channels(parameters) == FIRST_THREE:
+        return
     attitude, commands = log.attitude, log.actuators
     rows = [
         ("rudder", "heading", commands.rudder_rad, attitude.r_radps, MIN_YAW_RATE_RADPS),
@@ -141,7 +150,9 @@ def _responses_when_hard_over(log: Log, command_rad: Array, response: Array) -> 
     sides = sides * np.sign(command_rad).astype(int)
     edges = np.flatnonzero(np.diff(sides, prepend=2))
     began_s = np.repeat(time_s[edges], np.diff(np.append(edges, sides.size)))
-    judged = (sides != 0) & (time_s - began_s >= REACTION_S)
+    depth_m = np.interp(time_s, log.depth.time_s, log.depth.depth_m)
+    under_way = (depth_m > SUBMERGED_M) & (log.actuators.thrust > MIN_THRUST)
+    judged = (sides != 0) & (time_s - began_s >= REACTION_S) & under_way
     values = np.interp(time_s, log.attitude.time_s, response)
     step_s = float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
     means = {}
@@ -167,7 +178,7 @@ def _lost_at(log: Log) -> str:
         for start, end in zip(edges[::2], edges[1::2], strict=True)
         if attitude.time_s[min(end, last)] - attitude.time_s[start] >= HELD_S
     ]
-    return f" since about {ends_s[-1]:.0f} s" if ends_s else ""
+    return f" since about {ends_s[-1]:.0f} s of vehicle time" if ends_s else ""
 
 
 def _weight(log: Log, windows: Sequence[SteadyWindow]) -> Iterator[Symptom]:
@@ -258,4 +269,9 @@ def _reports(log: Log) -> Iterator[Symptom]:
             continue
         if text not in seen:
             seen.add(text)
-            yield Symptom(kind, "", f"the vehicle reported at {event.time_s:.0f} s: {text}", "")
+            yield Symptom(
+                kind,
+                "",
+                f"the vehicle reported at {event.time_s:.0f} s of vehicle time: {text}",
+                "",
+            )

@@ -202,8 +202,12 @@ def integrate_track(log: Log, start_s: float) -> Track:
     source = f"integrated from the velocity ({velocity.source})"
     if velocity.source in (VelocitySource.NONE, VelocitySource.GROUND_SPEED) or not u.any():
         if velocity.source is not VelocitySource.GROUND_SPEED:
-            u = np.where(log.actuators.thrust.any(), ASSUMED_SPEED_MPS, 0.0) * np.ones(time_s.size)
-            source = f"heading at an assumed {ASSUMED_SPEED_MPS:g} m/s, as the log has no velocity"
+            thrust = np.interp(time_s, log.actuators.time_s, log.actuators.thrust)
+            u = np.where(thrust > 0.0, ASSUMED_SPEED_MPS, 0.0)
+            source = (
+                f"heading at an assumed {ASSUMED_SPEED_MPS:g} m/s ahead while the thrust is"
+                " positive, as the log has no velocity"
+            )
         v, w = np.zeros(time_s.size), np.zeros(time_s.size)
     below = v * np.sin(roll) + w * np.cos(roll)
     ahead = u * np.cos(pitch) + below * np.sin(pitch)

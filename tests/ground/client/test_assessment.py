@@ -196,4 +196,16 @@ def test_failsafe_is_reported_before_errors_without_a_known_cause() -> None:
     event = logs.LogEvent(90.0, Failsafe(FailsafeCause.LEAK, "Failsafe: Leak -> SURFACE"))
     found = assessment.assess_log(replace(dive(depth_error_m=swing(1.0)), events=(event,)))
     assert found.outcome is Outcome.FAILED
-    assert verdict.headline(found) == "the vehicle reported at 90 s: Failsafe: Leak -> SURFACE"
+    assert (
+        verdict.headline(found)
+        == "the vehicle reported at 90 s of vehicle time: Failsafe: Leak -> SURFACE"
+    )
+
+
+def test_outputs_that_may_be_motors_are_not_judged() -> None:
+    """A log of a multicopter holds constant outputs and no word of a rudder."""
+    flown = dive(heading_error_deg=swing(90.0, 40.0))
+    command_deg = hard_over()(flown.actuators.time_s)
+    rate = np.full(command_deg.size, math.radians(5.0))
+    unknown = replace(with_rudder(flown, command_deg, rate), parameters={})
+    assert assessment.assess_log(unknown).symptoms == ()
