@@ -16,8 +16,8 @@ Gains = Mapping[str, float]
 ROLES = ("initial", "redesigned")
 MIN_RADPS, MAX_RADPS = 0.02, 10.0
 """Frequencies shown: below, the integrators dominate; above, the delay does."""
-EVERY = 4
-"""Every fourth frequency of the grid is drawn."""
+EVERY = 2
+"""Every second frequency of the grid is drawn in a Nyquist plot."""
 NYQUIST_LIMIT = 3.0
 STEP_S = {"heading": 30.0, "pitch": 30.0, "depth": 60.0}
 """Length of each step response."""
@@ -127,7 +127,7 @@ def _nyquist(cut: str, opened: Mapping[str, Mapping[str, ComplexArray]]) -> Char
     data = [
         _trace(f"Ms = {1.0 / radius:.2f}", "set_point", -1.0 + radius * np.exp(1j * angle), "dot"),
         {
-            **_trace("-1", "set_point", np.array([-1.0 + 0.0j]), "solid"),
+            **_trace("−1", "set_point", np.array([-1.0 + 0.0j]), "solid"),
             "mode": "markers",
             "marker": {"symbol": "cross", "size": 9},
         },
@@ -142,8 +142,8 @@ def _nyquist(cut: str, opened: Mapping[str, Mapping[str, ComplexArray]]) -> Char
         "height": 400,
         "margin": {"l": 58, "r": 14, "t": 62, "b": 44},
         "hovermode": "closest",
-        "xaxis": {**axis, "title": {"text": "real"}},
-        "yaxis": {**axis, "title": {"text": "imaginary"}},
+        "xaxis": {**axis, "title": {"text": "real"}, "constrain": "domain"},
+        "yaxis": {**axis, "title": {"text": "imaginary"}, "scaleanchor": "x"},
     }
     return {"data": data, "layout": layout}
 

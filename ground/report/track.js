@@ -32,14 +32,22 @@ document.addEventListener("DOMContentLoaded", () => {
              yaw: mix("yaw"), rudder: mix("rudder"), elevator: mix("elevator") };
   };
 
-  let width = 1, height = 1;
-  const project = (n, e, d) => {
+  let width = 1, height = 1, scale = 1;
+  const turned = (n, e, d) => {
     const [x, y] = [e - middle.e, n - middle.n];
     const [ca, sa, ce, se] = [Math.cos(view.azimuth), Math.sin(view.azimuth), Math.cos(view.elevation), Math.sin(view.elevation)];
-    const [right, away] = [x * ca - y * sa, x * sa + y * ca];
     const up = -stretch * (d - (depth[0] + depth[1]) / 2);
-    const scale = view.zoom * Math.min(width / (1.25 * reach), height / (1.0 * reach * Math.max(se, 0.45) + 10));
-    return [width / 2 + scale * right, height / 2 - scale * (away * se + up * ce), scale];
+    return [x * ca - y * sa, (x * sa + y * ca) * se + up * ce];
+  };
+  const project = (n, e, d) => {
+    const [right, up] = turned(n, e, d);
+    return [width / 2 + scale * right, height / 2 - scale * up];
+  };
+  // The box around all tracks fits into the picture, with room for the hull and the texts.
+  const fit = () => {
+    const corners = north.flatMap((n) => east.flatMap((e) => depth.map((d) => turned(n, e, d))));
+    const [right, up] = [0, 1].map((axis) => Math.max(...corners.map((corner) => Math.abs(corner[axis])), 1));
+    scale = view.zoom * Math.min((width / 2 - 50) / right, (height / 2 - 45) / up);
   };
 
   const path = (points) => {
@@ -70,7 +78,7 @@ document.addEventListener("DOMContentLoaded", () => {
 
   // Wire frame of the hull and its ring duct: stations from tail to nose, in body axes (FRD).
   const hull = (dive, pose, colors) => {
-    const metres = 0.09 * reach / view.zoom ** 0.5;
+    const metres = 70 / scale; // 70 px at every zoom
     const [phi, theta, psi] = [pose.roll, pose.pitch, pose.yaw].map((angle) => angle * Math.PI / 180);
     const [cf, sf, ct, st, cp, sp] = [Math.cos(phi), Math.sin(phi), Math.cos(theta), Math.sin(theta), Math.cos(psi), Math.sin(psi)];
     const place = ([x, y, z]) => {
@@ -93,9 +101,9 @@ document.addEventListener("DOMContentLoaded", () => {
     }
     // The duct turns about the tail: positive rudder moves its rear edge to starboard.
     const [rudder, elevator] = [pose.rudder, pose.elevator].map((angle) => angle * Math.PI / 180);
-    const turned = ([x, y, z]) => { const back = x + 0.5; return [x, y - back * Math.sin(rudder), z + back * Math.sin(elevator)]; };
+    const bent = ([x, y, z]) => { const back = x + 0.5; return [x, y - back * Math.sin(rudder), z + back * Math.sin(elevator)]; };
     pen.lineWidth = 2;
-    path(ring(-0.5, 0.11, turned)); path(ring(-0.6, 0.11, turned));
+    path(ring(-0.5, 0.11, bent)); path(ring(-0.6, 0.11, bent));
   };
 
   const draw = () => {
@@ -107,6 +115,7 @@ document.addEventListener("DOMContentLoaded", () => {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
     pen.lineJoin = "round";
+    fit();
     grid(colors);
     tracks.dives.forEach((dive, number) => {
       const now = sample(dive, time);
