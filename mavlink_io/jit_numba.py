@@ -65,8 +65,12 @@ def _type_of_function(function: FunctionType, context: Any) -> types.Type | None
 
 @cache
 def _called(function: FunctionType) -> Any:
-    """Return a numeric function, compiled for the kernels that call it."""
-    return numba.njit(error_model="numpy")(function)
+    """Return a numeric function, compiled for the kernels that call it.
+
+    It is inlined: the parameters of the autopilot are a record of 127 numbers, which every call
+    would copy.
+    """
+    return numba.njit(error_model="numpy", forceinline=True)(function)
 
 
 class _ReplaceFields(AbstractTemplate):
