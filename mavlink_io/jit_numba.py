@@ -143,7 +143,9 @@ numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]
 
 @cache
 def _content_stamp(path: Path) -> str:
-    """Return a hash of a file and of all files of ``_PACKAGES`` that it imports, also indirectly.
+    """Return a hash of a file, of this one, and of all files of ``_PACKAGES`` that it imports.
+
+    Indirect imports count. This file counts because it decides how code is compiled.
 
     Parameters
     ----------
@@ -155,7 +157,7 @@ def _content_stamp(path: Path) -> str:
     str
         The same for the same content, whatever the times of the files.
     """
-    files, new = {path}, [path]
+    files, new = {path, Path(__file__)}, [path]
     while new:
         added = _imported_files(new.pop()) - files
         files |= added
