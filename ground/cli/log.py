@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ground.cli.options import GROUND_LINK, Address, Json, Sign, new_file, print_result
+from ground.log_tools.formats import ExportFormat, Viewer
 from mavlink_io.printable import printable
 
 if TYPE_CHECKING:
@@ -131,19 +132,50 @@ def check_performance(
 @app.command()
 def export(
     file: Path,
+    format_: Annotated[
+        ExportFormat,
+        typer.Option(
+            "--format",
+            help="csv: one file per message type and state.csv, SI units; mat: the same for MATLAB"
+            " and Octave; tlog: MAVLink frames; mcap: the log with /caribou/state and"
+            " /caribou/scene for Foxglove, Lichtblick and PlotJuggler.",
+        ),
+    ] = ExportFormat.CSV,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder. Default: the log's name."),
+        typer.Option(
+            metavar="DIR|FILE",
+            help="Folder of the CSV files, else a file. Default: the log's name.",
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Write the MAVLink messages of a log as CSV, one file per message type."""
-    from ground.log_tools import foreign
-    from ground.log_tools import mcap as logs
+    """Write a log as CSV or .mat in SI units, as .tlog, or as MCAP for log viewers."""
+    from ground.log_tools import export as exports
 
-    write = foreign.export_csv if foreign.is_foreign(file) else logs.export_csv
-    tables = write(file, out or file.with_suffix(""))
-    print_result({"files": [str(t) for t in tables]}, "\n".join(str(t) for t in tables), json)
+    target = out or exports.default_target(file, format_)
+    if format_ != ExportFormat.CSV:
+        new_file(target)
+    written = exports.export(file, target, format_)
+    print_result({"files": [str(t) for t in written]}, "\n".join(map(str, written)), json)
+
+
+@app.command()
+def layout(
+    viewer: Annotated[
+        Viewer, typer.Argument(help="Foxglove and Lichtblick share a layout.")
+    ] = Viewer.FOXGLOVE,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Default: the usual name.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Write a layout for a log viewer; it shows logs of `ground log export --format mcap`."""
+    from ground.log_tools import layouts
+
+    target = new_file(out or Path(viewer.file_name))
+    target.write_text(layouts.read(viewer), encoding="utf-8")
+    print_result({"file": str(target)}, str(target), json)
 
 
 @app.command()

@@ -1,15 +1,12 @@
-"""Inspect, export and recover MCAP logs, also unfinished and damaged ones."""
+"""Inspect and recover MCAP logs, also unfinished and damaged ones."""
 
-import csv
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ground.client.file_names import safe_file_name
-from mavlink_io import dialect
 from mavlink_io.errors import ErrorCode, InputError
-from mavlink_io.logging import mcap_reader, ros1
+from mavlink_io.logging import mcap_reader
 from mavlink_io.logging.mavlink_log import PROFILE
 from mavlink_io.logging.mcap import McapWriter
 from mavlink_io.logging.mcap_reader import (
@@ -79,49 +76,6 @@ def info(path: Path) -> dict[str, Any]:
     }
 
 
-def export_csv(path: Path, out: Path) -> list[Path]:
-    """Write each MAVLink topic as a CSV file.
-
-    The first column is the time since the first message in s. The other columns are the fields;
-    an array becomes the columns ``name[i]``.
-
-    Parameters
-    ----------
-    path : Path
-        Log file.
-    out : Path
-        Folder for the CSV files; created if missing.
-
-    Returns
-    -------
-    list of Path
-        Written files.
-
-    Raises
-    ------
-    McapFileError
-        The log cannot be read or is damaged.
-    FileExistsError
-        A file to be written exists already.
-    """
-    rows: dict[str, list[list[Any]]] = {}
-    start_ns: int | None = None
-    with _opened(path, _is_mavlink) as reader:
-        names: dict[int, str] = {}
-        for item in reader.items():
-            match item:
-                case McapMessage():
-                    topic = names[item.channel]
-                    start_ns = item.time_ns if start_ns is None else start_ns
-                    time_s = (item.time_ns - start_ns) / 1e9
-                    rows.setdefault(topic, []).append([time_s, *_fields(path, topic, item.data)])
-                case McapChannel():
-                    names[item.number] = item.topic
-    _refuse_damaged(path, reader)
-    out.mkdir(parents=True, exist_ok=True)
-    return [_write_csv(out, topic, rows[topic]) for topic in sorted(rows)]
-
-
 def recover(path: Path, out: Path) -> Recovered:
     """Copy every intact record of an unfinished or damaged log into a finished log.
 
@@ -147,12 +101,56 @@ def recover(path: Path, out: Path) -> Recovered:
     with _opened(path, unfinished=True) as reader, out.open("xb") as target:
         writer = McapWriter(target, PROFILE, "caribou recover")
         try:
-            saved = _copy(reader, writer)
+            saved = copy(reader, writer)
         except McapError:
             out.unlink()
             raise
         writer.finish()
     return Recovered(saved, mcap_reader.damage_texts(reader))
+
+
+def copy(
+    reader: McapReader, writer: McapWriter, before: Callable[[int], None] | None = None
+) -> int:
+    """Copy all readable records to another log.
+
+    Parameters
+    ----------
+    reader : McapReader
+        Log that is read.
+    writer : McapWriter
+        Log that is written; the caller finishes it.
+    before : Callable, optional
+        Called with the log time (ns) of each message before it is written.
+
+    Returns
+    -------
+    int
+        Number of messages.
+    """
+    schemas: dict[int, int] = {}
+    channels: dict[int, int] = {}
+    saved = 0
+    for item in reader.items():
+        match item:
+            case McapMessage():
+                if before is not None:
+                    before(item.time_ns)
+                writer.add_message(channels[item.channel], item.time_ns, item.data, item.sequence)
+                saved += 1
+            case McapChannel():
+                schema = 0
+                if item.schema is not None:
+                    known, name, encoding, data = item.schema
+                    if known not in schemas:
+                        schemas[known] = writer.register_schema(name, encoding, data)
+                    schema = schemas[known]
+                channels[item.number] = writer.register_channel(item.topic, item.encoding, schema)
+            case McapAttachment():
+                writer.add_attachment(item.time_ns, item.name, item.media_type, item.data)
+            case McapMetadata():
+                writer.add_metadata(item.name, item.values)
+    return saved
 
 
 class _Gaps:
@@ -198,68 +196,3 @@ def _opened(
         except McapError as error:
             what = "not a readable MCAP file" if unfinished else "not a finished MCAP log"
             raise McapFileError(f"{path}: {what} ({error}){remedy}") from None
-
-
-def _refuse_damaged(path: Path, reader: McapReader) -> None:
-    if reader.damage:
-        damage = mcap_reader.format_damage(reader)
-        raise McapFileError(f"{path}: is damaged: {damage}; `ground log recover` saves the rest")
-
-
-def _is_mavlink(channel: McapChannel) -> bool:
-    """Return whether a channel contains a message of the dialect."""
-    if not channel.topic.startswith("/mavlink/") or channel.encoding != ros1.MESSAGE_ENCODING:
-        return False
-    return channel.topic.rsplit("/", 1)[1] in dialect.names()
-
-
-def _fields(path: Path, topic: str, payload: bytes) -> list[Any]:
-    """Return the values of a message. Raises McapFileError if its size is wrong."""
-    message = dialect.by_name(topic.rsplit("/", 1)[1])
-    if len(payload) != message.struct.size:
-        sizes = f"{len(payload)} bytes, expected {message.struct.size}"
-        raise McapFileError(f"{path}: {topic}: {sizes}")
-    return _flatten(message.unpack(payload))
-
-
-def _copy(reader: McapReader, writer: McapWriter) -> int:
-    """Copy all readable records and return the number of messages."""
-    schemas: dict[int, int] = {}
-    channels: dict[int, int] = {}
-    saved = 0
-    for item in reader.items():
-        match item:
-            case McapMessage():
-                writer.add_message(channels[item.channel], item.time_ns, item.data, item.sequence)
-                saved += 1
-            case McapChannel():
-                schema = 0
-                if item.schema is not None:
-                    known, name, encoding, data = item.schema
-                    if known not in schemas:
-                        schemas[known] = writer.register_schema(name, encoding, data)
-                    schema = schemas[known]
-                channels[item.number] = writer.register_channel(item.topic, item.encoding, schema)
-            case McapAttachment():
-                writer.add_attachment(item.time_ns, item.name, item.media_type, item.data)
-            case McapMetadata():
-                writer.add_metadata(item.name, item.values)
-    return saved
-
-
-def _flatten(fields: Any) -> list[Any]:
-    return [part for value in fields for part in (value if isinstance(value, tuple) else (value,))]
-
-
-def _write_csv(out: Path, topic: str, rows: list[list[Any]]) -> Path:
-    """Write the messages of a topic as a new CSV file and return its path."""
-    target = out / safe_file_name(topic.removeprefix("/mavlink/").replace("/", "-") + ".csv")
-    header = ["time_s"]
-    for field in dialect.by_name(topic.rsplit("/", 1)[1]).fields:
-        is_array = field.array_length and field.type != "char"
-        header += (
-            [f"{field.name}[{i}]" for i in range(field.array_length)] if is_array else [field.name]
-        )
-    with target.open("x", newline="") as file:
-        csv.writer(file).writerows([header, *rows])
-    return target

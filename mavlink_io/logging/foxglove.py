@@ -179,8 +179,22 @@ def location_fix(time_ns: int, position: Message) -> bytes:
 def frame_transform(time_ns: int, attitude: Message, position: Message) -> bytes:
     """Return the pose of frame ``auv`` in frame ``map`` for the 3D panel as JSON.
 
-    ``attitude`` is an ATTITUDE (FRD in NED, rad), ``position`` a LOCAL_POSITION_NED (m). The result
-    is in forward-left-up and east-north-up axes: pitch changes sign and yaw becomes pi/2 - yaw.
+    The result is in forward-left-up and east-north-up axes: pitch changes sign and yaw becomes
+    pi/2 - yaw.
+
+    Parameters
+    ----------
+    time_ns : int
+        Log time, in nanoseconds.
+    attitude : namedtuple
+        ATTITUDE, or an object with its roll, pitch and yaw (FRD in NED, rad).
+    position : namedtuple
+        LOCAL_POSITION_NED, or an object with its x, y and z (m).
+
+    Returns
+    -------
+    bytes
+        A foxglove.FrameTransform.
     """
     w, x, y, z = frames.quaternion_from_euler(
         attitude.roll, -attitude.pitch, math.pi / 2 - attitude.yaw

@@ -106,6 +106,15 @@ class Velocity:
 
 
 @dataclass(frozen=True)
+class Position:
+    """Estimated position north and east of the origin; empty arrays where the log has none."""
+
+    time_s: Array = field(default_factory=_no_samples)
+    north_m: Array = field(default_factory=_no_samples)
+    east_m: Array = field(default_factory=_no_samples)
+
+
+@dataclass(frozen=True)
 class SpecificForce:
     """Accelerometer in body axes (FRD): acceleration minus gravity, -9.8 in z at rest.
 
@@ -157,6 +166,8 @@ class Clock:
     """Times of ``ahead_s``."""
     ahead_s: Array = field(default_factory=_no_samples)
     """Time of the recorder minus time of the vehicle; empty where the log has vehicle time."""
+    zero_unix_ns: int = 0
+    """UNIX time of vehicle time zero; 0 where the log does not give it."""
 
 
 @dataclass(frozen=True)
@@ -181,3 +192,4 @@ class Log:
     """Damaged places of the file and the time that is lost; empty for a whole file."""
     velocity: Velocity = Velocity()
     specific_force: SpecificForce = SpecificForce()
+    position: Position = Position()

@@ -116,7 +116,7 @@ class LogContent(NamedTuple):
 
 
 def load(path: Path) -> LogContent:
-    """Read all messages of a tlog, .bin, .ulg or .csv.
+    """Read all messages of a log.
 
     Parameters
     ----------
@@ -131,21 +131,20 @@ def load(path: Path) -> LogContent:
     Raises
     ------
     LogError
-        The file is missing, damaged, of unknown format, or an MCAP log.
+        The file is missing, of unknown format, or cannot be read; an MCAP log also if it is
+        damaged.
     """
-    from sysid.data.readers import csv_table, dataflash, tlog, ulog
+    from sysid.data.readers import csv_table, dataflash, mcap, tlog, ulog
 
     readers: dict[str, Callable[[Path], tuple[dict[str, MessageColumns], FileDamage]]] = {
+        "mcap": mcap.load,
         "tlog": tlog.load,
         "dataflash": dataflash.load,
         "ulog": ulog.load,
         "csv": csv_table.load,
     }
-    log_format = format_of(path)
-    if log_format not in readers:
-        raise LogError(f"{path}: is an MCAP log; use the tools of `ground log` for MCAP")
     with np.errstate(all="ignore"):
-        tables, damage = readers[log_format](path)
+        tables, damage = readers[format_of(path)](path)
     if not tables:
         raise LogError(f"{path}: holds no message with a time")
     regular = max(tables.values(), key=lambda table: table.time_s.size)

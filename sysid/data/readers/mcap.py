@@ -1,7 +1,8 @@
 """MCAP logs of ground and of the vehicle, or of others with the same layout (docs/logs.md)."""
 
 from collections import defaultdict
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from sysid.data.readers.messages import (
     assemble,
     messages_to_read,
 )
+from sysid.data.readers.samples import FileDamage, MessageColumns
 from sysid.data.readers.servo_channels import OutputOptions
 
 
@@ -51,16 +53,50 @@ def read(path: Path, options: OutputOptions) -> Log:
     LogError
         The file is missing, unfinished, damaged, no MCAP file, or has not all required messages.
     """
-    messages, parameters, ahead = _load(path)
-    return assemble(path, messages, parameters, options, ahead)
+    streams = _streams(path, _may_be_needed)
+    messages, zero_unix_ns = _decoded(streams, path)
+    parameters = _parameters(streams.parameters, path)
+    log = assemble(path, messages, parameters, options, _clock_lead(messages))
+    return replace(log, clock=replace(log.clock, zero_unix_ns=zero_unix_ns))
 
 
-def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
-    """Return messages, parameters, and (times, log time minus vehicle time)."""
+def load(path: Path) -> tuple[dict[str, MessageColumns], FileDamage]:
+    """Return all MAVLink messages by topic, in vehicle time or else since the first message.
+
+    Raises LogError for a file that is not a finished, undamaged MCAP log.
+    """
+    streams = _streams(path, lambda channel: channel.topic.startswith("/mavlink/"))
+    records = {
+        topic: _records(streams.channels[topic], batches, path)
+        for topic, batches in streams.batches.items()
+    }
+    stamps = {
+        topic: np.concatenate([batch.times_ns for batch in batches])
+        for topic, batches in streams.batches.items()
+    }
+    attitudes = {topic.rsplit("/", 1)[1]: topic for topic in reversed(records)}
+    timed = {name: attitudes[name] for name in ATTITUDES if name in attitudes} or attitudes
+    zero_ns = _start_ns(
+        {name: records[topic] for name, topic in timed.items()},
+        {name: stamps[topic] for name, topic in timed.items()},
+        path,
+    )
+    tables = {
+        topic: MessageColumns(
+            (stamps[topic] - zero_ns).astype(np.float64) * 1e-9,
+            {name: record[name] for name in record.dtype.names or ()},
+        )
+        for topic, record in records.items()
+    }
+    return tables, FileDamage()
+
+
+def _streams(path: Path, wanted: Callable[[McapChannel], bool]) -> "_Streams":
+    """Return the content of a finished, undamaged file. Raises LogError."""
     streams = _Streams()
     try:
         with path.open("rb") as file:
-            reader = McapReader(file, _may_be_needed, batched=True)
+            reader = McapReader(file, wanted, batched=True)
             if not reader.finished:
                 raise LogError(
                     f"{path}: was never finished; `ground log recover` makes it readable"
@@ -74,8 +110,7 @@ def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
     if reader.damage:
         remedy = "`ground log recover` saves the rest"
         raise LogError(f"{path}: is damaged: {format_damage(reader)}; {remedy}")
-    messages = _decoded(streams, path)
-    return messages, _parameters(streams.parameters, path), _clock_lead(messages)
+    return streams
 
 
 def _may_be_needed(channel: McapChannel) -> bool:
@@ -104,8 +139,8 @@ class _Streams:
                 self.parameters = item.data
 
 
-def _decoded(streams: _Streams, path: Path) -> Messages:
-    """Return vehicle times (s) and records by message name."""
+def _decoded(streams: _Streams, path: Path) -> tuple[Messages, int]:
+    """Return vehicle times (s) and records by message name, and the UNIX time (ns) of time zero."""
     topics = {name: topic for topic, name in _vehicle_topics(streams.channels, path).items()}
     records, stamps = {}, {}
     for name, topic in topics.items():
@@ -118,7 +153,7 @@ def _decoded(streams: _Streams, path: Path) -> Messages:
     def seconds(name: str) -> Array:
         return (stamps[name] - start_ns).astype(np.float64) * 1e-9
 
-    return {name: (seconds(name), records[name]) for name in records}
+    return {name: (seconds(name), records[name]) for name in records}, start_ns
 
 
 def _records(channel: McapChannel, batches: Sequence[McapBatch], path: Path) -> NDArray[Any]:

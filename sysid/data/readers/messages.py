@@ -22,6 +22,7 @@ from sysid.data.dataset import (
     Log,
     LogError,
     LogEvent,
+    Position,
     Setpoints,
     SpecificForce,
     Velocity,
@@ -185,6 +186,7 @@ def assemble(
         clock=Clock(tuple(steps), *ahead),
         velocity=_velocity(messages, motion, depth),
         specific_force=_specific_force(messages),
+        position=_position(messages),
     )
 
 
@@ -310,6 +312,15 @@ def _specific_force(messages: Messages) -> SpecificForce:
     factor = _MILLIG_MPS2 if name.startswith("SCALED") else 1.0
     axes = _columns(record, np.ones(time_s.size, bool), "xacc", "yacc", "zacc")
     return accelerometer(time_s, *(factor * axis for axis in axes))
+
+
+def _position(messages: Messages) -> Position:
+    """Return the position of LOCAL_POSITION_NED; empty without it."""
+    time_s, record = messages.get("LOCAL_POSITION_NED", (np.empty(0), np.empty(0)))
+    if not {"x", "y"} <= set(record.dtype.names or ()):
+        return Position()
+    keep = usable(time_s, record["x"], record["y"])
+    return Position(time_s[keep], *_columns(record, keep, "x", "y"))
 
 
 def _setpoints(messages: Messages) -> Setpoints:

@@ -23,10 +23,12 @@ from ground.campaign.preparation import Preparation
 from ground.campaign.run import Campaign, CampaignRequest
 from ground.campaign.summary_file import CampaignSummary
 from ground.client import param_file
+from ground.log_tools import mcap
 from ground.report import page, summary_picture
 from mavlink_io.errors import InputError, OperationError
 from sysid.refit import RefitRequest
 from tests.browser import check_layout, needs_chromium, opened
+from tests.helpers import node
 from tests.helpers.subprocesses import process
 
 
@@ -60,6 +62,15 @@ class CampaignTestCase:
     def test_nothing_that_was_sent_is_missing(self, summary: CampaignSummary) -> None:
         assert summary.lost_frames == 0
         assert summary.vehicle_s > 2000
+
+    def test_foxglove_packages_read_every_message_of_every_log(
+        self, flown: Path, tmp_path_factory: pytest.TempPathFactory
+    ) -> None:
+        logs = sorted(flown.rglob("*.mcap"))
+        counts = node.read_logs(tmp_path_factory.getbasetemp() / "node", *logs)
+        assert len(logs) > 10
+        for log in logs:
+            assert counts[str(log)]["decoded"] == mcap.info(log)["topics"]
 
     def test_the_trim_flight_finds_the_bent_rudder(self, summary: CampaignSummary) -> None:
         assert summary.trims["TRIM_RUD_DEG"] == pytest.approx(6.0, abs=0.5)

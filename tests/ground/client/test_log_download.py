@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ground.client import log_download
 from ground.client.file_names import MAX_BYTES, safe_file_name
-from ground.log_tools import mcap
+from ground.log_tools import export
 from mavlink_io.dialect import by_name
 from mavlink_io.logging import ros1
 from mavlink_io.logging.mcap import McapWriter
@@ -133,7 +133,7 @@ def test_export_hostile_topic_stays_in_folder(tmp_path: Path) -> None:
         )
         writer.add_message(channel, 0, message.pack((0, 0, 0, 0, 0, 0)), 0)
         writer.finish()
-    (table,) = mcap.export_csv(path, out)
+    (table,) = export.export_csv(path, out)
     assert table.parent == out
     assert table.name.isprintable()
     with table.open(newline="") as file_of_rows:

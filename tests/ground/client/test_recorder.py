@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 from mcap_ros1.decoder import DecoderFactory
 
 from ground.client.recorder import Recorder
-from ground.log_tools import mcap
+from ground.log_tools import export, mcap
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.dialect import MessageField, MessageType
@@ -236,9 +236,9 @@ def test_a_tlog_holds_the_frames_as_they_came(tmp_path: Path) -> None:
 def test_a_csv_export_holds_every_value(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     record(path, [attitude(0, yaw=0.5), attitude(20, yaw=1.5)])
-    (table,) = mcap.export_csv(path, tmp_path / "csv")
+    (table,) = export.export_csv(path, tmp_path / "csv")
     lines = table.read_text().splitlines()
-    assert lines[0].split(",")[:4] == ["time_s", "time_boot_ms", "roll", "pitch"]
+    assert lines[0].split(",")[:4] == ["time_s", "time_boot_s", "roll_rad", "pitch_rad"]
     assert [row.split(",")[0] for row in lines[1:]] == ["0.0", "0.02"]
     assert [float(row.split(",")[4]) for row in lines[1:]] == [0.5, 1.5]
 

@@ -34,10 +34,10 @@ def test_other_log_is_inspected_and_exported(tmp_path: Path, name: str, attitude
     with Path(table).open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == files.SECONDS * files.RATE_HZ
-    yaw = {"a.tlog": "yaw", "a.bin": "Yaw", "a.ulg": "q[0]"}[name]
+    yaw = {"a.tlog": "yaw_rad", "a.bin": "Yaw", "a.ulg": "q[0]"}[name]
     assert float(rows[0]["time_s"]) in (files.BOOTED_S, 0.0)
     assert float(rows[0][yaw]) == pytest.approx(
-        {"yaw": 3.0, "Yaw": 171.89, "q[0]": 0.0707}[yaw], abs=0.01
+        {"yaw_rad": 3.0, "Yaw": 171.89, "q[0]": 0.0707}[yaw], abs=0.01
     )
 
 
