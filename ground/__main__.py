@@ -32,6 +32,7 @@ from ground.cli import (
     params,
     redesign,
     refit,
+    replay,
     report,
     simulate,
     stop,
@@ -71,6 +72,7 @@ app.command()(bench_test.bench_test)
 app.command()(inclining_test.inclining_test)
 app.command()(design_test.design_test)
 app.command()(simulate.simulate)
+app.command()(replay.replay)
 app.command()(redesign.redesign)
 app.command()(watch.watch)
 app.command()(live.live)

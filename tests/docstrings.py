@@ -13,7 +13,7 @@ from pathlib import Path
 from numpydoc.hooks.validate_docstrings import AstValidator
 from numpydoc.validate import validate
 
-PACKAGES = ("mavlink_io", "autopilot", "sitl", "sysid", "ground", "benchmarks")
+PACKAGES = ("mavlink_io", "autopilot", "sitl", "sysid", "ground", "caribou_auv", "benchmarks")
 CHECKS = ("GL06", "GL07", "GL08", "PR01", "PR02", "PR03", "PR04", "PR07", "RT01", "RT03", "YD01")
 """Checks of numpydoc: unknown, unordered or no sections; a parameter that is missing, unknown, in
 another order, without type or text; no Returns, a returned value without text, no Yields."""

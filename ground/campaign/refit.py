@@ -111,6 +111,11 @@ def refit(
     force : bool
         Return the model even if the fit failed; the model records the failure.
 
+    Returns
+    -------
+    IdentifiedModel
+        The model.
+
     Raises
     ------
     InputError
@@ -354,7 +359,15 @@ def read_vehicle(prior: str) -> Any:
 
 
 def write_model(model: IdentifiedModel, path: Path) -> None:
-    """Write a model file."""
+    """Write a model file.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The model.
+    path : Path
+        File to write; an existing one is overwritten.
+    """
     model_file.write(model, path)
 
 

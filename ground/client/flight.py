@@ -143,6 +143,26 @@ def fly(
 
     If the user interrupts, the state of the vehicle is added to the exception as a note.
 
+    Parameters
+    ----------
+    dive : Dive
+        Mission, parameters and log files of the dive.
+    address : str
+        Address of the vehicle.
+    watch : WatchCallback, optional
+        Receives the progress of the mission.
+    hear : TextCallback, optional
+        Receives the texts of the vehicle.
+    key_file : Path, optional
+        Key with which the link is signed.
+    follower : TelemetryListener, optional
+        Receives the telemetry.
+
+    Returns
+    -------
+    FlightResult
+        Outcome of the mission.
+
     Raises
     ------
     AddressError, InputError, VehicleClientError

@@ -141,7 +141,15 @@ def model_sha256_of(path: Path) -> str:
 
 
 def save(path: Path, values: Mapping[str, float]) -> None:
-    """Write parameters sorted by name, so that equal values give equal files."""
+    """Write parameters sorted by name, so that equal values give equal files.
+
+    Parameters
+    ----------
+    path : Path
+        File to write; an existing one is overwritten.
+    values : mapping
+        Values by parameter name.
+    """
     path.write_text(
         "".join(f"{name},{values[name]:.9g}\n" for name in sorted(values)), encoding="utf-8"
     )

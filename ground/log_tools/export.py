@@ -121,17 +121,40 @@ def export_csv(path: Path, out: Path) -> list[Path]:
     log = _state_log(path)
     if log is None:
         return written
-    state: dict[str, list[Any]] = dict(_flatten(_without_empty(state_table.state_table(log))))
-    state["test"] = state_table.tested_surfaces(log)
     parameters: dict[str, list[Any]] = {
         "name": list(log.parameters),
         "value": list(log.parameters.values()),
     }
     return [
         *written,
-        _write_csv(out / f"{STATE}.csv", state),
+        write_state(log, out / f"{STATE}.csv"),
         _write_csv(out / f"{PARAMETERS}.csv", parameters),
     ]
+
+
+def write_state(log: Log, target: Path) -> Path:
+    """Write the state of the vehicle as a new CSV file, which `ground refit` reads.
+
+    Parameters
+    ----------
+    log : Log
+        A recorded or simulated dive.
+    target : Path
+        File to write.
+
+    Returns
+    -------
+    Path
+        `target`.
+
+    Raises
+    ------
+    FileExistsError
+        `target` exists already.
+    """
+    state: dict[str, list[Any]] = dict(_flatten(_without_empty(state_table.state_table(log))))
+    state["test"] = state_table.tested_surfaces(log)
+    return _write_csv(target, state)
 
 
 def export_mat(path: Path, target: Path) -> None:

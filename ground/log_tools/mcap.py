@@ -76,6 +76,33 @@ def info(path: Path) -> dict[str, Any]:
     }
 
 
+def attachment(path: Path, name: str) -> bytes | None:
+    """Return a file that is attached to a finished log.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    name : str
+        Name of the attachment.
+
+    Returns
+    -------
+    bytes or None
+        Its content; None without it.
+
+    Raises
+    ------
+    McapFileError
+        The file is missing, is not an MCAP file, or is unfinished.
+    """
+    with _opened(path, lambda channel: False) as reader:
+        for item in reader.items():
+            if isinstance(item, McapAttachment) and item.name == name:
+                return item.data
+    return None
+
+
 def recover(path: Path, out: Path) -> Recovered:
     """Copy every intact record of an unfinished or damaged log into a finished log.
 

@@ -2,7 +2,7 @@
 
 `/caribou/state` is a ROS 1 message in degrees, metres and m/s. `/caribou/scene` is a
 foxglove.SceneUpdate with hull, deflected duct and trail. Both are derived from the log afterwards,
-so that recording costs nothing in flight and logs of every format can be viewed.
+so that recording takes no more time in flight and logs of every format can be viewed.
 """
 
 import heapq

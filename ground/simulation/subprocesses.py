@@ -30,13 +30,25 @@ class ChildProcess(Protocol):
         """Return the exit status, negative for a signal; None while it runs."""
 
     def pin(self, core: int) -> None:
-        """Restrict the process to a core, if it still runs."""
+        """Restrict the process to a core, if it still runs.
+
+        Parameters
+        ----------
+        core : int
+            Number of the core.
+        """
 
     def terminate(self) -> None:
         """Send SIGTERM."""
 
     def end(self, within_s: float) -> None:
-        """Wait for the end of the process; kill it after `within_s` of wall time."""
+        """Wait for the end of the process; kill it after a timeout.
+
+        Parameters
+        ----------
+        within_s : float
+            Wall time of the timeout, s.
+        """
 
 
 class ProcessFactory(Protocol):
@@ -46,15 +58,23 @@ class ProcessFactory(Protocol):
         """Return the started process."""
 
 
-class SpawnedProcess:
-    """A child process with a new interpreter."""
+class CommandProcess:
+    """A child process that runs a command.
 
-    def __init__(self, module: str, arguments: Sequence[str], stderr_file: Path) -> None:
+    Parameters
+    ----------
+    command : sequence of str
+        Program and arguments.
+    stderr_file : Path
+        File to which its standard error is appended.
+    """
+
+    def __init__(self, command: Sequence[str], stderr_file: Path) -> None:
         paths = [_SOURCES, *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
         with stderr_file.open("ab") as stderr:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", module, *arguments],
+                command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=stderr,
@@ -66,7 +86,13 @@ class SpawnedProcess:
         return self._process.poll()
 
     def pin(self, core: int) -> None:
-        """Restrict the process to a core, if it still runs."""
+        """Restrict the process to a core, if it still runs.
+
+        Parameters
+        ----------
+        core : int
+            Number of the core.
+        """
         if self._process.poll() is None:
             affinity.pin(self._process.pid, core)
 
@@ -76,7 +102,13 @@ class SpawnedProcess:
             self._process.terminate()
 
     def end(self, within_s: float) -> None:
-        """Wait for the end of the process; kill it after `within_s` of wall time."""
+        """Wait for the end of the process; kill it after a timeout.
+
+        Parameters
+        ----------
+        within_s : float
+            Wall time of the timeout, s.
+        """
         try:
             self._process.wait(within_s)
         except subprocess.TimeoutExpired:
@@ -84,6 +116,23 @@ class SpawnedProcess:
             self._process.wait()
         if self._process.stdin is not None:
             self._process.stdin.close()
+
+
+class SpawnedProcess(CommandProcess):
+    """A child process with a new interpreter.
+
+    Parameters
+    ----------
+    module : str
+        Package whose `__main__` runs.
+    arguments : sequence of str
+        Arguments of its command line.
+    stderr_file : Path
+        File to which its standard error is appended.
+    """
+
+    def __init__(self, module: str, arguments: Sequence[str], stderr_file: Path) -> None:
+        super().__init__([sys.executable, "-m", module, *arguments], stderr_file)
 
 
 def start_fork_server() -> None:

@@ -136,17 +136,49 @@ def fly(
     water = drifting(
         (sea.current_mps * math.cos(direction_rad), sea.current_mps * math.sin(direction_rad), 0.0)
     )
-    dive = _Dive(
-        dynamics.initial_state(
-            _with_bias_shift(vehicle, sea.bias_shift_rad),
-            water,
-            instruments.field_nwu(config),
-            fine_steps=fine_steps,
-        ),
-        _Rows(disturbance.wrenches(vehicle, levels, sea.times, disturbance_rng)),
-        _Rows(instruments.errors(levels, sensor_rng)),
-        config,
+    craft = dynamics.initial_state(
+        _with_bias_shift(vehicle, sea.bias_shift_rad),
+        water,
+        instruments.field_nwu(config),
+        fine_steps=fine_steps,
     )
+    wrenches = disturbance.wrenches(vehicle, levels, sea.times, disturbance_rng)
+    return fly_with(craft, wrenches, instruments.errors(levels, sensor_rng), items, config)
+
+
+def fly_with(
+    craft: SimulatedVehicleState,
+    wrenches: Iterator[Array],
+    errors: Iterator[Array],
+    items: tuple[MissionItem, ...],
+    config: Config,
+) -> SimulatedDive:
+    """Simulate a mission with given disturbances and measurement errors.
+
+    Parameters
+    ----------
+    craft : SimulatedVehicleState
+        Vehicle in its initial state; its arrays change.
+    wrenches : iterator of ndarray
+        Disturbance of the next ticks from arming on, (n, 6), N and N m in FLU; without end.
+    errors : iterator of ndarray
+        Measurement errors of the next ticks, (n, N_OBSERVED); without end.
+    items : tuple of MissionItem
+        Mission.
+    config : Config
+        Parameters of the autopilot.
+
+    Returns
+    -------
+    SimulatedDive
+        Log and outcome.
+
+    Raises
+    ------
+    MissionRejectedError
+        The autopilot rejects the mission or does not arm.
+    """
+    dive = _Dive(craft, _Rows(wrenches), _Rows(errors), config)
     dive.full_tick(dive.observed)
     dive.arm_in_mission(items)
     limit_us = limit_s(items) * US_PER_S

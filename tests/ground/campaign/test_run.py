@@ -72,6 +72,26 @@ class CampaignTestCase:
         for log in logs:
             assert counts[str(log)]["decoded"] == mcap.info(log)["topics"]
 
+    def test_replay_of_the_first_dive_predicts_the_redesigned_one(
+        self, flown: Path, tmp_path: Path
+    ) -> None:
+        words = ["replay", str(flown / "baseline" / "straight_run.mcap")]
+        words += ["--params", str(flown / "gains.param"), "--model", str(flown / "model.json")]
+        words += ["--out", str(tmp_path / "replay"), "--json"]
+        done = CliRunner().invoke(app, words, catch_exceptions=False)
+        assert done.exit_code == 0, done.stderr
+        result = json.loads(done.stdout)
+        assert len(result["parameters"]) > 5
+        assert result["fidelity"]["heading_deg"] < 0.5
+        assert result["fidelity"]["depth_m"] < 0.05
+        assert result["finished"] == {"unchanged": True, "changed": True}
+        errors = {name: errors["depth_m"] for name, errors in result["errors"].items()}
+        assert errors["unchanged"] == pytest.approx(errors["recorded"], rel=0.3)
+        assert errors["changed"] < errors["unchanged"]
+        assert [Path(f).name for f in result["files"]] == [
+            f"{name}.csv" for name in ("recorded", "unchanged", "changed")
+        ]
+
     def test_the_trim_flight_finds_the_bent_rudder(self, summary: CampaignSummary) -> None:
         assert summary.trims["TRIM_RUD_DEG"] == pytest.approx(6.0, abs=0.5)
 

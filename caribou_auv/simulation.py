@@ -1,0 +1,115 @@
+"""Dives simulated in this process: the identified vehicle with the autopilot's own tick."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from autopilot.control import params
+from ground.campaign import refit
+from ground.log_tools.replay import ReplayRequest, replay_log
+from ground.missions import plans
+from mavlink_io.errors import InputError
+from sysid.models.model_file import IdentifiedModel
+from sysid.monte_carlo import samples
+from sysid.monte_carlo import simulate as simulation
+from sysid.monte_carlo.replay import Replayed
+from sysid.monte_carlo.simulate import Sea, SimulatedDive
+from sysid.refit import SHIPPED
+from sysid.test_design import prior as design_priors
+from sysid.test_design.prior import DesignPrior
+
+DEFAULT_VEHICLE = "caribou_nominal"
+
+
+def simulate(
+    mission: str | Path,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    model: IdentifiedModel | None = None,
+    vehicle: str | Path | None = None,
+    sea: Sea | None = None,
+    seed: int = 1,
+) -> SimulatedDive:
+    """Simulate a dive in this process, without sockets, hundreds of times faster than real time.
+
+    Parameters
+    ----------
+    mission : str or Path
+        Name of a shipped mission, or a mission file.
+    parameters : mapping, optional
+        Parameters of the autopilot by name; others have their defaults. Trims that are not given
+        are those that a trim flight would find.
+    model : IdentifiedModel, optional
+        The vehicle and its disturbance.
+    vehicle : str or Path, optional
+        Name or path of a vehicle file: the vehicle without a model, or the prior of a model whose
+        vehicle file is not shipped. The default is ``caribou_nominal``.
+    sea : Sea, optional
+        Factor on the identified disturbance, current, and change of the rudder bias.
+    seed : int
+        Seed of disturbance, sensor noise and direction of the current.
+
+    Returns
+    -------
+    SimulatedDive
+        ``log``, ``true_depth_m``, ``finished`` and ``failsafe``.
+
+    Raises
+    ------
+    CaribouError
+        The mission, a parameter, the model or the vehicle cannot be used.
+    """
+    prior = _prior(model, vehicle)
+    craft = prior.vehicle(prior.mean)
+    values = {**samples.trims_deg(craft), **(parameters or {})}
+    items = plans.load_items(str(mission))
+    config = params.config(values)
+    return simulation.fly(craft, prior.noise, items, config, sea or Sea(), (seed,))
+
+
+def replay(
+    log: str | Path,
+    parameters: Mapping[str, float],
+    *,
+    model: IdentifiedModel | None = None,
+    vehicle: str | Path | None = None,
+    mission: str | Path | None = None,
+) -> Replayed:
+    """Fly a recorded dive again with other parameters and its own disturbances.
+
+    Parameters
+    ----------
+    log : str or Path
+        Log of the dive.
+    parameters : mapping
+        Parameters that replace recorded ones.
+    model : IdentifiedModel, optional
+        As for `simulate`.
+    vehicle : str or Path, optional
+        As for `simulate`.
+    mission : str or Path, optional
+        Mission of the dive, if the log does not contain it.
+
+    Returns
+    -------
+    Replayed
+        Replays with the recorded and with the other parameters, and their differences.
+
+    Raises
+    ------
+    CaribouError
+        The log cannot be replayed, or a parameter, the model or the vehicle cannot be used.
+    """
+    prior = _prior(model, vehicle)
+    request = ReplayRequest(Path(log), parameters, str(mission) if mission else None)
+    return replay_log(request, prior)
+
+
+def _prior(model: IdentifiedModel | None, vehicle: str | Path | None) -> DesignPrior:
+    """Return the vehicle and its disturbance."""
+    if model is None:
+        name = str(vehicle or DEFAULT_VEHICLE)
+        return design_priors.from_file(refit.read_vehicle(name), name)
+    name = str(vehicle or model.vehicle.prior)
+    if vehicle is None and name not in SHIPPED:
+        raise InputError(f"model: vehicle.prior = {name!r} is not shipped; give vehicle=FILE")
+    return design_priors.from_model(model, refit.read_vehicle(name))

@@ -1,0 +1,74 @@
+"""`ground replay`: fly a recorded dive again with other parameters and its own disturbances."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ground.cli.options import Json, Prior, new_file, print_result
+from ground.errors import UnsuccessfulError
+
+
+def replay(
+    log: Annotated[Path, typer.Argument(help="Log of the dive, with its parameters.")],
+    params: Annotated[
+        Path, typer.Option(metavar="FILE", help="Parameters that replace recorded ones.")
+    ],
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|FILE|MODEL.json",
+            help="Vehicle: caribou_nominal, a vehicle file, or a model.json, which is closest.",
+        ),
+    ] = "caribou_nominal",
+    prior: Prior = None,
+    mission: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="Mission of the dive, if the log has none."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder for recorded.csv, unchanged.csv and changed.csv with the vehicle's state.",
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Fly a recorded dive again in simulation, with other parameters and its own disturbances.
+
+    The replay with the recorded parameters shows how nearly the model reproduces the dive. Exit
+    status 1 if the replay with the other parameters does not complete the mission.
+    """
+    from ground.campaign import refit
+    from ground.client import param_file
+    from ground.log_tools import export
+    from ground.log_tools import replay as replays
+    from sysid.monte_carlo import samples
+    from sysid.test_design import prior as priors
+
+    parameters = param_file.load(params)
+    if model.endswith(".json"):
+        posterior = samples.read(model, refit.read_vehicle(prior) if prior else None)
+    else:
+        posterior = priors.read(model)
+    dives = ("recorded", "unchanged", "changed")
+    targets = {}
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        targets = {name: new_file(out / f"{name}.csv") for name in dives}
+    result = replays.replay_log(replays.ReplayRequest(log, parameters, mission), posterior)
+    if targets:
+        logs = (result.recorded, result.unchanged.log, result.changed.log)
+        for name, dive in zip(dives, logs, strict=True):
+            export.write_state(dive, targets[name])
+    print_result(
+        {**replays.as_json(result, parameters), "files": [str(t) for t in targets.values()]},
+        replays.format_text(result, parameters),
+        json,
+    )
+    if not result.changed.finished:
+        raise UnsuccessfulError(
+            f"{params}: the replay did not complete the mission:"
+            f" {result.changed.failsafe or 'time is over'}"
+        )

@@ -1,0 +1,169 @@
+"""Replay of a log with other parameters, and its result as text and JSON."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ground.log_tools import mcap
+from ground.log_tools.comparison import Comparison, compare
+from ground.missions import plans
+from mavlink_io.errors import InputError
+from mavlink_io.mission_items import MissionItem
+from sysid.data import readers
+from sysid.monte_carlo import replay
+from sysid.monte_carlo.replay import Deviation, Replayed
+from sysid.test_design.prior import DesignPrior
+
+MISSION = "mission.plan"
+"""Attachment of a log with the mission of the dive."""
+RECORDED, UNCHANGED, CHANGED = "recorded", "unchanged", "changed"
+
+
+class ReplayRequest(NamedTuple):
+    """Dive and parameters of a replay."""
+
+    log: Path
+    parameters: Mapping[str, float]
+    """Parameters that replace recorded ones."""
+    mission: str | None = None
+    """Name or file of the mission; None for the mission in the log."""
+
+
+def replay_log(request: ReplayRequest, prior: DesignPrior) -> Replayed:
+    """Replay a log.
+
+    Parameters
+    ----------
+    request : ReplayRequest
+        Dive and parameters.
+    prior : DesignPrior
+        Model of the vehicle.
+
+    Returns
+    -------
+    Replayed
+        Replays with the recorded and with the other parameters.
+
+    Raises
+    ------
+    InputError
+        The log, the mission or a parameter cannot be used.
+    """
+    items = plans.load_items(request.mission) if request.mission else _mission_of(request.log)
+    log = readers.read(request.log)
+    return replay.replay(log, prior.vehicle(prior.mean), items, request.parameters)
+
+
+def _mission_of(path: Path) -> tuple[MissionItem, ...]:
+    """Return the mission in a log."""
+    plan = mcap.attachment(path, MISSION) if readers.format_of(path) == "mcap" else None
+    if plan is None:
+        raise InputError(f"{path}: holds no mission; give that of the dive with --mission")
+    return plans.read_plan(plan.decode("utf-8", "replace"), f"{path}: {MISSION}")
+
+
+def comparison(replayed: Replayed) -> Comparison:
+    """Return the tracking errors of the recorded dive and of both replays."""
+    return compare(
+        {
+            RECORDED: replayed.recorded,
+            UNCHANGED: replayed.unchanged.log,
+            CHANGED: replayed.changed.log,
+        }
+    )
+
+
+def format_text(replayed: Replayed, parameters: Mapping[str, float]) -> str:
+    """Return the dives side by side.
+
+    Parameters
+    ----------
+    replayed : Replayed
+        Result of the replay.
+    parameters : mapping
+        Parameters that replaced recorded ones.
+
+    Returns
+    -------
+    str
+        Changed parameters, tracking errors, rms differences and failsafes.
+    """
+    return "\n".join(_lines(replayed, parameters))
+
+
+def _lines(replayed: Replayed, parameters: Mapping[str, float]) -> Iterator[str]:
+    """Yield the lines of the text."""
+    for name, before, after in changes(replayed, parameters):
+        yield f"{name:16s} {before:10.4g} -> {after:.4g}"
+    yield str(comparison(replayed))
+    yield "rms difference         heading, deg  pitch, deg  depth, m  rudder, deg  elevator, deg"
+    yield _row("unchanged - recorded", replayed.fidelity)
+    yield _row("changed - unchanged", replayed.effect)
+    for name, dive in ((UNCHANGED, replayed.unchanged), (CHANGED, replayed.changed)):
+        if not dive.finished:
+            yield f"{name}: the mission was not completed: {dive.failsafe or 'time is over'}"
+
+
+def _row(name: str, deviation: Deviation) -> str:
+    """Return one line of rms differences."""
+    return (
+        f"{name:21s}  {deviation.heading_deg:12.2f}  {deviation.pitch_deg:10.2f}"
+        f"  {deviation.depth_m:8.3f}  {deviation.rudder_deg:11.2f}  {deviation.elevator_deg:13.2f}"
+    )
+
+
+def changes(replayed: Replayed, parameters: Mapping[str, float]) -> list[tuple[str, float, float]]:
+    """Return name, recorded and new value of each parameter that differs.
+
+    Parameters
+    ----------
+    replayed : Replayed
+        Result of the replay.
+    parameters : mapping
+        Parameters that replaced recorded ones.
+
+    Returns
+    -------
+    list of tuple
+        Sorted by name; NaN for a parameter that the log does not contain.
+    """
+    recorded = replayed.recorded.parameters
+    return [
+        (name, recorded.get(name, float("nan")), value)
+        for name, value in sorted(parameters.items())
+        if abs(recorded.get(name, float("inf")) - value) > 1e-6 * max(1.0, abs(value))
+    ]
+
+
+def as_json(replayed: Replayed, parameters: Mapping[str, float]) -> dict[str, Any]:
+    """Return the result as a JSON object.
+
+    Parameters
+    ----------
+    replayed : Replayed
+        Result of the replay.
+    parameters : mapping
+        Parameters that replaced recorded ones.
+
+    Returns
+    -------
+    dict
+        ``parameters``, ``errors``, ``fidelity`` and ``effect``, and both outcomes.
+    """
+    return {
+        "parameters": {
+            name: {"recorded": None if before != before else before, "replayed": after}
+            for name, before, after in changes(replayed, parameters)
+        },
+        "errors": {dive.name: dive._asdict() for dive in comparison(replayed).dives},
+        "fidelity": replayed.fidelity._asdict(),
+        "effect": replayed.effect._asdict(),
+        "finished": {
+            UNCHANGED: replayed.unchanged.finished,
+            CHANGED: replayed.changed.finished,
+        },
+        "failsafes": {
+            UNCHANGED: replayed.unchanged.failsafe,
+            CHANGED: replayed.changed.failsafe,
+        },
+    }
