@@ -8,7 +8,7 @@ from functools import cached_property
 from importlib import resources
 from pathlib import Path
 
-from ground.campaign import prototype
+from ground.campaign import prototype, refit
 from ground.client import flight
 from ground.client.flight import Dive
 from ground.log_tools.comparison import DiveErrors, compare
@@ -21,6 +21,8 @@ from sitl import scenario as scenarios
 from sysid.data import readers
 from sysid.data.dataset import Log
 
+TRIM_WINDOW_S = 60.0
+"""Time before surfacing over which trims are measured (s), as in a campaign."""
 Fault = Mapping[str, float | str]
 """One row ``[[fault]]`` of a scenario file (docs/faults.md), such as
 ``{"at_s": 60.0, "unit": "rudder", "kind": "stuck"}``."""
@@ -48,6 +50,11 @@ class Flight:
     def errors(self) -> DiveErrors:
         """Errors of heading, pitch and depth on constant set-points, after settling."""
         return compare({self.log_file.stem: self.log}).dives[0]
+
+    @property
+    def trims(self) -> dict[str, float]:
+        """TRIM_RUD_DEG and TRIM_ELE_DEG: mean commands in the last 60 s of a straight mission."""
+        return refit.measure_trims(self.log_file, TRIM_WINDOW_S)
 
 
 def fly(

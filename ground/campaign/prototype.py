@@ -23,14 +23,34 @@ learning), and a rudder bias of 6 deg is compensated within a minute.
 
 
 def first_dive_parameters(vehicle: str) -> dict[str, float]:
-    """Return the parameters of a vehicle's first dive; empty for Caribou. Raises as `design`."""
+    """Return the parameters of a vehicle's first dive; raises as `design`.
+
+    Parameters
+    ----------
+    vehicle : str
+        Name or path of the vehicle file.
+
+    Returns
+    -------
+    dict
+        Values by parameter name; empty for Caribou.
+    """
     return {} if vehicle in CARIBOU else design(vehicle).parameters
 
 
 def trim_learning_for(vehicle: str) -> dict[str, float]:
     """Return the parameters by which a simulated vehicle learns its trims in a first dive.
 
-    Empty for a vehicle file: its first gains compensate an unknown trim by integral action.
+    Parameters
+    ----------
+    vehicle : str
+        Name or path of the vehicle file.
+
+    Returns
+    -------
+    dict
+        Values by parameter name; empty for a vehicle file, whose first gains compensate an unknown
+        trim by integral action.
     """
     return dict(TRIM_LEARNING) if vehicle in CARIBOU else {}
 

@@ -213,6 +213,11 @@ def redesign(
     force : bool
         Design even if the model is assessed as unfit for redesign.
 
+    Returns
+    -------
+    Design
+        Gains with reasons and predicted performance.
+
     Raises
     ------
     InputError
@@ -344,7 +349,23 @@ def monitor_log(log: Log, baseline: PerformanceBaseline) -> MonitorReport:
 
 
 def read_model(path: Path) -> IdentifiedModel:
-    """Read a model file. Raises InputError."""
+    """Read a model file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    IdentifiedModel
+        Its content.
+
+    Raises
+    ------
+    InputError
+        The file is missing or is no model.
+    """
     return model_file.read(path)
 
 
@@ -354,7 +375,23 @@ def sha256_of_model(path: Path) -> str:
 
 
 def read_vehicle(prior: str) -> Any:
-    """Read a vehicle file, or the vehicle of a model, for sysid. Raises InputError."""
+    """Read a vehicle file, or the vehicle of a model, for sysid.
+
+    Parameters
+    ----------
+    prior : str
+        Name of a shipped vehicle, a vehicle file, or a ``model.json``.
+
+    Returns
+    -------
+    VehicleConfig
+        The vehicle.
+
+    Raises
+    ------
+    InputError
+        The file is missing or invalid.
+    """
     return fitting.vehicle_file(prior)
 
 
