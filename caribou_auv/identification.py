@@ -69,8 +69,8 @@ def design(
     Returns
     -------
     Design
-        ``parameters`` by name, their reasons, and the predicted performance; `write_params` writes
-        a ``gains.param``.
+        ``gains`` by parameter name, their reasons, and the predicted performance; `write_params`
+        writes a ``gains.param``.
 
     Raises
     ------
