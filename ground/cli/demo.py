@@ -26,7 +26,7 @@ def demo(
     """Fly a square in a simulated sea and show it live in a browser."""
     from ground.campaign import prototype
     from ground.cli import progress
-    from ground.client import assessment, flight
+    from ground.client import assessment, flight, verdict
     from ground.client.flight import Dive
     from ground.errors import Interrupted
     from ground.live.page.feed import DiveFeed
@@ -46,7 +46,7 @@ def demo(
                 DiveFeed(page, MISSION, dive.items),
             )
         assessed = assessment.assess_dive(result.log, result.trims_learned)
-        say(f"{result.vehicle_s:.0f} s flown\n{assessment.format_text(assessed)}")
+        say(f"{result.vehicle_s:.0f} s flown\n{verdict.format_text(assessed)}")
         remark("next: `ground campaign --live` identifies the vehicle and redesigns its gains")
         if stay:
             remark("the page stays until Ctrl-C")
