@@ -121,7 +121,7 @@ def run_campaign(out: Path, kill_at: str = "") -> None:
     """Run or resume a campaign in this process, which may be killed."""
     stages = Stages(out, kill_at)
 
-    def fly(dive: Dive, *_: object) -> FlightResult:
+    def fly(dive: Dive, *_: object, **__: object) -> FlightResult:
         name = f"{dive.log.parent.name}/{dive.log.stem}"
         text = repr((sorted(dive.parameters.items()), dive.items, dive.notes["seed"]))
         stages.reach(FLYING + name)
