@@ -51,11 +51,27 @@ def fly(
             help="LQG controller that replaces the PIDs, from `ground redesign --method lqg`.",
         ),
     ] = None,
+    system_id: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=255, metavar="N", help="System id, MAV_SYS_ID: another one for each vehicle."
+        ),
+    ] = None,
     sign: Annotated[
         list[str] | None,
         typer.Option(
             metavar="ADDRESS=KEYFILE",
             help="Sign the messages of a ground link with the key in a file. Repeatable.",
+        ),
+    ] = None,
+    modem: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ADDRESS[=SECONDS]",
+            help=(
+                "Ground link that is a satellite or acoustic modem: one HIGH_LATENCY2 in SECONDS"
+                " (10 or more) and answers, nothing else. Repeatable."
+            ),
         ),
     ] = None,
     accept: Annotated[
@@ -114,7 +130,9 @@ def fly(
         ground=gcs or DEFAULT_GROUND,
         params=params,
         controller=controller,
+        system_id=system_id,
         sign=sign or (),
+        modem=modem or (),
         accept=accept,
         autopilot_id=autopilot_id,
         logs=None if logs == OFF else Path(logs) if logs else default_folder(),

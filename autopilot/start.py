@@ -11,12 +11,14 @@ from autopilot.app import App
 from autopilot.comms.commanders import Commanders, systems_of
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.hil import HilLink
+from autopilot.comms.modems import modem_intervals
 from autopilot.comms.signing_keys import SigningKeys
 from autopilot.control import modes
 from autopilot.control.lqg_file import load as load_controllers
 from autopilot.control.params import ParamTable
 from autopilot.control.requests import LoadFence, LoadMission, LoadRally, Request
 from autopilot.control.types import Severity
+from autopilot.identities import IDENTITIES
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_file import load
 from autopilot.param_store import ParamStore
@@ -53,8 +55,12 @@ class Options(NamedTuple):
     """Parameter file."""
     controller: Path | None
     """LQG controller that replaces the PIDs."""
+    system_id: int | None
+    """MAV_SYS_ID in place of the stored one; None for the stored one."""
     sign: Sequence[str]
     """ADDRESS=KEYFILE of each signed ground link."""
+    modem: Sequence[str]
+    """ADDRESS or ADDRESS=SECONDS of each ground link that is a modem."""
     accept: str
     """System ids that may command, separated by commas; empty for all."""
     autopilot_id: AutopilotId
@@ -84,7 +90,12 @@ def run(options: Options, start: Start | None = None) -> None:
     param_store = ParamStore(options.state)
     stored = param_store.load()
     table = ParamTable(
-        stored | (load(options.params) if options.params else {}),
+        {
+            **IDENTITIES[options.autopilot_id].parameters,
+            **stored,
+            **(load(options.params) if options.params else {}),
+            **({"MAV_SYS_ID": float(options.system_id)} if options.system_id else {}),
+        },
         stored,
         load_controllers(options.controller) if options.controller else None,
     )
@@ -109,6 +120,7 @@ def run(options: Options, start: Start | None = None) -> None:
         onboard_log,
         param_store,
         commanders=commanders,
+        modems=modem_intervals(options.modem, options.ground),
     )
     links = ", ".join(link.transport.address for link in ground.links)
     _say(f"system {vehicle.system}, HIL {options.hil}, ground {links}")

@@ -21,11 +21,19 @@ from autopilot.control.types import (
     MissionState,
     Motion,
     Severity,
+    Stick,
     Trace,
     Trim,
 )
 from autopilot.pilot import Pilot
-from mavlink_io.mission_items import FENCE_TYPE, NOT_GIVEN, MavCmd, MissionItem
+from mavlink_io.mission_items import (
+    FENCE_TYPE,
+    FRAME_GLOBAL,
+    GLOBAL_SCALE,
+    NOT_GIVEN,
+    MavCmd,
+    MissionItem,
+)
 from mavlink_io.records import (
     ActuatorFrame,
     Altimeter,
@@ -86,6 +94,8 @@ class Snapshot(NamedTuple):
     """Newest battery record; None before the first."""
     leak: Leak | None = None
     """Newest record of the leak sensor; None before the first."""
+    stick: Stick | None = None
+    """Manual control of the newest tick; None without it."""
 
     @property
     def time_us(self) -> int:
@@ -132,6 +142,7 @@ class Vehicle:
         self._altimeter: Altimeter | None = None
         self._battery: Battery | None = None
         self._leak: Leak | None = None
+        self._stick: Stick | None = None
         self._intended_mode = self.state.mode
         self._actuators = self.repeat_last()
 
@@ -166,7 +177,7 @@ class Vehicle:
             self._actuators = core.armed_frame(self.time_us, self._pilot.trace, config)
         else:
             self._tick_fully(inputs, config)
-        self._sensors = inputs.sensors
+        self._sensors, self._stick = inputs.sensors, inputs.stick
         if has_data(inputs):
             self._update_devices(inputs)
         elif self._fix is not None:
@@ -283,6 +294,7 @@ class Vehicle:
             altimeter=self._altimeter,
             battery=self._battery,
             leak=self._leak,
+            stick=self._stick,
         )
 
     def report(self) -> TickReport:
@@ -339,8 +351,22 @@ class VehicleMission:
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
-        """Items of the loaded mission."""
-        return self._vehicle.state.mission.items
+        """Items of the loaded mission; home alone if item 0 is home and no mission is loaded.
+
+        DroneKit waits for an item in vain if the list is empty.
+        """
+        items, home = self._vehicle.state.mission.items, self._vehicle.state.home
+        if items or not home.known or not self._vehicle.params.config.mission_seq0_home:
+            return items
+        return (
+            MissionItem(
+                0,
+                FRAME_GLOBAL,
+                MavCmd.NAV_WAYPOINT,
+                x=round(home.lat_deg * GLOBAL_SCALE),
+                y=round(home.lon_deg * GLOBAL_SCALE),
+            ),
+        )
 
     @property
     def progress(self) -> MissionProgress:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 MISSION_TYPE, FENCE_TYPE, RALLY_TYPE, ALL_TYPES = 0, 1, 2, 255
 """MAV_MISSION_TYPE of mission, geofence and rally points, and of all kinds of plans."""
 
-FRAME_LOCAL_NED, FRAME_MISSION = 1, 2
-"""MAV_FRAME of items with a local position, and of items without a position."""
+FRAME_GLOBAL, FRAME_LOCAL_NED, FRAME_MISSION = 0, 1, 2
+"""MAV_FRAME of items with a global and a local position, and of items without a position."""
 
 GLOBAL_FRAMES = frozenset((0, 3, 5, 6))
 """MAV_FRAME values of items with latitude and longitude (GLOBAL, GLOBAL_RELATIVE_ALT, and _INT).
@@ -92,6 +92,7 @@ class MavCmd(IntEnum):
     SET_MESSAGE_INTERVAL = 511
     REQUEST_MESSAGE = 512
     REQUEST_AUTOPILOT_CAPABILITIES = 520
+    CONTROL_HIGH_LATENCY = 2600
     NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001
     NAV_FENCE_POLYGON_VERTEX_EXCLUSION = 5002
     NAV_FENCE_CIRCLE_INCLUSION = 5003

@@ -96,6 +96,16 @@ class Exchange(ABC, Generic[T]):
         self.done = False
         """Whether the exchange has ended, with a result or an error."""
 
+    def repeat_every(self, retry_s: float) -> None:
+        """Repeat the request less often than its default, over a link with a long delay.
+
+        Parameters
+        ----------
+        retry_s : float
+            Wall time without an answer after which the request is sent again, in seconds.
+        """
+        self._retry_s = max(self._retry_s, retry_s)
+
     def poll(self, now_s: float) -> None:
         """Send the request, or repeat it if it is due.
 

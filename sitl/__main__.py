@@ -5,6 +5,7 @@ The simulator is imported only to simulate, so that ``--help`` and a wrong optio
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,7 @@ import typer
 from mavlink_io.errors import CaribouError, InputError, exit_with_error
 from mavlink_io.host_check import exit_if_unsupported
 from mavlink_io.parent_watch import end_with_stdin
+from sitl.scenario_types import MAX_OFFSET_M
 
 MIN_SPEED, MAX_SPEED = 0.01, 10_000.0
 """Range of ``--speed``: vehicle seconds per second of wall time."""
@@ -55,6 +57,20 @@ def simulate(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all random streams.")] = 1,
+    sea_seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="Seed of the waves and the current, for several vehicles in one sea [--seed].",
+        ),
+    ] = None,
+    place: Annotated[
+        str | None,
+        typer.Option(
+            help="Place of the start, in m from the site [start of the scenario].",
+            metavar="NORTH,EAST",
+        ),
+    ] = None,
     wait_for_arm: Annotated[
         bool,
         typer.Option(
@@ -137,10 +153,25 @@ def simulate(
             hil=hil or defaults.address,
             speed=_parse_speed(speed or defaults.speed),
             seed=seed,
+            sea_seed=sea_seed,
+            place_m=None if place is None else _parse_place(place),
             truth=truth,
             backend=backend,
         )
     )
+
+
+def _parse_place(text: str) -> tuple[float, float]:
+    """Return north and east (m) of ``NORTH,EAST``. Raises InputError."""
+    try:
+        north_m, east_m = map(float, text.split(","))
+    except ValueError:
+        north_m = east_m = math.nan
+    if not (abs(north_m) <= MAX_OFFSET_M and abs(east_m) <= MAX_OFFSET_M):
+        raise InputError(
+            f"--place {text}: expected NORTH,EAST, numbers of metres up to {MAX_OFFSET_M:.0f}"
+        )
+    return north_m, east_m
 
 
 def _parse_speed(text: str) -> float | None:

@@ -42,6 +42,10 @@ class Options(NamedTuple):
     speed: float | None
     """Vehicle seconds per second of wall time; None for no limit."""
     seed: int
+    sea_seed: int | None
+    """Seed of the sea; None for that of the other random streams."""
+    place_m: tuple[float, float] | None
+    """Place of the start, north and east of the site; None for that of the scenario."""
     truth: Path | None
     """Truth log to create; None for no log."""
     backend: BackendOptions
@@ -58,9 +62,10 @@ def run(options: Options) -> None:
     AutopilotTimeoutError, LinkLostError
         The autopilot no longer answers, or the link is lost.
     """
-    build = cache(
-        partial(plant.build, config.load(options.vehicle), scenario.load(options.scenario))
-    )
+    site = scenario.load(options.scenario)
+    if options.place_m is not None:
+        site = scenario.with_place(site, *options.place_m)
+    build = cache(partial(plant.build, config.load(options.vehicle), site))
     # Report bad input and compile the physics before an autopilot waits for the first frame.
     warm_up(build(DEFAULT_TIMESTEP))
     # What is loaded now lives until the end of the process. Visiting it then, to collect garbage,
@@ -88,7 +93,7 @@ def _simulate(
 ) -> None:
     """Simulate one run per connection; start from the initial state when the autopilot restarts."""
     while (timestep := backend.wait_for_autopilot()) is not None:
-        simulated, rng = build(timestep), plant.random_streams(options.seed)
+        simulated, rng = build(timestep), plant.random_streams(options.seed, options.sea_seed)
         pacer = Pacer(options.speed)
         state, sensors = plant.initial_state(simulated, rng)
         record(state)

@@ -18,6 +18,7 @@ from sitl.environment_schema import Current, Density, FloorTable, Ice, WaterTabl
 from sitl.faults import catalogue
 from sitl.faults.catalogue import Fault, FaultError
 from sitl.scenario_types import (
+    MAX_OFFSET_M,
     Angle,
     Damping,
     NotNegative,
@@ -38,6 +39,10 @@ class Site(ScenarioTable, frozen=True):
     longitude_deg: Angle = -71.0
 
 
+Offset = Annotated[float, Meta(ge=-MAX_OFFSET_M, le=MAX_OFFSET_M)]
+"""Distance from the site, m."""
+
+
 class StartTable(ScenarioTable, frozen=True):
     """State of the vehicle at vehicle time zero.
 
@@ -45,6 +50,9 @@ class StartTable(ScenarioTable, frozen=True):
     """
 
     heading_deg: Angle = 0.0
+    north_m: Offset = 0.0
+    """Place of the start, north and east of the site."""
+    east_m: Offset = 0.0
     depth_m: NotNegative | None = None
     speed_mps: Speed = 0.0
     """Forward speed through the water."""
@@ -127,6 +135,24 @@ def names() -> list[str]:
         for path in _shipped().iterdir()
         if path.name.endswith(".toml")
     )
+
+
+def with_place(scenario: Scenario, north_m: float, east_m: float) -> Scenario:
+    """Return a scenario with another place of the start.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Any scenario.
+    north_m, east_m : float
+        Place of the start, from the site.
+
+    Returns
+    -------
+    Scenario
+        The scenario; all other values are unchanged.
+    """
+    return replace(scenario, start=replace(scenario.start, north_m=north_m, east_m=east_m))
 
 
 def load(name_or_path: str) -> Scenario:

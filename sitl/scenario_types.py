@@ -14,6 +14,8 @@ NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
 Speed = Annotated[float, Meta(ge=-5.0, le=5.0)]
 Temperature = Annotated[float, Meta(ge=-2.0, le=40.0)]
 Angle = Annotated[float, Meta(ge=-360.0, le=360.0)]
+MAX_OFFSET_M = 10_000.0
+"""Largest distance north or east of the site at which a vehicle may start."""
 Damping = Annotated[float, Meta(gt=0.0, lt=1.0)]
 
 

@@ -58,10 +58,14 @@ def set_mode(context: CommandContext, command: MavCommand, schedule: Schedule) -
     """DO_SET_MODE with a custom mode."""
     if not integer_parameter(command.p1) & 1:
         return context.refuse(DENIED, "DO_SET_MODE: param1 lacks the custom mode flag (1)")
-    number = custom_mode(command)
+    number = custom_mode(command, context.mode_table)
     if number is None:
         return context.refuse(DENIED, unknown_mode_text(integer_parameter(command.p2)))
-    return context.ask(requests.SetMode(number))
+    mode = context.mode_table.selected(number)
+    if mode is None:
+        names = ", ".join(map(context.mode_table.name, context.mode_table.listed))
+        return context.refuse(UNSUPPORTED, f"Mode {number} is none of {names}")
+    return context.ask(requests.SetMode(mode.number))
 
 
 def set_standard_mode(

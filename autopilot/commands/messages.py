@@ -8,7 +8,6 @@ from autopilot.commands.types import (
     integer_parameter,
 )
 from autopilot.comms.stream_rates import Schedule
-from autopilot.control import modes
 from autopilot.control.types import ACCEPTED, DENIED, UNSUPPORTED, US_PER_S
 from autopilot.telemetry import identity
 from mavlink_io import dialect
@@ -32,10 +31,26 @@ def set_interval(context: CommandContext, command: MavCommand, schedule: Schedul
         return context.refuse(
             DENIED, "HEARTBEAT stays at 1 Hz: without it clients report a lost link"
         )
+    if schedule.answers_only:
+        return context.refuse(
+            DENIED, "No message intervals on a high-latency link: REQUEST_MESSAGE sends one"
+        )
     try:
         schedule.set_interval(number, None if interval == _DEFAULT else max(0, interval))
     except KeyError:
         return CommandResult(UNSUPPORTED)
+    return CommandResult(ACCEPTED)
+
+
+def control_high_latency(
+    context: CommandContext, command: MavCommand, schedule: Schedule
+) -> CommandResult:
+    """CONTROL_HIGH_LATENCY on the link of the command: HIGH_LATENCY2 (1), or not (0)."""
+    if command.p1 not in (0, 1):
+        return context.refuse(
+            DENIED, f"CONTROL_HIGH_LATENCY: param1 is {command.p1:g}, must be 0 or 1"
+        )
+    schedule.control_high_latency(command.p1 == 1)
     return CommandResult(ACCEPTED)
 
 
@@ -65,14 +80,15 @@ def request_message(
 
 def request_modes(context: CommandContext, message: MessageType, index: int) -> CommandResult:
     """Return AVAILABLE_MODES of one mode, or of all modes for index 0."""
-    indexes = range(1, len(modes.MODES) + 1) if index == _ALL_MODES else (index,)
+    table = context.mode_table
+    indexes = range(1, len(table.listed) + 1) if index == _ALL_MODES else (index,)
     try:
         return CommandResult(
-            ACCEPTED, tuple((message, identity.available_mode(n)) for n in indexes)
+            ACCEPTED, tuple((message, identity.available_mode(n, table)) for n in indexes)
         )
     except IndexError:
         return context.refuse(
-            DENIED, f"AVAILABLE_MODES: param2 is {index}, must be 0 to {len(modes.MODES)}"
+            DENIED, f"AVAILABLE_MODES: param2 is {index}, must be 0 to {len(table.listed)}"
         )
 
 
@@ -98,6 +114,7 @@ HANDLERS: dict[MavCmd, Handler] = {
     MavCmd.SET_MESSAGE_INTERVAL: set_interval,
     MavCmd.GET_MESSAGE_INTERVAL: get_interval,
     MavCmd.REQUEST_MESSAGE: request_message,
+    MavCmd.CONTROL_HIGH_LATENCY: control_high_latency,
     MavCmd.REQUEST_AUTOPILOT_CAPABILITIES: request_version,
     MavCmd.GET_HOME_POSITION: request_home,
 }

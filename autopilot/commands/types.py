@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from autopilot.comms.stream_rates import Schedule
 from autopilot.control.manual_control import Helm
 from autopilot.control.types import ACCEPTED, Severity
+from autopilot.telemetry.identity import ModeTable
 from autopilot.vehicle import Vehicle
 from mavlink_io.dialect import MessageType, Values
 from mavlink_io.mission_items import NOT_GIVEN
@@ -63,6 +64,8 @@ class CommandContext(NamedTuple):
     """Return the fields of each message of a type; empty when it cannot be requested."""
     publish_parameter: Callable[[str], None]
     """Send the present value of a parameter to every link."""
+    mode_table: ModeTable
+    """Numbers of the modes in messages."""
 
     def ask(self, request: Any) -> CommandResult:
         """Pass a request to the vehicle, which sends the reason of a refusal."""
@@ -104,16 +107,16 @@ def command_from_message(message: Any) -> MavCommand:
     )
 
 
-def custom_mode(command: MavCommand) -> int | None:
-    """Return the custom_mode of a DO_SET_MODE; None for a mode number of ArduPilot.
+def custom_mode(command: MavCommand, table: ModeTable) -> int | None:
+    """Return the custom_mode of a DO_SET_MODE; None for a number of another autopilot.
 
-    A main mode without a sub mode looks like a mode number of ArduPilot, whose AUTO (3) would be
-    STATION here. The unused parameters distinguish them: MAVSDK, which sends main and sub mode,
-    fills them with NaN; pymavlink and MAVProxy, which send ArduPilot's numbers unless they know the
-    modes of this vehicle, fill them with 0.
+    With PX4's numbers a main mode without a sub mode looks like a mode number of ArduPilot, whose
+    AUTO (3) would be STATION here. The unused parameters distinguish them: MAVSDK, which sends main
+    and sub mode, fills them with NaN; pymavlink and MAVProxy, which send ArduPilot's numbers unless
+    they know the modes of this vehicle, fill them with 0.
     """
     main, sub = integer_parameter(command.p2), integer_parameter(command.p3)
-    if main >= LOWEST_CUSTOM_MODE:
+    if not table.has_sub_modes or main >= LOWEST_CUSTOM_MODE:
         return main
     unused = command.p4, command.p5, command.p6, command.p7
     if sub == 0 and not all(map(math.isnan, unused)):

@@ -15,7 +15,7 @@ from autopilot.comms.inbox import Inbox
 from autopilot.comms.stream_rates import Schedule, profile_for
 from autopilot.telemetry.encoding import pack_payload
 from autopilot.telemetry.identity import COMPONENT
-from autopilot.telemetry.streams import TelemetryStream
+from autopilot.telemetry.streams import STREAMS, TelemetryStream
 from autopilot.vehicle import TickReport
 from mavlink_io import dialect
 from mavlink_io.clock import wall_s
@@ -75,11 +75,19 @@ class GroundLink:
     data in its caches, and encodes a frame in less than half the time.
     """
 
-    def __init__(self, transport: Transport, system: int, signing: Signing | None = None) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        system: int,
+        signing: Signing | None = None,
+        streams: Sequence[TelemetryStream] = STREAMS,
+        modem_s: float | None = None,
+    ) -> None:
+        """``modem_s`` is the time between two HIGH_LATENCY2 on a modem; None is no modem."""
         self.transport = transport
         self.endpoint = Endpoint(transport, system, COMPONENT, signing, accept_unknown=True)
-        self.profile = profile_for(baud_rate(transport.address))
-        self.schedule = Schedule(self.profile)
+        self.profile = profile_for(baud_rate(transport.address), streams)
+        self.schedule = Schedule(self.profile, streams, modem_s)
         self._datagrams = transport.address.startswith("udp")
         self._max_packet_bytes = MAX_DATAGRAM_BYTES if self._datagrams else MAX_STREAM_BYTES
         self._devices: dict[int, Endpoint] = {}
@@ -216,9 +224,15 @@ class BandwidthLimitedLink(GroundLink):
     """A ground link with a limit of bytes per second of wall time: a serial line."""
 
     def __init__(
-        self, transport: Transport, system: int, baud: int, signing: Signing | None = None
+        self,
+        transport: Transport,
+        system: int,
+        baud: int,
+        signing: Signing | None = None,
+        streams: Sequence[TelemetryStream] = STREAMS,
+        modem_s: float | None = None,
     ) -> None:
-        super().__init__(transport, system, signing)
+        super().__init__(transport, system, signing, streams, modem_s)
         self._budget = TokenBucket(MAX_LINE_SHARE * baud / BITS_PER_BYTE)
         self._queue = SendQueue()
 
@@ -288,13 +302,19 @@ class BandwidthLimitedLink(GroundLink):
         return max(0.0, self._due_s - now_s) if self._queue else None
 
 
-def ground_link(transport: Transport, system: int, signing: Signing | None = None) -> GroundLink:
+def ground_link(
+    transport: Transport,
+    system: int,
+    signing: Signing | None = None,
+    streams: Sequence[TelemetryStream] = STREAMS,
+    modem_s: float | None = None,
+) -> GroundLink:
     """Return the ground link over a transport, rate-limited when its address has a baud rate."""
     baud = baud_rate(transport.address)
     return (
-        GroundLink(transport, system, signing)
+        GroundLink(transport, system, signing, streams, modem_s)
         if baud is None
-        else BandwidthLimitedLink(transport, system, baud, signing)
+        else BandwidthLimitedLink(transport, system, baud, signing, streams, modem_s)
     )
 
 

@@ -4,7 +4,7 @@ Heartbeats and protocol timers run on the wall clock, whatever the speed of vehi
 runs on vehicle time. Each link has its own ``Endpoint``, sequence numbers and message intervals.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from autopilot.commands.failure_injection import FailureRelay
@@ -16,6 +16,7 @@ from autopilot.comms.services import ReceivedMessage, Services
 from autopilot.comms.signing_keys import SigningKeys
 from autopilot.comms.statustext import EventPublisher
 from autopilot.control.types import DENIED, Stick
+from autopilot.identities import IDENTITIES
 from autopilot.lateness import Lateness
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_store import ParamStore
@@ -48,6 +49,7 @@ At least one frame is processed. 3 ms is about a sixth of a tick of 20 ms."""
 
 _NAMED_VALUE = dialect.by_name("NAMED_VALUE_FLOAT")
 _HEARTBEAT, _COMMAND_ACK = dialect.by_name("HEARTBEAT"), dialect.by_name("COMMAND_ACK")
+_HIGH_LATENCY, _PARAM_VALUE = dialect.by_name("HIGH_LATENCY2"), dialect.by_name("PARAM_VALUE")
 
 
 class GroundServer:
@@ -62,17 +64,25 @@ class GroundServer:
         onboard_log: OnboardLog | None = None,
         store: ParamStore | None = None,
         commanders: Commanders | None = None,
+        modems: Mapping[str, float] | None = None,
     ) -> None:
-        self._vehicle = vehicle
+        """``modems`` has the time between two HIGH_LATENCY2 (s) by address of a modem's link."""
+        self._vehicle, identity = vehicle, IDENTITIES[autopilot]
         self._onboard_log, keys = onboard_log or OnboardLog(vehicle, None), keys or SigningKeys()
         self._store, self._commanders = store or ParamStore(None), commanders or Commanders()
         self._own = MavlinkId(vehicle.system, COMPONENT)
         self.links = [
-            ground_link(transport, self._own.system, keys.signing(transport.address))
+            ground_link(
+                transport,
+                self._own.system,
+                keys.signing(transport.address),
+                identity.streams,
+                (modems or {}).get(transport.address),
+            )
             for transport in transports
         ]
         self._router: Router[GroundLink] = Router(self._own)
-        self._message_builder = MessageBuilder(vehicle, autopilot)
+        self._message_builder = MessageBuilder(vehicle, identity)
         self._event_publisher = EventPublisher(
             vehicle, self._message_builder.build, self._broadcast, self._onboard_log.log_sent
         )
@@ -83,6 +93,7 @@ class GroundServer:
             self._broadcast,
             keys,
             self._onboard_log,
+            identity,
         )
         self._reply_functions = {link: self._reply_function(link) for link in self.links}
         """Reply function of each link, always the same object.
@@ -90,6 +101,8 @@ class GroundServer:
         Services use its identity to distinguish two clients with the same ids."""
         self.guard = Guard(vehicle.send_statustext)
         self._silent = False
+        self._answered_link: GroundLink | None = None
+        """Link of the message that is being processed."""
         self._heartbeat = Interval(HEARTBEAT_S)
         self._flood_report = Interval(FLOOD_REPORT_S)
         self._lateness_report = Interval(LATENESS_REPORT_S)
@@ -150,7 +163,7 @@ class GroundServer:
         for part, (name, value) in enumerate(values, LATENESS_PART):
             fields = time_ms, float(value), name.encode()
             self._onboard_log.log_sent(_NAMED_VALUE, fields)
-            for link in self.links:
+            for link in self._telemetry_links():
                 link.stream(_NAMED_VALUE, fields, part)
         if lateness.new_overruns and self._lateness_report.due():
             self._vehicle.send_statustext(
@@ -161,7 +174,7 @@ class GroundServer:
     def relay(self, frames: Iterable[Frame]) -> None:
         """Queue messages of onboard devices for the ground, with their own component ids."""
         for frame in frames:
-            for link in self.links:
+            for link in self._telemetry_links():
                 link.relay(frame)
 
     def poll(self) -> float:
@@ -172,6 +185,7 @@ class GroundServer:
         now_s, run = wall_s(), self.guard.run
         if self._heartbeat.due():
             run("heartbeat", self._send_heartbeat)
+        run("high latency", self._send_high_latency, now_s)
         if not run("ground services", self._services.poll, now_s):
             self._services.restart()
         self._onboard_log.poll()
@@ -244,21 +258,26 @@ class GroundServer:
         if sender == self._own:
             return
         if link.register_sender(sender):
-            for values in self._message_builder.build(_HEARTBEAT):
-                link.write(_HEARTBEAT, values)
+            if not link.schedule.answers_only:
+                for values in self._message_builder.build(_HEARTBEAT):
+                    link.write(_HEARTBEAT, values)
             self._router.learn(sender, link)
         if len(self.links) > 1 and self._vehicle.params.config.forwards:
             for other in self._router.destinations(frame, link, self.links):
-                other.forward(frame)
+                if not other.schedule.answers_only:
+                    other.forward(frame)
         if not self._services.handles(frame.message_id):
             return
         message = frame.decode()
         if addressed_to(message, self._own) and self._may_command(link, frame):
-            self._services.feed(
-                ReceivedMessage(
-                    link=link, frame=frame, message=message, send=self._reply_functions[link]
-                )
+            received = ReceivedMessage(
+                link=link, frame=frame, message=message, send=self._reply_functions[link]
             )
+            self._answered_link = link
+            try:
+                self._services.feed(received)
+            finally:
+                self._answered_link = None
             self._onboard_log.log_received(frame)
             self._event_publisher.publish()
             link.flush_soon()
@@ -280,6 +299,17 @@ class GroundServer:
         for values in self._message_builder.build(_HEARTBEAT):
             self._broadcast(_HEARTBEAT, values)
 
+    def _send_high_latency(self, now_s: float) -> None:
+        """Queue HIGH_LATENCY2 on the links on which it is due."""
+        for link in self.links:
+            if link.schedule.high_latency_due(now_s):
+                for values in self._message_builder.build(_HIGH_LATENCY):
+                    link.write(_HIGH_LATENCY, values)
+
+    def _telemetry_links(self) -> list[GroundLink]:
+        """Return the links that carry more than answers and HIGH_LATENCY2."""
+        return [link for link in self.links if not link.schedule.answers_only]
+
     def _reply_function(self, link: GroundLink) -> Send:
         """Return the function by which services reply on a link.
 
@@ -295,10 +325,12 @@ class GroundServer:
         return send
 
     def _broadcast(self, message: MessageType, values: Values) -> None:
-        """Log a message and queue it on all links."""
+        """Log a message and queue it on all links; on a modem only the answer to its PARAM_SET."""
         self._onboard_log.log_sent(message, values)
         for link in self.links:
-            link.write(message, values)
+            is_answer = message is _PARAM_VALUE and link is self._answered_link
+            if is_answer or not link.schedule.answers_only:
+                link.write(message, values)
 
     def _drop(self, link: GroundLink, error: LinkLostError) -> None:
         """Close a link that is lost, and report it on standard error."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from autopilot.control.requests import SetTarget
 from autopilot.control.setpoints import AttitudeTarget, MotionTarget
-from autopilot.control.types import AutopilotState, Home
+from autopilot.control.types import ACCEPTED, AutopilotState, Home
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.dialect import constant
@@ -48,17 +48,18 @@ class SetpointReceiver:
         self._received_s: dict[type, float] = {}
         self._last_error = ""
 
-    def handle(self, name: str, message: Any) -> None:
-        """Apply a set-point message that is addressed to this vehicle."""
+    def handle(self, name: str, message: Any) -> bool:
+        """Apply a set-point message that is addressed to this vehicle; return False if ignored."""
         try:
             target = read(name, message, self._vehicle.state)
         except TargetError as error:
             self._report(f"Set-point ignored: {error}")
-            return
+            return False
         self._received_s[type(target)] = wall_s()
         answer = self._vehicle.handle_request(SetTarget(target), quiet=True)
         if answer.text:
             self._report(answer.text)
+        return answer.result == ACCEPTED
 
     def _report(self, text: str) -> None:
         """Send why a set-point is not followed, once for a stream."""

@@ -8,7 +8,6 @@ from autopilot.commands.commander import Commander
 from autopilot.commands.failure_injection import FailureRelay
 from autopilot.commands.flight import move_home
 from autopilot.commands.types import (
-    LOWEST_CUSTOM_MODE,
     CommandContext,
     JobProgress,
     command_from_message,
@@ -19,12 +18,16 @@ from autopilot.comms.ground_links import GroundLink
 from autopilot.comms.offboard_messages import SetpointReceiver
 from autopilot.comms.signing_keys import SigningKeys
 from autopilot.comms.statustext import EventPublisher, Publish
+from autopilot.control import modes
 from autopilot.control.manual_control import Helm
 from autopilot.control.params import PARAMETERS, ParamTable
 from autopilot.control.requests import SetMode
+from autopilot.control.types import IN_PROGRESS
+from autopilot.identities import Identity
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_file import to_text
 from autopilot.telemetry import component_metadata
+from autopilot.telemetry.identity import BYTEWISE
 from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.vehicle import Vehicle, VehicleMission, VehiclePlan
 from mavlink_io import dialect
@@ -37,11 +40,15 @@ from mavlink_io.services import param_file_ftp
 from mavlink_io.services.ftp.server import FileServer
 from mavlink_io.services.ftp.tree import FileTree
 from mavlink_io.services.log_transfer.server import LogServer
-from mavlink_io.services.mission_server import MissionServer
+from mavlink_io.services.mission_server import RE_REQUEST_S, MissionServer
 from mavlink_io.services.params import ParamServer
 
 _GROUND_STATION = constant("MAV_TYPE_GCS")
 _COMMAND_ACK, _ORIGIN = dialect.by_name("COMMAND_ACK"), dialect.by_name("GPS_GLOBAL_ORIGIN")
+MODEM_RE_REQUEST_S = 30.0
+"""Wall time after which a missing mission item is requested again over a modem."""
+MAX_STREAM_HZ = 50
+"""Highest rate of REQUEST_DATA_STREAM: that of the ticks."""
 _TIME, _PING = dialect.by_name("TIMESYNC"), dialect.by_name("PING")
 
 
@@ -71,13 +78,14 @@ class Services:
         broadcast: Publish,
         keys: SigningKeys,
         onboard_log: OnboardLog,
+        identity: Identity,
     ) -> None:
         self._vehicle, self._event_publisher, self._message_builder = (
             vehicle,
             event_publisher,
             message_builder,
         )
-        self._keys, self._onboard_log = keys, onboard_log
+        self._keys, self._onboard_log, self._identity = keys, onboard_log, identity
         self.helm = Helm()
         self.setpoints = SetpointReceiver(vehicle)
         self.ground_received_s: float | None = None
@@ -95,9 +103,14 @@ class Services:
         """
         vehicle, onboard_log = self._vehicle, self._onboard_log
         plans = {kind: VehiclePlan(vehicle, kind) for kind in (FENCE_TYPE, RALLY_TYPE)}
-        self._missions = MissionServer(VehicleMission(vehicle), plans=plans)
+        self._missions = MissionServer(
+            VehicleMission(vehicle), plans=plans, item_request=self._identity.mission_request
+        )
         self._params = ParamServer(
-            vehicle.params, send_by_name(self._broadcast), vehicle.send_statustext
+            vehicle.params,
+            send_by_name(self._broadcast),
+            vehicle.send_statustext,
+            bytewise=self._identity.param_encoding == BYTEWISE,
         )
         self._files = FileServer(_file_tree(vehicle.params, onboard_log))
         self._logs = LogServer(onboard_log, vehicle.send_statustext, lambda: vehicle.state.armed)
@@ -106,6 +119,7 @@ class Services:
             helm=self.helm,
             build=self._message_builder.build,
             publish_parameter=self._params.announce,
+            mode_table=self._identity.modes,
         )
         self._commander = Commander(self._context)
 
@@ -120,14 +134,18 @@ class Services:
             "SET_MODE": self._set_mode,
             "SET_HOME_POSITION": self._set_home,
             "SET_GPS_GLOBAL_ORIGIN": self._set_home,
-            "MANUAL_CONTROL": self._on_manual_control,
+            "REQUEST_DATA_STREAM": self._on_stream_request,
+            **{
+                name: partial(self._on_pilot_message, take)
+                for name, take in self._identity.pilot_messages.items()
+            },
             **{name: partial(self._on_setpoint, name) for name in offboard_messages.MESSAGE_IDS},
             "TIMESYNC": _answer_timesync,
             "PING": _answer_ping,
             "SETUP_SIGNING": self._on_setup_signing,
         }
         for names, serve in (
-            (MissionServer.message_names, lambda a: self._missions.feed(a.frame, a.send, now_s())),
+            (MissionServer.message_names, self._on_mission_message),
             (
                 ParamServer.message_names,
                 lambda a: self._params.feed(a.frame, a.send, a.link.room_bytes),
@@ -176,8 +194,10 @@ class Services:
         message, link, requester = received.message, received.link, received.sender
 
         def acknowledge(progress: JobProgress) -> None:
-            """Send COMMAND_ACK, after pending events, and log it."""
+            """Send COMMAND_ACK, after pending events, and log it; on a modem less progress."""
             self._event_publisher.publish()
+            if progress.result == IN_PROGRESS and not link.schedule.allows_progress(wall_s()):
+                return
             values = message.command, progress.result, progress.percent, 0, *requester
             self._onboard_log.log_sent(_COMMAND_ACK, values)
             link.write(_COMMAND_ACK, values)
@@ -198,10 +218,11 @@ class Services:
     def _set_mode(self, received: ReceivedMessage) -> None:
         """Handle the deprecated SET_MODE: it has no acknowledgement, so CURRENT_MODE is sent."""
         number = received.message.custom_mode
-        if number < LOWEST_CUSTOM_MODE:
+        mode = self._identity.modes.selected(number)
+        if mode is None:
             self._vehicle.send_statustext(unknown_mode_text(number))
         else:
-            self._vehicle.handle_request(SetMode(number))
+            self._vehicle.handle_request(SetMode(mode.number))
         self._event_publisher.resend_mode()
 
     def _set_home(self, received: ReceivedMessage) -> None:
@@ -211,14 +232,31 @@ class Services:
         for values in self._message_builder.build(_ORIGIN):
             received.link.write(_ORIGIN, values)
 
-    def _on_manual_control(self, received: ReceivedMessage) -> None:
-        """Use MANUAL_CONTROL as stick input."""
-        if received.message.target in (0, self._vehicle.system):
-            self.helm.take(received.message, wall_s())
+    def _on_pilot_message(
+        self, take: Callable[[Helm, Any, float], None], received: ReceivedMessage
+    ) -> None:
+        """Use a message of manual control; MANUAL_CONTROL has a target of its own."""
+        if getattr(received.message, "target", 0) in (0, self._vehicle.system):
+            take(self.helm, received.message, wall_s())
+
+    def _on_stream_request(self, received: ReceivedMessage) -> None:
+        """Set the rate of a group of streams on the link of a REQUEST_DATA_STREAM."""
+        request = received.message
+        group = self._identity.stream_groups.get(request.req_stream_id, ())
+        rate_hz = min(request.req_message_rate, MAX_STREAM_HZ) if request.start_stop else 0
+        received.link.schedule.set_group_rate(group, rate_hz)
+
+    def _on_mission_message(self, received: ReceivedMessage) -> None:
+        """Pass a message to the mission server, which waits longer for items over a modem."""
+        re_request_s = MODEM_RE_REQUEST_S if received.link.schedule.answers_only else RE_REQUEST_S
+        self._missions.feed(received.frame, received.send, wall_s(), re_request_s)
 
     def _on_setpoint(self, name: str, received: ReceivedMessage) -> None:
-        """Apply an offboard set-point."""
-        self.setpoints.handle(name, received.message)
+        """Apply an offboard set-point, and begin to follow it where the identity says so."""
+        accepted, state = self.setpoints.handle(name, received.message), self._vehicle.state
+        waiting = state.armed and state.mode == modes.HOLD.number and not state.failsafe
+        if accepted and waiting and self._identity.setpoints_start_offboard:
+            self._vehicle.handle_request(SetMode(modes.OFFBOARD.number))
 
     def _on_setup_signing(self, received: ReceivedMessage) -> None:
         """Change the signing key and send the result as a text."""

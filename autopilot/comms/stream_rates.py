@@ -5,12 +5,13 @@ messages; and the few messages that fit on a 9600 baud radio. A ground station m
 message at any rate; ``autopilot.comms.bandwidth_limiter`` drops what the line cannot carry.
 """
 
+import math
 from collections.abc import Container, Mapping, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
 from autopilot.control.types import US_PER_S
-from autopilot.telemetry.streams import BY_ID, STREAMS, TelemetryStream
+from autopilot.telemetry.streams import STREAMS, TelemetryStream
 from mavlink_io import dialect
 
 
@@ -28,33 +29,45 @@ def _message_id(name: str) -> int:
 
 
 _OMITTED_ON_SLOW_LINKS = frozenset(
-    map(_message_id, ("ODOMETRY", "HIGHRES_IMU", "ACTUATOR_OUTPUT_STATUS"))
+    map(
+        _message_id,
+        ("ODOMETRY", "HIGHRES_IMU", "ACTUATOR_OUTPUT_STATUS", "RAW_IMU", "SCALED_IMU2"),
+    )
 )
 _MINIMAL_HZ = {"ATTITUDE": 1.0, "GLOBAL_POSITION_INT": 1.0, "VFR_HUD": 1.0, "SYS_STATUS": 0.2}
 
-FAST = RateProfile("fast", {stream.message.message_id: stream.rate_hz for stream in STREAMS})
-HALF = RateProfile(
-    "57600",
-    {
+
+def fast_profile(streams: Sequence[TelemetryStream] = STREAMS) -> RateProfile:
+    """Return the profile with the rates of a telemetry table."""
+    return RateProfile("fast", {stream.message.message_id: stream.rate_hz for stream in streams})
+
+
+def half_profile(streams: Sequence[TelemetryStream] = STREAMS) -> RateProfile:
+    """Return the profile with half of the rates, without the longest messages."""
+    rates_hz = {
         number: 0.5 * hz
-        for number, hz in FAST.rates_hz.items()
+        for number, hz in fast_profile(streams).rates_hz.items()
         if number not in _OMITTED_ON_SLOW_LINKS
-    },
-)
+    }
+    return RateProfile("57600", rates_hz)
+
+
 MINIMAL = RateProfile("9600", {_message_id(name): hz for name, hz in _MINIMAL_HZ.items()})
 FAST_BAUD, HALF_BAUD = 115_200, 38_400
 """Lowest baud rates of the profiles FAST and HALF."""
 
 
-def profile_for(baud: int | None) -> RateProfile:
-    """Return the profile for a baud rate; None is a link without one."""
+def profile_for(baud: int | None, streams: Sequence[TelemetryStream] = STREAMS) -> RateProfile:
+    """Return the profile of a telemetry table for a baud rate; None is a link without one."""
     if baud is None or baud >= FAST_BAUD:
-        return FAST
-    return HALF if baud >= HALF_BAUD else MINIMAL
+        return fast_profile(streams)
+    return half_profile(streams) if baud >= HALF_BAUD else MINIMAL
 
 
 NEVER_US = 2**63
 """Due time of a link without streams."""
+MIN_HIGH_LATENCY_S = 10.0
+"""Shortest wall time between two HIGH_LATENCY2 messages on a link, and the default."""
 
 
 class StreamGroup(NamedTuple):
@@ -72,9 +85,20 @@ class Schedule:
     tick after a start only sets the phase.
     """
 
-    def __init__(self, profile: RateProfile = FAST) -> None:
+    def __init__(
+        self,
+        profile: RateProfile | None = None,
+        streams: Sequence[TelemetryStream] = STREAMS,
+        modem_s: float | None = None,
+    ) -> None:
+        """``modem_s`` is the time between two HIGH_LATENCY2 on a modem; None is no modem."""
+        self._is_modem = self._sends_high_latency = modem_s is not None
+        self._high_latency_s = max(MIN_HIGH_LATENCY_S, modem_s or 0.0)
+        self._high_latency_due_s = self._progress_due_s = -math.inf
+        rates_hz = (profile or fast_profile(streams)).rates_hz
+        self._table = {stream.message.message_id: stream for stream in streams}
         self._defaults_us = {
-            number: _interval_us(profile.rates_hz.get(number, 0.0)) for number in BY_ID
+            number: _interval_us(rates_hz.get(number, 0.0)) for number in self._table
         }
         self._intervals_us = dict(self._defaults_us)
         self._due_us: dict[int, int] = {}
@@ -101,6 +125,8 @@ class Schedule:
 
     def due(self, time_us: int) -> list[StreamGroup]:
         """Return the streams to send in the tick at ``time_us``, in the order of the table."""
+        if self.answers_only:
+            return []
         restarted = not self._running or time_us < self._time_us
         self._time_us = time_us
         if restarted:
@@ -117,10 +143,44 @@ class Schedule:
             self._streams[crossed] = self._streams_of(crossed)
         return self._streams[crossed]
 
+    def set_group_rate(self, message_ids: Sequence[int], rate_hz: float) -> None:
+        """Set the rate of several streams (REQUEST_DATA_STREAM); 0 stops them."""
+        interval_us = _interval_us(rate_hz)
+        for number in message_ids:
+            self._intervals_us[number] = interval_us
+        self._align()
+
+    @property
+    def answers_only(self) -> bool:
+        """Whether the link carries answers and HIGH_LATENCY2 only."""
+        return self._is_modem or self._sends_high_latency
+
+    def control_high_latency(self, enabled: bool) -> None:
+        """Start or stop HIGH_LATENCY2; a link that is no modem then has its telemetry again."""
+        self._sends_high_latency, self._high_latency_due_s = enabled, -math.inf
+
+    def high_latency_due(self, now_s: float) -> bool:
+        """Return whether HIGH_LATENCY2 is due at a wall time, and count it as sent."""
+        if not self._sends_high_latency or now_s < self._high_latency_due_s:
+            return False
+        self._high_latency_due_s = now_s + self._high_latency_s
+        return True
+
+    def allows_progress(self, now_s: float) -> bool:
+        """Return whether the progress of a long command may be sent at a wall time."""
+        if not self.answers_only:
+            return True
+        if now_s < self._progress_due_s:
+            return False
+        self._progress_due_s = now_s + MIN_HIGH_LATENCY_S
+        return True
+
     def _streams_of(self, intervals_us: Container[int]) -> list[StreamGroup]:
         """Return the streams with one of the intervals, in the order of the table."""
         streams = [
-            BY_ID[number] for number, own_us in self._intervals_us.items() if own_us in intervals_us
+            self._table[number]
+            for number, own_us in self._intervals_us.items()
+            if own_us in intervals_us
         ]
         return [
             StreamGroup(of_tick, list(group))

@@ -61,6 +61,7 @@ LOGGED_FROM_GROUND = frozenset(
         "SET_MODE",
         "PARAM_SET",
         "MANUAL_CONTROL",
+        "RC_CHANNELS_OVERRIDE",
         "MISSION_COUNT",
         "MISSION_ITEM_INT",
         "MISSION_ITEM",

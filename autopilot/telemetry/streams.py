@@ -246,7 +246,7 @@ class TelemetryStream(NamedTuple):
         return self.build, *self.more_builders
 
 
-def _stream(name: str, rate_hz: float, build: Builder, *more_builders: Builder) -> TelemetryStream:
+def stream(name: str, rate_hz: float, build: Builder, *more_builders: Builder) -> TelemetryStream:
     """Return a row for a message name."""
     return TelemetryStream(
         message=dialect.by_name(name),
@@ -282,34 +282,34 @@ _OF_TICK = frozenset(
 
 
 STREAMS = (
-    _stream("ATTITUDE", 10, attitude),
-    _stream("ATTITUDE_QUATERNION", 10, attitude_quaternion),
-    _stream("LOCAL_POSITION_NED", 5, local_position),
-    _stream("GLOBAL_POSITION_INT", 5, global_position),
-    _stream("VFR_HUD", 4, vfr_hud),
-    _stream("ALTITUDE", 2, altitude),
-    _stream("SCALED_PRESSURE2", 5, water_pressure),
-    _stream("DISTANCE_SENSOR", 5, distance_sensor),
-    _stream("NAV_CONTROLLER_OUTPUT", 2, navigation.navigation),
-    _stream("ATTITUDE_TARGET", 4, attitude_target),
-    _stream("POSITION_TARGET_LOCAL_NED", 2, navigation.position_target),
-    _stream("SERVO_OUTPUT_RAW", 4, servo_outputs),
-    _stream("ACTUATOR_OUTPUT_STATUS", 4, actuator_outputs),
-    _stream("HIGHRES_IMU", 10, imu),
-    _stream("ODOMETRY", 5, navigation.odometry),
-    _stream("ESTIMATOR_STATUS", 1, navigation.estimator_status),
-    _stream("WIND_COV", 1, navigation.current),
-    _stream("GPS_RAW_INT", 1, gps_raw),
-    _stream("SYSTEM_TIME", 1, system_time),
-    _stream("SYS_STATUS", 1, status.system_status),
-    _stream("EXTENDED_SYS_STATE", 1, status.extended_state),
-    _stream("MISSION_CURRENT", 1, status.mission_current),
-    _stream("CURRENT_MODE", 0.5, status.current_mode),
-    _stream("BATTERY_STATUS", 0.5, status.battery),
-    _stream("HOME_POSITION", 0.2, status.home_position),
-    _stream("FENCE_STATUS", 0, status.fence_status),
-    _stream("DEBUG_FLOAT_ARRAY", 0, loop_trace),
-    _stream(
+    stream("ATTITUDE", 10, attitude),
+    stream("ATTITUDE_QUATERNION", 10, attitude_quaternion),
+    stream("LOCAL_POSITION_NED", 5, local_position),
+    stream("GLOBAL_POSITION_INT", 5, global_position),
+    stream("VFR_HUD", 4, vfr_hud),
+    stream("ALTITUDE", 2, altitude),
+    stream("SCALED_PRESSURE2", 5, water_pressure),
+    stream("DISTANCE_SENSOR", 5, distance_sensor),
+    stream("NAV_CONTROLLER_OUTPUT", 2, navigation.navigation),
+    stream("ATTITUDE_TARGET", 4, attitude_target),
+    stream("POSITION_TARGET_LOCAL_NED", 2, navigation.position_target),
+    stream("SERVO_OUTPUT_RAW", 4, servo_outputs),
+    stream("ACTUATOR_OUTPUT_STATUS", 4, actuator_outputs),
+    stream("HIGHRES_IMU", 10, imu),
+    stream("ODOMETRY", 5, navigation.odometry),
+    stream("ESTIMATOR_STATUS", 1, navigation.estimator_status),
+    stream("WIND_COV", 1, navigation.current),
+    stream("GPS_RAW_INT", 1, gps_raw),
+    stream("SYSTEM_TIME", 1, system_time),
+    stream("SYS_STATUS", 1, status.system_status),
+    stream("EXTENDED_SYS_STATE", 1, status.extended_state),
+    stream("MISSION_CURRENT", 1, status.mission_current),
+    stream("CURRENT_MODE", 0.5, status.current_mode),
+    stream("BATTERY_STATUS", 0.5, status.battery),
+    stream("HOME_POSITION", 0.2, status.home_position),
+    stream("FENCE_STATUS", 0, status.fence_status),
+    stream("DEBUG_FLOAT_ARRAY", 0, loop_trace),
+    stream(
         "NAMED_VALUE_FLOAT",
         0,
         *(_named_value(name, Trace._fields.index(field)) for name, field in NAMED.items()),

@@ -15,6 +15,7 @@ from ground.cli.options import (
     Seed,
     Sign,
     Speed,
+    VehicleId,
     VehicleName,
     new_file,
     print_result,
@@ -37,6 +38,7 @@ def fly(
     ],
     connect: Address = GROUND_LINK,
     sign: Sign = None,
+    vehicle_id: VehicleId = None,
     sitl: Annotated[
         bool, typer.Option("--sitl", help="Start a simulated vehicle and fly that.")
     ] = False,
@@ -98,13 +100,21 @@ def fly(
         raise InputError(
             "--sign: is for --connect; the link to a vehicle of --sitl stays on this machine"
         )
+    if sitl and vehicle_id is not None:
+        raise InputError(f"--vehicle-id {vehicle_id}: is for --connect; --sitl has one vehicle")
     if truth and not sitl:
         raise InputError(
             f"--truth {truth}: needs --sitl; the true state of a real vehicle is unknown"
         )
     log_file = new_file(log or Path(Path(mission).stem + ".mcap"))
     parameters = _parameters(params, gains, vehicle if sitl else None)
-    dive = Dive.load(mission, log_file, parameters=parameters, tlog=tlog and new_file(tlog))
+    dive = Dive.load(
+        mission,
+        log_file,
+        parameters=parameters,
+        tlog=tlog and new_file(tlog),
+        system=vehicle_id,
+    )
     if sitl and not (params or gains or _has_tests(dive)):
         dive = _with_trim_learning(dive, vehicle)
     with (

@@ -5,7 +5,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Sign, new_file, print_result
+from ground.cli.options import (
+    GROUND_LINK,
+    Address,
+    Json,
+    Modem,
+    Sign,
+    VehicleId,
+    new_file,
+    print_result,
+)
 from ground.log_tools.formats import ExportFormat, Viewer
 from mavlink_io.printable import printable
 
@@ -19,12 +28,18 @@ app = typer.Typer(
 
 
 @app.command("list")
-def list_logs(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
+def list_logs(
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
+    json: Json = False,
+) -> None:
     """List the logs on the vehicle."""
     from ground.client import log_download
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         logs = log_download.list_logs(vehicle)
     rows = [{"number": log.number, "name": log.name, "bytes": log.bytes} for log in logs]
     lines = [f"{log.number:6d} {log.bytes / 1e6:9.2f} MB  {log.name}" for log in logs]
@@ -41,6 +56,8 @@ def download(
     ] = "latest",
     connect: Address = GROUND_LINK,
     sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder for the logs; existing files are kept.")
     ] = Path("logs"),
@@ -51,7 +68,10 @@ def download(
     from ground.client import log_download
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle, progress.display("logs", quiet=json) as display:
+    with (
+        connected(connect, sign, vehicle_id, modem) as vehicle,
+        progress.display("logs", quiet=json) as display,
+    ):
         selected = log_download.select_logs(log_download.list_logs(vehicle), which)
         downloads = [
             log_download.fetch(vehicle, log, out, display.show_fraction) for log in selected

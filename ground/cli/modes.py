@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Sign, print_result
+from ground.cli.options import GROUND_LINK, Address, Json, Modem, Sign, VehicleId, print_result
 from mavlink_io.printable import printable
 
 app = typer.Typer(
@@ -17,14 +17,19 @@ app = typer.Typer(
 
 @app.callback()
 def modes(
-    context: typer.Context, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False
+    context: typer.Context,
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
+    json: Json = False,
 ) -> None:
     """List each mode that the vehicle reports, with its number (custom_mode)."""
     if context.invoked_subcommand is not None:
         return
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         offered = vehicle.modes()
     print_result(
         offered,
@@ -48,6 +53,8 @@ DryRun = Annotated[
 def export_mavproxy(
     connect: Address = GROUND_LINK,
     sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
     path: MapFile = None,
     dry_run: DryRun = False,
     json: Json = False,
@@ -58,7 +65,7 @@ def export_mavproxy(
     """
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         offered, kind = (
             {printable(name): number for name, number in vehicle.modes().items()},
             vehicle.kind,

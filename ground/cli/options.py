@@ -36,6 +36,26 @@ Sign = Annotated[
         "--sign", metavar="KEYFILE", help="Sign the link with the passphrase or key in this file."
     ),
 ]
+VehicleId = Annotated[
+    int | None,
+    typer.Option(
+        "--vehicle-id",
+        min=1,
+        max=255,
+        metavar="SYSTEM",
+        help="System id of the vehicle, where several are on the link. Default: the first one.",
+    ),
+]
+Modem = Annotated[
+    float | None,
+    typer.Option(
+        "--modem",
+        min=1.0,
+        max=3600.0,
+        metavar="SECONDS",
+        help="The link is a satellite or acoustic modem: repeat requests after SECONDS only.",
+    ),
+]
 Json = Annotated[
     bool, typer.Option("--json", help="Print the result as one JSON object on stdout.")
 ]

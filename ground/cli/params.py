@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Sign, new_file, print_result, remark
+from ground.cli.options import (
+    GROUND_LINK,
+    Address,
+    Json,
+    Modem,
+    Sign,
+    VehicleId,
+    new_file,
+    print_result,
+    remark,
+)
 from mavlink_io.errors import InputError
 from mavlink_io.printable import printable
 
@@ -21,11 +31,17 @@ app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's parameter
 
 
 @app.command("list")
-def list_all(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
+def list_all(
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
+    json: Json = False,
+) -> None:
     """List all parameters with their values."""
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         values = vehicle.parameters()
     print_result(
         values,
@@ -35,37 +51,57 @@ def list_all(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = Fal
 
 
 @app.command()
-def get(name: str, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
+def get(
+    name: str,
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
+    json: Json = False,
+) -> None:
     """Print one parameter."""
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         value = vehicle.parameter(name)
     print_result({name: value}, f"{value:g}", json)
 
 
 @app.command("set")
 def set_one(
-    name: str, value: float, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False
+    name: str,
+    value: float,
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
+    json: Json = False,
 ) -> None:
     """Set one parameter and read it back."""
     if not math.isfinite(value):
         raise InputError(f"{name} = {value:g}: expected a number")
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         stored = vehicle.set_parameter(name, value)
     print_result({name: stored}, f"{name} = {stored:g}", json)
 
 
 @app.command()
-def save(file: Path, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
+def save(
+    file: Path,
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
+    json: Json = False,
+) -> None:
     """Write all parameters to a file."""
     from ground.client import param_file
     from ground.client.vehicle import connected
 
     target = new_file(file)
-    with connected(connect, sign) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         values = vehicle.parameters()
     param_file.save(target, values)
     print_result(
@@ -78,6 +114,8 @@ def load(
     file: Path,
     connect: Address = GROUND_LINK,
     sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
     model: Annotated[
         Path | None,
         typer.Option(
@@ -120,6 +158,8 @@ def rollback(
     ] = None,
     connect: Address = GROUND_LINK,
     sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
     force: Annotated[
         bool, typer.Option("--force", help="Also restore values that were changed since.")
     ] = False,
@@ -129,7 +169,7 @@ def rollback(
     from ground.client import param_rollback
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         record, changes = param_rollback.rollback(vehicle, file, force=force)
     _print_changes(
         changes, {}, f"{record.source}: undone, {len(changes)} parameters restored", json

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Sign, print_result
+from ground.cli.options import GROUND_LINK, Address, Json, Modem, Sign, VehicleId, print_result
 
 if TYPE_CHECKING:
     from ground.client.stopping import State
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 def surface(
     connect: Address = GROUND_LINK,
     sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
     wait: Annotated[
         bool, typer.Option("--wait", help="Wait until the vehicle has disarmed itself.")
     ] = False,
@@ -23,7 +25,10 @@ def surface(
     from ground.client import stopping
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle, progress.display("surface", quiet=json) as display:
+    with (
+        connected(connect, sign, vehicle_id, modem) as vehicle,
+        progress.display("surface", quiet=json) as display,
+    ):
         state = stopping.enter(vehicle, stopping.SURFACE)
         if wait:
             vehicle.on_text = display.show_text
@@ -33,12 +38,18 @@ def surface(
     _print_state(state, json)
 
 
-def hold(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
+def hold(
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
+    json: Json = False,
+) -> None:
     """Set mode HOLD and wait for confirmation; the vehicle keeps depth, heading and thrust."""
     from ground.client import stopping
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         state = stopping.enter(vehicle, stopping.HOLD)
     _print_state(state, json)
 

@@ -17,10 +17,13 @@ from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
+from mavlink_io.errors import InputError
 from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MissionItem
 from mavlink_io.transport import open_transport, wait
 from sysid.data.events import Failsafe, TrimLearned
 
+HOME_FIRST = "MIS_SEQ0_HOME"
+"""Parameter of a vehicle that takes item 0 of a mission for home."""
 RATES_HZ = {
     "ATTITUDE": 50.0,
     "ACTUATOR_OUTPUT_STATUS": 50.0,
@@ -61,6 +64,8 @@ class Dive:
     tlog: Path | None = None
     labels: tuple[str, ...] = ()
     """Place of each item in the mission file, for error messages; empty without a file."""
+    system: int | None = None
+    """System id of the vehicle, where several are on the link; None for the first one."""
 
     @classmethod
     def load(cls, mission: str, log: Path, **details: object) -> "Dive":
@@ -169,7 +174,10 @@ def fly(
         The address, key or mission cannot be used; or the vehicle was not found, refused or was
         lost.
     """
-    with open_recorded_vehicle(address, dive.log, dive.tlog, key_file) as (vehicle, recorder):
+    with open_recorded_vehicle(address, dive.log, dive.tlog, key_file, dive.system) as (
+        vehicle,
+        recorder,
+    ):
         try:
             return _fly(dive, vehicle, recorder, watch, hear, follower)
         except Interrupted as interruption:
@@ -220,6 +228,7 @@ def open_recorded_vehicle(
     log: Path,
     tlog: Path | None = None,
     key_file: Path | None = None,
+    system: int | None = None,
 ) -> Iterator[tuple[VehicleClient, Recorder]]:
     """Open a link to a vehicle and record all its frames; close both at the end.
 
@@ -231,6 +240,8 @@ def open_recorded_vehicle(
         MCAP log, and optionally a telemetry log, to write.
     key_file : Path, optional
         Key with which the link is signed.
+    system : int, optional
+        System id of the vehicle, where several are on the link.
 
     Raises
     ------
@@ -247,7 +258,7 @@ def open_recorded_vehicle(
         try:
             yield (
                 VehicleClient(
-                    transport, recorder, simulated.check if simulated else None, signature
+                    transport, recorder, simulated.check if simulated else None, signature, system
                 ),
                 recorder,
             )
@@ -277,13 +288,19 @@ def prepare(vehicle: VehicleClient, dive: Dive) -> dict[str, float]:
     Raises
     ------
     InputError
-        The mission exceeds limits of the vehicle; nothing was uploaded.
+        The mission exceeds limits of the vehicle, or the vehicle would not fly its first step;
+        nothing was uploaded.
     VehicleClientError
         The vehicle refused.
     """
     for name, value in dive.parameters.items():
         vehicle.set_parameter(name, value)
     parameters = vehicle.parameters()
+    if parameters.get(HOME_FIRST):
+        raise InputError(
+            f"{HOME_FIRST} = 1 on the vehicle: it takes the first step for home and skips it;"
+            f" for missions of ground: ground params set {HOME_FIRST} 0"
+        )
     plans.check_limits(dive.mission, dive.plan, plans.Limits.from_parameters(parameters))
     for name, rate_hz in RATES_HZ.items():
         vehicle.set_interval(name, rate_hz)

@@ -66,7 +66,7 @@ def enter(vehicle: VehicleClient, mode: str) -> State:
         ended = was_armed and not vehicle.armed
         return vehicle.heartbeats > heartbeats and (vehicle.custom_mode == offered[name] or ended)
 
-    if not vehicle.pump_until(is_confirmed, CONFIRM_TIMEOUT_S):
+    if not vehicle.pump_until(is_confirmed, vehicle.patience_s(CONFIRM_TIMEOUT_S)):
         raise OperationError(
             f"mode {name}: the vehicle accepted it, but {CONFIRM_TIMEOUT_S:g} s later reports"
             f" {vehicle.mode}"

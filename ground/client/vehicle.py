@@ -22,12 +22,13 @@ from mavlink_io.endpoint import Endpoint
 from mavlink_io.errors import ErrorCode, OperationError
 from mavlink_io.logging.statustext import TextJoiner
 from mavlink_io.mission_items import MISSION_TYPE, MavCmd, MissionItem
-from mavlink_io.records import ARMED_FLAG
+from mavlink_io.records import ARMED_FLAG, CUSTOM_MODE_FLAG
 from mavlink_io.request import Exchange, ExchangeError, MavlinkId
 from mavlink_io.services.missions import MissionClient
 from mavlink_io.services.params import ParamClient
 from mavlink_io.signing import Signing
 from mavlink_io.transport import LinkLostError, Transport, open_transport, wait
+from mavlink_io.vehicle_modes import from_high_latency
 from sysid.data.events import VehicleEvent, parse_text
 
 T = TypeVar("T")
@@ -46,6 +47,8 @@ SIMULATED_READY_TIMEOUT_S = 300.0
 the simulator may compile its numeric code for minutes before the first sensor sample."""
 ARM_RETRY_S, ARM_RETRY_PERIOD_S = 15.0, 1.0
 """Wall time in which arming is retried after a temporary refusal, and the time between retries."""
+MODEM_ATTEMPTS = 10
+"""Number of retry times of a modem without a message after which a vehicle counts as lost."""
 HEARTBEAT_TIMEOUT_S = 5.0
 """Wall time without a heartbeat after which a vehicle counts as lost."""
 MAX_PUMP_S = 1.0
@@ -59,6 +62,7 @@ _HEARTBEAT, _STATUSTEXT = (
     constant("MAVLINK_MSG_ID_STATUSTEXT"),
 )
 _SYS_STATUS = constant("MAVLINK_MSG_ID_SYS_STATUS")
+_HIGH_LATENCY = dialect.by_name("HIGH_LATENCY2")
 
 
 class VehicleClientError(OperationError):
@@ -99,6 +103,8 @@ class VehicleClient:
         recorder: Recorder | None = None,
         watchdog: Callable[[], None] | None = None,
         signing: Signing | None = None,
+        system: int | None = None,
+        modem_s: float | None = None,
     ) -> None:
         """Take over a transport; `connect` finds the vehicle on it.
 
@@ -113,11 +119,19 @@ class VehicleClient:
             vehicle has failed.
         signing : Signing, optional
             Signs every sent frame.
+        system : int, optional
+            System id of the vehicle, where several are on the link; default: the first one.
+        modem_s : float, optional
+            Time after which requests over a modem are repeated (s); None for a link that is none.
         """
+        self._system, self._modem_s = system, modem_s
+        self._others: set[int] = set()
+        """Other systems that were received before the vehicle was found."""
         self._endpoint = Endpoint(transport, *GROUND, signing)
         self._recorder = recorder
         self._watchdog = watchdog
-        self._heartbeat, self._check = Interval(HEARTBEAT_PERIOD_S), Interval(WATCHDOG_PERIOD_S)
+        self._heartbeat = Interval(max(HEARTBEAT_PERIOD_S, modem_s or 0.0))
+        self._check = Interval(WATCHDOG_PERIOD_S)
         self._heartbeat_received_s = self._pumped_s = wall_s()
         self._latest: dict[int, Frame] = {}
         self._modes: dict[str, int] = {}
@@ -176,7 +190,11 @@ class VehicleClient:
         return self._recorder
 
     def connect(self, timeout_s: float = 30.0) -> None:
-        """Wait for the HEARTBEAT of an autopilot, for at most `timeout_s` of wall time."""
+        """Wait for the HEARTBEAT of an autopilot, for at most `timeout_s` of wall time.
+
+        Over a modem HIGH_LATENCY2 is awaited, at least as long as `patience_s` says.
+        """
+        timeout_s = self.patience_s(timeout_s)
         deadline_s = wall_s() + timeout_s
         while True:
             self._heartbeat_received_s = wall_s()
@@ -220,12 +238,16 @@ class VehicleClient:
             self._watchdog()
         if self._recorder is not None:
             self._recorder.flush_when_due()
-        if is_all and wall_s() - self._heartbeat_received_s > HEARTBEAT_TIMEOUT_S:
+        timeout_s = self.patience_s(HEARTBEAT_TIMEOUT_S)
+        if is_all and wall_s() - self._heartbeat_received_s > timeout_s:
             raise VehicleClientError(
-                f"the vehicle is gone: no heartbeat on {transport.address} "
-                f"for {HEARTBEAT_TIMEOUT_S:g} s"
+                f"the vehicle is gone: no heartbeat on {transport.address} for {timeout_s:g} s"
             )
         return is_all
+
+    def patience_s(self, default_s: float) -> float:
+        """Return a time limit: the default, or over a modem at least ten times its retry time."""
+        return max(default_s, MODEM_ATTEMPTS * (self._modem_s or 0.0))
 
     def _leave_out_pause(self) -> None:
         """Count a pause since the last call of `pump` as `MAX_PUMP_S` of silence."""
@@ -399,6 +421,8 @@ class VehicleClient:
     def _run(self, exchange: Exchange[T]) -> T:
         """Receive until a request is done; return its result."""
         first_text = len(self.texts)
+        if self._modem_s is not None:
+            exchange.repeat_every(self._modem_s)
         self._listener = exchange.feed
         try:
             while not exchange.done:
@@ -421,11 +445,15 @@ class VehicleClient:
         """Record the frames, update the state and call the listeners."""
         recorder, latest, listener = self._recorder, self._latest, self._listener
         for frame in frames:
+            if self._is_other_vehicle(frame):
+                continue
             if recorder is not None:
                 recorder.record(frame)
             latest[frame.message_id] = frame
             if frame.message_id == _HEARTBEAT:
-                self._on_heartbeat(frame)
+                self._on_heartbeat(frame, frame.decode())
+            elif frame.message_id == _HIGH_LATENCY.message_id:
+                self._on_heartbeat(frame, _heartbeat_of(frame.decode()))
             elif frame.message_id == _STATUSTEXT:
                 self._on_statustext(frame)
             elif (
@@ -438,9 +466,16 @@ class VehicleClient:
             if self.on_frame is not None and (frame.system, frame.component) == self.vehicle_id:
                 self.on_frame(frame)
 
-    def _on_heartbeat(self, frame: Frame) -> None:
+    def _is_other_vehicle(self, frame: Frame) -> bool:
+        """Return whether a frame is from another vehicle than the selected one."""
+        if self._system is None or frame.system == self._system:
+            return False
+        if self.vehicle_id is None:
+            self._others.add(frame.system)
+        return True
+
+    def _on_heartbeat(self, frame: Frame, message: Any) -> None:
         """Update the state from a HEARTBEAT; the first one of an autopilot selects the vehicle."""
-        message = frame.decode()
         sender = MavlinkId(frame.system, frame.component)
         if self.vehicle_id is None and connection_diagnosis.is_vehicle(message):
             self.vehicle_id = sender
@@ -474,6 +509,12 @@ class VehicleClient:
         """Return why no vehicle was found."""
         address = self._endpoint.transport.address
         senders = {MavlinkId(frame.system, frame.component) for frame in self._latest.values()}
+        if self._system is not None and not senders:
+            others = ", ".join(map(str, sorted(self._others))) or "none"
+            return (
+                f"no vehicle {self._system} on {address} within {timeout_s:g} s: received systems:"
+                f" {others}"
+            )
         reason = connection_diagnosis.explain(address, senders, self._endpoint.skipped_bytes)
         return f"no vehicle on {address} within {timeout_s:g} s: {reason}"
 
@@ -490,8 +531,28 @@ class VehicleClient:
         )
 
 
+def _heartbeat_of(message: Any) -> Any:
+    """Return the HEARTBEAT fields of a HIGH_LATENCY2.
+
+    custom0 is base_mode as ArduPilot sends it, custom1 the system status that Caribou sends.
+    """
+    return dialect.by_name("HEARTBEAT").record(
+        custom_mode=from_high_latency(message.autopilot, message.custom_mode),
+        type=message.type,
+        autopilot=message.autopilot,
+        base_mode=message.custom0 & 0xFF | CUSTOM_MODE_FLAG,
+        system_status=message.custom1 & 0xFF,
+        mavlink_version=3,
+    )
+
+
 @contextmanager
-def connected(address: str, key_file: Path | None = None) -> Iterator[VehicleClient]:
+def connected(
+    address: str,
+    key_file: Path | None = None,
+    system: int | None = None,
+    modem_s: float | None = None,
+) -> Iterator[VehicleClient]:
     """Connect to the vehicle at an address, and close the link at the end.
 
     Parameters
@@ -500,6 +561,10 @@ def connected(address: str, key_file: Path | None = None) -> Iterator[VehicleCli
         Link address, such as `udpin:127.0.0.1:14550`.
     key_file : Path, optional
         Passphrase or key with which the link is signed.
+    system : int, optional
+        System id of the vehicle, where several are on the link.
+    modem_s : float, optional
+        Time after which requests are repeated (s), for a link over a modem.
 
     Raises
     ------
@@ -507,7 +572,9 @@ def connected(address: str, key_file: Path | None = None) -> Iterator[VehicleCli
         The address or key cannot be used, or no vehicle was found.
     """
     with open_signing(key_file) as signature:
-        vehicle = VehicleClient(open_transport(address), signing=signature)
+        vehicle = VehicleClient(
+            open_transport(address), signing=signature, system=system, modem_s=modem_s
+        )
         try:
             vehicle.connect()
             yield vehicle

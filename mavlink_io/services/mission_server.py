@@ -118,6 +118,10 @@ class _UploadSession:
     """Whether the items replace the whole plan."""
     kind: int
     """MAV_MISSION_TYPE of the plan."""
+    item_request: str
+    """Name of the message that requests an item."""
+    re_request_s: float
+    """Wall time after which an item is requested again."""
     attempts_left: int = RE_REQUESTS
     items: list[MissionItem] = field(default_factory=list)
     sends_floats: bool = False
@@ -128,10 +132,10 @@ class _UploadSession:
 
         A sender that does not answer for the first item may know only the deprecated messages.
         """
-        self.due_s = now_s + RE_REQUEST_S
+        self.due_s = now_s + self.re_request_s
         deaf = not self.items and self.attempts_left < OLD_REQUESTS
         self.client.send(
-            "MISSION_REQUEST" if self.sends_floats or deaf else "MISSION_REQUEST_INT",
+            "MISSION_REQUEST" if self.sends_floats or deaf else self.item_request,
             target_system=self.client.mavlink_id.system,
             target_component=self.client.mavlink_id.component,
             seq=self.next_sequence,
@@ -158,6 +162,8 @@ class MissionServer:
         Maximum number of items of a plan.
     plans : mapping, optional
         The other plans of the vehicle, by MAV_MISSION_TYPE.
+    item_request : str
+        Message that requests an item: MISSION_REQUEST_INT, or MISSION_REQUEST as ArduPilot.
     """
 
     message_names = frozenset(
@@ -180,7 +186,9 @@ class MissionServer:
         store: MissionStore,
         capacity: int = 1000,
         plans: Mapping[int, Plan] | None = None,
+        item_request: str = "MISSION_REQUEST_INT",
     ) -> None:
+        self._item_request, self._re_request_s = item_request, RE_REQUEST_S
         self._store, self._capacity = store, capacity
         self._plans: dict[int, Plan] = {MISSION_TYPE: store, **(plans or {})}
         self._session: _UploadSession | None = None
@@ -198,7 +206,9 @@ class MissionServer:
             "MISSION_WRITE_PARTIAL_LIST": self._partial,
         }
 
-    def feed(self, frame: Frame, send: Send, now_s: float) -> None:
+    def feed(
+        self, frame: Frame, send: Send, now_s: float, re_request_s: float = RE_REQUEST_S
+    ) -> None:
         """Process one frame that is addressed to this vehicle.
 
         Parameters
@@ -209,7 +219,10 @@ class MissionServer:
             Function that sends on the frame's link: the same object for every frame of a link.
         now_s : float
             Wall clock, in seconds.
+        re_request_s : float
+            Wall time after which a missing item is requested again over this link, in seconds.
         """
+        self._re_request_s = re_request_s
         handler = self._handlers.get(frame.name)
         if handler is None:
             return
@@ -257,7 +270,14 @@ class MissionServer:
             _acknowledge(client, NO_SPACE, kind)
         else:
             session = _UploadSession(
-                client=client, first=0, stop=message.count, due_s=now_s, whole=True, kind=kind
+                client=client,
+                first=0,
+                stop=message.count,
+                due_s=now_s,
+                whole=True,
+                kind=kind,
+                item_request=self._item_request,
+                re_request_s=self._re_request_s,
             )
             self._begin(session, now_s)
 
@@ -273,7 +293,14 @@ class MissionServer:
             _acknowledge(client, INVALID_SEQUENCE, kind)
         else:
             session = _UploadSession(
-                client=client, first=first, stop=last + 1, due_s=now_s, whole=False, kind=kind
+                client=client,
+                first=first,
+                stop=last + 1,
+                due_s=now_s,
+                whole=False,
+                kind=kind,
+                item_request=self._item_request,
+                re_request_s=self._re_request_s,
             )
             self._begin(session, now_s)
 

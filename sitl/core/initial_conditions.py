@@ -31,7 +31,7 @@ def initial_body_state(
     model : VehicleModel
         The vehicle.
     start : StartTable
-        Heading, depth and speed through the water.
+        Place, heading, depth and speed through the water.
     sea : Surroundings
         Environment of this run.
     variation : Vector
@@ -59,6 +59,7 @@ def _rest_state(model: VehicleModel, start: StartTable, sea: Surroundings) -> Ve
     else:
         z_up_m, roll_rad, pitch_rad = -start.depth_m, 0.0, 0.0
     state = state_at_rest(z_up_m)
+    state[:2] = start.north_m, -start.east_m
     state[QUATERNION] = quaternion_from_euler(roll_rad, pitch_rad, -radians(start.heading_deg))
     return state
 

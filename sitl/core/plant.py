@@ -212,28 +212,37 @@ def with_body(plant: Plant, vessel: Body) -> Plant:
     return plant._replace(vessel=vessel, native=native(vessel))
 
 
-def random_streams(seed: int) -> RandomStreams:
+def random_streams(seed: int, sea_seed: int | None = None) -> RandomStreams:
     """Return the random streams of a seed; draws from one stream do not affect the others.
 
     Parameters
     ----------
     seed : int
         Seed of the simulation.
+    sea_seed : int, optional
+        Seed of the sea: its waves and the variation of its current. Simulations with the same one
+        are in the same sea at the same vehicle time. Default: ``seed``.
 
     Returns
     -------
     RandomStreams
         Generators of the environment, the sensors, the actuators and the faults.
     """
-    slow, wave, imu, compass, depth, *devices, rudder, elevator, faults, swell, drift = [
-        default_rng(child) for child in SeedSequence(seed).spawn(10 + len(SensorStreams._fields))
-    ]
+    slow, wave, imu, compass, depth, *devices, rudder, elevator, faults, swell, drift = _spawn(seed)
+    if sea_seed is not None:
+        *_, swell, drift = _spawn(sea_seed)
     return RandomStreams(
         draws=Draws((slow, wave, imu, compass, depth, drift, rudder, elevator)),
         sensors=SensorStreams(*map(NoiseStream, devices)),
         faults=faults,
         swell=swell,
     )
+
+
+def _spawn(seed: int) -> list[Generator]:
+    """Return the generators of a seed, those of the sea last."""
+    children = SeedSequence(seed).spawn(10 + len(SensorStreams._fields))
+    return [default_rng(child) for child in children]
 
 
 def initial_state(plant: Plant, rng: RandomStreams) -> tuple[PlantState, Sensors]:

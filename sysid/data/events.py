@@ -141,9 +141,6 @@ class PlainText(NamedTuple):
 
 VehicleEvent = TestStarted | TestEnded | ModeChanged | Armed | Failsafe | TrimLearned | PlainText
 
-MODES = {mode.value: mode for mode in VehicleMode}
-"""Mode by ``custom_mode``."""
-
 _NUMBER = r"(-?\d+(?:\.\d+)?)"
 
 

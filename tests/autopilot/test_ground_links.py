@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.signing_keys import SigningKeys
-from autopilot.comms.stream_rates import FAST, HALF, MINIMAL, profile_for
+from autopilot.comms.stream_rates import MINIMAL, fast_profile, half_profile, profile_for
 from autopilot.control.params import PARAMETERS, ParamTable
 from autopilot.control.types import Inputs
 from autopilot.onboard_log import channels
@@ -37,6 +37,9 @@ def serial_station(baud: int, system: int = 255) -> Station:
     station = Station(system)
     station.address = f"serial:/dev/radio:{baud}"
     return station
+
+
+FAST, HALF = fast_profile(), half_profile()
 
 
 def rates_hz(profile: Any) -> dict[str, float]:

@@ -40,7 +40,8 @@ Key, T = TypeVar("Key", bound=Hashable), TypeVar("T")
 class Afloat:
     """A simulated vehicle; the test may listen to it on ``spare``, a UDP port."""
 
-    def __init__(self, links: tuple[str, ...], speed: str) -> None:
+    def __init__(self, links: tuple[str, ...], speed: str, options: tuple[str, ...] = ()) -> None:
+        self._options = options
         hil, spare = free_port(), free_port()
         self.spare = f"udpin:127.0.0.1:{spare}"
         self._hil, self._speed = hil, speed
@@ -64,7 +65,8 @@ class Afloat:
             "1",
         )
         logs = self._processes.enter_context(tempfile.TemporaryDirectory())
-        own = autopilot(f"udpin:127.0.0.1:{self._hil}", *self._links, options=("--logs", logs))
+        options = ("--logs", logs, *self._options)
+        own = autopilot(f"udpin:127.0.0.1:{self._hil}", *self._links, options=options)
         programs = self._processes.enter_context(own), self._processes.enter_context(process(*sea))
         self._processes.enter_context(on_one_core(*programs))
         fast = float(self._speed) > 1.0
@@ -78,9 +80,9 @@ class Afloat:
 
 
 @contextlib.contextmanager
-def afloat(*links: str, speed: str = "1") -> Iterator[Afloat]:
-    """Yield a vehicle in standby in the simulator."""
-    vehicle = Afloat(links, speed)
+def afloat(*links: str, speed: str = "1", options: tuple[str, ...] = ()) -> Iterator[Afloat]:
+    """Yield a vehicle in standby in the simulator; ``options`` are those of the autopilot."""
+    vehicle = Afloat(links, speed, options)
     try:
         vehicle.start()
         yield vehicle

@@ -427,6 +427,95 @@ EVERY: list[Check] = [
     reports_no_breach_or_lost_link,
     telemetry_log_is_read_by_pymavlink,
 ]
+
+
+ARDUSUB_MODES = {
+    "MANUAL": 19,
+    "STABILIZE": 0,
+    "ALT_HOLD": 2,
+    "POSHOLD": 16,
+    "SURFACE": 9,
+    "GUIDED": 4,
+    "AUTO": 3,
+}
+
+
+def downloads_every_parameter(p: Person) -> None:
+    p.ask("param fetch", f"Received {len(DEFAULTS)} parameters", 60.0)
+
+
+def sets_ardusubs_modes_without_a_mode_map(p: Person) -> None:
+    """Check the names of MAVProxy's own table, in the command and in HEARTBEAT."""
+    for name, number in ARDUSUB_MODES.items():
+        p.ask(f"mode {name}", f"Mode {name}")
+        p.until(
+            lambda wanted=number: p.latest("HEARTBEAT")["custom_mode"] == wanted,
+            f"HEARTBEAT never had mode {number}",
+        )
+    require("Mode(" not in p.console.output, "a mode was shown as a number")
+
+
+def loads_a_plan_with_home_first(p: Person) -> None:
+    """Check a file as Mission Planner writes it: line 0 is home and is not flown."""
+    plan = write_plan(p.console.folder / "home.txt", [(16, 0.0, 0.0, 0.0, 0.0), *ITEMS])
+    p.ask(
+        f"wp load {plan}",
+        rf"Sent all {len(ITEMS) + 1} waypoints[\s\S]*MISSION_ACK: TYPE_MISSION: ACCEPTED",
+        40.0,
+    )
+
+
+def overrides_a_channel(p: Person) -> None:
+    """Check RC_CHANNELS_OVERRIDE: the vehicle reports the channel back."""
+    p.console.type_line("rc 4 1600")
+
+    def reported() -> bool:
+        _, channels = p.console.messages().get("RC_CHANNELS", (0, {}))
+        return bool(channels.get("chan4_raw") == 1600)
+
+    p.until(reported, "RC_CHANNELS never had the value")
+    p.console.type_line("rc all 0")
+
+
+def stream_requests_set_rates(p: Person) -> None:
+    """Check REQUEST_DATA_STREAM, which MAVProxy repeats with its stream rate."""
+    p.ask("module load messagerate", "Loaded module messagerate|already loaded")
+    p.console.type_line("set streamrate 2")
+
+    def is_set() -> bool:
+        rate = p.ask("messagerate get ATTITUDE", r"Msg:ATTITUDE +rate:([\d.]+)Hz")[1]
+        return float(rate) == 2.0
+
+    p.until(is_set, "the rate of ATTITUDE never became 2 Hz", 60.0)
+
+
+def arms_in_guided(p: Person) -> None:
+    p.ask("mode GUIDED", "Mode GUIDED")
+    p.ask("arm throttle", "^(?:.*> )?ARMED")
+    p.ask("disarm", "DISARMED")
+
+
+def flies_in_auto(p: Person) -> None:
+    p.ask("mode AUTO", "Mode AUTO")
+    p.ask("arm throttle", "^(?:.*> )?ARMED")
+    p.until(lambda: p.latest("VFR_HUD")["groundspeed"] > 0.3, "the vehicle does not move", 60.0)
+    p.ask("disarm force", "DISARMED")
+
+
+ARDUSUB: list[Check] = [
+    detects_the_vehicle,
+    downloads_every_parameter,
+    sets_a_parameter,
+    unknown_parameter_is_reported,
+    sets_ardusubs_modes_without_a_mode_map,
+    loads_a_plan_with_home_first,
+    overrides_a_channel,
+    stream_requests_set_rates,
+    arms_in_guided,
+    flies_in_auto,
+    reports_no_breach_or_lost_link,
+    telemetry_log_is_read_by_pymavlink,
+]
 SHORT: list[Check] = [
     detects_the_vehicle,
     receives_the_parameters,
@@ -466,11 +555,12 @@ if __name__ == "__main__":
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--slow", action="store_true")
     parser.add_argument("--short", action="store_true")
+    parser.add_argument("--ardusub", action="store_true")
     options = parser.parse_args()
     console = Console(options.folder, options.master, options.baud)
     try:
         results = carry_out(
-            SHORT if options.short else EVERY,
+            ARDUSUB if options.ardusub else SHORT if options.short else EVERY,
             Person(console, speed=options.speed, slow=options.slow),
         )
     finally:

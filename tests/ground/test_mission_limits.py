@@ -12,6 +12,7 @@ from ground.client.vehicle import VehicleClient, VehicleClientError
 from ground.missions import plans, script
 from ground.missions.plans import Limits
 from ground.missions.script import ScriptError
+from mavlink_io.errors import InputError
 from mavlink_io.mission_items import NOT_GIVEN, MissionItem
 from mavlink_io.services import missions
 from mavlink_io.services.mission_server import MissionResult
@@ -143,3 +144,12 @@ def test_script_that_names_zero_zero_is_not_taken_for_here() -> None:
     text = f'name = "m"\n{START}[[step]]\nlat_deg = 0.0\nlon_deg = 0.0\n{END}'
     place = script.compile_items(script.parse(text, "m"))[-2]
     assert (place.command, place.x, place.y) == (16, 1, 0)
+
+
+@pytest.mark.parametrize("fake", [{**LIMITS, "MIS_SEQ0_HOME": 1.0}], indirect=True)
+def test_vehicle_that_takes_the_first_step_for_home_is_refused(
+    vehicle: VehicleClient, fake: FakeVehicle, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match="ground params set MIS_SEQ0_HOME 0"):
+        flight.prepare(vehicle, dive(tmp_path, START + END))
+    assert fake.store.items == ()

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from autopilot.comms.ground_server import GroundServer
 from autopilot.control.params import ParamTable
 from autopilot.control.types import Inputs
+from autopilot.identities import IDENTITIES
 from autopilot.telemetry.identity import AutopilotId
 from autopilot.vehicle import Vehicle
 from mavlink_io.records import SENSORS_ALL, GpsFix, SensorFrame
@@ -95,7 +96,7 @@ class Harness:
 
     def __init__(self, *stations: Station, autopilot: AutopilotId = AutopilotId.GENERIC) -> None:
         self.stations = stations or (Station(),)
-        self.vehicle = Vehicle(ParamTable())
+        self.vehicle = Vehicle(ParamTable(IDENTITIES[autopilot].parameters))
         self.server = GroundServer(self.vehicle, self.stations, autopilot)
         self.time_us, self.depth_m = -TICK_US, math.nan
 
@@ -108,7 +109,8 @@ class Harness:
         for _ in range(count):
             self.time_us += TICK_US
             self.depth_m = approach(self.depth_m, depth_m)
-            self.vehicle.tick(Inputs(sensors(self.time_us, self.depth_m), fix, None, None))
+            sample = sensors(self.time_us, self.depth_m)
+            self.vehicle.tick(Inputs(sample, fix, None, None, stick=self.server.stick))
             self.server.publish_telemetry()
         self.server.flush()
 

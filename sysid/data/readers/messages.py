@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink_io.records import ARMED_FLAG
+from mavlink_io.vehicle_modes import mode_of_heartbeat
 from sysid.data.dataset import (
     Actuators,
     Array,
@@ -28,7 +29,7 @@ from sysid.data.dataset import (
     Velocity,
     VelocitySource,
 )
-from sysid.data.events import MODES, Armed, ModeChanged, parse_text
+from sysid.data.events import Armed, ModeChanged, parse_text
 from sysid.data.readers.samples import (
     accelerometer,
     body_rates,
@@ -93,7 +94,7 @@ _FIELDS: dict[str, dict[str, int]] = {
     "ATTITUDE_TARGET": {"q": 4},
     "POSITION_TARGET_LOCAL_NED": {"z": 0},
     "STATUSTEXT": {"severity": 0, "text": 1, "id": 0, "chunk_seq": 0},
-    _HEARTBEAT: {"custom_mode": 0, "base_mode": 0},
+    _HEARTBEAT: {"custom_mode": 0, "base_mode": 0, "autopilot": 0},
     _COMMANDS: {"actuator": 1},
     _SERVOS: {"servo1_raw": 0},
     DUCT: {"actuator": 2},
@@ -371,11 +372,17 @@ def _text_events(time_s: Array, record: NDArray[Any]) -> list[LogEvent]:
 
 def _state_events(time_s: Array, record: NDArray[Any]) -> list[LogEvent]:
     """Return the modes and armings; the first HEARTBEAT gives the state at the start."""
-    modes = record["custom_mode"].astype(np.int64)
+    modes, autopilots = record["custom_mode"].astype(np.int64), record["autopilot"]
     armed = ((record["base_mode"] & ARMED_FLAG) > 0).astype(np.int8)
     changed = np.flatnonzero(np.diff(modes, prepend=-1))
     armings = np.flatnonzero(np.diff(armed, prepend=0) > 0)
     return [
-        *(LogEvent(float(time_s[k]), ModeChanged(MODES.get(int(modes[k])))) for k in changed),
+        *(
+            LogEvent(
+                float(time_s[k]),
+                ModeChanged(mode_of_heartbeat(int(autopilots[k]), int(modes[k]))),
+            )
+            for k in changed
+        ),
         *(LogEvent(float(time_s[k]), Armed()) for k in armings),
     ]

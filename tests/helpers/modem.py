@@ -1,0 +1,84 @@
+"""Half-duplex modem channel with delay and losses, in virtual time."""
+
+import random
+from typing import NamedTuple
+
+from mavlink_io.codec import Frame, Framer
+
+
+class _Transmission(NamedTuple):
+    """A packet on its way."""
+
+    begin_s: float
+    """Time at which its first bit arrives."""
+    end_s: float
+    data: bytes
+
+
+class ModemEnd:
+    """One end of the channel, as a transport; its own packets leave one after the other."""
+
+    def __init__(self, channel: "ModemChannel", address: str) -> None:
+        self.address, self._channel = address, channel
+        self.busy_until_s = 0.0
+        """End of its own transmission."""
+        self._sending: list[tuple[float, float]] = []
+        self.arriving: list[_Transmission] = []
+        self.sent: list[tuple[float, bytes]] = []
+        """Time and bytes of each packet that was sent."""
+        self.collisions = 0
+
+    def handles(self) -> tuple[()]:
+        return ()
+
+    def send(self, data: bytes) -> None:
+        """Queue a packet; it occupies the modem for the time that its bits take."""
+        channel = self._channel
+        self.sent.append((channel.now_s, data))
+        begin_s = max(channel.now_s, self.busy_until_s)
+        self.busy_until_s = begin_s + 8 * len(data) / channel.bit_per_s
+        self._sending.append((begin_s, self.busy_until_s))
+        if channel.rng.random() >= channel.loss:
+            first_s, last_s = begin_s + channel.delay_s, self.busy_until_s + channel.delay_s
+            channel.other(self).arriving.append(_Transmission(first_s, last_s, data))
+
+    def receive(self) -> bytes:
+        """Return what has arrived, without packets that came while this end was sending."""
+        data, waiting = b"", []
+        for packet in self.arriving:
+            if packet.end_s > self._channel.now_s:
+                waiting.append(packet)
+            elif any(b < packet.end_s and e > packet.begin_s for b, e in self._sending):
+                self.collisions += 1
+            else:
+                data += packet.data
+        self.arriving = waiting
+        return data
+
+    def close(self) -> None:
+        pass
+
+
+class ModemChannel:
+    """Two modems, of which each hears nothing while it sends."""
+
+    def __init__(
+        self, seed: int, *, delay_s: float = 3.0, loss: float = 0.3, bit_per_s: float = 1200.0
+    ) -> None:
+        self.rng, self.delay_s, self.loss, self.bit_per_s = (
+            random.Random(seed),
+            delay_s,
+            loss,
+            bit_per_s,
+        )
+        self.now_s = 0.0
+        self.vehicle, self.ground = ModemEnd(self, "modem"), ModemEnd(self, "ground")
+
+    def other(self, end: ModemEnd) -> ModemEnd:
+        return self.ground if end is self.vehicle else self.vehicle
+
+
+def frames(packets: list[tuple[float, bytes]]) -> list[tuple[float, Frame]]:
+    """Return time and frame of everything that was sent."""
+    framer = Framer()
+    return [(time_s, frame) for time_s, data in packets for frame in framer.feed(data)]
