@@ -22,9 +22,9 @@ DELAY = 93
 
 
 def mission(count: int, base: int) -> list[MissionItem]:
-    """Items with delays that identify the mission and the position of the item."""
+    """Items with delays (ms) that identify the mission and the position of the item."""
     return [
-        MissionItem(n, 2, DELAY, int(n == 0), 1, float(base + n), -1, -1, 0, 0, 0, 0.0, 0)
+        MissionItem(n, 2, DELAY, int(n == 0), 1, (base + n) / 1000.0, -1, -1, 0, 0, 0, 0.0, 0)
         for n in range(count)
     ]
 
@@ -35,7 +35,7 @@ async def upload(c: Client, count: str, base: str) -> str:
 
 
 async def download(c: Client) -> list[int]:
-    return [round(item.param1) for item in await c.missions.download_mission()]
+    return [round(1000.0 * item.param1) for item in await c.missions.download_mission()]
 
 
 async def read(c: Client, name: str) -> float:

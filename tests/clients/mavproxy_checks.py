@@ -373,7 +373,7 @@ def clears_the_mission(p: Person) -> None:
 def reports_no_breach_or_lost_link(p: Person) -> None:
     texts = [
         words
-        for words in ("breach", "link 1 down", "no link", "Time has wrapped", "Traceback")
+        for words in ("fence breach", "link 1 down", "no link", "Time has wrapped", "Traceback")
         if words in p.console.output
     ]
     equal(texts, [], "texts that must not be printed")
