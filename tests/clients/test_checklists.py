@@ -12,7 +12,7 @@ from tests.clients.fixture import ACTS, Act, all_at_once
 from tests.clients.streams import SENSES
 
 pytestmark = [pytest.mark.process, pytest.mark.client, pytest.mark.timeout(500)]
-CHECKS = {"mavsdk": 86, "mavproxy": 64}
+CHECKS = {"mavsdk": 86, "mavproxy": 65}
 SHORT = {"mavsdk": 19, "mavproxy": 15}
 """At 0.2x, where a dive takes minutes, short lists; ``make test-clients`` runs the full lists."""
 NOISE_SPOILS = {"vehicle": 20, "ground": 1}
