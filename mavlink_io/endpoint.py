@@ -49,6 +49,8 @@ class Endpoint:
         self.signing = signing
         self._sequence = 0
         self._expected: dict[tuple[int, int], int] = {}
+        self._unread = b""
+        """Datagram that ``put_back`` has returned."""
         self._framer = Framer(self._expected if accept_unknown else ())
         self.lost_frames = 0
         """Number of frames of other participants that did not arrive, by sequence numbers."""
@@ -150,6 +152,68 @@ class Endpoint:
             encode_payload(message, payload, sequence, self.system, self.component, SIGNED_FLAG)
         )
 
+    @property
+    def sequence(self) -> int:
+        """Sequence number of the next frame."""
+        return (self._sequence + 1) & 0xFF
+
+    def send_next(self, frame: bytes) -> None:
+        """Send a frame that the caller has encoded with the next ``sequence``, without a signature.
+
+        Parameters
+        ----------
+        frame : bytes
+            The frame; encoded frames may precede it.
+
+        Raises
+        ------
+        LinkLostError
+            The other end of the link is gone.
+        """
+        self.take_sequence()
+        self.transport.send(frame)
+
+    def take_sequence(self) -> int:
+        """Return the sequence number of a frame that the caller encodes; the next one follows it.
+
+        Returns
+        -------
+        int
+            Sequence number, 0 to 255.
+        """
+        self._sequence = sequence = (self._sequence + 1) & 0xFF
+        return sequence
+
+    def receive_into(self, memory: memoryview) -> int:
+        """Wait eagerly for a datagram, at most `SPIN_S`, and write it into memory.
+
+        Parameters
+        ----------
+        memory : memoryview
+            Receives the datagram, of at most `MAX_DATAGRAM` octets.
+
+        Returns
+        -------
+        int
+            Number of octets; 0 if none has arrived, or if the transport carries no datagrams.
+
+        Raises
+        ------
+        LinkLostError
+            The other end of the link is gone.
+        """
+        return 0 if self._lockstep is None else self._lockstep.receive_into(memory)
+
+    def put_back(self, datagram: bytes) -> None:
+        """Return a datagram of ``receive_into``: ``receive`` or ``receive_fixed`` reads it next.
+
+        Parameters
+        ----------
+        datagram : bytes
+            The datagram.
+        """
+        self._unread = datagram
+
     def receive(self, *, eager: bool = False) -> list[Frame]:
         """Return the frames that have arrived since the last call.
 
@@ -206,7 +270,13 @@ class Endpoint:
         return None, b"", self._frames(pieces)
 
     def _receive_pieces(self, *, eager: bool) -> Sequence[Piece]:
-        """Return the bytes that have arrived from each peer; wait for them if ``eager``."""
+        """Return a datagram of ``put_back``, or the bytes that have arrived from each peer.
+
+        Wait for them if ``eager``.
+        """
+        if self._unread:
+            datagram, self._unread = self._unread, b""
+            return ((None, datagram),)
         if self._lockstep is not None:
             self._lockstep.eager = eager
         elif eager:

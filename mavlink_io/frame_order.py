@@ -1,9 +1,13 @@
 """Recognition of frames that a link has delivered late, by the sequence numbers of their sender.
 
 A repeated or delayed MISSION_COUNT, MISSION_ITEM_INT or MISSION_ACK of an earlier upload cannot be
-distinguished from one of the present upload by its content.
+distinguished from one of the present upload by its content, nor can an old PARAM_SET.
 """
 
+from collections.abc import Hashable
+
+MAX_CLIENTS = 16
+"""Number of clients whose frames are put in order; the client that came first is forgotten."""
 MAX_FRAMES_LATE = 32
 """Largest number of frames by which a frame is recognised as late.
 
@@ -41,3 +45,33 @@ class FrameOrder:
             return True
         self._newest, self._newest_s = sequence, now_s
         return False
+
+
+class FrameOrders:
+    """Newest sequence numbers of the clients of a server."""
+
+    def __init__(self) -> None:
+        self._orders: dict[Hashable, FrameOrder] = {}
+
+    def is_late(self, client: Hashable, sequence: int, now_s: float) -> bool:
+        """Return whether a frame is older than the newest one of its client; see `FrameOrder`.
+
+        Parameters
+        ----------
+        client : Hashable
+            The client.
+        sequence : int
+            Sequence number of the frame, modulo 256.
+        now_s : float
+            Wall clock, in seconds.
+
+        Returns
+        -------
+        bool
+            Whether a newer frame of the client has arrived before.
+        """
+        if client not in self._orders:
+            while len(self._orders) >= MAX_CLIENTS:
+                del self._orders[next(iter(self._orders))]
+            self._orders[client] = FrameOrder()
+        return self._orders[client].is_late(sequence, now_s)

@@ -171,6 +171,7 @@ def rotate_back(q: Quaternion, v: Vector) -> Vector:
     return rotate((q[0], -q[1], -q[2], -q[3]), v)
 
 
+@numeric
 def offset_to_geodetic(
     north_m: float, east_m: float, origin_lat_deg: float, origin_lon_deg: float
 ) -> tuple[float, float]:

@@ -62,6 +62,12 @@ class _Compiler(Protocol):
     def numbers(self, count: int) -> Numbers:
         """Return an array of zeros."""
 
+    def octets(self, count: int) -> Any:
+        """Return memory of zeros."""
+
+    def view(self, octets: Any, code: str) -> Any:
+        """Return the same memory as numbers of another type."""
+
 
 NUMERIC = set[Callable[..., Any]]()
 """Functions marked with ``numeric``."""
@@ -152,6 +158,40 @@ def numbers(count: int) -> Numbers:
         The array.
     """
     return _compiler().numbers(count) if COMPILED else array("d", bytes(8 * count))
+
+
+def octets(count: int) -> Any:
+    """Return memory of zeros for kernels and sockets.
+
+    Parameters
+    ----------
+    count : int
+        Number of octets.
+
+    Returns
+    -------
+    sequence of int
+        An array; a memory view without numba.
+    """
+    return _compiler().octets(count) if COMPILED else memoryview(bytearray(count))
+
+
+def view(octets: Any, code: str) -> Any:
+    """Return memory as numbers of another type.
+
+    Parameters
+    ----------
+    octets : sequence of int
+        Memory from ``octets``.
+    code : str
+        Type of the numbers, as in the module ``struct``.
+
+    Returns
+    -------
+    sequence of numbers
+        Array or memory view on the same memory.
+    """
+    return _compiler().view(octets, code) if COMPILED else octets.cast(code)
 
 
 def is_stored(function: Callable[..., Any]) -> bool:

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import inspect
 import re
-import sys
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
+from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
@@ -46,6 +46,15 @@ _WORD = re.compile(r"\w+")
 @structref.register
 class NativeType(types.StructRef):
     """Numba type of a ``Native``."""
+
+    @property
+    def key(self) -> object:
+        """Return what tells two types apart.
+
+        Numba takes the name, which is the same for two records of one name in two modules: one
+        record's reference is then taken for the other's.
+        """
+        return type(self), self._fields
 
 
 class Native(structref.StructRefProxy):
@@ -150,7 +159,7 @@ def _content_stamp(path: Path) -> str:
     Parameters
     ----------
     path : Path
-        Source file; the modules that it imports are loaded.
+        Source file.
 
     Returns
     -------
@@ -173,15 +182,30 @@ def _digest(path: Path) -> bytes:
 
 @cache
 def _imported_files(path: Path) -> frozenset[Path]:
-    """Return the files of the modules of ``_PACKAGES`` that a file imports."""
+    """Return the files of the modules of ``_PACKAGES`` that a file imports.
+
+    They are found on disk: which of them are loaded depends on the program.
+    """
     names = [
         name
         for module, imported in _IMPORT.findall(path.read_text(encoding="utf-8"))
         if module.partition(".")[0] in _PACKAGES
         for name in (module, *(f"{module}.{word}" for word in _WORD.findall(imported)))
     ]
-    files = (getattr(sys.modules.get(name), "__file__", None) for name in names)
-    return frozenset(Path(file) for file in files if file is not None)
+    return frozenset(file for name in names if (file := _file_of(name)) is not None)
+
+
+@cache
+def _file_of(name: str) -> Path | None:
+    """Return the source file of a module of ``_PACKAGES``; None if the name is no module."""
+    package, *parts = name.split(".")
+    spec = find_spec(package)
+    for folder in (spec and spec.submodule_search_locations) or ():
+        path = Path(folder).joinpath(*parts)
+        for file in (path / "__init__.py", path.with_suffix(".py")):
+            if file.is_file():
+                return file
+    return None
 
 
 class _MachineCodeCache(FunctionCache):
@@ -273,6 +297,40 @@ def numbers(count: int) -> Any:
         Array of float64.
     """
     return np.zeros(count)
+
+
+def octets(count: int) -> Any:
+    """Return memory of zeros.
+
+    Parameters
+    ----------
+    count : int
+        Length.
+
+    Returns
+    -------
+    ndarray
+        Array of uint8.
+    """
+    return np.zeros(count, np.uint8)
+
+
+def view(octets: Any, code: str) -> Any:
+    """Return memory as numbers of another type.
+
+    Parameters
+    ----------
+    octets : ndarray
+        Array of uint8.
+    code : str
+        Type of the numbers, as in the module ``struct``.
+
+    Returns
+    -------
+    ndarray
+        Array on the same memory.
+    """
+    return octets.view(np.dtype(code))
 
 
 def native(value: tuple[Any, ...]) -> Native:

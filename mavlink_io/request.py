@@ -96,15 +96,18 @@ class Exchange(ABC, Generic[T]):
         self.done = False
         """Whether the exchange has ended, with a result or an error."""
 
-    def repeat_every(self, retry_s: float) -> None:
-        """Repeat the request less often than its default, over a link with a long delay.
+    def repeat_every(self, retry_s: float, attempts: int) -> None:
+        """Repeat the request less often than its default but more times, over a slow, lossy link.
 
         Parameters
         ----------
         retry_s : float
             Wall time without an answer after which the request is sent again, in seconds.
+        attempts : int
+            Number of times that a request is sent before the exchange fails.
         """
         self._retry_s = max(self._retry_s, retry_s)
+        self._attempts = self._attempts_left = max(self._attempts, attempts)
 
     def poll(self, now_s: float) -> None:
         """Send the request, or repeat it if it is due.

@@ -16,7 +16,7 @@ from mavlink_io.parent_watch import on_end_signals
 from mavlink_io.records import ActuatorFrame
 from mavlink_io.transport import open_transport
 from sitl import scenario
-from sitl.backends import Backend
+from sitl.backends import Backend, QuickBackend
 from sitl.backends.factory import BackendOptions, create_backend
 from sitl.core import plant
 from sitl.core.plant import Plant, PlantState
@@ -92,12 +92,19 @@ def _simulate(
     build: Callable[[Timestep], Plant], options: Options, backend: Backend, record: RecordTruth
 ) -> None:
     """Simulate one run per connection; start from the initial state when the autopilot restarts."""
+    is_observed = options.speed is not None or options.truth is not None
+    quick = None if is_observed or not isinstance(backend, QuickBackend) else backend
     while (timestep := backend.wait_for_autopilot()) is not None:
         simulated, rng = build(timestep), plant.random_streams(options.seed, options.sea_seed)
         pacer = Pacer(options.speed)
         state, sensors = plant.initial_state(simulated, rng)
         record(state)
-        while (actuators := backend.exchange(simulated, state, sensors)) is not None:
+        while True:
+            if quick is not None:
+                state, sensors = quick.advance(simulated, state, sensors, rng)
+            actuators = backend.exchange(simulated, state, sensors)
+            if actuators is None:
+                break
             for injection in backend.take_injections():
                 state = plant.inject_failure(state, injection)
             state, sensors = plant.step(simulated, state, actuators, rng)

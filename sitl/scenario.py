@@ -12,6 +12,8 @@ from typing import Annotated, Any
 from msgspec import Meta
 from msgspec.structs import replace
 
+from mavlink_io import toml_io
+from mavlink_io.suggestions import did_you_mean
 from mavlink_io.text_files import read_text
 from sitl import bathymetry, environment_schema
 from sitl.environment_schema import Current, Density, FloorTable, Ice, WaterTable, Waves
@@ -27,7 +29,6 @@ from sitl.scenario_types import (
     ScenarioTable,
     Speed,
 )
-from sitl.vehicle import toml_io
 
 Latitude = Annotated[float, Meta(ge=-89.0, le=89.0)]
 
@@ -243,4 +244,5 @@ def _read(path: str) -> str:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ScenarioError(
             f"scenario {path}: {reason}; expected {', '.join(names())} or a TOML file"
+            f"{did_you_mean(path, names())}"
         ) from None

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import has_location
-from mavlink_io.frame_order import FrameOrder
+from mavlink_io.frame_order import FrameOrders
 from mavlink_io.mission_items import (
     ALL_TYPES,
     FRAME_LOCAL_NED,
@@ -36,8 +36,6 @@ from mavlink_io.services.missions import (
 
 RE_REQUEST_S = 1.5
 """Wall time after which a missing item is requested again, in seconds (the protocol's value)."""
-MAX_CLIENTS = 16
-"""Number of clients whose frames are put in order; the client that came first is forgotten."""
 RE_REQUESTS = 5
 """Number of repeated requests for one item before the upload is abandoned."""
 
@@ -193,7 +191,7 @@ class MissionServer:
         self._plans: dict[int, Plan] = {MISSION_TYPE: store, **(plans or {})}
         self._session: _UploadSession | None = None
         self._finished: tuple[_UploadSession, int] | None = None
-        self._orders: dict[Client, FrameOrder] = {}
+        self._orders = FrameOrders()
         self._handlers = {
             "MISSION_COUNT": self._count,
             "MISSION_ITEM_INT": self._item,
@@ -227,16 +225,8 @@ class MissionServer:
         if handler is None:
             return
         client = Client(MavlinkId(frame.system, frame.component), send)
-        if not self._order_of(client).is_late(frame.sequence, now_s):
+        if not self._orders.is_late(client, frame.sequence, now_s):
             handler(frame.decode(), client, now_s)
-
-    def _order_of(self, client: Client) -> FrameOrder:
-        """Return the order of a client's frames."""
-        if client not in self._orders:
-            while len(self._orders) >= MAX_CLIENTS:
-                del self._orders[next(iter(self._orders))]
-            self._orders[client] = FrameOrder()
-        return self._orders[client]
 
     def poll(self, now_s: float) -> None:
         """Request a missing item again, or abandon an upload whose sender is silent.
@@ -369,7 +359,18 @@ class MissionServer:
         _acknowledge(session.client, outcome.result, session.kind)
 
     def _send_count(self, message: Any, client: Client, now_s: float) -> None:
-        """Answer MISSION_REQUEST_LIST with the number of items."""
+        """Answer MISSION_REQUEST_LIST with the number of items.
+
+        A client that asks for a plan has given up its upload of it.
+        """
+        session = self._session
+        if (
+            session is not None
+            and session.client == client
+            and session.kind == message.mission_type
+        ):
+            text = "Mission upload abandoned: its sender asks for the mission"
+            self._end(session, MissionResult(CANCELLED, text))
         client.send(
             "MISSION_COUNT",
             target_system=client.mavlink_id.system,

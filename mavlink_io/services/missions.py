@@ -133,6 +133,7 @@ class MissionClient:
         self._participants = send, own, peer
         self._order = FrameOrder()
         """Order of the vehicle's frames over all uploads: an answer to an earlier one is late."""
+        self._last_upload: _Upload | None = None
 
     def upload(
         self, items: Sequence[MissionItem], mission_type: int = MISSION_TYPE
@@ -151,7 +152,15 @@ class MissionClient:
         Exchange
             It fails if the vehicle refuses the mission.
         """
-        return _Upload(*self._participants, tuple(items), self._order, mission_type)
+        last = self._last_upload
+        self._last_upload = _Upload(
+            *self._participants,
+            tuple(items),
+            self._order,
+            mission_type,
+            after_failure=last is not None and not last.accepted,
+        )
+        return self._last_upload
 
     def download(self, mission_type: int = MISSION_TYPE) -> Exchange[tuple[MissionItem, ...]]:
         """Read a plan of the vehicle.
@@ -195,9 +204,19 @@ class MissionClient:
 
 
 class _Upload(Exchange[None]):
-    """Announce the number of items, then send each item that the vehicle requests."""
+    """Announce the number of items, then send each item that the vehicle requests.
 
-    message_names = frozenset(("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"))
+    After an upload that failed, the vehicle may still receive a late MISSION_COUNT of it, and would
+    load as many items of this one. Therefore this upload begins with MISSION_REQUEST_LIST: the
+    answer shows that the vehicle has received a newer frame than all of the failed upload.
+
+    The vehicle requests the items in order. A request that skips an item belongs to an upload of
+    another program or with another number of items: the number is announced again.
+    """
+
+    message_names = frozenset(
+        ("MISSION_COUNT", "MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")
+    )
     in_order = True
 
     def __init__(
@@ -208,17 +227,27 @@ class _Upload(Exchange[None]):
         items: tuple[MissionItem, ...],
         order: FrameOrder,
         mission_type: int,
+        *,
+        after_failure: bool,
     ) -> None:
         super().__init__(send, own, peer)
         self._order, self._type = order, mission_type
+        self._awaits_count = after_failure
         self._items = tuple(
             item._replace(sequence=n, mission_type=mission_type) for n, item in enumerate(items)
         )
         self._requested_item: int | None = None
 
+    @property
+    def accepted(self) -> bool:
+        """Whether the vehicle has accepted the items."""
+        return self.done and not self._error
+
     def _send_request(self) -> None:
         """Send the number of items, or the item that the vehicle has requested."""
-        if self._requested_item is None:
+        if self._awaits_count:
+            self._send_to_peer("MISSION_REQUEST_LIST", mission_type=self._type)
+        elif self._requested_item is None:
             self._send_to_peer("MISSION_COUNT", count=len(self._items), mission_type=self._type)
         else:
             item = self._items[self._requested_item]
@@ -226,13 +255,14 @@ class _Upload(Exchange[None]):
 
     def _handle_message(self, name: str, message: Any) -> None:
         """Send a requested item; finish or fail with the vehicle's MISSION_ACK."""
-        if message.mission_type != self._type:
+        if message.mission_type != self._type or self._awaits_count != (name == "MISSION_COUNT"):
             return
-        if name != "MISSION_ACK":
-            if message.seq < len(self._items):
-                self._requested_item = message.seq
-                self._send_request()
-                self._note_progress()
+        if name == "MISSION_COUNT":
+            self._awaits_count = False
+            self._send_request()
+            self._note_progress()
+        elif name != "MISSION_ACK":
+            self._send_requested(message.seq)
         elif message.type != ACCEPTED:
             position = "" if self._requested_item is None else f" at item {self._requested_item}"
             plan, result = _PLAN_NAMES[self._type], _result_name(message.type)
@@ -243,6 +273,16 @@ class _Upload(Exchange[None]):
             # The vehicle has asked by the number of items of an earlier upload, and has fewer.
             self._requested_item = None
             self._send_request()
+
+    def _send_requested(self, sequence: int) -> None:
+        """Send an item, or the number of items if the request does not belong to this upload."""
+        next_item = 0 if self._requested_item is None else self._requested_item + 1
+        if sequence > min(next_item, len(self._items) - 1):
+            self._requested_item = None
+        else:
+            self._requested_item = sequence
+            self._note_progress()
+        self._send_request()
 
     def _describe(self) -> str:
         return f"the upload of {len(self._items)} items of the {_PLAN_NAMES[self._type]}"

@@ -11,8 +11,10 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
+from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame, largest_frame
 from mavlink_io.dialect import by_name, constant
+from mavlink_io.frame_order import FrameOrders
 from mavlink_io.request import Client, Exchange, MavlinkId, RoomBytes, Send
 
 REAL32 = constant("MAV_PARAM_TYPE_REAL32")
@@ -110,7 +112,7 @@ class ParamClient:
         """
         return _ParamList(*self._participants)
 
-    def get(self, name: str) -> Exchange[float]:
+    def get(self, name: str) -> "ParamRequest":
         """Read one parameter.
 
         Parameters
@@ -120,12 +122,12 @@ class ParamClient:
 
         Returns
         -------
-        Exchange
+        ParamRequest
             Its result is the value. It fails if the vehicle has no such parameter.
         """
-        return _Get(*self._participants, name)
+        return ParamRequest(*self._participants, name)
 
-    def set(self, name: str, value: float) -> Exchange[float]:
+    def set(self, name: str, value: float) -> "ParamRequest":
         """Set one parameter.
 
         Parameters
@@ -137,7 +139,7 @@ class ParamClient:
 
         Returns
         -------
-        Exchange
+        ParamRequest
             Its result is the value that the vehicle has reported back. It fails if the vehicle
             reports another value or an error.
 
@@ -182,14 +184,26 @@ class _ParamList(Exchange[dict[str, float]]):
         return "the parameter list"
 
 
-class _Get(Exchange[float]):
-    """Request one parameter by name."""
+class ParamRequest(Exchange[float]):
+    """Request for one parameter by name.
+
+    Parameters
+    ----------
+    send : Send
+        Function that sends a message to the vehicle.
+    own, peer : MavlinkId
+        Ids of this program and of the vehicle.
+    name : str
+        Name of the parameter.
+    """
 
     message_names = frozenset(("PARAM_VALUE", "PARAM_ERROR"))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, name: str) -> None:
         super().__init__(send, own, peer)
         self._name = name
+        self.does_not_exist = False
+        """Whether the vehicle has answered that it has no such parameter."""
 
     def _send_request(self) -> None:
         self._send_to_peer("PARAM_REQUEST_READ", param_id=self._name, param_index=-1)
@@ -199,6 +213,7 @@ class _Get(Exchange[float]):
         if message.param_id != self._name:
             return
         if name == "PARAM_ERROR":
+            self.does_not_exist = message.error == DOES_NOT_EXIST
             self._fail(
                 f"parameter {self._name}: {_REASONS.get(message.error, f'error {message.error}')}"
             )
@@ -213,7 +228,7 @@ class _Get(Exchange[float]):
         return f"the request for parameter {self._name}"
 
 
-class _Set(_Get):
+class _Set(ParamRequest):
     """Set one parameter and compare the reported value."""
 
     def __init__(
@@ -254,7 +269,8 @@ class _Listing(NamedTuple):
 class ParamServer:
     """Server of the parameter protocol.
 
-    A changed value is sent on every link, so that no client shows an old one.
+    A changed value is sent on every link, so that no client shows an old one. A PARAM_SET that a
+    link delivers late is ignored: it has an older value.
 
     Parameters
     ----------
@@ -283,6 +299,7 @@ class ParamServer:
         self._table, self._broadcast, self._explain = table, broadcast, explain
         self._names = tuple(table.names())
         self._listings: dict[Client, _Listing] = {}
+        self._orders = FrameOrders()
 
     def feed(self, frame: Frame, send: Send, room: RoomBytes) -> None:
         """Process one frame that is addressed to this vehicle.
@@ -304,7 +321,8 @@ class ParamServer:
             case "PARAM_REQUEST_READ":
                 self._read(message, sender, send)
             case "PARAM_SET":
-                self._set(message, sender, send)
+                if not self._orders.is_late(Client(sender, send), frame.sequence, wall_s()):
+                    self._set(message, sender, send)
 
     def announce(self, name: str) -> None:
         """Send the value of a parameter on every link, after a change.

@@ -149,6 +149,13 @@ class LockstepTransport(Transport, Protocol):
     eager: bool
     """Whether ``receive`` and ``receive_from`` wait eagerly for a datagram, at most `SPIN_S`."""
 
+    def receive_into(self, memory: memoryview) -> int:
+        """Wait eagerly for a datagram, at most `SPIN_S`; write it into memory.
+
+        Return the number of octets; 0 if none has arrived.
+        """
+        ...
+
 
 def wait(
     transports: Sequence[Transport], timeout_s: float, *, eager: bool = False

@@ -5,6 +5,7 @@ import errno
 import math
 import socket
 from collections.abc import Sequence
+from functools import partial
 
 from mavlink_io.clock import wall_s
 from mavlink_io.transport.base import (
@@ -92,6 +93,15 @@ class UdpTransport:
             return ()
         return ((peer, data),) if self._remember(peer) else ()
 
+    def receive_into(self, memory: memoryview) -> int:
+        """Wait eagerly for one datagram, and write it into memory; return its length, or 0."""
+        read = partial(self._socket.recvfrom_into, memory)
+        try:
+            length, peer = read_eagerly(read)
+        except OSError:
+            return 0
+        return length if self._remember(peer) else 0
+
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
@@ -167,6 +177,15 @@ class UdpClient:
                 return read(MAX_DATAGRAM, _DONT_WAIT)
         except OSError:
             return b""
+
+    def receive_into(self, memory: memoryview) -> int:
+        """Wait eagerly for one datagram, and write it into memory; return its length, or 0."""
+        if self._socket is None:
+            return 0
+        try:
+            return read_eagerly(partial(self._socket.recv_into, memory))
+        except OSError:
+            return 0
 
     def close(self) -> None:
         """Close the socket for good."""

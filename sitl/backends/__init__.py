@@ -8,10 +8,10 @@ once per tick. When the autopilot restarts, the simulator starts a new run from 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from mavlink_io.records import ActuatorFrame
-from sitl.core.plant import Plant, PlantState
+from sitl.core.plant import Plant, PlantState, RandomStreams
 from sitl.core.sensors import Sensors
 from sitl.core.timestep import Timestep
 from sitl.faults.failure_injection import InjectionResult
@@ -64,4 +64,37 @@ class Backend(Protocol):
 
     def take_injections(self) -> Sequence[InjectionResult]:
         """Return the failures that were commanded since the last call."""
+        ...
+
+
+@runtime_checkable
+class QuickBackend(Backend, Protocol):
+    """Connection that flies ticks in compiled code, for simulations without pace and truth log."""
+
+    def advance(
+        self, plant: Plant, state: PlantState, sensors: Sensors, rng: RandomStreams
+    ) -> tuple[PlantState, Sensors]:
+        """Fly the next ticks in which nothing but numbers changes.
+
+        Parameters
+        ----------
+        plant : Plant
+            The simulated plant.
+        state : PlantState
+            State at the present tick.
+        sensors : Sensors
+            Sensor output of the present tick.
+        rng : RandomStreams
+            Random streams of the run; they advance.
+
+        Returns
+        -------
+        tuple of PlantState and Sensors
+            State and sensors for ``exchange``; those of the present tick if there was no such tick.
+
+        Raises
+        ------
+        LinkLostError
+            The link is closed and cannot be opened again.
+        """
         ...

@@ -61,6 +61,55 @@ class HilClient:
         """Send a datagram made by ``datagram``, for the first time or again."""
         self._transport.send(datagram)
 
+    @property
+    def sequence(self) -> int:
+        """Sequence number of the next frame of the simulator."""
+        return self._endpoint.sequence
+
+    def take_sequence(self) -> int:
+        """Return the sequence number of a frame that the caller encodes."""
+        return self._endpoint.take_sequence()
+
+    def send_next(self, frame: bytes) -> None:
+        """Send a frame that was encoded with the next ``sequence``.
+
+        Parameters
+        ----------
+        frame : bytes
+            The frame; encoded frames may precede it.
+        """
+        self._endpoint.send_next(frame)
+
+    def receive_into(self, memory: memoryview) -> int:
+        """Wait for a datagram, at most `SPIN_S`.
+
+        Parameters
+        ----------
+        memory : memoryview
+            Receives the datagram.
+
+        Returns
+        -------
+        int
+            Number of octets; 0 if none has arrived, or if the transport cannot do this.
+
+        Raises
+        ------
+        LinkLostError
+            The link is closed and cannot be opened again.
+        """
+        return self._endpoint.receive_into(memory)
+
+    def put_back(self, datagram: bytes) -> None:
+        """Return a datagram of ``receive_into``; the next ``answer`` reads it first.
+
+        Parameters
+        ----------
+        datagram : bytes
+            The datagram.
+        """
+        self._endpoint.put_back(datagram)
+
     def datagram(
         self, sensors: Sensors, truth: TruthFrame | None, changes: Sequence[FaultChange] = ()
     ) -> bytes:
@@ -84,14 +133,25 @@ class HilClient:
         if truth is not None:
             frames.append(encode(TRUTH, truth))
         if sensors.has_devices:
-            frames += self._device_frames(sensors)
+            frames += self.device_frames(sensors)
         if changes:
             frames += self._fault_frames(changes)
         sample = self._endpoint.encode_fixed(SENSOR_FRAME, sensors.frame)
         return b"".join((*frames, sample)) if frames else sample
 
-    def _device_frames(self, sensors: Sensors) -> list[bytes]:
-        """Encode the frames of the slower sensors; most have component ids of their own."""
+    def device_frames(self, sensors: Sensors) -> list[bytes]:
+        """Encode the frames of the slower sensors; most have component ids of their own.
+
+        Parameters
+        ----------
+        sensors : Sensors
+            Sensor output of a tick.
+
+        Returns
+        -------
+        list of bytes
+            One frame for each of the slower sensors with a new reading.
+        """
         encode, frames = self._endpoint.encode_values, []
         if sensors.gps is not None:
             frames.append(encode(GPS, gps_values(sensors.gps)))

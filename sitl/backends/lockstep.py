@@ -38,10 +38,15 @@ class Lockstep:
 
     def __init__(self, link: HilClient, stopped: Callable[[], bool]) -> None:
         self._link, self._stopped = link, stopped
-        self._has_answered = False
+        self.has_answered = False
+        """Whether an answer has been received, by ``exchange`` or by the caller."""
 
-    def exchange(self, datagram: bytes, time_us: int) -> ActuatorFrame | None:
+    def exchange(
+        self, datagram: bytes, time_us: int, *, sent: bool = False
+    ) -> ActuatorFrame | None:
         """Return the answer to the sensors of ``time_us``; None when asked to stop meanwhile.
+
+        ``sent`` states that the datagram has already been sent once.
 
         Raises
         ------
@@ -50,27 +55,33 @@ class Lockstep:
         LinkLostError
             The link is closed and cannot be opened again.
         """
-        timeout_s = ANSWER_TIMEOUT_S if self._has_answered else FIRST_ANSWER_TIMEOUT_S
+        timeout_s = ANSWER_TIMEOUT_S if self.has_answered else FIRST_ANSWER_TIMEOUT_S
         # Sum of the waits, not wall time: a pause of the whole machine is no silence.
         waited_s = 0.0
-        resend_s = RESEND_S if self._has_answered else FREE_RUN_S
+        resend_s = RESEND_S if self.has_answered else FREE_RUN_S
         while not self._stopped():
-            self._link.send(datagram)
+            if not sent:
+                self._link.send(datagram)
+            sent = False
             answer = self._answer_until(time_us, wall_s() + resend_s)
             if answer is not None:
-                self._has_answered = True
+                self.has_answered = True
                 return answer
             waited_s += resend_s
             if waited_s > timeout_s:
                 raise AutopilotTimeoutError(self._timeout_message(time_us))
-            if self._has_answered:
+            if self.has_answered:
                 resend_s = min(RESEND_MAX_S, RESEND_GROWTH * resend_s)
         return None
 
-    def exchange_until_armed(self, datagram: bytes, time_us: int) -> ActuatorFrame | None:
+    def exchange_until_armed(
+        self, datagram: bytes, time_us: int, *, sent: bool = False
+    ) -> ActuatorFrame | None:
         """Repeat ``exchange`` until the answer reports an armed vehicle; vehicle time stops."""
-        while (answer := self.exchange(datagram, time_us)) is not None and not answer.armed:
+        answer = self.exchange(datagram, time_us, sent=sent)
+        while answer is not None and not answer.armed:
             time.sleep(FREE_RUN_S)
+            answer = self.exchange(datagram, time_us)
         return answer
 
     def _answer_until(self, time_us: int, deadline_s: float) -> ActuatorFrame | None:
@@ -83,7 +94,7 @@ class Lockstep:
 
     def _timeout_message(self, time_us: int) -> str:
         """Return the error message of a timeout at vehicle time ``time_us``."""
-        if self._has_answered:
+        if self.has_answered:
             return f"the autopilot stopped answering at vehicle time {time_us * 1e-6:.2f} s"
         return (
             f"no autopilot has answered on {self._link.address} for {FIRST_ANSWER_TIMEOUT_S:.0f} s"

@@ -27,6 +27,10 @@ COMMAND, ACKNOWLEDGEMENT = dialect.by_name("COMMAND_LONG"), dialect.by_name("COM
 TRUTH_PERIOD_US = 100_000
 """Default period of HIL_STATE_QUATERNION in vehicle time, for viewers."""
 
+_NO_ID_NO_YAW = (0, 0)
+"""Last fields of HIL_GPS, which the simulator does not use."""
+_NO_BEAM = (0.0, 0.0, (0.0,) * 4, 0)
+"""Last fields of DISTANCE_SENSOR, which the simulator does not use."""
 _DOWN = dialect.constant("MAV_SENSOR_ROTATION_PITCH_270")
 _ULTRASOUND = dialect.constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _UNKNOWN_VARIANCE = 255
@@ -44,20 +48,21 @@ def gps_values(fix: GpsFix) -> tuple[object, ...]:
     """Return the fields of HIL_GPS in wire order; eph and epv are in centimetres, as for PX4."""
     speed = hypot(fix.velocity_north_mps, fix.velocity_east_mps)
     course = atan2(fix.velocity_east_mps, fix.velocity_north_mps) % (2.0 * pi)
-    return GPS.values(
-        time_usec=fix.time_us,
-        fix_type=fix.fix_type,
-        lat=round(1e7 * fix.lat_deg),
-        lon=round(1e7 * fix.lon_deg),
-        alt=round(1e3 * fix.alt_m),
-        eph=_centimetres(fix.eph_m),
-        epv=_centimetres(fix.epv_m),
-        vel=round(1e2 * speed),
-        vn=round(1e2 * fix.velocity_north_mps),
-        ve=round(1e2 * fix.velocity_east_mps),
-        vd=round(1e2 * fix.velocity_down_mps),
-        cog=round(course * 18000.0 / pi) % 36000,
-        satellites_visible=fix.satellites,
+    return (
+        fix.time_us,
+        round(1e7 * fix.lat_deg),
+        round(1e7 * fix.lon_deg),
+        round(1e3 * fix.alt_m),
+        _centimetres(fix.eph_m),
+        _centimetres(fix.epv_m),
+        round(1e2 * speed),
+        round(1e2 * fix.velocity_north_mps),
+        round(1e2 * fix.velocity_east_mps),
+        round(1e2 * fix.velocity_down_mps),
+        round(course * 18000.0 / pi) % 36000,
+        fix.fix_type,
+        fix.satellites,
+        *_NO_ID_NO_YAW,
     )
 
 
@@ -68,15 +73,16 @@ def _centimetres(error_m: float) -> int:
 
 def altimeter_values(altimeter: Altimeter) -> tuple[object, ...]:
     """Return the fields of DISTANCE_SENSOR in wire order."""
-    return ALTIMETER.values(
-        time_boot_ms=altimeter.time_us // 1000,
-        min_distance=round(1e2 * altimeter.min_range_m),
-        max_distance=round(1e2 * altimeter.max_range_m),
-        current_distance=round(1e2 * altimeter.range_m),
-        type=_ULTRASOUND,
-        id=0,
-        orientation=_DOWN,
-        covariance=_UNKNOWN_VARIANCE,
+    return (
+        altimeter.time_us // 1000,
+        round(1e2 * altimeter.min_range_m),
+        round(1e2 * altimeter.max_range_m),
+        round(1e2 * altimeter.range_m),
+        _ULTRASOUND,
+        0,
+        _DOWN,
+        _UNKNOWN_VARIANCE,
+        *_NO_BEAM,
     )
 
 

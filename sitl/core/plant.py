@@ -282,7 +282,7 @@ def initial_state(plant: Plant, rng: RandomStreams) -> tuple[PlantState, Sensors
         tick.advance, plant.native, run, numbers, used, values, 0, 0.0, 0.0, 0.0
     )
     begun = PlantState(0, values, layout, run, advance, devices, plant.faults)
-    return _measure(plant, begun, fresh, rng)
+    return measure(plant, begun, fresh, rng)
 
 
 def step(
@@ -341,15 +341,50 @@ def step(
         faults,
         released,
     )
-    return _measure(plant, after, fresh, rng)
+    return measure(plant, after, fresh, rng)
 
 
-def _measure(
+def quiet_until_us(now: PlantState) -> int:
+    """Return the vehicle time until which ``tick.advance`` and ``measure`` make every tick.
+
+    Parameters
+    ----------
+    now : PlantState
+        Present state.
+
+    Returns
+    -------
+    int
+        Vehicle time of the next fault; the present time while a fault is in force or the drop
+        weight is released.
+    """
+    if now.faults.running or now.faults.changes or now.weight_released:
+        return now.time_us
+    return now.faults.next_us
+
+
+def measure(
     plant: Plant, moved: PlantState, fresh: int, rng: RandomStreams
 ) -> tuple[PlantState, Sensors]:
-    """Sample the slower sensors, if due; return the state and the sensor output under faults.
+    """Sample the slower sensors, if due, and apply the faults of the sensors.
 
-    ``fresh`` is HIL_SENSOR.fields_updated.
+    Parameters
+    ----------
+    plant : Plant
+        Parameters of the run.
+    moved : PlantState
+        State after ``tick.advance``.
+    fresh : int
+        HIL_SENSOR.fields_updated, which ``tick.advance`` returns.
+    rng : RandomStreams
+        Random streams of the run; they advance.
+
+    Returns
+    -------
+    state : PlantState
+        State at the end of the tick.
+    sensors : Sensors
+        Sensor output at the end of the tick.
     """
     time_us = moved.time_us
     frame = SensorFrame._make((time_us, *state.readings(moved.values), fresh, 0))

@@ -83,6 +83,8 @@ _MOMENTS_END = _MOTION_END + PROCESSES
 _VARIATION_END = _MOMENTS_END + VARIATION
 _BIASES_END = _VARIATION_END + BIASES
 _READINGS_END = _BIASES_END + READINGS
+FIRST_MOTION, FIRST_READING = _BODY_END, _BIASES_END
+"""Indices of the first element of the motion, and of the latest readings."""
 
 
 def size(layout: Layout) -> int:

@@ -7,6 +7,7 @@ from math import inf, isfinite, nan, radians
 from typing import NamedTuple
 
 from mavlink_io.errors import ErrorCode, InputError
+from mavlink_io.suggestions import did_you_mean
 
 
 class Size(NamedTuple):
@@ -162,6 +163,7 @@ def make(
         if key not in known:
             raise FaultError(
                 f"{key} = {given[key]:g}: {unit} {kind} takes {', '.join(known) or 'no parameter'}"
+                f"{did_you_mean(key, known)}"
             )
     if until_us is not None and until_us <= from_us:
         raise FaultError(
@@ -182,10 +184,14 @@ def _sizes(unit: str, kind: str) -> tuple[Size, ...]:
     Raises FaultError: unknown unit or kind.
     """
     if unit not in CATALOGUE:
-        raise FaultError(f"unit = {unit!r}: expected {', '.join(CATALOGUE)}")
+        raise FaultError(
+            f"unit = {unit!r}: expected {', '.join(CATALOGUE)}{did_you_mean(unit, CATALOGUE)}"
+        )
     kinds = CATALOGUE[unit]
     if kind not in kinds:
-        raise FaultError(f"kind = {kind!r}: {unit} can be {', '.join(kinds)}")
+        raise FaultError(
+            f"kind = {kind!r}: {unit} can be {', '.join(kinds)}{did_you_mean(kind, kinds)}"
+        )
     return kinds[kind]
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from mavlink_io import toml_io
+from mavlink_io.suggestions import did_you_mean
 from mavlink_io.text_files import read_text
-from sitl.vehicle import fill_missing, hull, toml_io
+from sitl.vehicle import fill_missing, hull
 from sitl.vehicle.file_schema import (
     Ballast,
     Coefficients,
@@ -148,6 +150,7 @@ def _read(name_or_path: str | Path) -> tuple[str, str, Path]:
         names = f"{', '.join(SHIPPED[:-1])} or {SHIPPED[-1]}"
         raise VehicleFileError(
             f"{path}: cannot be read ({reason}); give {names}, or a TOML file"
+            f"{did_you_mean(str(name_or_path), SHIPPED)}"
         ) from None
     return (path.name if shipped else str(path)), text, path.parent
 

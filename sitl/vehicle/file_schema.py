@@ -312,6 +312,7 @@ class VehicleConfig(VehicleTable, frozen=True):
     name: Annotated[str, Meta(min_length=1)]
     water: WaterProperties
     hull: HullGeometry
+    """Shape of the hull; key ``shape`` names it."""
     ballast: Ballast
     operating_point: OperatingPoint
     linear: Coefficients

@@ -154,6 +154,29 @@ def test_machine_code_without_a_look_at_types_gives_the_same():
     assert code(wave, 3.0) == height_of(wave, 3.0) == 4.5
 
 
+def make_levels(*fields: str) -> type:
+    """Return a new NamedTuple class; each has the name Levels."""
+    return NamedTuple("Levels", [(field, float) for field in fields])  # type: ignore[misc]
+
+
+Sea, Air = make_levels("depth", "swell"), make_levels("height", "wind")
+
+
+@jit.entry_point
+def swell_of(levels: jit.Native) -> float:
+    return levels.value.swell
+
+
+@jit.entry_point
+def wind_of(levels: jit.Native) -> float:
+    return levels.value.wind
+
+
+def test_references_to_two_records_of_one_name_are_told_apart():
+    assert swell_of(jit.native(Sea(1.0, 2.0))) == 2.0
+    assert wind_of(jit.native(Air(3.0, 4.0))) == 4.0
+
+
 def test_replacing_a_field_of_a_kernel_does_not_change_the_record():
     wave = Wave(1.0, 1, One(0.5))
     raised_in_machine_code(wave, 3.0)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.random import Generator
 
 from mavlink_io.frames import Vector as Vector3
-from mavlink_io.frames import flip
 from mavlink_io.jit import entry_point, kernel
 from sitl.core.environment import current, density, field, floor, moments, waves
 from sitl.core.environment.current import Drift
@@ -190,11 +189,6 @@ def pressure_hpa(
     """
     _, still_pa = density.density_and_pressure(column, depth_m, gravity_mps2)
     return surface_hpa + max(0.0, still_pa + wave_pa) / PASCAL_PER_HPA
-
-
-def floor_range_m(sea: Environment, position_ned_m: Vector3, direction_ned: Vector3) -> float:
-    """Return the distance (m) to the sea floor along a unit vector; infinite without a hit."""
-    return floor.range_m(sea.field.floor, flip(*position_ned_m), flip(*direction_ned))
 
 
 def _uniform_water(still: WaterField) -> LocalWater | None:

@@ -38,7 +38,7 @@ from sitl.core.sensors import (
     pressure,
 )
 from sitl.core.sensors.noise import NoiseStream
-from sitl.core.sensors.sample_timing import Timing
+from sitl.core.sensors.sample_timing import Timing, is_idle
 from sitl.core.truth import Truth
 from sitl.vehicle.config import VehicleConfig
 
@@ -216,17 +216,18 @@ def sample_devices(
     """
     receiver, log, sounder, pack, bilge, duct = state
     fix = velocity = echo = charge = wet = angles = None
-    if fitted.gps:
+    now_us = truth.time_us
+    if fitted.gps and not is_idle(fitted.gps.timing, receiver.queue, now_us):
         receiver, fix = gps.sample(fitted.gps, truth, sea, receiver, streams.gps)
-    if fitted.dvl:
+    if fitted.dvl and not is_idle(fitted.dvl.timing, log.queue, now_us):
         log, velocity = dvl.sample(fitted.dvl, truth, sea, log, streams.dvl)
-    if fitted.altimeter:
+    if fitted.altimeter and not is_idle(fitted.altimeter.timing, sounder, now_us):
         sounder, echo = altimeter.sample(fitted.altimeter, truth, sea, sounder, streams.altimeter)
-    if fitted.battery:
+    if fitted.battery and not is_idle(fitted.battery.timing, pack.queue, now_us):
         pack, charge = battery.sample(fitted.battery, truth, pack, streams.battery)
-    if fitted.leak:
+    if fitted.leak and not is_idle(fitted.leak, bilge, now_us):
         bilge, wet = leak.sample(fitted.leak, truth, bilge, streams.leak)
-    if fitted.encoder:
+    if fitted.encoder and not is_idle(fitted.encoder.timing, duct.queue, now_us):
         duct, angles = encoder.sample(fitted.encoder, truth, duct, streams.encoder)
     sensors = Sensors(
         frame=frame, gps=fix, altimeter=echo, dvl=velocity, battery=charge, leak=wet, duct=angles

@@ -64,7 +64,9 @@ def _measure(
     sheet, noise = sounder.sheet, stream.normal()
     if echo.tilt_cos(truth.attitude_q) < sounder.worst_tilt_cos:
         return None
-    range_m = echo.first_echo_m(sea, truth.position_ned_m, truth.attitude_q, sounder.half_width_rad)
+    range_m = echo.first_echo_m(
+        sea.field.floor, truth.position_ned_m, truth.attitude_q, sounder.half_width_rad
+    )
     range_m += sheet.noise_m * noise
     if stream.happens(sheet.outlier_chance):
         range_m = stream.uniform(sheet.min_range_m, min(range_m, sheet.max_range_m))

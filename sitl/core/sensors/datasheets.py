@@ -8,8 +8,9 @@ from typing import Annotated, TypeVar
 
 from msgspec import Meta, Struct
 
+from mavlink_io import toml_io
 from mavlink_io.errors import ErrorCode, InputError
-from sitl.vehicle import toml_io
+from mavlink_io.suggestions import did_you_mean
 from sitl.vehicle.config import Instruments, VehicleFileError
 
 NONE = "none"
@@ -169,5 +170,6 @@ def find(kind: str, sheets: dict[str, Kind], carried: Instruments, vehicle: str)
         known = ", ".join((*sheets, NONE))
         raise VehicleFileError(
             f"vehicle {vehicle}: instruments.{kind} = {name!r}: unknown; known here: {known}"
+            f"{did_you_mean(name, sheets)}"
         )
     return sheets[name]

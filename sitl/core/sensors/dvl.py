@@ -20,14 +20,19 @@ from collections.abc import Sequence
 from math import cos, radians, sin, sqrt
 from typing import NamedTuple
 
-from mavlink_io.frames import Vector, rotate_back
+import numpy as np
+
+from mavlink_io.frames import Quaternion, Vector, rotate, rotate_back
+from mavlink_io.jit import entry_point, numeric
 from mavlink_io.records import Dvl
 from sitl.core.environment import Environment
+from sitl.core.environment.floor import SeaFloor
 from sitl.core.sensors import echo
 from sitl.core.sensors.datasheets import DvlSheet
 from sitl.core.sensors.noise import NoiseStream
 from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
 from sitl.core.truth import Truth
+from sitl.vehicle.vectors import Vector as Array
 
 _BEAMS = 4
 _MIN_BEAMS = 3
@@ -97,36 +102,67 @@ def _measure(
     log: DvlSensor, truth: Truth, sea: Environment, state: DvlState, stream: NoiseStream
 ) -> Dvl | None:
     """Return bottom track if the floor is in range, else water track if due, else None."""
-    sheet = log.sheet
-    ranges_m = echo.ranges_m(sea.field.floor, truth.position_ned_m, truth.attitude_q, log.beams)
-    altitudes_m = (log.cosine * ranges_m).tolist()
+    sheet, misalignment_rad = log.sheet, state.misalignment_rad
+    turn = state.scale * cos(misalignment_rad), state.scale * sin(misalignment_rad), state.scale
+    altitudes_m, over_ground_mps, through_water_mps = _observe(
+        sea.field.floor,
+        log.beams,
+        truth.position_ned_m,
+        truth.attitude_q,
+        truth.velocity_ned_mps,
+        truth.water_velocity_ned_mps,
+        turn,
+        log.cosine,
+    ).tolist()
     upright = echo.tilt_cos(truth.attitude_q) >= log.worst_tilt_cos
     echoes = [
         upright and sheet.min_altitude_m <= altitude <= sheet.max_altitude_m
         for altitude in altitudes_m
     ]
     if sum(echoes) >= _MIN_BEAMS:
-        return _solve(
-            log, truth, truth.velocity_ned_mps, echoes, True, sheet.noise_mps, state, stream
-        )
+        along = _add_noise(log, over_ground_mps, sheet.noise_mps, stream)
+        return _solve(log, truth.time_us, along, echoes, True, sheet.noise_mps)
     if truth.time_us % log.water_period_us or min(altitudes_m) < sheet.water_layer_m:
         return None
-    (vn, ve, vd), (wn, we, wd) = truth.velocity_ned_mps, truth.water_velocity_ned_mps
-    through_water, everywhere = (vn - wn, ve - we, vd - wd), [True] * _BEAMS
-    return _solve(
-        log, truth, through_water, everywhere, False, sheet.water_noise_mps, state, stream
-    )
+    along = _add_noise(log, through_water_mps, sheet.water_noise_mps, stream)
+    return _solve(log, truth.time_us, along, [True] * _BEAMS, False, sheet.water_noise_mps)
+
+
+@entry_point
+def _observe(
+    ground: SeaFloor,
+    beams: tuple[Vector, ...],
+    position_ned_m: Vector,
+    attitude_q: Quaternion,
+    velocity_ned_mps: Vector,
+    water_velocity_ned_mps: Vector,
+    turn: Vector,
+    cosine: float,
+) -> Array:
+    """Return what the beams observe without noise, shape (3, beams).
+
+    Rows: altitude (m), radial velocity over ground and through the water (m/s). ``turn`` is as in
+    ``_instrument_axes``.
+    """
+    observed = np.empty((3, len(beams)))
+    (vn, ve, vd), (wn, we, wd) = velocity_ned_mps, water_velocity_ned_mps
+    x, y, z = _instrument_axes(attitude_q, velocity_ned_mps, turn)
+    wx, wy, wz = _instrument_axes(attitude_q, (vn - wn, ve - we, vd - wd), turn)
+    for i in range(len(beams)):
+        bx, by, bz = beams[i]
+        observed[0, i] = cosine * echo.range_m(ground, position_ned_m, rotate(attitude_q, beams[i]))
+        observed[1, i] = x * bx + y * by + z * bz
+        observed[2, i] = wx * bx + wy * by + wz * bz
+    return observed
 
 
 def _solve(
     log: DvlSensor,
-    truth: Truth,
-    velocity_ned_mps: Vector,
+    time_us: int,
+    along: list[float],
     echoes: Sequence[bool],
     over_ground: bool,
     noise_mps: float,
-    state: DvlState,
-    stream: NoiseStream,
 ) -> Dvl:
     """Compute the body velocity from the radial velocities (equations at the top).
 
@@ -135,7 +171,6 @@ def _solve(
     # Equations: module docstring; a, b, c, d radial velocities (m/s). A beam without echo takes the
     # value for which a - b + c - d = 0. The figure of merit is the larger of noise and error
     # velocity, and sqrt(2) times the noise with three beams.
-    along = _along_beams(log, _instrument_axes(truth, velocity_ned_mps, state), noise_mps, stream)
     if False in echoes:
         missing = echoes.index(False)
         along[missing] = 0.0
@@ -145,7 +180,7 @@ def _solve(
     error_mps = abs(_residual(a, b, c, d)) / level
     merit = max(noise_mps, error_mps) if all(echoes) else sqrt(2.0) * noise_mps
     return Dvl(
-        truth.time_us,
+        time_us,
         (a - b - c + d) / level,
         (a + b - c - d) / level,
         (a + b + c + d) / upright,
@@ -160,17 +195,21 @@ def _residual(a: float, b: float, c: float, d: float) -> float:
     return a - b + c - d
 
 
-def _instrument_axes(truth: Truth, velocity_ned_mps: Vector, state: DvlState) -> Vector:
-    """Rotate a velocity from NED to the DVL's axes and apply misalignment and scale error."""
-    x, y, z = rotate_back(truth.attitude_q, velocity_ned_mps)
-    c, s = state.scale * cos(state.misalignment_rad), state.scale * sin(state.misalignment_rad)
-    return c * x + s * y, c * y - s * x, state.scale * z
+@numeric
+def _instrument_axes(attitude_q: Quaternion, velocity_ned_mps: Vector, turn: Vector) -> Vector:
+    """Rotate a velocity from NED to the DVL's axes and apply misalignment and scale error.
+
+    ``turn`` contains cosine and sine of the misalignment, both times the scale, and the scale.
+    """
+    x, y, z = rotate_back(attitude_q, velocity_ned_mps)
+    c, s, scale = turn
+    return c * x + s * y, c * y - s * x, scale * z
 
 
-def _along_beams(
-    log: DvlSensor, velocity: Vector, noise_mps: float, stream: NoiseStream
+def _add_noise(
+    log: DvlSensor, radial_mps: Sequence[float], noise_mps: float, stream: NoiseStream
 ) -> list[float]:
-    """Return the radial velocities with noise and, rarely, an outlier in one beam.
+    """Return radial velocities with noise and, rarely, an outlier in one beam.
 
     ``noise_mps`` is the rms error of a horizontal component. The same noise in each beam gives it
     with the factor sqrt(2) sin B.
@@ -178,12 +217,8 @@ def _along_beams(
     # along_i = beam_i . v + beam_noise n_i (m/s), with beam_i unit vector and v velocity in the
     # DVL's axes (FRD, misaligned), n_i standard normal.
     sheet, beam_noise = log.sheet, noise_mps * sqrt(2.0) * log.sine
-    x, y, z = velocity
     draws = stream.normals(_BEAMS)
-    along = [
-        x * bx + y * by + z * bz + beam_noise * n
-        for (bx, by, bz), n in zip(log.beams, draws, strict=True)
-    ]
+    along = [radial + beam_noise * n for radial, n in zip(radial_mps, draws, strict=True)]
     if stream.happens(sheet.outlier_chance):
         along[stream.pick(_BEAMS)] += stream.uniform(-sheet.outlier_mps, sheet.outlier_mps)
     return along

@@ -46,6 +46,11 @@ def is_due(schedule: Timing, time_us: int) -> bool:
     return schedule.period_us > 0 and time_us % schedule.period_us == 0
 
 
+def is_idle(schedule: Timing, queue: tuple[object, ...], time_us: int) -> bool:
+    """Return whether a sensor neither takes a sample at ``time_us`` nor has one in transit."""
+    return time_us % schedule.period_us != 0 and not queue
+
+
 def slots(schedule: Timing) -> int:
     """Return the number of rows for readings in transit."""
     return schedule.latency_us // schedule.period_us + 1 if schedule.period_us else 1

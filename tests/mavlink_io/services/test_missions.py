@@ -404,6 +404,41 @@ def test_mission_acknowledged_with_fewer_items_is_sent_again() -> None:
     assert sent == ["MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_COUNT"]
 
 
+def test_mission_upload_after_failed_one_ignores_its_late_count() -> None:
+    """Before, the vehicle loaded as many items of the second upload as the first one had."""
+    sea = Sea()
+    sea.run(sea.client.upload(leg(4)))
+    sea.up._lost = lambda count, name: True
+    with pytest.raises(ExchangeError):
+        sea.run(sea.client.upload(leg(2)))
+    sea.up._lost = nothing
+    sea.ask("MISSION_COUNT", count=2, mission_type=0)  # the late one
+    sent_before = len(sea.up.names)
+    sea.up._lost = lambda count, name: name == "MISSION_COUNT"
+    with pytest.raises(ExchangeError):
+        sea.run(sea.client.upload(leg(3)))
+    first, *others = sea.up.names[sent_before:]
+    assert first == "MISSION_REQUEST_LIST"
+    assert set(others) == {"MISSION_COUNT"}
+    assert sea.store.items == tuple(leg(4))
+    assert sea.store.texts == ["Mission upload abandoned: its sender asks for the mission"]
+
+
+@pytest.mark.parametrize("first_requested", [1, 3])
+def test_mission_request_that_skips_items_is_answered_by_the_count(first_requested: int) -> None:
+    """The vehicle continues the upload of a program that was ended, or has another number."""
+    sent: list[str] = []
+    client = MissionClient(lambda name, **_: sent.append(name), GROUND, VEHICLE)
+    upload = client.upload(leg(3))
+    upload.poll(0.0)
+    wire = Wire(VEHICLE)
+    target = {"target_system": GROUND.system, "target_component": GROUND.component}
+    wire.send("MISSION_REQUEST_INT", seq=first_requested, **target)
+    for frame in wire.take():
+        upload.feed(frame)
+    assert sent == ["MISSION_COUNT", "MISSION_COUNT"]
+
+
 def old_item(n: int, **changes: Any) -> dict[str, Any]:
     """Return the fields of a MISSION_ITEM, with degrees as floats."""
     fields = {"seq": n, "frame": 3, "command": 16, "current": 0, "autocontinue": 1}

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_io.codec import Frame
+from mavlink_io import dialect
+from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.request import ExchangeError
 from mavlink_io.services.params import (
     DOES_NOT_EXIST,
@@ -232,3 +233,20 @@ def test_fraction_with_integer_type_is_refused_by_c_cast() -> None:
         requested_value("P", 2.5, INT32, bytewise=False)
     with pytest.raises(ValueError, match="not finite"):
         requested_value("P", math.nan, INT32, bytewise=False)
+
+
+def test_param_set_that_arrives_late_is_ignored() -> None:
+    """Before, a late PARAM_SET put the older value back after the newer one was confirmed."""
+    table = Table()
+    name = next(iter(table.values))
+    server = ParamServer(table, Wire(VEHICLE).send, lambda _: None)
+    send = Wire(VEHICLE).send
+    message, framer = dialect.by_name("PARAM_SET"), Framer()
+    target = {"target_system": 1, "target_component": 1, "param_id": name, "param_type": 9}
+    old, new = (
+        framer.feed(encode(message, message.values(param_value=value, **target), number, *GROUND))
+        for number, value in ((7, 1.0), (8, 2.0))
+    )
+    for frame in (*old, *new, *old):
+        server.feed(frame, send, lambda: 1000)
+    assert table.values[name] == 2.0

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tomllib
+from enum import StrEnum
 from math import isfinite
 from typing import Any, TypeVar, get_args, get_origin
 
 import msgspec
 
+from mavlink_io.suggestions import did_you_mean
 from mavlink_io.text_files import parse_toml
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -41,7 +43,22 @@ def decode(text: str, kind: type[T], source: str, error: type[ValueError]) -> T:
 
 
 def read(text: str, source: str, error: type[ValueError]) -> dict[str, Any]:
-    """Return the tables of ``text`` without validation; raise ``error`` for invalid TOML."""
+    """Return the tables of a TOML text without validation.
+
+    Parameters
+    ----------
+    text : str
+        TOML text.
+    source : str
+        Name of the file in error messages.
+    error : type
+        Exception type to raise for text that is not TOML.
+
+    Returns
+    -------
+    dict
+        The tables.
+    """
     try:
         return parse_toml(text)
     except tomllib.TOMLDecodeError as problem:
@@ -49,7 +66,24 @@ def read(text: str, source: str, error: type[ValueError]) -> dict[str, Any]:
 
 
 def convert(tables: dict[str, Any], kind: type[T], source: str, error: type[ValueError]) -> T:
-    """Return ``tables`` as an instance of ``kind``; raise ``error`` for invalid keys or values."""
+    """Return tables as an instance of a Struct type.
+
+    Parameters
+    ----------
+    tables : dict
+        Tables of a TOML file.
+    kind : type
+        Struct type of the top level.
+    source : str
+        Name of the file in error messages.
+    error : type
+        Exception type to raise for an unknown or missing key, or a value out of range.
+
+    Returns
+    -------
+    Struct
+        An instance of ``kind``.
+    """
     if problem_text := _unknown_or_not_finite(tables, kind, ""):
         raise error(f"{source}: {problem_text}")
     try:
@@ -63,15 +97,21 @@ def _unknown_or_not_finite(table: dict[str, Any], kind: type[msgspec.Struct], pr
 
     TOML allows inf and nan. msgspec neither lists the known keys nor rejects non-finite numbers.
     """
-    fields = {field.name: field.type for field in msgspec.structs.fields(kind)}
+    fields = {field.encode_name: field.type for field in msgspec.structs.fields(kind)}
     tag = kind.__struct_config__.tag_field
     for key, value in table.items():
         if key == tag:
             continue
         if key not in fields:
-            return f"{prefix}{key} = {value!r}: unknown key; known here: {', '.join(fields)}"
+            return (
+                f"{prefix}{key} = {value!r}: unknown key; known here: {', '.join(fields)}"
+                f"{did_you_mean(key, fields)}"
+            )
         if isinstance(value, str) and (choices := _choices(fields[key])) and value not in choices:
-            return f"{prefix}{key} = {value!r}: expected {' or '.join(choices)}"
+            return (
+                f"{prefix}{key} = {value!r}: expected {' or '.join(choices)}"
+                f"{did_you_mean(value, choices)}"
+            )
         if isinstance(value, float) and not isfinite(value):
             return f"{prefix}{key} = {value}: expected a finite number"
         for inner, name in _tables_of(value, f"{prefix}{key}"):
@@ -108,13 +148,17 @@ def _wrong_inside(table: dict[str, Any], annotation: Any, prefix: str) -> str:
         field = kinds[0].__struct_config__.tag_field
         tags = {kind.__struct_config__.tag: kind for kind in kinds}
         if table.get(field) not in tags:
-            return f"{prefix}{field} = {table.get(field)!r}: expected {', '.join(tags)}"
+            given = table.get(field)
+            suggestion = did_you_mean(str(given), map(str, tags))
+            return f"{prefix}{field} = {given!r}: expected {', '.join(tags)}{suggestion}"
         kinds = [tags[table[field]]]
     return _unknown_or_not_finite(table, kinds[0], prefix) if kinds else ""
 
 
 def _choices(annotation: Any) -> list[str]:
-    """Return the words that a ``Literal`` allows."""
+    """Return the words that a ``Literal`` or an enum of texts allows."""
+    if isinstance(annotation, type) and issubclass(annotation, StrEnum):
+        return [str(member) for member in annotation]
     inner = get_args(annotation)
     return [word for word in inner if isinstance(word, str)] or [
         word for kind in inner for word in _choices(kind)
