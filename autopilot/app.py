@@ -1,6 +1,6 @@
 """The main loop: answer the sensor samples first, then serve the ground links."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from autopilot.comms import sensor_clock
 from autopilot.comms.ground_server import GroundServer
@@ -9,9 +9,11 @@ from autopilot.comms.sensor_clock import SensorClock, StampClass
 from autopilot.control.types import US_PER_S, Inputs, Severity
 from autopilot.lateness import LatenessMeter
 from autopilot.onboard_log.recorder import OnboardLog
+from autopilot.pilot import Expected
 from autopilot.resume import StateFiles
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
+from mavlink_io.codec import Frame
 from mavlink_io.records import ActuatorFrame
 from mavlink_io.transport import SPIN_S, wait
 
@@ -19,10 +21,10 @@ SENSOR_SILENCE_S = 1.0
 """Wall time without a sample after which the sensors of a vehicle are reported as silent.
 
 It does not apply in lockstep, where a simulator may pause."""
-BURST_S = 2e-3
+BURST_S = 5e-3
 """Wall time for which only the HIL link of a running simulation is served.
 
-The other links wait for it; it is a tenth of the time over which telemetry is batched."""
+The other links wait for it; it is a quarter of the time over which telemetry is batched."""
 WRONG_BAUD_BYTES = 1000
 """Number of bytes without MAVLink, before the first sample, that indicates a wrong baud rate."""
 
@@ -101,8 +103,41 @@ class App:
         """Answer a simulator that sends without a pause; the other links wait for `BURST_S`."""
         until_s = wall_s() + BURST_S
         while self._simulator_is_running() and self._received_s < until_s:
+            self._exchange(until_s)
             if not self._serve_hil(eager=True):
                 break
+
+    def _exchange(self, until_s: float) -> None:
+        """Answer the samples of steady ticks, which compiled code decodes and encodes.
+
+        The first other datagram is left to ``_serve_hil``.
+        """
+        vehicle, ground, hil, clock = self._vehicle, self._ground, self._hil, self._clock
+        if (
+            vehicle.memory is None
+            or not clock.is_regular
+            or hil.has_waiting_frames
+            or ground.stick is not None
+            or self._onboard_log.store is not None
+            or not vehicle.allows_exchange(ground.ground_silent_s)
+        ):
+            return
+        sample, answer = vehicle.memory
+        sender, time_us = hil.sender, clock.newest_us
+        while self._received_s < until_s:
+            received = hil.receive_into(sample)
+            if not received:
+                break
+            next_us = time_us + clock.interval_us
+            length = vehicle.exchange(received, Expected(next_us, hil.sequence, sender))
+            if not length:
+                hil.put_back(bytes(sample[:received]))
+                break
+            hil.send_next(bytes(answer[:length]))
+            time_us, self._received_s = next_us, wall_s()
+            self._report(time_us)
+        self._clock = clock._replace(newest_us=time_us)
+        self._accepted_s = self._received_s
 
     def _simulator_is_running(self) -> bool:
         """Return whether the next sample of a simulator in lockstep is expected at once."""
@@ -195,13 +230,18 @@ class App:
             motion_silent_s=motion_silent_s,
         )
         self._answer(self._vehicle.tick(inputs), stamp_us)
-        if lateness := self._lateness.record(sample.sensors.time_us):
-            self._ground.guard.run("lateness", self._ground.publish_lateness, lateness)
         if sample.links_silent is False:
             self._ground.silence(False)
-        if sample.relayed:
-            self._ground.guard.run("relay of devices", self._ground.relay, sample.relayed)
-        self._ground.guard.run("telemetry", self._ground.publish_telemetry)
+        self._report(sample.sensors.time_us, sample.relayed)
         self._onboard_log.tick(sample.frames)
         if sample.links_silent:
             self._ground.silence(True)
+
+    def _report(self, time_us: int, relayed: Sequence[Frame] = ()) -> None:
+        """Queue what a tick has to report, device messages first."""
+        run = self._ground.guard.run
+        if lateness := self._lateness.record(time_us):
+            run("lateness", self._ground.publish_lateness, lateness)
+        if relayed:
+            run("relay of devices", self._ground.relay, relayed)
+        run("telemetry", self._ground.publish_telemetry)

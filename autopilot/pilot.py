@@ -20,7 +20,10 @@ from autopilot.control.types import (
     Motion,
     Trace,
 )
-from mavlink_io import jit
+from mavlink_io import jit, lockstep_frames
+from mavlink_io.lockstep_frames import START, frame_memory
+from mavlink_io.records import SensorFrame
+from mavlink_io.transport import MAX_DATAGRAM
 
 _FRAME, _SIGNAL, _FIRST_DEVICE = 0, 1, 2
 """Index of inputs in ``steady_kernel.KINDS``."""
@@ -29,12 +32,66 @@ _TRACE = _SETPOINT + len(Setpoint._fields)
 """Indices of set-points and signals in the results of ``steady_kernel``."""
 
 
+_LONGEST_ANSWER = lockstep_frames.CONTROLS.length + lockstep_frames.OVERHEAD
+_KERNEL, _EXCHANGE = "autopilot.control.steady_kernel", "autopilot.compiled_exchange"
+"""Modules that are imported by name: they load the compiler, which only simulated flights need."""
+
+
 def is_compiled() -> bool:
     """Return whether the machine code of steady ticks is on disk; to compile it takes a minute."""
     if not jit.COMPILED:
         return False
-    kernel = import_module("autopilot.control.steady_kernel")
-    return jit.is_stored(kernel.advance) and jit.is_stored(kernel.read)
+    kernel, exchange = import_module(_KERNEL), import_module(_EXCHANGE)
+    return all(map(jit.is_stored, (kernel.advance, kernel.read, exchange.answer)))
+
+
+class Results:
+    """Inputs and results of a steady tick; each record is made when it is read.
+
+    Parameters
+    ----------
+    numbers : list of float
+        The array of ``steady_kernel``.
+    start : int
+        Index of the first result.
+    """
+
+    __slots__ = ("_numbers", "_start")
+
+    def __init__(self, numbers: list[float], start: int) -> None:
+        self._numbers, self._start = numbers, start
+
+    @property
+    def motion(self) -> Motion:
+        """Motion after the tick."""
+        return Motion._make(self._numbers[self._start : self._start + _SETPOINT])
+
+    @property
+    def setpoint(self) -> Setpoint:
+        """Set-points after the tick."""
+        return Setpoint._make(self._numbers[self._start + _SETPOINT : self._start + _TRACE])
+
+    @property
+    def trace(self) -> Trace:
+        """Signals of the tick."""
+        return Trace._make(self._numbers[self._start + _TRACE :])
+
+    @property
+    def sensors(self) -> SensorFrame:
+        """Sensor frame of the tick."""
+        time_us, *readings, updated, number = self._numbers[: len(SensorFrame._fields)]
+        return SensorFrame._make((int(time_us), *readings, int(updated), int(number)))
+
+
+class Expected(NamedTuple):
+    """The next sample of a simulator in lockstep, and what its answer contains."""
+
+    time_us: int
+    """Vehicle time."""
+    sequence: int
+    """Sequence number of the answer."""
+    sender: int
+    """256 times the own system id plus the component id."""
 
 
 class Pilot:
@@ -52,12 +109,13 @@ class Pilot:
         self.time_us = self._state.time_us
         """Vehicle time of the last tick; -1 before the first."""
         self.armed = self._state.armed
-        self._results: _Results | None = None
+        self._results: Results | None = None
         """Results of the last tick, if that was a steady one in compiled code."""
+        self._unread = False
+        """Whether compiled code has newer results."""
         self._motion: Motion | None = None
         """Motion of ``_state``; None until it is asked for."""
-        self.trace = Trace()
-        """Signals of the last tick."""
+        self._trace = Trace()
         self.changes = 0
         """Number of changes of the state that were no steady ticks."""
 
@@ -70,17 +128,50 @@ class Pilot:
 
     @state.setter
     def state(self, state: AutopilotState) -> None:
+        """Set the state, which ends steady ticks.
+
+        Parameters
+        ----------
+        state : AutopilotState
+            New state.
+        """
         if self._steady is not None:
             self._steady.stop()
         self._state, self.time_us, self.armed = state, state.time_us, state.armed
-        self._results = self._motion = None
+        self._trace = self.trace
+        self._results, self._motion, self._unread = None, None, False
         self.changes += 1
+
+    @property
+    def results(self) -> Results | None:
+        """Results of the last tick, if that was a steady one in compiled code."""
+        if self._unread and self._steady is not None:
+            self._results, self._unread = self._steady.results(), False
+        return self._results
+
+    @property
+    def trace(self) -> Trace:
+        """Signals of the last tick."""
+        results = self.results
+        return self._trace if results is None else results.trace
+
+    @trace.setter
+    def trace(self, trace: Trace) -> None:
+        """Set the signals of the last tick.
+
+        Parameters
+        ----------
+        trace : Trace
+            New signals.
+        """
+        self._trace = trace
 
     @property
     def motion(self) -> Motion:
         """Motion after the last tick or request."""
-        if self._results is not None:
-            return self._results.motion
+        results = self.results
+        if results is not None:
+            return results.motion
         if self._motion is None:
             self._motion = estimator.motion_of(self._state.estimate, self._state.time_us)
         return self._motion
@@ -88,7 +179,8 @@ class Pilot:
     @property
     def setpoint(self) -> Setpoint:
         """Set-points after the last tick or request."""
-        return self._state.setpoint if self._results is None else self._results.setpoint
+        results = self.results
+        return self._state.setpoint if results is None else results.setpoint
 
     @property
     def path(self) -> Path | None:
@@ -101,28 +193,72 @@ class Pilot:
         return self._state.home
 
     def advance(self, inputs: Inputs, config: Config) -> bool:
-        """Advance by one steady tick in compiled code; return whether this was possible."""
-        results = None if self._steady is None else self._steady.advance(inputs, config)
-        if results is None:
+        """Advance by one steady tick in compiled code, if that is possible.
+
+        Parameters
+        ----------
+        inputs : Inputs
+            Inputs of the tick.
+        config : Config
+            Parameters.
+
+        Returns
+        -------
+        bool
+            Whether it was possible; if not, nothing has changed.
+        """
+        if self._steady is None or not self._steady.advance(inputs, config):
             return False
-        self._results, self.trace = results, results.trace
-        self.time_us = inputs.sensors.time_us
+        self.time_us, self._unread = inputs.sensors.time_us, True
         return True
 
+    @property
+    def memory(self) -> tuple[memoryview, memoryview] | None:
+        """Memory of the sample and of the answer of ``exchange``; None without compiled code."""
+        return None if self._steady is None else (self._steady.sample, self._steady.answer)
+
+    def exchange(self, received: int, expected: Expected, config: Config) -> int:
+        """Advance by one steady tick with a received sample, if that is possible.
+
+        Parameters
+        ----------
+        received : int
+            Number of octets received into ``memory``.
+        expected : Expected
+            Sample that is expected.
+        config : Config
+            Parameters.
+
+        Returns
+        -------
+        int
+            Length of the answer in ``memory``; 0 if the sample is not the expected one, or if the
+            tick has to be a full one: then nothing has changed.
+        """
+        length = 0 if self._steady is None else self._steady.exchange(received, expected, config)
+        if length:
+            self.time_us, self._unread = expected.time_us, True
+        return length
+
     def tick(self, inputs: Inputs, config: Config) -> Events:
-        """Advance by one tick; return the events to send."""
+        """Advance by one tick.
+
+        Parameters
+        ----------
+        inputs : Inputs
+            Inputs of the tick.
+        config : Config
+            Parameters.
+
+        Returns
+        -------
+        tuple of events
+            Events to send.
+        """
         self.state, _, self.trace, events = core.tick(self.state, inputs, config)
         if self._steady is not None:
             self._steady.begin(self._state, config)
         return events
-
-
-class _Results(NamedTuple):
-    """Results of a steady tick."""
-
-    motion: Motion
-    setpoint: Setpoint
-    trace: Trace
 
 
 class _Course(NamedTuple):
@@ -130,6 +266,8 @@ class _Course(NamedTuple):
 
     advance: Callable[[jit.Native, jit.Native, jit.Numbers, int], bool]
     """Machine code of the tick."""
+    answer: Callable[..., int]
+    """Machine code of the tick with the frames of the link."""
     flight: jit.Native
     config: jit.Native
     parameters: Config
@@ -140,14 +278,19 @@ class _SteadyTicks:
     """Steady ticks in compiled code."""
 
     def __init__(self) -> None:
-        # Imported by name: it loads the compiler, which only simulated flights need.
-        self._kernel = kernel = import_module("autopilot.control.steady_kernel")
+        self._kernel, self._exchange = import_module(_KERNEL), import_module(_EXCHANGE)
+        kernel = self._kernel
         self._values = jit.numbers(kernel.SIZE)
         self._layouts = [
             (Struct(f"{len(kind._fields)}d").pack_into, 8 * start)
             for kind, start in zip(kernel.KINDS, kernel.STARTS, strict=False)
         ]
         """Function and offset (bytes) that store each record of the inputs."""
+        frames = self._exchange.Frames(frame_memory(MAX_DATAGRAM), frame_memory(_LONGEST_ANSWER))
+        self._frames = jit.native(frames)
+        self.sample = memoryview(frames.sample.octets)[START:]
+        self.answer = memoryview(frames.answer.octets)[START:]
+        """Memory of the received and of the sent frame."""
         self._course: _Course | None = None
         self._ahead = False
         """Whether compiled code is ahead of the ``AutopilotState``."""
@@ -159,29 +302,50 @@ class _SteadyTicks:
         task = steady.task_of(state, config)
         if task is not None:
             flight, flat = self._flight(state, task), self._flat(config)
-            advance = jit.machine_code(self._kernel.advance, flight, flat, self._values, 0)
-            self._course = _Course(advance, flight, flat, parameters=config, test=state.test)
+            tick = flight, flat, self._values
+            advance = jit.machine_code(self._kernel.advance, *tick, 0)
+            answer = jit.machine_code(self._exchange.answer, self._frames, 0, *tick, 0, 0, 0)
+            self._course = _Course(
+                advance=advance,
+                answer=answer,
+                flight=flight,
+                config=flat,
+                parameters=config,
+                test=state.test,
+            )
 
-    def advance(self, inputs: Inputs, config: Config) -> _Results | None:
-        """Advance by one steady tick; None if the tick has to be a full one."""
+    def advance(self, inputs: Inputs, config: Config) -> bool:
+        """Advance by one steady tick; return False if the tick has to be a full one."""
         course = self._course
-        if course is None or course.parameters is not config or _ground_lost(inputs, config):
-            return None
+        silent_s = inputs.ground_silent_s
+        if course is None or course.parameters is not config or ground_lost(silent_s, config):
+            return False
         store, _ = self._layouts[_FRAME]
         store(self._values, 0, *inputs.sensors)
         if course.test is not None:
-            elapsed_us = inputs.sensors.time_us - course.test.started_us
-            self._store(_SIGNAL, excitation.sample(course.test, elapsed_us / US_PER_S))
+            self._store_signal(course.test, inputs.sensors.time_us)
         new = self._collect(inputs) if has_data(inputs) else 0
         if not course.advance(course.flight, course.config, self._values, new):
-            return None
+            return False
         self._ahead = True
-        numbers = self._values[self._kernel.RESULTS :].tolist()
-        return _Results(
-            Motion._make(numbers[:_SETPOINT]),
-            Setpoint._make(numbers[_SETPOINT:_TRACE]),
-            Trace._make(numbers[_TRACE:]),
-        )
+        return True
+
+    def exchange(self, received: int, expected: Expected, config: Config) -> int:
+        """Advance by one steady tick with a received sample; return the length of the answer."""
+        course = self._course
+        if course is None or course.parameters is not config:
+            return 0
+        if course.test is not None:
+            self._store_signal(course.test, expected.time_us)
+        flight, flat, values = course.flight, course.config, self._values
+        length = course.answer(self._frames, received, flight, flat, values, *expected)
+        if length:
+            self._ahead = True
+        return length
+
+    def results(self) -> Results:
+        """Return the results of the last steady tick."""
+        return Results(self._values.tolist(), self._kernel.RESULTS)
 
     def update(self, state: AutopilotState) -> AutopilotState:
         """Return the state after the steady ticks since the last call."""
@@ -199,13 +363,19 @@ class _SteadyTicks:
     def _prepare(self) -> None:
         """Load the machine code, so that no tick waits for it."""
         flight = self._flight(core.initial_state(), steady.NO_TASK)
-        self._kernel.advance(flight, self._flat(params.config({})), self._values, 0)
+        tick = flight, self._flat(params.config({})), self._values
+        self._kernel.advance(*tick, 0)
+        self._exchange.answer(self._frames, 0, *tick, 0, 0, 0)
         self._kernel.read(flight)
 
     def _flight(self, state: AutopilotState, task: Task) -> jit.Native:
         """Return the state in memory of compiled code."""
         devices = steady.begin_devices(state.health.devices)
         return jit.native(self._kernel.Flight(steady.begin(state), devices, task))
+
+    def _store_signal(self, test: Excitation, time_us: int) -> None:
+        """Store the test signal at a vehicle time."""
+        self._store(_SIGNAL, excitation.sample(test, (time_us - test.started_us) / US_PER_S))
 
     def _store(self, part: int, record: Iterable[float]) -> None:
         """Store a record of the inputs."""
@@ -230,7 +400,6 @@ class _SteadyTicks:
         return self._parameters[1]
 
 
-def _ground_lost(inputs: Inputs, config: Config) -> bool:
-    """Return whether the failsafe of a lost ground station may begin."""
-    silent_s = inputs.ground_silent_s
+def ground_lost(silent_s: float | None, config: Config) -> bool:
+    """Return whether the failsafe of a ground station that is silent may begin."""
     return silent_s is not None and 0.0 < config.fs_ground_s < silent_s

@@ -122,6 +122,7 @@ def run(options: Options, start: Start | None = None) -> None:
         commanders=commanders,
         modems=modem_intervals(options.modem, options.ground),
     )
+    stop = Stop(start.beat if start else None)  # before others know that it runs, and may end it
     links = ", ".join(link.transport.address for link in ground.links)
     _say(f"system {vehicle.system}, HIL {options.hil}, ground {links}")
     if options.controller:
@@ -134,7 +135,6 @@ def run(options: Options, start: Start | None = None) -> None:
     _load_plans(vehicle, files)
     if start is not None:
         _continue_dive(vehicle, app, files, start)
-    stop = Stop(start.beat if start else None)
     if options.lifeline:
         end_with_stdin()
     ordered_end = False

@@ -25,7 +25,7 @@ from autopilot.control.types import (
     Trace,
     Trim,
 )
-from autopilot.pilot import Pilot
+from autopilot.pilot import Expected, Pilot, Results, ground_lost
 from mavlink_io.mission_items import (
     FENCE_TYPE,
     FRAME_GLOBAL,
@@ -71,6 +71,43 @@ class TickReport(NamedTuple):
     actuators: ActuatorFrame
     sensors: SensorFrame | None
     altimeter: Altimeter | None
+
+
+class SteadyReport:
+    """``TickReport`` of a steady tick in compiled code; each record is made when it is read."""
+
+    __slots__ = ("_config", "_results", "altimeter", "home", "path", "time_us")
+
+    def __init__(
+        self, pilot: Pilot, results: Results, config: Config, altimeter: Altimeter | None
+    ) -> None:
+        self.time_us, self.path, self.home = pilot.time_us, pilot.path, pilot.home
+        self.altimeter, self._results, self._config = altimeter, results, config
+
+    @property
+    def motion(self) -> Motion:
+        """Estimated motion."""
+        return self._results.motion
+
+    @property
+    def setpoint(self) -> Setpoint:
+        """Set-points of the loops."""
+        return self._results.setpoint
+
+    @property
+    def trace(self) -> Trace:
+        """Signals of the loops."""
+        return self._results.trace
+
+    @property
+    def actuators(self) -> ActuatorFrame:
+        """Commands of the tick."""
+        return core.armed_frame(self.time_us, self._results.trace, self._config)
+
+    @property
+    def sensors(self) -> SensorFrame:
+        """Sensor frame of the tick."""
+        return self._results.sensors
 
 
 class Snapshot(NamedTuple):
@@ -138,6 +175,8 @@ class Vehicle:
         self.state = core.initial_state()
         self._pilot.trace = Trace()
         self._sensors: SensorFrame | None = None
+        self._is_decoded = True
+        """Whether ``_sensors`` and ``_actuators`` are those of the newest tick."""
         self._fix: GpsFix | None = None
         self._altimeter: Altimeter | None = None
         self._battery: Battery | None = None
@@ -177,12 +216,39 @@ class Vehicle:
             self._actuators = core.armed_frame(self.time_us, self._pilot.trace, config)
         else:
             self._tick_fully(inputs, config)
-        self._sensors, self._stick = inputs.sensors, inputs.stick
+        self._sensors, self._stick, self._is_decoded = inputs.sensors, inputs.stick, True
         if has_data(inputs):
             self._update_devices(inputs)
         elif self._fix is not None:
             self._fix = self._recent_fix()
         return self._actuators
+
+    @property
+    def memory(self) -> tuple[memoryview, memoryview] | None:
+        """Memory of the sample and of the answer of ``exchange``; None if it cannot be used."""
+        return self._pilot.memory
+
+    def allows_exchange(self, ground_silent_s: float | None) -> bool:
+        """Return whether the next ticks may be exchanges, for the silence of the ground station."""
+        return self._pilot.armed and not ground_lost(ground_silent_s, self.params.config)
+
+    def exchange(self, received: int, expected: Expected) -> int:
+        """Run one steady tick with a received sample; return the length of the answer.
+
+        It is 0 if the sample is not the expected one, or if the tick has to be a full one: then
+        nothing has changed.
+        """
+        length = self._pilot.exchange(received, expected, self.params.config)
+        if length:
+            self._is_decoded = False
+        return length
+
+    def _decode(self) -> None:
+        """Make the records of the newest tick, if that was an exchange."""
+        results = self._pilot.results
+        if not self._is_decoded and results is not None:
+            self._sensors, self._is_decoded = results.sensors, True
+            self._actuators = core.armed_frame(self.time_us, results.trace, self.params.config)
 
     def _tick_fully(self, inputs: Inputs, config: Config) -> None:
         """Run a tick in which more than numbers may change."""
@@ -283,6 +349,9 @@ class Vehicle:
 
     def snapshot(self) -> Snapshot:
         """Return the state after the newest tick."""
+        if not self._is_decoded:
+            self._fix = self._recent_fix()
+        self._decode()
         return Snapshot(
             state=self.state,
             trace=self._pilot.trace,
@@ -297,9 +366,11 @@ class Vehicle:
             stick=self._stick,
         )
 
-    def report(self) -> TickReport:
+    def report(self) -> TickReport | SteadyReport:
         """Return the result of the newest tick."""
         pilot = self._pilot
+        if not self._is_decoded and pilot.results is not None:
+            return SteadyReport(pilot, pilot.results, self.params.config, self._altimeter)
         return TickReport(
             time_us=pilot.time_us,
             motion=pilot.motion,

@@ -16,11 +16,12 @@ from autopilot.control.types import ACCEPTED, UNSUPPORTED
 from mavlink_io.mission_items import MavCmd
 from mavlink_io.request import MavlinkId
 
-_TABLE: dict[int, Handler] = {
+HANDLERS: dict[int, Handler] = {
     command: handler
     for part in (flight, sysid_commands, actuators, messages, maintenance)
     for command, handler in part.HANDLERS.items()
 }
+"""Handler of each command."""
 _NOT_IDEMPOTENT = frozenset(
     (
         MavCmd.CONDITION_YAW,
@@ -104,7 +105,7 @@ class Commander:
         now_s: float,
     ) -> CommandResult:
         """Execute a command, unless it is a repetition that must not be executed twice."""
-        handler = _TABLE.get(command.number)
+        handler = HANDLERS.get(command.number)
         if handler is None:
             return CommandResult(UNSUPPORTED)
         if command.number not in _NOT_IDEMPOTENT:

@@ -24,6 +24,7 @@ from autopilot.control.types import (
     Severity,
 )
 from autopilot.telemetry import streams
+from mavlink_io.frames import wrap_pi
 from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
     FRAME_MISSION,
@@ -45,7 +46,7 @@ _HEADING_ALONG_CIRCLE = (3, 5)
 
 
 def arm(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """COMPONENT_ARM_DISARM."""
+    """COMPONENT_ARM_DISARM: arm (1) or disarm (0); param2 = 21196 skips the checks."""
     force = command.p2 == _FORCE
     if command.p1 == 1:
         return context.ask(requests.Arm(force))
@@ -117,20 +118,28 @@ def reposition(context: CommandContext, command: MavCommand, schedule: Schedule)
     """DO_REPOSITION: circle a place in STATION; without a place a new depth, or HOLD.
 
     param1: speed (m/s), param3: radius of the circle (m), param4 = 1: counter-clockwise. Another
-    heading cannot be held, as the vehicle circles.
+    heading cannot be held, as the vehicle circles; in HOLD param4 is the new heading (rad).
     """
     changes_mode = bool(integer_parameter(command.p2) & _CHANGE_MODE)
     if all(math.isnan(value) for value in (command.p5, command.p6)):
         if math.isnan(command.p7):
             if not changes_mode:
                 return context.refuse(DENIED, "DO_REPOSITION: neither a place nor a depth is given")
-            return context.ask(requests.SetMode(modes.HOLD.number))
+            return _hold(context, command.p4)
         return go_to(context, command, MavCmd.CONDITION_CHANGE_ALT, changes_mode=changes_mode)
     sense = -1.0 if command.p4 == _COUNTER_CLOCKWISE else 1.0
     radius_m = sense * abs(command.p3)
     return go_to(
         context, command, MavCmd.NAV_LOITER_UNLIM, radius_m=radius_m, changes_mode=changes_mode
     )
+
+
+def _hold(context: CommandContext, heading_rad: float) -> CommandResult:
+    """Select HOLD, with a new heading if it is given."""
+    outcome = context.ask(requests.SetMode(modes.HOLD.number))
+    if outcome.result == ACCEPTED and math.isfinite(heading_rad):
+        context.ask(requests.ChangeTarget(heading_rad=wrap_pi(heading_rad)))
+    return outcome
 
 
 def orbit(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
@@ -260,6 +269,7 @@ HANDLERS: dict[MavCmd, Handler] = {
     ),
     MavCmd.NAV_RETURN_TO_LAUNCH: partial(enter, modes.RTL),
     MavCmd.NAV_LAND: partial(enter, modes.SURFACE),
+    MavCmd.DO_LAND_START: partial(enter, modes.SURFACE),  # MAVProxy's ``land``
     MavCmd.NAV_LOITER_UNLIM: partial(enter, modes.HOLD),
     MavCmd.CONDITION_YAW: change_target,
     MavCmd.DO_CHANGE_ALTITUDE: change_target,

@@ -1,5 +1,6 @@
 """Long-running commands: the requester receives IN_PROGRESS until they end."""
 
+from collections import Counter
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -15,7 +16,8 @@ REPETITION_TIMEOUT_S = 3.5
 """Time after the end of a job in which a repetition gets its result; QGroundControl waits 3 s."""
 
 MAX_OPEN_JOBS = 16
-"""Maximum number of jobs in progress; a further one ends the oldest as cancelled.
+"""Maximum number of jobs in progress; a further one ends the oldest of the requester with most jobs
+as cancelled, so that a flood of one requester ends none of the others.
 
 A job lasts until the vehicle has finished it; the vehicle runs one of each kind."""
 
@@ -62,7 +64,10 @@ class Jobs:
     ) -> None:
         """Add a job whose start was acknowledged at ``now_s``."""
         if len(self._open) >= MAX_OPEN_JOBS:
-            self._end(self._open.pop(0), JobProgress(CANCELLED), now_s)
+            counts = Counter(job.requester for job in self._open)
+            oldest = max(self._open, key=lambda job: counts[job.requester])  # the first of equals
+            self._open.remove(oldest)
+            self._end(oldest, JobProgress(CANCELLED), now_s)
         self._open.append(
             _OpenJob(
                 requester=requester,
@@ -112,6 +117,11 @@ class Jobs:
                 job.answer(progress)
             still_open.append(job._replace(acknowledged_s=now_s) if due else job)
         self._open = still_open
+        self._ended = {
+            requester: ended
+            for requester, ended in self._ended.items()
+            if now_s - ended.ended_s <= REPETITION_TIMEOUT_S
+        }
 
     def _end(self, job: _OpenJob, result: JobProgress, now_s: float) -> None:
         """Record and acknowledge the result of a job."""

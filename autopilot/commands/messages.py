@@ -69,12 +69,14 @@ def get_interval(context: CommandContext, command: MavCommand, schedule: Schedul
 def request_message(
     context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
-    """REQUEST_MESSAGE: send a message once."""
+    """REQUEST_MESSAGE: send a message once; param2 selects a mode, or an interval's message."""
     message = dialect.by_id(integer_parameter(command.p1))
     if message is None:
         return CommandResult(UNSUPPORTED)
     if message.name == "AVAILABLE_MODES":
         return request_modes(context, message, integer_parameter(command.p2))
+    if message is _INTERVAL:
+        return get_interval(context, command._replace(p1=command.p2), schedule)
     return _send_message(message, context)
 
 

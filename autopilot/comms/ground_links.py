@@ -16,7 +16,7 @@ from autopilot.comms.stream_rates import Schedule, profile_for
 from autopilot.telemetry.encoding import pack_payload
 from autopilot.telemetry.identity import COMPONENT
 from autopilot.telemetry.streams import STREAMS, TelemetryStream
-from autopilot.vehicle import TickReport
+from autopilot.vehicle import SteadyReport, TickReport
 from mavlink_io import dialect
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import LARGEST_FRAME, Frame, largest_frame
@@ -59,7 +59,7 @@ class _TickTelemetry(NamedTuple):
     """Telemetry of a tick in the queue."""
 
     streams: Sequence[TelemetryStream]
-    report: TickReport
+    report: TickReport | SteadyReport
 
     @property
     def max_bytes(self) -> int:
@@ -145,7 +145,9 @@ class GroundLink:
         """Queue telemetry; on a slow line only the newest of each message and part is sent."""
         self._outbox.append(_queue_entry(self.endpoint, message, pack_payload(message, values)))
 
-    def publish(self, streams: Sequence[TelemetryStream], report: TickReport) -> None:
+    def publish(
+        self, streams: Sequence[TelemetryStream], report: TickReport | SteadyReport
+    ) -> None:
         """Queue the messages of streams that a report is enough for, as ``stream`` does."""
         self._outbox.append(_TickTelemetry(streams, report))
 
@@ -250,7 +252,9 @@ class BandwidthLimitedLink(GroundLink):
         payload = pack_payload(message, values)
         self._queue.add_telemetry(kind, _queue_entry(self.endpoint, message, payload))
 
-    def publish(self, streams: Sequence[TelemetryStream], report: TickReport) -> None:
+    def publish(
+        self, streams: Sequence[TelemetryStream], report: TickReport | SteadyReport
+    ) -> None:
         """Queue the messages of streams that a report is enough for, as ``stream`` does."""
         for stream in streams:
             try:

@@ -114,6 +114,36 @@ class HilLink:
                 self._collect(frame)
         return samples
 
+    @property
+    def has_waiting_frames(self) -> bool:
+        """Whether device frames wait for the next sample."""
+        return bool(self._frames)
+
+    @property
+    def sender(self) -> int:
+        """256 times the own system id plus the component id."""
+        return self._endpoint.system << 8 | self._endpoint.component
+
+    @property
+    def sequence(self) -> int:
+        """Sequence number of the next answer."""
+        return self._endpoint.sequence
+
+    def receive_into(self, memory: memoryview) -> int:
+        """Wait for a datagram, at most `SPIN_S`; return its length, 0 if none has arrived.
+
+        Raises LinkLostError when the link is lost.
+        """
+        return self._endpoint.receive_into(memory)
+
+    def put_back(self, datagram: bytes) -> None:
+        """Return a datagram of ``receive_into``; ``receive`` reads it first."""
+        self._endpoint.put_back(datagram)
+
+    def send_next(self, frame: bytes) -> None:
+        """Send an answer that was encoded with the next ``sequence``."""
+        self._endpoint.send_next(frame)
+
     def answer(self, frame: ActuatorFrame) -> None:
         """Send the actuators in reply to a sample."""
         flags = frame.flags if self.lockstep else 0

@@ -31,7 +31,11 @@ _NO_PITCH_RATE, _NO_YAW_RATE, _NO_THRUST, _NO_ATTITUDE = 0b10, 0b100, 0b100_0000
 """Bits of ATTITUDE_TARGET_TYPEMASK."""
 _FIELDS = {"x": 1, "y": 2, "z": 4, "vx": 8, "vy": 16, "vz": 32, "yaw": 1024, "yaw_rate": 2048}
 """Bits of POSITION_TARGET_TYPEMASK: a set bit means that the field is ignored."""
-_BODY = frozenset((constant("MAV_FRAME_BODY_NED"), constant("MAV_FRAME_BODY_FRD")))
+_BODY = frozenset(
+    map(constant, ("MAV_FRAME_BODY_NED", "MAV_FRAME_BODY_FRD", "MAV_FRAME_BODY_OFFSET_NED"))
+)
+_BODY_OFFSET = constant("MAV_FRAME_BODY_OFFSET_NED")
+_LOCAL_OFFSET = constant("MAV_FRAME_LOCAL_OFFSET_NED")
 
 
 class TargetError(InputError):
@@ -90,14 +94,18 @@ def read(name: str, message: Any, state: AutopilotState) -> AttitudeTarget | Mot
     fields = _used_fields(message, name)
     if name == GLOBAL:
         return _global(message, fields, state.home)
-    if message.coordinate_frame in _BODY:
-        if state.mode == VehicleMode.STATION.value and {"x", "y"} <= fields.keys():
-            return _offset(fields, state)
+    frame = message.coordinate_frame
+    if frame in _BODY:
+        offsets_count = frame == _BODY_OFFSET or state.mode == VehicleMode.STATION.value
+        if offsets_count and {"x", "y", "z"} & fields.keys():
+            return _motion({}, *_offset(fields, state, state.estimate.heading_rad))
         return _body(fields)
-    if message.coordinate_frame != FRAME_LOCAL_NED:
+    if frame == _LOCAL_OFFSET:
+        return _motion(fields, *_offset(fields, state, 0.0))
+    if frame != FRAME_LOCAL_NED:
         raise TargetError(
-            f"frame {message.coordinate_frame} of {name}; LOCAL_NED (1) and BODY_NED (8) are"
-            " supported"
+            f"frame {frame} of {name}; LOCAL_NED (1), LOCAL_OFFSET_NED (7), BODY_NED (8) and"
+            " BODY_OFFSET_NED (9) are supported"
         )
     return _motion(fields, _pair(fields, "x", "y", name), fields.get("z"))
 
@@ -192,14 +200,18 @@ def _body(fields: dict[str, float]) -> MotionTarget:
     )
 
 
-def _offset(fields: dict[str, float], state: AutopilotState) -> MotionTarget:
-    """Return the place at a distance ahead of, to starboard of and below the vehicle."""
-    estimate = state.estimate
-    ahead_m = complex(fields["x"], fields["y"])
-    return MotionTarget(
-        position_m=complex(estimate.north_m, estimate.east_m)
-        + ahead_m * cmath.rect(1.0, estimate.heading_rad),
-        depth_m=max(0.0, estimate.depth_m + fields["z"]) if fields.get("z") else None,
+def _offset(
+    fields: dict[str, float], state: AutopilotState, heading_rad: float
+) -> tuple[complex | None, float | None]:
+    """Return position and depth at an offset from the vehicle, in axes with this heading.
+
+    An offset of zero is None: the vehicle cannot stop, and keeps its course or its depth.
+    """
+    estimate, ahead_m = state.estimate, _pair(fields, "x", "y", LOCAL)
+    here_m = complex(estimate.north_m, estimate.east_m)
+    return (
+        here_m + ahead_m * cmath.rect(1.0, heading_rad) if ahead_m else None,
+        estimate.depth_m + fields["z"] if fields.get("z") else None,
     )
 
 

@@ -57,6 +57,11 @@ class SensorClock(NamedTuple):
     refused_us: int = 0
     """Stamp of the newest refused sample."""
 
+    @property
+    def is_regular(self) -> bool:
+        """Whether a sample one usual interval later is accepted and changes ``newest_us`` alone."""
+        return self.newest_us >= 0 and self.offset_us == 0 and self.refused == 0
+
 
 def classify_stamp(
     clock: SensorClock, stamp_us: int, silent_us: int

@@ -21,7 +21,7 @@ from autopilot.comms.statustext import EventPublisher, Publish
 from autopilot.control import modes
 from autopilot.control.manual_control import Helm
 from autopilot.control.params import PARAMETERS, ParamTable
-from autopilot.control.requests import SetMode
+from autopilot.control.requests import SetMode, go_to_target
 from autopilot.control.types import IN_PROGRESS
 from autopilot.identities import Identity
 from autopilot.onboard_log.recorder import OnboardLog
@@ -252,11 +252,17 @@ class Services:
         self._missions.feed(received.frame, received.send, wall_s(), re_request_s)
 
     def _on_setpoint(self, name: str, received: ReceivedMessage) -> None:
-        """Apply an offboard set-point, and begin to follow it where the identity says so."""
+        """Apply an offboard set-point, and begin to follow it where the identity says so.
+
+        A set-point that is only a depth becomes that of HOLD: some tools send it once.
+        """
         accepted, state = self.setpoints.handle(name, received.message), self._vehicle.state
         waiting = state.armed and state.mode == modes.HOLD.number and not state.failsafe
-        if accepted and waiting and self._identity.setpoints_start_offboard:
-            self._vehicle.handle_request(SetMode(modes.OFFBOARD.number))
+        if not (accepted and waiting and self._identity.setpoints_start_offboard):
+            return
+        motion = None if name == offboard_messages.ATTITUDE else state.targets.motion
+        depth = motion is not None and motion.position_m is None and go_to_target(motion)
+        self._vehicle.handle_request(depth or SetMode(modes.OFFBOARD.number))
 
     def _on_setup_signing(self, received: ReceivedMessage) -> None:
         """Change the signing key and send the result as a text."""

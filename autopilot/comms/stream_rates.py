@@ -135,13 +135,17 @@ class Schedule:
             return []
         if time_us < self._next_us:
             return []
-        crossed = tuple([i for i, due_us in self._due_us.items() if due_us <= time_us])
-        for interval in crossed:
-            self._due_us[interval] = _next_multiple(time_us, interval)
-        self._next_us = min(self._due_us.values())
-        if crossed not in self._streams:
-            self._streams[crossed] = self._streams_of(crossed)
-        return self._streams[crossed]
+        due_us, crossed = self._due_us, []
+        for interval in due_us:
+            if due_us[interval] <= time_us:
+                crossed.append(interval)
+                due_us[interval] = (time_us // interval + 1) * interval
+        self._next_us = min(due_us.values())
+        key = tuple(crossed)
+        groups = self._streams.get(key)
+        if groups is None:
+            groups = self._streams[key] = self._streams_of(key)
+        return groups
 
     def set_group_rate(self, message_ids: Sequence[int], rate_hz: float) -> None:
         """Set the rate of several streams (REQUEST_DATA_STREAM); 0 stops them."""

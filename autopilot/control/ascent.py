@@ -3,20 +3,27 @@
 Pure, part of the tick. The stages (``AscentStage``) are tried in this order:
 
 1. Power, with the depth set-point 0.
-2. Power does not raise the vehicle: no rise for SURF_RISE_S, or it sinks against its elevator
-   (``monitor.dives``), or it sinks after twice FS_LOOK_S. A vehicle that floats up (SURF_BUOY_N, or
-   a drop weight) stops its propeller: an elevator that is stuck or off can hold it down for as long
-   as the propeller turns. If it sinks nose down, the propeller runs astern first, for
-   SURF_ASTERN_S at most.
+2. Power does not raise the vehicle, and it is not afloat: no rise for SURF_RISE_S, or it sinks
+   against its elevator (``monitor.dives``), or it sinks after twice FS_LOOK_S. A vehicle that
+   floats up (SURF_BUOY_N, or a drop weight) stops its propeller: an elevator that is stuck or off
+   can hold it down for as long as the propeller turns. If it sinks nose down, the propeller runs
+   astern first, for SURF_ASTERN_S at most.
+   While the vehicle waits at the surface, the propeller brakes whenever it sinks with way: with its
+   elevator centred it dips by that way, and one that is heavy at the nose dives. It brakes within
+   SURF_ASTERN_S of the first time, because an estimate of speed or sinking may be wrong for good.
+   Without power it brakes only if its nose is down.
 3. No rise for SURF_DROP_S without power: the drop weight is released, if fitted.
 4. Without a drop weight, a vehicle that sinks without power tries power again.
 
 SURFACE ends in one of four ways, each with disarming:
 
-- the measured depth is less than SURF_DEPTH_M and has not decreased further for SURF_HOLD_S;
+- the measured depth is less than SURF_DEPTH_M, not above the water, and has not decreased further
+  for SURF_HOLD_S. Meanwhile a vehicle that floats up has its propeller stopped, or braking, and its
+  elevator centred, as after disarming. It may dip by its way, and must not drop its nose at the
+  end;
 - depth is not measured, or its sensor has a fault, and a satellite fix arrives;
-- the measured depth stays, and a satellite fix holds for SURF_FIX_S: the depth reading is wrong,
-  because satellites are received at the surface only;
+- the measured depth stays, and a satellite fix holds for SURF_FIX_S: satellites are received at the
+  surface only, so a depth reading above SURF_DEPTH_M is wrong, which the text says;
 - the vehicle has not risen for SURF_TIME_S.
 """
 
@@ -25,6 +32,7 @@ import math
 from autopilot.control import failsafe, modes
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor, sensor_checks
+from autopilot.control.sensor_health.cross_checks import MIN_DEPTH_M
 from autopilot.control.types import (
     US_PER_S,
     Ascent,
@@ -42,11 +50,22 @@ the sea floor, does so a few times at most.
 """
 NOSE_DOWN_RAD = math.radians(-10.0)
 """Pitch below which the propeller astern lifts the vehicle."""
+LEVEL_RAD = math.radians(-5.0)
+"""Pitch above which a vehicle with way stays at the surface with its elevator centred."""
+MIN_ASTERN_S = 2.0
+"""Shortest time astern, so that heave while the vehicle pitches does not change the stage often."""
+PITCH_AHEAD_S = 2.0
+"""Time for which the pitch is predicted."""
+MIN_WAY_MPS = 0.3
+"""Speed through the water below which a vehicle has no way to dive with."""
 RECOVERIES = 2.0
 """Multiple of FS_LOOK_S, the time of a recovery, after which a vehicle that sinks does not recover.
 """
 SUNK_M = 1.0
-"""Increase of depth without power after which power is tried again."""
+"""Increase of depth without power after which power is tried again.
+
+A vehicle that floats up and still has way may dip by half of it before it stops.
+"""
 AFLOAT_MARGIN_M = 0.5
 """Depth below SURF_DEPTH_M at which a vehicle is no longer at the surface: waves cover it."""
 MAX_ATTEMPTS = 3
@@ -76,11 +95,32 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
         return modes.disarm(_give_up(state)), (Event(Severity.CRITICAL, text),)
     cruise = config.cruise_thrust_pct / 100.0
     setpoint = state.setpoint._replace(thrust=0.0, pitch_rad=0.0)
-    if ascent.stage == AscentStage.ASTERN:
+    powered, afloat = ascent.stage == AscentStage.POWERED, _floats(ascent, config)
+    brakes = powered and afloat and _brakes(state, ascent, config)
+    if brakes and ascent.braked_us is None:
+        ascent = ascent._replace(braked_us=state.time_us)
+    if brakes or ascent.stage == AscentStage.ASTERN:
         setpoint = setpoint._replace(thrust=-cruise)
-    elif ascent.stage == AscentStage.POWERED and not (blind or _floats(ascent, config)):
+    elif powered and not (blind or afloat):
         setpoint = state.setpoint._replace(depth_m=0.0, thrust=cruise, pitch_rad=math.nan)
     return state._replace(setpoint=setpoint, ascent=ascent), events
+
+
+def rests(state: AutopilotState, config: Config) -> bool:
+    """Return whether the vehicle waits at the surface, its propeller stopped and elevator centred.
+
+    Parameters
+    ----------
+    state : AutopilotState
+        State of this tick.
+    config : Config
+        Parameters.
+    """
+    return (
+        state.mode == modes.SURFACE.number
+        and state.ascent is not None
+        and _floats(state.ascent, config)
+    )
 
 
 def _is_blind(state: AutopilotState, config: Config) -> bool:
@@ -105,8 +145,10 @@ def _next_stage(
     if stage == AscentStage.POWERED:
         dives = monitor.ELEVATOR in monitor.active_faults(state.health)
         stopped = AscentStage.ASTERN if _astern_helps(state, config) else AscentStage.STOPPED
-        if blind or not buoyant or ascent.attempts >= MAX_ATTEMPTS:
-            return _release(state, ascent, still_s, config) if blind else (stage, "")
+        if blind:
+            return _release(state, ascent, still_s, config)
+        if not buoyant or ascent.attempts >= MAX_ATTEMPTS or _floats(ascent, config):
+            return stage, ""
         if dives:
             return stopped, "sinks against the elevator"
         if 0.0 < config.surface_rise_s < still_s:
@@ -115,12 +157,15 @@ def _next_stage(
         if sinks and 0.0 < RECOVERIES * config.fs_look_s < still_s:
             return stopped, f"still sinks after {still_s:.0f} s"
     elif stage == AscentStage.ASTERN:
-        if stage_s > config.surface_astern_s or not _astern_helps(state, config):
+        helps = stage_s < MIN_ASTERN_S or _astern_helps(state, config)
+        if stage_s > config.surface_astern_s or not helps:
             return AscentStage.STOPPED, f"astern for {stage_s:.0f} s"
     elif stage == AscentStage.STOPPED:
         released, reason = _release(state, ascent, still_s, config)
         if reason:
             return released, reason
+        if not blind and _dives_by_way(state, config):
+            return AscentStage.ASTERN, "dives by its way"
         sunk_m = estimate.depth_m - ascent.depth_m
         if (
             not blind
@@ -142,14 +187,31 @@ def _release(
     return AscentStage.RELEASED, f"no rise for {config.weight_time_s:g} s without power"
 
 
+def _sinks(state: AutopilotState, config: Config) -> bool:
+    """Return whether the vehicle sinks, and its propeller may run astern."""
+    return config.surface_astern_s > 0.0 and state.estimate.depth_rate_mps > 0.0
+
+
 def _astern_helps(state: AutopilotState, config: Config) -> bool:
     """Return whether the vehicle sinks nose down, so that thrust astern pulls it up."""
-    estimate = state.estimate
-    return (
-        config.surface_astern_s > 0.0
-        and estimate.pitch_rad < NOSE_DOWN_RAD
-        and estimate.depth_rate_mps > 0.0
-    )
+    return _sinks(state, config) and state.estimate.pitch_rad < NOSE_DOWN_RAD
+
+
+def _sinks_with_way(state: AutopilotState, config: Config) -> bool:
+    """Return whether the vehicle sinks while it moves ahead."""
+    return _sinks(state, config) and state.estimate.speed_mps > MIN_WAY_MPS
+
+
+def _brakes(state: AutopilotState, ascent: Ascent, config: Config) -> bool:
+    """Return whether a vehicle at the surface brakes: it sinks with way, and has time left."""
+    first_us = state.time_us if ascent.braked_us is None else ascent.braked_us
+    in_time = state.time_us - first_us <= config.surface_astern_s * US_PER_S
+    return in_time and _sinks_with_way(state, config)
+
+
+def _dives_by_way(state: AutopilotState, config: Config) -> bool:
+    """Return whether the vehicle sinks nose down because it moves ahead."""
+    return _astern_helps(state, config) and _sinks_with_way(state, config)
 
 
 _ACTIONS = {
@@ -189,12 +251,14 @@ def _update(state: AutopilotState, blind: bool, config: Config) -> Ascent:
     if not blind and depth_m < ascent.depth_m - RISE_M:
         ascent = ascent._replace(depth_m=depth_m, risen_us=now_us)
     afloat_us = ascent.afloat_us
-    if blind or depth_m > config.surfaced_depth_m + AFLOAT_MARGIN_M:
+    margin_m = SUNK_M if _floats(ascent, config) else AFLOAT_MARGIN_M
+    left = not MIN_DEPTH_M < depth_m < config.surfaced_depth_m + margin_m
+    if blind or (left and not (_floats(ascent, config) and _dives_by_way(state, config))):
         afloat_us = None
     elif afloat_us is None and depth_m < config.surfaced_depth_m:
         afloat_us = now_us
     if afloat_us != ascent.afloat_us:
-        ascent = ascent._replace(afloat_us=afloat_us)
+        ascent = ascent._replace(afloat_us=afloat_us, braked_us=None)
     gps = state.health.devices.gps
     if not sensor_checks.has_position(gps) or sensor_checks.is_silent(gps, now_us):
         return ascent._replace(fix_us=None) if ascent.fix_us is not None else ascent
@@ -215,11 +279,18 @@ def _reached_surface(
             return Event(Severity.INFO, "Surfaced by satellite fix: disarmed")
         return None
     depth_m = state.estimate.depth_m
-    if ascent.afloat_us is not None:
+    pitch_rad = state.estimate.pitch_rad + PITCH_AHEAD_S * state.estimate.q_radps
+    level = pitch_rad > LEVEL_RAD or state.estimate.speed_mps < MIN_WAY_MPS
+    settled = level and depth_m < config.surfaced_depth_m
+    held = False
+    if ascent.afloat_us is not None and (settled or not _floats(ascent, config)):
         held_us = state.time_us - max(ascent.afloat_us, ascent.risen_us)
-        if held_us >= config.surface_hold_s * US_PER_S:
-            return Event(Severity.INFO, "Surfaced: disarmed")
-    if config.surface_fix_s and _fix_holds(state, ascent, round(config.surface_fix_s * US_PER_S)):
+        held = held_us >= config.surface_hold_s * US_PER_S
+    fix_us = round(config.surface_fix_s * US_PER_S)
+    fixed = fix_us > 0 and _fix_holds(state, ascent, fix_us)
+    if held or (fixed and depth_m < config.surfaced_depth_m):
+        return Event(Severity.INFO, "Surfaced: disarmed")
+    if fixed:
         text = f"Surfaced by satellite fix, though depth reads {depth_m:.1f} m: disarmed"
         return Event(Severity.WARNING, text)
     return None

@@ -47,7 +47,8 @@ MAX_STEP_S = 0.2
 
 _NEUTRAL = (0.0,) * 16
 _UNUSED_CHANNELS = (0.0,) * 12
-_ARMED_MODE = CUSTOM_MODE_FLAG | ARMED_FLAG
+ARMED_MODE = CUSTOM_MODE_FLAG | ARMED_FLAG
+"""HIL_ACTUATOR_CONTROLS.mode of an armed vehicle."""
 
 Events = tuple[Event | ItemReached, ...]
 
@@ -230,7 +231,7 @@ def compute_actuators(
         config,
         dt_s,
         heading=mode.closes_heading and not axis.opens_heading,
-        depth=mode.closes_depth and not axis.opens_depth,
+        depth=mode.closes_depth and not axis.opens_depth and not ascent.rests(state, config),
     )
     thrust, signal = state.setpoint.thrust, excitation.NO_SIGNAL
     if test is not None:
@@ -310,7 +311,22 @@ def _clip(value: float, limit: float) -> float:
 
 
 def actuator_frame(state: AutopilotState, trace: Trace, config: Config) -> ActuatorFrame:
-    """Return the actuator frame of this tick; while disarmed all zero except for actuator tests."""
+    """Return the actuator frame of this tick; while disarmed all zero except for actuator tests.
+
+    Parameters
+    ----------
+    state : AutopilotState
+        State after the tick.
+    trace : Trace
+        Signals of the tick.
+    config : Config
+        Parameters.
+
+    Returns
+    -------
+    ActuatorFrame
+        The frame.
+    """
     weight = 1.0 if state.weight_released else 0.0
     if state.armed:
         return armed_frame(state.time_us, trace, config, weight)
@@ -321,7 +337,24 @@ def actuator_frame(state: AutopilotState, trace: Trace, config: Config) -> Actua
 
 
 def armed_frame(time_us: int, trace: Trace, config: Config, weight: float = 0.0) -> ActuatorFrame:
-    """Return the actuator frame of a tick of an armed vehicle; ``weight`` 1 releases the weight."""
+    """Return the actuator frame of a tick of an armed vehicle.
+
+    Parameters
+    ----------
+    time_us : int
+        Vehicle time of the tick.
+    trace : Trace
+        Signals of the tick.
+    config : Config
+        Parameters.
+    weight : float
+        1 releases the drop weight.
+
+    Returns
+    -------
+    ActuatorFrame
+        The frame.
+    """
     travel = config.travel_rad
     controls = (
         trace.rudder_rad / travel,
@@ -330,4 +363,4 @@ def armed_frame(time_us: int, trace: Trace, config: Config, weight: float = 0.0)
         weight,
         *_UNUSED_CHANNELS,
     )
-    return ActuatorFrame(time_us, LOCKSTEP_FLAG, controls, _ARMED_MODE)
+    return ActuatorFrame(time_us, LOCKSTEP_FLAG, controls, ARMED_MODE)

@@ -51,6 +51,10 @@ from mavlink_io.records import (
 REQUIRED_FIELDS = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
 """Sensor groups that the first estimate needs."""
 
+_ATTITUDE_FIELDS = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH
+"""Sensor groups that show the attitude without the gyro."""
+_UNKNOWN: Vector = (math.nan, math.nan, math.nan)
+"""Attitude error without one of the sensors that measure it."""
 ALTIMETER_STALE_US = 1_000_000
 """Maximum age of an altitude."""
 TURN_RATE_GATE_RADPS = math.radians(2.0)
@@ -63,8 +67,15 @@ MAX_BIAS_RADPS = math.radians(1.0)
 """Limit of the gyro bias estimate."""
 RATE_OBSERVER_RADPS = 2.0
 """Double pole of the observer that replaces the gyro."""
+ATTITUDE_RESTART_RAD = math.radians(8.0)
+"""Attitude error at which that observer starts again: it is that of a gyro that was wrong until it
+was excluded. The observer would show it as a rate, of 20 deg/s for 12 deg."""
 DEPTH_RATE_DECAY_S = 10.0
 """Time constant with which the vertical speed decays to zero without the pressure sensor."""
+DEPTH_RESTART_US = 1_000_000
+"""Time without the pressure sensor after which its next reading replaces the depth. An observer
+that removed a difference of metres within EST_DPT_TIME would have a depth rate of many m/s, and a
+bias of the acceleration that drives the depth away when the sensor is lost again."""
 
 
 def initial_estimate(sensors: SensorFrame, config: Config) -> VehicleEstimate:
@@ -197,7 +208,7 @@ def predict(
     """
     now_us = sensors.time_us
     speed = _speed(old.speed_mps, thrust, config, dt_s)
-    attitude, rates, bias = _attitude(old, sensors, speed, config, dt_s)
+    attitude, rates, bias, error = _attitude(old, sensors, speed, config, dt_s)
     roll, pitch, heading = euler_from_quaternion(attitude[0], attitude[1], attitude[2], attitude[3])
     depth, depth_rate, accel_bias = _depth(old, sensors, attitude, config, dt_s)
     horizontal = speed * math.cos(pitch)
@@ -231,6 +242,7 @@ def predict(
         True,
         now_us if depth_measured else old.depth_time_us,
         memory,
+        error,
     )
     return estimate, motion
 
@@ -319,8 +331,10 @@ def _speed(speed_mps: float, thrust: float, config: Config, dt_s: float) -> floa
 @numeric
 def _attitude(
     old: VehicleEstimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
-) -> tuple[Quaternion, Vector, Vector]:
-    """Return attitude, body rates (rad/s) and gyro bias (rad/s) after a tick.
+) -> tuple[Quaternion, Vector, Vector, Vector]:
+    """Return attitude, body rates (rad/s), gyro bias (rad/s) and e_a + e_m (rad) after a tick.
+
+    The last is NaN unless accelerometer and magnetometer are used.
 
     Mahony, Hamel and Pflimlin 2008, eq. 32, with e_a and e_m the rotation errors of accelerometer
     and magnetometer (rad, body axes), b' limited to MAX_BIAS_RADPS::
@@ -350,22 +364,30 @@ def _attitude(
         _clip_bias(by - kb * (ey + my) * dt_s),
         _clip_bias(bz - kb * (ez + mz) * dt_s),
     )
-    return attitude, (p, q, r), bias
+    error = ex + mx, ey + my, ez + mz
+    if sensors.fields_updated & _ATTITUDE_FIELDS != _ATTITUDE_FIELDS:
+        error = _UNKNOWN
+    return attitude, (p, q, r), bias, error
 
 
 @numeric
 def _attitude_without_gyro(
     old: VehicleEstimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
-) -> tuple[Quaternion, Vector, Vector]:
-    """Return attitude, rates and bias without the gyro; the bias keeps its value.
+) -> tuple[Quaternion, Vector, Vector, Vector]:
+    """Return attitude, rates, bias and no e without the gyro; the bias keeps its value.
 
     Second-order observer with a double pole a = RATE_OBSERVER_RADPS and e = e_a + e_m::
 
         R' = R [w + 2 a e]_x        w' = a^2 e
+
+    Above ATTITUDE_RESTART_RAD the attitude is turned by e, and w is 0.
     """
     p, q, r = old.p_radps, old.q_radps, old.r_radps
     (ex, ey, ez), (mx, my, mz) = attitude_errors(old.attitude, sensors, speed_mps, q, r, config)
     ex, ey, ez = ex + mx, ey + my, ez + mz
+    if ex * ex + ey * ey + ez * ez > ATTITUDE_RESTART_RAD * ATTITUDE_RESTART_RAD:
+        turned = _integrate(old.attitude, ex, ey, ez, 1.0)
+        return turned, (0.0, 0.0, 0.0), old.gyro_bias_radps, _UNKNOWN
     angle_gain, rate_gain = (
         2.0 * RATE_OBSERVER_RADPS,
         RATE_OBSERVER_RADPS * RATE_OBSERVER_RADPS * dt_s,
@@ -377,6 +399,7 @@ def _attitude_without_gyro(
         attitude,
         (p + rate_gain * ex, q + rate_gain * ey, r + rate_gain * ez),
         old.gyro_bias_radps,
+        _UNKNOWN,
     )
 
 
@@ -494,7 +517,8 @@ def _depth(
         v <- v + (a + 3 w^2 e) dt
         b <- b - w^3 e dt
 
-    Without pressure: z' = v, v' = a - v / DEPTH_RATE_DECAY_S, b constant.
+    Without pressure: z' = v, v' = a - v / DEPTH_RATE_DECAY_S, b constant. After DEPTH_RESTART_US of
+    that the measured depth replaces z, and v and b continue.
     """
     rate_mps, bias_mps2, down_mps2 = old.depth_rate_mps, old.accel_bias_mps2, 0.0
     fresh = sensors.fields_updated
@@ -504,6 +528,8 @@ def _depth(
     if fresh & PRESSURE_FRESH == 0:
         decay = -rate_mps / DEPTH_RATE_DECAY_S
         return old.depth_m + rate_mps * dt_s, rate_mps + (down_mps2 + decay) * dt_s, bias_mps2
+    if sensors.time_us - old.depth_time_us > DEPTH_RESTART_US:
+        return depth_of(sensors.pressure_hpa, config), rate_mps + down_mps2 * dt_s, bias_mps2
     pole = 1.0 / config.depth_time_s
     depth = old.depth_m + rate_mps * dt_s + 0.5 * down_mps2 * dt_s * dt_s
     error = depth_of(sensors.pressure_hpa, config) - depth

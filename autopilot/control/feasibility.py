@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 from autopilot.control import fence, guidance, mission, offboard
+from autopilot.control.jumps import Jumps
 from autopilot.control.mission import MissionFault
 from autopilot.control.params import Config
 from autopilot.control.types import AutopilotState, Home, MissionState
@@ -18,7 +19,7 @@ MAX_ITEMS = 10_000
 """Maximum number of items that are followed, those that a jump repeats included."""
 _NO_TIME = frozenset((MavCmd.DO_CHANGE_ALTITUDE, MavCmd.CONDITION_YAW))
 """Commands that end at once and leave the vehicle where it is."""
-_PLACE_PARAMETER, _DEPTH_PARAMETER, _TIME_PARAMETER = 5, 7, 1
+_PLACE_PARAMETER, _DEPTH_PARAMETER, _TIME_PARAMETER, _RADIUS_PARAMETER = 5, 7, 1, 3
 
 
 class Start(NamedTuple):
@@ -100,9 +101,9 @@ def find_fence_fault(
         if (depth_m := mission.wanted_depth_m(item)) is not None:
             parameter = _TIME_PARAMETER if item.command == MavCmd.DO_CHANGE_ALTITUDE else 7
             limit = ""
-            if 0.0 < config.fence_max_m < depth_m - mission.DEPTH_ROUNDING_M:
+            if 0.0 < config.fence_max_m < depth_m - mission.LENGTH_ROUNDING_M:
                 limit = f"at most FENCE_DPT_MAX = {config.fence_max_m:g} m"
-            elif depth_m + mission.DEPTH_ROUNDING_M < config.fence_min_m:
+            elif depth_m + mission.LENGTH_ROUNDING_M < config.fence_min_m:
                 limit = f"at least FENCE_DPT_MIN = {config.fence_min_m:g} m"
             if limit:
                 reason = f"depth {depth_m:g} m: must be {limit}"
@@ -125,7 +126,8 @@ def _follow(
     now = _Progress(place, start is not None, state.estimate.depth_m, _cruise_thrust(config))
     available_s = _battery_s(state, config)
     lines: set[tuple[complex, complex]] = set()
-    jumps: dict[int, int] = dict(plan.jumps)
+    circles: set[tuple[complex, float]] = set()
+    jumps = Jumps(plan.jumps, available_s)
     index = plan.current
     for _ in range(MAX_ITEMS):
         if index >= len(plan.items):
@@ -133,19 +135,23 @@ def _follow(
         item = plan.items[index]
         index += 1
         if item.command == MavCmd.DO_JUMP:
-            count = jumps.get(item.sequence, 0)
-            if item.p2 < 0.0:
-                return None  # endless: it ends by a failsafe or by ground
-            if count < item.p2:
-                jumps[item.sequence] = count + 1
-                index = int(item.p1)
+            jump = jumps.take(item, now._replace(used_s=0.0), now.used_s)
+            if jump is None or isinstance(jump, MissionFault):
+                return jump
+            index, now = jump.target, now._replace(used_s=now.used_s + jump.skipped_s)
             continue
         after = _after(item, now, state, config)
         if fault := _line_fault(item, now, after, lines, state):
             return fault
+        if fault := _circle_fault(item, after, circles, state, config):
+            return fault
         if start and (fault := _floor_fault(item, after, start, config)):
             return fault
+        if math.isinf(after.used_s):
+            return _battery_fault(item, after.used_s, available_s, state)
         if after.used_s > available_s:
+            if jumps.repeats_endlessly:
+                return None  # ends by the battery failsafe
             return _battery_fault(item, after.used_s, available_s, state)
         if item.command in (
             MavCmd.NAV_LAND,
@@ -154,7 +160,8 @@ def _follow(
         ):
             return None
         now = after
-    return None
+    reason = f"more than {MAX_ITEMS} items with those that its jumps repeat"
+    return MissionFault(plan.items[index - 1].sequence, reason, 0)
 
 
 def _after(item: MissionItem, now: _Progress, state: AutopilotState, config: Config) -> _Progress:
@@ -224,6 +231,30 @@ def _line_fault(
     if not text:
         return None
     return MissionFault(item.sequence, f"geofence: the line to it is {text}", _PLACE_PARAMETER)
+
+
+def _circle_fault(
+    item: MissionItem,
+    after: _Progress,
+    circles: set[tuple[complex, float]],
+    state: AutopilotState,
+    config: Config,
+) -> MissionFault | None:
+    """Return the fault of a circle that leaves the geofence; each circle is checked once."""
+    radius_m, centre_m = mission.circle_radius_m(item, config), after.position_m
+    if not (radius_m and after.on_place and state.fence.zones and state.home.known):
+        return None
+    if centre_m is None or (centre_m, radius_m) in circles:
+        return None
+    circles.add((centre_m, radius_m))
+    home_deg = state.home.lat_deg, state.home.lon_deg
+    text = fence.circle_breach(state.fence, centre_m, radius_m, home_deg)
+    if not text:
+        return None
+    own = item.command in mission.CIRCLE_COMMANDS and item.p3 and math.isfinite(item.p3)
+    parameter = _RADIUS_PARAMETER if own else _PLACE_PARAMETER
+    reason = f"geofence: a part of its circle of {radius_m:g} m is {text}"
+    return MissionFault(item.sequence, reason, parameter)
 
 
 def _floor_fault(

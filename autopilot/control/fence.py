@@ -4,6 +4,7 @@ A position is allowed inside at least one inclusion zone, if there is any, and o
 exclusion zone. Positions are complex numbers, north + i east from home (m).
 """
 
+import cmath
 import itertools
 import math
 from collections.abc import Sequence
@@ -218,6 +219,64 @@ def line_breach(fence: Fence, from_m: complex, to_m: complex, home_deg: tuple[fl
         ):
             return text
     return ""
+
+
+def circle_breach(
+    fence: Fence, centre_m: complex, radius_m: float, home_deg: tuple[float, float]
+) -> str:
+    """Return which zone forbids a part of a circle that the vehicle flies.
+
+    The circle is divided where it crosses the edge of a zone, and each arc is checked at its
+    middle.
+
+    Parameters
+    ----------
+    fence : Fence
+        Geofence.
+    centre_m : complex
+        Centre, north + i east from home (m).
+    radius_m : float
+        Radius of the circle (m).
+    home_deg : tuple of 2 floats
+        Latitude and longitude of home.
+
+    Returns
+    -------
+    str
+        The zone with its number; empty for an allowed circle.
+    """
+    angles = {-math.pi}
+    for zone in fence.zones:
+        corners = [place.offset_m(*home_deg) for place in zone.points]
+        if zone.radius_m:
+            angles |= _angles_on_circle(centre_m, radius_m, corners[0], zone.radius_m)
+            continue
+        for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
+            shares = _circle_crossings(a, b, centre_m, radius_m)
+            angles |= {cmath.phase(a + share * (b - a) - centre_m) for share in shares}
+    ordered = sorted(angles)
+    for start, end in itertools.pairwise((*ordered, ordered[0] + 2.0 * math.pi)):
+        middle_m = centre_m + cmath.rect(radius_m, 0.5 * (start + end))
+        if (end - start) * radius_m > EDGE_M and (text := breach(fence, middle_m, home_deg)):
+            return text
+    return ""
+
+
+def _angles_on_circle(
+    centre_m: complex, radius_m: float, other_m: complex, other_radius_m: float
+) -> set[float]:
+    """Return the directions from a centre in which its circle crosses another one.
+
+    With the distance d of the centres, cos a = (r^2 + d^2 - R^2) / (2 r d), a from the line of the
+    centres.
+    """
+    to_other = other_m - centre_m
+    distance_m = abs(to_other)
+    if not abs(radius_m - other_radius_m) < distance_m < radius_m + other_radius_m:
+        return set()
+    cosine = (radius_m**2 + distance_m**2 - other_radius_m**2) / (2.0 * radius_m * distance_m)
+    half = cmath.rect(1.0, math.acos(max(-1.0, min(1.0, cosine))))
+    return {cmath.phase(to_other * half), cmath.phase(to_other / half)}
 
 
 def _circle_crossings(

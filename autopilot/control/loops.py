@@ -9,15 +9,17 @@ the rates r, q from the gyro, and theta the pitch set-point of the depth loop::
     pitch     elevator = P e - D q + I          I' = K_i e
 
 Both outputs are added to the trims. Parameters switch on: reference models or set-point weighting
-(``reference_model``), pitch feedforward, gain scheduling with speed, roll compensation, the lead
-that compensates the lag of the tailcone, and trims that are learned in flight. LQG controllers
-(``lqg``), if given, replace the PIDs near the speed that they were designed for.
+(``reference_model``), pitch feedforward, gain scheduling with speed, roll compensation, peak
+filters of the commands, the lead that compensates the lag of the tailcone, and trims that are
+learned in flight. Full deflection that one sensor alone asks for is limited
+(``deflection_limit``). LQG controllers (``lqg``), if given, replace the PIDs near the speed that
+they were designed for.
 """
 
 import math
 from typing import NamedTuple
 
-from autopilot.control import lqg, reference_model
+from autopilot.control import deflection_limit, lqg, reference_model
 from autopilot.control.lqg import LqgControllers, LqgReference, ObserverState
 from autopilot.control.params import Config
 from autopilot.control.pid import Gains, pid
@@ -58,7 +60,9 @@ class HeadingLoopResult(NamedTuple):
     rudder_rad: float
     integral_rad: float
     reference: ReferenceState
-    observer: ObserverState | None = None
+    observer: ObserverState | None
+    static_rad: float
+    """Rudder without the rate term; the whole of an LQG controller."""
 
 
 class YawReference(NamedTuple):
@@ -81,7 +85,9 @@ class DepthLoopResult(NamedTuple):
     pitch_integral_rad: float
     depth_integral_rad: float
     reference: ReferenceState
-    observer: ObserverState | None = None
+    observer: ObserverState | None
+    static_rad: float
+    """Elevator without the rate term; the whole of an LQG controller."""
 
 
 class DepthReference(NamedTuple):
@@ -191,7 +197,7 @@ def _roll(estimate: VehicleEstimate, config: Config, heading: bool, depth: bool)
 @numeric
 def _open_heading(memory: LoopMemory, trims: tuple[float, float]) -> HeadingLoopResult:
     """Return the result of an open heading loop."""
-    return HeadingLoopResult(trims[0], memory.heading_integral_rad, NO_REFERENCE, None)
+    return HeadingLoopResult(trims[0], memory.heading_integral_rad, NO_REFERENCE, None, trims[0])
 
 
 @numeric
@@ -206,6 +212,7 @@ def _open_depth(
         memory.depth_integral_rad,
         NO_REFERENCE,
         None,
+        trims[1],
     )
 
 
@@ -223,11 +230,19 @@ def _combine(
     heading: bool,
     depth: bool,
 ) -> tuple[ControlOutput, LoopMemory]:
-    """Return commands, errors and new memory: roll compensation, actuator leads, learned trims."""
+    """Return commands, errors and new memory: roll compensation, filters, learned trims."""
     rudder, elevator = heading_result.rudder_rad, depth_result.elevator_rad
     if roll_rad != 0.0:
         rudder, elevator = rotate_by_roll(rudder, elevator, roll_rad)
-    rudder_lead = elevator_lead = NO_REFERENCE
+    rudder_peak = elevator_peak = rudder_lead = elevator_lead = NO_REFERENCE
+    if heading and heading_result.observer is None and config.heading_peak_radps:
+        rudder, rudder_peak = reference_model.peak(
+            rudder, memory.rudder_peak, config.rudder_peak, dt_s
+        )
+    if depth and depth_result.observer is None and config.pitch_peak_radps:
+        elevator, elevator_peak = reference_model.peak(
+            elevator, memory.elevator_peak, config.elevator_peak, dt_s
+        )
     if config.actuator_lead_radps:
         if heading and heading_result.observer is None:
             rudder, rudder_lead = reference_model.lead(
@@ -237,6 +252,23 @@ def _combine(
             elevator, elevator_lead = reference_model.lead(
                 elevator, memory.elevator_lead, config.servo, dt_s
             )
+    _, elevator_error, rudder_error = estimate.attitude_error_rad
+    rudder_gain = scheduled_gains(config.heading_gains, estimate, config).p if heading else 0.0
+    elevator_gain = scheduled_gains(config.pitch_gains, estimate, config).p if depth else 0.0
+    rudder, rudder_full_s = deflection_limit.limit_deflection(
+        rudder,
+        heading_result.static_rad - rudder_gain * rudder_error,
+        memory.rudder_full_s,
+        config.travel_rad,
+        dt_s,
+    )
+    elevator, elevator_full_s = deflection_limit.limit_deflection(
+        elevator,
+        depth_result.static_rad - elevator_gain * elevator_error,
+        memory.elevator_full_s,
+        config.travel_rad,
+        dt_s,
+    )
     output = ControlOutput(
         rudder,
         elevator,
@@ -253,9 +285,13 @@ def _combine(
         depth_result.reference,
         rudder_lead,
         elevator_lead,
+        rudder_peak,
+        elevator_peak,
         memory.trim,
         heading_result.observer,
         depth_result.observer,
+        rudder_full_s,
+        elevator_full_s,
     )
     if config.trim_time_s and heading and depth:
         new_memory = update_trim(new_memory, output, trims, estimate, config, dt_s)
@@ -331,7 +367,8 @@ def heading_pid(
         -travel - trim_rad,
         travel - trim_rad,
     )
-    return HeadingLoopResult(rudder + trim_rad, integral, yaw.reference, None)
+    static_rad = trim_rad + gains.p * yaw.error_rad + integral
+    return HeadingLoopResult(rudder + trim_rad, integral, yaw.reference, None, static_rad)
 
 
 def heading_lqg(
@@ -362,9 +399,8 @@ def heading_lqg(
     rudder, observer = lqg.step(
         controllers.heading, observer, (yaw.yaw_rate_radps, heading_rad), target
     )
-    return HeadingLoopResult(
-        rudder + trim_rad, memory.heading_integral_rad, yaw.reference, observer
-    )
+    rudder += trim_rad
+    return HeadingLoopResult(rudder, memory.heading_integral_rad, yaw.reference, observer, rudder)
 
 
 def scheduled_controllers(config: Config, estimate: VehicleEstimate) -> LqgControllers | None:
@@ -398,17 +434,25 @@ def depth_pids(
         rest += pitch_feedforward(depth.reference, estimate, config)
     else:
         pitch_setpoint = setpoint.pitch_rad
+    error_rad = pitch_setpoint - estimate.pitch_rad
+    gains = scheduled_gains(config.pitch_gains, estimate, config)
     elevator, pitch_integral = pid(
-        pitch_setpoint - estimate.pitch_rad,
+        error_rad,
         _vertical_pitch_rate(estimate, roll_rad),
-        scheduled_gains(config.pitch_gains, estimate, config),
+        gains,
         memory.pitch_integral_rad,
         dt_s,
         -travel - rest,
         travel - rest,
     )
     return DepthLoopResult(
-        elevator + rest, pitch_setpoint, pitch_integral, depth_integral, depth.reference, None
+        elevator + rest,
+        pitch_setpoint,
+        pitch_integral,
+        depth_integral,
+        depth.reference,
+        None,
+        rest + gains.p * error_rad + pitch_integral,
     )
 
 
@@ -433,27 +477,32 @@ def depth_lqg(
     """Compute the elevator (rad, trim included) by the depth LQG controller.
 
     One controller closes depth and pitch. The depth error is limited to the one at which the
-    controller would ask for the pitch limit: PTCH_LIM_DEG over ``pitch_per_metre``.
+    controller would ask for the pitch limit: PTCH_LIM_DEG over ``pitch_per_metre``. Pitch is
+    relative to that of a level run (TRIM_PIT_DEG), so that the observer estimates only the rest of
+    the net buoyancy.
     """
+    level_rad = level_pitch(estimate, config)
     depth = depth_reference(estimate, setpoint, memory, config, dt_s)
     # As the sum in ``depth_pids``, so that both controllers round it in the same way.
     feedforward_rad = trim_rad + pitch_feedforward(depth.reference, estimate, config) - trim_rad
     limit_m, travel = config.pitch_limit_rad / controllers.pitch_per_metre, config.travel_rad
     error, sinking = min(limit_m, max(-limit_m, depth.error_m)), estimate.depth_rate_mps
     pitch_rate = _vertical_pitch_rate(estimate, roll_rad)
-    measured = pitch_rate, estimate.pitch_rad, estimate.depth_m, sinking
+    measured = pitch_rate, estimate.pitch_rad - level_rad, estimate.depth_m, sinking
     wanted = 0.0, -depth.pitch_down_rad, estimate.depth_m + error, sinking - depth.rate_mps
     moving = abs(depth.reference.rate) > INTEGRATOR_HOLD_MPS
     target = LqgReference(wanted, feedforward_rad, -travel - trim_rad, travel - trim_rad, moving)
     elevator, observer = lqg.step(controllers.depth, memory.elevator_observer, measured, target)
-    pitch = -controllers.pitch_per_metre * error - depth.pitch_down_rad
+    pitch = level_rad - controllers.pitch_per_metre * error - depth.pitch_down_rad
+    elevator += trim_rad
     return DepthLoopResult(
-        elevator + trim_rad,
+        elevator,
         pitch,
         memory.pitch_integral_rad,
         memory.depth_integral_rad,
         depth.reference,
         observer,
+        elevator,
     )
 
 

@@ -31,6 +31,16 @@ class LqgFileError(InputError):
 def load(path: Path) -> LqgControllers:
     """Read controllers from a file.
 
+    Parameters
+    ----------
+    path : Path
+        File of ``ground redesign --method lqg``.
+
+    Returns
+    -------
+    LqgControllers
+        The controllers.
+
     Raises
     ------
     LqgFileError

@@ -50,9 +50,9 @@ COMMANDS = frozenset(
 
 DEPTH_REACHED_M = 0.3
 """Maximum depth error at which CHANGE_ALTITUDE_WAIT is done."""
-DEPTH_ROUNDING_M = 1e-3
-"""Tolerance of depth limits: a float32 at the maximum of FS_DEPTH_M (6000 m) has steps of
-0.5 mm."""
+LENGTH_ROUNDING_M = 1e-3
+"""Tolerance of limits of depth and radius: a float32 at the maximum of FS_DEPTH_M (6000 m) has
+steps of 0.5 mm."""
 ITEMS_PER_TICK = 10
 """Maximum number of items, jumps included, completed in one tick; the next tick continues. Without
 it an endless loop of jumps would block the tick."""
@@ -67,6 +67,10 @@ POSITION_COMMANDS = frozenset(
     )
 )
 """Commands with a position."""
+CIRCLE_COMMANDS = frozenset(
+    (MavCmd.NAV_LOITER_UNLIM, MavCmd.NAV_LOITER_TURNS, MavCmd.NAV_LOITER_TIME)
+)
+"""Commands that circle their position with the radius of p3."""
 _DEPTH_COMMANDS = POSITION_COMMANDS | {MavCmd.CONDITION_CHANGE_ALT}
 """Commands whose z is a depth or an altitude."""
 
@@ -117,7 +121,9 @@ def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Mi
     changed in between.
     """
     for item in items_to_fly(items, config):
-        parameter, reason = _item_fault(item, len(items), config)
+        parameter, reason = _item_fault(item, config)
+        if not reason and item.command == MavCmd.DO_JUMP:
+            parameter, reason = _jump_fault(item, len(items), config)
         if not reason:
             parameter, reason = _distance_fault(item, home, config)
         if reason:
@@ -149,7 +155,95 @@ _REQUIRED_PARAMETERS: dict[int, tuple[str, ...]] = {
 """Parameters that must be numbers; NaN in any other parameter means "not given"."""
 
 
-def _item_fault(item: MissionItem, count: int, config: Config) -> ItemFault:
+class _Range(NamedTuple):
+    """Valid values of a parameter of a command."""
+
+    field: str
+    meaning: str
+    least: float = -math.inf
+    most: float = math.inf
+    special: tuple[float, ...] = ()
+    """Further valid values."""
+
+    def fault(self, item: MissionItem) -> ItemFault:
+        """Return the fault of an item; NaN is "not given"."""
+        value = getattr(item, self.field)
+        if math.isnan(value) or self.least <= value <= self.most or value in self.special:
+            return 0, ""
+        choices = [f"{choice:g}" for choice in self.special]
+        if self.least <= self.most:
+            limits = f"at least {self.least:g}"
+            if math.isfinite(self.most):
+                limits = f"{self.least:g} to {self.most:g}"
+            choices.insert(0, limits)
+        valid = " or ".join(filter(None, (", ".join(choices[:-1]), choices[-1])))
+        return _FIELDS[self.field], f"{self.meaning} {value:g}: must be {valid}"
+
+
+def _choice(field: str, meaning: str, *values: float) -> _Range:
+    """Return the range of a parameter with a few valid values."""
+    return _Range(field, meaning, math.inf, -math.inf, values)
+
+
+_CHANGE_NOTHING, _DEFAULT = -1.0, -2.0
+"""Special values of DO_CHANGE_SPEED."""
+_RANGES: dict[int, tuple[_Range, ...]] = {
+    MavCmd.NAV_WAYPOINT: (
+        _Range("p1", "hold time (s)", 0.0),
+        _Range("p2", "acceptance radius (m)", 0.0),
+    ),
+    MavCmd.NAV_LOITER_TIME: (_Range("p1", "time (s)", 0.0),),
+    MavCmd.NAV_LOITER_TURNS: (_Range("p1", "number of turns", 0.0),),
+    # -1 would be a clock time in p2 to p4
+    MavCmd.NAV_DELAY: (_Range("p1", "time (s)", 0.0),),
+    MavCmd.CONDITION_YAW: (
+        _Range("p1", "heading (deg)", -360.0, 360.0),
+        _choice("p3", "direction", -1.0, 0.0, 1.0),
+        _choice("p4", "relative", 0.0, 1.0),
+    ),
+    MavCmd.DO_CHANGE_SPEED: (
+        _choice("p1", "kind of speed", 0.0, 1.0),
+        _Range("p2", "speed (m/s)", 0.0, special=(_CHANGE_NOTHING, _DEFAULT)),
+        _Range("p3", "thrust (%)", 0.0, 100.0, (_CHANGE_NOTHING, _DEFAULT)),
+    ),
+    MavCmd.DO_CHANGE_ALTITUDE: (_choice("p2", "frame", *sorted(GLOBAL_FRAMES)),),
+    MavCmd.DO_JUMP: (_Range("p2", "number of jumps", 0.0, special=(-1.0,)),),
+}
+"""Valid values of parameters, where a command has limits."""
+SPEED_ROUNDING_MPS = 1e-3
+"""Tolerance of the speed limit for numbers in float32."""
+
+
+def _range_fault(item: MissionItem, config: Config) -> ItemFault:
+    """Return the first parameter of an item that is out of its range."""
+    for valid in _RANGES.get(item.command, ()):
+        parameter, reason = valid.fault(item)
+        if reason:
+            return parameter, reason
+    least_m = config.turn_radius_m
+    if item.command in CIRCLE_COMMANDS and 0.0 < abs(item.p3) < least_m - LENGTH_ROUNDING_M:
+        limit = f"0 or at least {least_m:g} m, the turning circle (TURN_RADIUS_M)"
+        return 3, f"radius {item.p3:g} m: must be {limit}"
+    full_thrust_mps = offboard.full_thrust_speed_mps(config)
+    if item.command == MavCmd.DO_CHANGE_SPEED and item.p2 > full_thrust_mps + SPEED_ROUNDING_MPS:
+        limit = f"{full_thrust_mps:.2f} m/s, that of full thrust (SPD_CRUISE_MPS, THR_CRUISE_PCT)"
+        return 2, f"speed {item.p2:g} m/s: must be at most {limit}"
+    return 0, ""
+
+
+def _jump_fault(item: MissionItem, count: int, config: Config) -> ItemFault:
+    """Return the fault of a jump in a mission of ``count`` items."""
+    first = 1 if config.mission_seq0_home else 0
+    if not first <= item.p1 < count:
+        return 1, f"DO_JUMP to {item.p1:g}: there is no such item"
+    if item.p1 != int(item.p1):
+        return 1, f"DO_JUMP to {item.p1:g}: must be the number of an item"
+    if item.p2 < 0.0 and not config.fs_battery_action:
+        return 2, "endless DO_JUMP: must have a battery failsafe that ends it (FS_BATT_ACT)"
+    return 0, ""
+
+
+def _item_fault(item: MissionItem, config: Config) -> ItemFault:
     """Return the fault of an item that does not depend on home."""
     if item.command not in COMMANDS:
         return 0, f"command {item.command} is not one this vehicle flies"
@@ -159,8 +253,9 @@ def _item_fault(item: MissionItem, count: int, config: Config) -> ItemFault:
     for name, parameter in _FIELDS.items():
         if math.isinf(getattr(item, name)):
             return parameter, f"{name} of command {item.command}: must be finite"
-    if item.command == MavCmd.DO_JUMP and not 0 <= item.p1 < count:
-        return 1, f"DO_JUMP to {item.p1:g}: there is no such item"
+    parameter, reason = _range_fault(item, config)
+    if reason:
+        return parameter, reason
     if item.command == MavCmd.DO_CHANGE_ALTITUDE and item.p1 > 0.0:
         return 1, f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
     if item.command in _DEPTH_COMMANDS and guidance.item_depth_m(item, 0.0) < 0.0:
@@ -168,7 +263,7 @@ def _item_fault(item: MissionItem, count: int, config: Config) -> ItemFault:
         return 7, f"depth {depth_m:g} m: must be 0 or more; z is down in a local frame, else up"
     if item.command in _DEPTH_COMMANDS or item.command == MavCmd.DO_CHANGE_ALTITUDE:
         depth_m, limit_m = new_depth_m(item), config.fs_depth_m
-        if depth_m > limit_m + DEPTH_ROUNDING_M:
+        if depth_m > limit_m + LENGTH_ROUNDING_M:
             parameter = 7 if item.command in _DEPTH_COMMANDS else 1
             return parameter, f"depth {depth_m:g} m: must be at most FS_DEPTH_M = {limit_m:g} m"
     if item.command in POSITION_COMMANDS:
@@ -188,6 +283,10 @@ def _distance_fault(item: MissionItem, home: Home, config: Config) -> ItemFault:
     ):
         return 0, ""
     position_m = guidance.item_position(item, home)
+    radius_m = circle_radius_m(item, config)
+    if item.p3 and radius_m > limit_m - abs(position_m or 0.0) > 0.0:
+        reach = f"circle of {radius_m:g} m, {abs(position_m or 0.0):.0f} m from home"
+        return 3, f"{reach}: must stay within MIS_DIST_MAX = {limit_m:g} m"
     if position_m is None or abs(position_m) <= limit_m:
         return 0, ""
     parameter = 5 if abs(position_m.real) >= abs(position_m.imag) else 6
@@ -195,6 +294,15 @@ def _distance_fault(item: MissionItem, home: Home, config: Config) -> ItemFault:
         parameter,
         f"{abs(position_m):.0f} m from home: must be at most MIS_DIST_MAX = {limit_m:g} m",
     )
+
+
+def circle_radius_m(item: MissionItem, config: Config) -> float:
+    """Return the radius of the circle that an item flies (m); 0 if it flies none."""
+    if item.command == MavCmd.NAV_WAYPOINT:
+        return config.station_radius_m if item.p1 > 0.0 else 0.0
+    if item.command in CIRCLE_COMMANDS:
+        return guidance.circle(0j, item.p3, config).radius_m
+    return 0.0
 
 
 def needs_home(items: tuple[MissionItem, ...], config: Config) -> bool:
@@ -423,8 +531,12 @@ def _heading(item: MissionItem, state: AutopilotState) -> float:
 
 
 def item_thrust(item: MissionItem, thrust: float, config: Config) -> float:
-    """Return the thrust of CHANGE_SPEED: p3 (%) if given, else that of speed p2; -2: cruise."""
-    if item.p3 >= 0:
+    """Return the thrust of CHANGE_SPEED: p3 (%) if given, else that of speed p2; -2: cruise.
+
+    A thrust of 0 beside a speed is not given: MAVProxy and pymavlink leave unused parameters 0.
+    """
+    speed_is_given = item.p2 >= 0 or item.p2 == -2
+    if item.p3 > 0 or (item.p3 == 0 and not speed_is_given):
         return min(1.0, item.p3 / 100.0)
     if item.p2 >= 0:
         return offboard.thrust_for(item.p2, config)

@@ -166,3 +166,9 @@ def thrust_for(speed_mps: float, config: Config) -> float:
     """Return the thrust command in [-1, 1] for a speed through the water (m/s): proportional."""
     thrust = speed_mps / config.cruise_speed_mps * config.cruise_thrust_pct / 100.0
     return max(-1.0, min(1.0, thrust))
+
+
+def full_thrust_speed_mps(config: Config) -> float:
+    """Return the speed through the water (m/s) at full thrust; infinite without a cruise thrust."""
+    fraction = config.cruise_thrust_pct / 100.0
+    return config.cruise_speed_mps / fraction if fraction > 0.0 else math.inf

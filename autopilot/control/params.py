@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple, cast, get_type_hints
 
 from autopilot.control.lqg import LqgControllers
 from autopilot.control.pid import Gains
-from autopilot.control.reference_model import ActuatorLead
+from autopilot.control.reference_model import ActuatorLead, PeakFilter
 from mavlink_io.errors import ErrorCode, InputError
 
 MIN_MAGNITUDE = 2.0**-126
@@ -27,10 +27,12 @@ MIN_WHEN_ON = {
     "FS_GCS_TIMEOUT": 0.1,
     "FS_TIME_S": 1.0,
     "GAIN_SPD_MPS": 0.1,
+    "HDG_PEAK_W": 0.05,
     "HDG_REF_W": 0.01,
     "HLTH_DPT_S": 1.0,
     "HLTH_STUCK_S": 0.1,
     "NAV_LOS_I": 0.001,
+    "PTCH_PEAK_W": 0.05,
     "THR_CRUISE_PCT": 1.0,
     "TRIM_AUTO_S": 1.0,
 }
@@ -384,6 +386,66 @@ class Config:
             doc="Rate limit of the tailcone",
         ),
     ] = 15.0
+    heading_peak_radps: Annotated[
+        float,
+        Doc(
+            name="HDG_PEAK_W",
+            minimum=0,
+            maximum=20,
+            unit="rad/s",
+            doc="Frequency of the rudder's peak filter; 0 off",
+        ),
+    ] = 0.0
+    heading_peak_damping: Annotated[
+        float,
+        Doc(
+            name="HDG_PEAK_Z",
+            minimum=0.05,
+            maximum=2,
+            unit="",
+            doc="Damping ratio of the rudder's peak filter",
+        ),
+    ] = 0.5
+    heading_peak_gain: Annotated[
+        float,
+        Doc(
+            name="HDG_PEAK_GAIN",
+            minimum=0.1,
+            maximum=10,
+            unit="",
+            doc="Gain of the rudder's peak filter at its frequency; 1 far from it",
+        ),
+    ] = 1.0
+    pitch_peak_radps: Annotated[
+        float,
+        Doc(
+            name="PTCH_PEAK_W",
+            minimum=0,
+            maximum=20,
+            unit="rad/s",
+            doc="Frequency of the elevator's peak filter; 0 off",
+        ),
+    ] = 0.0
+    pitch_peak_damping: Annotated[
+        float,
+        Doc(
+            name="PTCH_PEAK_Z",
+            minimum=0.05,
+            maximum=2,
+            unit="",
+            doc="Damping ratio of the elevator's peak filter",
+        ),
+    ] = 0.5
+    pitch_peak_gain: Annotated[
+        float,
+        Doc(
+            name="PTCH_PEAK_GAIN",
+            minimum=0.1,
+            maximum=10,
+            unit="",
+            doc="Gain of the elevator's peak filter at its frequency; 1 far from it",
+        ),
+    ] = 1.0
     cruise_thrust_pct: Annotated[
         float,
         Doc(
@@ -559,6 +621,16 @@ class Config:
             doc="Radius of the circle for station keeping",
         ),
     ] = 20.0
+    turn_radius_m: Annotated[
+        float,
+        Doc(
+            name="TURN_RADIUS_M",
+            minimum=0,
+            maximum=1000,
+            unit="m",
+            doc="Smallest circle that may be asked for: the turning circle at full travel; 0: any",
+        ),
+    ] = 6.0
     rtl_depth_m: Annotated[
         float,
         Doc(
@@ -647,7 +719,7 @@ class Config:
             minimum=0,
             maximum=120,
             unit="s",
-            doc="Longest time astern of a vehicle that sinks nose down in SURFACE; 0 off",
+            doc="Longest time astern of a vehicle that sinks in SURFACE; 0 off",
         ),
     ] = 20.0
     surface_hold_s: Annotated[
@@ -1135,6 +1207,8 @@ class Config:
     fs_pitch_rad: float = field(init=False)
     heading_ref_rate_radps: float = field(init=False)
     servo: ActuatorLead = field(init=False)
+    rudder_peak: PeakFilter = field(init=False)
+    elevator_peak: PeakFilter = field(init=False)
     heading_gains: Gains = field(init=False)
     pitch_gains: Gains = field(init=False)
     depth_gains: Gains = field(init=False)
@@ -1152,6 +1226,16 @@ class Config:
             ("fs_pitch_rad", math.radians(self.fs_pitch_deg)),
             ("heading_ref_rate_radps", math.radians(self.heading_ref_degps)),
             ("servo", self._servo()),
+            (
+                "rudder_peak",
+                PeakFilter(
+                    self.heading_peak_radps, self.heading_peak_damping, self.heading_peak_gain
+                ),
+            ),
+            (
+                "elevator_peak",
+                PeakFilter(self.pitch_peak_radps, self.pitch_peak_damping, self.pitch_peak_gain),
+            ),
             (
                 "heading_gains",
                 Gains(
@@ -1347,7 +1431,7 @@ def config(values: Mapping[str, float]) -> Config:
     for name, value in values.items():
         stored = validate(name, value)
         row = _BY_NAME[name]
-        changed[row.field] = int(stored) if row.integer else stored
+        changed[row.field] = int(stored) if row.integer else float(stored)
     return Config(**changed)  # type: ignore[arg-type]
 
 
@@ -1374,6 +1458,7 @@ RULES = (
     Rule("SURF_RISE_S", "SURF_TIME_S", off=True),
     Rule("SURF_ASTERN_S", "SURF_TIME_S", off=True),
     Rule("PTCH_LIM_DEG", "FS_PITCH_DEG", strict=True),
+    Rule("TURN_RADIUS_M", "STN_RADIUS_M"),
 )
 """Rules of consistency, checked at arming and not when a value is set: the order in
 which a set of parameters is loaded has no effect."""

@@ -1,4 +1,4 @@
-"""Reference model of a set-point, set-point weighting, and lead of the tailcone's lag. Pure."""
+"""Reference model of a set-point, set-point weighting, and filters of the commands. Pure."""
 
 import math
 from typing import NamedTuple
@@ -37,6 +37,17 @@ class ActuatorLead(NamedTuple):
     """Rate limit of the tailcone."""
     travel_rad: float
     """Maximum angle of the duct."""
+
+
+class PeakFilter(NamedTuple):
+    """Second-order filter with a larger gain about one frequency, and a gain of 1 far from it."""
+
+    frequency_radps: float
+    """Frequency of the largest gain; 0 without a filter."""
+    damping: float
+    """Damping ratio of the poles."""
+    gain: float
+    """Gain at this frequency."""
 
 
 @numeric
@@ -141,3 +152,39 @@ def lead(
     rate = min(servo.rate_radps, max(-servo.rate_radps, rate + (command - moving) * w * w * dt_s))
     angle = min(travel, max(-travel, angle + rate * dt_s))
     return command, ReferenceState(angle, rate)
+
+
+@numeric
+def peak(
+    command_rad: float, state: ReferenceState, shape: PeakFilter, dt_s: float
+) -> tuple[float, ReferenceState]:
+    """Compute the command behind a peak filter.
+
+    With c the command, w the frequency, z the damping ratio and g the gain, the filter
+    (s^2 + 2 z g w s + w^2) / (s^2 + 2 z w s + w^2) in semi-implicit Euler steps::
+
+        a'' = w^2 (c - a) - 2 z w a'        u = c + (2 z (g - 1) / w) a'
+
+    Its gain is 1 for constant commands, so that integrators and trims do not change.
+
+    Parameters
+    ----------
+    command_rad : float
+        c.
+    state : ReferenceState
+        a and a' after the last tick; NO_REFERENCE starts at rest at c.
+    shape : PeakFilter
+        Parameters; the frequency is not 0.
+    dt_s : float
+        Time since the last tick.
+
+    Returns
+    -------
+    tuple[float, ReferenceState]
+        u (rad), and the new state.
+    """
+    angle, rate = state if begun(state) else ReferenceState(command_rad, 0.0)
+    w, drag = shape.frequency_radps, 2.0 * shape.damping * shape.frequency_radps
+    rate = rate + (w * w * (command_rad - angle) - drag * rate) * dt_s
+    command = command_rad + 2.0 * shape.damping * (shape.gain - 1.0) / w * rate
+    return command, ReferenceState(angle + rate * dt_s, rate)

@@ -18,7 +18,7 @@ from autopilot.control import (
 )
 from autopilot.control.params import Config, find_conflict
 from autopilot.control.sensor_health import monitor
-from autopilot.control.setpoints import AttitudeTarget, Circle, MotionTarget, TrackLine
+from autopilot.control.setpoints import AttitudeTarget, Circle, TrackLine
 from autopilot.control.types import (
     ACCEPTED,
     DENIED,
@@ -33,13 +33,7 @@ from autopilot.control.types import (
     MissionState,
     Severity,
 )
-from mavlink_io.mission_items import (
-    FRAME_LOCAL_NED,
-    GLOBAL_FRAMES,
-    LOCAL_SCALE,
-    MavCmd,
-    MissionItem,
-)
+from mavlink_io.mission_items import GLOBAL_FRAMES, MavCmd, MissionItem
 
 Events = tuple[Event | ItemReached, ...]
 
@@ -224,28 +218,16 @@ def set_mode(
 def set_target(
     state: AutopilotState, request: requests.SetTarget, config: Config
 ) -> tuple[AutopilotState, Answer, Events]:
-    """Store the latest target of a stream; in STATION a place is the new centre of the circle."""
+    """Store the latest target of a stream; in STATION its place is circled, its depth taken."""
     target = request.target
     if isinstance(target, AttitudeTarget):
         targets = state.targets._replace(attitude=target)
         return state._replace(targets=targets), Answer(ACCEPTED), ()
     stored = state._replace(targets=state.targets._replace(motion=target))
-    if state.armed and state.mode == modes.STATION.number and target.position_m is not None:
-        return go_to(stored, requests.GoTo(_place(target), target.speed_mps), config)
+    there = requests.go_to_target(target)
+    if state.armed and state.mode == modes.STATION.number and there is not None:
+        return go_to(stored, there, config)
     return stored, Answer(ACCEPTED), ()
-
-
-def _place(target: MotionTarget) -> MissionItem:
-    """Return the place and the depth of a motion target as an item to circle."""
-    position_m = target.position_m or 0j
-    return MissionItem(
-        0,
-        FRAME_LOCAL_NED,
-        MavCmd.NAV_LOITER_UNLIM,
-        x=round(position_m.real * LOCAL_SCALE),
-        y=round(position_m.imag * LOCAL_SCALE),
-        z=math.nan if target.depth_m is None else target.depth_m,
-    )
 
 
 def go_to(

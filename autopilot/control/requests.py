@@ -1,9 +1,16 @@
 """Requests of ground stations as data; ``request_handler.handle_request`` handles them."""
 
+import math
 from typing import NamedTuple
 
 from autopilot.control.setpoints import AttitudeTarget, MotionTarget
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import (
+    FRAME_LOCAL_NED,
+    LOCAL_SCALE,
+    NOT_GIVEN,
+    MavCmd,
+    MissionItem,
+)
 
 
 class Arm(NamedTuple):
@@ -136,3 +143,21 @@ Request = (
     | SetHome
     | TestActuator
 )
+
+
+def go_to_target(target: MotionTarget) -> GoTo | None:
+    """Return the request to circle the place, or to change to the depth, of a motion target.
+
+    None if it has no place, and no depth or more than a depth.
+    """
+    depth_m = math.nan if target.depth_m is None else target.depth_m
+    if target.position_m is None:
+        if target != MotionTarget(depth_m=target.depth_m) or target.depth_m is None:
+            return None
+        command, x, y = MavCmd.CONDITION_CHANGE_ALT, NOT_GIVEN, NOT_GIVEN
+    else:
+        command = MavCmd.NAV_LOITER_UNLIM
+        x = round(target.position_m.real * LOCAL_SCALE)
+        y = round(target.position_m.imag * LOCAL_SCALE)
+    item = MissionItem(0, FRAME_LOCAL_NED, command, x=x, y=y, z=depth_m)
+    return GoTo(item, target.speed_mps)

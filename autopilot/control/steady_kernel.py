@@ -64,7 +64,7 @@ def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
     Returns
     -------
     bool
-        Whether the tick is a steady one; if not, the results have no meaning.
+        Whether the tick is a steady one; if not, flight and results have not changed.
     """
     before = flight.value
     signal = ExcitationOutput(
@@ -80,8 +80,9 @@ def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
         before.task,
         config.value,
     )
-    if done:
-        flight.value = Flight(state, devices, before.task)
+    if not done:
+        return False
+    flight.value = Flight(state, devices, before.task)
     motion = estimator.motion_of(state.estimate, state.time_us)
     for i in range(len(motion)):
         values[RESULTS + i] = motion[i]
@@ -89,7 +90,7 @@ def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
         values[_SETPOINT + i] = state.setpoint[i]
     for i in range(len(trace)):
         values[_TRACE + i] = trace[i]
-    return done
+    return True
 
 
 @entry_point

@@ -175,6 +175,9 @@ class VehicleEstimate(NamedTuple):
     depth_time_us: int = 0
     """Time of the last depth measurement."""
     navigation: Navigation = Navigation()
+    attitude_error_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Rotation (body axes) from the estimated attitude to that of accelerometer and magnetometer in
+    the last tick; NaN if gyro, accelerometer or magnetometer are not used."""
 
 
 class Motion(NamedTuple):
@@ -231,11 +234,17 @@ class LoopMemory(NamedTuple):
     rudder_lead: ReferenceState = NO_REFERENCE
     elevator_lead: ReferenceState = NO_REFERENCE
     """States of the actuator leads; NO_REFERENCE if the lead is off or the loop was open."""
+    rudder_peak: ReferenceState = NO_REFERENCE
+    elevator_peak: ReferenceState = NO_REFERENCE
+    """States of the peak filters; NO_REFERENCE if the filter is off or the loop was open."""
     trim: Trim = Trim()
     rudder_observer: ObserverState | None = None
     """State of the heading LQG controller; None with PID or if the loop was open."""
     elevator_observer: ObserverState | None = None
     """State of the depth LQG controller; None with PID or if the loop was open."""
+    rudder_full_s: float = 0.0
+    elevator_full_s: float = 0.0
+    """Time above the limit of a command that is not confirmed; see ``deflection_limit``."""
 
 
 class Excitation(NamedTuple):
@@ -330,6 +339,8 @@ class Ascent(NamedTuple):
     """Time since which the depth is that of the surface; None below it."""
     attempts: int = 0
     """Number of times that power was stopped."""
+    braked_us: int | None = None
+    """Time of the first braking since the vehicle came to the surface; None before it."""
 
 
 class AutopilotState(NamedTuple):

@@ -20,7 +20,7 @@ from autopilot.telemetry.streams import (
     TRACE_NAME,
     TelemetryStream,
 )
-from autopilot.vehicle import TickReport
+from autopilot.vehicle import SteadyReport, TickReport
 from mavlink_io import dialect
 from mavlink_io.logging.mavlink_log import Column
 
@@ -95,7 +95,7 @@ def columns(system: int, sensors_component: int) -> tuple[Column, ...]:
     )
 
 
-def fields(report: TickReport, sensors: bytes) -> Sequence[tuple[Any, ...]]:
+def fields(report: TickReport | SteadyReport, sensors: bytes) -> Sequence[tuple[Any, ...]]:
     """Return the fields of each column for one tick.
 
     ``sensors`` is the payload of HIL_SENSOR, with or without trailing zeros.

@@ -50,6 +50,7 @@ _GROUPS = {
     "SYS": "System",
     "THR": "Speed",
     "TRIM": "Actuators",
+    "TURN": "Navigation",
 }
 """Group title by name prefix; the prefix is the title of other groups."""
 _VALUE = re.compile(r"(?:^|[:,] )(\d+) ([^,;(]+(?:\([^)]*\))?)")

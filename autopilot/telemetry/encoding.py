@@ -8,13 +8,13 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from autopilot.vehicle import Snapshot, TickReport
+from autopilot.vehicle import Snapshot, SteadyReport, TickReport
 from mavlink_io.device_messages import UNKNOWN_U16
 from mavlink_io.dialect import MessageType, Values
 
 Builder = Callable[[Any], Values]
 """Build a message from a ``Snapshot``; from a ``TickReport`` if its stream is ``of_tick``."""
-Report = Snapshot | TickReport
+Report = Snapshot | TickReport | SteadyReport
 
 
 def time_us(s: Report) -> int:

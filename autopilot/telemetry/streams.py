@@ -94,7 +94,7 @@ def vfr_hud(s: Report) -> Values:
 
 
 def altitude(s: Report) -> Values:
-    """Return ALTITUDE (m): relative to the surface, and above the sea floor; -1 when unknown."""
+    """Return ALTITUDE: m above the surface, and above the sea floor; -1 when unknown."""
     motion = s.motion
     altitude_m, clearance_m = (
         -motion.depth_m,
@@ -111,7 +111,7 @@ def water_pressure(s: Report) -> Values:
 
 
 def distance_sensor(s: Report) -> Values:
-    """Return DISTANCE_SENSOR (cm) of the altimeter; signal quality 1 means no echo."""
+    """Return DISTANCE_SENSOR: range (cm) of the altimeter; signal quality 1 means no echo."""
     range_m, altimeter = s.motion.altitude_m, s.altimeter
     limits_m = (0.0, math.inf)
     if altimeter is not None:

@@ -1,8 +1,8 @@
 """Identity ``--autopilot-id ardupilot``: what tools for ArduSub send and expect.
 
-Sources: pymavlink 2.4.50, mavutil.py (mode numbers); Cockpit, src/libs/vehicle/mavlink/defaults.ts
-and vehicle.ts (messages); ArduPilot, ArduSub/joystick.cpp and GCS_Common.cpp (manual control,
-streams). The tests send their messages to the real server in memory.
+Sources: pymavlink 2.4.50, mavutil.py (mode numbers); ArduPilot, ArduSub/joystick.cpp and
+GCS_Common.cpp (manual control, streams). The tests send their messages to the real server in
+memory. Cockpit's requirements: test_cockpit.py.
 """
 
 from typing import Any
@@ -21,14 +21,7 @@ from tests.helpers.fake_hil import Harness, only, texts
 
 FIX = GpsFix(0, 3, 41.5, -70.7, 12.0, 0.0, 0.0, 0.0, 9)
 IDENTITY = AutopilotId.ARDUPILOT
-DO_SET_MODE, SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 176, 511, 512
-COCKPIT = (
-    *("RAW_IMU", "SCALED_IMU2", "SCALED_PRESSURE2", "SYS_STATUS", "GPS_RAW_INT", "ATTITUDE"),
-    *("NAV_CONTROLLER_OUTPUT", "GLOBAL_POSITION_INT", "SERVO_OUTPUT_RAW", "RC_CHANNELS"),
-    *("AHRS2", "VFR_HUD", "SYSTEM_TIME", "RANGEFINDER", "DISTANCE_SENSOR", "BATTERY_STATUS"),
-    "EKF_STATUS_REPORT",
-)
-"""Messages that Cockpit requests at the connection and this vehicle can measure."""
+DO_SET_MODE, REQUEST_MESSAGE = 176, 512
 TICKS_PER_S = 50
 
 
@@ -152,22 +145,6 @@ def test_version_says_that_integers_are_converted(harness: Harness) -> None:
     assert not version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
 
 
-def test_every_message_that_cockpit_requests_is_sent(harness: Harness) -> None:
-    for name in COCKPIT:
-        number = dialect.by_name(name).message_id
-        received = harness.command(SET_MESSAGE_INTERVAL, number, 500_000)
-        assert result(received) == mavlink.MAV_RESULT_ACCEPTED, name
-    received = rates(harness)
-    assert {name: received.get(name) for name in COCKPIT} == dict.fromkeys(COCKPIT, 2.0)
-
-
-@pytest.mark.parametrize("name", ["POWER_STATUS", "MEMINFO", "SIMSTATE", "VIBRATION"])
-def test_message_without_a_measurement_is_unsupported(harness: Harness, name: str) -> None:
-    number = dialect.by_name(name).message_id
-    received = harness.command(SET_MESSAGE_INTERVAL, number, 500_000)
-    assert result(received) == mavlink.MAV_RESULT_UNSUPPORTED
-
-
 def test_stream_request_sets_the_rate_of_its_group(harness: Harness) -> None:
     before = rates(harness)
     harness.ask(mavlink.MAVLink_request_data_stream_message(1, 0, 10, 2, 1))
@@ -287,10 +264,3 @@ def test_mission_is_requested_by_mission_request_with_home_first(harness: Harnes
         )
     assert only(received, "MISSION_ACK").type == mavlink.MAV_MISSION_ACCEPTED
     assert harness.vehicle.params.get("MIS_SEQ0_HOME") == 1.0
-
-
-def test_integer_parameter_is_a_converted_number(harness: Harness) -> None:
-    """Cockpit sends the type of its table; ArduPilot's integers are converted numbers."""
-    int8 = mavlink.MAV_PARAM_TYPE_INT8
-    received = harness.ask(mavlink.MAVLink_param_set_message(1, 1, b"FS_GCS_ACT", 2.0, int8))
-    assert only(received, "PARAM_VALUE").param_value == 2.0

@@ -8,6 +8,7 @@ import math
 import random
 import sys
 
+import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.control import feasibility, fence, modes, requests
@@ -83,7 +84,7 @@ def test_drawn_feasible_missions_are_accepted() -> None:
 def test_every_kind_of_fault_is_drawn() -> None:
     rng = random.Random(1)
     kinds = {mission_draws.impossible(rng).reason for _ in range(2 * DRAWS)}
-    assert len(kinds) >= 14
+    assert len(kinds) >= 20
 
 
 def place(
@@ -132,6 +133,64 @@ def test_jumps_multiply_the_way_and_endless_ones_are_not_counted() -> None:
     assert fault_of(*lines, jump)[0] == 1
     assert fault_of(*lines, jump._replace(p2=1.0)) == (-1, "", 0)
     assert fault_of(*lines, jump._replace(p2=-1.0)) == (-1, "", 0)
+
+
+def test_endless_jump_needs_one_pass_within_the_battery_and_its_failsafe() -> None:
+    lines = place(0.0), place(9000.0), MissionItem(0, 2, 177, p1=0.0, p2=-1.0)
+    half = AutopilotState(home=HOME, charge=0.5)
+    assert fault_of(*lines, state=half) == (-1, "", 0), "a pass takes 1.9 h there, 3.8 h in all"
+    assert fault_of(*lines, state=half._replace(charge=0.3))[::2] == (1, 5), "1.5 h"
+    sequence, reason, parameter = fault_of(*lines, fs_battery_action=0)
+    assert (sequence, parameter) == (2, 2)
+    assert reason.startswith("endless DO_JUMP: must have a battery failsafe")
+
+
+@pytest.mark.parametrize("count", [-1.0, 5000.0])
+def test_repetition_of_one_place_is_refused(count: float) -> None:
+    """The second pass begins at the place: nothing is left to fly."""
+    jump = MissionItem(0, 2, 177, p1=0.0, p2=count)
+    reason = "DO_JUMP repeats items that take no time"
+    assert fault_of(place(50.0), jump) == (1, reason, 1)
+    assert fault_of(place(50.0), jump, battery_cruise_h=0.0) == (1, reason, 1)
+    assert fault_of(place(50.0), jump._replace(p2=3.0)) == (-1, "", 0)
+    wait = MissionItem(0, 2, 93, p1=1.0)
+    assert fault_of(place(50.0), wait, jump, battery_cruise_h=0.0) == (-1, "", 0)
+
+
+def test_thrust_of_0_in_a_repetition_is_refused_without_a_battery() -> None:
+    """The first pass reaches both places before the thrust is set to 0."""
+    stop, jump = MissionItem(0, 2, 178, p2=-1.0, p3=0.0), MissionItem(0, 2, 177, p2=-1.0)
+    items = place(0.0), place(100.0), stop, jump
+    for battery_h in (0.0, 10.0):
+        fault = fault_of(*items, battery_cruise_h=battery_h)
+        assert fault == (0, "it is never reached: the thrust is 0", 5)
+
+
+def test_skipped_passes_use_the_time_of_each() -> None:
+    """Delays of 60 s: 509 passes are 8.5 h less a minute, all that is left above the reserve."""
+    delay, jump = MissionItem(0, 2, 93, p1=60.0), MissionItem(0, 2, 177)
+    assert fault_of(delay, jump._replace(p2=508.0), delay) == (-1, "", 0)
+    assert fault_of(delay, jump._replace(p2=509.0), delay)[::2] == (2, 1)
+    assert fault_of(delay, jump._replace(p2=510.0), delay)[::2] == (0, 1)
+    assert fault_of(delay, jump._replace(p2=1e9), battery_cruise_h=0.0) == (-1, "", 0)
+
+
+def test_jump_to_the_home_of_item_0_is_refused() -> None:
+    items = place(0.0), place(100.0), MissionItem(0, 2, 177, p1=0.0, p2=1.0)
+    assert fault_of(*items) == (-1, "", 0)
+    reason = "DO_JUMP to 0: there is no such item"
+    assert fault_of(*items, mission_seq0_home=1) == (2, reason, 1)
+
+
+def test_drawn_depths_below_the_floor_are_refused_at_the_start() -> None:
+    rng = random.Random(4)
+    for _ in range(DRAWS):
+        floor_m, altitude_m = rng.uniform(4.0, 17.0), rng.uniform(0.5, 3.0)
+        over_m = rng.uniform(0.01, 3.0) * rng.choice((-1.0, 1.0))
+        item = place(rng.uniform(-19.0, 19.0))._replace(z=max(0.0, floor_m - altitude_m + over_m))
+        start = feasibility.Start(0j, floor_m)
+        sequence, reason, parameter = fault_of(item, start=start, fs_altitude_m=altitude_m)
+        assert (sequence, parameter) == ((0, 7) if over_m > 0.0 else (-1, 0)), reason
 
 
 def test_way_from_the_start_counts_for_the_rest_of_the_mission() -> None:

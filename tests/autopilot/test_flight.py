@@ -14,6 +14,7 @@ from autopilot.control.types import (
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     ItemReached,
+    MissionState,
 )
 from mavlink_io.mission_items import MavCmd, MissionItem
 from tests.helpers.missions import Flight, excitation_item, leg, under_way
@@ -79,6 +80,27 @@ def test_mission_flies_legs_then_surfaces_and_disarms() -> None:
     assert flight.depth_m < 0.6
     assert [e.sequence for e in flight.events if isinstance(e, ItemReached)] == list(range(8))
     assert flight.texts()[-1] == "Surfaced: disarmed"
+
+
+@pytest.mark.parametrize(
+    ("p2", "p3", "thrust"),
+    [
+        (1.0, 0.0, 0.58 / 1.3),  # MAVProxy's setspeed, DroneKit's examples: throttle left at 0
+        (1.0, -1.0, 0.58 / 1.3),
+        (-2.0, 0.0, 0.58),
+        (1.0, 40.0, 0.4),
+        (-1.0, 40.0, 0.4),
+        (-1.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        (-1.0, -1.0, 0.2),
+    ],
+)
+def test_change_of_speed_ignores_zero_throttle_beside_speed(
+    p2: float, p3: float, thrust: float
+) -> None:
+    """The thrust before is 0.2; cruise is 1.3 m/s at 58 %."""
+    item = MissionItem(0, 2, 178, p1=1.0, p2=p2, p3=p3)
+    assert mission.item_thrust(item, 0.2, Config()) == pytest.approx(thrust)
 
 
 def test_paused_mission_continues_with_its_setpoints() -> None:
@@ -245,9 +267,13 @@ def circle_of_jumps(count: int) -> tuple[MissionItem, ...]:
 
 
 def test_endless_jumps_are_bounded_per_tick() -> None:
-    flight = under_way()
-    flight.ask(requests.LoadMission(circle_of_jumps(1000)))
+    """The upload refuses them; the bound does not rely on that."""
+    flight, jumps = under_way(), circle_of_jumps(1000)
+    assert flight.ask(requests.LoadMission(jumps)) == DENIED
+    delay = MissionItem(0, 2, 93, p1=60.0)
+    flight.ask(requests.LoadMission((delay,)))
     assert flight.ask(requests.SetMode(modes.MISSION.number)) == ACCEPTED
+    flight.state = flight.state._replace(mission=MissionState(jumps))
     for tick in range(250):
         flight.events.clear()
         state = flight.step()

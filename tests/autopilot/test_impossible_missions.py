@@ -14,7 +14,7 @@ from mavlink_io.records import GpsFix
 from tests.helpers.fake_hil import Harness, texts
 from tests.helpers.missions import Flight, leg
 
-WAYPOINT, LOITER, LAND, DELAY, CHANGE_ALTITUDE, WAIT = 16, 19, 21, 93, 186, 113
+WAYPOINT, LOITER, LAND, DELAY, CHANGE_ALTITUDE, WAIT, JUMP = 16, 19, 21, 93, 186, 113, 177
 HOME = Home(42.35, -71.0, True)
 PARAM1, PARAM5, PARAM6, PARAM7 = 6, 10, 11, 12
 """Values from MAV_MISSION_INVALID_PARAM1."""
@@ -86,6 +86,16 @@ IMPOSSIBLE: list[tuple[MissionItem, int, str]] = [
         PARAM6,
         "20000 m from home: must be at most MIS_DIST_MAX = 10000 m",
     ),
+    (
+        MissionItem(0, 1, LOITER, p1=5.0, p3=-1.0, z=2.0),
+        PARAM1 + 2,
+        "radius -1 m: must be 0 or at least 6 m, the turning circle (TURN_RADIUS_M)",
+    ),
+    (
+        MissionItem(0, 2, JUMP, p1=1.0, p2=-1.0),
+        PARAM1,
+        "DO_JUMP repeats items that take no time",
+    ),
     (MissionItem(0, 2, DELAY, p1=NAN), PARAM1, "p1 of command 93: must be a number"),
     (waypoint()._replace(z=-math.inf), PARAM7, "z of command 16: must be finite"),
     (waypoint()._replace(p4=math.inf), 9, "p4 of command 16: must be finite"),
@@ -106,6 +116,7 @@ def test_impossible_item_is_refused_at_upload_by_its_field(
     "item",
     [
         waypoint(depth_m=18.0),
+        MissionItem(0, 1, LOITER, p1=5.0, p3=6.0, z=2.0),
         waypoint(lat_deg=42.35 + 9_900.0 / NORTH_M_PER_DEG),
         waypoint()._replace(x=NOT_GIVEN, y=NOT_GIVEN),
         waypoint()._replace(x=0, y=0),

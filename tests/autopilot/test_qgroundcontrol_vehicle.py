@@ -1,4 +1,7 @@
-"""Displays and buttons of QGroundControl for a connected vehicle, after its source."""
+"""Displays and buttons of QGroundControl for a connected vehicle, after its source.
+
+Commits of the files that were read: docs/ground_stations.md.
+"""
 
 import math
 from typing import Any
@@ -127,6 +130,75 @@ def test_pause_button_selects_hold(qgc: Connection) -> None:
     )
     assert only(received, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
     assert only(received, "HEARTBEAT").custom_mode == modes.HOLD.number
+
+
+NAN = math.nan
+LAT, LON = 41.501, -70.7
+
+
+def under_way(qgc: Connection) -> None:
+    """Arm in HOLD."""
+    assert only(qgc.command(400, 1), "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+    streams(qgc, 1)
+
+
+def reposition(qgc: Connection, *parameters: float) -> Any:
+    """Send DO_REPOSITION with the change-mode flag; return the COMMAND_ACK's result."""
+    received = qgc.command(mavlink.MAV_CMD_DO_REPOSITION, -1, 1, 0, *parameters)
+    return only(received, "COMMAND_ACK").result
+
+
+def test_go_to_location_circles_the_place(qgc: Connection) -> None:
+    """``PX4FirmwarePlugin::guidedModeGotoLocation``: COMMAND_INT in frame GLOBAL.
+
+    The altitude is that of GLOBAL_POSITION_INT, the present one.
+    """
+    under_way(qgc)
+    message = mavlink.MAVLink_command_int_message(
+        *(1, AUTOPILOT, 0, mavlink.MAV_CMD_DO_REPOSITION, 0, 0, -1, 1, 0, NAN),
+        *(round(LAT * 1e7), round(LON * 1e7), streams(qgc, 1)["GLOBAL_POSITION_INT"].alt / 1e3),
+    )
+    assert only(qgc.ask(message), "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+    assert qgc.harness.vehicle.state.mode == modes.STATION.number
+    assert qgc.harness.vehicle.state.path is not None
+
+
+def test_change_of_altitude_pauses_first(qgc: Connection) -> None:
+    """``guidedModeChangeAltitude``, ``_changeAltAfterPause``: DO_REPOSITION twice."""
+    under_way(qgc)
+    assert reposition(qgc, NAN, NAN, NAN, NAN) == mavlink.MAV_RESULT_ACCEPTED
+    assert reposition(qgc, NAN, NAN, NAN, -3.5) == mavlink.MAV_RESULT_ACCEPTED
+    state = qgc.harness.vehicle.state
+    assert (state.mode, state.setpoint.depth_m) == (modes.HOLD.number, 3.5)
+
+
+def test_change_of_heading_is_held(qgc: Connection) -> None:
+    """``guidedModeChangeHeading``: DO_REPOSITION with a heading (rad) only."""
+    under_way(qgc)
+    assert reposition(qgc, 1.2, NAN, NAN, NAN) == mavlink.MAV_RESULT_ACCEPTED
+    state = qgc.harness.vehicle.state
+    assert (state.mode, state.setpoint.heading_rad) == (modes.HOLD.number, pytest.approx(1.2))
+
+
+@pytest.mark.parametrize("kind", [0, 1])
+def test_change_of_speed_is_accepted(qgc: Connection, kind: int) -> None:
+    """``guidedModeChangeGroundSpeedMetersSecond``, ``...EquivalentAirspeed...``."""
+    under_way(qgc)
+    received = qgc.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, kind, 1.0, -1, 0, NAN, NAN, NAN)
+    assert only(received, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+    assert qgc.harness.vehicle.state.setpoint.thrust == pytest.approx(0.58 / 1.3)
+
+
+def test_start_of_mission_selects_mode_before_arming(qgc: Connection) -> None:
+    """``startMission``: ``_setFlightModeAndValidate``, then ``_armVehicleAndValidate``."""
+    write_mission(qgc)
+    received = qgc.ask(mavlink.MAVLink_set_mode_message(1, 1, modes.MISSION.number))
+    assert only(received, "HEARTBEAT").custom_mode == modes.MISSION.number
+    received = qgc.command(400, 1)
+    assert only(received, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+    beat = only(received, "HEARTBEAT")
+    assert beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    assert beat.custom_mode == modes.MISSION.number
 
 
 def test_home_set_on_map_keeps_depth(qgc: Connection) -> None:

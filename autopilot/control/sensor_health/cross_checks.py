@@ -31,8 +31,10 @@ MAX_ATTITUDE_ERROR_RAD = math.radians(12.0)
 """Angle between the gyro's attitude and that of accelerometer and magnetometer.
 
 A gyro bias b beyond the limit of its estimate b_0 gives (b - b_0) / EST_ATT_GAIN."""
-MAX_RATE_ERROR_RADPS = math.radians(4.0)
-"""Difference between a gyro that is not used and the rates that replace it."""
+MAX_RATE_ERROR_RADPS = math.radians(2.0)
+"""Difference between a gyro that is not used and the rates that replace it.
+
+A larger one is used again and excluded again in turn: MAX_ATTITUDE_ERROR_RAD shows 1.8 deg/s."""
 MAX_DEPTH_ERROR_M, DEPTH_DRIFT_MPS, MAX_INTEGRATION_S = 0.5, 0.15, 6.0
 """Difference between a pressure sensor that is not used and the integrated acceleration: at first,
 and its growth with time. After ``MAX_INTEGRATION_S`` the integral has drifted too far to refute a
@@ -251,6 +253,26 @@ def pressure_differs(estimate: VehicleEstimate, ahrs: Ahrs, config: Config) -> b
         return False
     limit_m = MAX_DEPTH_ERROR_M + DEPTH_DRIFT_MPS * unmeasured_s
     return abs(estimator.depth_of(reading[0], config) - estimate.depth_m) > limit_m
+
+
+def reads_above_water(estimate: VehicleEstimate, ahrs: Ahrs, config: Config) -> bool:
+    """Return whether the present pressure, used or not, exists above the water only.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimated motion.
+    ahrs : Ahrs
+        History of the sensor frame.
+    config : Config
+        Parameters.
+    """
+    frame, reading = ahrs.frame, _excluded_reading(ahrs, _PRESSURE, PRESSURE_FRESH)
+    if reading is not None:
+        frame = frame._replace(pressure_hpa=reading[0])
+    elif not frame.fields_updated & PRESSURE_FRESH:
+        return False
+    return above_water(estimate, frame, config)
 
 
 def deeper_than_afloat(ahrs: Ahrs, config: Config) -> bool:

@@ -43,7 +43,6 @@ from mavlink_io.records import (
     ACCELEROMETER_FRESH,
     GYRO_FRESH,
     MAGNETOMETER_FRESH,
-    PRESSURE_FRESH,
     SensorFrame,
 )
 
@@ -110,6 +109,8 @@ _DEBOUNCE = {
     DEVIATES: Debounce(5, 2 * US_PER_S),
     DISAGREES: Debounce(10, 3 * US_PER_S),
 }
+_GYRO_DISAGREES = Debounce(5, US_PER_S)
+"""Evidence against a gyro, shorter than for other sensors: the loops follow its rate at once."""
 
 _NO_SUBJECTS: frozenset[str] = frozenset()
 
@@ -303,6 +304,8 @@ def _debounce(fault: Fault, config: Config) -> Debounce:
         return Debounce(OFF_DEPTH_CHECKS, round(config.fs_dive_s * US_PER_S))
     if fault.subject == RUDDER:
         return Debounce(OFF_DEPTH_CHECKS, RUDDER_CHECK_US)
+    if fault == Fault(GYRO, DISAGREES):
+        return _GYRO_DISAGREES
     return _DEBOUNCE.get(fault.what, _IMMEDIATE)
 
 
@@ -443,7 +446,7 @@ def _cross_checks(
         found.append(GYRO)
     if (
         cross_checks.pressure_differs(estimate, ahrs, config)
-        or (fresh & PRESSURE_FRESH and cross_checks.above_water(estimate, frame, config))
+        or cross_checks.reads_above_water(estimate, ahrs, config)
         or (not state.armed and _submerged_with_fix(health.devices, ahrs, now_us, config))
     ):
         found.append(PRESSURE)

@@ -285,6 +285,17 @@ def test_offset_in_body_axes_is_ahead_of_bow(harness: Harness) -> None:
     assert harness.vehicle.state.setpoint.depth_m == pytest.approx(estimate.depth_m + 2.0, abs=0.1)
 
 
+def test_depth_target_changes_depth_of_circle(harness: Harness) -> None:
+    """A set-point without a place keeps the centre."""
+    under_way(harness)
+    harness.command(176, 1, float(modes.STATION.number))
+    centre_m = circle(harness).centre_m
+    depth_m = harness.vehicle.state.estimate.depth_m
+    harness.ask(local_target(0.0, 0.0, 1.5, frame=7))
+    assert harness.vehicle.state.setpoint.depth_m == pytest.approx(depth_m + 1.5, abs=0.05)
+    assert circle(harness).centre_m == centre_m
+
+
 @pytest.mark.parametrize(
     ("command", "parameters", "reason"),
     [

@@ -7,9 +7,12 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
+from autopilot.commands.jobs import MAX_OPEN_JOBS, Jobs
+from autopilot.commands.types import JobProgress, MavCommand
 from autopilot.control import modes
 from mavlink_io import dialect
 from mavlink_io.codec import encode
+from mavlink_io.request import MavlinkId
 from tests.helpers.commands import (
     ACCEPTED,
     CANCELLED,
@@ -24,6 +27,22 @@ from tests.helpers.commands import (
     under_way,
 )
 from tests.helpers.fake_hil import Harness, Station
+
+
+def test_flood_of_jobs_ends_no_job_of_another_requester() -> None:
+    jobs, ended = Jobs(), list[MavlinkId]()
+    operator, flooder = MavlinkId(255, 190), MavlinkId(254, 190)
+
+    def begin(requester: MavlinkId, number: int) -> None:
+        command = MavCommand(number, *(0.0,) * 7, scaled=False)
+        running = JobProgress(IN_PROGRESS)
+        jobs.begin(requester, command, lambda: running, lambda _: ended.append(requester), 0.0)
+
+    begin(operator, 1)
+    for number in range(2, 200):
+        begin(flooder, number)
+    assert set(ended) == {flooder}
+    assert len(ended) == 199 - MAX_OPEN_JOBS
 
 
 def test_excitation_reports_progress_until_its_end(

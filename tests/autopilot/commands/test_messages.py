@@ -18,6 +18,14 @@ def test_heartbeat_interval_is_readable_but_constant(harness: Harness) -> None:
         assert results(harness.command(511, 0, interval)) == [DENIED]
 
 
+def test_interval_is_also_read_by_request_message(harness: Harness) -> None:
+    """common.xml: REQUEST_MESSAGE with param1 244 and param2 the message; 510 is deprecated."""
+    harness.command(511, 30, 500_000)
+    for number, interval_us in ((30, 500_000), (0, 1_000_000), (77, 0)):
+        answer = only(harness.command(512, 244, number), "MESSAGE_INTERVAL")
+        assert (answer.message_id, answer.interval_us) == (number, interval_us)
+
+
 def test_request_data_stream_has_no_effect_and_no_reply(harness: Harness) -> None:
     before = [link.schedule.interval_us(30) for link in harness.server.links]
     answers = harness.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 4, 1))

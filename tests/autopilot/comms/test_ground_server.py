@@ -130,6 +130,7 @@ def test_set_mode_sends_heartbeat_but_no_acknowledgement(harness: Harness) -> No
     [
         (20, (), modes.RTL),
         (21, (), modes.SURFACE),
+        (189, (), modes.SURFACE),
         (17, (), modes.HOLD),
         (192, (-1, 1), modes.HOLD),
         (193, (0,), modes.HOLD),

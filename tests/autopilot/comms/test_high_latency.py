@@ -31,6 +31,8 @@ FIX = GpsFix(0, 3, 41.5, -70.7, 12.0, 0.0, 0.0, 0.0, 9)
 STEP_S = 0.25
 RETRY_S = 20.0
 """More than the way there and back, the packets in between and a HIGH_LATENCY2."""
+ATTEMPTS = 30
+"""As many as a person would make: losses are random."""
 CONTROL_HIGH_LATENCY, REQUEST_MESSAGE, HIGH_LATENCY2 = 2600, 512, 235
 
 
@@ -69,7 +71,7 @@ class Dive:
 
     def run(self, exchange: Exchange[T]) -> T:
         """Run an exchange with the retry time of a modem."""
-        exchange.repeat_every(RETRY_S)
+        exchange.repeat_every(RETRY_S, ATTEMPTS)
         while not exchange.done:
             exchange.poll(self.channel.now_s)
             for frame in self.step():
@@ -103,23 +105,17 @@ def test_requests_succeed_over_a_lossy_half_duplex_modem(
     dive = Dive(ModemChannel(seed), monkeypatch)
     participants = dive.send, GROUND, VEHICLE
     began = len(dive.channel.vehicle.sent)
-    assert dive.run(_patient(ParamClient(*participants).set("STN_RADIUS_M", 25.0))) == 25.0
+    assert dive.run(ParamClient(*participants).set("STN_RADIUS_M", 25.0)) == 25.0
     items = tuple(MissionItem(n, 2, 93, p1=float(n), p2=-1, p3=-1, p4=-1) for n in range(4))
-    dive.run(_patient(MissionClient(*participants).upload(items)))
+    dive.run(MissionClient(*participants).upload(items))
     assert [item.p1 for item in dive.vehicle.state.mission.items] == [0.0, 1.0, 2.0, 3.0]
-    dive.run(_patient(CommandExchange(*participants, MavCmd.NAV_LAND)))
+    dive.run(CommandExchange(*participants, MavCmd.NAV_LAND))
     assert dive.vehicle.state.mode == modes.SURFACE.number
     names = {frame.name for _, frame in frames(dive.channel.vehicle.sent[began:])}
     assert names <= {
         *("HIGH_LATENCY2", "COMMAND_ACK", "PARAM_VALUE"),
         *("MISSION_REQUEST_INT", "MISSION_ACK"),
     }
-
-
-def _patient(exchange: Exchange[T]) -> Exchange[T]:
-    """Give an exchange as many attempts as a person would: losses are random."""
-    exchange._attempts = exchange._attempts_left = 30
-    return exchange
 
 
 def test_crossing_packets_collide() -> None:

@@ -1,5 +1,6 @@
 """Mode SURFACE of a vehicle that does not rise, or whose depth reading is wrong: the pure tick."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -49,6 +50,12 @@ def hold_down(
 
 def rising(start_m: float, t_s: float) -> float:
     return start_m - 0.2 * t_s
+
+
+def test_surface_depth_above_the_water_is_no_surface() -> None:
+    flight = surfacing(buoyancy_n=0.0)
+    assert hold_down(flight, 20.0, lambda t_s: max(-4.0, 5.0 - 0.5 * t_s)) == 20.0
+    assert hold_down(flight, 20.0, lambda t_s: -0.3) < 20.0
 
 
 def fix(flight: Flight, east_deg: float = 0.0, late_s: float = 0.0, fix_type: int = 3) -> GpsFix:
@@ -302,3 +309,31 @@ def test_surface_still_sinking_after_two_recoveries_stops_propeller() -> None:
     assert flight.trace.thrust == pytest.approx(0.58)
     hold_down(flight, 2.0, lambda t_s: 5.75 + 0.1 * t_s)
     assert "Failsafe: still sinks after 8 s -> propeller stopped" in flight.texts()
+
+
+def test_surface_that_moves_up_and_down_at_surface_is_no_failsafe() -> None:
+    """The nose stays 8 deg down, so that the vehicle does not disarm; waves cover it by 0.2 m."""
+    flight = surfacing(fs_dive_s=0.0, surface_rise_s=10.0)
+    hold_down(flight, 25.0, lambda t_s: max(0.2, 5.0 - 0.3 * t_s), math.radians(-8.0))
+    flight.speed_mps = 1.0
+    hold_down(flight, 15.0, lambda t_s: 0.2 + 0.2 * math.sin(t_s), math.radians(-8.0))
+    assert not any(text.startswith("Failsafe") for text in flight.texts()), flight.texts()
+
+
+def test_surface_brake_of_wrong_speed_ends_at_its_time_limit() -> None:
+    """The estimated speed stays 1 m/s while the vehicle sinks by 0.02 m/s at the surface."""
+    flight = surfacing(surface_astern_s=5.0, speed_length_m=1e6)
+    hold_down(flight, 18.0, lambda t_s: max(0.2, 5.0 - 0.3 * t_s), math.radians(-8.0))
+    estimate = flight.state.estimate._replace(speed_mps=1.0)
+    flight.state = flight.state._replace(estimate=estimate)
+    braked = [0]
+
+    def sinking_slowly(t_s: float) -> float:
+        braked[0] += flight.trace.thrust < 0.0
+        return 0.2 + 0.02 * t_s
+
+    hold_down(flight, 15.0, sinking_slowly, math.radians(-8.0))
+    assert flight.state.armed
+    assert flight.state.estimate.speed_mps == pytest.approx(1.0, abs=0.01)
+    assert braked[0] / 50 == pytest.approx(5.0, abs=0.5)
+    assert flight.trace.thrust == 0.0

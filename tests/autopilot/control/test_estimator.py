@@ -10,7 +10,7 @@ from autopilot.control import estimator
 from autopilot.control.params import Config
 from autopilot.control.types import Home, Inputs, VehicleEstimate
 from mavlink_io.frames import offset_to_geodetic, wrap_pi
-from mavlink_io.records import GpsFix
+from mavlink_io.records import GYRO_FRESH, PRESSURE_FRESH, GpsFix
 from tests.helpers.missions import TICK_US, sensors
 
 NO_HOME = Home()
@@ -75,6 +75,21 @@ def test_attitude_steady_turn_keeps_roll() -> None:
     assert abs(estimate.pitch_rad) < math.radians(0.05)
 
 
+def test_wrong_gyro_that_is_excluded_leaves_neither_angle_nor_rate() -> None:
+    """Before, the angle of 12 deg that it left was estimated as a rate of 20 deg/s."""
+    wrong = (0.0, math.radians(4.0), math.radians(4.0))
+    estimate = run(estimator.initial_estimate(sensors(0), Config()), 8.0, rates=wrong)
+    assert abs(estimate.pitch_rad) > math.radians(8.0)
+    for k in range(50):
+        reading = sensors((400 + k) * TICK_US)
+        reading = reading._replace(fields_updated=reading.fields_updated & ~GYRO_FRESH)
+        estimate = estimator.update(
+            estimate, Inputs(reading, None, None, None), 0.0, NO_HOME, Config(), 0.02
+        )
+        assert abs(estimate.pitch_rad) < math.radians(2.5)
+        assert max(map(abs, (estimate.q_radps, estimate.r_radps))) < math.radians(4.0)
+
+
 def test_depth_constant_rate_is_tracked_without_lag() -> None:
     estimate = estimator.initial_estimate(sensors(0, depth_m=1.0), Config())
     for k in range(1, 1000):
@@ -84,6 +99,22 @@ def test_depth_constant_rate_is_tracked_without_lag() -> None:
         )
     assert estimate.depth_rate_mps == pytest.approx(0.3, abs=1e-3)
     assert estimate.depth_m == pytest.approx(1.0 + 0.3 * 0.02 * 999, abs=2e-3)
+
+
+def test_depth_sensor_that_returns_with_an_offset_moves_the_depth_not_its_rate() -> None:
+    """Before, 7 m of difference gave a rate of 12 m/s, and 160 m when the sensor was lost again."""
+    estimate = estimator.initial_estimate(sensors(0, depth_m=5.0), Config())
+    rates_mps = []
+    for k in range(1, 1000):
+        reading = sensors(k * TICK_US, depth_m=5.0 if k < 100 else 12.0)
+        if 100 <= k < 400 or k > 500:
+            reading = reading._replace(fields_updated=reading.fields_updated & ~PRESSURE_FRESH)
+        estimate = estimator.update(
+            estimate, Inputs(reading, None, None, None), 0.0, NO_HOME, Config(), 0.02
+        )
+        rates_mps.append(abs(estimate.depth_rate_mps))
+    assert max(rates_mps) < 0.01
+    assert estimate.depth_m == pytest.approx(12.0, abs=0.01)
 
 
 def test_speed_cruise_thrust_settles_at_cruise_speed() -> None:

@@ -1,5 +1,9 @@
 """Geofence and rally points: zones, arming, missions, the action in flight and storage."""
 
+import cmath
+import math
+import random
+
 import pytest
 
 from autopilot.control import fence, modes, requests
@@ -39,6 +43,21 @@ def parsed(items: tuple[MissionItem, ...]) -> Fence:
 def allowed(items: tuple[MissionItem, ...], north_m: float, east_m: float) -> bool:
     home = HOME.lat_deg, HOME.lon_deg
     return not fence.breach(parsed(items), complex(north_m, east_m), home)
+
+
+@pytest.mark.parametrize("items", [SQUARE, (*SQUARE, at(4, CIRCLE_OUT, 20.0, 0.0, 50.0))])
+def test_circle_is_allowed_where_all_its_points_are(items: tuple[MissionItem, ...]) -> None:
+    """Reference: 720 points on each of 120 circles."""
+    rng, zones, home = random.Random(5), parsed(items), (HOME.lat_deg, HOME.lon_deg)
+    forbidden = 0
+    for _ in range(120):
+        centre_m = complex(rng.uniform(-90.0, 90.0), rng.uniform(-90.0, 90.0))
+        radius_m = rng.uniform(2.0, 90.0)
+        points = (centre_m + cmath.rect(radius_m, math.radians(n / 2.0)) for n in range(720))
+        expected = any(fence.breach(zones, point, home) for point in points)
+        assert bool(fence.circle_breach(zones, centre_m, radius_m, home)) == expected
+        forbidden += expected
+    assert 20 < forbidden < 110, "both cases were drawn"
 
 
 @pytest.mark.parametrize(

@@ -263,7 +263,13 @@ def test_depth_reference_lead_adds_its_acceleration_to_the_pitch() -> None:
 
 
 def test_references_open_loop_are_reset() -> None:
-    config = Config(heading_ref_radps=0.5, depth_ref_radps=0.5, actuator_lead_radps=8.0)
+    config = Config(
+        heading_ref_radps=0.5,
+        depth_ref_radps=0.5,
+        actuator_lead_radps=8.0,
+        heading_peak_radps=1.2,
+        pitch_peak_radps=1.6,
+    )
     _, closed = loops.step_loops(
         VehicleEstimate(), Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True
     )
@@ -272,6 +278,8 @@ def test_references_open_loop_are_reset() -> None:
         closed.depth_reference,
         closed.rudder_lead,
         closed.elevator_lead,
+        closed.rudder_peak,
+        closed.elevator_peak,
     )
     assert all(map(begun, states))
     _, opened = loops.step_loops(
@@ -279,4 +287,6 @@ def test_references_open_loop_are_reset() -> None:
     )
     assert not begun(opened.heading_reference)
     assert not begun(opened.rudder_lead)
+    assert not begun(opened.rudder_peak)
     assert begun(opened.elevator_lead)
+    assert begun(opened.elevator_peak)

@@ -157,3 +157,16 @@ def test_observer_open_loop_is_reset() -> None:
     assert memory.elevator_observer is not None
     _, memory = loops.step_loops(seen, LEFT, memory, config, 0.02, heading=False, depth=False)
     assert memory.rudder_observer is memory.elevator_observer is None
+
+
+def test_pitch_of_level_run_is_no_error() -> None:
+    """At TRIM_PIT_DEG on its depth the vehicle needs its trim only, from the first tick on."""
+    config = Config(lqg_controllers=CONTROLLERS, level_pitch_deg=-2.0, elevator_trim_deg=0.5)
+    level = VehicleEstimate(speed_mps=config.cruise_speed_mps, pitch_rad=math.radians(-2.0))
+    memory, asked = LoopMemory(), Setpoint()
+    for _ in range(3):
+        output, memory = loops.step_loops(
+            level, asked, memory, config, 0.02, heading=False, depth=True
+        )
+        assert output.elevator_rad == pytest.approx(math.radians(0.5))
+        assert output.pitch_setpoint_rad == pytest.approx(math.radians(-2.0))

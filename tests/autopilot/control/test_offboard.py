@@ -259,11 +259,36 @@ def test_position_message_masks_and_frames_are_read() -> None:
     assert read.depth_m == 7.0
 
 
+POSITION_ONLY = 0b1101_1111_1000
+
+
+@pytest.mark.parametrize(("frame", "place_m"), [(7, 13.0 + 24.0j), (9, -18.0 - 1.0j)])
+def test_offset_frames_count_from_vehicle(frame: int, place_m: complex) -> None:
+    """LOCAL_OFFSET_NED has the axes of the earth, BODY_OFFSET_NED those of the vehicle."""
+    eastward = STATE.estimate._replace(
+        north_m=10.0, east_m=-4.0, depth_m=2.0, heading_rad=math.pi / 2.0
+    )
+    wanted = message(x=3.0, y=28.0, z=1.5, coordinate_frame=frame, type_mask=POSITION_ONLY)
+    state = STATE._replace(estimate=eastward)
+    read = offboard_messages.read(offboard_messages.LOCAL, wanted, state)
+    assert isinstance(read, MotionTarget)
+    assert read.position_m == pytest.approx(place_m)
+    assert read.depth_m == 3.5
+
+
+def test_offset_of_depth_alone_keeps_course() -> None:
+    """Cockpit's "change altitude" and MAVProxy's ``position 0 0 2``."""
+    for frame in (7, 9):
+        wanted = message(x=0.0, y=0.0, z=2.0, coordinate_frame=frame, type_mask=POSITION_ONLY)
+        read = offboard_messages.read(offboard_messages.LOCAL, wanted, STATE)
+        assert read == MotionTarget(depth_m=STATE.estimate.depth_m + 2.0)
+
+
 @pytest.mark.parametrize(
     ("name", "fields", "word"),
     [
         (offboard_messages.LOCAL, {"type_mask": 0xFFF}, "type_mask"),
-        (offboard_messages.LOCAL, {"coordinate_frame": 7}, "frame 7"),
+        (offboard_messages.LOCAL, {"coordinate_frame": 2}, "frame 2"),
         (offboard_messages.LOCAL, {"coordinate_frame": 8}, "body axes"),
         (
             offboard_messages.LOCAL,

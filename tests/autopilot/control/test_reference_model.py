@@ -8,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autopilot.control import reference_model
-from autopilot.control.reference_model import NO_REFERENCE, ActuatorLead, ReferenceState
+from autopilot.control.reference_model import (
+    NO_REFERENCE,
+    ActuatorLead,
+    PeakFilter,
+    ReferenceState,
+    peak,
+)
 
 DT = 0.02
 SERVO = ActuatorLead(3.0, 0.6, 8.0, 0.7, math.radians(15.0), math.radians(15.0))
@@ -95,3 +101,32 @@ def test_lead_first_tick_has_no_jump() -> None:
     command, state = reference_model.lead(0.1, NO_REFERENCE, SERVO, DT)
     assert command == 0.1
     assert state == ReferenceState(0.1, 0.0)
+
+
+@pytest.mark.parametrize("w_radps", [0.1, 0.8, 1.5, 3.0, 10.0])
+def test_peak_filter_has_response_of_its_transfer_function(w_radps: float) -> None:
+    """Reference: (s^2 + 2 z g w s + w^2) / (s^2 + 2 z w s + w^2) at s = j w_radps.
+
+    A step of 20 ms shifts the phase by at most half a tick.
+    """
+    shape, dt_s = PeakFilter(1.5, 0.4, 1.6), 0.02
+    s = 1j * w_radps
+    broad, narrow = (s * s + 2.0 * 0.4 * g * 1.5 * s + 1.5**2 for g in (1.6, 1.0))
+    times = dt_s * np.arange(round(60.0 / dt_s))
+    state, output = NO_REFERENCE, []
+    for command in np.sin(w_radps * times):
+        filtered, state = peak(float(command), state, shape, dt_s)
+        output.append(filtered)
+    settled = slice(len(times) // 2, None)
+    basis = np.exp(-1j * w_radps * times[settled])
+    ratio = np.sum(np.array(output)[settled] * basis) / np.sum(
+        np.sin(w_radps * times[settled]) * basis
+    )
+    assert abs(ratio - broad / narrow) < 0.03
+
+
+def test_peak_filter_passes_constant_command_from_its_start() -> None:
+    shape, state = PeakFilter(1.5, 0.4, 1.6), NO_REFERENCE
+    for _ in range(10):
+        command, state = peak(0.1, state, shape, 0.02)
+        assert command == pytest.approx(0.1)

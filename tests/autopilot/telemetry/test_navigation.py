@@ -101,10 +101,10 @@ def test_unsupported_setpoint_is_reported_once() -> None:
     harness = Harness()
     harness.tick(5)
     sideways = mavlink.MAVLink_set_position_target_local_ned_message(
-        0, 1, 1, 7, Z_ONLY, 0, 0, 6.0, *[0.0] * 8
+        0, 1, 1, 4, Z_ONLY, 0, 0, 6.0, *[0.0] * 8
     )
     (reported,) = texts(harness.ask(sideways))
-    assert reported.startswith("Set-point ignored: frame 7")
+    assert reported.startswith("Set-point ignored: frame 4")
     assert texts(harness.ask(sideways)) == []
 
 

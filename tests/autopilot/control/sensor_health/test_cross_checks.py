@@ -198,3 +198,18 @@ def test_command_that_is_no_number_is_neutral_or_limited(value: float) -> None:
     else:
         sign = math.copysign(1.0, value)
         assert (rudder, elevator, thrust) == (sign * travel, sign * travel, sign)
+
+
+def test_pressure_above_water_is_not_used_again_while_it_stays() -> None:
+    """Before, it was used again after 5 s, and a dive ended "Surfaced" 12 m deep."""
+    flight = dive()
+    offset_hpa = -7.5 * 100.5  # from 5 m deep to 2.5 m above the water, in 15 s
+    assert feed(flight, 3.0, {}) == []
+    texts = []
+    for share in (k / 150 for k in range(1, 151)):
+        texts += feed(flight, 0.1, {"pressure_hpa": share * offset_hpa})
+    texts += feed(flight, 40.0, {"pressure_hpa": offset_hpa})
+    assert "Pressure sensor disagrees" in texts
+    assert "Pressure sensor recovered" not in texts
+    assert not fresh(flight) & PRESSURE_FRESH
+    assert flight.state.armed
