@@ -154,6 +154,8 @@ def refit(request: RefitRequest, progress: Progress | None = None) -> Identified
     report = progress or (lambda what, share: None)
     knowledge = _knowledge(request)
     options = OutputOptions(request.outputs, knowledge.config.tailcone.travel_deg)
+    for path in (*request.paths, *request.held_out):
+        readers.format_of(Path(path))  # refuses a file that is no log before progress is shown
     logs = _read(request.paths, options, lambda share: report("read logs", 0.1 * share))
     held_out_logs = _read(request.held_out, options, lambda share: None)
     return _refit(request, knowledge, logs, held_out_logs, report)

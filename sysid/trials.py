@@ -17,13 +17,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
-from functools import cache
+from functools import cache, partial
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -45,6 +45,14 @@ MAX_IN_FLIGHT = 512
 
 Engine = Callable[[int], AbstractContextManager[Executor]]
 """Return an executor for a number of processes; at its exit no trial of it runs or waits."""
+
+
+@runtime_checkable
+class HasIdentity(Protocol):
+    """Input of a trial that says what identifies it, without what many inputs share."""
+
+    def identity(self) -> object:
+        """Return a value that is equal for equal inputs only."""
 
 
 class TrialsError(OperationError):
@@ -142,7 +150,24 @@ def key_of(trial: Callable[[T], R], value: T) -> str:
     trial : callable
         Function of a module, or a ``partial`` of one.
     value : object
-        Input.
+        Input. Its method ``identity``, if it has one, returns something shorter that is equal for
+        equal inputs only.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
+    return hash_of((trial, value.identity() if isinstance(value, HasIdentity) else value))
+
+
+def hash_of(value: object) -> str:
+    """Return a hash of source code and value.
+
+    Parameters
+    ----------
+    value : object
+        What can be pickled; equal values have equal hashes.
 
     Returns
     -------
@@ -150,7 +175,7 @@ def key_of(trial: Callable[[T], R], value: T) -> str:
         64 hexadecimal digits.
     """
     digest = hashlib.sha256(source_hash().encode())
-    digest.update(_pickled((trial, value)))
+    digest.update(_pickled(value))
     return digest.hexdigest()
 
 
@@ -247,10 +272,11 @@ def _run(
     if engine is None and jobs == 1:
         yield from ((number, trial(inputs[number])) for number in missing)
         return
+    engine = engine or partial(_local_processes, _module_of(trial))
     waiting, restarts = dict.fromkeys(missing), 0
     while waiting:
         try:
-            with (engine or _local_processes)(min(jobs, len(waiting))) as executor:
+            with engine(min(jobs, len(waiting))) as executor:
                 for number, result in _run_on(executor, trial, inputs, list(waiting)):
                     del waiting[number]
                     restarts = 0
@@ -286,10 +312,21 @@ def _run_on(
         submit(1)
 
 
+def _module_of(trial: Callable[..., object]) -> str:
+    """Return the name of the module of a function, or of the function of a ``partial``."""
+    return _module_of(trial.func) if isinstance(trial, partial) else trial.__module__
+
+
 @contextmanager
-def _local_processes(jobs: int) -> Iterator[Executor]:
-    """Start processes of this machine, and end them."""
-    executor = ProcessPoolExecutor(jobs, mp_context=get_context("forkserver"), initializer=_begin)
+def _local_processes(module: str, jobs: int) -> Iterator[Executor]:
+    """Start processes of this machine that have loaded a module, and end them.
+
+    They are forked from a process that imports the module once: the imports of a dive take as long
+    as forty dives, and their memory is shared.
+    """
+    context = get_context("forkserver")
+    context.set_forkserver_preload([module])
+    executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin)
     try:
         yield executor
     finally:

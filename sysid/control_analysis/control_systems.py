@@ -1,7 +1,8 @@
 """The loops as python-control state spaces: for export, and as a check of the margins.
 
 The block diagram is assembled here by python-control from the linear plane, the tailcone, the
-actuator lead and the gains, without `loop_transfer`, so that its margins are a second computation.
+filters of the commands and the gains, without the matrices of `loop_transfer`, so that its margins
+are a second computation.
 """
 
 import math
@@ -16,6 +17,7 @@ from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains, Lag, Margins
 from sysid.control_analysis.margins import Planes
 from sysid.models.linear_planes import LinearPlane
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -98,7 +100,7 @@ def open_loops(
 def plants(
     planes: Planes, lags: tuple[Lag, Lag], gains: Gains, order: int = PADE_ORDER
 ) -> dict[str, LoopSystem]:
-    """Return each plane from command to measured motion, with actuator lead, delay and tailcone.
+    """Return each plane from command to measured motion, with filters, delay and tailcone.
 
     Parameters
     ----------
@@ -107,7 +109,7 @@ def plants(
     lags : tuple of Lag
         Tailcone of the yaw and of the pitch plane, with the delay of sampling.
     gains : Gains
-        Parameters of the loops by name; those of the actuator lead are used.
+        Parameters of the loops by name; those of actuator lead and peak filters are used.
     order : int
         Order of the Pade delay.
 
@@ -125,7 +127,7 @@ def plants(
 
 
 def plant(plane: LinearPlane, lag: Lag, gains: Gains, order: int = PADE_ORDER) -> Any:
-    """Return the series of actuator lead, delay, tailcone and body.
+    """Return the series of peak filter, actuator lead, delay, tailcone and body.
 
     Parameters
     ----------
@@ -134,7 +136,7 @@ def plant(plane: LinearPlane, lag: Lag, gains: Gains, order: int = PADE_ORDER) -
     lag : Lag
         Tailcone with the delay of sampling.
     gains : Gains
-        Parameters of the actuator lead; empty for none.
+        Parameters of the filters; empty for none.
     order : int
         Order of the Pade delay.
 
@@ -152,12 +154,18 @@ def plant(plane: LinearPlane, lag: Lag, gains: Gains, order: int = PADE_ORDER) -
     duct = control.tf2ss(control.tf([wn**2], [1.0, 2.0 * zeta * wn, wn**2]))
     delay = control.tf2ss(control.tf(*control.pade(lag.delay_s, order)))
     parts = [delay, duct, body]
-    lead = loop_transfer.actuator_lead(gains)
+    peak, lead = loop_transfer.command_filters(
+        Plane.PITCH if "depth" in plane.states else Plane.YAW, gains
+    )
     if lead is not None:
         w, wl = lead.lag_radps, lead.lead_radps
         cancelled = [1.0 / w**2, 2.0 * lead.lag_damping / w, 1.0]
         faster = [1.0 / wl**2, 2.0 * lead.lead_damping / wl, 1.0]
         parts.insert(0, control.tf2ss(control.tf(cancelled, faster)))
+    if peak is not None:
+        w, narrow = peak.frequency_radps, 2.0 * peak.damping * peak.frequency_radps
+        shape = control.tf([1.0, peak.gain * narrow, w * w], [1.0, narrow, w * w])
+        parts.insert(0, control.tf2ss(shape))
     return control.ss(control.series(*parts), inputs=["command"], outputs=names)
 
 

@@ -17,6 +17,12 @@ assumed lag of the tailcone and replaces it by a faster one::
     F(s) = (s^2 + 2 z w s + w^2) / (s^2 + 2 z' w' s + w'^2) * w'^2 / w^2
 
 with w = ACT_LAG_W, z = ACT_LAG_Z, w' = ACT_LEAD_W (rad/s) and z' = ACT_LEAD_Z.
+
+With HDG_PEAK_W or PTCH_PEAK_W set, the command of that plane passes through a peak filter before::
+
+    C(s) = (s^2 + 2 z g w s + w^2) / (s^2 + 2 z w s + w^2)
+
+with w = _PEAK_W (rad/s), z = _PEAK_Z and g = _PEAK_GAIN.
 """
 
 import cmath
@@ -64,6 +70,22 @@ class Lead(NamedTuple):
     lead_damping: float
 
 
+class Peak(NamedTuple):
+    """Peak filter of one surface's command."""
+
+    frequency_radps: float
+    damping: float
+    gain: float
+
+
+class CommandFilters(NamedTuple):
+    """Filters between the output of a loop and the command; None where one is off."""
+
+    peak: Peak | None = None
+    lead: Lead | None = None
+
+
+NO_FILTERS = CommandFilters()
 LEAD_DAMPING = 0.7
 """Damping ratio of the faster lag without ACT_LEAD_Z: the default of this parameter."""
 
@@ -137,10 +159,49 @@ def actuator_lead(gains: Gains) -> Lead | None:
     )
 
 
-def lead_response(gains: Gains) -> ComplexArray:
-    """Return the response of the actuator lead on `GRID_RADPS`, one where it is off."""
-    lead = actuator_lead(gains)
-    return np.ones(GRID_RADPS.size, dtype=np.complex128) if lead is None else _lead_response(lead)
+def command_filters(plane: Plane, gains: Gains) -> CommandFilters:
+    """Return the filters that the gains ask for in a plane.
+
+    Parameters
+    ----------
+    plane : Plane
+        Yaw or pitch.
+    gains : Gains
+        Parameters of the loops by name.
+
+    Returns
+    -------
+    CommandFilters
+        Peak filter and actuator lead.
+    """
+    prefix = PLANES[plane].gain_prefix
+    if not gains.get(f"{prefix}_PEAK_W"):
+        return CommandFilters(lead=actuator_lead(gains))
+    return CommandFilters(
+        Peak(*(gains[f"{prefix}_PEAK_{name}"] for name in ("W", "Z", "GAIN"))), actuator_lead(gains)
+    )
+
+
+def filter_response(filters: CommandFilters) -> ComplexArray:
+    """Return the response of peak filter and actuator lead on `GRID_RADPS`, one where both are off.
+
+    Parameters
+    ----------
+    filters : CommandFilters
+        Filters of a plane.
+
+    Returns
+    -------
+    ndarray
+        C(s) F(s) of the module docstring.
+    """
+    response = np.ones(GRID_RADPS.size, dtype=np.complex128)
+    if filters.peak is not None:
+        s, (w, z, gain) = 1j * GRID_RADPS, filters.peak
+        response *= (s**2 + 2.0 * z * gain * w * s + w**2) / (s**2 + 2.0 * z * w * s + w**2)
+    if filters.lead is not None:
+        response *= _lead_response(filters.lead)
+    return response
 
 
 @lru_cache(maxsize=16)
@@ -152,11 +213,13 @@ def _lead_response(lead: Lead) -> ComplexArray:
     return np.asarray(cancelled * lead_radps**2 / faster)
 
 
-def with_lead(plant: Responses, gains: Gains) -> Responses:
-    """Return `plant` with the actuator lead in front of the tailcone."""
-    if actuator_lead(gains) is None:
+def with_filters(plant: Responses, gains: Gains) -> Responses:
+    """Return `plant` with the filters of its plane's command in front of the tailcone."""
+    plane = Plane.PITCH if "depth" in plant.states else Plane.YAW
+    filters = command_filters(plane, gains)
+    if filters == NO_FILTERS:
         return plant
-    return plant._replace(command=plant.command * lead_response(gains)[:, None])
+    return plant._replace(command=plant.command * filter_response(filters)[:, None])
 
 
 def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
@@ -167,7 +230,7 @@ def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
     plant : Responses
         Responses of the yaw plane.
     gains : Gains
-        HDG_P, HDG_D, HDG_I and, where used, the ACT_ parameters.
+        HDG_P, HDG_D, HDG_I and, where used, the HDG_PEAK_ and ACT_ parameters.
 
     Returns
     -------
@@ -181,7 +244,7 @@ def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
 
         L_rudder = HDG_D r + C psi        L_heading = C psi / (1 + HDG_D r)
     """
-    s, command = 1j * GRID_RADPS, with_lead(plant, gains).command
+    s, command = 1j * GRID_RADPS, with_filters(plant, gains).command
     r, psi = command[:, 1], command[:, 2]
     forward = gains["HDG_P"] + gains["HDG_I"] / s
     inner = gains["HDG_D"] * r
@@ -212,7 +275,7 @@ def depth_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
         L_pitch = PTCH_D q + C theta      L_elevator = L_pitch - C K depth
         L_depth = -C K depth / (1 + L_pitch)
     """
-    s, command = 1j * GRID_RADPS, with_lead(plant, gains).command
+    s, command = 1j * GRID_RADPS, with_filters(plant, gains).command
     q, theta = command[:, 1], command[:, 2]
     forward = gains["PTCH_P"] + gains["PTCH_I"] / s
     pitch = gains["PTCH_D"] * q + forward * theta
@@ -359,9 +422,9 @@ def delay_state_space(
 
 
 def plane_with_tailcone(
-    plane: LinearPlane, lag: Lag, order: Approximation, lead: Lead | None = None
+    plane: LinearPlane, lag: Lag, order: Approximation, filters: CommandFilters = NO_FILTERS
 ) -> tuple[Array, Array]:
-    """Return (A, B) of a plane behind tailcone and actuator lead.
+    """Return (A, B) of a plane behind tailcone, actuator lead and peak filter.
 
     Parameters
     ----------
@@ -371,23 +434,41 @@ def plane_with_tailcone(
         Lag and delay of the tailcone.
     order : int or tuple
         Approximation of the delay.
-    lead : Lead, optional
-        Actuator lead; None where it is off.
+    filters : CommandFilters
+        Actuator lead and peak filter.
 
     Returns
     -------
     tuple of ndarray
         A and B from the loops' output (rad). States: plane, lag (angle, rate), delay, lead (angle,
-        rate).
+        rate), peak filter (angle, rate).
 
     Notes
     -----
     The lead is realised by the faster lag a'' = w'^2 (u - a) - 2 z' w' a'. The command to the
     tailcone is a + (2 z / w) a' + a'' / w^2, which cancels the lag with frequency w and damping z.
+    The peak filter is p'' = w^2 (u - p) - 2 z w p' with the output u + (2 z (g - 1) / w) p'.
     """
     A, B = _plane_with_lag(plane, lag, order)
-    if lead is None:
-        return A, B
+    if filters.lead is not None:
+        A, B = _with_lead(A, B, filters.lead)
+    if filters.peak is not None:
+        A, B = _with_peak(A, B, filters.peak)
+    return A, B
+
+
+def _with_peak(A: Array, B: Array, peak: Peak) -> tuple[Array, Array]:
+    """Return (A, B) of a system behind a peak filter."""
+    n, w, drag = len(B), peak.frequency_radps, 2.0 * peak.damping * peak.frequency_radps
+    A_peak, B_peak = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
+    A_peak[:n, :n], A_peak[n, n + 1], A_peak[n + 1, n:] = A, 1.0, (-w * w, -drag)
+    A_peak[:n, n + 1] = B * (2.0 * peak.damping * (peak.gain - 1.0) / w)
+    B_peak[:n], B_peak[n + 1] = B, w * w
+    return A_peak, B_peak
+
+
+def _with_lead(A: Array, B: Array, lead: Lead) -> tuple[Array, Array]:
+    """Return (A, B) of a system behind the actuator lead."""
     n, lag_radps, lead_radps = len(B), lead.lag_radps, lead.lead_radps
     A_lead, B_lead = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
     stiffness, drag = -(lead_radps**2), -2.0 * lead.lead_damping * lead_radps
@@ -439,7 +520,7 @@ def close_heading(
     ClosedLoop
         The integrator is the last state; it is left out if HDG_I is zero.
     """
-    A, B = plane_with_tailcone(plane, lag, order, actuator_lead(gains))
+    A, B = plane_with_tailcone(plane, lag, order, command_filters(Plane.YAW, gains))
     error = _row(A, {2: -1.0})
     feedback = gains["HDG_P"] * error + _row(A, {1: -gains["HDG_D"]})
     return _close(A, B, feedback, gains["HDG_P"], [(gains["HDG_I"] * error, gains["HDG_I"], 1.0)])
@@ -471,7 +552,7 @@ def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation
         ),
         lag,
         order,
-        actuator_lead(gains),
+        command_filters(Plane.PITCH, gains),
     )
     error = _row(A, {2: -1.0})
     feedback = gains["PTCH_P"] * error + _row(A, {1: -gains["PTCH_D"]})
@@ -504,7 +585,7 @@ def close_depth(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation
     With both integrators the last two states are those of depth and pitch. The pitch set-point, and
     so the input of the pitch integrator, contains the depth integrator.
     """
-    A, B = plane_with_tailcone(plane, lag, order, actuator_lead(gains))
+    A, B = plane_with_tailcone(plane, lag, order, command_filters(Plane.PITCH, gains))
     p = gains["PTCH_P"]
     # theta_c from depth and its rate (a combination of states), without the set-point's part.
     theta_c = _row(A, {3: gains["DPT_P"]}) + gains["DPT_D"] * _row(A, dict(enumerate(plane.A[3])))

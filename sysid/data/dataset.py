@@ -115,6 +115,15 @@ class Position:
 
 
 @dataclass(frozen=True)
+class Current:
+    """Estimated velocity of the water over ground; empty arrays where the log has none."""
+
+    time_s: Array = field(default_factory=_no_samples)
+    north_mps: Array = field(default_factory=_no_samples)
+    east_mps: Array = field(default_factory=_no_samples)
+
+
+@dataclass(frozen=True)
 class SpecificForce:
     """Accelerometer in body axes (FRD): acceleration minus gravity, -9.8 in z at rest.
 
@@ -193,3 +202,6 @@ class Log:
     velocity: Velocity = Velocity()
     specific_force: SpecificForce = SpecificForce()
     position: Position = Position()
+    current: Current = Current()
+    home_deg: tuple[float, float] | None = None
+    """Latitude and longitude of home; None where the log has none."""

@@ -449,7 +449,12 @@ def _size_deg(log: Log, axis: TestAxis, start_s: float, stop_s: float) -> float:
 
 
 def _run(log: Log, span: TestInterval, name: str) -> Run:
-    """Return a test on the grid: commands held, measurements interpolated linearly."""
+    """Return a test on the grid: measurements and commands interpolated linearly.
+
+    A log has the command at its own samples. Between two of them it changed at an unknown time;
+    half way, in the mean. A command held from the earlier sample would be late by half the interval
+    of the log, which the fit would subtract from the delay of the surface.
+    """
     attitude, actuators, depth = log.attitude, log.actuators, log.depth
     first_s = max(attitude.time_s[0], actuators.time_s[0], depth.time_s[0])
     before = int(np.floor((span.start_s - max(span.start_s - PREROLL_S, first_s)) * RATE_HZ))
@@ -460,9 +465,8 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
     def smooth(values: Array) -> Array:
         return np.interp(grid_s, attitude.time_s, values)
 
-    def held(values: Array) -> Array:
-        latest = np.searchsorted(actuators.time_s, grid_s + 1e-6, side="right") - 1
-        return values[np.clip(latest, 0, None)]
+    def command(values: Array) -> Array:
+        return np.interp(grid_s, actuators.time_s, values)
 
     run = Run(
         name=name,
@@ -470,9 +474,9 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
         wave=span.wave,
         magnitude_deg=span.magnitude_deg,
         time_s=time_s,
-        rudder_rad=held(actuators.rudder_rad),
-        elevator_rad=held(actuators.elevator_rad),
-        thrust=held(actuators.thrust),
+        rudder_rad=command(actuators.rudder_rad),
+        elevator_rad=command(actuators.elevator_rad),
+        thrust=command(actuators.thrust),
         p_radps=smooth(attitude.p_radps),
         q_radps=smooth(attitude.q_radps),
         r_radps=smooth(attitude.r_radps),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import NonlinearConstraint, minimize
 
+from autopilot.control.params import PARAMETERS
 from sysid.design.constraints import ConstraintViolation
 from sysid.design.specification import DesignInfeasibleError
 
@@ -21,6 +22,9 @@ MAX_VIOLATION = 3.0
 """Upper clip of violations: figures of an unstable loop are unbounded and carry no information."""
 RESTARTS, MIN_IMPROVEMENT = 3, 0.005
 """Maximum number of restarts, and the relative improvement that a restart must give."""
+GAIN_RANGE = (6e-6, 400.0)
+"""Least and largest value of a free gain; parameters of the autopilot have ranges of their own."""
+_PARAMETERS = {row.name: row for row in PARAMETERS}
 COBYQA_OPTIONS = {"initial_tr_radius": 0.3, "final_tr_radius": 3e-3, "maxfev": 120}
 """Trust-region radii in the logarithm of the gains, and evaluations per search."""
 
@@ -110,10 +114,11 @@ def _minimise_from(start: Mapping[str, float], search: ConstrainedProblem) -> _E
     point, so evaluations are cached.
     """
     names, cache = tuple(start), dict[bytes, CostAndConstraints]()
+    lowest, highest = np.log([_range(name) for name in names]).T
 
     def gains_at(logs: Array) -> dict[str, float]:
-        """Return the gains of their logarithms."""
-        return dict(zip(names, np.exp(np.clip(logs, -12.0, 6.0)).tolist(), strict=True))
+        """Return the gains of their logarithms, in the ranges that the autopilot accepts."""
+        return dict(zip(names, np.exp(np.clip(logs, lowest, highest)).tolist(), strict=True))
 
     def evaluate(logs: Array) -> CostAndConstraints:
         """Return cost and violations, from the cache where possible."""
@@ -137,6 +142,13 @@ def _minimise_from(start: Mapping[str, float], search: ConstrainedProblem) -> _E
         options=COBYQA_OPTIONS,
     )
     return _End(gains_at(optimum.x), evaluate(np.asarray(optimum.x)))
+
+
+def _range(name: str) -> tuple[float, float]:
+    """Return the least and the largest value of a free gain."""
+    least, largest = GAIN_RANGE
+    info = _PARAMETERS.get(name)
+    return (max(least, info.minimum), min(largest, info.maximum)) if info else GAIN_RANGE
 
 
 def _max_violation(violations: ConstraintViolation) -> float:

@@ -45,7 +45,14 @@ DEPTH_RATE_S = 0.7
 """Ratio of depth noise to depth rate noise (s), which results from the autopilot's depth filter."""
 SEED = 2001
 """Seed of the samples of a model's posterior."""
-NOT_SCALED_BY_EFFECTIVENESS = ("DPT_P", "DPT_D", "DPT_I", "ACT_LEAD_W", "ACT_LEAD_Z")
+NOT_SCALED_BY_EFFECTIVENESS = (
+    "DPT_P",
+    "DPT_D",
+    "DPT_I",
+    "ACT_LEAD_W",
+    "ACT_LEAD_Z",
+    *(f"{prefix}_PEAK_{name}" for prefix in ("HDG", "PTCH") for name in ("W", "Z", "GAIN")),
+)
 """Parameters that do not scale with control effectiveness: they map no error to a duct angle."""
 
 
@@ -322,13 +329,14 @@ def heading_responses(vehicle: DesignModel, gains: Gains) -> tuple[ComplexArray,
     Notes
     -----
     With S = 1 / (1 + L_rudder) and the responses r_m, psi_m to the moment: psi = S psi_m and
-    rudder = S (HDG_D r_m + (HDG_P + HDG_I / s) psi_m).
+    rudder = S F (HDG_D r_m + (HDG_P + HDG_I / s) psi_m), F the filters of the command.
     """
     s = 1j * GRID_RADPS
     sensitivity = 1.0 / (1.0 + loop_transfer.heading_loops(vehicle.yaw, gains)["rudder"])
     r, psi = vehicle.yaw.moment[:, 1], vehicle.yaw.moment[:, 2]
     rudder = gains["HDG_D"] * r + (gains["HDG_P"] + gains["HDG_I"] / s) * psi
-    return psi * sensitivity, rudder * sensitivity
+    filters = loop_transfer.filter_response(loop_transfer.command_filters(Plane.YAW, gains))
+    return psi * sensitivity, rudder * filters * sensitivity
 
 
 def depth_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float, float]:
@@ -354,12 +362,11 @@ def depth_responses(
     elevator = gains["PTCH_D"] * q + forward * (
         theta - loop_transfer.pitch_command(vehicle.pitch.moment, gains)
     )
-    # States respond to the moment and to the elevator that the loop commands.
-    states = (
-        vehicle.pitch.moment
-        - loop_transfer.with_lead(vehicle.pitch, gains).command * (elevator * sensitivity)[:, None]
-    )
-    return states[:, 2], states[:, 3], elevator * sensitivity
+    filters = loop_transfer.filter_response(loop_transfer.command_filters(Plane.PITCH, gains))
+    command = elevator * filters * sensitivity
+    # States respond to the moment and to the elevator that is commanded.
+    states = vehicle.pitch.moment - vehicle.pitch.command * command[:, None]
+    return states[:, 2], states[:, 3], command
 
 
 def command_noise_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> float:
@@ -382,11 +389,12 @@ def command_noise_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> float
     Notes
     -----
     sigma^2 = (n^2 / pi) integral of |K F / (1 + L)|^2 dw with the gyro's density n^2, the rate
-    gain K and the actuator lead F. Above the grid, up to half the sample rate, L is taken as zero.
+    gain K and the command's filters F. Above the grid, up to half the sample rate, L is taken as
+    zero.
     """
     density = math.radians(vehicle.disturbance[plane].rate_noise_degps) ** 2 * NOISE_STEP_S
     loop, gain = loop_at_surface(vehicle, plane, gains)
-    shaped = gain * loop_transfer.lead_response(gains)
+    shaped = gain * loop_transfer.filter_response(loop_transfer.command_filters(plane, gains))
     on_grid = float(np.trapezoid(np.abs(shaped / (1.0 + loop)) ** 2, GRID_RADPS))
     above_grid = abs(shaped[-1]) ** 2 * (math.pi / loop_transfer.TICK_S - GRID_RADPS[-1])
     return math.sqrt(density * (on_grid + above_grid) / math.pi)

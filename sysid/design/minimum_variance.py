@@ -65,7 +65,7 @@ def minimum_variance(vehicle: DesignModel, reached: Response) -> MinimumVariance
     """
     try:
         return _bounds(vehicle, reached)
-    except LinAlgError:
+    except ValueError:  # of scipy's solvers, LinAlgError included
         return None
 
 

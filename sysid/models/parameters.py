@@ -101,7 +101,7 @@ PARAMETERS: tuple[ModelParameter, ...] = (
         name="damping_ratio", planes=_BOTH, kind="ratio", prior_sd=0.05, part="tailcone"
     ),
     ModelParameter(name="elevator_lag", planes=_PITCH, kind="ratio", prior_sd=0.1, part="tailcone"),
-    ModelParameter(name="rate_limit", planes=_BOTH, kind="ratio", prior_sd=0.1, part="tailcone"),
+    ModelParameter(name="rate_limit", planes=_BOTH, kind="ratio", prior_sd=0.25, part="tailcone"),
     ModelParameter(name="backlash", planes=_BOTH, kind="ratio", prior_sd=1.0, part="tailcone"),
     ModelParameter(name="axial_drag", planes=_BOTH, kind="ratio", prior_sd=0.2),
     ModelParameter(name="lift_quadratic", planes=_BOTH, kind="offset", prior_sd=0.3),
@@ -116,7 +116,8 @@ actuator lag. The drag of a slender hull with its appendages is known to 20 %; w
 balances it, it sets the loss of speed in a turn. The lift of a small wing differs from a straight
 line by a few per cent at ten degrees, upwards by crossflow at the edges or downwards by the
 boundary layer (Hoerner 1975, Fluid-Dynamic Lift, ch. 3), so ``lift_quadratic``, as a fraction of
-the slope per radian, is 0 +- 0.3. The stall angle is known to 15 %."""
+the slope per radian, is 0 +- 0.3. The stall angle is known to 15 %. The rate limit is that of a
+drive under load: known to 25 %, because a drive that sticks looks slower."""
 ASSUMED_BACKLASH_DEG = 0.2
 """Backlash (full width) of a tailcone without a measurement; known within a factor of e."""
 

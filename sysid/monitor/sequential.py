@@ -54,6 +54,8 @@ CALMER_RATIO = 0.7
 """Measured over predicted rms below which the sea was calmer than in the identification tests.
 
 The variance is then half the predicted one, the inverse of `ALLOWED_RATIO`."""
+AS_PREDICTED = "as predicted"
+"""Text for errors that are neither larger nor much smaller than predicted."""
 _MOVED_BY_SEA = ("heading_deg", "depth_m")
 """Quantities that the loops hold, by which the sea is judged."""
 
@@ -84,7 +86,7 @@ def describe_agreement(rms: Mapping[str, RmsComparison]) -> str:
     ]
     if smaller:
         return f"a calmer sea than in the tests: {' and '.join(smaller)} the predicted rms"
-    return "as predicted" if rms else ""
+    return AS_PREDICTED if rms else ""
 
 
 class Sum(NamedTuple):

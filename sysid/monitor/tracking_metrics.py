@@ -66,11 +66,21 @@ class TrackingMetrics(JsonRecord, frozen=True):
     settling_s: float
 
 
-class _Errors(NamedTuple):
-    """Errors at the samples of a window."""
+class Interval(NamedTuple):
+    """Interval of constant set-points."""
+
+    start_s: float
+    stop_s: float
+    heading_setpoint_deg: float
+    depth_setpoint_m: float
+
+
+class TrackingErrors(NamedTuple):
+    """Errors at the samples of an interval."""
 
     heading_deg: Array
     pitch_deg: Array
+    """Pitch about its own mean."""
     depth_m: Array
 
 
@@ -93,26 +103,46 @@ def tracking(
     TrackingMetrics or None
         None if no stretch outlasts its settling time. Identification tests are excluded.
     """
-    intervals = [
-        (interval, _errors(log, *interval)) for interval in _steady(log, settling_s, shortest_s)
+    found = [
+        (interval, errors_in(log, interval.start_s, interval.stop_s))
+        for interval in intervals(log, settling_s, shortest_s)
     ]
-    windows_with_data = [
-        (interval, errors)
-        for interval, errors in intervals
-        if errors.heading_deg.size and errors.depth_m.size
-    ]
-    if not windows_with_data:
+    if not found:
         return None
-    windows = tuple(
-        _window(log, start, stop, errors) for (start, stop), errors in windows_with_data
-    )
     return TrackingMetrics(
-        windows=windows,
-        heading_deg=spread(np.concatenate([errors.heading_deg for _, errors in windows_with_data])),
-        pitch_deg=spread(np.concatenate([errors.pitch_deg for _, errors in windows_with_data])),
-        depth_m=spread(np.concatenate([errors.depth_m for _, errors in windows_with_data])),
+        windows=tuple(_window(interval, errors) for interval, errors in found),
+        heading_deg=spread(np.concatenate([errors.heading_deg for _, errors in found])),
+        pitch_deg=spread(np.concatenate([errors.pitch_deg for _, errors in found])),
+        depth_m=spread(np.concatenate([errors.depth_m for _, errors in found])),
         settling_s=settling_s,
     )
+
+
+def intervals(
+    log: Log, settling_s: float = SETTLING_S, shortest_s: float = MIN_WINDOW_S
+) -> list[Interval]:
+    """Return the intervals of constant set-points that have samples.
+
+    Parameters
+    ----------
+    log : Log
+        Log of the dive.
+    settling_s : float
+        Time excluded after each change of set-point (s).
+    shortest_s : float
+        Minimum length of an interval (s).
+
+    Returns
+    -------
+    list of Interval
+        The windows of ``tracking``, without their errors.
+    """
+    return [
+        _interval(log, start, stop)
+        for start, stop in _steady(log, settling_s, shortest_s)
+        if np.any(_in_interval(log.attitude.time_s, start, stop))
+        and np.any(_in_interval(log.depth.time_s, start, stop))
+    ]
 
 
 def window(log: Log, start_s: float, stop_s: float) -> SteadyWindow:
@@ -130,7 +160,7 @@ def window(log: Log, start_s: float, stop_s: float) -> SteadyWindow:
     SteadyWindow
         Errors in this interval.
     """
-    return _window(log, start_s, stop_s, _errors(log, start_s, stop_s))
+    return _window(_interval(log, start_s, stop_s), errors_in(log, start_s, stop_s))
 
 
 def spread(error: Array) -> Spread:
@@ -222,11 +252,29 @@ def _followed(
     return setpoints if np.max(np.abs(setpoints - start)) > limit else start
 
 
-def _errors(log: Log, start_s: float, stop_s: float) -> _Errors:
-    """Return the errors from `start_s` to `stop_s` (s)."""
+def _in_interval(time_s: Array, start_s: float, stop_s: float) -> NDArray[np.bool_]:
+    """Return a mask of the samples in an interval."""
+    return (time_s >= start_s) & (time_s < stop_s)
+
+
+def errors_in(log: Log, start_s: float, stop_s: float) -> TrackingErrors:
+    """Return the errors in an interval of constant set-points.
+
+    Parameters
+    ----------
+    log : Log
+        Log of the dive.
+    start_s, stop_s : float
+        Interval (s).
+
+    Returns
+    -------
+    TrackingErrors
+        Errors at its samples.
+    """
     attitude, depth, points = log.attitude, log.depth, log.setpoints
-    in_window = (attitude.time_s >= start_s) & (attitude.time_s < stop_s)
-    depth_in_window = (depth.time_s >= start_s) & (depth.time_s < stop_s)
+    in_window = _in_interval(attitude.time_s, start_s, stop_s)
+    depth_in_window = _in_interval(depth.time_s, start_s, stop_s)
     yaw_time_s, depth_time_s = attitude.time_s[in_window], depth.time_s[depth_in_window]
     headings = points.attitude_time_s, points.heading_rad
     depths = points.depth_time_s, points.depth_m
@@ -236,24 +284,28 @@ def _errors(log: Log, start_s: float, stop_s: float) -> _Errors:
     )
     wrapped = (heading + math.pi) % (2.0 * math.pi) - math.pi
     pitch = attitude.pitch_rad[in_window]
-    return _Errors(
+    return TrackingErrors(
         heading_deg=np.degrees(wrapped),
         pitch_deg=np.degrees(pitch - np.mean(pitch)),
         depth_m=depth.depth_m[depth_in_window] - depth_setpoint_m,
     )
 
 
-def _window(log: Log, start_s: float, stop_s: float, errors: _Errors) -> SteadyWindow:
-    """Return the statistics of a window."""
+def _interval(log: Log, start_s: float, stop_s: float) -> Interval:
+    """Return an interval with the set-points at its start."""
     points = log.setpoints
+    heading_rad = _value_at(points.attitude_time_s, points.heading_rad, start_s)
+    depth_m = _value_at(points.depth_time_s, points.depth_m, start_s)
+    return Interval(start_s, stop_s, math.degrees(heading_rad) % 360.0, depth_m)
+
+
+def _window(interval: Interval, errors: TrackingErrors) -> SteadyWindow:
+    """Return the statistics of a window."""
     return SteadyWindow(
-        start_s=start_s,
-        stop_s=stop_s,
-        heading_setpoint_deg=math.degrees(
-            _value_at(points.attitude_time_s, points.heading_rad, start_s)
-        )
-        % 360.0,
-        depth_setpoint_m=_value_at(points.depth_time_s, points.depth_m, start_s),
+        start_s=interval.start_s,
+        stop_s=interval.stop_s,
+        heading_setpoint_deg=interval.heading_setpoint_deg,
+        depth_setpoint_m=interval.depth_setpoint_m,
         heading_deg=spread(errors.heading_deg),
         pitch_deg=spread(errors.pitch_deg),
         depth_m=spread(errors.depth_m),

@@ -85,6 +85,11 @@ def initial_state(
     return craft
 
 
+def horizontal_m(craft: SimulatedVehicleState) -> complex:
+    """Return the horizontal position, north + i east of the start (m)."""
+    return complex(craft.state[0], -craft.state[1])
+
+
 def advance(
     craft: SimulatedVehicleState,
     rudder_rad: float,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sysid.data.dataset import Log
 from sysid.monitor import tracking_metrics
-from sysid.monitor.tracking_metrics import SteadyWindow
+from sysid.monitor.tracking_metrics import Interval, TrackingErrors
 from sysid.monte_carlo.simulate import SimulatedDive
 from sysid.test_design.safety_margins import HOLDING_LIMITS
 
@@ -86,12 +86,11 @@ def of_dive(dive: SimulatedDive, travel_rad: float, hull_radius_m: float) -> Div
         Metrics of the dive.
     """
     log = dive.log
-    windows = tracking_metrics.tracking(log, settling_s=0.0)
     rudder, elevator = np.abs(log.actuators.rudder_rad), np.abs(log.actuators.elevator_rad)
     shallowest_m = _shallowest_m(dive)
     return DiveMetrics(
         steady=_steady(log),
-        legs=tuple(_leg(log, window) for window in windows.windows) if windows else (),
+        legs=tuple(_leg(log, leg) for leg in tracking_metrics.intervals(log, settling_s=0.0)),
         rudder_deg=math.degrees(float(np.max(rudder))),
         elevator_deg=math.degrees(float(np.max(elevator))),
         stopped=float(np.mean(np.maximum(rudder, elevator) > SATURATED_SHARE * travel_rad)),
@@ -103,7 +102,7 @@ def of_dive(dive: SimulatedDive, travel_rad: float, hull_radius_m: float) -> Div
     )
 
 
-def _in_window(log: Log, window: SteadyWindow) -> NDArray[np.bool_]:
+def _in_window(log: Log, window: Interval) -> NDArray[np.bool_]:
     """Return a mask of the samples in a window; a simulated log has one time base."""
     time_s = log.attitude.time_s
     return (time_s >= window.start_s) & (time_s < window.stop_s)
@@ -117,15 +116,29 @@ def _heading_error_rad(log: Log) -> Array:
 
 def _steady(log: Log) -> Steady | None:
     """Return the steady errors, or None."""
-    metrics = tracking_metrics.tracking(log)
-    if metrics is None:
+    windows = tracking_metrics.intervals(log)
+    if not windows:
         return None
-    in_windows = np.any([_in_window(log, window) for window in metrics.windows], axis=0)
-    heading = tracking_metrics.spread(np.degrees(_heading_error_rad(log)[in_windows]))
-    return Steady(heading.p95, metrics.pitch_deg.p95, metrics.depth_m.p95)
+    errors = [_errors(log, window) for window in windows]
+    in_windows = np.any([_in_window(log, window) for window in windows], axis=0)
+    return Steady(
+        _p95(np.degrees(_heading_error_rad(log)[in_windows])),
+        _p95(np.concatenate([error.pitch_deg for error in errors])),
+        _p95(np.concatenate([error.depth_m for error in errors])),
+    )
 
 
-def _leg(log: Log, window: SteadyWindow) -> Leg:
+def _errors(log: Log, window: Interval) -> TrackingErrors:
+    """Return the errors in a window."""
+    return tracking_metrics.errors_in(log, window.start_s, window.stop_s)
+
+
+def _p95(error: Array) -> float:
+    """Return the distance from zero of 95 % of the samples."""
+    return tracking_metrics.spread(error).p95
+
+
+def _leg(log: Log, window: Interval) -> Leg:
     """Return the settling of one leg."""
     unsettled = np.abs(_heading_error_rad(log)) > SETTLED_RAD
     unsettled |= np.abs(log.depth.depth_m - window.depth_setpoint_m) > SETTLED_M
@@ -153,9 +166,8 @@ def _shallowest_m(dive: SimulatedDive) -> float | None:
 def _divergence(dive: SimulatedDive, travel_rad: float) -> str:
     """Return the first quantity that was not held after settling."""
     log = dive.log
-    metrics = tracking_metrics.tracking(log, shortest_s=MIN_STEADY_S)
-    for window in metrics.windows if metrics else ():
-        in_window = _in_window(log, window)
+    for window in tracking_metrics.intervals(log, shortest_s=MIN_STEADY_S):
+        in_window, errors = _in_window(log, window), _errors(log, window)
         rudder, elevator = (
             float(np.mean(np.abs(command[in_window]) > SATURATED_SHARE * travel_rad))
             for command in (log.actuators.rudder_rad, log.actuators.elevator_rad)
@@ -166,10 +178,10 @@ def _divergence(dive: SimulatedDive, travel_rad: float) -> str:
         ):
             return "heading"
         if (
-            window.pitch_deg.max > math.degrees(HOLDING_LIMITS.pitch_rad)
+            np.max(np.abs(errors.pitch_deg)) > math.degrees(HOLDING_LIMITS.pitch_rad)
             or elevator > MAX_SATURATED_FRACTION
         ):
             return "pitch"
-        if window.depth_m.max > HOLDING_LIMITS.down_m:
+        if np.max(np.abs(errors.depth_m)) > HOLDING_LIMITS.down_m:
             return "depth"
     return "" if dive.finished or dive.failsafe else "the mission's time"

@@ -31,6 +31,10 @@ MAX_OFFSET_SHARE = 1.0 / 3.0
 """Largest standard deviation of delay and net buoyancy, as a share of the file's value.
 
 The prior deviations of 0.1 s and 5 N are those of Caribou, whose delay is 0.3 s."""
+MAX_RATE_LIMIT_SD = 0.1
+"""Largest standard deviation of the rate limit's logarithm: that of a drive with a data sheet.
+
+The prior is wider, because a drive that sticks looks slower in the water."""
 MAX_DRAWS = 1000
 """Number of samples after which no perturbation is assumed to be possible."""
 HEAD = """\
@@ -123,18 +127,14 @@ def _truncated_sample(rng: np.random.Generator, spread: Array) -> Array:
 
 
 def _shares(config: VehicleConfig) -> Array:
-    """Return the factor on each z by which absolute deviations suit the vehicle."""
-    values = {
-        "delay_yaw": config.tailcone.delay_s,
-        "delay_pitch": config.tailcone.delay_s,
-        "net_buoyancy": abs(config.ballast.net_buoyancy_n),
+    """Return the factor on each z by which the deviations suit the vehicle."""
+    largest_sds = {
+        "delay_yaw": MAX_OFFSET_SHARE * config.tailcone.delay_s,
+        "delay_pitch": MAX_OFFSET_SHARE * config.tailcone.delay_s,
+        "net_buoyancy": MAX_OFFSET_SHARE * abs(config.ballast.net_buoyancy_n),
+        "rate_limit": MAX_RATE_LIMIT_SD,
     }
-    return np.array(
-        [
-            min(1.0, MAX_OFFSET_SHARE * values[p.name] / p.prior_sd) if p.name in values else 1.0
-            for p in PARAMETERS
-        ]
-    )
+    return np.array([min(1.0, largest_sds.get(p.name, math.inf) / p.prior_sd) for p in PARAMETERS])
 
 
 def _with_tailcone(vehicle: CandidateVehicle) -> VehicleConfig:

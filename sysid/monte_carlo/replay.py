@@ -2,16 +2,21 @@
 
 The model's vehicle is driven with the recorded commands. Its innovations, recorded minus predicted
 motion, give the disturbing wrench of every tick. The wrenches then act on the closed loop of the
-same vehicle and the autopilot's own tick.
+same vehicle and the autopilot's own tick. The recorded minus the predicted position is the drift by
+current, sideslip and corrections of the navigation; it is added to the position of the replay.
 """
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from autopilot.control import params
+from autopilot.control import lqg_file, params
+from autopilot.control.lqg import LqgControllers
+from autopilot.control.types import Home
 from mavlink_io.mission_items import MissionItem
 from sitl.vehicle.water import drifting
 from sysid.control_analysis.loop_transfer import TICK_S
@@ -22,7 +27,7 @@ from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import dynamics, instruments
 from sysid.monte_carlo import simulate as simulation
 from sysid.monte_carlo.dynamics import DEPTH, N_OBSERVED, RATES, SimulatedVehicleState
-from sysid.monte_carlo.simulate import SimulatedDive
+from sysid.monte_carlo.simulate import ComplexArray, NavigationRecord, SimulatedDive
 
 RATE_GAIN = 0.5
 """Share of the innovation of a rate that is attributed to the disturbance of one tick."""
@@ -75,11 +80,49 @@ class Replayed(NamedTuple):
     """Difference of the changed and the unchanged replay."""
 
 
+class Controllers(NamedTuple):
+    """LQG controllers that replace the PID loops while LQG_ENABLE is 1; None: the PID loops."""
+
+    recorded: LqgControllers | None = None
+    """Controllers of the recorded dive."""
+    changed: LqgControllers | None = None
+    """Controllers of the other replay."""
+
+
+PID_LOOPS = Controllers()
+"""No LQG controllers."""
+
+
+def load_controllers(recorded: Path | None, changed: Path | None) -> Controllers:
+    """Load the LQG controllers of both replays.
+
+    Parameters
+    ----------
+    recorded : Path or None
+        File of those of the recorded dive; None for the PID loops.
+    changed : Path or None
+        File of those of the other replay; None for the recorded ones.
+
+    Returns
+    -------
+    Controllers
+        The controllers.
+
+    Raises
+    ------
+    InputError
+        A file cannot be used.
+    """
+    first = lqg_file.load(recorded) if recorded else None
+    return Controllers(first, lqg_file.load(changed) if changed else first)
+
+
 def replay(
     log: Log,
     vehicle: CandidateVehicle,
     items: tuple[MissionItem, ...],
     parameters: Mapping[str, float],
+    controllers: Controllers = PID_LOOPS,
 ) -> Replayed:
     """Replay a dive with the recorded and with other parameters.
 
@@ -93,6 +136,8 @@ def replay(
         The mission of the dive.
     parameters : mapping
         Parameters that replace recorded ones.
+    controllers : Controllers
+        LQG controllers of both replays; a log does not contain those of its dive.
 
     Returns
     -------
@@ -110,14 +155,18 @@ def replay(
         raise LogError(f"{log.name}: has no parameters; replay a log of `ground fly`")
     own = dict(log.parameters)
     table = _at_ticks(log)
-    wrenches = disturbance(vehicle, table)
+    wrenches, through_water_m = disturbance(vehicle, table)
+    navigation = _navigation(log, table, through_water_m)
 
-    def fly(values: Mapping[str, float]) -> SimulatedDive:
-        config = params.config(values)
+    def fly(values: Mapping[str, float], lqg: LqgControllers | None) -> SimulatedDive:
+        config = replace(params.config(values), lqg_controllers=lqg)
         craft = _craft(vehicle, float(table["heading_rad"][0]), instruments.field_nwu(config))
-        return simulation.fly_with(craft, _continued(wrenches), _no_errors(), items, config)
+        return simulation.fly_with(
+            craft, _continued(wrenches), _no_errors(), items, config, navigation
+        )
 
-    unchanged, changed = fly(own), fly({**own, **parameters})
+    unchanged = fly(own, controllers.recorded)
+    changed = fly({**own, **parameters}, controllers.changed)
     return Replayed(
         recorded=log,
         unchanged=unchanged,
@@ -127,8 +176,10 @@ def replay(
     )
 
 
-def disturbance(vehicle: CandidateVehicle, table: Mapping[str, Array]) -> Array:
-    """Return the disturbing wrench of every tick of a dive.
+def disturbance(
+    vehicle: CandidateVehicle, table: Mapping[str, Array]
+) -> tuple[Array, ComplexArray]:
+    """Return the disturbing wrench of every tick of a dive, and the path of the model's vehicle.
 
     Parameters
     ----------
@@ -139,8 +190,10 @@ def disturbance(vehicle: CandidateVehicle, table: Mapping[str, Array]) -> Array:
 
     Returns
     -------
-    ndarray, shape (n - 1, 6)
+    wrenches : ndarray, shape (n - 1, 6)
         Force and moment in FLU, N and N m.
+    through_water_m : ndarray, shape (n,)
+        Horizontal position of the vehicle with these wrenches in still water, north + i east (m).
 
     Notes
     -----
@@ -158,6 +211,7 @@ def disturbance(vehicle: CandidateVehicle, table: Mapping[str, Array]) -> Array:
     craft = _craft(vehicle, float(table["heading_rad"][0]), (0.2, 0.0, -0.48))
     mass = vehicle.model.inertia.M
     wrenches = np.zeros((count - 1, 6))
+    through_water_m = np.zeros(count, np.complex128)
     psi, depth_m = float(table["heading_rad"][0]), float(craft.observed[DEPTH])
     heading = np.unwrap(table["heading_rad"])
     still = np.zeros(6)
@@ -189,21 +243,48 @@ def disturbance(vehicle: CandidateVehicle, table: Mapping[str, Array]) -> Array:
         observed = dynamics.advance(craft, *command, wrenches[k])
         depth_m = float(observed[DEPTH])
         psi += _wrapped(_heading_rad(craft) - psi)
-    return wrenches
+        through_water_m[k + 1] = dynamics.horizontal_m(craft)
+    return wrenches, through_water_m
+
+
+def _navigation(
+    log: Log, table: Mapping[str, Array], through_water_m: ComplexArray
+) -> NavigationRecord | None:
+    """Return the recorded navigation at the ticks of a dive; None without a recorded position."""
+    time_s, position, current = table["time_s"] + _armed_s(log), log.position, log.current
+    if not position.time_s.size:
+        return None
+    position_m = _interpolated(time_s, position.time_s, position.north_m, position.east_m)
+    current_mps = np.zeros(time_s.size, np.complex128)
+    if current.time_s.size:
+        current_mps = _interpolated(time_s, current.time_s, current.north_mps, current.east_mps)
+    home = Home(*log.home_deg, known=True) if log.home_deg else Home()
+    return NavigationRecord(home, position_m - through_water_m, current_mps)
+
+
+def _interpolated(time_s: Array, sample_s: Array, north: Array, east: Array) -> ComplexArray:
+    """Return a horizontal vector, north + i east, at other times by linear interpolation."""
+    return np.interp(time_s, sample_s, north) + 1j * np.interp(time_s, sample_s, east)
+
+
+def _armed_s(log: Log) -> float:
+    """Return the time of arming; raise LogError without it."""
+    armed = [event.time_s for event in log.events if isinstance(event.value, Armed)]
+    if not armed:
+        raise LogError(f"{log.name}: the vehicle was not armed; replay the log of a dive")
+    return armed[0]
 
 
 def _at_ticks(log: Log) -> dict[str, Array]:
     """Return the state at the ticks from arming to the end of the mission."""
-    armed = [event.time_s for event in log.events if isinstance(event.value, Armed)]
-    if not armed:
-        raise LogError(f"{log.name}: the vehicle was not armed; replay the log of a dive")
+    start_s = _armed_s(log)
     ends = [
         event.time_s
         for event in log.events
-        if isinstance(event.value, ModeChanged) and event.time_s > armed[0]
+        if isinstance(event.value, ModeChanged) and event.time_s > start_s
     ]
     table = state_table.state_table(log)
-    start_s, stop_s = armed[0], min([*ends, float(table["time_s"][-1])])
+    stop_s = min([*ends, float(table["time_s"][-1])])
     if stop_s - start_s < MIN_DIVE_S:
         raise LogError(
             f"{log.name}: {stop_s - start_s:.1f} s from arming to the end of the mission; a replay"

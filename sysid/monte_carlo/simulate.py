@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from autopilot.control import core, modes, params, request_handler, requests, steady
 from autopilot.control.params import Config
 from autopilot.control.steady import Task
-from autopilot.control.types import US_PER_S, Inputs, Trace
+from autopilot.control.types import US_PER_S, Home, Inputs, Trace, VehicleEstimate
 from autopilot.control.types import Event as TextMessage
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.jit import native
@@ -26,6 +26,7 @@ from sysid.monte_carlo.dynamics import SimulatedVehicleState
 from sysid.planes import Plane
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 EXTRA_TIME_S = 300.0
 """Time (s) allowed in addition to legs and tests, for transits, waits and turns."""
@@ -46,6 +47,35 @@ class Sea(NamedTuple):
     """Current (m/s) in a random direction."""
     bias_shift_rad: float = 0.0
     """Change of the rudder bias (rad), as from a bent duct."""
+
+
+class NavigationRecord(NamedTuple):
+    """Navigation of a recorded dive, which replaces dead reckoning; vectors are north + i east."""
+
+    home: Home
+    drift_m: ComplexArray
+    """Estimated position minus that of the vehicle through the water, per tick from arming on."""
+    current_mps: ComplexArray
+    """Estimated current per tick."""
+
+    def locate(
+        self, estimate: VehicleEstimate, tick: int, through_water_m: complex
+    ) -> VehicleEstimate:
+        """Return an estimate with the recorded current, and the position with the recorded drift.
+
+        After the last recorded tick the drift continues at its mean rate.
+        """
+        last = self.drift_m.size - 1
+        late = max(0, tick - last)
+        drift_m = self.drift_m[min(tick, last)]
+        drift_m += late * (self.drift_m[-1] - self.drift_m[0]) / max(1, last)
+        position_m = complex(through_water_m + drift_m)
+        current_mps = complex(self.current_mps[min(tick, last)])
+        return estimate._replace(
+            north_m=position_m.real,
+            east_m=position_m.imag,
+            navigation=estimate.navigation._replace(current_mps=current_mps),
+        )
 
 
 class SimulatedDive(NamedTuple):
@@ -152,6 +182,7 @@ def fly_with(
     errors: Iterator[Array],
     items: tuple[MissionItem, ...],
     config: Config,
+    navigation: NavigationRecord | None = None,
 ) -> SimulatedDive:
     """Simulate a mission with given disturbances and measurement errors.
 
@@ -167,6 +198,8 @@ def fly_with(
         Mission.
     config : Config
         Parameters of the autopilot.
+    navigation : NavigationRecord, optional
+        Recorded navigation; without it the autopilot integrates its own speed, home is unknown.
 
     Returns
     -------
@@ -178,12 +211,12 @@ def fly_with(
     MissionRejectedError
         The autopilot rejects the mission or does not arm.
     """
-    dive = _Dive(craft, _Rows(wrenches), _Rows(errors), config)
+    dive = _Dive(craft, _Rows(wrenches), _Rows(errors), config, navigation)
     dive.full_tick(dive.observed)
     dive.arm_in_mission(items)
     limit_us = limit_s(items) * US_PER_S
     while dive.in_mission and dive.state.time_us < limit_us:
-        task = steady.task_of(dive.state, config)
+        task = None if dive.follows_recorded_navigation else steady.task_of(dive.state, config)
         if task is None:
             dive.advance()
         else:
@@ -219,11 +252,19 @@ class _Dive:
     """One dive in progress: vehicle, noise, autopilot, and the log so far."""
 
     def __init__(
-        self, craft: SimulatedVehicleState, wrenches: _Rows, errors: _Rows, config: Config
+        self,
+        craft: SimulatedVehicleState,
+        wrenches: _Rows,
+        errors: _Rows,
+        config: Config,
+        navigation: NavigationRecord | None,
     ) -> None:
         self._craft, self._wrenches, self._errors = craft, wrenches, errors
         self._config, self._flat = config, native(cast(tuple[Any, ...], params.flat(config)))
         self.state, self._trace = core.initial_state(), Trace()
+        self._navigation = navigation
+        if navigation:
+            self.state = self.state._replace(home=navigation.home)
         self._messages = list[LogEvent]()
         self._rows = list[Array]()
 
@@ -236,6 +277,19 @@ class _Dive:
     def in_mission(self) -> bool:
         """Whether the autopilot flies the mission."""
         return self.state.armed and self.state.mode == modes.MISSION.number
+
+    @property
+    def follows_recorded_navigation(self) -> bool:
+        """Whether the path over ground needs the recorded navigation in every tick."""
+        return self._navigation is not None and self.state.path is not None
+
+    def _locate(self) -> None:
+        """Set position and current by the recorded navigation, if there is one."""
+        if self._navigation:
+            tick = self.state.time_us // TICK_US
+            through_water_m = dynamics.horizontal_m(self._craft)
+            estimate = self._navigation.locate(self.state.estimate, tick, through_water_m)
+            self.state = self.state._replace(estimate=estimate)
 
     def arm_in_mission(self, items: tuple[MissionItem, ...]) -> None:
         """Load the mission, set mode MISSION and arm. Raises MissionRejectedError."""
@@ -281,6 +335,7 @@ class _Dive:
             rows,
         )
         self.state = steady.end(self.state, pilot)
+        self._locate()
         self._rows.append(rows[:samples])
         self._wrenches.skip(ticks)
         self._errors.skip(ticks if complete else ticks - 1)
@@ -295,6 +350,7 @@ class _Dive:
         frame = instruments.frame(time_us, observed, self._errors.pop(), self._config)
         inputs = Inputs(frame, None, None, None)
         self.state, _, self._trace, events = core.tick(state, inputs, self._config)
+        self._locate()
         self._messages += [
             LogEvent(time_us / US_PER_S, parse_text(event.severity, event.text))
             for event in events

@@ -20,7 +20,13 @@ from sysid.planes import PLANES, Plane
 from sysid.screening import whitened_residuals
 from sysid.screening.anomaly_models import GUST_S, Kind
 from sysid.screening.repeatability import repeatability, repeated_runs
-from sysid.screening.score_test import Anomaly, Scores, scores
+from sysid.screening.score_test import (
+    Anomaly,
+    Scores,
+    evaluate,
+    inflation,
+    statistics_over_time,
+)
 from sysid.screening.whitened_residuals import Residuals, RunResiduals
 
 FALSE_ALARM = 0.01
@@ -112,7 +118,7 @@ def find_outliers(fit: Fit, prior: Prior, all_runs: Sequence[Run] = ()) -> Scree
     )
     while True:
         optimum = whitened_residuals.update_parameters(remaining, fit, prior)
-        tested = [_check_run(run, optimum) for run in remaining]
+        tested = _check_runs(remaining, optimum)
         worst = _select_outlier(tested, fit, prior, all_runs)
         if worst is None:
             break
@@ -141,15 +147,30 @@ def find_outliers(fit: Fit, prior: Prior, all_runs: Sequence[Run] = ()) -> Scree
     )
 
 
-def _check_run(run: RunResiduals, optimum: Residuals) -> _TestedRun:
-    """Test one run against the optimum of all runs."""
-    run_scores = scores(
-        run.signatures, optimum.residual_at_optimum(run), run.slopes, optimum.covariance
-    )
-    partners = tuple(_name(partner) for partner in repeated_runs(run, optimum.runs))
-    return _TestedRun(
-        residuals=run, scores=run_scores, repeat=repeatability(run, optimum), partners=partners
-    )
+def _check_runs(runs: Sequence[RunResiduals], optimum: Residuals) -> list[_TestedRun]:
+    """Test every run against the optimum of all runs."""
+    statistics = [
+        statistics_over_time(
+            run.signatures, optimum.residual_at_optimum(run), run.slopes, optimum.covariance
+        )
+        for run in runs
+    ]
+    tested = []
+    for run, courses in zip(runs, statistics, strict=True):
+        others = (
+            other_courses
+            for other, other_courses in zip(runs, statistics, strict=True)
+            if other is not run and other.dataset.run.plane == run.dataset.run.plane
+        )
+        tested.append(
+            _TestedRun(
+                residuals=run,
+                scores=evaluate(courses, inflation(others)),
+                repeat=repeatability(run, optimum),
+                partners=tuple(_name(partner) for partner in repeated_runs(run, optimum.runs)),
+            )
+        )
+    return tested
 
 
 def _select_outlier(
@@ -180,7 +201,7 @@ def _remaining(
     """Test the other runs against their own optimum, without run ``t``."""
     others = [other.residuals for other in tested if other is not subject]
     optimum = whitened_residuals.update_parameters(others, fit, prior)
-    return [_check_run(run, optimum) for run in others]
+    return _check_runs(others, optimum)
 
 
 def _p_value(subject: _TestedRun) -> float:

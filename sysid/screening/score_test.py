@@ -9,10 +9,15 @@ efficient score is a'e, its variance v, the estimated size s and the statistic T
 T is standard normal in a run without anomaly. The residuals at the joint optimum are (1 - J P J')
 times those that the fit of the *other* runs leaves in this one. The test is therefore the
 leave-one-run-out estimate without a second fit.
+
+v holds for residuals that are white in every part of a run. The noise filter is linear about
+straight flight; in a tight turn the vehicle damps the disturbance differently, and the statistics
+of anomalies at a time scatter more. Their variance is therefore taken from the other runs of the
+plane (`inflation`; genomic control, Devlin and Roeder 1999).
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +28,10 @@ from sysid.screening.anomaly_models import Kind, Signature
 
 Array = NDArray[np.float64]
 
+MEDIAN_OVER_MEAN = 0.85
+"""Ratio for chi-square with four to five degrees of freedom.
+
+A mean of T^2 over a run has that many, because statistics of neighbouring times are correlated."""
 MIN_INFORMATION = 0.01
 """Variance v, as a share of the largest over time, below which a time is not tested."""
 
@@ -53,7 +62,7 @@ class Scores(NamedTuple):
     """Probability that a clean run shows any of them as clearly, over all kinds and times."""
 
 
-class _StatisticOverTime(NamedTuple):
+class StatisticOverTime(NamedTuple):
     """Statistics of one kind of anomaly over time, and the correlations of neighbouring times."""
 
     signature: Signature
@@ -96,9 +105,68 @@ def scores(
     alarm probability. Without this division the search over time would dominate the probability,
     and a wrong gain would be found less often.
     """
-    statistics = [
+    return evaluate(statistics_over_time(signatures, residual, slopes, covariance, spread))
+
+
+def statistics_over_time(
+    signatures: Sequence[Signature],
+    residual: Array,
+    slopes: Array,
+    covariance: Array,
+    spread: float = 1.0,
+) -> list[StatisticOverTime]:
+    """Return the statistics of every kind of anomaly; arguments as for `scores`."""
+    return [
         _statistic_over_time(signature, residual, slopes, covariance, spread)
         for signature in signatures
+    ]
+
+
+def inflation(others: Iterable[Sequence[StatisticOverTime]]) -> dict[Kind, float]:
+    """Return the variance of the statistics of anomalies at a time, from other runs.
+
+    Parameters
+    ----------
+    others : iterable of sequence of StatisticOverTime
+        Statistics of the other runs of the plane.
+
+    Returns
+    -------
+    dict
+        Mean of T^2 over time; of the runs the median, which one anomalous run hardly changes, over
+        MEDIAN_OVER_MEAN. At least 1.
+    """
+    means = dict[Kind, list[float]]()
+    for run in others:
+        for course in run:
+            if course.correlation.size:
+                mean = float(np.mean(course.statistic**2))
+                means.setdefault(course.signature.kind, []).append(mean)
+    return {
+        kind: max(1.0, float(np.median(values)) / MEDIAN_OVER_MEAN)
+        for kind, values in means.items()
+    }
+
+
+def evaluate(
+    statistics: Sequence[StatisticOverTime], variances: Mapping[Kind, float] | None = None
+) -> Scores:
+    """Return the most likely anomaly of each kind and the probability of a false alarm.
+
+    Parameters
+    ----------
+    statistics : sequence of StatisticOverTime
+        Statistics of one run.
+    variances : mapping of kind to float, optional
+        Variance of the statistics of a clean run, from `inflation`; 1 without it.
+
+    Returns
+    -------
+    Scores
+        As for `scores`.
+    """
+    statistics = [
+        _scale(course, (variances or {}).get(course.signature.kind, 1.0)) for course in statistics
     ]
     families = [
         [course for course in statistics if bool(course.correlation.size) == timed]
@@ -111,7 +179,14 @@ def scores(
     return Scores(tuple(anomalies), min(1.0, len(bounds) * min(bounds)))
 
 
-def _false_alarm_bound(family: Sequence[_StatisticOverTime]) -> float:
+def _scale(course: StatisticOverTime, variance: float) -> StatisticOverTime:
+    """Return the statistics for a clean run in which they have this variance."""
+    return course._replace(
+        variance=course.variance / variance, statistic=course.statistic / math.sqrt(variance)
+    )
+
+
+def _false_alarm_bound(family: Sequence[StatisticOverTime]) -> float:
     """Bound on the probability that a clean run shows an anomaly of this family as clearly."""
     highest = max(float(np.max(np.abs(statistics.statistic))) for statistics in family)
     return sum(exceedance(highest, statistics.correlation) for statistics in family)
@@ -119,7 +194,7 @@ def _false_alarm_bound(family: Sequence[_StatisticOverTime]) -> float:
 
 def _statistic_over_time(
     signature: Signature, residual: Array, slopes: Array, covariance: Array, spread: float
-) -> _StatisticOverTime:
+) -> StatisticOverTime:
     """Efficient score, its variance and the correlation of neighbouring times, for every time.
 
     v_k = spread a_k'a_k - (a_k'J) P (a_k'J)'; the correlation of times k and k+1 is (spread
@@ -141,7 +216,7 @@ def _statistic_over_time(
     )
     sd = np.sqrt(variance)
     signature = signature._replace(times_s=signature.times_s[informative], white=white)
-    return _StatisticOverTime(
+    return StatisticOverTime(
         signature=signature,
         variance=variance,
         # A sum, not a product of BLAS, whose rounding depends on its number of threads.
@@ -150,7 +225,7 @@ def _statistic_over_time(
     )
 
 
-def _most_likely(statistics: _StatisticOverTime) -> Anomaly:
+def _most_likely(statistics: StatisticOverTime) -> Anomaly:
     """Return the anomaly at the time of the largest statistic."""
     index = int(np.argmax(np.abs(statistics.statistic)))
     sd = 1.0 / math.sqrt(statistics.variance[index])

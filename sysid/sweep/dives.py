@@ -1,15 +1,14 @@
 """Dives of a sweep: the inputs of each dive, and the row of its results.
 
-The dives are numbered sample by sample, so that more samples append dives to a sweep and leave the
-numbers of the first ones.
+Workers import this module, and the start of a worker takes as long as its imports.
 """
 
 import csv
 import io
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import product
-from typing import NamedTuple, overload
+import shlex
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +22,12 @@ from sysid.monte_carlo.metrics import DiveMetrics
 from sysid.monte_carlo.samples import MAX_DRAWS_PER_SAMPLE, NoCovarianceError
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea
 from sysid.planes import Plane
-from sysid.sweep import campaigns, points
+from sysid.sweep import campaigns
 from sysid.sweep.campaigns import CampaignPlan, CampaignResult, SweepMission
-from sysid.sweep.points import Range, Sampler
 from sysid.test_design.prior import DesignPrior
 from sysid.trials import key_of, source_hash
 
 Array = NDArray[np.float64]
-Levels = tuple[float, ...] | Range
-"""Values of an input: each of them is flown, or samples of a range are."""
-
 KEY_LETTERS = 16
 """Number of letters of a dive's key: 64 bits."""
 Z_DIGITS = 4
@@ -70,16 +65,6 @@ class SweepGains(NamedTuple):
     """Campaign on each vehicle, whose redesigned gains are flown instead of `config`."""
 
 
-class SweepVehicle(NamedTuple):
-    """A distribution of vehicles, and the sets of gains that fly them."""
-
-    name: str
-    prior: DesignPrior
-    spread: float
-    """Factor on the standard deviations; 0 flies the mean vehicle."""
-    gains: tuple[SweepGains, ...]
-
-
 class Limits(NamedTuple):
     """Limits that a dive must meet to pass, besides being held to its end; infinite for none."""
 
@@ -89,25 +74,6 @@ class Limits(NamedTuple):
     """Largest 95 % error after settling."""
     settling_s: float = math.inf
     """Largest settling time of any leg."""
-
-
-class SweepRequest(NamedTuple):
-    """A sweep: every combination is flown with every sample."""
-
-    name: str
-    """File name of the plan, for the command in each row."""
-    vehicles: tuple[SweepVehicle, ...]
-    missions: tuple[SweepMission, ...]
-    conditions: Mapping[str, Levels]
-    """Values of the fields of `Conditions`; a field that is missing has its default."""
-    limits: Limits = Limits()
-    sampler: Sampler = Sampler.SOBOL
-    samples: int = 64
-    repeats: int = 1
-    """Number of dives of each combination and sample, with other noise."""
-    seed: int = 1
-    chunk: int = 8
-    """Number of dives that a process flies at a time, and of rows of a part."""
 
 
 class SweepDive(NamedTuple):
@@ -120,11 +86,26 @@ class SweepDive(NamedTuple):
     gains: SweepGains
     mission: SweepMission
     conditions: Conditions
+    shared_key: str
+    """Hash of vehicle distribution, gains and mission, which many dives share."""
     z: Array
     """Sampled vehicle."""
     seed: int
     sample: int
     repeat: int
+
+    def identity(self) -> tuple[object, ...]:
+        """Return what identifies the dive, with the hash of what it shares with others."""
+        return (
+            self.number,
+            self.vehicle,
+            self.shared_key,
+            self.conditions,
+            self.z,
+            self.seed,
+            self.sample,
+            self.repeat,
+        )
 
 
 class Chunk(NamedTuple):
@@ -135,6 +116,10 @@ class Chunk(NamedTuple):
     source: str
     """Hash of the source code that the dives are to be flown with."""
     dives: tuple[SweepDive, ...]
+
+    def identity(self) -> tuple[object, ...]:
+        """Return what identifies the chunk."""
+        return self.plan, self.limits, self.source, [dive.identity() for dive in self.dives]
 
 
 class Part(NamedTuple):
@@ -181,110 +166,21 @@ COLUMNS = (
 """Columns of a row."""
 
 
-class Chunks(Sequence[Chunk]):
-    """The chunks of a sweep, each made when it is read: a sweep may have a million dives.
+def root(prior: DesignPrior, spread: float) -> Array:
+    """Return a matrix L with L L^T = spread^2 P, P the covariance of z.
 
     Parameters
     ----------
-    request : SweepRequest
-        The sweep.
+    prior : DesignPrior
+        Distribution of z.
+    spread : float
+        Factor on the standard deviations.
+
+    Returns
+    -------
+    ndarray, shape (number of parameters, number of parameters)
+        L, lower triangular.
     """
-
-    def __init__(self, request: SweepRequest) -> None:
-        self._request = request
-        self._ranges = {
-            name: levels for name, levels in request.conditions.items() if isinstance(levels, Range)
-        }
-        grid = {
-            name: levels
-            for name, levels in request.conditions.items()
-            if not isinstance(levels, Range)
-        }
-        self._combinations = [
-            (vehicle, gains, mission, dict(zip(grid, values, strict=True)))
-            for vehicle in request.vehicles
-            for gains in vehicle.gains
-            for mission in request.missions
-            for values in product(*grid.values())
-        ]
-        self._points = points.draw(
-            request.sampler, request.samples, len(self._ranges) + len(NAMES), request.seed
-        )
-        self._roots = {v.name: _root(v.prior, v.spread) for v in request.vehicles}
-
-    @property
-    def combinations(self) -> int:
-        """Number of combinations of vehicle, gains, mission and listed values."""
-        return len(self._combinations)
-
-    @property
-    def dives(self) -> int:
-        """Number of dives."""
-        return self._request.samples * self.combinations * self._request.repeats
-
-    def __len__(self) -> int:
-        """Return the number of chunks."""
-        return -(-self.dives // self._request.chunk)
-
-    @overload
-    def __getitem__(self, index: int) -> Chunk: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Chunk]: ...
-    def __getitem__(self, index: int | slice) -> Chunk | list[Chunk]:
-        """Return one chunk or several."""
-        if isinstance(index, slice):
-            return [self[n] for n in range(*index.indices(len(self)))]
-        if not 0 <= index < len(self):
-            raise IndexError(index)
-        first = index * self._request.chunk
-        return self.of_dives(range(first, min(first + self._request.chunk, self.dives)))
-
-    def of_dives(self, numbers: Sequence[int]) -> Chunk:
-        """Return a chunk with these dives.
-
-        Parameters
-        ----------
-        numbers : sequence of int
-            Numbers of dives, from 0.
-
-        Returns
-        -------
-        Chunk
-            Inputs of the dives.
-        """
-        return Chunk(
-            plan=self._request.name,
-            limits=self._request.limits,
-            source=source_hash(),
-            dives=tuple(map(self._dive, numbers)),
-        )
-
-    def _dive(self, number: int) -> SweepDive:
-        """Return the inputs of a dive: repeats vary fastest, samples slowest."""
-        request = self._request
-        others, repeat = divmod(number, request.repeats)
-        sample, combination = divmod(others, self.combinations)
-        vehicle, gains, mission, listed = self._combinations[combination]
-        point, count = self._points[sample], len(self._ranges)
-        sampled = points.to_ranges(point[:count].tolist(), tuple(self._ranges.values()))
-        values = listed | dict(zip(self._ranges, sampled, strict=True))
-        return SweepDive(
-            number=number,
-            vehicle=vehicle.name,
-            prior=vehicle.prior,
-            spread=vehicle.spread,
-            gains=gains,
-            mission=mission,
-            conditions=Conditions(**values),
-            z=vehicle.prior.mean + self._roots[vehicle.name] @ points.to_normal(point[count:]),
-            seed=request.seed,
-            sample=sample,
-            repeat=repeat,
-        )
-
-
-def _root(prior: DesignPrior, spread: float) -> Array:
-    """Return a matrix L with L L^T = spread^2 P, P the covariance of z."""
     regular = prior.covariance + 1e-12 * np.eye(len(NAMES))
     return np.asarray(spread * np.linalg.cholesky(regular))
 
@@ -358,7 +254,7 @@ def _possible_vehicle(dive: SweepDive) -> tuple[CandidateVehicle, Array, int]:
             return dive.prior.vehicle(z), z, redraws
         except VehicleFileError:
             normals = rng.standard_normal(len(NAMES))
-            z = dive.prior.mean + _root(dive.prior, dive.spread) @ normals
+            z = dive.prior.mean + root(dive.prior, dive.spread) @ normals
     raise NoCovarianceError(
         f"{dive.vehicle}: its distribution gives hardly any possible vehicle; give a smaller spread"
     )
@@ -434,7 +330,7 @@ def _row(
         redraws,
         *(f"{value:.{Z_DIGITS}f}" for value in z),
         key_of(fly_chunk, chunk._replace(dives=(dive,)))[:KEY_LETTERS],
-        f"ground sweep {chunk.plan} --dive {dive.number}",
+        f"ground sweep {shlex.quote(chunk.plan)} --dive {dive.number}",
     ]
 
 

@@ -141,6 +141,29 @@ def texts(folder: Path) -> Iterator[str]:
         yield read(path)
 
 
+def line_of(folder: Path, number: int) -> str | None:
+    """Return the row of a dive, or None.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the sweep.
+    number : int
+        Number of the dive.
+
+    Returns
+    -------
+    str or None
+        Line of CSV; None if the folder does not hold the dive.
+    """
+    earlier = [path for path, _ in _parts(folder / PARTS) if int(_number(path)) <= number]
+    if not earlier:
+        return None
+    part = max(earlier)
+    lines = read(part).splitlines()[number - int(_number(part)) :]
+    return lines[0] if lines else None
+
+
 def digest(folder: Path) -> str:
     """Return the SHA-256 of all rows in the order of the dives, whatever the size of the chunks.
 

@@ -45,6 +45,11 @@ SETTLING_S = 75.0
 """Time (s) from the surface to the first test of a dive."""
 MAX_LOG_GROWTH = 3.0
 """Maximum growth of a small error over a run of an unstable plane, as natural logarithm."""
+FREE_QUANTILE, HELD_QUANTILE = 0.9, 0.5
+"""Quantiles of the samples' growth rates that limit the length of tests with the loop off and on.
+
+With the loop off the vehicle itself diverges, so that nearly every possible vehicle counts. With
+the loop on only the simulation of the fit diverges: the vehicle as it most likely is decides."""
 
 
 class PlanRequest(NamedTuple):
@@ -116,7 +121,9 @@ class _PlaneKnowledge(NamedTuple):
     largest_deg: float
     """Available travel of the surface (deg)."""
     longest_s: float
-    """Maximum length of a test with an unstable plane (s)."""
+    """Maximum length of a test with the loop off if the plane may be unstable (s)."""
+    longest_held_s: float
+    """Maximum length of a test with the loop on (s)."""
     trim_offset_rad: float
     """Known trim of the surface (rad)."""
 
@@ -187,7 +194,8 @@ def _plane_knowledge(prior: DesignPrior, plane: Plane, request: PlanRequest) -> 
         crossover_radps=crossover.frequency_radps(mean_vehicle, plane),
         nominal_deg=candidate_tests.NOMINAL_DEG * scale(prior, plane),
         largest_deg=float(np.degrees(available_travel_rad(prior, plane))),
-        longest_s=_max_duration_s(samples, plane),
+        longest_s=_max_duration_s(samples, plane, FREE_QUANTILE),
+        longest_held_s=_max_duration_s(samples, plane, HELD_QUANTILE),
         trim_offset_rad=design_priors.level_flight(mean_vehicle, plane).trim_rad
         if prior.trims_known
         else 0.0,
@@ -200,16 +208,21 @@ def scale(prior: DesignPrior, plane: Plane) -> float:
     return CARIBOU_TURN_PER_S2 / abs(linear_planes.small_signal(linear).b1_per_s2)
 
 
-def _max_duration_s(samples: list[VehicleSample], plane: Plane) -> float:
+def _max_duration_s(samples: list[VehicleSample], plane: Plane, quantile: float) -> float:
     """Return the maximum length of a run (s).
 
-    It is `MAX_LOG_GROWTH` over the 90 % quantile of the samples' growth rates.
+    It is `MAX_LOG_GROWTH` over this quantile of the samples' growth rates.
     """
     growth_rates = [
         float(np.max(np.linalg.eigvals(fit.linear_plane(sample.vehicle, plane).A).real))
         for sample in samples
     ]
-    return MAX_LOG_GROWTH / max(float(np.quantile(growth_rates, 0.9)), 1e-3)
+    return MAX_LOG_GROWTH / max(float(np.quantile(growth_rates, quantile)), 1e-3)
+
+
+def _fits(shape: Manoeuvre, plane: _PlaneKnowledge) -> bool:
+    """Return whether a test is short enough for a plane that may be unstable."""
+    return shape.duration_s <= (plane.longest_held_s if shape.loop_on else plane.longest_s)
 
 
 def _candidates(
@@ -248,7 +261,7 @@ def _candidates(
             )
         )
         for shape in candidate_tests.square_waves(plane.plane, plane.nominal_deg, request.lengths)
-        if shape.duration_s <= plane.longest_s
+        if _fits(shape, plane)
     ]
     return sized + _size_all(plane, designs, request)
 
@@ -309,13 +322,15 @@ def _combine_axes(
 
 
 def _held_out(plane: _PlaneKnowledge, request: PlanRequest) -> list[SizedTest]:
-    """Return the validation test of a plane at its largest safe size."""
+    """Return the validation test of a plane at its largest safe size.
+
+    The loop is on if no size stays within the limits with the loop off.
+    """
     if not request.held_out:
         return []
-    return _size_all(
-        plane,
-        [candidate_tests.held_out_test(plane.plane, plane.crossover_radps, plane.nominal_deg)],
-        request,
+    shape = candidate_tests.held_out_test(plane.plane, plane.crossover_radps, plane.nominal_deg)
+    return _size_all(plane, [shape], request) or _size_all(
+        plane, [shape._replace(loop_on=True)], request
     )
 
 
@@ -323,7 +338,7 @@ def _size_all(
     plane: _PlaneKnowledge, shapes: list[Manoeuvre], request: PlanRequest
 ) -> list[SizedTest]:
     """Return the shapes that fit, at their largest safe size."""
-    feasible = [shape for shape in shapes if shape.duration_s <= plane.longest_s]
+    feasible = [shape for shape in shapes if _fits(shape, plane)]
     sized = [
         safety_margins.max_size_within_limits(
             shape, plane.largest_deg, plane.samples, request.limits, plane.trim_offset_rad

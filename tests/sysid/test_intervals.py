@@ -14,6 +14,7 @@ from sysid.estimation.map.fit import Fit, Prior
 from sysid.estimation.map.gauss_newton import Z_LIMIT
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
+from sysid.planes import Plane
 
 
 @pytest.fixture(scope="module")
@@ -77,3 +78,17 @@ def test_interval_rich_data_matches_standard_deviation(campaign: list[Run], prio
     half = 1.96 * math.sqrt(slope @ rich.covariance @ slope)
     low, high = intervals.interval(intervals.problem_at_estimate(rich, prior), rich, number)
     assert high - low == pytest.approx(2 * half, rel=0.1)
+
+
+def test_step_to_an_impossible_vehicle_ends_before_it() -> None:
+    remus = config.load("remus100")
+    prior = Prior(
+        remus, dict.fromkeys(Plane, 0.0), np.zeros(len(NAMES)), parameters.prior_covariance()
+    )
+    z = np.array([-4.0 if name.startswith("I_") else 0.0 for name in NAMES])
+    with pytest.raises(config.VehicleFileError):
+        problems.vehicle(prior, z)
+    found = intervals.nearest_possible(prior, np.zeros(z.size), z)
+    problems.vehicle(prior, found)
+    assert np.min(found) < 0.0
+    np.testing.assert_array_equal(intervals.nearest_possible(prior, z, found), found)

@@ -22,6 +22,8 @@ from sysid import trials
 from sysid.trials import TrialsError, key_of, map_trials
 from tests.helpers.subprocesses import PATIENCE_S
 
+ROOT = Path(__file__).parents[2]
+
 
 class Point(NamedTuple):
     """A result with parts of several types."""
@@ -55,6 +57,15 @@ def deadly(folder: Path, value: int) -> list[float]:
     if value == 13 or (value == 3 and first):
         os.kill(os.getpid(), signal.SIGKILL)
     return result
+
+
+IMPORTED_BY = os.getpid()
+"""Process that imported this module."""
+
+
+def imported_here(value: int) -> list[float]:
+    """Return 1 if this process imported the module itself, 0 if it was forked with it."""
+    return [float(os.getpid() == IMPORTED_BY)]
 
 
 def times_run(folder: Path) -> list[int]:
@@ -130,6 +141,16 @@ def test_processes_that_always_die_end_the_study(tmp_path: Path, runs: Path) -> 
     keep = tmp_path / "kept"
     with pytest.raises(TrialsError, match="killed 4 times"):
         map_trials(partial(deadly, runs), [13, 1], list[float], jobs=2, keep=keep)
+
+
+@pytest.mark.slow
+def test_processes_are_forked_with_the_module_loaded() -> None:
+    program = (
+        "from sysid.trials import map_trials\n"
+        "from tests.sysid.test_trials import imported_here\n"
+        "assert map_trials(imported_here, [1, 2], list[float], jobs=2) == [[0.0], [0.0]]\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=ROOT)
 
 
 class PlainThreads(ThreadPoolExecutor):

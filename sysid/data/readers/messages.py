@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.mission_items import GLOBAL_SCALE
 from mavlink_io.records import ARMED_FLAG
 from mavlink_io.vehicle_modes import mode_of_heartbeat
 from sysid.data.dataset import (
@@ -18,6 +19,7 @@ from sysid.data.dataset import (
     Array,
     Attitude,
     Clock,
+    Current,
     Depth,
     DuctAngles,
     Log,
@@ -70,13 +72,22 @@ _DEPTHS = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "VFR_HUD", "AHRS2")
 """Messages with the depth."""
 _ACCELEROMETERS = (IMU, "HIGHRES_IMU", "SCALED_IMU", "SCALED_IMU2")
 """Messages with the acceleration."""
+_CURRENT, _HOME = "WIND_COV", "HOME_POSITION"
+"""Messages with the estimated current and with home."""
 _SOURCES = (ATTITUDES, (_COMMANDS, _SERVOS), _DEPTHS)
-_OTHERS = ("ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT", _HEARTBEAT)
+_OTHERS = (
+    "ATTITUDE_TARGET",
+    "POSITION_TARGET_LOCAL_NED",
+    "STATUSTEXT",
+    _HEARTBEAT,
+    _CURRENT,
+    _HOME,
+)
 CANDIDATES = frozenset(
     (*(name for names in (*_SOURCES, _ACCELEROMETERS) for name in names), *_OTHERS, "ODOMETRY")
 )
 """All messages that ``messages_to_read`` can return, and those of devices."""
-_NOT_HASHED = {_HEARTBEAT, DVL, *_ACCELEROMETERS}
+_NOT_HASHED = {_HEARTBEAT, _CURRENT, _HOME, DVL, *_ACCELEROMETERS}
 """Messages that do not count as data of the dive (``Log.sha256``)."""
 _MILLIG_MPS2 = 9.80665e-3
 _FRAME_BODY, _FRAME_GROUND = 12, 20
@@ -95,6 +106,8 @@ _FIELDS: dict[str, dict[str, int]] = {
     "POSITION_TARGET_LOCAL_NED": {"z": 0},
     "STATUSTEXT": {"severity": 0, "text": 1, "id": 0, "chunk_seq": 0},
     _HEARTBEAT: {"custom_mode": 0, "base_mode": 0, "autopilot": 0},
+    _CURRENT: dict.fromkeys(("wind_x", "wind_y"), 0),
+    _HOME: dict.fromkeys(("latitude", "longitude"), 0),
     _COMMANDS: {"actuator": 1},
     _SERVOS: {"servo1_raw": 0},
     DUCT: {"actuator": 2},
@@ -188,6 +201,8 @@ def assemble(
         velocity=_velocity(messages, motion, depth),
         specific_force=_specific_force(messages),
         position=_position(messages),
+        current=_current(messages),
+        home_deg=_home_deg(messages),
     )
 
 
@@ -322,6 +337,24 @@ def _position(messages: Messages) -> Position:
         return Position()
     keep = usable(time_s, record["x"], record["y"])
     return Position(time_s[keep], *_columns(record, keep, "x", "y"))
+
+
+def _current(messages: Messages) -> Current:
+    """Return the current of WIND_COV; empty without it."""
+    if _CURRENT not in messages:
+        return Current()
+    time_s, record = messages[_CURRENT]
+    keep = usable(time_s, record["wind_x"], record["wind_y"])
+    return Current(time_s[keep], *_columns(record, keep, "wind_x", "wind_y"))
+
+
+def _home_deg(messages: Messages) -> tuple[float, float] | None:
+    """Return latitude and longitude of the last HOME_POSITION; None if missing or both 0."""
+    if _HOME not in messages:
+        return None
+    _, record = messages[_HOME]
+    lat, lon = (float(record[name][-1]) / GLOBAL_SCALE for name in ("latitude", "longitude"))
+    return (lat, lon) if lat or lon else None
 
 
 def _setpoints(messages: Messages) -> Setpoints:

@@ -111,6 +111,23 @@ def find_channels(parameters: Mapping[str, float]) -> ServoChannels:
     return ServoChannels(rudder, elevator or 0, thrust)
 
 
+def names_surfaces(parameters: Mapping[str, float]) -> bool:
+    """Return whether the parameters say which outputs are rudder, elevator and thrust.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        Parameters of the autopilot.
+
+    Returns
+    -------
+    bool
+        True for Caribou's autopilot (ACT_TRAVEL_DEG), and where SERVOn_FUNCTION names a rudder and
+        a throttle. The outputs of other logs may belong to motors.
+    """
+    return "ACT_TRAVEL_DEG" in parameters or find_channels(parameters) != FIRST_THREE
+
+
 def travel_rad(parameters: Mapping[str, float], options: OutputOptions) -> float:
     """Return the surface angle at an output of 1: of the log, of the vehicle, or the default.
 

@@ -5,6 +5,7 @@ bytes followed by messages, each with a size (uint16), a type (one letter) and a
 (PX4, "ULog File Format").
 """
 
+import re
 import struct
 from collections import defaultdict
 from collections.abc import Iterator
@@ -29,7 +30,10 @@ MAX_NAME_BYTES = 20_000_000
 """Maximum total length of the names of these fields."""
 MAX_NESTING = 16
 """Maximum nesting of formats; uORB topics use 3."""
-_FORMAT, _SUBSCRIPTION = ord("F"), ord("A")
+_FORMAT, _SUBSCRIPTION, _DATA, _TEXT = ord("F"), ord("A"), ord("D"), ord("L")
+_NO_FORMAT = re.compile(rb"[^\x20-\x7e]")
+_LEVELS = b"01234567"
+"""First bytes of logged texts. One flipped bit makes a format or a text of a sample."""
 _SCALAR_TYPES = frozenset(f"{sign}int{bits}_t" for sign in ("", "u") for bits in (8, 16, 32, 64))
 _SCALAR_TYPES |= {"float", "double", "bool", "char"}
 _FLAGS, _APPENDED = ord("B"), 16
@@ -43,12 +47,17 @@ def keep_sound_messages(data: bytes) -> tuple[bytes, FileDamage]:
     zero.
     """
     sound_parts, offset, lost = [data[:_HEADER_LENGTH]], _HEADER_LENGTH, False
-    sound_end, skipped = _HEADER_LENGTH, list[int]()
+    sound_end, skipped, topics = _HEADER_LENGTH, list[int](), set[bytes]()
     while offset < len(data):
         end = _end(data, offset)
         if end is None or (lost and not _is_message_sequence(data, offset)):
             lost, offset = True, offset + 1
             continue
+        if data[offset + 2] == _DATA and data[offset + 3 : offset + 5] not in topics:
+            offset = end  # a sample of no topic: pyulog drops it without a word
+            continue
+        if data[offset + 2] == _SUBSCRIPTION:
+            topics.add(data[offset + 4 : offset + 6])
         if offset > sound_end:
             skipped.append(offset - sound_end)
         sound_parts.append(_clear_appended_offsets(data[offset:end]))
@@ -62,8 +71,15 @@ def _end(data: bytes, offset: int) -> int | None:
     if offset + _head.size > len(data):
         return None
     size, kind = _head.unpack_from(data, offset)
-    end = offset + _head.size + size
-    return end if kind in _TYPES and 0 < size <= _MAX_MESSAGE_BYTES and end <= len(data) else None
+    begin = offset + _head.size
+    end: int = begin + size
+    if kind not in _TYPES or not 0 < size <= _MAX_MESSAGE_BYTES or end > len(data):
+        return None
+    if kind == _FORMAT and _NO_FORMAT.search(data, begin, end):
+        return None
+    if kind == _TEXT and data[begin] not in _LEVELS:
+        return None
+    return end
 
 
 def _is_message_sequence(data: bytes, offset: int) -> bool:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from sitl.vehicle import hull
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import VehicleModel
 from sysid.estimation.map import fit
@@ -14,6 +15,12 @@ MIN_SURFACED_M, AFLOAT_M = 0.5, 0.2
 """Smallest depth above which the vehicle counts as surfaced (m), and its excess over the radius."""
 STEP_MPS = 1e-4
 """Step (m/s) of the central difference in surge speed."""
+TURN_LENGTHS, TURN_STEP_S = 60.0, 0.01
+"""Length of a simulated turn until it is steady, in hull lengths at operating speed, and its
+integration step."""
+MIN_STATION_M, STATION_TURNS = 20.0, 1.5
+"""Smallest radius of the circle for station keeping (m), and its minimum in turning radii: rudder
+is left for currents and trim."""
 
 
 def autopilot_parameters(
@@ -35,6 +42,7 @@ def autopilot_parameters(
     """
     operating_point = config.operating_point
     length_m = -2.0 * operating_point.speed_mps / _surge_slope_per_s(config, model)
+    turn_m = min(1000.0, turn_radius_m(config, model))
     return {
         "ACT_TRAVEL_DEG": (config.tailcone.travel_deg, "travel of the tailcone"),
         "THR_CRUISE_PCT": (100.0 * operating_point.thrust_fraction, "operating point"),
@@ -52,8 +60,45 @@ def autopilot_parameters(
             min(3.0, max(MIN_SURFACED_M, 0.5 * config.hull.diameter_m + AFLOAT_M)),
             "radius of the hull, which floats with its axis below the surface, and waves",
         ),
+        "TURN_RADIUS_M": (turn_m, "steady turn of the vehicle file at full travel"),
+        "STN_RADIUS_M": (
+            min(1000.0, max(MIN_STATION_M, STATION_TURNS * turn_m)),
+            "1.5 turning circles, at least 20 m",
+        ),
         "EST_DENSITY": (config.water.density_kgpm3, "water of the vehicle file"),
     }
+
+
+def turn_radius_m(config: VehicleConfig, model: VehicleModel) -> float:
+    """Return the radius of the steady turn at full travel and the thrust of the operating point.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle file.
+    model : VehicleModel
+        Model built from it.
+
+    Returns
+    -------
+    float
+        Speed over yaw rate after TURN_LENGTHS hull lengths in the horizontal plane (m).
+    """
+    operating_point = config.operating_point
+    turn_s = TURN_LENGTHS * hull.length_m(config.hull) / operating_point.speed_mps
+    samples = math.ceil(turn_s / TURN_STEP_S) + 1
+    u, v, rate, *_ = greybox.integrate(
+        np.array([operating_point.speed_mps, 0.0, 0.0, 0.0, 0.0]),
+        np.full(samples, math.radians(config.tailcone.travel_deg)),
+        np.full(samples, operating_point.thrust_fraction * model.propeller.full_rps),
+        1,
+        TURN_STEP_S,
+        True,
+        greybox.constraint(model, Plane.YAW),
+        model,
+        np.zeros((samples, greybox.N_COUPLING)),
+    )[-1]
+    return math.hypot(u, v) / abs(float(rate))
 
 
 def _surge_slope_per_s(config: VehicleConfig, model: VehicleModel) -> float:

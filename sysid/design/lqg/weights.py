@@ -4,8 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from sysid.design import constrained_search
 from sysid.design.constrained_search import MAX_VIOLATION, ConstrainedProblem, CostAndConstraints
 from sysid.design.constraints import Bounds
@@ -82,7 +80,7 @@ def tune(task: Task, bounds: Bounds, first: Sequence[Mapping[str, float]]) -> di
         """Return cost and violations; the largest violation if no controller exists."""
         try:
             return evaluate(task, controller_of(task, weights), bounds)
-        except np.linalg.LinAlgError:  # no numerical solution of a Riccati equation
+        except ValueError:  # no numerical solution of a Riccati equation; scipy has both types
             return CostAndConstraints(MAX_VIOLATION, dict.fromkeys(names, MAX_VIOLATION))
 
     return constrained_search.solve(ConstrainedProblem({}, first, evaluate_weights))

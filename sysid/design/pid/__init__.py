@@ -27,7 +27,7 @@ from sysid.design.specification import (
 )
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
-from sysid.planes import Plane
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 __all__ = [
@@ -65,6 +65,10 @@ FIRST_LEAD_RATIO = 1.5
 """ACT_LEAD_W over the tailcone's natural frequency at a start without actuator lead."""
 MIN_START = 1e-3
 """Smallest start of a gain: the search varies the logarithms."""
+NO_PEAK = {"W": 0.0, "Z": 0.5, "GAIN": 1.0}
+"""Parameters of a peak filter that is off, by the end of their names."""
+FIRST_PEAK = {"W": 1.2, "Z": 0.6, "GAIN": 1.05}
+"""Parameters of a peak filter at a start without one."""
 PARAMETERS = (
     *TABLE_3_INITIAL,
     "HDG_REF_W",
@@ -216,7 +220,12 @@ def _initial_values(vehicle: DesignModel, initial: Gains) -> dict[str, float]:
         "ACT_LEAD_W": 0.0,
         "ACT_LEAD_Z": LEAD_DAMPING,
     }
-    return {**initial, **tail}
+    filters = {
+        f"{traits.gain_prefix}_PEAK_{name}": value
+        for traits in PLANES.values()
+        for name, value in NO_PEAK.items()
+    }
+    return {**filters, **initial, **tail}
 
 
 def _gains(
@@ -262,6 +271,10 @@ def _reference_start(plane: ModuleType, reference: Gains) -> dict[str, float]:
     values = {name: reference[name] for name in plane.STARTS[0]}
     if values.get("ACT_LEAD_W") == 0.0:
         values["ACT_LEAD_W"] = FIRST_LEAD_RATIO * reference["ACT_LAG_W"]
+    for name in values:
+        if name.endswith("_PEAK_W") and not values[name]:
+            prefix = name.removesuffix("W")
+            values |= {f"{prefix}{end}": value for end, value in FIRST_PEAK.items()}
     return {name: max(value, MIN_START) for name, value in values.items()}
 
 

@@ -1,4 +1,4 @@
-"""Gains of the pitch and depth loops, and the actuator lead, which both planes use."""
+"""Gains of the pitch and depth loops, the actuator lead, which both planes use, and peak filter."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,18 +9,22 @@ from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
 from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import DesignModel, command_noise_rad, depth_rms
+from sysid.design.pid import peak_filter
 from sysid.design.specification import Spec
 from sysid.planes import Plane
 
 STARTS: Sequence[Mapping[str, float]] = (
     {
-        "PTCH_P": 0.7,
-        "PTCH_D": 2.1,
+        "PTCH_P": 0.95,
+        "PTCH_D": 1.9,
         "DPT_P": 0.3,
-        "DPT_D": 0.9,
-        "DPT_I": 0.018,
-        "ACT_LEAD_W": 6.0,
-        "ACT_LEAD_Z": 0.2,
+        "DPT_D": 0.65,
+        "DPT_I": 0.02,
+        "ACT_LEAD_W": 6.3,
+        "ACT_LEAD_Z": 0.17,
+        "PTCH_PEAK_W": 1.5,
+        "PTCH_PEAK_Z": 0.5,
+        "PTCH_PEAK_GAIN": 1.3,
     },
     {
         "PTCH_P": 0.65,
@@ -30,6 +34,9 @@ STARTS: Sequence[Mapping[str, float]] = (
         "DPT_I": 0.005,
         "ACT_LEAD_W": 6.0,
         "ACT_LEAD_Z": 0.7,
+        "PTCH_PEAK_W": 1.5,
+        "PTCH_PEAK_Z": 0.5,
+        "PTCH_PEAK_GAIN": 1.05,
     },
 )
 """Starting points of the search, suitable for Caribou."""
@@ -64,7 +71,8 @@ def gains(
     Returns
     -------
     dict
-        PTCH_P, PTCH_D, DPT_P, DPT_D, DPT_I and, if the starts have them, ACT_LEAD_W and ACT_LEAD_Z.
+        PTCH_P, PTCH_D, DPT_P, DPT_D, DPT_I and, if the starts have them, ACT_LEAD_W, ACT_LEAD_Z and
+        the PTCH_PEAK_ parameters.
 
     Raises
     ------
@@ -76,7 +84,9 @@ def gains(
     Below its natural frequency a weakly damped lead has less phase lag than a well damped one, and
     above it less gain for the gyro's noise. So the noise limit permits a faster loop.
     """
-    initial_pitch, initial_depth, _ = depth_rms(vehicle, {**reference, "ACT_LEAD_W": 0.0})
+    initial_pitch, initial_depth, _ = depth_rms(
+        vehicle, {**reference, "ACT_LEAD_W": 0.0, "PTCH_PEAK_W": 0.0}
+    )
 
     def evaluate(gains: Gains) -> CostAndConstraints:
         """Return relative depth rms and violations."""
@@ -89,6 +99,7 @@ def gains(
             - 1.0,
             "noise of the elevator's command": noise / spec.command_noise_deg - 1.0,
         }
+        constraint_violations |= peak_filter.violations(Plane.PITCH, gains)
         if lead := gains.get("ACT_LEAD_W", 0.0):
             constraint_violations |= _lead_violations(lead, gains)
         return CostAndConstraints(depth / initial_depth, constraint_violations)

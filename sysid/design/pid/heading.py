@@ -9,12 +9,27 @@ from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
 from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import DesignModel, command_noise_rad, heading_rms
+from sysid.design.pid import peak_filter
 from sysid.design.specification import Spec
 from sysid.planes import Plane
 
 STARTS: Sequence[Mapping[str, float]] = (
-    {"HDG_P": 1.2, "HDG_D": 1.9, "HDG_I": 0.07},
-    {"HDG_P": 0.7, "HDG_D": 1.8, "HDG_I": 0.04},
+    {
+        "HDG_P": 1.0,
+        "HDG_D": 1.86,
+        "HDG_I": 0.068,
+        "HDG_PEAK_W": 0.9,
+        "HDG_PEAK_Z": 0.6,
+        "HDG_PEAK_GAIN": 1.27,
+    },
+    {
+        "HDG_P": 0.7,
+        "HDG_D": 1.8,
+        "HDG_I": 0.04,
+        "HDG_PEAK_W": 1.1,
+        "HDG_PEAK_Z": 0.6,
+        "HDG_PEAK_GAIN": 1.05,
+    },
 )
 """Starting points of the search, suitable for Caribou."""
 
@@ -26,14 +41,14 @@ def gains(
     bounds: Bounds,
     starts: Sequence[Mapping[str, float]] = STARTS,
 ) -> dict[str, float]:
-    """Return HDG_P, HDG_D and HDG_I with the smallest heading rms within the limits.
+    """Return gains and peak filter with the smallest heading rms within the limits.
 
     Parameters
     ----------
     vehicle : DesignModel
         Nominal model.
     reference : Gains
-        Gains of the reference design and the actuator lead.
+        Gains of the reference design without peak filter, and the actuator lead.
     spec : Spec
         Limits.
     bounds : Bounds
@@ -44,20 +59,21 @@ def gains(
     Returns
     -------
     dict
-        Gains by name.
+        HDG_P, HDG_D, HDG_I and the HDG_PEAK_ parameters by name.
 
     Raises
     ------
     DesignInfeasibleError
         No gains meet the limits.
     """
-    reference_rms_rad = heading_rms(vehicle, {**reference, "ACT_LEAD_W": 0.0})[0]
+    reference_rms_rad = heading_rms(vehicle, {**reference, "ACT_LEAD_W": 0.0, "HDG_PEAK_W": 0.0})[0]
 
     def evaluate(gains: Gains) -> CostAndConstraints:
         """Return relative heading rms and violations."""
         noise = math.degrees(command_noise_rad(vehicle, Plane.YAW, gains))
         constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
+            **peak_filter.violations(Plane.YAW, gains),
             "noise of the rudder's command": noise / spec.command_noise_deg - 1.0,
         }
         return CostAndConstraints(

@@ -190,12 +190,13 @@ def _sampled_noise_psd(sd: float) -> Array:
 
 def _command_psd(vehicle: DesignModel, plane: Plane, command: ComplexArray, gains: Gains) -> Array:
     """Return the density of the surface command: response to the disturbance, plus gyro noise."""
-    lead, disturbance = loop_transfer.lead_response(gains), vehicle.disturbance[plane]
+    filters = loop_transfer.filter_response(loop_transfer.command_filters(plane, gains))
+    disturbance = vehicle.disturbance[plane]
     loop, gain = loop_at_surface(vehicle, plane, gains)
     noise = disturbance.rate_noise_degps**2 * NOISE_STEP_S
     return (
-        _psd_deg2(command * lead, spectrum(disturbance))
-        + np.abs(gain * lead / (1.0 + loop)) ** 2 * noise
+        _psd_deg2(command, spectrum(disturbance))
+        + np.abs(gain * filters / (1.0 + loop)) ** 2 * noise
     )
 
 

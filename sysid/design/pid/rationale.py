@@ -68,6 +68,11 @@ def explain(
             f"the lag compensated as far as {spec.command_noise_deg:g} deg of command noise allow"
         ),
         "ACT_LEAD_Z": "little phase lag below ACT_LEAD_W, little gain for gyro noise above it",
+        **{
+            f"{prefix}_PEAK_{name}": "more gain in the band of the waves within the same margins"
+            for prefix in ("HDG", "PTCH")
+            for name in ("W", "Z", "GAIN")
+        },
         "ACT_RATE_DEGPS": "rate limit of the tailcone",
         "HDG_REF_W": (
             f"a heading change of {spec.heading_step_deg:g} deg within the travel left by the bias"

@@ -132,7 +132,7 @@ def _depth_rate_delays_s(vehicle: DesignModel, values: Mapping[str, float]) -> A
 
         T(s) = (PTCH_P + K) s z / (1 + L_pitch)        delay = -arg(-T) / w
     """
-    plant = loop_transfer.with_lead(vehicle.pitch, values).command
+    plant = loop_transfer.with_filters(vehicle.pitch, values).command
     pitch = loop_transfer.depth_loops(vehicle.pitch, values)["pitch"]
     rate = -1j * GRID_RADPS * plant[:, 3] / (1.0 + pitch)
     return np.maximum(0.0, -np.unwrap(np.angle(rate)) / GRID_RADPS)

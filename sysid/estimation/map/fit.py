@@ -84,6 +84,13 @@ MULTISTART_DECIMATION = 2
 """Restarts use every second sample: enough to distinguish local minima, at half the cost."""
 OPENING_TOLERANCE = 1e-3
 """The same for the initial parts of the runs, whose end is only a start."""
+REJECTED_COST_RATIO = 1.1
+"""Cost over that of the estimate from which on the data reject the end of a search.
+
+Such an end is no other vehicle that the tests admit: a candidate has diverged, and no gradient
+leads back. The search is repeated from nearer to the estimate."""
+MAX_REPEATS = 3
+"""Maximum number of repetitions of such a search."""
 RESTART_SPANS_S = (5.0, 15.0)
 """Initial parts of every run (s) that a restart fits before the whole.
 
@@ -266,9 +273,13 @@ def _search_other_starts(
         report(index / start_count)
         sample = prior.mean + root @ generator.standard_normal(len(NAMES))
         start = _feasible_start(decimated, np.clip(sample, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
-        path, path_steps = _search_spans(spans, start, paths)
+        for _ in range(1 + MAX_REPEATS):
+            path, path_steps = _search_spans(spans, start, paths)
+            steps += path_steps
+            if path[-1].score.cost <= REJECTED_COST_RATIO * reference_cost:
+                break
+            start = 0.5 * (start + z)
         paths.append(path)
-        steps += path_steps
         cost_ratios.append(path[-1].score.cost / reference_cost)
         if cost_ratios[-1] < min([1.0 - START_COST_TOLERANCE, *cost_ratios[:-1]]):
             better_z = path[-1].z

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from sitl.vehicle.config import VehicleFileError
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import STRIDE, Fit, linear_plane
 from sysid.estimation.map.gauss_newton import Z_LIMIT
@@ -43,6 +44,8 @@ QUANTILE_TOLERANCE = 0.03
 """Relative tolerance of the square root of the cost growth at an end."""
 MAX_SD = 12.0
 """Distance from the estimate, in standard deviations, at which an end is reported as infinite."""
+MAX_HALVINGS = 10
+"""Maximum number of halvings of a step that leads to an impossible vehicle."""
 DIFFERENCE = 1e-3
 """Central difference step of a number by z, in prior standard deviations."""
 
@@ -115,6 +118,7 @@ def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float
     quantile = float(ndtri(0.5 + 0.5 * LEVEL))
     distance_sd, z = quantile, estimate.z + estimate.covariance @ gradient / sd * sign * quantile
     for _ in range(SEARCHES):
+        z = nearest_possible(problem.prior, estimate.z, z)
         z = constrained_optimum(problem, number, z, value + sign * distance_sd * sd)
         root_growth = math.sqrt(max(0.0, 2.0 * (problems.cost(problem, z) - least_cost)))
         if (
@@ -148,8 +152,24 @@ def constrained_optimum(problem: MapProblem, number: Number, start: Array, value
         step = free_step + direction * (value - number(z) - gradient @ free_step) / (
             gradient @ direction
         )
-        z = np.clip(z + np.clip(step, -1.0, 1.0), -Z_LIMIT, Z_LIMIT)
+        changed = np.clip(z + np.clip(step, -1.0, 1.0), -Z_LIMIT, Z_LIMIT)
+        z = nearest_possible(problem.prior, z, changed)
     return np.asarray(z)
+
+
+def nearest_possible(prior: Prior, possible: Array, z: Array) -> Array:
+    """Return z, moved towards the parameters of a possible vehicle until its own is possible.
+
+    An interval that reaches the edge of the possible vehicles ends there.
+    """
+    for _ in range(MAX_HALVINGS):
+        try:
+            problems.vehicle(prior, z)
+        except VehicleFileError:
+            z = 0.5 * (possible + z)
+        else:
+            return z
+    return possible
 
 
 def _design_numbers(prior: Prior, plane: Plane) -> Numbers:

@@ -29,6 +29,12 @@ FULL = {
     "ACT_LAG_Z": 0.6,
     "ACT_LEAD_W": 6.0,
     "ACT_LEAD_Z": 0.25,
+    "HDG_PEAK_W": 1.2,
+    "HDG_PEAK_Z": 0.3,
+    "HDG_PEAK_GAIN": 1.4,
+    "PTCH_PEAK_W": 1.6,
+    "PTCH_PEAK_Z": 0.5,
+    "PTCH_PEAK_GAIN": 1.3,
 }
 """Gains with every term, to test all paths of the block diagram."""
 

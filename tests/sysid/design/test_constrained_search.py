@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import pytest
 
+from autopilot.control import params
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints, solve
 
 
@@ -36,3 +37,12 @@ def test_solve_start_with_a_poor_optimum_is_followed_by_the_next() -> None:
     assert solve(search)["P"] == pytest.approx(10.0, rel=0.05)
     search = ConstrainedProblem({}, ({"P": 0.05},), evaluate)
     assert solve(search)["P"] == pytest.approx(0.1, rel=0.05)
+
+
+def test_solve_keeps_to_the_range_that_the_autopilot_accepts() -> None:
+    def evaluate(gains: Mapping[str, float]) -> CostAndConstraints:
+        return CostAndConstraints(1.0 / gains["HDG_P"], {"none": -1.0})
+
+    found = solve(ConstrainedProblem({}, ({"HDG_P": 1.0},), evaluate))
+    assert found["HDG_P"] == pytest.approx(5.0)
+    assert params.config(found).heading_p == pytest.approx(5.0)

@@ -10,9 +10,18 @@ from sitl.vehicle import config
 from sysid.control_analysis import loop_transfer
 from sysid.design import constraints, initial
 from sysid.design.design_model import DesignModel, build
-from sysid.design.initial import SPEC, InitialDesign, loop_structure, prior, root_locus
+from sysid.design.initial import (
+    SPEC,
+    InitialDesign,
+    loop_structure,
+    prior,
+    root_locus,
+    vehicle_parameters,
+)
 from sysid.design.pid import DesignInfeasibleError
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
+from tests.reference import trials
+from tests.sitl.vehicle import flight
 
 BOUNDS = constraints.nominal(SPEC)
 STEEPEST_RAD = math.radians(SPEC.pitch_per_metre_deg)
@@ -208,3 +217,14 @@ def test_write_params_contains_reasons(bench: InitialDesign, tmp_path: Path) -> 
     assert {line.split(",")[0] for line in lines} == set(bench.parameters)
     assert all(len(line.partition("  # ")[2]) > 5 for line in lines)
     assert any("times Table 3's" in line and line.startswith("HDG_D") for line in lines)
+
+
+@pytest.mark.parametrize("name", config.SHIPPED)
+def test_turn_radius_equals_that_of_six_degrees_of_freedom(name: str) -> None:
+    """Reference: the simulator's turn of 90 s. Tolerance: depth and roll are not in the plane."""
+    known, model = config.load(name), flight.model(name)
+    point = known.operating_point
+    ship = trials.kernels(model, point.speed_mps, point.thrust_fraction * model.propeller.full_rps)
+    turn = trials.circle(ship, math.radians(known.tailcone.travel_deg), 90.0)
+    radius_m = vehicle_parameters.turn_radius_m(known, model)
+    assert radius_m == pytest.approx(turn.radius_m, rel=2e-3)

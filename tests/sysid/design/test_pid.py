@@ -236,12 +236,13 @@ def test_redesign_impossible_specification_raises(model: IdentifiedModel) -> Non
 def test_redesign_low_robustness_raises_with_advice(
     model: IdentifiedModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The nominal model is at its limit of 55 deg, so that half of the samples are below it."""
     monkeypatch.setattr(pid, "VEHICLES", 20)
     with pytest.raises(
         DesignInfeasibleError,
         match=r"of the vehicles sampled from the model .* most violate the .*refit",
     ):
-        pid.redesign(model, Spec(robust_fraction=0.999))
+        pid.redesign(model, Spec(robust_fraction=0.999, robust_pm_deg=55.0))
 
 
 def test_redesign_ambiguous_fit_raises(model: IdentifiedModel) -> None:

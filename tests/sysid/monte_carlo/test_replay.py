@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from autopilot.control import params
+from autopilot.control.lqg import LqgControllers
+from autopilot.control.types import Home, VehicleEstimate
 from ground.missions import plans
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.data.dataset import Log, LogError, LogEvent
@@ -14,6 +16,7 @@ from sysid.data.events import Armed
 from sysid.monte_carlo import instruments, replay, samples, simulate
 from sysid.monte_carlo.simulate import Sea, SimulatedDive
 from sysid.test_design import prior as priors
+from tests.helpers.lqg import lqg_controllers
 
 PRIOR = priors.read("caribou_nominal")
 MODEL = PRIOR.vehicle(PRIOR.mean)
@@ -25,11 +28,13 @@ OTHER_Z = PRIOR.mean + np.array([0.5, -0.5, 0.5, *[0.0] * (PRIOR.mean.size - 3)]
 TRIMS = samples.trims_deg(PRIOR.vehicle(OTHER_Z))
 
 
-def fly(values: dict[str, float], seed: int, times: float = 1.0) -> SimulatedDive:
+def fly(
+    values: dict[str, float], seed: int, controllers: LqgControllers | None = None
+) -> SimulatedDive:
     """Fly the other vehicle."""
-    config = params.config({**TRIMS, **values})
+    config = replace(params.config({**TRIMS, **values}), lqg_controllers=controllers)
     vehicle = PRIOR.vehicle(OTHER_Z)
-    return simulate.fly(vehicle, PRIOR.noise, ITEMS, config, Sea(times), (seed,))
+    return simulate.fly(vehicle, PRIOR.noise, ITEMS, config, Sea(), (seed,))
 
 
 def recorded(dive: SimulatedDive) -> Log:
@@ -63,6 +68,17 @@ def test_changed_parameters_have_the_effect_of_a_true_dive() -> None:
     assert error.heading_deg < 0.3 * truth.heading_deg
 
 
+@pytest.mark.slow
+def test_lqg_dive_is_reproduced_with_its_controllers_only() -> None:
+    controllers = lqg_controllers()
+    log = recorded(fly({}, seed=4, controllers=controllers))
+    again = replay.replay(log, MODEL, ITEMS, {}, replay.Controllers(controllers, None))
+    assert again.fidelity.depth_m < 0.05
+    assert again.fidelity.heading_deg < 0.5
+    # The PID loops of the other replay fly another path.
+    assert again.effect.depth_m > 4.0 * again.fidelity.depth_m
+
+
 def test_innovations_give_the_disturbing_moment() -> None:
     """A yaw moment of 10 N m with a period of 20 s acts on the model's own vehicle."""
     ticks = np.arange(0.0, 400.0, TICK_S)
@@ -73,7 +89,8 @@ def test_innovations_give_the_disturbing_moment() -> None:
     craft = replay._craft(MODEL, 0.0, instruments.field_nwu(config))
     dive = simulate.fly_with(craft, replay._continued(acting), replay._no_errors(), ITEMS, config)
     table = replay._at_ticks(recorded(dive))
-    found = replay.disturbance(MODEL, table)[:, 5]
+    wrenches, _ = replay.disturbance(MODEL, table)
+    found = wrenches[:, 5]
     smooth = np.convolve(found, np.full(50, 1 / 50), mode="same")[1000:5000]
     expected = moment[1000:5000]
     assert np.corrcoef(smooth, expected)[0, 1] > 0.9
@@ -97,3 +114,16 @@ def test_log_without_parameters_or_arming_is_refused() -> None:
     short = replace(log.attitude, **{k: v[:40] for k, v in vars(log.attitude).items()})
     with pytest.raises(LogError, match=r"rehearsal: 4\.0 s from arming"):
         replay.replay(replace(log, attitude=short), MODEL, ITEMS, {})
+
+
+def test_recorded_drift_is_added_and_continues_after_the_dive() -> None:
+    drift_m = np.array([0j, 1.0 + 0j, 2.0 + 2.0j])
+    record = simulate.NavigationRecord(Home(42.0, -71.0, known=True), drift_m, drift_m / 10.0)
+    for tick, north_m, east_m, current_mps in (
+        (1, 11.0, 5.0, 0.1 + 0j),
+        (2, 12.0, 7.0, 0.2 + 0.2j),
+        (4, 14.0, 9.0, 0.2 + 0.2j),
+    ):
+        estimate = record.locate(VehicleEstimate(), tick, 10.0 + 5.0j)
+        assert (estimate.north_m, estimate.east_m) == pytest.approx((north_m, east_m))
+        assert estimate.navigation.current_mps == pytest.approx(current_mps)

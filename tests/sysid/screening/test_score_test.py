@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from sysid.screening.anomaly_models import Signature
-from sysid.screening.score_test import Scores, exceedance, scores
+from sysid.screening.score_test import (
+    Scores,
+    evaluate,
+    exceedance,
+    inflation,
+    scores,
+    statistics_over_time,
+)
 
 Array = NDArray[np.float64]
 
@@ -158,3 +165,29 @@ def test_exceedance_bounds_probability_of_a_chain(
     bound = exceedance(level, np.full(steps, correlation))
     assert share <= bound + 4.0 * math.sqrt(bound / 5000)
     assert bound >= 2.0 * norm.sf(level)  # probability at a single point
+
+
+def test_inflation_of_other_runs_prevents_false_alarms(world: World) -> None:
+    """Residuals three times as large as the noise model says, in every run, are no anomaly.
+
+    Of 40 runs at most 2 are expected below 1 % (95 %); the median of few runs doubles the rate.
+    """
+    rng, slopes = np.random.default_rng(8), np.zeros((SAMPLES, 1))
+    runs = [
+        statistics_over_time(
+            world.signatures[:1], 3.0 * rng.standard_normal(SAMPLES), slopes, np.eye(1)
+        )
+        for _ in range(40)
+    ]
+    raw = [evaluate(run).p_value for run in runs]
+    scaled = [evaluate(run, inflation(o for o in runs if o is not run)).p_value for run in runs]
+    assert np.mean(np.array(raw) < 0.01) > 0.5
+    assert np.sum(np.array(scaled) < 0.01) <= 3
+
+
+def test_inflation_ignores_one_anomalous_run(world: World) -> None:
+    rng, slopes = np.random.default_rng(9), np.zeros((SAMPLES, 1))
+    residuals = [rng.standard_normal(SAMPLES) for _ in range(7)]
+    residuals[0] = residuals[0] + 5.0
+    others = [statistics_over_time(world.signatures[:1], r, slopes, np.eye(1)) for r in residuals]
+    assert inflation(others)["actuator slip"] < 3.0

@@ -8,7 +8,7 @@ from sitl.vehicle import config
 from sysid.monte_carlo import samples
 from sysid.sweep import gains
 from sysid.sweep.campaigns import SweepMission
-from sysid.sweep.dives import SweepRequest, SweepVehicle
+from sysid.sweep.sweep_request import SweepRequest, SweepVehicle
 from sysid.test_design import prior as design_priors
 from tests.helpers.missions import leg
 from tests.sysid.monte_carlo.conftest import HELD, LAND, UNSTABLE

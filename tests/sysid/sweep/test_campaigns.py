@@ -10,7 +10,8 @@ from sysid.design.specification import Spec
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea
 from sysid.sweep import campaigns, dives
 from sysid.sweep.campaigns import CampaignPlan, SweepMission
-from sysid.sweep.dives import Chunks, SweepVehicle, fly_chunk, rows_of
+from sysid.sweep.dives import fly_chunk, rows_of
+from sysid.sweep.sweep_request import Chunks, SweepVehicle
 from sysid.trials import map_trials
 from tests.sysid.monte_carlo.conftest import HELD
 from tests.sysid.sweep.conftest import SHORT, Sweep

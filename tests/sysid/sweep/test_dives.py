@@ -20,7 +20,6 @@ from sysid.sweep import dives, gains
 from sysid.sweep.campaigns import SweepMission
 from sysid.sweep.dives import (
     COLUMNS,
-    Chunks,
     Conditions,
     Limits,
     OtherSourcesError,
@@ -30,6 +29,7 @@ from sysid.sweep.dives import (
 )
 from sysid.sweep.parts import PartStore, digest
 from sysid.sweep.points import Range
+from sysid.sweep.sweep_request import Chunks
 from sysid.trials import map_trials
 from tests.helpers.missions import leg
 from tests.sysid.monte_carlo.conftest import HELD, LAND

@@ -1,14 +1,18 @@
 """A whole plan: predictions, mission and reproducibility."""
 
 import tomllib
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from ground.missions import script
 from ground.test_design import files, format
 from ground.test_design.files import TestDive
-from sysid.test_design import plan
+from sysid.planes import Plane
+from sysid.test_design import candidates, plan
 from sysid.test_design.prior import DesignPrior
+from sysid.test_design.simulate import Manoeuvre
 from tests.sysid.test_design.conftest import SHORT
 
 DIVE = TestDive(6.0, 58.0)
@@ -75,3 +79,23 @@ def test_plan_envelope_equals_limits(few: plan.TestPlan) -> None:
 def test_plan_short_time_raises_with_remaining_time(bench: DesignPrior) -> None:
     with pytest.raises(plan.PlanInfeasibleError, match=r"test time 320 s: leaves \d+ s"):
         plan.plan(bench, SHORT._replace(test_time_s=320.0))
+
+
+def test_long_tests_of_a_plane_that_may_be_unstable_have_the_loop_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With the loop off only 6 s are allowed, and no size stays within the limits."""
+    plane: Any = SimpleNamespace(
+        plane=Plane.YAW, crossover_radps=1.0, nominal_deg=2.0, longest_s=6.0, longest_held_s=70.0
+    )
+    held, free = (
+        Manoeuvre("yaw", "multisine", 1.0, 60, 0.05, 0.5, loop_on=on) for on in (True, False)
+    )
+    assert plan._fits(held, plane)
+    assert not plan._fits(free, plane)
+    assert not plan._fits(held._replace(duration_s=100), plane)
+    monkeypatch.setattr(
+        plan, "_size_all", lambda plane, shapes, request: [one for one in shapes if one.loop_on]
+    )
+    (test,) = plan._held_out(plane, SHORT)
+    assert test == candidates.held_out_test(Plane.YAW, 1.0, 2.0)._replace(loop_on=True)

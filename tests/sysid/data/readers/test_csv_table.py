@@ -148,3 +148,24 @@ def test_speed_is_relative_to_that_before_the_test(tmp_path: Path) -> None:
     inside = (run.time_s > 2.0) & (run.time_s < 8.0)
     np.testing.assert_allclose(run.relative_speed[inside], 0.8, atol=1e-6)
     assert the_run(write(tmp_path / "without.csv")).relative_speed is None
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.02])
+def test_sampled_command_has_no_mean_delay(tmp_path: Path, late_s: float) -> None:
+    """Commands of 50 Hz recorded at 25 Hz: a step lies within half a sample of its true time.
+
+    A held command would be late by 0 and 20 ms, 10 ms in the mean.
+    """
+    step_s = 20.0 + late_s  # at a recorded sample, or between two of them
+    lines = []
+    for k in range(1000):
+        t = 0.04 * k
+        inside = step_s <= t < 30.0
+        rudder = 4.0 if step_s <= t < 30.0 else 0.0
+        lines.append(f"{t:.3f},0,0,0,0,{rudder},0,58,4,{'rudder' if inside else ''}")
+    run = the_run(write(tmp_path / "slow.csv", lines=lines))
+    rising = np.degrees(run.rudder_rad[run.time_s < 5.0]) / 4.0
+    # Time of a step of the same area under the curve, on the grid of held samples.
+    first_s = float(run.time_s[0]) + np.sum(1.0 - rising) / segments.RATE_HZ
+    start_s = 20.0 if late_s == 0.0 else 20.04  # first recorded row of the test
+    assert first_s + start_s - step_s == pytest.approx(-0.01 + late_s, abs=1e-6)
