@@ -73,8 +73,10 @@ def replay(
     model: IdentifiedModel | None = None,
     vehicle: str | Path | None = None,
     mission: str | Path | None = None,
+    controller: str | Path | None = None,
+    new_controller: str | Path | None = None,
 ) -> Replayed:
-    """Fly a recorded dive again with other parameters and its own disturbances.
+    """Fly a recorded dive again with other gains and its own disturbances.
 
     Parameters
     ----------
@@ -88,6 +90,10 @@ def replay(
         As for `simulate`.
     mission : str or Path, optional
         Mission of the dive, if the log does not contain it.
+    controller : str or Path, optional
+        File of the LQG controllers of the recorded dive, if it had any.
+    new_controller : str or Path, optional
+        File of LQG controllers that replace the recorded loops.
 
     Returns
     -------
@@ -100,7 +106,13 @@ def replay(
         The log cannot be replayed, or a parameter, the model or the vehicle cannot be used.
     """
     prior = _prior(model, vehicle)
-    request = ReplayRequest(Path(log), parameters, str(mission) if mission else None)
+    request = ReplayRequest(
+        Path(log),
+        parameters,
+        mission=str(mission) if mission else None,
+        controller=Path(controller) if controller else None,
+        new_controller=Path(new_controller) if new_controller else None,
+    )
     return replay_log(request, prior)
 
 

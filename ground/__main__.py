@@ -35,9 +35,9 @@ from ground.cli import (
     replay,
     report,
     simulate,
-    stop,
     sweep,
     vehicle,
+    vehicle_state,
     watch,
 )
 from ground.cli.options import remark, say, to_json
@@ -66,8 +66,11 @@ app.add_typer(modes.app, name="modes")
 app.add_typer(sweep.app, name="sweep")
 app.command()(demo.demo)
 app.command()(fly.fly)
-app.command()(stop.surface)
-app.command()(stop.hold)
+app.command()(vehicle_state.surface)
+app.command()(vehicle_state.hold)
+app.command()(vehicle_state.stop)
+app.command()(vehicle_state.arm)
+app.command()(vehicle_state.mode)
 app.command()(bench_test.bench_test)
 app.command()(inclining_test.inclining_test)
 app.command()(design_test.design_test)

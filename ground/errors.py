@@ -21,6 +21,8 @@ class Interrupted(BaseException):
     def __init__(self, status: int) -> None:
         super().__init__()
         self.status = status
+        self.under_way = False
+        """Whether a vehicle is left behind under way."""
 
 
 def out_of_range(key: str, value: float | None, low: float, high: float) -> str:

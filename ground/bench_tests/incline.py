@@ -1,6 +1,5 @@
 """Inclining test: weights are moved across a floating vehicle, and its heel is measured."""
 
-import tomllib
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
@@ -13,9 +12,10 @@ from ground.campaign import refit
 from ground.client import flight
 from ground.client.flight import FlightProgress
 from ground.simulation.processes import SimulatedVehicle
+from mavlink_io import toml_io
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import InputError
-from mavlink_io.text_files import parse_toml, read_text
+from mavlink_io.text_files import read_text
 from sysid.data import readers
 from sysid.data.dataset import LogError
 from sysid.estimation import inclining_test
@@ -59,12 +59,12 @@ def load(path: Path | None) -> IncliningPlan:
     """Read a list of moves; None selects the shipped one. Raises InputError."""
     source = path or SHIPPED
     try:
-        plan = msgspec.convert(parse_toml(read_text(source)), IncliningPlan)
+        plan = toml_io.decode(read_text(source), IncliningPlan, f"--moves {path}", InputError)
     except OSError as error:
         raise InputError(
             f"--moves {path}: {error.strerror}; give a TOML file of [[move]] tables"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
+    except UnicodeDecodeError as error:
         raise InputError(f"--moves {path}: {error}") from None
     if not 10.0 <= plan.duration_s <= 600.0:
         raise InputError(f"--moves {path}: duration_s = {plan.duration_s:g}: expected 10 to 600")

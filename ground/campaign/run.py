@@ -11,6 +11,7 @@ dives that are recorded as finished are not flown again; all computations are re
 import importlib.metadata
 import json
 import platform
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, suppress
@@ -43,7 +44,7 @@ from ground.campaign.preparation import Preparation, PreparationRequest, prepare
 from ground.campaign.summary_file import CampaignSummary, DesignSummary, RetestSummary
 from ground.campaign.worker import Worker
 from ground.client.flight import Dive, FlightProgress, TelemetryListener, fly_simulated
-from ground.missions import scaling
+from ground.missions import scaling, script
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess, start_fork_server
 from mavlink_io.clock import wall_s
@@ -76,6 +77,11 @@ PRELOADED_MODULES = (
 """Modules of the computations, which the worker loads during the trim flight."""
 REPORT_MODULES = ("ground.report.page", "control")
 """Modules of the report, which the worker loads during the tests."""
+MAX_REPETITIONS, SMALLER_TESTS = 2, 0.6
+"""Number of repetitions of an identification dive that ends with a failsafe, and the factor on the
+size of its tests. The flown vehicle can turn more tightly than the one of the vehicle file."""
+MAX_ANGLE_DEG = 90.0
+"""Largest size of a test (deg): without effect, because tests are only made smaller."""
 _PACKAGES = ("numpy", "scipy", "numba", "control", "mcap", "pymavlink")
 
 
@@ -337,20 +343,49 @@ class Campaign:
         return [dives.submit(self._fly, stage, mission, parameters) for mission in missions]
 
     def _fly(self, stage: str, mission: str, parameters: Mapping[str, float]) -> None:
-        """Fly one dive, unless it is recorded. Raises OperationError after a failsafe."""
+        """Fly one dive, unless it is recorded; repeat one with tests after a failsafe.
+
+        Raises OperationError after a failsafe of another dive, or of the last repetition.
+        """
+        name = f"{stage}/{mission}"
+        for _ in range(MAX_REPETITIONS if stage == "identification" else 0):
+            failsafe = self._fly_once(stage, mission, parameters)
+            if not failsafe:
+                return
+            self.announce(
+                f"{name}: {failsafe}; repeating it with tests of {SMALLER_TESTS:g} times the size"
+            )
+            self._shrink_tests(mission)
+        if failsafe := self._fly_once(stage, mission, parameters):
+            raise OperationError(f"{name}: {failsafe}")
+
+    def _shrink_tests(self, mission: str) -> None:
+        """Write a mission with smaller tests into the folder."""
+        folder = CampaignFolder(self.request.out)
+        asked = script.load(folder.mission_file(mission))
+        tests = sum(step.test is not None for step in asked.step)
+        smaller = scaling.scale_tests(
+            asked, dict.fromkeys(range(tests), SMALLER_TESTS), defaultdict(lambda: MAX_ANGLE_DEG)
+        )
+        path = self.request.out / MISSIONS_FOLDER / f"{mission}.toml"
+        path.parent.mkdir(exist_ok=True)
+        write_whole(path, scaling.encode(smaller))
+
+    def _fly_once(self, stage: str, mission: str, parameters: Mapping[str, float]) -> str:
+        """Fly one dive, unless it is recorded; return the first failsafe, empty without one."""
         log = CampaignFolder(self.request.out).log_path(stage, mission)
         log.parent.mkdir(exist_ok=True)
         name = f"{stage}/{mission}"
         notes = {"stage": stage, "seed": str(dive_seed(self.request.seed, mission))}
-        script = CampaignFolder(self.request.out).mission_file(mission)
-        dive = Dive.load(script, log, parameters=parameters, notes=notes)
+        mission_file = CampaignFolder(self.request.out).mission_file(mission)
+        dive = Dive.load(mission_file, log, parameters=parameters, notes=notes)
         dive = replace(dive, mission=mission)
         request_sha256 = digest_request(
             parameters, dive.items, dive_seed(self.request.seed, mission)
         )
         if record := self._records.find(name, log, request_sha256):
             self.outcomes[name] = record
-            return
+            return ""
         listener = self.listen(name, dive.items) if self.listen else None
         outcome = fly_simulated(
             dive,
@@ -359,8 +394,12 @@ class Campaign:
             follower=listener,
         )
         if outcome.failsafes:
-            raise OperationError(f"{name}: {outcome.failsafes[0]}")
+            attempt = 1 + sum(key.startswith(f"{name}, attempt") for key in self.outcomes)
+            failed = f"{name}, attempt {attempt}"
+            self.outcomes[failed] = self._records.add(failed, request_sha256, outcome)
+            return outcome.failsafes[0]
         self.outcomes[name] = self._records.add(name, request_sha256, outcome)
+        return ""
 
     def _launch(self, mission: str) -> SimulatedVehicle:
         """Start the processes of a dive. Raises OperationError after a cancellation."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from mavlink_io.errors import InputError
+from mavlink_io.suggestions import did_you_mean
 from mavlink_io.text_files import parse_toml, read_text
 from sysid.design.pid import Spec
 
@@ -59,6 +60,7 @@ def read(file: Path | None, options: Mapping[str, float | None], first: Spec | N
     if unknown:
         raise InputError(
             f"{file}: {unknown}: there is no such limit; expected one of {', '.join(BOUNDS)}"
+            f"{did_you_mean(unknown, BOUNDS)}"
         )
     given = {name: value for name, value in options.items() if value is not None}
     limits = {name: _number(f"{file}: {name} =", name, value) for name, value in table.items()}

@@ -24,6 +24,7 @@ from sysid.control_analysis.margins import Analysis, damping
 from sysid.design.pid import Design, Response
 from sysid.design.specification import MinimumVariance
 from sysid.monitor import MonitorReport
+from sysid.monitor.sequential import AS_PREDICTED, describe_agreement
 from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.planes import Plane
 
@@ -131,7 +132,7 @@ def format_text(summary: CampaignSummary, out: Path) -> str:
         lines.append(selection.reason)
     lines += [
         f"gains {gains}",
-        *_performance_warnings(summary.monitoring),
+        *describe_performance(summary.monitoring),
         (
             f"{summary.vehicle_s:.0f} s of vehicle time in {summary.wall_s:.1f} s,"
             f" {summary.messages} messages, {summary.lost_frames} lost"
@@ -190,14 +191,31 @@ def minimum_lines(ours: Response, least: MinimumVariance | None) -> list[str]:
     return lines
 
 
-def _performance_warnings(monitoring: Mapping[str, MonitorReport]) -> list[str]:
-    """Return one line per mission and likely cause of a deviation from the prediction."""
-    lines = [
+def describe_performance(monitoring: Mapping[str, MonitorReport]) -> list[str]:
+    """Return how the performance of the redesigned gains compares with the predicted one.
+
+    Parameters
+    ----------
+    monitoring : Mapping
+        Result of monitoring by mission.
+
+    Returns
+    -------
+    list of str
+        One line per mission and likely cause of a deviation; without any, one line per mission
+        with smaller errors than predicted, which do not confirm the prediction; else one line.
+    """
+    causes = [
         f"{mission}: {'REFIT RECOMMENDED: ' if cause.refit_recommended else ''}{cause.message}"
         for mission, report in monitoring.items()
         for cause in report.causes
     ]
-    return lines or ["the redesigned gains perform as predicted"]
+    calmer = [
+        f"{mission}: {agreement}"
+        for mission, report in monitoring.items()
+        if (agreement := describe_agreement(report.rms)) not in ("", AS_PREDICTED)
+    ]
+    return causes or calmer or ["the redesigned gains perform as predicted"]
 
 
 def _held_out_lines(errors: Mapping[Plane, RateErrors]) -> list[str]:

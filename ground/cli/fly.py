@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ground.cli.interrupt import OnInterrupt, interruptible
 from ground.cli.live import Live, page_process
 from ground.cli.options import (
     GROUND_LINK,
@@ -86,6 +87,13 @@ def fly(
             ),
         ),
     ] = None,
+    on_interrupt: Annotated[
+        OnInterrupt,
+        typer.Option(
+            help="What a vehicle under way does after Ctrl-C: ask, if there is a terminal; leave it"
+            " flying; hold depth, heading and thrust; or surface."
+        ),
+    ] = OnInterrupt.ASK,
     live: Live = False,
     json: Json = False,
 ) -> None:
@@ -118,6 +126,7 @@ def fly(
     if sitl and not (params or gains or _has_tests(dive)):
         dive = _with_trim_learning(dive, vehicle)
     with (
+        interruptible(on_interrupt, connect, sign, vehicle_id),
         page_process(live=live) as page,
         progress.display(Path(mission).stem, quiet=json) as display,
     ):

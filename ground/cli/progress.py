@@ -15,22 +15,28 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
 )
+from rich.text import Text
 
 from ground.client.flight import FlightProgress as DiveProgress
 from ground.client.vehicle import StatusText
 from ground.terminal import Escaped, console, heading, literal
+from mavlink_io.clock import Interval
 from sysid.data.events import TestEnded, TestStarted
 
 URGENT_SEVERITY = 4
 """MAV_SEVERITY_WARNING: texts of this or a lower severity number are shown."""
+LINE_PERIOD_S = 5.0
+"""Wall time between two lines about the same dive or computation where there is no terminal."""
 
 
 class ProgressDisplay:
-    """A live display: messages, one progress bar per dive, and a picture below."""
+    """Messages, one progress bar per dive, and a picture below; without a terminal, lines."""
 
     def __init__(self, bars: Progress, *, quiet: bool) -> None:
         self._bars, self._quiet = bars, quiet
         self._tasks: dict[str, TaskID] = {}
+        self._lines: dict[str, Interval] | None = None if bars.console.is_terminal else {}
+        """Time of the last line by task; None if a terminal shows the bars."""
         self._lock = Lock()
         self._below: RenderableType | None = None
         self.dive = "dive"
@@ -49,13 +55,18 @@ class ProgressDisplay:
         self._bars.update(
             self._task(name), completed=progress.item + 1, total=progress.items, words=text
         )
+        self._print_progress(
+            name,
+            f"item {progress.item + 1} of {progress.items}, {progress.depth_m:.1f} m deep, heading"
+            f" {progress.heading_deg:.0f} deg, {progress.vehicle_s:.0f} s at {speed:.0f}x",
+        )
 
     def show_text(self, text: StatusText) -> None:
         """Print a text of the vehicle if it is urgent or about a test."""
         if not self._quiet and (
             text.severity <= URGENT_SEVERITY or isinstance(text.event, TestStarted | TestEnded)
         ):
-            self._bars.console.print(literal(text.text))
+            self._print(literal(text.text))
 
     def show(self, picture: RenderableType) -> None:
         """Show a picture below the bars instead of the last one."""
@@ -68,16 +79,31 @@ class ProgressDisplay:
     def print_line(self, text: str) -> None:
         """Print a line."""
         if not self._quiet:
-            self._bars.console.print(literal(text))
+            self._print(literal(text))
 
     def announce(self, text: str) -> None:
         """Print what begins, in bold."""
         if not self._quiet:
-            self._bars.console.print(heading(text))
+            self._print(heading(text))
 
     def show_fraction(self, text: str, fraction: float) -> None:
         """Show the completed fraction of a computation."""
         self._bars.update(self._task(self.dive), completed=fraction, total=1.0, words=text)
+        done = f"{100.0 * fraction:.0f} %, " if fraction else ""
+        self._print_progress(self.dive, f"{done}{text}")
+
+    def _print_progress(self, name: str, text: str) -> None:
+        """Print a line about a dive or computation if no terminal shows its bar, and it is due."""
+        if self._lines is None or self._quiet:
+            return
+        with self._lock:
+            is_due = self._lines.setdefault(name, Interval(LINE_PERIOD_S)).due()
+        if is_due:
+            self._print(literal(f"{name}: {text}"))
+
+    def _print(self, text: Text) -> None:
+        """Print a text; lines are not broken at the width that rich assumes of a file."""
+        self._bars.console.print(text, soft_wrap=True)
 
     def _task(self, name: str) -> TaskID:
         """Return the bar of a name; create it on first use."""

@@ -7,13 +7,22 @@ import typer
 
 from ground.cli.options import Json, Prior, new_file, print_result
 from ground.errors import UnsuccessfulError
+from mavlink_io.errors import InputError
 
 
 def replay(
     log: Annotated[Path, typer.Argument(help="Log of the dive, with its parameters.")],
     params: Annotated[
-        Path, typer.Option(metavar="FILE", help="Parameters that replace recorded ones.")
-    ],
+        Path | None, typer.Option(metavar="FILE", help="Parameters that replace recorded ones.")
+    ] = None,
+    new_controller: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="LQG controllers that replace the recorded loops."),
+    ] = None,
+    controller: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="LQG controllers of the recorded dive, if it had any."),
+    ] = None,
     model: Annotated[
         str,
         typer.Option(
@@ -35,7 +44,7 @@ def replay(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Fly a recorded dive again in simulation, with other parameters and its own disturbances.
+    """Fly a recorded dive again in simulation, with other gains and its own disturbances.
 
     The replay with the recorded parameters shows how nearly the model reproduces the dive. Exit
     status 1 if the replay with the other parameters does not complete the mission.
@@ -47,7 +56,9 @@ def replay(
     from sysid.monte_carlo import samples
     from sysid.test_design import prior as priors
 
-    parameters = param_file.load(params)
+    if params is None and new_controller is None:
+        raise InputError("--params: is missing; give --params FILE or --new-controller FILE")
+    parameters = param_file.load(params) if params else {}
     if model.endswith(".json"):
         posterior = samples.read(model, refit.read_vehicle(prior) if prior else None)
     else:
@@ -57,7 +68,8 @@ def replay(
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         targets = {name: new_file(out / f"{name}.csv") for name in dives}
-    result = replays.replay_log(replays.ReplayRequest(log, parameters, mission), posterior)
+    request = replays.ReplayRequest(log, parameters, mission, controller, new_controller)
+    result = replays.replay_log(request, posterior)
     if targets:
         logs = (result.recorded, result.unchanged.log, result.changed.log)
         for name, dive in zip(dives, logs, strict=True):
@@ -69,6 +81,6 @@ def replay(
     )
     if not result.changed.finished:
         raise UnsuccessfulError(
-            f"{params}: the replay did not complete the mission:"
+            f"{params or new_controller}: the replay did not complete the mission:"
             f" {result.changed.failsafe or 'time is over'}"
         )

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from ground.cli.options import Jobs, Json, print_result, say, to_json
+from ground.cli.options import Jobs, Json, print_result, remark, say, to_json
 
 
 class _RunByDefault(TyperGroup):
@@ -57,12 +57,14 @@ def run(
     from sysid.trials import usable_cores
 
     chosen = engines.parse(engine)
-    request = plan_file.load(plan)
+    request, folder = plan_file.load(plan), out or plan.with_suffix("")
     if dive is not None:
         row = sweeps.fly_one(request, dive)
+        if sweeps.stored_row(folder, dive) not in (None, row):
+            remark(f"{folder}: has another row: the plan, its files or the source code changed")
         say(to_json(row) if json else sweeps.format_row(row))
         return
-    folder, start_s = out or plan.with_suffix(""), wall_s()
+    start_s = wall_s()
     with progress.display("sweep", quiet=json) as display:
 
         def report(done: int, total: int) -> None:

@@ -7,6 +7,7 @@ are relative to the vehicle's own sensors.
 import math
 from collections.abc import Sequence
 from enum import StrEnum
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 from msgspec.structs import asdict
 
 from ground.campaign import refit
-from ground.client.dive_symptoms import Symptom, SymptomKind, find_symptoms
+from ground.client.dive_symptoms import Symptom, SymptomKind, find_symptoms, start_s
 from mavlink_io.errors import InputError
 from sysid.data.dataset import Log
 from sysid.monitor import tracking_metrics
@@ -32,6 +33,10 @@ MIN_TRIM_ERROR_DEG = 1.0
 """Difference of mean command and trim above which the trim counts as not set."""
 STOP_MARGIN_DEG = 0.5
 """Distance of the mean command from the travel limit within which it counts as at the stop."""
+MAX_COURSE_RATE_DEGPS, RATE_SPAN_S = 0.3, 5.0
+"""Rate of the heading set-point, over a span of time (s), above which a leg is not assessed.
+
+The heading loop follows such a rate with a lag of about 1 deg, which is no steady error."""
 MIN_LEG_S = 5.0
 """Minimum duration of a leg; shorter intervals of constant set-points are parts of a turn."""
 ADVISED_LEG_S = 60.0
@@ -125,6 +130,8 @@ class Assessment(NamedTuple):
     """Reason why no leg can be assessed; empty otherwise."""
     symptoms: tuple[Symptom, ...] = ()
     """Properties of the whole dive, the gravest first."""
+    start_s: float = 0.0
+    """Vehicle time from which texts count: of arming, or of the start of a log without it."""
 
     @property
     def outcome(self) -> Outcome:
@@ -188,7 +195,8 @@ def assess_log(log: Log, trims_learned: str = "") -> Assessment:
     """Assess a dive from its log; see `assess_dive`."""
     tracking = tracking_metrics.tracking(log)
     windows = tracking.windows if tracking else ()
-    recorded = [window for window in windows if _is_recorded(log, window)]
+    steady = [part for window in windows if (part := _without_guidance(log, window)) is not None]
+    recorded = [window for window in steady if _is_recorded(log, window)]
     symptoms = find_symptoms(log, recorded)
     explained = {symptom.axis: symptom for symptom in symptoms if symptom.axis}
     assessed = [(_leg(log, window), _halves(log, window)) for window in recorded]
@@ -202,8 +210,9 @@ def assess_log(log: Log, trims_learned: str = "") -> Assessment:
             for finding in _findings(log, axis, assessed, explained.get(axis))
         ),
         trims_learned=trims_learned,
-        reason="" if assessed else _why_no_leg(log, windows),
+        reason="" if assessed else _why_no_leg(log, windows, steady),
         symptoms=symptoms,
+        start_s=start_s(log),
     )
 
 
@@ -252,6 +261,29 @@ def _leg(log: Log, window: SteadyWindow) -> AssessedLeg:
     )
 
 
+def _without_guidance(log: Log, window: SteadyWindow) -> SteadyWindow | None:
+    """Return the longest part of a window in which the heading set-point moves slowly.
+
+    After a waypoint the line-of-sight guidance moves the set-point until the vehicle is on the new
+    line; errors before that are the lag behind it. None: the part is too short to assess.
+    """
+    points = log.setpoints
+    inside = (points.attitude_time_s >= window.start_s) & (points.attitude_time_s < window.stop_s)
+    time_s, heading_rad = points.attitude_time_s[inside], np.unwrap(points.heading_rad[inside])
+    if time_s.size < 2:
+        return window
+    half_s = 0.5 * RATE_SPAN_S
+    ahead, behind = (np.interp(time_s + dt, time_s, heading_rad) for dt in (half_s, -half_s))
+    moving = np.abs(ahead - behind) > math.radians(MAX_COURSE_RATE_DEGPS) * RATE_SPAN_S
+    if not moving.any():
+        return window
+    edges = [window.start_s, *time_s[moving].tolist(), window.stop_s]
+    start_s, stop_s = max(pairwise(edges), key=lambda part: part[1] - part[0])
+    if stop_s - start_s < tracking_metrics.MIN_WINDOW_S:
+        return None
+    return tracking_metrics.window(log, start_s, stop_s)
+
+
 def _is_recorded(log: Log, window: SteadyWindow) -> bool:
     """Return whether both halves of a window hold attitude, depth and commands."""
     middle_s = 0.5 * (window.start_s + window.stop_s)
@@ -293,7 +325,7 @@ def _findings(
         why, remedy = (
             (symptom.message, symptom.remedy)
             if symptom and cause is ErrorCause.SYMPTOM
-            else _explain(log, axis, cause, worst)
+            else _explain(log, axis, cause, worst, all(_was_learning(log, leg) for leg in affected))
         )
         message = f"{axis} {_how_far(axis, cause, worst)}{extent}: {why}; {remedy}"
         findings.append(
@@ -369,15 +401,20 @@ def format_value(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 10.0 else f"{value:.2g}"
 
 
-def _explain(log: Log, axis: str, cause: ErrorCause, leg: AssessedLeg) -> tuple[str, str]:
-    """Return the likely cause and its remedy."""
+def _explain(
+    log: Log, axis: str, cause: ErrorCause, leg: AssessedLeg, was_learning: bool
+) -> tuple[str, str]:
+    """Return the likely cause on the worst leg, and its remedy.
+
+    `was_learning`: all affected legs began during the learning of the trims.
+    """
     name = _SURFACE[axis]
     command_deg, parameter = _surface(axis, leg)
     value = f"{parameter} to {command_deg:.1f}"
     match cause:
         case ErrorCause.LATE:
             text = f"settled later than {tracking_metrics.SETTLING_S:g} s after the change"
-            why = ", while the trims were still being learned" if _was_learning(log, leg) else ""
+            why = ", while the trims were still being learned" if was_learning else ""
             remedy = "fly `trim` first" if why else "nothing to do, or a longer leg"
             return f"{text}{why}; good in the second half of the leg", remedy
         case ErrorCause.UNSETTLED:
@@ -411,12 +448,17 @@ def _was_learning(log: Log, leg: AssessedLeg) -> bool:
     return leg.start_s - float(log.attitude.time_s[0]) < learning_s
 
 
-def _why_no_leg(log: Log, windows: Sequence[SteadyWindow]) -> str:
-    """Return why no leg of a log can be assessed."""
+def _why_no_leg(log: Log, windows: Sequence[SteadyWindow], steady: Sequence[SteadyWindow]) -> str:
+    """Return why no leg of a log can be assessed.
+
+    `windows`: legs after settling; `steady`: their parts with a heading set-point at rest.
+    """
     points = log.setpoints
     if points.attitude_time_s.size == 0 or points.depth_time_s.size == 0:
         return "the vehicle sent no set-points of heading and depth"
-    if windows:
+    if steady:
         return "the telemetry has gaps of half a leg"
+    if windows:
+        return "the heading set-point moved all the time; give legs of one heading, or long lines"
     leg = f"leg under water lasted {_MIN_ASSESSED_S:g} s with unchanged set-points"
     return f"too short: no {leg}; give each leg at least {ADVISED_LEG_S:g} s"

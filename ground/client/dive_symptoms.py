@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.dataset import Log, VelocitySource
-from sysid.data.events import Failsafe, PlainText
-from sysid.data.readers.servo_channels import FIRST_THREE, find_channels
+from sysid.data.events import Armed, Failsafe, PlainText
+from sysid.data.readers.servo_channels import names_surfaces
 from sysid.monitor.tracking_metrics import SUBMERGED_M, SteadyWindow
 
 Array = NDArray[np.float64]
@@ -80,6 +80,35 @@ class Symptom(NamedTuple):
     """Next step; empty if none is known."""
 
 
+def start_s(log: Log) -> float:
+    """Return the vehicle time at which the vehicle was armed, or of the log's first attitude.
+
+    Parameters
+    ----------
+    log : Log
+        Log of the dive.
+
+    Returns
+    -------
+    float
+        Time from which the times of verdicts and reports count (s).
+    """
+    armed_s = _armed_s(log)
+    return float(log.attitude.time_s[0]) if armed_s is None else armed_s
+
+
+def _armed_s(log: Log) -> float | None:
+    """Return the vehicle time of the first arming; None if the log has none."""
+    return next((event.time_s for event in log.events if isinstance(event.value, Armed)), None)
+
+
+def _when(log: Log, time_s: float) -> str:
+    """Return a vehicle time as text, from the arming or from the start of the log."""
+    seconds = time_s - start_s(log)
+    origin = "the start of the log" if _armed_s(log) is None else "arming"
+    return f"{abs(seconds):.0f} s {'before' if seconds < -0.5 else 'after'} {origin}"
+
+
 def find_symptoms(log: Log, windows: Sequence[SteadyWindow]) -> tuple[Symptom, ...]:
     """Return the symptoms of a dive, the gravest first.
 
@@ -108,8 +137,7 @@ def _surfaces(log: Log) -> Iterator[Symptom]:
 
     Outputs of a log that does not say which one is the rudder may belong to motors.
     """
-    parameters = log.parameters
-    if "ACT_TRAVEL_DEG" not in parameters and find_channels(parameters) == FIRST_THREE:
+    if not names_surfaces(log.parameters):
         return
     attitude, commands = log.attitude, log.actuators
     rows = [
@@ -178,7 +206,7 @@ def _lost_at(log: Log) -> str:
         for start, end in zip(edges[::2], edges[1::2], strict=True)
         if attitude.time_s[min(end, last)] - attitude.time_s[start] >= HELD_S
     ]
-    return f" since about {ends_s[-1]:.0f} s of vehicle time" if ends_s else ""
+    return f" since about {_when(log, ends_s[-1])}" if ends_s else ""
 
 
 def _weight(log: Log, windows: Sequence[SteadyWindow]) -> Iterator[Symptom]:
@@ -272,6 +300,6 @@ def _reports(log: Log) -> Iterator[Symptom]:
             yield Symptom(
                 kind,
                 "",
-                f"the vehicle reported at {event.time_s:.0f} s of vehicle time: {text}",
+                f"the vehicle reported {_when(log, event.time_s)}: {text}",
                 "",
             )

@@ -13,6 +13,7 @@ from ground.client.stopping import left_behind
 from ground.client.vehicle import StatusText, VehicleClient, VehicleClientError
 from ground.errors import Interrupted
 from ground.missions import plans
+from ground.simulation import affinity
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
@@ -64,6 +65,9 @@ class Dive:
     tlog: Path | None = None
     labels: tuple[str, ...] = ()
     """Place of each item in the mission file, for error messages; empty without a file."""
+    fence: tuple[MissionItem, ...] = ()
+    rally: tuple[MissionItem, ...] = ()
+    """Geofence and rally points of the mission file."""
     system: int | None = None
     """System id of the vehicle, where several are on the link; None for the first one."""
 
@@ -83,7 +87,7 @@ class Dive:
         Returns
         -------
         Dive
-            Dive with the items and labels of the mission.
+            Dive with the items and labels of the mission, its geofence and its rally points.
 
         Raises
         ------
@@ -91,14 +95,21 @@ class Dive:
             There is no such mission, or it is invalid.
         """
         plan = plans.load(mission)
-        return cls(mission, plan.items, log, labels=plan.labels, **details)  # type: ignore[arg-type]
+        return cls(
+            mission,
+            plan.items,
+            log,
+            labels=plan.labels,
+            fence=plan.fence,
+            rally=plan.rally,
+            **details,  # type: ignore[arg-type]
+        )
 
     @property
     def plan(self) -> plans.Plan:
         """The items with their places in the mission file."""
-        return plans.Plan(
-            self.items, self.labels or tuple(f"item {n}" for n in range(len(self.items)))
-        )
+        labels = self.labels or tuple(f"item {n}" for n in range(len(self.items)))
+        return plans.Plan(self.items, labels, self.fence, self.rally)
 
 
 class FlightResult(NamedTuple):
@@ -183,6 +194,7 @@ def fly(
         except Interrupted as interruption:
             if state := left_behind(vehicle, address, key_file):
                 interruption.add_note(state)
+            interruption.under_way = vehicle.armed or vehicle.arm_requested
             raise
 
 
@@ -252,6 +264,8 @@ def open_recorded_vehicle(
         simulated = None if isinstance(target, str) else stack.enter_context(target)
         transport = simulated.connect() if simulated else open_transport(str(target))
         stack.callback(transport.close)
+        if simulated:
+            stack.enter_context(affinity.restrict_to_free_cores())
         signature = stack.enter_context(open_signing(key_file))
         recorder = Recorder(log, tlog)
         stack.callback(recorder.finish)

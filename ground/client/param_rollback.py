@@ -13,6 +13,7 @@ import msgspec
 
 from ground.client.vehicle import VehicleClient, VehicleClientError
 from mavlink_io.errors import InputError, OperationError
+from mavlink_io.suggestions import did_you_mean
 from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
 from mavlink_io.user_data_dir import replace_file, user_data_dir
 from sysid.models.json_record import decode
@@ -158,6 +159,7 @@ def _current_values(
     if unknown:
         raise InputError(
             f"{source}: {', '.join(unknown)}: the vehicle has no such parameter; nothing was set"
+            f"{did_you_mean(unknown[0], present)}"
         )
     return {name: present[name] for name in wanted}
 

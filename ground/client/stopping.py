@@ -1,11 +1,12 @@
-"""End or hold a dive, and describe the vehicle that an interrupted program leaves behind."""
+"""End or hold a dive, arm, and describe the vehicle that an interrupted program leaves behind."""
 
 import shlex
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from ground.client.vehicle import VehicleClient
+from ground.client.vehicle import VehicleClient, VehicleClientError
 from mavlink_io.errors import OperationError
 
 SURFACE, HOLD = "SURFACE", "HOLD"
@@ -71,6 +72,46 @@ def enter(vehicle: VehicleClient, mode: str) -> State:
             f"mode {name}: the vehicle accepted it, but {CONFIRM_TIMEOUT_S:g} s later reports"
             f" {vehicle.mode}"
         )
+    return state(vehicle)
+
+
+def arm(vehicle: VehicleClient) -> State:
+    """Arm in the present mode, and wait until a HEARTBEAT confirms it.
+
+    Raises
+    ------
+    VehicleClientError
+        The vehicle refused, or was lost.
+    OperationError
+        The vehicle accepted the command, but its HEARTBEAT reports that it is disarmed.
+    """
+    vehicle.arm()
+    return _confirm(vehicle, "armed", lambda: vehicle.armed)
+
+
+def disarm(vehicle: VehicleClient) -> State:
+    """Disarm, also under way, and wait until a HEARTBEAT confirms it.
+
+    Raises
+    ------
+    VehicleClientError
+        The vehicle refused, or was lost.
+    OperationError
+        The vehicle accepted the command, but its HEARTBEAT reports that it is armed.
+    """
+    vehicle.disarm(force=True)
+    return _confirm(vehicle, "disarmed", lambda: not vehicle.armed)
+
+
+def _confirm(vehicle: VehicleClient, wanted: str, is_reached: Callable[[], bool]) -> State:
+    """Wait until a HEARTBEAT reports the wanted state."""
+    if not vehicle.pump_until(is_reached, vehicle.patience_s(CONFIRM_TIMEOUT_S)):
+        raise OperationError(
+            f"the vehicle accepted the command, but {CONFIRM_TIMEOUT_S:g} s later it is not"
+            f" {wanted}"
+        )
+    with suppress(VehicleClientError):  # the state shows the number of a mode without a name
+        vehicle.offered_modes()
     return state(vehicle)
 
 

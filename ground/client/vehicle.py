@@ -25,8 +25,9 @@ from mavlink_io.mission_items import MISSION_TYPE, MavCmd, MissionItem
 from mavlink_io.records import ARMED_FLAG, CUSTOM_MODE_FLAG
 from mavlink_io.request import Exchange, ExchangeError, MavlinkId
 from mavlink_io.services.missions import MissionClient
-from mavlink_io.services.params import ParamClient
+from mavlink_io.services.params import ParamClient, ParamRequest
 from mavlink_io.signing import Signing
+from mavlink_io.suggestions import did_you_mean
 from mavlink_io.transport import LinkLostError, Transport, open_transport, wait
 from mavlink_io.vehicle_modes import from_high_latency
 from sysid.data.events import VehicleEvent, parse_text
@@ -48,9 +49,13 @@ the simulator may compile its numeric code for minutes before the first sensor s
 ARM_RETRY_S, ARM_RETRY_PERIOD_S = 15.0, 1.0
 """Wall time in which arming is retried after a temporary refusal, and the time between retries."""
 MODEM_ATTEMPTS = 10
-"""Number of retry times of a modem without a message after which a vehicle counts as lost."""
+"""Number of times that a request is sent over a modem, and number of its retry times without a
+message after which a vehicle counts as lost."""
 HEARTBEAT_TIMEOUT_S = 5.0
 """Wall time without a heartbeat after which a vehicle counts as lost."""
+SIMULATED_HEARTBEAT_TIMEOUT_S = 60.0
+"""The same limit for a simulated vehicle: the watchdog reports a process that has ended at once, so
+silence means that the machine is overloaded."""
 MAX_PUMP_S = 1.0
 """Longest time between two calls of `pump` that counts as listening. A longer one is a pause of
 this program or of the whole machine, which may have paused the vehicle's link too."""
@@ -246,8 +251,13 @@ class VehicleClient:
         return is_all
 
     def patience_s(self, default_s: float) -> float:
-        """Return a time limit: the default, or over a modem at least ten times its retry time."""
-        return max(default_s, MODEM_ATTEMPTS * (self._modem_s or 0.0))
+        """Return a time limit: at least the default.
+
+        Over a modem it is at least ten times its retry time, for a simulated vehicle at least
+        `SIMULATED_HEARTBEAT_TIMEOUT_S`.
+        """
+        simulated_s = 0.0 if self._watchdog is None else SIMULATED_HEARTBEAT_TIMEOUT_S
+        return max(default_s, simulated_s, MODEM_ATTEMPTS * (self._modem_s or 0.0))
 
     def _leave_out_pause(self) -> None:
         """Count a pause since the last call of `pump` as `MAX_PUMP_S` of silence."""
@@ -267,11 +277,11 @@ class VehicleClient:
 
     def parameter(self, name: str) -> float:
         """Return the value of one parameter."""
-        return self._run(self._client(ParamClient).get(name))
+        return self._request_param(self._client(ParamClient).get(name), name)
 
     def set_parameter(self, name: str, value: float) -> float:
         """Set a parameter; return the value that the vehicle reports back."""
-        return self._run(self._client(ParamClient).set(name, value))
+        return self._request_param(self._client(ParamClient).set(name, value), name)
 
     def upload(self, items: Sequence[MissionItem], mission_type: int = MISSION_TYPE) -> None:
         """Replace the mission, the geofence or the rally points on the vehicle."""
@@ -303,7 +313,10 @@ class VehicleClient:
         """Set a mode by the name that the vehicle lists."""
         modes = self.offered_modes()
         if name not in modes:
-            raise VehicleClientError(f"mode {name}: the vehicle offers {', '.join(sorted(modes))}")
+            raise VehicleClientError(
+                f"mode {name}: the vehicle offers {', '.join(sorted(modes))}"
+                f"{did_you_mean(name, modes)}"
+            )
         self.command(MavCmd.DO_SET_MODE, 1.0, float(modes[name]))
 
     def set_interval(self, name: str, rate_hz: float) -> None:
@@ -377,6 +390,16 @@ class VehicleClient:
         """Run a request of a service: `use(FileClient, lambda files: files.list("/logs"))`."""
         return self._run(ask(self._client(kind)))
 
+    def _request_param(self, request: ParamRequest, name: str) -> float:
+        """Run a request for one parameter; the error of an unknown name suggests a similar one."""
+        try:
+            return self._run(request)
+        except VehicleClientError as error:
+            if not request.does_not_exist:
+                raise
+            suggestion = did_you_mean(name, self.parameters())
+            raise VehicleClientError(f"{error}{suggestion}") from None
+
     def _wait_for_prearm(self, deadline_s: float) -> None:
         """Wait until the pre-arm checks pass; one period if the vehicle does not report them."""
         while wall_s() < deadline_s:
@@ -422,7 +445,7 @@ class VehicleClient:
         """Receive until a request is done; return its result."""
         first_text = len(self.texts)
         if self._modem_s is not None:
-            exchange.repeat_every(self._modem_s)
+            exchange.repeat_every(self._modem_s, MODEM_ATTEMPTS)
         self._listener = exchange.feed
         try:
             while not exchange.done:

@@ -59,7 +59,15 @@ def reasons(assessment: Assessment) -> list[Reason]:
         if not any(symptom.message in finding.message for finding in assessment.findings):
             rank = _SYMPTOM_RANK.get(symptom.kind, 0)
             ranked.append((rank, Reason(symptom.message, symptom.remedy)))
+    if assessment.outcome is Outcome.UNKNOWN:
+        ranked.append((-2, _why_not_assessed(assessment)))
     return [reason for _, reason in sorted(ranked, key=lambda pair: pair[0])]
+
+
+def _why_not_assessed(assessment: Assessment) -> Reason:
+    """Return why no leg can be assessed, and what would change that."""
+    cause, has_advice, advice = assessment.reason.rpartition("; ")
+    return Reason(cause, advice) if has_advice else Reason(advice, "look at the time plots")
 
 
 def headline(assessment: Assessment) -> str:
@@ -77,11 +85,7 @@ def headline(assessment: Assessment) -> str:
     """
     if found := reasons(assessment):
         return found[0].cause
-    return (
-        _errors(assessment)
-        if assessment.legs
-        else assessment.reason.rpartition("; give")[0] or (assessment.reason)
-    )
+    return _errors(assessment)
 
 
 def next_step(assessment: Assessment) -> str:
@@ -101,8 +105,7 @@ def next_step(assessment: Assessment) -> str:
         return remedies[0]
     if assessment.outcome is Outcome.GOOD:
         return "fly the next mission, or `ground campaign` for an identified model and its gains"
-    _, found, advice = assessment.reason.rpartition("; ")
-    return advice if found else "look at the time plots"
+    return "look at the time plots"
 
 
 def remark(leg: AssessedLeg) -> str:
@@ -148,7 +151,7 @@ def format_text(assessment: Assessment) -> str:
             f"  {'leg, s':>9s}  {'set-points':>14s}{'heading, deg':>14s}{'depth, m':>14s}"
             f"{'rudder, deg':>13s}{'elevator, deg':>15s}{'thrust':>8s}",
             f"  {'':25s}{'mean':>7s}{'95 %':>7s}{'mean':>7s}{'95 %':>7s}",
-            *(_row(leg) for leg in assessment.legs),
+            *(_row(leg, assessment.start_s) for leg in assessment.legs),
         ]
     lines += list(_remarks(assessment))
     return "\n".join(lines)
@@ -171,7 +174,7 @@ def _remarks(assessment: Assessment) -> Iterator[str]:
     yield from (reason.message for reason in reasons(assessment)[1:])
     if assessment.legs and assessment.symptoms and not assessment.findings:
         yield _errors(assessment)
-    if reasons(assessment) and assessment.reason:
+    if assessment.reason and assessment.outcome is not Outcome.UNKNOWN:
         yield f"no leg can be assessed: {assessment.reason}"
     if assessment.short_legs and assessment.legs:
         legs = f"{assessment.short_legs} leg{'' if assessment.short_legs == 1 else 's'}"
@@ -180,9 +183,9 @@ def _remarks(assessment: Assessment) -> Iterator[str]:
         yield f"the vehicle learned its trims: {assessment.trims_learned}"
 
 
-def _row(leg: AssessedLeg) -> str:
+def _row(leg: AssessedLeg, start_s: float) -> str:
     """Return the row of a leg in the table."""
-    span = f"{leg.start_s:.0f}-{leg.stop_s:.0f}"
+    span = f"{leg.start_s - start_s:.0f}-{leg.stop_s - start_s:.0f}"
     points = f"{leg.heading_setpoint_deg:.0f} deg, {leg.depth_setpoint_m:.1f} m"
     errors = "".join(f"{e.mean:7.2f}{e.p95:7.2f}" for e in (leg.heading_deg, leg.depth_m))
     rudder = f"{leg.rudder_deg:.1f} ± {leg.rudder_sd_deg:.1f}"

@@ -1,16 +1,17 @@
 """Comparison of dives: errors of heading, pitch and depth side by side."""
 
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from ground.campaign import refit
 from sysid.data import readers
 from sysid.data.dataset import Log
+from sysid.monitor import tracking_metrics
 
 
 class DiveErrors(NamedTuple):
-    """Errors of one dive on constant set-points, after settling."""
+    """Errors of one dive on constant set-points, after settling; NaN without any interval."""
 
     name: str
     heading_deg: float
@@ -59,14 +60,17 @@ def compare(dives: Mapping[str, Log | str | Path]) -> Comparison:
     Raises
     ------
     CaribouError
-        A log cannot be read, or has no interval of constant set-points.
+        A log cannot be read.
     """
     return Comparison(tuple(_errors(name, dive) for name, dive in dives.items()))
 
 
 def _errors(name: str, dive: Log | str | Path) -> DiveErrors:
     """Return the errors of one dive."""
-    metrics = refit.tracking(dive if isinstance(dive, Log) else readers.read(dive))
+    log = dive if isinstance(dive, Log) else readers.read(dive)
+    metrics = tracking_metrics.tracking(log)
+    if metrics is None:
+        return DiveErrors(name, math.nan, math.nan, math.nan, legs=0)
     return DiveErrors(
         name=name,
         heading_deg=metrics.heading_deg.p95,

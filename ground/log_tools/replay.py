@@ -27,6 +27,10 @@ class ReplayRequest(NamedTuple):
     """Parameters that replace recorded ones."""
     mission: str | None = None
     """Name or file of the mission; None for the mission in the log."""
+    controller: Path | None = None
+    """File of the LQG controllers of the recorded dive; None for the PID loops."""
+    new_controller: Path | None = None
+    """File of the LQG controllers of the replay with other parameters; None for `controller`."""
 
 
 def replay_log(request: ReplayRequest, prior: DesignPrior) -> Replayed:
@@ -51,7 +55,8 @@ def replay_log(request: ReplayRequest, prior: DesignPrior) -> Replayed:
     """
     items = plans.load_items(request.mission) if request.mission else _mission_of(request.log)
     log = readers.read(request.log)
-    return replay.replay(log, prior.vehicle(prior.mean), items, request.parameters)
+    controllers = replay.load_controllers(request.controller, request.new_controller)
+    return replay.replay(log, prior.vehicle(prior.mean), items, request.parameters, controllers)
 
 
 def _mission_of(path: Path) -> tuple[MissionItem, ...]:
@@ -155,7 +160,10 @@ def as_json(replayed: Replayed, parameters: Mapping[str, float]) -> dict[str, An
             name: {"recorded": None if before != before else before, "replayed": after}
             for name, before, after in changes(replayed, parameters)
         },
-        "errors": {dive.name: dive._asdict() for dive in comparison(replayed).dives},
+        "errors": {
+            dive.name: {k: None if v != v else v for k, v in dive._asdict().items()}
+            for dive in comparison(replayed).dives
+        },
         "fidelity": replayed.fidelity._asdict(),
         "effect": replayed.effect._asdict(),
         "finished": {

@@ -64,18 +64,25 @@ class Limits(NamedTuple):
     """FS_DEPTH_M: depth at which the failsafe surfaces."""
     distance_m: float = math.inf
     """MIS_DIST_MAX: maximum distance of a waypoint from home."""
+    speed_mps: float = math.inf
+    """Speed through the water at full thrust, by SPD_CRUISE_MPS and THR_CRUISE_PCT."""
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, float]) -> "Limits":
         """Read the limits from the parameters of a vehicle."""
+        thrust_pct = parameters.get("THR_CRUISE_PCT", 0.0)
+        cruise_mps = parameters.get("SPD_CRUISE_MPS", math.inf)
         return cls(
             parameters.get("FS_DEPTH_M", math.inf),
             parameters.get("MIS_DIST_MAX", 0.0) or math.inf,  # 0 means no limit
+            100.0 * cruise_mps / thrust_pct if thrust_pct > 0.0 else math.inf,
         )
 
 
 DEPTH_ROUNDING_M = 1e-3
 """Tolerance for the rounding of depths up to 6000 m to float32."""
+SPEED_ROUNDING_MPS = 1e-3
+"""Tolerance for the rounding of speeds and parameters to float32."""
 
 
 def load(name_or_path: str) -> Plan:
@@ -141,7 +148,7 @@ def load_items(name_or_path: str) -> tuple[MissionItem, ...]:
 
 
 def check_limits(where: str, plan: Plan, limits: Limits) -> None:
-    """Check depths and distances of a mission against the limits of a vehicle.
+    """Check depths, distances and speeds of a mission against the limits of a vehicle.
 
     Positions in latitude and longitude are not checked here: the vehicle checks them, as it knows
     its home position.
@@ -165,6 +172,15 @@ def check_limits(where: str, plan: Plan, limits: Limits) -> None:
         if depth_m > limits.depth_m + DEPTH_ROUNDING_M:
             bounds = f"must be 0 to {limits.depth_m:g}, the vehicle's FS_DEPTH_M"
             raise ScriptError(f"{where}: {label}: depth_m = {depth_m:g}: {bounds}")
+        if (
+            item.command == MavCmd.DO_CHANGE_SPEED
+            and item.p2 > limits.speed_mps + SPEED_ROUNDING_MPS
+        ):
+            bounds = f"must be at most {limits.speed_mps:.2f}, the vehicle's speed at full thrust"
+            raise ScriptError(
+                f"{where}: {label}: speed_mps = {item.p2:g}: {bounds} (SPD_CRUISE_MPS,"
+                " THR_CRUISE_PCT)"
+            )
         if item.frame == FRAME_LOCAL_NED and has_location(item.command):
             north_m, east_m = item.x / LOCAL_SCALE, item.y / LOCAL_SCALE
             distance_m = math.hypot(north_m, east_m)

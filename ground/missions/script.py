@@ -38,17 +38,17 @@ NAV_WAYPOINT, a test to MAV_CMD_USER_1 and the end to NAV_LAND.
 """
 
 import math
-import tomllib
 from collections.abc import Iterator
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
 from ground.errors import out_of_range
 from ground.missions import signals
+from mavlink_io import toml_io
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
@@ -58,7 +58,8 @@ from mavlink_io.mission_items import (
     MavCmd,
     MissionItem,
 )
-from mavlink_io.text_files import parse_toml, read_text
+from mavlink_io.suggestions import did_you_mean
+from mavlink_io.text_files import read_text
 
 RELATIVE_ALTITUDE = 3
 """MAV_FRAME_GLOBAL_RELATIVE_ALT: altitude above home, which is at the water surface."""
@@ -79,17 +80,29 @@ class MissionStep(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """One step: a leg, a test, or the surfacing at the end."""
 
     depth_m: float | None = None
+    """Depth; a key of a leg that is missing keeps its last value."""
     heading_deg: float | None = None
+    """Heading, clockwise from north; not for a waypoint."""
     thrust_pct: float | None = None
+    """Thrust in percent of full thrust; or ``speed_mps``."""
     speed_mps: float | None = None
+    """Speed through the water; or ``thrust_pct``."""
     duration_s: float | None = None
+    """Duration of a leg, or time to circle at a waypoint."""
     wait_depth: bool | None = None
+    """Whether the duration counts from when the depth is reached."""
     to: tuple[float, float] | None = None
+    """Waypoint: metres north and east of home; or ``lat_deg`` and ``lon_deg``."""
     lat_deg: float | None = None
+    """Latitude of a waypoint."""
     lon_deg: float | None = None
+    """Longitude of a waypoint."""
     accept_m: float | None = None
+    """Distance at which a waypoint counts as reached."""
     test: signals.TestSignal | None = None
+    """Identification test about the trim; the other plane stays controlled."""
     surface: Literal[True] | None = None
+    """Surface; always the last step."""
 
     @property
     def leg_keys(self) -> list[str]:
@@ -120,8 +133,11 @@ class Script(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A mission as in its file."""
 
     name: str
+    """Name of the mission."""
     step: tuple[MissionStep, ...]
+    """Steps in their order."""
     about: str = ""
+    """Description, shown by `ground missions`."""
 
 
 def shipped_names() -> list[str]:
@@ -160,18 +176,16 @@ def load(name_or_path: str) -> Script:
         known = ", ".join(shipped_names())
         raise ScriptError(
             f"{name_or_path}: no readable mission file, and none of {known}"
+            f"{did_you_mean(name_or_path, shipped_names())}"
         ) from None
     return parse(text, name_or_path)
 
 
 def parse(text: str, where: str) -> Script:
     """Parse a mission from TOML text; `where` names it in errors. Raises ScriptError."""
-    try:
-        script = msgspec.convert(parse_toml(text), Script)
-    except tomllib.TOMLDecodeError as error:
-        raise ScriptError(f"{where}: not TOML: {error}") from None
-    except msgspec.ValidationError as error:
-        raise ScriptError(f"{where}: {str(error).replace('`', '')}") from None
+    tables = toml_io.read(text, where, ScriptError)
+    _check_steps(tables.get("step"), where)
+    script = toml_io.convert(tables, Script, where, ScriptError)
     for number, step in enumerate(script.step, start=1):
         if fault := _step_fault(step, is_first=number == 1, is_last=number == len(script.step)):
             raise ScriptError(f"{where}: step {number}: {fault}")
@@ -181,6 +195,13 @@ def parse(text: str, where: str) -> Script:
             " true"
         )
     return script
+
+
+def _check_steps(steps: Any, where: str) -> None:
+    """Raise ScriptError for a step with a wrong key or value; it names the step's number."""
+    for number, step in enumerate(steps if isinstance(steps, list) else (), start=1):
+        if isinstance(step, dict):
+            toml_io.convert(step, MissionStep, f"{where}: step {number}", ScriptError)
 
 
 def compile_items(script: Script) -> tuple[MissionItem, ...]:
@@ -228,7 +249,7 @@ def _step_fault(step: MissionStep, *, is_first: bool, is_last: bool) -> str:
         return (
             "surface = true must be the last step"
             if step.surface
-            else "the last step must be surface = true"
+            else "the last step must be surface = true; add one after this step"
         )
     if step.test is not None:
         return (

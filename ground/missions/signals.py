@@ -30,20 +30,29 @@ class TestSignal(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A signal on one surface, on both surfaces, or on the thrust."""
 
     signal: Literal["chirp", "step", "doublet", "prbs", "multisine", "3211", "square"]
+    """Wave form."""
     axis: Literal["rudder", "elevator", "thrust", "both"]
+    """What is moved; ``both`` takes ``multisine`` only."""
     duration_s: int
+    """Duration of the signal."""
     magnitude_deg: float | None = None
     """Amplitude on a surface."""
     magnitude_pct: float | None = None
     """Amplitude of thrust, as a percentage of full thrust."""
     f_start_hz: float = 0.0
+    """First frequency of a chirp, lowest of a multisine."""
     f_stop_hz: float = 0.0
+    """Last frequency of a chirp, highest of a multisine."""
     fade_s: float = 0.0
+    """Time of fading in and out."""
     clock_hz: float | None = None
+    """Clock frequency of a PRBS."""
     seed: int | None = None
+    """Seed of a PRBS."""
     runs: tuple[int, ...] | None = None
     """Relative lengths of the intervals between the switches of a square wave."""
     loop_on: bool = False
+    """Whether the control loops stay on and the signal is added to their commands."""
 
 
 class SignalParameters(NamedTuple):

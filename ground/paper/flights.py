@@ -1,12 +1,11 @@
 """Flights that the paper's tables and figures need, all on the simulated vehicle.
 
 A campaign with the paper's improved gains gives Tables 1, 2, 3 and 5 and Figures 5, 6 and 8 to 15.
-A bench test gives Figure 4, a dive with rudder steps about the bias Figure 7, and two runs in calm
-water the share of the sea in Table 5 and Figure 15.
+A bench test gives Figure 4, and a dive with rudder steps about the bias Figure 7.
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,6 +26,8 @@ from sysid.data.dataset import Log
 from sysid.estimation.bench_test import AxisBench
 from sysid.monitor import tracking_metrics
 from sysid.monitor.tracking_metrics import SteadyWindow
+from sysid.reproduction import steady_flight
+from sysid.reproduction.paper_poles import LOOPS
 
 Array = NDArray[np.float64]
 
@@ -71,12 +72,14 @@ class PaperFlights(NamedTuple):
     bench: AxisBench
     """Bench test of the elevator."""
     bias_steps: BiasSteps
-    calm: dict[str, SteadyWindow]
-    """Errors in calm water with the paper's improved gains, by mission."""
 
-    def steady(self, role: str, mission: str = STRAIGHT_RUN) -> SteadyWindow:
-        """Return the errors of steady flight with a set of gains, as in `steady_half`."""
-        return steady_half(self.campaign.log(STAGES[role], mission))
+    def steady(
+        self, role: str, mission: str = STRAIGHT_RUN, loops: Sequence[str] = LOOPS
+    ) -> SteadyWindow:
+        """Return the errors of a mission with one leg from the time when these loops are steady."""
+        log = self.campaign.log(STAGES[role], mission)
+        start_s = max(steady_flight.settling_s(loop) for loop in loops)
+        return tracking_metrics.window(log, start_s, figures.end_s(log))
 
 
 WatchCallback = Callable[[str, FlightProgress], None]
@@ -112,23 +115,7 @@ def fly(request: PaperRequest, watch: WatchCallback, announce: AnnounceCallback)
     measured = _bench(request, watch)
     announce("rudder steps about the bias (figure 7)")
     steps = _bias_steps(request, watch)
-    announce("straight run and run at 1 m in calm water (table 5, figure 15)")
-    gains = refit.improved_gains() | dict(campaign.summary.trims)
-    calm = {
-        mission: steady_half(refit.read_log(_dive(request, mission, "calm", gains, watch)))
-        for mission in (STRAIGHT_RUN, SHALLOW_RUN)
-    }
-    return PaperFlights(campaign, measured, steps, calm)
-
-
-def steady_half(log: Log) -> SteadyWindow:
-    """Return the errors over the second half of a mission with one leg.
-
-    The first half is longer than three time constants of the depth integrator of Table 3's improved
-    gains, which is DPT_P / DPT_I = 30 s.
-    """
-    end_s = figures.end_s(log)
-    return tracking_metrics.window(log, 0.5 * end_s, end_s)
+    return PaperFlights(campaign, measured, steps)
 
 
 def _campaign(

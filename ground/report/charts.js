@@ -6,43 +6,54 @@ const theme = () => {
 };
 const narrow = matchMedia("(max-width: 600px)");
 const PRINTED_PX = 660; // width of a chart on A4 and on letter paper
-function draw(printed = false) {
-  const color = theme();
-  const size = narrow.matches ? 11 : 13;
-  for (const [key, chart] of Object.entries(charts)) {
-    const data = chart.data.map((trace) => {
-      const own = color(trace.role);
-      return { ...trace, line: { ...trace.line, color: own },
-               marker: { ...trace.marker, color: own, line: { ...(trace.marker || {}).line, color: own } },
-               error_y: trace.error_y && { ...trace.error_y, color: own },
-               fillcolor: trace.fill && own + "30" };
-    });
-    const layout = {
-      margin: { l: 58, r: 14, t: 30, b: 44 },
-      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: "x unified",
-      font: { family: "Palatino, 'Palatino Linotype', Georgia, serif", size, color: color("ink") },
-      legend: { orientation: "h", x: 0, y: 1.0, yanchor: "bottom", xanchor: "left",
-                font: narrow.matches ? { size: 10 } : {} },
-      hoverlabel: { bgcolor: color("panel"), font: { color: color("ink") } }, ...chart.layout,
-    };
-    if (printed) layout.width = PRINTED_PX;
-    for (const axis of Object.keys(layout).filter((name) => /^[xy]axis/.test(name)))
-      layout[axis] = { gridcolor: color("grid"), linecolor: color("rule"), zerolinecolor: color("rule"),
-                       ticks: "", ...layout[axis] };
-    // Plotly fits a responsive chart to its element: the height of the element must be given.
-    const element = document.getElementById(key);
-    element.style.height = `${chart.layout.height}px`;
-    Plotly.react(key, data, layout, { responsive: true, displaylogo: false, displayModeBar: false });
+const PRINTED_HEIGHT = 0.8; // height over that on the screen: the tallest chart fits on a page with its heading
+const PRINTED_COMPACT_PX = 325; // width of a chart that is printed beside another one
+const PRINTED_ROW_PX = 355; // maximum height of a chart that stands beside others on the screen: two fit on a page
+const keys = [...document.querySelectorAll(".chart")].map((element) => element.id).filter((key) => key in charts);
+function drawChart(key, printed) {
+  const color = theme(), chart = charts[key];
+  const size = narrow.matches || printed ? 11 : 13;
+  const data = chart.data.map((trace) => {
+    const own = color(trace.role);
+    return { ...trace, line: { ...trace.line, color: own },
+             marker: { ...trace.marker, color: own, line: { ...(trace.marker || {}).line, color: own } },
+             error_y: trace.error_y && { ...trace.error_y, color: own },
+             fillcolor: trace.fill && own + "30" };
+  });
+  const layout = {
+    margin: { l: 58, r: 14, t: 30, b: 44 },
+    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: "x unified",
+    font: { family: "Palatino, 'Palatino Linotype', Georgia, serif", size, color: color("ink") },
+    legend: { orientation: "h", x: 0, y: 1, yref: "container", yanchor: "top", xanchor: "left",
+              font: narrow.matches ? { size: 10 } : {} },
+    hoverlabel: { bgcolor: color("panel"), font: { color: color("ink") } }, ...chart.layout,
+  };
+  if (printed) {
+    const place = document.getElementById(key);
+    layout.width = place.closest(".compact") ? PRINTED_COMPACT_PX : PRINTED_PX;
+    layout.height *= PRINTED_HEIGHT;
+    if (place.closest(".pair, .triple")) layout.height = Math.min(layout.height, PRINTED_ROW_PX);
   }
+  for (const axis of Object.keys(layout).filter((name) => /^[xy]axis/.test(name)))
+    layout[axis] = { gridcolor: color("grid"), linecolor: color("rule"), zerolinecolor: color("rule"),
+                     ticks: "", ...layout[axis] };
+  // Plotly fits a responsive chart to its element: the height of the element must be given.
+  const element = document.getElementById(key);
+  element.style.height = `${layout.height}px`;
+  Plotly.react(key, data, layout, { responsive: true, displaylogo: false, displayModeBar: false });
+}
+function draw(printed = false) {
+  for (const key of keys) drawChart(key, printed);
   window.redrawTrack?.();
 }
 // Charts over time zoom together, and have a line at the time of the playback.
-const timed = Object.keys(charts).filter((key) => charts[key].time);
+const timed = keys.filter((key) => charts[key].time);
 let cursor = null; // s
 function setCursor(time) {
   cursor = time;
   for (const key of timed) {
-    const element = document.getElementById(key), axis = element._fullLayout.xaxis;
+    const element = document.getElementById(key), axis = element._fullLayout?.xaxis;
+    if (!axis) continue; // not drawn yet
     let line = element.querySelector(".cursor");
     if (!line) {
       line = document.createElement("div");
@@ -54,19 +65,29 @@ function setCursor(time) {
     line.style.left = `${element.querySelector(".plot-container").offsetLeft + axis._offset + x}px`;
   }
 }
-draw();
-for (const key of timed) {
+function connect(key) {
   document.getElementById(key).on("plotly_afterplot", () => { if (cursor !== null) setCursor(cursor); });
   document.getElementById(key).on("plotly_relayout", (change) => {
     const range = change["xaxis.autorange"] ? null : [change["xaxis.range[0]"], change["xaxis.range[1]"]];
     if (range && range[0] === undefined) return;
     for (const other of timed) {
-      const now = document.getElementById(other)._fullLayout.xaxis;
-      if (other === key || (range ? String(now.range) === String(range) : now.autorange)) continue;
+      const now = document.getElementById(other)._fullLayout?.xaxis;
+      if (!now || other === key || (range ? String(now.range) === String(range) : now.autorange)) continue;
       Plotly.relayout(other, range ? { "xaxis.range": range } : { "xaxis.autorange": true });
     }
   });
 }
+// A chart is shown before the next one is drawn: the first one does not wait for the last.
+async function begin() {
+  for (const key of keys) document.getElementById(key).style.height = `${charts[key].layout.height}px`;
+  for (const key of keys) {
+    if (!document.getElementById(key)._fullLayout) drawChart(key, false);
+    if (timed.includes(key)) connect(key);
+    await new Promise((next) => setTimeout(next));
+  }
+  document.documentElement.dataset.drawn = "";
+}
+begin();
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => draw());
 narrow.addEventListener("change", () => draw());
 addEventListener("beforeprint", () => {

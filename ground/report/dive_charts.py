@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ground.client.assessment import MAX_ERROR, UNIT, AssessedLeg
 from ground.report.dive_data import ReportedDive
 from sysid.data.dataset import Log
+from sysid.data.events import Armed
 
 Array = NDArray[np.float64]
 Chart = dict[str, Any]
@@ -60,7 +61,7 @@ def motion_chart(dives: Sequence[ReportedDive]) -> Chart:
 
 
 def actuator_chart(dives: Sequence[ReportedDive]) -> Chart:
-    """Return rudder, elevator and thrust over time; measured duct angles where the log has them.
+    """Return rudder, elevator and thrust over time; numbered outputs where they are not known.
 
     Parameters
     ----------
@@ -77,6 +78,12 @@ def actuator_chart(dives: Sequence[ReportedDive]) -> Chart:
         ("elevator, °", _elevator, None),
         ("thrust, %", _thrust, None),
     ]
+    if not all(dive.names_surfaces for dive in dives):
+        panels = [
+            ("output 1, %", _rudder_pct, None),
+            ("output 2, %", _elevator_pct, None),
+            ("output 3, %", _thrust, None),
+        ]
     return _stacked(dives, panels, events=False)
 
 
@@ -156,6 +163,7 @@ def _track(dive: ReportedDive, number: int, points: int) -> dict[str, Any]:
         return _list(np.degrees(np.interp(at_s, time_s, values)), digits)
 
     attitude, commands = log.attitude, log.actuators
+    known = 1.0 if dive.names_surfaces else 0.0  # else the duct is drawn straight
     return {
         "name": dive.label,
         "role": role(number),
@@ -166,8 +174,9 @@ def _track(dive: ReportedDive, number: int, points: int) -> dict[str, Any]:
         "roll": degrees(attitude.time_s, attitude.roll_rad),
         "pitch": degrees(attitude.time_s, attitude.pitch_rad),
         "yaw": degrees(attitude.time_s, attitude.yaw_rad),
-        "rudder": degrees(commands.time_s, commands.rudder_rad),
-        "elevator": degrees(commands.time_s, commands.elevator_rad),
+        "rudder": degrees(commands.time_s, commands.rudder_rad * known),
+        "elevator": degrees(commands.time_s, commands.elevator_rad * known),
+        "surfaces": dive.names_surfaces,
     }
 
 
@@ -219,7 +228,7 @@ def _stacked(
     last = "" if len(panels) == 1 else str(len(panels))
     layout["xaxis"] = {
         "anchor": f"y{last}",
-        "title": {"text": "seconds since arming"},
+        "title": {"text": _time_label(dives)},
         "range": _time_range(dives),
     }
     layout["hovermode"] = "closest" if len(dives) > 1 else "x unified"
@@ -227,6 +236,14 @@ def _stacked(
         layout["shapes"] = [*_leg_bands(dives[0]), *_event_lines(dives[0])]
         layout["annotations"] = _leg_labels(dives[0])
     return {"data": data, "layout": layout, "time": True}
+
+
+def _time_label(dives: Sequence[ReportedDive]) -> str:
+    """Return the title of the time axis."""
+    is_armed = all(
+        any(isinstance(event.value, Armed) for event in dive.log.events) for dive in dives
+    )
+    return "seconds since arming" if is_armed else "seconds since arming or the start of the log"
 
 
 def _time_range(dives: Sequence[ReportedDive]) -> list[float]:
@@ -458,6 +475,16 @@ def _rudder(log: Log) -> tuple[Array, Array]:
 
 def _elevator(log: Log) -> tuple[Array, Array]:
     return log.actuators.time_s, np.degrees(log.actuators.elevator_rad)
+
+
+def _rudder_pct(log: Log) -> tuple[Array, Array]:
+    commands = log.actuators
+    return commands.time_s, 100.0 * commands.rudder_rad / commands.travel_rad
+
+
+def _elevator_pct(log: Log) -> tuple[Array, Array]:
+    commands = log.actuators
+    return commands.time_s, 100.0 * commands.elevator_rad / commands.travel_rad
 
 
 def _thrust(log: Log) -> tuple[Array, Array]:

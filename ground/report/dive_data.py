@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.client import assessment
+from ground.client import assessment, dive_symptoms
 from ground.client.assessment import Assessment
 from sysid.data import readers
 from sysid.data.dataset import Log, VelocitySource
@@ -22,7 +22,7 @@ from sysid.data.events import (
     TrimLearned,
     VehicleEvent,
 )
-from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
+from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, names_surfaces
 
 Array = NDArray[np.float64]
 
@@ -66,6 +66,8 @@ class ReportedDive(NamedTuple):
     assessment: Assessment
     track: Track
     events: tuple[DiveEvent, ...]
+    names_surfaces: bool = True
+    """Whether it is known which outputs are rudder, elevator and thrust."""
 
 
 def read_dives(paths: Sequence[Path], options: OutputOptions = FROM_LOG) -> list[ReportedDive]:
@@ -89,7 +91,7 @@ def read_dives(paths: Sequence[Path], options: OutputOptions = FROM_LOG) -> list
         A log cannot be read.
     """
     return [
-        reported_dive(path, label, readers.read(path, options))
+        reported_dive(path, label, readers.read(path, options), options)
         for path, label in zip(paths, _labels(paths), strict=True)
     ]
 
@@ -104,7 +106,9 @@ def _labels(paths: Sequence[Path]) -> list[str]:
     return names
 
 
-def reported_dive(path: Path, label: str, log: Log) -> ReportedDive:
+def reported_dive(
+    path: Path, label: str, log: Log, options: OutputOptions = FROM_LOG
+) -> ReportedDive:
     """Return one dive with its assessment, track and events.
 
     Parameters
@@ -115,14 +119,15 @@ def reported_dive(path: Path, label: str, log: Log) -> ReportedDive:
         Short name of the dive.
     log : Log
         Content of the file.
+    options : OutputOptions
+        Options with which it was read.
 
     Returns
     -------
     ReportedDive
         Everything that the report shows.
     """
-    armed_s = [event.time_s for event in log.events if isinstance(event.value, Armed)]
-    start_s = armed_s[0] if armed_s else float(log.attitude.time_s[0])
+    start_s = dive_symptoms.start_s(log)
     learned = [event.value.text for event in log.events if isinstance(event.value, TrimLearned)]
     return ReportedDive(
         label=label,
@@ -133,6 +138,11 @@ def reported_dive(path: Path, label: str, log: Log) -> ReportedDive:
         track=integrate_track(log, start_s),
         events=tuple(
             DiveEvent(event.time_s - start_s, *describe(event.value)) for event in log.events
+        ),
+        names_surfaces=(
+            options.channels is not None
+            or path.suffix.lower() == ".csv"
+            or names_surfaces(log.parameters)
         ),
     )
 

@@ -1,7 +1,6 @@
 """HTML report of one dive, or of several dives side by side: one file that needs no network."""
 
 import json
-import re
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
@@ -10,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from ground.client import verdict
-from ground.client.assessment import AssessedLeg, Outcome, format_value
+from ground.client.assessment import AssessedLeg, format_value
 from ground.report import dive_charts, page
 from ground.report.dive_data import ReportedDive, read_dives
 from ground.report.tables import table
+from ground.report.verdict_words import SIGNS, as_sentence
 from mavlink_io.errors import InputError
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
 from sysid.monitor import tracking_metrics
@@ -24,13 +24,6 @@ MAX_LISTED = 400
 """Rows of a table of events or parameters."""
 MAX_OPEN_ROWS = 25
 """Rows from which a table of events or parameters is folded."""
-SIGNS = {
-    Outcome.GOOD: "✓",
-    Outcome.ATTENTION: "!",
-    Outcome.FAILED: "✕",
-    Outcome.UNKNOWN: "?",
-}
-"""Sign of each outcome, so that its colour is not needed."""
 _HERE = files("ground.report")
 
 
@@ -86,6 +79,7 @@ def render(dives: Sequence[ReportedDive]) -> str:
         "motion": dive_charts.motion_chart(dives),
         "actuators": dive_charts.actuator_chart(dives),
     }
+    known = all(dive.names_surfaces for dive in dives)
     if has_legs := any(dive.assessment.legs for dive in dives):
         drawn["errors"] = dive_charts.error_chart(dives)
     names = " and ".join(dive.label for dive in dives) if len(dives) < 3 else f"{len(dives)} dives"
@@ -105,6 +99,7 @@ def render(dives: Sequence[ReportedDive]) -> str:
             for number, dive in enumerate(dives)
         ),
         "setpoint_note": "" if len(dives) == 1 else " Dotted lines are the set-points.",
+        "actuator_note": escape(_SURFACES if known else _OUTPUTS),
         "parameters": _parameters(dives),
         "events": "".join(map(_events, dives)),
         "footer": "<br>".join(map(_source, dives)),
@@ -118,11 +113,22 @@ _ERRORS = (
 )
 
 
+_SURFACES = (
+    "Commands after the autopilot's limits. Positive rudder turns the nose to starboard, positive"
+    " elevator turns it up."
+)
+_OUTPUTS = (
+    "The first three outputs of the autopilot, or rudder, elevator and thrust where they are known,"
+    " in percent of full. A log without SERVOn_FUNCTION of rudder and throttle does not say which"
+    " output is which; --servo-channels does."
+)
+
+
 def _card(number: int, dive: ReportedDive) -> str:
     """Return the verdict of a dive."""
     found = dive.assessment
     others = verdict.reasons(found)[1:]
-    more = "".join(f"<li>{_sentence(reason.message)}</li>" for reason in others)
+    more = "".join(f"<li>{as_sentence(reason.message)}</li>" for reason in others)
     learned = f"<p>Trims learned: {escape(found.trims_learned)}.</p>" if found.trims_learned else ""
     return (
         f'<section class="verdict {found.outcome.name.lower()}">'
@@ -130,18 +136,12 @@ def _card(number: int, dive: ReportedDive) -> str:
         f"{escape(dive.label)}</p>"
         f'<p class="outcome"><span class="sign">{SIGNS[found.outcome]}</span>'
         f" {found.outcome.capitalize()}</p>"
-        f"<p>{_sentence(verdict.headline(found))}</p>"
-        f"<p><b>Next:</b> {_sentence(verdict.next_step(found))}</p>"
+        f"<p>{as_sentence(verdict.headline(found))}</p>"
+        f"<p><b>Next:</b> {as_sentence(verdict.next_step(found))}</p>"
         + (f"<ul>{more}</ul>" if more else "")
         + learned
         + f'<p class="note">{_figures(dive)}</p></section>'
     )
-
-
-def _sentence(text: str) -> str:
-    """Return a text as HTML with a capital, a full stop, and commands in code type."""
-    html = escape(f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}")
-    return re.sub("`([^`]+)`", r"<code>\1</code>", html)
 
 
 def _figures(dive: ReportedDive) -> str:
@@ -167,17 +167,18 @@ def _comparison(dives: Sequence[ReportedDive]) -> str:
         return f"{np.mean([getattr(leg, name) for leg in legs]):.1f}" if legs else "–"
 
     legs = [dive.assessment.legs for dive in dives]
+    used = [dive.assessment.legs if dive.names_surfaces else () for dive in dives]
     rows = [
         ["verdict", *(f"<b>{dive.assessment.outcome}</b>" for dive in dives)],
         ["legs assessed", *(str(len(each)) for each in legs)],
         ["heading error, largest 95 %, °", *(worst(each, "heading_deg") for each in legs)],
         ["depth error, largest 95 %, m", *(worst(each, "depth_m") for each in legs)],
-        ["mean rudder, °", *(mean(each, "rudder_deg") for each in legs)],
-        ["rudder activity, sd, °", *(mean(each, "rudder_sd_deg") for each in legs)],
-        ["mean elevator, °", *(mean(each, "elevator_deg") for each in legs)],
-        ["elevator activity, sd, °", *(mean(each, "elevator_sd_deg") for each in legs)],
+        ["mean rudder, °", *(mean(each, "rudder_deg") for each in used)],
+        ["rudder activity, sd, °", *(mean(each, "rudder_sd_deg") for each in used)],
+        ["mean elevator, °", *(mean(each, "elevator_deg") for each in used)],
+        ["elevator activity, sd, °", *(mean(each, "elevator_sd_deg") for each in used)],
         ["mean pitch, °", *(mean(each, "pitch_deg") for each in legs)],
-        ["at a stop, % of the time", *(mean(each, "at_stop_pct") for each in legs)],
+        ["at a stop, % of the time", *(mean(each, "at_stop_pct") for each in used)],
     ]
     heads = ["", *(escape(dive.label) for dive in dives)]
     return f"<h2>Side by side</h2>{table(heads, rows)}"
@@ -188,7 +189,7 @@ def _legs(dive: ReportedDive) -> str:
     legs = dive.assessment.legs
     title = f"<h3>Legs of {escape(dive.label)}</h3>"
     if not legs:
-        return f'{title}<p class="note">{_sentence(dive.assessment.reason)}</p>'
+        return f'{title}<p class="note">{as_sentence(dive.assessment.reason)}</p>'
     rows = [
         [
             f"leg {number}",
@@ -199,10 +200,7 @@ def _legs(dive: ReportedDive) -> str:
             f"{leg.depth_setpoint_m:.1f}",
             f"{leg.depth_m.mean:+.2f}",
             f"<b>{leg.depth_m.p95:.2f}</b>",
-            f"{leg.rudder_deg:.1f} ± {leg.rudder_sd_deg:.1f}",
-            f"{leg.elevator_deg:.1f} ± {leg.elevator_sd_deg:.1f}",
-            f"{leg.thrust_pct:.0f}",
-            f"{leg.at_stop_pct:.0f}",
+            *(_surfaces(leg) if dive.names_surfaces else "–" * 4),
             escape(verdict.remark(leg)),
         ]
         for number, leg in enumerate(legs, 1)
@@ -223,6 +221,16 @@ def _legs(dive: ReportedDive) -> str:
         "verdict",
     ]
     return title + table(heads, rows, "prose")
+
+
+def _surfaces(leg: AssessedLeg) -> tuple[str, str, str, str]:
+    """Return the use of the actuators on a leg as cells."""
+    return (
+        f"{leg.rudder_deg:.1f} ± {leg.rudder_sd_deg:.1f}",
+        f"{leg.elevator_deg:.1f} ± {leg.elevator_sd_deg:.1f}",
+        f"{leg.thrust_pct:.0f}",
+        f"{leg.at_stop_pct:.0f}",
+    )
 
 
 def _track_note(dives: Sequence[ReportedDive]) -> str:

@@ -149,7 +149,7 @@ def step_figure(folder: CampaignFolder, run: Run, note: str) -> Figure:
 
 
 def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
-    """Draw depth, heading and pitch of a mission with every set of gains."""
+    """Draw the motion and the surfaces in a mission with every set of gains."""
     flown = folder.summary.tracking[mission]
     logs = {name: folder.log(stage, mission) for name, stage in STAGES.items() if name in flown}
     ends = {name: end_s(log) for name, log in logs.items()}
@@ -164,6 +164,13 @@ def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
         _curve(n, n, log.attitude.time_s, np.degrees(log.attitude.pitch_rad), ends[n])
         for n, log in logs.items()
     ]
+    surfaces = {
+        name: [
+            _curve(n, n, log.actuators.time_s, np.degrees(getattr(log.actuators, field)), ends[n])
+            for n, log in logs.items()
+        ]
+        for name, field in (("rudder", "rudder_rad"), ("elevator", "elevator_rad"))
+    }
     setpoints = reference.setpoints
     depth_setpoint = _curve(
         "set-point", "set_point", setpoints.depth_time_s, setpoints.depth_m, span
@@ -180,6 +187,7 @@ def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
             Panel("depth", "m", (depth_setpoint, *depth)),
             Panel("heading", "°", (heading_setpoint, *heading)),
             Panel("pitch", "°", tuple(pitch)),
+            *(Panel(name, "°", tuple(curves)) for name, curves in surfaces.items()),
         ),
     )
 

@@ -21,7 +21,15 @@ from ground.campaign.summary_file import (
     SteadyError,
 )
 from ground.live.monitor_view import ROWS
-from ground.report import charts, figures, loop_charts, second_opinion, tables, validation_figures
+from ground.report import (
+    campaign_verdict,
+    charts,
+    figures,
+    loop_charts,
+    second_opinion,
+    tables,
+    validation_figures,
+)
 from ground.report.figures import Figure
 from sysid.control_analysis import control_systems
 from sysid.control_analysis.control_systems import MarginsComparison
@@ -136,10 +144,13 @@ def _page(
         **(NOTES if with_paper else OTHER_NOTES),
         "title": escape(TITLE if with_paper else f"{summary.vehicle}: {SUBTITLE}"),
         "lead": _lead(summary),
+        "verdict": campaign_verdict.card(summary),
         "headline": _headline(summary.steady_error, with_paper=with_paper),
         "missions": "".join(map(place_figure, missions)),
         "steps": "".join(map(place_figure, steps)),
-        "poles": "".join(map(_poles, poles["initial"])),
+        "poles": places(
+            {f"poles-{loop}": f"{loop.capitalize()} loop" for loop in poles["initial"]}
+        ),
         "table_1": tables.table_1(model, with_paper=with_paper),
         "table_2": tables.table_2(summary.model, with_paper=with_paper),
         "assessment": tables.assessment(model),
@@ -280,7 +291,8 @@ def _headline(steady: Mapping[str, SteadyError], *, with_paper: bool) -> str:
 def place_figure(figure: Figure) -> str:
     """Return the title, note and place of a figure as HTML."""
     return (
-        f'<div><h3>{escape(figure.title)}</h3><p class="note">{escape(figure.note)}</p>'
+        f'<div class="figure"><h3>{escape(figure.title)}</h3>'
+        f'<p class="note">{escape(figure.note)}</p>'
         f'<div class="chart" id="{figure.key}"></div></div>'
     )
 
@@ -288,16 +300,8 @@ def place_figure(figure: Figure) -> str:
 def places(titles: Mapping[str, str]) -> str:
     """Return the places of charts by their ids, each below its title, as HTML."""
     return "".join(
-        f'<div><h4>{escape(title)}</h4><div class="chart" id="{key}"></div></div>'
+        f'<div class="figure"><h4>{escape(title)}</h4><div class="chart" id="{key}"></div></div>'
         for key, title in titles.items()
-    )
-
-
-def _poles(loop: str) -> str:
-    """Return the place of a pole chart."""
-    return (
-        f'<div><p class="note">{loop.capitalize()} loop</p><div class="chart"'
-        f' id="poles-{loop}"></div></div>'
     )
 
 

@@ -7,6 +7,7 @@ from rich import box
 from rich.table import Table
 
 from ground.report import tables
+from ground.report.verdict_words import as_sentence
 from ground.terminal import Rendered, heading, render
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation.results import Opinion, SecondOpinion
@@ -59,7 +60,7 @@ def html(model: IdentifiedModel) -> str:
     rows = [[escape(cell) for cell in row] for row in _rows(model)]
     if not rows:
         return ""
-    notes = "".join(f'<p class="note">{escape(line)}.</p>' for line in differences(model))
+    notes = "".join(f'<p class="note">{as_sentence(line)}</p>' for line in differences(model))
     return tables.table([*HEAD, *METHODS, "coherence"], rows, "named") + notes
 
 

@@ -36,6 +36,8 @@ RESULTS = {"passed": "passed", **{name: title for name, (title, _) in TITLES.ite
 """Results whose dependence on the inputs is shown."""
 ROLES = ("initial", "redesigned", "set_point", "measured")
 """Colours of the sets of gains; a fifth set has the first colour again."""
+FIGURE_PREFIX = "sweep-"
+"""Beginning of the key of a figure; the name of its error follows."""
 PAGE, CELLS = "report.html", "cells.csv"
 
 
@@ -272,8 +274,7 @@ def _page(report: SweepReport) -> str:
         "lead": escape(_title(report)),
         "criterion": escape(_criterion(report.description["limits"])),
         "cells": _cells_table(report),
-        "quantiles": _quantiles_table(report),
-        "figures": "".join(map(page.place_figure, figures)),
+        "distributions": "".join(_distribution(report, figure) for figure in figures),
         "influences": _influences_table(report),
         "worst": _worst_table(report),
         "description": tables.table(
@@ -329,38 +330,36 @@ def _cells_table(report: SweepReport) -> str:
     return tables.table(heads, rows, "named prose")
 
 
-def _quantiles_table(report: SweepReport) -> str:
-    """Return the distributions of each combination."""
-    names = _shown_inputs(report)
+def _distribution(report: SweepReport, figure: Figure) -> str:
+    """Return the figure of one error and its quantiles in each combination."""
+    names, error = _shown_inputs(report), figure.key.removeprefix(FIGURE_PREFIX)
     rows = [
         [
             *(escape(cell.inputs[name]) for name in names),
-            *(_quantiles(cell.errors.get(name)) for name in TITLES),
+            *(f"{value:.2f}" for value in cell.errors[error]),
         ]
         for cell in report.cells
+        if error in cell.errors
     ]
-    heads = [*map(escape, names), *(f"{title}, {unit}" for title, unit in TITLES.values())]
-    return tables.table(heads, rows, "named")
-
-
-def _quantiles(values: Distribution | None) -> str:
-    """Return a distribution as one cell."""
-    return "–" if values is None else " / ".join(f"{value:.2f}" for value in values)
+    heads = [*map(escape, names), "5 %", "median", "95 %", "worst"]
+    kind = "named" if len(names) > 1 else ""
+    return page.place_figure(figure) + tables.table(heads, rows, kind)
 
 
 def _influences_table(report: SweepReport) -> str:
-    """Return the influences, one column for each result."""
-    columns = [
+    """Return the influences, one row for each result."""
+    rows = [
         [
-            f"{escape(entry.input)} {100.0 * entry.share:.0f} %{_sign(entry)}"
-            for entry in report.influences[result][:8]
+            title,
+            "; ".join(
+                f"{escape(entry.input)} {100.0 * entry.share:.0f} %{_sign(entry)}"
+                for entry in report.influences[result][:8]
+            )
+            or "no input",
         ]
-        or ["no input"]
-        for result in RESULTS
+        for result, title in RESULTS.items()
     ]
-    depth = max(map(len, columns))
-    rows = [[c[n] if n < len(c) else "" for c in columns] for n in range(depth)]
-    return tables.table(list(RESULTS.values()), rows)
+    return tables.table(["", "inputs"], rows, "named prose")
 
 
 def _worst_table(report: SweepReport) -> str:
@@ -369,9 +368,9 @@ def _worst_table(report: SweepReport) -> str:
     for row in report.worst:
         errors = ["–" if row[name] is None else f"{row[name]:.2f}" for name in TITLES]
         command = f"<code>{escape(row['command'])}</code>"
-        rows.append([str(row["dive"]), escape(row["reason"]), *errors, command])
-    heads = ["dive", "", *(f"{title}, {unit}" for title, unit in TITLES.values()), "command"]
-    return tables.table(heads, rows, "named prose")
+        rows.append([command, escape(row["reason"]), *errors])
+    heads = ["command", "", *(f"{title}, {unit}" for title, unit in TITLES.values())]
+    return tables.table(heads, rows, "named")
 
 
 def _figures(table: Table) -> list[Figure]:
@@ -391,6 +390,8 @@ def _figures(table: Table) -> list[Figure]:
             panel = Panel("share of the dives", "%", tuple(curves), (0.0, 100.0))
             note = "Dives with at most this value, over all vehicles, missions and seas."
             figures.append(
-                Figure(f"sweep-{name}", title.capitalize(), note, f"{title}, {unit}", (panel,))
+                Figure(
+                    f"{FIGURE_PREFIX}{name}", title.capitalize(), note, f"{title}, {unit}", (panel,)
+                )
             )
     return figures

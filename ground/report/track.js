@@ -132,8 +132,8 @@ document.addEventListener("DOMContentLoaded", () => {
     const dive = tracks.dives[Number(followed.value)];
     const now = sample(dive, time);
     const heading = ((now.yaw % 360) + 360) % 360;
-    readout.textContent = `depth ${now.d.toFixed(2)} m  heading ${heading.toFixed(1)}°  pitch ${now.pitch.toFixed(1)}°  `
-      + `rudder ${now.rudder.toFixed(1)}°  elevator ${now.elevator.toFixed(1)}°`;
+    readout.textContent = `depth ${now.d.toFixed(2)} m  heading ${heading.toFixed(1)}°  pitch ${now.pitch.toFixed(1)}°`
+      + (dive.surfaces ? `  rudder ${now.rudder.toFixed(1)}°  elevator ${now.elevator.toFixed(1)}°` : "");
     clock.textContent = `${time.toFixed(time < 100 ? 1 : 0)} s`;
     canvas.dataset.time = time.toFixed(2);
   };

@@ -3,7 +3,9 @@
 The two processes of a dive in lockstep take turns: one computes while the other waits. On one core
 each can block while it waits, and the operating system switches to the other one. On two cores both
 have to poll to answer quickly (`mavlink_io.transport.wait`), which is slow as soon as other
-programs need the processor. So both processes of a dive are restricted to the same core.
+programs need the processor. So both processes of a dive are restricted to the same core. The thread
+that records the dive keeps to the cores without a dive, where there are some: woken by telemetry,
+it would otherwise run on the core of the dive, and both processes would wait for it.
 """
 
 import contextlib
@@ -11,7 +13,7 @@ import os
 import secrets
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from threading import Lock
 
@@ -73,6 +75,22 @@ def pin(pid: int, core: int) -> None:
     """
     with contextlib.suppress(OSError):  # it has ended, or the core is no longer allowed
         os.sched_setaffinity(pid, {core})
+
+
+@contextlib.contextmanager
+def restrict_to_free_cores() -> Iterator[None]:
+    """Restrict the calling thread to the cores without a dive, if there are some."""
+    usable = cores()
+    with _lock:
+        free = [core for core in usable if not _dives_on[core]]
+    if not free or free == usable:
+        yield
+        return
+    os.sched_setaffinity(0, free)
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, usable)
 
 
 def idle_ticks(statistics: str) -> dict[int, int]:

@@ -1,5 +1,6 @@
 """Engines of a sweep: processes of this machine, or a cluster of dask.distributed."""
 
+import logging
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
@@ -12,6 +13,9 @@ from sysid.trials import Engine, TrialsError
 
 CONNECT_TIMEOUT_S = 30.0
 """Time to wait for the scheduler of a cluster."""
+
+CLUSTER_LOGGERS = ("distributed", "distributed.client", "tornado.application", "asyncio")
+"""Loggers that print a stack where a scheduler dies, each from a thread of its own."""
 
 
 def parse(text: str) -> Engine | None:
@@ -51,8 +55,10 @@ def _cluster(distributed: Any, address: str, jobs: int) -> Iterator[Executor]:
     """Connect to a cluster, which decides on the number of processes.
 
     A dead worker is replaced by the scheduler, which sends its trials to another one. A dead
-    scheduler cancels all trials.
+    scheduler cancels all trials, which is reported here and not by dask, with its stack.
     """
+    for name in CLUSTER_LOGGERS:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = distributed.Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:

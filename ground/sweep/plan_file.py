@@ -45,7 +45,6 @@ Every combination of vehicle, gains, mission and listed values is flown with eve
 found relative to the folder of the plan.
 """
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -54,21 +53,18 @@ import msgspec
 from ground.campaign import refit
 from ground.client import param_file
 from ground.missions import plans, script
+from mavlink_io import toml_io
 from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MissionItem
-from mavlink_io.text_files import parse_toml, read_text
+from mavlink_io.suggestions import did_you_mean
+from mavlink_io.text_files import read_text
 from sysid.design.specification import Spec
 from sysid.monte_carlo import samples
 from sysid.sweep import gains as gain_sets
 from sysid.sweep.campaigns import CampaignPlan, SweepMission
-from sysid.sweep.dives import (
-    Levels,
-    Limits,
-    SweepGains,
-    SweepRequest,
-    SweepVehicle,
-)
+from sysid.sweep.dives import Limits, SweepGains
 from sysid.sweep.points import Range, Sampler
+from sysid.sweep.sweep_request import Levels, SweepRequest, SweepVehicle
 from sysid.test_design import prior as design_priors
 from sysid.test_design.prior import DesignPrior
 
@@ -91,59 +87,86 @@ COUNTS = {
 """Smallest and largest value of each count."""
 
 
-class _RangeTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A range of an input."""
+class RangeTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A range of an input, sampled evenly."""
 
     min: float
+    """Smallest value."""
     max: float
+    """Largest value."""
 
 
-_Values = float | list[float] | _RangeTable
+LevelValues = float | list[float] | RangeTable
 
 
-class _Vehicle(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class VehicleEntry(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """One [[vehicle]]."""
 
     source: str
+    """``model.json`` (posterior), ``caribou_nominal`` or a vehicle file (prior)."""
     name: str = ""
+    """Name in the rows; without it the source without folder and suffix."""
     prior: str | None = None
+    """Vehicle file of the refit, for a ``model.json`` whose vehicle file is not shipped."""
     spread: float = 1.0
+    """Factor on the standard deviations; 0 flies the mean vehicle."""
 
 
-class _Gains(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class GainsEntry(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """One [[gains]]."""
 
     file: str
+    """Parameters; trims that it lacks are those of the mean vehicle."""
     name: str = ""
+    """Name in the rows; without it the file without folder and suffix."""
     controller: str | None = None
+    """LQG controllers, flown instead of the PID loops."""
     tests: list[str] = []
+    """Missions with tests: a campaign on each vehicle, whose redesigned gains are flown."""
     held_out: list[str] = []
+    """Missions whose tests validate the model of the campaign."""
     spec: Spec = Spec()
+    """Limits of the redesign of the campaign."""
 
 
-class _Pass(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class PassTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """The table [pass]."""
 
     heading_deg: float | None = None
+    """Largest 95 % error of heading after settling."""
     pitch_deg: float | None = None
+    """Largest 95 % error of pitch after settling."""
     depth_m: float | None = None
+    """Largest 95 % error of depth after settling."""
     settling_s: float | None = None
+    """Largest settling time of any leg."""
 
 
-class _Plan(msgspec.Struct, forbid_unknown_fields=True, frozen=True, rename={"limits": "pass"}):
+class SweepPlan(msgspec.Struct, forbid_unknown_fields=True, frozen=True, rename={"limits": "pass"}):
     """A plan as in its file."""
 
-    vehicle: list[_Vehicle]
-    gains: list[_Gains]
+    vehicle: list[VehicleEntry]
+    """Vehicles to sample."""
+    gains: list[GainsEntry]
+    """Sets of gains."""
     missions: list[str]
-    sea: dict[str, _Values] = {}
-    fault: dict[str, _Values] = {}
-    limits: _Pass = _Pass()
+    """Names or files of missions, as for `ground fly`."""
+    sea: dict[str, LevelValues] = {}
+    """``disturbance_scale`` and ``current_mps``: a number, a list or a range."""
+    fault: dict[str, LevelValues] = {}
+    """``rudder_bias_deg``, ``elevator_bias_deg``, ``actuator_rate_scale``, ``actuator_delay_s``."""
+    limits: PassTable = PassTable()
+    """Limits of a dive that passes."""
     sampler: Sampler = Sampler.SOBOL
+    """Method that draws the samples."""
     samples: int = 64
+    """Number of vehicles and of values of ranges."""
     repeats: int = 1
+    """Dives of each combination and sample, with other noise."""
     seed: int = 1
+    """Seed of sampler and noise."""
     chunk: int = 8
+    """Dives that a process flies at a time."""
 
 
 def load(path: Path) -> SweepRequest:
@@ -188,19 +211,17 @@ def load(path: Path) -> SweepRequest:
     )
 
 
-def _read(path: Path) -> _Plan:
+def _read(path: Path) -> SweepPlan:
     """Return the content of a plan. Raises InputError."""
     try:
-        return msgspec.convert(parse_toml(read_text(path)), _Plan)
+        return toml_io.decode(read_text(path), SweepPlan, str(path), InputError)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise InputError(f"{path}: not TOML: {error}") from None
-    except msgspec.ValidationError as error:
-        raise InputError(f"{path}: {str(error).replace('`', '')}") from None
 
 
-def _vehicles(path: Path, plan: _Plan) -> tuple[SweepVehicle, ...]:
+def _vehicles(path: Path, plan: SweepPlan) -> tuple[SweepVehicle, ...]:
     """Return the vehicles with the sets of gains."""
     names = _names(path, "vehicle", [(entry.name, entry.source) for entry in plan.vehicle])
     gain_names = _names(path, "gains", [(entry.name, entry.file) for entry in plan.gains])
@@ -217,7 +238,7 @@ def _vehicles(path: Path, plan: _Plan) -> tuple[SweepVehicle, ...]:
     return tuple(vehicles)
 
 
-def _prior(folder: Path, entry: _Vehicle) -> DesignPrior:
+def _prior(folder: Path, entry: VehicleEntry) -> DesignPrior:
     """Return the distribution of a vehicle. Raises InputError."""
     if not entry.source.endswith(".json"):
         source = folder / entry.source
@@ -226,7 +247,7 @@ def _prior(folder: Path, entry: _Vehicle) -> DesignPrior:
     return samples.read(folder / entry.source, prior)
 
 
-def _gains(path: Path, name: str, entry: _Gains, prior: DesignPrior) -> SweepGains:
+def _gains(path: Path, name: str, entry: GainsEntry, prior: DesignPrior) -> SweepGains:
     """Return a set of gains with the trims of the mean vehicle. Raises InputError."""
     values = param_file.load(path.parent / entry.file)
     trims_deg = samples.trims_deg(prior.vehicle(prior.mean))
@@ -271,7 +292,7 @@ def _names(path: Path, key: str, entries: Sequence[tuple[str, str]]) -> list[str
 
 
 def _levels(
-    path: Path, table: str, entries: dict[str, _Values], known: Sequence[str]
+    path: Path, table: str, entries: dict[str, LevelValues], known: Sequence[str]
 ) -> dict[str, Levels]:
     """Return the values of the inputs in a table. Raises InputError."""
     levels: dict[str, Levels] = {}
@@ -279,11 +300,11 @@ def _levels(
         if key not in known:
             raise InputError(
                 f"{path}: {table}.{key}: cannot be swept; expected one of {', '.join(known)}."
-                " `sitl --scenario` simulates other seas and faults"
+                f" `sitl --scenario` simulates other seas and faults{did_you_mean(key, known)}"
             )
         listed = (
             [values.min, values.max]
-            if isinstance(values, _RangeTable)
+            if isinstance(values, RangeTable)
             else values
             if isinstance(values, list)
             else [values]
@@ -292,7 +313,7 @@ def _levels(
         wrong = next((value for value in listed if not low <= value <= high), None)
         if wrong is not None:
             raise InputError(f"{path}: {table}.{key} = {wrong:g}: must be {low:g} to {high:g}")
-        if isinstance(values, _RangeTable):
+        if isinstance(values, RangeTable):
             if values.min >= values.max:
                 raise InputError(f"{path}: {table}.{key}: min must be less than max")
             levels[key] = Range(values.min, values.max)
@@ -303,7 +324,7 @@ def _levels(
     return levels
 
 
-def _limits(path: Path, table: _Pass) -> Limits:
+def _limits(path: Path, table: PassTable) -> Limits:
     """Return the limits of a dive. Raises InputError."""
     given = {key: getattr(table, key) for key in Limits._fields if getattr(table, key) is not None}
     wrong = next((key for key, value in given.items() if not value > 0.0), None)

@@ -12,8 +12,9 @@ from typing import Any
 from mavlink_io.errors import InputError
 from mavlink_io.text_files import parse_json, read_text
 from sysid.sweep import dives, parts
-from sysid.sweep.dives import COLUMNS, Chunks, Part, SweepRequest
+from sysid.sweep.dives import COLUMNS, Part
 from sysid.sweep.points import Range
+from sysid.sweep.sweep_request import Chunks, SweepRequest
 from sysid.trials import Engine, map_trials, source_hash
 
 DESCRIPTION = "sweep.json"
@@ -105,6 +106,15 @@ def fly_one(request: SweepRequest, number: int) -> dict[str, str]:
         raise InputError(f"--dive {number}: must be 0 to {chunks.dives - 1}")
     (row,) = dives.rows_of(dives.fly_chunk(chunks.of_dives([number])).text)
     return row
+
+
+def stored_row(folder: Path, number: int) -> dict[str, str] | None:
+    """Return the row of a dive in the folder of a sweep, or None if it has no readable one."""
+    try:
+        line = parts.line_of(folder, number)
+    except InputError:
+        return None
+    return None if line is None else next(dives.rows_of(line))
 
 
 def format_row(row: dict[str, str]) -> str:

@@ -70,6 +70,13 @@ def test_errors_of_input_are_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
+def test_dive_without_a_steady_leg_is_compared(tmp_path: Path) -> None:
+    log = auv.load_log(damaged.write_own(tmp_path / "a.mcap"))
+    comparison = auv.compare({"short": log})
+    assert comparison.dives[0].legs == 0
+    assert str(comparison).splitlines()[1].split() == ["short", "nan", "nan", "nan", "0"]
+
+
 @pytest.mark.slow
 def test_simulated_dives_are_compared() -> None:
     first = auv.simulate("straight_run", seed=2)

@@ -84,6 +84,8 @@ class FakeVehicle:
         self.modes = MODES
         self.lists_modes, self.enters_modes = True, True
         """Whether it answers requests of AVAILABLE_MODES, and enters an accepted mode."""
+        self.after: dict[int, Callable[[], None]] = {}
+        """Called after the acknowledgement of a command."""
         self.armed, self.custom_mode = False, 0
         self.prearm: bool | None = None
         """Pre-arm state in a requested SYS_STATUS; None: SYS_STATUS is never sent."""
@@ -140,6 +142,8 @@ class FakeVehicle:
         if message.command == MavCmd.DO_SET_MODE and result == ACCEPTED:
             self.custom_mode = int(message.param2) if self.enters_modes else self.custom_mode
             self.heartbeat()
+        if message.command in self.after:
+            self.after[message.command]()
 
     def _send_status(self) -> None:
         if self.prearm is not None:

@@ -20,7 +20,7 @@ from mavlink_io.errors import InputError
 from sysid.data import dataset as logs
 from sysid.data.dataset import Log, VelocitySource
 from sysid.data.events import Armed, Failsafe, FailsafeCause, ModeChanged, PlainText
-from tests.browser import Page, check_layout, needs_chromium, opened
+from tests.browser import Page, check_layout, check_print, needs_chromium, opened
 from tests.helpers.synthetic_dive import constant, dive, swing
 
 MAX_BYTES = 4_000_000
@@ -67,6 +67,36 @@ def test_text_of_a_log_cannot_become_markup() -> None:
     assert "<i>name</i>" not in html
     (data,) = re.findall(r'<script id="track-data" type="application/json">(.*?)</script>', html)
     assert json.loads(data)["dives"][0]["name"] == "<i>name</i>.mcap"
+
+
+def test_outputs_of_unknown_use_are_numbered() -> None:
+    """A log without ACT_TRAVEL_DEG and SERVOn_FUNCTION may be of a vehicle with motors alone."""
+    flown = reported(replace(good().log, parameters={"HDG_P": 1.0}), "foreign.ulg")
+    chart = dive_charts.actuator_chart([flown])
+    titles = [chart["layout"][f"yaxis{row}"]["title"]["text"] for row in ("", "2", "3")]
+    assert titles == ["output 1, %", "output 2, %", "output 3, %"]
+    (track,) = dive_charts.track_data([flown])["dives"]
+    assert not track["surfaces"]
+    assert set(track["rudder"]) == {0.0}
+    assert dive_charts.track_data([good()])["dives"][0]["surfaces"]
+
+
+def test_times_of_texts_count_from_arming() -> None:
+    events = (
+        logs.LogEvent(50.0, Armed()),
+        logs.LogEvent(150.0, Failsafe(FailsafeCause.LEAK, "Failsafe: Leak -> SURFACE")),
+    )
+    shown = reported(replace(dive(), events=events), "late.mcap")
+    assert "100 s after arming" in verdict.headline(shown.assessment)
+    assert "-25-" in verdict.format_text(shown.assessment)
+
+
+def test_dive_that_cannot_be_assessed_says_why_first() -> None:
+    text = logs.LogEvent(9.0, PlainText(3, "no barometer found"))
+    shown = reported(replace(dive(length_s=20.0), events=(text,)), "short.ulg")
+    assert verdict.headline(shown.assessment).startswith("too short: no leg")
+    assert verdict.next_step(shown.assessment) == "give each leg at least 60 s"
+    assert "no barometer found" in verdict.format_text(shown.assessment)
 
 
 def test_side_by_side_lists_only_the_parameters_that_differ() -> None:
@@ -184,21 +214,6 @@ const wait = () => {
 wait();
 """
 """JavaScript: play until 5 s of the dive have passed, then move the slider to its middle."""
-PRINTED = """
-dispatchEvent(new Event('beforeprint'));
-const result = [...document.querySelectorAll('.chart')].map(chart => {
-  const figure = chart.closest('.figure');
-  return { key: chart.id, heading: Boolean(figure && figure.querySelector('h3')),
-           together: getComputedStyle(figure).breakInside, height: figure.offsetHeight,
-           width: chart.querySelector('.main-svg').getBoundingClientRect().width };
-});
-const color = getComputedStyle(document.body).backgroundColor;
-dispatchEvent(new Event('afterprint'));
-return { charts: result, color };
-"""
-"""JavaScript, with the style of print: what keeps each chart with its heading on one sheet."""
-SHEET_PX = (688.0, 1010.0)
-"""A4 less margins of 14 mm, at 96 px per inch."""
 
 
 @pytest.fixture(scope="module")
@@ -228,16 +243,7 @@ class BrowserTestCase:
         assert shown.errors() == []
 
     def test_print_keeps_headings_with_charts_on_white_paper(self, shown: Page) -> None:
-        shown.emulate(media="print", scheme="dark")
-        printed = shown.run(PRINTED)
-        shown.emulate(media="", scheme="light")
-        assert {chart["key"] for chart in printed["charts"]} == set(shown.charts())
-        for chart in printed["charts"]:
-            assert chart["heading"], chart
-            assert chart["together"] == "avoid", chart
-            assert chart["width"] <= SHEET_PX[0], chart
-            assert chart["height"] <= SHEET_PX[1], chart
-        assert printed["color"] == "rgb(251, 250, 247)"
+        check_print(shown)
 
 
 def test_report_and_fly_give_the_same_verdict() -> None:

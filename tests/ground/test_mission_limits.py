@@ -23,7 +23,13 @@ END = "[[step]]\nsurface = true\n"
 DEEP = START + "[[step]]\ndepth_m = 25.0\nduration_s = 10.0\n" + END
 DEEP_PLACE = START + "[[step]]\nto = [10.0, 0.0]\ndepth_m = 30.0\n" + END
 FAR = START + "[[step]]\nto = [12000.0, -5000.0]\n" + END
-LIMITS = {"FS_DEPTH_M": 18.0, "MIS_DIST_MAX": 10_000.0}
+FAST = START + "[[step]]\nspeed_mps = 2.5\nduration_s = 10.0\n" + END
+LIMITS = {
+    "FS_DEPTH_M": 18.0,
+    "MIS_DIST_MAX": 10_000.0,
+    "SPD_CRUISE_MPS": 1.3,
+    "THR_CRUISE_PCT": 58.0,
+}
 ARM = 400
 
 
@@ -53,6 +59,11 @@ def dive(folder: Path, text: str, name: str = "m.toml") -> flight.Dive:
     ("text", "why"),
     [
         (DEEP, "step 2: depth_m = 25: must be 0 to 18, the vehicle's FS_DEPTH_M"),
+        (
+            FAST,
+            "step 2: speed_mps = 2.5: must be at most 2.24, the vehicle's speed at full thrust"
+            " (SPD_CRUISE_MPS, THR_CRUISE_PCT)",
+        ),
         (DEEP_PLACE, "step 2: depth_m = 30: must be 0 to 18, the vehicle's FS_DEPTH_M"),
         (
             FAR,
@@ -98,7 +109,7 @@ def test_vehicle_without_such_parameters_sets_no_limit(
     vehicle: VehicleClient, tmp_path: Path
 ) -> None:
     flight.prepare(vehicle, dive(tmp_path, FAR))
-    assert Limits.from_parameters({"MIS_DIST_MAX": 0.0}) == Limits(math.inf, math.inf)
+    assert Limits.from_parameters({"MIS_DIST_MAX": 0.0}) == Limits(math.inf, math.inf, math.inf)
 
 
 def test_refusal_of_the_vehicle_is_reported_in_its_words(

@@ -10,7 +10,7 @@ import pytest
 from ground.report import charts, page, tables
 from ground.report.figures import Curve, Figure, Panel
 from sysid.models.model_file import Coefficient
-from tests.browser import Page, check_layout, needs_chromium, opened
+from tests.browser import WINDOWS_PX, Page, check_layout, check_print, needs_chromium, opened
 
 MIN_PLOT_PX = (200.0, 60.0)
 """Width and height of the axes at 390 px: smaller ones cannot be read."""
@@ -51,15 +51,9 @@ def figure(key: str, panels: int) -> Figure:
     return Figure(key, f"Figure {key}", "A note.", "seconds since the vehicle was armed", shown)
 
 
-def place(key: str) -> str:
-    """Return a chart's element as the page of a campaign has it."""
-    note = '<p class="note">A note.</p>'
-    return f'<div><h3>A title</h3>{note}<div class="chart" id="{key}"></div></div>'
-
-
 def small_report() -> str:
     """Return a page with every kind of chart, and a table wider than a telephone."""
-    wide, pair = figure("wide", 3), [figure(f"pair-{panels}", panels) for panels in (1, 2)]
+    wide, pair = figure("wide", 5), [figure(f"pair-{panels}", panels) for panels in (1, 2)]
     poles = {role: {"heading": [[-1.0, 1.8], [-1.0, -1.8]]} for role in ("initial", "redesigned")}
     coefficients = ("Y_v", "Y_r", "N_v", "N_r", "M_q", "Z_w", "Y_dr", "M_de")
     known = dict.fromkeys(coefficients, COEFFICIENT)
@@ -75,13 +69,22 @@ def small_report() -> str:
     parts = dict.fromkeys(names, "") | {
         "title": "A small report",
         "headline": '<div><span class="big">1.2° → 0.9°</span></div>' * 3,
-        "missions": place(wide.key),
-        "steps": "".join(place(each.key) for each in pair),
-        "poles": place("poles-heading"),
+        "missions": page.place_figure(wide),
+        "steps": "".join(map(page.place_figure, pair)),
+        "poles": page.places({"poles-heading": "Heading loop"}),
         "tracking": tables.table(["", *["a column"] * 8, "reason"], [row] * 3, "prose"),
         "asked": "x" * 200,
     }
     return page.render(parts, drawn)
+
+
+FIRST = """
+new MutationObserver((_, observer) => {
+  const drawn = [...document.querySelectorAll('.chart')].filter(e => e.querySelector('.main-svg'));
+  if (drawn.length) { window.drawnAtFirst = drawn.length; observer.disconnect(); }
+}).observe(document, { childList: true, subtree: true });
+"""
+"""Counts the charts that are drawn when the browser can first show one."""
 
 
 @pytest.fixture(scope="module")
@@ -108,3 +111,19 @@ class BrowserTestCase:
             assert part["height"] >= MIN_PLOT_PX[1], part
             assert part["below_legend"] >= -1.0, part
             assert part["cut_off"] == [], part
+
+    def test_first_chart_is_shown_before_the_last_is_drawn(self, shown: Page) -> None:
+        shown.run_at_next_opening(FIRST)
+        shown.open(shown.run("return location.href"), *WINDOWS_PX[-1])
+        assert shown.run("return window.drawnAtFirst") == 1
+        assert len(shown.charts()) > 3
+
+    def test_report_printed_keeps_headings_with_charts(self, shown: Page) -> None:
+        check_print(shown)
+
+    def test_legend_after_resizing_is_above_the_plot(self, shown: Page) -> None:
+        """A legend that is placed by the axes stays where the last width had put it."""
+        for window in WINDOWS_PX:
+            shown.resize(*window)
+            parts = shown.run(PARTS)
+            assert [part for part in parts if part["below_legend"] < -1.0] == []

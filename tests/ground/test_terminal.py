@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 from ground import __main__ as command_line
 from ground import terminal
 from ground.cli import options, progress
+from ground.client.flight import FlightProgress
 from ground.client.flight import FlightProgress as DiveProgress
 from ground.client.vehicle import StatusText
 from ground.live import estimate_view as live_view
@@ -97,6 +98,21 @@ def test_printable_known_texts(text: str, safe: str) -> None:
 
 def test_printable_lines_keeps_only_line_feeds() -> None:
     assert printable_lines("a\n  b\r\x85c") == "a\n  b\\r\\x85c"
+
+
+def test_progress_without_a_terminal_is_one_line_per_period() -> None:
+    page = io.StringIO()
+    shown = shown_on(page)
+    state = FlightProgress(
+        item=1, items=6, vehicle_s=60.0, wall_s=2.0, depth_m=3.02, heading_deg=20.4
+    )
+    for _ in range(3):
+        shown.watch_named("square", state)
+    shown.show_fraction("8 of 16 dives", 0.5)
+    assert page.getvalue().splitlines() == [
+        "square: item 2 of 6, 3.0 m deep, heading 20 deg, 60 s at 30x",
+        "dive: 50 %, 8 of 16 dives",
+    ]
 
 
 @attacked

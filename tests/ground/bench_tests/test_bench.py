@@ -110,9 +110,9 @@ def test_check_impossible_sweep_refused(
     ("text", "reason"),
     [
         ("duration_s = 5.0\nmove = []", "duration_s = 5: expected 10 to 600"),
-        ("duration_s = 60.0\n[[move]]\nmas_kg = 1.0", "unknown field `mas_kg`"),
+        ("duration_s = 60.0\n[[move]]\nmas_kg = 1.0", "mas_kg = 1.0: unknown key"),
         ("duration_s =", "Invalid value"),
-        ("duration_s = 60.0\n[[move]]\nmass_kg = nan", "move 1: mass_kg = nan"),
+        ("duration_s = 60.0\n[[move]]\nmass_kg = nan", "mass_kg = nan: expected a finite number"),
         ("duration_s = 60.0\nmove = []", "at least three"),
     ],
 )

@@ -5,6 +5,7 @@ import math
 import multiprocessing
 import re
 import time
+from contextlib import nullcontext
 from html.parser import HTMLParser
 from pathlib import Path
 from threading import Event
@@ -23,9 +24,11 @@ from ground.campaign.preparation import Preparation
 from ground.campaign.run import Campaign, CampaignRequest
 from ground.campaign.summary_file import CampaignSummary
 from ground.client import param_file
+from ground.client.flight import FlightResult
 from ground.log_tools import mcap
 from ground.report import page, summary_picture
 from mavlink_io.errors import InputError, OperationError
+from mavlink_io.mission_items import MavCmd
 from sysid.refit import RefitRequest
 from tests.browser import check_layout, needs_chromium, opened
 from tests.helpers import node
@@ -216,6 +219,29 @@ def test_campaign_failed_dive_ends_it(tmp_path: Path, monkeypatch: pytest.Monkey
     with pytest.raises(OperationError, match="sunk"):
         Campaign(CampaignRequest(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
     assert multiprocessing.active_children() == []
+
+
+@pytest.mark.parametrize(("largest_deg", "attempts"), [(5.0, 1), (3.0, 2), (0.1, 3)])
+def test_dive_with_tests_is_repeated_with_smaller_ones_after_a_failsafe(
+    largest_deg: float, attempts: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The shipped rudder sweeps have tests of 4, 7 and 5 deg; here their first one is too large."""
+    sizes: list[float] = []
+
+    def fly(dive: Any, *_: object, **__: object) -> FlightResult:
+        sizes.append(next(item.p2 for item in dive.items if item.command == MavCmd.USER_1))
+        dive.log.write_bytes(b"")
+        failsafes = ("Failsafe: pitch 60 deg",) if sizes[-1] > largest_deg else ()
+        return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
+
+    monkeypatch.setattr(run, "fly_simulated", fly)
+    monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
+    campaign = Campaign(CampaignRequest(tmp_path), lambda name, at: None, lambda words: None)
+    campaign._records = DiveRecords(tmp_path)
+    with nullcontext() if attempts < 3 else pytest.raises(OperationError, match="pitch 60"):
+        campaign._fly("identification", "rudder_sweeps", {})
+    assert sizes == pytest.approx([4.0 * 0.6**n for n in range(attempts)], abs=0.11)
+    assert campaign._totals().vehicle_s == 10.0 * attempts
 
 
 def test_campaign_folder_with_other_files_refused(tmp_path: Path) -> None:

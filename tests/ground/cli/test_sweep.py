@@ -110,6 +110,17 @@ def test_command_of_row_flies_same_dive(folder: Path) -> None:
 
 
 @pytest.mark.slow
+def test_command_of_row_after_a_change_says_so(folder: Path) -> None:
+    plan = folder / "plan.toml"
+    flown(plan, "plan")
+    ended = CliRunner().invoke(app, ["sweep", str(plan), "--dive", "7"])
+    assert ended.stderr == ""
+    (folder / "soft.param").write_text("HDG_P,0.4\nHDG_D,1.5\n")
+    ended = CliRunner().invoke(app, ["sweep", str(plan), "--dive", "7"])
+    assert "has another row: the plan, its files or the source code changed" in ended.stderr
+
+
+@pytest.mark.slow
 def test_more_samples_keep_dives_other_gains_do_not(folder: Path) -> None:
     plan = folder / "plan.toml"
     flown(plan, "out")

@@ -113,12 +113,40 @@ def test_gap_of_half_a_leg_is_not_assessed(axis: str) -> None:
     assert found.reason
 
 
+def t_of(log: Log) -> Array:
+    """Return the times of the set-points of heading."""
+    return log.setpoints.attitude_time_s
+
+
 def test_heading_on_a_line_uses_moving_setpoint() -> None:
     """Line-of-sight guidance turns the set-point by 0.2 deg/s, in steps below those of a change."""
     moving = dive(turn_degps=0.2, heading_error_deg=constant(-1.0))
     (leg,) = assessment.assess_log(moving).legs
     # the set-point of the sample before is up to 0.1 s old, which is 0.02 deg
     assert leg.heading_deg.mean == pytest.approx(-1.0, abs=0.03)
+
+
+def test_leg_begins_when_the_guidance_has_reached_its_line() -> None:
+    """The error of 8 deg lasts as long as the guidance turns the set-point by 1 deg/s."""
+    flown = dive(heading_error_deg=lambda t: np.where(t < 60.0, -8.0, 0.5))
+    setpoint_rad = flown.setpoints.heading_rad + np.radians(np.minimum(t_of(flown), 60.0) - 60.0)
+    yaw_rad = flown.attitude.yaw_rad + setpoint_rad - flown.setpoints.heading_rad
+    flown = replace(
+        flown,
+        attitude=replace(flown.attitude, yaw_rad=yaw_rad),
+        setpoints=replace(flown.setpoints, heading_rad=setpoint_rad),
+    )
+    found = assessment.assess_log(flown)
+    (leg,) = found.legs
+    assert leg.start_s == pytest.approx(60.0, abs=3.0)
+    assert leg.heading_deg.p95 == pytest.approx(0.5, abs=0.1)
+    assert found.findings == ()
+
+
+def test_setpoint_that_always_turns_is_not_assessed() -> None:
+    found = assessment.assess_log(dive(turn_degps=0.5))
+    assert found.legs == ()
+    assert found.reason.startswith("the heading set-point moved all the time; ")
 
 
 def test_trims_that_the_vehicle_learned_are_reported() -> None:
@@ -198,7 +226,7 @@ def test_failsafe_is_reported_before_errors_without_a_known_cause() -> None:
     assert found.outcome is Outcome.FAILED
     assert (
         verdict.headline(found)
-        == "the vehicle reported at 90 s of vehicle time: Failsafe: Leak -> SURFACE"
+        == "the vehicle reported 90 s after the start of the log: Failsafe: Leak -> SURFACE"
     )
 
 

@@ -1,6 +1,7 @@
 """`ground surface`, `ground hold`, and the message after Ctrl-C."""
 
 import json
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Timer
@@ -9,13 +10,17 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from ground.__main__ import app
+from ground.cli.interrupt import OnInterrupt, interruptible
 from ground.client import stopping
 from ground.client import vehicle as client
 from ground.client.vehicle import CommandRefusedError, VehicleClient, VehicleClientError
+from ground.errors import Interrupted
 from mavlink_io.errors import OperationError
 from tests.ground.fake import DENIED, FakeVehicle, step_while_waiting
 
-SET_MODE = 176
+SET_MODE, ARM_DISARM = 176, 400
+FORCE = 21196.0
+"""param2 of COMPONENT_ARM_DISARM that disarms under way."""
 HOLD, MISSION, SURFACE = 50_593_792, 67_371_008, 100_925_440
 """As in docs/clients.md; MISSION and SURFACE are the standard modes 6 and 7."""
 MODES = (("HOLD", 0, HOLD), ("", 6, MISSION), ("", 7, SURFACE))
@@ -51,6 +56,41 @@ def test_stop_command_mode_is_set_and_confirmed(
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout) == {"mode": command.upper(), "armed": True, "depth_m": None}
     assert modes_set(fake) == [(1.0, float(number))]
+
+
+@pytest.mark.parametrize(("command", "armed"), [("stop", False), ("arm", True)])
+def test_arming_command_is_sent_and_confirmed(command: str, armed: bool, fake: FakeVehicle) -> None:
+    fake.heartbeat(armed=not armed)
+    fake.after[ARM_DISARM] = lambda: fake.heartbeat(armed=armed)
+    done = ground(command, "--json")
+    assert done.exit_code == 0, done.output
+    state = json.loads(done.stdout)
+    assert (state["armed"], state["mode"]) == (armed, "MISSION")
+    sent = [(c.param1, c.param2) for c in fake.commands if c.command == ARM_DISARM]
+    assert sent == [(1.0, 0.0) if armed else (0.0, FORCE)]
+
+
+def test_stop_not_confirmed_is_an_error(fake: FakeVehicle) -> None:
+    done = ground("stop")
+    assert isinstance(done.exception, OperationError)
+    assert "0.2 s later it is not disarmed" in str(done.exception)
+
+
+def test_mode_of_similar_name_is_suggested(fake: FakeVehicle) -> None:
+    done = ground("mode", "surfce")
+    assert isinstance(done.exception, VehicleClientError)
+    assert str(done.exception).endswith("offers HOLD, MISSION, SURFACE; did you mean SURFACE?")
+
+
+def test_mode_without_a_name_prints_the_mode_and_the_offer(fake: FakeVehicle) -> None:
+    done = ground("mode")
+    assert "in mode MISSION; it offers HOLD, MISSION, SURFACE" in done.stdout
+    assert modes_set(fake) == []
+
+
+def test_mode_is_set_and_confirmed(fake: FakeVehicle) -> None:
+    assert ground("mode", "hold").exit_code == 0
+    assert modes_set(fake) == [(1.0, float(HOLD))]
 
 
 def test_surface_refusal_is_an_error(fake: FakeVehicle) -> None:
@@ -104,10 +144,8 @@ def test_surface_without_mode_list_uses_published_names(
 def test_surface_at_the_surface_counts_the_end_as_done(fake: FakeVehicle) -> None:
     """There SURFACE disarms at once, and what the vehicle reports next is HOLD."""
     fake.enters_modes = False
-    later = Timer(0.05, lambda: fake.heartbeat(armed=False))
-    later.start()
+    fake.after[SET_MODE] = lambda: fake.heartbeat(armed=False)
     done = ground("surface")
-    later.join()
     assert done.exit_code == 0, done.output
     assert "the vehicle is disarmed" in done.stdout
 
@@ -139,6 +177,65 @@ STOP = (
     f"`ground surface --connect {ADDRESS}` ends the dive, "
     f"`ground hold --connect {ADDRESS}` keeps depth, heading and thrust"
 )
+
+
+def interrupted(choice: OnInterrupt) -> Interrupted:
+    """Interrupt work that leaves a vehicle under way; return what reaches the main program."""
+    interruption = Interrupted(130)
+    interruption.add_note("the vehicle is still under way")
+    interruption.under_way = True
+    with pytest.raises(Interrupted), interruptible(choice, ADDRESS, None, None):
+        raise interruption
+    return interruption
+
+
+def test_interrupt_with_a_choice_sets_the_mode(fake: FakeVehicle) -> None:
+    notes = interrupted(OnInterrupt.SURFACE).__notes__
+    assert notes == ["the vehicle is under way in mode SURFACE"]
+    assert modes_set(fake) == [(1.0, float(SURFACE))]
+
+
+def test_interrupt_refused_mode_keeps_the_note(fake: FakeVehicle) -> None:
+    fake.answers[SET_MODE] = [DENIED]
+    notes = interrupted(OnInterrupt.HOLD).__notes__
+    assert notes == ["the vehicle is still under way", "hold failed: do set mode: denied"]
+
+
+def test_interrupt_without_a_terminal_leaves_the_vehicle(fake: FakeVehicle) -> None:
+    assert interrupted(OnInterrupt.ASK).__notes__ == ["the vehicle is still under way"]
+    assert fake.commands == []
+
+
+@pytest.mark.parametrize(
+    ("answers", "modes"),
+    [
+        (["s"], [(1.0, float(SURFACE))]),
+        (["what", "hold"], [(1.0, float(HOLD))]),
+        ([""], []),
+        ([], []),
+    ],
+)
+def test_interrupt_on_a_terminal_asks(
+    answers: list[str],
+    modes: list[tuple[float, float]],
+    fake: FakeVehicle,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    given = iter(answers)
+
+    def answer() -> str:
+        try:
+            return next(given)
+        except StopIteration:
+            raise EOFError from None
+
+    for stream in (sys.stdin, sys.stderr):
+        monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", answer)
+    interrupted(OnInterrupt.ASK)
+    assert modes_set(fake) == modes
+    assert "leave, hold, surface? [leave]" in capsys.readouterr().err
 
 
 def connected(fake: FakeVehicle) -> VehicleClient:

@@ -240,6 +240,20 @@ def test_a_silent_vehicle_is_lost(fake: FakeVehicle, monkeypatch: pytest.MonkeyP
         pump(vehicle, 11, steps)
 
 
+def test_a_simulated_vehicle_on_a_busy_machine_is_waited_for(
+    fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its watchdog reports a process that has ended; silence is no such report."""
+    checked: list[None] = []
+    vehicle = VehicleClient(fake.ground_end, watchdog=lambda: checked.append(None))
+    vehicle.connect()
+    steps = clock(monkeypatch, 0.5)
+    pump(vehicle, 100, steps)
+    assert checked
+    with pytest.raises(VehicleClientError, match=r"no heartbeat on .* for 60 s"):
+        pump(vehicle, 30, steps)
+
+
 def test_pump_after_a_pause_waits_for_the_vehicle(
     fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -319,6 +333,26 @@ def test_pump_late_reader_finds_vehicle_alive(
     monkeypatch.setattr(client, "wall_s", lambda: late_s)
     pump(vehicle, 10)
     assert vehicle.vehicle_id == (1, 1)
+
+
+def test_pump_waits_longer_for_a_simulated_vehicle(
+    backlog: Backlog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A busy machine runs the autopilot late; a watchdog reports processes that ended."""
+    checks = []
+    vehicle = VehicleClient(backlog.ground_end, watchdog=lambda: checks.append(1))
+    backlog.heartbeat()
+    vehicle.connect()
+    start_s = client.wall_s()
+    # one call of `pump` each second: a longer gap would be a pause of this program
+    for second in range(int(client.SIMULATED_HEARTBEAT_TIMEOUT_S)):
+        monkeypatch.setattr(client, "wall_s", lambda now_s=start_s + second: now_s)
+        vehicle.pump(0.0)
+    assert checks
+    late_s = start_s + client.SIMULATED_HEARTBEAT_TIMEOUT_S + 1.0
+    monkeypatch.setattr(client, "wall_s", lambda: late_s)
+    with pytest.raises(client.VehicleClientError, match="for 60 s"):
+        pump(vehicle, 10)
 
 
 def test_pump_late_reader_finds_silent_vehicle_gone(

@@ -3,15 +3,18 @@
 import json
 from pathlib import Path
 from typing import Any
+from unittest.mock import create_autospec
 
 import pytest
 
 from autopilot.control import modes, requests
 from autopilot.control.types import ACCEPTED, Home
+from ground.client.flight import Dive, prepare
+from ground.client.vehicle import VehicleClient
 from ground.missions import plans
 from ground.missions.script import ScriptError
 from mavlink_io.frames import offset_to_geodetic
-from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MavCmd
+from mavlink_io.mission_items import FENCE_TYPE, MISSION_TYPE, RALLY_TYPE, MavCmd, MissionItem
 from tests.helpers.missions import Flight
 
 HOME = Home(47.3977, 8.5456, True)
@@ -121,6 +124,19 @@ def test_plan_is_read_with_survey_jump_fence_and_rally(tmp_path: Path) -> None:
     assert {item.mission_type for item in read.fence} == {FENCE_TYPE}
     (rally,) = read.rally
     assert (rally.command, rally.mission_type) == (MavCmd.NAV_RALLY_POINT, RALLY_TYPE)
+
+
+def test_dive_of_a_plan_uploads_mission_fence_and_rally(tmp_path: Path) -> None:
+    path = tmp_path / "area.plan"
+    path.write_text(json.dumps(plan()))
+    dive = Dive.load(str(path), tmp_path / "dive.mcap")
+    uploaded: dict[int, tuple[MissionItem, ...]] = {}
+    vehicle = create_autospec(VehicleClient, instance=True)
+    vehicle.parameters.return_value = {}
+    vehicle.upload.side_effect = lambda items, kind=MISSION_TYPE: uploaded.update({kind: items})
+    prepare(vehicle, dive)
+    read = plans.load(str(path))
+    assert uploaded == {FENCE_TYPE: read.fence, RALLY_TYPE: read.rally, MISSION_TYPE: read.items}
 
 
 def test_plan_is_flown_whole(tmp_path: Path) -> None:

@@ -107,12 +107,18 @@ def test_the_papers_missions_are_shipped() -> None:
         (LEG.replace("duration_s = 30.0", "") + END, "duration_s: is missing"),
         (LEG.replace("depth_m = 4.0", "") + END, "first leg must give depth_m"),
         (LEG + "speed_mps = 1.0\n" + END, "thrust_pct and speed_mps: give one"),
-        (LEG + "depht_m = 1.0\n" + END, "depht_m"),
-        (LEG.replace("4.0", '"four"') + END, "step[0].depth_m"),
+        (LEG + "depht_m = 1.0\n" + END, "step 1: depht_m = 1.0: unknown key; known here: depth_m"),
+        (LEG + "depht_m = 1.0\n" + END, "; did you mean depth_m?"),
+        (LEG.replace("4.0", '"four"') + END, "step 1: depth_m = 'four': expected float"),
+        (
+            LEG + CHIRP.replace('"chirp"', '"chrip"') + END,
+            "step 2: test.signal = 'chrip': expected chirp or step",
+        ),
+        (LEG + CHIRP.replace('"rudder"', '"ruder"') + END, "; did you mean rudder?"),
         (LEG + END + LEG + END, "surface = true must be the last step"),
         ("step = []", "is empty"),
-        (LEG + CHIRP.replace("2.0", "inf") + END, "f_stop_hz = inf: must be 0 to 25"),
-        ("= 3", "not TOML"),
+        (LEG + CHIRP.replace("2.0", "inf") + END, "f_stop_hz = inf: expected a finite number"),
+        ("= 3", "not valid TOML"),
         (
             LEG + '[[step]]\ntest = { signal = "step", axis = "rudder", magnitude_deg = 40.0,'
             " duration_s = 9 }" + END,

@@ -112,3 +112,19 @@ def test_two_simulated_vehicles_run_on_different_cores() -> None:
         taken = {one._core, other._core}
         assert len(taken) == 2
     assert not any(affinity._dives_on[core] for core in affinity.cores()), "given back"
+
+
+@pytest.mark.skipif(len(affinity.cores()) < 2, reason="needs two cores")
+def test_recorder_keeps_to_cores_without_dive(monkeypatch: pytest.MonkeyPatch) -> None:
+    usable = affinity.cores()
+    monkeypatch.setattr(affinity, "_dives_on", Counter({usable[0]: 1}))
+    with affinity.restrict_to_free_cores():
+        assert affinity.cores() == usable[1:]
+    assert affinity.cores() == usable
+
+
+def test_recorder_uses_all_cores_if_each_has_a_dive(monkeypatch: pytest.MonkeyPatch) -> None:
+    usable = affinity.cores()
+    monkeypatch.setattr(affinity, "_dives_on", Counter(usable))
+    with affinity.restrict_to_free_cores():
+        assert affinity.cores() == usable

@@ -1,8 +1,11 @@
 """Engines of a sweep: option, a cluster that is missing or ends, and a real cluster of dask."""
 
+import re
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -12,6 +15,7 @@ import pytest
 from ground.sweep import engine, plan_file, run
 from mavlink_io.errors import InputError
 from sysid.trials import TrialsError, map_trials
+from tests.helpers.subprocesses import PATIENCE_S, Process, process
 
 
 def half(value: int) -> float:
@@ -104,3 +108,42 @@ def test_dask_cluster_gives_the_same_digest(folder: Path) -> None:
         chosen = engine.parse(f"dask={workers.scheduler_address}")
         on_cluster = run.run(request, folder / "cluster", jobs=1, engine=chosen)
     assert on_cluster["digest"] == local["digest"]
+
+
+@contextmanager
+def started_cluster() -> Iterator[tuple[str, Process]]:
+    """Start a scheduler and a worker as programs; yield the address and the scheduler."""
+    options = ("--host", "127.0.0.1", "--no-dashboard")
+    with process("-m", "dask", "scheduler", "--port", "0", *options) as scheduler:
+        while not (match := re.search(r"Scheduler at: +(\S+)", scheduler.wait_for_line())):
+            assert scheduler.running
+        with process("-m", "dask", "worker", match[1], "--nthreads", "1", "--no-nanny", *options):
+            yield match[1], scheduler
+
+
+@pytest.mark.process
+@pytest.mark.timeout(4.0 * PATIENCE_S)
+def test_killed_scheduler_is_one_line_and_the_sweep_continues(folder: Path) -> None:
+    pytest.importorskip("distributed")
+    plan = folder / "plan.toml"
+    plan.write_text(plan.read_text().replace("samples = 6", "samples = 80"))  # 160 dives
+    request = plan_file.load(plan)
+    undisturbed = run.run(request, folder / "undisturbed", jobs=1)
+    parts = folder / "killed" / "parts"
+    words = ["-m", "ground", "sweep", str(plan), "--out", str(folder / "killed"), "--json"]
+    with (
+        started_cluster() as (address, scheduler),
+        process(*words, "--engine", f"dask={address}") as study,
+    ):
+        while not any(parts.glob("*.csv")):
+            assert study.running
+            time.sleep(0.01)
+        scheduler.kill()
+        ended = study.finish()
+    assert ended.status == 1
+    assert re.fullmatch(r"ground: --engine dask=\S+: the cluster ended .*\n", ended.stderr)
+    assert len(list(parts.glob("*.csv"))) < 160, "it was to be killed before its end"
+    with started_cluster() as (address, _):
+        chosen = engine.parse(f"dask={address}")
+        continued = run.run(request, folder / "killed", jobs=1, engine=chosen)
+    assert continued["digest"] == undisturbed["digest"]
