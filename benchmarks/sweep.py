@@ -7,15 +7,20 @@
 The overhead is CPU time over that of flight and metrics: what a worker spends on a chunk besides
 (measured with a flight that returns at once), and what the process of the sweep spends (key,
 pickle, part).
+
+The efficiency is measured beside the machine's own limit: one program, then two at once, that fly
+dives without a sweep. Cores that share caches, memory and clock do not reach twice the speed.
 """
 
 import argparse
 import math
 import pickle
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -30,16 +35,10 @@ from sysid.monte_carlo.metrics import DiveMetrics
 from sysid.monte_carlo.simulate import Sea
 from sysid.sweep import dives, gains
 from sysid.sweep.campaigns import SweepMission
-from sysid.sweep.dives import (
-    Chunks,
-    Part,
-    SweepDive,
-    SweepRequest,
-    SweepVehicle,
-    fly_chunk,
-)
+from sysid.sweep.dives import Part, SweepDive, fly_chunk
 from sysid.sweep.parts import PartStore
 from sysid.sweep.points import Range
+from sysid.sweep.sweep_request import Chunks, SweepRequest, SweepVehicle
 from sysid.test_design import prior as design_priors
 from sysid.trials import Engine, key_of, map_trials
 
@@ -49,6 +48,8 @@ ROUNDS = 5
 """Number of repetitions; the least time counts."""
 SIZES = (1, 8, 64)
 """Numbers of dives in a chunk."""
+LIMIT_DIVES = 160
+"""Number of dives of each program that measures the machine's limit."""
 
 
 class ChunkCost(NamedTuple):
@@ -145,6 +146,43 @@ def dives_per_minute(count: int, jobs: int, folder: Path, *, dask: bool) -> floa
         return 60.0 * count / (time.monotonic() - start_s)
 
 
+def limit() -> float:
+    """Return the speed of two programs at once over twice that of one; all fly the same dives."""
+    alone_s, together_s = (max(_programs_s(count)) for count in (1, 2))
+    return alone_s / together_s
+
+
+def _programs_s(count: int) -> list[float]:
+    """Return the time (s) of each of several programs that fly `LIMIT_DIVES` dives at once."""
+    words = [sys.executable, "-m", "benchmarks.sweep", "--fly", str(LIMIT_DIVES)]
+    with ExitStack() as stack:
+        programs = [
+            stack.enter_context(
+                subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            )
+            for _ in range(count)
+        ]
+        pipes = [(p.stdin, p.stdout) for p in programs if p.stdin and p.stdout]
+        for _, output in pipes:
+            output.readline()  # until it is ready
+        for started, _ in pipes:
+            started.write("\n")
+            started.flush()
+        return [float(output.readline()) for _, output in pipes]
+
+
+def _fly_on_request(count: int) -> None:
+    """Print a line when ready, wait for one, fly dives, and print the time of the flights (s)."""
+    chunks = Chunks(request_of(count, 8))
+    fly_chunk(chunks[0])
+    print("ready", flush=True)
+    sys.stdin.readline()
+    start_s = time.monotonic()
+    for chunk in chunks:
+        fly_chunk(chunk)
+    print(time.monotonic() - start_s, flush=True)
+
+
 @contextmanager
 def cluster(workers: int) -> Iterator[Engine | None]:
     """Start a local dask cluster whose workers have flown a dive, and return its engine."""
@@ -165,7 +203,11 @@ def main() -> None:
     )
     options.add_argument("--throughput", type=int, default=0, metavar="DIVES")
     options.add_argument("--dask", action="store_true")
+    options.add_argument("--fly", type=int, metavar="DIVES", help=argparse.SUPPRESS)
     asked = options.parse_args()
+    if asked.fly:
+        _fly_on_request(asked.fly)
+        return
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for size in SIZES:
@@ -186,7 +228,9 @@ def main() -> None:
         for jobs, rate in enumerate(rates, 1):
             print(f"{jobs} processes: {rate:.0f} dives a minute")
         if rates:
-            print(f"efficiency 1 -> 2: {rates[1] / (2.0 * rates[0]):.3f}")
+            efficiency, most = rates[1] / (2.0 * rates[0]), limit()
+            print(f"efficiency 1 -> 2: {efficiency:.3f}")
+            print(f"two independent programs: {most:.3f}; of that {efficiency / most:.3f}")
 
 
 if __name__ == "__main__":

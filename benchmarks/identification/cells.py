@@ -9,12 +9,14 @@ from benchmarks.identification.linear_time import TIME as LINEAR_TIME
 from benchmarks.identification.online import ONLINE
 from benchmarks.identification.outside import OUTSIDE
 from benchmarks.identification.prediction import PREDICTION
+from benchmarks.identification.verdicts import VERDICTS
 from benchmarks.study import Cell
 
 CELLS: dict[str, Cell] = {
     cell.name: cell
     for cell in (
         OUTSIDE,
+        VERDICTS,
         *efficiency.CELLS,
         CONVERGENCE,
         LINEAR_TIME,

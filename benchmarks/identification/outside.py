@@ -153,21 +153,41 @@ def errors(model: IdentifiedModel, case: Case, plant: Plant) -> tuple[Array, Arr
     return np.array(wrong), np.array(sds)
 
 
-def identified(name: str, seed: int, level: float = 1.0) -> IdentifiedModel:
+class Conditions(NamedTuple):
+    """Conditions of a campaign; the defaults are sound."""
+
+    level: float = 1.0
+    """Size of the disturbance."""
+    grip: float = 1.0
+    """Share of the deflection that a slipping coupling leaves, see ``flight.dive``."""
+    size: float = 1.0
+    """Ratio of the tests to those of a sound campaign."""
+    prior_of: str = ""
+    """Plant whose vehicle file is the prior; empty for the plant's own."""
+
+
+SOUND = Conditions()
+"""Conditions of the study of coverage."""
+
+
+def identified(name: str, seed: int, conditions: Conditions = SOUND) -> IdentifiedModel:
     """Fly and record a campaign of a plant, and identify it."""
     case = case_of(name)
     with tempfile.TemporaryDirectory() as folder:
         fitted, held_out = logs.campaign(
             Path(folder),
             catalogue.plant(name, seed),
-            scales=(case.scale(Plane.YAW), case.scale(Plane.PITCH)),
+            scales=(
+                conditions.size * case.scale(Plane.YAW),
+                conditions.size * case.scale(Plane.PITCH),
+            ),
             gains=Gains(*case.hold),
             seed=seed,
-            level=level,
+            level=conditions.level,
+            grip=conditions.grip,
         )
-        return refit.refit(
-            refit.RefitRequest(paths=fitted, held_out=held_out, prior=case.prior_file)
-        )
+        prior_file = case_of(conditions.prior_of or name).prior_file
+        return refit.refit(refit.RefitRequest(paths=fitted, held_out=held_out, prior=prior_file))
 
 
 def trial(name: str, seed: int) -> list[float]:

@@ -133,8 +133,12 @@ def _dive(
     thrust: Array,
     lags: tuple[float, float, float],
     errors: Array,
+    grip: Array,
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Simulate all ticks; ``wanted`` names the surface under test, ``errors`` the sensor noise."""
+    """Simulate all ticks; ``wanted`` names the surface under test, ``errors`` the sensor noise.
+
+    ``grip`` is the share of a deflection from trim that reaches the surfaces.
+    """
     ticks = signals.size
     rows, under = np.empty((ticks, 10)), np.zeros(ticks, np.int64)
     x, work, push = start.copy(), np.empty((2, forces.STATES)), np.zeros(forces.STATES)
@@ -190,7 +194,7 @@ def _dive(
         for _ in range(TICK_STEPS):
             angles = np.empty(2)
             for a in range(2):
-                queue[a, head % QUEUE] = commands[a]
+                queue[a, head % QUEUE] = trim[a] + grip[k] * (commands[a] - trim[a])
                 late = queue[a, (head - delays[a]) % QUEUE]
                 angles[a] = actuators.advance(drives[a], late, axes[a])
             head += 1
@@ -227,6 +231,7 @@ def dive(
     gains: Gains,
     rng: np.random.Generator,
     level: float = 1.0,
+    grip: float = 1.0,
 ) -> Recorded:
     """Simulate one dive.
 
@@ -244,6 +249,9 @@ def dive(
         Source of sea and sensor noise.
     level : float
         Size of the disturbance; 1 is the rough sea of the study.
+    grip : float
+        Share of the deflection that reaches the surface in the second half of every other test,
+        because the coupling between drive and surface slips; 1 for a sound tail.
 
     Returns
     -------
@@ -251,11 +259,13 @@ def dive(
         Measured motion, commands and tests at 50 Hz.
     """
     ticks = int(duration_s / TICK_S)
-    signals, wanted = np.zeros(ticks), np.zeros(ticks, np.int64)
-    for test in tests:
+    signals, wanted, grips = np.zeros(ticks), np.zeros(ticks, np.int64), np.ones(ticks)
+    for number, test in enumerate(tests):
         first = int(test.start_s / TICK_S)
         part = slice(first, first + test.signal_rad.size)
         signals[part], wanted[part] = test.signal_rad, 1 if test.rudder else 2
+        if number % 2:
+            grips[first + test.signal_rad.size // 2 : part.stop] = grip
     start = plant.trim.state.copy()
     start[9] = DEPTH_M
     rows, under = _dive(
@@ -271,5 +281,6 @@ def dive(
         np.ones(ticks),
         (plant.sensors.gyro_lag_s, plant.sensors.angle_lag_s, plant.sensors.depth_lag_s),
         sensor_errors(ticks, plant.sensors.speed_noise_mps, rng),
+        grips,
     )
     return Recorded(rows, under)

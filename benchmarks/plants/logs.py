@@ -97,6 +97,7 @@ def fly(
     gains: Gains,
     rng: np.random.Generator,
     level: float = 1.0,
+    grip: float = 1.0,
 ) -> Recorded:
     """Fly one mission; test sizes are limited to 60 % of the travel."""
     now_s, tests = SETTLE_S, []
@@ -105,7 +106,7 @@ def fly(
         size = min(max(degrees * scale, -most), most) / scale
         tests.append(Test(rudder, now_s, signal_rad((kind, size, seconds), rudder, scale)))
         now_s += seconds + RECOVERY_S[mission]
-    return flight.dive(plant, tests, now_s, gains, rng, level)
+    return flight.dive(plant, tests, now_s, gains, rng, level, grip)
 
 
 def write_csv(
@@ -167,10 +168,12 @@ def campaign(
     gains: Gains,
     seed: int,
     level: float = 1.0,
+    grip: float = 1.0,
 ) -> tuple[list[Path], list[Path]]:
     """Fly and record the standard campaign; return the logs to fit and those held out.
 
-    ``scales`` are the ratios of rudder and elevator tests to Caribou's.
+    ``scales`` are the ratios of rudder and elevator tests to Caribou's; ``level`` and ``grip`` are
+    those of ``flight.dive``.
     """
     fitted, held_out = list[Path](), list[Path]()
     for number, (mission, rudder) in enumerate(
@@ -185,6 +188,7 @@ def campaign(
             gains=gains,
             rng=rng,
             level=level,
+            grip=grip,
         )
         path = folder / f"{'rudder' if rudder else 'elevator'}_{mission}.csv"
         write_csv(path, plant, recorded, gains, rng)

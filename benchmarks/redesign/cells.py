@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from benchmarks.redesign import faults, missions, probability, robust, steady
+from benchmarks.redesign import changes, faults, missions, probability, robust, steady
 from benchmarks.redesign.campaign import Values
 from benchmarks.study import Cell
 
@@ -21,6 +21,7 @@ class Question(NamedTuple):
 QUESTIONS = {
     "steady": Question(steady.SEAS, lambda gains: steady.cell(gains())),
     "robust": Question(robust.CASES, lambda gains: robust.cell(gains())),
+    "changes": Question(changes.CASES, lambda gains: changes.cell(gains())),
     "missions": Question(missions.CASES, lambda gains: missions.cell(gains())),
     "probability": Question(probability.CASES, lambda gains: probability.CELL),
     "faults": Question(tuple(faults.FAULTS), lambda gains: faults.cell(gains())),

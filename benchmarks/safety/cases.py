@@ -4,15 +4,18 @@ Every case is drawn from its seed alone, so that its number reproduces it.
 """
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
 from autopilot.control.params import MIN_WHEN_ON, PARAMETERS, ParamInfo
+from mavlink_io.errors import InputError
 from sitl.faults.catalogue import CATALOGUE, Size
 from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
+from sitl.vehicle.config import VehicleConfig
 
 VEHICLES = vehicle_files.SHIPPED
 FLOOR_M = 16.0
@@ -63,19 +66,39 @@ SHORT_LEGS = (Leg(4.0, 0.0, 25.0), Leg(8.0, 60.0, 35.0), Leg(3.0, -40.0, 30.0))
 """Mission of the dives with faults: a descent, a turn and an ascent."""
 
 
+def find_case(name: str, vehicle: str, seed: int) -> Case:
+    """Return the dive of a name.
+
+    Raises InputError.
+    """
+    kind, _, rest = name.partition(":")
+    try:
+        if kind == "fault":
+            unit, fault = rest.split("-")
+            return single_fault(unit, fault, vehicle, seed)
+        if kind == "pair":
+            return pair(int(rest))
+        if kind == "mission":
+            return random_mission(int(rest))
+        return next(case for case in parameter_dives(vehicle) if case.name == name)
+    except (ValueError, StopIteration):
+        raise InputError(
+            f"dive {name!r}: expected fault:UNIT-KIND, pair:N, mission:N or parameter:NAME=VALUE"
+        ) from None
+
+
+def command(case: Case) -> str:
+    """Return the command that flies a dive again."""
+    kind = case.name.partition(":")[0]
+    options = f" --vehicle {case.vehicle}" if kind in ("fault", "parameter") else ""
+    return f"python -m benchmarks.safety {case.name}{options}" + (
+        f" --seed {case.seed}" if kind == "fault" else ""
+    )
+
+
 def catalogue_names() -> list[tuple[str, str]]:
     """Return unit and kind of every fault."""
     return [(unit, kind) for unit, kinds in CATALOGUE.items() for kind in kinds]
-
-
-def single_faults(vehicles: tuple[str, ...], seeds: range) -> list[Case]:
-    """Return one dive for each fault, vehicle and seed."""
-    return [
-        single_fault(unit, kind, vehicle, seed)
-        for seed in seeds
-        for vehicle in vehicles
-        for unit, kind in catalogue_names()
-    ]
 
 
 def single_fault(unit: str, kind: str, vehicle: str, seed: int) -> Case:
@@ -84,11 +107,6 @@ def single_fault(unit: str, kind: str, vehicle: str, seed: int) -> Case:
     rng = np.random.default_rng((1, seed, number, VEHICLES.index(vehicle)))
     row = draw_fault(unit, kind, vehicle, rng, *RELATIVE)
     return Case(f"fault:{unit}-{kind}", vehicle, seed, (row,), legs=SHORT_LEGS)
-
-
-def pairs(count: int, first: int = 0) -> list[Case]:
-    """Return dives with two faults each, drawn over the whole range of the catalogue."""
-    return [pair(number) for number in range(first, first + count)]
 
 
 def pair(number: int) -> Case:
@@ -122,11 +140,6 @@ def extreme_values(row: ParamInfo) -> list[float]:
     """Return the minimum, the least value that is not off, and the maximum of a parameter."""
     least = row.smallest if row.minimum <= 0.0 and row.name in MIN_WHEN_ON else row.minimum
     return sorted({row.minimum, least, row.maximum})
-
-
-def random_missions(count: int, first: int = 0) -> list[Case]:
-    """Return seeded missions with random sea, faults and link loss."""
-    return [random_mission(number) for number in range(first, first + count)]
 
 
 def random_mission(number: int) -> Case:
@@ -169,7 +182,7 @@ def draw_fault(
     unit: str, kind: str, vehicle: str, rng: Generator, least: float, most: float
 ) -> FaultRow:
     """Return a fault with random start and sizes, as a row of a scenario file."""
-    config = vehicle_files.load(vehicle)
+    config = vehicle_config(vehicle)
     row: FaultRow = {
         "unit": unit,
         "kind": kind,
@@ -214,6 +227,13 @@ def _draw_size(
     return min(size.maximum, max(size.minimum, value))
 
 
+@cache
+def vehicle_config(vehicle: str) -> VehicleConfig:
+    """Return the content of a vehicle file."""
+    return vehicle_files.load(vehicle)
+
+
+@cache
 def build_length_m(vehicle: str) -> float:
     """Return the length of a vehicle's hull."""
-    return 2.0 * build_model.build(vehicle_files.load(vehicle)).hydrostatics.half_length_m
+    return 2.0 * build_model.build(vehicle_config(vehicle)).hydrostatics.half_length_m

@@ -8,15 +8,17 @@ import msgspec
 import numpy as np
 
 from autopilot.control import core, modes, params, request_handler, requests
+from autopilot.control.core import Events
 from autopilot.control.params import Config, ParamError
-from autopilot.control.types import AutopilotState, Event, Inputs, Severity
-from benchmarks.safety.cases import Case
+from autopilot.control.types import Event, Inputs, Severity
+from autopilot.pilot import Pilot, is_compiled
+from benchmarks.safety.cases import Case, vehicle_config
+from mavlink_io import jit
 from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.mission_items import MavCmd, MissionItem
 from mavlink_io.records import ActuatorFrame
 from sitl import scenario
 from sitl.core import plant, timestep
-from sitl.vehicle import config as vehicle_files
 from sysid.design import initial
 
 LIMIT_S = 1500.0
@@ -25,10 +27,20 @@ ORACLE_S = 400.0
 """Vehicle time for which the oracle is observed after the fault."""
 SETTLE_S = 300.0
 """Longest time for which a disarmed vehicle is observed until it floats or lies on the floor."""
+DEPTH_MARGIN_M = 0.5
+"""Depth beyond FS_DEPTH_M that counts as noise of the depth measurement."""
 AFLOAT_M = 1.0
 """Largest depth of the origin of a vehicle that floats, above waves."""
+AFLOAT_S = 60.0
+"""Time at the surface after which the oracle's vehicle counts as afloat: a heavy one sinks again
+after its way has carried it up."""
 RESTING_MPS, RESTING_S = 0.01, 10.0
 """Speed and duration of a vehicle at rest."""
+LOOK_TICKS = 5
+LOOK_S = LOOK_TICKS * timestep.TICK_S
+"""Interval at which the true motion is looked at."""
+BEGIN_TICK = 2
+"""Tick after which the mission is loaded and started."""
 HEARTBEAT_S = 1.0
 """Interval of the ground station's heartbeats."""
 
@@ -48,11 +60,27 @@ class Outcome(NamedTuple):
     deepest_m: float
     """Largest true depth of the origin."""
     contact_s: float
-    """Time of the first contact with the floor after the first fault; NaN for none."""
+    """Time of the first contact with the floor; NaN for none."""
     avoidable: bool
     """Whether the vehicle touched the floor and the oracle does not."""
+    depth_limit_m: float
+    """FS_DEPTH_M."""
     reasons: str
     """Warnings and critical messages."""
+
+    @property
+    def failure(self) -> str:
+        """Why the dive fails; empty if it does not."""
+        if self.ending == "endless":
+            return "endless"
+        if self.avoidable:
+            return "avoidable contact"
+        if (
+            self.name.startswith("parameter")
+            and self.deepest_m > self.depth_limit_m + DEPTH_MARGIN_M
+        ):
+            return "beyond the depth limit"
+        return ""
 
 
 class Sea(NamedTuple):
@@ -63,10 +91,13 @@ class Sea(NamedTuple):
 
 
 def fly(case: Case) -> Outcome:
-    """Fly a dive, and the oracle's where the vehicle touches the floor."""
+    """Fly a dive, and the oracle's where the vehicle touches the floor.
+
+    A contact before any fault is avoidable.
+    """
     outcome = _fly(case)
     if not math.isnan(outcome.contact_s):
-        avoidable = math.isnan(oracle_contact_s(case))
+        avoidable = outcome.contact_s < first_fault_s(case) or math.isnan(oracle_contact_s(case))
         outcome = outcome._replace(avoidable=avoidable)
     return outcome
 
@@ -81,7 +112,7 @@ def _fly(case: Case) -> Outcome:
     hull = sea.parts.vessel.model.hydrostatics
     body, reading = plant.initial_state(sea.parts, sea.rng)
     link = np.random.default_rng((4, case.seed))
-    state, warnings = core.initial_state(), []
+    pilot, warnings = new_pilot(), list[str]()
     fault_s = first_fault_s(case)
     contact_s, deepest_m, ended_s, resting_s = math.nan, 0.0, math.nan, 0.0
     heard_s = 0.0
@@ -89,31 +120,31 @@ def _fly(case: Case) -> Outcome:
         now_s = tick * timestep.TICK_S
         if now_s % HEARTBEAT_S < timestep.TICK_S and link.random() >= case.link_loss:
             heard_s = now_s
-        state, frame, _, events = core.tick(state, _inputs(reading, now_s - heard_s), config)
+        frame, events = step_pilot(pilot, inputs_of(reading, now_s - heard_s), config)
         warnings += [
             event.text
             for event in events
             if isinstance(event, Event) and event.severity <= Severity.WARNING
         ]
-        if tick == 2 and (refusal := begin(case, state, config)) is not None:
-            state, reason = refusal
-            if reason:
-                return _refused(case, reason)
+        if tick == BEGIN_TICK and (reason := begin(case, pilot, config)):
+            return _refused(case, reason)
         body, reading = plant.step(sea.parts, body, frame, sea.rng)
+        if tick % LOOK_TICKS:
+            continue
         truth = body.truth
         deepest_m = max(deepest_m, truth.position_ned_m[2])
-        if math.isnan(contact_s) and now_s >= fault_s and touches(truth, hull, case.floor_m):
+        if math.isnan(contact_s) and touches(truth, hull, case.floor_m):
             contact_s = now_s
-        if tick > 2 and not state.armed:
+        if tick > BEGIN_TICK and not pilot.armed:
             ended_s = now_s if math.isnan(ended_s) else ended_s
             speed_mps = math.hypot(*truth.velocity_ned_mps)
             afloat = truth.position_ned_m[2] < AFLOAT_M and now_s > ended_s + RESTING_S
-            resting_s = resting_s + timestep.TICK_S if speed_mps < RESTING_MPS else 0.0
+            resting_s = resting_s + LOOK_S if speed_mps < RESTING_MPS else 0.0
             if afloat or resting_s > RESTING_S or now_s > ended_s + SETTLE_S:
                 break
         elif now_s > LIMIT_S:
             break
-    ending = _ending(state, body.truth, hull, case)
+    ending = _ending(pilot.armed, body.truth, hull, case)
     return Outcome(
         name=case.name,
         vehicle=case.vehicle,
@@ -124,21 +155,40 @@ def _fly(case: Case) -> Outcome:
         deepest_m=deepest_m,
         contact_s=contact_s,
         avoidable=False,
+        depth_limit_m=config.fs_depth_m,
         reasons="; ".join(warnings),
     )
 
 
-def begin(case: Case, state: AutopilotState, config: Config) -> tuple[AutopilotState, str]:
+def compile_ticks() -> None:
+    """Compile the steady ticks, if that is possible and not done yet: this takes a minute."""
+    Pilot(compiled=jit.COMPILED)
+
+
+def new_pilot() -> Pilot:
+    """Return an autopilot before its first tick; its steady ticks are compiled if possible."""
+    return Pilot(compiled=is_compiled())
+
+
+def step_pilot(pilot: Pilot, inputs: Inputs, config: Config) -> tuple[ActuatorFrame, Events]:
+    """Advance the autopilot by one tick; return its actuator frame and events."""
+    if pilot.advance(inputs, config):
+        return core.armed_frame(pilot.time_us, pilot.trace, config), ()
+    events = pilot.tick(inputs, config)
+    return core.actuator_frame(pilot.state, pilot.trace, config), events
+
+
+def begin(case: Case, pilot: Pilot, config: Config) -> str:
     """Load the mission, select its mode and arm; return the reason of a refusal."""
     for request in (
         requests.LoadMission(items(case)),
         requests.SetMode(modes.MISSION.number),
         requests.Arm(),
     ):
-        state, answer, _ = request_handler.handle_request(state, request, config)
+        pilot.state, answer, _ = request_handler.handle_request(pilot.state, request, config)
         if answer.result:
-            return state, answer.text
-    return state, ""
+            return answer.text
+    return ""
 
 
 def oracle_contact_s(case: Case) -> float:
@@ -150,20 +200,24 @@ def oracle_contact_s(case: Case) -> float:
     config, sea = configuration(case), build(case)
     hull, fault_s = sea.parts.vessel.model.hydrostatics, first_fault_s(case)
     body, reading = plant.initial_state(sea.parts, sea.rng)
-    state = core.initial_state()
+    pilot, afloat_s = new_pilot(), 0.0
     for tick in range(round((fault_s + ORACLE_S) / timestep.TICK_S)):
         now_s = tick * timestep.TICK_S
         if now_s < fault_s:
-            state, frame, _, _ = core.tick(state, _inputs(reading, 0.0), config)
-            if tick == 2:
-                state, _ = begin(case, state, config)
+            frame, _ = step_pilot(pilot, inputs_of(reading, 0.0), config)
+            if tick == BEGIN_TICK:
+                begin(case, pilot, config)
         else:
             neutral = (0.0, 0.0, 0.0, 1.0, *(0.0,) * 12)
             frame = ActuatorFrame(body.time_us, 0, neutral, 0)
         body, reading = plant.step(sea.parts, body, frame, sea.rng)
-        if now_s >= fault_s and touches(body.truth, hull, case.floor_m):
+        if now_s < fault_s or tick % LOOK_TICKS:
+            continue
+        if touches(body.truth, hull, case.floor_m):
             return now_s
-        if now_s > fault_s + 30.0 and body.truth.position_ned_m[2] < AFLOAT_M:
+        is_afloat = now_s > fault_s + 30.0 and body.truth.position_ned_m[2] < AFLOAT_M
+        afloat_s = afloat_s + LOOK_S if is_afloat else 0.0
+        if afloat_s > AFLOAT_S:
             break
     return math.nan
 
@@ -195,7 +249,7 @@ def build(case: Case) -> Sea:
         waves=replace(base.waves, significant_height_m=height_m, peak_period_s=6.0),
         fault=case.faults,
     )
-    parts = plant.build(vehicle_files.load(case.vehicle), sea)
+    parts = plant.build(vehicle_config(case.vehicle), sea)
     return Sea(parts, plant.random_streams(case.seed))
 
 
@@ -205,7 +259,7 @@ def scale(vehicle: str) -> float:
 
     Moments of the same sea scale with displaced mass times length.
     """
-    own, caribou = (vehicle_files.load(name) for name in (vehicle, "caribou_nominal"))
+    own, caribou = (vehicle_config(name) for name in (vehicle, "caribou_nominal"))
     return (
         own.ballast.mass_kg
         * own.hull.diameter_m
@@ -257,15 +311,15 @@ def touches(truth: Any, hull: Any, floor_m: float) -> bool:
     return bool(lowest_m > floor_m)
 
 
-def _inputs(reading: Any, silent_s: float) -> Inputs:
-    """Return the inputs of a tick."""
+def inputs_of(reading: Any, silent_s: float) -> Inputs:
+    """Return the inputs of a tick from the sensor readings and the age of the last heartbeat."""
     devices = reading.dvl, reading.battery, reading.leak, reading.duct
     return Inputs(reading.frame, reading.gps, reading.altimeter, silent_s, None, *devices)
 
 
-def _ending(state: AutopilotState, truth: Any, hull: Any, case: Case) -> str:
+def _ending(armed: bool, truth: Any, hull: Any, case: Case) -> str:
     """Return where the vehicle is at the end."""
-    if state.armed:
+    if armed:
         return "endless"
     if truth.position_ned_m[2] < AFLOAT_M + hull.radius_m + case.sea[2]:
         return "afloat"
@@ -284,5 +338,6 @@ def _refused(case: Case, reason: str) -> Outcome:
         deepest_m=0.0,
         contact_s=math.nan,
         avoidable=False,
+        depth_limit_m=math.inf,
         reasons=reason,
     )
