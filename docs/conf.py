@@ -19,7 +19,7 @@ from site_pages import link_project_pages, write_pages  # noqa: E402
 project = "Caribou"
 author = "the Caribou authors"
 release = version = version_of("caribou-auv")
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "numpydoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "numpydoc"]
 html_theme = "pydata_sphinx_theme"
 html_title = "Caribou"
 html_theme_options = {
@@ -29,10 +29,13 @@ html_theme_options = {
     "show_prev_next": False,
     "footer_end": [],
 }
+html_sidebars = {"quickstart": []}  # has no pages below it
 html_show_sourcelink = False
 html_copy_source = False
-exclude_patterns = ["performance", "site_pages.py"]
+smartquotes = False  # would turn the two hyphens of an option into a dash
+exclude_patterns = ["performance", "site_pages.py", "reference_pages.py"]
 myst_heading_anchors = 3
+nb_execution_mode = "off"  # the notebook holds its outputs: python -m tests.notebook
 myst_enable_extensions = ["colon_fence"]
 autodoc_typehints = "none"  # numpydoc's sections name the types
 numpydoc_show_class_members = False

@@ -5,6 +5,7 @@ from enum import Enum
 from pathlib import Path
 
 import typer
+from reference_pages import files_page, messages_page, python_page
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from autopilot.__main__ import fly
@@ -33,6 +34,9 @@ def write_pages(folder: Path) -> None:
     pages = {
         "command_line": command_line_page(),
         "parameters": parameters_page(),
+        "messages": messages_page(),
+        "files": files_page(),
+        "python_reference": python_page(),
         **{name: _project_page(file) for name, file in PROJECT_PAGES.items()},
     }
     folder.mkdir(parents=True, exist_ok=True)
