@@ -13,10 +13,11 @@ VEHICLE ?= .venv-vehicle
 # How pip is called. A lock file names the hashes of all files of a version, so that an installation
 # accepts these files only, on every platform; --require-hashes refuses a line without a hash.
 INSTALL := install -q --disable-pip-version-check
-COMPILE := pip-compile -q --generate-hashes --strip-extras --no-header --annotation-style=line \
+COMPILE := pip-compile -q --generate-hashes --no-strip-extras --no-header --annotation-style=line \
   --no-emit-index-url --no-emit-find-links --no-emit-trusted-host
-# `make soak`: fraction of the sizes that issue and table name; 1 runs for days
+# `make soak`: fraction of the sizes of the table, 1 runs for days; MINUTES=N ends earlier, to continue later
 SIZE   ?=
+MINUTES ?=
 # Further arguments of pytest
 PYTEST ?=
 # `make bench`: BUSY=1 loads every core meanwhile; ROWS=NAME,... measures only these
@@ -41,7 +42,7 @@ test: $(VENV)/dev.stamp check        ## run all checks and tests
 test-fast: $(VENV)/dev.stamp check   ## run the checks and the tests without processes
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not process and not slow" $(PYTEST)
 
-test-clients: $(VENV)/dev.stamp      ## MAVSDK and MAVProxy on every link and speed: pass counts
+test-clients: $(VENV)/dev.stamp      ## MAVSDK, MAVProxy and other clients on every link: pass counts
 	$(BIN)/python -m tests.clients
 
 check: $(VENV)/dev.stamp             ## lint, formatter, types, import contracts, language, docstrings
@@ -69,7 +70,7 @@ bench: $(VENV)/dev.stamp             ## speed of every part beside floors and pe
 	$(BIN)/python -m benchmarks.page
 
 soak: $(VENV)/dev.stamp              ## robustness table: SIZE=fraction of the required sizes; resumes
-	$(BIN)/python -m tests.soak $(if $(SIZE),--size $(SIZE)) $(if $(ROWS),--rows $(ROWS))
+	$(BIN)/python -m tests.soak $(if $(SIZE),--size $(SIZE)) $(if $(ROWS),--rows $(ROWS)) $(if $(MINUTES),--minutes $(MINUTES))
 
 docs: $(VENV)/dev.stamp             ## documentation site in build/docs; a warning is an error
 	$(BIN)/python -m sphinx -q -W --keep-going docs build/docs

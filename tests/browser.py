@@ -54,6 +54,29 @@ return Object.fromEntries([...document.querySelectorAll('.chart')].map(chart => 
   })];
 }));
 """
+_DRAWN = """
+return !document.getElementById('charts') || 'drawn' in document.documentElement.dataset;
+"""
+"""Whether a report has drawn its last chart; true for other pages."""
+_PRINTED = """
+dispatchEvent(new Event('beforeprint'));
+const result = [...document.querySelectorAll('.chart')].map(chart => {
+  const figure = chart.closest('.figure');
+  return { key: chart.id, heading: Boolean(figure && figure.querySelector('h3, h4')),
+           together: figure && getComputedStyle(figure).breakInside,
+           height: figure && figure.offsetHeight,
+           width: chart.querySelector('.main-svg').getBoundingClientRect().width };
+});
+const texts = [...document.querySelectorAll('.scroll, .chart, .figure, .pair, .triple')]
+  .map(e => e.previousElementSibling).filter(e => e && e.tagName === 'P');
+const apart = texts.filter(e => getComputedStyle(e).breakAfter !== 'avoid').map(e => e.innerText);
+const color = getComputedStyle(document.body).backgroundColor;
+dispatchEvent(new Event('afterprint'));
+return { charts: result, apart, color };
+"""
+"""With the style of print: what keeps each chart with its heading on one sheet."""
+SHEET_PX = (688.0, 1010.0)
+"""A4 less margins of 14 mm, at 96 px per inch."""
 
 
 class Page:
@@ -105,6 +128,10 @@ class Page:
         self._driver.set_script_timeout(LAYOUT_TIMEOUT_S * 2.0)
         return self._driver.execute_async_script(script)
 
+    def run_at_next_opening(self, script: str) -> None:
+        """Run a piece of JavaScript in the next documents, before their own scripts."""
+        self._driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": script})
+
     def emulate(self, media: str, scheme: str) -> None:
         """Show the page as for a medium, such as print, and a colour scheme, light or dark."""
         features = [{"name": "prefers-color-scheme", "value": scheme}]
@@ -131,6 +158,8 @@ class Page:
 
     def _settle(self) -> None:
         deadline_s = time.monotonic() + LAYOUT_TIMEOUT_S
+        while not self.run(_DRAWN) and time.monotonic() < deadline_s:
+            time.sleep(0.05)
         time.sleep(STABLE_S)
         before, now = None, self.charts()
         while before != now:
@@ -158,6 +187,24 @@ def check_layout(page: Page) -> None:
     assert too_wide == {}
     assert page.errors() == []
     assert page.requests() == []
+
+
+def check_print(page: Page) -> None:
+    """Print a page from a dark window: each chart is on one white sheet with its heading.
+
+    A paragraph before a table or a chart stays with it.
+    """
+    page.emulate(media="print", scheme="dark")
+    printed = page.run(_PRINTED)
+    page.emulate(media="", scheme="light")
+    assert {chart["key"] for chart in printed["charts"]} == set(page.charts())
+    for chart in printed["charts"]:
+        assert chart["heading"], chart
+        assert chart["together"] == "avoid", chart
+        assert chart["width"] <= SHEET_PX[0], chart
+        assert chart["height"] <= SHEET_PX[1], chart
+    assert printed["apart"] == []
+    assert printed["color"] == "rgb(251, 250, 247)"
 
 
 @contextmanager

@@ -341,7 +341,7 @@ def test_detectable_fault_is_reported_once_and_cleared_once(
 
 
 def test_leak_with_failsafe_surfaces_and_disarms() -> None:
-    voyage = simulate(fault("leak wet"), values={"FS_LEAK_ACT": 1.0}, end_s=70.0)
+    voyage = simulate(fault("leak wet"), values={"FS_LEAK_ACT": 1.0}, end_s=100.0)
     assert "Failsafe: Leak detected -> SURFACE" in voyage.texts()
     assert "Surfaced: disarmed" in voyage.texts()
     severities = {

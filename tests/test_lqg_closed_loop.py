@@ -11,6 +11,7 @@ from sysid.models import noise
 from sysid.models.linear_planes import pitch_plane, yaw_plane
 from sysid.reproduction.paper_tables import CRUISE_SPEED_MPS, TABLE_1_ADJUSTED
 from tests.helpers.closed_loop import Dive
+from tests.helpers.lqg import lqg_controllers
 from tests.helpers.missions import leg
 from tests.test_shaped_loops import DEPTH_LOOP, LEAD, TRIMMED
 
@@ -19,17 +20,7 @@ VALUES = TRIMMED | DEPTH_LOOP | LEAD | {"HDG_REF_W": 0.6, "DPT_REF_W": 0.3, "PTC
 
 @pytest.fixture(scope="module")
 def controllers() -> LqgControllers:
-    """LQG controllers designed for the paper's adjusted model."""
-    lag, sea = Lag(0.3 + SAMPLING_S), noise.from_model(DEFAULT_DISTURBANCE)
-    yaw, pitch = yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED)
-    heading = synthesis.controller(yaw, lag, sea, weights.HEADING_STARTS[0])
-    depth = synthesis.controller(pitch, lag, sea, weights.DEPTH_STARTS[0])
-    return LqgControllers(
-        CRUISE_SPEED_MPS,
-        tick_controllers(heading, yaw),
-        tick_controllers(depth, pitch),
-        synthesis.pitch_per_metre(depth),
-    )
+    return lqg_controllers()
 
 
 def test_lqg_holds_heading_and_depth_closer_than_pid(controllers: LqgControllers) -> None:

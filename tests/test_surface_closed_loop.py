@@ -26,8 +26,11 @@ class Ascent(NamedTuple):
     """Largest true depth."""
 
 
-def surface(*faults: dict[str, Any], **values: float) -> Ascent:
-    """Return a dive at 4 m over a floor at 7 m with faults, then mode SURFACE until it ends."""
+def surface(*faults: dict[str, Any], after_s: float = 0.0, **values: float) -> Ascent:
+    """Return a dive at 4 m over a floor at 7 m with faults, then mode SURFACE until it ends.
+
+    The vehicle is observed for ``after_s`` after that.
+    """
     config, calm = params.config(values), scenario.load("calm")
     sea = plant.build(
         vehicles.load("caribou_truth"),
@@ -41,7 +44,7 @@ def surface(*faults: dict[str, Any], **values: float) -> Ascent:
     rng = plant.random_streams(SEED)
     body, outputs = plant.initial_state(sea, rng)
     state, texts, deepest_m = core.initial_state(), [], 0.0
-    surface_tick = round(SURFACE_S / timestep.TICK_S)
+    surface_tick, disarmed_ticks = round(SURFACE_S / timestep.TICK_S), 0
     for tick in range(round(LIMIT_S / timestep.TICK_S)):
         devices = outputs.dvl, outputs.battery, outputs.leak, outputs.duct
         inputs = Inputs(outputs.frame, outputs.gps, outputs.altimeter, None, None, *devices)
@@ -57,7 +60,8 @@ def surface(*faults: dict[str, Any], **values: float) -> Ascent:
         for request in pending:
             state, answer, _ = request_handler.handle_request(state, request, config)
             assert answer.result == 0, answer.text
-        if tick > surface_tick and not state.armed:
+        disarmed_ticks += tick > surface_tick and not state.armed
+        if disarmed_ticks > after_s / timestep.TICK_S:
             break
         body, outputs = plant.step(sea, body, frame, rng)
     return Ascent(texts, state.armed, body.truth.position_ned_m[2], deepest_m)
@@ -80,6 +84,15 @@ def test_surface_elevator_off_floats_up_and_disarms() -> None:
     assert any(text.endswith("propeller stopped") for text in ascent.texts)
     assert ascent.texts[-1] == "Surfaced: disarmed"
     assert not ascent.armed
+    assert ascent.depth_m < 0.5, "SURF_DEPTH_M"
+
+
+def test_surface_nose_heavy_vehicle_does_not_dive_when_its_propeller_stops() -> None:
+    """Before, it disarmed at the surface at 1.2 m/s, and was 1.3 m deep a minute later."""
+    ahead = {"unit": "ballast", "kind": "shifted", "mass_kg": 4.0, "x_m": 0.8}
+    ascent = surface(ahead, after_s=60.0)
+    assert not ascent.armed
+    assert ascent.texts == ["Surfaced: disarmed"]
     assert ascent.depth_m < 0.5, "SURF_DEPTH_M"
 
 

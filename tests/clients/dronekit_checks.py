@@ -1,9 +1,9 @@
 """Check the use of the vehicle, as ``--autopilot-id ardupilot``, by DroneKit; print a JSON object.
 
-Usage: python -m tests.clients.dronekit_checks ADDRESS
+Usage: python -m tests.clients.dronekit_checks ADDRESS [--slow]
 """
 
-import sys
+import argparse
 import time
 from collections.abc import Callable
 from typing import Any
@@ -15,6 +15,7 @@ from autopilot.control.params import PARAMETERS
 from tests.clients.checklist import close, equal, name_of, report, require, verdict
 
 PATIENCE_S = 60.0
+BAUD = 57_600
 MODES = ("ALT_HOLD", "STABILIZE", "POSHOLD", "SURFACE", "MANUAL", "GUIDED")
 RELATIVE, WAYPOINT, DELAY = 3, 16, 93
 Check = Callable[[Any], None]
@@ -211,7 +212,9 @@ EVERY: list[Check] = [
 
 
 def main(address: str) -> None:
-    vehicle = dronekit.connect(address, wait_ready=True, timeout=120, heartbeat_timeout=120)
+    vehicle = dronekit.connect(
+        address, baud=BAUD, wait_ready=True, timeout=120, heartbeat_timeout=120
+    )
     verdicts = {}
     for check in EVERY:
         began_s, problem = time.monotonic(), None
@@ -225,5 +228,9 @@ def main(address: str) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("address")
+    parser.add_argument("--slow", action="store_true")
+    options = parser.parse_args()
     mavutil.set_dialect("ardupilotmega")
-    main(sys.argv[1])
+    main(options.address)

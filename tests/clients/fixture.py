@@ -11,10 +11,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
+from socket import SOCK_STREAM
 from typing import Any, NamedTuple, TypeVar
 
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.transport import open_transport, wait
+from tests.helpers import node
 from tests.helpers.pty_pair import Line, Noise, line
 from tests.helpers.subprocesses import (
     BACKGROUND_NICENESS,
@@ -29,10 +31,60 @@ from tests.helpers.subprocesses import (
 
 BAUD, NOISE = 57_600, Noise(drop=3e-4, flip=3e-4)
 """Noise of a radio: 3 of 10,000 bytes are lost and 3 arrive wrong."""
+FRAME_LOSS = Noise(frame=0.1)
+"""Noise of a radio that loses one frame in ten, in each direction."""
 STANDBY = 3
 STARTS_WITHIN_S = 180.0
 """Wall time for a start, in s: on a new machine several simulators may compile their kernels."""
-PROGRAMS = {"mavsdk": "tests.clients.mavsdk_checks", "mavproxy": "tests.clients.mavproxy_checks"}
+UDP, TCP, SERIAL = "udp", "tcp", "serial"
+
+
+class Program(NamedTuple):
+    """A client program with its checks."""
+
+    arguments: tuple[str, ...]
+    """Arguments of Python, or of node, before the address."""
+    addresses: Mapping[str, str]
+    """Address of the vehicle by kind of link, with {} for its port or device."""
+    vehicle_options: tuple[str, ...] = ()
+    """Options of the autopilot."""
+    slow_option: tuple[str, ...] = ("--slow",)
+    """Options on a noisy line."""
+    baud_option: tuple[str, ...] = ()
+    needs_modes: bool = False
+    """Whether it reads the names of modes in its home, which is its first argument."""
+    in_javascript: bool = False
+
+
+_PYMAVLINK = {UDP: "udpin:127.0.0.1:{}", TCP: "tcp:127.0.0.1:{}", SERIAL: "{}"}
+PROGRAMS = {
+    "mavsdk": Program(
+        ("-m", "tests.clients.mavsdk_checks"),
+        {
+            UDP: "udpin://127.0.0.1:{}",
+            TCP: "tcpout://127.0.0.1:{}",
+            SERIAL: f"serial://{{}}:{BAUD}",
+        },
+    ),
+    "mavproxy": Program(
+        ("-m", "tests.clients.mavproxy_checks"),
+        _PYMAVLINK,
+        baud_option=("--baud", str(BAUD)),
+        needs_modes=True,
+    ),
+    "dronekit": Program(
+        ("-m", "tests.clients.dronekit_checks"),
+        _PYMAVLINK,
+        vehicle_options=("--autopilot-id", "ardupilot"),
+    ),
+    "pymavlink": Program(("-m", "tests.clients.pymavlink_checks"), _PYMAVLINK, needs_modes=True),
+    "node": Program(
+        ("checks.js",),
+        {UDP: "udp:{}", TCP: "tcp:{}", SERIAL: "{}"},
+        slow_option=(),
+        in_javascript=True,
+    ),
+}
 Verdicts = dict[str, dict[str, Any]]
 Key, T = TypeVar("Key", bound=Hashable), TypeVar("T")
 
@@ -110,7 +162,22 @@ def mavsdk_action_results() -> Verdicts:
         afloat(f"udpout:127.0.0.1:{port}"),
         process("-m", "tests.clients.mavsdk_actions", f"udpin://127.0.0.1:{port}") as program,
     ):
-        finished = program.finish(patience_s=300.0)
+        return _outcomes(program)
+
+
+def mavproxy_command_results(folder: Path) -> Verdicts:
+    """Return result and difference from the expected one of each command of MAVProxy."""
+    port = free_port()
+    with afloat(f"udpout:127.0.0.1:{port}") as vehicle:
+        install_modes(folder, vehicle)
+        arguments = ("-m", "tests.clients.mavproxy_commands", str(folder))
+        with process(*arguments, f"udpin:127.0.0.1:{port}") as program:
+            return _outcomes(program)
+
+
+def _outcomes(program: Process) -> Verdicts:
+    """Return what a program prints in its last line."""
+    finished = program.finish(patience_s=400.0)
     assert finished.status == 0, finished.stderr[-3000:]
     results: Verdicts = json.loads(finished.stdout.splitlines()[-1])
     return results
@@ -125,42 +192,67 @@ class Act(NamedTuple):
 
     def verdicts(self) -> Verdicts:
         """Return the results of the finished program."""
-        finished = self.program.finish(patience_s=400.0)
-        assert finished.status == 0, finished.stderr[-3000:]
-        found: Verdicts = json.loads(finished.stdout.splitlines()[-1])
-        return found
+        return _outcomes(self.program)
 
 
 @contextlib.contextmanager
 def over_udp(client: str, folder: Path, *options: str, speed: str = "1") -> Iterator[Act]:
-    """Start a client with its checks on a UDP link."""
-    port = free_port()
+    """Start a client with its checks on a UDP link; node-mavlink sends to a port that listens."""
+    port, program = free_port(), PROGRAMS[client]
+    link = f"{'udpin' if program.in_javascript else 'udpout'}:127.0.0.1:{port}"
+    if speed != "1":
+        options = ("--speed", speed, *options)
     with (
-        afloat(f"udpout:127.0.0.1:{port}", speed=speed) as vehicle,
-        run(client, folder, vehicle, f"127.0.0.1:{port}", "--speed", speed, *options) as program,
+        afloat(link, speed=speed, options=program.vehicle_options) as vehicle,
+        run(client, folder, vehicle, program.addresses[UDP].format(port), *options) as running,
     ):
-        yield Act(program, None, vehicle)
+        yield Act(running, None, vehicle)
 
 
 @contextlib.contextmanager
-def over_serial(client: str, folder: Path, *options: str) -> Iterator[Act]:
-    """Start a client with its checks on a noisy serial line."""
+def over_tcp(client: str, folder: Path, *options: str) -> Iterator[Act]:
+    """Start a client with its checks; it connects to the vehicle's TCP server."""
+    port, program = free_port(SOCK_STREAM), PROGRAMS[client]
     with (
-        line(folder, BAUD, NOISE) as cable,
-        afloat(f"serial:{cable.device['vehicle']}:{BAUD}") as vehicle,
-        run(client, folder, vehicle, cable.device["ground"], "--slow", *options) as program,
+        afloat(f"tcpin:127.0.0.1:{port}", options=program.vehicle_options) as vehicle,
+        run(client, folder, vehicle, program.addresses[TCP].format(port), *options) as running,
     ):
-        yield Act(program, cable, vehicle)
+        yield Act(running, None, vehicle)
+
+
+@contextlib.contextmanager
+def over_serial(client: str, folder: Path, *options: str, noise: Noise = NOISE) -> Iterator[Act]:
+    """Start a client with its checks on a noisy serial line."""
+    program = PROGRAMS[client]
+    options = (*program.baud_option, *program.slow_option, *options)
+    with line(folder, BAUD, noise) as cable:
+        device, address = cable.device["vehicle"], program.addresses[SERIAL]
+        with (
+            afloat(f"serial:{device}:{BAUD}", options=program.vehicle_options) as vehicle,
+            run(
+                client, folder, vehicle, address.format(cable.device["ground"]), *options
+            ) as running,
+        ):
+            yield Act(running, cable, vehicle)
 
 
 ACTS: dict[str, Callable[..., AbstractContextManager[Act]]] = {
     "udp": over_udp,
+    "tcp": over_tcp,
+    "lossy": partial(over_serial, noise=FRAME_LOSS),
     "serial": over_serial,
     "udp 0.2x": partial(over_udp, speed="0.2"),
     "udp 10x": partial(over_udp, speed="10"),
     "udp 50x": partial(over_udp, speed="50"),
 }
 """Every link and speed on which a client runs its checks."""
+EVERY_CLIENT = ("udp", "tcp", "lossy")
+"""Links on which all programs run; on the others MAVSDK and MAVProxy."""
+
+
+def clients_on(where: str) -> list[str]:
+    """Return the programs that run their checks on a link."""
+    return list(PROGRAMS)[: None if where in EVERY_CLIENT else 2]
 
 
 @contextlib.contextmanager
@@ -176,16 +268,25 @@ def all_at_once(acts: Mapping[Key, AbstractContextManager[T]]) -> Iterator[dict[
 
 
 @contextlib.contextmanager
-def run(client: str, folder: Path, vehicle: Afloat, where: str, *options: str) -> Iterator[Process]:
-    """Return a client's checks as a program; ``where`` is HOST:PORT to listen on, or a device."""
-    serial = where.startswith("/")
-    if client == "mavsdk":
-        arguments = [f"serial://{where}:{BAUD}" if serial else f"udpin://{where}"]
-    else:
+def run(
+    client: str, folder: Path, vehicle: Afloat, address: str, *options: str
+) -> Iterator[Process]:
+    """Start a client's checks as a program. Raises LookupError if it cannot be installed."""
+    program = PROGRAMS[client]
+    if program.in_javascript:
+        if reason := node.mavlink_failure():
+            raise LookupError(reason)
+        script = (str(node.MAVLINK_FOLDER / program.arguments[0]), address, *options)
+        with process(*script, executable="node") as running:
+            yield running
+        return
+    home: tuple[str, ...] = ()
+    if program.needs_modes:
         install_modes(folder, vehicle)
-        arguments = [str(folder), *([where, "--baud", str(BAUD)] if serial else [f"udpin:{where}"])]
-    with process("-m", PROGRAMS[client], *arguments, *options) as program:
-        yield program
+        home = (str(folder),)
+    environment = {"HOME": str(folder), "MAVLINK20": "1"} if program.needs_modes else None
+    with process(*program.arguments, *home, address, *options, environment=environment) as running:
+        yield running
 
 
 def install_modes(home: Path, vehicle: Afloat) -> None:

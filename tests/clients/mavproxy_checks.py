@@ -15,7 +15,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +76,7 @@ Check = Callable[[Person], None]
 
 
 def write_plan(
-    path: Path, items: list[tuple[float, ...]], *, frame: int = 2, z: float = 0.0
+    path: Path, items: Sequence[tuple[float, ...]], *, frame: int = 2, z: float = 0.0
 ) -> Path:
     """Return a QGC WPL 110 file, as waypoint editors write it."""
     lines = [

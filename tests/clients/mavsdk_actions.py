@@ -7,6 +7,7 @@ calls, with the state that it needs before and the result that is expected.
 """
 
 import asyncio
+import contextlib
 import json
 import math
 import os
@@ -26,6 +27,7 @@ HOLD, MANUAL = (4, 3), (1 << 16, 0)
 DO_SET_MODE = 176
 STATION = "POSCTL"
 """MAVSDK's name of mode STATION."""
+TEXT_S = 5.0
 WORKS, UNSUPPORTED = ("SUCCESS",), ("UNSUPPORTED",)
 NO_TRANSITION = ("NO_VTOL_TRANSITION_SUPPORT", "VTOL_TRANSITION_SUPPORT_UNKNOWN")
 """Time until MAVSDK has received the first EXTENDED_SYS_STATE, in s."""
@@ -44,6 +46,8 @@ class Call(NamedTuple):
     """Flight mode that MAVSDK reports afterwards."""
     armed: bool | None = None
     """Whether the vehicle is armed afterwards; None if the call does not decide it."""
+    reason: str = ""
+    """Beginning of the text with which the vehicle refuses; "" if it receives no command."""
 
 
 CALLS = (
@@ -64,7 +68,7 @@ CALLS = (
     Call("set_takeoff_altitude", (1.0,)),
     Call("get_return_to_launch_altitude", results=UNSUPPORTED),
     Call("set_return_to_launch_altitude", (1.0,), UNSUPPORTED),
-    Call("takeoff", results=UNSUPPORTED),
+    Call("takeoff", results=UNSUPPORTED, reason="Takeoff refused"),
     Call("goto_location", (*PLACE, 0.0), armed_in=HOLD, mode=STATION),
     Call("goto_location_fixedwing", (*PLACE, 60.0), armed_in=HOLD, mode=STATION),
     Call(
@@ -73,11 +77,11 @@ CALLS = (
         armed_in=HOLD,
         mode=STATION,
     ),
-    Call("set_relay", (1, RelayCommand.ON), UNSUPPORTED),
+    Call("set_relay", (1, RelayCommand.ON), UNSUPPORTED, reason="Relay refused"),
     Call("transition_to_fixedwing", results=NO_TRANSITION),
     Call("transition_to_multicopter", results=NO_TRANSITION),
-    Call("terminate", results=UNSUPPORTED),
-    Call("shutdown", results=UNSUPPORTED),
+    Call("terminate", results=UNSUPPORTED, reason="Termination refused"),
+    Call("shutdown", results=UNSUPPORTED, reason="Shutdown refused"),
     Call("reboot", mode="HOLD"),  # last: for a moment the vehicle has no sensors and cannot arm
 )
 
@@ -102,10 +106,15 @@ async def prepare(client: Client, call: Call) -> None:
 
 
 async def carry_out(client: Client, call: Call) -> dict[str, str]:
-    """Return the result of a call, and its difference from the expected one ("" for none)."""
+    """Return the result of a call, its reason, and the difference from the expected ones."""
     await prepare(client, call)
     method: Callable[..., Awaitable[Any]] = getattr(client.action, call.method)
+    before = len(client.texts)
     result, why = await result_of(method(*call.arguments)), ""
+    reason = ""
+    if call.reason:
+        with contextlib.suppress(TimeoutError):  # the vehicle limits the rate of its texts
+            reason = await asyncio.wait_for(text_after(client, before, call.reason), TEXT_S)
     try:
         if call.mode is not None:
             await client.becomes(mode=call.mode)
@@ -114,7 +123,17 @@ async def carry_out(client: Client, call: Call) -> dict[str, str]:
     except Exception as error:
         why = f"{type(error).__name__}: {error}"
     expected = " or ".join(call.results)
-    return {"result": result, "why": why or ("" if result in call.results else f"not {expected}")}
+    why = why or ("" if result in call.results else f"not {expected}")
+    return {"result": result, "reason": reason, "why": why}
+
+
+async def text_after(client: Client, before: int, beginning: str) -> str:
+    """Return the first new text with this beginning."""
+    while True:
+        for text in client.texts[before:]:
+            if text.startswith(beginning):
+                return text
+        await asyncio.sleep(0.05)
 
 
 def methods(client: Client) -> set[str]:

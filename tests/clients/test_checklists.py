@@ -10,6 +10,7 @@ from tests.clients import documented
 from tests.clients.checklist import failed, score
 from tests.clients.fixture import ACTS, Act, all_at_once
 from tests.clients.streams import SENSES
+from tests.clients.test_other_tools import LINKS as OTHER_LINKS
 
 pytestmark = [pytest.mark.process, pytest.mark.client, pytest.mark.timeout(500)]
 CHECKS = {"mavsdk": 86, "mavproxy": 65}
@@ -59,7 +60,8 @@ def test_every_stream_of_the_vehicle_is_on_the_lists() -> None:
 
 
 def test_every_link_is_tested() -> None:
-    assert sorted(where for group in AT_ONCE for where in group) == sorted(ACTS)
+    links = {where for group in AT_ONCE for where in group}
+    assert links | set(OTHER_LINKS.values()) == set(ACTS)
 
 
 @pytest.mark.parametrize("client", CHECKS)

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.clients import documented
-from tests.clients.fixture import ACTS
+from tests.clients.fixture import ACTS, clients_on
 from tests.clients.mavsdk_actions import CALLS
 
 
@@ -20,6 +20,10 @@ def test_results_cover_every_method_and_link() -> None:
     results = documented.load()
     assert set(results["mavsdk action"]) == {call.method for call in CALLS}
     assert list(results["checks"]) == list(ACTS) == list(documented.LINKS)
+    for where, by_client in results["checks"].items():
+        assert by_client
+        assert set(by_client) <= set(clients_on(where))
+    assert list(results["checks"]["udp"]) == clients_on("udp")
 
 
 def test_failed_check_is_shown() -> None:
@@ -30,6 +34,7 @@ def test_failed_check_is_shown() -> None:
     worse = {
         **results,
         "mavsdk action": {**results["mavsdk action"], "arm": "TIMEOUT"},
+        "mavproxy command": {**results["mavproxy command"], "arm": "failed"},
         "checks": {
             **results["checks"],
             "udp": {**results["checks"]["udp"], "mavproxy": {**checks, first: False}},
@@ -37,4 +42,6 @@ def test_failed_check_is_shown() -> None:
     }
     assert f"{len(checks) - 1}/{len(checks)}" in documented.pass_table(worse)
     assert first in documented.client_table(worse)
+    assert f"| MAVProxy 1.8.75 | UDP | {first} |" in documented.failure_table(worse)
+    assert "| failed | `arm` |" in documented.command_table(worse)
     assert "| TIMEOUT | disarmed | `arm` |" in documented.action_table(worse)

@@ -88,7 +88,10 @@ class Flight:
         self.heading += yaw_rate * 0.02
         steady = 1.3 * self.trace.thrust / 0.58
         self.speed_mps += (steady**2 - self.speed_mps**2) / self.config.speed_length_m * 0.02
+        before_m = self.depth_m
         self.depth_m -= self.speed_mps * math.sin(self.pitch) * 0.02
+        if before_m >= 0.0:  # a test may set a depth above the water
+            self.depth_m = max(0.0, self.depth_m)
         rates = (0.0, pitch_rate, yaw_rate)
         altimeter = (
             None if self.altitude_m is None else Altimeter(time_us, self.altitude_m, 0.3, 30.0)

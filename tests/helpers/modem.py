@@ -1,6 +1,12 @@
-"""Half-duplex modem channel with delay and losses, in virtual time."""
+"""Half-duplex modem channel with delay and losses, in virtual time, and between processes."""
 
+import contextlib
 import random
+import selectors
+import socket
+import threading
+import time
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from mavlink_io.codec import Frame, Framer
@@ -76,6 +82,46 @@ class ModemChannel:
 
     def other(self, end: ModemEnd) -> ModemEnd:
         return self.ground if end is self.vehicle else self.vehicle
+
+
+@contextlib.contextmanager
+def between_processes(channel: ModemChannel, ground_port: int) -> Iterator[str]:
+    """Join a vehicle's UDP link to a ground station's port by the channel, on the wall clock.
+
+    Yields the address for ``autopilot --gcs``. A datagram is a packet of the modem.
+    """
+    stop, period_s = threading.Event(), 0.02
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground,
+        selectors.DefaultSelector() as selector,
+    ):
+        for end in (vehicle, ground):
+            end.bind(("127.0.0.1", 0))
+            selector.register(end, selectors.EVENT_READ)
+
+        def relay() -> None:
+            start_s, autopilot_address = time.monotonic(), None
+            while not stop.is_set():
+                ready = [key.fileobj for key, _ in selector.select(period_s)]
+                channel.now_s = time.monotonic() - start_s
+                if vehicle in ready:
+                    data, autopilot_address = vehicle.recvfrom(65536)
+                    channel.vehicle.send(data)
+                if ground in ready:
+                    channel.ground.send(ground.recv(65536))
+                if arrived := channel.ground.receive():
+                    ground.sendto(arrived, ("127.0.0.1", ground_port))
+                if (arrived := channel.vehicle.receive()) and autopilot_address:
+                    vehicle.sendto(arrived, autopilot_address)
+
+        thread = threading.Thread(target=relay)
+        thread.start()
+        try:
+            yield f"udpout:127.0.0.1:{vehicle.getsockname()[1]}"
+        finally:
+            stop.set()
+            thread.join()
 
 
 def frames(packets: list[tuple[float, bytes]]) -> list[tuple[float, Frame]]:

@@ -25,14 +25,53 @@ ENDS = ("vehicle", "ground")
 
 
 class Noise(NamedTuple):
-    """Probabilities of the errors of a byte."""
+    """Probabilities of the errors of a byte, and of the loss of a whole frame."""
 
     drop: float = 0.0
     flip: float = 0.0
     """Probability that one of its eight bits is inverted."""
+    frame: float = 0.0
+    """Probability that a MAVLink 2 frame is lost whole, as by a radio that discards packets."""
 
 
 CLEAN = Noise()
+
+
+MAVLINK_2, SIGNED = 0xFD, 1
+"""First byte of a frame, and the flag in its third byte."""
+FRAME_BYTES, SIGNATURE_BYTES = 12, 13
+"""Length of header and checksum, and of the signature."""
+
+
+class _FrameLoss:
+    """Losses of whole frames of a byte stream, which may arrive in parts."""
+
+    def __init__(self, probability: float, rng: random.Random) -> None:
+        self._probability, self._random = probability, rng
+        self._head = b""
+        self._left = 0
+        """Number of bytes of the present frame that are still to come, after its third one."""
+        self._dropped = False
+        self.frames = 0
+        self.lost = 0
+
+    def is_dropped(self, byte: int) -> bool:
+        """Return whether the next byte belongs to a lost frame."""
+        if self._left:
+            self._left -= 1
+            return self._dropped
+        if not self._head:
+            if byte != MAVLINK_2:
+                return False
+            self.frames += 1
+            self._dropped = self._random.random() < self._probability
+            self.lost += self._dropped
+        self._head += bytes([byte])
+        if len(self._head) == 3:
+            signature = SIGNATURE_BYTES if self._head[2] & SIGNED else 0
+            self._left = self._head[1] + FRAME_BYTES + signature - 3
+            self._head = b""
+        return self._dropped
 
 
 class _Way:
@@ -40,6 +79,7 @@ class _Way:
 
     def __init__(self, baud: int, noise: Noise, seed: str) -> None:
         self._byte_s, self._noise, self._random = BITS_PER_BYTE / baud, noise, random.Random(seed)
+        self.loss = _FrameLoss(noise.frame, random.Random(f"{seed}: frames"))
         self._free_s = 0.0
         self._wire = b""
         self.carried = 0
@@ -80,14 +120,15 @@ class _Way:
         """
         received = bytearray()
         for byte in data:
+            dropped = self.loss.is_dropped(byte)
             drop, flip, bit = (
                 self._random.random(),
                 self._random.random(),
                 self._random.randrange(8),
             )
-            if drop >= self._noise.drop:
+            if drop >= self._noise.drop and not dropped:
                 received.append(byte ^ (1 << bit if flip < self._noise.flip else 0))
-            self.spoilt += drop < self._noise.drop or flip < self._noise.flip
+            self.spoilt += dropped or drop < self._noise.drop or flip < self._noise.flip
         self.carried += len(data)
         return bytes(received)
 
@@ -147,6 +188,11 @@ class Line:
     def spoilt(self, end: str) -> int:
         """Number of bytes that left an end and arrived wrong or not at all."""
         return self._ways[end].spoilt
+
+    def lost_frames(self, end: str) -> float:
+        """Fraction of the frames that left an end and were lost whole."""
+        loss = self._ways[end].loss
+        return loss.lost / max(1, loss.frames)
 
     def start(self) -> None:
         for end in ENDS:

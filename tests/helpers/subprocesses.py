@@ -6,7 +6,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from ground.simulation import affinity
@@ -28,9 +28,15 @@ class Finished(NamedTuple):
 class Process:
     """A child process whose output is read after its end."""
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(
+        self,
+        *arguments: str,
+        executable: str = sys.executable,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
         self._popen = subprocess.Popen(
-            [sys.executable, *arguments],
+            [executable, *arguments],
+            env=None if environment is None else {**os.environ, **environment},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -90,9 +96,13 @@ class Process:
 
 
 @contextlib.contextmanager
-def process(*arguments: str) -> Iterator[Process]:
-    """Start a process that ends with the test at the latest."""
-    child = Process(*arguments)
+def process(
+    *arguments: str,
+    executable: str = sys.executable,
+    environment: Mapping[str, str] | None = None,
+) -> Iterator[Process]:
+    """Start a process that ends with the test at the latest; ``environment`` is added to ours."""
+    child = Process(*arguments, executable=executable, environment=environment)
     try:
         yield child
     finally:

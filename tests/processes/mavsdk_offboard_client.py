@@ -1,8 +1,11 @@
 """A stock MAVSDK program that sends offboard setpoints; prints one JSON object.
 
+It begins with the snippet of docs/navigation.md.
+
 Usage: python mavsdk_offboard_client.py udpin://127.0.0.1:PORT
 """
 
+import ast
 import asyncio
 import json
 import os
@@ -14,6 +17,8 @@ from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.offboard import OffboardAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.plugins.offboard import Attitude, PositionNedYaw
+
+from tests.helpers.docs_blocks import python_of
 
 PATIENCE_S = 30.0
 
@@ -27,6 +32,14 @@ async def until(stream: Any, condition: Any) -> Any:
     return await asyncio.wait_for(take(), PATIENCE_S)
 
 
+async def run_snippet(offboard: OffboardAsync) -> None:
+    """Run the snippet of the page, which awaits outside of a function."""
+    code = compile(
+        python_of("navigation.md"), "navigation.md", "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT
+    )
+    await eval(code, {"offboard": offboard})
+
+
 async def steer(address: str) -> dict[str, Any]:
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await mavsdk.add_any_connection(address)
@@ -35,6 +48,11 @@ async def steer(address: str) -> dict[str, Any]:
     results: dict[str, Any] = {}
     await until(telemetry.subscribe_health_all_ok(), lambda healthy: healthy)
     await action.arm()
+    await run_snippet(offboard)
+    under_way = await until(
+        telemetry.subscribe_position_velocity_ned(), lambda o: o.position.down_m > 1.0
+    )
+    results["depth_of_snippet_m"] = under_way.position.down_m
     await offboard.set_attitude(Attitude(0.0, -8.0, 40.0, 0.6))
     await offboard.start()
     results["mode"] = (

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import serial
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.helpers.pty_pair import QUANTUM_S, Line, Noise, line
 
@@ -21,12 +22,14 @@ def opened(device: str, timeout_s: float = PATIENCE_S) -> serial.Serial:
     return serial.Serial(device, BAUD, timeout=timeout_s, exclusive=True)
 
 
-def through(cable: Line, data: bytes, end: str = "vehicle", other: str = "ground") -> bytes:
+def through(
+    cable: Line, data: bytes, end: str = "vehicle", other: str = "ground", sent_before: int = 0
+) -> bytes:
     """Send data; return all bytes that arrive until the line has carried them and is quiet."""
     parts = []
     with opened(cable.device[end]) as sender, opened(cable.device[other], QUIET_S) as receiver:
         sender.write(data)
-        while (part := receiver.read(65_536)) or cable.carried(end) < len(data):
+        while (part := receiver.read(65_536)) or cable.carried(end) < sent_before + len(data):
             parts.append(part)
     return b"".join(parts)
 
@@ -80,6 +83,26 @@ def test_flipped_byte_differs_in_one_bit(tmp_path: Path) -> None:
         got = through(cable, TEXT)
     bits = Counter((a ^ b).bit_count() for a, b in zip(TEXT, got, strict=True))
     assert bits == {1: len(TEXT)}
+
+
+def test_lost_frames_are_lost_whole(tmp_path: Path) -> None:
+    """A tenth of 400 frames, signed ones too, with payloads that contain the first byte's value."""
+    plain, signed = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 1, 1)
+    signed.signing.secret_key, signed.signing.sign_outgoing = b"k" * 32, True
+    frames = []
+    for n in range(400):
+        plain.seq = signed.seq = n % 256
+        text = mavlink.MAVLink_statustext_message(6, b"\xfd" * (n % 50 + 1))
+        frames.append(bytes(text.pack((plain, signed)[n % 2])))
+    with line(tmp_path, 921_600, Noise(frame=0.1)) as cable:
+        got = b"".join(  # in parts that the buffer of a device holds
+            through(cable, b"".join(frames[n : n + 80]), sent_before=cable.carried("vehicle"))
+            for n in range(0, len(frames), 80)
+        )
+        assert cable.lost_frames("vehicle") == pytest.approx(0.1, abs=0.05)
+    left = [frame for frame in frames if frame in got]
+    assert b"".join(left) == got
+    assert len(left) == round(400 * (1.0 - cable.lost_frames("vehicle")))
 
 
 def test_unplugged_device_disappears_and_reader_gets_error(tmp_path: Path) -> None:

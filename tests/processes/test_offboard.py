@@ -27,6 +27,7 @@ def test_mavsdk_offboard_setpoints_and_return() -> None:
         "RETURN_TO_LAUNCH",
         True,
     )
+    assert seen["depth_of_snippet_m"] > 1.0
     assert seen["attitude"][1] < -2.0, "nose down, as asked"
     assert seen["altitude_m"] < -2.0
     assert 0.01 < seen["variance"] < 9.0

@@ -1,6 +1,7 @@
 """Rows of the soak table: numbered cases, counts that add up, and results that are kept."""
 
 import json
+import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -37,6 +38,11 @@ class Batch:
         self.failures = (self.failures + other.failures)[:MAX_FAILURES]
 
 
+def no_details(counts: Mapping[str, float]) -> list[str]:
+    """Return no lines."""
+    return []
+
+
 class Row(NamedTuple):
     """One row of the table."""
 
@@ -52,6 +58,8 @@ class Row(NamedTuple):
     holds: Callable[[Mapping[str, float]], bool]
     """Return whether the result meets the requirement."""
     requirement: str
+    details: Callable[[Mapping[str, float]], list[str]] = no_details
+    """Return lines to print below the table."""
 
 
 class Result:
@@ -65,9 +73,9 @@ class Result:
             self.cases, self.seconds = stored["cases"], stored["seconds"]
             self.batch.counts, self.batch.failures = stored["counts"], stored["failures"]
 
-    def extend(self, row: Row, size: int) -> None:
-        """Run cases up to a size, and save the result after each batch."""
-        while self.cases < size:
+    def extend(self, row: Row, size: int, stop_s: float = math.inf) -> None:
+        """Run cases up to a size or to a time of the wall clock; save the result of each batch."""
+        while self.cases < size and time.monotonic() < stop_s:
             count = min(row.batch_size, size - self.cases)
             began_s = time.monotonic()
             self.batch.merge(row.run(self.cases, count))

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.safety import cases
+from tests.soak import dives
 from tests.soak.__main__ import ROWS
 from tests.soak.row import Batch, Result, Row
 
-CASES = {"frames": 300, "files": 2, "protocols": 4}
+CASES = {"faults": 1, "deflection": 4, "frames": 300, "files": 2, "protocols": 4}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -48,3 +50,28 @@ def test_result_continues_where_it_was_interrupted(tmp_path: Path) -> None:
     assert result.cases == 7
     assert result.batch.counts == {"cases": 7, "max case": 6, "failures": 1}
     assert result.batch.failures == ["case 3: three"]
+
+
+def test_faults_row_has_each_fault_vehicle_and_seed_once() -> None:
+    drawn = {
+        (case.name, case.vehicle, case.seed)
+        for case in map(dives.fault_case, range(dives.FAULTS.full_size))
+    }
+    assert len(drawn) == dives.FAULTS.full_size
+    assert {seed for _, _, seed in drawn} == set(range(dives.SEEDS))
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        dives.fault_case(1000),
+        cases.pair(3),
+        cases.random_mission(5),
+        cases.parameter_dives()[7],
+    ],
+)
+def test_printed_command_gives_the_same_dive(case: cases.Case) -> None:
+    name, *options = cases.command(case).split()[3:]
+    given = dict(zip(options[::2], options[1::2], strict=True))
+    vehicle, seed = given.get("--vehicle", "caribou_truth"), int(given.get("--seed", 0))
+    assert cases.find_case(name, vehicle, seed) == case
