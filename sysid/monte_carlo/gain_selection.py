@@ -60,9 +60,10 @@ class GainSelection(JsonRecord, frozen=True):
 
     kept_first: bool
     """Whether the first gains were kept."""
-    heading_ratio: float
-    """Heading error of the chosen gains over that of the first ones, medians of 95 % bounds."""
-    depth_ratio: float
+    heading_ratio: float | None
+    """Heading error of the chosen gains over that of the first ones, medians of 95 % bounds; None
+    if the chosen gains fail in simulation."""
+    depth_ratio: float | None
     reason: str
     """Why the first gains or lower limits were chosen; empty if nothing had to be given up."""
 
@@ -86,6 +87,8 @@ class _Candidate(NamedTuple):
     design: Design
     heading: float
     depth: float
+    failure: str = ""
+    """How the gains fail in simulation, without a subject; the ratios are infinite then."""
 
     @property
     def worst(self) -> float:
@@ -146,8 +149,8 @@ def _selection(candidate: _Candidate, spec: Spec) -> tuple[Design, GainSelection
     """Return a candidate with its comparison."""
     return candidate.design, GainSelection(
         kept_first=False,
-        heading_ratio=candidate.heading,
-        depth_ratio=candidate.depth,
+        heading_ratio=None if candidate.failure else candidate.heading,
+        depth_ratio=None if candidate.failure else candidate.depth,
         reason="; ".join(_reasons(candidate, spec)),
     )
 
@@ -160,7 +163,9 @@ def _reasons(candidate: _Candidate, spec: Spec) -> Iterator[str]:
             f"limits GM {met.gm_db:g} dB, PM {met.pm_deg:g} deg, damping {met.damping:g}: no gains"
             " within stricter ones hold heading and depth as well as the first gains"
         )
-    if candidate.worst > 1.0:
+    if candidate.failure:
+        yield f"these gains {candidate.failure}, and the first gains lack the required margins"
+    elif candidate.worst > 1.0:
         yield (
             "the first gains hold"
             f" {' and '.join(_worse(candidate))} better, but without the required margins"
@@ -172,6 +177,8 @@ def _kept_reasons(best: _Candidate | None) -> Iterator[str]:
     yield "the first gains are kept"
     if best is None:
         yield "no gains meet the specification and hold both heading and depth better"
+    elif best.failure:
+        yield f"redesigned ones within the limits {best.failure}"
     else:
         yield f"redesigned ones within the limits hold {' and '.join(_worse(best))} worse"
 
@@ -185,7 +192,7 @@ def _worse(candidate: _Candidate) -> list[str]:
 def _rehearse(request: SelectionRequest, design: Design) -> _Candidate:
     """Fly the first gains and a design on the same sampled vehicles and disturbances.
 
-    A design that fails more often than the first gains has infinite errors.
+    A design that fails more often than the first gains has infinite errors and a failure in words.
     """
     posterior = design_priors.from_model(request.model, request.prior)
     first, redesigned = study.simulate_samples(
@@ -197,16 +204,36 @@ def _rehearse(request: SelectionRequest, design: Design) -> _Candidate:
             seed=SEED,
         ),
     )
-    if redesigned.failed > first.failed:
-        return _Candidate(design, float("inf"), float("inf"))
+    return _compare(design, first, redesigned)
+
+
+def _compare(design: Design, first: SimulationSummary, redesigned: SimulationSummary) -> _Candidate:
+    """Return a design with its errors relative to those of the first gains, or its failure."""
+    failure = _failure(first, redesigned)
+    if failure:
+        return _Candidate(design, float("inf"), float("inf"), failure)
     return _Candidate(
         design, _ratio(first, redesigned, "heading_deg"), _ratio(first, redesigned, "depth_m")
     )
 
 
+def _failure(first: SimulationSummary, redesigned: SimulationSummary) -> str:
+    """Return how the redesigned gains fail; empty if not more often than the first ones."""
+    if redesigned.failed > first.failed:
+        failures = {
+            **{f"{name} not held": count for name, count in redesigned.diverged.items()},
+            **redesigned.failsafes,
+            "came through the surface": redesigned.broached,
+        }
+        counts = ", ".join(f"{name}: {count}" for name, count in failures.items() if count)
+        return (
+            f"fail in {redesigned.failed} of {redesigned.vehicles} simulated runs ({counts}), the"
+            f" first gains in {first.failed or 'none'}"
+        )
+    return "" if redesigned.heading_deg else "do not settle in any simulated run"
+
+
 def _ratio(first: SimulationSummary, redesigned: SimulationSummary, name: str) -> float:
-    """Return the ratio of median errors; infinite if a set has none, because no leg settles."""
+    """Return the ratio of median errors; 0 if the first gains have none, because no leg settles."""
     errors = [getattr(summary, name) for summary in (redesigned, first)]
-    if errors[0] is None:
-        return float("inf")
     return float(errors[0].median / errors[1].median) if errors[1] is not None else 0.0

@@ -7,8 +7,11 @@ import pytest
 
 from sysid.design import pid
 from sysid.design.pid import DesignInfeasibleError, Spec
+from sysid.models import json_record
 from sysid.monte_carlo import gain_selection
-from sysid.monte_carlo.gain_selection import SelectionRequest
+from sysid.monte_carlo.gain_selection import GainSelection, SelectionRequest
+from sysid.monte_carlo.simulate import Sea
+from sysid.monte_carlo.study import Range, SimulationSummary
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 Ratios = tuple[float, float] | None
@@ -82,3 +85,68 @@ def test_select_nothing_feasible_and_first_gains_without_margins_is_reported(
 ) -> None:
     with pytest.raises(DesignInfeasibleError, match="no gains"):
         select(monkeypatch, {}, first_stable=False)
+
+
+def summary(**changes: Any) -> SimulationSummary:
+    """Return the summary of eight simulated runs in which nothing fails."""
+    usual = SimulationSummary(
+        gains="",
+        sea=Sea(),
+        vehicles=8,
+        heading_deg=Range(1.0, 1.0),
+        pitch_deg=Range(1.0, 1.0),
+        depth_m=Range(0.1, 0.1),
+        legs=(),
+        rudder_deg=Range(5.0, 5.0),
+        elevator_deg=Range(5.0, 5.0),
+        at_stops_pct=Range(0.0, 0.0),
+        shallowest_m=None,
+        broached=0,
+        diverged={},
+        failsafes={},
+        vehicle_s=100.0,
+    )
+    return usual._replace(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        (
+            {"diverged": {"heading": 2}},
+            "fail in 2 of 8 simulated runs (heading not held: 2), the first gains in none",
+        ),
+        (
+            {"failsafes": {"pitch": 1}, "broached": 1},
+            "fail in 1 of 8 simulated runs (pitch: 1, came through the surface: 1), the first gains"
+            " in none",
+        ),
+        ({"heading_deg": None, "depth_m": None}, "do not settle in any simulated run"),
+    ],
+    ids=["not held", "failsafe", "never settled"],
+)
+@pytest.mark.parametrize("first_stable", [True, False])
+def test_select_gains_that_fail_in_simulation_says_what_happened(
+    monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], reason: str, first_stable: bool
+) -> None:
+    def redesign(model: object, spec: Spec, *asked: object) -> Any:
+        return SimpleNamespace(spec=spec, gains={})
+
+    def keep(*asked: object) -> Any:
+        if not first_stable:
+            raise DesignInfeasibleError("no margins")
+        return SimpleNamespace(spec=Spec(pm_deg=0.0))
+
+    monkeypatch.setattr(pid, "redesign", redesign)
+    monkeypatch.setattr(pid, "keep", keep)
+    monkeypatch.setattr(gain_selection.design_priors, "from_model", lambda *asked: None)
+    simulated = summary(), summary(**changes)
+    monkeypatch.setattr(gain_selection.study, "simulate_samples", lambda *asked: simulated)
+    anything: Any = None
+    request = SelectionRequest(anything, Spec(), anything, TABLE_3_INITIAL, ())
+    _, selection = gain_selection.select(request)
+    assert selection.kept_first == first_stable
+    assert reason in selection.reason
+    assert "inf" not in selection.reason
+    # A campaign that is resumed reads its summary: JSON has no infinity.
+    assert json_record.decode(json_record.encode(selection), GainSelection) == selection
