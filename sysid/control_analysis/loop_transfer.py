@@ -27,7 +27,7 @@ with w = _PEAK_W (rad/s), z = _PEAK_Z and g = _PEAK_GAIN.
 
 import cmath
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from typing import NamedTuple
 
@@ -105,6 +105,10 @@ class Margins(NamedTuple):
 
 GRID_RADPS: Array = np.geomspace(1e-3, 60.0, 480)
 """Frequency grid (rad/s) on which loops are evaluated."""
+MAX_EXTREMUM = 0.05
+"""Distance from zero within which the samples beside an extremum can hide a pair of crossings."""
+THROUGH_FIVE: Array = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
+"""Coefficients, in rising powers of the index, of the polynomial through five samples."""
 
 
 class Responses(NamedTuple):
@@ -343,7 +347,8 @@ def margins(loop: ComplexArray) -> Margins:
     Returns
     -------
     Margins
-        Margins over all crossings. Crossings are found by linear interpolation between frequencies.
+        Margins over all crossings. Crossings are found by linear interpolation between frequencies,
+        and by a polynomial of fourth degree where a loop crosses unit gain twice between them.
 
     Notes
     -----
@@ -370,9 +375,27 @@ def margins(loop: ComplexArray) -> Margins:
 
 
 def _crossings(values: Array) -> list[float]:
-    """Return the fractional indices at which `values` changes sign."""
+    """Return the fractional indices at which `values` changes sign, in rising order."""
     indices = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-    return [float(i + values[i] / (values[i] - values[i + 1])) for i in indices]
+    crossings = [float(i + values[i] / (values[i] - values[i + 1])) for i in indices]
+    return sorted([*crossings, *_crossings_beside_extrema(values)])
+
+
+def _crossings_beside_extrema(values: Array) -> Iterator[float]:
+    """Yield the fractional indices of crossings in pairs, about an extremum between the samples.
+
+    There the nearest sample and its neighbours have one sign. The crossings are the roots of the
+    polynomial of fourth degree through five samples, the nearest one in the middle.
+    """
+    distances = np.abs(values)
+    nearest = (distances[1:-1] <= distances[:-2]) & (distances[1:-1] <= distances[2:])
+    for i in np.flatnonzero(nearest & (distances[1:-1] < MAX_EXTREMUM)) + 1:
+        if min(values[i - 1] * values[i], values[i] * values[i + 1]) <= 0.0:
+            continue
+        middle = min(max(i, 2), values.size - 3)
+        roots = np.roots((THROUGH_FIVE @ values[middle - 2 : middle + 3])[::-1])
+        real = roots.real[roots.imag == 0.0] + (middle - i)
+        yield from (i + real[np.abs(real) < 1.0]).tolist()
 
 
 def _interpolate(values: Array, index: float) -> float:

@@ -182,3 +182,36 @@ def test_actuator_lead_cancelled_lag_is_not_visible() -> None:
         assert margins.damping(whole.visible[loop]) == pytest.approx(
             margins.damping(whole.poles[loop])
         )
+
+
+@pytest.mark.parametrize("peak_db", [0.005, 0.002, -0.002])
+def test_margins_gain_touching_one_between_frequencies(peak_db: float) -> None:
+    """An LQG loop can be so flat that it crosses unit gain twice within one step of the grid.
+
+    The loop is an integrator with a resonance, whose largest gain of `peak_db` lies between two
+    frequencies of the grid. Reference: the same transfer function on a fine grid.
+    """
+    grid = loop_transfer.GRID_RADPS
+    fine = np.geomspace(0.2, 2.0, 100000)
+
+    def loop(w: loop_transfer.Array, resonance_radps: float) -> loop_transfer.ComplexArray:
+        s = 1j * w / resonance_radps
+        return np.asarray((s**2 + 0.4 * s + 1.0) / (s**2 + 0.2 * s + 1.0) / s * np.exp(-0.3j * w))
+
+    def largest(resonance_radps: float) -> tuple[float, float]:
+        """Return gain and frequency of the local maximum."""
+        gains = np.abs(loop(fine, resonance_radps))
+        last = int(np.flatnonzero(np.diff(gains) > 0.0)[-1]) + 1
+        return float(gains[last]), float(fine[last])
+
+    between = math.sqrt(grid[300] * grid[301])
+    resonance_radps = between / largest(1.0)[1]
+    scale = 10.0 ** (peak_db / 20.0) / largest(resonance_radps)[0]
+    fine_loop = scale * loop(fine, resonance_radps)
+    crossings = np.flatnonzero(np.diff(np.sign(np.abs(fine_loop) - 1.0)))
+    assert len(crossings) == (3 if peak_db > 0.0 else 1)
+    computed = loop_transfer.margins(scale * loop(grid, resonance_radps))
+    assert computed.crossover_radps == pytest.approx(fine[crossings[-1]], rel=1e-3)
+    pm_deg = np.degrees(np.angle(-fine_loop[crossings]))
+    # The phase is interpolated linearly: up to 0.15 deg off in a resonance.
+    assert computed.pm_deg == pytest.approx(float(np.min(np.abs(pm_deg))), abs=0.2)
