@@ -132,6 +132,8 @@ def assessment_lines(model: IdentifiedModel) -> list[str]:
     lines += [f"  {reason}" for reason in assessment.reasons]
     if not assessment.fit_for_redesign:
         lines += [_plane_line(plane, verdict) for plane, verdict in assessment.planes.items()]
+    if assessment.obstacle:
+        lines.append(f"no test can make it fit: {assessment.obstacle}")
     if assessment.next_test:
         lines += [f"next test: {assessment.next_test}", f"  why: {assessment.next_test.reason}"]
     return lines

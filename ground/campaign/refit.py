@@ -287,7 +287,9 @@ def redesign_lqg(
 def _check_fit_for_redesign(model: IdentifiedModel, command: str, force: bool) -> None:
     """Raise OperationError if the model is not fit for redesign, unless `force`."""
     if not force and (model.assessment is None or not model.assessment.fit_for_redesign):
-        advice = f"fly the proposed test, or use `ground {command} --force`"
+        obstacle = model.assessment.obstacle if model.assessment else ""
+        remedy = f"no test can make it fit: {obstacle}" if obstacle else "fly the proposed test"
+        advice = f"{remedy}, or use `ground {command} --force`"
         raise OperationError(f"the model is not fit for redesign: {_reasons(model)}; {advice}")
 
 

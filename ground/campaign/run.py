@@ -281,7 +281,10 @@ class Campaign:
         out, left_s, records = self.request.out, self.request.extra_water_s, list[RetestRecord]()
         assessment = worker.call(computations.identify, out)
         for mission in RETESTS:
-            if assessment is None or assessment.fit_for_redesign or assessment.next_test is None:
+            if assessment is None or assessment.fit_for_redesign:
+                return
+            if assessment.next_test is None:
+                self.announce(f"not fit, and no test can make it fit: {assessment.obstacle}")
                 return
             recommended = assessment.next_test
             dive = worker.call(computations.plan_retest, out, recommended, mission)

@@ -69,6 +69,8 @@ def _next_step(summary: CampaignSummary, problems: list[str]) -> str:
     if any(report.refit_recommended for report in summary.monitoring.values()):
         return "fly the tests again and refit the model; keep the initial gains until then"
     assessment = summary.model.assessment
+    if problems and assessment is not None and assessment.obstacle:
+        return f"no test can make the model fit: {assessment.obstacle}"
     if problems and assessment is not None and assessment.next_test is not None:
         return f"fly this test and refit: {assessment.next_test}"
     if problems:

@@ -283,6 +283,9 @@ def _joint(fit: Fit) -> Joint:
         rank=int(np.count_nonzero(information > RANK_TOLERANCE * largest)),
         informed_directions=int(np.count_nonzero(information > 1.0)),
         condition_number=largest / smallest if smallest > 1e-14 * largest else None,
+        run_scatter=fit.run_scatter.value,
+        deviating_run=fit.deviating_run if fit.run_scatter.value > 0.0 else "",
+        run_scatter_without=fit.run_scatter.without_run,
     )
 
 
@@ -300,10 +303,10 @@ def _notes(fit: Fit, measured: set[Plane]) -> tuple[str, ...]:
     ]
     if fit.at_bounds:
         notes.append(f"at a bound of four prior standard deviations: {', '.join(fit.at_bounds)}")
-    if fit.run_scatter > 0.0:
+    if fit.run_scatter.value > 0.0:
         notes.append(
-            f"the tests disagree by {fit.run_scatter:.2f} prior standard deviations beyond noise:"
-            " the model structure is in error, and its standard deviations contain this error"
+            f"the tests disagree by {fit.run_scatter.value:.2g} prior standard deviations beyond"
+            " noise: the model structure is in error, which the standard deviations contain"
         )
     measured_speed = all(
         data.run.relative_speed is not None for group in fit.datasets.values() for data in group

@@ -199,6 +199,13 @@ class Joint(JsonRecord, frozen=True):
     """Number of directions in which the data give more information than the prior."""
     condition_number: float | None
     """Condition number of the data's information matrix; null where it is singular."""
+    run_scatter: float = 0.0
+    """Scatter of the parameters between tests beyond noise, in prior standard deviations: the error
+    of the model structure."""
+    deviating_run: str = ""
+    """Test without which the scatter is smallest; empty without scatter."""
+    run_scatter_without: float = 0.0
+    """Scatter without that test."""
 
 
 class Convergence(JsonRecord, frozen=True):

@@ -58,6 +58,14 @@ FAILURES_CHECK = "failures of the fit"
 """Name of the criterion that counts the failures of the fit."""
 FITTED_CHECK = "runs fitted"
 """Name of the criterion that counts the fitted runs of a plane."""
+MODEL_ERROR_OF_CHECK = {
+    f"{DECISIVE_NUMBER.removesuffix('_per_s2')}, 1 sd": "b1_percent",
+    "gain at crossover, 1 sd": "gain_db",
+    "phase at crossover, 1 sd": "phase_deg",
+}
+"""Field of `ModelError` by the criterion whose value contains it."""
+STANDS_OUT = 0.5
+"""Largest scatter without a test, over that with it, at which this test is named as the cause."""
 DEFAULT_SIZE_DEG = 4.0
 """Recommended magnitude if no run of the plane was accepted, deg."""
 
@@ -86,6 +94,7 @@ def assess(model: IdentifiedModel, validation: Mapping[Plane, PlaneValidation]) 
         *(check for plane in Plane for check in _of_plane(model, plane, validation.get(plane))),
     )
     failed_checks = [check for check in checks if check.required and not check.passed]
+    obstacle = _obstacle(model, validation, failed_checks)
     return ModelAssessment(
         fit_for_redesign=not failed_checks,
         reasons=(
@@ -93,8 +102,44 @@ def assess(model: IdentifiedModel, validation: Mapping[Plane, PlaneValidation]) 
             *(format_check(check) for check in failed_checks if check.name != FAILURES_CHECK),
         ),
         checks=checks,
-        next_test=_next_test(model, failed_checks, checks),
+        next_test=None if obstacle else _next_test(model, failed_checks, checks),
         planes={plane: _verdict(plane, model, checks) for plane in Plane},
+        obstacle=obstacle,
+    )
+
+
+def _obstacle(
+    model: IdentifiedModel,
+    validation: Mapping[Plane, PlaneValidation],
+    failed_checks: Sequence[AcceptanceCheck],
+) -> str:
+    """Return why no test can make the model fit, and what can; empty otherwise.
+
+    The error of the model structure does not become smaller with the number of tests. Where it
+    alone exceeds a limit, further tests are of no use.
+    """
+    for check in failed_checks:
+        error = validation[check.plane].model_error if check.plane in validation else None
+        part = getattr(error, MODEL_ERROR_OF_CHECK.get(check.name, ""), None)
+        if part is not None and part > check.limit:
+            return f"{format_check(check)}: {_model_error(model, check, part)}"
+    return ""
+
+
+def _model_error(model: IdentifiedModel, check: AcceptanceCheck, part: float) -> str:
+    """Return the cause of a model error, and what can lower it."""
+    joint = model.joint
+    cause = (
+        f"the test {joint.deviating_run} deviates most, without it they disagree by"
+        f" {joint.run_scatter_without:.2g}: look for its cause, or refit without it"
+        if joint.run_scatter_without <= STANDS_OUT * joint.run_scatter
+        else "no single test stands out: replace the largest tests by smaller ones"
+    )
+    return (
+        f"{part:.3g} {check.unit} of it is error of the model structure, which more tests of this"
+        f" kind do not lower; the tests disagree by {joint.run_scatter:.2g} prior standard"
+        f" deviations beyond noise; {cause}, and check the values of the vehicle file"
+        " (`ground bench-test`, `ground inclining-test`)"
     )
 
 

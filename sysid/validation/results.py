@@ -111,6 +111,19 @@ class Crossover(JsonRecord, frozen=True):
     pm_sd_deg: float | None
 
 
+class ModelError(JsonRecord, frozen=True):
+    """Standard deviations of a plane by the error of the model structure alone.
+
+    They are the part that further tests of the same kind leave.
+    """
+
+    b1_percent: float
+    """Of b1, in percent of its value."""
+    gain_db: float | None
+    """Of gain (dB) and phase (deg) at crossover; null without a crossover."""
+    phase_deg: float | None
+
+
 class Correction(JsonRecord, frozen=True):
     """Change of the model's response at crossover by the held-out runs, with standard deviation."""
 
@@ -162,6 +175,8 @@ class PlaneValidation(JsonRecord, frozen=True):
     correction: Correction | None
     second_opinion: SecondOpinion | None = None
     """Null without a crossover."""
+    model_error: ModelError | None = None
+    """Null if the tests do not disagree beyond noise."""
 
 
 class AcceptanceCheck(JsonRecord, frozen=True):
@@ -215,5 +230,8 @@ class ModelAssessment(JsonRecord, frozen=True):
     """One reason for each required criterion that is not met."""
     checks: tuple[AcceptanceCheck, ...]
     next_test: NextTest | None
+    """Null if no test can make the model fit."""
     planes: dict[Plane, PlaneVerdict] = msgspec.field(default_factory=dict)
     """Decision by plane. Data of one plane alone pass or fail here."""
+    obstacle: str = ""
+    """Why no test can make the model fit, and what can; empty otherwise."""

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.segments import RATE_HZ, Run
-from sysid.estimation.map import fit
+from sysid.estimation.map import fit, model_error
 from sysid.estimation.map.fit import STRIDE
-from sysid.models import noise, parameters
+from sysid.models import linear_planes, noise, parameters
 from sysid.models import prediction as predict
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
@@ -28,6 +28,7 @@ from sysid.validation.noise_floor import NoiseFloor
 from sysid.validation.results import (
     Excess,
     FrequencyComparison,
+    ModelError,
     PlaneValidation,
     RunValidation,
     SecondOpinion,
@@ -236,6 +237,27 @@ def _plane(
         )
         if plane_crossover
         else None,
+        model_error=_model_error(plane_model, gains),
+    )
+
+
+def _model_error(plane_model: _PlaneModel, gains: Mapping[str, float]) -> ModelError | None:
+    """Return the standard deviations by the error of the model structure alone."""
+    run_scatter, plane = plane_model.model.joint.run_scatter, plane_model.plane
+    if run_scatter == 0.0:
+        return None
+    uncertain = plane_model.uncertain._replace(covariance=model_error.covariance(run_scatter))
+
+    def b1_per_s2(z: Array) -> Array:
+        linear = fit.linear_plane(uncertain.vehicle(z), plane)
+        return np.array([linear_planes.small_signal(linear).b1_per_s2])
+
+    (b1_sd,) = crossover.propagate_sd(b1_per_s2, uncertain.z, model_error.covariance(run_scatter))
+    at_crossover = crossover.crossover(uncertain, plane, gains)
+    return ModelError(
+        b1_percent=100.0 * float(b1_sd / abs(b1_per_s2(uncertain.z)[0])),
+        gain_db=at_crossover.gain_sd_db if at_crossover else None,
+        phase_deg=at_crossover.phase_sd_deg if at_crossover else None,
     )
 
 

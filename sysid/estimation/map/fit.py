@@ -25,6 +25,7 @@ from sysid.estimation.map.datasets import (
     with_coupling_inputs,
 )
 from sysid.estimation.map.gauss_newton import Z_LIMIT, SearchEnd, descend
+from sysid.estimation.map.model_error import RunScatter
 from sysid.estimation.map.problem import DIFFERENCE, MapProblem, Prior
 from sysid.estimation.map.steady_state import (
     cruise_speed_mps,
@@ -124,8 +125,14 @@ class Fit(NamedTuple):
     """Steps of all searches."""
     at_edge: tuple[str, ...] = ()
     """Names of the parameters beyond whose value no vehicle is possible."""
-    run_scatter: float = 0.0
-    """Scatter of the parameters between runs beyond noise, in prior standard deviations."""
+    run_scatter: RunScatter = RunScatter()
+    """Scatter of the parameters between runs beyond noise; runs in the order of `datasets`."""
+
+    @property
+    def deviating_run(self) -> str:
+        """Name of the run without which the scatter is smallest."""
+        runs = [data.run.name for group in self.datasets.values() for data in group]
+        return runs[self.run_scatter.run]
 
 
 def fit(
@@ -182,13 +189,13 @@ def fit(
     if better_z is not None:
         optimum = descend(problem, better_z, FINE_TOLERANCE)
     run_scatter = model_error.scatter(
-        model_error.score_of(*run) for run in problems.linearise(problem, optimum.z)
+        [model_error.score_of(*run) for run in problems.linearise(problem, optimum.z)]
     )
     report("fit", 1.0)
     return Fit(
         z=optimum.z,
         covariance=np.linalg.inv(optimum.score.information + np.linalg.inv(prior.covariance))
-        + model_error.covariance(run_scatter),
+        + model_error.covariance(run_scatter.value),
         data_information=optimum.score.information,
         vehicle=problems.vehicle(prior, optimum.z),
         noise=levels,

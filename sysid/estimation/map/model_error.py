@@ -20,7 +20,7 @@ grows continuously with t: in long logs a scatter of a hundredth is significant,
 that the model is as wrong as those of the plants from outside.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -68,35 +68,56 @@ def score_of(white: Array, jacobian: Array) -> RunScore:
     return RunScore(jacobian.T @ jacobian, jacobian.T @ white.ravel())
 
 
-def scatter(scores: Iterable[RunScore]) -> float:
-    """Return the scatter t of the parameters between runs, in prior standard deviations.
+class RunScatter(NamedTuple):
+    """Scatter t of the parameters between runs, in prior standard deviations."""
+
+    value: float = 0.0
+    """Maximum likelihood estimate; zero if it is not significant."""
+    run: int = 0
+    """Number of the run without which it is smallest, from 0."""
+    without_run: float = 0.0
+    """Scatter without that run."""
+
+
+def scatter(scores: Sequence[RunScore]) -> RunScatter:
+    """Return the scatter between runs, and the run that raises it most.
 
     Parameters
     ----------
-    scores : iterable of RunScore
+    scores : sequence of RunScore
         Scores of the runs at the estimate.
 
     Returns
     -------
-    float
-        Maximum likelihood estimate; zero if it is not significant.
+    RunScatter
+        Scatter of all runs, and without one of them at the same estimate.
     """
+    deviances = np.array([_deviance_change(score) for score in scores])
+    total = np.sum(deviances, axis=0)
+    value = _most_likely(total)
+    if value == 0.0:
+        return RunScatter()
+    without = [_most_likely(total - own) for own in deviances]
+    run = int(np.argmin(without))
+    return RunScatter(value, run, without[run])
+
+
+def _deviance_change(score: RunScore) -> Array:
+    """Return minus twice the log-likelihood ratio of each of `SCATTER` to no scatter, of a run."""
     # With H = L L', y = L^+ s ~ N(0, 1 + t^2 L' P0 L): independent in the eigenvectors of L' P0 L.
-    gains, squares = [np.empty(0)], [np.empty(0)]
-    prior_covariance = parameters.prior_covariance()
-    for score in scores:
-        eigenvalues, axes = np.linalg.eigh(score.information)
-        seen = eigenvalues > RANK_TOLERANCE * eigenvalues[-1]
-        root = axes[:, seen] * np.sqrt(eigenvalues[seen])
-        gain, turn = np.linalg.eigh(root.T @ prior_covariance @ root)
-        whitened = turn.T @ ((axes[:, seen] / np.sqrt(eigenvalues[seen])).T @ score.slope)
-        gains.append(gain)
-        squares.append(whitened**2)
-    spread = 1.0 + SCATTER[:, None] ** 2 * np.maximum(np.concatenate(gains), 0.0)
-    square = np.concatenate(squares)
-    deviances = np.sum(square / spread + np.log(spread), axis=1)
-    best = int(np.argmin(deviances))
-    return float(SCATTER[best]) if np.sum(square) - deviances[best] > SIGNIFICANT else 0.0
+    eigenvalues, axes = np.linalg.eigh(score.information)
+    seen = eigenvalues > RANK_TOLERANCE * eigenvalues[-1]
+    root = axes[:, seen] * np.sqrt(eigenvalues[seen])
+    gain, turn = np.linalg.eigh(root.T @ parameters.prior_covariance() @ root)
+    square = (turn.T @ ((axes[:, seen] / np.sqrt(eigenvalues[seen])).T @ score.slope)) ** 2
+    spread = 1.0 + SCATTER[:, None] ** 2 * np.maximum(gain, 0.0)
+    return np.asarray(np.sum(square / spread - square + np.log(spread), axis=1))
+
+
+def _most_likely(deviance_changes: Array) -> float:
+    """Return the scatter of least deviance; zero if it is not significant."""
+    best = int(np.argmin(deviance_changes))
+    return float(SCATTER[best]) if deviance_changes[best] < -SIGNIFICANT else 0.0
 
 
 def covariance(scatter: float) -> Array:

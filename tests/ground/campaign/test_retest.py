@@ -88,6 +88,18 @@ def test_campaign_flies_retests_within_the_water_time(
     ]
 
 
+def test_campaign_model_error_flies_no_retest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    assessment = SimpleNamespace(fit_for_redesign=False, next_test=None, obstacle="model error")
+    worker = SimpleNamespace(call=lambda *asked: assessment)
+    campaign = Campaign(CampaignRequest(tmp_path), lambda *at: None, said.append)
+    campaign._identify(worker, {})  # type: ignore[arg-type]
+    assert campaign.retests == []
+    assert said == ["not fit, and no test can make it fit: model error"]
+
+
 def test_retest_logs_belong_to_the_campaign(tmp_path: Path) -> None:
     """A replaced campaign leaves none of them; each has its own seed."""
     run.prepare_folder(CampaignRequest(tmp_path))

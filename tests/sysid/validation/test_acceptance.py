@@ -9,6 +9,7 @@ import pytest
 
 from sitl.vehicle import config
 from sysid.data.segments import Run
+from sysid.estimation.map import model_error
 from sysid.models.model_file import IdentifiedModel, ParameterCovariance, ParameterEstimate
 from sysid.planes import Plane
 from sysid.validation.acceptance import assess, format_check
@@ -17,8 +18,10 @@ from sysid.validation.results import (
     AcceptanceCheck,
     Correction,
     FrequencyComparison,
+    ModelError,
     PlaneValidation,
 )
+from sysid.validation.validate import validate
 from tests.sysid import sea
 from tests.sysid.estimation.map.test_fit import TRIM
 
@@ -274,3 +277,59 @@ def test_format_check_gives_one_line() -> None:
 def test_validation_json_round_trip(good_model: IdentifiedModel) -> None:
     raw = msgspec.json.encode(good_model.validation)
     assert msgspec.json.decode(raw, type=dict[str, PlaneValidation]) == good_model.validation
+
+
+def with_phase_sd(
+    model: IdentifiedModel, by_model_error_deg: float, without_run: float = 0.09
+) -> IdentifiedModel:
+    """Return the model with a phase error of 5.5 deg in yaw, of which the model error is a part."""
+    error = ModelError(b1_percent=3.0, gain_db=0.3, phase_deg=by_model_error_deg)
+    changed = of_yaw(model_error=error)(within_yaw("crossover", phase_sd_deg=5.5)(model))
+    joint = replace(
+        changed.joint, run_scatter=0.1, deviating_run="chirps/2", run_scatter_without=without_run
+    )
+    return replace(changed, joint=joint)
+
+
+def test_assess_model_error_above_limit_recommends_no_test(good_model: IdentifiedModel) -> None:
+    """The error of the model structure does not shrink with the number of tests."""
+    changed = with_phase_sd(good_model, 5.2)
+    assessment = assess(changed, changed.validation)
+    assert not assessment.fit_for_redesign
+    assert assessment.next_test is None
+    assert assessment.obstacle.startswith(
+        "yaw: phase at crossover, 1 sd 5.5 deg, at most 5 deg: 5.2"
+    )
+    assert "no single test stands out" in assessment.obstacle
+
+
+def test_assess_model_error_by_one_run_names_it(good_model: IdentifiedModel) -> None:
+    changed = with_phase_sd(good_model, 5.2, without_run=0.02)
+    assert "test chirps/2 deviates most" in assess(changed, changed.validation).obstacle
+
+
+def test_assess_model_error_below_limit_recommends_a_test(good_model: IdentifiedModel) -> None:
+    changed = with_phase_sd(good_model, 4.0)
+    assessment = assess(changed, changed.validation)
+    assert assessment.next_test is not None
+    assert assessment.obstacle == ""
+
+
+def test_validate_model_error_alone_is_less_than_the_whole(
+    good_model: IdentifiedModel, campaign: list[Run], held_out: list[Run]
+) -> None:
+    assert good_model.joint.run_scatter == 0.0
+    assert good_model.validation["yaw"].model_error is None
+    covariance = np.array(good_model.joint.covariance) + model_error.covariance(0.1)
+    joint = replace(
+        good_model.joint, run_scatter=0.1, covariance=tuple(map(tuple, covariance.tolist()))
+    )
+    validated = validate(replace(good_model, joint=joint), campaign, held_out)
+    for plane in Plane:
+        error, crossover = validated[plane].model_error, validated[plane].crossover
+        assert error is not None
+        assert crossover is not None
+        assert error.gain_db is not None
+        assert error.phase_deg is not None
+        assert 0.5 * (crossover.gain_sd_db or 0.0) < error.gain_db < (crossover.gain_sd_db or 0.0)
+        assert 0.0 < error.phase_deg < (crossover.phase_sd_deg or 0.0)

@@ -28,14 +28,23 @@ def drawn_scores(scatter: float, seed: int) -> list[RunScore]:
 @pytest.mark.parametrize("scatter", [0.1, 0.3])
 def test_scatter_is_recovered(scatter: float) -> None:
     """288 squares: the estimate scatters by 6 to 15 %; the mean of ten by less than 5 %."""
-    found = [model_error.scatter(drawn_scores(scatter, seed)) for seed in range(10)]
+    found = [model_error.scatter(drawn_scores(scatter, seed)).value for seed in range(10)]
     assert np.mean(found) == pytest.approx(scatter, rel=0.15)
 
 
 def test_noise_alone_gives_no_scatter() -> None:
     """5 % of campaigns may exceed the bound: at most 4 of 20 (99.7 %)."""
-    found = [model_error.scatter(drawn_scores(0.0, seed)) for seed in range(20)]
+    found = [model_error.scatter(drawn_scores(0.0, seed)).value for seed in range(20)]
     assert sum(value > 0.0 for value in found) <= 4
+
+
+def test_run_that_alone_deviates_is_named() -> None:
+    scores = drawn_scores(0.0, 1)
+    deviating = scores[7].information @ np.full(len(NAMES), 0.5)
+    scores[7] = scores[7]._replace(slope=scores[7].slope + deviating)
+    scatter = model_error.scatter(scores)
+    assert scatter.value > 0.05
+    assert (scatter.run, scatter.without_run) == (7, 0.0)
 
 
 def test_score_has_information_and_gradient() -> None:
