@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_io.jit import Native, kernel
+from mavlink_io.jit import kernel
 from sitl.core import tailcone
 from sitl.core.tailcone import TailconeAxis
 from sitl.vehicle.dynamics import derivative, rk4_step, specific_force, work_array
@@ -48,7 +48,7 @@ def motion_at_rest(body: Body) -> TailconeMotion:
 
 @kernel
 def step_axes(
-    body: Native,
+    body: Body,
     rudder: Vector,
     elevator: Vector,
     rudder_rad: float,
@@ -61,8 +61,8 @@ def step_axes(
 
     Parameters
     ----------
-    body : Native
-        The ``Body``.
+    body : Body
+        The vehicle.
     rudder, elevator : ndarray
         Axis states, see ``core.tailcone``.
     rudder_rad, elevator_rad : float
@@ -77,18 +77,17 @@ def step_axes(
     tuple of 2 floats
         True duct angles of rudder and elevator at the end of the tick, rad.
     """
-    axes = body.value
-    tailcone.advance(axes.rudder, rudder, rudder_rad, angles_rad[0], rudder_loss)
-    tailcone.advance(axes.elevator, elevator, elevator_rad, angles_rad[1], elevator_loss)
+    tailcone.advance(body.rudder, rudder, rudder_rad, angles_rad[0], rudder_loss)
+    tailcone.advance(body.elevator, elevator, elevator_rad, angles_rad[1], elevator_loss)
     return (
-        tailcone.duct_angle_rad(axes.rudder, rudder),
-        tailcone.duct_angle_rad(axes.elevator, elevator),
+        tailcone.duct_angle_rad(body.rudder, rudder),
+        tailcone.duct_angle_rad(body.elevator, elevator),
     )
 
 
 @kernel
 def integrate(
-    body: Native,
+    body: Body,
     state: Vector,
     angles_rad: Vector,
     step_s: float,
@@ -102,8 +101,8 @@ def integrate(
 
     Parameters
     ----------
-    body : Native
-        The ``Body``.
+    body : Body
+        The vehicle.
     state : ndarray, shape (13,)
         State of ``vehicle.dynamics``, FLU in NWU; overwritten.
     angles_rad : ndarray, shape (2, steps)
@@ -130,7 +129,7 @@ def integrate(
     Classical Runge-Kutta of order four for d(state)/dt = f(state, rudder, elevator, n, wrench,
     water) of ``vehicle.dynamics``, with duct angles that are constant in each step (their mean).
     """
-    model = body.value.model
+    model = body.model
     shaft_rps, work = rps(thrust, model), work_array()
     for k in range(angles_rad.shape[1]):
         rk4_step(
@@ -151,7 +150,7 @@ def integrate(
 
 
 @kernel
-def is_clear(body: Native, state: Vector, water: Water) -> bool:
+def is_clear(body: Body, state: Vector, water: Water) -> bool:
     """Return whether the vehicle is clear of surface, ice and floor, whatever its attitude.
 
     Its motion is smooth there, and one integration step of 20 ms is as good as four: contact has a
@@ -160,8 +159,8 @@ def is_clear(body: Native, state: Vector, water: Water) -> bool:
 
     Parameters
     ----------
-    body : Native
-        The ``Body``.
+    body : Body
+        The vehicle.
     state : ndarray, shape (13,)
         State of ``vehicle.dynamics``, FLU in NWU.
     water : Water
@@ -172,7 +171,7 @@ def is_clear(body: Native, state: Vector, water: Water) -> bool:
     bool
         Whether every boundary is farther away than half the hull's length plus its radius.
     """
-    hull = body.value.model.hydrostatics
+    hull = body.model.hydrostatics
     lid_m = min(water.ceiling_m, water.surface_m) - state[2]
     ground_m = (state[2] - water.floor_m) * water.floor_normal[2]
     return bool(min(lid_m, ground_m) > hull.half_length_m + hull.radius_m)

@@ -21,12 +21,13 @@ from mavlink_io.jit import entry_point, kernel
 from sitl.vehicle.config import Tailcone
 from sitl.vehicle.vectors import Vector
 
-COMMANDED, RATE, MOTOR, LOST_STEPS, DUCT, QUEUE = range(6)
+COMMANDED, RATE, MOTOR, LOST_STEPS, DUCT, OLDEST, QUEUE = range(7)
 """Indices of an axis state.
 
 COMMANDED and RATE: output of the lag (rad) and its rate (rad/s). MOTOR: angle counted by the motor
 (rad). LOST_STEPS: sum of lost steps (rad). DUCT: duct angle without bias (rad). QUEUE and the
-following indices: delayed commands (rad), newest first.
+following indices: ring of delayed commands (rad). OLDEST: index of the oldest one in the ring; the
+next newer one follows it.
 """
 
 
@@ -226,20 +227,20 @@ def advance(
     #     delayed = c_k + f (c_k+1 - c_k),   T = (k + f) h,   c_k the command k substeps ago,
     #     duct <- min(max(duct, shaft - b/2), shaft + b/2),   shaft = motor - lost steps.
     # Delay, lag, rate limit and travel are the paper's ("Tailcone dynamics modeling").
-    command, oldest = _limit_travel(axis, command_rad), QUEUE + axis.delay_substeps
+    command, ring, oldest = _limit_travel(axis, command_rad), state[QUEUE:], int(state[OLDEST])
     for k in range(duct_angles_rad.size):
-        # The queue's last entry is delay_substeps + 1 substeps old, the one before it
-        # delay_substeps; the delayed command is interpolated between them.
-        newer = state[oldest - 1] if axis.delay_substeps > 0 else command
-        delayed = newer + axis.delay_remainder * (state[oldest] - newer)
-        for i in range(oldest, QUEUE, -1):
-            state[i] = state[i - 1]
-        state[QUEUE] = command
+        # The oldest command is delay_substeps + 1 substeps old, the next one delay_substeps; the
+        # delayed command is interpolated between them.
+        older, ring[oldest] = ring[oldest], command
+        oldest = oldest + 1 if oldest < axis.delay_substeps else 0
+        newer = ring[oldest]
+        delayed = newer + axis.delay_remainder * (older - newer)
         state[COMMANDED], state[RATE] = step_lag(axis, state[COMMANDED], state[RATE], delayed)
         _step_motor(axis, state, 1.0 if loss_draws is None else loss_draws[k])
         start = state[DUCT]
         state[DUCT] = _cross_backlash(axis, start, state[MOTOR] - state[LOST_STEPS])
         duct_angles_rad[k] = 0.5 * (start + state[DUCT]) + axis.bias_rad
+    state[OLDEST] = oldest
 
 
 @entry_point

@@ -159,7 +159,7 @@ def _turn_duct(
     """Step both axes through a tick; write the mean duct angles of each substep."""
     axes = vessel.value
     body.step_axes(
-        vessel,
+        axes,
         parts.rudder,
         parts.elevator,
         rudder * axes.rudder.travel_rad,
@@ -198,11 +198,12 @@ def _move(
 ) -> None:
     """Integrate the body over a tick, a step per column of ``duct_rad``; write the motion."""
     motion = parts.motion
+    vehicle = vessel.value
     shaft_rps, velocity, force = body.integrate(
-        vessel,
+        vehicle,
         parts.body,
         duct_rad,
-        vessel.value.rudder.substep_s,
+        vehicle.rudder.substep_s,
         (motion[state.RUDDER_RAD], motion[state.ELEVATOR_RAD]),
         thrust,
         _wrench(sea, moments_before),

@@ -125,29 +125,28 @@ def run(
         Number of ticks of the vehicle; whether the autopilot has done the last of them too; its
         state and signals; and number of samples.
     """
-    samples = 0
+    samples, vehicle, at_sea, parameters = 0, body.value, surroundings.value, config.value
+    duct_rad = np.empty((2, dynamics.SUBSTEPS))
     for k in range(len(wrenches)):
-        dynamics.step(
-            body,
-            surroundings,
+        dynamics.move(
+            vehicle,
+            at_sea,
             state,
             rudder,
             elevator,
             observed,
             fine,
-            dynamics.SUBSTEPS,
-            trace.rudder_rad,
-            trace.elevator_rad,
-            trace.thrust,
+            duct_rad,
+            (trace.rudder_rad, trace.elevator_rad, trace.thrust),
             wrenches[k],
         )
         now_us = pilot.time_us + TICK_US
-        frame = instruments.frame(now_us, observed, errors[k], config.value)
+        frame = instruments.frame(now_us, observed, errors[k], parameters)
         added = ExcitationOutput(0.0, 0.0, 0.0, 0.0)
         if task.testing:
             value = signal[(now_us - task.test_started_us) // TICK_US]
             added = ExcitationOutput(value[0], value[1], value[2], value[3])
-        done, advanced, signals = steady.tick(pilot, frame, added, task, config.value)
+        done, advanced, signals = steady.tick(pilot, frame, added, task, parameters)
         if not done:
             return k + 1, False, pilot, trace, samples
         pilot, trace = advanced, signals

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavlink_io.jit import Native, entry_point, native
+from mavlink_io.jit import Native, entry_point, kernel, native
 from sitl.core import tailcone
 from sitl.core.body import Body, integrate, is_clear, step_axes
 from sitl.vehicle import dynamics
@@ -135,12 +135,35 @@ def step(
     wrench: Array,
 ) -> None:
     """Advance tailcone and body by a number of substeps, and write the ideal measurements."""
+    duct_rad, at_sea = np.empty((2, substeps)), surroundings.value
+    commands = rudder_rad, elevator_rad, thrust
+    move(body.value, at_sea, state, rudder, elevator, observed, fine, duct_rad, commands, wrench)
+
+
+@kernel
+def move(
+    body: Body,
+    surroundings: Surroundings,
+    state: Array,
+    rudder: Array,
+    elevator: Array,
+    observed: Array,
+    fine: bool,
+    duct_rad: Array,
+    commands: Vector3,
+    wrench: Array,
+) -> None:
+    """Advance tailcone and body by a tick, and write the ideal measurements.
+
+    The columns of ``duct_rad``, which is overwritten, are its substeps; the commands are rudder and
+    elevator (rad) and thrust.
+    """
     # Measurements in FRD, which is FLU rotated by half a turn about x: specific force (m/s2) of
     # ``integrate``, rates (rad/s), magnetic field R^T B (gauss), depth -z (m).
-    duct_rad = np.empty((2, substeps))
+    rudder_rad, elevator_rad, thrust = commands
     end_rad = step_axes(body, rudder, elevator, rudder_rad, elevator_rad, duct_rad)
-    water, field = surroundings.value.water, surroundings.value.field_nwu
-    step_s = SUBSTEP_S
+    water, field = surroundings.water, surroundings.field_nwu
+    step_s, substeps = SUBSTEP_S, duct_rad.shape[1]
     if not fine and substeps > 1 and is_clear(body, state, water):
         for axis in range(2):
             duct_rad[axis, 0] = duct_rad[axis].mean()

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from autopilot.control import core, params, steady
-from mavlink_io.jit import native
 from mavlink_io.mission_items import MissionItem
 from sitl.core import body, tailcone
 from sitl.core.body import Body
@@ -161,17 +160,16 @@ def travelled(known: DesignPrior, steps: int, refine: int = 1, seconds: float = 
         rudder=greybox.discretise(vehicle.actuators[Plane.YAW], dynamics.SUBSTEP_S),
         elevator=greybox.discretise(vehicle.actuators[Plane.PITCH], dynamics.SUBSTEP_S),
     )
-    reference = native(vessel)
     state = physics.state_at_rest(-50.0)
     rudder, elevator = tailcone.at_rest(vessel.rudder), tailcone.at_rest(vessel.elevator)
     for k in range(round(seconds / 0.02)):
         angles = np.empty((2, dynamics.SUBSTEPS))
         swing = math.sin(0.02 * k)
-        end = body.step_axes(reference, rudder, elevator, 0.2 * swing, 0.05 * swing, angles)
+        end = body.step_axes(vessel, rudder, elevator, 0.2 * swing, 0.05 * swing, angles)
         parts = angles.reshape(2, steps, -1).mean(axis=2).repeat(refine, axis=1)
         step_s = 0.02 / parts.shape[1]
         wrench = np.zeros(6)
-        body.integrate(reference, state, parts, step_s, end, 0.58, wrench, wrench, STILL)
+        body.integrate(vessel, state, parts, step_s, end, 0.58, wrench, wrench, STILL)
     return state
 
 
@@ -200,8 +198,8 @@ def test_one_step_per_tick_only_clear_of_boundaries(
 ) -> None:
     vehicle = known.vehicle(known.mean)
     axis = greybox.discretise(vehicle.actuators[Plane.YAW], dynamics.SUBSTEP_S)
-    reference = native(Body(vehicle.model, axis, axis))
-    assert body.is_clear(reference, physics.state_at_rest(height_m), water) == clear
+    vessel = Body(vehicle.model, axis, axis)
+    assert body.is_clear(vessel, physics.state_at_rest(height_m), water) == clear
 
 
 def test_fine_steps_hardly_change_a_dive(known: DesignPrior) -> None:
