@@ -389,10 +389,10 @@ def _crossings_beside_extrema(values: Array) -> Iterator[float]:
     """
     distances = np.abs(values)
     nearest = (distances[1:-1] <= distances[:-2]) & (distances[1:-1] <= distances[2:])
-    for i in np.flatnonzero(nearest & (distances[1:-1] < MAX_EXTREMUM)) + 1:
+    for i in (np.flatnonzero(nearest & (distances[1:-1] < MAX_EXTREMUM)) + 1).tolist():
         if min(values[i - 1] * values[i], values[i] * values[i + 1]) <= 0.0:
             continue
-        middle = min(max(i, 2), values.size - 3)
+        middle = int(np.clip(i, 2, values.size - 3))
         roots = np.roots((THROUGH_FIVE @ values[middle - 2 : middle + 3])[::-1])
         real = roots.real[roots.imag == 0.0] + (middle - i)
         yield from (i + real[np.abs(real) < 1.0]).tolist()

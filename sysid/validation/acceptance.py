@@ -119,7 +119,8 @@ def _obstacle(
     alone exceeds a limit, further tests are of no use.
     """
     for check in failed_checks:
-        error = validation[check.plane].model_error if check.plane in validation else None
+        plane_validation = validation.get(check.plane) if check.plane else None
+        error = plane_validation.model_error if plane_validation else None
         part = getattr(error, MODEL_ERROR_OF_CHECK.get(check.name, ""), None)
         if part is not None and part > check.limit:
             return f"{format_check(check)}: {_model_error(model, check, part)}"
