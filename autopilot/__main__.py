@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from autopilot.onboard_log.storage import default_folder
-from autopilot.telemetry.identity import AutopilotId, version
+from autopilot.telemetry.autopilot_id import AutopilotId
 from mavlink_io.errors import CaribouError, exit_with_error
 from mavlink_io.host_check import exit_if_unsupported
 from mavlink_io.user_data_dir import user_data_dir
@@ -25,6 +24,8 @@ OFF = "off"
 def _print_version(requested: bool) -> None:
     """Print the version and exit, when ``--version`` is given."""
     if requested:
+        from autopilot.telemetry.identity import version
+
         print(f"autopilot {version()}")
         raise typer.Exit
 
@@ -122,6 +123,7 @@ def fly(
     ] = False,
 ) -> None:
     """Fly the vehicle: read sensors, command actuators and serve ground stations over MAVLink."""
+    from autopilot.onboard_log.storage import default_folder
     from autopilot.start import Options, run
     from autopilot.supervisor import Start, supervise
 
@@ -156,8 +158,10 @@ def fly(
 def main() -> None:
     """Run the ``autopilot`` command."""
     exit_if_unsupported("autopilot")
+    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    app.command()(fly)
     try:
-        typer.run(fly)
+        app()
     except CaribouError as error:
         exit_with_error("autopilot", error)
 

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from autopilot.control.manual_control import Helm
 from autopilot.telemetry import identity
 from autopilot.telemetry.ardupilot import ARDUPILOT_STREAMS, STREAM_GROUPS
-from autopilot.telemetry.identity import ARDUSUB_MODES, PX4_MODES, AutopilotId, ModeTable
+from autopilot.telemetry.autopilot_id import AutopilotId
+from autopilot.telemetry.identity import ARDUSUB_MODES, PX4_MODES, ModeTable
 from autopilot.telemetry.streams import STREAMS, TelemetryStream
 from mavlink_io.dialect import constant
 from mavlink_io.vehicle_modes import ARDUPILOT

@@ -25,7 +25,8 @@ from autopilot.param_store import ParamStore
 from autopilot.record_json import RecordError
 from autopilot.resume import PLAN_NAMES, Items, StateFiles, continued_state, plans_of
 from autopilot.supervisor import Beat, Start
-from autopilot.telemetry.identity import AutopilotId, version
+from autopilot.telemetry.autopilot_id import AutopilotId
+from autopilot.telemetry.identity import version
 from autopilot.vehicle import Vehicle
 from mavlink_io.mission_items import FENCE_TYPE, MISSION_TYPE, RALLY_TYPE
 from mavlink_io.parent_watch import end_with_stdin, on_end_signals

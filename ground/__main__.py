@@ -10,12 +10,10 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from importlib import metadata
 from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
-from typer import rich_utils
 
 from ground.cli import (
     bench_test,
@@ -40,7 +38,7 @@ from ground.cli import (
     vehicle_state,
     watch,
 )
-from ground.cli.options import remark, say, to_json
+from ground.cli.options import CommandGroup, remark, say, to_json
 from ground.errors import INTERRUPTED, Interrupted, UnsuccessfulError
 from mavlink_io.errors import FAILED, CaribouError, InputError, OperationError, exit_with_error
 from mavlink_io.host_check import exit_if_unsupported
@@ -57,7 +55,12 @@ Progress goes to stderr and the result to stdout; --json prints the result, or a
 object. Exit status: 0 done, 1 the work failed, 2 bad input, 130 interrupted by Ctrl-C."""
 
 app = typer.Typer(
-    add_completion=True, no_args_is_help=True, pretty_exceptions_enable=False, help=HELP
+    cls=CommandGroup,
+    no_args_is_help=True,
+    # plain help: to load rich takes longer than all the rest of `ground --help`
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help=HELP,
 )
 app.add_typer(params.app, name="params")
 app.add_typer(log.app, name="log")
@@ -89,7 +92,9 @@ app.command()(missions.missions)
 def _print_version(requested: bool) -> None:
     """Print the version of the installed package and exit, if --version was given."""
     if requested:
-        say(f"ground {metadata.version('caribou-auv')}")
+        from importlib.metadata import version
+
+        say(f"ground {version('caribou-auv')}")
         raise typer.Exit
 
 
@@ -137,7 +142,7 @@ def _run() -> None:
         sys.exit(app(standalone_mode=False))
     except usage_error as error:
         error.message = printable(error.message)
-        rich_utils.rich_format_error(error)
+        error.show()
         sys.exit(error.exit_code)
 
 

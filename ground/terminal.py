@@ -9,13 +9,8 @@ from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.segment import Segment
 from rich.text import Text
 
+from ground.rendered import Rendered
 from mavlink_io.printable import printable, printable_lines
-
-
-class Rendered(str):
-    """Text from `render`: escaped, with no control sequences except colours."""
-
-    __slots__ = ()
 
 
 class Escaped:

@@ -20,7 +20,8 @@ from autopilot.identities import IDENTITIES
 from autopilot.lateness import Lateness
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_store import ParamStore
-from autopilot.telemetry.identity import COMPONENT, AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
+from autopilot.telemetry.identity import COMPONENT
 from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.telemetry.streams import TelemetryStream
 from autopilot.vehicle import Snapshot, Vehicle

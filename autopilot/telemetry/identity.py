@@ -1,7 +1,6 @@
 """Identity of the vehicle: HEARTBEAT, version and modes."""
 
 from collections.abc import Mapping
-from enum import StrEnum
 from importlib import metadata
 from typing import Any, NamedTuple
 
@@ -43,18 +42,6 @@ _CAPABILITIES = sum(
     )
 )
 """MAV_PROTOCOL_CAPABILITY bits of every identity. MAVSDK needs MISSION_INT."""
-
-
-class AutopilotId(StrEnum):
-    """Autopilot that the vehicle identifies as; ``autopilot.identities`` has the records.
-
-    With ``px4`` the mode buttons of QGroundControl work; ``ardupilot`` is for tools that know only
-    ArduPilot.
-    """
-
-    GENERIC = "generic"
-    PX4 = "px4"
-    ARDUPILOT = "ardupilot"
 
 
 class ModeTable(NamedTuple):

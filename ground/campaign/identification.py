@@ -14,7 +14,8 @@ from ground.campaign.summary_file import (
     RateErrors,
     ValidationSummary,
 )
-from ground.terminal import Rendered, heading, render
+from ground.rendered import Rendered
+from ground.terminal import heading, render
 from sysid.models.model_file import IdentifiedModel, RunQuality
 from sysid.models.prediction import mean_rate_errors, opening_rate_errors
 from sysid.planes import Plane

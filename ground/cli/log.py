@@ -8,6 +8,7 @@ import typer
 from ground.cli.options import (
     GROUND_LINK,
     Address,
+    CommandGroup,
     Json,
     Modem,
     Sign,
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from ground.client.log_download import Download
 
 app = typer.Typer(
+    cls=CommandGroup,
     no_args_is_help=True,
     help="Download logs from the vehicle; inspect, check, export and repair them.",
 )

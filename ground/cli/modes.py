@@ -6,10 +6,20 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Modem, Sign, VehicleId, print_result
+from ground.cli.options import (
+    GROUND_LINK,
+    Address,
+    CommandGroup,
+    Json,
+    Modem,
+    Sign,
+    VehicleId,
+    print_result,
+)
 from mavlink_io.printable import printable
 
 app = typer.Typer(
+    cls=CommandGroup,
     invoke_without_command=True,
     help="List the modes of a vehicle, or export their names for MAVProxy.",
 )

@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 import msgspec
 import typer
+from typer.core import TyperGroup
 
-from ground.terminal import Rendered
+from ground.rendered import Rendered
 from mavlink_io.errors import InputError
 from mavlink_io.printable import printable, printable_lines
 
@@ -102,6 +103,19 @@ GROUND_LINK = "udpin:127.0.0.1:14550"
 """Default address of the link to the vehicle."""
 
 
+class CommandGroup(TyperGroup):
+    """A group whose help shows the first sentence of each command, on as many lines as needed."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the table of commands; typer would cut the sentences at the end of the line."""
+        rows = [
+            (name, self.commands[name].get_short_help_str(limit=sys.maxsize))
+            for name in self.list_commands(ctx)
+        ]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+
 def new_file(path: Path) -> Path:
     """Return the path. Raises InputError if the file exists or its folder does not."""
     if path.exists():
@@ -117,7 +131,7 @@ def print_result(result: dict[str, Any] | msgspec.Struct, text: str, as_json: bo
 
 
 def say(text: str) -> None:
-    """Print text on stdout with control characters escaped, unless `terminal.render` made it."""
+    """Print text on stdout with control characters escaped, unless it is escaped already."""
     print(text if isinstance(text, Rendered) else printable_lines(text))
 
 

@@ -10,6 +10,7 @@ import typer
 from ground.cli.options import (
     GROUND_LINK,
     Address,
+    CommandGroup,
     Json,
     Modem,
     Sign,
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
 UNDO = "`ground params rollback` undoes it"
 """Hint after a change of parameters."""
 
-app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's parameters.")
+app = typer.Typer(
+    cls=CommandGroup, no_args_is_help=True, help="Read and set a vehicle's parameters."
+)
 
 
 @app.command("list")

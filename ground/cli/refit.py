@@ -8,7 +8,7 @@ import msgspec
 import typer
 
 from ground.cli.options import Json, print_result
-from ground.terminal import Rendered
+from ground.rendered import Rendered
 
 
 class FitMethod(StrEnum):

@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
-from ground.cli.options import Jobs, Json, print_result, remark, say, to_json
+from ground.cli.options import CommandGroup, Jobs, Json, print_result, remark, say, to_json
 
 
-class _RunByDefault(TyperGroup):
+class _RunByDefault(CommandGroup):
     """A group whose command is `run` if the first word is not the name of another one."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import Json, new_file, print_result, say
+from ground.cli.options import CommandGroup, Json, new_file, print_result, say
 from mavlink_io.errors import BAD_INPUT, InputError, OperationError
 
 app = typer.Typer(
+    cls=CommandGroup,
     no_args_is_help=True,
     help="Write a vehicle file from geometry, check it, design first gains.",
 )

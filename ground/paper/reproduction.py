@@ -9,9 +9,10 @@ from rich.table import Table
 
 from ground.paper import figure_rows, table_rows
 from ground.paper.flights import PaperFlights
+from ground.rendered import Rendered
 from ground.report import paper_poles
 from ground.report.paper_poles import PolesComparison
-from ground.terminal import Rendered, heading, render
+from ground.terminal import heading, render
 from sysid.design import initial
 from sysid.planes import Plane
 from sysid.reproduction import discrepancies, table_comparisons

@@ -6,9 +6,10 @@ from html import escape
 from rich import box
 from rich.table import Table
 
+from ground.rendered import Rendered
 from ground.report import tables
 from ground.report.verdict_words import as_sentence
-from ground.terminal import Rendered, heading, render
+from ground.terminal import heading, render
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation.results import Opinion, SecondOpinion
 

@@ -8,7 +8,8 @@ from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 
-from ground.terminal import Rendered, heading, render
+from ground.rendered import Rendered
+from ground.terminal import heading, render
 from sysid.monte_carlo.study import LegSummary, Range, SimulationSummary
 
 WIDTH = 118

@@ -12,10 +12,11 @@ import numpy as np
 from rich import box
 from rich.table import Table as TextTable
 
+from ground.rendered import Rendered
 from ground.report import charts, page, tables
 from ground.report.figures import Curve, Figure, Panel
 from ground.sweep import run
-from ground.terminal import Rendered, heading, literal, render
+from ground.terminal import heading, literal, render
 from mavlink_io.errors import InputError
 from sysid.sweep import parts, statistics
 from sysid.sweep.statistics import CellSummary, Distribution, Influence, Table

@@ -4,7 +4,8 @@ from typing import Any
 
 from rich.table import Table
 
-from ground.terminal import Rendered, render
+from ground.rendered import Rendered
+from ground.terminal import render
 from mavlink_io.printable import printable
 from sysid.planes import PLANES
 from sysid.test_design.information import DesignUncertainty

@@ -2,7 +2,7 @@
 
 import pytest
 
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from tests.autopilot.qgroundcontrol import Connection, connect
 
 

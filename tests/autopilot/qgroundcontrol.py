@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from mavlink_io.records import GpsFix
 from tests.helpers.fake_hil import Harness, only
 

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.comms import ground_server, services
 from autopilot.control import modes
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from mavlink_io import dialect
 from mavlink_io.records import GpsFix
 from mavlink_io.vehicle_modes import VehicleMode, mode_of_heartbeat

@@ -11,7 +11,7 @@ from autopilot.comms.hil import HilLink
 from autopilot.control import modes, requests
 from autopilot.control.params import ParamTable
 from autopilot.onboard_log.recorder import OnboardLog
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from autopilot.vehicle import Vehicle
 from mavlink_io import dialect, jit
 from mavlink_io.clock import wall_s

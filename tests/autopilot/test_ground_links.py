@@ -13,7 +13,7 @@ from autopilot.comms.stream_rates import MINIMAL, fast_profile, half_profile, pr
 from autopilot.control.params import PARAMETERS, ParamTable
 from autopilot.control.types import Inputs
 from autopilot.onboard_log import channels
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from autopilot.telemetry.streams import STREAMS
 from autopilot.vehicle import Vehicle
 from mavlink_io import dialect

@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.control import modes
 from autopilot.control.params import PARAMETERS
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from tests.autopilot.qgroundcontrol import (
     AUTOPILOT,
     MISSION,

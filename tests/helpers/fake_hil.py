@@ -10,7 +10,7 @@ from autopilot.comms.ground_server import GroundServer
 from autopilot.control.params import ParamTable
 from autopilot.control.types import Inputs
 from autopilot.identities import IDENTITIES
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from autopilot.vehicle import Vehicle
 from mavlink_io.records import SENSORS_ALL, GpsFix, SensorFrame
 

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from autopilot.comms.commanders import AllowListError, Commanders, systems_of
 from autopilot.comms.ground_server import GroundServer
 from autopilot.control.types import ACCEPTED, DENIED
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from tests.helpers.fake_hil import Harness, Station, only, texts
 
 ARM, REQUEST_MESSAGE, VERSION = 400, 512, 148

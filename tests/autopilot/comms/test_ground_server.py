@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from autopilot.control import modes
 from autopilot.control.params import PARAMETERS
 from autopilot.onboard_log import channels
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from mavlink_io import codec, dialect
 from mavlink_io.records import GpsFix
 from tests.helpers.fake_hil import Harness, Station, only, texts

@@ -10,7 +10,7 @@ from autopilot.comms import ground_links, ground_server, services, statustext
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.modems import modem_intervals
 from autopilot.control import modes
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from ground.client.commands import CommandExchange
 from ground.client.vehicle import VehicleClient
 from mavlink_io import dialect

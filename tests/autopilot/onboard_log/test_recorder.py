@@ -20,7 +20,7 @@ from autopilot.onboard_log import recorder
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.onboard_log.storage import LogStore
 from autopilot.onboard_log.writer import BackgroundFile
-from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.autopilot_id import AutopilotId
 from autopilot.vehicle import Vehicle
 from ground.log_tools import mcap
 from mavlink_io import dialect
