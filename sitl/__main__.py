@@ -6,6 +6,8 @@ The simulator is imported only to simulate, so that ``--help`` and a wrong optio
 from __future__ import annotations
 
 import math
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -111,6 +113,14 @@ def simulate(
     truth: Annotated[
         Path | None, typer.Option(help="Write the true vehicle state to this new MCAP file.")
     ] = None,
+    no_compile: Annotated[
+        bool,
+        typer.Option(
+            "--no-compile",
+            help="Where the machine code is not stored yet, simulate in Python, more slowly,"
+            " instead of compiling it first, which takes minutes.",
+        ),
+    ] = False,
     lifeline: Annotated[
         bool, typer.Option("--lifeline", help="Exit when standard input is closed.")
     ] = False,
@@ -125,9 +135,11 @@ def simulate(
     ] = False,
 ) -> None:
     """Simulate the vehicle, its sensors and the sea in lockstep with an autopilot."""
-    from sitl.app import Options, run
+    from sitl.app import Options, needs_compiler, run
     from sitl.backends.factory import BackendOptions, check_options, defaults_of
 
+    if no_compile and needs_compiler():
+        _restart_in_python()
     if lifeline:
         end_with_stdin()
     backend = BackendOptions(
@@ -159,6 +171,12 @@ def simulate(
             backend=backend,
         )
     )
+
+
+def _restart_in_python() -> None:
+    """Run this command again in the same process, with all kernels in Python."""
+    os.environ["NUMBA_DISABLE_JIT"] = "1"  # read when the kernels are imported
+    os.execv(sys.executable, [sys.executable, "-m", "sitl", *sys.argv[1:]])
 
 
 def _parse_place(text: str) -> tuple[float, float]:

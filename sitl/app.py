@@ -10,6 +10,7 @@ from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
+from mavlink_io import jit
 from mavlink_io.clock import Pacer
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.parent_watch import on_end_signals
@@ -18,7 +19,7 @@ from mavlink_io.transport import open_transport
 from sitl import scenario
 from sitl.backends import Backend, QuickBackend
 from sitl.backends.factory import BackendOptions, create_backend
-from sitl.core import plant
+from sitl.core import plant, tick
 from sitl.core.plant import Plant, PlantState
 from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
 from sitl.vehicle import config
@@ -50,6 +51,11 @@ class Options(NamedTuple):
     """Truth log to create; None for no log."""
     backend: BackendOptions
     """Autopilot options that ``backends.factory.check_options`` has accepted."""
+
+
+def needs_compiler() -> bool:
+    """Return whether the physics have to be compiled before the first tick."""
+    return jit.COMPILED and not jit.is_stored(tick.advance)
 
 
 def run(options: Options) -> None:

@@ -36,7 +36,9 @@ def demo(
         assert page is not None
         parameters = prototype.trim_learning_for(VEHICLE)
         dive = Dive.load(MISSION, Path(folder) / "demo.mcap", parameters=parameters)
-        simulation = Simulation(vehicle=VEHICLE, scenario=SCENARIO, seed=seed, speed=speed)
+        simulation = Simulation(
+            vehicle=VEHICLE, scenario=SCENARIO, seed=seed, speed=speed, no_compile=True
+        )
         with progress.display("demo", quiet=False) as display:
             result = flight.fly_simulated(
                 dive,

@@ -56,6 +56,9 @@ HEARTBEAT_TIMEOUT_S = 5.0
 SIMULATED_HEARTBEAT_TIMEOUT_S = 60.0
 """The same limit for a simulated vehicle: the watchdog reports a process that has ended at once, so
 silence means that the machine is overloaded."""
+SIMULATED_ATTEMPTS = 60
+"""Number of times that a request is sent to a simulated vehicle, about one a second: as for its
+heartbeats, silence means that the machine is overloaded."""
 MAX_PUMP_S = 1.0
 """Longest time between two calls of `pump` that counts as listening. A longer one is a pause of
 this program or of the whole machine, which may have paused the vehicle's link too."""
@@ -446,6 +449,8 @@ class VehicleClient:
         first_text = len(self.texts)
         if self._modem_s is not None:
             exchange.repeat_every(self._modem_s, MODEM_ATTEMPTS)
+        elif self._watchdog is not None:
+            exchange.repeat_every(0.0, SIMULATED_ATTEMPTS)
         self._listener = exchange.feed
         try:
             while not exchange.done:

@@ -35,6 +35,8 @@ class Simulation(NamedTuple):
     scenario: str = "calm"
     seed: int = 1
     speed: str = "max"
+    no_compile: bool = False
+    """Begin at once, in Python, where the simulator's machine code is not stored yet."""
     truth: Path | None = None
     """Log of the true state that the simulator writes."""
     logs: Path | None = None
@@ -74,6 +76,8 @@ class SimulatedVehicle:
             "--wait-for-arm",
             "--lifeline",
         ]
+        if simulation.no_compile:
+            sitl += ["--no-compile"]
         if simulation.truth is not None:
             sitl += ["--truth", str(simulation.truth)]
         autopilot = ["--hil", f"udpin:127.0.0.1:{hil}", "--gcs", f"tcpin:127.0.0.1:{ground}"]

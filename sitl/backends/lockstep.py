@@ -12,8 +12,9 @@ from sitl.backends.hil import HilClient
 
 FIRST_ANSWER_TIMEOUT_S = 60.0
 """Wall time to wait for the first answer of a run."""
-ANSWER_TIMEOUT_S = 5.0
-"""Wall time to wait for each later answer."""
+ANSWER_TIMEOUT_S = 20.0
+"""Wall time to wait for each later answer: an overloaded machine can leave the autopilot without a
+processor for more than 5 s."""
 FREE_RUN_S = 0.02
 """Repetition period of frames before the first answer, and while the vehicle is disarmed."""
 RESEND_S = 0.1
@@ -51,7 +52,7 @@ class Lockstep:
         Raises
         ------
         AutopilotTimeoutError
-            No answer arrives within 60 s at first, or within 5 s later.
+            No answer arrives within 60 s at first, or within 20 s later.
         LinkLostError
             The link is closed and cannot be opened again.
         """

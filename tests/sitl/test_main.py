@@ -1,5 +1,6 @@
 """Options of the command ``sitl`` that need no autopilot."""
 
+import os
 import sys
 from importlib.metadata import version
 
@@ -38,3 +39,17 @@ def test_speed_outside_range_is_bad_input(
 ) -> None:
     assert run(monkeypatch, "--speed", "0") == BAD_INPUT
     assert "--speed 0: expected a number from 0.01 to 10000, or max" in capsys.readouterr().err
+
+
+def test_no_compile_without_machine_code_starts_again_in_python(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def restart(program: str, arguments: list[str]) -> None:
+        assert arguments == [program, "-m", "sitl", "--no-compile"]
+        assert os.environ["NUMBA_DISABLE_JIT"] == "1"
+        sys.exit("started again")
+
+    monkeypatch.setattr("sitl.app.needs_compiler", lambda: True)
+    monkeypatch.setattr(os, "execv", restart)
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
+    assert run(monkeypatch, "--no-compile") == "started again"
