@@ -80,7 +80,7 @@ class ShownDive:
         self._texts: deque[ReceivedText] = deque(maxlen=MAX_TEXTS)
         self._origin: plan.Origin | None = None
         self._began_s = self._panel_s = wall_s()
-        self._rated = 0.0, LinkCounts()
+        self._rated = self._began_s, LinkCounts()
         self._rates = 0.0, 0.0
         self._panel: dict[str, Any] | None = None
         self._time_s = -math.inf
@@ -167,11 +167,10 @@ class ShownDive:
         """Return the state of the link and its rates over the last panel period."""
         span_s, before = now_s - self._rated[0], self._rated[1]
         if span_s > 2.0 * PANEL_PERIOD_S:
-            if self._rated[0]:
-                self._rates = (
-                    (self.counts.messages - before.messages) / span_s,
-                    (self.counts.received_bytes - before.received_bytes) / span_s / 1e3,
-                )
+            self._rates = (
+                (self.counts.messages - before.messages) / span_s,
+                (self.counts.received_bytes - before.received_bytes) / span_s / 1e3,
+            )
             self._rated = now_s, self.counts
         silent_s = now_s - (heartbeat.at_s if heartbeat else self._began_s)
         if self.ended:
