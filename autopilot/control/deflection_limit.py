@@ -7,6 +7,9 @@ the command without the rate, of accelerometer and magnetometer, is::
 
     u_c = P (e - e_a) + I + trim + feedforward
 
+For an LQG controller it is the command itself minus P e_a, with P its gain from a set-point of the
+angle to the command, which contains the rate.
+
 A command above ``REDUCED`` of the travel is *confirmed* if u_c has its sign and at least
 ``CONFIRMED`` of the travel: then two sensors ask for it, as in a turn towards a new heading.
 Otherwise gyro or accelerometer and magnetometer are wrong or not used (e_a is NaN), or the rate

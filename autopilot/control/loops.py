@@ -61,8 +61,8 @@ class HeadingLoopResult(NamedTuple):
     integral_rad: float
     reference: ReferenceState
     observer: ObserverState | None
-    static_rad: float
-    """Rudder without the rate term; the whole of an LQG controller."""
+    confirming_rad: float
+    """Rudder that accelerometer and magnetometer ask for (``deflection_limit``)."""
 
 
 class YawReference(NamedTuple):
@@ -86,8 +86,8 @@ class DepthLoopResult(NamedTuple):
     depth_integral_rad: float
     reference: ReferenceState
     observer: ObserverState | None
-    static_rad: float
-    """Elevator without the rate term; the whole of an LQG controller."""
+    confirming_rad: float
+    """Elevator that the accelerometer asks for (``deflection_limit``)."""
 
 
 class DepthReference(NamedTuple):
@@ -252,19 +252,16 @@ def _combine(
             elevator, elevator_lead = reference_model.lead(
                 elevator, memory.elevator_lead, config.servo, dt_s
             )
-    _, elevator_error, rudder_error = estimate.attitude_error_rad
-    rudder_gain = scheduled_gains(config.heading_gains, estimate, config).p if heading else 0.0
-    elevator_gain = scheduled_gains(config.pitch_gains, estimate, config).p if depth else 0.0
     rudder, rudder_full_s = deflection_limit.limit_deflection(
         rudder,
-        heading_result.static_rad - rudder_gain * rudder_error,
+        heading_result.confirming_rad,
         memory.rudder_full_s,
         config.travel_rad,
         dt_s,
     )
     elevator, elevator_full_s = deflection_limit.limit_deflection(
         elevator,
-        depth_result.static_rad - elevator_gain * elevator_error,
+        depth_result.confirming_rad,
         memory.elevator_full_s,
         config.travel_rad,
         dt_s,
@@ -368,7 +365,8 @@ def heading_pid(
         travel - trim_rad,
     )
     static_rad = trim_rad + gains.p * yaw.error_rad + integral
-    return HeadingLoopResult(rudder + trim_rad, integral, yaw.reference, None, static_rad)
+    confirming_rad = static_rad - gains.p * estimate.attitude_error_rad[2]
+    return HeadingLoopResult(rudder + trim_rad, integral, yaw.reference, None, confirming_rad)
 
 
 def heading_lqg(
@@ -400,7 +398,10 @@ def heading_lqg(
         controllers.heading, observer, (yaw.yaw_rate_radps, heading_rad), target
     )
     rudder += trim_rad
-    return HeadingLoopResult(rudder, memory.heading_integral_rad, yaw.reference, observer, rudder)
+    confirming_rad = rudder - controllers.heading.forward[1] * estimate.attitude_error_rad[2]
+    return HeadingLoopResult(
+        rudder, memory.heading_integral_rad, yaw.reference, observer, confirming_rad
+    )
 
 
 def scheduled_controllers(config: Config, estimate: VehicleEstimate) -> LqgControllers | None:
@@ -445,6 +446,7 @@ def depth_pids(
         -travel - rest,
         travel - rest,
     )
+    static_rad = rest + gains.p * error_rad + pitch_integral
     return DepthLoopResult(
         elevator + rest,
         pitch_setpoint,
@@ -452,7 +454,7 @@ def depth_pids(
         depth_integral,
         depth.reference,
         None,
-        rest + gains.p * error_rad + pitch_integral,
+        static_rad - gains.p * estimate.attitude_error_rad[1],
     )
 
 
@@ -502,7 +504,7 @@ def depth_lqg(
         memory.depth_integral_rad,
         depth.reference,
         observer,
-        elevator,
+        elevator - controllers.depth.forward[1] * estimate.attitude_error_rad[1],
     )
 
 

@@ -24,7 +24,8 @@ RESTARTS, MIN_IMPROVEMENT = 3, 0.005
 """Maximum number of restarts, and the relative improvement that a restart must give."""
 GAIN_RANGE = (6e-6, 400.0)
 """Least and largest value of a free gain; parameters of the autopilot have ranges of their own."""
-_PARAMETERS = {row.name: row for row in PARAMETERS}
+PARAMETER_RANGES = {row.name: (row.minimum, row.maximum) for row in PARAMETERS}
+"""Least and largest value of each parameter of the autopilot."""
 COBYQA_OPTIONS = {"initial_tr_radius": 0.3, "final_tr_radius": 3e-3, "maxfev": 120}
 """Trust-region radii in the logarithm of the gains, and evaluations per search."""
 
@@ -146,9 +147,8 @@ def _minimise_from(start: Mapping[str, float], search: ConstrainedProblem) -> _E
 
 def _range(name: str) -> tuple[float, float]:
     """Return the least and the largest value of a free gain."""
-    least, largest = GAIN_RANGE
-    info = _PARAMETERS.get(name)
-    return (max(least, info.minimum), min(largest, info.maximum)) if info else GAIN_RANGE
+    minimum, maximum = PARAMETER_RANGES.get(name, GAIN_RANGE)
+    return max(GAIN_RANGE[0], minimum), min(GAIN_RANGE[1], maximum)
 
 
 def _max_violation(violations: ConstraintViolation) -> float:

@@ -6,10 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from autopilot.control import params
 from sysid.control_analysis import root_locus
 from sysid.design import constraints
-from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
+from sysid.design.constrained_search import CONSTRAINT_TOLERANCE, PARAMETER_RANGES
 from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import DesignModel
 from sysid.design.initial import loop_structure as shape
@@ -19,8 +18,6 @@ from sysid.design.specification import DesignInfeasibleError
 
 Array = NDArray[np.float64]
 
-MAX_GAINS = {parameter.name: parameter.maximum for parameter in params.PARAMETERS}
-"""Largest value of each parameter of the autopilot."""
 STEP = 1.04
 """Ratio of neighbouring gains on a locus."""
 TURN_FACTORS = STEP ** np.arange(-72.0, 20.0)
@@ -114,7 +111,7 @@ def _select_max_gain(
         point
         for point in candidates
         if max(point.violations.values()) <= CONSTRAINT_TOLERANCE
-        and all(value <= MAX_GAINS[name] for name, value in point.gains.items())
+        and all(value <= PARAMETER_RANGES[name][1] for name, value in point.gains.items())
     ]
     if not feasible:
         least_violations = min(
@@ -124,8 +121,8 @@ def _select_max_gain(
         worst, violation = max(least_violations.items(), key=lambda item: item[1])
         if violation <= CONSTRAINT_TOLERANCE:
             raise DesignInfeasibleError(
-                f"no gains meet the specification: {gain} would exceed {MAX_GAINS[gain]:g}, the"
-                " largest value of the autopilot"
+                f"no gains meet the specification: {gain} would exceed"
+                f" {PARAMETER_RANGES[gain][1]:g}, the largest value of the autopilot"
             )
         raise DesignInfeasibleError(
             f"no gains meet the specification: the best ones violate the {worst} by"

@@ -122,6 +122,25 @@ def test_command_stays_within_travel_with_trim() -> None:
     assert abs(wanted) == pytest.approx(math.radians(15.0))
 
 
+@pytest.mark.parametrize("pid_gain", [0.0, 2.0])
+@pytest.mark.parametrize(("attitude_error_deg", "share"), [(0.0, 1.0), (12.0, 0.8)])
+def test_full_command_is_confirmed_with_the_gain_of_the_controller(
+    pid_gain: float, attitude_error_deg: float, share: float
+) -> None:
+    """u_c = 15 deg - 0.85 e_a: 4.8 deg at 12 deg, below 70 % of the travel of 15 deg."""
+    config = Config(lqg_controllers=CONTROLLERS, heading_p=pid_gain)
+    seen = VehicleEstimate(
+        speed_mps=1.3, attitude_error_rad=(0.0, 0.0, math.radians(attitude_error_deg))
+    )
+    memory, asked = LoopMemory(), Setpoint(heading_rad=3.0)
+    for _ in range(50):
+        wanted, memory = loops.step_loops(
+            seen, asked, memory, config, 0.02, heading=True, depth=False
+        )
+    assert TURNS.forward[1] == pytest.approx(0.85)
+    assert wanted.rudder_rad == pytest.approx(share * config.travel_rad)
+
+
 def test_depth_error_is_limited_by_pitch_limit() -> None:
     config, seen = (
         Config(lqg_controllers=CONTROLLERS, pitch_limit_deg=20.0),
