@@ -69,6 +69,11 @@ class DiveRecords:
         except OSError:
             return None
 
+    def attempts(self, name: str) -> int:
+        """Return how often a dive ended with a failsafe; each one has a record of its own."""
+        with self._lock:
+            return sum(key.startswith(f"{name}, attempt ") for key in self._records)
+
     def add(self, name: str, request_sha256: str, result: FlightResult) -> DiveRecord:
         """Record a finished dive, whose log is closed."""
         record = DiveRecord(

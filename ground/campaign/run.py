@@ -77,9 +77,12 @@ PRELOADED_MODULES = (
 """Modules of the computations, which the worker loads during the trim flight."""
 REPORT_MODULES = ("ground.report.page", "control")
 """Modules of the report, which the worker loads during the tests."""
-MAX_REPETITIONS, SMALLER_TESTS = 2, 0.6
+MAX_REPETITIONS, SMALLER_TESTS = 3, 0.6
 """Number of repetitions of an identification dive that ends with a failsafe, and the factor on the
-size of its tests. The flown vehicle can turn more tightly than the one of the vehicle file."""
+size of its tests and on the pitch that ends them. The flown vehicle can turn more tightly than the
+one of the vehicle file; an unstable one reaches the largest pitch with a test of any size."""
+PITCH_LIMIT, PITCH_LIMIT_DEG = "SID_PITCH_MAX", 35.0
+"""Parameter of the pitch that ends a test, and its default in the autopilot (deg)."""
 MAX_ANGLE_DEG = 90.0
 """Largest size of a test (deg): without effect, because tests are only made smaller."""
 _PACKAGES = ("numpy", "scipy", "numba", "control", "mcap", "pymavlink")
@@ -351,15 +354,17 @@ class Campaign:
         Raises OperationError after a failsafe of another dive, or of the last repetition.
         """
         name = f"{stage}/{mission}"
-        for _ in range(MAX_REPETITIONS if stage == "identification" else 0):
-            failsafe = self._fly_once(stage, mission, parameters)
+        repetitions = MAX_REPETITIONS if stage == "identification" else 0
+        for number in range(min(self._records.attempts(name), repetitions), repetitions):
+            failsafe = self._fly_once(stage, mission, _limit_pitch(parameters, number))
             if not failsafe:
                 return
             self.announce(
-                f"{name}: {failsafe}; repeating it with tests of {SMALLER_TESTS:g} times the size"
+                f"{name}: {failsafe}; repeating it with tests and largest pitch of"
+                f" {SMALLER_TESTS:g} times the size"
             )
             self._shrink_tests(mission)
-        if failsafe := self._fly_once(stage, mission, parameters):
+        if failsafe := self._fly_once(stage, mission, _limit_pitch(parameters, repetitions)):
             raise OperationError(f"{name}: {failsafe}")
 
     def _shrink_tests(self, mission: str) -> None:
@@ -397,8 +402,7 @@ class Campaign:
             follower=listener,
         )
         if outcome.failsafes:
-            attempt = 1 + sum(key.startswith(f"{name}, attempt") for key in self.outcomes)
-            failed = f"{name}, attempt {attempt}"
+            failed = f"{name}, attempt {self._records.attempts(name) + 1}"
             self.outcomes[failed] = self._records.add(failed, request_sha256, outcome)
             return outcome.failsafes[0]
         self.outcomes[name] = self._records.add(name, request_sha256, outcome)
@@ -600,6 +604,14 @@ def _campaign_toml(request: CampaignRequest, scaled: Sequence[str]) -> str:
         f"{package} = {json.dumps(importlib.metadata.version(package))}" for package in _PACKAGES
     ]
     return "\n".join(lines) + "\n"
+
+
+def _limit_pitch(parameters: Mapping[str, float], repetition: int) -> dict[str, float]:
+    """Return the parameters of a repetition, in which a smaller pitch ends a test."""
+    if repetition == 0:
+        return dict(parameters)
+    limit_deg = parameters.get(PITCH_LIMIT, PITCH_LIMIT_DEG) * SMALLER_TESTS**repetition
+    return {**parameters, PITCH_LIMIT: round(limit_deg, 1)}
 
 
 def _not_designed(designed: Mapping[str, float], flown: Mapping[str, float]) -> dict[str, float]:

@@ -221,15 +221,17 @@ def test_campaign_failed_dive_ends_it(tmp_path: Path, monkeypatch: pytest.Monkey
     assert multiprocessing.active_children() == []
 
 
-@pytest.mark.parametrize(("largest_deg", "attempts"), [(5.0, 1), (3.0, 2), (0.1, 3)])
+@pytest.mark.parametrize(("largest_deg", "attempts"), [(5.0, 1), (3.0, 2), (0.1, 4)])
 def test_dive_with_tests_is_repeated_with_smaller_ones_after_a_failsafe(
     largest_deg: float, attempts: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The shipped rudder sweeps have tests of 4, 7 and 5 deg; here their first one is too large."""
     sizes: list[float] = []
+    pitches: list[float] = []
 
     def fly(dive: Any, *_: object, **__: object) -> FlightResult:
         sizes.append(next(item.p2 for item in dive.items if item.command == MavCmd.USER_1))
+        pitches.append(dive.parameters.get("SID_PITCH_MAX", 35.0))
         dive.log.write_bytes(b"")
         failsafes = ("Failsafe: pitch 60 deg",) if sizes[-1] > largest_deg else ()
         return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
@@ -238,10 +240,31 @@ def test_dive_with_tests_is_repeated_with_smaller_ones_after_a_failsafe(
     monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
     campaign = Campaign(CampaignRequest(tmp_path), lambda name, at: None, lambda words: None)
     campaign._records = DiveRecords(tmp_path)
-    with nullcontext() if attempts < 3 else pytest.raises(OperationError, match="pitch 60"):
+    with nullcontext() if attempts < 4 else pytest.raises(OperationError, match="pitch 60"):
         campaign._fly("identification", "rudder_sweeps", {})
     assert sizes == pytest.approx([4.0 * 0.6**n for n in range(attempts)], abs=0.11)
+    assert pitches == pytest.approx([35.0 * 0.6**n for n in range(attempts)], abs=0.06)
     assert campaign._totals().vehicle_s == 10.0 * attempts
+
+
+def test_resumed_dive_continues_with_the_pitch_of_its_repetition(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pitches: list[float] = []
+
+    def fly(dive: Any, *_: object, **__: object) -> FlightResult:
+        pitches.append(dive.parameters.get("SID_PITCH_MAX", 35.0))
+        dive.log.write_bytes(b"")
+        failsafes = ("Failsafe: pitch 60 deg",) if pitches[-1] > 30.0 else ()
+        return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
+
+    monkeypatch.setattr(run, "fly_simulated", fly)
+    monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
+    for _ in range(2):
+        campaign = Campaign(CampaignRequest(tmp_path), lambda name, at: None, lambda words: None)
+        campaign._records = DiveRecords(tmp_path)
+        campaign._fly("identification", "rudder_sweeps", {})
+    assert pitches == [35.0, 21.0]
 
 
 def test_campaign_folder_with_other_files_refused(tmp_path: Path) -> None:
