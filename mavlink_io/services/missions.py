@@ -264,7 +264,7 @@ class _Upload(Exchange[None]):
         elif name != "MISSION_ACK":
             self._send_requested(message.seq)
         elif message.type != ACCEPTED:
-            position = "" if self._requested_item is None else f" at item {self._requested_item}"
+            position = "" if self._requested_item is None else f" after item {self._requested_item}"
             plan, result = _PLAN_NAMES[self._type], _result_name(message.type)
             self._fail(f"the vehicle refused the {plan}{position}: {result}")
         elif not self._items or self._requested_item == len(self._items) - 1:

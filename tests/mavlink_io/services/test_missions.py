@@ -205,7 +205,7 @@ def test_mission_altitude_above_water_is_refused(frame: int) -> None:
     sea.run(sea.client.upload(leg(2)))
     plan = [*leg(1), MissionItem(1, frame, 16, z=3.0)]
     with pytest.raises(
-        ExchangeError, match="refused the mission at item 1: MAV_MISSION_INVALID_PARAM7"
+        ExchangeError, match="refused the mission after item 1: MAV_MISSION_INVALID_PARAM7"
     ):
         sea.run(sea.client.upload(plan))
     assert sea.store.texts == ["Mission item 1: altitude 3 m; depth is given as <= 0"]
