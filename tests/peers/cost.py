@@ -20,9 +20,7 @@ from tests.helpers.subprocesses import Process, free_port, process
 from tests.peers.ardupilot import ArduPilot
 from tests.peers.px4 import Px4
 
-ARDUPILOT_HZ = (250, 400, 1200)
-PX4_HZ = (250, 400, 1000)
-"""Steps of whole microseconds, as the simulator demands of PX4's rate."""
+RATES_HZ = (250, 400, 1200)
 CORE = 0
 NS_PER_MS = 1e6
 
@@ -67,9 +65,9 @@ def px4_cost(rate_hz: int, seconds: int) -> str:
 def main(seconds: int) -> None:
     """Print a table of both autopilots at each rate."""
     print("| autopilot | rate | median | minimum |\n|---|---|---|---|")
-    for rate_hz in ARDUPILOT_HZ:
+    for rate_hz in RATES_HZ:
         print(f"| ArduPilot | {rate_hz} Hz | {ardupilot_cost(rate_hz, seconds)} |", flush=True)
-    for rate_hz in PX4_HZ:
+    for rate_hz in RATES_HZ:
         print(f"| PX4 | {rate_hz} Hz | {px4_cost(rate_hz, seconds)} |", flush=True)
     print(f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
 

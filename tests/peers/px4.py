@@ -54,7 +54,7 @@ class Px4:
         self.sensor_ids: set[int] = set()
         self._send(
             self._mavlink.heartbeat_encode(
-                mavlink.MAV_TYPE_SUBMARINE, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 0
+                mavlink.MAV_TYPE_GENERIC, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 0
             )
         )
         self.ask_for_truth(TRUTH_INTERVAL_US)

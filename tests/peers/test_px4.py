@@ -203,6 +203,20 @@ def test_without_lockstep_wait_is_one_step(px4: Px4) -> None:
     )
 
 
+@pytest.mark.parametrize(("rate_hz", "step_us"), [(400, 2500), (1200, 833)])
+def test_step_is_that_of_the_rate_option(rate_hz: int, step_us: int) -> None:
+    """PX4 requests no rate: it sets its clock to each HIL_SENSOR, so that every step will do."""
+    port = free_port(SOCK_STREAM)
+    address, rate = f"tcpin:127.0.0.1:{port}", str(rate_hz)
+    options = ("--autopilot", "px4", "--hil", address, "--speed", "max", "--rate", rate)
+    with process("-m", "sitl", *options), closing(Px4(port)) as px4:
+        instants = list(px4.fly(rate_hz))
+    assert steps_us(instants) == {step_us}
+    updated = [instant.sensor.fields_updated for instant in instants]
+    assert all(bits & 0x3F == 0x3F for bits in updated)
+    assert sum(bool(bits & GROUPS["baro"]) for bits in updated) == 50, "50 Hz"
+
+
 @pytest.fixture(scope="module")
 def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     """One simulator with options: at depth, 100 Hz, assigned outputs, true pose as vision."""

@@ -20,7 +20,7 @@ from sitl.backends.servo_outputs import OutputsError, controls_from_outputs, par
             BackendOptions("caribou", outputs="1,2,3"),
             "--outputs: only with --autopilot px4 or ardupilot",
         ),
-        (BackendOptions("px4", rate_hz=300), "--rate 300: expected steps of whole microseconds"),
+        (BackendOptions("px4", rate_hz=1201), "--rate 1201: expected 50 to 1200 Hz"),
         (BackendOptions("px4", rate_hz=0), "--rate 0: expected"),
         (BackendOptions("px4", rate_hz=10), "--rate 10: expected"),
         (
