@@ -1,4 +1,4 @@
-"""Requirements of Cockpit, message by message, after its source of July 2026.
+"""Requirements of Cockpit, message by message, after its source of August 2026.
 
 Source: github.com/bluerobotics/cockpit, commit aa40c07; files and lines below are of that commit,
 ``vehicle.ts`` is src/libs/vehicle/mavlink/vehicle.ts. Cockpit needs ``--autopilot-id ardupilot``:
@@ -298,6 +298,39 @@ def test_mission_buttons_start_and_pause(cockpit: Harness) -> None:
     assert only(received, "HEARTBEAT").custom_mode == AUTO
     assert displayed(cockpit)["MISSION_CURRENT"].seq == 2, "home and speed are passed at once"
     assert result(set_mode(cockpit, POSHOLD)) == ACCEPTED
+
+
+def test_mission_skips_and_restarts_and_its_speed_changes(cockpit: Harness) -> None:
+    """``setMissionCurrent`` (vehicle.ts:1608), ``setCruiseSpeed`` (:1617), both during a mission.
+
+    mission.ts:615 skips to an item, :627 restarts at item 1, :651 changes the speed.
+    """
+    upload(cockpit)
+    assert result(command(cockpit, 400, 1)) == ACCEPTED
+    assert result(command(cockpit, 300, 0, 0)) == ACCEPTED
+    for sequence, shown in ((2, 2), (1, 2)):  # item 1 is a speed, which is passed at once
+        assert result(command(cockpit, 224, sequence)) == ACCEPTED
+        assert displayed(cockpit)["MISSION_CURRENT"].seq == shown
+    assert result(command(cockpit, 178, 1, 1.2, -1, 0)) == ACCEPTED
+    assert displayed(cockpit)["HEARTBEAT"].custom_mode == AUTO
+    assert result(set_mode(cockpit, POSHOLD)) == ACCEPTED  # mission.ts:626, "stop mission"
+    assert result(command(cockpit, 224, 1)) == ACCEPTED
+    assert displayed(cockpit)["HEARTBEAT"].custom_mode == POSHOLD
+
+
+def test_system_time_is_ignored_and_camera_refused(cockpit: Harness) -> None:
+    """``sendSystemTime`` (vehicle.ts:783), every 10 s; predefined-resources.ts:102 and :128."""
+    assert cockpit.ask(mavlink.MAVLink_system_time_message(1_770_000_000_000_000, 10_000)) == []
+    for camera in (mavlink.MAV_CMD_SET_CAMERA_ZOOM, mavlink.MAV_CMD_SET_CAMERA_FOCUS):
+        assert result(command(cockpit, camera, 1, 0.5)) == mavlink.MAV_RESULT_UNSUPPORTED
+
+
+def test_refusal_is_shown_as_text(cockpit: Harness) -> None:
+    """vehicle.ts:481 shows the text of each STATUSTEXT by itself, also the parts of a long one."""
+    received = command(cockpit, 176, 1, 1)
+    parts = [m.text for m in received if m.get_type() == "STATUSTEXT"]
+    assert parts, "a mode that the vehicle does not have"
+    assert all(parts)
 
 
 def test_home_is_set_and_fetched(cockpit: Harness) -> None:
