@@ -35,8 +35,9 @@ from mavlink_io.mission_items import (
     MissionItem,
 )
 
-_FORCE = 21_196
-"""Value of COMPONENT_ARM_DISARM.param2 that skips the checks."""
+_FORCE, _FORCE_ARM = 21_196, 2_989
+"""Values of COMPONENT_ARM_DISARM.param2 that skip the checks; the second, which ArduPilot's tools
+and QGroundControl send, when arming only."""
 _PAUSE, _CONTINUE = 0, 1
 """Values of DO_PAUSE_CONTINUE.param1."""
 _CHANGE_MODE, _COUNTER_CLOCKWISE = 1, 1
@@ -47,11 +48,10 @@ _HEADING_ALONG_CIRCLE = (3, 5)
 
 def arm(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
     """COMPONENT_ARM_DISARM: arm (1) or disarm (0); param2 = 21196 skips the checks."""
-    force = command.p2 == _FORCE
     if command.p1 == 1:
-        return context.ask(requests.Arm(force))
+        return context.ask(requests.Arm(command.p2 in (_FORCE, _FORCE_ARM)))
     if command.p1 == 0:
-        return context.ask(requests.Disarm(force))
+        return context.ask(requests.Disarm(command.p2 == _FORCE))
     return context.refuse(DENIED, f"Arming: param1 is {command.p1:g}, must be 1 or 0")
 
 

@@ -103,6 +103,15 @@ def test_arming_is_acknowledged_and_in_heartbeat(qgc: Connection) -> None:
     assert only(received, "HEARTBEAT").base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
+def test_force_arm_overrides_a_refusal(qgc: Connection) -> None:
+    """``Vehicle::forceArm``: param2 is 2989, also to PX4."""
+    qgc.ask(mavlink.MAVLink_param_set_message(1, 1, b"RTL_DEPTH_M", 2000.0, 9))
+    refused = only(qgc.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1), "COMMAND_ACK")
+    assert refused.result != mavlink.MAV_RESULT_ACCEPTED
+    received = qgc.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, 2989)
+    assert only(received, "HEARTBEAT").base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
 @pytest.mark.parametrize(
     "mode", [modes.MISSION, modes.RTL, modes.SURFACE, modes.MANUAL, modes.DEPTH]
 )

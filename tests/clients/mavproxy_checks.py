@@ -119,12 +119,17 @@ def receives_the_parameters(p: Person) -> None:
     equal(wrong, [], "parameters that are shown wrong")
 
 
+def set_parameter(p: Person, name: str, value: float) -> None:
+    """Set a parameter and fetch it until it is set: MAVProxy sets in the background."""
+    p.console.type_line(f"param set {name} {value:g}")
+    for _ in range(40):
+        if float(p.ask(f"param fetch {name}", rf"{name} = ([\d.]+)")[1]) == value:
+            return
+    raise RefutedError(f"{name} is not {value:g}")
+
+
 def sets_a_parameter(p: Person) -> None:
-    p.console.type_line("param set HDG_P 0.75")
-    for _ in range(40):  # MAVProxy sets in the background, in its own time
-        if float(p.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)")[1]) == 0.75:
-            break
-    equal(float(p.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)")[1]), 0.75, "HDG_P")
+    set_parameter(p, "HDG_P", 0.75)
     p.console.type_line(f"param set HDG_P {DEFAULTS['HDG_P']}")
 
 
@@ -198,6 +203,15 @@ def arms_and_disarms(p: Person) -> None:
     p.ask("mode HOLD", "HOLD")
     p.ask("arm throttle", "^(?:.*> )?ARMED")
     p.ask("disarm", "DISARMED")
+
+
+def arms_by_force_against_a_broken_rule(p: Person) -> None:
+    """Check ``arm throttle force``: RTL_DEPTH_M must be at most FS_DEPTH_M."""
+    set_parameter(p, "RTL_DEPTH_M", 5999.0)
+    p.ask("arm throttle", "RTL_DEPTH_M = 5999: must be at most FS_DEPTH_M")
+    p.ask("arm throttle force", "^(?:.*> )?ARMED")
+    p.ask("disarm force", "DISARMED")
+    set_parameter(p, "RTL_DEPTH_M", DEFAULTS["RTL_DEPTH_M"])
 
 
 def starts_the_mission(p: Person) -> None:
@@ -404,6 +418,7 @@ EVERY: list[Check] = [
     unsupported_mission_command_is_refused,
     fence_and_rally_lists_are_empty,
     arms_and_disarms,
+    arms_by_force_against_a_broken_rule,
     starts_the_mission,
     dives,
     *(stream(name) for name in SENSES),

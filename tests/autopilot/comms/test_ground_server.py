@@ -184,6 +184,26 @@ def test_disarming_under_water_requires_force(harness: Harness) -> None:
     assert not harness.vehicle.state.armed
 
 
+@pytest.mark.parametrize(
+    ("param2", "is_armed"), [(0, False), (1, False), (2988, False), (2989, True), (21196, True)]
+)
+def test_arming_with_a_broken_rule_requires_force(
+    harness: Harness, param2: int, is_armed: bool
+) -> None:
+    """MAVLink has 21196; MAVProxy, Mission Planner and QGroundControl send ArduPilot's 2989."""
+    harness.tick(10)
+    harness.ask(mavlink.MAVLink_param_set_message(1, 1, b"RTL_DEPTH_M", 2000.0, 9))
+    harness.command(400, 1, param2)
+    assert harness.vehicle.state.armed == is_armed
+
+
+def test_disarming_under_water_ignores_force_of_arming(harness: Harness) -> None:
+    harness.command(400, 1)
+    harness.command(176, 1, 2)
+    harness.tick(200, depth_m=5.0)
+    assert result(harness.command(400, 0, 2989)) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+
+
 @pytest.mark.parametrize("value", [NAN, 2.0, -1.0])
 def test_arm_disarm_other_parameter_is_denied(harness: Harness, value: float) -> None:
     assert result(harness.command(400, value)) == mavlink.MAV_RESULT_DENIED
