@@ -124,6 +124,49 @@ def between_processes(channel: ModemChannel, ground_port: int) -> Iterator[str]:
             thread.join()
 
 
+@contextlib.contextmanager
+def tcp_server(port: int) -> Iterator[int]:
+    """Join a UDP port to a TCP server for one client, as programs for serial modems do.
+
+    Yields the port of the server. Bytes that are received at once are a packet of the modem.
+    """
+    stop, period_s = threading.Event(), 0.05
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link,
+        socket.create_server(("127.0.0.1", 0)) as server,
+        selectors.DefaultSelector() as selector,
+    ):
+        link.bind(("127.0.0.1", port))
+        for end in (link, server):
+            selector.register(end, selectors.EVENT_READ)
+
+        def relay() -> None:
+            peer = client = None
+            while not stop.is_set():
+                for key, _ in selector.select(period_s):
+                    if key.fileobj is server:
+                        client, _ = server.accept()
+                        selector.register(client, selectors.EVENT_READ)
+                    elif key.fileobj is link:
+                        data, peer = link.recvfrom(65536)
+                        if client:
+                            client.sendall(data)
+                    elif client and (data := client.recv(65536)):
+                        if peer:
+                            link.sendto(data, peer)
+                    elif client:
+                        selector.unregister(client)
+                        client = client.close()
+
+        thread = threading.Thread(target=relay)
+        thread.start()
+        try:
+            yield server.getsockname()[1]
+        finally:
+            stop.set()
+            thread.join()
+
+
 def frames(packets: list[tuple[float, bytes]]) -> list[tuple[float, Frame]]:
     """Return time and frame of everything that was sent."""
     framer = Framer()

@@ -1,6 +1,7 @@
 """A vehicle behind a modem: real programs on a channel of seconds, with losses, half duplex."""
 
 import contextlib
+import json
 import threading
 import time
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.control import modes
-from tests.helpers.modem import ModemChannel, between_processes
+from tests.helpers.modem import ModemChannel, between_processes, tcp_server
 from tests.helpers.subprocesses import Finished, free_port, process, vehicle
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(1200)]
@@ -115,3 +116,29 @@ def test_vehicle_is_commanded_over_a_lossy_half_duplex_modem(
         ends = modem.channel.vehicle, modem.channel.ground
         print(f"packets of vehicle and ground: {[len(end.sent) for end in ends]},", end=" ")
         print(f"collisions: {[end.collisions for end in ends]}")
+
+
+def test_mavsdk_commands_a_vehicle_over_a_modem(
+    modem: Modem, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """MAVSDK finds the vehicle by HIGH_LATENCY2; its timeout is set to that of the modem.
+
+    By TCP: on a serial line it sends a heartbeat a second (mavsdk_impl.cpp), which fills the modem;
+    over UDP it forgets an address that has been silent for 10 s (udp_connection.cpp).
+    """
+    client = ("-m", "tests.processes.mavsdk_modem_client")
+    with (
+        tcp_server(modem.ground_port) as port,
+        process(*client, f"tcpout://127.0.0.1:{port}", str(RETRY_S)) as program,
+    ):
+        finished = program.finish(patience_s=5.0 * BUDGET_S)
+    assert finished.status == 0, finished.stderr[-3000:]
+    calls = json.loads(finished.stdout.splitlines()[-1])
+    with capsys.disabled():
+        print()
+        for method, call in calls.items():
+            print(f"MAVSDK {method}: {call['s']} s, {', '.join(call['results']) or 'found'}")
+    done = [call["results"][-1] for call in calls.values() if call["results"]]
+    assert done == ["SUCCESS"] * 4
+    commanded = [modes.HOLD.number, modes.STATION.number, modes.SURFACE.number]
+    assert modem.modes[:3] == commanded
