@@ -19,6 +19,9 @@ from tests.helpers.subprocesses import Process, free_port, process
 
 pytestmark = [pytest.mark.process, pytest.mark.client, pytest.mark.timeout(300)]
 
+UNDER_WAY_BYTES = 2000
+"""Bytes of a client after which its upload of 500 items, about 25 kB, is certainly under way."""
+
 
 class MavsdkClient:
     """MAVSDK program that executes commands."""
@@ -45,8 +48,8 @@ class Scene(NamedTuple):
     second: MavsdkClient
     mavproxy: Console
     cable: Line
-    spare_line: str
-    """Ground end of a second serial line, which has no noise and no client."""
+    spare: Line
+    """A second serial line, which has no noise and no client."""
 
 
 @contextlib.contextmanager
@@ -73,7 +76,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
         with contextlib.closing(Console(folder, cable.device["ground"], BAUD)) as mavproxy:
             mavproxy.wait_for("Detected vehicle 1:1", 30.0)
             assert [first.result(), second.result()] == ["connected", "connected"]
-            yield Scene(vehicle, first, second, mavproxy, cable, spare.device["ground"])
+            yield Scene(vehicle, first, second, mavproxy, cable, spare)
 
 
 def ask(mavproxy: Console, line_typed: str, pattern: str) -> str:
@@ -114,10 +117,14 @@ def test_two_uploads_at_once_give_complete_missions(scene: Scene) -> None:
 def test_killed_upload_keeps_old_mission_and_allows_next(scene: Scene) -> None:
     """The client is killed on the slow line, where 500 items take many seconds."""
     assert scene.first.do("upload", 4, 70) == "SUCCESS"
-    with mavsdk_client(f"serial://{scene.spare_line}:{BAUD}") as killed_client:
+    with mavsdk_client(f"serial://{scene.spare.device['ground']}:{BAUD}") as killed_client:
         assert killed_client.result() == "connected"
+        before = scene.spare.carried("ground")
         killed_client.begin("upload", 500, 2000)
-        time.sleep(2.0)
+        deadline_s = time.monotonic() + 60.0
+        while scene.spare.carried("ground") < before + UNDER_WAY_BYTES:
+            assert time.monotonic() < deadline_s, "the upload does not begin"
+            time.sleep(0.05)
         assert scene.second.do("upload", 4, 80) == "DENIED", "no upload was in progress"
         killed_client.program.kill()
     assert scene.first.do("download") == [70, 71, 72, 73]

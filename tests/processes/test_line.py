@@ -56,12 +56,17 @@ def test_byte_takes_ten_bit_times(tmp_path: Path) -> None:
         opened(cable.device["vehicle"]) as sender,
         opened(cable.device["ground"]) as receiver,
     ):
-        began_s = time.monotonic()
-        sender.write(data)
-        for count in range(288, len(data) + 1, 288):
-            assert len(receiver.read(288)) == 288
-            assert time.monotonic() - began_s > 10 * count / BAUD - 2 * QUANTUM_S
-        assert time.monotonic() - began_s < 2.0
+
+        def transfer_s() -> float:
+            began_s = time.monotonic()
+            sender.write(data)
+            for count in range(288, len(data) + 1, 288):
+                assert len(receiver.read(288)) == 288
+                assert time.monotonic() - began_s > 10 * count / BAUD - 2 * QUANTUM_S
+            return time.monotonic() - began_s
+
+        # the quickest counts: on a busy machine a transfer may wait for a core
+        assert min(transfer_s() for _ in range(3)) < 2.0
 
 
 def test_noise_has_given_rates_and_is_repeatable(tmp_path: Path) -> None:
