@@ -38,6 +38,8 @@ PATIENCE_S, RETRY_S, ATTEMPTS = 60.0, 1.5, 10
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
 BAUD = 57_600
 TOOL_S = 120.0
+LAST_ITEM_S = 5.0
+"""Time without a request after which the last item is sent again; the vehicle's is 1.5 s."""
 FTP_ATTEMPTS = 4
 LOG, MIN_LOG_BYTES = "flight.tlog", 20_000
 ITEMS = (
@@ -197,13 +199,18 @@ def write_mission(s: Session, items: list[Any]) -> int:
     def count() -> None:
         s.link.waypoint_count_send(len(items))
 
-    begun = s.ask(count, "MISSION_REQUEST_INT", lambda m: m.seq == 0)
-    deadline_s, request = time.monotonic() + PATIENCE_S, begun
+    request = s.ask(count, "MISSION_REQUEST_INT", lambda m: m.seq == 0)
+    deadline_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline_s:
-        if request is not None and request.get_type() == "MISSION_ACK":
+        name = "" if request is None else request.get_type()
+        if name == "MISSION_ACK":
             return int(request.type)
-        if request is not None and request.get_type() == "MISSION_REQUEST_INT":
-            s.link.mav.send(items[request.seq])
+        if name == "MISSION_REQUEST_INT":
+            item, sent_s = items[request.seq], time.monotonic()
+            s.link.mav.send(item)
+        elif time.monotonic() > sent_s + LAST_ITEM_S:  # the acknowledgement may be lost
+            s.link.mav.send(item)
+            sent_s = time.monotonic()
         request = s.receive(None)
     raise TimeoutError("no MISSION_ACK")
 
@@ -348,18 +355,26 @@ def tool(s: Session, program: str, *arguments: str) -> str:
     return done.stdout + done.stderr
 
 
-def ftp(s: Session, *arguments: str) -> str:
-    """Run ``mavftp``; on a noisy line again, as it asks for a list once only."""
+def ftp(s: Session, *arguments: str, shows: tuple[str, ...] = ()) -> str:
+    """Run ``mavftp``, which must show some texts; on a noisy line again, as a user would.
+
+    It asks for a list once only, and calls a list without its last answer a success.
+    """
     baud = ["--baudrate", str(BAUD)] if s.address.startswith("/") else []
+
+    def attempt() -> str:
+        shown = tool(s, "mavftp", "--device", s.address, *baud, *arguments)
+        require(all(text in shown for text in shows), shown[-300:])
+        return shown
+
     for _ in range(FTP_ATTEMPTS - 1 if s.slow else 0):
         with contextlib.suppress(RefutedError, subprocess.TimeoutExpired):
-            return tool(s, "mavftp", "--device", s.address, *baud, *arguments)
-    return tool(s, "mavftp", "--device", s.address, *baud, *arguments)
+            return attempt()
+    return attempt()
 
 
 def mavftp_lists_files(s: Session) -> None:
-    shown = ftp(s, "list", "/")
-    require("params" in shown and "logs" in shown, shown[-300:])
+    ftp(s, "list", "/", shows=("params", "logs"))
 
 
 def mavftp_downloads_a_file(s: Session) -> None:

@@ -13,7 +13,7 @@ from tests.clients.streams import SENSES
 from tests.clients.test_other_tools import LINKS as OTHER_LINKS
 
 pytestmark = [pytest.mark.process, pytest.mark.client, pytest.mark.timeout(500)]
-CHECKS = {"mavsdk": 86, "mavproxy": 65}
+CHECKS = {"mavsdk": 86, "mavproxy": 66}
 SHORT = {"mavsdk": 19, "mavproxy": 15}
 """At 0.2x, where a dive takes minutes, short lists; ``make test-clients`` runs the full lists."""
 NOISE_SPOILS = {"vehicle": 20, "ground": 1}

@@ -30,6 +30,7 @@ const COMPONENT = 190;
 const ATTEMPTS = 10; // of a request: the line may lose it or its answer
 const RETRY_MS = 1500;
 const PATIENCE_MS = 60_000;
+const LAST_ITEM_MS = 5000; // the vehicle asks again after 1.5 s
 const ACCEPTED = 0;
 const DENIED = 2;
 const UNSUPPORTED = 3;
@@ -212,14 +213,15 @@ async function upload(v, rows, missionType = 0) {
       autocontinue: 1,
     }),
   );
+  let timer; // sends the last item again: its acknowledgement may be lost
   const answer = (request) => {
-    if (request.missionType === missionType && items[request.seq]) v.send(items[request.seq]);
+    if (request.missionType !== missionType || !items[request.seq]) return;
+    clearInterval(timer);
+    timer = setInterval(() => v.send(items[request.seq]), LAST_ITEM_MS);
+    v.send(items[request.seq]);
   };
   v.on("MISSION_REQUEST_INT", answer);
   try {
-    let progress_ms = Date.now();
-    const progressed = () => (progress_ms = Date.now());
-    v.on("MISSION_REQUEST_INT", progressed);
     const over = v.next("MISSION_ACK", (ack) => ack.missionType === missionType, PATIENCE_MS);
     const count = target(new common.MissionCount(), { count: items.length, missionType, opaqueId: 0 });
     await v.send(count);
@@ -230,10 +232,10 @@ async function upload(v, rows, missionType = 0) {
       if (!begun) await v.send(count);
     }
     const ack = await over;
-    v.off("MISSION_REQUEST_INT", progressed);
     assert.ok(ack !== undefined, "no MISSION_ACK");
     return ack.type;
   } finally {
+    clearInterval(timer);
     v.off("MISSION_REQUEST_INT", answer);
   }
 }
