@@ -139,7 +139,7 @@ def download(v: Any) -> None:
 
     DroneKit sends each request of a download once (``MISSION_COUNT`` and ``MISSION_ITEM`` in
     vehicle.py), and ``download()`` cannot be called again before it has ended. The same request as
-    a message of its own begins the download anew.
+    a message of its own starts the download again.
     """
     v.commands.download()
     deadline_s = time.monotonic() + PATIENCE_S
