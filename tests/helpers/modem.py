@@ -156,7 +156,8 @@ def tcp_server(port: int) -> Iterator[int]:
                             link.sendto(data, peer)
                     elif client:
                         selector.unregister(client)
-                        client = client.close()
+                        client.close()
+                        client = None
 
         thread = threading.Thread(target=relay)
         thread.start()
