@@ -26,7 +26,7 @@ from math import sqrt
 
 import numpy as np
 
-from mavlink_io.jit import entry_point, kernel
+from mavlink_io.jit import kernel
 from sitl.vehicle import boundary, forces, runge_kutta
 from sitl.vehicle.forces import HullFlow, TailInputs
 from sitl.vehicle.model import VehicleModel
@@ -180,7 +180,7 @@ def _slope(
     out[12] += w_r_rate
 
 
-@entry_point
+@kernel
 def derivative(
     state: Vector,
     rudder_rad: float,
@@ -222,7 +222,7 @@ def derivative(
     _slope(state, tail, disturbance, water, model, out)
 
 
-@entry_point
+@kernel
 def rk4_step(
     state: Vector,
     rudder_rad: float,
@@ -274,7 +274,7 @@ def rk4_step(
         state[i] /= norm
 
 
-@entry_point
+@kernel
 def specific_force(state: Vector, rate: Vector, model: VehicleModel) -> Vector3:
     """Return the reading of an ideal accelerometer at the origin.
 
