@@ -14,6 +14,8 @@ wall_s: Callable[[], float] = time.monotonic
 class Interval:
     """A periodic wall-clock timer; periods that were missed are not caught up.
 
+    A call that comes late does not delay the next period.
+
     Parameters
     ----------
     period_s : float
@@ -27,11 +29,11 @@ class Interval:
         self._next_s = now()
 
     def due(self) -> bool:
-        """Return whether a period has passed since the last True; the first call returns True."""
-        now = self._now()
-        if now < self._next_s:
+        """Return whether a period has begun since the last call; the first call returns True."""
+        late_s = self._now() - self._next_s
+        if late_s < 0.0:
             return False
-        self._next_s = now + self._period_s
+        self._next_s += self._period_s * (late_s // self._period_s + 1.0)
         return True
 
     def hasten(self) -> None:
