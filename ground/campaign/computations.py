@@ -130,7 +130,7 @@ def prepare_report(
 
     _model_figures(out)
     analyses = page.loop_analyses(design)
-    _MARGINS[out] = page.compare_margins(_folder(out).model, analyses, gains)
+    _MARGINS[out] = page.compare_margins(_folder(out), analyses, gains)
 
 
 def compare(

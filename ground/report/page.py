@@ -35,7 +35,7 @@ from sysid.control_analysis import control_systems
 from sysid.control_analysis.control_systems import MarginsComparison
 from sysid.control_analysis.loop_transfer import Margins
 from sysid.design import design_model
-from sysid.models.model_file import IdentifiedModel
+from sysid.design.design_model import DesignModel
 from sysid.monitor import MonitorReport
 from sysid.monitor.sequential import RmsComparison, describe_agreement
 
@@ -131,12 +131,12 @@ def _page(
     missions = figures.mission_figures(campaign, list(summary.tracking))
     steps, responses, whiteness, predictions = of_model
     analyses = loop_analyses(summary.design)
-    comparisons = compared or compare_margins(model, analyses, summary.gains)
+    comparisons = compared or compare_margins(campaign, analyses, summary.gains)
     poles = {role: analysis.poles_radps for role, analysis in analyses.items()}
     shown = (*missions, *steps, *responses, *predictions, *whiteness)
     drawn = {figure.key: charts.figure_chart(figure) for figure in shown}
     drawn |= {f"poles-{loop}": charts.poles_chart(poles, loop) for loop in poles["initial"]}
-    loops = loop_charts.loop_charts(design_model.from_model(model), summary.gains)
+    loops = loop_charts.loop_charts(_design_model(campaign), summary.gains)
     drawn |= loops.charts
     drawn["estimates"] = charts.estimates_chart(summary.model.coefficients)
     drawn["posterior"] = charts.posterior_chart(summary.model.coefficients)
@@ -190,8 +190,13 @@ def loop_analyses(design: DesignSummary) -> dict[str, LoopAnalysis]:
     return {"initial": design.initial, "redesigned": design.redesigned}
 
 
+def _design_model(campaign: CampaignFolder) -> DesignModel:
+    """Return the design model of a campaign, with the vehicle file of its refit."""
+    return design_model.from_model(campaign.model, campaign.prior_config)
+
+
 def compare_margins(
-    model: IdentifiedModel,
+    campaign: CampaignFolder,
     analyses: Mapping[str, LoopAnalysis],
     gains: Mapping[str, Mapping[str, float]],
 ) -> dict[str, MarginsComparison]:
@@ -199,8 +204,8 @@ def compare_margins(
 
     Parameters
     ----------
-    model : IdentifiedModel
-        Model of the design.
+    campaign : CampaignFolder
+        Folder with the model of the design.
     analyses : Mapping
         Analysis by set of gains, with the margins that the report gives.
     gains : Mapping
@@ -211,7 +216,7 @@ def compare_margins(
     dict
         Margins by python-control and differences, by set of gains.
     """
-    vehicle = design_model.from_model(model)
+    vehicle = _design_model(campaign)
     lags = vehicle.yaw_lag, vehicle.pitch_lag
     return {
         role: control_systems.compare_margins(

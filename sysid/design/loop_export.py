@@ -11,6 +11,7 @@ import control
 import numpy as np
 from scipy.io import savemat
 
+from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis import control_systems, loop_transfer
 from sysid.control_analysis.control_systems import LoopSystem
 from sysid.control_analysis.loop_transfer import Margins
@@ -44,7 +45,9 @@ class LoopExport(NamedTuple):
     """Parameters of PID loops by name; empty for LQG."""
 
 
-def export_pid(model: IdentifiedModel, design: Design) -> LoopExport:
+def export_pid(
+    model: IdentifiedModel, design: Design, prior: VehicleConfig | None = None
+) -> LoopExport:
     """Return the loops of a PID design, with its margins confirmed by python-control.
 
     Parameters
@@ -53,6 +56,8 @@ def export_pid(model: IdentifiedModel, design: Design) -> LoopExport:
         Model of the design.
     design : Design
         Designed gains and their analysis.
+    prior : VehicleConfig, optional
+        Vehicle file of the refit; needed if that file is not shipped.
 
     Returns
     -------
@@ -64,7 +69,7 @@ def export_pid(model: IdentifiedModel, design: Design) -> LoopExport:
     MarginsDisagreeError
         A margin of the design differs from that of python-control.
     """
-    vehicle = design_model.from_model(model)
+    vehicle = design_model.from_model(model, prior)
     lags = vehicle.yaw_lag, vehicle.pitch_lag
     loops = control_systems.open_loops(vehicle.planes, lags, design.gains)
     return LoopExport(
@@ -78,7 +83,9 @@ def export_pid(model: IdentifiedModel, design: Design) -> LoopExport:
     )
 
 
-def export_lqg(model: IdentifiedModel, design: LqgDesign) -> LoopExport:
+def export_lqg(
+    model: IdentifiedModel, design: LqgDesign, prior: VehicleConfig | None = None
+) -> LoopExport:
     """Return the loops of an LQG design, with its margins confirmed by python-control.
 
     Parameters
@@ -87,6 +94,8 @@ def export_lqg(model: IdentifiedModel, design: LqgDesign) -> LoopExport:
         Model of the design.
     design : LqgDesign
         Designed controllers.
+    prior : VehicleConfig, optional
+        Vehicle file of the refit; needed if that file is not shipped.
 
     Returns
     -------
@@ -98,7 +107,7 @@ def export_lqg(model: IdentifiedModel, design: LqgDesign) -> LoopExport:
     MarginsDisagreeError
         A margin of the design differs from that of python-control.
     """
-    vehicle = design_model.from_model(model)
+    vehicle = design_model.from_model(model, prior)
     lags = vehicle.yaw_lag, vehicle.pitch_lag
     loops: dict[str, LoopSystem] = {}
     reported: dict[str, Margins] = {}

@@ -165,7 +165,7 @@ def keep(
         The model is not usable, or the gains do not meet the margins of the specification.
     """
     _check_unique(model)
-    vehicle = design_model.from_model(model)
+    vehicle = design_model.from_model(model, prior)
     gains = {name: parameters[name] for name in PARAMETERS if name in parameters}
     flown = _initial_values(vehicle, gains)
     worst, violation = max(

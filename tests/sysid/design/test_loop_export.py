@@ -4,11 +4,13 @@ import json
 from pathlib import Path
 
 import control
+import msgspec
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
 from autopilot.control import lqg_file
+from sitl.vehicle import config as vehicle_files
 from sysid.control_analysis.control_systems import MarginsDisagreeError
 from sysid.control_analysis.loop_transfer import Margins
 from sysid.design import loop_export, lqg, pid
@@ -47,6 +49,18 @@ def test_files_load_as_control_state_space(
         assert content["margins"]["rudder"]["gm_db"] == pytest.approx(expected.gm_db, abs=0.1)
         assert content["gains"]["HDG_P"] == pytest.approx(designed.gains["HDG_P"])
         assert set(content["plants"]) == {"yaw", "pitch"}
+
+
+def test_model_of_a_vehicle_file_is_exported_with_that_file(
+    model: IdentifiedModel, exported: LoopExport
+) -> None:
+    """The name of a file that is not shipped does not lead to the vehicle."""
+    own = msgspec.structs.replace(
+        model, vehicle=msgspec.structs.replace(model.vehicle, prior="own.toml")
+    )
+    vehicle = vehicle_files.load(model.vehicle.prior)
+    design = pid.redesign(own, prior=vehicle)
+    assert loop_export.export_pid(own, design, vehicle).margins == exported.margins
 
 
 def test_closed_loops_are_stable(exported: LoopExport) -> None:
