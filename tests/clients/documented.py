@@ -109,7 +109,7 @@ def _score(checks: Mapping[str, bool]) -> str:
 
 
 def failure_table(results: Results) -> str:
-    """Return the checks that failed, with client and link."""
+    """Return the checks that failed, with client and link; "none" without one."""
     rows = [
         f"| {CLIENTS[client]} | {LINKS[link]} | {name} |"
         for link, by_client in results["checks"].items()
@@ -117,6 +117,8 @@ def failure_table(results: Results) -> str:
         for name, passed in checks.items()
         if not passed
     ]
+    if not rows:
+        return "none\n"
     return "\n".join(["| tool | link | failed check |", "|---|---|---|", *rows]) + "\n"
 
 
