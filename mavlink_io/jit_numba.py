@@ -358,7 +358,7 @@ def _type_borrow(_: Any, value: Any) -> Any:
     """Type ``_borrow(record)``: the record without the reference counts of its arrays.
 
     Compiled code counts the references of every array of a record at each call that it inlines: for
-    a vehicle model that takes a fifth of a tick.
+    a vehicle model that takes a tenth of a tick.
     """
 
     def codegen(context: Any, builder: Any, typed: Any, arguments: Any) -> Any:
