@@ -74,7 +74,7 @@ const color = getComputedStyle(document.body).backgroundColor;
 dispatchEvent(new Event('afterprint'));
 return { charts: result, apart, color };
 """
-"""With the style of print: what keeps each chart with its heading on one sheet."""
+"""Charts with their headings, as printed; texts that a sheet may separate from their charts."""
 SHEET_PX = (688.0, 1010.0)
 """A4 less margins of 14 mm, at 96 px per inch."""
 

@@ -227,7 +227,7 @@ def redesign(
     """
     _check_fit_for_redesign(model, "redesign", force)
     with _singular_model_reported():
-        spec, vehicle = spec or specification(model, prior), read_vehicle(prior) if prior else None
+        spec, vehicle = spec or specification(model, prior), read_vehicle(prior)
         return pid.redesign(model, spec, vehicle, _initial_gains_of(model, prior))
 
 
@@ -279,9 +279,7 @@ def redesign_lqg(
     """Design an LQG controller for a model. Parameters and errors as for `redesign`."""
     _check_fit_for_redesign(model, "redesign --method lqg", force)
     with _singular_model_reported():
-        return lqg.design_lqg(
-            model, spec, read_vehicle(prior) if prior else None, _initial_gains_of(model, prior)
-        )
+        return lqg.design_lqg(model, spec, read_vehicle(prior), _initial_gains_of(model, prior))
 
 
 def _check_fit_for_redesign(model: IdentifiedModel, command: str, force: bool) -> None:
@@ -376,25 +374,25 @@ def sha256_of_model(path: Path) -> str:
     return model_file.sha256_of_model(read_model(path))
 
 
-def read_vehicle(prior: str) -> Any:
+def read_vehicle(prior: str | None) -> Any:
     """Read a vehicle file, or the vehicle of a model, for sysid.
 
     Parameters
     ----------
-    prior : str
+    prior : str, optional
         Name of a shipped vehicle, a vehicle file, or a ``model.json``.
 
     Returns
     -------
-    VehicleConfig
-        The vehicle.
+    VehicleConfig or None
+        The vehicle; None if none is named.
 
     Raises
     ------
     InputError
         The file is missing or invalid.
     """
-    return fitting.vehicle_file(prior)
+    return fitting.vehicle_file(prior) if prior else None
 
 
 def write_model(model: IdentifiedModel, path: Path) -> None:

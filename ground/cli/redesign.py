@@ -149,7 +149,7 @@ def _redesign_pid(
     from sysid.design import loop_export
 
     design = refit.redesign(model, spec, prior, force=force)
-    loops = loop_export.export_pid(model, design, refit.read_vehicle(prior) if prior else None)
+    loops = loop_export.export_pid(model, design, refit.read_vehicle(prior))
     design.write_params(out)
     text = "\n".join([summary.format_design(design, out), *_format_loops(loops, export)])
     if upload:
@@ -172,7 +172,7 @@ def _redesign_lqg(
     from sysid.design import loop_export, lqg
 
     design = refit.redesign_lqg(model, spec, prior, force=force)
-    loops = loop_export.export_lqg(model, design, refit.read_vehicle(prior) if prior else None)
+    loops = loop_export.export_lqg(model, design, refit.read_vehicle(prior))
     lqg.write(design, out)
     content = _lqg_json(design) | {
         "margins": {cut: margins._asdict() for cut, margins in loops.margins.items()}

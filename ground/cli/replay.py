@@ -60,7 +60,7 @@ def replay(
         raise InputError("--params: is missing; give --params FILE or --new-controller FILE")
     parameters = param_file.load(params) if params else {}
     if model.endswith(".json"):
-        posterior = samples.read(model, refit.read_vehicle(prior) if prior else None)
+        posterior = samples.read(model, refit.read_vehicle(prior))
     else:
         posterior = priors.read(model)
     dives = ("recorded", "unchanged", "changed")

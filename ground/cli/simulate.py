@@ -90,7 +90,7 @@ def simulate(
     gain_sets = {name: param_file.load(path) for name, path in files.items()}
     items, start_s = plans.load_items(mission), wall_s()
     with progress.display("simulate", quiet=json) as display:
-        posterior = vehicle_samples.read(model, refit.read_vehicle(prior) if prior else None)
+        posterior = vehicle_samples.read(model, refit.read_vehicle(prior))
         request = study.StudyRequest(
             items=items,
             gains=gain_sets,

@@ -63,7 +63,7 @@ MODEL_ERROR_OF_CHECK = {
     "gain at crossover, 1 sd": "gain_db",
     "phase at crossover, 1 sd": "phase_deg",
 }
-"""Field of `ModelError` by the criterion whose value contains it."""
+"""Field of `StructureError` by the criterion whose value contains it."""
 STANDS_OUT = 0.5
 """Largest scatter without a test, over that with it, at which this test is named as the cause."""
 DEFAULT_SIZE_DEG = 4.0

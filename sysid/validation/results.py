@@ -111,16 +111,16 @@ class Crossover(JsonRecord, frozen=True):
     pm_sd_deg: float | None
 
 
-class ModelError(JsonRecord, frozen=True):
+class StructureError(JsonRecord, frozen=True):
     """Standard deviations of a plane by the error of the model structure alone.
 
     They are the part that further tests of the same kind leave.
     """
 
     b1_percent: float
-    """Of b1, in percent of its value."""
+    """Standard deviation of b1, in percent of its value."""
     gain_db: float | None
-    """Of gain (dB) and phase (deg) at crossover; null without a crossover."""
+    """Standard deviations of gain (dB) and phase (deg) at crossover; null without a crossover."""
     phase_deg: float | None
 
 
@@ -175,7 +175,7 @@ class PlaneValidation(JsonRecord, frozen=True):
     correction: Correction | None
     second_opinion: SecondOpinion | None = None
     """Null without a crossover."""
-    model_error: ModelError | None = None
+    model_error: StructureError | None = None
     """Null if the tests do not disagree beyond noise."""
 
 

@@ -28,10 +28,10 @@ from sysid.validation.noise_floor import NoiseFloor
 from sysid.validation.results import (
     Excess,
     FrequencyComparison,
-    ModelError,
     PlaneValidation,
     RunValidation,
     SecondOpinion,
+    StructureError,
     Whiteness,
 )
 from sysid.validation.second_opinion import ComparedTest
@@ -241,7 +241,7 @@ def _plane(
     )
 
 
-def _model_error(plane_model: _PlaneModel, gains: Mapping[str, float]) -> ModelError | None:
+def _model_error(plane_model: _PlaneModel, gains: Mapping[str, float]) -> StructureError | None:
     """Return the standard deviations by the error of the model structure alone."""
     run_scatter, plane = plane_model.model.joint.run_scatter, plane_model.plane
     if run_scatter == 0.0:
@@ -254,7 +254,7 @@ def _model_error(plane_model: _PlaneModel, gains: Mapping[str, float]) -> ModelE
 
     (b1_sd,) = crossover.propagate_sd(b1_per_s2, uncertain.z, model_error.covariance(run_scatter))
     at_crossover = crossover.crossover(uncertain, plane, gains)
-    return ModelError(
+    return StructureError(
         b1_percent=100.0 * float(b1_sd / abs(b1_per_s2(uncertain.z)[0])),
         gain_db=at_crossover.gain_sd_db if at_crossover else None,
         phase_deg=at_crossover.phase_sd_deg if at_crossover else None,

@@ -179,7 +179,7 @@ def test_observer_open_loop_is_reset() -> None:
 
 
 def test_pitch_of_level_run_is_no_error() -> None:
-    """At TRIM_PIT_DEG on its depth the vehicle needs its trim only, from the first tick on."""
+    """A vehicle at TRIM_PIT_DEG on its depth needs its trim only, from the first tick on."""
     config = Config(lqg_controllers=CONTROLLERS, level_pitch_deg=-2.0, elevator_trim_deg=0.5)
     level = VehicleEstimate(speed_mps=config.cruise_speed_mps, pitch_rad=math.radians(-2.0))
     memory, asked = LoopMemory(), Setpoint()

@@ -84,7 +84,7 @@ def test_plan_short_time_raises_with_remaining_time(bench: DesignPrior) -> None:
 def test_long_tests_of_a_plane_that_may_be_unstable_have_the_loop_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """With the loop off only 6 s are allowed, and no size stays within the limits."""
+    """No size stays within the limits: with the loop off only 6 s are allowed."""
     plane: Any = SimpleNamespace(
         plane=Plane.YAW, crossover_radps=1.0, nominal_deg=2.0, longest_s=6.0, longest_held_s=70.0
     )

@@ -18,8 +18,8 @@ from sysid.validation.results import (
     AcceptanceCheck,
     Correction,
     FrequencyComparison,
-    ModelError,
     PlaneValidation,
+    StructureError,
 )
 from sysid.validation.validate import validate
 from tests.sysid import sea
@@ -283,7 +283,7 @@ def with_phase_sd(
     model: IdentifiedModel, by_model_error_deg: float, without_run: float = 0.09
 ) -> IdentifiedModel:
     """Return the model with a phase error of 5.5 deg in yaw, of which the model error is a part."""
-    error = ModelError(b1_percent=3.0, gain_db=0.3, phase_deg=by_model_error_deg)
+    error = StructureError(b1_percent=3.0, gain_db=0.3, phase_deg=by_model_error_deg)
     changed = of_yaw(model_error=error)(within_yaw("crossover", phase_sd_deg=5.5)(model))
     joint = replace(
         changed.joint, run_scatter=0.1, deviating_run="chirps/2", run_scatter_without=without_run
