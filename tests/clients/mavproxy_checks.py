@@ -19,8 +19,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from autopilot.control.params import PARAMETERS
-from mavlink_io.services.params import as_real32
 from tests.clients.checklist import (
     RefutedError,
     close,
@@ -32,20 +30,14 @@ from tests.clients.checklist import (
 )
 from tests.clients.mavproxy_console import Console
 from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate
+from tests.clients.vehicle import DEFAULTS, FRAME_MISSION, Item, leg_items
 
-DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
 MODES = ("MANUAL", "DEPTH", "STATION", "HOLD", "RTL", "SURFACE", "STABILIZE", "MISSION")
 MISSION_MODE, STATION_MODE = 67_371_008, 196_608
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 STREAMS_COUNTED_S = 11.0
 LOG_ROW = r"Log (0) +numLogs \d+ lastLog \d+ size ([1-9]\d*)"
-ITEMS = [
-    (178, 1.0, -1.0, 58.0, 0.0),
-    (186, -4.0, 3.0, 0.0, 0.0),
-    (115, 40.0, 0.0, 0.0, 0.0),
-    (93, 1e4, -1.0, -1.0, -1.0),
-]
-"""Thrust, depth, heading and a long delay: command and first four parameters."""
+ITEMS = leg_items()
 
 
 class Person:
@@ -76,7 +68,7 @@ Check = Callable[[Person], None]
 
 
 def write_plan(
-    path: Path, items: Sequence[tuple[float, ...]], *, frame: int = 2, z: float = 0.0
+    path: Path, items: Sequence[Item], *, frame: int = FRAME_MISSION, z: float = 0.0
 ) -> Path:
     """Return a QGC WPL 110 file, as waypoint editors write it."""
     lines = [
@@ -87,9 +79,9 @@ def write_plan(
     return path
 
 
-def read_plan(path: Path) -> list[tuple[float, ...]]:
+def read_plan(path: Path) -> tuple[Item, ...]:
     rows = [line.split("\t") for line in path.read_text().splitlines()[1:]]
-    return [(int(row[3]), *(float(value) for value in row[4:8])) for row in rows]
+    return tuple(Item(int(row[3]), *map(float, row[4:8])) for row in rows)
 
 
 def detects_the_vehicle(p: Person) -> None:
@@ -184,13 +176,13 @@ def fetches_the_mission(p: Person) -> None:
 
 
 def altitude_above_water_is_refused(p: Person) -> None:
-    plan = write_plan(p.console.folder / "high.txt", [(16, 0.0, 0.0, 0.0, 0.0)], frame=3, z=5.0)
+    plan = write_plan(p.console.folder / "high.txt", [Item(16)], frame=3, z=5.0)
     p.ask(f"wp load {plan}", "MISSION_ACK: TYPE_MISSION: INVALID_PARAM7", 40.0)
     fetches_the_mission(p)
 
 
 def unsupported_mission_command_is_refused(p: Person) -> None:
-    plan = write_plan(p.console.folder / "takeoff.txt", [(22, 0.0, 0.0, 0.0, 0.0)])
+    plan = write_plan(p.console.folder / "takeoff.txt", [Item(22)])
     p.ask(f"wp load {plan}", "MISSION_ACK: TYPE_MISSION: UNSUPPORTED", 40.0)
 
 
@@ -472,7 +464,7 @@ def sets_ardusubs_modes_without_a_mode_map(p: Person) -> None:
 
 def loads_a_plan_with_home_first(p: Person) -> None:
     """Check a file as Mission Planner writes it: line 0 is home and is not flown."""
-    plan = write_plan(p.console.folder / "home.txt", [(16, 0.0, 0.0, 0.0, 0.0), *ITEMS])
+    plan = write_plan(p.console.folder / "home.txt", [Item(16), *ITEMS])
     p.ask(
         f"wp load {plan}",
         rf"Sent all {len(ITEMS) + 1} waypoints[\s\S]*MISSION_ACK: TYPE_MISSION: ACCEPTED",

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests.clients.checklist import require
-from tests.clients.mavproxy_checks import ITEMS, Person, write_plan
+from tests.clients.mavproxy_checks import Person, write_plan
 from tests.clients.mavproxy_console import END, Console
+from tests.clients.vehicle import leg_items
 
 ACCEPTED, REFUSED, NO_EFFECT, LOCAL = "works", "refused", "no effect", "local"
 PLACE = "42.35 -71.0"
@@ -183,7 +184,7 @@ def commands_of_help(person: Person) -> set[str]:
 
 
 def main(folder: Path, master: str) -> None:
-    write_plan(folder / "leg.txt", ITEMS)
+    write_plan(folder / "leg.txt", leg_items())
     console = Console(folder, master, None)
     try:
         person = Person(console, speed=1.0, slow=False)

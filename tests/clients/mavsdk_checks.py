@@ -26,12 +26,11 @@ from mavsdk.plugins.mission_raw import MissionItem
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawError
 from mavsdk.plugins.param.param import ParamError
 
-from autopilot.control.params import PARAMETERS
 from mavlink_io.dialect import by_name
-from mavlink_io.services.params import as_real32
 from tests.clients.checklist import close, equal, name_of, report, require, verdict
 from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate
 from tests.clients.telemetry_recorder import REQUEST_MESSAGE, Client, connected, first
+from tests.clients.vehicle import DEFAULTS, FRAME_MISSION, leg_items
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
 DO_SET_MODE, DO_SET_STANDARD_MODE, SET_INTERVAL, GET_INTERVAL = 176, 262, 511, 510
@@ -57,7 +56,6 @@ UNUSED = (None,) * 4
 """Value that MAVSDK gives unused parameters: NaN, which is null in its JSON."""
 NOT_WHEN_MOORED = ("SYSID", "OFFBOARD")
 """Modes that require further messages or items."""
-DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 STREAMS_COUNTED_S = 11.0
 """Minimum wait, in s: twice the period of the slowest message."""
@@ -69,20 +67,15 @@ Check = Callable[[Client], Awaitable[None]]
 
 
 def item(
-    seq: int, command: int, *p: float, frame: int = 2, z: float = 0.0, kind: int = 0
+    seq: int, command: int, *p: float, frame: int = FRAME_MISSION, z: float = 0.0, kind: int = 0
 ) -> MissionItem:
     p1, p2, p3, p4 = (*p, *(0.0,) * (4 - len(p)))
     return MissionItem(seq, frame, command, int(seq == 0), 1, p1, p2, p3, p4, 0, 0, z, kind)
 
 
 def leg(depth_m: float = 4.0, seconds: float = 10_000.0) -> list[MissionItem]:
-    """Thrust, depth, heading and a delay that is longer than all checks at any speed."""
-    return [
-        item(0, 178, 1.0, -1.0, 58.0),
-        item(1, 186, -depth_m, 3.0),
-        item(2, 115, 40.0),
-        item(3, 93, seconds, -1, -1),
-    ]
+    """Return MAVSDK's items of the leg that all clients fly."""
+    return [item(n, *row) for n, row in enumerate(leg_items(depth_m, seconds))]
 
 
 def rows(items: list[MissionItem]) -> list[tuple[Any, ...]]:

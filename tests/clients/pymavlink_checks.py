@@ -20,8 +20,6 @@ from typing import Any
 
 from pymavlink import mavparm, mavutil, mavwp
 
-from autopilot.control.params import PARAMETERS
-from mavlink_io.services.params import as_real32
 from tests.clients.checklist import (
     RefutedError,
     close,
@@ -31,8 +29,8 @@ from tests.clients.checklist import (
     require,
     verdict,
 )
+from tests.clients.vehicle import DEFAULTS, FRAME_MISSION, leg_items
 
-DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
 MODES = ("MANUAL", "DEPTH", "STATION", "HOLD", "SURFACE", "STABILIZE", "MISSION")
 PATIENCE_S, RETRY_S, ATTEMPTS = 60.0, 1.5, 10
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
@@ -42,13 +40,7 @@ LAST_ITEM_S = 5.0
 """Time without a request after which the last item is sent again; the vehicle's is 1.5 s."""
 FTP_ATTEMPTS = 4
 LOG, MIN_LOG_BYTES = "flight.tlog", 20_000
-ITEMS = (
-    (2, 178, 1.0, -1.0, 58.0, 0.0),
-    (2, 186, -4.0, 3.0, 0.0, 0.0),
-    (2, 115, 40.0, 0.0, 0.0, 0.0),
-    (2, 93, 1e4, -1.0, -1.0, -1.0),
-)
-"""Frame, command and first four parameters: thrust, depth, heading and a long delay."""
+ITEMS = leg_items()
 
 
 class Session:
@@ -217,9 +209,9 @@ def write_mission(s: Session, items: list[Any]) -> int:
 
 def mission_items() -> list[Any]:
     loader = mavwp.MAVWPLoader(1, 1)
-    for n, (frame, command, *p) in enumerate(ITEMS):
+    for n, (command, *p) in enumerate(ITEMS):
         item = mavutil.mavlink.MAVLink_mission_item_int_message(
-            1, 1, n, frame, command, int(n == 0), 1, *p, 0, 0, 0
+            1, 1, n, FRAME_MISSION, command, int(n == 0), 1, *p, 0, 0, 0
         )
         loader.add(item)
     return list(loader.wpoints)
@@ -245,7 +237,7 @@ def fetches_the_mission(s: Session) -> None:
     loader.save(str(path))
     again = mavwp.MAVWPLoader(1, 1)
     again.load(str(path))
-    equal([w.command for w in again.wpoints], [row[1] for row in ITEMS], "commands")
+    equal([w.command for w in again.wpoints], [row.command for row in ITEMS], "commands")
     equal(again.wp(2).param1, 40.0, "param1 of the heading")
 
 
