@@ -3,7 +3,8 @@
 Source: github.com/mavlink/qgroundcontrol. QGroundControl itself does not run here: the tests send
 its requests to the real server in the same order as the files and functions named in each test, and
 check the replies by the same rules. The order is that of ``InitialConnectStateMachine``: version,
-standard modes, component information, parameters, mission, geofence, rally points.
+standard modes, component information and parameters (test_qgroundcontrol_parameters.py), mission,
+geofence, rally points.
 
 Three functions do not depend on the replies, because ``FirmwarePlugin`` decides them by
 HEARTBEAT.autopilot: with ``generic`` there are no mode buttons (``FirmwarePlugin::setFlightMode``
@@ -11,29 +12,22 @@ returns false) and there is no "start mission"; with ``px4`` both work, but the 
 missing PX4 parameters.
 """
 
-import json
-import struct
-import zlib
-
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.control import modes
-from autopilot.control.params import PARAMETERS
 from autopilot.telemetry.autopilot_id import AutopilotId
 from tests.autopilot.qgroundcontrol import (
     AUTOPILOT,
     MISSION,
     REQUEST_MESSAGE,
     Connection,
-    Ftp,
     legs,
     write_mission,
 )
 from tests.helpers.fake_hil import only, texts
 
-ALL_COMPONENTS = 0
-COMPONENT_METADATA, COMPONENT_INFORMATION, AVAILABLE_MODES = 397, 395, 435
+AVAILABLE_MODES = 435
 FENCE, RALLY, ALL_PLANS = 1, 2, 255
 SAFE_RECOVERY, STANDARD_MISSION, LAND = 5, 6, 7
 
@@ -105,96 +99,6 @@ def test_modes_have_unique_names_and_settable_numbers(qgc: Connection) -> None:
     assert {m.standard_mode for m in listed} <= {0, *standard_names}, "the others are for aircraft"
     assert not any(m.properties & mavlink.MAV_MODE_PROPERTY_NOT_USER_SELECTABLE for m in listed)
     assert {m.custom_mode for m in listed} == {mode.number for mode in modes.MODES}
-
-
-def test_parameter_metadata_is_downloaded_and_read(qgc: Connection) -> None:
-    """``CompInfoGeneral::setJson``, ``CompInfoParam::setJson``.
-
-    Called by ``RequestMetaDataTypeStateMachine``.
-    """
-    answer = qgc.message(COMPONENT_METADATA)
-    _, crc, padded = struct.unpack("<II100s", bytes(answer.data)[10:-2].ljust(108, b"\0"))
-    uri = padded.rstrip(b"\0").decode()
-    assert uri.startswith("mftp://")
-    ftp = Ftp(qgc)
-    content = ftp.download(uri.removeprefix("mftp://"))
-    assert crc == zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF, "cache key of the file"
-    general = json.loads(content)
-    assert general["version"] == 1, "'Metadata json unsupported version' otherwise"
-    uris = {row["type"]: row["uri"] for row in general["metadataTypes"]}
-    parameters = json.loads(ftp.download(uris[1].removeprefix("mftp://")))
-    assert parameters["version"] == 1
-    assert [row["name"] for row in parameters["parameters"]] == [row.name for row in PARAMETERS]
-    assert all(row["type"] == "Float" for row in parameters["parameters"]), (
-        "type of PARAM_VALUE, otherwise no metadata"
-    )
-
-
-def test_deprecated_component_info_is_refused_at_once(qgc: Connection) -> None:
-    """``_requestCompInfoDeprecated``: UNSUPPORTED is a reply; without one it tries for 3 x 3 s."""
-    (acknowledgement,) = qgc.command(REQUEST_MESSAGE, COMPONENT_INFORMATION)
-    assert acknowledgement.result == mavlink.MAV_RESULT_UNSUPPORTED
-
-
-def test_missing_file_is_refused_at_once(qgc: Connection) -> None:
-    """``FTPManager::_openFileROAckOrNak``."""
-    (answer,) = Ftp(qgc).ask(
-        mavlink.MAV_FTP_OPCODE_OPENFILERO, data=b"/etc/extras/parameters.json.xz"
-    )
-    assert (answer[3], answer[12]) == (mavlink.MAV_FTP_OPCODE_NAK, mavlink.MAV_FTP_ERR_FILENOTFOUND)
-
-
-# ParameterManager.cc
-
-
-def test_parameter_list_is_complete_and_indexed(qgc: Connection) -> None:
-    """``refreshAllParameters`` sends to component 0; ``_parameterUpdate`` needs every index."""
-    received = qgc.ask(mavlink.MAVLink_param_request_list_message(1, ALL_COMPONENTS))
-    values = [m for m in received if m.get_type() == "PARAM_VALUE"]
-    assert {m.param_count for m in values} == {len(PARAMETERS)}
-    assert [m.param_index for m in values] == list(range(len(PARAMETERS))), (
-        "65535 is disregarded before the list"
-    )
-    assert values[0].param_id != "_HASH_CHECK", (
-        "WaitForHashCheckParamValue: another name ends the wait for a cache"
-    )
-    assert {m.param_type for m in values} == {mavlink.MAV_PARAM_TYPE_REAL32}
-    assert {m.get_srcComponent() for m in values} == {AUTOPILOT}
-
-
-def test_missing_parameter_is_sent_by_index(qgc: Connection) -> None:
-    """``_fillIndexBatchQueue`` after 3 s: up to ten requests, param_id empty."""
-    for index in (0, 7, len(PARAMETERS) - 1):
-        value = only(
-            qgc.ask(mavlink.MAVLink_param_request_read_message(1, AUTOPILOT, b"", index)),
-            "PARAM_VALUE",
-        )
-        assert (value.param_index, value.param_id) == (index, PARAMETERS[index].name)
-
-
-def test_set_parameter_is_sent_with_stored_value(qgc: Connection) -> None:
-    """``_valueUpdated``: the write ends with PARAM_VALUE of that name, whose value is used."""
-    reported = only(
-        qgc.ask(mavlink.MAVLink_param_set_message(1, AUTOPILOT, b"HDG_P", 0.75, 9)), "PARAM_VALUE"
-    )
-    assert (reported.param_id, reported.param_value, reported.param_index) == (
-        "HDG_P",
-        0.75,
-        only_index("HDG_P"),
-    )
-    refused = qgc.ask(mavlink.MAVLink_param_set_message(1, AUTOPILOT, b"HDG_P", 99.0, 9))
-    assert only(refused, "PARAM_VALUE").param_value == 0.75, "the page shows the stored value"
-    assert texts(refused)
-
-
-def only_index(name: str) -> int:
-    return [row.name for row in PARAMETERS].index(name)
-
-
-def test_parameter_hash_is_refused_at_once(qgc: Connection) -> None:
-    """``ParamHashCheckStateMachine``: PARAM_ERROR ends it without a wait of one second."""
-    received = qgc.ask(mavlink.MAVLink_param_request_read_message(1, AUTOPILOT, b"_HASH_CHECK", -1))
-    assert only(received, "PARAM_ERROR").error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
 
 
 # PlanManager.cc
