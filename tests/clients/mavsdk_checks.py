@@ -498,13 +498,16 @@ async def interval_of_attitude_us(c: Client) -> float:
 
 
 async def sets_rates(c: Client) -> None:
-    """Check a requested rate in vehicle time: twice the table or a fifth of it (slow line)."""
+    """Check a requested rate in vehicle time: twice the table or a fifth of it (slow line).
+
+    Of 20 messages a line that loses one in ten delivers 12 or more; of 6 it often delivers 3.
+    """
     rate_hz = 2.0 if c.slow else 20.0
     await c.telemetry.set_rate_attitude_euler(rate_hz)
     close(await interval_of_attitude_us(c), 1e6 / rate_hz, 1, "interval_us")
     c.times["ATTITUDE"].clear()
     began_s = c.vehicle_s
-    await asyncio.sleep(3.0 * c.stretch)
+    await asyncio.sleep(10.0 if c.slow else 3.0 * c.stretch)
     close(
         len(c.times["ATTITUDE"]) / (c.vehicle_s - began_s),
         rate_hz,
