@@ -245,7 +245,7 @@ def test_parameters_are_listed_and_set(cockpit: Harness) -> None:
 
 
 def upload(harness: Harness) -> list[Any]:
-    """``uploadMission`` (vehicle.ts:386) of MissionPlanningView.vue:1008: home, speed, waypoint.
+    """``uploadMission`` (vehicle.ts:1386) of MissionPlanningView.vue:1008: home, speed, waypoint.
 
     types.ts:29: all items in frame GLOBAL_RELATIVE_ALT_INT, ``current`` is 0.
     """
