@@ -1,5 +1,6 @@
 """The main loop: answer the sensor samples first, then serve the ground links."""
 
+import math
 from collections.abc import Callable, Sequence
 
 from autopilot.comms import sensor_clock
@@ -10,6 +11,7 @@ from autopilot.control.types import US_PER_S, Inputs, Severity
 from autopilot.lateness import LatenessMeter
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.pilot import Expected
+from autopilot.reports import SteadyReport
 from autopilot.resume import StateFiles
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
@@ -103,41 +105,39 @@ class App:
         """Answer a simulator that sends without a pause; the other links wait for `BURST_S`."""
         until_s = wall_s() + BURST_S
         while self._simulator_is_running() and self._received_s < until_s:
-            self._exchange(until_s)
+            if self._exchange(until_s):
+                continue
             if not self._serve_hil(eager=True):
                 break
 
-    def _exchange(self, until_s: float) -> None:
-        """Answer the samples of steady ticks, which compiled code decodes and encodes.
+    def _exchange(self, until_s: float) -> bool:
+        """Answer the samples of steady ticks in compiled code; return whether more may follow.
 
-        The first other datagram is left to ``_serve_hil``.
+        The first other datagram is left to ``_serve_hil``. The last tick is one in which telemetry
+        needs the whole state.
         """
-        vehicle, ground, hil, clock = self._vehicle, self._ground, self._hil, self._clock
-        if (
-            vehicle.memory is None
-            or not clock.is_regular
-            or hil.has_waiting_frames
-            or ground.stick is not None
-            or self._onboard_log.store is not None
-            or not vehicle.allows_exchange(ground.ground_silent_s)
+        vehicle, ground, clock = self._vehicle, self._ground, self._clock
+        if not (
+            clock.is_regular
+            and not self._hil.has_waiting_frames
+            and ground.stick is None
+            and self._onboard_log.store is None
+            and vehicle.allows_exchange(ground.ground_silent_s)
         ):
-            return
-        sample, answer = vehicle.memory
-        sender, time_us = hil.sender, clock.newest_us
-        while self._received_s < until_s:
-            received = hil.receive_into(sample)
-            if not received:
-                break
-            next_us = time_us + clock.interval_us
-            length = vehicle.exchange(received, Expected(next_us, hil.sequence, sender))
-            if not length:
-                hil.put_back(bytes(sample[:received]))
-                break
-            hil.send_next(bytes(answer[:length]))
-            time_us, self._received_s = next_us, wall_s()
-            self._report(time_us)
-        self._clock = clock._replace(newest_us=time_us)
-        self._accepted_s = self._received_s
+            return False
+        step_us = clock.interval_us
+        expected = Expected(
+            time_us=clock.newest_us + step_us,
+            interval_us=step_us,
+            ticks=max(1, math.ceil((ground.snapshot_due_us - clock.newest_us) / step_us)),
+            duration_s=max(0.0, until_s - self._received_s),
+        )
+        reports = vehicle.exchange(self._hil.endpoint, expected)
+        if reports:
+            self._received_s = self._accepted_s = wall_s()
+            self._clock = clock._replace(newest_us=vehicle.time_us)
+            self._report(vehicle.time_us, reports=reports)
+        return bool(reports) and not self._hil.endpoint.has_unread
 
     def _simulator_is_running(self) -> bool:
         """Return whether the next sample of a simulator in lockstep is expected at once."""
@@ -237,11 +237,19 @@ class App:
         if sample.links_silent:
             self._ground.silence(True)
 
-    def _report(self, time_us: int, relayed: Sequence[Frame] = ()) -> None:
-        """Queue what a tick has to report, device messages first."""
+    def _report(
+        self,
+        time_us: int,
+        relayed: Sequence[Frame] = (),
+        reports: Sequence[SteadyReport] = (),
+    ) -> None:
+        """Queue what a tick, or the ticks of ``reports``, have to report; device messages first.
+
+        The lateness counts the last of them: in real time there is one.
+        """
         run = self._ground.guard.run
         if lateness := self._lateness.record(time_us):
             run("lateness", self._ground.publish_lateness, lateness)
         if relayed:
             run("relay of devices", self._ground.relay, relayed)
-        run("telemetry", self._ground.publish_telemetry)
+        run("telemetry", self._ground.publish_telemetry, reports)

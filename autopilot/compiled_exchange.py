@@ -1,16 +1,17 @@
-"""The answer to a sensor sample as one compiled call, while the ticks are steady.
+"""The answers to sensor samples as a compiled loop, while the ticks are steady.
 
-The call decodes HIL_SENSOR, runs a steady tick and encodes HIL_ACTUATOR_CONTROLS. Importing this
+The loop receives HIL_SENSOR, runs a steady tick and sends HIL_ACTUATOR_CONTROLS. Importing this
 module loads the compiler.
 """
 
 from typing import NamedTuple
 
 from autopilot.control import core, steady_kernel
+from autopilot.control.excitation import ExcitationOutput
 from autopilot.control.types import Trace
-from mavlink_io import lockstep_frames
+from mavlink_io import lockstep_frames, lockstep_socket
 from mavlink_io.jit import Native, Numbers, entry_point
-from mavlink_io.lockstep_frames import CONTROLS, SENSOR, FrameMemory
+from mavlink_io.lockstep_frames import CONTROLS, SENSOR, START, TRUTH, FrameMemory
 from mavlink_io.records import LOCKSTEP_FLAG
 
 _TRACE = steady_kernel.SIZE - len(Trace._fields)
@@ -19,6 +20,9 @@ _RUDDER, _ELEVATOR, _THRUST = (
 )
 """Indices in the array of a steady tick."""
 _MODE = core.ARMED_MODE
+MAX_TICKS = 64
+"""Largest number of ticks of one call of ``answer_many``."""
+_SIGNALS = len(ExcitationOutput._fields)
 
 
 class Frames(NamedTuple):
@@ -74,3 +78,79 @@ def answer(
     controls = values[_RUDDER] / travel_rad, values[_ELEVATOR] / travel_rad, values[_THRUST], 0.0
     lockstep_frames.write_controls(memory.answer, time_us, LOCKSTEP_FLAG, controls, _MODE)
     return lockstep_frames.seal(memory.answer, CONTROLS, sequence, sender)
+
+
+@entry_point
+def answer_many(
+    link: Native,
+    frames: Native,
+    flight: Native,
+    config: Native,
+    values: Numbers,
+    signals: Numbers,
+    rows: Numbers,
+    testing: bool,
+    first: int,
+    time_us: int,
+    interval_us: int,
+    sequence: int,
+    sender: int,
+    ticks: int,
+    duration_ns: int,
+    spin_ns: int,
+) -> tuple[int, int]:
+    """Receive samples and answer them, until a limit is reached or a datagram is not answered.
+
+    Parameters
+    ----------
+    link : Native
+        ``UdpSocket``.
+    frames, flight, config, values, sequence, sender
+        As of ``answer``.
+    signals : Numbers
+        Test signals, one ``ExcitationOutput`` after the other.
+    rows : Numbers
+        Receives ``values`` after each tick, one tick after the other.
+    testing : bool
+        Whether a test is running; if not, ``signals`` are not used.
+    first : int
+        Index of the signal of the first tick.
+    time_us, interval_us : int
+        Expected time stamp of the first sample, and time between two samples.
+    ticks : int
+        Largest number of ticks, at most `MAX_TICKS`.
+    duration_ns : int
+        Wall time after which no further sample is waited for.
+    spin_ns : int
+        As of ``lockstep_socket.receive``.
+
+    Returns
+    -------
+    tuple of int
+        Number of ticks; result of ``lockstep_socket.receive`` for a datagram that was not answered,
+        else 0. Frames of the true motion before a sample are ignored.
+    """
+    end_ns = lockstep_socket.clock_ns(link.value) + duration_ns
+    sample, reply = frames.value.sample, frames.value.answer.octets[START:]
+    done = received = 0
+    while done < ticks:
+        received = lockstep_socket.receive(link.value, sample.octets[START:], spin_ns)
+        if received <= 0:
+            break
+        received = lockstep_frames.drop_first(sample, received, TRUTH)
+        if testing:
+            for i in range(_SIGNALS):
+                values[steady_kernel.SIGNAL + i] = signals[(first + done) * _SIGNALS + i]
+        length = answer(frames, received, flight, config, values, time_us, sequence, sender)
+        if length == 0:
+            break
+        lockstep_socket.send(link.value, reply, length)
+        received = 0
+        for i in range(steady_kernel.SIZE):
+            rows[done * steady_kernel.SIZE + i] = values[i]
+        done += 1
+        time_us += interval_us
+        sequence = (sequence + 1) & 0xFF
+        if lockstep_socket.clock_ns(link.value) >= end_ns:
+            break
+    return done, received

@@ -1,12 +1,14 @@
 """The tick of a vehicle: ``core.tick``, and compiled steady ticks in simulated flights."""
 
 from collections.abc import Callable, Iterable
+from copy import copy
 from importlib import import_module
 from struct import Struct
 from typing import Any, NamedTuple, cast
 
 from autopilot.control import core, estimator, excitation, params, steady
 from autopilot.control.core import Events
+from autopilot.control.excitation import ExcitationOutput
 from autopilot.control.params import Config
 from autopilot.control.sensor_health.sensor_checks import has_data
 from autopilot.control.setpoints import Path, Setpoint
@@ -21,19 +23,25 @@ from autopilot.control.types import (
     Trace,
 )
 from mavlink_io import jit, lockstep_frames
+from mavlink_io.endpoint import Endpoint
 from mavlink_io.lockstep_frames import START, frame_memory
 from mavlink_io.records import SensorFrame
-from mavlink_io.transport import MAX_DATAGRAM
+from mavlink_io.transport import MAX_DATAGRAM, Peer, spin_s
 
 _FRAME, _SIGNAL, _FIRST_DEVICE = 0, 1, 2
 """Index of inputs in ``steady_kernel.KINDS``."""
-_SETPOINT = len(Motion._fields)
-_TRACE = _SETPOINT + len(Setpoint._fields)
-"""Indices of set-points and signals in the results of ``steady_kernel``."""
+_SIGNALS, _TABLES = len(ExcitationOutput._fields), 8
+"""Numbers of a test signal; length of a table of signals, as a multiple of one exchange."""
+_NS_PER_S = 1e9
+_TRACE = -len(Trace._fields)
+_SETPOINT = _TRACE - len(Setpoint._fields)
+_MOTION = _SETPOINT - len(Motion._fields)
+"""Indices of the results of ``steady_kernel``, from the end."""
 
 
 _LONGEST_ANSWER = lockstep_frames.CONTROLS.length + lockstep_frames.OVERHEAD
 _KERNEL, _EXCHANGE = "autopilot.control.steady_kernel", "autopilot.compiled_exchange"
+_SOCKET, TELEMETRY = "mavlink_io.lockstep_socket", "autopilot.telemetry.compiled_streams"
 """Modules that are imported by name: they load the compiler, which only simulated flights need."""
 
 
@@ -41,8 +49,9 @@ def is_compiled() -> bool:
     """Return whether the machine code of steady ticks is on disk; to compile it takes a minute."""
     if not jit.COMPILED:
         return False
-    kernel, exchange = import_module(_KERNEL), import_module(_EXCHANGE)
-    return all(map(jit.is_stored, (kernel.advance, kernel.read, exchange.answer)))
+    kernel, exchange, telemetry = map(import_module, (_KERNEL, _EXCHANGE, TELEMETRY))
+    used = kernel.advance, kernel.read, exchange.answer_many, telemetry.encode
+    return all(map(jit.is_stored, used))
 
 
 class Results:
@@ -50,31 +59,44 @@ class Results:
 
     Parameters
     ----------
-    numbers : list of float
-        The array of ``steady_kernel``.
-    start : int
-        Index of the first result.
+    values : Numbers
+        Copy of the array of ``steady_kernel``.
+    config : Native
+        Parameters of the tick.
     """
 
-    __slots__ = ("_numbers", "_start")
+    __slots__ = ("_list", "config", "values")
 
-    def __init__(self, numbers: list[float], start: int) -> None:
-        self._numbers, self._start = numbers, start
+    def __init__(self, values: jit.Numbers, config: jit.Native) -> None:
+        self.values, self.config = values, config
+        self._list: list[float] | None = None
+
+    @property
+    def _numbers(self) -> list[float]:
+        """Return the numbers for Python."""
+        if self._list is None:
+            self._list = self.values.tolist()
+        return self._list
+
+    @property
+    def time_us(self) -> int:
+        """Vehicle time of the tick."""
+        return int(self.values[0])
 
     @property
     def motion(self) -> Motion:
         """Motion after the tick."""
-        return Motion._make(self._numbers[self._start : self._start + _SETPOINT])
+        return Motion._make(self._numbers[_MOTION:_SETPOINT])
 
     @property
     def setpoint(self) -> Setpoint:
         """Set-points after the tick."""
-        return Setpoint._make(self._numbers[self._start + _SETPOINT : self._start + _TRACE])
+        return Setpoint._make(self._numbers[_SETPOINT:_TRACE])
 
     @property
     def trace(self) -> Trace:
         """Signals of the tick."""
-        return Trace._make(self._numbers[self._start + _TRACE :])
+        return Trace._make(self._numbers[_TRACE:])
 
     @property
     def sensors(self) -> SensorFrame:
@@ -84,14 +106,16 @@ class Results:
 
 
 class Expected(NamedTuple):
-    """The next sample of a simulator in lockstep, and what its answer contains."""
+    """The next samples of a simulator in lockstep."""
 
     time_us: int
-    """Vehicle time."""
-    sequence: int
-    """Sequence number of the answer."""
-    sender: int
-    """256 times the own system id plus the component id."""
+    """Time stamp of the first."""
+    interval_us: int
+    """Time between two of them."""
+    ticks: int
+    """Largest number of samples to answer."""
+    duration_s: float
+    """Wall time after which no further sample is waited for."""
 
 
 class Pilot:
@@ -212,33 +236,30 @@ class Pilot:
         self.time_us, self._unread = inputs.sensors.time_us, True
         return True
 
-    @property
-    def memory(self) -> tuple[memoryview, memoryview] | None:
-        """Memory of the sample and of the answer of ``exchange``; None without compiled code."""
-        return None if self._steady is None else (self._steady.sample, self._steady.answer)
-
-    def exchange(self, received: int, expected: Expected, config: Config) -> int:
-        """Advance by one steady tick with a received sample, if that is possible.
+    def exchange(self, endpoint: Endpoint, expected: Expected, config: Config) -> list[Results]:
+        """Answer the samples of steady ticks in compiled code, as long as that is possible.
 
         Parameters
         ----------
-        received : int
-            Number of octets received into ``memory``.
+        endpoint : Endpoint
+            Link to the simulator. It reads next the datagram that was not answered.
         expected : Expected
-            Sample that is expected.
+            Samples that are expected.
         config : Config
             Parameters.
 
         Returns
         -------
-        int
-            Length of the answer in ``memory``; 0 if the sample is not the expected one, or if the
-            tick has to be a full one: then nothing has changed.
+        list of Results
+            Results of each tick, in order; empty if the next tick has to be a full one.
         """
-        length = 0 if self._steady is None else self._steady.exchange(received, expected, config)
-        if length:
-            self.time_us, self._unread = expected.time_us, True
-        return length
+        if self._steady is None:
+            return []
+        results = self._steady.exchange(endpoint, expected, config)
+        if results:
+            self._results, self._unread = results[-1], False
+            self.time_us = results[-1].time_us
+        return results
 
     def tick(self, inputs: Inputs, config: Config) -> Events:
         """Advance by one tick.
@@ -266,12 +287,41 @@ class _Course(NamedTuple):
 
     advance: Callable[[jit.Native, jit.Native, jit.Numbers, int], bool]
     """Machine code of the tick."""
-    answer: Callable[..., int]
-    """Machine code of the tick with the frames of the link."""
     flight: jit.Native
     config: jit.Native
     parameters: Config
     test: Excitation | None
+
+
+class _SignalTable:
+    """Test signals of the next ticks, sampled many ticks at a time.
+
+    Parameters
+    ----------
+    most : int
+        Largest number of ticks that are asked for at a time.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._size = _TABLES * most
+        self.numbers = jit.numbers(self._size * _SIGNALS)
+        """One ``ExcitationOutput`` after the other."""
+        self._store = Struct(f"{_SIGNALS}d").pack_into
+        self._test: Excitation | None = None
+        self._start_us = self._interval_us = 0
+
+    def index(self, test: Excitation, time_us: int, interval_us: int, ticks: int) -> int:
+        """Return the index of the signal at a vehicle time; those of ``ticks`` ticks follow it."""
+        first, rest = divmod(time_us - self._start_us, max(1, interval_us))
+        is_sampled = test is self._test and interval_us == self._interval_us and rest == 0
+        if not (is_sampled and 0 <= first <= self._size - ticks):
+            self._test, self._start_us, self._interval_us = test, time_us, interval_us
+            first = 0
+            for tick in range(self._size):
+                elapsed_us = time_us + tick * interval_us - test.started_us
+                signal = excitation.sample(test, elapsed_us / US_PER_S)
+                self._store(self.numbers, 8 * _SIGNALS * tick, *signal)
+        return first
 
 
 class _SteadyTicks:
@@ -279,18 +329,19 @@ class _SteadyTicks:
 
     def __init__(self) -> None:
         self._kernel, self._exchange = import_module(_KERNEL), import_module(_EXCHANGE)
-        kernel = self._kernel
+        self._socket, kernel = import_module(_SOCKET), self._kernel
         self._values = jit.numbers(kernel.SIZE)
         self._layouts = [
             (Struct(f"{len(kind._fields)}d").pack_into, 8 * start)
             for kind, start in zip(kernel.KINDS, kernel.STARTS, strict=False)
         ]
         """Function and offset (bytes) that store each record of the inputs."""
-        frames = self._exchange.Frames(frame_memory(MAX_DATAGRAM), frame_memory(_LONGEST_ANSWER))
+        exchange = self._exchange
+        frames = exchange.Frames(frame_memory(MAX_DATAGRAM), frame_memory(_LONGEST_ANSWER))
         self._frames = jit.native(frames)
-        self.sample = memoryview(frames.sample.octets)[START:]
-        self.answer = memoryview(frames.answer.octets)[START:]
-        """Memory of the received and of the sent frame."""
+        self._sample = memoryview(frames.sample.octets)[START:]
+        self._rows = jit.numbers(exchange.MAX_TICKS * kernel.SIZE)
+        self._signals = _SignalTable(exchange.MAX_TICKS)
         self._course: _Course | None = None
         self._ahead = False
         """Whether compiled code is ahead of the ``AutopilotState``."""
@@ -302,12 +353,8 @@ class _SteadyTicks:
         task = steady.task_of(state, config)
         if task is not None:
             flight, flat = self._flight(state, task), self._flat(config)
-            tick = flight, flat, self._values
-            advance = jit.machine_code(self._kernel.advance, *tick, 0)
-            answer = jit.machine_code(self._exchange.answer, self._frames, 0, *tick, 0, 0, 0)
             self._course = _Course(
-                advance=advance,
-                answer=answer,
+                advance=jit.machine_code(self._kernel.advance, flight, flat, self._values, 0),
                 flight=flight,
                 config=flat,
                 parameters=config,
@@ -330,22 +377,36 @@ class _SteadyTicks:
         self._ahead = True
         return True
 
-    def exchange(self, received: int, expected: Expected, config: Config) -> int:
-        """Advance by one steady tick with a received sample; return the length of the answer."""
-        course = self._course
-        if course is None or course.parameters is not config:
-            return 0
+    def exchange(self, endpoint: Endpoint, expected: Expected, config: Config) -> list[Results]:
+        """Answer samples of steady ticks; return the results of each."""
+        course, peer = self._course, endpoint.peer()
+        if course is None or peer is None or course.parameters is not config:
+            return []
+        time_us, interval_us, ticks, duration_s = expected
+        ticks = min(ticks, self._exchange.MAX_TICKS)
+        first = 0
         if course.test is not None:
-            self._store_signal(course.test, expected.time_us)
-        flight, flat, values = course.flight, course.config, self._values
-        length = course.answer(self._frames, received, flight, flat, values, *expected)
-        if length:
-            self._ahead = True
-        return length
+            first = self._signals.index(course.test, time_us, interval_us, ticks)
+        socket = self._socket.compiled_socket(peer)
+        done, received = self._answer_many(
+            *(socket.native, self._frames, course.flight, course.config, self._values),
+            *(self._signals.numbers, self._rows, course.test is not None, first),
+            *(time_us, interval_us, endpoint.sequence, endpoint.sender),
+            *(ticks, round(duration_s * _NS_PER_S), round(spin_s() * _NS_PER_S)),
+        )
+        endpoint.take_sequence(done)
+        socket.return_rest(endpoint, self._sample, received)
+        if not done:
+            return []
+        self._ahead = True
+        size = self._kernel.SIZE
+        rows = copy(self._rows[: done * size])
+        return [Results(rows[n : n + size], course.config) for n in range(0, len(rows), size)]
 
     def results(self) -> Results:
         """Return the results of the last steady tick."""
-        return Results(self._values.tolist(), self._kernel.RESULTS)
+        assert self._course is not None
+        return Results(copy(self._values), self._course.config)
 
     def update(self, state: AutopilotState) -> AutopilotState:
         """Return the state after the steady ticks since the last call."""
@@ -365,8 +426,14 @@ class _SteadyTicks:
         flight = self._flight(core.initial_state(), steady.NO_TASK)
         tick = flight, self._flat(params.config({})), self._values
         self._kernel.advance(*tick, 0)
-        self._exchange.answer(self._frames, 0, *tick, 0, 0, 0)
         self._kernel.read(flight)
+        nowhere = self._socket.compiled_socket(Peer(-1, None)).native
+        arguments = (
+            *(nowhere, self._frames, *tick, self._signals.numbers, self._rows, False, 0),
+            *(0, 0, 0, 0, 0, 0, 0),
+        )
+        self._answer_many = jit.machine_code(self._exchange.answer_many, *arguments)
+        self._answer_many(*arguments)
 
     def _flight(self, state: AutopilotState, task: Task) -> jit.Native:
         """Return the state in memory of compiled code."""

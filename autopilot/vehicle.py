@@ -1,13 +1,11 @@
 """The vehicle: state and configuration around the pure tick, shared by HIL loop and ground."""
 
 import math
-from typing import NamedTuple
 
-from autopilot.control import core, estimator, mission, modes, request_handler, requests
+from autopilot.control import core, mission, modes, request_handler, requests
 from autopilot.control.params import Config, ParamError, ParamTable
 from autopilot.control.sensor_health import monitor
 from autopilot.control.sensor_health.sensor_checks import has_data
-from autopilot.control.setpoints import Path, Setpoint
 from autopilot.control.types import (
     ACCEPTED,
     DENIED,
@@ -15,17 +13,17 @@ from autopilot.control.types import (
     Answer,
     AutopilotState,
     Event,
-    Home,
     Inputs,
     ItemReached,
     MissionState,
-    Motion,
     Severity,
     Stick,
     Trace,
     Trim,
 )
-from autopilot.pilot import Expected, Pilot, Results, ground_lost
+from autopilot.pilot import Expected, Pilot, ground_lost
+from autopilot.reports import Snapshot, SteadyReport, TickReport
+from mavlink_io.endpoint import Endpoint
 from mavlink_io.mission_items import (
     FENCE_TYPE,
     FRAME_GLOBAL,
@@ -56,116 +54,12 @@ NO_ITEMS = 0xFFFF
 """Value of MISSION_CURRENT.total without a mission."""
 
 
-class TickReport(NamedTuple):
-    """Result of a tick, for messages that are sent or logged several times a second.
-
-    It needs no ``AutopilotState``, which compiled code would have to convert first.
-    """
-
-    time_us: int
-    motion: Motion
-    setpoint: Setpoint
-    path: Path | None
-    home: Home
-    trace: Trace
-    actuators: ActuatorFrame
-    sensors: SensorFrame | None
-    altimeter: Altimeter | None
-
-
-class SteadyReport:
-    """``TickReport`` of a steady tick in compiled code; each record is made when it is read."""
-
-    __slots__ = ("_config", "_results", "altimeter", "home", "path", "time_us")
-
-    def __init__(
-        self, pilot: Pilot, results: Results, config: Config, altimeter: Altimeter | None
-    ) -> None:
-        self.time_us, self.path, self.home = pilot.time_us, pilot.path, pilot.home
-        self.altimeter, self._results, self._config = altimeter, results, config
-
-    @property
-    def motion(self) -> Motion:
-        """Estimated motion."""
-        return self._results.motion
-
-    @property
-    def setpoint(self) -> Setpoint:
-        """Set-points of the loops."""
-        return self._results.setpoint
-
-    @property
-    def trace(self) -> Trace:
-        """Signals of the loops."""
-        return self._results.trace
-
-    @property
-    def actuators(self) -> ActuatorFrame:
-        """Commands of the tick."""
-        return core.armed_frame(self.time_us, self._results.trace, self._config)
-
-    @property
-    def sensors(self) -> SensorFrame:
-        """Sensor frame of the tick."""
-        return self._results.sensors
-
-
-class Snapshot(NamedTuple):
-    """State of the vehicle after a tick, as telemetry and the log use it.
-
-    It has the fields of ``TickReport`` too.
-    """
-
-    state: AutopilotState
-    trace: Trace
-    actuators: ActuatorFrame
-    sensors: SensorFrame | None
-    fix: GpsFix | None
-    """Newest satellite fix; None when it is older than FIX_TIMEOUT_US."""
-    config: Config
-    intended_mode: int
-    """Mode that was last requested; a failsafe may have selected another one."""
-    altimeter: Altimeter | None = None
-    """Newest altimeter record; None before the first."""
-    battery: Battery | None = None
-    """Newest battery record; None before the first."""
-    leak: Leak | None = None
-    """Newest record of the leak sensor; None before the first."""
-    stick: Stick | None = None
-    """Manual control of the newest tick; None without it."""
-
-    @property
-    def time_us(self) -> int:
-        """Vehicle time of the tick; -1 before the first."""
-        return self.state.time_us
-
-    @property
-    def motion(self) -> Motion:
-        """Estimated motion."""
-        return estimator.motion_of(self.state.estimate, self.state.time_us)
-
-    @property
-    def setpoint(self) -> Setpoint:
-        """Set-points of the loops."""
-        return self.state.setpoint
-
-    @property
-    def path(self) -> Path | None:
-        """Path over ground; None without one."""
-        return self.state.path
-
-    @property
-    def home(self) -> Home:
-        """Home."""
-        return self.state.home
-
-
 class Vehicle:
     """State of the autopilot, changed by ticks and by requests, with a list of pending events."""
 
     def __init__(self, params: ParamTable, *, compiled: bool = False) -> None:
         """``compiled`` selects compiled steady ticks, for flights faster than real time."""
-        self.params, self.system = params, params.config.system_id
+        self.params, self.system, self.compiled = params, params.config.system_id, compiled
         self._pilot = Pilot(compiled=compiled)
         self._events: list[Event | ItemReached] = []
         self._begin()
@@ -223,25 +117,20 @@ class Vehicle:
             self._fix = self._recent_fix()
         return self._actuators
 
-    @property
-    def memory(self) -> tuple[memoryview, memoryview] | None:
-        """Memory of the sample and of the answer of ``exchange``; None if it cannot be used."""
-        return self._pilot.memory
-
     def allows_exchange(self, ground_silent_s: float | None) -> bool:
         """Return whether the next ticks may be exchanges, for the silence of the ground station."""
         return self._pilot.armed and not ground_lost(ground_silent_s, self.params.config)
 
-    def exchange(self, received: int, expected: Expected) -> int:
-        """Run one steady tick with a received sample; return the length of the answer.
+    def exchange(self, endpoint: Endpoint, expected: Expected) -> list[SteadyReport]:
+        """Answer the samples of steady ticks in compiled code; return the result of each tick.
 
-        It is 0 if the sample is not the expected one, or if the tick has to be a full one: then
-        nothing has changed.
+        The list is empty if the next tick has to be a full one.
         """
-        length = self._pilot.exchange(received, expected, self.params.config)
-        if length:
+        config = self.params.config
+        results = self._pilot.exchange(endpoint, expected, config)
+        if results:
             self._is_decoded = False
-        return length
+        return [SteadyReport(self._pilot, tick, config, self._altimeter) for tick in results]
 
     def _decode(self) -> None:
         """Make the records of the newest tick, if that was an exchange."""
@@ -369,8 +258,9 @@ class Vehicle:
     def report(self) -> TickReport | SteadyReport:
         """Return the result of the newest tick."""
         pilot = self._pilot
-        if not self._is_decoded and pilot.results is not None:
+        if pilot.results is not None:
             return SteadyReport(pilot, pilot.results, self.params.config, self._altimeter)
+        self._decode()
         return TickReport(
             time_us=pilot.time_us,
             motion=pilot.motion,

@@ -10,6 +10,7 @@ from mavlink_io.signing import Signing
 from mavlink_io.transport import (
     SPIN_S,
     LockstepTransport,
+    Peer,
     Piece,
     SharedTransport,
     Transport,
@@ -157,55 +158,59 @@ class Endpoint:
         """Sequence number of the next frame."""
         return (self._sequence + 1) & 0xFF
 
-    def send_next(self, frame: bytes) -> None:
-        """Send a frame that the caller has encoded with the next ``sequence``, without a signature.
+    @property
+    def sender(self) -> int:
+        """256 times the system id plus the component id."""
+        return self.system << 8 | self.component
+
+    def take_sequence(self, count: int = 1) -> int:
+        """Return the sequence number of a frame that the caller encodes, and count it as sent.
 
         Parameters
         ----------
-        frame : bytes
-            The frame; encoded frames may precede it.
-
-        Raises
-        ------
-        LinkLostError
-            The other end of the link is gone.
-        """
-        self.take_sequence()
-        self.transport.send(frame)
-
-    def take_sequence(self) -> int:
-        """Return the sequence number of a frame that the caller encodes; the next one follows it.
+        count : int
+            Number of frames that the caller encodes.
 
         Returns
         -------
         int
-            Sequence number, 0 to 255.
+            Sequence number of the last of them, 0 to 255.
         """
-        self._sequence = sequence = (self._sequence + 1) & 0xFF
+        self._sequence = sequence = (self._sequence + count) & 0xFF
         return sequence
 
-    def receive_into(self, memory: memoryview) -> int:
-        """Wait eagerly for a datagram, at most `SPIN_S`, and write it into memory.
-
-        Parameters
-        ----------
-        memory : memoryview
-            Receives the datagram, of at most `MAX_DATAGRAM` octets.
+    def peer(self) -> Peer | None:
+        """Return the socket and the only peer, for compiled code.
 
         Returns
         -------
-        int
-            Number of octets; 0 if none has arrived, or if the transport carries no datagrams.
-
-        Raises
-        ------
-        LinkLostError
-            The other end of the link is gone.
+        Peer or None
+            None if the transport carries no datagrams, or has no peer or several ones.
         """
-        return 0 if self._lockstep is None else self._lockstep.receive_into(memory)
+        return None if self._lockstep is None else self._lockstep.peer()
+
+    def record_sender(self, sender: tuple[str, int] | None) -> bool:
+        """Record the sender of a datagram that compiled code has read.
+
+        Parameters
+        ----------
+        sender : tuple of str and int, or None
+            Its address; None for the ``peer``.
+
+        Returns
+        -------
+        bool
+            Whether the datagram may be used: False if there are too many peers.
+        """
+        return self._lockstep is not None and self._lockstep.record_sender(sender)
+
+    @property
+    def has_unread(self) -> bool:
+        """Whether a datagram of ``put_back`` waits."""
+        return bool(self._unread)
 
     def put_back(self, datagram: bytes) -> None:
-        """Return a datagram of ``receive_into``: ``receive`` or ``receive_fixed`` reads it next.
+        """Return a datagram that was read: ``receive`` or ``receive_fixed`` reads it next.
 
         Parameters
         ----------

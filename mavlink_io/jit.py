@@ -37,6 +37,9 @@ class Numbers(Protocol):
     def __setitem__(self, index: Any, value: Any) -> None:
         """Set a number or a part of the array."""
 
+    def __len__(self) -> int:
+        """Return the number of numbers."""
+
     def __buffer__(self, flags: int, /) -> memoryview:
         """Return the memory."""
 
@@ -58,6 +61,12 @@ class _Compiler(Protocol):
 
     def native(self, value: tuple[Any, ...]) -> Native:
         """Return a reference to the record."""
+
+    def c_function(self, name: str, types: str) -> Callable[..., int]:
+        """Return a function of the C library."""
+
+    def pack(self, octets: Any, at: int, values: tuple[Any, ...], layout: str) -> None:
+        """Pack numbers into octets."""
 
     def numbers(self, count: int) -> Numbers:
         """Return an array of zeros."""
@@ -192,6 +201,45 @@ def view(octets: Any, code: str) -> Any:
         Array or memory view on the same memory.
     """
     return _compiler().view(octets, code) if COMPILED else octets.cast(code)
+
+
+def packer() -> Callable[[Any, int, tuple[Any, ...], str], None]:
+    """Return the function of kernels that packs numbers into octets.
+
+    Returns
+    -------
+    callable
+        ``pack(octets, at, values, layout)`` writes a tuple of numbers and of such tuples from an
+        index on. The layout is a constant format of the module ``struct`` that begins with "<"; a
+        number must fit into its field. Only compiled code can call it.
+    """
+    return _compiler().pack
+
+
+def c_function(name: str, types: str) -> Callable[..., int]:
+    """Return a function of the C library for kernels; only compiled code can call it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the function.
+    types : str
+        Its result and its arguments, as in the module ``struct``: ``i`` and ``I`` are int and
+        unsigned int, ``l`` is long, ``P`` a size or the address of memory.
+
+    Returns
+    -------
+    callable
+        The function.
+    """
+    if COMPILED:
+        return _compiler().c_function(name, types)
+
+    def missing(*_: int) -> int:
+        """Refuse to be called."""
+        raise NotImplementedError(f"{name}: only compiled code can call it")
+
+    return missing
 
 
 def is_stored(function: Callable[..., Any]) -> bool:

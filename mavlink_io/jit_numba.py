@@ -16,6 +16,7 @@ from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
+from struct import calcsize
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
@@ -286,6 +287,29 @@ def machine_code(function: Any, arguments: tuple[Any, ...]) -> Any:
     return function.overloads[given].entry_point
 
 
+_C_TYPES: dict[str, Any] = {"i": types.intc, "I": types.uintc, "l": types.int_, "P": types.uintp}
+"""Type of numba by its letter in the module ``struct``."""
+
+
+def c_function(name: str, letters: str) -> Callable[..., int]:
+    """Return a function of the C library for compiled code.
+
+    Parameters
+    ----------
+    name : str
+        Name of the function.
+    letters : str
+        Its result and its arguments, as in the module ``struct``.
+
+    Returns
+    -------
+    callable
+        The function.
+    """
+    result, *arguments = (_C_TYPES[letter] for letter in letters)
+    return cast(Callable[..., int], types.ExternalFunction(name, result(*arguments)))
+
+
 def numbers(count: int) -> Any:
     """Return an array of zeros.
 
@@ -381,6 +405,63 @@ def _borrowed(context: Any, builder: Any, kind: Any, value: Any) -> Any:
             item = _borrowed(context, builder, part, builder.extract_value(value, index))
             value = builder.insert_value(value, item, index)
     return value
+
+
+def _type_pack(_: Any, octets: Any, at: Any, values: Any, layout: Any) -> Any:
+    """Type ``pack(octets, at, values, layout)``."""
+    letters = [
+        letter
+        for count, letter in _FIELD.findall(layout.literal_value)
+        for _ in range(int(count or 1))
+    ]
+
+    def codegen(context: Any, builder: Any, typed: Any, arguments: Any) -> Any:
+        memory = context.make_array(octets)(context, builder, arguments[0])
+        start = context.cast(builder, arguments[1], at, types.intp)
+        offset = 0
+        items = _flat_items(builder, values, arguments[2])
+        for letter, (kind, item) in zip(letters, items, strict=True):
+            stored = _FIELD_TYPES[letter]
+            place = builder.gep(
+                memory.data, [builder.add(start, context.get_constant(types.intp, offset))]
+            )
+            value = context.cast(builder, item, kind, stored)
+            builder.store(value, builder.bitcast(place, value.type.as_pointer()), align=1)
+            offset += calcsize(f"<{letter}")
+        return context.get_dummy_value()
+
+    return types.void(octets, at, values, layout), codegen
+
+
+_FIELD = re.compile(r"(\d*)([a-zA-Z])")
+"""Number and type of equal fields in a format of the module ``struct``."""
+_FIELD_TYPES: dict[str, Any] = {
+    "f": types.float32,
+    "d": types.float64,
+    "b": types.int8,
+    "B": types.uint8,
+    "h": types.int16,
+    "H": types.uint16,
+    "i": types.int32,
+    "I": types.uint32,
+    "q": types.int64,
+    "Q": types.uint64,
+}
+
+
+def _flat_items(builder: Any, kind: Any, value: Any) -> list[tuple[Any, Any]]:
+    """Return type and value of the numbers of a record and of its records."""
+    if not isinstance(kind, types.BaseTuple):
+        return [(kind, value)]
+    return [
+        item
+        for index, part in enumerate(cast(Iterable[Any], kind))
+        for item in _flat_items(builder, part, builder.extract_value(value, index))
+    ]
+
+
+pack = intrinsic(prefer_literal=True)(_type_pack)
+"""As ``struct.pack_into`` with a layout that is constant, for little-endian numbers."""
 
 
 @cache

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from mavlink_io import jit
 from mavlink_io.jit import numeric
 
-START, PAYLOAD = 6, 16
+START, HEAD, PAYLOAD = 6, 10, 16
 """Octets of the memory at which a frame and its payload start.
 
 With a header of ten octets every field of the payload is then aligned to its size.
@@ -136,27 +136,50 @@ def seal(memory: FrameMemory, layout: MessageLayout, sequence: int, sender: int)
     int
         Length of the frame. Trailing zeros of its payload are cut off.
     """
-    octets, length = memory.octets, layout.length
-    while length > 1 and octets[PAYLOAD + length - 1] == 0:
+    return seal_at(memory.octets, START, layout, sequence, sender)
+
+
+@numeric
+def seal_at(octets: Any, start: int, layout: MessageLayout, sequence: int, sender: int) -> int:
+    """Write the header and the checksum of a frame, as ``seal`` does.
+
+    Parameters
+    ----------
+    octets : sequence of int
+        Memory with the payload at full length, `HEAD` octets after ``start``.
+    start : int
+        First octet of the frame.
+    layout : MessageLayout
+        Message of the frame.
+    sequence, sender : int
+        As of ``seal``.
+
+    Returns
+    -------
+    int
+        Length of the frame.
+    """
+    payload, length = start + HEAD, layout.length
+    while length > 1 and octets[payload + length - 1] == 0:
         length -= 1
-    octets[START] = _MAGIC
-    octets[START + 1] = length
-    octets[START + 2] = 0
-    octets[START + 3] = 0
-    octets[START + 4] = sequence
-    octets[START + 5] = sender >> 8
-    octets[START + 6] = sender & 0xFF
-    octets[START + 7] = layout.number & 0xFF
-    octets[START + 8] = layout.number >> 8
-    octets[START + 9] = 0
-    _write_checksum(octets, PAYLOAD + length, layout)
+    octets[start] = _MAGIC
+    octets[start + 1] = length
+    octets[start + 2] = 0
+    octets[start + 3] = 0
+    octets[start + 4] = sequence
+    octets[start + 5] = sender >> 8
+    octets[start + 6] = sender & 0xFF
+    octets[start + 7] = layout.number & 0xFF
+    octets[start + 8] = layout.number >> 8
+    octets[start + 9] = 0
+    _write_checksum(octets, start + 1, payload + length, layout)
     return length + OVERHEAD
 
 
 @numeric
-def _write_checksum(octets: Any, end: int, layout: MessageLayout) -> None:
-    """Write the checksum of a frame whose payload ends at ``end``."""
-    crc = checksum(octets, START + 1, end, layout.seed)
+def _write_checksum(octets: Any, start: int, end: int, layout: MessageLayout) -> None:
+    """Write the checksum of a frame, from its first octet after the magic number to ``end``."""
+    crc = checksum(octets, start, end, layout.seed)
     octets[end] = crc & 0xFF
     octets[end + 1] = crc >> 8
 
@@ -176,7 +199,7 @@ def renumber(memory: FrameMemory, layout: MessageLayout, sequence: int) -> None:
     """
     octets = memory.octets
     octets[START + 4] = sequence
-    _write_checksum(octets, PAYLOAD + int(octets[START + 1]), layout)
+    _write_checksum(octets, START + 1, PAYLOAD + int(octets[START + 1]), layout)
 
 
 @numeric
@@ -198,24 +221,57 @@ def unseal(memory: FrameMemory, received: int, layout: MessageLayout) -> bool:
         Whether the datagram is exactly one unsigned MAVLink 2 frame of the message. Otherwise
         the memory has not changed.
     """
-    octets, length = memory.octets, received - OVERHEAD
-    end = PAYLOAD + length
-    if (
-        length < 1
-        or length > layout.length
-        or octets[START] != _MAGIC
-        or octets[START + 1] != length
-        or octets[START + 2] != 0
-        or octets[START + 7] != layout.number & 0xFF
-        or octets[START + 8] != layout.number >> 8
-        or octets[START + 9] != 0
-        or checksum(octets, START + 1, end, layout.seed)
-        != int(octets[end]) | int(octets[end + 1]) << 8
-    ):
+    octets = memory.octets
+    if not _is_frame(octets, received, layout):
         return False
-    for i in range(end, PAYLOAD + layout.length):
+    for i in range(PAYLOAD + received - OVERHEAD, PAYLOAD + layout.length):
         octets[i] = 0
     return True
+
+
+@numeric
+def drop_first(memory: FrameMemory, received: int, layout: MessageLayout) -> int:
+    """Remove the first frame of a datagram if it is of a message, and another one follows it.
+
+    Parameters
+    ----------
+    memory : FrameMemory
+        Memory that begins with the received octets, at `START`.
+    received : int
+        Number of octets of the datagram.
+    layout : MessageLayout
+        The message.
+
+    Returns
+    -------
+    int
+        Number of octets that are left; ``received`` if the datagram has not changed.
+    """
+    octets = memory.octets
+    size = int(octets[START + 1]) + OVERHEAD
+    if size >= received or not _is_frame(octets, size, layout):
+        return received
+    for i in range(START, START + received - size):
+        octets[i] = octets[i + size]
+    return received - size
+
+
+@numeric
+def _is_frame(octets: Any, size: int, layout: MessageLayout) -> bool:
+    """Return whether the first octets are an unsigned MAVLink 2 frame of a message."""
+    length = size - OVERHEAD
+    end = PAYLOAD + length
+    return (
+        1 <= length <= layout.length
+        and octets[START] == _MAGIC
+        and octets[START + 1] == length
+        and octets[START + 2] == 0
+        and octets[START + 7] == layout.number & 0xFF
+        and octets[START + 8] == layout.number >> 8
+        and octets[START + 9] == 0
+        and checksum(octets, START + 1, end, layout.seed)
+        == int(octets[end]) | int(octets[end + 1]) << 8
+    )
 
 
 @numeric
@@ -230,7 +286,7 @@ def undo_unseal(memory: FrameMemory, layout: MessageLayout) -> None:
         Message of the frame.
     """
     octets = memory.octets
-    _write_checksum(octets, PAYLOAD + int(octets[START + 1]), layout)
+    _write_checksum(octets, START + 1, PAYLOAD + int(octets[START + 1]), layout)
 
 
 @numeric

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from autopilot.comms.bandwidth_limiter import (
     BITS_PER_BYTE,
@@ -13,10 +13,10 @@ from autopilot.comms.bandwidth_limiter import (
 )
 from autopilot.comms.inbox import Inbox
 from autopilot.comms.stream_rates import Schedule, profile_for
+from autopilot.reports import SteadyReport, TickReport
 from autopilot.telemetry.encoding import pack_payload
 from autopilot.telemetry.identity import COMPONENT
-from autopilot.telemetry.streams import STREAMS, TelemetryStream
-from autopilot.vehicle import SteadyReport, TickReport
+from autopilot.telemetry.streams import STREAMS, StreamGroup, TelemetryStream
 from mavlink_io import dialect
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import LARGEST_FRAME, Frame, largest_frame
@@ -58,13 +58,21 @@ _HIGH_PRIORITY = frozenset(
 class _TickTelemetry(NamedTuple):
     """Telemetry of a tick in the queue."""
 
-    streams: Sequence[TelemetryStream]
+    group: StreamGroup
     report: TickReport | SteadyReport
 
     @property
     def max_bytes(self) -> int:
         """Upper bound of the bytes of all frames."""
-        return sum(largest_frame(stream.message) for stream in self.streams)
+        return sum(largest_frame(stream.message) for stream in self.group.streams)
+
+
+class TelemetryEncoder(Protocol):
+    """Compiled code that encodes telemetry: ``compiled_streams.FrameEncoder``."""
+
+    def encode(self, group: StreamGroup, report: SteadyReport, endpoint: Endpoint) -> bytes:
+        """Return the next frames of an endpoint, fewer octets than a datagram may have."""
+        ...
 
 
 class GroundLink:
@@ -82,9 +90,13 @@ class GroundLink:
         signing: Signing | None = None,
         streams: Sequence[TelemetryStream] = STREAMS,
         modem_s: float | None = None,
+        encoder: TelemetryEncoder | None = None,
     ) -> None:
-        """``modem_s`` is the time between two HIGH_LATENCY2 on a modem; None is no modem."""
-        self.transport = transport
+        """``modem_s`` is the time between two HIGH_LATENCY2 on a modem; None is no modem.
+
+        ``encoder`` is used where the link does not sign.
+        """
+        self.transport, self._encoder = transport, None if signing else encoder
         self.endpoint = Endpoint(transport, system, COMPONENT, signing, accept_unknown=True)
         self.profile = profile_for(baud_rate(transport.address), streams)
         self.schedule = Schedule(self.profile, streams, modem_s)
@@ -145,11 +157,9 @@ class GroundLink:
         """Queue telemetry; on a slow line only the newest of each message and part is sent."""
         self._outbox.append(_queue_entry(self.endpoint, message, pack_payload(message, values)))
 
-    def publish(
-        self, streams: Sequence[TelemetryStream], report: TickReport | SteadyReport
-    ) -> None:
+    def publish(self, group: StreamGroup, report: TickReport | SteadyReport) -> None:
         """Queue the messages of streams that a report is enough for, as ``stream`` does."""
-        self._outbox.append(_TickTelemetry(streams, report))
+        self._outbox.append(_TickTelemetry(group, report))
 
     def relay(self, frame: Frame) -> None:
         """Queue a message of an onboard device, with the device's component id."""
@@ -182,8 +192,11 @@ class GroundLink:
 
     def _encode_telemetry(self, telemetry: _TickTelemetry, frames: list[bytes]) -> None:
         """Build and encode the telemetry of a tick, and append its frames."""
-        streams, report = telemetry
-        for stream in streams:
+        group, report = telemetry
+        if group.is_numeric and self._encoder is not None and isinstance(report, SteadyReport):
+            frames.append(self._encoder.encode(group, report, self.endpoint))
+            return
+        for stream in group.streams:
             message = stream.message
             try:
                 payload = pack_payload(message, stream.build(report))
@@ -212,14 +225,15 @@ class GroundLink:
 
     def _send(self, frames: Sequence[bytes]) -> None:
         """Send frames, as many in one packet as its size allows."""
-        packet = b""
+        packet, length = list[bytes](), 0
         for frame in frames:
-            if packet and len(packet) + len(frame) > self._max_packet_bytes:
-                self.transport.send(packet)
-                packet = b""
-            packet += frame
+            if length + len(frame) > self._max_packet_bytes and packet:
+                self.transport.send(b"".join(packet))
+                packet, length = [], 0
+            packet.append(frame)
+            length += len(frame)
         if packet:
-            self.transport.send(packet)
+            self.transport.send(b"".join(packet))
 
 
 class BandwidthLimitedLink(GroundLink):
@@ -252,11 +266,9 @@ class BandwidthLimitedLink(GroundLink):
         payload = pack_payload(message, values)
         self._queue.add_telemetry(kind, _queue_entry(self.endpoint, message, payload))
 
-    def publish(
-        self, streams: Sequence[TelemetryStream], report: TickReport | SteadyReport
-    ) -> None:
+    def publish(self, group: StreamGroup, report: TickReport | SteadyReport) -> None:
         """Queue the messages of streams that a report is enough for, as ``stream`` does."""
-        for stream in streams:
+        for stream in group.streams:
             try:
                 self.stream(stream.message, stream.build(report))
             except Exception as error:  # the other messages are sent
@@ -312,11 +324,12 @@ def ground_link(
     signing: Signing | None = None,
     streams: Sequence[TelemetryStream] = STREAMS,
     modem_s: float | None = None,
+    encoder: TelemetryEncoder | None = None,
 ) -> GroundLink:
     """Return the ground link over a transport, rate-limited when its address has a baud rate."""
     baud = baud_rate(transport.address)
     return (
-        GroundLink(transport, system, signing, streams, modem_s)
+        GroundLink(transport, system, signing, streams, modem_s, encoder)
         if baud is None
         else BandwidthLimitedLink(transport, system, baud, signing, streams, modem_s)
     )

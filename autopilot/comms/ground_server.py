@@ -5,6 +5,7 @@ runs on vehicle time. Each link has its own ``Endpoint``, sequence numbers and m
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 from autopilot.commands.failure_injection import FailureRelay
@@ -15,16 +16,19 @@ from autopilot.comms.routing import Router
 from autopilot.comms.services import ReceivedMessage, Services
 from autopilot.comms.signing_keys import SigningKeys
 from autopilot.comms.statustext import EventPublisher
+from autopilot.comms.stream_rates import NEVER_US
 from autopilot.control.types import DENIED, Stick
 from autopilot.identities import IDENTITIES
 from autopilot.lateness import Lateness
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_store import ParamStore
+from autopilot.pilot import TELEMETRY
+from autopilot.reports import Snapshot, SteadyReport
 from autopilot.telemetry.autopilot_id import AutopilotId
 from autopilot.telemetry.identity import COMPONENT
 from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.telemetry.streams import TelemetryStream
-from autopilot.vehicle import Snapshot, Vehicle
+from autopilot.vehicle import Vehicle
 from mavlink_io import dialect
 from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
@@ -72,6 +76,7 @@ class GroundServer:
         self._onboard_log, keys = onboard_log or OnboardLog(vehicle, None), keys or SigningKeys()
         self._store, self._commanders = store or ParamStore(None), commanders or Commanders()
         self._own = MavlinkId(vehicle.system, COMPONENT)
+        encoder = import_module(TELEMETRY).FrameEncoder() if vehicle.compiled else None
         self.links = [
             ground_link(
                 transport,
@@ -79,6 +84,7 @@ class GroundServer:
                 keys.signing(transport.address),
                 identity.streams,
                 (modems or {}).get(transport.address),
+                encoder,
             )
             for transport in transports
         ]
@@ -134,16 +140,26 @@ class GroundServer:
         """Wall seconds since the last attitude and motion set-point; None before the first."""
         return self._services.setpoints.silent_s
 
-    def publish_telemetry(self) -> None:
-        """Queue the telemetry that is due after a tick, then the events of the tick."""
-        report, snapshot = self._vehicle.report(), None
-        for link in self.links:
-            for of_tick, streams in link.schedule.due(report.time_us):
-                if of_tick:
-                    link.publish(streams, report)
-                else:
-                    snapshot = snapshot or self._vehicle.snapshot()
-                    self._publish_slowly(link, streams, snapshot)
+    @property
+    def snapshot_due_us(self) -> int:
+        """Vehicle time of the next tick whose telemetry needs the whole state after that tick."""
+        return min((link.schedule.snapshot_due_us for link in self.links), default=NEVER_US)
+
+    def publish_telemetry(self, reports: Sequence[SteadyReport] = ()) -> None:
+        """Queue the telemetry that is due after each of the newest ticks, then their events.
+
+        Without ``reports`` there was one tick. Only in the last tick may a message be due that
+        needs the state of the vehicle.
+        """
+        for report in reports or (self._vehicle.report(),):
+            snapshot = None
+            for link in self.links:
+                for group in link.schedule.due(report.time_us):
+                    if group.of_tick:
+                        link.publish(group, report)
+                    else:
+                        snapshot = snapshot or self._vehicle.snapshot()
+                        self._publish_slowly(link, group.streams, snapshot)
         self._event_publisher.publish()
 
     def _publish_slowly(

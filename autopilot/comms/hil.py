@@ -84,7 +84,8 @@ class HilLink:
         self.transport = transport
         self.lockstep = baud_rate(transport.address) is None
         """Whether the other end may wait for each answer. A vehicle on a serial line does not."""
-        self._endpoint = Endpoint(transport, system, COMPONENT)
+        self.endpoint = Endpoint(transport, system, COMPONENT)
+        """The link's own participant, for compiled code that encodes frames itself."""
         self._records: dict[str, Any] = {}
         self._relayed: deque[Frame] = deque(maxlen=MAX_QUEUED_FRAMES)
         self._frames: deque[Frame] = deque(maxlen=MAX_QUEUED_FRAMES)
@@ -97,7 +98,7 @@ class HilLink:
         With ``eager`` wait for frames, at most `SPIN_S`. Raises LinkLostError when the link is
         lost.
         """
-        decoded, raw, frames = self._endpoint.receive_fixed(_SENSOR_FRAME, eager=eager)
+        decoded, raw, frames = self.endpoint.receive_fixed(_SENSOR_FRAME, eager=eager)
         if decoded is not None:
             system, component = decoded[SENDER]
             head = system, component, _SENSOR.message_id, decoded[SEQUENCE]
@@ -119,43 +120,18 @@ class HilLink:
         """Whether device frames wait for the next sample."""
         return bool(self._frames)
 
-    @property
-    def sender(self) -> int:
-        """256 times the own system id plus the component id."""
-        return self._endpoint.system << 8 | self._endpoint.component
-
-    @property
-    def sequence(self) -> int:
-        """Sequence number of the next answer."""
-        return self._endpoint.sequence
-
-    def receive_into(self, memory: memoryview) -> int:
-        """Wait for a datagram, at most `SPIN_S`; return its length, 0 if none has arrived.
-
-        Raises LinkLostError when the link is lost.
-        """
-        return self._endpoint.receive_into(memory)
-
-    def put_back(self, datagram: bytes) -> None:
-        """Return a datagram of ``receive_into``; ``receive`` reads it first."""
-        self._endpoint.put_back(datagram)
-
-    def send_next(self, frame: bytes) -> None:
-        """Send an answer that was encoded with the next ``sequence``."""
-        self._endpoint.send_next(frame)
-
     def answer(self, frame: ActuatorFrame) -> None:
         """Send the actuators in reply to a sample."""
         flags = frame.flags if self.lockstep else 0
         fields = (frame.time_us, flags, *frame.controls, frame.mode)
-        self.transport.send(self._endpoint.encode_fixed(_CONTROLS_FRAME, fields))
+        self.transport.send(self.endpoint.encode_fixed(_CONTROLS_FRAME, fields))
 
     def send_failure_order(self, order: InjectionOrder) -> None:
         """Send a failure-injection order to the simulator."""
         unit, kind, instance, size = order
-        self._endpoint.send(
+        self.endpoint.send(
             "COMMAND_LONG",
-            target_system=self._endpoint.system,
+            target_system=self.endpoint.system,
             target_component=0,
             command=MavCmd.INJECT_FAILURE,
             confirmation=0,
@@ -171,7 +147,7 @@ class HilLink:
     @property
     def non_mavlink_bytes(self) -> int:
         """Number of received bytes that are not MAVLink."""
-        return self._endpoint.skipped_bytes
+        return self.endpoint.skipped_bytes
 
     def pop_failure_results(self) -> list[int]:
         """Return the MAV_RESULTs of failure orders since the last call, in order."""

@@ -11,7 +11,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from autopilot.control.types import US_PER_S
-from autopilot.telemetry.streams import STREAMS, TelemetryStream
+from autopilot.telemetry.streams import STREAMS, StreamGroup, TelemetryStream, stream_group
 from mavlink_io import dialect
 
 
@@ -70,14 +70,6 @@ MIN_HIGH_LATENCY_S = 10.0
 """Shortest wall time between two HIGH_LATENCY2 messages on a link, and the default."""
 
 
-class StreamGroup(NamedTuple):
-    """Streams to send in a tick that follow each other in the table."""
-
-    of_tick: bool
-    """``TelemetryStream.of_tick`` of each of them."""
-    streams: Sequence[TelemetryStream]
-
-
 class Schedule:
     """Schedule of the streams of one link.
 
@@ -105,6 +97,8 @@ class Schedule:
         """Next due time of the streams of each interval (us)."""
         self._next_us = 0
         """The earliest of them."""
+        self._snapshot_us = set[int]()
+        """Intervals of the streams that need a ``Snapshot``."""
         self._streams: dict[tuple[int, ...], list[StreamGroup]] = {}
         """Streams that are due together, by their intervals."""
         self._running = False
@@ -147,6 +141,15 @@ class Schedule:
             groups = self._streams[key] = self._streams_of(key)
         return groups
 
+    @property
+    def snapshot_due_us(self) -> int:
+        """Vehicle time at which the first stream that needs a ``Snapshot`` is due."""
+        if self.answers_only:
+            return NEVER_US
+        if not self._running:
+            return self._time_us
+        return min((self._due_us[interval] for interval in self._snapshot_us), default=NEVER_US)
+
     def set_group_rate(self, message_ids: Sequence[int], rate_hz: float) -> None:
         """Set the rate of several streams (REQUEST_DATA_STREAM); 0 stops them."""
         interval_us = _interval_us(rate_hz)
@@ -186,10 +189,8 @@ class Schedule:
             for number, own_us in self._intervals_us.items()
             if own_us in intervals_us
         ]
-        return [
-            StreamGroup(of_tick, list(group))
-            for of_tick, group in groupby(streams, key=lambda stream: stream.of_tick)
-        ]
+        groups = groupby(streams, key=lambda stream: (stream.of_tick, stream.is_numeric))
+        return [stream_group(list(members)) for _, members in groups]
 
     def _align(self) -> None:
         """Set the due times of all streams to the next multiple of their interval."""
@@ -199,6 +200,11 @@ class Schedule:
             if interval
         }
         self._next_us = min(self._due_us.values(), default=NEVER_US)
+        self._snapshot_us = {
+            interval
+            for number, interval in self._intervals_us.items()
+            if interval and not self._table[number].of_tick
+        }
         self._streams = {}
 
 

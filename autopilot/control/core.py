@@ -336,6 +336,7 @@ def actuator_frame(state: AutopilotState, trace: Trace, config: Config) -> Actua
     return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, resting, CUSTOM_MODE_FLAG)
 
 
+@numeric
 def armed_frame(time_us: int, trace: Trace, config: Config, weight: float = 0.0) -> ActuatorFrame:
     """Return the actuator frame of a tick of an armed vehicle.
 

@@ -75,7 +75,7 @@ def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
         before.devices,
         _records(values) if new != 0 else steady.NO_RECORDS,
         new,
-        _frame(values),
+        sensors(values),
         signal,
         before.task,
         config.value,
@@ -100,7 +100,7 @@ def read(flight: Native) -> tuple[SteadyState, Devices]:
 
 
 @numeric
-def _frame(v: Numbers) -> SensorFrame:
+def sensors(v: Numbers) -> SensorFrame:
     """Return the sensor frame in the array."""
     return SensorFrame(
         int(v[0]),
@@ -120,6 +120,36 @@ def _frame(v: Numbers) -> SensorFrame:
         int(v[14]),
         int(v[15]),
     )
+
+
+@numeric
+def results(values: Numbers) -> tuple[Motion, Setpoint, Trace]:
+    """Return the results in the array."""
+    m, s, t = values[RESULTS:], values[_SETPOINT:], values[_TRACE:]
+    motion = Motion(
+        m[0],
+        m[1],
+        m[2],
+        m[3],
+        m[4],
+        m[5],
+        m[6],
+        m[7],
+        m[8],
+        m[9],
+        m[10],
+        m[11],
+        m[12],
+        m[13],
+        m[14],
+        m[15],
+        m[16],
+        m[17],
+        m[18],
+        m[19],
+    )
+    trace = Trace(t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8])
+    return motion, Setpoint(s[0], s[1], s[2], s[3]), trace
 
 
 @numeric

@@ -11,16 +11,15 @@ from typing import Any, NamedTuple
 from autopilot.comms import offboard_messages
 from autopilot.control import actuator_test
 from autopilot.control.types import Trace
-from autopilot.telemetry import streams
+from autopilot.reports import SteadyReport, TickReport
+from autopilot.telemetry import tick_messages
 from autopilot.telemetry.identity import COMPONENT
 from autopilot.telemetry.streams import (
-    ACTUATORS_IN_USE,
     STREAMS,
     TRACE_ID,
     TRACE_NAME,
     TelemetryStream,
 )
-from autopilot.vehicle import SteadyReport, TickReport
 from mavlink_io import dialect
 from mavlink_io.logging.mavlink_log import Column
 
@@ -103,9 +102,13 @@ def fields(report: TickReport | SteadyReport, sensors: bytes) -> Sequence[tuple[
     time_us = report.time_us
     return (
         (sensors,),
-        streams.attitude(report),
-        streams.local_position(report),
-        (time_us, ACTUATORS_IN_USE, *report.actuators.controls[: actuator_test.CHANNELS]),
+        tick_messages.attitude(report),
+        tick_messages.local_position(report),
+        (
+            time_us,
+            tick_messages.ACTUATORS_IN_USE,
+            *report.actuators.controls[: actuator_test.CHANNELS],
+        ),
         (time_us, TRACE_ID, TRACE_NAME, *report.trace),
     )
 

@@ -8,10 +8,10 @@ without a measurement on this vehicle, such as POWER_STATUS, are not sent.
 import math
 
 from autopilot.control.manual_control import channels_of
+from autopilot.reports import Snapshot
 from autopilot.telemetry import identity, navigation
 from autopilot.telemetry.encoding import boot_ms, int16, time_us
 from autopilot.telemetry.streams import STREAMS, TelemetryStream, position_dege7, stream
-from autopilot.vehicle import Snapshot
 from mavlink_io.dialect import Values, constant
 from mavlink_io.frames import euler_from_quaternion
 

@@ -8,25 +8,29 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from autopilot.vehicle import Snapshot, SteadyReport, TickReport
+from autopilot.reports import Snapshot, SteadyReport, TickReport
 from mavlink_io.device_messages import UNKNOWN_U16
 from mavlink_io.dialect import MessageType, Values
+from mavlink_io.jit import numeric
 
 Builder = Callable[[Any], Values]
 """Build a message from a ``Snapshot``; from a ``TickReport`` if its stream is ``of_tick``."""
 Report = Snapshot | TickReport | SteadyReport
 
 
+@numeric
 def time_us(s: Report) -> int:
     """Return vehicle time in us; 0 before the first sample."""
     return max(0, s.time_us)
 
 
+@numeric
 def boot_ms(s: Report) -> int:
     """Return vehicle time in ms, modulo 2^32."""
     return max(0, s.time_us) // 1000 & 0xFFFF_FFFF
 
 
+@numeric
 def clamp(value: float, minimum: int, maximum: int) -> int:
     """Return the nearest integer within the limits; the minimum for NaN."""
     if math.isnan(value):
@@ -34,6 +38,7 @@ def clamp(value: float, minimum: int, maximum: int) -> int:
     return round(max(minimum, min(maximum, value)))
 
 
+@numeric
 def int16(value: float) -> int:
     """Return the nearest int16."""
     return clamp(value, -32_768, 32_767)

@@ -9,10 +9,11 @@ import math
 from autopilot.control import failsafe, guidance
 from autopilot.control.sensor_health import monitor
 from autopilot.control.sensor_health.sensor_checks import ALTIMETER, BATTERY, DUCT, GPS
+from autopilot.reports import Snapshot
 from autopilot.telemetry.encoding import boot_ms, clamp, int16
 from autopilot.telemetry.identity import ModeTable, heartbeat
 from autopilot.telemetry.streams import position_dege7
-from autopilot.vehicle import Snapshot, mission_progress
+from autopilot.vehicle import mission_progress
 from mavlink_io.dialect import Values, constant
 
 _FLAGS = {

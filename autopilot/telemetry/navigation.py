@@ -6,20 +6,16 @@ from autopilot.control import guidance
 from autopilot.control import navigation as dead_reckoning
 from autopilot.control.failsafe import depth_unknown
 from autopilot.control.setpoints import TrackLine
+from autopilot.reports import Snapshot
 from autopilot.telemetry.encoding import Report, boot_ms, int16, time_us, uint16
-from autopilot.vehicle import Snapshot
+from autopilot.telemetry.tick_messages import DEPTH_SD_M
 from mavlink_io.dialect import Values, constant
-from mavlink_io.frames import rotate_back
 
-_GLOBAL_NED, _CHILD_FRD = constant("MAV_FRAME_LOCAL_NED"), constant("MAV_FRAME_BODY_FRD")
+_GLOBAL_NED = constant("MAV_FRAME_LOCAL_NED")
 _ALL_BUT_DEPTH_AND_YAW = 0b1001_1111_1011
 """POSITION_TARGET_TYPEMASK: fields that are ignored."""
 _XY = 0b11
 """POSITION_TARGET_TYPEMASK: x and y."""
-_DEPTH_SD_M, _TILT_SD_RAD, _HEADING_SD_RAD = 0.1, math.radians(0.5), math.radians(1.0)
-"""Assumed standard deviations of depth, roll and pitch, and heading; they are not estimated."""
-_DIAGONAL = (0, 6, 11, 15, 18, 20)
-"""Index of the diagonal elements in the upper triangle, row by row, of a 6 x 6 matrix."""
 _NO_RATIOS = (math.nan,) * 6
 """Innovation test ratios of ESTIMATOR_STATUS: not available."""
 _ALWAYS, _ABSOLUTE, _DEPTH, _ABOVE_GROUND, _GLITCH = (
@@ -84,48 +80,6 @@ def position_target(s: Report) -> Values:
     )
 
 
-def odometry(s: Report) -> Values:
-    """Return ODOMETRY: position in NED (m), velocity over ground in body axes (m/s)."""
-    m = s.motion
-    attitude = m.attitude_w, m.attitude_x, m.attitude_y, m.attitude_z
-    velocity = rotate_back(attitude, (m.north_rate_mps, m.east_rate_mps, m.depth_rate_mps))
-    pose = _diagonal(
-        m.position_sd_m,
-        m.position_sd_m,
-        _DEPTH_SD_M,
-        _TILT_SD_RAD,
-        _TILT_SD_RAD,
-        _HEADING_SD_RAD,
-    )
-    rates = _diagonal(*(m.velocity_sd_mps,) * 3, *(math.nan,) * 3)
-    return (
-        time_us(s),
-        m.north_m,
-        m.east_m,
-        m.depth_m,
-        attitude,
-        *velocity,
-        m.p_radps,
-        m.q_radps,
-        m.r_radps,
-        pose,
-        rates,
-        _GLOBAL_NED,
-        _CHILD_FRD,
-        0,
-        0,
-        0,
-    )
-
-
-def _diagonal(*sds: float) -> tuple[float, ...]:
-    """Return the upper triangle, row by row, of a diagonal 6 x 6 covariance."""
-    elements = [0.0] * 21
-    for index, sd in zip(_DIAGONAL, sds, strict=True):
-        elements[index] = sd**2
-    return tuple(elements)
-
-
 def estimator_status(s: Snapshot) -> Values:
     """Return ESTIMATOR_STATUS: flags, and standard deviations of position and depth (m)."""
     estimate = s.state.estimate
@@ -134,7 +88,7 @@ def estimator_status(s: Snapshot) -> Values:
     flags |= 0 if depth_unknown(s.state, s.config) else _DEPTH
     flags |= 0 if math.isnan(estimate.altitude_m) else _ABOVE_GROUND
     flags |= _GLITCH if estimate.navigation.fixes_rejected else 0
-    return time_us(s), *_NO_RATIOS, estimate.position_sd_m, _DEPTH_SD_M, flags
+    return time_us(s), *_NO_RATIOS, estimate.position_sd_m, DEPTH_SD_M, flags
 
 
 def current(s: Snapshot) -> Values:

@@ -11,9 +11,10 @@ from autopilot.control.sensor_health.sensor_checks import (
     DVL,
     GPS,
 )
+from autopilot.reports import Snapshot
 from autopilot.telemetry import identity
 from autopilot.telemetry.encoding import clamp, int32, time_us, uint16
-from autopilot.vehicle import Snapshot, mission_progress
+from autopilot.vehicle import mission_progress
 from mavlink_io import device_messages
 from mavlink_io.dialect import Values, constant
 from mavlink_io.records import Battery

@@ -6,11 +6,13 @@ integers are limited to the range of their field.
 """
 
 import math
+from array import array
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from autopilot.control import actuator_test
 from autopilot.control.types import Home, Motion, Trace, VehicleEstimate
-from autopilot.telemetry import navigation, status
+from autopilot.reports import Snapshot
+from autopilot.telemetry import navigation, status, tick_messages
 from autopilot.telemetry.encoding import (
     Builder,
     Report,
@@ -23,37 +25,15 @@ from autopilot.telemetry.encoding import (
     uint16,
     uint32,
 )
-from autopilot.vehicle import Snapshot
 from mavlink_io import dialect
 from mavlink_io.device_messages import UNKNOWN_U16
 from mavlink_io.dialect import MessageType, Values, constant
-from mavlink_io.frames import offset_to_geodetic, quaternion_from_euler
+from mavlink_io.frames import offset_to_geodetic
+from mavlink_io.jit import NUMERIC
 
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _ULTRASOUND = constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _NO_FIX = constant("GPS_FIX_TYPE_NO_FIX")
-ACTUATORS_IN_USE = (1 << actuator_test.CHANNELS) - 1
-"""ACTUATOR_OUTPUT_STATUS.active: a bit per channel."""
-
-_ATTITUDE_TARGET_IGNORES = 0b111
-"""ATTITUDE_TARGET.type_mask: the body rates are ignored."""
-
-
-def attitude(s: Report) -> Values:
-    """Return ATTITUDE: Euler angles (rad) and body rates (rad/s)."""
-    return boot_ms(s), *s.motion[:6]
-
-
-def attitude_quaternion(s: Report) -> Values:
-    """Return ATTITUDE_QUATERNION: attitude (w, x, y, z) and body rates (rad/s)."""
-    m = s.motion
-    attitude = m.attitude_w, m.attitude_x, m.attitude_y, m.attitude_z
-    return boot_ms(s), *attitude, m.p_radps, m.q_radps, m.r_radps, (0.0,) * 4
-
-
-def local_position(s: Report) -> Values:
-    """Return LOCAL_POSITION_NED: position (m) and velocity over ground (m/s)."""
-    return boot_ms(s), *s.motion[6:12]
 
 
 def global_position(s: Report) -> Values:
@@ -93,23 +73,6 @@ def vfr_hud(s: Report) -> Values:
     )
 
 
-def altitude(s: Report) -> Values:
-    """Return ALTITUDE: m above the surface, and above the sea floor; -1 when unknown."""
-    motion = s.motion
-    altitude_m, clearance_m = (
-        -motion.depth_m,
-        -1.0 if math.isnan(motion.altitude_m) else motion.altitude_m,
-    )
-    return time_us(s), *(altitude_m,) * 4, -2000.0, clearance_m
-
-
-def water_pressure(s: Report) -> Values:
-    """Return SCALED_PRESSURE2: absolute pressure (hPa) and temperature (cdegC)."""
-    if s.sensors is None:
-        return boot_ms(s), 0.0, 0.0, 0, 0
-    return boot_ms(s), s.sensors.pressure_hpa, 0.0, int16(s.sensors.temperature_degc * 100.0), 0
-
-
 def distance_sensor(s: Report) -> Values:
     """Return DISTANCE_SENSOR: range (cm) of the altimeter; signal quality 1 means no echo."""
     range_m, altimeter = s.motion.altitude_m, s.altimeter
@@ -135,33 +98,6 @@ def distance_sensor(s: Report) -> Values:
         (0.0,) * 4,
         quality,
     )
-
-
-def attitude_target(s: Report) -> Values:
-    """Return ATTITUDE_TARGET: pitch and heading set-points as a quaternion, and thrust."""
-    target = quaternion_from_euler(0.0, s.trace.pitch_setpoint_rad, s.setpoint.heading_rad)
-    return boot_ms(s), target, 0.0, 0.0, 0.0, s.trace.thrust, _ATTITUDE_TARGET_IGNORES
-
-
-def servo_outputs(s: Report) -> Values:
-    """Return SERVO_OUTPUT_RAW: commands of -1..1 as pulse widths of 1100..1900 us."""
-    pulses_us = [
-        clamp(1500.0 + 400.0 * c, 1100, 1900)
-        for c in s.actuators.controls[: actuator_test.CHANNELS]
-    ]
-    return time_us(s) & 0xFFFF_FFFF, *pulses_us, *(0,) * (8 - actuator_test.CHANNELS), 0, *(0,) * 8
-
-
-def actuator_outputs(s: Report) -> Values:
-    """Return ACTUATOR_OUTPUT_STATUS: commands of -1..1."""
-    return time_us(s), ACTUATORS_IN_USE, s.actuators.controls + (0.0,) * 16
-
-
-def imu(s: Report) -> Values:
-    """Return HIGHRES_IMU with the fields of the newest HIL_SENSOR."""
-    if s.sensors is None:
-        return time_us(s), *(0.0,) * 13, 0, 0
-    return *s.sensors[:14], s.sensors.fields_updated & 0xFFFF, 0
 
 
 def gps_raw(s: Snapshot) -> Values:
@@ -241,9 +177,32 @@ class TelemetryStream(NamedTuple):
     """Whether ``TickReport`` is enough for its only builder, which then needs no ``Snapshot``."""
 
     @property
+    def is_numeric(self) -> bool:
+        """Whether its builder is compiled, in ``compiled_streams``, where ticks are compiled."""
+        return self.of_tick and self.build in NUMERIC
+
+    @property
     def builders(self) -> tuple[Builder, ...]:
         """All builders of the stream."""
         return self.build, *self.more_builders
+
+
+class StreamGroup(NamedTuple):
+    """Streams to send in a tick that follow each other in the table."""
+
+    of_tick: bool
+    """``TelemetryStream.of_tick`` of each of them."""
+    is_numeric: bool
+    """``TelemetryStream.is_numeric`` of each of them."""
+    streams: Sequence[TelemetryStream]
+    numbers: "array[int]"
+    """Their message ids, for compiled code."""
+
+
+def stream_group(streams: Sequence[TelemetryStream]) -> StreamGroup:
+    """Return the group of streams with equal ``of_tick`` and ``is_numeric``."""
+    numbers = array("q", [stream.message.message_id for stream in streams])
+    return StreamGroup(streams[0].of_tick, streams[0].is_numeric, streams, numbers)
 
 
 def stream(name: str, rate_hz: float, build: Builder, *more_builders: Builder) -> TelemetryStream:
@@ -259,21 +218,21 @@ def stream(name: str, rate_hz: float, build: Builder, *more_builders: Builder) -
 
 _OF_TICK = frozenset(
     (
-        attitude,
-        attitude_quaternion,
-        local_position,
+        tick_messages.attitude,
+        tick_messages.attitude_quaternion,
+        tick_messages.local_position,
         global_position,
         vfr_hud,
-        altitude,
-        water_pressure,
+        tick_messages.altitude,
+        tick_messages.water_pressure,
         distance_sensor,
         navigation.navigation,
-        attitude_target,
+        tick_messages.attitude_target,
         navigation.position_target,
-        servo_outputs,
-        actuator_outputs,
-        imu,
-        navigation.odometry,
+        tick_messages.servo_outputs,
+        tick_messages.actuator_outputs,
+        tick_messages.imu,
+        tick_messages.odometry,
         system_time,
         loop_trace,
     )
@@ -282,21 +241,21 @@ _OF_TICK = frozenset(
 
 
 STREAMS = (
-    stream("ATTITUDE", 10, attitude),
-    stream("ATTITUDE_QUATERNION", 10, attitude_quaternion),
-    stream("LOCAL_POSITION_NED", 5, local_position),
+    stream("ATTITUDE", 10, tick_messages.attitude),
+    stream("ATTITUDE_QUATERNION", 10, tick_messages.attitude_quaternion),
+    stream("LOCAL_POSITION_NED", 5, tick_messages.local_position),
     stream("GLOBAL_POSITION_INT", 5, global_position),
     stream("VFR_HUD", 4, vfr_hud),
-    stream("ALTITUDE", 2, altitude),
-    stream("SCALED_PRESSURE2", 5, water_pressure),
+    stream("ALTITUDE", 2, tick_messages.altitude),
+    stream("SCALED_PRESSURE2", 5, tick_messages.water_pressure),
     stream("DISTANCE_SENSOR", 5, distance_sensor),
     stream("NAV_CONTROLLER_OUTPUT", 2, navigation.navigation),
-    stream("ATTITUDE_TARGET", 4, attitude_target),
+    stream("ATTITUDE_TARGET", 4, tick_messages.attitude_target),
     stream("POSITION_TARGET_LOCAL_NED", 2, navigation.position_target),
-    stream("SERVO_OUTPUT_RAW", 4, servo_outputs),
-    stream("ACTUATOR_OUTPUT_STATUS", 4, actuator_outputs),
-    stream("HIGHRES_IMU", 10, imu),
-    stream("ODOMETRY", 5, navigation.odometry),
+    stream("SERVO_OUTPUT_RAW", 4, tick_messages.servo_outputs),
+    stream("ACTUATOR_OUTPUT_STATUS", 4, tick_messages.actuator_outputs),
+    stream("HIGHRES_IMU", 10, tick_messages.imu),
+    stream("ODOMETRY", 5, tick_messages.odometry),
     stream("ESTIMATOR_STATUS", 1, navigation.estimator_status),
     stream("WIND_COV", 1, navigation.current),
     stream("GPS_RAW_INT", 1, gps_raw),

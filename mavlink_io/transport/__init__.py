@@ -19,9 +19,11 @@ from mavlink_io.transport.base import (
     Handle,
     LinkLostError,
     LockstepTransport,
+    Peer,
     Piece,
     SharedTransport,
     Transport,
+    spin_s,
     wait,
 )
 from mavlink_io.transport.memory import MemoryTransport
@@ -38,6 +40,7 @@ __all__ = (
     "LinkLostError",
     "LockstepTransport",
     "MemoryTransport",
+    "Peer",
     "Piece",
     "SerialTransport",
     "SharedTransport",
@@ -48,6 +51,7 @@ __all__ = (
     "UdpTransport",
     "baud_rate",
     "open_transport",
+    "spin_s",
     "wait",
 )
 

@@ -9,7 +9,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import ErrorCode, InputError, OperationError
@@ -142,17 +142,30 @@ class SharedTransport(Transport, Protocol):
         ...
 
 
+class Peer(NamedTuple):
+    """A socket and the only address that it exchanges datagrams with."""
+
+    number: int
+    """File descriptor; its reads block for at most `SPIN_S`."""
+    address: tuple[str, int] | None
+    """Address of the peer; None if the socket is connected to it."""
+
+
 @runtime_checkable
 class LockstepTransport(Transport, Protocol):
-    """A transport that can wait for the next datagram in the call that reads it."""
+    """A transport of datagrams whose next one can be waited for in the call that reads it."""
 
     eager: bool
     """Whether ``receive`` and ``receive_from`` wait eagerly for a datagram, at most `SPIN_S`."""
 
-    def receive_into(self, memory: memoryview) -> int:
-        """Wait eagerly for a datagram, at most `SPIN_S`; write it into memory.
+    def peer(self) -> Peer | None:
+        """Return socket and peer for compiled code; None unless there is exactly one peer."""
+        ...
 
-        Return the number of octets; 0 if none has arrived.
+    def record_sender(self, sender: tuple[str, int] | None) -> bool:
+        """Record the sender of a datagram that compiled code has read; return whether to use it.
+
+        None is the peer that ``peer`` has returned.
         """
         ...
 
@@ -198,6 +211,11 @@ def wait(
     return list(dict.fromkeys(handles[handle] for handle in ready))
 
 
+def spin_s() -> float:
+    """Return the time for which an eager wait polls now, in seconds; 0 if it blocks."""
+    return SPIN_S if _may_poll() else 0.0
+
+
 def _may_poll() -> bool:
     """Return whether polling takes a core from nobody: there are several, and this one is free."""
     now_s = wall_s()
@@ -237,9 +255,10 @@ def read_eagerly(read: Callable[[int, int], T]) -> T:
 
     The socket must be a blocking one with `set_patience`. Raises BlockingIOError after the time.
     """
-    if not _may_poll():
+    polling_s = spin_s()
+    if not polling_s:
         return read(MAX_DATAGRAM, 0)
-    until_s = wall_s() + SPIN_S
+    until_s = wall_s() + polling_s
     while True:
         try:
             return read(MAX_DATAGRAM, socket.MSG_DONTWAIT)

@@ -5,12 +5,12 @@ import errno
 import math
 import socket
 from collections.abc import Sequence
-from functools import partial
 
 from mavlink_io.clock import wall_s
 from mavlink_io.transport.base import (
     MAX_DATAGRAM,
     Handle,
+    Peer,
     Piece,
     open_or_raise,
     read_eagerly,
@@ -18,7 +18,9 @@ from mavlink_io.transport.base import (
 )
 
 PEER_IDLE_S = 10.0
-"""Wall time without a datagram after which a peer is removed when a new one comes, in seconds."""
+"""Wall time without a datagram after which a peer may be removed, in seconds.
+
+It is removed when a new one comes, or when a simulator in lockstep is to be the only one."""
 MAX_PEERS = 32
 """Maximum number of peers of one ``udpin``.
 
@@ -93,14 +95,18 @@ class UdpTransport:
             return ()
         return ((peer, data),) if self._remember(peer) else ()
 
-    def receive_into(self, memory: memoryview) -> int:
-        """Wait eagerly for one datagram, and write it into memory; return its length, or 0."""
-        read = partial(self._socket.recvfrom_into, memory)
-        try:
-            length, peer = read_eagerly(read)
-        except OSError:
-            return 0
-        return length if self._remember(peer) else 0
+    def peer(self) -> Peer | None:
+        """Return the socket with its peer; None unless exactly one has sent recently."""
+        if len(self._peers) > 1:
+            self._forget_idle(wall_s())
+        if len(self._peers) != 1:
+            return None
+        (address,) = self._peers
+        return Peer(self._socket.fileno(), address)
+
+    def record_sender(self, sender: Address | None) -> bool:
+        """Record the sender of a datagram, None for the peer; return False for one too many."""
+        return self._remember(sender or next(iter(self._peers)))
 
     def close(self) -> None:
         """Close the socket."""
@@ -110,12 +116,16 @@ class UdpTransport:
         """Store when a peer has sent; return False if there are too many peers for a new one."""
         now = wall_s()
         if peer not in self._peers:
-            for idle in [p for p, last in self._peers.items() if now - last > PEER_IDLE_S]:
-                del self._peers[idle]
+            self._forget_idle(now)
             if len(self._peers) >= MAX_PEERS:
                 return False
         self._peers[peer] = now
         return True
+
+    def _forget_idle(self, now_s: float) -> None:
+        """Remove the peers that have sent nothing for `PEER_IDLE_S`."""
+        for idle in [p for p, last in self._peers.items() if now_s - last > PEER_IDLE_S]:
+            del self._peers[idle]
 
 
 class UdpClient:
@@ -178,14 +188,13 @@ class UdpClient:
         except OSError:
             return b""
 
-    def receive_into(self, memory: memoryview) -> int:
-        """Wait eagerly for one datagram, and write it into memory; return its length, or 0."""
-        if self._socket is None:
-            return 0
-        try:
-            return read_eagerly(partial(self._socket.recv_into, memory))
-        except OSError:
-            return 0
+    def peer(self) -> Peer | None:
+        """Return the connected socket; None without a route to the peer."""
+        return None if self._socket is None else Peer(self._socket.fileno(), None)
+
+    def record_sender(self, sender: Address | None) -> bool:
+        """Return True: a connected socket has one peer."""
+        return True
 
     def close(self) -> None:
         """Close the socket for good."""

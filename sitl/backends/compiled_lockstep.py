@@ -1,7 +1,7 @@
-"""Ticks of the lockstep in which only numbers change, each one compiled call.
+"""Ticks of the lockstep in which only numbers change, as a compiled loop.
 
-The call decodes the answer of the autopilot, advances the plant, and encodes the next HIL_SENSOR.
-Where a slower sensor or the true motion is due, their frames are put before it. The loop ends
+The loop receives the answer of the autopilot, advances the plant, and sends the next HIL_SENSOR.
+Where a slower sensor or the true motion is due, Python puts their frames before it. The loop ends
 before every other tick: with a fault, a drop weight, a disarmed vehicle, a lost datagram, or a
 message that is no plain answer. The bytes on the link are those of ``HilClient``.
 """
@@ -10,26 +10,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from math import gcd
+from math import ceil, gcd
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavlink_io import jit, lockstep_frames
+from mavlink_io import jit, lockstep_frames, lockstep_socket
 from mavlink_io.frames import flip, flip_quaternion
 from mavlink_io.jit import Native, entry_point, kernel
 from mavlink_io.lockstep_frames import CONTROLS, SENSOR, START, TRUTH, FrameMemory, frame_memory
+from mavlink_io.lockstep_socket import compiled_socket
 from mavlink_io.records import ARMED_FLAG
-from mavlink_io.transport import MAX_DATAGRAM
+from mavlink_io.transport import MAX_DATAGRAM, spin_s
 from sitl.backends.hil import HilClient
 from sitl.backends.messages import COMPONENT, SYSTEM, TRUTH_PERIOD_US
 from sitl.core import plant, state, tick, truth
+from sitl.core.draws import BLOCK
 from sitl.core.plant import DROP, ELEVATOR, RELEASE_ABOVE, RUDDER, THRUST, Plant, PlantState
 from sitl.core.sensors import Sensors
 from sitl.vehicle.vectors import Vector, Vector3
 
 _SENDER = SYSTEM << 8 | COMPONENT
+_NS_PER_S = 1e9
 
 
 class Frames(NamedTuple):
@@ -102,6 +105,71 @@ def exchange(
     return lockstep_frames.seal(sensors, SENSOR, sequence, _SENDER)
 
 
+class Exchanged(NamedTuple):
+    """What ``exchange_many`` has done."""
+
+    ticks: int
+    """Number of ticks."""
+    length: int
+    """Length of the newest frame; 0 without a tick."""
+    received: int
+    """Octets of a datagram that Python has to read; 0 if there is none."""
+
+
+@entry_point
+def exchange_many(
+    link: Native,
+    frames: Native,
+    vessel: Native,
+    run: Native,
+    numbers: Vector,
+    used: NDArray[np.int64],
+    values: Vector,
+    tick_us: int,
+    time_us: int,
+    sequence: int,
+    ticks: int,
+    spin_ns: int,
+) -> tuple[int, int, int]:
+    """Exchange datagrams until a number of ticks is made, or ``exchange`` refuses one.
+
+    Parameters
+    ----------
+    link : Native
+        ``UdpSocket``.
+    frames, vessel, run, numbers, used, values, tick_us, time_us, sequence
+        As of ``exchange``.
+    ticks : int
+        Largest number of ticks. The frame of the last one of them is not sent.
+    spin_ns : int
+        As of ``lockstep_socket.receive``.
+
+    Returns
+    -------
+    tuple of int
+        ``Exchanged``.
+    """
+    memory = frames.value
+    answer, sample = memory.answer.octets[START:], memory.sensors.octets[START:]
+    done = length = received = 0
+    while done < ticks:
+        received = lockstep_socket.receive(link.value, answer, spin_ns)
+        if received <= 0:
+            break
+        sealed = exchange(
+            frames, vessel, run, numbers, used, values, tick_us, time_us, received, sequence
+        )
+        if sealed == 0:
+            break
+        length, received = sealed, 0
+        done += 1
+        time_us += tick_us
+        if done < ticks:
+            lockstep_socket.send(link.value, sample, length)
+            sequence = (sequence + 1) & 0xFF
+    return done, length, received
+
+
 @entry_point
 def encode_truth(
     frames: Native,
@@ -170,7 +238,7 @@ def renumber_sensors(frames: Native, sequence: int) -> None:
 class MachineCode(NamedTuple):
     """Machine code of the functions above."""
 
-    exchange: Callable[..., int]
+    exchange_many: Callable[..., tuple[int, int, int]]
     encode_truth: Callable[..., int]
     renumber_sensors: Callable[[Native, int], None]
 
@@ -196,7 +264,7 @@ class CompiledLockstep:
         self._received, self._sample, self._truth = (
             memoryview(memory.octets)[START:] for memory in self._frames
         )
-        self._compiled: tuple[Native, MachineCode] | None = None
+        self._compiled: tuple[Native, Native, MachineCode] | None = None
 
     def advance(
         self, simulated: Plant, begun: PlantState, rng: plant.RandomStreams, until_us: int
@@ -220,30 +288,41 @@ class CompiledLockstep:
             State after the last tick, its sensors, and the datagram with them, which has been sent
             and not been answered. None if there was no such tick.
         """
-        now, values, tick_us = begun, begun.values.copy(), simulated.tick_us
-        time_us, sensors, datagram = begun.time_us, None, b""
-        code, link, draws = self._code(simulated, begun, rng), self._link, rng.draws
-        exchange_answer = partial(
-            code.exchange, self._native, simulated.native, begun.run, *draws.table, values, tick_us
+        link, draws, tick_us = self._link.endpoint, rng.draws, simulated.tick_us
+        peer = link.peer()
+        if peer is None:
+            return None
+        now, values, time_us = begun, begun.values.copy(), begun.time_us
+        sensors, datagram = None, b""
+        socket = compiled_socket(peer)
+        code = self._code(socket.native, simulated, begun, rng)
+        exchange_many = partial(
+            code.exchange_many,
+            *(socket.native, self._native, simulated.native, begun.run),
+            *(*draws.table, values, tick_us),
         )
         slow_us = gcd(simulated.suite.devices_us, TRUTH_PERIOD_US)
-        while time_us + tick_us < until_us and not self._stopped():
-            received = link.receive_into(self._received)
-            if not received:
-                break
-            draws.prepare(simulated.draws)
-            length = exchange_answer(time_us, received, link.sequence)
-            if not length:
-                link.put_back(bytes(self._received[:received]))
-                break
-            time_us += tick_us
-            if time_us % slow_us:
-                sensors, datagram = None, bytes(self._sample[:length])
+        most = BLOCK // simulated.draws
+        while (left := (until_us - 1 - time_us) // tick_us) > 0 and not self._stopped():
+            ticks = min(left, most, ceil((slow_us - time_us % slow_us) / tick_us))
+            draws.prepare(simulated.draws * ticks)
+            spin_ns = round(spin_s() * _NS_PER_S)
+            done = Exchanged(*exchange_many(time_us, link.sequence, ticks, spin_ns))
+            complete = done.ticks == ticks
+            if done.ticks:
+                time_us += done.ticks * tick_us
+                sensors, datagram = None, bytes(self._sample[: done.length])
+                link.take_sequence(done.ticks - complete)
+            if complete:
+                if time_us % slow_us == 0:
+                    now = now._replace(time_us=time_us, values=values)
+                    now, sensors = self._measure(simulated, now, rng)
+                    datagram = self._encode_slow(code, simulated, now, sensors, done.length)
+                link.take_sequence()
+                link.transport.send(datagram)
             else:
-                now = now._replace(time_us=time_us, values=values)
-                now, sensors = self._measure(simulated, now, rng)
-                datagram = self._encode_slow(code, simulated, now, sensors, length)
-            link.send_next(datagram)
+                socket.return_rest(link, self._received, done.received)
+                break
         if not datagram:
             return None
         now = now._replace(time_us=time_us, values=values)
@@ -259,7 +338,7 @@ class CompiledLockstep:
         self, code: MachineCode, simulated: Plant, now: PlantState, sensors: Sensors, length: int
     ) -> bytes:
         """Put the frames of true motion and slower sensors before the HIL_SENSOR of ``length``."""
-        link, sea, frames = self._link, simulated.sea, []
+        link, sea, frames = self._link.endpoint, simulated.sea, []
         if not now.time_us % TRUTH_PERIOD_US:
             end = code.encode_truth(
                 self._native,
@@ -271,25 +350,28 @@ class CompiledLockstep:
             )
             frames.append(bytes(self._truth[:end]))
         if sensors.has_devices:
-            frames += link.device_frames(sensors)
+            frames += self._link.device_frames(sensors)
         code.renumber_sensors(self._native, link.sequence)
         return b"".join((*frames, self._sample[:length]))
 
-    def _code(self, simulated: Plant, begun: PlantState, rng: plant.RandomStreams) -> MachineCode:
+    def _code(
+        self, socket: Native, simulated: Plant, begun: PlantState, rng: plant.RandomStreams
+    ) -> MachineCode:
         """Return the machine code for a run."""
-        if self._compiled is None or self._compiled[0] is not begun.run:
+        if self._compiled is None or self._compiled[:2] != (socket, begun.run):
             frames, values, sea = self._native, begun.values, simulated.sea
             arguments: tuple[Any, ...] = (
-                *(frames, simulated.native, begun.run, *rng.draws.table, values),
-                *(0, 0, 0, 0),
+                *(socket, frames, simulated.native, begun.run, *rng.draws.table, values),
+                *(0, 0, 0, 0, 0),
             )
             site = float(sea.latitude_deg), float(sea.longitude_deg)
             self._compiled = (
+                socket,
                 begun.run,
                 MachineCode(
-                    jit.machine_code(exchange, *arguments),
+                    jit.machine_code(exchange_many, *arguments),
                     jit.machine_code(encode_truth, frames, values, 0, *site, 0),
                     jit.machine_code(renumber_sensors, frames, 0),
                 ),
             )
-        return self._compiled[1]
+        return self._compiled[2]

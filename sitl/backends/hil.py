@@ -48,7 +48,8 @@ class HilClient:
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
-        self._endpoint = Endpoint(transport, SYSTEM, COMPONENT)
+        self.endpoint = Endpoint(transport, SYSTEM, COMPONENT)
+        """The link's own participant, for compiled code that encodes frames itself."""
         self._devices: dict[int, Endpoint] = {}
         self._injections: list[InjectionResult] = []
 
@@ -60,55 +61,6 @@ class HilClient:
     def send(self, datagram: bytes) -> None:
         """Send a datagram made by ``datagram``, for the first time or again."""
         self._transport.send(datagram)
-
-    @property
-    def sequence(self) -> int:
-        """Sequence number of the next frame of the simulator."""
-        return self._endpoint.sequence
-
-    def take_sequence(self) -> int:
-        """Return the sequence number of a frame that the caller encodes."""
-        return self._endpoint.take_sequence()
-
-    def send_next(self, frame: bytes) -> None:
-        """Send a frame that was encoded with the next ``sequence``.
-
-        Parameters
-        ----------
-        frame : bytes
-            The frame; encoded frames may precede it.
-        """
-        self._endpoint.send_next(frame)
-
-    def receive_into(self, memory: memoryview) -> int:
-        """Wait for a datagram, at most `SPIN_S`.
-
-        Parameters
-        ----------
-        memory : memoryview
-            Receives the datagram.
-
-        Returns
-        -------
-        int
-            Number of octets; 0 if none has arrived, or if the transport cannot do this.
-
-        Raises
-        ------
-        LinkLostError
-            The link is closed and cannot be opened again.
-        """
-        return self._endpoint.receive_into(memory)
-
-    def put_back(self, datagram: bytes) -> None:
-        """Return a datagram of ``receive_into``; the next ``answer`` reads it first.
-
-        Parameters
-        ----------
-        datagram : bytes
-            The datagram.
-        """
-        self._endpoint.put_back(datagram)
 
     def datagram(
         self, sensors: Sensors, truth: TruthFrame | None, changes: Sequence[FaultChange] = ()
@@ -129,14 +81,14 @@ class HilClient:
         bytes
             MAVLink frames, concatenated.
         """
-        encode, frames = self._endpoint.encode_values, []
+        encode, frames = self.endpoint.encode_values, []
         if truth is not None:
             frames.append(encode(TRUTH, truth))
         if sensors.has_devices:
             frames += self.device_frames(sensors)
         if changes:
             frames += self._fault_frames(changes)
-        sample = self._endpoint.encode_fixed(SENSOR_FRAME, sensors.frame)
+        sample = self.endpoint.encode_fixed(SENSOR_FRAME, sensors.frame)
         return b"".join((*frames, sample)) if frames else sample
 
     def device_frames(self, sensors: Sensors) -> list[bytes]:
@@ -152,7 +104,7 @@ class HilClient:
         list of bytes
             One frame for each of the slower sensors with a new reading.
         """
-        encode, frames = self._endpoint.encode_values, []
+        encode, frames = self.endpoint.encode_values, []
         if sensors.gps is not None:
             frames.append(encode(GPS, gps_values(sensors.gps)))
         if sensors.altimeter is not None:
@@ -195,11 +147,11 @@ class HilClient:
         for change in changes:
             severity = _WARNING if change.began else _NOTICE
             frames.append(
-                self._endpoint.encode_values(_TEXT, (severity, change.text.encode(), 0, 0))
+                self.endpoint.encode_values(_TEXT, (severity, change.text.encode(), 0, 0))
             )
             if change.fault.unit == "link":
                 frames.append(
-                    self._endpoint.encode_values(
+                    self.endpoint.encode_values(
                         COMMAND, failure_injection.link_silence_values(change.began)
                     )
                 )
@@ -222,10 +174,10 @@ class HilClient:
         if injection.result == failure_injection.ACCEPTED:
             self._injections.append(injection)
         answer = (m.command, injection.result, 0, 0, frame.system, frame.component)
-        frames = [self._endpoint.encode_values(ACKNOWLEDGEMENT, answer)]
+        frames = [self.endpoint.encode_values(ACKNOWLEDGEMENT, answer)]
         if injection.text:
             text = (_WARNING, injection.text.encode()[:50], 0, 0)
-            frames.insert(0, self._endpoint.encode_values(_TEXT, text))
+            frames.insert(0, self.endpoint.encode_values(_TEXT, text))
         self._transport.send(b"".join(frames))
 
     def _encode_from(self, component: int, message: MessageType, values: Values) -> bytes:
@@ -255,20 +207,20 @@ class HilClient:
         LinkLostError
             The link is closed and cannot be opened again.
         """
-        decoded, _, frames = self._endpoint.receive_fixed(CONTROLS_FRAME, eager=True)
+        decoded, _, frames = self.endpoint.receive_fixed(CONTROLS_FRAME, eager=True)
         if decoded is not None:
             if decoded[FIELDS] == time_us:
                 return _actuators(decoded)
-            frames = self._endpoint.receive()
+            frames = self.endpoint.receive()
         elif not frames and wait((self._transport,), timeout_s):
-            frames = self._endpoint.receive()
+            frames = self.endpoint.receive()
         answer = None
         while frames:
             for frame in frames:
                 controls = self._parse_actuators(frame)
                 if controls is not None and controls.time_us == time_us:
                     answer = controls
-            frames = [] if answer else self._endpoint.receive()
+            frames = [] if answer else self.endpoint.receive()
         return answer
 
     def newest(self) -> ActuatorFrame | None:
@@ -280,7 +232,7 @@ class HilClient:
             The link is closed and cannot be opened again.
         """
         newest = None
-        while frames := self._endpoint.receive():
+        while frames := self.endpoint.receive():
             for frame in frames:
                 newest = self._parse_actuators(frame) or newest
         return newest

@@ -1,7 +1,10 @@
 """Samples that compiled code answers: the same answers and telemetry as those of Python."""
 
+import itertools
+import socket
 from collections import deque
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import pytest
 
@@ -17,14 +20,16 @@ from mavlink_io import dialect, jit
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Framer
 from mavlink_io.mission_items import MissionItem
-from mavlink_io.transport import Handle, Piece
+from mavlink_io.transport import Handle, Transport, UdpTransport
+from mavlink_io.transport.base import readable
 from sitl import scenario
 from sitl.backends.hil import HilClient
 from sitl.core import plant, truth
 from sitl.vehicle import config
 from tests.helpers.missions import excitation_item, leg
 
-TICKS = 800
+TICKS, DEPARTURE = 800, 50
+"""Number of ticks, and the one after which the mission begins."""
 HEARTBEAT = dialect.by_name("HEARTBEAT").message_id
 FLIGHT = (
     *leg(depth_m=3.0, heading_deg=40.0, duration_s=6.0),
@@ -33,14 +38,11 @@ FLIGHT = (
 )
 
 
-class HilEnd:
-    """The autopilot's end of the HIL link: a socket with one peer."""
+class Pipe:
+    """One end of a link in memory."""
 
-    def __init__(self) -> None:
-        self.address, self.eager = "udpin:127.0.0.1:9", False
-        self.incoming: deque[bytes] = deque()
-        self.outgoing: deque[bytes] = deque()
-        self.read_in_place = 0
+    def __init__(self, address: str, incoming: deque[bytes], outgoing: deque[bytes]) -> None:
+        self.address, self.incoming, self.outgoing = address, incoming, outgoing
 
     def handles(self) -> Sequence[Handle]:
         return ()
@@ -51,69 +53,107 @@ class HilEnd:
     def receive(self) -> bytes:
         return self.incoming.popleft() if self.incoming else b""
 
-    def receive_from(self) -> Sequence[Piece]:
-        data = self.receive()
-        return (("sea", data),) if data else ()
-
-    def receive_into(self, memory: memoryview) -> int:
-        datagram = self.receive()
-        memory[: len(datagram)] = datagram
-        self.read_in_place += bool(datagram)
-        return len(datagram)
-
     def close(self) -> None:
         pass
 
 
-class SeaEnd(HilEnd):
-    """The simulator's end of the same link."""
+class Counting(UdpTransport):
+    """A transport that counts the datagrams of Python."""
 
-    def __init__(self, other: HilEnd) -> None:
-        super().__init__()
-        self.incoming, self.outgoing = other.outgoing, other.incoming
+    sends = 0
 
-
-class Sink(HilEnd):
-    """A ground link that keeps what it is given."""
-
-    address = "tcpin:127.0.0.1:9"
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.address = "tcpin:127.0.0.1:9"
+    def send(self, data: bytes) -> None:
+        self.sends += 1
+        super().send(data)
 
 
-def _fly(*, compiled: bool) -> tuple[list[bytes], list[bytes], HilEnd]:
-    """Return the answers and the telemetry without heartbeats of a dive in the disturbed sea."""
-    hil_end, ground_end = HilEnd(), Sink()
-    vehicle = Vehicle(ParamTable({}), compiled=compiled)
-    hil = HilLink(hil_end, 1)
-    onboard_log = OnboardLog(vehicle, None)
-    ground = GroundServer(vehicle, [ground_end], AutopilotId.GENERIC, onboard_log=onboard_log)
-    app = App(vehicle, hil, ground, onboard_log)
-    sea = HilClient(SeaEnd(hil_end))
+class Rig:
+    """An autopilot with a HIL link and a ground link that keeps what it is given."""
+
+    def __init__(self, hil_end: Transport, *, compiled: bool) -> None:
+        self._told = deque[bytes]()
+        ground_end = Pipe("tcpin:127.0.0.1:9", deque(), self._told)
+        self.vehicle = Vehicle(ParamTable({}), compiled=compiled)
+        onboard_log = OnboardLog(self.vehicle, None)
+        self._ground = GroundServer(
+            self.vehicle, [ground_end], AutopilotId.GENERIC, onboard_log=onboard_log
+        )
+        self._app = App(self.vehicle, HilLink(hil_end, 1), self._ground, onboard_log)
+
+    def serve(self) -> None:
+        """Answer a simulator that has just sent."""
+        self._app._received_s = wall_s()
+        self._app._serve_lockstep()
+        self._ground.flush()
+
+    def telemetry(self) -> list[bytes]:
+        """Return the payloads of all messages but heartbeats."""
+        frames = Framer().feed(b"".join(self._told))
+        return [frame.payload for frame in frames if frame.message_id != HEARTBEAT]
+
+
+class Flown(NamedTuple):
+    """What an autopilot has received and sent."""
+
+    samples: list[bytes]
+    answers: list[bytes]
+    telemetry: list[bytes]
+
+
+def _fly() -> Flown:
+    """Fly a dive in the disturbed sea without compiled code."""
+    to_autopilot, to_sea = deque[bytes](), deque[bytes]()
+    rig = Rig(Pipe("udpin:127.0.0.1:9", to_autopilot, to_sea), compiled=False)
+    sea = HilClient(Pipe("udpout:127.0.0.1:9", to_sea, to_autopilot))
     simulated = plant.build(config.load("caribou_truth"), scenario.load("disturbed"))
     rng = plant.random_streams(1)
     state, sensors = plant.initial_state(simulated, rng)
+    samples: list[bytes] = []
     answers: list[bytes] = []
     for count in range(TICKS):
         frame = truth.to_frame(state.truth, 42.0, -71.0) if state.time_us % 100_000 == 0 else None
-        sea.send(sea.datagram(sensors, frame, state.faults.changes))
-        while not hil_end.outgoing:
-            app._received_s = wall_s()  # the simulator has just sent
-            app._serve_lockstep()
-        answers.append(hil_end.outgoing[-1])
+        samples.append(sea.datagram(sensors, frame, state.faults.changes))
+        sea.send(samples[-1])
+        while not to_sea:
+            rig.serve()
+        answers.append(to_sea[-1])
         actuators = sea.newest()
         assert actuators is not None
         assert actuators.time_us == state.time_us
         state, sensors = plant.step(simulated, state, actuators, rng)
-        if count == 50:
-            _begin(vehicle, FLIGHT)
-        if count % 7 == 0:
-            ground.flush()
-    ground.flush()
-    frames = Framer().feed(b"".join(ground_end.outgoing))
-    return answers, [f.payload for f in frames if f.message_id != HEARTBEAT], hil_end
+        if count == DEPARTURE:
+            _begin(rig.vehicle, FLIGHT)
+    return Flown(samples, answers, rig.telemetry())
+
+
+def _replay(samples: Sequence[bytes], *, stranger_at: int | None = None) -> tuple[Flown, int]:
+    """Send the samples of a dive to an autopilot with compiled code, many at a time.
+
+    Return the number of answers of Python too. A stranger sends to the HIL port once.
+    """
+    hil_end = Counting("udpin", "127.0.0.1", 0)
+    rig = Rig(hil_end, compiled=True)
+    answers: list[bytes] = []
+    sizes = itertools.cycle((1, 9, 4, 60, 2))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sea:
+        sea.settimeout(10.0)
+        sea.connect(hil_end.handles()[0].getsockname())
+        while len(answers) < len(samples):
+            first = len(answers)
+            stop = first + next(sizes) if first > DEPARTURE else first + 1
+            if stranger_at is not None and first <= stranger_at < stop:
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+                    stranger.sendto(b"no MAVLink", sea.getpeername())
+            for sample in samples[first:stop]:
+                sea.send(sample)
+            for _ in samples[first:stop]:
+                while not readable(sea):
+                    rig.serve()
+                answers.append(sea.recv(65_535))
+            if first == DEPARTURE:
+                _begin(rig.vehicle, FLIGHT)
+    hil_end.close()
+    return Flown(list(samples), answers, rig.telemetry()), hil_end.sends
 
 
 def _begin(vehicle: Vehicle, items: tuple[MissionItem, ...]) -> None:
@@ -122,13 +162,26 @@ def _begin(vehicle: Vehicle, items: tuple[MissionItem, ...]) -> None:
         assert vehicle.handle_request(request).result == 0
 
 
+@pytest.fixture(scope="module")
+def plain() -> Flown:
+    """Return a dive without compiled code."""
+    return _fly()
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not jit.COMPILED, reason="there is nothing to compare without numba")
-def test_answers_and_telemetry_equal_those_of_python() -> None:
-    plain_answers, plain_telemetry, plain_end = _fly(compiled=False)
-    answers, telemetry, hil_end = _fly(compiled=True)
-    assert answers == plain_answers
-    assert telemetry == plain_telemetry
-    assert len(telemetry) > TICKS
-    assert plain_end.read_in_place == 0
-    assert hil_end.read_in_place > 0.5 * TICKS
+def test_answers_and_telemetry_equal_those_of_python(plain: Flown) -> None:
+    flown, python_answers = _replay(plain.samples)
+    assert flown.answers == plain.answers
+    assert flown.telemetry == plain.telemetry
+    assert len(flown.telemetry) > TICKS
+    assert python_answers < 0.4 * TICKS
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not jit.COMPILED, reason="there is nothing to compare without numba")
+def test_stranger_on_the_hil_port_changes_no_answer(plain: Flown) -> None:
+    flown, python_answers = _replay(plain.samples, stranger_at=300)
+    assert flown.answers == plain.answers
+    assert flown.telemetry == plain.telemetry
+    assert python_answers > 0.4 * TICKS, "with two peers Python answers"

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from autopilot.control import modes
 from autopilot.control.setpoints import Circle, TrackLine
 from autopilot.control.types import NavCovariance, Navigation
-from autopilot.vehicle import Snapshot
+from autopilot.reports import Snapshot
 from tests.autopilot.telemetry.test_streams import message, snapshot
 from tests.helpers.fake_hil import Harness, only, texts
 
