@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import cache, partial
@@ -53,6 +54,11 @@ class Options(NamedTuple):
     """Autopilot options that ``backends.factory.check_options`` has accepted."""
 
 
+_COMPILER_NOTICE = (
+    "sitl: compiling the physics, once, for up to 4 minutes; --no-compile begins in Python"
+)
+
+
 def needs_compiler() -> bool:
     """Return whether the physics have to be compiled before the first tick."""
     return jit.COMPILED and not jit.is_stored(tick.advance)
@@ -72,6 +78,8 @@ def run(options: Options) -> None:
     if options.place_m is not None:
         site = scenario.with_place(site, *options.place_m)
     build = cache(partial(plant.build, config.load(options.vehicle), site))
+    if needs_compiler():
+        print(_COMPILER_NOTICE, file=sys.stderr, flush=True)
     # Report bad input and compile the physics before an autopilot waits for the first frame.
     warm_up(build(DEFAULT_TIMESTEP))
     # What is loaded now lives until the end of the process. Visiting it then, to collect garbage,

@@ -138,7 +138,8 @@ def fly(
         )
         if sitl:
             simulated = SimulatedVehicle(
-                Simulation(vehicle=vehicle, scenario=scenario, seed=seed, speed=speed, truth=truth)
+                Simulation(vehicle=vehicle, scenario=scenario, seed=seed, speed=speed, truth=truth),
+                notify=display.print_line,
             )
             result = flight.fly_simulated(
                 dive, simulated, display.watch, display.show_text, listeners

@@ -5,7 +5,7 @@ import secrets
 import signal
 import socket
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -17,8 +17,9 @@ from mavlink_io.clock import wall_s
 from mavlink_io.errors import BAD_INPUT, InputError
 from mavlink_io.transport import AddressError, Transport, open_transport, wait
 
-START_TIMEOUT_S = 60.0
-"""Wall time in which the autopilot must open its port."""
+START_TIMEOUT_S = 300.0
+"""Wall time in which the autopilot must open its port. A process that fails ends, which is reported
+at once; on two cores with 14 running programs a sound autopilot needed more than 60 s."""
 STOP_TIMEOUT_S = 5.0
 """Wall time after which a process that does not end is killed."""
 PORTS = range(20_000, 32_000)
@@ -57,6 +58,9 @@ class SimulatedVehicle:
         Parameter file of the autopilot; without it the autopilot starts with its defaults.
     start : ProcessFactory
         Starts one process.
+    notify : callable, optional
+        Receives the first line that the simulator writes to standard error while it runs, such as
+        that it compiles its physics.
     """
 
     def __init__(
@@ -64,7 +68,9 @@ class SimulatedVehicle:
         simulation: Simulation,
         parameters: Path | None = None,
         start: ProcessFactory = SpawnedProcess,
+        notify: Callable[[str], None] | None = None,
     ) -> None:
+        self._notify = notify
         hil, ground = free_port(), free_port(socket.SOCK_STREAM)
         self.address = f"tcp:127.0.0.1:{ground}"
         sitl = ["--vehicle", simulation.vehicle, "--scenario", simulation.scenario]
@@ -130,6 +136,9 @@ class SimulatedVehicle:
         """Raise InputError or VehicleClientError with its message if a process has ended."""
         for child in (self._sitl, self._autopilot):
             child.check()
+        if self._notify is not None and (line := self._sitl.last_line()):
+            self._notify(line)
+            self._notify = None
 
     def stop(self) -> None:
         """Stop both processes and wait for their end."""
@@ -161,7 +170,7 @@ class _Program:
         status = self._child.poll()
         if status is None:
             return
-        message = self._last_line()
+        message = self.last_line()
         if status == BAD_INPUT:
             raise InputError(message or f"{self._name} refused its input")
         end = (
@@ -184,7 +193,7 @@ class _Program:
         self._child.end(STOP_TIMEOUT_S)
         self._stderr.close()
 
-    def _last_line(self) -> str:
+    def last_line(self) -> str:
         """Return the last line on standard error."""
         self._stderr.seek(0)
         lines = self._stderr.read().decode("utf-8", "replace").strip().splitlines()

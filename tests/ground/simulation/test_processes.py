@@ -1,0 +1,40 @@
+"""A simulated vehicle's processes: what the simulator reports while it runs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ground.simulation.processes import SimulatedVehicle, Simulation
+
+
+class RunningChild:
+    """A child process that runs until it is terminated."""
+
+    def poll(self) -> None:
+        """Return None: the process runs."""
+
+    def pin(self, core: int) -> None:
+        """Ignore the core."""
+
+    def terminate(self) -> None:
+        """Do nothing."""
+
+    def end(self, within_s: float) -> None:
+        """Do nothing."""
+
+
+def test_first_line_of_the_simulator_is_reported_once() -> None:
+    files: dict[str, Path] = {}
+
+    def start(module: str, arguments: Sequence[str], stderr: Path) -> RunningChild:
+        files[module] = stderr
+        return RunningChild()
+
+    lines: list[str] = []
+    with SimulatedVehicle(Simulation(), start=start, notify=lines.append) as vehicle:
+        vehicle.check()
+        assert lines == []
+        files["autopilot"].write_text("not of the simulator\n")
+        files["sitl"].write_text("sitl: compiling the physics\n")
+        vehicle.check()
+        vehicle.check()
+        assert lines == ["sitl: compiling the physics"]
