@@ -37,6 +37,9 @@ function drawChart(key, printed) {
   for (const axis of Object.keys(layout).filter((name) => /^[xy]axis/.test(name)))
     layout[axis] = { gridcolor: color("grid"), linecolor: color("rule"), zerolinecolor: color("rule"),
                      ticks: "", ...layout[axis] };
+  // Titles stand beside the longest tick label of their axis, and the margin has room for both.
+  for (const axis of Object.keys(layout).filter((name) => name.startsWith("yaxis") && layout[name].title))
+    layout[axis] = { automargin: "left", ...layout[axis], title: { standoff: 6, ...layout[axis].title } };
   // Plotly fits a responsive chart to its element: the height of the element must be given.
   const element = document.getElementById(key);
   element.style.height = `${layout.height}px`;
