@@ -113,8 +113,8 @@ class App:
     def _exchange(self, until_s: float) -> bool:
         """Answer the samples of steady ticks in compiled code; return whether more may follow.
 
-        The first other datagram is left to ``_serve_hil``. The last tick is one in which telemetry
-        needs the whole state.
+        The first other datagram is left to ``_serve_hil``. The exchange also ends with a tick whose
+        telemetry needs the whole state of the vehicle, and at the wall time ``until_s``.
         """
         vehicle, ground, clock = self._vehicle, self._ground, self._clock
         if not (
