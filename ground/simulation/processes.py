@@ -20,6 +20,8 @@ from mavlink_io.transport import AddressError, Transport, open_transport, wait
 START_TIMEOUT_S = 300.0
 """Wall time in which the autopilot must open its port. A process that fails ends, which is reported
 at once; on two cores with 14 running programs a sound autopilot needed more than 60 s."""
+_COMPILES = "sitl: compiling"
+"""Begin of the line by which a simulator says that it compiles its physics."""
 STOP_TIMEOUT_S = 5.0
 """Wall time after which a process that does not end is killed."""
 PORTS = range(20_000, 32_000)
@@ -59,8 +61,8 @@ class SimulatedVehicle:
     start : ProcessFactory
         Starts one process.
     notify : callable, optional
-        Receives the first line that the simulator writes to standard error while it runs, such as
-        that it compiles its physics.
+        Receives the line by which the simulator says that it compiles its physics. Its other lines
+        are the reasons why it ends.
     """
 
     def __init__(
@@ -136,7 +138,7 @@ class SimulatedVehicle:
         """Raise InputError or VehicleClientError with its message if a process has ended."""
         for child in (self._sitl, self._autopilot):
             child.check()
-        if self._notify is not None and (line := self._sitl.last_line()):
+        if self._notify is not None and (line := self._sitl.last_line()).startswith(_COMPILES):
             self._notify(line)
             self._notify = None
 

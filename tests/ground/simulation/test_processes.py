@@ -22,7 +22,7 @@ class RunningChild:
         """Do nothing."""
 
 
-def test_first_line_of_the_simulator_is_reported_once() -> None:
+def test_compilation_is_reported_once_and_an_error_is_left_to_the_end() -> None:
     files: dict[str, Path] = {}
 
     def start(module: str, arguments: Sequence[str], stderr: Path) -> RunningChild:
@@ -34,6 +34,9 @@ def test_first_line_of_the_simulator_is_reported_once() -> None:
         vehicle.check()
         assert lines == []
         files["autopilot"].write_text("not of the simulator\n")
+        files["sitl"].write_text("sitl: scenario storm: No such file or directory\n")
+        vehicle.check()
+        assert lines == []
         files["sitl"].write_text("sitl: compiling the physics\n")
         vehicle.check()
         vehicle.check()
