@@ -11,10 +11,9 @@ from autopilot.comms.ground_server import MAX_FRAMES_PER_POLL, GroundServer
 from autopilot.comms.guard import MAX_TEXT, Guard
 from autopilot.comms.hil import MAX_TIME_US
 from autopilot.comms.services import Services
-from autopilot.comms.stream_rates import StreamGroup
 from autopilot.control.types import Severity
 from autopilot.onboard_log.session import LogSession
-from autopilot.telemetry.streams import TelemetryStream, system_time
+from autopilot.telemetry.streams import TelemetryStream, stream_group, system_time
 from mavlink_io import dialect
 from tests.helpers.fake_hil import TICK_US, sensors
 from tests.helpers.rig import SENSOR, Rig
@@ -163,9 +162,9 @@ def test_failing_stream_does_not_stop_the_others(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, of_tick: bool
 ) -> None:
     (link,) = rig.server.links
-    broken = TelemetryStream(dialect.by_name("ATTITUDE"), 50, fail)
-    sound = TelemetryStream(dialect.by_name("SYSTEM_TIME"), 50, system_time)
-    group = StreamGroup(of_tick, [broken, sound])
+    broken = TelemetryStream(dialect.by_name("ATTITUDE"), 50, fail, of_tick=of_tick)
+    sound = TelemetryStream(dialect.by_name("SYSTEM_TIME"), 50, system_time, of_tick=of_tick)
+    group = stream_group([broken, sound])
     monkeypatch.setattr(link.schedule, "due", lambda _: [group])
     rig.tick(0)
     received = rig.receive()
