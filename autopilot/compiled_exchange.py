@@ -96,8 +96,8 @@ def answer_many(
     sequence: int,
     sender: int,
     ticks: int,
-    duration_ns: int,
-    spin_ns: int,
+    duration_s: float,
+    spin_s: float,
 ) -> tuple[int, int]:
     """Receive samples and answer them, until a limit is reached or a datagram is not answered.
 
@@ -119,9 +119,9 @@ def answer_many(
         Expected time stamp of the first sample, and time between two samples.
     ticks : int
         Largest number of ticks, at most `MAX_TICKS`.
-    duration_ns : int
+    duration_s : float
         Wall time after which no further sample is waited for.
-    spin_ns : int
+    spin_s : float
         As of ``lockstep_socket.receive``.
 
     Returns
@@ -130,11 +130,11 @@ def answer_many(
         Number of ticks; result of ``lockstep_socket.receive`` for a datagram that was not answered,
         else 0. Frames of the true motion before a sample are ignored.
     """
-    end_ns = lockstep_socket.clock_ns(link.value) + duration_ns
+    end_s = lockstep_socket.clock_s(link.value) + duration_s
     sample, reply = frames.value.sample, frames.value.answer.octets[START:]
     done = received = 0
     while done < ticks:
-        received = lockstep_socket.receive(link.value, sample.octets[START:], spin_ns)
+        received = lockstep_socket.receive(link.value, sample.octets[START:], spin_s)
         if received <= 0:
             break
         received = lockstep_frames.drop_first(sample, received, TRUTH)
@@ -151,6 +151,6 @@ def answer_many(
         done += 1
         time_us += interval_us
         sequence = (sequence + 1) & 0xFF
-        if lockstep_socket.clock_ns(link.value) >= end_ns:
+        if lockstep_socket.clock_s(link.value) >= end_s:
             break
     return done, received

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, cast
 from autopilot.control import core, estimator, excitation, params, steady
 from autopilot.control.core import Events
 from autopilot.control.excitation import ExcitationOutput
+from autopilot.control.failsafe import ground_lost
 from autopilot.control.params import Config
 from autopilot.control.sensor_health.sensor_checks import has_data
 from autopilot.control.setpoints import Path, Setpoint
@@ -32,7 +33,6 @@ _FRAME, _SIGNAL, _FIRST_DEVICE = 0, 1, 2
 """Index of inputs in ``steady_kernel.KINDS``."""
 _SIGNALS, _TABLES = len(ExcitationOutput._fields), 8
 """Numbers of a test signal; length of a table of signals, as a multiple of one exchange."""
-_NS_PER_S = 1e9
 _TRACE = -len(Trace._fields)
 _SETPOINT = _TRACE - len(Setpoint._fields)
 _MOTION = _SETPOINT - len(Motion._fields)
@@ -293,6 +293,11 @@ class _Course(NamedTuple):
     test: Excitation | None
 
 
+def _signal(test: Excitation, time_us: int) -> ExcitationOutput:
+    """Return the test signal at a vehicle time."""
+    return excitation.sample(test, (time_us - test.started_us) / US_PER_S)
+
+
 class _SignalTable:
     """Test signals of the next ticks, sampled many ticks at a time.
 
@@ -318,8 +323,7 @@ class _SignalTable:
             self._test, self._start_us, self._interval_us = test, time_us, interval_us
             first = 0
             for tick in range(self._size):
-                elapsed_us = time_us + tick * interval_us - test.started_us
-                signal = excitation.sample(test, elapsed_us / US_PER_S)
+                signal = _signal(test, time_us + tick * interval_us)
                 self._store(self.numbers, 8 * _SIGNALS * tick, *signal)
         return first
 
@@ -370,7 +374,7 @@ class _SteadyTicks:
         store, _ = self._layouts[_FRAME]
         store(self._values, 0, *inputs.sensors)
         if course.test is not None:
-            self._store_signal(course.test, inputs.sensors.time_us)
+            self._store(_SIGNAL, _signal(course.test, inputs.sensors.time_us))
         new = self._collect(inputs) if has_data(inputs) else 0
         if not course.advance(course.flight, course.config, self._values, new):
             return False
@@ -392,7 +396,7 @@ class _SteadyTicks:
             *(socket.native, self._frames, course.flight, course.config, self._values),
             *(self._signals.numbers, self._rows, course.test is not None, first),
             *(time_us, interval_us, endpoint.sequence, endpoint.sender),
-            *(ticks, round(duration_s * _NS_PER_S), round(spin_s() * _NS_PER_S)),
+            *(ticks, duration_s, spin_s()),
         )
         endpoint.take_sequence(done)
         socket.return_rest(endpoint, self._sample, received)
@@ -430,7 +434,7 @@ class _SteadyTicks:
         nowhere = self._socket.compiled_socket(Peer(-1, None)).native
         arguments = (
             *(nowhere, self._frames, *tick, self._signals.numbers, self._rows, False, 0),
-            *(0, 0, 0, 0, 0, 0, 0),
+            *(0, 0, 0, 0, 0, 0.0, 0.0),
         )
         self._answer_many = jit.machine_code(self._exchange.answer_many, *arguments)
         self._answer_many(*arguments)
@@ -439,10 +443,6 @@ class _SteadyTicks:
         """Return the state in memory of compiled code."""
         devices = steady.begin_devices(state.health.devices)
         return jit.native(self._kernel.Flight(steady.begin(state), devices, task))
-
-    def _store_signal(self, test: Excitation, time_us: int) -> None:
-        """Store the test signal at a vehicle time."""
-        self._store(_SIGNAL, excitation.sample(test, (time_us - test.started_us) / US_PER_S))
 
     def _store(self, part: int, record: Iterable[float]) -> None:
         """Store a record of the inputs."""
@@ -465,8 +465,3 @@ class _SteadyTicks:
             flat = jit.native(cast(tuple[Any, ...], params.flat(config)))
             self._parameters = config, flat
         return self._parameters[1]
-
-
-def ground_lost(silent_s: float | None, config: Config) -> bool:
-    """Return whether the failsafe of a ground station that is silent may begin."""
-    return silent_s is not None and 0.0 < config.fs_ground_s < silent_s

@@ -3,6 +3,7 @@
 import math
 
 from autopilot.control import core, mission, modes, request_handler, requests
+from autopilot.control.failsafe import ground_lost
 from autopilot.control.params import Config, ParamError, ParamTable
 from autopilot.control.sensor_health import monitor
 from autopilot.control.sensor_health.sensor_checks import has_data
@@ -21,7 +22,7 @@ from autopilot.control.types import (
     Trace,
     Trim,
 )
-from autopilot.pilot import Expected, Pilot, ground_lost
+from autopilot.pilot import Expected, Pilot
 from autopilot.reports import Snapshot, SteadyReport, TickReport
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.mission_items import (
@@ -260,7 +261,6 @@ class Vehicle:
         pilot = self._pilot
         if pilot.results is not None:
             return SteadyReport(pilot, pilot.results, self.params.config, self._altimeter)
-        self._decode()
         return TickReport(
             time_us=pilot.time_us,
             motion=pilot.motion,

@@ -461,7 +461,7 @@ def _flat_items(builder: Any, kind: Any, value: Any) -> list[tuple[Any, Any]]:
 
 
 pack = intrinsic(prefer_literal=True)(_type_pack)
-"""As ``struct.pack_into`` with a layout that is constant, for little-endian numbers."""
+"""Write a tuple of numbers, and of such tuples, into octets: see ``jit.packer``."""
 
 
 @cache

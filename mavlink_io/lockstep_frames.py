@@ -14,9 +14,9 @@ from mavlink_io import jit
 from mavlink_io.jit import numeric
 
 START, HEAD, PAYLOAD = 6, 10, 16
-"""Octets of the memory at which a frame and its payload start.
+"""Octets of the memory at which a frame starts, of its header, and at which its payload starts.
 
-With a header of ten octets every field of the payload is then aligned to its size.
+Every field of the payload is then aligned to its size.
 """
 OVERHEAD = 12
 """Octets of a frame beside its payload."""

@@ -25,7 +25,6 @@ _FAMILY, _ADDRESS_LENGTH = socket.AF_INET, 16
 """Family and length of ``struct sockaddr_in``."""
 _LENGTH = _ADDRESS_LENGTH
 """Index in ``UdpSocket.sender`` of the length that the system reads and writes."""
-_NS_PER_S = 1_000_000_000
 _DONT_WAIT: int = getattr(socket, "MSG_DONTWAIT", 0)
 _MONOTONIC: int = getattr(time, "CLOCK_MONOTONIC", 1)
 
@@ -112,7 +111,7 @@ def compiled_socket(peer: Peer) -> CompiledSocket:
 
 
 @numeric
-def clock_ns(link: UdpSocket) -> int:
+def clock_s(link: UdpSocket) -> float:
     """Return the time of a clock that never steps, from an arbitrary origin.
 
     Parameters
@@ -122,15 +121,15 @@ def clock_ns(link: UdpSocket) -> int:
 
     Returns
     -------
-    int
-        Wall time, ns.
+    float
+        Wall time, s.
     """
     _clock_gettime(_MONOTONIC, link.clock.ctypes.data)
-    return int(link.clock[0] * _NS_PER_S + link.clock[1])
+    return float(link.clock[0] + 1e-9 * link.clock[1])
 
 
 @numeric
-def receive(link: UdpSocket, memory: Any, spin_ns: int) -> int:
+def receive(link: UdpSocket, memory: Any, spin_s: float) -> int:
     """Wait for a datagram.
 
     Parameters
@@ -139,7 +138,7 @@ def receive(link: UdpSocket, memory: Any, spin_ns: int) -> int:
         The socket.
     memory : array of octets
         Receives the datagram.
-    spin_ns : int
+    spin_s : float
         Wall time for which to poll; 0 blocks instead, for as long as the socket is set to.
 
     Returns
@@ -148,10 +147,10 @@ def receive(link: UdpSocket, memory: Any, spin_ns: int) -> int:
         Number of octets; 0 if none has arrived, negative if they came from another address than
         the peer's.
     """
-    received = _receive_once(link, memory, 0 if spin_ns == 0 else _DONT_WAIT)
-    if received < 0 and spin_ns > 0:
-        until_ns = clock_ns(link) + spin_ns
-        while received < 0 and clock_ns(link) < until_ns:
+    received = _receive_once(link, memory, 0 if spin_s == 0.0 else _DONT_WAIT)
+    if received < 0 and spin_s > 0.0:
+        until_s = clock_s(link) + spin_s
+        while received < 0 and clock_s(link) < until_s:
             _sched_yield()
             received = _receive_once(link, memory, _DONT_WAIT)
     if received <= 0:

@@ -127,9 +127,25 @@ def _cause(state: AutopilotState, inputs: Inputs, config: Config) -> str:
     armed_s = (state.time_us - state.armed_us) / US_PER_S
     if 0.0 < config.fs_time_s < armed_s:
         return f"armed {armed_s:.0f} s"
-    if inputs.ground_silent_s is not None and 0.0 < config.fs_ground_s < inputs.ground_silent_s:
-        return GCS_LOST
-    return ""
+    return GCS_LOST if ground_lost(inputs.ground_silent_s, config) else ""
+
+
+def ground_lost(silent_s: float | None, config: Config) -> bool:
+    """Return whether a ground station has been silent for longer than the limit.
+
+    Parameters
+    ----------
+    silent_s : float or None
+        Wall time since its last heartbeat; None before the first.
+    config : Config
+        Parameters.
+
+    Returns
+    -------
+    bool
+        True if the failsafe may begin.
+    """
+    return silent_s is not None and 0.0 < config.fs_ground_s < silent_s
 
 
 def _exceeded_limit(estimate: VehicleEstimate, config: Config) -> str:

@@ -32,7 +32,6 @@ from sitl.core.sensors import Sensors
 from sitl.vehicle.vectors import Vector, Vector3
 
 _SENDER = SYSTEM << 8 | COMPONENT
-_NS_PER_S = 1e9
 
 
 class Frames(NamedTuple):
@@ -129,7 +128,7 @@ def exchange_many(
     time_us: int,
     sequence: int,
     ticks: int,
-    spin_ns: int,
+    spin_s: float,
 ) -> tuple[int, int, int]:
     """Exchange datagrams until a number of ticks is made, or ``exchange`` refuses one.
 
@@ -141,7 +140,7 @@ def exchange_many(
         As of ``exchange``.
     ticks : int
         Largest number of ticks. The frame of the last one of them is not sent.
-    spin_ns : int
+    spin_s : float
         As of ``lockstep_socket.receive``.
 
     Returns
@@ -153,7 +152,7 @@ def exchange_many(
     answer, sample = memory.answer.octets[START:], memory.sensors.octets[START:]
     done = length = received = 0
     while done < ticks:
-        received = lockstep_socket.receive(link.value, answer, spin_ns)
+        received = lockstep_socket.receive(link.value, answer, spin_s)
         if received <= 0:
             break
         sealed = exchange(
@@ -306,8 +305,7 @@ class CompiledLockstep:
         while (left := (until_us - 1 - time_us) // tick_us) > 0 and not self._stopped():
             ticks = min(left, most, ceil((slow_us - time_us % slow_us) / tick_us))
             draws.prepare(simulated.draws * ticks)
-            spin_ns = round(spin_s() * _NS_PER_S)
-            done = Exchanged(*exchange_many(time_us, link.sequence, ticks, spin_ns))
+            done = Exchanged(*exchange_many(time_us, link.sequence, ticks, spin_s()))
             complete = done.ticks == ticks
             if done.ticks:
                 time_us += done.ticks * tick_us
@@ -362,7 +360,7 @@ class CompiledLockstep:
             frames, values, sea = self._native, begun.values, simulated.sea
             arguments: tuple[Any, ...] = (
                 *(socket, frames, simulated.native, begun.run, *rng.draws.table, values),
-                *(0, 0, 0, 0, 0),
+                *(0, 0, 0, 0, 0.0),
             )
             site = float(sea.latitude_deg), float(sea.longitude_deg)
             self._compiled = (

@@ -13,21 +13,20 @@ from mavlink_io.lockstep_socket import compiled_socket
 from mavlink_io.transport import SPIN_S, UdpClient, UdpTransport
 
 pytestmark = pytest.mark.skipif(not jit.COMPILED, reason="only compiled code calls it")
-SPIN_NS = round(SPIN_S * 1e9)
 
 
 class Calls(NamedTuple):
     """The functions, compiled."""
 
-    receive: Callable[[Any, Any, int], int]
+    receive: Callable[[Any, Any, float], int]
     send: Callable[[Any, Any, int], None]
 
 
 @pytest.fixture(scope="module")
 def calls() -> Calls:
     @jit.entry_point
-    def receive(link: jit.Native, memory: Any, spin_ns: int) -> int:
-        return lockstep_socket.receive(link.value, memory, spin_ns)
+    def receive(link: jit.Native, memory: Any, spin_s: float) -> int:
+        return lockstep_socket.receive(link.value, memory, spin_s)
 
     @jit.entry_point
     def send(link: jit.Native, memory: Any, length: int) -> None:
@@ -50,9 +49,9 @@ def client(server: UdpTransport) -> Iterator[UdpClient]:
     transport.close()
 
 
-@pytest.mark.parametrize("spin_ns", [0, SPIN_NS])
+@pytest.mark.parametrize("spin_s", [0.0, SPIN_S])
 def test_datagrams_pass_both_ways(
-    calls: Calls, server: UdpTransport, client: UdpClient, spin_ns: int
+    calls: Calls, server: UdpTransport, client: UdpClient, spin_s: float
 ) -> None:
     client.send(b"first")
     assert server.receive() == b"first"
@@ -61,21 +60,21 @@ def test_datagrams_pass_both_ways(
     )
     memory, answer = jit.octets(100), jit.octets(100)
     client.send(b"sample")
-    length = calls.receive(near, memory, spin_ns)
+    length = calls.receive(near, memory, spin_s)
     assert bytes(memory[:length]) == b"sample"
     calls.send(near, memory, 4)
-    length = calls.receive(far, answer, spin_ns)
+    length = calls.receive(far, answer, spin_s)
     assert bytes(answer[:length]) == b"samp"
     calls.send(far, answer, 2)
     assert server.receive() == b"sa"
 
 
-@pytest.mark.parametrize("spin_ns", [0, SPIN_NS])
-def test_read_without_a_datagram_ends(calls: Calls, client: UdpClient, spin_ns: int) -> None:
+@pytest.mark.parametrize("spin_s", [0.0, SPIN_S])
+def test_read_without_a_datagram_ends(calls: Calls, client: UdpClient, spin_s: float) -> None:
     peer = client.peer()
     assert peer is not None
     started_s = wall_s()
-    assert calls.receive(compiled_socket(peer).native, jit.octets(10), spin_ns) == 0
+    assert calls.receive(compiled_socket(peer).native, jit.octets(10), spin_s) == 0
     assert wall_s() - started_s >= 0.5 * SPIN_S
 
 
@@ -90,7 +89,7 @@ def test_datagram_of_a_stranger_is_left_to_python(
     own, memory = compiled_socket(peer), jit.octets(100)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.sendto(b"hello", server.handles()[0].getsockname())
-        received = calls.receive(own.native, memory, 0)
+        received = calls.receive(own.native, memory, 0.0)
         assert received == -5
         own.return_rest(endpoint, memoryview(memory), received)
         assert endpoint.has_unread

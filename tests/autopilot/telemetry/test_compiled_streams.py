@@ -19,7 +19,7 @@ from autopilot.telemetry.encoding import pack_payload
 from autopilot.telemetry.streams import TelemetryStream, stream_group
 from mavlink_io import jit
 from mavlink_io.endpoint import Endpoint
-from mavlink_io.transport import Handle
+from tests.mavlink_io.test_endpoint import Inbox
 
 pytestmark = pytest.mark.skipif(not jit.COMPILED, reason="there is no encoder without numba")
 STREAMS = list(
@@ -31,24 +31,6 @@ STREAMS = list(
     )
 )
 CONFIG = params.config({})
-
-
-class Nowhere:
-    """A transport that drops everything."""
-
-    address = "udpout:127.0.0.1:9"
-
-    def handles(self) -> Sequence[Handle]:
-        return ()
-
-    def send(self, data: bytes) -> None:
-        pass
-
-    def receive(self) -> bytes:
-        return b""
-
-    def close(self) -> None:
-        pass
 
 
 class _Place(NamedTuple):
@@ -97,7 +79,7 @@ def test_most_messages_of_a_tick_are_compiled() -> None:
 @settings(max_examples=100, deadline=None)
 @given(seed=st.integers(0, 2**32))
 def test_frames_equal_those_of_python(encoder: Any, stream: TelemetryStream, seed: int) -> None:
-    report, plain, compiled = _report(seed), Endpoint(Nowhere(), 7, 1), Endpoint(Nowhere(), 7, 1)
+    report, plain, compiled = _report(seed), Endpoint(Inbox(), 7, 1), Endpoint(Inbox(), 7, 1)
     assert encoder.encode(stream_group([stream]), report, compiled) == _encoded(
         [stream], report, plain
     )
@@ -105,7 +87,7 @@ def test_frames_equal_those_of_python(encoder: Any, stream: TelemetryStream, see
 
 
 def test_group_is_encoded_in_the_order_of_the_table(encoder: Any) -> None:
-    plain, compiled = Endpoint(Nowhere(), 1, 1), Endpoint(Nowhere(), 1, 1)
+    plain, compiled = Endpoint(Inbox(), 1, 1), Endpoint(Inbox(), 1, 1)
     streams = [stream for stream in next(iter(IDENTITIES.values())).streams if stream.is_numeric]
     report = _report(1)
     frames = encoder.encode(stream_group(streams), report, compiled)
