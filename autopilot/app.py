@@ -10,9 +10,9 @@ from autopilot.comms.sensor_clock import SensorClock, StampClass
 from autopilot.control.types import US_PER_S, Inputs, Severity
 from autopilot.lateness import LatenessMeter
 from autopilot.onboard_log.recorder import OnboardLog
-from autopilot.pilot import Expected
 from autopilot.reports import SteadyReport
 from autopilot.resume import StateFiles
+from autopilot.steady_ticks import Expected
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame

@@ -6,7 +6,8 @@ For a process from which autopilot processes are forked.
 from importlib import import_module
 
 from autopilot import start as _start  # noqa: F401 - imported to load what the command needs
-from autopilot.pilot import TELEMETRY, Pilot
+from autopilot.pilot import Pilot
+from autopilot.steady_ticks import TELEMETRY
 from mavlink_io import jit
 
 Pilot(compiled=jit.COMPILED)

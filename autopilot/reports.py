@@ -11,7 +11,8 @@ from autopilot.control.types import AutopilotState, Home, Motion, Stick, Trace
 from mavlink_io.records import ActuatorFrame, Altimeter, Battery, GpsFix, Leak, SensorFrame
 
 if TYPE_CHECKING:  # the machine code of the messages does not depend on it
-    from autopilot.pilot import Pilot, Results
+    from autopilot.pilot import Pilot
+    from autopilot.steady_ticks import Results
 
 
 class TickReport(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from autopilot import pilot
+from autopilot import steady_ticks
 from autopilot.app import App
 from autopilot.comms.commanders import Commanders, systems_of
 from autopilot.comms.ground_server import GroundServer
@@ -102,7 +102,7 @@ def run(options: Options, start: Start | None = None) -> None:
     )
     # A supervised autopilot starts again within milliseconds; to load machine code takes longer.
     simulated = baud_rate(options.hil) is None and start is None
-    vehicle = Vehicle(table, compiled=simulated and pilot.is_compiled())
+    vehicle = Vehicle(table, compiled=simulated and steady_ticks.is_compiled())
     commanders = Commanders(systems_of(options.accept) if options.accept else ())
     keys = SigningKeys.from_options(options.sign, options.ground)
     hil = HilLink(open_transport(options.hil, wait_for_device=True), vehicle.system)

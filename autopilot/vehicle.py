@@ -22,8 +22,9 @@ from autopilot.control.types import (
     Trace,
     Trim,
 )
-from autopilot.pilot import Expected, Pilot
+from autopilot.pilot import Pilot
 from autopilot.reports import Snapshot, SteadyReport, TickReport
+from autopilot.steady_ticks import Expected
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.mission_items import (
     FENCE_TYPE,

@@ -22,8 +22,8 @@ from autopilot.identities import IDENTITIES
 from autopilot.lateness import Lateness
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_store import ParamStore
-from autopilot.pilot import TELEMETRY
 from autopilot.reports import Snapshot, SteadyReport
+from autopilot.steady_ticks import TELEMETRY
 from autopilot.telemetry.autopilot_id import AutopilotId
 from autopilot.telemetry.identity import COMPONENT
 from autopilot.telemetry.request_message import MessageBuilder

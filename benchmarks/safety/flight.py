@@ -11,7 +11,8 @@ from autopilot.control import core, modes, params, request_handler, requests
 from autopilot.control.core import Events
 from autopilot.control.params import Config, ParamError
 from autopilot.control.types import Event, Inputs, Severity
-from autopilot.pilot import Pilot, is_compiled
+from autopilot.pilot import Pilot
+from autopilot.steady_ticks import is_compiled
 from benchmarks.safety.cases import Case, vehicle_config
 from mavlink_io import jit
 from mavlink_io.frames import euler_from_quaternion

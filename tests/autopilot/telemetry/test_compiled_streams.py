@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from autopilot.control import params
 from autopilot.control.types import Home, Motion
 from autopilot.identities import IDENTITIES
-from autopilot.pilot import Results
 from autopilot.reports import SteadyReport
+from autopilot.steady_ticks import Results
 from autopilot.telemetry.encoding import pack_payload
 from autopilot.telemetry.streams import TelemetryStream, stream_group
 from mavlink_io import jit
