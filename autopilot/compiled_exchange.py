@@ -1,17 +1,18 @@
 """The answers to sensor samples as a compiled loop, while the ticks are steady.
 
-The loop receives HIL_SENSOR, runs a steady tick and sends HIL_ACTUATOR_CONTROLS. Importing this
-module loads the compiler.
+The loop receives HIL_SENSOR, with the messages of devices before it, runs a steady tick and sends
+HIL_ACTUATOR_CONTROLS. Importing this module loads the compiler.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from autopilot import compiled_devices
 from autopilot.control import core, steady_kernel
 from autopilot.control.excitation import ExcitationOutput
 from autopilot.control.types import Trace
 from mavlink_io import lockstep_frames, lockstep_socket
 from mavlink_io.jit import Native, Numbers, entry_point
-from mavlink_io.lockstep_frames import CONTROLS, SENSOR, START, TRUTH, FrameMemory
+from mavlink_io.lockstep_frames import CONTROLS, SENSOR, START, FrameMemory
 from mavlink_io.records import LOCKSTEP_FLAG
 
 _TRACE = steady_kernel.SIZE - len(Trace._fields)
@@ -25,11 +26,24 @@ MAX_TICKS = 64
 _SIGNALS = len(ExcitationOutput._fields)
 
 
+ROW = steady_kernel.SIZE + 2
+"""Numbers of a tick in the rows of ``answer_many``: the array of ``steady_kernel``, then `NEW` and
+`RELAY_END`."""
+NEW, RELAY_END = steady_kernel.SIZE, steady_kernel.SIZE + 1
+"""Indices in a row: bits of the new device records; end of the frames to relay, from those of the
+first tick on."""
+
+
 class Frames(NamedTuple):
     """Memory of the frames of a tick."""
 
-    sample: FrameMemory
+    datagram: Any
+    """The received octets."""
+    frame: FrameMemory
+    """One frame of them."""
     answer: FrameMemory
+    relay: Any
+    """Frames of devices to relay to ground."""
 
 
 @entry_point
@@ -39,20 +53,23 @@ def answer(
     flight: Native,
     config: Native,
     values: Numbers,
+    relay_end: int,
     time_us: int,
     sequence: int,
     sender: int,
-) -> int:
+) -> tuple[int, int, int]:
     """Answer a sensor sample, if the tick is a steady one.
 
     Parameters
     ----------
     frames : Native
-        ``Frames`` with the received sample; the answer is written.
+        ``Frames`` with the received datagram, which does not change; the answer is written.
     received : int
         Number of octets received.
     flight, config, values
         As in ``steady_kernel.advance``.
+    relay_end : int
+        First free octet of the frames to relay.
     time_us : int
         Expected time stamp of the sample.
     sequence, sender : int
@@ -60,24 +77,32 @@ def answer(
 
     Returns
     -------
-    int
-        Length of the answer; 0 if the datagram is not the expected sample alone, or if the tick is
-        not a steady one: then flight and datagram have not changed.
+    tuple of int
+        Length of the answer, bits of the new device records, and first free octet of the frames to
+        relay. The length is 0 if the datagram is not the expected sample with what may come before
+        it, or if the tick is not a steady one: then the flight has not changed.
     """
     memory = frames.value
-    if not lockstep_frames.unseal(memory.sample, received, SENSOR):
-        return 0
-    done = lockstep_frames.time_us(memory.sample) == time_us
-    if done:
-        lockstep_frames.read_sensors(memory.sample, values)
-        done = steady_kernel.advance(flight, config, values, 0)
-    if not done:
-        lockstep_frames.undo_unseal(memory.sample, SENSOR)
-        return 0
+    frame, octets = memory.frame, memory.datagram
+    start, new, relay_end = compiled_devices.read(
+        octets, received, frame, values, memory.relay, relay_end
+    )
+    size = lockstep_frames.frame_size(octets, start, received)
+    if (
+        new == compiled_devices.REFUSED
+        or start + size != received
+        or not lockstep_frames.open_frame(octets, start, size, SENSOR, frame)
+        or lockstep_frames.time_us(frame) != time_us
+    ):
+        return 0, 0, relay_end
+    lockstep_frames.read_sensors(frame, values)
+    if not steady_kernel.advance(flight, config, values, new):
+        return 0, 0, relay_end
     travel_rad = config.value.travel_rad
     controls = values[_RUDDER] / travel_rad, values[_ELEVATOR] / travel_rad, values[_THRUST], 0.0
     lockstep_frames.write_controls(memory.answer, time_us, LOCKSTEP_FLAG, controls, _MODE)
-    return lockstep_frames.seal(memory.answer, CONTROLS, sequence, sender)
+    length = lockstep_frames.seal(memory.answer, CONTROLS, sequence, sender)
+    return length, new, relay_end
 
 
 @entry_point
@@ -110,7 +135,7 @@ def answer_many(
     signals : Numbers
         Test signals, one ``ExcitationOutput`` after the other.
     rows : Numbers
-        Receives ``values`` after each tick, one tick after the other.
+        Receives `ROW` numbers of each tick, one tick after the other.
     testing : bool
         Whether a test is running; if not, ``signals`` are not used.
     first : int
@@ -128,26 +153,29 @@ def answer_many(
     -------
     tuple of int
         Number of ticks; result of ``lockstep_socket.receive`` for a datagram that was not answered,
-        else 0. Frames of the true motion before a sample are ignored.
+        else 0.
     """
     end_s = lockstep_socket.clock_s(link.value) + duration_s
-    sample, reply = frames.value.sample, frames.value.answer.octets[START:]
-    done = received = 0
+    datagram, reply = frames.value.datagram, frames.value.answer.octets[START:]
+    done = received = relay_end = 0
     while done < ticks:
-        received = lockstep_socket.receive(link.value, sample.octets[START:], spin_s)
+        received = lockstep_socket.receive(link.value, datagram, spin_s)
         if received <= 0:
             break
-        received = lockstep_frames.drop_first(sample, received, TRUTH)
         if testing:
             for i in range(_SIGNALS):
                 values[steady_kernel.SIGNAL + i] = signals[(first + done) * _SIGNALS + i]
-        length = answer(frames, received, flight, config, values, time_us, sequence, sender)
+        length, new, relay_end = answer(
+            frames, received, flight, config, values, relay_end, time_us, sequence, sender
+        )
         if length == 0:
             break
         lockstep_socket.send(link.value, reply, length)
         received = 0
+        row = rows[done * ROW :]
         for i in range(steady_kernel.SIZE):
-            rows[done * steady_kernel.SIZE + i] = values[i]
+            row[i] = values[i]
+        row[NEW], row[RELAY_END] = new, relay_end
         done += 1
         time_us += interval_us
         sequence = (sequence + 1) & 0xFF

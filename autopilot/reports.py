@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from autopilot.control import core, estimator
@@ -13,6 +14,7 @@ from mavlink_io.records import ActuatorFrame, Altimeter, Battery, GpsFix, Leak, 
 if TYPE_CHECKING:  # the machine code of the messages does not depend on it
     from autopilot.pilot import Pilot
     from autopilot.steady_ticks import Results
+    from mavlink_io.codec import Frame
 
 
 class TickReport(NamedTuple):
@@ -30,6 +32,11 @@ class TickReport(NamedTuple):
     actuators: ActuatorFrame
     sensors: SensorFrame | None
     altimeter: Altimeter | None
+
+    @property
+    def relayed(self) -> Sequence[Frame]:
+        """No device messages: those of a single tick are relayed before its report."""
+        return ()
 
 
 class SteadyReport:
@@ -57,6 +64,11 @@ class SteadyReport:
     def trace(self) -> Trace:
         """Signals of the loops."""
         return self.results.trace
+
+    @property
+    def relayed(self) -> Sequence[Frame]:
+        """Device messages of the tick to relay to ground."""
+        return self.results.relayed
 
     @property
     def actuators(self) -> ActuatorFrame:

@@ -1,6 +1,8 @@
 """Steady ticks of the autopilot in compiled code, and their results for Python."""
 
-from collections.abc import Callable, Iterable
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from importlib import import_module
 from struct import Struct
@@ -22,9 +24,10 @@ from autopilot.control.types import (
     Trace,
 )
 from mavlink_io import jit, lockstep_frames
+from mavlink_io.codec import LARGEST_FRAME, Frame, Framer
 from mavlink_io.endpoint import Endpoint
-from mavlink_io.lockstep_frames import START, frame_memory
-from mavlink_io.records import SensorFrame
+from mavlink_io.lockstep_frames import frame_memory
+from mavlink_io.records import Altimeter, Battery, DuctFeedback, Dvl, GpsFix, Leak, SensorFrame
 from mavlink_io.transport import MAX_DATAGRAM, Peer, spin_s
 
 _FRAME, _SIGNAL, _FIRST_DEVICE = 0, 1, 2
@@ -52,6 +55,17 @@ def is_compiled() -> bool:
     return all(map(jit.is_stored, used))
 
 
+class NewRecords(NamedTuple):
+    """Device records that have come in a tick; None for the other devices."""
+
+    gps: GpsFix | None
+    altimeter: Altimeter | None
+    dvl: Dvl | None
+    battery: Battery | None
+    leak: Leak | None
+    duct: DuctFeedback | None
+
+
 class Results:
     """Inputs and results of a steady tick; each record is made when it is read.
 
@@ -61,12 +75,23 @@ class Results:
         Copy of the array of ``steady_kernel``.
     config : Native
         Parameters of the tick.
+    devices : NewRecords, optional
+        Device records that have come in the tick, for an exchange.
+    relayed : sequence of Frame
+        Device messages of the tick to relay to ground, for an exchange.
     """
 
-    __slots__ = ("_list", "config", "values")
+    __slots__ = ("_list", "config", "devices", "relayed", "values")
 
-    def __init__(self, values: jit.Numbers, config: jit.Native) -> None:
+    def __init__(
+        self,
+        values: jit.Numbers,
+        config: jit.Native,
+        devices: NewRecords | None = None,
+        relayed: Sequence[Frame] = (),
+    ) -> None:
         self.values, self.config = values, config
+        self.devices, self.relayed = devices, relayed
         self._list: list[float] | None = None
 
     @property
@@ -175,10 +200,15 @@ class SteadyTicks:
         ]
         """Function and offset (bytes) that store each record of the inputs."""
         exchange = self._exchange
-        frames = exchange.Frames(frame_memory(MAX_DATAGRAM), frame_memory(_LONGEST_ANSWER))
+        frames = exchange.Frames(
+            datagram=jit.octets(MAX_DATAGRAM),
+            frame=frame_memory(LARGEST_FRAME),
+            answer=frame_memory(_LONGEST_ANSWER),
+            relay=jit.octets(exchange.MAX_TICKS * LARGEST_FRAME),
+        )
         self._frames = jit.native(frames)
-        self._sample = memoryview(frames.sample.octets)[START:]
-        self._rows = jit.numbers(exchange.MAX_TICKS * kernel.SIZE)
+        self._datagram, self._relay = memoryview(frames.datagram), memoryview(frames.relay)
+        self._rows = jit.numbers(exchange.MAX_TICKS * exchange.ROW)
         self._signals = _SignalTable(exchange.MAX_TICKS)
         self._course: _Course | None = None
         self._ahead = False
@@ -233,13 +263,32 @@ class SteadyTicks:
             *(ticks, duration_s, spin_s()),
         )
         endpoint.take_sequence(done)
-        socket.return_rest(endpoint, self._sample, received)
+        socket.return_rest(endpoint, self._datagram, received)
         if not done:
             return []
         self._ahead = True
-        size = self._kernel.SIZE
-        rows = copy(self._rows[: done * size])
-        return [Results(rows[n : n + size], course.config) for n in range(0, len(rows), size)]
+        return self._all_results(done, course.config)
+
+    def _all_results(self, ticks: int, config: jit.Native) -> list[Results]:
+        """Return the results of the ticks of an exchange."""
+        row, size = self._exchange.ROW, self._kernel.SIZE
+        rows, relayed_end = copy(self._rows[: ticks * row]), 0
+        results = []
+        for start in range(0, len(rows), row):
+            values = rows[start : start + size]
+            new, end = map(int, rows[start + size : start + row])
+            devices = self._new_records(new, values) if new else None
+            relayed = Framer().feed(bytes(self._relay[relayed_end:end]))
+            relayed_end = end
+            results.append(Results(values, config, devices, relayed))
+        return results
+
+    def _new_records(self, new: int, values: jit.Numbers) -> NewRecords:
+        """Return the device records of the bits ``new``."""
+        records = self._kernel.records(values.tolist())
+        return NewRecords._make(
+            record if new >> index & 1 else None for index, record in enumerate(records)
+        )
 
     def results(self) -> Results:
         """Return the results of the last steady tick."""

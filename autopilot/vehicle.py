@@ -24,7 +24,7 @@ from autopilot.control.types import (
 )
 from autopilot.pilot import Pilot
 from autopilot.reports import Snapshot, SteadyReport, TickReport
-from autopilot.steady_ticks import Expected
+from autopilot.steady_ticks import Expected, NewRecords
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.mission_items import (
     FENCE_TYPE,
@@ -132,7 +132,12 @@ class Vehicle:
         results = self._pilot.exchange(endpoint, expected, config)
         if results:
             self._is_decoded = False
-        return [SteadyReport(self._pilot, tick, config, self._altimeter) for tick in results]
+        reports = []
+        for tick in results:
+            if tick.devices is not None:
+                self._update_devices(tick.devices)
+            reports.append(SteadyReport(self._pilot, tick, config, self._altimeter))
+        return reports
 
     def _decode(self) -> None:
         """Make the records of the newest tick, if that was an exchange."""
@@ -150,12 +155,12 @@ class Vehicle:
         if before.armed and not self.state.armed:
             self._store_trim(before.loops.trim)
 
-    def _update_devices(self, inputs: Inputs) -> None:
+    def _update_devices(self, new: Inputs | NewRecords) -> None:
         """Keep the newest record of each device."""
-        self._fix = inputs.gps or self._recent_fix()
-        self._altimeter = inputs.altimeter or self._altimeter
-        self._battery = inputs.battery or self._battery
-        self._leak = inputs.leak or self._leak
+        self._fix = new.gps or self._recent_fix()
+        self._altimeter = new.altimeter or self._altimeter
+        self._battery = new.battery or self._battery
+        self._leak = new.leak or self._leak
 
     def repeat_last(self) -> ActuatorFrame:
         """Return the last actuators for a repeated sample, with the present arming state."""

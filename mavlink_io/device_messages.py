@@ -4,11 +4,12 @@ Each device sends under its own component id in the vehicle's system. Fields tha
 measure contain MAVLink's value for unknown: NaN, -1, or the maximum of the field.
 """
 
-from math import isnan, nan
+from math import isnan, nan, sqrt
 
 from mavlink_io import dialect
 from mavlink_io.dialect import Message, Values, constant
-from mavlink_io.records import Battery, DuctFeedback, Dvl, Leak
+from mavlink_io.jit import numeric
+from mavlink_io.records import Altimeter, Battery, DuctFeedback, Dvl, GpsFix, Leak
 
 ODOMETRY, BATTERY_STATUS = dialect.by_name("ODOMETRY"), dialect.by_name("BATTERY_STATUS")
 SYS_STATUS, ACTUATOR_OUTPUTS = (
@@ -30,6 +31,7 @@ UNKNOWN_U16 = 0xFFFF
 UNKNOWN_TEMPERATURE = 32_767
 """Unknown temperature in BATTERY_STATUS."""
 
+_LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _EARTH_FIXED, _BODY = constant("MAV_FRAME_LOCAL_FRD"), constant("MAV_FRAME_BODY_FRD")
 _UNKNOWN_ESTIMATOR = constant("MAV_ESTIMATOR_TYPE_UNKNOWN")
 _NO_POSE = (nan,) * 3
@@ -41,6 +43,74 @@ _CELLS = 10
 """Number of cell fields in BATTERY_STATUS."""
 _BOTH_AXES = 0b11
 """ACTUATOR_OUTPUT_STATUS.active with rudder and elevator."""
+
+
+@numeric
+def gps_record(m: Message) -> GpsFix:
+    """Return the satellite fix in a HIL_GPS.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded HIL_GPS.
+
+    Returns
+    -------
+    GpsFix
+        Fix in degrees, m and m/s.
+    """
+    return GpsFix(
+        m.time_usec,
+        m.fix_type,
+        m.lat * 1e-7,
+        m.lon * 1e-7,
+        m.alt * 1e-3,
+        m.vn * 1e-2,
+        m.ve * 1e-2,
+        m.vd * 1e-2,
+        m.satellites_visible,
+        nan if m.eph == UNKNOWN_U16 else m.eph * 1e-2,
+        nan if m.epv == UNKNOWN_U16 else m.epv * 1e-2,
+    )
+
+
+@numeric
+def looks_down(m: Message) -> bool:
+    """Return whether a range is that of an altimeter.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded DISTANCE_SENSOR.
+
+    Returns
+    -------
+    bool
+        Whether its beam points down.
+    """
+    return bool(m.orientation == _LOOKING_DOWN)
+
+
+@numeric
+def altimeter_record(m: Message) -> Altimeter:
+    """Return the range in the DISTANCE_SENSOR of an altimeter.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded DISTANCE_SENSOR that ``looks_down``.
+
+    Returns
+    -------
+    Altimeter
+        Range in m.
+    """
+    return Altimeter(
+        m.time_boot_ms * 1000,
+        m.current_distance * 1e-2,
+        m.min_distance * 1e-2,
+        m.max_distance * 1e-2,
+    )
 
 
 def dvl_values(dvl: Dvl) -> Values:
@@ -91,8 +161,9 @@ def dvl_values(dvl: Dvl) -> Values:
     )
 
 
-def dvl_record(m: Message) -> Dvl | None:
-    """Return the DVL measurement in an ODOMETRY.
+@numeric
+def has_velocity(m: Message) -> bool:
+    """Return whether an ODOMETRY contains a velocity in body axes.
 
     Parameters
     ----------
@@ -101,20 +172,36 @@ def dvl_record(m: Message) -> Dvl | None:
 
     Returns
     -------
-    Dvl or None
-        None if the message contains no velocity in body axes.
+    bool
+        Whether ``dvl_record`` reads it.
+    """
+    is_known_frame = m.frame_id == _EARTH_FIXED or m.frame_id == _BODY
+    return bool(m.child_frame_id == _BODY and is_known_frame and not isnan(m.vx))
+
+
+@numeric
+def dvl_record(m: Message) -> Dvl:
+    """Return the DVL measurement in an ODOMETRY.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded ODOMETRY that ``has_velocity``.
+
+    Returns
+    -------
+    Dvl
+        The measurement.
     """
     variance = m.velocity_covariance[0]
-    if m.child_frame_id != _BODY or m.frame_id not in (_EARTH_FIXED, _BODY) or isnan(m.vx):
-        return None
     return Dvl(
-        time_us=m.time_usec,
-        velocity_x_mps=m.vx,
-        velocity_y_mps=m.vy,
-        velocity_z_mps=m.vz,
-        over_ground=m.frame_id == _EARTH_FIXED,
-        figure_of_merit_mps=max(0.0, variance) ** 0.5,
-        quality_pct=m.quality,
+        m.time_usec,
+        m.vx,
+        m.vy,
+        m.vz,
+        m.frame_id == _EARTH_FIXED,
+        sqrt(variance) if variance > 0.0 else 0.0,
+        m.quality,
     )
 
 
@@ -161,8 +248,9 @@ def battery_values(battery: Battery, charge_state: int = 0) -> Values:
     )
 
 
-def battery_record(m: Message) -> Battery | None:
-    """Return the battery measurement in a BATTERY_STATUS.
+@numeric
+def has_voltage(m: Message) -> bool:
+    """Return whether a BATTERY_STATUS contains a voltage.
 
     Parameters
     ----------
@@ -171,21 +259,37 @@ def battery_record(m: Message) -> Battery | None:
 
     Returns
     -------
-    Battery or None
-        None if the message contains no voltage.
+    bool
+        Whether ``battery_record`` reads it.
     """
-    known_mv = [mv for mv in m.voltages if mv != UNKNOWN_U16]
-    if not known_mv:
-        return None
+    known = False
+    for cell_mv in m.voltages:
+        known = known or cell_mv != UNKNOWN_U16
+    return known
+
+
+@numeric
+def battery_record(m: Message) -> Battery:
+    """Return the battery measurement in a BATTERY_STATUS.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded BATTERY_STATUS that ``has_voltage``.
+
+    Returns
+    -------
+    Battery
+        The measurement.
+    """
+    total_mv = 0
+    for cell_mv in m.voltages:
+        if cell_mv != UNKNOWN_U16:
+            total_mv += cell_mv
     current_a = nan if m.current_battery == -1 else 1e-2 * m.current_battery
     consumed_ah = nan if m.current_consumed == -1 else 1e-3 * m.current_consumed
     remaining = nan if m.battery_remaining == -1 else 1e-2 * m.battery_remaining
-    return Battery(
-        voltage_v=1e-3 * sum(known_mv),
-        current_a=current_a,
-        consumed_ah=consumed_ah,
-        remaining=remaining,
-    )
+    return Battery(1e-3 * total_mv, current_a, consumed_ah, remaining)
 
 
 def centiamperes(current_a: float) -> int:
@@ -233,8 +337,9 @@ def leak_values(leak: Leak) -> Values:
     )
 
 
-def leak_record(m: Message) -> Leak | None:
-    """Return the leak measurement in a SYS_STATUS.
+@numeric
+def has_leak_detector(m: Message) -> bool:
+    """Return whether the sender of a SYS_STATUS has a leak detector.
 
     Parameters
     ----------
@@ -243,12 +348,27 @@ def leak_record(m: Message) -> Leak | None:
 
     Returns
     -------
-    Leak or None
-        None if the sender has no leak detector.
+    bool
+        Whether ``leak_record`` reads it.
     """
-    if not m.onboard_control_sensors_present_extended & LEAK_BIT:
-        return None
-    return Leak(not m.onboard_control_sensors_health_extended & LEAK_BIT)
+    return bool(m.onboard_control_sensors_present_extended & LEAK_BIT != 0)
+
+
+@numeric
+def leak_record(m: Message) -> Leak:
+    """Return the leak measurement in a SYS_STATUS.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded SYS_STATUS of a sender that ``has_leak_detector``.
+
+    Returns
+    -------
+    Leak
+        The measurement.
+    """
+    return Leak(m.onboard_control_sensors_health_extended & LEAK_BIT == 0)
 
 
 def duct_values(duct: DuctFeedback) -> Values:
@@ -267,8 +387,9 @@ def duct_values(duct: DuctFeedback) -> Values:
     return duct.time_us, _BOTH_AXES, (duct.rudder, duct.elevator, *(0.0,) * 30)
 
 
-def duct_record(m: Message) -> DuctFeedback | None:
-    """Return the measured duct deflection in an ACTUATOR_OUTPUT_STATUS.
+@numeric
+def has_deflections(m: Message) -> bool:
+    """Return whether an ACTUATOR_OUTPUT_STATUS contains rudder and elevator.
 
     Parameters
     ----------
@@ -277,9 +398,24 @@ def duct_record(m: Message) -> DuctFeedback | None:
 
     Returns
     -------
-    DuctFeedback or None
-        None if rudder or elevator is not measured.
+    bool
+        Whether ``duct_record`` reads it.
     """
-    if m.active & _BOTH_AXES != _BOTH_AXES:
-        return None
+    return bool(m.active & _BOTH_AXES == _BOTH_AXES)
+
+
+@numeric
+def duct_record(m: Message) -> DuctFeedback:
+    """Return the measured duct deflection in an ACTUATOR_OUTPUT_STATUS.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded ACTUATOR_OUTPUT_STATUS that ``has_deflections``.
+
+    Returns
+    -------
+    DuctFeedback
+        The measurement.
+    """
     return DuctFeedback(m.time_usec, m.actuator[0], m.actuator[1])

@@ -68,6 +68,9 @@ class _Compiler(Protocol):
     def pack(self, octets: Any, at: int, values: tuple[Any, ...], layout: str) -> None:
         """Pack numbers into octets."""
 
+    def unpack(self, octets: Any, at: int, layout: str) -> tuple[Any, ...]:
+        """Unpack numbers from octets."""
+
     def numbers(self, count: int) -> Numbers:
         """Return an array of zeros."""
 
@@ -209,11 +212,24 @@ def packer() -> Callable[[Any, int, tuple[Any, ...], str], None]:
     Returns
     -------
     callable
-        ``pack(octets, at, values, layout)`` writes a tuple of numbers and of such tuples from an
-        index on. The layout is a constant format of the module ``struct`` that begins with "<"; a
-        number must fit into its field. Only compiled code can call it.
+        ``pack(memory, at, values, layout)`` writes a tuple of numbers and of such tuples from an
+        octet of an array on. The layout is a constant format of the module ``struct`` that begins
+        with "<"; a number must fit into its field. Only compiled code can call it.
     """
     return _compiler().pack
+
+
+def unpacker() -> Callable[[Any, int, str], tuple[Any, ...]]:
+    """Return the function of kernels that unpacks numbers from octets.
+
+    Returns
+    -------
+    callable
+        ``unpack(memory, at, layout)`` returns the numbers from an octet of an array on, with the
+        layout of ``pack``; a letter with a count gives a tuple in the result. Unsigned integers of
+        64 bits are negative above 2^63. Only compiled code can call it.
+    """
+    return _compiler().unpack
 
 
 def c_function(name: str, types: str) -> Callable[..., int]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
@@ -407,30 +407,58 @@ def _borrowed(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return value
 
 
-def _type_pack(_: Any, octets: Any, at: Any, values: Any, layout: Any) -> Any:
-    """Type ``pack(octets, at, values, layout)``."""
-    letters = [
-        letter
-        for count, letter in _FIELD.findall(layout.literal_value)
-        for _ in range(int(count or 1))
-    ]
+def _places(builder: Any, context: Any, memory: Any, at: Any, layout: str) -> list[tuple[Any, Any]]:
+    """Return type and address of each number of a layout in the memory of an array."""
+    start = builder.gep(builder.bitcast(memory.data, cgutils.voidptr_t), [at])
+    places, offset = [], 0
+    for letter in _letters(layout):
+        kind = _FIELD_TYPES[letter]
+        place = builder.gep(start, [context.get_constant(types.intp, offset)])
+        places.append((kind, builder.bitcast(place, context.get_value_type(kind).as_pointer())))
+        offset += calcsize(f"<{letter}")
+    return places
+
+
+def _letters(layout: str) -> list[str]:
+    """Return the type of each number of a format of the module ``struct``."""
+    return [letter for count, letter in _FIELD.findall(layout) for _ in range(int(count or 1))]
+
+
+def _type_pack(_: Any, memory: Any, at: Any, values: Any, layout: Any) -> Any:
+    """Type ``pack(memory, at, values, layout)``."""
 
     def codegen(context: Any, builder: Any, typed: Any, arguments: Any) -> Any:
-        memory = context.make_array(octets)(context, builder, arguments[0])
+        array = context.make_array(memory)(context, builder, arguments[0])
         start = context.cast(builder, arguments[1], at, types.intp)
-        offset = 0
+        places = _places(builder, context, array, start, layout.literal_value)
         items = _flat_items(builder, values, arguments[2])
-        for letter, (kind, item) in zip(letters, items, strict=True):
-            stored = _FIELD_TYPES[letter]
-            place = builder.gep(
-                memory.data, [builder.add(start, context.get_constant(types.intp, offset))]
-            )
-            value = context.cast(builder, item, kind, stored)
-            builder.store(value, builder.bitcast(place, value.type.as_pointer()), align=1)
-            offset += calcsize(f"<{letter}")
+        for (stored, place), (kind, item) in zip(places, items, strict=True):
+            builder.store(context.cast(builder, item, kind, stored), place, align=1)
         return context.get_dummy_value()
 
-    return types.void(octets, at, values, layout), codegen
+    return types.void(memory, at, values, layout), codegen
+
+
+def _type_unpack(_: Any, memory: Any, at: Any, layout: Any) -> Any:
+    """Type ``unpack(memory, at, layout)``."""
+    read = types.Tuple(
+        [
+            types.UniTuple(_READ_TYPES[letter], int(count)) if count else _READ_TYPES[letter]
+            for count, letter in _FIELD.findall(layout.literal_value)
+        ]
+    )
+
+    def codegen(context: Any, builder: Any, typed: Any, arguments: Any) -> Any:
+        array = context.make_array(memory)(context, builder, arguments[0])
+        start = context.cast(builder, arguments[1], at, types.intp)
+        places = _places(builder, context, array, start, layout.literal_value)
+        numbers = [
+            context.cast(builder, builder.load(place, align=1), stored, _READ_TYPES[letter])
+            for letter, (stored, place) in zip(_letters(layout.literal_value), places, strict=True)
+        ]
+        return _nested(context, builder, read, iter(numbers))
+
+    return read(memory, at, layout), codegen
 
 
 _FIELD = re.compile(r"(\d*)([a-zA-Z])")
@@ -449,6 +477,19 @@ _FIELD_TYPES: dict[str, Any] = {
 }
 
 
+_READ_TYPES: dict[str, Any] = {
+    letter: types.float64 if letter in "fd" else types.int64 for letter in _FIELD_TYPES
+}
+
+
+def _nested(context: Any, builder: Any, kind: Any, numbers: Iterator[Any]) -> Any:
+    """Return a value of a type from its numbers: one of them, or a tuple."""
+    if not isinstance(kind, types.BaseTuple):
+        return next(numbers)
+    parts = [_nested(context, builder, part, numbers) for part in cast(Iterable[Any], kind)]
+    return context.make_tuple(builder, kind, parts)
+
+
 def _flat_items(builder: Any, kind: Any, value: Any) -> list[tuple[Any, Any]]:
     """Return type and value of the numbers of a record and of its records."""
     if not isinstance(kind, types.BaseTuple):
@@ -461,7 +502,9 @@ def _flat_items(builder: Any, kind: Any, value: Any) -> list[tuple[Any, Any]]:
 
 
 pack = intrinsic(prefer_literal=True)(_type_pack)
-"""Write a tuple of numbers, and of such tuples, into octets: see ``jit.packer``."""
+"""Write a tuple of numbers, and of such tuples, into memory: see ``jit.packer``."""
+unpack = intrinsic(prefer_literal=True)(_type_unpack)
+"""Read numbers from memory: see ``jit.unpacker``."""
 
 
 @cache

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from mavlink_io import jit
+from mavlink_io import dialect, jit
 from mavlink_io.jit import numeric
 
 START, HEAD, PAYLOAD = 6, 10, 16
@@ -37,6 +37,24 @@ class MessageLayout(NamedTuple):
     """Octets of the payload with its extension fields."""
     seed: int
     """CRC_EXTRA of the message definition."""
+
+
+def message_layout(name: str) -> tuple[MessageLayout, str]:
+    """Return the layout of a message of the dialect.
+
+    Parameters
+    ----------
+    name : str
+        Name of the message.
+
+    Returns
+    -------
+    tuple of MessageLayout and str
+        What its frame depends on, and the format of its payload.
+    """
+    message = dialect.by_name(name)
+    layout = MessageLayout(message.message_id, message.struct.size, message.crc_extra)
+    return layout, message.struct.format
 
 
 SENSOR = MessageLayout(number=107, length=65, seed=108)
@@ -203,90 +221,83 @@ def renumber(memory: FrameMemory, layout: MessageLayout, sequence: int) -> None:
 
 
 @numeric
-def unseal(memory: FrameMemory, received: int, layout: MessageLayout) -> bool:
-    """Check a received frame, and restore the zeros that its sender has cut off.
+def frame_size(octets: Any, start: int, end: int) -> int:
+    """Return the length of the MAVLink 2 frame at an index of a datagram.
 
     Parameters
     ----------
-    memory : FrameMemory
-        Memory that begins with the received octets, at `START`.
-    received : int
-        Number of octets of the datagram.
-    layout : MessageLayout
-        Expected message.
-
-    Returns
-    -------
-    bool
-        Whether the datagram is exactly one unsigned MAVLink 2 frame of the message. Otherwise
-        the memory has not changed.
-    """
-    octets = memory.octets
-    if not _is_frame(octets, received, layout):
-        return False
-    for i in range(PAYLOAD + received - OVERHEAD, PAYLOAD + layout.length):
-        octets[i] = 0
-    return True
-
-
-@numeric
-def drop_first(memory: FrameMemory, received: int, layout: MessageLayout) -> int:
-    """Remove the first frame of a datagram if it is of a message, and another one follows it.
-
-    Parameters
-    ----------
-    memory : FrameMemory
-        Memory that begins with the received octets, at `START`.
-    received : int
-        Number of octets of the datagram.
-    layout : MessageLayout
-        The message.
+    octets : sequence of int
+        The datagram.
+    start, end : int
+        First octet of the frame; number of octets of the datagram.
 
     Returns
     -------
     int
-        Number of octets that are left; ``received`` if the datagram has not changed.
+        Number of octets; 0 if no complete frame begins there.
     """
-    octets = memory.octets
-    size = int(octets[START + 1]) + OVERHEAD
-    if size >= received or not _is_frame(octets, size, layout):
-        return received
-    for i in range(START, START + received - size):
-        octets[i] = octets[i + size]
-    return received - size
+    if end - start <= OVERHEAD or octets[start] != _MAGIC:
+        return 0
+    size = int(octets[start + 1]) + OVERHEAD
+    return size if start + size <= end else 0
 
 
 @numeric
-def _is_frame(octets: Any, size: int, layout: MessageLayout) -> bool:
-    """Return whether the first octets are an unsigned MAVLink 2 frame of a message."""
-    length = size - OVERHEAD
-    end = PAYLOAD + length
-    return (
-        1 <= length <= layout.length
-        and octets[START] == _MAGIC
-        and octets[START + 1] == length
-        and octets[START + 2] == 0
-        and octets[START + 7] == layout.number & 0xFF
-        and octets[START + 8] == layout.number >> 8
-        and octets[START + 9] == 0
-        and checksum(octets, START + 1, end, layout.seed)
-        == int(octets[end]) | int(octets[end + 1]) << 8
-    )
-
-
-@numeric
-def undo_unseal(memory: FrameMemory, layout: MessageLayout) -> None:
-    """Restore the datagram that ``unseal`` has accepted: it has overwritten the checksum.
+def message_number(octets: Any, start: int) -> int:
+    """Return the message id of a frame.
 
     Parameters
     ----------
-    memory : FrameMemory
-        Memory of the frame.
-    layout : MessageLayout
-        Message of the frame.
+    octets : sequence of int
+        Datagram with the frame.
+    start : int
+        First octet of the frame, for which ``frame_size`` is not 0.
+
+    Returns
+    -------
+    int
+        Message id.
     """
-    octets = memory.octets
-    _write_checksum(octets, START + 1, PAYLOAD + int(octets[START + 1]), layout)
+    return int(octets[start + 7]) | int(octets[start + 8]) << 8 | int(octets[start + 9]) << 16
+
+
+@numeric
+def open_frame(
+    octets: Any, start: int, size: int, layout: MessageLayout, memory: FrameMemory
+) -> bool:
+    """Check a frame of a datagram, and copy its payload.
+
+    Parameters
+    ----------
+    octets : sequence of int
+        Datagram with the frame.
+    start, size : int
+        First octet of the frame, and its ``frame_size``.
+    layout : MessageLayout
+        Expected message.
+    memory : FrameMemory
+        Receives the payload, with the zeros that its sender has cut off.
+
+    Returns
+    -------
+    bool
+        Whether it is an unsigned frame of the message. Otherwise the memory has not changed.
+    """
+    length = size - OVERHEAD
+    payload = start + HEAD
+    if not (
+        1 <= length <= layout.length
+        and octets[start + 2] == 0
+        and message_number(octets, start) == layout.number
+        and checksum(octets, start + 1, payload + length, layout.seed)
+        == int(octets[payload + length]) | int(octets[payload + length + 1]) << 8
+    ):
+        return False
+    for i in range(length):
+        memory.octets[PAYLOAD + i] = octets[payload + i]
+    for i in range(length, layout.length):
+        memory.octets[PAYLOAD + i] = 0
+    return True
 
 
 @numeric
@@ -296,7 +307,7 @@ def time_us(memory: FrameMemory) -> int:
     Parameters
     ----------
     memory : FrameMemory
-        Memory of an unsealed frame.
+        Memory with the payload of a frame.
 
     Returns
     -------
@@ -313,7 +324,7 @@ def control(memory: FrameMemory, index: int) -> float:
     Parameters
     ----------
     memory : FrameMemory
-        Memory of an unsealed frame.
+        Memory with the payload of a frame.
     index : int
         Number of the control, 0 to 15.
 
@@ -332,7 +343,7 @@ def mode(memory: FrameMemory) -> int:
     Parameters
     ----------
     memory : FrameMemory
-        Memory of an unsealed frame.
+        Memory with the payload of a frame.
 
     Returns
     -------
@@ -426,7 +437,7 @@ def read_sensors(memory: FrameMemory, values: Any) -> None:
     Parameters
     ----------
     memory : FrameMemory
-        Memory with an unsealed frame.
+        Memory with the payload of a frame.
     values : array of float
         Receives time stamp, readings, ``fields_updated`` and sensor id.
     """

@@ -146,12 +146,13 @@ class GroundServer:
         return min((link.schedule.snapshot_due_us for link in self.links), default=NEVER_US)
 
     def publish_telemetry(self, reports: Sequence[SteadyReport] = ()) -> None:
-        """Queue the telemetry that is due after each of the newest ticks, then their events.
+        """Queue what each of the newest ticks relays and has due, then their events.
 
-        Without ``reports`` there was one tick. Only in the last tick may a message be due that
-        needs the state of the vehicle.
+        Without ``reports`` there was one tick, which relays nothing here. Only in the last tick may
+        a message be due that needs the state of the vehicle.
         """
         for report in reports or (self._vehicle.report(),):
+            self.relay(report.relayed)
             snapshot = None
             for link in self.links:
                 for group in link.schedule.due(report.time_us):

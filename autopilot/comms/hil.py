@@ -38,7 +38,6 @@ _CONTROLS_FRAME = FixedFrame(dialect.by_name("HIL_ACTUATOR_CONTROLS"))
 _RANGE = dialect.by_name("DISTANCE_SENSOR")
 _COMMAND_ACK = dialect.by_name("COMMAND_ACK")
 _LINK, _OFF = constant("FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL"), constant("FAILURE_TYPE_OFF")
-_LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _HULL_PRESSURE = dialect.by_name("SCALED_PRESSURE")
 _RELAYED_MESSAGES = frozenset(
     (
@@ -193,62 +192,52 @@ class HilLink:
         if frame.message_id in _RELAYED_MESSAGES:
             self._relayed.append(frame)
         if reader := _READERS.get(frame.message_id):
-            name, read = reader
-            record = read(frame.decode())
-            if record is not None:
-                self._records[name] = record
+            m = frame.decode()
+            if reader.applies(m):
+                self._records[reader.name] = reader.read(m)
 
 
-def _gps_fix(m: Message) -> GpsFix:
-    """Convert HIL_GPS to degrees, m and m/s."""
-    return GpsFix(
-        time_us=m.time_usec,
-        fix_type=m.fix_type,
-        lat_deg=m.lat * 1e-7,
-        lon_deg=m.lon * 1e-7,
-        alt_m=m.alt * 1e-3,
-        velocity_north_mps=m.vn * 1e-2,
-        velocity_east_mps=m.ve * 1e-2,
-        velocity_down_mps=m.vd * 1e-2,
-        satellites=m.satellites_visible,
-        eph_m=_metres(m.eph),
-        epv_m=_metres(m.epv),
-    )
+def _is_link_order(m: Message) -> bool:
+    """Return whether a command starts or ends a loss of the ground links."""
+    return bool(m.command == MavCmd.INJECT_FAILURE and m.param1 == _LINK)
 
 
-def _metres(error_cm: int) -> float:
-    """Convert a position error from cm to m; NaN when it is unknown."""
-    return math.nan if error_cm == device_messages.UNKNOWN_U16 else error_cm * 1e-2
-
-
-def _altimeter(m: Message) -> Altimeter | None:
-    """Convert DISTANCE_SENSOR to m; None for a sensor that does not look down."""
-    if m.orientation != _LOOKING_DOWN:
-        return None
-    return Altimeter(
-        time_us=m.time_boot_ms * 1000,
-        range_m=m.current_distance * 1e-2,
-        min_range_m=m.min_distance * 1e-2,
-        max_range_m=m.max_distance * 1e-2,
-    )
-
-
-def _links_silent(m: Message) -> bool | None:
-    """Return whether a command starts or ends a loss of the ground links; None for others."""
-    if m.command != MavCmd.INJECT_FAILURE or m.param1 != _LINK:
-        return None
+def _links_silent(m: Message) -> bool:
+    """Return whether such a command starts the loss."""
     return bool(m.param2 == _OFF)
 
 
-_READERS: dict[int, tuple[str, Callable[[Message], Any]]] = {
-    _GPS.message_id: ("gps", _gps_fix),
-    _RANGE.message_id: ("altimeter", _altimeter),
-    device_messages.ODOMETRY.message_id: ("dvl", device_messages.dvl_record),
-    device_messages.BATTERY_STATUS.message_id: ("battery", device_messages.battery_record),
-    device_messages.SYS_STATUS.message_id: ("leak", device_messages.leak_record),
-    device_messages.ACTUATOR_OUTPUTS.message_id: ("duct", device_messages.duct_record),
-    dialect.by_name("COMMAND_LONG").message_id: ("links_silent", _links_silent),
+class _Reader(NamedTuple):
+    """Conversion of a device message."""
+
+    name: str
+    """Field of ``HilSample`` that it fills."""
+    applies: Callable[[Message], bool]
+    """Whether a message contains the record."""
+    read: Callable[[Message], Any]
+
+
+_READERS = {
+    _GPS.message_id: _Reader("gps", lambda m: True, device_messages.gps_record),
+    _RANGE.message_id: _Reader(
+        "altimeter", device_messages.looks_down, device_messages.altimeter_record
+    ),
+    device_messages.ODOMETRY.message_id: _Reader(
+        "dvl", device_messages.has_velocity, device_messages.dvl_record
+    ),
+    device_messages.BATTERY_STATUS.message_id: _Reader(
+        "battery", device_messages.has_voltage, device_messages.battery_record
+    ),
+    device_messages.SYS_STATUS.message_id: _Reader(
+        "leak", device_messages.has_leak_detector, device_messages.leak_record
+    ),
+    device_messages.ACTUATOR_OUTPUTS.message_id: _Reader(
+        "duct", device_messages.has_deflections, device_messages.duct_record
+    ),
+    dialect.by_name("COMMAND_LONG").message_id: _Reader(
+        "links_silent", _is_link_order, _links_silent
+    ),
 }
-"""Field of ``HilSample`` that each device message fills, and its conversion."""
+"""Conversion of each device message."""
 _LOGGED_MESSAGES = _RELAYED_MESSAGES.union(_READERS)
 """Messages that are logged beside HIL_SENSOR; never the simulated truth."""

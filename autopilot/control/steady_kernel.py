@@ -73,7 +73,7 @@ def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
     done, state, devices, trace = steady.tick_with_devices(
         before.state,
         before.devices,
-        _records(values) if new != 0 else steady.NO_RECORDS,
+        records(values) if new != 0 else steady.NO_RECORDS,
         new,
         sensors(values),
         signal,
@@ -153,7 +153,7 @@ def results(values: Numbers) -> tuple[Motion, Setpoint, Trace]:
 
 
 @numeric
-def _records(values: Numbers) -> DeviceRecords:
+def records(values: Numbers) -> DeviceRecords:
     """Return the device records in the array."""
     g, e, p = values[GPS:], values[ALTIMETER:], values[DVL:]
     b, d = values[BATTERY:], values[DUCT:]

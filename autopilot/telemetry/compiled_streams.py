@@ -15,10 +15,10 @@ from autopilot.control.params import Config
 from autopilot.control.types import Home
 from autopilot.reports import TickReport
 from autopilot.telemetry import tick_messages
-from mavlink_io import dialect, jit
+from mavlink_io import jit
 from mavlink_io.codec import LARGEST_FRAME
 from mavlink_io.jit import Native, Numbers, entry_point, numeric
-from mavlink_io.lockstep_frames import HEAD, MessageLayout, seal_at
+from mavlink_io.lockstep_frames import HEAD, message_layout, seal_at
 
 if TYPE_CHECKING:  # the machine code does not depend on them
     from autopilot.reports import SteadyReport
@@ -30,23 +30,16 @@ _NO_HOME, _MESSAGES = Home(), 10
 """Number of messages of ``encode``."""
 
 
-def _layout(name: str) -> tuple[MessageLayout, str]:
-    """Return what the frame of a message depends on, and the format of its payload."""
-    message = dialect.by_name(name)
-    layout = MessageLayout(message.message_id, message.struct.size, message.crc_extra)
-    return layout, message.struct.format
-
-
-_ATTITUDE, _ATTITUDE_FORMAT = _layout("ATTITUDE")
-_QUATERNION, _QUATERNION_FORMAT = _layout("ATTITUDE_QUATERNION")
-_POSITION, _POSITION_FORMAT = _layout("LOCAL_POSITION_NED")
-_ALTITUDE, _ALTITUDE_FORMAT = _layout("ALTITUDE")
-_PRESSURE, _PRESSURE_FORMAT = _layout("SCALED_PRESSURE2")
-_TARGET, _TARGET_FORMAT = _layout("ATTITUDE_TARGET")
-_SERVO, _SERVO_FORMAT = _layout("SERVO_OUTPUT_RAW")
-_ACTUATOR, _ACTUATOR_FORMAT = _layout("ACTUATOR_OUTPUT_STATUS")
-_IMU, _IMU_FORMAT = _layout("HIGHRES_IMU")
-_ODOMETRY, _ODOMETRY_FORMAT = _layout("ODOMETRY")
+_ATTITUDE, _ATTITUDE_FORMAT = message_layout("ATTITUDE")
+_QUATERNION, _QUATERNION_FORMAT = message_layout("ATTITUDE_QUATERNION")
+_POSITION, _POSITION_FORMAT = message_layout("LOCAL_POSITION_NED")
+_ALTITUDE, _ALTITUDE_FORMAT = message_layout("ALTITUDE")
+_PRESSURE, _PRESSURE_FORMAT = message_layout("SCALED_PRESSURE2")
+_TARGET, _TARGET_FORMAT = message_layout("ATTITUDE_TARGET")
+_SERVO, _SERVO_FORMAT = message_layout("SERVO_OUTPUT_RAW")
+_ACTUATOR, _ACTUATOR_FORMAT = message_layout("ACTUATOR_OUTPUT_STATUS")
+_IMU, _IMU_FORMAT = message_layout("HIGHRES_IMU")
+_ODOMETRY, _ODOMETRY_FORMAT = message_layout("ODOMETRY")
 
 
 @entry_point

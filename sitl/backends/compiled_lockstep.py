@@ -37,7 +37,10 @@ _SENDER = SYSTEM << 8 | COMPONENT
 class Frames(NamedTuple):
     """Memory of the frames of a tick."""
 
+    datagram: Any
+    """The received octets."""
     answer: FrameMemory
+    """The frame in them."""
     sensors: FrameMemory
     truth: FrameMemory
 
@@ -60,7 +63,7 @@ def exchange(
     Parameters
     ----------
     frames : Native
-        ``Frames`` with the received answer; the sensors are written.
+        ``Frames`` with the received datagram; the sensors are written.
     vessel, run, numbers, used, values
         As in ``core.tick.advance``.
     tick_us : int
@@ -78,15 +81,15 @@ def exchange(
         Length of the new frame; 0 if the datagram is not the answer of an armed vehicle that keeps
         its drop weight: then nothing has changed.
     """
-    answer, sensors = frames.value.answer, frames.value.sensors
-    if not lockstep_frames.unseal(answer, received, CONTROLS):
-        return 0
+    datagram, answer, sensors = frames.value.datagram, frames.value.answer, frames.value.sensors
+    size = lockstep_frames.frame_size(datagram, 0, received)
     if (
-        lockstep_frames.time_us(answer) != time_us
+        size != received
+        or not lockstep_frames.open_frame(datagram, 0, size, CONTROLS, answer)
+        or lockstep_frames.time_us(answer) != time_us
         or not lockstep_frames.mode(answer) & ARMED_FLAG
         or lockstep_frames.control(answer, DROP) > RELEASE_ABOVE
     ):
-        lockstep_frames.undo_unseal(answer, CONTROLS)
         return 0
     updated = tick.advance(
         vessel,
@@ -149,10 +152,10 @@ def exchange_many(
         ``Exchanged``.
     """
     memory = frames.value
-    answer, sample = memory.answer.octets[START:], memory.sensors.octets[START:]
+    datagram, sample = memory.datagram, memory.sensors.octets[START:]
     done = length = received = 0
     while done < ticks:
-        received = lockstep_socket.receive(link.value, answer, spin_s)
+        received = lockstep_socket.receive(link.value, datagram, spin_s)
         if received <= 0:
             break
         sealed = exchange(
@@ -256,12 +259,17 @@ class CompiledLockstep:
     def __init__(self, link: HilClient, stopped: Callable[[], bool]) -> None:
         self._link, self._stopped = link, stopped
         self._frames = Frames(
-            frame_memory(MAX_DATAGRAM),
-            *(frame_memory(kind.length + lockstep_frames.OVERHEAD) for kind in (SENSOR, TRUTH)),
+            jit.octets(MAX_DATAGRAM),
+            *(
+                frame_memory(kind.length + lockstep_frames.OVERHEAD)
+                for kind in (CONTROLS, SENSOR, TRUTH)
+            ),
         )
         self._native = jit.native(self._frames)
-        self._received, self._sample, self._truth = (
-            memoryview(memory.octets)[START:] for memory in self._frames
+        self._received = memoryview(self._frames.datagram)
+        self._sample, self._truth = (
+            memoryview(memory.octets)[START:]
+            for memory in (self._frames.sensors, self._frames.truth)
         )
         self._compiled: tuple[Native, Native, MachineCode] | None = None
 

@@ -42,7 +42,6 @@ def test_dvl_round_trip_is_equal(dvl: Dvl) -> None:
     decoded = device_messages.dvl_record(
         across(device_messages.ODOMETRY, device_messages.dvl_values(dvl))
     )
-    assert decoded is not None
     assert decoded._replace(figure_of_merit_mps=0.0) == dvl._replace(figure_of_merit_mps=0.0)
     assert decoded.figure_of_merit_mps == pytest.approx(dvl.figure_of_merit_mps, rel=1e-5)
 
@@ -64,12 +63,13 @@ def test_dvl_frame_id_gives_reference_of_velocity(over_ground: bool, frame: int)
     assert (m.vx, m.vy, m.quality) == (1.25, -0.5, 75)
 
 
-def test_dvl_odometry_without_body_velocity_is_none() -> None:
+def test_dvl_odometry_without_body_velocity_is_no_record() -> None:
     values = device_messages.ODOMETRY.record._make(
         device_messages.dvl_values(Dvl(7, 1.0, 0.0, 0.0, True, 0.1, 100))
     )
     in_the_world = values._replace(child_frame_id=mavlink.MAV_FRAME_LOCAL_NED)
-    assert device_messages.dvl_record(across(device_messages.ODOMETRY, in_the_world)) is None
+    assert device_messages.has_velocity(across(device_messages.ODOMETRY, values))
+    assert not device_messages.has_velocity(across(device_messages.ODOMETRY, in_the_world))
 
 
 @given(
@@ -85,9 +85,16 @@ def test_battery_round_trip_is_within_resolution(battery: Battery) -> None:
     decoded = device_messages.battery_record(
         across(device_messages.BATTERY_STATUS, device_messages.battery_values(battery))
     )
-    assert decoded is not None
     for value, original, step in zip(decoded, battery, (1e-3, 1e-2, 1e-3, 1e-2), strict=True):
         assert value == pytest.approx(original, abs=0.51 * step)
+
+
+def test_battery_without_a_cell_voltage_is_no_record() -> None:
+    values = device_messages.battery_values(Battery(24.0, 1.0, 0.0, 1.0))
+    known = device_messages.BATTERY_STATUS.record._make(values)
+    unknown = known._replace(voltages=(device_messages.UNKNOWN_U16,) * 10)
+    assert device_messages.has_voltage(across(device_messages.BATTERY_STATUS, known))
+    assert not device_messages.has_voltage(across(device_messages.BATTERY_STATUS, unknown))
 
 
 def test_battery_unknown_values_stay_unknown() -> None:
@@ -95,7 +102,6 @@ def test_battery_unknown_values_stay_unknown() -> None:
     decoded = device_messages.battery_record(
         across(device_messages.BATTERY_STATUS, device_messages.battery_values(unknown))
     )
-    assert decoded is not None
     assert decoded.voltage_v == 24.0
     assert all(math.isnan(value) for value in decoded[1:])
 
@@ -114,10 +120,11 @@ def test_leak_detector_is_healthy_while_dry(wet: bool) -> None:
     ) == Leak(wet)
 
 
-def test_leak_status_without_detector_is_none() -> None:
+def test_leak_status_without_detector_is_no_record() -> None:
     other = device_messages.SYS_STATUS.record._make(device_messages.leak_values(Leak(False)))
     silent = other._replace(onboard_control_sensors_present_extended=0)
-    assert device_messages.leak_record(across(device_messages.SYS_STATUS, silent)) is None
+    assert device_messages.has_leak_detector(across(device_messages.SYS_STATUS, other))
+    assert not device_messages.has_leak_detector(across(device_messages.SYS_STATUS, silent))
 
 
 def test_duct_angles_are_in_command_channels() -> None:
@@ -133,4 +140,5 @@ def test_duct_angles_are_in_command_channels() -> None:
     one_axis = device_messages.ACTUATOR_OUTPUTS.record._make(
         device_messages.duct_values(duct)
     )._replace(active=0b01)
-    assert device_messages.duct_record(across(device_messages.ACTUATOR_OUTPUTS, one_axis)) is None
+    assert device_messages.has_deflections(m)
+    assert not device_messages.has_deflections(across(device_messages.ACTUATOR_OUTPUTS, one_axis))
