@@ -285,9 +285,10 @@ class SteadyTicks:
 
     def _new_records(self, new: int, values: jit.Numbers) -> NewRecords:
         """Return the device records of the bits ``new``."""
-        records = self._kernel.records(values.tolist())
+        numbers = values.tolist()
         return NewRecords._make(
-            record if new >> index & 1 else None for index, record in enumerate(records)
+            read(numbers) if new >> index & 1 else None
+            for index, read in enumerate(self._kernel.RECORD_READERS)
         )
 
     def results(self) -> Results:

@@ -73,7 +73,7 @@ def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
     done, state, devices, trace = steady.tick_with_devices(
         before.state,
         before.devices,
-        records(values) if new != 0 else steady.NO_RECORDS,
+        _records(values) if new != 0 else steady.NO_RECORDS,
         new,
         sensors(values),
         signal,
@@ -153,16 +153,51 @@ def results(values: Numbers) -> tuple[Motion, Setpoint, Trace]:
 
 
 @numeric
-def records(values: Numbers) -> DeviceRecords:
+def _fix(v: Numbers) -> GpsFix:
+    """Return the satellite fix in the array."""
+    g = v[GPS:]
+    return GpsFix(int(g[0]), int(g[1]), g[2], g[3], g[4], g[5], g[6], g[7], int(g[8]), g[9], g[10])
+
+
+@numeric
+def _range(v: Numbers) -> Altimeter:
+    """Return the altimeter record in the array."""
+    e = v[ALTIMETER:]
+    return Altimeter(int(e[0]), e[1], e[2], e[3])
+
+
+@numeric
+def _velocity(v: Numbers) -> Dvl:
+    """Return the DVL record in the array."""
+    p = v[DVL:]
+    return Dvl(int(p[0]), p[1], p[2], p[3], p[4] != 0.0, p[5], int(p[6]))
+
+
+@numeric
+def _battery(v: Numbers) -> Battery:
+    """Return the battery record in the array."""
+    b = v[BATTERY:]
+    return Battery(b[0], b[1], b[2], b[3])
+
+
+@numeric
+def _leak(v: Numbers) -> Leak:
+    """Return the record of the leak detector in the array."""
+    return Leak(v[LEAK] != 0.0)
+
+
+@numeric
+def _duct(v: Numbers) -> DuctFeedback:
+    """Return the measured duct deflection in the array."""
+    d = v[DUCT:]
+    return DuctFeedback(int(d[0]), d[1], d[2])
+
+
+RECORD_READERS = _fix, _range, _velocity, _battery, _leak, _duct
+"""Functions that return the records of ``DeviceRecords`` from the array."""
+
+
+@numeric
+def _records(v: Numbers) -> DeviceRecords:
     """Return the device records in the array."""
-    g, e, p = values[GPS:], values[ALTIMETER:], values[DVL:]
-    b, d = values[BATTERY:], values[DUCT:]
-    fix = GpsFix(int(g[0]), int(g[1]), g[2], g[3], g[4], g[5], g[6], g[7], int(g[8]), g[9], g[10])
-    return DeviceRecords(
-        fix,
-        Altimeter(int(e[0]), e[1], e[2], e[3]),
-        Dvl(int(p[0]), p[1], p[2], p[3], p[4] != 0.0, p[5], int(p[6])),
-        Battery(b[0], b[1], b[2], b[3]),
-        Leak(values[LEAK] != 0.0),
-        DuctFeedback(int(d[0]), d[1], d[2]),
-    )
+    return DeviceRecords(_fix(v), _range(v), _velocity(v), _battery(v), _leak(v), _duct(v))
