@@ -152,7 +152,8 @@ class GroundServer:
         a message be due that needs the state of the vehicle.
         """
         for report in reports or (self._vehicle.report(),):
-            self.relay(report.relayed)
+            if report.relayed:
+                self.guard.run("relay of devices", self.relay, report.relayed)
             snapshot = None
             for link in self.links:
                 for group in link.schedule.due(report.time_us):
