@@ -89,7 +89,8 @@ REJECTED_COST_RATIO = 1.1
 """Cost over that of the estimate from which on the data reject the end of a search.
 
 Such an end is no other vehicle that the tests admit: a candidate has diverged, and no gradient
-leads back. The search is repeated from nearer to the estimate."""
+leads back. The search is repeated on the whole runs from nearer to the estimate: the initial parts
+alone may lead to the same end from any start."""
 MAX_REPEATS = 3
 """Maximum number of repetitions of such a search."""
 RESTART_SPANS_S = (5.0, 15.0)
@@ -275,21 +276,25 @@ def _search_other_starts(
     generator, root = np.random.default_rng(4154), np.linalg.cholesky(prior.covariance)
     spans = [*(_truncate(decimated, seconds) for seconds in RESTART_SPANS_S), decimated]
     paths: list[list[SearchEnd]] = []
+    ends: list[SearchEnd] = []
     cost_ratios, better_z = [], None
     for index in range(start_count):
         report(index / start_count)
         sample = prior.mean + root @ generator.standard_normal(len(NAMES))
         start = _feasible_start(decimated, np.clip(sample, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
-        for _ in range(1 + MAX_REPEATS):
-            path, path_steps = _search_spans(spans, start, paths)
-            steps += path_steps
-            if path[-1].score.cost <= REJECTED_COST_RATIO * reference_cost:
+        path, path_steps = _search_spans(spans, start, paths)
+        paths.append(path)
+        end, steps = path[-1], steps + path_steps
+        for _ in range(MAX_REPEATS):
+            if end.score.cost <= REJECTED_COST_RATIO * reference_cost:
                 break
             start = 0.5 * (start + z)
-        paths.append(path)
-        cost_ratios.append(path[-1].score.cost / reference_cost)
+            end = descend(decimated, start, COARSE_TOLERANCE, ends)
+            steps += end.steps
+        ends.append(end)
+        cost_ratios.append(end.score.cost / reference_cost)
         if cost_ratios[-1] < min([1.0 - START_COST_TOLERANCE, *cost_ratios[:-1]]):
-            better_z = path[-1].z
+            better_z = end.z
     return cost_ratios, better_z, steps
 
 

@@ -119,6 +119,19 @@ def test_descend_far_from_known_end_goes_on(problem: MapProblem, random_z: np.nd
     assert end.score.cost < elsewhere.score.cost
 
 
+def test_start_misled_by_initial_parts_is_searched_on_whole_runs(
+    problem: MapProblem, random_z: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The initial parts of the runs lead every start to an end that the data reject."""
+    least = descend(problem, random_z, 1e-6)
+    rejected = descend(problem, least.z + 2.0, 1e9)
+    assert rejected.score.cost > fit.REJECTED_COST_RATIO * least.score.cost
+    monkeypatch.setattr(fit, "_search_spans", lambda spans, start, paths: ([rejected], 1))
+    ratios, better_z, _ = fit._search_other_starts(problem, least.z, 2, lambda share: None)
+    assert ratios == pytest.approx([1.0, 1.0], abs=fit.START_COST_TOLERANCE)
+    assert better_z is None
+
+
 def test_descend_stays_within_bounds(few: list[Run], bench: config.VehicleConfig) -> None:
     """The prior is too narrow, with its mean beyond the bounds in one parameter."""
     problem = problem_of(bench, few, np.zeros(len(NAMES)))
