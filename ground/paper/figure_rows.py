@@ -398,8 +398,9 @@ def _change_errors(log: Log) -> dict[str, float]:
     `steady_flight.settling_s` after each change.
     """
     setpoints, end_s = log.setpoints, figures.end_s(log)
-    under_way = setpoints.depth_m[:-1] > MIN_CHANGE_M
-    changes = np.flatnonzero(under_way & (np.abs(np.diff(setpoints.depth_m)) > MIN_CHANGE_M))
+    # from and to a depth under water: neither the first descent nor the ascent of SURFACE
+    submerged = np.minimum(setpoints.depth_m[:-1], setpoints.depth_m[1:]) > MIN_CHANGE_M
+    changes = np.flatnonzero(submerged & (np.abs(np.diff(setpoints.depth_m)) > MIN_CHANGE_M))
     starts_s = setpoints.depth_time_s[changes + 1].tolist()
     errors, settled, overshoots = [], [], []
     for index, (start_s, stop_s) in zip(changes, pairwise([*starts_s, end_s]), strict=True):

@@ -12,6 +12,8 @@ from ground.paper.flights import PaperFlights, PaperRequest
 from ground.paper.reproduction import NOT_FLOWN, PARTLY, Reproduction
 from ground.report.figures import Curve, Figure, Panel
 from mavlink_io.errors import InputError
+from mavlink_io.vehicle_modes import VehicleMode
+from sysid.data.events import ModeChanged
 from sysid.monitor.tracking_metrics import Spread, SteadyWindow
 from sysid.planes import Plane
 from sysid.reproduction.comparison import Comparison, Verdict, statement, within
@@ -156,3 +158,15 @@ def test_figure_6_needs_falling_error_and_yaw_first() -> None:
         Verdict.REPRODUCED,
         Verdict.NOT_REPRODUCED,
     ]
+
+
+def test_depth_change_errors_end_before_the_ascent() -> None:
+    """The set-point of 0 m is sent after the mode changed to SURFACE, which ends the mission."""
+    time_s = np.arange(0.0, 140.0, 0.1)
+    steps_s, depths_m = np.array([0.1, 70.1, 130.1]), np.array([2.0, 5.0, 0.0])
+    setpoints = SimpleNamespace(depth_time_s=steps_s, depth_m=depths_m)
+    depth = SimpleNamespace(time_s=time_s, depth_m=np.where(time_s < 70.1, 2.0, 5.1))
+    event = SimpleNamespace(time_s=130.02, value=ModeChanged(VehicleMode.SURFACE))
+    log: Any = SimpleNamespace(setpoints=setpoints, depth=depth, events=[event])
+    errors_m = figure_rows._change_errors(log)
+    assert list(errors_m.values()) == pytest.approx([0.1, 0.1, 0.1])
