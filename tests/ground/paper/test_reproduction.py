@@ -167,6 +167,8 @@ def test_depth_change_errors_end_before_the_ascent() -> None:
     setpoints = SimpleNamespace(depth_time_s=steps_s, depth_m=depths_m)
     depth = SimpleNamespace(time_s=time_s, depth_m=np.where(time_s < 70.1, 2.0, 5.1))
     event = SimpleNamespace(time_s=130.02, value=ModeChanged(VehicleMode.SURFACE))
-    log: Any = SimpleNamespace(setpoints=setpoints, depth=depth, events=[event])
+    log: Any = SimpleNamespace(
+        setpoints=setpoints, depth=depth, events=[event], attitude=SimpleNamespace(time_s=time_s)
+    )
     errors_m = figure_rows._change_errors(log)
     assert list(errors_m.values()) == pytest.approx([0.1, 0.1, 0.1])
