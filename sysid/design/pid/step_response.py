@@ -1,22 +1,24 @@
 """Simulated steps of the autopilot's own loops around a linear plane, with all limits.
 
 Linear analysis does not cover travel, rate limit and integrator hold, which determine the response
-to a large step. The control law is the autopilot's (``autopilot.control.loops``) itself. Sensors
-are perfect and there is no disturbance.
+to a large step. The control law is the autopilot's (``autopilot.control.loops``) itself, without
+LQG controllers. Sensors are perfect and there is no disturbance.
 """
 
 import math
-from collections import deque
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from autopilot.control import loops, params
+from autopilot.control.params import Config
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import LoopMemory, VehicleEstimate
+from mavlink_io import jit
+from mavlink_io.jit import Native, entry_point, numeric
 from sysid.control_analysis.loop_transfer import SAMPLING_S, TICK_S, Lag
 from sysid.design.design_model import DesignModel
 from sysid.design.specification import Spec
@@ -59,27 +61,11 @@ def heading_step(
         Heading and rudder.
     """
     config = params.config(values)
-    states, commands, memory = [], [], LoopMemory()
-    plant = _PlaneWithTailcone(vehicle.planes.yaw, vehicle.yaw_lag, spec)
-    for _ in range(round(seconds / TICK_S)):
-        _, r, psi = plant.state
-        estimate = VehicleEstimate(
-            heading_rad=float(psi), r_radps=float(r), speed_mps=config.cruise_speed_mps
-        )
-        output, memory = loops.step_loops(
-            estimate,
-            Setpoint(heading_rad=step_rad),
-            memory,
-            config,
-            TICK_S,
-            heading=True,
-            depth=False,
-        )
-        command = output.rudder_rad - config.rudder_trim_rad
-        plant.advance(command)
-        states.append(plant.state[2])
-        commands.append(command)
-    return _step_response(states, commands)
+    begin = _Begin(
+        VehicleEstimate(speed_mps=config.cruise_speed_mps), Setpoint(heading_rad=step_rad)
+    )
+    plant = _plane_with_tailcone(vehicle.planes.yaw, vehicle.yaw_lag, spec)
+    return _step_response(config, begin, plant, seconds, heading=True)
 
 
 def depth_step(
@@ -115,64 +101,113 @@ def depth_step(
     config = params.config(values)
     load_rad = config.level_pitch_rad - level_pitch_rad
     initial_integral_rad = min(config.depth_i_max, max(-config.depth_i_max, load_rad))
-    states, commands, memory = [], [], LoopMemory(depth_integral_rad=initial_integral_rad)
-    plant = _PlaneWithTailcone(vehicle.planes.pitch, vehicle.pitch_lag, spec)
-    for _ in range(round(seconds / TICK_S)):
-        _, q, theta, depth = plant.state
-        estimate = VehicleEstimate(
-            pitch_rad=float(theta) + level_pitch_rad,
-            q_radps=float(q),
-            depth_m=float(depth),
-            depth_rate_mps=float(vehicle.planes.pitch.A[3] @ plant.state),
-            speed_mps=config.cruise_speed_mps,
-        )
-        output, memory = loops.step_loops(
-            estimate, Setpoint(depth_m=step_m), memory, config, TICK_S, heading=False, depth=True
-        )
-        command = output.elevator_rad - config.elevator_trim_rad
-        plant.advance(command)
-        states.append(plant.state[3])
-        commands.append(command)
-    return _step_response(states, commands)
-
-
-def _step_response(values: list[float], commands: list[float]) -> StepResponse:
-    """Return the lists of a simulation as arrays."""
-    ticks = np.arange(1.0, len(values) + 1.0)
-    return StepResponse(
-        TICK_S * ticks, np.array(values, dtype=np.float64), np.array(commands, dtype=np.float64)
+    begin = _Begin(
+        VehicleEstimate(pitch_rad=level_pitch_rad, speed_mps=config.cruise_speed_mps),
+        Setpoint(depth_m=step_m),
+        LoopMemory(depth_integral_rad=initial_integral_rad),
     )
+    plant = _plane_with_tailcone(vehicle.planes.pitch, vehicle.pitch_lag, spec)
+    return _step_response(config, begin, plant, seconds, heading=False)
 
 
-class _PlaneWithTailcone:
+class _Begin(NamedTuple):
+    """State of the autopilot at the start, in level flight, and its set-points."""
+
+    estimate: VehicleEstimate
+    setpoint: Setpoint
+    memory: LoopMemory = LoopMemory()
+
+
+class _PlaneWithTailcone(NamedTuple):
     """Plane behind the tailcone's delay, lag, rate limit and travel, relative to level flight.
 
     Plane: x' = A x + B a with the duct angle a constant over a tick (exact discretisation). Lag:
     a'' = wn^2 (u - a) - 2 zeta wn a' with |a'| limited (semi-implicit Euler).
     """
 
-    def __init__(self, plane: LinearPlane, lag: Lag, spec: Spec) -> None:
-        n_states = len(plane.B)
-        transition = expm(
-            np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n_states + 1))]]) * TICK_S
-        )
-        self._Phi, self._Gamma = transition[:n_states, :n_states], transition[:n_states, n_states]
-        self._lag, self._max_rate_radps = lag, math.radians(spec.rate_degps)
-        # The hold of a tick is simulated here, so the queue must not contain it as a delay.
-        ticks = max(0, round((lag.delay_s - SAMPLING_S) / TICK_S)) + 1
-        self._queue = deque([0.0] * ticks)
-        self._angle = self._rate = 0.0
-        self.state: Array = np.zeros(n_states)
+    transition: Array
+    """exp(A T) for the tick T."""
+    gamma: Array
+    """Effect of the angle in a tick."""
+    last_row: Array
+    """Last row of A: the rate of the last state."""
+    natural_frequency_radps: float
+    damping_ratio: float
+    max_rate_radps: float
+    delay_ticks: int
 
-    def advance(self, command_rad: float) -> None:
-        """Advance the plane by one tick under a surface command (rad)."""
-        self._queue.append(command_rad)
-        delayed_rad, wn = self._queue.popleft(), self._lag.natural_frequency_radps
-        acceleration = (
-            wn * wn * (delayed_rad - self._angle) - 2.0 * self._lag.damping_ratio * wn * self._rate
+
+def _plane_with_tailcone(plane: LinearPlane, lag: Lag, spec: Spec) -> _PlaneWithTailcone:
+    """Return the discretised plane with its tailcone."""
+    n_states = len(plane.B)
+    transition = expm(
+        np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n_states + 1))]]) * TICK_S
+    )
+    return _PlaneWithTailcone(
+        transition=np.ascontiguousarray(transition[:n_states, :n_states]),
+        gamma=np.ascontiguousarray(transition[:n_states, n_states]),
+        last_row=np.ascontiguousarray(plane.A[-1]),
+        natural_frequency_radps=float(lag.natural_frequency_radps),
+        damping_ratio=float(lag.damping_ratio),
+        max_rate_radps=math.radians(spec.rate_degps),
+        # The hold of a tick is simulated here, so it is no part of the delay.
+        delay_ticks=1 + max(0, round((lag.delay_s - SAMPLING_S) / TICK_S)),
+    )
+
+
+def _step_response(
+    config: Config, begin: _Begin, plant: _PlaneWithTailcone, seconds: float, *, heading: bool
+) -> StepResponse:
+    """Simulate a change of the set-point of one plane."""
+    count = round(seconds / TICK_S)
+    values, commands = np.zeros(count), np.zeros(count)
+    flat = jit.native(cast(tuple[Any, ...], params.flat(config)))
+    _simulate(flat, jit.native(begin), jit.native(plant), heading, values, commands)
+    return StepResponse(TICK_S * np.arange(1.0, count + 1.0), values, commands)
+
+
+@entry_point
+def _simulate(
+    config: Native, begin: Native, plant: Native, heading: bool, values: Array, commands: Array
+) -> None:
+    """Simulate the ticks of a step; write the last state of the plane and the commands."""
+    settings, chain, setup = config.value, plant.value, begin.value
+    level, memory, wn = setup.estimate, setup.memory, chain.natural_frequency_radps
+    state, angle, rate = np.zeros(len(chain.gamma)), 0.0, 0.0
+    for k in range(len(values)):
+        if heading:
+            estimate = level._replace(heading_rad=state[2], r_radps=state[1])
+        else:
+            depth_rate_mps = 0.0
+            for i in range(len(state)):
+                depth_rate_mps += chain.last_row[i] * state[i]
+            estimate = level._replace(
+                pitch_rad=level.pitch_rad + state[2],
+                q_radps=state[1],
+                depth_m=state[3],
+                depth_rate_mps=depth_rate_mps,
+            )
+        output, memory = loops.step_pids(
+            estimate, setup.setpoint, memory, settings, TICK_S, heading, not heading
         )
-        self._rate = min(
-            self._max_rate_radps, max(-self._max_rate_radps, self._rate + acceleration * TICK_S)
-        )
-        self._angle += self._rate * TICK_S
-        self.state = self._Phi @ self.state + self._Gamma * self._angle
+        if heading:
+            commands[k] = output.rudder_rad - settings.rudder_trim_rad
+        else:
+            commands[k] = output.elevator_rad - settings.elevator_trim_rad
+        delayed_rad = commands[k - chain.delay_ticks] if k >= chain.delay_ticks else 0.0
+        acceleration = wn * wn * (delayed_rad - angle) - 2.0 * chain.damping_ratio * wn * rate
+        rate = min(chain.max_rate_radps, max(-chain.max_rate_radps, rate + acceleration * TICK_S))
+        angle += rate * TICK_S
+        state = _advance(chain.transition, chain.gamma, state, angle)
+        values[k] = state[-1]
+
+
+@numeric
+def _advance(transition: Array, gamma: Array, state: Array, angle_rad: float) -> Array:
+    """Return the state of the plane after a tick with a duct angle."""
+    after = np.empty(len(state))
+    for i in range(len(state)):
+        after[i] = gamma[i] * angle_rad
+        for j in range(len(state)):
+            after[i] += transition[i, j] * state[j]
+    return after
