@@ -12,7 +12,6 @@ from autopilot.control.types import AutopilotState, Home, Motion, Stick, Trace
 from mavlink_io.records import ActuatorFrame, Altimeter, Battery, GpsFix, Leak, SensorFrame
 
 if TYPE_CHECKING:  # the machine code of the messages does not depend on it
-    from autopilot.pilot import Pilot
     from autopilot.steady_ticks import Results
     from mavlink_io.codec import Frame
 
@@ -45,10 +44,15 @@ class SteadyReport:
     __slots__ = ("_config", "altimeter", "home", "path", "results", "time_us")
 
     def __init__(
-        self, pilot: Pilot, results: Results, config: Config, altimeter: Altimeter | None
+        self,
+        results: Results,
+        config: Config,
+        path: Path | None,
+        home: Home,
+        altimeter: Altimeter | None,
     ) -> None:
-        self.time_us, self.path, self.home = results.time_us, pilot.path, pilot.home
-        self.altimeter, self.results, self._config = altimeter, results, config
+        self.time_us, self.results, self._config = results.time_us, results, config
+        self.path, self.home, self.altimeter = path, home, altimeter
 
     @property
     def motion(self) -> Motion:

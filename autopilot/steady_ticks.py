@@ -75,23 +75,16 @@ class Results:
         Copy of the array of ``steady_kernel``.
     config : Native
         Parameters of the tick.
-    devices : NewRecords, optional
-        Device records that have come in the tick, for an exchange.
-    relayed : sequence of Frame
-        Device messages of the tick to relay to ground, for an exchange.
     """
 
     __slots__ = ("_list", "config", "devices", "relayed", "values")
 
-    def __init__(
-        self,
-        values: jit.Numbers,
-        config: jit.Native,
-        devices: NewRecords | None = None,
-        relayed: Sequence[Frame] = (),
-    ) -> None:
+    def __init__(self, values: jit.Numbers, config: jit.Native) -> None:
         self.values, self.config = values, config
-        self.devices, self.relayed = devices, relayed
+        self.devices: NewRecords | None = None
+        """Device records that have come in the tick, for an exchange."""
+        self.relayed: Sequence[Frame] = ()
+        """Device messages of the tick to relay to ground, for an exchange."""
         self._list: list[float] | None = None
 
     @property
@@ -273,14 +266,17 @@ class SteadyTicks:
         """Return the results of the ticks of an exchange."""
         row, size = self._exchange.ROW, self._kernel.SIZE
         rows, relayed_end = copy(self._rows[: ticks * row]), 0
+        new = rows[self._exchange.NEW :: row].tolist()
+        ends = rows[self._exchange.RELAY_END :: row].tolist()
         results = []
-        for start in range(0, len(rows), row):
-            values = rows[start : start + size]
-            new, end = map(int, rows[start + size : start + row])
-            devices = self._new_records(new, values) if new else None
-            relayed = Framer().feed(bytes(self._relay[relayed_end:end]))
-            relayed_end = end
-            results.append(Results(values, config, devices, relayed))
+        for start, bits, end in zip(range(0, len(rows), row), new, ends, strict=True):
+            tick = Results(rows[start : start + size], config)
+            if bits:
+                tick.devices = self._new_records(int(bits), tick.values)
+            if end > relayed_end:
+                tick.relayed = Framer().feed(bytes(self._relay[int(relayed_end) : int(end)]))
+                relayed_end = end
+            results.append(tick)
         return results
 
     def _new_records(self, new: int, values: jit.Numbers) -> NewRecords:

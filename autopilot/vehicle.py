@@ -128,15 +128,16 @@ class Vehicle:
 
         The list is empty if the next tick has to be a full one.
         """
-        config = self.params.config
-        results = self._pilot.exchange(endpoint, expected, config)
+        config, pilot = self.params.config, self._pilot
+        results = pilot.exchange(endpoint, expected, config)
         if results:
             self._is_decoded = False
+        path, home = pilot.path, pilot.home
         reports = []
         for tick in results:
             if tick.devices is not None:
                 self._update_devices(tick.devices)
-            reports.append(SteadyReport(self._pilot, tick, config, self._altimeter))
+            reports.append(SteadyReport(tick, config, path, home, self._altimeter))
         return reports
 
     def _decode(self) -> None:
@@ -266,7 +267,9 @@ class Vehicle:
         """Return the result of the newest tick."""
         pilot = self._pilot
         if pilot.results is not None:
-            return SteadyReport(pilot, pilot.results, self.params.config, self._altimeter)
+            return SteadyReport(
+                pilot.results, self.params.config, pilot.path, pilot.home, self._altimeter
+            )
         return TickReport(
             time_us=pilot.time_us,
             motion=pilot.motion,

@@ -166,7 +166,18 @@ def step_pids(
     heading: bool,
     depth: bool,
 ) -> tuple[ControlOutput, LoopMemory]:
-    """Run the closed loops for one tick with PIDs only; see ``step_loops``."""
+    """Run the closed loops for one tick, as ``step_loops`` does, with PIDs only.
+
+    Parameters
+    ----------
+    estimate, setpoint, memory, config, dt_s, heading, depth
+        As of ``step_loops``.
+
+    Returns
+    -------
+    tuple[ControlOutput, LoopMemory]
+        As of ``step_loops``.
+    """
     trims, roll = _trims(memory, config), _roll(estimate, config, heading, depth)
     rudder = _open_heading(memory, trims)
     elevator = _open_depth(estimate, memory, trims)
