@@ -170,8 +170,18 @@ def step_pids(
 
     Parameters
     ----------
-    estimate, setpoint, memory, config, dt_s, heading, depth
-        As of ``step_loops``.
+    estimate : VehicleEstimate
+        Estimated attitude, rates, depth and speed.
+    setpoint : Setpoint
+        Heading (rad), depth (m), or pitch (rad) in place of the depth.
+    memory : LoopMemory
+        State of the loops after the last tick.
+    config : Config
+        Parameters.
+    dt_s : float
+        Time since the last tick.
+    heading, depth : bool
+        Whether the heading loop, and the depth and pitch loops are closed.
 
     Returns
     -------

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from importlib import import_module
 from random import Random
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -33,13 +33,6 @@ STREAMS = list(
 CONFIG = params.config({})
 
 
-class _Place(NamedTuple):
-    """What a report takes from the autopilot beside the numbers of a tick."""
-
-    path: None = None
-    home: Home = Home()
-
-
 @pytest.fixture(scope="module")
 def encoder() -> Any:
     return import_module("autopilot.telemetry.compiled_streams").FrameEncoder()
@@ -58,8 +51,7 @@ def _report(seed: int) -> SteadyReport:
     if random.random() < 0.5:
         values[kernel.RESULTS + Motion._fields.index("altitude_m")] = math.nan
     flat: Any = params.flat(CONFIG)
-    place: Any = _Place()
-    return SteadyReport(place, Results(values, jit.native(flat)), CONFIG, None)
+    return SteadyReport(Results(values, jit.native(flat)), CONFIG, None, Home(), None)
 
 
 def _encoded(streams: Sequence[TelemetryStream], report: SteadyReport, sender: Endpoint) -> bytes:
