@@ -291,7 +291,13 @@ class Campaign:
                 return
             recommended = assessment.next_test
             dive = worker.call(computations.plan_retest, out, recommended, mission)
-            if dive is None or dive.planned_s > left_s:
+            if dive is None:
+                return
+            if dive.planned_s > left_s:
+                self.announce(
+                    f"not fit: {recommended.reason}; {recommended} needs {dive.planned_s:.0f} s of"
+                    f" the {max(left_s, 0.0):.0f} s left (--extra-water-time)"
+                )
                 return
             path = out / MISSIONS_FOLDER / f"{mission}.toml"
             path.parent.mkdir(exist_ok=True)

@@ -70,8 +70,9 @@ def test_campaign_flies_retests_within_the_water_time(
     needed: int, extra_water_s: float, flown: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A dive takes 292 s of legs and tests; 300 s are counted when it is flown."""
+    said: list[str] = []
     campaign = Campaign(
-        CampaignRequest(tmp_path, extra_water_s=extra_water_s), lambda *at: None, lambda words: None
+        CampaignRequest(tmp_path, extra_water_s=extra_water_s), lambda *at: None, said.append
     )
 
     def fly(self: Campaign, stage: str, mission: str, parameters: object) -> None:
@@ -83,6 +84,9 @@ def test_campaign_flies_retests_within_the_water_time(
     campaign._identify(worker, {})  # type: ignore[arg-type]
     assert [dive.mission for dive in campaign.retests] == list(computations.RETESTS[:flown])
     assert len(worker.fits) == flown + 1
+    left_s = max(extra_water_s - 300.0 * flown, 0.0)
+    ended_by_time = any(f"needs 292 s of the {left_s:.0f} s left" in words for words in said)
+    assert ended_by_time == (flown < needed)
     assert [dive.fit_for_redesign for dive in campaign.retests] == [
         number >= needed for number in range(1, flown + 1)
     ]
