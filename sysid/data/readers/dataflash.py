@@ -38,6 +38,7 @@ from sysid.data.readers.samples import (
     foreign_log,
     format_damage,
     ground_speed,
+    is_parameter_name,
     sample_nearest,
     strictly_increasing,
     usable,
@@ -88,9 +89,11 @@ _PLAUSIBLE = {
         for name, columns, factor in _RATES
     },
     **{name: {column: Plausible(floor=0.2)} for name, column, _ in _ALTITUDES if name != "AHR2"},
+    "CTUN": {"Alt": Plausible(floor=0.2), "DAlt": Plausible(floor=0.2)},
     "RCOU": {f"{prefix}{n}": Plausible(25.0) for prefix in ("C", "Ch", "Chan") for n in range(15)},
 }
 """Smallest spikes that are reported: 1 deg, 3 deg/s, 0.2 m, 25 us."""
+_MESSAGE_NAME, _COLUMN_NAME = re.compile(r"[A-Za-z0-9_]{1,4}"), re.compile(r"[A-Za-z0-9_\[\]]+")
 _INSTANCES = ("I", "C")
 """Columns with the number of a sensor or of an estimator; the first is read."""
 _MIXER_AXES = range(10, 14)
@@ -129,8 +132,12 @@ def read(path: Path, options: OutputOptions) -> Log:
     }
     checked, spikes = drop_contradicted(checked, _PLAUSIBLE)
     message_tables |= checked
-    damage = damage._replace(contradicted_s=spikes.contradicted_s)
     parameters = _parameters(message_tables)
+    impossible = sum(not is_parameter_name(name) for name in parameters)
+    damage = damage._replace(
+        contradicted_s=spikes.contradicted_s,
+        impossible_names=damage.impossible_names + impossible,
+    )
     attitude, actuators = (
         _attitude(path, message_tables),
         _actuators(path, message_tables, options, parameters),
@@ -221,7 +228,12 @@ def _index(data: bytes) -> tuple[list[tuple[_MessageFormat, list[int]]], FileDam
                 )
         offset += kind.length
         end = offset
-    damage = FileDamage(sum(skipped), len(skipped), len(data) - end)
+    impossible = sum(
+        not _MESSAGE_NAME.fullmatch(kind.name) or not all(map(_COLUMN_NAME.fullmatch, kind.columns))
+        for kind in kinds.values()
+        if kind.name != "FMT"
+    )
+    damage = FileDamage(sum(skipped), len(skipped), len(data) - end, impossible_names=impossible)
     return [(kinds[number], offsets) for number, offsets in offsets_by_kind.items()], damage
 
 

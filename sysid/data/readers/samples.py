@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,6 +30,7 @@ CLOCK_STEP_SAMPLES = 5
 """Number of consecutive samples older than an earlier one that counts as a backward clock step.
 
 Fewer such samples are late datagrams."""
+_PARAMETER_NAME = re.compile(r"[A-Z0-9_]+")
 GAP_INTERVALS = 1.9
 """Interval of two samples, in usual intervals, from which on samples are lost."""
 LARGEST_VALUE = 1e9
@@ -50,6 +52,24 @@ class FileDamage(NamedTuple):
     """Durations in which the vehicle's logger reports that it lost messages, s."""
     contradicted_s: tuple[float, ...] = ()
     """Times before samples that their neighbours contradict and that were left out, s."""
+    impossible_names: int = 0
+    """Number of names of messages, columns and parameters with characters that no name has."""
+
+
+def is_parameter_name(name: str) -> bool:
+    """Return whether ArduPilot or PX4 may have a parameter of this name.
+
+    Parameters
+    ----------
+    name : str
+        Name in a log.
+
+    Returns
+    -------
+    bool
+        False if it is empty or has other characters than capital letters, digits and underscores.
+    """
+    return _PARAMETER_NAME.fullmatch(name) is not None
 
 
 def format_damage(damage: FileDamage, time_s: Array) -> str:
@@ -83,6 +103,9 @@ def format_damage(damage: FileDamage, time_s: Array) -> str:
         if len(times_s) > 1:
             where = f"between {times_s[0]:.1f} and {times_s[-1]:.1f} s"
         texts.append(f"{samples} contradicted by the ones around and left out, {where}")
+    if count := damage.impossible_names:
+        names = "1 name is" if count == 1 else f"{count} names are"
+        texts.append(f"{names} damaged: a message or a parameter may be missing")
     if damage.trailing_bytes:
         texts.append(
             f"it ends within a message ({damage.trailing_bytes} bytes) at {time_s[-1]:.1f} s;"

@@ -3,7 +3,8 @@
 ArduPilot's .bin and PX4's .ulg have no checksums, so a flipped bit shows in its effect only. A
 sample is contradicted if it differs from both neighbours, in the same direction, by more than the
 floor of its unit and more than NOISE_RATIO standard deviations of the noise, while the neighbours
-agree. A flipped bit below these limits cannot be told from noise and stays.
+agree. The first and the last sample have one neighbour, and are judged by END_SAMPLES. A flipped
+bit below these limits cannot be told from noise and stays.
 """
 
 import math
@@ -22,6 +23,8 @@ AGREEMENT = 0.5
 """Largest difference of the two neighbours, as a fraction of the spike."""
 MIN_SAMPLES = 8
 """Number of samples below which the noise is not estimated."""
+END_SAMPLES = 5
+"""Samples at an end of a column by which the outermost one is judged."""
 _MAD_TO_SD = 1.4826
 """Standard deviation of Gaussian noise per median absolute deviation."""
 
@@ -84,7 +87,8 @@ def contradicted(values: Array, plausible: Plausible) -> NDArray[np.bool_]:
     Returns
     -------
     ndarray of bool, shape (n,)
-        True for a spike of one sample, and for a sample without a value between two with one.
+        True for a spike of one sample, for a sample without a value between two with one, and for
+        an outermost sample that leaves the next ones, which agree.
     """
     mask = np.zeros(values.size, bool)
     if values.size < MIN_SAMPLES:
@@ -103,7 +107,17 @@ def contradicted(values: Array, plausible: Plausible) -> NDArray[np.bool_]:
         & (np.abs(across) <= AGREEMENT * spike)
     )
     mask[1:-1] |= ~measured[1:-1] & measured[:-2] & measured[2:]
+    limit = max(plausible.floor, NOISE_RATIO * noise_sd)
+    mask[0] = _leaves_others(values[:END_SAMPLES], plausible, limit)
+    mask[-1] = _leaves_others(values[: -END_SAMPLES - 1 : -1], plausible, limit)
     return mask
+
+
+def _leaves_others(values: Array, plausible: Plausible, limit: float) -> bool:
+    """Return whether the first of some values is beyond ``limit`` from others that agree."""
+    spike = abs(float(_wrapped(values[:1] - values[1:2], plausible.period)[0]))
+    others = np.abs(_wrapped(values[2:] - values[1], plausible.period))
+    return bool(not spike <= limit and np.all(others <= AGREEMENT * limit))
 
 
 def _out_of_order(time_s: Array) -> NDArray[np.bool_]:

@@ -34,6 +34,7 @@ from sysid.data.readers.samples import (
     foreign_log,
     format_damage,
     ground_speed,
+    is_parameter_name,
     sample_nearest,
     strictly_increasing,
     usable,
@@ -93,6 +94,8 @@ _PLAUSIBLE = {
     "actuator_outputs": {f"output[{n}]": Plausible(floor=25.0) for n in range(16)},
 }
 _PLAUSIBLE["vehicle_attitude"] |= {f"q[{n}]": Plausible(floor=0.01) for n in range(4)}
+_PLAUSIBLE["vehicle_attitude_setpoint"] = {f"q_d[{n}]": Plausible(floor=0.01) for n in range(4)}
+_PLAUSIBLE["vehicle_local_position_setpoint"] = {"z": Plausible(floor=0.2)}
 """Smallest spikes that are reported: 0.2 m, 0.05 rad/s, 5 % of the travel, 25 us, 0.01."""
 _QUATERNION = ("[0]", "[1]", "[2]", "[3]")
 
@@ -123,7 +126,10 @@ def read(path: Path, options: OutputOptions) -> Log:
         path, [*_TOPICS, *_OUTPUTS, *_SETPOINTS, _SATELLITE, *(name for name, _ in _ACCELEROMETERS)]
     )
     topic_tables, spikes = drop_contradicted(_tables(log), _PLAUSIBLE)
-    damage = damage._replace(contradicted_s=spikes.contradicted_s)
+    damage = damage._replace(
+        contradicted_s=spikes.contradicted_s,
+        impossible_names=sum(not is_parameter_name(str(n)) for n in log.initial_parameters),
+    )
     parameters = {  # a damaged parameter has a type that pyulog does not convert
         str(name): float(value)
         for name, value in log.initial_parameters.items()

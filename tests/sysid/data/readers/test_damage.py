@@ -252,6 +252,15 @@ def test_dataflash_memory_is_a_few_times_the_file(tmp_path: Path) -> None:
     assert most_bytes < 6 * len(data)
 
 
+@pytest.mark.parametrize("name", [b"PARM", b"ACT_TRAVEL_DEG"])
+def test_damaged_name_in_dataflash_is_reported(name: bytes, tmp_path: Path) -> None:
+    path = files.dataflash(tmp_path / "dive.bin")
+    data = path.read_bytes()
+    assert readers.read(path).damage == ""
+    path.write_bytes(data.replace(name, bytes((name[0] ^ 0x80,)) + name[1:], 1))
+    assert "1 name is damaged: a message or a parameter may be missing" in readers.read(path).damage
+
+
 def attitude_rows(log: Log) -> set[bytes]:
     """Return each attitude sample as bytes, rounded because unwrapping of yaw adds rounding."""
     table = np.stack(tuple(vars(log.attitude).values()), axis=1).round(9)

@@ -18,6 +18,21 @@ def test_single_wrong_sample_is_found(spike: float) -> None:
     assert list(np.flatnonzero(contradicted(values, Plausible(0.01)))) == [700]
 
 
+@pytest.mark.parametrize("end", [0, -1])
+@pytest.mark.parametrize("wrong", [1.5, -1.5, 1e30, np.nan])
+def test_wrong_sample_at_an_end_is_found(end: int, wrong: float) -> None:
+    values = NOISE.copy()
+    values[end] = wrong
+    assert list(np.flatnonzero(contradicted(values, Plausible(0.01)))) == [end % 2000]
+
+
+def test_changes_near_the_ends_are_kept() -> None:
+    late, early = np.zeros(2000), np.zeros(2000)
+    late[-3:], early[:3] = 5.0, 5.0  # the outermost samples agree with their neighbours
+    for values in (NOISE + late, NOISE + early, np.geomspace(1.0, 1e6, 2000)):
+        assert not contradicted(values, Plausible(0.01)).any()
+
+
 def test_noise_steps_and_ramps_are_kept() -> None:
     steps = np.where(np.arange(2000) // 100 % 2, 5.0, -5.0)
     for values in (NOISE, NOISE + steps, np.linspace(0.0, 900.0, 2000), steps, np.zeros(2000)):
