@@ -2,8 +2,8 @@
 
 A simulator sends HIL_SENSOR and receives HIL_ACTUATOR_CONTROLS in every tick, and often sends
 HIL_STATE_QUATERNION. Records and bytes of Python take longer than the tick itself, so these
-functions read and write the memory that the socket reads and writes. Whatever is not exactly one
-unsigned MAVLink 2 frame of the expected message is refused, and left to ``codec.Framer``.
+functions read and write the memory that the socket reads and writes. Whatever is no unsigned
+MAVLink 2 frame of an expected message is refused, and left to ``codec.Framer``.
 """
 
 from __future__ import annotations

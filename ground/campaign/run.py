@@ -43,13 +43,15 @@ from ground.campaign.dive_records import (
 from ground.campaign.preparation import Preparation, PreparationRequest, prepare
 from ground.campaign.summary_file import CampaignSummary, DesignSummary, RetestSummary
 from ground.campaign.worker import Worker
+from ground.client.assessment import assess_log
 from ground.client.flight import Dive, FlightProgress, TelemetryListener, fly_simulated
 from ground.missions import scaling, script
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess, start_fork_server
 from mavlink_io.clock import wall_s
-from mavlink_io.errors import InputError, OperationError
+from mavlink_io.errors import CaribouError, InputError, OperationError
 from mavlink_io.mission_items import MissionItem
+from sysid.data import readers
 
 TRIM_MISSION = "trim"
 """Straight and level mission from which the trims are measured."""
@@ -371,7 +373,17 @@ class Campaign:
             )
             self._shrink_tests(mission)
         if failsafe := self._fly_once(stage, mission, _limit_pitch(parameters, repetitions)):
-            raise OperationError(f"{name}: {failsafe}")
+            raise OperationError(f"{name}: {failsafe}{self._symptom(stage, mission)}")
+
+    def _symptom(self, stage: str, mission: str) -> str:
+        """Return the gravest symptom of a dive and its remedy, to be appended to an error."""
+        log = CampaignFolder(self.request.out).log_path(stage, mission)
+        try:
+            symptoms = assess_log(readers.read(log)).symptoms
+        except CaribouError:
+            return ""
+        named = next((symptom for symptom in symptoms if symptom.remedy), None)
+        return f"; {named.message}: {named.remedy}" if named else ""
 
     def _shrink_tests(self, mission: str) -> None:
         """Write a mission with smaller tests into the folder."""

@@ -42,6 +42,8 @@ NOSE_UP_DEG = 3.0
 A neutral Caribou flies level 2 deg nose down, and 1 kg more raises that by 0.8 deg."""
 NOSE_DOWN_DEG = -6.0
 """Mean pitch of level flight below which the vehicle counts as too light."""
+MIN_AFLOAT_S = 60.0
+"""Time (s) at the surface with the elevator hard down from which a vehicle counts as too light."""
 STRONG_CURRENT_MPS = 0.3
 """Current from which the path over ground differs much from the heading: 13 deg at 1.3 m/s."""
 MIN_TURN_DEG = 15.0
@@ -210,7 +212,15 @@ def _lost_at(log: Log) -> str:
 
 
 def _weight(log: Log, windows: Sequence[SteadyWindow]) -> Iterator[Symptom]:
-    """Yield a symptom for a vehicle whose level flight takes a large pitch."""
+    """Yield a symptom for a vehicle that does not dive, or flies level at a large pitch."""
+    if (afloat_s := _hard_down_afloat_s(log)) >= MIN_AFLOAT_S:
+        yield Symptom(
+            SymptomKind.LIGHT,
+            "depth",
+            f"the vehicle does not leave the surface: elevator hard down for {afloat_s:.0f} s",
+            "add ballast, or fly faster",
+        )
+        return
     attitude = log.attitude
     pitches = [
         attitude.pitch_rad[(attitude.time_s >= w.start_s) & (attitude.time_s < w.stop_s)]
@@ -234,6 +244,17 @@ def _weight(log: Log, windows: Sequence[SteadyWindow]) -> Iterator[Symptom]:
             f"the vehicle is too light: level flight takes {-pitch_deg:.1f} deg nose down",
             "add ballast, or fly faster",
         )
+
+
+def _hard_down_afloat_s(log: Log) -> float:
+    """Return the time under way at the surface with the elevator hard down."""
+    commands = log.actuators
+    if not names_surfaces(log.parameters) or commands.time_s.size < 2:
+        return 0.0
+    depth_m = np.interp(commands.time_s, log.depth.time_s, log.depth.depth_m)
+    hard_down = commands.elevator_rad <= -HARD_OVER * commands.travel_rad
+    judged = hard_down & (depth_m < SUBMERGED_M) & (commands.thrust > MIN_THRUST)
+    return float(np.sum(judged) * np.median(np.diff(commands.time_s)))
 
 
 def _current(log: Log, windows: Sequence[SteadyWindow]) -> Iterator[Symptom]:

@@ -206,6 +206,21 @@ def test_level_flight_at_a_large_pitch_names_the_weight(
     assert found.outcome is (Outcome.ATTENTION if kind else Outcome.GOOD)
 
 
+@pytest.mark.parametrize(("depth_m", "elevator_deg"), [(0.2, -15.0), (0.2, 15.0), (3.0, -15.0)])
+def test_elevator_hard_down_at_the_surface_means_too_light(
+    depth_m: float, elevator_deg: float
+) -> None:
+    flown = dive()
+    commands = replace(
+        flown.actuators,
+        elevator_rad=np.full(flown.actuators.time_s.size, math.radians(elevator_deg)),
+    )
+    depth = replace(flown.depth, depth_m=np.full(flown.depth.time_s.size, depth_m))
+    found = assessment.assess_log(replace(flown, actuators=commands, depth=depth)).symptoms
+    too_light = [s for s in found if s.message.startswith("the vehicle does not leave the surface")]
+    assert bool(too_light) is (depth_m < 0.3 and elevator_deg < 0.0)
+
+
 @pytest.mark.parametrize("source", [VelocitySource.BOTTOM_TRACK, VelocitySource.WATER_TRACK])
 def test_drift_over_ground_is_a_current(source: VelocitySource) -> None:
     """0.5 m/s to starboard at one heading; a log through the water shows no current."""
