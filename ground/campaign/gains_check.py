@@ -22,7 +22,9 @@ class UnsafeGainsError(OperationError):
     code = ErrorCode.UNSAFE_GAINS
 
 
-def check_gains(file: Path, values: Mapping[str, float], model: Path | None) -> str:
+def check_gains(
+    file: Path, values: Mapping[str, float], model: Path | None, prior: str | None = None
+) -> str:
     """Check the gains of a file on the model that its header names.
 
     Parameters
@@ -33,12 +35,14 @@ def check_gains(file: Path, values: Mapping[str, float], model: Path | None) -> 
         Parameters of the file by name; they may have been changed after the design.
     model : Path or None
         Model file; None for `MODEL_FILE` in the folder of the gains.
+    prior : str, optional
+        Vehicle file that the model was fitted from, if it is not shipped.
 
     Returns
     -------
     str
-        Why the gains were not checked; empty if they were, or if the file holds no gains of a
-        design.
+        Why the gains were not checked, or not on the whole model; empty if they were, or if the
+        file holds no gains of a design.
 
     Raises
     ------
@@ -74,11 +78,17 @@ def check_gains(file: Path, values: Mapping[str, float], model: Path | None) -> 
     if missing := [name for name in _LOOP_GAINS if name not in values]:
         raise UnsafeGainsError(f"{file}: lacks {missing[0]}, so that no margin can be computed")
     bounds = _bounds(header.specification)
-    violations = robustness.violations(design_model.from_model(identified), values, bounds)
+    vehicle = design_model.from_model(identified, refit.read_vehicle(prior))
+    violations = robustness.violations(vehicle, values, bounds)
     worst = max(violations, key=lambda name: violations[name])
     if violations[worst] > CONSTRAINT_TOLERANCE:
         raise UnsafeGainsError(
             f"{file}: on {path} {_describe(worst, violations[worst], bounds)}; redesign"
+        )
+    if prior is None and refit.needs_vehicle_file(identified):
+        return (
+            f"{file}: checked on the coefficients of {path} alone; for level flight give --prior"
+            f" with the vehicle file {identified.vehicle.prior}"
         )
     return ""
 

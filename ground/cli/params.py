@@ -13,6 +13,7 @@ from ground.cli.options import (
     CommandGroup,
     Json,
     Modem,
+    Prior,
     Sign,
     VehicleId,
     new_file,
@@ -127,6 +128,7 @@ def load(
             " were designed on. Default: model.json in the folder of the gains.",
         ),
     ] = None,
+    prior: Prior = None,
     force: Annotated[
         bool,
         typer.Option(
@@ -143,7 +145,7 @@ def load(
 
     lines = param_file.load_lines(file)
     values = {name: line.value for name, line in lines.items()}
-    _check_gains(file, values, model, force=force)
+    _check_gains(file, values, model, prior, force=force)
     changes = upload(connect, sign, values, str(file), param_file.model_sha256_of(file))
     _print_changes(
         changes,
@@ -225,7 +227,7 @@ def _print_changes(
 
 
 def _check_gains(
-    file: Path, values: Mapping[str, float], model: Path | None, *, force: bool
+    file: Path, values: Mapping[str, float], model: Path | None, prior: str | None, *, force: bool
 ) -> None:
     """Check gains on their model; with `force`, remark why they would be refused.
 
@@ -245,7 +247,7 @@ def _check_gains(
     from ground.campaign.gains_check import UnsafeGainsError, check_gains
 
     try:
-        if reason := check_gains(file, values, model):
+        if reason := check_gains(file, values, model, prior):
             remark(reason)
     except UnsafeGainsError as error:
         if not force:

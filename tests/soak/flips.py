@@ -20,6 +20,8 @@ LARGEST_HIDDEN = {
     "thrust": 0.07,
     "depth_m": 0.21,
     "rate_mps": 3.0,
+    "mps": 0.35,
+    "mps2": 0.5,
     "s": 0.025,
 }
 """Largest change of a value, by the end of its name, that formats without checksums may hide.
@@ -27,9 +29,16 @@ LARGEST_HIDDEN = {
 They are the floors of ``sysid.data.readers.spikes``, and the interval of two samples."""
 
 
+PARTS = (
+    *("attitude", "actuators", "depth", "setpoints", "duct"),
+    *("velocity", "specific_force", "position", "current"),
+)
+"""Arrays of a log."""
+
+
 def content(log: Log) -> bytes:
     """Return all data that identification reads from a log."""
-    parts = (log.attitude, log.actuators, log.depth, log.setpoints, log.duct)
+    parts = (getattr(log, part) for part in PARTS)
     arrays = [np.ascontiguousarray(v).tobytes() for part in parts for v in vars(part).values()]
     return b"".join(arrays) + repr((log.events, sorted(log.parameters.items()))).encode()
 
@@ -49,7 +58,7 @@ def hidden(log: Log, original: Log) -> bool:
     """Return whether two logs differ by less than `LARGEST_HIDDEN` in every value."""
     if log.events != original.events or log.parameters != original.parameters:
         return False
-    for part in ("attitude", "actuators", "depth", "setpoints"):
+    for part in PARTS:
         for name, values in vars(getattr(original, part)).items():
             other = getattr(getattr(log, part), name)
             if not isinstance(values, np.ndarray):

@@ -23,6 +23,8 @@ AGREEMENT = 0.5
 """Largest difference of the two neighbours, as a fraction of the spike."""
 MIN_SAMPLES = 8
 """Number of samples below which the noise is not estimated."""
+LONGEST_GAP = 1000.0
+"""Longest time between an outermost sample and the next one, in intervals of the samples."""
 END_SAMPLES = 5
 """Samples at an end of a column by which the outermost one is judged."""
 _MAD_TO_SD = 1.4826
@@ -121,10 +123,13 @@ def _leaves_others(values: Array, plausible: Plausible, limit: float) -> bool:
 
 
 def _out_of_order(time_s: Array) -> NDArray[np.bool_]:
-    """Return a mask of samples whose time is not between those of their neighbours in order."""
+    """Return a mask of samples whose time is not in order, or at an end far from the next one."""
     mask = np.zeros(time_s.size, bool)
     before, now, after = time_s[:-2], time_s[1:-1], time_s[2:]
     mask[1:-1] = (before < after) & ((now < before) | (now > after) | ~np.isfinite(now))
+    longest_s = LONGEST_GAP * float(np.median(np.diff(time_s)))
+    mask[0] = not 0.0 <= time_s[1] - time_s[0] <= longest_s
+    mask[-1] = not 0.0 <= time_s[-1] - time_s[-2] <= longest_s
     return mask
 
 

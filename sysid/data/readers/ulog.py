@@ -87,7 +87,8 @@ _SETPOINTS = ("vehicle_attitude_setpoint", "vehicle_local_position_setpoint")
 _FRACTIONS = {
     f"{field}[{n}]": Plausible(floor=0.05) for field in ("control", "output") for n in range(16)
 }
-_PLAUSIBLE = {
+_SPEED, _FORCE = Plausible(floor=0.2), Plausible(floor=0.5)
+_PLAUSIBLE: dict[str, dict[str, Plausible]] = {
     **{name: {column: Plausible(floor=0.2)} for name, column, _ in _DEPTHS},
     **{name: dict.fromkeys(columns, Plausible(floor=0.05)) for name, columns in _RATES},
     **dict.fromkeys((*_OUTPUTS, _MOTORS), _FRACTIONS),
@@ -96,7 +97,12 @@ _PLAUSIBLE = {
 _PLAUSIBLE["vehicle_attitude"] |= {f"q[{n}]": Plausible(floor=0.01) for n in range(4)}
 _PLAUSIBLE["vehicle_attitude_setpoint"] = {f"q_d[{n}]": Plausible(floor=0.01) for n in range(4)}
 _PLAUSIBLE["vehicle_local_position_setpoint"] = {"z": Plausible(floor=0.2)}
-"""Smallest spikes that are reported: 0.2 m, 0.05 rad/s, 5 % of the travel, 25 us, 0.01."""
+_PLAUSIBLE[_POSITION] |= dict.fromkeys(("vx", "vy", "vz"), _SPEED)
+_PLAUSIBLE[_SATELLITE] = {"vel_m_s": _SPEED}
+for _name, _fields in _ACCELEROMETERS:
+    _PLAUSIBLE[_name] = _PLAUSIBLE.get(_name, {}) | dict.fromkeys(_fields, _FORCE)
+"""Smallest spikes that are reported: 0.2 m, 0.05 rad/s, 5 % of the travel, 25 us, 0.01, 0.2 m/s,
+0.5 m/s2."""
 _QUATERNION = ("[0]", "[1]", "[2]", "[3]")
 
 Tables = dict[str, MessageColumns]

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from ground.__main__ import app
@@ -73,6 +74,18 @@ def test_gains_of_an_absent_model_are_reported_as_not_checked(model: Path, tmp_p
     assert "is not in this folder; give --model" in check_gains(file, values, None)
     with pytest.raises(UnsafeGainsError):
         check_gains(file, values, model)
+
+
+def test_vehicle_that_is_not_shipped_is_checked_on_its_file(tmp_path: Path) -> None:
+    shipped = config.load("caribou_nominal")
+    fitted = model_of(prior.from_file(shipped))
+    fitted = replace(fitted, method="map", vehicle=replace(fitted.vehicle, prior="own.toml"))
+    path = tmp_path / "model.json"
+    model_file.write(fitted, path)
+    values = param_file.load(gains_file(path, {}))
+    file = tmp_path / "gains.param"
+    assert "give --prior with the vehicle file own.toml" in check_gains(file, values, None)
+    assert check_gains(file, values, None, "caribou_nominal") == ""
 
 
 def test_gains_of_another_model_are_refused(model: Path, tmp_path: Path) -> None:

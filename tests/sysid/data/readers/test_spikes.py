@@ -26,6 +26,13 @@ def test_wrong_sample_at_an_end_is_found(end: int, wrong: float) -> None:
     assert list(np.flatnonzero(contradicted(values, Plausible(0.01)))) == [end % 2000]
 
 
+def test_time_of_an_outermost_sample_far_away_is_found() -> None:
+    time_s = np.arange(50) * 0.02
+    time_s[-1] = 4.5e9
+    kept, _ = drop_contradicted({"A": MessageColumns(time_s, {})}, {"A": {}})
+    assert kept["A"].time_s.size == 49
+
+
 def test_changes_near_the_ends_are_kept() -> None:
     late, early = np.zeros(2000), np.zeros(2000)
     late[-3:], early[:3] = 5.0, 5.0  # the outermost samples agree with their neighbours
