@@ -94,6 +94,8 @@ _PLAUSIBLE: dict[str, dict[str, Plausible]] = {
     **dict.fromkeys((*_OUTPUTS, _MOTORS), _FRACTIONS),
     "actuator_outputs": {f"output[{n}]": Plausible(floor=25.0) for n in range(16)},
 }
+"""Smallest spikes that are reported: 0.2 m, 0.05 rad/s, 5 % of the travel, 25 us, 0.01, 0.2 m/s,
+0.5 m/s2."""
 _PLAUSIBLE["vehicle_attitude"] |= {f"q[{n}]": Plausible(floor=0.01) for n in range(4)}
 _PLAUSIBLE["vehicle_attitude_setpoint"] = {f"q_d[{n}]": Plausible(floor=0.01) for n in range(4)}
 _PLAUSIBLE["vehicle_local_position_setpoint"] = {"z": Plausible(floor=0.2)}
@@ -101,8 +103,6 @@ _PLAUSIBLE[_POSITION] |= dict.fromkeys(("vx", "vy", "vz"), _SPEED)
 _PLAUSIBLE[_SATELLITE] = {"vel_m_s": _SPEED}
 for _name, _fields in _ACCELEROMETERS:
     _PLAUSIBLE[_name] = _PLAUSIBLE.get(_name, {}) | dict.fromkeys(_fields, _FORCE)
-"""Smallest spikes that are reported: 0.2 m, 0.05 rad/s, 5 % of the travel, 25 us, 0.01, 0.2 m/s,
-0.5 m/s2."""
 _QUATERNION = ("[0]", "[1]", "[2]", "[3]")
 
 Tables = dict[str, MessageColumns]
