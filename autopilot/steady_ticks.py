@@ -38,8 +38,6 @@ _TRACE = -len(Trace._fields)
 _SETPOINT = _TRACE - len(Setpoint._fields)
 _MOTION = _SETPOINT - len(Motion._fields)
 """Indices of the results of ``steady_kernel``, from the end."""
-
-
 _LONGEST_ANSWER = lockstep_frames.CONTROLS.length + lockstep_frames.OVERHEAD
 _KERNEL, _EXCHANGE = "autopilot.control.steady_kernel", "autopilot.compiled_exchange"
 _SOCKET, TELEMETRY = "mavlink_io.lockstep_socket", "autopilot.telemetry.compiled_streams"

@@ -203,7 +203,7 @@ def _is_link_order(m: Message) -> bool:
 
 
 def _links_silent(m: Message) -> bool:
-    """Return whether such a command starts the loss."""
+    """Return whether an order of ``_is_link_order`` starts a loss of the ground links."""
     return bool(m.param2 == _OFF)
 
 

@@ -85,7 +85,7 @@ def check_gains(
         raise UnsafeGainsError(
             f"{file}: on {path} {_describe(worst, violations[worst], bounds)}; redesign"
         )
-    if prior is None and refit.needs_vehicle_file(identified):
+    if prior is None and design_model.needs_vehicle_file(identified):
         return (
             f"{file}: checked on the coefficients of {path} alone; for level flight give --prior"
             f" with the vehicle file {identified.vehicle.prior}"

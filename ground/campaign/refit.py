@@ -303,22 +303,6 @@ def specification(model: IdentifiedModel, prior: str | None = None) -> Spec:
     return Spec(travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
 
 
-def needs_vehicle_file(model: IdentifiedModel) -> bool:
-    """Return whether a model means a vehicle file that is not shipped.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-        The model.
-
-    Returns
-    -------
-    bool
-        Whether level flight of the model can only be computed from that file.
-    """
-    return model.method == "map" and model.vehicle.prior not in SHIPPED
-
-
 def _vehicle_file_of(model: IdentifiedModel, prior: str | None) -> str | None:
     """Return the vehicle file of a model; None if it is neither given nor shipped."""
     return prior or (model.vehicle.prior if model.vehicle.prior in SHIPPED else None)

@@ -62,7 +62,7 @@ class Timeline(NamedTuple):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the faults in force, for the truth log."""
-        return tuple([running.fault.name for running in self.running])
+        return tuple(running.fault.name for running in self.running)
 
 
 def schedule(faults: Iterable[Fault]) -> Timeline:

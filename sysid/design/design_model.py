@@ -141,6 +141,22 @@ def scale_starts(
     )
 
 
+def needs_vehicle_file(model: IdentifiedModel) -> bool:
+    """Return whether a model means a vehicle file that is not shipped.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The model.
+
+    Returns
+    -------
+    bool
+        Whether level flight of the model can only be computed from that file.
+    """
+    return model.method == "map" and model.vehicle.prior not in SHIPPED
+
+
 def from_model(model: IdentifiedModel, prior: VehicleConfig | None = None) -> DesignModel:
     """Return the design model of an identified model: level flight if its vehicle file is known.
 
@@ -157,7 +173,7 @@ def from_model(model: IdentifiedModel, prior: VehicleConfig | None = None) -> De
         Both planes with their actuator lags, which include the delay of the sampled control, and
         the identified disturbance.
     """
-    if model.method == "map" and (prior is not None or model.vehicle.prior in SHIPPED):
+    if model.method == "map" and (prior is not None or not needs_vehicle_file(model)):
         return from_vehicle(prediction.vehicles(model, prior)[0], _disturbance_of(model))
     coefficients = Table1Column(
         **{name: coefficient.value for name, coefficient in model.coefficients.items()}

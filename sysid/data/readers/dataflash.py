@@ -44,7 +44,7 @@ from sysid.data.readers.samples import (
     usable,
 )
 from sysid.data.readers.servo_channels import OutputOptions, actuator_commands, travel_rad
-from sysid.data.readers.spikes import Plausible, drop_contradicted
+from sysid.data.readers.spikes import Plausible, drop_contradicted, merged
 
 _HEAD = b"\xa3\x95"
 _HEAD_LENGTH = 3
@@ -79,26 +79,28 @@ _ACCELEROMETERS = ("IMU", "ACC")
 _ACCELERATION = ("AccX", "AccY", "AccZ")
 _ANGLE, _YAW = Plausible(floor=1.0), Plausible(floor=1.0, period=360.0)
 _OUTPUT = re.compile(r"(?:C|Ch|Chan)(\d+)")
-_SPEED, _FORCE = Plausible(floor=0.2), Plausible(floor=0.5)
-_PLAUSIBLE: dict[str, dict[str, Plausible]] = {
-    **{
+_DEPTH, _SPEED, _FORCE = Plausible(floor=0.2), Plausible(floor=0.2), Plausible(floor=0.5)
+_PLAUSIBLE = merged(
+    {
         name: {"Roll": _ANGLE, "Pitch": _ANGLE, "Yaw": _YAW, "DesPitch": _ANGLE, "DesYaw": _YAW}
         for name in _ATTITUDES
     },
-    **{
+    {
         name: dict.fromkeys(columns, Plausible(floor=math.radians(3.0) / factor))
         for name, columns, factor in _RATES
     },
-    **{name: {column: Plausible(floor=0.2)} for name, column, _ in _ALTITUDES if name != "AHR2"},
-    "CTUN": {"Alt": Plausible(floor=0.2), "DAlt": Plausible(floor=0.2)},
-    "GPS": {"Spd": _SPEED},
-    "RCOU": {f"{prefix}{n}": Plausible(25.0) for prefix in ("C", "Ch", "Chan") for n in range(15)},
-}
+    {name: {column: _DEPTH} for name, column, _ in _ALTITUDES if name != "AHR2"},
+    {name: dict.fromkeys(("VN", "VE", "VD"), _SPEED) for name in _VELOCITIES},
+    {name: dict.fromkeys(_ACCELERATION, _FORCE) for name in _ACCELEROMETERS},
+    {
+        "CTUN": {"DAlt": _DEPTH},
+        "GPS": {"Spd": _SPEED},
+        "RCOU": {
+            f"{prefix}{n}": Plausible(25.0) for prefix in ("C", "Ch", "Chan") for n in range(15)
+        },
+    },
+)
 """Smallest spikes that are reported: 1 deg, 3 deg/s, 0.2 m, 25 us, 0.2 m/s, 0.5 m/s2."""
-for _name in _VELOCITIES:
-    _PLAUSIBLE[_name] |= dict.fromkeys(("VN", "VE", "VD"), _SPEED)
-for _name in _ACCELEROMETERS:
-    _PLAUSIBLE[_name] = _PLAUSIBLE.get(_name, {}) | dict.fromkeys(_ACCELERATION, _FORCE)
 _MESSAGE_NAME, _COLUMN_NAME = re.compile(r"[A-Za-z0-9_]{1,4}"), re.compile(r"[\w\[\]]*", re.ASCII)
 _INSTANCES = ("I", "C")
 """Columns with the number of a sensor or of an estimator; the first is read."""

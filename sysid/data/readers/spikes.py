@@ -8,6 +8,7 @@ bit below these limits cannot be told from noise and stays.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -38,6 +39,26 @@ class Plausible(NamedTuple):
     """Smallest spike that is reported, in the unit of the column."""
     period: float = 0.0
     """Period of an angle; 0 for other quantities."""
+
+
+def merged(*tables: Mapping[str, Mapping[str, Plausible]]) -> dict[str, dict[str, Plausible]]:
+    """Return one table of the columns to check.
+
+    Parameters
+    ----------
+    *tables : mapping of str to mapping of str to Plausible
+        Columns by message and name; a message may be in several tables.
+
+    Returns
+    -------
+    dict of str to dict of str to Plausible
+        All columns of each message.
+    """
+    columns: defaultdict[str, dict[str, Plausible]] = defaultdict(dict)
+    for table in tables:
+        for message, checks in table.items():
+            columns[message] |= checks
+    return dict(columns)
 
 
 def drop_contradicted(
@@ -103,13 +124,13 @@ def contradicted(values: Array, plausible: Plausible) -> NDArray[np.bool_]:
     second = second[np.isfinite(second)]
     noise_sd = _MAD_TO_SD * float(np.median(second)) / math.sqrt(6.0) if second.size else 0.0
     spike = np.minimum(np.abs(before), np.abs(after))
+    limit = max(plausible.floor, NOISE_RATIO * noise_sd)
     mask[1:-1] = (
-        (spike > max(plausible.floor, NOISE_RATIO * noise_sd))
+        (spike > limit)
         & (np.sign(before) == np.sign(after))
         & (np.abs(across) <= AGREEMENT * spike)
     )
     mask[1:-1] |= ~measured[1:-1] & measured[:-2] & measured[2:]
-    limit = max(plausible.floor, NOISE_RATIO * noise_sd)
     mask[0] = _leaves_others(values[:END_SAMPLES], plausible, limit)
     mask[-1] = _leaves_others(values[: -END_SAMPLES - 1 : -1], plausible, limit)
     return mask

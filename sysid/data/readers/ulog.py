@@ -40,7 +40,7 @@ from sysid.data.readers.samples import (
     usable,
 )
 from sysid.data.readers.servo_channels import OutputOptions, ServoChannels, actuator_commands
-from sysid.data.readers.spikes import Plausible, drop_contradicted
+from sysid.data.readers.spikes import Plausible, drop_contradicted, merged
 from sysid.data.readers.ulog_recovery import keep_sound_messages, refuse_large_formats
 
 _OUTPUTS = (
@@ -87,22 +87,23 @@ _SETPOINTS = ("vehicle_attitude_setpoint", "vehicle_local_position_setpoint")
 _FRACTIONS = {
     f"{field}[{n}]": Plausible(floor=0.05) for field in ("control", "output") for n in range(16)
 }
-_SPEED, _FORCE = Plausible(floor=0.2), Plausible(floor=0.5)
-_PLAUSIBLE: dict[str, dict[str, Plausible]] = {
-    **{name: {column: Plausible(floor=0.2)} for name, column, _ in _DEPTHS},
-    **{name: dict.fromkeys(columns, Plausible(floor=0.05)) for name, columns in _RATES},
-    **dict.fromkeys((*_OUTPUTS, _MOTORS), _FRACTIONS),
-    "actuator_outputs": {f"output[{n}]": Plausible(floor=25.0) for n in range(16)},
-}
+_DEPTH, _SPEED, _FORCE = Plausible(floor=0.2), Plausible(floor=0.2), Plausible(floor=0.5)
+_PLAUSIBLE = merged(
+    {name: {column: _DEPTH} for name, column, _ in _DEPTHS},
+    {name: dict.fromkeys(columns, Plausible(floor=0.05)) for name, columns in _RATES},
+    {name: _FRACTIONS for name in (*_OUTPUTS, _MOTORS) if name != "actuator_outputs"},
+    {name: dict.fromkeys(fields, _FORCE) for name, fields in _ACCELEROMETERS},
+    {
+        "actuator_outputs": {f"output[{n}]": Plausible(floor=25.0) for n in range(16)},
+        "vehicle_attitude": {f"q[{n}]": Plausible(floor=0.01) for n in range(4)},
+        "vehicle_attitude_setpoint": {f"q_d[{n}]": Plausible(floor=0.01) for n in range(4)},
+        "vehicle_local_position_setpoint": {"z": _DEPTH},
+        _POSITION: dict.fromkeys(("vx", "vy", "vz"), _SPEED),
+        _SATELLITE: {"vel_m_s": _SPEED},
+    },
+)
 """Smallest spikes that are reported: 0.2 m, 0.05 rad/s, 5 % of the travel, 25 us, 0.01, 0.2 m/s,
 0.5 m/s2."""
-_PLAUSIBLE["vehicle_attitude"] |= {f"q[{n}]": Plausible(floor=0.01) for n in range(4)}
-_PLAUSIBLE["vehicle_attitude_setpoint"] = {f"q_d[{n}]": Plausible(floor=0.01) for n in range(4)}
-_PLAUSIBLE["vehicle_local_position_setpoint"] = {"z": Plausible(floor=0.2)}
-_PLAUSIBLE[_POSITION] |= dict.fromkeys(("vx", "vy", "vz"), _SPEED)
-_PLAUSIBLE[_SATELLITE] = {"vel_m_s": _SPEED}
-for _name, _fields in _ACCELEROMETERS:
-    _PLAUSIBLE[_name] = _PLAUSIBLE.get(_name, {}) | dict.fromkeys(_fields, _FORCE)
 _QUATERNION = ("[0]", "[1]", "[2]", "[3]")
 
 Tables = dict[str, MessageColumns]
