@@ -362,6 +362,39 @@ def heading_reference(
 
 
 @numeric
+def hold_reference(
+    yaw: YawReference,
+    gains: Gains,
+    integral_rad: float,
+    low_rad: float,
+    high_rad: float,
+    dt_s: float,
+) -> YawReference:
+    """Slow the reference down to what the rudder can do, while its command is beyond a limit.
+
+    With c the excess of the command P e - D (r - x') + I over the limit, and x = x0 + x' dt::
+
+        x' <- x' - c / (D + P dt)        x <- x0 + x' dt
+
+    so that the command is at the limit. Otherwise the reference would turn ahead of a vehicle that
+    cannot follow it, and an unstable hull would swing to and fro at full rudder (reference hedging,
+    Johnson and Calise 2001).
+    """
+    wanted = gains.p * yaw.error_rad - gains.d * yaw.rate_radps + integral_rad
+    excess = wanted - min(high_rad, max(low_rad, wanted))
+    if excess == 0.0:
+        return yaw
+    change_radps = -excess / (gains.d + gains.p * dt_s)
+    value, rate = yaw.reference
+    return YawReference(
+        yaw.error_rad + change_radps * dt_s,
+        yaw.rate_radps - change_radps,
+        ReferenceState(value + change_radps * dt_s, rate + change_radps),
+        yaw.yaw_rate_radps,
+    )
+
+
+@numeric
 def heading_pid(
     estimate: VehicleEstimate,
     setpoint: Setpoint,
@@ -374,6 +407,9 @@ def heading_pid(
     """Compute the rudder: P e - D rate + I + trim, with e and rate of ``heading_reference``."""
     yaw = heading_reference(estimate, setpoint, memory, roll_rad, config, dt_s)
     gains, travel = scheduled_gains(config.heading_gains, estimate, config), config.travel_rad
+    low_rad, high_rad = -travel - trim_rad, travel - trim_rad
+    if config.heading_ref_radps and gains.d > 0.0:
+        yaw = hold_reference(yaw, gains, memory.heading_integral_rad, low_rad, high_rad, dt_s)
     if abs(yaw.reference.rate) > INTEGRATOR_HOLD_RADPS:
         gains = gains._replace(i=0.0)
     rudder, integral = pid(
@@ -382,8 +418,8 @@ def heading_pid(
         gains,
         memory.heading_integral_rad,
         dt_s,
-        -travel - trim_rad,
-        travel - trim_rad,
+        low_rad,
+        high_rad,
     )
     static_rad = trim_rad + gains.p * yaw.error_rad + integral
     confirming_rad = static_rad - gains.p * estimate.attitude_error_rad[2]

@@ -28,7 +28,7 @@ from sysid.design.initial.paper_comparison import GainComparison
 from sysid.design.initial.prior import LoopMargins, LoopRobustness
 from sysid.design.initial.root_locus import LocusPoint
 from sysid.design.pid import DesignInfeasibleError, Loads, Spec, reference_models
-from sysid.estimation.map import fit
+from sysid.estimation.map import fit, steady_state
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 __all__ = [
@@ -120,9 +120,14 @@ def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
     loads = Loads(fit.level_pitch_rad(config, model), TRIM_UNCERTAINTY_RAD, TRIM_UNCERTAINTY_RAD)
     gains = {**TABLE_3_INITIAL, **points["heading"].gains, **points["depth"].gains}
     gains |= pid.integrator_limits(loads, gains)
-    gains |= reference_models.heading(vehicle, gains, loads, spec) | reference_models.depth(
-        vehicle, gains, loads, spec
+    gains |= reference_models.heading(
+        vehicle,
+        gains,
+        loads,
+        spec,
+        lambda rudder_rad: steady_state.steady_turn(config, model, rudder_rad).rate_radps,
     )
+    gains |= reference_models.depth(vehicle, gains, loads, spec)
     vehicle_values = vehicle_parameters.autopilot_parameters(config, model)
     nominal = {
         loop: prior.loop_margins(point.shape, point.gains, vehicle)
@@ -205,7 +210,7 @@ _INTEGRATOR_REASONS = {
     "DPT_D": "pitch is the rate of depth: the pitch loop provides the lead",
     "DPT_IMAX": ("the level-flight pitch and a fourth, and 2 deg of unmeasured elevator trim"),
     "HDG_REF_W": "a change of heading within the travel left by a bias of 2 deg",
-    "HDG_REF_RATE": "share of the turn rate that the free travel can hold",
+    "HDG_REF_RATE": "share of the steady turn with the free travel",
     "DPT_REF_W": "a change of depth with little overshoot",
     "DPT_REF_RATE": "share of the speed",
     "DPT_REF_LEAD": "delay from the pitch command to the depth rate at DPT_REF_W",

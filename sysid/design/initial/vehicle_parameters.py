@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 
-from sitl.vehicle import hull
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import VehicleModel
-from sysid.estimation.map import fit
+from sysid.estimation.map import fit, steady_state
 from sysid.models import greybox
 from sysid.planes import Plane
 
@@ -15,9 +14,6 @@ MIN_SURFACED_M, AFLOAT_M = 0.5, 0.2
 """Smallest depth above which the vehicle counts as surfaced (m), and its excess over the radius."""
 STEP_MPS = 1e-4
 """Step (m/s) of the central difference in surge speed."""
-TURN_LENGTHS, TURN_STEP_S = 60.0, 0.01
-"""Length of a simulated turn until it is steady, in hull lengths at operating speed, and its
-integration step."""
 MIN_STATION_M, STATION_TURNS = 20.0, 1.5
 """Smallest radius of the circle for station keeping (m), and its minimum in turning radii: rudder
 is left for currents and trim."""
@@ -82,23 +78,10 @@ def turn_radius_m(config: VehicleConfig, model: VehicleModel) -> float:
     Returns
     -------
     float
-        Speed over yaw rate after TURN_LENGTHS hull lengths in the horizontal plane (m).
+        Speed over yaw rate in the horizontal plane (m).
     """
-    operating_point = config.operating_point
-    turn_s = TURN_LENGTHS * hull.length_m(config.hull) / operating_point.speed_mps
-    samples = math.ceil(turn_s / TURN_STEP_S) + 1
-    u, v, rate, *_ = greybox.integrate(
-        np.array([operating_point.speed_mps, 0.0, 0.0, 0.0, 0.0]),
-        np.full(samples, math.radians(config.tailcone.travel_deg)),
-        np.full(samples, operating_point.thrust_fraction * model.propeller.full_rps),
-        1,
-        TURN_STEP_S,
-        True,
-        greybox.constraint(model, Plane.YAW),
-        model,
-        np.zeros((samples, greybox.N_COUPLING)),
-    )[-1]
-    return math.hypot(u, v) / abs(float(rate))
+    turn = steady_state.steady_turn(config, model, math.radians(config.tailcone.travel_deg))
+    return turn.speed_mps / turn.rate_radps
 
 
 def _surge_slope_per_s(config: VehicleConfig, model: VehicleModel) -> float:

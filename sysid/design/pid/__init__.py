@@ -25,6 +25,8 @@ from sysid.design.specification import (
     Response,
     Spec,
 )
+from sysid.estimation.map import steady_state
+from sysid.models import prediction
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
 from sysid.planes import PLANES, Plane
@@ -130,7 +132,16 @@ def redesign(
     check_robustness(robust, model, spec)
     gains |= integrator_limits(loads, gains)
     gains["TRIM_PIT_DEG"] = round(math.degrees(loads.level_pitch_rad), 2)
-    gains |= reference_models.heading(vehicle, gains, loads, spec)
+    known = prediction.vehicles(model, prior)[0]
+    gains |= reference_models.heading(
+        vehicle,
+        gains,
+        loads,
+        spec,
+        lambda rudder_rad: (
+            steady_state.steady_turn(known.config, known.model, rudder_rad).rate_radps
+        ),
+    )
     gains |= reference_models.depth(vehicle, gains, loads, spec)
     design = _assemble(model, vehicle, gains, initial, spec, robust)
     return design._replace(

@@ -77,7 +77,7 @@ def explain(
         "HDG_REF_W": (
             f"a heading change of {spec.heading_step_deg:g} deg within the travel left by the bias"
         ),
-        "HDG_REF_RATE": "share of the turn rate that the free travel can hold",
+        "HDG_REF_RATE": "share of the steady turn with the free travel",
         "DPT_REF_W": (
             f"depth changes of {spec.depth_step_m:g} and {2 * spec.depth_step_m:g} m within"
             f" {100 * spec.depth_overshoot * spec.depth_step_m:.0f} cm of overshoot, simulated"

@@ -4,7 +4,7 @@ The autopilot's reference model is a critically damped second-order filter with 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,16 @@ DEPTH_STEPS = (1.0, -1.0, 2.0, -2.0)
 """Simulated changes of depth as multiples of `depth_step_m`, positive down."""
 HEADING_S, DEPTH_S = 30.0, 60.0
 """Length of the simulated change of heading and of depth (s)."""
-TURN_SHARE, DESCENT_SHARE = 0.6, 0.25
-"""Maximum reference rate: share of the turn rate at the free travel, and share of the speed."""
+TURN_SHARE, DESCENT_SHARE = 0.8, 0.25
+"""Maximum reference rate: share of the steady turn at the free travel, and share of the speed."""
 
 
 def heading(
-    vehicle: DesignModel, values: Mapping[str, float], loads: Loads, spec: Spec
+    vehicle: DesignModel,
+    values: Mapping[str, float],
+    loads: Loads,
+    spec: Spec,
+    turn: Callable[[float], float],
 ) -> dict[str, float]:
     """Return HDG_REF_W (rad/s) and HDG_REF_RATE (deg/s).
 
@@ -43,6 +47,9 @@ def heading(
         Constant loads; the rudder bias reduces the travel.
     spec : Spec
         `heading_step_deg` and `travel_deg`.
+    turn : Callable
+        Return the yaw rate (rad/s) of the steady turn with a rudder angle (rad). In a turn the hull
+        loses speed and crossflow damps it, so that it is slower than that of the linear model.
 
     Returns
     -------
@@ -55,11 +62,8 @@ def heading(
         No bandwidth meets the limit.
     """
     free_travel_rad = math.radians(spec.travel_deg) - loads.rudder_rad
-    turn_rate_per_rad = -float(
-        np.linalg.solve(vehicle.planes.yaw.A[:2, :2], vehicle.planes.yaw.B[:2])[1]
-    )
-    max_rate_radps = TURN_SHARE * free_travel_rad * abs(turn_rate_per_rad)
-    rate = {"HDG_REF_RATE": round(min(45.0, max(1.0, math.degrees(max_rate_radps))), 1)}
+    max_rate_degps = math.degrees(TURN_SHARE * turn(free_travel_rad))
+    rate = {"HDG_REF_RATE": round(min(45.0, max(0.1, max_rate_degps)), 1)}
     step = math.radians(spec.heading_step_deg)
     for bandwidth in BANDWIDTHS_RADPS:
         reference = {"HDG_REF_W": bandwidth, **rate}

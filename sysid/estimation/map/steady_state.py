@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, fsolve
 
+from sitl.vehicle import hull
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import VehicleModel
 from sysid.data.segments import Run
@@ -20,6 +21,9 @@ Array = NDArray[np.float64]
 
 MIN_SPEED_MPS, MAX_SPEED_MPS = 0.1, 10.0
 """Range in which the cruise speed is sought, m/s."""
+TURN_LENGTHS, TURN_STEP_S = 60.0, 0.01
+"""Length of a simulated turn until it is steady, in hull lengths at operating speed, and its
+integration step."""
 
 
 def cruise_speed_mps(vehicle: CandidateVehicle, thrust: float) -> float:
@@ -79,6 +83,48 @@ def level_flight(vehicle: CandidateVehicle) -> LevelFlight:
     if greybox.find_level_flight(x, inputs, rps, inverse, model):
         return LevelFlight(float(x[0]), float(x[1]), float(x[3]), float(inputs[0]))
     return LevelFlight(point.speed_mps, 0.0, 0.0, 0.0)
+
+
+class SteadyTurn(NamedTuple):
+    """Turn in the horizontal plane with a constant rudder angle."""
+
+    speed_mps: float
+    rate_radps: float
+    """Yaw rate, without sign."""
+
+
+def steady_turn(config: VehicleConfig, model: VehicleModel, rudder_rad: float) -> SteadyTurn:
+    """Return the steady turn with a rudder angle and the thrust of the operating point.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle file.
+    model : VehicleModel
+        Model built from it.
+    rudder_rad : float
+        Rudder angle (rad).
+
+    Returns
+    -------
+    SteadyTurn
+        Speed and yaw rate after TURN_LENGTHS hull lengths.
+    """
+    point = config.operating_point
+    turn_s = TURN_LENGTHS * hull.length_m(config.hull) / point.speed_mps
+    samples = math.ceil(turn_s / TURN_STEP_S) + 1
+    u, v, rate, *_ = greybox.integrate(
+        np.array([point.speed_mps, 0.0, 0.0, 0.0, 0.0]),
+        np.full(samples, rudder_rad),
+        np.full(samples, point.thrust_fraction * model.propeller.full_rps),
+        1,
+        TURN_STEP_S,
+        True,
+        greybox.constraint(model, Plane.YAW),
+        model,
+        np.zeros((samples, greybox.N_COUPLING)),
+    )[-1]
+    return SteadyTurn(math.hypot(u, v), abs(float(rate)))
 
 
 def linear_plane(vehicle: CandidateVehicle, plane: Plane) -> LinearPlane:

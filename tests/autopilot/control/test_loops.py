@@ -67,6 +67,34 @@ def test_heading_reference_large_turn_stays_within_travel() -> None:
     assert most["shaped"] < math.radians(14.0)
 
 
+def test_heading_reference_full_rudder_waits_for_the_vehicle() -> None:
+    """A vehicle that does not turn: the reference ends where P e alone is the travel."""
+    config = Config(heading_p=0.6, heading_d=1.4, heading_i=0.0, heading_ref_radps=1.0)
+    asked, memory = Setpoint(heading_rad=3.0), LoopMemory()
+    for _ in range(3000):
+        output, memory = loops.step_loops(
+            VehicleEstimate(), asked, memory, config, 0.02, heading=True, depth=False
+        )
+        assert output.rudder_rad <= config.travel_rad
+    assert output.rudder_rad == pytest.approx(config.travel_rad)
+    assert memory.heading_reference.value == pytest.approx(config.travel_rad / 0.6, rel=1e-3)
+
+
+def test_heading_reference_fast_turn_is_slowed_at_the_limit() -> None:
+    """One tick of a vehicle that turns faster than HDG_REF_RATE: the command is at its limit."""
+    config = Config(
+        heading_p=0.6, heading_d=1.4, heading_i=0.0, heading_ref_radps=1.0, heading_ref_degps=5.0
+    )
+    turning = VehicleEstimate(r_radps=0.5)
+    output, memory = loops.step_loops(
+        turning, Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=False
+    )
+    reference = memory.heading_reference
+    assert output.rudder_rad == pytest.approx(-config.travel_rad)
+    wanted = 0.6 * reference.value - 1.4 * (0.5 - reference.rate)
+    assert wanted == pytest.approx(-config.travel_rad)
+
+
 def test_depth_reference_step_keeps_rate_limit() -> None:
     fastest = {}
     for w in (0.0, 0.3):

@@ -219,6 +219,17 @@ def test_write_params_contains_reasons(bench: InitialDesign, tmp_path: Path) -> 
     assert any("times Table 3's" in line and line.startswith("HDG_D") for line in lines)
 
 
+def test_heading_reference_rate_is_below_the_steady_turn(bench: InitialDesign) -> None:
+    """Reference: the simulator's turn with 13 deg of rudder, 2 deg of the travel being bias."""
+    known, model = config.load("caribou_nominal"), flight.model("caribou_nominal")
+    point = known.operating_point
+    ship = trials.kernels(model, point.speed_mps, point.thrust_fraction * model.propeller.full_rps)
+    turn = trials.circle(ship, math.radians(13.0), 90.0)
+    assert bench.parameters["HDG_REF_RATE"] == pytest.approx(
+        0.8 * abs(turn.yaw_rate_degps), rel=0.02
+    )
+
+
 @pytest.mark.parametrize("name", config.SHIPPED)
 def test_turn_radius_equals_that_of_six_degrees_of_freedom(name: str) -> None:
     """Reference: the simulator's turn of 90 s. Tolerance: depth and roll are not in the plane."""

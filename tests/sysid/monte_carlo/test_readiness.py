@@ -1,11 +1,16 @@
 """The readiness check finds the reasons why a campaign cannot work, and none where it can."""
 
 import math
+from pathlib import Path
 
+import msgspec
+import numpy as np
 import pytest
 
 from ground.missions import plans
+from ground.missions.script import Script, compile_items
 from sitl.vehicle import config
+from sysid.design import initial
 from sysid.monte_carlo import readiness
 from sysid.monte_carlo.readiness import Moments, Obstacle, Readiness
 
@@ -67,6 +72,36 @@ def test_obstacle_masked_tests_is_low_coherence() -> None:
 
 def test_obstacle_heavy_vehicle_same_disturbance_is_none() -> None:
     assert obstacle("xfin_auv", DISTURBED, "trim", "rudder_sweeps") is None
+
+
+@pytest.mark.slow
+def test_heading_after_rudder_test_returns_on_nearly_unstable_hull() -> None:
+    """A step of 4 deg turns this hull at 20 deg/s; it then circled at full rudder without end.
+
+    Its slowest pole in yaw is at -0.03 1/s, so that the linear model turns twenty times as fast as
+    the vehicle with full rudder.
+    """
+    file = str(Path(__file__).parents[3] / "benchmarks/campaigns/vehicles/short_fat.toml")
+    gains, vehicle = initial.design_initial_gains(file).parameters, config.load(file)
+    hold = {"depth_m": 3.0, "heading_deg": 0.0, "thrust_pct": gains["THR_CRUISE_PCT"]}
+    step = {"signal": "step", "axis": "rudder", "duration_s": 10, "magnitude_deg": 4.1}
+    mission = msgspec.convert(
+        {
+            "name": "turn",
+            "step": [
+                {**hold, "duration_s": 60.0},
+                {"test": step},
+                {**hold, "duration_s": 60.0},
+                {"surface": True},
+            ],
+        },
+        Script,
+    )
+    dive = Readiness(vehicle, gains, CALM, seed=1).fly(compile_items(mission), disturbance=0.0)
+    attitude = dive.log.attitude
+    last = (attitude.time_s > 110.0) & (attitude.time_s < 125.0)
+    assert np.max(np.abs(attitude.r_radps)) > math.radians(15.0)
+    assert np.max(np.abs(attitude.yaw_rad[last])) < math.radians(3.0)
 
 
 def test_noise_levels_equal_moment_over_inertia() -> None:
