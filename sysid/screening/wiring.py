@@ -30,6 +30,10 @@ by up to a factor of two.
 """
 MAX_SIZE_RATIO = 2.0
 """Largest ratio of the median test sizes of two logs whose effects are compared."""
+MIN_COMPARED_SHARE = 0.4
+"""Smallest explained share of the rate from which on an effect is compared with that of another
+log. Long steps of an unstable hull, which turns on whatever its rudder does, do not give it.
+"""
 HARDWARE_PARAMETERS = ("ACT_TRAVEL_DEG",)
 """Parameters that describe the vehicle and do not change between its dives."""
 
@@ -171,7 +175,7 @@ def _are_comparable(runs: Sequence[Run], others: Sequence[Run]) -> bool:
 def _differ(one: ControlEffect, other: ControlEffect) -> bool:
     """Return whether two effects differ by more than their uncertainty and the tests' influence."""
     small, large = sorted((one, other), key=lambda effect: effect.value)
-    if small.value <= 0.0:
+    if small.value <= 0.0 or min(one.share, other.share) < MIN_COMPARED_SHARE:
         return False
     relative_sd = math.hypot(1.0 / small.significance, 1.0 / large.significance)
     log_ratio = math.log(large.value / small.value)

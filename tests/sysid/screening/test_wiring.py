@@ -12,6 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.identification import outside
+from benchmarks.plants import catalogue
+from benchmarks.plants import logs as plant_logs
+from benchmarks.plants.flight import Gains
 from sitl.vehicle import config
 from sysid import refit
 from sysid.data import readers, segments
@@ -105,6 +109,20 @@ def test_logs_of_two_vehicles_are_refused(sound: Path, tmp_path: Path) -> None:
     assert "fit the logs of one vehicle" in said
     with pytest.raises(refit.RefitError, match="two different vehicles"):
         refit.refit(RefitRequest(paths=[one], held_out=[other]))
+
+
+@pytest.mark.slow
+def test_logs_of_one_unstable_vehicle_are_accepted(tmp_path: Path) -> None:
+    """Its long steps gave a fifth of the effect of its sweeps."""
+    case = outside.case_of("stall")
+    fitted, held_out = plant_logs.campaign(
+        tmp_path,
+        catalogue.plant("stall", 11),
+        scales=(case.scale(Plane.YAW), case.scale(Plane.PITCH)),
+        gains=Gains(*case.hold),
+        seed=11,
+    )
+    assert refusal(*fitted, *held_out) == ""
 
 
 def test_logs_with_different_travel_are_two_vehicles(
