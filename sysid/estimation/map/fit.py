@@ -168,7 +168,7 @@ def fit(
         )
     # Cost: ``problem``. PASSES times: z by Gauss-Newton for given noise levels, then noise levels
     # (``noise.estimate``) for given z. Then z to the fine tolerance, and
-    #     covariance = (information of the data + prior covariance^-1)^-1 + that of `model_error`.
+    #     covariance = (information of the data + prior covariance^-1)^-1, widened by `model_error`.
     report = progress or (lambda what, ratio: None)
     datasets = _datasets(runs, problems.vehicle(prior, prior.mean))
     z, work_steps, steps = prior.mean.copy(), PASSES + 2, 0
@@ -195,8 +195,9 @@ def fit(
     report("fit", 1.0)
     return Fit(
         z=optimum.z,
-        covariance=np.linalg.inv(optimum.score.information + np.linalg.inv(prior.covariance))
-        + model_error.covariance(run_scatter.value),
+        covariance=model_error.covariance(
+            optimum.score.information, np.linalg.inv(prior.covariance), run_scatter.value
+        ),
         data_information=optimum.score.information,
         vehicle=problems.vehicle(prior, optimum.z),
         noise=levels,

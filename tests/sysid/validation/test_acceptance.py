@@ -320,7 +320,7 @@ def test_validate_model_error_alone_is_less_than_the_whole(
 ) -> None:
     assert good_model.joint.run_scatter == 0.0
     assert good_model.validation["yaw"].model_error is None
-    covariance = np.array(good_model.joint.covariance) + model_error.covariance(0.1)
+    covariance = np.array(good_model.joint.covariance) + model_error.structure_covariance(0.1)
     joint = replace(
         good_model.joint, run_scatter=0.1, covariance=tuple(map(tuple, covariance.tolist()))
     )

@@ -56,14 +56,25 @@ def test_score_has_information_and_gradient() -> None:
 
 
 def test_covariance_contains_common_error_and_scatter() -> None:
-    sds = np.sqrt(np.diag(model_error.covariance(0.1)))
+    sds = np.sqrt(np.diag(model_error.structure_covariance(0.1)))
     np.testing.assert_allclose(sds, np.hypot(model_error.COMMON, 0.1), rtol=0.005)
-    assert not model_error.covariance(0.0).any()
+    assert not model_error.structure_covariance(0.0).any()
 
 
 def test_covariance_grows_continuously_with_the_scatter() -> None:
     """A scatter that is barely significant must not change the verdict on a model."""
-    sds = [float(np.sqrt(model_error.covariance(t)[0, 0])) for t in (0.0, 1e-4, 1e-3, 0.01, 0.1)]
+    sds = [float(np.sqrt(model_error.structure_covariance(t)[0, 0])) for t in (0.0, 1e-4, 1e-3, 0.01, 0.1)]
     assert sds == sorted(sds)
     assert sds[1] < 0.02 * sds[-1]
     assert sds[3] == pytest.approx(np.hypot(np.sqrt(0.5) * model_error.COMMON, 0.01))
+
+
+def test_covariance_disperses_the_likelihood_with_the_scatter() -> None:
+    """Without scatter that of the likelihood; with it the information counts a tenth."""
+    precision = np.linalg.inv(parameters.prior_covariance())
+    information = 1e6 * np.eye(len(precision))
+    plain = np.sqrt(np.diag(model_error.covariance(information, precision, 0.0)))
+    np.testing.assert_allclose(plain, 1e-3, rtol=1e-4)
+    widened = model_error.covariance(information, precision, 1.0)
+    widened -= model_error.structure_covariance(1.0)
+    np.testing.assert_allclose(np.diag(widened), model_error.DISPERSION * 1e-6, rtol=1e-3)
