@@ -63,7 +63,10 @@ def test_covariance_contains_common_error_and_scatter() -> None:
 
 def test_covariance_grows_continuously_with_the_scatter() -> None:
     """A scatter that is barely significant must not change the verdict on a model."""
-    sds = [float(np.sqrt(model_error.structure_covariance(t)[0, 0])) for t in (0.0, 1e-4, 1e-3, 0.01, 0.1)]
+    sds = [
+        float(np.sqrt(model_error.structure_covariance(t)[0, 0]))
+        for t in (0.0, 1e-4, 1e-3, 0.01, 0.1)
+    ]
     assert sds == sorted(sds)
     assert sds[1] < 0.02 * sds[-1]
     assert sds[3] == pytest.approx(np.hypot(np.sqrt(0.5) * model_error.COMMON, 0.01))
