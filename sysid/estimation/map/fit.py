@@ -196,7 +196,9 @@ def fit(
     return Fit(
         z=optimum.z,
         covariance=model_error.covariance(
-            optimum.score.information, np.linalg.inv(prior.covariance), run_scatter.value
+            optimum.score.information,
+            np.asarray(np.linalg.inv(prior.covariance), np.float64),
+            run_scatter.value,
         ),
         data_information=optimum.score.information,
         vehicle=problems.vehicle(prior, optimum.z),
