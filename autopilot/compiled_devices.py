@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from autopilot.control import steady_kernel
-from autopilot.control.steady import (
+from mavlink_io import device_messages, jit, lockstep_frames
+from mavlink_io.device_records import (
     ALTIMETER_NEW,
     BATTERY_NEW,
     DUCT_NEW,
@@ -16,7 +17,6 @@ from autopilot.control.steady import (
     GPS_NEW,
     LEAK_NEW,
 )
-from mavlink_io import device_messages, jit, lockstep_frames
 from mavlink_io.jit import Numbers, numeric
 from mavlink_io.lockstep_frames import PAYLOAD, TRUTH, FrameMemory, MessageLayout, message_layout
 

@@ -23,7 +23,7 @@ from autopilot.control.types import (
     Motion,
     Trace,
 )
-from mavlink_io import jit, lockstep_frames
+from mavlink_io import device_records, jit, lockstep_frames
 from mavlink_io.codec import LARGEST_FRAME, Frame, Framer
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.lockstep_frames import frame_memory
@@ -279,10 +279,12 @@ class SteadyTicks:
 
     def _new_records(self, new: int, values: jit.Numbers) -> NewRecords:
         """Return the device records of the bits ``new``."""
-        numbers = values.tolist()
+        starts = self._kernel.STARTS[_FIRST_DEVICE:]
         return NewRecords._make(
-            read(numbers) if new >> index & 1 else None
-            for index, read in enumerate(self._kernel.RECORD_READERS)
+            read(values[start : start + length].tolist()) if new >> index & 1 else None
+            for index, (read, start, length) in enumerate(
+                zip(device_records.READERS, starts, device_records.LENGTHS, strict=False)
+            )
         )
 
     def results(self) -> Results:

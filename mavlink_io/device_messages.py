@@ -34,13 +34,11 @@ UNKNOWN_TEMPERATURE = 32_767
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _EARTH_FIXED, _BODY = constant("MAV_FRAME_LOCAL_FRD"), constant("MAV_FRAME_BODY_FRD")
 _UNKNOWN_ESTIMATOR = constant("MAV_ESTIMATOR_TYPE_UNKNOWN")
-_NO_POSE = (nan,) * 3
+_NO_POSITION, _NO_ATTITUDE = (nan,) * 3, (nan,) * 4
 _NO_COVARIANCE = (nan,) + (0.0,) * 20
 _ALL_FUNCTIONS, _LIPO = constant("MAV_BATTERY_FUNCTION_ALL"), constant("MAV_BATTERY_TYPE_LIPO")
 _MAX_CELL_MV = UNKNOWN_U16 - 1
 """Maximum voltage of one cell field, in mV."""
-_CELLS = 10
-"""Number of cell fields in BATTERY_STATUS."""
 _BOTH_AXES = 0b11
 """ACTUATOR_OUTPUT_STATUS.active with rudder and elevator."""
 
@@ -113,6 +111,7 @@ def altimeter_record(m: Message) -> Altimeter:
     )
 
 
+@numeric
 def dvl_values(dvl: Dvl) -> Values:
     """Return the fields of the ODOMETRY of a DVL.
 
@@ -145,8 +144,8 @@ def dvl_values(dvl: Dvl) -> Values:
     frame = _EARTH_FIXED if dvl.over_ground else _BODY
     return (
         dvl.time_us,
-        *_NO_POSE,
-        (nan,) * 4,
+        *_NO_POSITION,
+        _NO_ATTITUDE,
         *velocity,
         nan,
         nan,
@@ -205,6 +204,7 @@ def dvl_record(m: Message) -> Dvl:
     )
 
 
+@numeric
 def battery_values(battery: Battery, charge_state: int = 0) -> Values:
     """Return the fields of the BATTERY_STATUS of a battery.
 
@@ -221,13 +221,19 @@ def battery_values(battery: Battery, charge_state: int = 0) -> Values:
         Fields in wire order. The voltage of the battery is divided among the first cell fields, at
         most 65.534 V each.
     """
-    remaining_mv = round(1e3 * max(0.0, battery.voltage_v))
-    cells: list[int] = []
-    while remaining_mv > _MAX_CELL_MV and len(cells) < _CELLS - 1:
-        cells.append(_MAX_CELL_MV)
-        remaining_mv -= _MAX_CELL_MV
-    cells.append(min(remaining_mv, _MAX_CELL_MV))
-    voltages = (*cells, *(UNKNOWN_U16,) * (_CELLS - len(cells)))
+    total_mv = round(1e3 * max(0.0, battery.voltage_v))
+    voltages = (
+        min(total_mv, _MAX_CELL_MV),
+        _further_cell_mv(total_mv, 1),
+        _further_cell_mv(total_mv, 2),
+        _further_cell_mv(total_mv, 3),
+        _further_cell_mv(total_mv, 4),
+        _further_cell_mv(total_mv, 5),
+        _further_cell_mv(total_mv, 6),
+        _further_cell_mv(total_mv, 7),
+        _further_cell_mv(total_mv, 8),
+        _further_cell_mv(total_mv, 9),
+    )
     consumed_mah = -1 if isnan(battery.consumed_ah) else round(1e3 * battery.consumed_ah)
     percent = -1 if isnan(battery.remaining) else round(100.0 * battery.remaining)
     return (
@@ -246,6 +252,13 @@ def battery_values(battery: Battery, charge_state: int = 0) -> Values:
         0,
         0,
     )
+
+
+@numeric
+def _further_cell_mv(total_mv: int, index: int) -> int:
+    """Return the cell field of an index above 0: what the fields before it cannot hold."""
+    rest_mv = total_mv - index * _MAX_CELL_MV
+    return min(rest_mv, _MAX_CELL_MV) if rest_mv > 0 else UNKNOWN_U16
 
 
 @numeric
@@ -292,6 +305,7 @@ def battery_record(m: Message) -> Battery:
     return Battery(1e-3 * total_mv, current_a, consumed_ah, remaining)
 
 
+@numeric
 def centiamperes(current_a: float) -> int:
     """Return a current in the unit of BATTERY_STATUS and SYS_STATUS.
 
@@ -308,6 +322,7 @@ def centiamperes(current_a: float) -> int:
     return -1 if isnan(current_a) else max(0, min(32_767, round(1e2 * current_a)))
 
 
+@numeric
 def leak_values(leak: Leak) -> Values:
     """Return the fields of the SYS_STATUS of a leak detector without other sensors.
 
@@ -371,6 +386,7 @@ def leak_record(m: Message) -> Leak:
     return Leak(m.onboard_control_sensors_health_extended & LEAK_BIT == 0)
 
 
+@numeric
 def duct_values(duct: DuctFeedback) -> Values:
     """Return the fields of the ACTUATOR_OUTPUT_STATUS of the duct.
 

@@ -301,7 +301,7 @@ def native(value: tuple[Any, ...]) -> Native:
     Parameters
     ----------
     value : NamedTuple
-        Record of numbers, arrays and other such records.
+        Record of numbers, arrays, random generators and other such records.
 
     Returns
     -------

@@ -366,7 +366,7 @@ def native(value: tuple[Any, ...]) -> Native:
     Parameters
     ----------
     value : NamedTuple
-        Record of numbers, arrays and other such records.
+        Record of numbers, arrays, random generators and other such records.
 
     Returns
     -------
@@ -379,7 +379,7 @@ def native(value: tuple[Any, ...]) -> Native:
 
 
 def _type_borrow(_: Any, value: Any) -> Any:
-    """Type ``_borrow(record)``: the record without the reference counts of its arrays.
+    """Type ``_borrow(record)``: the record without reference counts of its arrays and generators.
 
     Compiled code counts the references of every array of a record at each call that it inlines: for
     a vehicle model that takes a tenth of a tick.
@@ -400,6 +400,10 @@ def _borrowed(context: Any, builder: Any, kind: Any, value: Any) -> Any:
         array = context.make_array(kind)(context, builder, value)
         array.meminfo = array.parent = cgutils.get_null_value(array.meminfo.type)
         return array._getvalue()
+    if isinstance(kind, types.NumPyRandomGeneratorType):
+        generator = cgutils.create_struct_proxy(kind)(context, builder, value)
+        generator.meminfo = cgutils.get_null_value(generator.meminfo.type)
+        return generator._getvalue()
     if isinstance(kind, types.BaseTuple):
         for index, part in enumerate(cast(Iterable[Any], kind)):
             item = _borrowed(context, builder, part, builder.extract_value(value, index))

@@ -190,34 +190,11 @@ def seal_at(octets: Any, start: int, layout: MessageLayout, sequence: int, sende
     octets[start + 7] = layout.number & 0xFF
     octets[start + 8] = layout.number >> 8
     octets[start + 9] = 0
-    _write_checksum(octets, start + 1, payload + length, layout)
-    return length + OVERHEAD
-
-
-@numeric
-def _write_checksum(octets: Any, start: int, end: int, layout: MessageLayout) -> None:
-    """Write the checksum of a frame, from its first octet after the magic number to ``end``."""
-    crc = checksum(octets, start, end, layout.seed)
+    end = payload + length
+    crc = checksum(octets, start + 1, end, layout.seed)
     octets[end] = crc & 0xFF
     octets[end + 1] = crc >> 8
-
-
-@numeric
-def renumber(memory: FrameMemory, layout: MessageLayout, sequence: int) -> None:
-    """Change the sequence number of a sealed frame.
-
-    Parameters
-    ----------
-    memory : FrameMemory
-        Memory of the frame.
-    layout : MessageLayout
-        Message of the frame.
-    sequence : int
-        Sequence number, 0 to 255.
-    """
-    octets = memory.octets
-    octets[START + 4] = sequence
-    _write_checksum(octets, START + 1, PAYLOAD + int(octets[START + 1]), layout)
+    return length + OVERHEAD
 
 
 @numeric
@@ -373,23 +350,6 @@ def write_sensors(memory: FrameMemory, stamp_us: int, readings: Any, updated: in
         memory.floats[_FIRST_READING + i] = readings[i]
     memory.integers[_UPDATED] = updated
     memory.octets[_SENSOR_ID] = 0
-
-
-@numeric
-def updated(memory: FrameMemory) -> int:
-    """Return the field ``fields_updated`` of HIL_SENSOR.
-
-    Parameters
-    ----------
-    memory : FrameMemory
-        Memory of the frame.
-
-    Returns
-    -------
-    int
-        Bits of the readings that are new.
-    """
-    return int(memory.integers[_UPDATED])
 
 
 @numeric

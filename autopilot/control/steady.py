@@ -31,6 +31,14 @@ from autopilot.control.types import (
     Trace,
     VehicleEstimate,
 )
+from mavlink_io.device_records import (
+    ALTIMETER_NEW,
+    BATTERY_NEW,
+    DUCT_NEW,
+    DVL_NEW,
+    GPS_NEW,
+    LEAK_NEW,
+)
 from mavlink_io.jit import numeric
 from mavlink_io.mission_items import MavCmd
 from mavlink_io.records import (
@@ -62,10 +70,6 @@ class DeviceRecords(NamedTuple):
 
 
 NO_RECORDS = DeviceRecords()
-GPS_NEW, ALTIMETER_NEW, DVL_NEW, BATTERY_NEW, LEAK_NEW, DUCT_NEW = (
-    1 << index for index in range(len(DeviceRecords._fields))
-)
-"""Bits of the records that have come in a tick."""
 
 
 class SteadyState(NamedTuple):

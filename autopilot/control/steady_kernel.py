@@ -13,18 +13,12 @@ from autopilot.control.sensor_health.types import Devices
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.steady import DeviceRecords, SteadyState, Task
 from autopilot.control.types import Motion, Trace
+from mavlink_io import device_records
+from mavlink_io.device_records import altimeter, battery, duct, dvl, gps_fix, leak
 from mavlink_io.jit import Native, Numbers, entry_point, numeric
-from mavlink_io.records import (
-    Altimeter,
-    Battery,
-    DuctFeedback,
-    Dvl,
-    GpsFix,
-    Leak,
-    SensorFrame,
-)
+from mavlink_io.records import SensorFrame
 
-KINDS = (SensorFrame, ExcitationOutput, *(type(record) for record in steady.NO_RECORDS))
+KINDS = (SensorFrame, ExcitationOutput, *device_records.KINDS)
 """Records of the inputs, in the order of the array; the results follow them."""
 STARTS = tuple(sum(len(kind._fields) for kind in KINDS[:n]) for n in range(len(KINDS) + 1))
 """Index in the array of the first number of each input, and of the results."""
@@ -153,51 +147,13 @@ def results(values: Numbers) -> tuple[Motion, Setpoint, Trace]:
 
 
 @numeric
-def _fix(v: Numbers) -> GpsFix:
-    """Return the satellite fix in the array."""
-    g = v[GPS:]
-    return GpsFix(int(g[0]), int(g[1]), g[2], g[3], g[4], g[5], g[6], g[7], int(g[8]), g[9], g[10])
-
-
-@numeric
-def _range(v: Numbers) -> Altimeter:
-    """Return the altimeter record in the array."""
-    e = v[ALTIMETER:]
-    return Altimeter(int(e[0]), e[1], e[2], e[3])
-
-
-@numeric
-def _velocity(v: Numbers) -> Dvl:
-    """Return the DVL record in the array."""
-    p = v[DVL:]
-    return Dvl(int(p[0]), p[1], p[2], p[3], p[4] != 0.0, p[5], int(p[6]))
-
-
-@numeric
-def _battery(v: Numbers) -> Battery:
-    """Return the battery record in the array."""
-    b = v[BATTERY:]
-    return Battery(b[0], b[1], b[2], b[3])
-
-
-@numeric
-def _leak(v: Numbers) -> Leak:
-    """Return the record of the leak detector in the array."""
-    return Leak(v[LEAK] != 0.0)
-
-
-@numeric
-def _duct(v: Numbers) -> DuctFeedback:
-    """Return the measured duct deflection in the array."""
-    d = v[DUCT:]
-    return DuctFeedback(int(d[0]), d[1], d[2])
-
-
-RECORD_READERS = _fix, _range, _velocity, _battery, _leak, _duct
-"""Functions that return the records of ``DeviceRecords`` from the array."""
-
-
-@numeric
 def _records(v: Numbers) -> DeviceRecords:
     """Return the device records in the array."""
-    return DeviceRecords(_fix(v), _range(v), _velocity(v), _battery(v), _leak(v), _duct(v))
+    return DeviceRecords(
+        gps_fix(v[GPS:]),
+        altimeter(v[ALTIMETER:]),
+        dvl(v[DVL:]),
+        battery(v[BATTERY:]),
+        leak(v[LEAK:]),
+        duct(v[DUCT:]),
+    )

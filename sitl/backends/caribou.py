@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from mavlink_io import jit
 from mavlink_io.records import ActuatorFrame, TruthFrame
 from mavlink_io.transport import Transport
-from sitl.backends.compiled_lockstep import CompiledLockstep
 from sitl.backends.hil import HilClient
 from sitl.backends.lockstep import Lockstep
 from sitl.backends.messages import TRUTH_PERIOD_US
@@ -17,6 +18,12 @@ from sitl.core.plant import Plant, PlantState, RandomStreams
 from sitl.core.sensors import Sensors
 from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
 from sitl.faults.failure_injection import InjectionResult
+
+if TYPE_CHECKING:
+    from sitl.backends.compiled_lockstep import CompiledLockstep
+
+_COMPILED_LOCKSTEP = "sitl.backends.compiled_lockstep"
+"""Module that is imported by name: it loads the compiler, which plain Python does without."""
 
 
 class Caribou:
@@ -28,7 +35,10 @@ class Caribou:
         self._link, self._stopped = HilClient(transport), stopped
         self._lockstep = lockstep = Lockstep(self._link, stopped)
         self._exchange = lockstep.exchange_until_armed if wait_for_arm else lockstep.exchange
-        self._compiled = CompiledLockstep(self._link, stopped) if jit.COMPILED else None
+        self._compiled: CompiledLockstep | None = None
+        if jit.COMPILED:
+            module = import_module(_COMPILED_LOCKSTEP)
+            self._compiled = module.CompiledLockstep(self._link, stopped)
         self._sent: tuple[int, bytes] | None = None
         """Vehicle time and content of a datagram that was sent and not answered."""
 

@@ -85,25 +85,14 @@ class HilClient:
         if truth is not None:
             frames.append(encode(TRUTH, truth))
         if sensors.has_devices:
-            frames += self.device_frames(sensors)
+            frames += self._device_frames(sensors)
         if changes:
             frames += self._fault_frames(changes)
         sample = self.endpoint.encode_fixed(SENSOR_FRAME, sensors.frame)
         return b"".join((*frames, sample)) if frames else sample
 
-    def device_frames(self, sensors: Sensors) -> list[bytes]:
-        """Encode the frames of the slower sensors; most have component ids of their own.
-
-        Parameters
-        ----------
-        sensors : Sensors
-            Sensor output of a tick.
-
-        Returns
-        -------
-        list of bytes
-            One frame for each of the slower sensors with a new reading.
-        """
+    def _device_frames(self, sensors: Sensors) -> list[bytes]:
+        """Encode the frames of the slower sensors; most have component ids of their own."""
         encode, frames = self.endpoint.encode_values, []
         if sensors.gps is not None:
             frames.append(encode(GPS, gps_values(sensors.gps)))
@@ -182,10 +171,27 @@ class HilClient:
 
     def _encode_from(self, component: int, message: MessageType, values: Values) -> bytes:
         """Encode a frame of a component, with that component's sequence number."""
+        return self.sender(component).encode_values(message, values)
+
+    def sender(self, component: int) -> Endpoint:
+        """Return the participant of the link with a component id, for compiled code.
+
+        Parameters
+        ----------
+        component : int
+            Component id of the simulator or of one of its sensors.
+
+        Returns
+        -------
+        Endpoint
+            It counts the frames of that component.
+        """
+        if component == COMPONENT:
+            return self.endpoint
         device = self._devices.get(component)
         if device is None:
             device = self._devices[component] = Endpoint(self._transport, SYSTEM, component)
-        return device.encode_values(message, values)
+        return device
 
     def answer(self, time_us: int, timeout_s: float) -> ActuatorFrame | None:
         """Wait for the answer to the sensors of ``time_us``; answers to other times are dropped.

@@ -7,6 +7,7 @@ from math import atan2, hypot, isnan, nan, pi
 from mavlink_io import device_messages, dialect
 from mavlink_io.fixed_frame import FixedFrame
 from mavlink_io.frames import offset_to_geodetic
+from mavlink_io.jit import numeric
 from mavlink_io.records import Altimeter, GpsFix
 from sitl.core.truth import Truth
 
@@ -44,6 +45,7 @@ _UPPER_TRIANGLE = tuple((row, column) for row in range(6) for column in range(ro
 """Row and column of each element of a covariance in ODOMETRY."""
 
 
+@numeric
 def gps_values(fix: GpsFix) -> tuple[object, ...]:
     """Return the fields of HIL_GPS in wire order; eph and epv are in centimetres, as for PX4."""
     speed = hypot(fix.velocity_north_mps, fix.velocity_east_mps)
@@ -66,11 +68,13 @@ def gps_values(fix: GpsFix) -> tuple[object, ...]:
     )
 
 
+@numeric
 def _centimetres(error_m: float) -> int:
     """Convert an accuracy to whole centimetres; NaN becomes MAVLink's value for unknown."""
     return device_messages.UNKNOWN_U16 if isnan(error_m) else round(1e2 * error_m)
 
 
+@numeric
 def altimeter_values(altimeter: Altimeter) -> tuple[object, ...]:
     """Return the fields of DISTANCE_SENSOR in wire order."""
     return (

@@ -26,16 +26,16 @@ from sitl.core.body import Body
 from sitl.core.draws import AT_START, PER_TICK, Draws
 from sitl.core.environment import Environment, current, moments
 from sitl.core.sensors import (
-    DeviceState,
     Sensors,
-    SensorStreams,
     SensorSuite,
+    battery,
+    devices,
     inertial,
     magnetic,
     pressure,
     sample_timing,
 )
-from sitl.core.sensors.noise import NoiseStream
+from sitl.core.sensors.devices import DeviceStreams
 from sitl.core.state import Layout
 from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
 from sitl.core.truth import Truth
@@ -57,6 +57,8 @@ RUDDER, ELEVATOR, THRUST, DROP = 0, 1, 2, 3
 """Indices of ``ActuatorFrame.controls``."""
 RELEASE_ABOVE = 0.5
 """Control above which the drop weight is released."""
+_FLOODED = "leak wet"
+"""Name of the fault with water in the hull."""
 RATES = slice(10, 13)
 """Angular rates in the body state, FLU, rad/s."""
 
@@ -90,9 +92,8 @@ class PlantState(NamedTuple):
     layout: Layout
     run: Native
     """The ``tick.Run``."""
-    advance: Callable[..., int]
+    advance: Callable[..., tuple[int, int]]
     """Machine code of ``tick.advance``."""
-    devices: DeviceState
     faults: Timeline
     weight_released: bool = False
 
@@ -112,7 +113,8 @@ class RandomStreams(NamedTuple):
 
     draws: Draws
     """Streams of the compiled tick."""
-    sensors: SensorStreams
+    devices: Native
+    """``DeviceStreams``."""
     faults: Generator
     swell: Generator
     """Phases and directions of the waves."""
@@ -177,12 +179,15 @@ def build(
         imu_slots=sample_timing.slots(suite.imu.timing),
         magnetometer_slots=sample_timing.slots(suite.magnetometer.timing),
         pressure_slots=sample_timing.slots(suite.pressure.timing),
+        devices=devices.device_slots(suite.devices),
     )
     constants = tick.Constants(
         layout=layout,
         imu=suite.imu,
         magnetometer=suite.magnetometer,
         pressure=suite.pressure,
+        devices=suite.devices,
+        devices_us=suite.devices.common_us,
         clamped=scenario.rig.clamped,
         tick_s=timestep.tick_s,
         substeps=timestep.substeps,
@@ -228,12 +233,12 @@ def random_streams(seed: int, sea_seed: int | None = None) -> RandomStreams:
     RandomStreams
         Generators of the environment, the sensors, the actuators and the faults.
     """
-    slow, wave, imu, compass, depth, *devices, rudder, elevator, faults, swell, drift = _spawn(seed)
+    slow, wave, imu, compass, depth, *slower, rudder, elevator, faults, swell, drift = _spawn(seed)
     if sea_seed is not None:
         *_, swell, drift = _spawn(sea_seed)
     return RandomStreams(
         draws=Draws((slow, wave, imu, compass, depth, drift, rudder, elevator)),
-        sensors=SensorStreams(*map(NoiseStream, devices)),
+        devices=devices.streams(slower),
         faults=faults,
         swell=swell,
     )
@@ -241,7 +246,7 @@ def random_streams(seed: int, sea_seed: int | None = None) -> RandomStreams:
 
 def _spawn(seed: int) -> list[Generator]:
     """Return the generators of a seed, those of the sea last."""
-    children = SeedSequence(seed).spawn(10 + len(SensorStreams._fields))
+    children = SeedSequence(seed).spawn(10 + len(DeviceStreams._fields))
     return [default_rng(child) for child in children]
 
 
@@ -275,14 +280,12 @@ def initial_state(plant: Plant, rng: RandomStreams) -> tuple[PlantState, Sensors
     iron = magnetic.initial_errors(suite.magnetometer, rng.draws)
     offset_hpa = pressure.initial_offset_hpa(suite.pressure, rng.draws)
     run = native(tick.Run(plant.constants, sea, errors, iron, offset_hpa))
-    fresh = tick.start(plant.native, run, *rng.draws.table, values)
-    devices = sensors.initial_devices(suite.devices, plant.start.battery_pct / 100.0, rng.sensors)
-    numbers, used = rng.draws.table
-    advance = jit.machine_code(
-        tick.advance, plant.native, run, numbers, used, values, 0, 0.0, 0.0, 0.0
-    )
-    begun = PlantState(0, values, layout, run, advance, devices, plant.faults)
-    return measure(plant, begun, fresh, rng)
+    devices.parts(parts.devices).battery[battery.CHARGE] = plant.start.battery_pct / 100.0
+    flown = plant.native, run, *rng.draws.table, rng.devices, values
+    fresh = tick.start(*flown)
+    advance = jit.machine_code(tick.advance, *flown, 0, 0.0, 0.0, 0.0)
+    begun = PlantState(0, values, layout, run, advance, plant.faults)
+    return measure(plant, begun, *fresh, rng)
 
 
 def step(
@@ -319,12 +322,14 @@ def step(
         vessel = _without_weight(vessel, weight) if released else vessel
     rng.draws.prepare(plant.draws)
     values = before.values.copy()
+    values[state.FIRST_MOTION + state.FLOODING] = _FLOODED in faults.names
     is_nominal = vessel is plant.vessel
     advance = before.advance if is_nominal else tick.advance
     fresh = advance(
         plant.native if is_nominal else native(vessel),
         before.run,
         *rng.draws.table,
+        rng.devices,
         values,
         time_us,
         controls[RUDDER],
@@ -337,15 +342,14 @@ def step(
         before.layout,
         before.run,
         before.advance,
-        before.devices,
         faults,
         released,
     )
-    return measure(plant, after, fresh, rng)
+    return measure(plant, after, *fresh, rng)
 
 
 def quiet_until_us(now: PlantState) -> int:
-    """Return the vehicle time until which ``tick.advance`` and ``measure`` make every tick.
+    """Return the vehicle time until which ``tick.advance`` makes every tick.
 
     Parameters
     ----------
@@ -364,9 +368,9 @@ def quiet_until_us(now: PlantState) -> int:
 
 
 def measure(
-    plant: Plant, moved: PlantState, fresh: int, rng: RandomStreams
+    plant: Plant, moved: PlantState, updated: int, new: int, rng: RandomStreams
 ) -> tuple[PlantState, Sensors]:
-    """Sample the slower sensors, if due, and apply the faults of the sensors.
+    """Return the readings of a tick as records, with the faults of the sensors.
 
     Parameters
     ----------
@@ -374,10 +378,10 @@ def measure(
         Parameters of the run.
     moved : PlantState
         State after ``tick.advance``.
-    fresh : int
-        HIL_SENSOR.fields_updated, which ``tick.advance`` returns.
+    updated, new : int
+        Readings that are new, ``tick.Fresh``.
     rng : RandomStreams
-        Random streams of the run; they advance.
+        Random streams of the run; that of the faults may advance.
 
     Returns
     -------
@@ -386,15 +390,11 @@ def measure(
     sensors : Sensors
         Sensor output at the end of the tick.
     """
-    time_us = moved.time_us
-    frame = SensorFrame._make((time_us, *state.readings(moved.values), fresh, 0))
-    if time_us % plant.suite.devices_us:
-        output = Sensors(frame, None, None)
-    else:
-        devices, output = sensors.sample_devices(
-            plant.suite.devices, moved.truth, plant.sea, moved.devices, rng.sensors, frame
-        )
-        moved = moved._replace(devices=devices)
+    time_us, values = moved.time_us, moved.values
+    frame = SensorFrame._make((time_us, *state.readings(values), updated, 0))
+    output = Sensors(frame)
+    if new:
+        output = Sensors(frame, *devices.records(new, state.device_readings(moved.layout, values)))
     if moved.faults.running:
         output, running = readings.apply(
             output, moved.faults.running, time_us, plant.constants.tick_s, rng.faults
@@ -461,7 +461,7 @@ def _truth(now: PlantState) -> Truth:
         propeller_rps=motion[state.SHAFT_RPS],
         pitch_disturbance_nm=-motion[state.PITCH_NM],
         yaw_disturbance_nm=-motion[state.YAW_NM],
-        flooding="leak wet" in faults,
+        flooding=_FLOODED in faults,
         faults=faults,
         surface_m=motion[state.SURFACE_M],
         wave_pressure_pa=motion[state.WAVE_PA],

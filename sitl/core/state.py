@@ -11,7 +11,8 @@ from typing import NamedTuple
 from mavlink_io.jit import kernel
 from sitl.core.environment.current import VARIATION
 from sitl.core.environment.moments import PROCESSES
-from sitl.core.sensors import inertial, magnetic, pressure
+from sitl.core.sensors import devices, inertial, magnetic, pressure
+from sitl.core.sensors.devices import DeviceSlots
 from sitl.vehicle.dynamics import STATE_SIZE
 from sitl.vehicle.vectors import Vector
 
@@ -30,14 +31,16 @@ BIASES = 6
     YAW_NM,
     SURFACE_M,
     WAVE_PA,
-) = (0, 3, 6, 9, 10, 11, 12, 13, 14, 15)
+    FLOODING,
+) = (0, 3, 6, 9, 10, 11, 12, 13, 14, 15, 16)
 """Indices of the motion at the end of a tick.
 
 Velocity over ground (NWU, m/s), specific force at the origin (FLU, m/s2) and velocity of the water
 (NWU, m/s), three elements each; shaft speed (rev/s); true duct angles (rad); disturbance moments
-(FLU, N m); height of the surface above the still level (m); pressure due to waves (Pa).
+(FLU, N m); height of the surface above the still level (m); pressure due to waves (Pa); 1 with
+water in the hull, else 0.
 """
-MOTION = WAVE_PA + 1
+MOTION = FLOODING + 1
 """Length of the motion."""
 
 
@@ -50,6 +53,7 @@ class Layout(NamedTuple):
     magnetometer_slots: int
     pressure_slots: int
     """Readings in transit of each sensor."""
+    devices: DeviceSlots
 
 
 class StateParts(NamedTuple):
@@ -73,6 +77,8 @@ class StateParts(NamedTuple):
     magnetometer: Vector
     pressure: Vector
     """Readings in transit, one row each."""
+    devices: Vector
+    """The slower sensors, see ``sensors.devices``."""
 
 
 BODY = slice(0, STATE_SIZE)
@@ -94,7 +100,7 @@ def size(layout: Layout) -> int:
         + layout.magnetometer_slots * magnetic.READING
         + layout.pressure_slots * pressure.READING
     )
-    return _READINGS_END + 2 * layout.axis + transit
+    return _READINGS_END + 2 * layout.axis + transit + devices.size(layout.devices)
 
 
 def body_and_motion(values: Vector) -> tuple[list[float], list[float]]:
@@ -106,6 +112,12 @@ def body_and_motion(values: Vector) -> tuple[list[float], list[float]]:
 def readings(values: Vector) -> list[float]:
     """Return the latest readings of IMU, magnetometer and pressure sensor."""
     return values[_BIASES_END:_READINGS_END].tolist()  # type: ignore[no-any-return]
+
+
+def device_readings(layout: Layout, values: Vector) -> list[float]:
+    """Return the latest readings of the slower sensors, see ``devices.LATEST``."""
+    own = values[-devices.size(layout.devices) :]
+    return devices.latest(own).tolist()  # type: ignore[no-any-return]
 
 
 @kernel
@@ -128,6 +140,7 @@ def parts(layout: Layout, values: Vector) -> StateParts:
     elevator_end = rudder_end + layout.axis
     imu_end = elevator_end + layout.imu_slots * inertial.READING
     magnetometer_end = imu_end + layout.magnetometer_slots * magnetic.READING
+    pressure_end = magnetometer_end + layout.pressure_slots * pressure.READING
     return StateParts(
         values[:_BODY_END],
         values[_BODY_END:_MOTION_END],
@@ -139,5 +152,6 @@ def parts(layout: Layout, values: Vector) -> StateParts:
         values[rudder_end:elevator_end],
         values[elevator_end:imu_end].reshape((layout.imu_slots, inertial.READING)),
         values[imu_end:magnetometer_end].reshape((layout.magnetometer_slots, magnetic.READING)),
-        values[magnetometer_end:].reshape((layout.pressure_slots, pressure.READING)),
+        values[magnetometer_end:pressure_end].reshape((layout.pressure_slots, pressure.READING)),
+        values[pressure_end:],
     )

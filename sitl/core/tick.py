@@ -1,7 +1,6 @@
 """One tick of the plant's numeric core in one compiled call: actuators, water, body, sensors.
 
-Everything else of a tick happens rarely and is Python, in ``plant``: slower sensors, faults,
-records.
+Everything else of a tick happens rarely and is Python, in ``plant``: faults and records.
 """
 
 from __future__ import annotations
@@ -23,7 +22,9 @@ from sitl.core import body, draws, state, tailcone
 from sitl.core.draws import DrawTable
 from sitl.core.environment import Surroundings, current, local_water, moments
 from sitl.core.environment.field import LocalWater
-from sitl.core.sensors import inertial, magnetic, pressure
+from sitl.core.sensors import devices, inertial, magnetic, pressure
+from sitl.core.sensors.devices import Devices
+from sitl.core.sensors.true_motion import TrueMotion
 from sitl.core.state import Layout, StateParts
 from sitl.core.tailcone import TailconeAxis
 from sitl.vehicle.propeller import rps
@@ -40,11 +41,23 @@ class Constants(NamedTuple):
     imu: inertial.Imu
     magnetometer: magnetic.Magnetometer
     pressure: pressure.PressureSensor
+    devices: Devices
+    devices_us: int
+    """``Devices.common_us``."""
     clamped: bool
     """Whether the body is held in its initial state."""
     tick_s: float
     substeps: int
     """Integration steps per tick."""
+
+
+class Fresh(NamedTuple):
+    """Readings that are new in a tick."""
+
+    updated: int
+    """HIL_SENSOR.fields_updated."""
+    devices: int
+    """Bits of the slower sensors, ``device_records.GPS_NEW`` and so on."""
 
 
 class Run(NamedTuple):
@@ -59,8 +72,13 @@ class Run(NamedTuple):
 
 @entry_point
 def start(
-    vessel: Native, run: Native, numbers: Vector, used: NDArray[np.int64], values: Vector
-) -> int:
+    vessel: Native,
+    run: Native,
+    numbers: Vector,
+    used: NDArray[np.int64],
+    streams: Native,
+    values: Vector,
+) -> Fresh:
     """Write the motion at vehicle time zero, and take the first readings.
 
     Parameters
@@ -69,14 +87,16 @@ def start(
         ``body.Body`` and ``Run``.
     numbers, used : ndarray
         The ``draws.DrawTable``; its counters advance.
+    streams : Native
+        ``DeviceStreams``; they advance.
     values : ndarray
-        State of ``core.state`` with body, moments, variation, biases and axes at their initial
-        values; motion and readings are written.
+        State of ``core.state`` with body, moments, variation, biases, axes and charge of the
+        battery at their initial values; motion and readings are written.
 
     Returns
     -------
-    int
-        HIL_SENSOR.fields_updated.
+    Fresh
+        Readings that are new.
     """
     parts = state.parts(run.value.constants.layout, values)
     axes = vessel.value
@@ -84,7 +104,8 @@ def start(
     water = local_water(run.value.sea, parts.variation, parts.body, 0.0, 0.0)
     still = np.empty((2, 0))
     _move(vessel, run.value.sea, parts, still, parts.moments, 0.0, water)
-    return _sense(run.value, DrawTable(numbers, used), parts, 0)
+    devices.begin(run.value.constants.devices, streams, parts.devices)
+    return _sense(run.value, DrawTable(numbers, used), streams, parts, 0)
 
 
 @entry_point
@@ -93,12 +114,13 @@ def advance(
     run: Native,
     numbers: Vector,
     used: NDArray[np.int64],
+    streams: Native,
     values: Vector,
     time_us: int,
     rudder: float,
     elevator: float,
     thrust: float,
-) -> int:
+) -> Fresh:
     """Advance a state by one tick, in place.
 
     Parameters
@@ -107,6 +129,8 @@ def advance(
         ``body.Body`` and ``Run``.
     numbers, used : ndarray
         The ``draws.DrawTable``; its counters advance.
+    streams : Native
+        ``DeviceStreams``; they advance.
     values : ndarray
         State of ``core.state`` before the tick; overwritten with the state after it.
     time_us : int
@@ -116,8 +140,8 @@ def advance(
 
     Returns
     -------
-    int
-        HIL_SENSOR.fields_updated.
+    Fresh
+        Readings that are new.
 
     Notes
     -----
@@ -138,7 +162,7 @@ def advance(
     else:
         water = local_water(sea, parts.variation, parts.body, time_us * 1e-6, fixed.tick_s)
         _move(vessel, sea, parts, duct_rad, before, _limited(thrust), water)
-    return _sense(run.value, table, parts, time_us)
+    return _sense(run.value, table, streams, parts, time_us)
 
 
 @kernel
@@ -231,8 +255,8 @@ def _wrench(sea: Surroundings, processes: Vector) -> Vector:
 
 
 @kernel
-def _sense(run: Run, table: DrawTable, parts: StateParts, time_us: int) -> int:
-    """Sample IMU, magnetometer and pressure sensor; return the bits of the new readings."""
+def _sense(run: Run, table: DrawTable, streams: Native, parts: StateParts, time_us: int) -> Fresh:
+    """Sample all sensors that are due; return which readings are new."""
     fixed, force, motion, flu = run.constants, state.FORCE, parts.motion, parts.body
     fresh = 0
     if inertial.sample(
@@ -270,4 +294,32 @@ def _sense(run: Run, table: DrawTable, parts: StateParts, time_us: int) -> int:
         table,
     ):
         fresh |= PRESSURE_FRESH
-    return fresh
+    if time_us % fixed.devices_us != 0:
+        return Fresh(fresh, 0)
+    new = devices.sample(
+        fixed.devices,
+        fixed.layout.devices,
+        _true_motion(parts, time_us),
+        run.sea,
+        streams,
+        parts.devices,
+    )
+    return Fresh(fresh, new)
+
+
+@kernel
+def _true_motion(parts: StateParts, time_us: int) -> TrueMotion:
+    """Return the true motion in FRD and NED."""
+    b, m, v, w = parts.body, parts.motion, state.VELOCITY, state.WATER_VELOCITY
+    return TrueMotion(
+        time_us,
+        flip(b[0], b[1], b[2]),
+        flip_quaternion(b[3], b[4], b[5], b[6]),
+        flip(m[v], m[v + 1], m[v + 2]),
+        flip(m[w], m[w + 1], m[w + 2]),
+        m[state.RUDDER_RAD],
+        m[state.ELEVATOR_RAD],
+        m[state.SHAFT_RPS],
+        m[state.SURFACE_M],
+        m[state.FLOODING] != 0.0,
+    )

@@ -1,32 +1,38 @@
 """Each sensor against its data sheet: wander, latency, dropout, range and limits."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.random import default_rng
 
+from mavlink_io import jit
 from mavlink_io.frames import quaternion_from_euler
-from mavlink_io.records import Dvl
+from mavlink_io.records import Dvl, SensorFrame
 from sitl import scenario
 from sitl.core import environment, plant, timestep
 from sitl.core.draws import AT_START, PER_TICK
 from sitl.core.environment import Environment
 from sitl.core.sensors import (
+    Sensors,
     altimeter,
     battery,
     datasheets,
+    devices,
     dvl,
     encoder,
     gps,
     inertial,
     leak,
+    noise,
     sample_timing,
 )
+from sitl.core.sensors.devices import Devices, DeviceStreams
 from sitl.core.sensors.noise import NoiseStream
 from sitl.core.sensors.sample_timing import Timing
+from sitl.core.sensors.true_motion import TrueMotion
 from sitl.core.truth import Truth
 from sitl.environment_schema import FloorTable
 from sitl.scenario import Scenario
@@ -37,8 +43,42 @@ TICK_US = timestep.TICK_US
 CATALOGUE = datasheets.catalogue()
 
 
+EVERY_TICK = Timing(TICK_US, 0, 0.0)
+NO_FRAME = SensorFrame(0, *(0.0,) * 13, 0, 0)
+
+
 def noise_stream(seed: int) -> NoiseStream:
-    return NoiseStream(default_rng(seed))
+    return noise.noise_stream(default_rng(seed))
+
+
+class Fitted:
+    """Slower sensors by name, with their states and readings in transit."""
+
+    def __init__(
+        self, *, sea: Environment = SEA, seed: int = 1, charge: float = 1.0, **sensors: Any
+    ) -> None:
+        fitted = Devices(**sensors)
+        layout = devices.device_slots(fitted)
+        self.values = np.zeros(devices.size(layout))
+        self.parts = devices.parts(self.values)
+        self.parts.battery[battery.CHARGE] = charge
+        generators = [default_rng((seed, k)) for k in range(len(DeviceStreams._fields))]
+        streams = devices.streams(generators)
+        devices.begin(fitted, streams, self.values)
+        self._before, self._after = (fitted, layout), (sea.surroundings, streams, self.values)
+        arguments = *self._before, observed(AT_REST), *self._after
+        self._sample = jit.machine_code(devices.sample, *arguments)
+
+    def sample(self, truth: Truth) -> Sensors:
+        """Return the new readings of a tick."""
+        new = self._sample(*self._before, observed(truth), *self._after)
+        numbers = devices.latest(self.values).tolist()
+        return Sensors(NO_FRAME, *devices.records(new, numbers))
+
+
+def observed(truth: Truth) -> TrueMotion:
+    """Return what the slower sensors observe of a true motion."""
+    return TrueMotion._make(getattr(truth, name) for name in TrueMotion._fields)
 
 
 def deep(floor_depth_m: float) -> Environment:
@@ -111,39 +151,33 @@ def test_gyro_allan_deviation_matches_data_sheet() -> None:
     assert correlation == pytest.approx(math.exp(-1.0), abs=0.12)
 
 
+def arrivals(when: Timing, count: int, stream: NoiseStream) -> list[tuple[int, int]]:
+    """Return times of measurement and arrival of the readings of a number of ticks."""
+    transit, latest, received = np.zeros((sample_timing.slots(when), 1)), np.zeros(1), []
+    for time_us in range(0, count * TICK_US, TICK_US):
+        if sample_timing.is_due(when, time_us):
+            reading = sample_timing.row(when, transit, time_us)
+            reading[0] = time_us
+            sample_timing.lose(when, reading, stream)
+        if sample_timing.deliver(when, transit, time_us, latest):
+            received.append((int(latest[0]), time_us))
+    return received
+
+
 @pytest.mark.parametrize("latency_ticks", [0, 1, 7])
 def test_reading_arrives_after_latency(latency_ticks: int) -> None:
-    when, queue, stream = (
-        sample_timing.timing(10.0, latency_ticks * 0.02, 0.0, TICK_US),
-        (),
-        noise_stream(1),
-    )
-    arrivals = []
-    for tick in range(40):
-        time_us = tick * TICK_US
-        queue, received = sample_timing.queue_reading(
-            when, queue, time_us if sample_timing.is_due(when, time_us) else None, time_us, stream
-        )
-        if received is not None:
-            arrivals.append((received, time_us - received))
-    assert [taken for taken, _ in arrivals] == [k * 100_000 for k in range(len(arrivals))]
-    assert {late for _, late in arrivals} == {latency_ticks * TICK_US}
-    assert len(arrivals) == len(range(0, 40 - latency_ticks, 5))
+    when = sample_timing.timing(10.0, latency_ticks * 0.02, 0.0, TICK_US)
+    received = arrivals(when, 40, noise_stream(1))
+    assert [measured for measured, _ in received] == [k * 100_000 for k in range(len(received))]
+    assert {arrived - measured for measured, arrived in received} == {latency_ticks * TICK_US}
+    assert len(received) == len(range(0, 40 - latency_ticks, 5))
 
 
 @pytest.mark.parametrize("dropout", [0.01, 0.3])
 def test_dropout_rate_matches_data_sheet(dropout: float) -> None:
-    when, queue, stream, count = (
-        sample_timing.timing(50.0, 0.04, dropout, TICK_US),
-        (),
-        noise_stream(2),
-        20_000,
-    )
-    received = 0
-    for tick in range(count):
-        queue, reading = sample_timing.queue_reading(when, queue, tick + 1, tick * TICK_US, stream)
-        received += reading is not None
-    lost, spread = count - 2 - received, math.sqrt(count * dropout * (1.0 - dropout))
+    when, count = sample_timing.timing(50.0, 0.04, dropout, TICK_US), 20_000
+    lost = count - 2 - len(arrivals(when, count, noise_stream(2)))
+    spread = math.sqrt(count * dropout * (1.0 - dropout))
     assert abs(lost - count * dropout) < 4.0 * spread
 
 
@@ -175,19 +209,21 @@ def test_imu_reading_arrives_after_latency(latency_ticks: int) -> None:
     assert arrived == {tick: reading for tick, reading in expected.items() if tick < 40}
 
 
+GPS = gps.build(CATALOGUE.gps["neo-m8"], TICK_US)
+
+
 class Receiver:
     """A satellite receiver with adjustable depth of the antenna."""
 
-    def __init__(self, name: str = "neo-m8") -> None:
-        self.device = gps.build(CATALOGUE.gps[name], TICK_US)
-        self.state, self.stream, self.time_us = gps.GpsState(), noise_stream(3), 0
+    def __init__(self) -> None:
+        self.fitted, self.time_us = Fitted(gps=GPS), 0
 
     def fixes(self, seconds: float, depth_m: float) -> list[int]:
         """Return the fix types received in a number of seconds at a depth."""
         received = []
         for _ in range(round(seconds / timestep.TICK_S)):
             truth = moving((0.0, 0.0, 0.0), depth_m, time_us=self.time_us)
-            self.state, fix = gps.sample(self.device, truth, SEA, self.state, self.stream)
+            fix = self.fitted.sample(truth).gps
             self.time_us += TICK_US
             received += [fix.fix_type] if fix else []
         return received
@@ -211,11 +247,9 @@ def test_gps_fix_after_surfacing_takes_start_time(dive_s: float, to_fix_s: float
 
 
 def test_gps_errors_match_reported_accuracy() -> None:
-    receiver, stream, fixes = Receiver(), noise_stream(8), []
+    fitted, fixes = Fitted(gps=GPS, seed=8), []
     for _ in range(3000):
-        _, fix = gps.sample(
-            receiver.device, moving((0.3, -0.4, 0.0), 0.2), SEA, gps.GpsState(), stream
-        )
+        fix = fitted.sample(moving((0.3, -0.4, 0.0), 0.2)).gps
         assert fix is not None
         fixes.append(fix)
     north_m = (np.array([fix.lat_deg for fix in fixes]) - SEA.latitude_deg) * 111_195
@@ -229,12 +263,10 @@ def pings(
 ) -> list[Dvl | None]:
     """Return the readings of a number of pings, without latency and dropout."""
     log = dvl.build(CATALOGUE.dvl[name], TICK_US)
-    log = log._replace(timing=Timing(TICK_US, 0, 0.0), water_period_us=TICK_US, **changes)
-    state, stream, received = dvl.DvlState(), noise_stream(5), []
-    for _ in range(count):
-        state, velocity = dvl.sample(log, truth, sea, state, stream)
-        received.append(velocity)
-    return received
+    log = log._replace(timing=EVERY_TICK, water_period_us=TICK_US, **changes)
+    fitted = Fitted(sea=sea, seed=5, dvl=log)
+    fitted.parts.dvl[:] = 1.0, 0.0  # neither scale error nor misalignment
+    return [fitted.sample(truth).dvl for _ in range(count)]
 
 
 def columns(received: list[Dvl | None]) -> Any:
@@ -297,12 +329,10 @@ def test_outlier_increases_figure_of_merit() -> None:
 
 
 def range_of(depth_m: float, pitch_deg: float, name: str = "echo-30m") -> float | None:
-    sounder = altimeter.build(CATALOGUE.altimeter[name], TICK_US)._replace(
-        timing=Timing(TICK_US, 0, 0.0)
-    )
+    sounder = altimeter.build(CATALOGUE.altimeter[name], TICK_US)._replace(timing=EVERY_TICK)
     attitude = quaternion_from_euler(0.0, math.radians(pitch_deg), 0.0)
     truth = moving((0.0, 0.0, 0.0), depth_m, attitude_q=attitude)
-    _, echo = altimeter.sample(sounder, truth, SEA, (), noise_stream(1))
+    echo = Fitted(altimeter=sounder).sample(truth).altimeter
     return None if echo is None else echo.range_m
 
 
@@ -325,18 +355,25 @@ def test_altimeter_range_within_limits(
 
 
 def test_altimeter_outliers_are_short() -> None:
-    sounder = altimeter.build(CATALOGUE.altimeter["va500"], TICK_US)._replace(
-        timing=Timing(TICK_US, 0, 0.0)
-    )
-    stream, ranges = noise_stream(6), []
+    sounder = altimeter.build(CATALOGUE.altimeter["va500"], TICK_US)._replace(timing=EVERY_TICK)
+    fitted, ranges = Fitted(altimeter=sounder, seed=6), []
     for _ in range(20_000):
-        _, echo = altimeter.sample(sounder, AT_REST, SEA, (), stream)
+        echo = fitted.sample(AT_REST).altimeter
         assert echo is not None
         ranges.append(echo.range_m)
     astray = [r for r in ranges if abs(r - 15.0) > 0.1]
-    expected = 20_000 * sounder.sheet.outlier_chance
+    expected = 20_000 * sounder.outlier_chance
     assert abs(len(astray) - expected) < 4.0 * math.sqrt(expected)
     assert max(astray) < 15.0
+
+
+def test_altimeter_near_the_floor_with_outliers_has_no_echo() -> None:
+    """Nearer than the shortest range, there is no room for an object before the floor."""
+    sounder = altimeter.build(CATALOGUE.altimeter["va500"], TICK_US)
+    certain = sounder._replace(timing=EVERY_TICK, outlier_chance=1.0, noise_m=0.0)
+    echo = Fitted(altimeter=certain).sample(moving((0.0, 0.0, 0.0), depth_m=19.95)).altimeter
+    assert echo is not None
+    assert echo.range_m == sounder.min_range_m
 
 
 PACK = battery.build(CATALOGUE.battery["lipo-1500wh"], TRUE_VEHICLE, full_rps=6.5, tick_us=TICK_US)
@@ -353,20 +390,28 @@ def test_battery_load_at_operating_point() -> None:
 
 
 def test_battery_is_empty_after_its_capacity() -> None:
-    stream, state, reports = noise_stream(7), battery.initial_state(PACK, 1.0, noise_stream(7)), []
+    fitted, reports = Fitted(battery=PACK, seed=7), []
     truth = AT_REST._replace(propeller_rps=3.77)
     for second in range(60_000):
-        state, report = battery.sample(
-            PACK, truth._replace(time_us=second * 1_000_000), state, stream
-        )
+        report = fitted.sample(truth._replace(time_us=second * 1_000_000)).battery
         assert report is not None
         reports.append(report)
-        if state.charge == 0.0:
+        if fitted.parts.battery[battery.CHARGE] == 0.0:
             break
     drawn_ah = sum(report.current_a for report in reports) / 3600.0
-    assert drawn_ah == pytest.approx(51.0 * state.gauge_scale, rel=1e-3)
-    assert reports[-1].remaining == pytest.approx(max(0.0, 1.0 - state.gauge_scale), abs=1e-3)
+    gauge_scale = fitted.parts.battery[battery.GAUGE_SCALE]
+    assert drawn_ah == pytest.approx(51.0 * gauge_scale, rel=1e-3)
+    assert reports[-1].remaining == pytest.approx(max(0.0, 1.0 - gauge_scale), abs=1e-3)
     assert reports[0].voltage_v > 33.0 > 27.0 > reports[-1].voltage_v
+
+
+def test_open_circuit_voltage_is_linear_between_points() -> None:
+    """Reference: numpy.interp."""
+    charges = [*np.linspace(-0.1, 1.1, 500), *PACK.charge_points]
+    unloaded = PACK._replace(hotel_w=0.0)
+    voltages = [battery.load(unloaded, charge, 0.0)[0] for charge in charges]
+    expected = 8.0 * np.interp(charges, PACK.charge_points, PACK.open_circuit_cell_v)
+    np.testing.assert_allclose(voltages, expected, rtol=1e-15)
 
 
 def test_scenario_sets_initial_charge() -> None:
@@ -377,31 +422,20 @@ def test_scenario_sets_initial_charge() -> None:
 
 
 def test_leak_detector_reports_once_per_second() -> None:
-    detector, stream, state, received = (
-        leak.build(CATALOGUE.leak["probe"], TICK_US),
-        noise_stream(1),
-        (),
-        [],
-    )
+    fitted, received = Fitted(leak=leak.build(CATALOGUE.leak["probe"], TICK_US)), []
     for truth in ticks(AT_REST, 150):
-        state, said = leak.sample(
-            detector, truth._replace(flooding=truth.time_us > 1_500_000), state, stream
-        )
-        received += [said.wet] if said else []
+        report = fitted.sample(truth._replace(flooding=truth.time_us > 1_500_000)).leak
+        received += [report.wet] if report else []
     assert received == [False, False, True]
 
 
 def test_encoder_reads_quantised_true_angle() -> None:
-    encoders = encoder.build(CATALOGUE.encoder["as5048"], 15.0, TICK_US)._replace(
-        timing=Timing(TICK_US, 0, 0.0)
-    )
-    truth, stream = (
-        AT_REST._replace(rudder_rad=math.radians(7.5), elevator_rad=math.radians(-3.0)),
-        noise_stream(1),
-    )
+    encoders = encoder.build(CATALOGUE.encoder["as5048"], 15.0, TICK_US)
+    fitted = Fitted(encoder=encoders._replace(timing=EVERY_TICK, offset_rad=0.0))
+    truth = AT_REST._replace(rudder_rad=math.radians(7.5), elevator_rad=math.radians(-3.0))
     received = []
     for _ in range(4000):
-        _, duct = encoder.sample(encoders, truth, encoder.EncoderState(), stream)
+        duct = fitted.sample(truth).duct
         assert duct is not None
         received.append((15.0 * duct.rudder, 15.0 * duct.elevator))
     values = np.array(received)
@@ -411,32 +445,18 @@ def test_encoder_reads_quantised_true_angle() -> None:
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
 
 
-def _gps_draws(stream: Any) -> None:
-    gps.sample(
-        gps.build(CATALOGUE.gps["neo-m8"], TICK_US),
-        moving((0.0,) * 3, 0.2),
-        SEA,
-        gps.GpsState(),
-        stream,
-    )
-
-
-def _altimeter_draws(stream: Any) -> None:
-    altimeter.sample(
-        altimeter.build(CATALOGUE.altimeter["va500"], TICK_US), AT_REST, SEA, (), stream
-    )
-
-
-@pytest.mark.parametrize("draw", [_gps_draws, _altimeter_draws])
-def test_sensor_not_due_draws_no_random_numbers(
-    draw: Callable[[Any], None],
-) -> None:
-    idle, busy = noise_stream(9), noise_stream(9)
+def test_sensor_not_due_draws_no_random_numbers() -> None:
     sounder = altimeter.build(CATALOGUE.altimeter["va500"], TICK_US)
-    altimeter.sample(sounder, AT_REST._replace(time_us=TICK_US), SEA, (), idle)
-    draw(busy)
-    assert idle.normal() == noise_stream(9).normal()
-    assert busy.normal() != noise_stream(9).normal()
+    sounder = sounder._replace(timing=Timing(5 * TICK_US, 0, 0.0))
+    fresh, idle, busy = (Fitted(altimeter=sounder) for _ in range(3))
+    for tick in range(1, 5):
+        assert idle.sample(AT_REST._replace(time_us=tick * TICK_US)).altimeter is None
+    busy.sample(AT_REST)
+    due = AT_REST._replace(time_us=5 * TICK_US)
+    expected = fresh.sample(due).altimeter
+    assert expected is not None
+    assert idle.sample(due).altimeter == expected
+    assert busy.sample(due).altimeter != expected
 
 
 def test_every_data_sheet_can_be_fitted() -> None:

@@ -32,6 +32,9 @@ STILL_WATER = LocalWater(Water(), 0.0)
 class Surroundings(NamedTuple):
     """Environment of a run, for compiled code."""
 
+    latitude_deg: float
+    longitude_deg: float
+    """Position of the origin of NED."""
     density_kgpm3: float
     """Density that the pressure sensor assumes."""
     gravity_mps2: float
@@ -50,11 +53,19 @@ class Surroundings(NamedTuple):
 class Environment(NamedTuple):
     """Parameters of a scenario's environment."""
 
-    latitude_deg: float
-    longitude_deg: float
     swell: Swell | None
     surroundings: Surroundings
     """Water without waves, and the disturbances."""
+
+    @property
+    def latitude_deg(self) -> float:
+        """Latitude of the origin of NED."""
+        return self.surroundings.latitude_deg
+
+    @property
+    def longitude_deg(self) -> float:
+        """Longitude of the origin of NED."""
+        return self.surroundings.longitude_deg
 
     @property
     def field(self) -> WaterField:
@@ -110,10 +121,10 @@ def build(
     drift = current.current_drift(scenario.current.variation, tick_s)
     uniform = None if swell or drift.rms_mps else _uniform_water(still)
     return Environment(
-        latitude_deg=scenario.site.latitude_deg,
-        longitude_deg=scenario.site.longitude_deg,
         swell=swell,
         surroundings=Surroundings(
+            latitude_deg=float(scenario.site.latitude_deg),
+            longitude_deg=float(scenario.site.longitude_deg),
             density_kgpm3=scenario.water.density_kgpm3,
             gravity_mps2=gravity_mps2,
             surface_pressure_hpa=scenario.water.surface_pressure_hpa,

@@ -1,7 +1,7 @@
 """The sensors: sampled at their own rates from the true motion, with errors, latency and dropouts.
 
-IMU, magnetometer and pressure sensor are sampled in the compiled tick (``core.tick``); the slower
-ones, with messages of their own, here.
+All are sampled in the compiled tick (``core.tick``): IMU, magnetometer and pressure sensor, and the
+slower ones with messages of their own (``devices``).
 
 Each sensor has its own random stream, so that a change of one sensor does not alter the errors of
 the others; a sensor that is not fitted draws nothing. The error parameters are in
@@ -10,7 +10,6 @@ the others; a sensor that is not fitted draws nothing. The error parameters are 
 
 from __future__ import annotations
 
-from math import gcd
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -24,7 +23,6 @@ from mavlink_io.records import (
     Leak,
     SensorFrame,
 )
-from sitl.core.environment import Environment
 from sitl.core.sensors import (
     altimeter,
     battery,
@@ -37,12 +35,10 @@ from sitl.core.sensors import (
     magnetic,
     pressure,
 )
-from sitl.core.sensors.noise import NoiseStream
-from sitl.core.sensors.sample_timing import Timing, is_idle
-from sitl.core.truth import Truth
+from sitl.core.sensors.devices import Devices
+from sitl.core.sensors.sample_timing import NOT_FITTED
 from sitl.vehicle.config import VehicleConfig
 
-DAY_US = 86_400_000_000
 _NO_DEVICES = (None,) * 6
 
 
@@ -53,41 +49,6 @@ class SensorSuite(NamedTuple):
     magnetometer: magnetic.Magnetometer
     pressure: pressure.PressureSensor
     devices: Devices
-    devices_us: int
-    """Common period: devices sample and deliver only at multiples of this vehicle time."""
-
-
-class Devices(NamedTuple):
-    """Parameters of the slower sensors, which have messages of their own; None if not fitted."""
-
-    gps: gps.GpsReceiver | None
-    dvl: dvl.DvlSensor | None
-    altimeter: altimeter.AltimeterSensor | None
-    battery: battery.BatteryPack | None
-    leak: Timing | None
-    encoder: encoder.Encoders | None
-
-
-class SensorStreams(NamedTuple):
-    """Random stream of each of the slower sensors."""
-
-    gps: NoiseStream
-    dvl: NoiseStream
-    altimeter: NoiseStream
-    battery: NoiseStream
-    leak: NoiseStream
-    encoder: NoiseStream
-
-
-class DeviceState(NamedTuple):
-    """States of the slower sensors."""
-
-    gps: gps.GpsState
-    dvl: dvl.DvlState
-    altimeter: altimeter.AltimeterState
-    battery: battery.BatteryState
-    leak: leak.LeakState
-    encoder: encoder.EncoderState
 
 
 class Sensors(NamedTuple):
@@ -95,8 +56,8 @@ class Sensors(NamedTuple):
 
     frame: SensorFrame
     """Latest IMU, magnetometer and pressure readings; ``fields_updated`` marks the new ones."""
-    gps: GpsFix | None
-    altimeter: Altimeter | None
+    gps: GpsFix | None = None
+    altimeter: Altimeter | None = None
     dvl: Dvl | None = None
     battery: Battery | None = None
     leak: Leak | None = None
@@ -143,93 +104,18 @@ def build(
     if imu and imu_every_tick:
         imu = replace(imu, rate_hz=1e6 / tick_us)
     devices = Devices(
-        gps=gps.build(receiver, tick_us) if receiver else None,
-        dvl=dvl.build(log, tick_us) if log else None,
-        altimeter=altimeter.build(sounder, tick_us) if sounder else None,
-        battery=battery.build(pack, vehicle, full_rps, tick_us) if pack else None,
-        leak=leak.build(detector, tick_us) if detector else None,
-        encoder=encoder.build(encoders, vehicle.tailcone.travel_deg, tick_us) if encoders else None,
+        gps=gps.build(receiver, tick_us) if receiver else gps.GpsReceiver(),
+        dvl=dvl.build(log, tick_us) if log else dvl.DvlSensor(),
+        altimeter=altimeter.build(sounder, tick_us) if sounder else altimeter.AltimeterSensor(),
+        battery=battery.build(pack, vehicle, full_rps, tick_us) if pack else battery.BatteryPack(),
+        leak=leak.build(detector, tick_us) if detector else NOT_FITTED,
+        encoder=encoder.build(encoders, vehicle.tailcone.travel_deg, tick_us)
+        if encoders
+        else encoder.Encoders(),
     )
     return SensorSuite(
         imu=inertial.build(imu, tick_us) if imu else inertial.Imu(),
         magnetometer=magnetic.build(compass, tick_us) if compass else magnetic.Magnetometer(),
         pressure=pressure.build(depth, tick_us) if depth else pressure.PressureSensor(),
         devices=devices,
-        devices_us=_common_us(devices),
     )
-
-
-def _common_us(devices: Devices) -> int:
-    """Return the greatest common divisor of all periods and latencies; a day without devices."""
-    timings = [
-        device if isinstance(device, Timing) else device.timing for device in devices if device
-    ]
-    return (
-        gcd(*(time_us for item in timings for time_us in (item.period_us, item.latency_us)))
-        or DAY_US
-    )
-
-
-def initial_devices(devices: Devices, charge: float, streams: SensorStreams) -> DeviceState:
-    """Draw the errors of this run of the slower sensors; return their states at the start.
-
-    ``charge`` is the initial charge of the battery as a fraction of its capacity.
-    """
-    return DeviceState(
-        gps.GpsState(),
-        dvl.initial_state(devices.dvl, streams.dvl) if devices.dvl else dvl.DvlState(),
-        (),
-        battery.initial_state(devices.battery, charge, streams.battery)
-        if devices.battery
-        else battery.BatteryState(),
-        (),
-        encoder.initial_state(devices.encoder, streams.encoder)
-        if devices.encoder
-        else encoder.EncoderState(),
-    )
-
-
-def sample_devices(
-    fitted: Devices,
-    truth: Truth,
-    sea: Environment,
-    state: DeviceState,
-    streams: SensorStreams,
-    frame: SensorFrame,
-) -> tuple[DeviceState, Sensors]:
-    """Sample the slower sensors that are due in this tick.
-
-    Parameters
-    ----------
-    fitted : Devices
-        Parameters of the sensors.
-    truth : Truth
-        True state of the vehicle.
-    sea : Environment
-        The environment.
-    state : DeviceState
-        States of the sensors.
-    streams : SensorStreams
-        Random streams; they advance.
-    frame : SensorFrame
-        Readings of the other sensors.
-    """
-    receiver, log, sounder, pack, bilge, duct = state
-    fix = velocity = echo = charge = wet = angles = None
-    now_us = truth.time_us
-    if fitted.gps and not is_idle(fitted.gps.timing, receiver.queue, now_us):
-        receiver, fix = gps.sample(fitted.gps, truth, sea, receiver, streams.gps)
-    if fitted.dvl and not is_idle(fitted.dvl.timing, log.queue, now_us):
-        log, velocity = dvl.sample(fitted.dvl, truth, sea, log, streams.dvl)
-    if fitted.altimeter and not is_idle(fitted.altimeter.timing, sounder, now_us):
-        sounder, echo = altimeter.sample(fitted.altimeter, truth, sea, sounder, streams.altimeter)
-    if fitted.battery and not is_idle(fitted.battery.timing, pack.queue, now_us):
-        pack, charge = battery.sample(fitted.battery, truth, pack, streams.battery)
-    if fitted.leak and not is_idle(fitted.leak, bilge, now_us):
-        bilge, wet = leak.sample(fitted.leak, truth, bilge, streams.leak)
-    if fitted.encoder and not is_idle(fitted.encoder.timing, duct.queue, now_us):
-        duct, angles = encoder.sample(fitted.encoder, truth, duct, streams.encoder)
-    sensors = Sensors(
-        frame=frame, gps=fix, altimeter=echo, dvl=velocity, battery=charge, leak=wet, duct=angles
-    )
-    return DeviceState(receiver, log, sounder, pack, bilge, duct), sensors

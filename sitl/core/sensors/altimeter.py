@@ -2,74 +2,89 @@
 
 from __future__ import annotations
 
-from math import cos, radians
+from math import cos, nan, radians
 from typing import NamedTuple
 
-from mavlink_io.records import Altimeter
-from sitl.core.environment import Environment
+from mavlink_io.jit import kernel
+from sitl.core.environment.floor import SeaFloor
 from sitl.core.sensors import echo
 from sitl.core.sensors.datasheets import AltimeterSheet
-from sitl.core.sensors.noise import NoiseStream
-from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
-from sitl.core.truth import Truth
+from sitl.core.sensors.noise import NoiseStream, happens, normals, uniform
+from sitl.core.sensors.sample_timing import NOT_FITTED, Timing, deliver, is_due, lose, row, timing
+from sitl.core.sensors.true_motion import TrueMotion
+from sitl.vehicle.vectors import Vector
 
 
 class AltimeterSensor(NamedTuple):
     """Parameters of the altimeter."""
 
-    timing: Timing
-    sheet: AltimeterSheet
-    half_width_rad: float
+    timing: Timing = NOT_FITTED
+    min_range_m: float = 0.0
+    max_range_m: float = 0.0
+    noise_m: float = 0.0
+    outlier_chance: float = 0.0
+    half_width_rad: float = 0.0
     """Half the beam width."""
-    worst_tilt_cos: float
+    worst_tilt_cos: float = 0.0
     """Cosine of the largest tilt at which an echo returns."""
-
-
-AltimeterState = Queue[Altimeter]
 
 
 def build(sheet: AltimeterSheet, tick_us: int) -> AltimeterSensor:
     """Build the altimeter from its data sheet."""
-    schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
     return AltimeterSensor(
-        timing=schedule,
-        sheet=sheet,
+        timing=timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
+        min_range_m=sheet.min_range_m,
+        max_range_m=sheet.max_range_m,
+        noise_m=sheet.noise_m,
+        outlier_chance=sheet.outlier_chance,
         half_width_rad=0.5 * radians(sheet.beam_width_deg),
         worst_tilt_cos=cos(radians(sheet.max_tilt_deg)),
     )
 
 
+@kernel
 def sample(
     sounder: AltimeterSensor,
-    truth: Truth,
-    sea: Environment,
-    state: AltimeterState,
+    truth: TrueMotion,
+    ground: SeaFloor,
     stream: NoiseStream,
-) -> tuple[AltimeterState, Altimeter | None]:
-    """Sample if due; return the new state and the reading that arrives now, if any."""
-    measured = (
-        _measure(sounder, truth, sea, stream) if is_due(sounder.timing, truth.time_us) else None
-    )
-    return queue_reading(sounder.timing, state, measured, truth.time_us, stream)
+    transit: Vector,
+    latest: Vector,
+) -> bool:
+    """Sample if due; return whether ``latest``, the numbers of an ``Altimeter``, is new."""
+    if is_due(sounder.timing, truth.time_us):
+        reading = row(sounder.timing, transit, truth.time_us)
+        _measure(sounder, truth, ground, stream, reading)
+        lose(sounder.timing, reading, stream)
+    return deliver(sounder.timing, transit, truth.time_us, latest)
 
 
+@kernel
 def _measure(
-    sounder: AltimeterSensor, truth: Truth, sea: Environment, stream: NoiseStream
-) -> Altimeter | None:
-    """Measure the range, or return None without an echo.
+    sounder: AltimeterSensor,
+    truth: TrueMotion,
+    ground: SeaFloor,
+    stream: NoiseStream,
+    reading: Vector,
+) -> None:
+    """Write the measured range; the reading is lost without an echo.
 
     An outlier is an echo from an object between the vehicle and the floor, at a uniformly
     distributed range.
     """
-    sheet, noise = sounder.sheet, stream.normal()
+    reading[0] = nan
+    noise = normals(stream, 1)[0]
     if echo.tilt_cos(truth.attitude_q) < sounder.worst_tilt_cos:
-        return None
+        return
     range_m = echo.first_echo_m(
-        sea.field.floor, truth.position_ned_m, truth.attitude_q, sounder.half_width_rad
+        ground, truth.position_ned_m, truth.attitude_q, sounder.half_width_rad
     )
-    range_m += sheet.noise_m * noise
-    if stream.happens(sheet.outlier_chance):
-        range_m = stream.uniform(sheet.min_range_m, min(range_m, sheet.max_range_m))
-    if not sheet.min_range_m <= range_m <= sheet.max_range_m:
-        return None
-    return Altimeter(truth.time_us, range_m, sheet.min_range_m, sheet.max_range_m)
+    range_m += sounder.noise_m * noise
+    if happens(stream, sounder.outlier_chance):
+        farthest_m = max(sounder.min_range_m, min(range_m, sounder.max_range_m))
+        range_m = uniform(stream, sounder.min_range_m, farthest_m)
+    if sounder.min_range_m <= range_m <= sounder.max_range_m:
+        reading[0] = truth.time_us
+        reading[1] = range_m
+        reading[2] = sounder.min_range_m
+        reading[3] = sounder.max_range_m

@@ -16,22 +16,19 @@ With radial velocities a, b, c, d, beam angle B and body velocity (u, v, w) in F
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import cos, radians, sin, sqrt
+from math import cos, inf, nan, radians, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from mavlink_io.frames import Quaternion, Vector, rotate, rotate_back
-from mavlink_io.jit import entry_point, numeric
-from mavlink_io.records import Dvl
-from sitl.core.environment import Environment
+from mavlink_io.jit import entry_point, kernel, numeric
 from sitl.core.environment.floor import SeaFloor
 from sitl.core.sensors import echo
 from sitl.core.sensors.datasheets import DvlSheet
-from sitl.core.sensors.noise import NoiseStream
-from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
-from sitl.core.truth import Truth
+from sitl.core.sensors.noise import NoiseStream, happens, normals, pick, uniform
+from sitl.core.sensors.sample_timing import NOT_FITTED, Timing, deliver, is_due, lose, row, timing
+from sitl.core.sensors.true_motion import TrueMotion
 from sitl.vehicle.vectors import Vector as Array
 
 _BEAMS = 4
@@ -41,30 +38,40 @@ _SIGNS = (1.0, -1.0, 1.0, -1.0)
 """Signs of the beams in the residual."""
 
 
+SCALE, MISALIGNMENT_RAD = 0, 1
+"""Indices of the state, the errors of this run: scale factor of all velocities, from the error of
+the sound speed; mounting error about the vertical axis."""
+STATE = 2
+"""Length of the state."""
+_NO_BEAMS: tuple[Vector, ...] = ((0.0, 0.0, 1.0),) * _BEAMS
+
+
 class DvlSensor(NamedTuple):
     """Parameters of the DVL."""
 
-    timing: Timing
-    water_period_us: int
+    timing: Timing = NOT_FITTED
+    water_period_us: int = 1
     """Period of water-track readings."""
-    sheet: DvlSheet
-    beams: tuple[Vector, ...]
-    """Unit vectors of the beams, FRD."""
-    sine: float
-    cosine: float
-    """Sine and cosine of the beam angle."""
-    worst_tilt_cos: float
-    """Cosine of the largest tilt for bottom track."""
-
-
-class DvlState(NamedTuple):
-    """Errors of this run and readings in transit."""
-
-    scale: float = 1.0
-    """Scale factor of all velocities, from the error of the sound speed."""
+    min_altitude_m: float = 0.0
+    max_altitude_m: float = 0.0
+    noise_mps: float = 0.0
+    """Standard deviation of a horizontal component of bottom track."""
+    scale_error: float = 0.0
     misalignment_rad: float = 0.0
-    """Mounting error about the vertical axis."""
-    queue: Queue[Dvl] = ()
+    """Standard deviations of scale error and misalignment over runs."""
+    outlier_chance: float = 0.0
+    outlier_mps: float = 0.0
+    water_layer_m: float = 0.0
+    """Far end of the layer used for water track, distance below the vehicle."""
+    water_noise_mps: float = 0.0
+    """Standard deviation of a horizontal component of water track."""
+    beams: tuple[Vector, ...] = _NO_BEAMS
+    """Unit vectors of the beams, FRD."""
+    sine: float = 1.0
+    cosine: float = 1.0
+    """Sine and cosine of the beam angle."""
+    worst_tilt_cos: float = 0.0
+    """Cosine of the largest tilt for bottom track."""
 
 
 def build(sheet: DvlSheet, tick_us: int) -> DvlSensor:
@@ -73,7 +80,15 @@ def build(sheet: DvlSheet, tick_us: int) -> DvlSensor:
     return DvlSensor(
         timing=timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
         water_period_us=timing(sheet.water_rate_hz, 0.0, 0.0, tick_us).period_us,
-        sheet=sheet,
+        min_altitude_m=sheet.min_altitude_m,
+        max_altitude_m=sheet.max_altitude_m,
+        noise_mps=sheet.noise_mps,
+        scale_error=sheet.scale_error,
+        misalignment_rad=radians(sheet.misalignment_deg),
+        outlier_chance=sheet.outlier_chance,
+        outlier_mps=sheet.outlier_mps,
+        water_layer_m=sheet.water_layer_m,
+        water_noise_mps=sheet.water_noise_mps,
         beams=tuple((sine * cos(azimuth), sine * sin(azimuth), cosine) for azimuth in _AZIMUTHS),
         sine=sine,
         cosine=cosine,
@@ -81,51 +96,75 @@ def build(sheet: DvlSheet, tick_us: int) -> DvlSensor:
     )
 
 
-def initial_state(log: DvlSensor, stream: NoiseStream) -> DvlState:
+@kernel
+def begin(log: DvlSensor, stream: NoiseStream, state: Array) -> None:
     """Draw the errors of this run."""
-    scale, turn = stream.normals(2)
-    return DvlState(1.0 + log.sheet.scale_error * scale, radians(log.sheet.misalignment_deg) * turn)
+    n = normals(stream, STATE)
+    state[SCALE] = 1.0 + log.scale_error * n[0]
+    state[MISALIGNMENT_RAD] = log.misalignment_rad * n[1]
 
 
+@kernel
 def sample(
-    log: DvlSensor, truth: Truth, sea: Environment, state: DvlState, stream: NoiseStream
-) -> tuple[DvlState, Dvl | None]:
-    """Sample if due; return the new state and the reading that arrives now, if any."""
-    measured = (
-        _measure(log, truth, sea, state, stream) if is_due(log.timing, truth.time_us) else None
-    )
-    queue, velocity = queue_reading(log.timing, state.queue, measured, truth.time_us, stream)
-    return (state if queue is state.queue else state._replace(queue=queue)), velocity
+    log: DvlSensor,
+    truth: TrueMotion,
+    ground: SeaFloor,
+    state: Array,
+    stream: NoiseStream,
+    transit: Array,
+    latest: Array,
+) -> bool:
+    """Sample if due; return whether ``latest``, the numbers of a ``Dvl``, is new."""
+    if is_due(log.timing, truth.time_us):
+        reading = row(log.timing, transit, truth.time_us)
+        _measure(log, truth, ground, state, stream, reading)
+        lose(log.timing, reading, stream)
+    return deliver(log.timing, transit, truth.time_us, latest)
 
 
+@kernel
 def _measure(
-    log: DvlSensor, truth: Truth, sea: Environment, state: DvlState, stream: NoiseStream
-) -> Dvl | None:
-    """Return bottom track if the floor is in range, else water track if due, else None."""
-    sheet, misalignment_rad = log.sheet, state.misalignment_rad
-    turn = state.scale * cos(misalignment_rad), state.scale * sin(misalignment_rad), state.scale
-    altitudes_m, over_ground_mps, through_water_mps = _observe(
-        sea.field.floor,
+    log: DvlSensor,
+    truth: TrueMotion,
+    ground: SeaFloor,
+    state: Array,
+    stream: NoiseStream,
+    reading: Array,
+) -> None:
+    """Write bottom track if the floor is in range, else water track if due, else a lost reading."""
+    reading[0] = nan
+    scale, misalignment_rad = state[SCALE], state[MISALIGNMENT_RAD]
+    observed = _observe(
+        ground,
         log.beams,
         truth.position_ned_m,
         truth.attitude_q,
         truth.velocity_ned_mps,
         truth.water_velocity_ned_mps,
-        turn,
+        (scale * cos(misalignment_rad), scale * sin(misalignment_rad), scale),
         log.cosine,
-    ).tolist()
+    )
     upright = echo.tilt_cos(truth.attitude_q) >= log.worst_tilt_cos
-    echoes = [
-        upright and sheet.min_altitude_m <= altitude <= sheet.max_altitude_m
-        for altitude in altitudes_m
-    ]
-    if sum(echoes) >= _MIN_BEAMS:
-        along = _add_noise(log, over_ground_mps, sheet.noise_mps, stream)
-        return _solve(log, truth.time_us, along, echoes, True, sheet.noise_mps)
-    if truth.time_us % log.water_period_us or min(altitudes_m) < sheet.water_layer_m:
-        return None
-    along = _add_noise(log, through_water_mps, sheet.water_noise_mps, stream)
-    return _solve(log, truth.time_us, along, [True] * _BEAMS, False, sheet.water_noise_mps)
+    echoes, missing, nearest_m = 0, _BEAMS, inf
+    for i in range(_BEAMS):
+        altitude_m = observed[0, i]
+        nearest_m = min(nearest_m, altitude_m)
+        if upright and log.min_altitude_m <= altitude_m <= log.max_altitude_m:
+            echoes += 1
+        elif missing == _BEAMS:
+            missing = i
+    if echoes >= _MIN_BEAMS:
+        _add_noise(log, observed[1], log.noise_mps, stream)
+        _solve(log, observed[1], missing, log.noise_mps, reading)
+        reading[4] = 1.0
+        reading[6] = round(100 * echoes / _BEAMS)
+        reading[0] = truth.time_us
+    elif truth.time_us % log.water_period_us == 0 and nearest_m >= log.water_layer_m:
+        _add_noise(log, observed[2], log.water_noise_mps, stream)
+        _solve(log, observed[2], _BEAMS, log.water_noise_mps, reading)
+        reading[4] = 0.0
+        reading[6] = 100.0
+        reading[0] = truth.time_us
 
 
 @entry_point
@@ -156,43 +195,32 @@ def _observe(
     return observed
 
 
-def _solve(
-    log: DvlSensor,
-    time_us: int,
-    along: list[float],
-    echoes: Sequence[bool],
-    over_ground: bool,
-    noise_mps: float,
-) -> Dvl:
-    """Compute the body velocity from the radial velocities (equations at the top).
+@kernel
+def _solve(log: DvlSensor, along: Array, missing: int, noise_mps: float, reading: Array) -> None:
+    """Write body velocity and figure of merit from the radial velocities (equations at the top).
 
-    A missing beam is replaced by the value for which the residual is zero.
+    ``missing`` is the index of the beam without echo, `_BEAMS` for none. It takes the value for
+    which the residual is zero.
     """
     # Equations: module docstring; a, b, c, d radial velocities (m/s). A beam without echo takes the
     # value for which a - b + c - d = 0. The figure of merit is the larger of noise and error
     # velocity, and sqrt(2) times the noise with three beams.
-    if False in echoes:
-        missing = echoes.index(False)
+    if missing < _BEAMS:
         along[missing] = 0.0
-        along[missing] = -_SIGNS[missing] * _residual(*along)
-    a, b, c, d = along
+        along[missing] = -_SIGNS[missing] * _residual(along)
+    a, b, c, d = along[0], along[1], along[2], along[3]
     level, upright = 2.0 * sqrt(2.0) * log.sine, 4.0 * log.cosine
-    error_mps = abs(_residual(a, b, c, d)) / level
-    merit = max(noise_mps, error_mps) if all(echoes) else sqrt(2.0) * noise_mps
-    return Dvl(
-        time_us,
-        (a - b - c + d) / level,
-        (a + b - c - d) / level,
-        (a + b + c + d) / upright,
-        over_ground,
-        merit,
-        round(100 * sum(echoes) / _BEAMS),
-    )
+    reading[1] = (a - b - c + d) / level
+    reading[2] = (a + b - c - d) / level
+    reading[3] = (a + b + c + d) / upright
+    error_mps = abs(_residual(along)) / level
+    reading[5] = max(noise_mps, error_mps) if missing == _BEAMS else sqrt(2.0) * noise_mps
 
 
-def _residual(a: float, b: float, c: float, d: float) -> float:
+@kernel
+def _residual(along: Array) -> float:
     """Return a - b + c - d, zero for one velocity: opposite beams then have equal sums."""
-    return a - b + c - d
+    return float(along[0] - along[1] + along[2] - along[3])
 
 
 @numeric
@@ -206,19 +234,19 @@ def _instrument_axes(attitude_q: Quaternion, velocity_ned_mps: Vector, turn: Vec
     return c * x + s * y, c * y - s * x, scale * z
 
 
-def _add_noise(
-    log: DvlSensor, radial_mps: Sequence[float], noise_mps: float, stream: NoiseStream
-) -> list[float]:
-    """Return radial velocities with noise and, rarely, an outlier in one beam.
+@kernel
+def _add_noise(log: DvlSensor, along: Array, noise_mps: float, stream: NoiseStream) -> None:
+    """Add noise to radial velocities and, rarely, an outlier to one beam.
 
     ``noise_mps`` is the rms error of a horizontal component. The same noise in each beam gives it
     with the factor sqrt(2) sin B.
     """
     # along_i = beam_i . v + beam_noise n_i (m/s), with beam_i unit vector and v velocity in the
     # DVL's axes (FRD, misaligned), n_i standard normal.
-    sheet, beam_noise = log.sheet, noise_mps * sqrt(2.0) * log.sine
-    draws = stream.normals(_BEAMS)
-    along = [radial + beam_noise * n for radial, n in zip(radial_mps, draws, strict=True)]
-    if stream.happens(sheet.outlier_chance):
-        along[stream.pick(_BEAMS)] += stream.uniform(-sheet.outlier_mps, sheet.outlier_mps)
-    return along
+    beam_noise = noise_mps * sqrt(2.0) * log.sine
+    n = normals(stream, _BEAMS)
+    for i in range(_BEAMS):
+        along[i] += beam_noise * n[i]
+    if happens(stream, log.outlier_chance):
+        beam = pick(stream, _BEAMS)
+        along[beam] += uniform(stream, -log.outlier_mps, log.outlier_mps)

@@ -21,6 +21,7 @@ def range_m(ground: SeaFloor, position_ned_m: Vector, direction_ned: Vector) -> 
     return floor.range_m(ground, flip(north_m, east_m, down_m), flip(north, east, down))
 
 
+@numeric
 def tilt_cos(attitude_q: Quaternion) -> float:
     """Return the cosine of the angle between the vehicle's down axis and the vertical."""
     return rotate(attitude_q, DOWN)[2]

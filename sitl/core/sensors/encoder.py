@@ -5,31 +5,27 @@ from __future__ import annotations
 from math import radians
 from typing import NamedTuple
 
-from mavlink_io.records import DuctFeedback
+from mavlink_io.jit import kernel
 from sitl.core.sensors.datasheets import EncoderSheet
-from sitl.core.sensors.noise import NoiseStream
-from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
-from sitl.core.truth import Truth
+from sitl.core.sensors.noise import NoiseStream, normals
+from sitl.core.sensors.sample_timing import NOT_FITTED, Timing, deliver, is_due, lose, row, timing
+from sitl.core.sensors.true_motion import TrueMotion
+from sitl.vehicle.vectors import Vector
+
+STATE = 2
+"""Length of the state: offsets of this run of rudder and elevator, rad."""
 
 
 class Encoders(NamedTuple):
     """Parameters of the encoders."""
 
-    timing: Timing
-    resolution_rad: float
-    noise_rad: float
-    offset_rad: float
+    timing: Timing = NOT_FITTED
+    resolution_rad: float = 1.0
+    noise_rad: float = 0.0
+    offset_rad: float = 0.0
     """Standard deviation of the offset over runs."""
-    travel_rad: float
+    travel_rad: float = 1.0
     """Duct angle of full control."""
-
-
-class EncoderState(NamedTuple):
-    """Offsets of this run and readings in transit."""
-
-    rudder_offset_rad: float = 0.0
-    elevator_offset_rad: float = 0.0
-    queue: Queue[DuctFeedback] = ()
 
 
 def build(sheet: EncoderSheet, travel_deg: float, tick_us: int) -> Encoders:
@@ -47,31 +43,34 @@ def build(sheet: EncoderSheet, travel_deg: float, tick_us: int) -> Encoders:
     )
 
 
-def initial_state(encoders: Encoders, stream: NoiseStream) -> EncoderState:
+@kernel
+def begin(encoders: Encoders, stream: NoiseStream, state: Vector) -> None:
     """Draw the offsets of this run."""
-    rudder, elevator = (encoders.offset_rad * n for n in stream.normals(2))
-    return EncoderState(rudder, elevator)
+    draws = normals(stream, STATE)
+    for axis in range(STATE):
+        state[axis] = encoders.offset_rad * draws[axis]
 
 
+@kernel
 def sample(
-    encoders: Encoders, truth: Truth, state: EncoderState, stream: NoiseStream
-) -> tuple[EncoderState, DuctFeedback | None]:
-    """Sample if due; return the new state and the reading that arrives now, if any."""
-    measured = None
+    encoders: Encoders,
+    truth: TrueMotion,
+    state: Vector,
+    stream: NoiseStream,
+    transit: Vector,
+    latest: Vector,
+) -> bool:
+    """Sample if due; return whether ``latest``, the numbers of a ``DuctFeedback``, is new."""
     if is_due(encoders.timing, truth.time_us):
-        n_rudder, n_elevator = stream.normals(2)
-        rudder = _read(
-            encoders, truth.rudder_rad + state.rudder_offset_rad + encoders.noise_rad * n_rudder
-        )
-        elevator = _read(
-            encoders,
-            truth.elevator_rad + state.elevator_offset_rad + encoders.noise_rad * n_elevator,
-        )
-        measured = DuctFeedback(truth.time_us, rudder, elevator)
-    queue, feedback = queue_reading(encoders.timing, state.queue, measured, truth.time_us, stream)
-    return (state if queue is state.queue else state._replace(queue=queue)), feedback
+        reading, n = row(encoders.timing, transit, truth.time_us), normals(stream, 2)
+        reading[0] = truth.time_us
+        reading[1] = _read(encoders, truth.rudder_rad + state[0] + encoders.noise_rad * n[0])
+        reading[2] = _read(encoders, truth.elevator_rad + state[1] + encoders.noise_rad * n[1])
+        lose(encoders.timing, reading, stream)
+    return deliver(encoders.timing, transit, truth.time_us, latest)
 
 
+@kernel
 def _read(encoders: Encoders, angle_rad: float) -> float:
     """Round an angle to the resolution and return it as a fraction of the travel."""
     return (

@@ -2,40 +2,41 @@
 
 from __future__ import annotations
 
+from math import isnan, nan
 from typing import NamedTuple
 
 from mavlink_io.frames import offset_to_geodetic
-from mavlink_io.records import GpsFix
-from sitl.core.environment import Environment
+from mavlink_io.jit import kernel
+from sitl.core.environment import Surroundings
 from sitl.core.sensors.datasheets import GpsSheet
-from sitl.core.sensors.noise import NoiseStream
-from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
-from sitl.core.truth import Truth
+from sitl.core.sensors.noise import NoiseStream, normals
+from sitl.core.sensors.sample_timing import NOT_FITTED, Timing, deliver, is_due, lose, row, timing
+from sitl.core.sensors.true_motion import TrueMotion
+from sitl.vehicle.vectors import Vector
 
 MAX_DEPTH_M = 0.4
 """Depth of the hull axis at which the antenna, on top of the hull, is submerged."""
 NO_FIX, FIX_3D = 1, 3
 """Values of GPS_FIX_TYPE."""
+FIX_FROM_US, SEEN_US = 0, 1
+"""Indices of the state: vehicle time from which there is a fix, NaN while the antenna is under
+water; vehicle time of the last report with the antenna above water. Both are zero at vehicle time
+zero: there is a fix from the time before the launch."""
+STATE = 2
+"""Length of the state."""
 
 
 class GpsReceiver(NamedTuple):
     """Parameters of the receiver."""
 
-    timing: Timing
-    sheet: GpsSheet
-    hot_start_us: int
-    warm_start_us: int
-    hot_within_us: int
-
-
-class GpsState(NamedTuple):
-    """State of the receiver; at vehicle time zero it has a fix, from the time before the launch."""
-
-    fix_from_us: int | None = 0
-    """Vehicle time from which there is a fix; None while the antenna is under water."""
-    lost_us: int = 0
-    """Vehicle time of the last report with the antenna above water."""
-    queue: Queue[GpsFix] = ()
+    timing: Timing = NOT_FITTED
+    horizontal_noise_m: float = 0.0
+    vertical_noise_m: float = 0.0
+    velocity_noise_mps: float = 0.0
+    satellites: int = 0
+    hot_start_us: int = 0
+    warm_start_us: int = 0
+    hot_within_us: int = 0
 
 
 def build(sheet: GpsSheet, tick_us: int) -> GpsReceiver:
@@ -45,77 +46,80 @@ def build(sheet: GpsSheet, tick_us: int) -> GpsReceiver:
     )
     return GpsReceiver(
         timing=timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
-        sheet=sheet,
+        horizontal_noise_m=sheet.horizontal_noise_m,
+        vertical_noise_m=sheet.vertical_noise_m,
+        velocity_noise_mps=sheet.velocity_noise_mps,
+        satellites=sheet.satellites,
         hot_start_us=hot,
         warm_start_us=warm,
         hot_within_us=within,
     )
 
 
+@kernel
 def sample(
-    receiver: GpsReceiver, truth: Truth, sea: Environment, state: GpsState, stream: NoiseStream
-) -> tuple[GpsState, GpsFix | None]:
-    """Report if due; return the new state and the report that arrives now, if any."""
-    measured = None
+    receiver: GpsReceiver,
+    truth: TrueMotion,
+    sea: Surroundings,
+    state: Vector,
+    stream: NoiseStream,
+    transit: Vector,
+    latest: Vector,
+) -> bool:
+    """Report if due; return whether ``latest``, the numbers of a ``GpsFix``, is new."""
     if is_due(receiver.timing, truth.time_us):
-        state = _update_sky_view(receiver, truth, state)
-        has_fix = state.fix_from_us is not None and state.fix_from_us <= truth.time_us
-        measured = (
-            _measure(receiver.sheet, truth, sea, stream) if has_fix else no_fix(truth.time_us)
-        )
-    queue, report = queue_reading(receiver.timing, state.queue, measured, truth.time_us, stream)
-    return (state if queue is state.queue else state._replace(queue=queue)), report
+        reading = row(receiver.timing, transit, truth.time_us)
+        reading[:] = 0.0
+        _update_sky_view(receiver, truth, state)
+        if state[FIX_FROM_US] <= truth.time_us:
+            _measure(receiver, truth, sea, stream, reading)
+        else:
+            reading[1] = NO_FIX
+            reading[9] = nan
+            reading[10] = nan
+        reading[0] = truth.time_us
+        lose(receiver.timing, reading, stream)
+    return deliver(receiver.timing, transit, truth.time_us, latest)
 
 
-def no_fix(time_us: int) -> GpsFix:
-    """Return the report of a receiver without a fix."""
-    return GpsFix(
-        time_us=time_us,
-        fix_type=NO_FIX,
-        lat_deg=0.0,
-        lon_deg=0.0,
-        alt_m=0.0,
-        velocity_north_mps=0.0,
-        velocity_east_mps=0.0,
-        velocity_down_mps=0.0,
-        satellites=0,
-    )
-
-
-def _update_sky_view(receiver: GpsReceiver, truth: Truth, state: GpsState) -> GpsState:
+@kernel
+def _update_sky_view(receiver: GpsReceiver, truth: TrueMotion, state: Vector) -> None:
     """Update whether the antenna is above water; after surfacing set the time of the next fix."""
     if truth.position_ned_m[2] + truth.surface_m >= MAX_DEPTH_M:
-        return state if state.fix_from_us is None else state._replace(fix_from_us=None)
-    fix_from_us = state.fix_from_us
-    if fix_from_us is None:
-        submerged_us = truth.time_us - state.lost_us
-        is_hot = submerged_us <= receiver.hot_within_us
+        state[FIX_FROM_US] = nan
+        return
+    if isnan(state[FIX_FROM_US]):
+        is_hot = truth.time_us - state[SEEN_US] <= receiver.hot_within_us
         start_us = receiver.hot_start_us if is_hot else receiver.warm_start_us
-        fix_from_us = truth.time_us + start_us
-    return GpsState(fix_from_us, truth.time_us, state.queue)
+        state[FIX_FROM_US] = truth.time_us + start_us
+    state[SEEN_US] = truth.time_us
 
 
-def _measure(sheet: GpsSheet, truth: Truth, sea: Environment, stream: NoiseStream) -> GpsFix:
-    """Return a fix with white noise on position and velocity."""
+@kernel
+def _measure(
+    receiver: GpsReceiver,
+    truth: TrueMotion,
+    sea: Surroundings,
+    stream: NoiseStream,
+    reading: Vector,
+) -> None:
+    """Write a fix with white noise on position and velocity, without its time."""
     # measured = true + sd n, with n standard normal, independent in each axis and report; position
     # (m) and velocity (m/s) in NED, altitude upwards.
-    north, east, up, v_north, v_east, v_down = stream.normals(6)
+    n = normals(stream, 6)
+    north_m, east_m, down_m = truth.position_ned_m
     latitude, longitude = offset_to_geodetic(
-        truth.position_ned_m[0] + sheet.horizontal_noise_m * north,
-        truth.position_ned_m[1] + sheet.horizontal_noise_m * east,
+        north_m + receiver.horizontal_noise_m * n[0],
+        east_m + receiver.horizontal_noise_m * n[1],
         sea.latitude_deg,
         sea.longitude_deg,
     )
-    return GpsFix(
-        truth.time_us,
-        FIX_3D,
-        latitude,
-        longitude,
-        -truth.position_ned_m[2] + sheet.vertical_noise_m * up,
-        truth.velocity_ned_mps[0] + sheet.velocity_noise_mps * v_north,
-        truth.velocity_ned_mps[1] + sheet.velocity_noise_mps * v_east,
-        truth.velocity_ned_mps[2] + sheet.velocity_noise_mps * v_down,
-        sheet.satellites,
-        sheet.horizontal_noise_m,
-        sheet.vertical_noise_m,
-    )
+    reading[1] = FIX_3D
+    reading[2] = latitude
+    reading[3] = longitude
+    reading[4] = -down_m + receiver.vertical_noise_m * n[2]
+    for axis in range(3):
+        reading[5 + axis] = truth.velocity_ned_mps[axis] + receiver.velocity_noise_mps * n[3 + axis]
+    reading[8] = receiver.satellites
+    reading[9] = receiver.horizontal_noise_m
+    reading[10] = receiver.vertical_noise_m

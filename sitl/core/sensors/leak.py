@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from mavlink_io.records import Leak
+from mavlink_io.jit import kernel
 from sitl.core.sensors.datasheets import Sheet
 from sitl.core.sensors.noise import NoiseStream
-from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
-from sitl.core.truth import Truth
-
-LeakState = Queue[Leak]
+from sitl.core.sensors.sample_timing import Timing, deliver, is_due, lose, row, timing
+from sitl.core.sensors.true_motion import TrueMotion
+from sitl.vehicle.vectors import Vector
 
 
 def build(sheet: Sheet, tick_us: int) -> Timing:
@@ -16,9 +15,13 @@ def build(sheet: Sheet, tick_us: int) -> Timing:
     return timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
 
 
+@kernel
 def sample(
-    detector: Timing, truth: Truth, state: LeakState, stream: NoiseStream
-) -> tuple[LeakState, Leak | None]:
-    """Sample if due; return the new state and the reading that arrives now, if any."""
-    measured = Leak(truth.flooding) if is_due(detector, truth.time_us) else None
-    return queue_reading(detector, state, measured, truth.time_us, stream)
+    detector: Timing, truth: TrueMotion, stream: NoiseStream, transit: Vector, latest: Vector
+) -> bool:
+    """Sample if due; return whether ``latest``, the numbers of a ``Leak``, is new."""
+    if is_due(detector, truth.time_us):
+        reading = row(detector, transit, truth.time_us)
+        reading[0] = 1.0 if truth.flooding else 0.0
+        lose(detector, reading, stream)
+    return deliver(detector, transit, truth.time_us, latest)

@@ -1,42 +1,75 @@
-"""Random numbers of sensors that Python samples, drawn in blocks."""
+"""Random numbers of the slower sensors: normal numbers in blocks, others one by one.
+
+A sensor may draw numbers of several kinds, and how many depends on what it measures, so each has a
+generator of its own.
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
+
+from mavlink_io.jit import entry_point, kernel
+from sitl.vehicle.vectors import Vector
 
 BLOCK = 600
-"""Normal draws per call of numpy: a call for three draws takes as long as a sensor model."""
+"""Normal numbers that are drawn at a time."""
+MOST = 6
+"""Largest number of normal draws of a sample."""
 
 
-class NoiseStream:
-    """A random stream that draws normal numbers in blocks."""
+class NoiseStream(NamedTuple):
+    """Random stream of a sensor; it advances."""
 
-    def __init__(self, stream: Generator) -> None:
-        self._stream = stream
-        self._ready: list[float] = []
-        self._next = 0
+    generator: Generator
+    ready: Vector
+    """Normal numbers, shape (BLOCK + MOST,)."""
+    limits: NDArray[np.int64]
+    """Index of the next number in ``ready``, and of the end of the numbers."""
 
-    def normals(self, count: int) -> list[float]:
-        """Return ``count`` draws of zero mean and unit variance."""
-        start, end = self._next, self._next + count
-        if end > len(self._ready):
-            self._ready = self._ready[start:] + self._stream.standard_normal(BLOCK).tolist()
-            start, end = 0, count
-        self._next = end
-        return self._ready[start:end]
 
-    def normal(self) -> float:
-        """Return one draw of zero mean and unit variance."""
-        return self.normals(1)[0]
+def noise_stream(generator: Generator) -> NoiseStream:
+    """Return the stream of a generator."""
+    return NoiseStream(generator, np.zeros(BLOCK + MOST), np.zeros(2, np.int64))
 
-    def happens(self, chance: float) -> bool:
-        """Return True with probability ``chance``; for zero nothing is drawn."""
-        return chance > 0.0 and bool(self._stream.random() < chance)
 
-    def uniform(self, low: float, high: float) -> float:
-        """Return a draw from the uniform distribution on [low, high)."""
-        return float(self._stream.uniform(low, high))
+@kernel
+def normals(stream: NoiseStream, count: int) -> Vector:
+    """Return draws of zero mean and unit variance, at most `MOST`, valid until the next call."""
+    start = stream.limits[0]
+    if start + count > stream.limits[1]:
+        _draw_block(stream.generator, stream.ready, stream.limits)
+        start = 0
+    stream.limits[0] = start + count
+    return stream.ready[start : start + count]
 
-    def pick(self, count: int) -> int:
-        """Return a random integer from 0 to ``count`` - 1."""
-        return int(self._stream.integers(count))
+
+@entry_point
+def _draw_block(generator: Generator, ready: Vector, limits: NDArray[np.int64]) -> None:
+    """Move the numbers that are left to the front, and draw a block behind them."""
+    left = limits[1] - limits[0]
+    for i in range(left):
+        ready[i] = ready[limits[0] + i]
+    ready[left : left + BLOCK] = generator.standard_normal(BLOCK)
+    limits[0], limits[1] = 0, left + BLOCK
+
+
+@kernel
+def happens(stream: NoiseStream, chance: float) -> bool:
+    """Return True with probability ``chance``; for zero nothing is drawn."""
+    return chance > 0.0 and stream.generator.random() < chance
+
+
+@kernel
+def uniform(stream: NoiseStream, low: float, high: float) -> float:
+    """Return a draw from the uniform distribution on [low, high)."""
+    return float(stream.generator.uniform(low, high))
+
+
+@kernel
+def pick(stream: NoiseStream, count: int) -> int:
+    """Return a random integer from 0 to ``count`` - 1."""
+    return int(stream.generator.integers(0, count))

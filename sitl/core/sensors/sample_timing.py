@@ -1,22 +1,17 @@
 """Sample period, latency and dropout of sensors, in whole ticks of the simulator.
 
-Readings in transit are records in a queue for the slower sensors, which Python samples, and rows of
-an array for the sensors of the compiled tick.
+Readings in transit are rows of an array. The first number of a lost reading is NaN.
 """
 
 from __future__ import annotations
 
 from math import erfc, isnan, nan, sqrt
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 from mavlink_io.jit import kernel, numeric
 from sitl.core.draws import DrawTable, draw
-from sitl.core.sensors.noise import NoiseStream
+from sitl.core.sensors.noise import NoiseStream, happens
 from sitl.vehicle.vectors import Vector
-
-Reading = TypeVar("Reading")
-Queue = tuple[tuple[int, Reading], ...]
-"""Readings in transit, in order: vehicle time of arrival (us) and reading."""
 
 
 class Timing(NamedTuple):
@@ -46,11 +41,6 @@ def is_due(schedule: Timing, time_us: int) -> bool:
     return schedule.period_us > 0 and time_us % schedule.period_us == 0
 
 
-def is_idle(schedule: Timing, queue: tuple[object, ...], time_us: int) -> bool:
-    """Return whether a sensor neither takes a sample at ``time_us`` nor has one in transit."""
-    return time_us % schedule.period_us != 0 and not queue
-
-
 def slots(schedule: Timing) -> int:
     """Return the number of rows for readings in transit."""
     return schedule.latency_us // schedule.period_us + 1 if schedule.period_us else 1
@@ -74,6 +64,13 @@ def drop(schedule: Timing, reading: Vector, table: DrawTable, stream: int) -> No
 
 
 @kernel
+def lose(schedule: Timing, reading: Vector, stream: NoiseStream) -> None:
+    """Mark a reading of a slower sensor as lost, with the probability of a dropout."""
+    if not isnan(reading[0]) and happens(stream, schedule.dropout):
+        reading[0] = nan
+
+
+@kernel
 def deliver(schedule: Timing, transit: Vector, time_us: int, latest: Vector) -> bool:
     """Copy the reading that arrives at ``time_us`` to ``latest``; return whether one does."""
     measured_us = time_us - schedule.latency_us
@@ -85,25 +82,3 @@ def deliver(schedule: Timing, transit: Vector, time_us: int, latest: Vector) -> 
     for i in range(len(reading)):
         latest[i] = reading[i]
     return True
-
-
-def queue_reading(
-    schedule: Timing,
-    queue: Queue[Reading],
-    measured: Reading | None,
-    time_us: int,
-    stream: NoiseStream,
-) -> tuple[Queue[Reading], Reading | None]:
-    """Queue the sample of ``time_us``, if any.
-
-    Returns the readings still in transit, and the reading that arrives now, if any.
-    """
-    if measured is not None and stream.happens(schedule.dropout):
-        measured = None
-    if not schedule.latency_us:
-        return queue, measured
-    if measured is not None:
-        queue = (*queue, (time_us + schedule.latency_us, measured))
-    if queue and queue[0][0] <= time_us:
-        return queue[1:], queue[0][1]
-    return queue, None

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from msgspec.structs import replace
 
 from mavlink_io.records import ActuatorFrame
 from sitl import scenario
@@ -18,7 +19,7 @@ import sys
 import tests.sitl.core.test_plain_python as this
 sys.stdout.write(this.flown("caribou_truth", this.FAULTY) + this.flown("xfin_auv", this.SWELL))
 """
-SWELL = scenario.load("swell")
+SWELL = replace(scenario.load("swell"), rig=scenario.Rig(encoder="as5048"))
 FAULTY = Scenario(
     start=scenario.StartTable(depth_m=3.0, speed_mps=1.0),
     disturbance=scenario.load("disturbed").disturbance,
@@ -39,7 +40,7 @@ def flown(vehicle: str, sea: Scenario) -> str:
         controls = (0.9 if tick % 20 < 10 else -0.9, 0.4, 0.58)
         state, sensors = plant.step(simulated, state, ActuatorFrame(0, 1, controls, 129), rng)
         numbers = [*state.values.tolist(), *state.truth.position_ned_m, *sensors.frame]
-        lines.append(" ".join(float(number).hex() for number in numbers))
+        lines.append(" ".join(float(number).hex() for number in numbers) + repr(sensors[1:]))
     return "\n".join(lines)
 
 

@@ -115,7 +115,7 @@ def test_magnetometer_shows_heading_minus_declination(heading_deg: float) -> Non
 
 
 def test_sensor_errors_depend_on_seed_only() -> None:
-    first, again, other = (readings(AT_REST, 20, seed=seed) for seed in (5, 5, 6))
+    first, again, other = (repr(readings(AT_REST, 20, seed=seed)) for seed in (5, 5, 6))
     assert first == again
     assert first != other
 
