@@ -69,16 +69,23 @@ class Results:
 
     Parameters
     ----------
-    values : Numbers
-        Copy of the array of ``steady_kernel``.
+    rows : Numbers
+        Arrays of ``steady_kernel`` of some ticks, which do not change any more.
+    start, end : int
+        Index of the first number of this tick, and behind its last.
+    time_us : int
+        Vehicle time of the tick.
     config : Native
         Parameters of the tick.
     """
 
-    __slots__ = ("_list", "config", "devices", "relayed", "values")
+    __slots__ = ("_end", "_list", "config", "devices", "relayed", "rows", "start", "time_us")
 
-    def __init__(self, values: jit.Numbers, config: jit.Native) -> None:
-        self.values, self.config = values, config
+    def __init__(
+        self, rows: jit.Numbers, start: int, end: int, time_us: int, config: jit.Native
+    ) -> None:
+        self.rows, self.start, self._end = rows, start, end
+        self.time_us, self.config = time_us, config
         self.devices: NewRecords | None = None
         """Device records that have come in the tick, for an exchange."""
         self.relayed: Sequence[Frame] = ()
@@ -89,13 +96,8 @@ class Results:
     def _numbers(self) -> list[float]:
         """Return the numbers for Python."""
         if self._list is None:
-            self._list = self.values.tolist()
+            self._list = self.rows[self.start : self._end].tolist()
         return self._list
-
-    @property
-    def time_us(self) -> int:
-        """Vehicle time of the tick."""
-        return int(self.values[0])
 
     @property
     def motion(self) -> Motion:
@@ -264,24 +266,26 @@ class SteadyTicks:
         """Return the results of the ticks of an exchange."""
         row, size = self._exchange.ROW, self._kernel.SIZE
         rows, relayed_end = copy(self._rows[: ticks * row]), 0
+        times = rows[::row].tolist()
         new = rows[self._exchange.NEW :: row].tolist()
         ends = rows[self._exchange.RELAY_END :: row].tolist()
         results = []
-        for start, bits, end in zip(range(0, len(rows), row), new, ends, strict=True):
-            tick = Results(rows[start : start + size], config)
+        for tick, (time_us, bits, end) in enumerate(zip(times, new, ends, strict=True)):
+            start = tick * row
+            result = Results(rows, start, start + size, int(time_us), config)
             if bits:
-                tick.devices = self._new_records(int(bits), tick.values)
+                result.devices = self._new_records(int(bits), rows, start)
             if end > relayed_end:
-                tick.relayed = Framer().feed(bytes(self._relay[int(relayed_end) : int(end)]))
+                result.relayed = Framer().feed(bytes(self._relay[int(relayed_end) : int(end)]))
                 relayed_end = end
-            results.append(tick)
+            results.append(result)
         return results
 
-    def _new_records(self, new: int, values: jit.Numbers) -> NewRecords:
-        """Return the device records of the bits ``new``."""
+    def _new_records(self, new: int, rows: jit.Numbers, row: int) -> NewRecords:
+        """Return the device records of the bits ``new`` in the row that begins at an index."""
         starts = self._kernel.STARTS[_FIRST_DEVICE:]
         return NewRecords._make(
-            read(values[start : start + length].tolist()) if new >> index & 1 else None
+            read(rows[row + start : row + start + length].tolist()) if new >> index & 1 else None
             for index, (read, start, length) in enumerate(
                 zip(device_records.READERS, starts, device_records.LENGTHS, strict=False)
             )
@@ -290,7 +294,8 @@ class SteadyTicks:
     def results(self) -> Results:
         """Return the results of the last steady tick."""
         assert self._course is not None
-        return Results(copy(self._values), self._course.config)
+        values = copy(self._values)
+        return Results(values, 0, len(values), int(values[0]), self._course.config)
 
     def update(self, state: AutopilotState) -> AutopilotState:
         """Return the state after the steady ticks since the last call."""

@@ -23,7 +23,7 @@ from autopilot.control.types import (
     UNSUPPORTED,
     Severity,
 )
-from autopilot.telemetry import streams
+from autopilot.telemetry import tick_messages
 from mavlink_io.frames import wrap_pi
 from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
@@ -229,7 +229,7 @@ def set_home(context: CommandContext, command: MavCommand, schedule: Schedule) -
         if not state.home.known:
             return context.refuse(TEMPORARILY_REJECTED, "Home refused: the position is not known")
         lat_deg, lon_deg = (
-            angle * 1e-7 for angle in streams.position_dege7(state.estimate, state.home)
+            angle * 1e-7 for angle in tick_messages.position_dege7(state.estimate, state.home)
         )
     return move_home(context, lat_deg, lon_deg, command.p7)
 

@@ -64,14 +64,18 @@ class _TickTelemetry(NamedTuple):
     @property
     def max_bytes(self) -> int:
         """Upper bound of the bytes of all frames."""
-        return sum(largest_frame(stream.message) for stream in self.group.streams)
+        return self.group.max_bytes
 
 
 class TelemetryEncoder(Protocol):
-    """Compiled code that encodes telemetry: ``compiled_streams.FrameEncoder``."""
+    """Compiled code that encodes telemetry in batches: ``compiled_streams.FrameEncoder``."""
 
-    def encode(self, group: StreamGroup, report: SteadyReport, endpoint: Endpoint) -> bytes:
-        """Return the next frames of an endpoint, fewer octets than a datagram may have."""
+    def add(self, group: StreamGroup, report: SteadyReport, max_bytes: int) -> bool:
+        """Add messages of a tick to the batch, if they belong to it."""
+        ...
+
+    def take(self, endpoint: Endpoint) -> bytes:
+        """Return the frames of the batch, which ends, as the next ones of an endpoint."""
         ...
 
 
@@ -184,18 +188,34 @@ class GroundLink:
         self._due_s = now_s + BATCH_S
         frames: list[bytes] = []
         for entry in entries:
-            if isinstance(entry, _TickTelemetry):
-                self._encode_telemetry(entry, frames)
-            else:
+            if self._is_batched(entry):
+                continue
+            self._end_batch(frames)
+            if isinstance(entry, QueuedFrame):
                 frames.append(entry.encode())
+            elif not self._is_batched(entry):
+                self._encode_telemetry(entry, frames)
+        self._end_batch(frames)
         self._send(frames)
+
+    def _is_batched(self, entry: "QueuedFrame | _TickTelemetry") -> bool:
+        """Add an entry to the batch of the compiled encoder; return whether that is possible."""
+        return (
+            self._encoder is not None
+            and isinstance(entry, _TickTelemetry)
+            and entry.group.is_numeric
+            and isinstance(entry.report, SteadyReport)
+            and self._encoder.add(entry.group, entry.report, self._max_packet_bytes)
+        )
+
+    def _end_batch(self, frames: list[bytes]) -> None:
+        """Append the frames of the batch of the compiled encoder."""
+        if self._encoder is not None and (batch := self._encoder.take(self.endpoint)):
+            frames.append(batch)
 
     def _encode_telemetry(self, telemetry: _TickTelemetry, frames: list[bytes]) -> None:
         """Build and encode the telemetry of a tick, and append its frames."""
         group, report = telemetry
-        if group.is_numeric and self._encoder is not None and isinstance(report, SteadyReport):
-            frames.append(self._encoder.encode(group, report, self.endpoint))
-            return
         for stream in group.streams:
             message = stream.message
             try:

@@ -11,7 +11,8 @@ from autopilot.control.manual_control import channels_of
 from autopilot.reports import Snapshot
 from autopilot.telemetry import identity, navigation
 from autopilot.telemetry.encoding import boot_ms, int16, time_us
-from autopilot.telemetry.streams import STREAMS, TelemetryStream, position_dege7, stream
+from autopilot.telemetry.streams import STREAMS, TelemetryStream, stream
+from autopilot.telemetry.tick_messages import position_dege7
 from mavlink_io.dialect import Values, constant
 from mavlink_io.frames import euler_from_quaternion
 

@@ -44,11 +44,13 @@ def int16(value: float) -> int:
     return clamp(value, -32_768, 32_767)
 
 
+@numeric
 def int32(value: float) -> int:
     """Return the nearest int32."""
     return clamp(value, -(1 << 31), (1 << 31) - 1)
 
 
+@numeric
 def uint16(value: float) -> int:
     """Return the nearest uint16 below UNKNOWN_U16, which marks an unknown value."""
     return clamp(value, 0, UNKNOWN_U16 - 1)
@@ -71,6 +73,7 @@ def pack_payload(message: MessageType, values: Values) -> bytes:
         return message.pack(message.clamped(values))
 
 
+@numeric
 def centidegrees(angle_rad: float) -> int:
     """Return a heading in centidegrees, 0 to 35999."""
     return clamp(math.degrees(angle_rad) % 360.0 * 100.0, 0, 36_000) % 36_000

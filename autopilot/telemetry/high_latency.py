@@ -12,7 +12,7 @@ from autopilot.control.sensor_health.sensor_checks import ALTIMETER, BATTERY, DU
 from autopilot.reports import Snapshot
 from autopilot.telemetry.encoding import boot_ms, clamp, int16
 from autopilot.telemetry.identity import ModeTable, heartbeat
-from autopilot.telemetry.streams import position_dege7
+from autopilot.telemetry.tick_messages import position_dege7
 from autopilot.vehicle import mission_progress
 from mavlink_io.dialect import Values, constant
 

@@ -10,94 +10,27 @@ from array import array
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from autopilot.control.types import Home, Motion, Trace, VehicleEstimate
+from autopilot.control.types import Trace
 from autopilot.reports import Snapshot
 from autopilot.telemetry import navigation, status, tick_messages
 from autopilot.telemetry.encoding import (
     Builder,
     Report,
     boot_ms,
-    centidegrees,
-    clamp,
-    int16,
     int32,
     time_us,
     uint16,
     uint32,
 )
 from mavlink_io import dialect
+from mavlink_io.codec import largest_frame
 from mavlink_io.device_messages import UNKNOWN_U16
 from mavlink_io.dialect import MessageType, Values, constant
-from mavlink_io.frames import offset_to_geodetic
 from mavlink_io.jit import NUMERIC
 
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _ULTRASOUND = constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _NO_FIX = constant("GPS_FIX_TYPE_NO_FIX")
-
-
-def global_position(s: Report) -> Values:
-    """Return GLOBAL_POSITION_INT: degE7, mm, cm/s and cdeg."""
-    motion = s.motion
-    lat, lon = position_dege7(motion, s.home)
-    height_mm = int32(-motion.depth_m * 1000.0)
-    vx, vy, vz = (
-        int16(v * 100.0)
-        for v in (motion.north_rate_mps, motion.east_rate_mps, motion.depth_rate_mps)
-    )
-    return (
-        boot_ms(s),
-        lat,
-        lon,
-        height_mm,
-        height_mm,
-        vx,
-        vy,
-        vz,
-        centidegrees(motion.heading_rad),
-    )
-
-
-def vfr_hud(s: Report) -> Values:
-    """Return VFR_HUD: speeds (m/s), altitude (m), heading (deg) and thrust (percent)."""
-    motion = s.motion
-    ground_speed_mps = math.hypot(motion.north_rate_mps, motion.east_rate_mps)
-    throttle = clamp(abs(s.trace.thrust) * 100.0, 0, 100)
-    return (
-        motion.speed_mps,
-        ground_speed_mps,
-        -motion.depth_m,
-        -motion.depth_rate_mps,
-        centidegrees(motion.heading_rad) // 100,
-        throttle,
-    )
-
-
-def distance_sensor(s: Report) -> Values:
-    """Return DISTANCE_SENSOR: range (cm) of the altimeter; signal quality 1 means no echo."""
-    range_m, altimeter = s.motion.altitude_m, s.altimeter
-    limits_m = (0.0, math.inf)
-    if altimeter is not None:
-        limits_m = altimeter.min_range_m, altimeter.max_range_m
-    no_echo = math.isnan(range_m)
-    min_cm, max_cm, range_cm = (
-        clamp(100.0 * m, 0, UNKNOWN_U16) for m in (*limits_m, 0.0 if no_echo else range_m)
-    )
-    quality = 1 if no_echo else 100
-    return (
-        boot_ms(s),
-        min_cm,
-        max_cm,
-        range_cm,
-        _ULTRASOUND,
-        0,
-        _LOOKING_DOWN,
-        255,
-        0.0,
-        0.0,
-        (0.0,) * 4,
-        quality,
-    )
 
 
 def gps_raw(s: Snapshot) -> Values:
@@ -126,11 +59,6 @@ def gps_raw(s: Snapshot) -> Values:
         0,
         0,
     )
-
-
-def system_time(s: Report) -> Values:
-    """Return SYSTEM_TIME with vehicle time (ms) only: the time of day is not known."""
-    return 0, boot_ms(s)
 
 
 def global_origin(s: Report) -> Values:
@@ -197,12 +125,15 @@ class StreamGroup(NamedTuple):
     streams: Sequence[TelemetryStream]
     numbers: "array[int]"
     """Their message ids, for compiled code."""
+    max_bytes: int
+    """Upper bound of the bytes of all frames."""
 
 
 def stream_group(streams: Sequence[TelemetryStream]) -> StreamGroup:
     """Return the group of streams with equal ``of_tick`` and ``is_numeric``."""
     numbers = array("q", [stream.message.message_id for stream in streams])
-    return StreamGroup(streams[0].of_tick, streams[0].is_numeric, streams, numbers)
+    max_bytes = sum(largest_frame(stream.message) for stream in streams)
+    return StreamGroup(streams[0].of_tick, streams[0].is_numeric, streams, numbers, max_bytes)
 
 
 def stream(name: str, rate_hz: float, build: Builder, *more_builders: Builder) -> TelemetryStream:
@@ -221,11 +152,11 @@ _OF_TICK = frozenset(
         tick_messages.attitude,
         tick_messages.attitude_quaternion,
         tick_messages.local_position,
-        global_position,
-        vfr_hud,
+        tick_messages.global_position,
+        tick_messages.vfr_hud,
         tick_messages.altitude,
         tick_messages.water_pressure,
-        distance_sensor,
+        tick_messages.distance_sensor,
         navigation.navigation,
         tick_messages.attitude_target,
         navigation.position_target,
@@ -233,7 +164,7 @@ _OF_TICK = frozenset(
         tick_messages.actuator_outputs,
         tick_messages.imu,
         tick_messages.odometry,
-        system_time,
+        tick_messages.system_time,
         loop_trace,
     )
 )
@@ -244,11 +175,11 @@ STREAMS = (
     stream("ATTITUDE", 10, tick_messages.attitude),
     stream("ATTITUDE_QUATERNION", 10, tick_messages.attitude_quaternion),
     stream("LOCAL_POSITION_NED", 5, tick_messages.local_position),
-    stream("GLOBAL_POSITION_INT", 5, global_position),
-    stream("VFR_HUD", 4, vfr_hud),
+    stream("GLOBAL_POSITION_INT", 5, tick_messages.global_position),
+    stream("VFR_HUD", 4, tick_messages.vfr_hud),
     stream("ALTITUDE", 2, tick_messages.altitude),
     stream("SCALED_PRESSURE2", 5, tick_messages.water_pressure),
-    stream("DISTANCE_SENSOR", 5, distance_sensor),
+    stream("DISTANCE_SENSOR", 5, tick_messages.distance_sensor),
     stream("NAV_CONTROLLER_OUTPUT", 2, navigation.navigation),
     stream("ATTITUDE_TARGET", 4, tick_messages.attitude_target),
     stream("POSITION_TARGET_LOCAL_NED", 2, navigation.position_target),
@@ -259,7 +190,7 @@ STREAMS = (
     stream("ESTIMATOR_STATUS", 1, navigation.estimator_status),
     stream("WIND_COV", 1, navigation.current),
     stream("GPS_RAW_INT", 1, gps_raw),
-    stream("SYSTEM_TIME", 1, system_time),
+    stream("SYSTEM_TIME", 1, tick_messages.system_time),
     stream("SYS_STATUS", 1, status.system_status),
     stream("EXTENDED_SYS_STATE", 1, status.extended_state),
     stream("MISSION_CURRENT", 1, status.mission_current),
@@ -275,11 +206,3 @@ STREAMS = (
     ),
 )
 BY_ID = {stream.message.message_id: stream for stream in STREAMS}
-
-
-def position_dege7(at: VehicleEstimate | Motion, home: Home) -> tuple[int, int]:
-    """Return the estimated latitude and longitude in degE7; 0, 0 while home is not known."""
-    if not home.known:
-        return 0, 0
-    lat, lon = offset_to_geodetic(at.north_m, at.east_m, home.lat_deg, home.lon_deg)
-    return int32(lat * 1e7), int32(lon * 1e7)

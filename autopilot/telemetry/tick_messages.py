@@ -3,15 +3,27 @@
 import math
 
 from autopilot.control import actuator_test
-from autopilot.telemetry.encoding import Report, boot_ms, clamp, int16, time_us
+from autopilot.control.types import Home, Motion, VehicleEstimate
+from autopilot.telemetry.encoding import (
+    Report,
+    boot_ms,
+    centidegrees,
+    clamp,
+    int16,
+    int32,
+    time_us,
+)
+from mavlink_io.device_messages import UNKNOWN_U16
 from mavlink_io.dialect import Values, constant
-from mavlink_io.frames import quaternion_from_euler, rotate_back
+from mavlink_io.frames import offset_to_geodetic, quaternion_from_euler, rotate_back
 from mavlink_io.jit import numeric
 
 ACTUATORS_IN_USE = (1 << actuator_test.CHANNELS) - 1
 """ACTUATOR_OUTPUT_STATUS.active: a bit per channel."""
 _ATTITUDE_TARGET_IGNORES = 0b111
 """ATTITUDE_TARGET.type_mask: the body rates are ignored."""
+_LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
+_ULTRASOUND = constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _GLOBAL_NED, _CHILD_FRD = constant("MAV_FRAME_LOCAL_NED"), constant("MAV_FRAME_BODY_FRD")
 DEPTH_SD_M, _TILT_SD_RAD, _HEADING_SD_RAD = 0.1, math.radians(0.5), math.radians(1.0)
 """Assumed standard deviations of depth, roll and pitch, and heading; they are not estimated."""
@@ -39,6 +51,88 @@ def local_position(s: Report) -> Values:
     m = s.motion
     velocity = m.north_rate_mps, m.east_rate_mps, m.depth_rate_mps
     return boot_ms(s), m.north_m, m.east_m, m.depth_m, *velocity
+
+
+@numeric
+def global_position(s: Report) -> Values:
+    """Return GLOBAL_POSITION_INT: degE7, mm, cm/s and cdeg."""
+    motion = s.motion
+    lat, lon = position_dege7(motion, s.home)
+    height_mm = int32(-motion.depth_m * 1000.0)
+    return (
+        boot_ms(s),
+        lat,
+        lon,
+        height_mm,
+        height_mm,
+        int16(motion.north_rate_mps * 100.0),
+        int16(motion.east_rate_mps * 100.0),
+        int16(motion.depth_rate_mps * 100.0),
+        centidegrees(motion.heading_rad),
+    )
+
+
+@numeric
+def position_dege7(at: VehicleEstimate | Motion, home: Home) -> tuple[int, int]:
+    """Return the estimated latitude and longitude in degE7; 0, 0 while home is not known.
+
+    Parameters
+    ----------
+    at : VehicleEstimate or Motion
+        Estimated motion.
+    home : Home
+        Origin of its position.
+    """
+    if not home.known:
+        return 0, 0
+    lat, lon = offset_to_geodetic(at.north_m, at.east_m, home.lat_deg, home.lon_deg)
+    return int32(lat * 1e7), int32(lon * 1e7)
+
+
+@numeric
+def vfr_hud(s: Report) -> Values:
+    """Return VFR_HUD: speeds (m/s), altitude (m), heading (deg) and thrust (percent)."""
+    motion = s.motion
+    north_mps, east_mps = motion.north_rate_mps, motion.east_rate_mps
+    throttle = clamp(abs(s.trace.thrust) * 100.0, 0, 100)
+    return (
+        motion.speed_mps,
+        math.sqrt(north_mps * north_mps + east_mps * east_mps),
+        -motion.depth_m,
+        -motion.depth_rate_mps,
+        centidegrees(motion.heading_rad) // 100,
+        throttle,
+    )
+
+
+@numeric
+def distance_sensor(s: Report) -> Values:
+    """Return DISTANCE_SENSOR: range (cm) of the altimeter; signal quality 1 means no echo."""
+    range_m, altimeter = s.motion.altitude_m, s.altimeter
+    nearest_m, farthest_m = 0.0, math.inf
+    if altimeter is not None:
+        nearest_m, farthest_m = altimeter.min_range_m, altimeter.max_range_m
+    no_echo = math.isnan(range_m)
+    return (
+        boot_ms(s),
+        clamp(100.0 * nearest_m, 0, UNKNOWN_U16),
+        clamp(100.0 * farthest_m, 0, UNKNOWN_U16),
+        clamp(100.0 * (0.0 if no_echo else range_m), 0, UNKNOWN_U16),
+        _ULTRASOUND,
+        0,
+        _LOOKING_DOWN,
+        255,
+        0.0,
+        0.0,
+        (0.0,) * 4,
+        1 if no_echo else 100,
+    )
+
+
+@numeric
+def system_time(s: Report) -> Values:
+    """Return SYSTEM_TIME with vehicle time (ms) only: the time of day is not known."""
+    return 0, boot_ms(s)
 
 
 @numeric

@@ -13,7 +13,8 @@ from autopilot.comms.hil import MAX_TIME_US
 from autopilot.comms.services import Services
 from autopilot.control.types import Severity
 from autopilot.onboard_log.session import LogSession
-from autopilot.telemetry.streams import TelemetryStream, stream_group, system_time
+from autopilot.telemetry.streams import TelemetryStream, stream_group
+from autopilot.telemetry.tick_messages import system_time
 from mavlink_io import dialect
 from tests.helpers.fake_hil import TICK_US, sensors
 from tests.helpers.rig import SENSOR, Rig
