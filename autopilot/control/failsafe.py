@@ -36,8 +36,8 @@ def check_failsafes(
     """Change to SURFACE if the vehicle is outside its limits.
 
     A failsafe stays in force until the vehicle is disarmed. Exception: the loss of the ground
-    station leads to the mode of FS_GCS_ACT and ends when the ground station requests a mode;
-    another cause replaces it.
+    station leads to the mode of FS_GCS_ACT and ends when the ground station requests a mode or a
+    set-point; another cause replaces it, and its HOLD changes to SURFACE after FS_GCS_HOLD_S.
     """
     if not state.armed or state.failsafe not in ("", GCS_LOST, FENCE):
         return state, ()
@@ -47,12 +47,28 @@ def check_failsafes(
         if report is not None:
             return state, report
     if cause in ("", state.failsafe) or (cause, state.failsafe) == (GCS_LOST, FENCE):
-        return state, ()
+        return _end_hold(state, config)
     mode = _failsafe_mode(cause, state, config)
-    state, events = modes.enter(state._replace(failsafe=cause), mode)
+    state = state._replace(failsafe=cause, failsafe_us=state.time_us)
+    state, events = modes.enter(state, mode)
     if mode != modes.SURFACE:
         state = guidance.hold_current(state, config)
     return state, (Event(Severity.CRITICAL, f"Failsafe: {cause} -> {mode.name}"), *events)
+
+
+def _end_hold(state: AutopilotState, config: Config) -> tuple[AutopilotState, tuple[Event, ...]]:
+    """Change to SURFACE after FS_GCS_HOLD_S in the HOLD of a lost ground station.
+
+    The time counts from the failsafe, whether or not heartbeats come again: a ground station
+    without an operator sends them too.
+    """
+    held_s = (state.time_us - state.failsafe_us) / US_PER_S
+    holds = state.failsafe == GCS_LOST and state.mode == modes.HOLD.number
+    if not (holds and 0.0 < config.fs_ground_hold_s < held_s):
+        return state, ()
+    state, events = modes.enter(state, modes.SURFACE)
+    text = f"Failsafe: {GCS_LOST}, HOLD for {config.fs_ground_hold_s:g} s -> SURFACE"
+    return state, (Event(Severity.CRITICAL, text), *events)
 
 
 def _check_fence(

@@ -24,6 +24,7 @@ MIN_WHEN_ON = {
     "FS_BATT_PCT": 0.1,
     "FS_BATT_V": 0.1,
     "FS_DIVE_S": 1.0,
+    "FS_GCS_HOLD_S": 1.0,
     "FS_GCS_TIMEOUT": 0.1,
     "FS_TIME_S": 1.0,
     "GAIN_SPD_MPS": 0.1,
@@ -916,6 +917,16 @@ class Config:
             doc="Ground station lost: 0 HOLD, 1 SURFACE, 2 RTL",
         ),
     ] = 1
+    fs_ground_hold_s: Annotated[
+        float,
+        Doc(
+            name="FS_GCS_HOLD_S",
+            minimum=0,
+            maximum=86_400,
+            unit="s",
+            doc="Time in the HOLD of FS_GCS_ACT 0 without a request; after it SURFACE; 0 off",
+        ),
+    ] = 300.0
     fs_leak_action: Annotated[
         int,
         Doc(

@@ -193,10 +193,9 @@ def set_mode(
     if mode is None:
         known = ", ".join(m.name for m in modes.MODES)
         return state, Answer(UNSUPPORTED, f"Mode {number} is none of {known}"), ()
+    state = _end_ground_loss(state)
     if number == state.mode:
         return state, Answer(ACCEPTED), ()
-    if state.failsafe == failsafe.GCS_LOST:
-        state = state._replace(failsafe="")  # the ground station is back
     if state.failsafe and state.armed and mode not in (modes.SURFACE, modes.MANUAL):
         return (
             state,
@@ -213,6 +212,11 @@ def set_mode(
     if state.armed:
         state = guidance.hold_current(state, config)
     return state, Answer(ACCEPTED), events
+
+
+def _end_ground_loss(state: AutopilotState) -> AutopilotState:
+    """Return the state without the failsafe of a lost ground: its requests arrive again."""
+    return state._replace(failsafe="") if state.failsafe == failsafe.GCS_LOST else state
 
 
 def set_target(
@@ -392,7 +396,7 @@ def load_mission(
 def change_target(state: AutopilotState, request: requests.ChangeTarget) -> AutopilotState:
     """Return the state with the set-points of a request."""
     old = state.setpoint
-    return state._replace(
+    return _end_ground_loss(state)._replace(
         setpoint=old._replace(
             depth_m=old.depth_m if request.depth_m is None else request.depth_m,
             heading_rad=old.heading_rad if request.heading_rad is None else request.heading_rad,

@@ -361,6 +361,8 @@ class AutopilotState(NamedTuple):
     test: Excitation | None = None
     failsafe: str = ""
     """Cause of the failsafe in force; empty without a failsafe."""
+    failsafe_us: int = 0
+    """Time at which a failsafe other than the geofence last began."""
     home: Home = Home()
     armed_us: int = 0
     """Time of the last arming."""

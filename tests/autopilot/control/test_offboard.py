@@ -176,6 +176,46 @@ def test_ground_lost_action_ends_when_ground_returns(
     assert flight.state.failsafe == ""
 
 
+def test_hold_of_lost_ground_ends_at_time_limit() -> None:
+    flight = armed(modes.DEPTH, fs_ground_s=10.0, fs_ground_action=0, fs_ground_hold_s=5.0)
+    flight.more = {"ground_silent_s": 11.0}
+    flight.step()
+    flight.more = {"ground_silent_s": 0.1}  # heartbeats without a request do not extend it
+    for _ in flight.run(4.9):
+        pass
+    assert flight.state.mode == modes.HOLD.number
+    for _ in flight.run(0.2):
+        pass
+    assert flight.state.mode == modes.SURFACE.number
+    assert "Failsafe: ground lost, HOLD for 5 s -> SURFACE" in flight.texts()
+    assert flight.ask(requests.SetMode(modes.DEPTH.number)) == ACCEPTED
+
+
+@pytest.mark.parametrize(
+    "request_of_ground", [requests.SetMode(modes.HOLD.number), requests.ChangeTarget(depth_m=4.0)]
+)
+def test_hold_that_ground_requests_has_no_limit(request_of_ground: requests.Request) -> None:
+    flight = armed(modes.DEPTH, fs_ground_s=10.0, fs_ground_action=0, fs_ground_hold_s=5.0)
+    flight.more = {"ground_silent_s": 11.0}
+    flight.step()
+    flight.more = {"ground_silent_s": 0.1}
+    assert flight.ask(request_of_ground) == ACCEPTED
+    for _ in flight.run(10.0):
+        pass
+    assert (flight.state.mode, flight.state.failsafe) == (modes.HOLD.number, "")
+
+
+def test_hold_before_loss_of_ground_ends_at_time_limit() -> None:
+    flight = armed(modes.HOLD, fs_ground_s=10.0, fs_ground_action=0, fs_ground_hold_s=5.0)
+    for _ in flight.run(10.0):
+        pass
+    assert flight.state.mode == modes.HOLD.number
+    flight.more = {"ground_silent_s": 11.0}
+    for _ in flight.run(5.2):
+        pass
+    assert flight.state.mode == modes.SURFACE.number
+
+
 def test_ground_lost_is_replaced_by_other_failsafe() -> None:
     flight = armed(modes.DEPTH, fs_ground_s=10.0, fs_ground_action=0)
     flight.more = {"ground_silent_s": 11.0}
