@@ -39,6 +39,7 @@ from autopilot.control.types import (
     AscentStage,
     AutopilotState,
     Event,
+    Rest,
     Severity,
 )
 
@@ -54,6 +55,8 @@ LEVEL_RAD = math.radians(-5.0)
 """Pitch above which a vehicle with way stays at the surface with its elevator centred."""
 MIN_ASTERN_S = 2.0
 """Shortest time astern, so that heave while the vehicle pitches does not change the stage often."""
+ASTERN_EFFECT_S = 6.0
+"""Time after which thrust astern has stopped the sinking, or has no effect: it takes 2 to 4 s."""
 PITCH_AHEAD_S = 2.0
 """Time for which the pitch is predicted."""
 MIN_WAY_MPS = 0.3
@@ -81,10 +84,12 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
 
     Returns the new state and the events.
     """
-    blind = _is_blind(state, config)
+    blind = is_blind(state, config)
     ascent = _update(state, blind, config)
     if surfaced := _reached_surface(state, ascent, blind, config):
-        return modes.disarm(state), (surfaced,)
+        # a depth that contradicts the satellites must not move the fins of a vehicle on deck
+        rest = Rest() if state.estimate.depth_m < config.surfaced_depth_m else None
+        return modes.disarm(state)._replace(rest=rest), (surfaced,)
     still_s = (state.time_us - ascent.risen_us) / US_PER_S
     stage, reason = _next_stage(state, ascent, blind, config)
     events: Events = ()
@@ -92,7 +97,8 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
         state, ascent, events = _enter(state, ascent, stage, reason)
     elif 0.0 < config.surface_time_s < still_s:
         text = f"Failsafe: surface not reached, no rise for {config.surface_time_s:g} s -> disarmed"
-        return modes.disarm(_give_up(state)), (Event(Severity.CRITICAL, text),)
+        state = modes.disarm(_give_up(state))._replace(rest=Rest())
+        return state, (Event(Severity.CRITICAL, text),)
     cruise = config.cruise_thrust_pct / 100.0
     setpoint = state.setpoint._replace(thrust=0.0, pitch_rad=0.0)
     powered, afloat = ascent.stage == AscentStage.POWERED, _floats(ascent, config)
@@ -101,8 +107,10 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
         ascent = ascent._replace(braked_us=state.time_us)
     if brakes or ascent.stage == AscentStage.ASTERN:
         setpoint = setpoint._replace(thrust=-cruise)
-    elif powered and not (blind or afloat):
-        setpoint = state.setpoint._replace(depth_m=0.0, thrust=cruise, pitch_rad=math.nan)
+    elif not (blind or afloat):
+        # without power too: the nose goes up, in case the vehicle has way or a stuck propeller
+        thrust = cruise if powered else 0.0
+        setpoint = state.setpoint._replace(depth_m=0.0, thrust=thrust, pitch_rad=math.nan)
     return state._replace(setpoint=setpoint, ascent=ascent), events
 
 
@@ -123,11 +131,18 @@ def rests(state: AutopilotState, config: Config) -> bool:
     )
 
 
-def _is_blind(state: AutopilotState, config: Config) -> bool:
+def is_blind(state: AutopilotState, config: Config) -> bool:
     """Return whether the depth must not be used: it is unknown, or its sensor has a fault.
 
     A vehicle that floats up does not need it: a few samples in many seconds are worth less than a
     satellite fix.
+
+    Parameters
+    ----------
+    state : AutopilotState
+        State of this tick.
+    config : Config
+        Parameters.
     """
     faulty = monitor.PRESSURE in monitor.active_faults(state.health)
     floats_up = bool(config.fs_pressure_action) and config.buoyancy_n > 0.0
@@ -158,7 +173,8 @@ def _next_stage(
             return stopped, f"still sinks after {still_s:.0f} s"
     elif stage == AscentStage.ASTERN:
         helps = stage_s < MIN_ASTERN_S or _astern_helps(state, config)
-        if stage_s > config.surface_astern_s or not helps:
+        fails = stage_s > ASTERN_EFFECT_S and estimate.depth_rate_mps > monitor.NOSE_UP_SINKING_MPS
+        if stage_s > config.surface_astern_s or fails or not helps:
             return AscentStage.STOPPED, f"astern for {stage_s:.0f} s"
     elif stage == AscentStage.STOPPED:
         released, reason = _release(state, ascent, still_s, config)

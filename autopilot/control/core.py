@@ -14,6 +14,7 @@ from autopilot.control import (
     mission,
     modes,
     offboard,
+    rest,
 )
 from autopilot.control.excitation import ExcitationOutput
 from autopilot.control.loops import ControlOutput
@@ -141,7 +142,7 @@ def update_setpoints(
 ) -> tuple[AutopilotState, Events]:
     """Update the set-points by mode and path, and end a test that is due."""
     if not state.armed:
-        return state, ()
+        return rest.step(state, config)
     state, test_events = end_test_if_due(state, config)
     state, events = _step_mode(state, stick, config, dt_s)
     return guidance.update_heading(state, config, dt_s), (*test_events, *events)
@@ -214,14 +215,11 @@ def compute_actuators(
 ) -> tuple[AutopilotState, Trace]:
     """Compute the commands from loops, test signal or stick, limited to the duct's travel.
 
-    While disarmed the loops are reset, and the commands are those of actuator tests.
+    While disarmed the commands are those of actuator tests, or raise a vehicle that sinks; if not,
+    the loops are reset.
     """
     if not state.armed:
-        rudder, elevator, _ = actuator_test.positions(state)
-        at_rest = monitor.predict_duct(
-            state.duct_rad, rudder * config.travel_rad, elevator * config.travel_rad, dt_s
-        )
-        return state._replace(thrust=0.0, loops=LoopMemory(), duct_rad=at_rest), Trace()
+        return _compute_disarmed(state, config, dt_s)
     mode, test, travel = modes.by_number(state.mode) or modes.HOLD, state.test, config.travel_rad
     axis = excitation.AXES[test.axis] if test else excitation.NO_AXIS
     output, memory = loops.step_loops(
@@ -243,6 +241,22 @@ def compute_actuators(
     trace = commands(output, thrust, signal, test is not None, axis.rudder, config)
     duct_rad = monitor.predict_duct(state.duct_rad, trace.rudder_rad, trace.elevator_rad, dt_s)
     return state._replace(loops=memory, thrust=trace.thrust, duct_rad=duct_rad), trace
+
+
+def _compute_disarmed(
+    state: AutopilotState, config: Config, dt_s: float
+) -> tuple[AutopilotState, Trace]:
+    """Compute the commands of a disarmed vehicle."""
+    trace, memory = Trace(), LoopMemory()
+    rudder_rad, elevator_rad = (
+        position * config.travel_rad for position in actuator_test.positions(state)[:2]
+    )
+    if rest.raises(state):
+        output, memory = rest.command(state, config, dt_s)
+        trace = commands(output, 0.0, excitation.NO_SIGNAL, False, False, config)
+        rudder_rad, elevator_rad = trace.rudder_rad, trace.elevator_rad
+    duct_rad = monitor.predict_duct(state.duct_rad, rudder_rad, elevator_rad, dt_s)
+    return state._replace(thrust=0.0, loops=memory, duct_rad=duct_rad), trace
 
 
 @numeric
@@ -311,7 +325,9 @@ def _clip(value: float, limit: float) -> float:
 
 
 def actuator_frame(state: AutopilotState, trace: Trace, config: Config) -> ActuatorFrame:
-    """Return the actuator frame of this tick; while disarmed all zero except for actuator tests.
+    """Return the actuator frame of this tick.
+
+    While disarmed all is zero except for actuator tests, and for the fins of a vehicle that sinks.
 
     Parameters
     ----------
@@ -330,6 +346,9 @@ def actuator_frame(state: AutopilotState, trace: Trace, config: Config) -> Actua
     weight = 1.0 if state.weight_released else 0.0
     if state.armed:
         return armed_frame(state.time_us, trace, config, weight)
+    if rest.raises(state):
+        raising = armed_frame(state.time_us, trace, config, weight)
+        return raising._replace(mode=CUSTOM_MODE_FLAG)
     resting: tuple[float, ...] = _NEUTRAL
     if state.actuator_tests or state.weight_released:
         resting = (*actuator_test.positions(state), weight, *_UNUSED_CHANNELS)

@@ -142,5 +142,5 @@ def enter(state: AutopilotState, mode: Mode) -> tuple[AutopilotState, tuple[Even
 
 def disarm(state: AutopilotState) -> AutopilotState:
     """Return the disarmed state: thrust 0, loops reset, mode HOLD."""
-    state = state._replace(armed=False, test=None, path=None, ascent=None)
+    state = state._replace(armed=False, test=None, path=None, ascent=None, rest=None)
     return state._replace(thrust=0.0, loops=LoopMemory(), mode=HOLD.number)

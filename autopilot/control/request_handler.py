@@ -111,6 +111,7 @@ def arm(
         loops=LoopMemory(),
         test=None,
         actuator_tests=(),
+        rest=None,
     )
     state = state._replace(mission=_resume_mission(state, config))
     mode = modes.by_number(state.mode) or modes.HOLD
@@ -171,7 +172,7 @@ def disarm(
 ) -> tuple[AutopilotState, Answer, Events]:
     """Disarm the vehicle; while submerged only in MANUAL or if ``force`` is set."""
     if not state.armed:
-        return state, Answer(ACCEPTED), ()
+        return state._replace(rest=None), Answer(ACCEPTED), ()
     if (
         not force
         and state.estimate.depth_m > config.surfaced_depth_m

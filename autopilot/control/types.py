@@ -343,6 +343,15 @@ class Ascent(NamedTuple):
     """Time of the first braking since the vehicle came to the surface; None before it."""
 
 
+class Rest(NamedTuple):
+    """Vehicle that SURFACE has disarmed."""
+
+    raises: bool = False
+    """Whether the elevator raises the vehicle, which sinks."""
+    reported: bool = False
+    """Whether this was reported."""
+
+
 class AutopilotState(NamedTuple):
     """Complete state of the autopilot between two ticks."""
 
@@ -376,6 +385,8 @@ class AutopilotState(NamedTuple):
     """Actuator tests in progress; only while disarmed."""
     ascent: Ascent | None = None
     """Progress of mode SURFACE; None in other modes and before its first tick."""
+    rest: Rest | None = None
+    """Watch over a vehicle that SURFACE has disarmed; None if something else did."""
     weight_released: bool = False
     """Whether the drop weight was released; stays so until the autopilot restarts."""
     fence: Fence = Fence()

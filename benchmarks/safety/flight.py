@@ -35,6 +35,9 @@ AFLOAT_M = 1.0
 AFLOAT_S = 60.0
 """Time at the surface after which the oracle's vehicle counts as afloat: a heavy one sinks again
 after its way has carried it up."""
+WAY_MPS = 0.8
+"""Speed over ground, above that of current and waves, with which a vehicle at the surface may still
+dive: it is observed for SETTLE_S."""
 RESTING_MPS, RESTING_S = 0.01, 10.0
 """Speed and duration of a vehicle at rest."""
 LOOK_TICKS = 5
@@ -76,6 +79,8 @@ class Outcome(NamedTuple):
             return "endless"
         if self.avoidable:
             return "avoidable contact"
+        if self.ending == "submerged":
+            return "disarmed under water"
         if (
             self.name.startswith("parameter")
             and self.deepest_m > self.depth_limit_m + DEPTH_MARGIN_M
@@ -140,6 +145,7 @@ def _fly(case: Case) -> Outcome:
             ended_s = now_s if math.isnan(ended_s) else ended_s
             speed_mps = math.hypot(*truth.velocity_ned_mps)
             afloat = truth.position_ned_m[2] < AFLOAT_M and now_s > ended_s + RESTING_S
+            afloat = afloat and speed_mps < WAY_MPS
             resting_s = resting_s + LOOK_S if speed_mps < RESTING_MPS else 0.0
             if afloat or resting_s > RESTING_S or now_s > ended_s + SETTLE_S:
                 break

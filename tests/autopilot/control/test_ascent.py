@@ -245,6 +245,60 @@ def test_surface_sinking_without_power_tries_power_again() -> None:
     assert "Failsafe: sank 1.1 m without power -> power" in flight.texts()
 
 
+def test_surface_without_power_keeps_nose_up() -> None:
+    """A propeller that does not stop gives the elevator way to raise the vehicle."""
+    flight = surfacing()
+    hold_down(flight, 25.0)
+    assert flight.trace.thrust == 0.0
+    assert flight.trace.pitch_setpoint_rad > math.radians(10.0)
+    assert flight.trace.elevator_rad > 0.0
+
+
+def test_surface_astern_without_effect_ends_before_its_limit() -> None:
+    flight = surfacing(fs_depth_m=100.0)
+    hold_down(flight, 15.0, sinking, pitch_rad=-0.5)
+    assert "Failsafe: astern for 6 s -> propeller stopped" in flight.texts()
+
+
+def surfaced() -> Flight:
+    """Return a flight that SURFACE has disarmed at 0.3 m."""
+    flight = surfacing()
+    hold_down(flight, 40.0, lambda t_s: max(0.3, 5.0 - 0.2 * t_s))
+    assert flight.texts()[-1] == "Surfaced: disarmed"
+    return flight
+
+
+def move(flight: Flight, to_m: float) -> float:
+    """Move a vehicle to a depth at 0.2 m/s; return its largest elevator command."""
+    largest, start_m = 0.0, flight.depth_m
+    for tick in range(1 + round(abs(to_m - start_m) / 0.004)):
+        flight.depth_m = start_m + math.copysign(0.004 * tick, to_m - start_m)
+        flight.step()
+        assert flight.frame is not None
+        assert (flight.frame.controls[2], flight.state.armed) == (0.0, False)
+        largest = max(largest, flight.frame.controls[1])
+    return largest
+
+
+def test_disarmed_vehicle_that_sinks_raises_its_elevator() -> None:
+    """As with a propeller that does not stop."""
+    flight = surfaced()
+    assert move(flight, 0.9) == 0.0
+    for _ in range(2):
+        assert move(flight, 1.5) > 0.1
+        move(flight, 0.3)
+        assert move(flight, 0.5) == 0.0
+    assert flight.texts().count("Failsafe: sinks while disarmed -> elevator up") == 1
+
+
+@pytest.mark.parametrize("request_of_ground", [requests.Disarm(), requests.TestActuator(0, 0.0, 9)])
+def test_ground_ends_elevator_of_disarmed_vehicle(request_of_ground: requests.Request) -> None:
+    flight = surfaced()
+    assert move(flight, 1.5) > 0.1
+    assert flight.ask(request_of_ground) == ACCEPTED
+    assert move(flight, 2.0) == 0.0
+
+
 def test_surface_releases_fitted_weight_once() -> None:
     flight = surfacing(weight_fitted=1, buoyancy_n=-5.0)
     hold_down(flight, 21.0)
