@@ -34,7 +34,7 @@ AFLOAT_M = 1.0
 """Largest depth of the origin of a vehicle that floats, above waves."""
 AFLOAT_S = 60.0
 """Time at the surface after which the oracle's vehicle counts as afloat: a heavy one sinks again
-after its way has carried it up."""
+after its way has carried it up. A vehicle with way that surfaces once in this time is afloat."""
 WAY_MPS = 0.8
 """Speed over ground, above that of current and waves, with which a vehicle at the surface may still
 dive: it is observed for SETTLE_S."""
@@ -121,7 +121,7 @@ def _fly(case: Case) -> Outcome:
     pilot, warnings = new_pilot(), list[str]()
     fault_s = first_fault_s(case)
     contact_s, deepest_m, ended_s, resting_s = math.nan, 0.0, math.nan, 0.0
-    heard_s = 0.0
+    heard_s, surface_s, now_s = 0.0, -math.inf, 0.0
     for tick in range(round((LIMIT_S + SETTLE_S) / timestep.TICK_S)):
         now_s = tick * timestep.TICK_S
         if now_s % HEARTBEAT_S < timestep.TICK_S and link.random() >= case.link_loss:
@@ -143,6 +143,8 @@ def _fly(case: Case) -> Outcome:
             contact_s = now_s
         if tick > BEGIN_TICK and not pilot.armed:
             ended_s = now_s if math.isnan(ended_s) else ended_s
+            if truth.position_ned_m[2] < AFLOAT_M:
+                surface_s = now_s
             speed_mps = math.hypot(*truth.velocity_ned_mps)
             afloat = truth.position_ned_m[2] < AFLOAT_M and now_s > ended_s + RESTING_S
             afloat = afloat and speed_mps < WAY_MPS
@@ -152,6 +154,8 @@ def _fly(case: Case) -> Outcome:
         elif now_s > LIMIT_S:
             break
     ending = _ending(pilot.armed, body.truth, hull, case)
+    if ending == "submerged" and now_s - surface_s < AFLOAT_S:
+        ending = "afloat"
     return Outcome(
         name=case.name,
         vehicle=case.vehicle,
