@@ -10,6 +10,7 @@ from enum import IntEnum, StrEnum
 from typing import NamedTuple
 
 from mavlink_io.vehicle_modes import VehicleMode
+from sysid.data.bit_errors import differ_in_one_bit
 
 
 class TestAxis(IntEnum):
@@ -181,6 +182,27 @@ _PARSERS: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], VehicleEvent]],
     (re.compile(r"^Failsafe: (.*)"), _failsafe),
     (re.compile(r"^Trim learned: (.*)"), lambda match: TrimLearned(match[1])),
 )
+
+
+_BEGINNINGS = ("SystemID Starting: axis=", "SystemID Finished", "SystemID Stopped")
+"""Beginnings of the texts of a test."""
+REPLACEMENT = "\ufffd"
+"""Character in place of bytes that are no UTF-8."""
+_SPACES = str.maketrans("\t\r\n\x1b", "    ")
+"""Control characters in sound texts; PX4 sends colours as escape sequences."""
+
+
+def is_damaged(text: str) -> bool:
+    """Return whether a text has a character that none has, or is a text of a test but for one bit.
+
+    Parameters
+    ----------
+    text : str
+        Text of a log, with REPLACEMENT in place of bytes that are no UTF-8.
+    """
+    if REPLACEMENT in text or not text.translate(_SPACES).isprintable():
+        return True
+    return any(differ_in_one_bit(text[: len(begin)], begin) for begin in _BEGINNINGS)
 
 
 def parse_text(severity: int, text: str) -> VehicleEvent:

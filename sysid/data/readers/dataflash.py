@@ -9,6 +9,7 @@ import math
 import re
 import struct
 from collections import defaultdict
+from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink_io.text_files import read_limited
+from sysid.data.bit_errors import damaged_names
 from sysid.data.dataset import (
     Actuators,
     Array,
@@ -28,7 +30,15 @@ from sysid.data.dataset import (
     SpecificForce,
     Velocity,
 )
-from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave, parse_text
+from sysid.data.events import (
+    StopReason,
+    TestAxis,
+    TestEnded,
+    TestStarted,
+    TestWave,
+    is_damaged,
+    parse_text,
+)
 from sysid.data.readers.samples import (
     FileDamage,
     MessageColumns,
@@ -43,7 +53,12 @@ from sysid.data.readers.samples import (
     strictly_increasing,
     usable,
 )
-from sysid.data.readers.servo_channels import OutputOptions, actuator_commands, travel_rad
+from sysid.data.readers.servo_channels import (
+    READ_PARAMETERS,
+    OutputOptions,
+    actuator_commands,
+    travel_rad,
+)
 from sysid.data.readers.spikes import Plausible, drop_contradicted, merged
 
 _HEAD = b"\xa3\x95"
@@ -101,6 +116,19 @@ _PLAUSIBLE = merged(
     },
 )
 """Smallest spikes that are reported: 1 deg, 3 deg/s, 0.2 m, 25 us, 0.2 m/s, 0.5 m/s2."""
+_TIMES = ("TimeUS",)
+_EVENTS = {"MSG": ("Message",), "MODE": ("Mode",), "SIDS": ("Ax", "Mag")}
+"""Messages of events, with the columns that are read."""
+_READ = {
+    name: (*_TIMES, *columns)
+    for name, columns in {**_PLAUSIBLE, **_EVENTS, "PARM": ("Name", "Value")}.items()
+}
+"""Columns that are read, by message."""
+_SIMILAR = {"IMT"}
+"""ArduPilot's messages whose names differ in one bit from one of `_READ`."""
+_EARLIER, _EVENT_AHEAD_S, _EVENT_BEHIND_S = 10, 0.1, 1.0
+"""Number of regular messages written before an event, and the largest times by which it may be
+later and earlier than they are."""
 _MESSAGE_NAME, _COLUMN_NAME = re.compile(r"[A-Za-z0-9_]{1,4}"), re.compile(r"[\w\[\]]*", re.ASCII)
 _INSTANCES = ("I", "C")
 """Columns with the number of a sensor or of an estimator; the first is read."""
@@ -108,8 +136,8 @@ _MIXER_AXES = range(10, 14)
 """Values of SIDS.Ax with a magnitude in fractions of the travel, not in degrees."""
 _INFO = 6
 """MAV_SEVERITY_INFO: MSG has no severity."""
-_TEST_MODE_WINDOW_S = 0.5
-"""Time after the start of a test in which the log reports the mode of the test."""
+_TEST_MODE_WINDOW_S = (-0.1, 0.5)
+"""Times from the start of a test between which the log reports the mode of the test."""
 
 Tables = dict[str, MessageColumns]
 
@@ -141,10 +169,9 @@ def read(path: Path, options: OutputOptions) -> Log:
     checked, spikes = drop_contradicted(checked, _PLAUSIBLE)
     message_tables |= checked
     parameters = _parameters(message_tables)
-    impossible = sum(not is_parameter_name(name) for name in parameters)
     damage = damage._replace(
-        contradicted_s=spikes.contradicted_s,
-        impossible_names=damage.impossible_names + impossible,
+        contradicted_s=(*damage.contradicted_s, *spikes.contradicted_s),
+        impossible_names=damage.impossible_names + _damaged_names(message_tables, parameters),
     )
     attitude, actuators = (
         _attitude(path, message_tables),
@@ -186,7 +213,49 @@ def load(path: Path) -> tuple[Tables, FileDamage]:
     tables = {name: table for name, table in decoded.items() if table is not None}
     if not tables:
         raise LogError(f"{path}: holds no message of an ArduPilot log")
-    return tables, damage
+    return _drop_misplaced(tables, {kind.name: offsets for kind, offsets in index}, damage)
+
+
+def _drop_misplaced(
+    tables: Tables, offsets: dict[str, list[int]], damage: FileDamage
+) -> tuple[Tables, FileDamage]:
+    """Leave out the events whose time contradicts the messages written before them.
+
+    The latest of these does not count: its time may be damaged. Events before the first regular
+    messages are not compared.
+    """
+    regular = [name for name in tables if name in _PLAUSIBLE]
+    places = np.concatenate([np.empty(0), *(np.array(offsets[name], float) for name in regular)])
+    order = np.argsort(places)
+    times_s = np.concatenate([np.empty(0), *(tables[name].time_s for name in regular)])[order]
+    kept, dropped_s = dict(tables), list[float]()
+    for name in tables.keys() & _EVENTS:
+        time_s, columns = tables[name]
+        ends = np.searchsorted(places[order], offsets[name])
+        before = [np.sort(times_s[max(0, end - _EARLIER) : end]) for end in ends]
+        latest_s = [
+            float(recent[-2]) if recent.size == _EARLIER else t
+            for recent, t in zip(before, time_s, strict=True)
+        ]
+        ahead_s = time_s - latest_s
+        good = (ahead_s >= -_EVENT_BEHIND_S) & (ahead_s <= _EVENT_AHEAD_S)
+        kept[name] = MessageColumns(time_s[good], {k: v[good] for k, v in columns.items()})
+        dropped_s += [t for t, sound in zip(latest_s, good, strict=True) if not sound]
+    return kept, damage._replace(contradicted_s=tuple(dropped_s))
+
+
+def _damaged_names(tables: Tables, parameters: Collection[str]) -> int:
+    """Return the number of names and texts with characters or bits that none has."""
+    possible = [name for name in parameters if is_parameter_name(name)]
+    number = len(parameters) - len(possible) + damaged_names(possible, READ_PARAMETERS)
+    if "MSG" in tables and "Message" in tables["MSG"].columns:
+        number += sum(map(is_damaged, _texts(tables["MSG"])))
+    return number
+
+
+def _texts(table: MessageColumns) -> list[str]:
+    """Return the texts of MSG."""
+    return [bytes(text).decode("utf-8", "replace") for text in table.columns["Message"]]
 
 
 class _MessageFormat(NamedTuple):
@@ -241,8 +310,23 @@ def _index(data: bytes) -> tuple[list[tuple[_MessageFormat, list[int]]], FileDam
         for kind in kinds.values()
         if kind.name != "FMT"
     )
+    impossible += damaged_names({kind.name for kind in kinds.values()} - _SIMILAR, _READ.keys())
+    impossible += sum(
+        damaged_names(kind.columns, _READ.get(kind.name, _TIMES)) for kind in kinds.values()
+    )
+    impossible += sum(not _is_consistent(kind) for kind in kinds.values() if kind.codes)
     damage = FileDamage(sum(skipped), len(skipped), len(data) - end, impossible_names=impossible)
     return [(kinds[number], offsets) for number, offsets in offsets_by_kind.items()], damage
+
+
+def _is_consistent(kind: _MessageFormat) -> bool:
+    """Return whether field codes, columns and length of a message type agree."""
+    from pymavlink.DFReader import FORMAT_TO_STRUCT
+
+    if not set(kind.codes) <= FORMAT_TO_STRUCT.keys():
+        return False
+    sizes = (struct.calcsize(f"<{FORMAT_TO_STRUCT[code][0]}") for code in kind.codes)
+    return len(kind.codes) == len(kind.columns) and sum(sizes) == kind.length - _HEAD_LENGTH
 
 
 def _decode(
@@ -437,13 +521,8 @@ def _events(message_tables: Tables, travel_deg: float) -> tuple[LogEvent, ...]:
     """
     events: list[LogEvent] = []
     if "MSG" in message_tables and "Message" in message_tables["MSG"].columns:
-        texts = zip(
-            message_tables["MSG"].time_s, message_tables["MSG"].columns["Message"], strict=True
-        )
-        events += [
-            LogEvent(float(t), parse_text(_INFO, bytes(text).decode("utf-8", "replace")))
-            for t, text in texts
-        ]
+        texts = zip(message_tables["MSG"].time_s, _texts(message_tables["MSG"]), strict=True)
+        events += [LogEvent(float(t), parse_text(_INFO, text)) for t, text in texts]
     if "SIDS" in message_tables and {"Ax", "Mag"} <= message_tables["SIDS"].columns.keys():
         time_s, columns = message_tables["SIDS"]
         events = [event for event in events if not isinstance(event.value, TestStarted)]
@@ -460,7 +539,8 @@ def _mode_changes(message_tables: Tables, starts_s: Array) -> list[LogEvent]:
     if "MODE" not in message_tables:
         return []
     changes_s = message_tables["MODE"].time_s
-    own = [bool(np.any((t >= starts_s) & (t - starts_s < _TEST_MODE_WINDOW_S))) for t in changes_s]
+    first_s, last_s = _TEST_MODE_WINDOW_S
+    own = [bool(np.any((t - starts_s > first_s) & (t - starts_s < last_s))) for t in changes_s]
     return [
         LogEvent(float(t), TestEnded(StopReason.MODE, "the mode changed"))
         for t, begins in zip(changes_s, own, strict=True)

@@ -53,7 +53,8 @@ class FileDamage(NamedTuple):
     contradicted_s: tuple[float, ...] = ()
     """Times before samples that their neighbours contradict and that were left out, s."""
     impossible_names: int = 0
-    """Number of names of messages, columns and parameters with characters that no name has."""
+    """Number of names and texts with characters that none has, or that differ in one bit from one
+    that is read and is missing."""
 
 
 def is_parameter_name(name: str) -> bool:
@@ -104,7 +105,7 @@ def format_damage(damage: FileDamage, time_s: Array) -> str:
             where = f"between {times_s[0]:.1f} and {times_s[-1]:.1f} s"
         texts.append(f"{samples} contradicted by the ones around and left out, {where}")
     if count := damage.impossible_names:
-        names = "1 name is" if count == 1 else f"{count} names are"
+        names = "1 name or text is" if count == 1 else f"{count} names or texts are"
         texts.append(f"{names} damaged: a message or a parameter may be missing")
     if damage.trailing_bytes:
         texts.append(

@@ -41,6 +41,21 @@ _FUNCTIONS = ((21, 26), (19,), (70, 73))
 left), the preferred first (ArduPilot, SRV_Channel.h)."""
 
 
+MAX_OUTPUTS = 16
+"""Number of outputs with parameters of their own."""
+READ_PARAMETERS = frozenset(
+    (
+        "ACT_TRAVEL_DEG",
+        *(
+            f"SERVO{number}_{name}"
+            for number in range(1, MAX_OUTPUTS + 1)
+            for name in ("FUNCTION", "TRIM", "MIN", "MAX", "REVERSED")
+        ),
+    )
+)
+"""Names of the parameters that scale the outputs."""
+
+
 class OutputOptions(NamedTuple):
     """Knowledge of the outputs that a log may not hold."""
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink_io.text_files import read_limited
+from sysid.data.bit_errors import damaged_names
 from sysid.data.dataset import (
     Actuators,
     Array,
@@ -22,7 +23,7 @@ from sysid.data.dataset import (
     SpecificForce,
     Velocity,
 )
-from sysid.data.events import parse_text
+from sysid.data.events import is_damaged, parse_text
 from sysid.data.readers.samples import (
     FileDamage,
     MessageColumns,
@@ -39,7 +40,12 @@ from sysid.data.readers.samples import (
     strictly_increasing,
     usable,
 )
-from sysid.data.readers.servo_channels import OutputOptions, ServoChannels, actuator_commands
+from sysid.data.readers.servo_channels import (
+    READ_PARAMETERS,
+    OutputOptions,
+    ServoChannels,
+    actuator_commands,
+)
 from sysid.data.readers.spikes import Plausible, drop_contradicted, merged
 from sysid.data.readers.ulog_recovery import keep_sound_messages, refuse_large_formats
 
@@ -132,10 +138,10 @@ def read(path: Path, options: OutputOptions) -> Log:
     log, damage = _parse(
         path, [*_TOPICS, *_OUTPUTS, *_SETPOINTS, _SATELLITE, *(name for name, _ in _ACCELEROMETERS)]
     )
-    topic_tables, spikes = drop_contradicted(_tables(log), _PLAUSIBLE)
+    tables = _tables(log)
+    topic_tables, spikes = drop_contradicted(tables, _PLAUSIBLE)
     damage = damage._replace(
-        contradicted_s=spikes.contradicted_s,
-        impossible_names=sum(not is_parameter_name(str(n)) for n in log.initial_parameters),
+        contradicted_s=spikes.contradicted_s, impossible_names=_damaged_names(log, tables)
     )
     parameters = {  # a damaged parameter has a type that pyulog does not convert
         str(name): float(value)
@@ -198,6 +204,17 @@ def _parse(path: Path, topics: list[str] | None) -> tuple[Any, FileDamage]:
         raise LogError(
             f"{path}: is no readable PX4 log ({type(error).__name__}: {error})"
         ) from None
+
+
+def _damaged_names(log: Any, tables: Tables) -> int:
+    """Return the number of names and texts with characters or bits that none has."""
+    parameters = [str(name) for name in log.initial_parameters]
+    possible = [name for name in parameters if is_parameter_name(name)]
+    number = len(parameters) - len(possible) + damaged_names(possible, READ_PARAMETERS)
+    number += damaged_names(tables, _PLAUSIBLE) + sum(
+        damaged_names(tables[name].columns, _PLAUSIBLE[name]) for name in tables.keys() & _PLAUSIBLE
+    )
+    return number + sum(is_damaged(message.message) for message in log.logged_messages)
 
 
 def _tables(log: Any) -> Tables:

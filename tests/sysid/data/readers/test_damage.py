@@ -16,6 +16,7 @@ from mcap.writer import Writer
 from mavlink_io import dialect
 from mavlink_io.logging.mavlink_log import MavlinkLog
 from sysid.data import readers
+from sysid.data.bit_errors import damaged_names
 from sysid.data.dataset import Log, LogError
 from tests.sysid import recording
 from tests.sysid.data.readers import files
@@ -252,13 +253,45 @@ def test_dataflash_memory_is_a_few_times_the_file(tmp_path: Path) -> None:
     assert most_bytes < 6 * len(data)
 
 
-@pytest.mark.parametrize("name", [b"PARM", b"ACT_TRAVEL_DEG"])
-def test_damaged_name_in_dataflash_is_reported(name: bytes, tmp_path: Path) -> None:
+NAMES = [b"PARM", b"ACT_TRAVEL_DEG", b"DesPitch", b"QNff", b"SystemID Finished"]
+"""Message, parameter, column, field codes and text."""
+
+
+@pytest.mark.parametrize("bit", [0, 1, 7])
+@pytest.mark.parametrize("name", NAMES)
+def test_damaged_name_in_dataflash_is_reported(name: bytes, bit: int, tmp_path: Path) -> None:
     path = files.dataflash(tmp_path / "dive.bin")
     data = path.read_bytes()
     assert readers.read(path).damage == ""
-    path.write_bytes(data.replace(name, bytes((name[0] ^ 0x80,)) + name[1:], 1))
-    assert "1 name is damaged: a message or a parameter may be missing" in readers.read(path).damage
+    path.write_bytes(data.replace(name, bytes((name[0] ^ 1 << bit,)) + name[1:], 1))
+    damage = readers.read(path).damage
+    assert "name or text is damaged: a message or a parameter may be missing" in damage
+
+
+@pytest.mark.parametrize("shift_s", [-1.05, 0.13, 268.0])
+@pytest.mark.parametrize("name", ["MODE", "MSG"])
+def test_event_of_dataflash_out_of_order_is_left_out(
+    name: str, shift_s: float, tmp_path: Path
+) -> None:
+    path = files.dataflash(tmp_path / "dive.bin")
+    data = bytearray(path.read_bytes())
+    events = readers.read(path).events
+    number = {"MODE": 8, "MSG": 6}[name]
+    time_at = data.rindex(bytes((0xA3, 0x95, number))) + 3
+    (time_us,) = struct.unpack_from("<Q", data, time_at)
+    struct.pack_into("<Q", data, time_at, time_us + round(1e6 * shift_s))
+    path.write_bytes(data)
+    log = readers.read(path)
+    assert "1 sample is contradicted by the ones around" in log.damage
+    assert set(log.events) <= set(events)
+
+
+def test_similar_names_of_sound_logs_are_no_damage() -> None:
+    """ArduPilot has A beside R, P and Y in RATE, and numbered outputs and estimators."""
+    assert damaged_names(("C1", "C3", "Ch2"), ("C1", "C2", "C3", "C10")) == 0
+    assert damaged_names(("R", "A"), ("R", "C")) == 0
+    assert damaged_names(("XKF1", "XKF0", "XKF3"), ("XKF1",)) == 0
+    assert damaged_names(("XKF0", "POWR"), ("XKF1", "POS")) == 1
 
 
 def attitude_rows(log: Log) -> set[bytes]:

@@ -67,3 +67,32 @@ def test_dropped_samples_are_reported_with_their_time() -> None:
     assert format_damage(damage, kept["A"].time_s) == (
         "2 samples are contradicted by the ones around and left out, between 0.2 and 0.6 s"
     )
+
+
+def test_displaced_time_of_one_sample_is_left_out() -> None:
+    time_s = np.arange(50) * 0.1 + 0.001 * RNG.standard_normal(50)
+    moved = time_s.copy()
+    moved[20] += 0.033
+    tables = {"A": MessageColumns(moved, {"x": np.zeros(50)})}
+    left, damage = drop_contradicted(tables, {"A": {"x": Plausible(1.0)}})
+    assert (left["A"].time_s.size, len(damage.contradicted_s)) == (49, 1)
+
+
+def test_lost_and_jittering_samples_are_kept() -> None:
+    """A gap is no displaced time, nor is jitter of 8 ms."""
+    time_s = np.arange(200) * 0.1 + 0.008 * RNG.uniform(-1.0, 1.0, 200)
+    time_s = np.delete(time_s, [50, 51, 120])
+    tables = {"A": MessageColumns(time_s, {"x": np.zeros(197)})}
+    left, _ = drop_contradicted(tables, {"A": {"x": Plausible(1.0)}})
+    assert left["A"].time_s.size == 197
+
+
+def test_last_sample_long_after_all_others_is_left_out() -> None:
+    time_s = np.arange(50) * 0.1
+    late = np.append(time_s, 5.5)
+    tables = {
+        "A": MessageColumns(late, {"x": np.zeros(51)}),
+        "B": MessageColumns(time_s, {"x": np.zeros(50)}),
+    }
+    left, _ = drop_contradicted(tables, {"A": {"x": Plausible(1.0)}})
+    assert left["A"].time_s.size == 50
