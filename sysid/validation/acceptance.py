@@ -64,6 +64,8 @@ MODEL_ERROR_OF_CHECK = {
     "phase at crossover, 1 sd": "phase_deg",
 }
 """Field of `StructureError` by the criterion whose value contains it."""
+WHITENESS_CHECK = "whiteness of held-out innovations, p"
+"""Name of the criterion of the innovations."""
 STANDS_OUT = 0.5
 """Largest scatter without a test, over that with it, at which this test is named as the cause."""
 DEFAULT_SIZE_DEG = 4.0
@@ -353,7 +355,7 @@ def _held_out(
         required=False,
     )
     yield _check(
-        "whiteness of held-out innovations, p",
+        WHITENESS_CHECK,
         plane,
         excess.whiteness_p,
         "at least",
@@ -404,11 +406,14 @@ def _next_test(
 
     Else for the one nearest to its limit.
 
-    Unmet criteria that are not required come before met ones.
+    Unmet criteria that are not required come before met ones, without whiteness: a remaining error
+    of the disturbance model is not less with another test.
     """
     failed_of_planes = [check for check in failed_checks if check.plane]
     unmet_optional = [
-        check for check in checks if check.plane and not check.required and not check.passed
+        check
+        for check in checks
+        if check.plane and not check.required and not check.passed and check.name != WHITENESS_CHECK
     ]
     candidates = (
         failed_of_planes

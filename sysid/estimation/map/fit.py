@@ -85,12 +85,12 @@ MULTISTART_DECIMATION = 2
 """Restarts use every second sample: enough to distinguish local minima, at half the cost."""
 OPENING_TOLERANCE = 1e-3
 """The same for the initial parts of the runs, whose end is only a start."""
-REJECTED_COST_RATIO = 1.1
+REJECTED_COST_RATIO = 1.0 + START_COST_TOLERANCE
 """Cost over that of the estimate from which on the data reject the end of a search.
 
-Such an end is no other vehicle that the tests admit: a candidate has diverged, and no gradient
-leads back. The search is repeated on the whole runs from nearer to the estimate: the initial parts
-alone may lead to the same end from any start."""
+Such an end is no other vehicle that the tests admit: of a cost of thousands a hundredth is a
+likelihood ratio of more than e^10. The search is repeated on the whole runs from nearer to the
+estimate: the initial parts alone may lead to the same end from any start."""
 MAX_REPEATS = 3
 """Maximum number of repetitions of such a search."""
 RESTART_SPANS_S = (5.0, 15.0)

@@ -72,9 +72,12 @@ def descend(
     while steps < MAX_STEPS and damping < MAX_DAMPING:
         if (reached := _reached(known, precision, z)) is not None:
             return known[reached]._replace(steps=steps, joined=reached)
-        step, predicted_decrease = _step(current, precision, z, damping)
+        step, predicted_decrease, is_clipped = _step(current, precision, z, damping)
         if predicted_decrease <= tolerance * current.cost:
-            break
+            if not is_clipped:
+                break
+            damping *= DAMPING_INCREASE
+            continue
         steps += 1
         candidate = z + step
         evaluation = problems.evaluate(problem, candidate)
@@ -101,16 +104,18 @@ def _reached(known: Sequence[SearchEnd], precision: Array, z: Array) -> int | No
     return None
 
 
-def _step(current: Score, precision: Array, z: Array, damping: float) -> tuple[Array, float]:
-    """Return a damped step within the bounds, and the decrease of the cost that it predicts.
+def _step(current: Score, precision: Array, z: Array, damping: float) -> tuple[Array, float, bool]:
+    """Return a damped step within the bounds, its predicted decrease, and whether it is clipped.
 
-    The decrease is -(g'dz + dz'A dz / 2). Parameters at a bound that the gradient pushes outwards
-    are held fixed.
+    The decrease of the cost is -(g'dz + dz'A dz / 2). Parameters at a bound that the gradient
+    pushes outwards are held fixed. A step that is clipped at a bound has another direction and may
+    predict an increase far from a minimum: a shorter one does not reach the bound.
     """
     curvature = current.information + precision
     free = ~((np.abs(z) >= Z_LIMIT) & (current.slope * z < 0.0))
     damped = curvature + damping * np.diag(np.diag(curvature))
     step = np.zeros(z.size)
     step[free] = -np.linalg.solve(damped[np.ix_(free, free)], current.slope[free])
-    step = np.clip(z + step, -Z_LIMIT, Z_LIMIT) - z
-    return step, -float(current.slope @ step + 0.5 * step @ curvature @ step)
+    within = np.clip(z + step, -Z_LIMIT, Z_LIMIT) - z
+    decrease = -float(current.slope @ within + 0.5 * within @ curvature @ within)
+    return within, decrease, bool(np.any(np.abs(z + step) > Z_LIMIT))

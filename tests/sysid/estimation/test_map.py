@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from sitl.vehicle import build_model, config
 from sysid.data.segments import Run
@@ -119,13 +120,23 @@ def test_descend_far_from_known_end_goes_on(problem: MapProblem, random_z: np.nd
     assert end.score.cost < elsewhere.score.cost
 
 
+@pytest.mark.parametrize("cost_ratio", [1.04, 2.0])
 def test_start_misled_by_initial_parts_is_searched_on_whole_runs(
-    problem: MapProblem, random_z: np.ndarray, monkeypatch: pytest.MonkeyPatch
+    problem: MapProblem, random_z: np.ndarray, monkeypatch: pytest.MonkeyPatch, cost_ratio: float
 ) -> None:
-    """The initial parts of the runs lead every start to an end that the data reject."""
+    """The initial parts of the runs lead every start to an end that the data reject.
+
+    A campaign of a short hull ended with "8 of 8 other starts end elsewhere, their costs up to 4.4%
+    away": a local minimum of 5581, against 5346 of the estimate.
+    """
     least = descend(problem, random_z, 1e-6)
-    rejected = descend(problem, least.z + 2.0, 1e9)
-    assert rejected.score.cost > fit.REJECTED_COST_RATIO * least.score.cost
+
+    def excess(distance: float) -> float:
+        return problems.cost(problem, least.z + distance) - cost_ratio * least.score.cost
+
+    distance = float(brentq(excess, 0.0, 2.0, xtol=1e-3))
+    rejected = descend(problem, least.z + distance, 1e9)
+    assert rejected.score.cost == pytest.approx(cost_ratio * least.score.cost, rel=0.01)
     monkeypatch.setattr(fit, "_search_spans", lambda spans, start, paths: ([rejected], 1))
     ratios, better_z, _ = fit._search_other_starts(problem, least.z, 2, lambda share: None)
     assert ratios == pytest.approx([1.0, 1.0], abs=fit.START_COST_TOLERANCE)

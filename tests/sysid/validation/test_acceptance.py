@@ -237,6 +237,14 @@ def test_assess_unknown_value_fails(good_model: IdentifiedModel) -> None:
     assert assessment.reasons == ("yaw: b1, 1 sd not known, at most 20 %",)
 
 
+def test_assess_next_test_is_not_for_whiteness(good_model: IdentifiedModel) -> None:
+    """Another test does not make innovations white; a campaign flew three, all for nothing."""
+    changed = within_yaw("held_out", whiteness_p=1e-9)(good_model)
+    next_test = assess(changed, changed.validation).next_test
+    assert next_test is not None
+    assert "whiteness" not in next_test.reason
+
+
 def test_assess_next_test_addresses_worst_criterion(good_model: IdentifiedModel) -> None:
     without_coherence = of_yaw(coherence_at_crossover=None)(good_model)
     next_test = assess(without_coherence, without_coherence.validation).next_test
