@@ -27,17 +27,21 @@ from mavlink_io import device_records, jit, lockstep_frames
 from mavlink_io.codec import LARGEST_FRAME, Frame, Framer
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.lockstep_frames import frame_memory
-from mavlink_io.records import Altimeter, Battery, DuctFeedback, Dvl, GpsFix, Leak, SensorFrame
+from mavlink_io.records import Altimeter, Battery, GpsFix, Leak, SensorFrame
 from mavlink_io.transport import MAX_DATAGRAM, Peer, spin_s
 
 _FRAME, _SIGNAL, _FIRST_DEVICE = 0, 1, 2
 """Index of inputs in ``steady_kernel.KINDS``."""
+_REPORTED = GpsFix, Altimeter, Battery, Leak
+"""Kinds of the records of ``NewRecords``."""
 _SIGNALS, _TABLES = len(ExcitationOutput._fields), 8
 """Numbers of a test signal; length of a table of signals, as a multiple of one exchange."""
 _TRACE = -len(Trace._fields)
 _SETPOINT = _TRACE - len(Setpoint._fields)
 _MOTION = _SETPOINT - len(Motion._fields)
 """Indices of the results of ``steady_kernel``, from the end."""
+_SENSORS = len(SensorFrame._fields)
+"""Length of the sensor frame, with which the array begins."""
 _LONGEST_ANSWER = lockstep_frames.CONTROLS.length + lockstep_frames.OVERHEAD
 _KERNEL, _EXCHANGE = "autopilot.control.steady_kernel", "autopilot.compiled_exchange"
 _SOCKET, TELEMETRY = "mavlink_io.lockstep_socket", "autopilot.telemetry.compiled_streams"
@@ -54,14 +58,12 @@ def is_compiled() -> bool:
 
 
 class NewRecords(NamedTuple):
-    """Device records that have come in a tick; None for the other devices."""
+    """Device records that have come in a tick and that telemetry uses; None for the others."""
 
     gps: GpsFix | None
     altimeter: Altimeter | None
-    dvl: Dvl | None
     battery: Battery | None
     leak: Leak | None
-    duct: DuctFeedback | None
 
 
 class Results:
@@ -79,7 +81,7 @@ class Results:
         Parameters of the tick.
     """
 
-    __slots__ = ("_end", "_list", "config", "devices", "relayed", "rows", "start", "time_us")
+    __slots__ = ("_end", "config", "devices", "relayed", "rows", "start", "time_us")
 
     def __init__(
         self, rows: jit.Numbers, start: int, end: int, time_us: int, config: jit.Native
@@ -90,34 +92,32 @@ class Results:
         """Device records that have come in the tick, for an exchange."""
         self.relayed: Sequence[Frame] = ()
         """Device messages of the tick to relay to ground, for an exchange."""
-        self._list: list[float] | None = None
 
-    @property
-    def _numbers(self) -> list[float]:
-        """Return the numbers for Python."""
-        if self._list is None:
-            self._list = self.rows[self.start : self._end].tolist()
-        return self._list
+    def _numbers(self, first: int, end: int) -> list[float]:
+        """Return some numbers for Python, by their indices from the end."""
+        numbers: list[float] = self.rows[self._end + first : self._end + end].tolist()
+        return numbers
 
     @property
     def motion(self) -> Motion:
         """Motion after the tick."""
-        return Motion._make(self._numbers[_MOTION:_SETPOINT])
+        return Motion._make(self._numbers(_MOTION, _SETPOINT))
 
     @property
     def setpoint(self) -> Setpoint:
         """Set-points after the tick."""
-        return Setpoint._make(self._numbers[_SETPOINT:_TRACE])
+        return Setpoint._make(self._numbers(_SETPOINT, _TRACE))
 
     @property
     def trace(self) -> Trace:
         """Signals of the tick."""
-        return Trace._make(self._numbers[_TRACE:])
+        return Trace._make(self._numbers(_TRACE, 0))
 
     @property
     def sensors(self) -> SensorFrame:
         """Sensor frame of the tick."""
-        time_us, *readings, updated, number = self._numbers[: len(SensorFrame._fields)]
+        first = self.start - self._end
+        time_us, *readings, updated, number = self._numbers(first, first + _SENSORS)
         return SensorFrame._make((int(time_us), *readings, int(updated), int(number)))
 
 
@@ -192,6 +192,13 @@ class SteadyTicks:
             for kind, start in zip(kernel.KINDS, kernel.STARTS, strict=False)
         ]
         """Function and offset (bytes) that store each record of the inputs."""
+        kinds = [device_records.KINDS.index(kind) for kind in _REPORTED]
+        starts = kernel.STARTS[_FIRST_DEVICE:]
+        self._readers = [
+            (1 << kind, device_records.READERS[kind], starts[kind], starts[kind + 1])
+            for kind in kinds
+        ]
+        """Bit, reader, first index and end of the records of ``NewRecords``."""
         exchange = self._exchange
         frames = exchange.Frames(
             datagram=jit.octets(MAX_DATAGRAM),
@@ -283,12 +290,9 @@ class SteadyTicks:
 
     def _new_records(self, new: int, rows: jit.Numbers, row: int) -> NewRecords:
         """Return the device records of the bits ``new`` in the row that begins at an index."""
-        starts = self._kernel.STARTS[_FIRST_DEVICE:]
         return NewRecords._make(
-            read(rows[row + start : row + start + length].tolist()) if new >> index & 1 else None
-            for index, (read, start, length) in enumerate(
-                zip(device_records.READERS, starts, device_records.LENGTHS, strict=False)
-            )
+            read(rows[row + first : row + end].tolist()) if new & bit else None
+            for bit, read, first, end in self._readers
         )
 
     def results(self) -> Results:
