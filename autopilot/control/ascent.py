@@ -41,7 +41,9 @@ from autopilot.control.types import (
     Event,
     Rest,
     Severity,
+    VehicleEstimate,
 )
+from mavlink_io.jit import numeric
 
 RISE_M = 0.2
 """Decrease of the least depth so far that counts as a rise.
@@ -168,8 +170,7 @@ def _next_stage(
             return stopped, "sinks against the elevator"
         if 0.0 < config.surface_rise_s < still_s:
             return stopped, f"no rise for {config.surface_rise_s:g} s"
-        sinks = estimate.depth_m > ascent.depth_m and estimate.depth_rate_mps > monitor.SINKING_MPS
-        if sinks and 0.0 < RECOVERIES * config.fs_look_s < still_s:
+        if _still_sinks(estimate, ascent.depth_m, still_s, config):
             return stopped, f"still sinks after {still_s:.0f} s"
     elif stage == AscentStage.ASTERN:
         helps = stage_s < MIN_ASTERN_S or _astern_helps(state, config)
@@ -264,8 +265,9 @@ def _update(state: AutopilotState, blind: bool, config: Config) -> Ascent:
     """Return the progress after this tick; without a depth measurement there is no rise."""
     now_us, depth_m = state.time_us, state.estimate.depth_m
     ascent = state.ascent or Ascent(depth_m, now_us)
-    if not blind and depth_m < ascent.depth_m - RISE_M:
-        ascent = ascent._replace(depth_m=depth_m, risen_us=now_us)
+    if not blind:
+        least_m, risen_us = count_rise(ascent.depth_m, ascent.risen_us, depth_m, now_us)
+        ascent = ascent._replace(depth_m=least_m, risen_us=risen_us)
     afloat_us = ascent.afloat_us
     margin_m = SUNK_M if _floats(ascent, config) else AFLOAT_MARGIN_M
     left = not MIN_DEPTH_M < depth_m < config.surfaced_depth_m + margin_m
@@ -279,6 +281,96 @@ def _update(state: AutopilotState, blind: bool, config: Config) -> Ascent:
     if not sensor_checks.has_position(gps) or sensor_checks.is_silent(gps, now_us):
         return ascent._replace(fix_us=None) if ascent.fix_us is not None else ascent
     return ascent if ascent.fix_us is not None else ascent._replace(fix_us=gps.accepted_us)
+
+
+@numeric
+def count_rise(least_m: float, risen_us: int, depth_m: float, now_us: int) -> tuple[float, int]:
+    """Return depth and time of the last rise after a tick.
+
+    Parameters
+    ----------
+    least_m, risen_us : float, int
+        Depth (m) and time of the last rise before it.
+    depth_m : float
+        Depth.
+    now_us : int
+        Time of the tick.
+    """
+    if depth_m < least_m - RISE_M:
+        return depth_m, now_us
+    return least_m, risen_us
+
+
+def steady_rise_limit_s(state: AutopilotState, config: Config) -> float | None:
+    """Return the longest time without a rise for which an ascent under power goes on unchanged.
+
+    That holds while ``rises_steadily``, and while the vehicle receives no satellites.
+
+    Parameters
+    ----------
+    state : AutopilotState
+        State after a tick of mode SURFACE.
+    config : Config
+        Parameters.
+
+    Returns
+    -------
+    float | None
+        Time, infinite without a limit; None if the next tick may change the stage.
+    """
+    ascent, gps = state.ascent, state.health.devices.gps
+    if (
+        ascent is None
+        or ascent.stage != AscentStage.POWERED
+        or ascent.afloat_us is not None
+        or ascent.fix_us is not None
+        or monitor.active_faults(state.health)
+        or state.estimate.depth_m <= config.surfaced_depth_m + SUNK_M
+        or is_blind(state, config)
+        or (sensor_checks.has_position(gps) and not sensor_checks.is_silent(gps, state.time_us))
+    ):
+        return None
+    limits_s = config.surface_rise_s, config.surface_time_s
+    limit_s = min((limit_s for limit_s in limits_s if limit_s > 0.0), default=math.inf)
+    still_s = (state.time_us - ascent.risen_us) / US_PER_S
+    return limit_s if still_s < limit_s else None
+
+
+@numeric
+def rises_steadily(
+    estimate: VehicleEstimate,
+    least_m: float,
+    risen_us: int,
+    limit_s: float,
+    now_us: int,
+    config: Config,
+) -> bool:
+    """Return whether an ascent under power goes on unchanged.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimate of this tick.
+    least_m, risen_us : float, int
+        Depth (m) and time of the last rise.
+    limit_s : float
+        ``steady_rise_limit_s``.
+    now_us : int
+        Time of this tick.
+    config : Config
+        Parameters.
+    """
+    still_s = (now_us - risen_us) / US_PER_S
+    submerged = estimate.depth_m > config.surfaced_depth_m + SUNK_M
+    sinks = _still_sinks(estimate, least_m, still_s, config)
+    return submerged and still_s <= limit_s and not sinks
+
+
+@numeric
+def _still_sinks(estimate: VehicleEstimate, least_m: float, still_s: float, config: Config) -> bool:
+    """Return whether the vehicle sinks after the time of a recovery."""
+    sinks = estimate.depth_m > least_m and estimate.depth_rate_mps > monitor.SINKING_MPS
+    return sinks and 0.0 < RECOVERIES * config.fs_look_s < still_s
 
 
 def _floats(ascent: Ascent, config: Config) -> bool:

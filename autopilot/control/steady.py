@@ -9,7 +9,17 @@ sensor frame; the autopilot of a simulated vehicle uses ``tick_with_devices``.
 import math
 from typing import NamedTuple
 
-from autopilot.control import core, estimator, excitation, failsafe, guidance, loops, mission, modes
+from autopilot.control import (
+    ascent,
+    core,
+    estimator,
+    excitation,
+    failsafe,
+    guidance,
+    loops,
+    mission,
+    modes,
+)
 from autopilot.control.excitation import ExcitationOutput
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import cross_checks, imu_checks, monitor, sensor_checks
@@ -54,7 +64,9 @@ from mavlink_io.records import (
 )
 
 _NO_LINE = TrackLine(0j, 0j, 0.0)
-_MODES = frozenset(mode.number for mode in (modes.MISSION, modes.DEPTH, modes.HOLD, modes.SYSID))
+_MODES = frozenset(
+    mode.number for mode in (modes.MISSION, modes.DEPTH, modes.HOLD, modes.SYSID, modes.SURFACE)
+)
 """Modes with steady ticks: both loops are closed, and the set-points are those of the mission."""
 
 
@@ -91,6 +103,9 @@ class SteadyState(NamedTuple):
     """Time of the last evidence that the depth does not follow; -1 without suspicion."""
     off_depth_checks: int
     """Number of slow checks with that evidence."""
+    least_depth_m: float
+    risen_us: int
+    """Depth and time of the last rise in mode SURFACE."""
 
 
 class SensorChecks(NamedTuple):
@@ -116,6 +131,10 @@ class Task(NamedTuple):
     """Whether the heading follows ``SteadyState.line``."""
     acceptance_m: float
     """Distance from its end at which the line is done."""
+    surfacing: bool
+    """Whether mode SURFACE raises the vehicle under power."""
+    rise_limit_s: float
+    """Time without a rise that ends that."""
     testing: bool
     rudder_tested: bool
     test_started_us: int
@@ -134,6 +153,8 @@ NO_TASK = Task(
     wanted_depth_m=math.nan,
     following=False,
     acceptance_m=0.0,
+    surfacing=False,
+    rise_limit_s=math.inf,
     testing=False,
     rudder_tested=False,
     test_started_us=0,
@@ -192,6 +213,8 @@ def task_of(state: AutopilotState, config: Config) -> Task | None:
         wanted_depth_m=limits.wanted_depth_m,
         following=state.path is not None,
         acceptance_m=limits.acceptance_m,
+        surfacing=state.mode == modes.SURFACE.number,
+        rise_limit_s=limits.rise_s,
         testing=test is not None,
         rudder_tested=axis.rudder,
         test_started_us=test.started_us if test else 0,
@@ -203,16 +226,20 @@ def task_of(state: AutopilotState, config: Config) -> Task | None:
 
 
 class _ItemLimits(NamedTuple):
-    """What ends the mission item in progress; the fields are those of ``Task``."""
+    """What ends the mission item or the ascent in progress; the fields are those of ``Task``."""
 
     until_us: int = monitor.NEVER_US
     wanted_depth_m: float = math.nan
     acceptance_m: float = 0.0
+    rise_s: float = math.inf
 
 
 def _item_limits(state: AutopilotState, config: Config) -> _ItemLimits | None:
-    """Return what ends the mission item in progress; None if the next tick has to be a full one."""
+    """Return what ends the mission item or the ascent in progress; None before a full tick."""
     mission_state = state.mission
+    if state.mode == modes.SURFACE.number:
+        limit_s = ascent.steady_rise_limit_s(state, config)
+        return None if limit_s is None else _ItemLimits(rise_s=limit_s)
     if state.mode != modes.MISSION.number:
         return _ItemLimits()
     if mission_state.current >= len(mission_state.items) or mission_state.entered_us is None:
@@ -268,6 +295,8 @@ def begin(state: AutopilotState) -> SteadyState:
         duct_rad=state.duct_rad,
         off_depth_us=suspicion.last_us if suspicion else -1,
         off_depth_checks=suspicion.detections if suspicion else 0,
+        least_depth_m=float(state.ascent.depth_m) if state.ascent else 0.0,
+        risen_us=state.ascent.risen_us if state.ascent else 0,
     )
 
 
@@ -332,7 +361,11 @@ def end(
             latest=suspicion.fault.what,
         )
         health = health._replace(faults=(renewed,))
+    progress = state.ascent
+    if progress is not None:
+        progress = progress._replace(depth_m=steady.least_depth_m, risen_us=steady.risen_us)
     return state._replace(
+        ascent=progress,
         time_us=steady.time_us,
         estimate=steady.estimate,
         setpoint=steady.setpoint,
@@ -411,8 +444,9 @@ def tick_with_devices(
     steady, checks = check_frame(state, frame, task, config)
     if new != 0:
         plausible, devices = add_records(devices, records, new, now_us)
-        finds_home = new & GPS_NEW != 0 and sensor_checks.has_fix(records.gps)
-        steady = steady and plausible and (task.home.known or not finds_home)
+        has_fix = new & GPS_NEW != 0 and sensor_checks.has_fix(records.gps)
+        steady = steady and plausible and not (has_fix and task.surfacing)
+        steady = steady and (task.home.known or not has_fix)
     if now_us >= state.check_us:
         faulty = monitor.check_devices(devices, state.estimate, state.duct_rad, now_us, config)
         if (
@@ -518,6 +552,12 @@ def control(
         steady = steady and not guidance.reached(line, estimate, task.acceptance_m)
         line, heading_rad = guidance.follow_line(line, estimate, config, dt_s)
         setpoint = setpoint._replace(heading_rad=heading_rad)
+    least_m, risen_us = state.least_depth_m, state.risen_us
+    if task.surfacing:
+        least_m, risen_us = ascent.count_rise(least_m, risen_us, estimate.depth_m, now_us)
+        steady = steady and ascent.rises_steadily(
+            estimate, least_m, risen_us, task.rise_limit_s, now_us, config
+        )
     output, memory = loops.step_pids(
         estimate, setpoint, state.loops, config, dt_s, task.heading_closed, task.depth_closed
     )
@@ -536,5 +576,7 @@ def control(
         duct_rad,
         checks.off_depth_us,
         checks.off_depth_checks,
+        least_m,
+        risen_us,
     )
     return steady, advanced, trace

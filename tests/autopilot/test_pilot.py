@@ -3,8 +3,9 @@
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
-from autopilot.control import estimator, request_handler, requests
+from autopilot.control import estimator, modes, request_handler, requests
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import Inputs
 from autopilot.pilot import Pilot
@@ -96,6 +97,35 @@ def test_silent_ground_station_ends_steady_ticks() -> None:
     voyage.silences = {"ground_silent_s": 6.0}
     voyage.sail(0.1)
     assert any(text.startswith("Failsafe: ground lost") for text in voyage.texts())
+    assert repr(voyage.pilot.state) == repr(voyage.state)
+
+
+@pytest.mark.slow
+def test_ascent_is_steady_until_the_surface_is_near() -> None:
+    voyage = Doubled(scenario.load("disturbed"), {})
+    voyage.sail(1.0)
+    voyage.fly(*leg(depth_m=6.0, heading_deg=40.0, duration_s=60.0))
+    voyage.sail(45.0)
+    voyage.ask(requests.SetMode(modes.SURFACE.number))
+    before = voyage.full_ticks
+    voyage.sail(10.0)
+    assert voyage.full_ticks - before < 0.1 * 10.0 / 0.02, voyage.state.estimate.depth_m
+    voyage.sail(60.0)
+    assert "Surfaced: disarmed" in voyage.texts()
+    assert repr(voyage.pilot.state) == repr(voyage.state)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", ["elevator", "propeller"])
+def test_ascent_that_escalates_is_that_of_python(unit: str) -> None:
+    fault = {"at_s": 50.0, "unit": unit, "kind": "stuck"}
+    sea = replace(scenario.load("disturbed"), fault=(fault,))
+    voyage = Doubled(sea, {"SURF_RISE_S": 4.0, "SURF_BUOY_N": 5.0})
+    voyage.sail(1.0)
+    voyage.fly(*leg(depth_m=6.0, heading_deg=40.0, duration_s=60.0))
+    voyage.sail(52.0)
+    voyage.ask(requests.SetMode(modes.SURFACE.number))
+    voyage.sail(60.0)
     assert repr(voyage.pilot.state) == repr(voyage.state)
 
 
