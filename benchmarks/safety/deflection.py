@@ -1,11 +1,9 @@
 """Time at full deflection that a sensor fault commands, beside the same dive without the fault.
 
 The dives are straight and level when the fault begins, so that only the fault asks for deflection.
-Full deflection that returns a vehicle from a wrong attitude to the straight and level one is not
-counted: the true motion asks for it.
+Full deflection that returns the vehicle from an attitude that the fault has led it to counts too.
 """
 
-import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -14,7 +12,6 @@ from numpy.typing import NDArray
 
 from benchmarks.safety import cases, flight
 from benchmarks.safety.cases import Case, Leg
-from mavlink_io.frames import euler_from_quaternion
 from sitl.core import plant, timestep
 
 SENSORS = (
@@ -34,9 +31,6 @@ MAX_FULL_S = 0.5
 """Longest time at full travel that a single sensor may command."""
 FULL = 0.99
 """Fraction of the travel that counts as full."""
-ASTRAY_RAD = math.radians(10.0)
-"""True difference of heading or pitch from the straight and level dive, from which full deflection
-back is right."""
 LEGS = (Leg(4.0, 0.0, 130.0),)
 """Mission: straight and level."""
 DELAY_S = 35.0
@@ -50,8 +44,7 @@ class CommandHistory(NamedTuple):
     """Commands of a dive."""
 
     full: NDArray[np.bool_]
-    """Whether rudder and elevator are at full travel, and not to return the vehicle; shape
-    (ticks, 2)."""
+    """Whether rudder and elevator are at full travel; shape (ticks, 2)."""
     mode: NDArray[np.int64]
     """Mode of each tick."""
 
@@ -105,19 +98,12 @@ def fly_commands(case: Case) -> CommandHistory:
         if events or tick <= flight.BEGIN_TICK:
             mode = pilot.state.mode
         rudder, elevator = frame.controls[:2]
-        _, pitch_rad, heading_rad = euler_from_quaternion(*body.truth.attitude_q)
-        full.append((_leads_astray(rudder, heading_rad), _leads_astray(elevator, pitch_rad)))
+        full.append((abs(rudder) >= FULL, abs(elevator) >= FULL))
         history.append(mode)
         body, reading = plant.step(sea.parts, body, frame, sea.rng)
         if tick > flight.BEGIN_TICK and not pilot.armed:
             break
     return CommandHistory(np.array(full), np.array(history))
-
-
-def _leads_astray(command: float, angle_rad: float) -> bool:
-    """Return whether a command is full and does not return the vehicle from an angle to zero."""
-    returns = math.copysign(1.0, command) * angle_rad < -ASTRAY_RAD
-    return abs(command) >= FULL and not returns
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> int:
