@@ -188,17 +188,17 @@ class GroundLink:
         self._due_s = now_s + BATCH_S
         frames: list[bytes] = []
         for entry in entries:
-            if self._is_batched(entry):
+            if self._add_to_batch(entry):
                 continue
             self._end_batch(frames)
             if isinstance(entry, QueuedFrame):
                 frames.append(entry.encode())
-            elif not self._is_batched(entry):
+            elif not self._add_to_batch(entry):
                 self._encode_telemetry(entry, frames)
         self._end_batch(frames)
         self._send(frames)
 
-    def _is_batched(self, entry: "QueuedFrame | _TickTelemetry") -> bool:
+    def _add_to_batch(self, entry: "QueuedFrame | _TickTelemetry") -> bool:
         """Add an entry to the batch of the compiled encoder; return whether that is possible."""
         return (
             self._encoder is not None

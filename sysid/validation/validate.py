@@ -246,17 +246,14 @@ def _model_error(plane_model: _PlaneModel, gains: Mapping[str, float]) -> Struct
     run_scatter, plane = plane_model.model.joint.run_scatter, plane_model.plane
     if run_scatter == 0.0:
         return None
-    uncertain = plane_model.uncertain._replace(
-        covariance=model_error.structure_covariance(run_scatter)
-    )
+    structure = model_error.structure_covariance(run_scatter)
+    uncertain = plane_model.uncertain._replace(covariance=structure)
 
     def b1_per_s2(z: Array) -> Array:
         linear = fit.linear_plane(uncertain.vehicle(z), plane)
         return np.array([linear_planes.small_signal(linear).b1_per_s2])
 
-    (b1_sd,) = crossover.propagate_sd(
-        b1_per_s2, uncertain.z, model_error.structure_covariance(run_scatter)
-    )
+    (b1_sd,) = crossover.propagate_sd(b1_per_s2, uncertain.z, structure)
     at_crossover = crossover.crossover(uncertain, plane, gains)
     return StructureError(
         b1_percent=100.0 * float(b1_sd / abs(b1_per_s2(uncertain.z)[0])),

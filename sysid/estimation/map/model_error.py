@@ -19,9 +19,10 @@ the covariance of the estimate is
     (sum_k H_k / k + P^-1)^-1 + (c^2 + t^2) P0,    k = 1 + (DISPERSION - 1) g^2,    c = COMMON g
 
 COMMON and DISPERSION come from campaigns of plants from outside, of seeds that the study does not
-use: docs/identification.md. Their scatter is 0.014 to 0.1, for which g is 0.8 to 1.0. g grows
-continuously with t: in long logs a scatter of a hundredth is significant, without meaning that the
-model is as wrong as those of the plants from outside.
+use; those of the study were known when DISPERSION was chosen (docs/identification.md). Their
+scatter is 0.014 to 0.1, for which g is 0.8 to 1.0. g grows continuously with t: in long logs a
+scatter of a hundredth is significant, without meaning that the model is as wrong as those of the
+plants from outside.
 """
 
 from collections.abc import Sequence
