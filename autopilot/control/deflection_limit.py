@@ -15,6 +15,11 @@ A command above ``REDUCED`` of the travel is *confirmed* if u_c has its sign and
 Otherwise gyro or accelerometer and magnetometer are wrong or not used (e_a is NaN), or the rate
 alone asks for it. Such a command lasts for ``FULL_S``, and is limited to ``REDUCED`` of the travel
 after that.
+
+The confirmation counts only on the way to a new set-point. A vehicle that has reached its set-point
+needs no full travel without a fault, but a wrong sensor can lead it to an attitude from which all
+sensors ask for it: a delayed gyro makes the loop swing, and a tilt that a wrong gyro has left turns
+the levelled magnetic field.
 """
 
 import math
@@ -41,7 +46,7 @@ def limit_deflection(
     command_rad : float
         Command of a loop, trim included.
     confirming_rad : float
-        Command u_c of accelerometer and magnetometer; NaN if it is unknown.
+        Command u_c of accelerometer and magnetometer; NaN if it is unknown or does not count.
     full_s : float
         Time above ``REDUCED`` without confirmation after the last tick; it decreases again as fast
         as it has grown.

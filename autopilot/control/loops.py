@@ -37,7 +37,10 @@ INTEGRATOR_HOLD_RADPS, INTEGRATOR_HOLD_MPS = math.radians(0.3), 0.02
 """Reference rates above which the integrators of heading and depth are frozen: tracking error
 during a manoeuvre is transient."""
 STEADY_RADPS, STEADY_RAD, STEADY_M = math.radians(2.0), math.radians(8.0), 0.5
-"""Body rate, heading error and depth error below which trims are learned."""
+"""Body rate, heading error and depth error below which trims are learned and a set-point counts as
+reached."""
+SAME_SETPOINT_RAD, SAME_SETPOINT_M = math.radians(2.0), 0.25
+"""Change of a set-point that has been reached, up to which no manoeuvre has been commanded."""
 STANDING_RADPS, STANDING_SPEED_RATIO = math.radians(0.3), 0.5
 """Maximum yaw rate, and minimum speed over the cruise speed, at which a larger heading error is a
 standing one: the vehicle does not turn although it could, so the rudder that it lacks is trim."""
@@ -273,16 +276,33 @@ def _combine(
             elevator, elevator_lead = reference_model.lead(
                 elevator, memory.elevator_lead, config.servo, dt_s
             )
+    heading_error = wrap_pi(setpoint.heading_rad - estimate.heading_rad)
+    depth_error = setpoint.depth_m - estimate.depth_m
+    reached_heading = reached_depth = math.nan
+    if heading:
+        reached_heading = (
+            setpoint.heading_rad
+            if abs(heading_error) < STEADY_RAD and abs(estimate.r_radps) < STEADY_RADPS
+            else memory.reached_heading_rad
+        )
+    if depth and math.isnan(setpoint.pitch_rad):
+        reached_depth = (
+            setpoint.depth_m
+            if abs(depth_error) < STEADY_M and abs(estimate.q_radps) < STEADY_RADPS
+            else memory.reached_depth_m
+        )
+    turned = abs(wrap_pi(setpoint.heading_rad - reached_heading)) < SAME_SETPOINT_RAD
+    dived = abs(setpoint.depth_m - reached_depth) < SAME_SETPOINT_M
     rudder, rudder_full_s = deflection_limit.limit_deflection(
         rudder,
-        heading_result.confirming_rad,
+        math.nan if turned else heading_result.confirming_rad,
         memory.rudder_full_s,
         config.travel_rad,
         dt_s,
     )
     elevator, elevator_full_s = deflection_limit.limit_deflection(
         elevator,
-        depth_result.confirming_rad,
+        math.nan if dived else depth_result.confirming_rad,
         memory.elevator_full_s,
         config.travel_rad,
         dt_s,
@@ -290,9 +310,9 @@ def _combine(
     output = ControlOutput(
         rudder,
         elevator,
-        wrap_pi(setpoint.heading_rad - estimate.heading_rad),
+        heading_error,
         depth_result.pitch_setpoint_rad - estimate.pitch_rad,
-        setpoint.depth_m - estimate.depth_m,
+        depth_error,
         depth_result.pitch_setpoint_rad,
     )
     new_memory = LoopMemory(
@@ -310,6 +330,8 @@ def _combine(
         depth_result.observer,
         rudder_full_s,
         elevator_full_s,
+        reached_heading,
+        reached_depth,
     )
     if config.trim_time_s and heading and depth:
         new_memory = update_trim(new_memory, output, trims, estimate, config, dt_s)

@@ -245,6 +245,9 @@ class LoopMemory(NamedTuple):
     rudder_full_s: float = 0.0
     elevator_full_s: float = 0.0
     """Time above the limit of a command that is not confirmed; see ``deflection_limit``."""
+    reached_heading_rad: float = math.nan
+    reached_depth_m: float = math.nan
+    """Last set-points that the vehicle has reached; NaN for none, or if the loop was open."""
 
 
 class Excitation(NamedTuple):

@@ -318,3 +318,40 @@ def test_references_open_loop_are_reset() -> None:
     assert not begun(opened.rudder_peak)
     assert begun(opened.elevator_lead)
     assert begun(opened.elevator_peak)
+
+
+def _last_command(estimates: list[VehicleEstimate], asked: Setpoint) -> loops.ControlOutput:
+    """Return the commands after 1 s at each estimate, confirmed by accelerometer and compass."""
+    memory, config = LoopMemory(), Config(heading_p=2.0, pitch_p=2.0, depth_p=0.2)
+    for estimate in estimates:
+        for _ in range(50):
+            output, memory = loops.step_loops(
+                estimate, asked, memory, config, 0.02, heading=True, depth=True
+            )
+    return output
+
+
+def test_full_command_on_the_way_to_a_set_point_stays() -> None:
+    travel = Config().travel_rad
+    output = _last_command([VehicleEstimate(speed_mps=1.3)], Setpoint(heading_rad=1.0, depth_m=5.0))
+    assert abs(output.rudder_rad) >= travel
+    assert abs(output.elevator_rad) >= travel
+
+
+@pytest.mark.parametrize("offset_rad", [-0.4, 0.4])
+def test_full_command_after_a_reached_set_point_is_reduced(offset_rad: float) -> None:
+    """A wrong sensor can lead the vehicle to an attitude from which all sensors ask for it."""
+    asked = Setpoint(heading_rad=3.0, depth_m=5.0)
+    reached = VehicleEstimate(speed_mps=1.3, heading_rad=3.0, depth_m=5.0)
+    led_off = reached._replace(heading_rad=wrap_pi(3.0 + offset_rad), pitch_rad=offset_rad)
+    output, travel = _last_command([reached, led_off], asked), Config().travel_rad
+    assert output.rudder_rad == pytest.approx(-math.copysign(0.8 * travel, offset_rad))
+    assert output.elevator_rad == pytest.approx(-math.copysign(0.8 * travel, offset_rad))
+    turned = asked._replace(heading_rad=wrap_pi(3.0 - 5.0 * offset_rad))
+    memory, config = LoopMemory(), Config(heading_p=2.0)
+    for wanted in (asked, turned):
+        for _ in range(50):
+            output, memory = loops.step_loops(
+                reached, wanted, memory, config, 0.02, heading=True, depth=True
+            )
+    assert abs(output.rudder_rad) >= travel
