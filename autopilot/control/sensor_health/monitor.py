@@ -102,6 +102,7 @@ class Debounce(NamedTuple):
     """Minimum time since the fault was first detected."""
 
 
+_ATTITUDE_FIELDS = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH
 _IMMEDIATE = Debounce(1, 0)
 _DEBOUNCE = {
     IMPLAUSIBLE: Debounce(5, 0),
@@ -423,19 +424,20 @@ def _cross_checks(
     """Return the sensors that disagree with others.
 
     A sensor that is named accounts for the difference of the attitude, so that the gyro is not
-    named with it. State and frame are those of the last tick.
+    named with it. One that is named only because it is silent at times does not: what it measures
+    is right. State and frame are those of the last tick.
     """
     estimate, ahrs, found = state.estimate, state.ahrs, []
     frame, fresh = ahrs.frame, ahrs.frame.fields_updated
     if not estimate.initialised:
         return ()
-    known = {tracker.fault.subject for tracker in health.faults}
+    known = {tracker.fault.subject for tracker in health.faults if tracker.fault.what != SILENT}
     raw = cross_checks.raw_frame(ahrs)
     if raw.fields_updated & ACCELEROMETER_FRESH and cross_checks.gravity_differs(raw):
         found.append(ACCELEROMETER)
     elif (
         ACCELEROMETER not in known
-        and raw.fields_updated & MAGNETOMETER_FRESH
+        and raw.fields_updated & _ATTITUDE_FIELDS == _ATTITUDE_FIELDS
         and cross_checks.field_differs(raw, *health.field_gauss)
     ):
         found.append(MAGNETOMETER)

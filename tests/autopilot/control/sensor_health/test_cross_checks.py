@@ -8,6 +8,7 @@ from autopilot.control import core, modes, requests
 from autopilot.control.sensor_health import monitor
 from autopilot.control.types import Event, Inputs
 from mavlink_io.records import (
+    ACCELEROMETER_FRESH,
     GYRO_FRESH,
     MAGNETOMETER_FRESH,
     PRESSURE_FRESH,
@@ -74,6 +75,28 @@ def test_sensor_disagrees_is_named_excluded_and_recovers(offsets: Change, name: 
     estimate = flight.state.estimate
     assert abs(estimate.pitch_rad) < math.radians(14.0)
     assert f"{name} recovered" in feed(flight, 30.0, {})
+
+
+def test_gyro_disagrees_with_an_accelerometer_silent_at_times_is_named() -> None:
+    """The accelerometer reports for 0.2 s of each 1.1 s; its silence does not explain the roll."""
+    flight = dive()
+    feed(flight, 3.0, {})
+    texts = []
+    for period in range(20):
+        drift = {"gyro_x_radps": math.radians(1.5 + 0.4 * period)}
+        texts += feed(flight, 0.2, drift)
+        for _ in range(45):
+            frame = sensors(flight.state.time_us + TICK_US)
+            frame = frame._replace(
+                gyro_x_radps=frame.gyro_x_radps + drift["gyro_x_radps"],
+                fields_updated=frame.fields_updated & ~ACCELEROMETER_FRESH,
+            )
+            flight.state, *_, events = core.tick(
+                flight.state, Inputs(frame, None, None, None), flight.config
+            )
+            texts += [event.text for event in events if isinstance(event, Event)]
+    assert texts == ["Accelerometer silent", "Gyro disagrees"]
+    assert abs(flight.state.estimate.roll_rad) < math.radians(15.0)
 
 
 def test_pressure_step_is_never_used_while_it_lasts() -> None:
