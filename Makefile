@@ -18,6 +18,8 @@ COMPILE := pip-compile -q --generate-hashes --no-strip-extras --no-header --anno
 # `make soak`: fraction of the sizes of the table, 1 runs for days; MINUTES=N ends earlier, to continue later
 SIZE   ?=
 MINUTES ?=
+# `make fuzz`: time for each of the targets
+SECONDS ?= 20
 # Further arguments of pytest
 PYTEST ?=
 # `make bench`: BUSY=1 loads every core meanwhile; ROWS=NAME,... measures only these
@@ -25,7 +27,7 @@ BUSY   ?=
 ROWS   ?=
 
 .PHONY: help demo campaign test test-fast test-clients check check-physics benchmark-sysid benchmark-control \
-        benchmark-campaigns bench soak docs format coverage audit vehicle lock clean
+        benchmark-campaigns bench soak fuzz docs format coverage audit vehicle lock clean
 
 help:                                ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/	/' | expand -t 20
@@ -71,6 +73,10 @@ bench: $(VENV)/dev.stamp             ## speed of every part beside floors and pe
 
 soak: $(VENV)/dev.stamp              ## robustness table: SIZE=fraction of the required sizes; resumes
 	$(BIN)/python -m tests.soak $(if $(SIZE),--size $(SIZE)) $(if $(ROWS),--rows $(ROWS)) $(if $(MINUTES),--minutes $(MINUTES))
+
+fuzz: $(VENV)/dev.stamp              ## coverage-guided fuzzing (atheris): SECONDS for each link and reader
+	$(BIN)/python -m pip $(INSTALL) "atheris>=3.0"
+	$(BIN)/python -m tests.fuzz all -max_total_time=$(SECONDS)
 
 docs: $(VENV)/dev.stamp             ## documentation site in build/docs; a warning is an error
 	$(BIN)/python -m sphinx -q -W --keep-going docs build/docs

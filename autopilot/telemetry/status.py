@@ -2,7 +2,7 @@
 
 import math
 
-from autopilot.control import failsafe
+from autopilot.control import failsafe, modes
 from autopilot.control.sensor_health import monitor
 from autopilot.control.sensor_health.sensor_checks import (
     ALTIMETER,
@@ -11,6 +11,7 @@ from autopilot.control.sensor_health.sensor_checks import (
     DVL,
     GPS,
 )
+from autopilot.control.types import AscentStage, AutopilotState
 from autopilot.reports import Snapshot
 from autopilot.telemetry import identity
 from autopilot.telemetry.encoding import clamp, int32, time_us, uint16
@@ -70,7 +71,8 @@ def system_status(s: Snapshot) -> Values:
     """Return SYS_STATUS.
 
     The GPS bit is healthy under water too: clients refuse to arm without it. It means that the
-    position is known.
+    position is known. After the first stage of SURFACE the depth is not controlled;
+    ``errors_count1`` is the stage.
     """
     sensors = _SENSORS if s.state.estimate.initialised else 0
     health = s.state.health
@@ -81,6 +83,8 @@ def system_status(s: Snapshot) -> Values:
     ready = _PREARM if s.state.estimate.initialised and not monitor.prearm_failure(health) else 0
     enabled = _SENSORS | _PREARM | (_CONTROLS if s.state.armed else 0) | extra
     faulty = sum(_BITS.get(name, 0) for name in monitor.active_faults(health))
+    stage = ascent_stage(s.state)
+    faulty |= _BITS[monitor.DEPTH] if stage != AscentStage.POWERED else 0
     healthy = (sensors | _CONTROLS | ready | extra & ~_GEOFENCE | inside) & ~faulty
     leak_sensor = device_messages.LEAK_BIT if s.leak else 0
     dry = leak_sensor if s.leak and not s.leak.wet else 0
@@ -90,12 +94,22 @@ def system_status(s: Snapshot) -> Values:
         healthy,
         0,
         *_power(s.battery),
-        *(0,) * 6,
+        0,
+        0,
+        int(stage),
+        *(0,) * 3,
         _percent(s.battery),
         leak_sensor,
         leak_sensor,
         dry,
     )
+
+
+def ascent_stage(state: AutopilotState) -> AscentStage:
+    """Return the stage of mode SURFACE; POWERED in another mode."""
+    if state.ascent is None or not state.armed or state.mode != modes.SURFACE.number:
+        return AscentStage.POWERED
+    return state.ascent.stage
 
 
 def fence_status(s: Snapshot) -> Values:

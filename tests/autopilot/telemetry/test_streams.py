@@ -10,11 +10,14 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.comms.stream_rates import Schedule
+from autopilot.control import modes
 from autopilot.control.fence import Fence, Place, Zone
 from autopilot.control.params import Config
 from autopilot.control.sensor_health.types import Fault, FaultTracker, Health
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import (
+    Ascent,
+    AscentStage,
     AutopilotState,
     Home,
     Inputs,
@@ -195,6 +198,21 @@ def test_health_bits_match_client_requirements() -> None:
         assert status.onboard_control_sensors_present & status.onboard_control_sensors_health & bit
     assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK
     assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_GEOFENCE
+
+
+@pytest.mark.parametrize("stage", AscentStage)
+def test_sys_status_has_the_stage_of_surface(stage: AscentStage) -> None:
+    """After the first stage the depth is not controlled any more."""
+    at = snapshot()
+    rising = at.state._replace(mode=modes.SURFACE.number, ascent=Ascent(4.0, 0, stage=stage))
+    depth_bit = mavlink.MAV_SYS_STATUS_SENSOR_Z_ALTITUDE_CONTROL
+    status = message("SYS_STATUS", at._replace(state=rising))
+    assert status.errors_count1 == stage
+    healthy = status.onboard_control_sensors_health & depth_bit
+    assert bool(healthy) == (stage == AscentStage.POWERED)
+    other_mode = message("SYS_STATUS", at._replace(state=rising._replace(mode=modes.HOLD.number)))
+    assert other_mode.errors_count1 == 0
+    assert other_mode.onboard_control_sensors_health & depth_bit
 
 
 @pytest.mark.parametrize(("north_m", "outside"), [(0.0, 0), (150.0, 1)])
