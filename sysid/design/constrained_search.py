@@ -1,14 +1,18 @@
-"""Minimisation of an objective under nonlinear constraints with COBYQA.
+"""Minimisation of an objective under nonlinear constraints with COBYLA.
 
-COBYQA is a derivative-free trust-region SQP method (Ragonneau and Zhang), here from scipy.
+COBYLA is a derivative-free trust-region method with linear models (Powell), here from nlopt.
+Margins and damping ratios are minima over crossings and modes, whose derivatives jump: methods with
+gradients end early.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
+import nlopt
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import NonlinearConstraint, minimize
 
 from autopilot.control.params import PARAMETERS
 from sysid.design.constraints import ConstraintViolation
@@ -26,8 +30,12 @@ GAIN_RANGE = (6e-6, 400.0)
 """Least and largest value of a free gain; parameters of the autopilot have ranges of their own."""
 PARAMETER_RANGES = {row.name: (row.minimum, row.maximum) for row in PARAMETERS}
 """Least and largest value of each parameter of the autopilot."""
-COBYQA_OPTIONS = {"initial_tr_radius": 0.3, "final_tr_radius": 3e-3, "maxfev": 120}
-"""Trust-region radii in the logarithm of the gains, and evaluations per search."""
+SEARCH_TOLERANCE = 0.5 * CONSTRAINT_TOLERANCE
+"""Relative violation up to which a search takes a point for feasible."""
+FIRST_RADIUS, LAST_RADIUS = 0.3, 3e-3
+"""Trust-region radii in the logarithm of the gains."""
+MAX_EVALUATIONS = 120
+"""Maximum number of evaluations of a search."""
 
 
 class CostAndConstraints(NamedTuple):
@@ -109,40 +117,46 @@ def _restart_until_converged(start: Mapping[str, float], search: ConstrainedProb
 
 
 def _minimise_from(start: Mapping[str, float], search: ConstrainedProblem) -> _End:
-    """Minimise over the logarithms of the gains.
-
-    COBYQA requests the constraints again at every point it still uses, about ten times per new
-    point, so evaluations are cached.
-    """
-    names, cache = tuple(start), dict[bytes, CostAndConstraints]()
+    """Minimise over the logarithms of the gains; return the best point that was evaluated."""
+    names, evaluated = tuple(start), dict[bytes, _End]()
     lowest, highest = np.log([_range(name) for name in names]).T
+    first = np.clip(np.log(list(start.values())), lowest, highest)
 
-    def gains_at(logs: Array) -> dict[str, float]:
-        """Return the gains of their logarithms, in the ranges that the autopilot accepts."""
-        return dict(zip(names, np.exp(np.clip(logs, lowest, highest)).tolist(), strict=True))
-
-    def evaluate(logs: Array) -> CostAndConstraints:
-        """Return cost and violations, from the cache where possible."""
+    def at(logs: Array) -> _End:
+        """Return gains, cost and violations; objective and constraints share an evaluation."""
         key = logs.tobytes()
-        if key not in cache:
-            cache[key] = search.evaluate({**search.fixed, **gains_at(logs)})
-        return cache[key]
+        if key not in evaluated:
+            gains = dict(zip(names, np.exp(logs).tolist(), strict=True))
+            evaluated[key] = _End(gains, search.evaluate({**search.fixed, **gains}))
+        return evaluated[key]
 
-    def constrained(logs: Array) -> Array:
-        """Return finite violations."""
-        violations = np.array(list(evaluate(logs).violations.values()))
-        return np.asarray(
-            np.nan_to_num(np.clip(violations, -1.0, MAX_VIOLATION), nan=MAX_VIOLATION)
-        )
+    def objective(logs: Array, _: Array) -> float:
+        """Return the objective."""
+        return at(logs).evaluated.objective
 
-    optimum = minimize(
-        lambda logs: evaluate(logs).objective,
-        np.log(list(start.values())),
-        method="COBYQA",
-        constraints=NonlinearConstraint(constrained, -np.inf, 0.0),
-        options=COBYQA_OPTIONS,
-    )
-    return _End(gains_at(optimum.x), evaluate(np.asarray(optimum.x)))
+    def constrain(result: Array, logs: Array, _: Array) -> None:
+        """Set `result` to finite violations."""
+        violations = np.array(list(at(logs).evaluated.violations.values()))
+        result[:] = np.nan_to_num(np.clip(violations, -1.0, MAX_VIOLATION), nan=MAX_VIOLATION)
+
+    method = nlopt.opt(nlopt.LN_COBYLA, len(names))
+    method.set_min_objective(objective)
+    constraints = len(at(first).evaluated.violations)
+    method.add_inequality_mconstraint(constrain, np.full(constraints, SEARCH_TOLERANCE))
+    method.set_lower_bounds(lowest)
+    method.set_upper_bounds(highest)
+    method.set_initial_step(FIRST_RADIUS)
+    method.set_xtol_abs(LAST_RADIUS)
+    method.set_maxeval(MAX_EVALUATIONS)
+    with suppress(nlopt.RoundoffLimited):
+        method.optimize(first)
+    return min(evaluated.values(), key=_rank)
+
+
+def _rank(end: _End) -> tuple[float, float]:
+    """Return the order of results: feasible ones first, by their objective."""
+    violation = _max_violation(end.evaluated.violations)
+    return max(violation, SEARCH_TOLERANCE), end.evaluated.objective
 
 
 def _range(name: str) -> tuple[float, float]:
@@ -152,5 +166,5 @@ def _range(name: str) -> tuple[float, float]:
 
 
 def _max_violation(violations: ConstraintViolation) -> float:
-    """Return the largest relative violation."""
-    return max(violations.values())
+    """Return the largest relative violation; infinite if one is not a number."""
+    return max(math.inf if math.isnan(value) else value for value in violations.values())
