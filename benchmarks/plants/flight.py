@@ -146,10 +146,11 @@ def _dive(
     for a in range(2):
         drives[a, 0] = drives[a, 2] = trim[a]
         drives[a, 3] = trim[a] + axes[a].bias_rad
-    delays = np.array([int(axes[a].delay_s / STEP_S + 0.5) for a in range(2)])
+    delays = np.array([axes[a].delay_s / STEP_S for a in range(2)])
     queue = np.empty((2, QUEUE))
     for a in range(2):
         queue[a] = trim[a]
+    true = np.zeros(8)
     measured = np.zeros(8)  # p, q, r, roll, pitch, heading, depth, speed behind their lags
     for i in range(3):
         measured[3 + i] = x[6 + i]
@@ -195,14 +196,26 @@ def _dive(
             angles = np.empty(2)
             for a in range(2):
                 queue[a, head % QUEUE] = trim[a] + grip[k] * (commands[a] - trim[a])
-                late = queue[a, (head - delays[a]) % QUEUE]
+                # The command of a delay that is no whole number of steps: the mean over the step.
+                whole = int(delays[a])
+                newer, older = (
+                    queue[a, (head - whole) % QUEUE],
+                    queue[a, (head - whole - 1) % QUEUE],
+                )
+                late = newer + (delays[a] - whole) * (older - newer)
                 angles[a] = actuators.advance(drives[a], late, axes[a])
             head += 1
+            for i in range(8):
+                true[i] = x[3 + i] if i < 6 else (x[9] if i == 6 else x[0])
             _advance(x, angles[0], angles[1], thrust[k], push, body, work)
             for i in range(8):
-                true = x[3 + i] if i < 6 else (x[9] if i == 6 else x[0])
+                now = x[3 + i] if i < 6 else (x[9] if i == 6 else x[0])
                 lag = lags[0] if i < 3 else (lags[1] if i < 6 else (lags[2] if i == 6 else 0.1))
-                measured[i] += (true - measured[i]) * min(1.0, STEP_S / max(lag, STEP_S))
+                if lag == 0.0:
+                    measured[i] = now
+                else:
+                    share = 1.0 - math.exp(-STEP_S / lag)
+                    measured[i] += share * (0.5 * (true[i] + now) - measured[i])
     return rows, under
 
 
