@@ -117,7 +117,10 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
 
 
 def rests(state: AutopilotState, config: Config) -> bool:
-    """Return whether the vehicle waits at the surface, its propeller stopped and elevator centred.
+    """Return whether the elevator is centred: at the surface, or because the pitch is wrong.
+
+    The vehicle waits at the surface with its propeller stopped. A wrong pitch would command the
+    elevator of a vehicle without power down.
 
     Parameters
     ----------
@@ -126,11 +129,16 @@ def rests(state: AutopilotState, config: Config) -> bool:
     config : Config
         Parameters.
     """
-    return (
-        state.mode == modes.SURFACE.number
-        and state.ascent is not None
-        and _floats(state.ascent, config)
-    )
+    ascent = state.ascent
+    if ascent is None or state.mode != modes.SURFACE.number:
+        return False
+    unpowered = ascent.stage in (AscentStage.STOPPED, AscentStage.RELEASED)
+    return _floats(ascent, config) or (unpowered and _pitch_is_wrong(state))
+
+
+def _pitch_is_wrong(state: AutopilotState) -> bool:
+    """Return whether the depth has contradicted the pitch since arming."""
+    return monitor.PITCH in monitor.active_faults(state.health)
 
 
 def is_blind(state: AutopilotState, config: Config) -> bool:
@@ -166,6 +174,8 @@ def _next_stage(
             return _release(state, ascent, still_s, config)
         if not buoyant or ascent.attempts >= MAX_ATTEMPTS or _floats(ascent, config):
             return stage, ""
+        if _pitch_is_wrong(state):
+            return AscentStage.STOPPED, "pitch disagrees with the depth"
         if dives:
             return stopped, "sinks against the elevator"
         if 0.0 < config.surface_rise_s < still_s:

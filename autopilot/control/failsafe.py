@@ -181,6 +181,7 @@ def _device_failsafe(state: AutopilotState, config: Config) -> str:
     actions = (
         (LEAK, config.fs_leak_action),
         (monitor.ELEVATOR, 1),
+        (monitor.PITCH, 1),
         (BATTERY, config.fs_battery_action if active.get(BATTERY) == monitor.LOW else 0),
     )
     return next(

@@ -517,6 +517,7 @@ def check_frame(
         sinks = monitor.dives(state.estimate, state.duct_rad, state.thrust, config)
         turns = monitor.turns_away(state.estimate, state.duct_rad, state.thrust, config)
         steady = steady and not (turns or (sinks and not task.testing))
+        steady = steady and not monitor.sinks_nose_up(state.estimate, state.thrust, config)
         steady = steady and cross_checks.agree(
             state.estimate, state.frame, task.field_gauss, config
         )

@@ -57,6 +57,7 @@ _BITS = {
         DUCT: "SENSOR_MOTOR_OUTPUTS",
         monitor.DEPTH: "SENSOR_Z_ALTITUDE_CONTROL",
         monitor.ELEVATOR: "SENSOR_ATTITUDE_STABILIZATION",
+        monitor.PITCH: "SENSOR_ATTITUDE_STABILIZATION",
         monitor.RUDDER: "SENSOR_YAW_POSITION",
     }.items()
 }

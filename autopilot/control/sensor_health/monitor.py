@@ -52,8 +52,10 @@ SENSORS = "Sensors"
 """Subject of a fault of the whole sensor frame: the HIL link is silent."""
 VITAL = frozenset((ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE, SENSORS, BATTERY, LEAK, DUCT))
 """Subjects whose fault prevents arming."""
-ELEVATOR, RUDDER = "Elevator", "Rudder"
+ELEVATOR, RUDDER, PITCH = "Elevator", "Rudder", "Pitch"
 """Subjects of faults that the vehicle's motion shows: the duct, or the attitude that it follows."""
+LASTING = frozenset((ELEVATOR, PITCH))
+"""Subjects whose fault lasts until the next arming: without thrust there is no evidence of it."""
 DETECTED, LOW, DEVIATES, NOT_TRACKING = "detected", "low", "does not follow", "not tracking"
 NO_EFFECT, DISAGREES = "has no effect", "disagrees"
 HEADING, SPEED = "Heading", "Speed"
@@ -77,6 +79,9 @@ SINKING_MPS, NOSE_UP_SINKING_MPS, RAISING_RADPS = 0.05, 0.1, math.radians(1.0)
 does not come up. A heavy vehicle holds its depth with its nose up; waves move it by 0.05 m/s."""
 ELEVATOR_UP, NOSE_UP_RAD = 0.5, math.radians(5.0)
 """Elevator (fraction of the travel) and pitch above which a vehicle must not sink."""
+MAX_CLIMB_ERROR_MPS = 0.6
+"""Rate of ascent that speed and pitch give, less the measured one, which neither heave nor the
+sideslip of a vehicle that begins to climb explains: the pitch is wrong."""
 TURN_DEADBAND_RADPS, RUDDER_HARD, RUDDER_CHECK_US = math.radians(0.3), 0.9, 10 * US_PER_S
 """Yaw rate that a rudder beyond this fraction of its travel must exceed, and the time it has."""
 COMMANDED_THRUST_GATE, COMMANDED_DEPTH_GATE_M = 0.2, 1.0
@@ -213,8 +218,7 @@ def report_sensor_loss(state: AutopilotState) -> AutopilotState:
 def begin_dive(health: Health, frame: SensorFrame) -> Health:
     """Return the history at arming.
 
-    The magnetic field becomes the reference of later readings. A fault of the elevator ends: it
-    lasts until the next arming, because without thrust the vehicle shows no evidence of it.
+    The magnetic field becomes the reference of later readings, and the faults of ``LASTING`` end.
 
     Parameters
     ----------
@@ -228,7 +232,7 @@ def begin_dive(health: Health, frame: SensorFrame) -> Health:
     Health
         History after arming.
     """
-    others = tuple(tracker for tracker in health.faults if tracker.fault.subject != ELEVATOR)
+    others = tuple(tracker for tracker in health.faults if tracker.fault.subject not in LASTING)
     return health._replace(field_gauss=cross_checks.field_of(frame), faults=others)
 
 
@@ -273,7 +277,7 @@ def _update_trackers(
     for tracker in by_subject.values():
         quiet_us = now_us - tracker.last_us
         clear_us = _clear_us(tracker.fault)
-        if tracker.reported and quiet_us > RECOVERY_US and tracker.fault.subject != ELEVATOR:
+        if tracker.reported and quiet_us > RECOVERY_US and tracker.fault.subject not in LASTING:
             events.append(Event(Severity.NOTICE, f"{tracker.fault.subject} recovered"))
         elif tracker.reported or quiet_us <= clear_us:
             remaining.append(_confirm_fault(tracker, now_us, config, events))
@@ -301,7 +305,7 @@ def _debounce(fault: Fault, config: Config) -> Debounce:
     """Return the evidence that confirms a fault."""
     if fault.what == NOT_TRACKING:
         return Debounce(OFF_DEPTH_CHECKS, round(config.health_depth_s * US_PER_S))
-    if fault.subject == ELEVATOR:
+    if fault.subject in LASTING:
         return Debounce(OFF_DEPTH_CHECKS, round(config.fs_dive_s * US_PER_S))
     if fault.subject == RUDDER:
         return Debounce(OFF_DEPTH_CHECKS, RUDDER_CHECK_US)
@@ -371,6 +375,8 @@ def _slow_checks(state: AutopilotState, now_us: int, config: Config) -> tuple[Fa
         found.append(OFF_DEPTH)
     if _dive_not_stopped(state, config):
         found.append(Fault(ELEVATOR, NO_EFFECT))
+    if _pitch_contradicted(state, config):
+        found.append(Fault(PITCH, DISAGREES))
     if state.armed and turns_away(estimate, state.duct_rad, state.thrust, config):
         found.append(Fault(RUDDER, NO_EFFECT))
     return tuple(found)
@@ -579,6 +585,36 @@ def _dive_not_stopped(state: AutopilotState, config: Config) -> bool:
     """Return whether the vehicle dives (``dives``), outside a test, while depth is measured."""
     measured = state.time_us - state.estimate.depth_time_us < CHECK_US
     return state.armed and measured and dives(state.estimate, state.duct_rad, state.thrust, config)
+
+
+def _pitch_contradicted(state: AutopilotState, config: Config) -> bool:
+    """Return whether ``sinks_nose_up`` while depth is measured."""
+    measured = state.time_us - state.estimate.depth_time_us < CHECK_US
+    return state.armed and measured and sinks_nose_up(state.estimate, state.thrust, config)
+
+
+@numeric
+def sinks_nose_up(estimate: VehicleEstimate, thrust: float, config: Config) -> bool:
+    """Return whether the vehicle sinks although speed and pitch should raise it.
+
+    With U the predicted speed, theta the pitch and w the measured rate of descent: w > 0 and
+    U sin(theta) + w > ``MAX_CLIMB_ERROR_MPS``. The pitch is wrong, or there is no thrust.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimated motion.
+    thrust : float
+        Commanded thrust (fraction of full).
+    config : Config
+        Parameter FS_DIVE_S; 0 turns the check off.
+    """
+    if not config.fs_dive_s or thrust <= COMMANDED_THRUST_GATE:
+        return False
+    rate_mps, climb_mps = estimate.depth_rate_mps, 0.0
+    if estimate.pitch_rad > NOSE_UP_RAD and rate_mps > NOSE_UP_SINKING_MPS:
+        climb_mps = estimate.speed_mps * math.sin(estimate.pitch_rad)
+    return climb_mps > 0.0 and climb_mps + rate_mps > MAX_CLIMB_ERROR_MPS
 
 
 @numeric

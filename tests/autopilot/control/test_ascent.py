@@ -391,3 +391,35 @@ def test_surface_brake_of_wrong_speed_ends_at_its_time_limit() -> None:
     assert flight.state.estimate.speed_mps == pytest.approx(1.0, abs=0.01)
     assert braked[0] / 50 == pytest.approx(5.0, abs=0.5)
     assert flight.trace.thrust == 0.0
+
+
+def nose_up_at_cruise(**changes: object) -> Flight:
+    """Return a flight in mode DEPTH at cruise speed."""
+    flight = under_way(fs_depth_m=100.0, **changes)  # type: ignore[arg-type]
+    assert flight.ask(requests.ChangeTarget(None, 0.0, 0.58)) == ACCEPTED
+    for _ in flight.run(20.0):
+        pass
+    flight.depth_m = 5.0
+    return flight
+
+
+def test_pitch_that_the_depth_contradicts_ends_power_and_centres_elevator() -> None:
+    """1.3 m/s with the nose 23 deg up is an ascent of 0.5 m/s; the vehicle sinks by 0.3 m/s."""
+    flight = nose_up_at_cruise()
+    hold_down(flight, 10.0, sinking, pitch_rad=0.4)
+    texts = flight.texts()
+    assert "Failsafe: Pitch disagrees -> SURFACE" in texts
+    assert "Failsafe: pitch disagrees with the depth -> propeller stopped" in texts
+    assert flight.trace.thrust == 0.0
+    hold_down(flight, 3.0, lambda t_s: 7.0, pitch_rad=0.4)
+    assert flight.trace.elevator_rad == pytest.approx(flight.config.elevator_trim_rad)
+
+
+@pytest.mark.parametrize(("seconds", "pitch_rad"), [(2.0, 0.4), (10.0, 0.05)])
+def test_climb_that_begins_late_or_small_pitch_is_no_contradiction(
+    seconds: float, pitch_rad: float
+) -> None:
+    flight = nose_up_at_cruise(fs_dive_s=3.0)
+    hold_down(flight, seconds, sinking, pitch_rad=pitch_rad)
+    hold_down(flight, 5.0, lambda t_s: 5.0 + 0.3 * seconds - 0.4 * t_s, pitch_rad=pitch_rad)
+    assert not [text for text in flight.texts() if "Pitch" in text]
