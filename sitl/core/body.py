@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from mavlink_io.jit import kernel
 from sitl.core import tailcone
 from sitl.core.tailcone import TailconeAxis
@@ -22,28 +20,6 @@ class Body(NamedTuple):
     model: VehicleModel
     rudder: TailconeAxis
     elevator: TailconeAxis
-
-
-class TailconeMotion(NamedTuple):
-    """Motion of both axes during a tick."""
-
-    rudder: Vector
-    elevator: Vector
-    """Axis states at the end of the tick, see ``core.tailcone``."""
-    angles_rad: Vector
-    """Mean true duct angle of rudder and elevator in each substep, (2, substeps)."""
-    end_rad: tuple[float, float]
-    """True duct angles at the end of the tick."""
-
-
-def motion_at_rest(body: Body) -> TailconeMotion:
-    """Return the motion of a tailcone that has not moved yet: no substeps."""
-    return TailconeMotion(
-        rudder=tailcone.at_rest(body.rudder),
-        elevator=tailcone.at_rest(body.elevator),
-        angles_rad=np.empty((2, 0)),
-        end_rad=(body.rudder.bias_rad, body.elevator.bias_rad),
-    )
 
 
 @kernel
