@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from autopilot.control import deflection_limit
 from sysid.data.dataset import Log
 from sysid.monitor import tracking_metrics
 from sysid.monitor.tracking_metrics import Interval, TrackingErrors
@@ -22,9 +23,9 @@ SETTLED_FOR_S = 5.0
 MIN_STEADY_S = 15.0
 """Minimum length (s) of steady flight in which divergence is evaluated."""
 MAX_SATURATED_FRACTION = 0.2
-"""Share of steady flight at a stop above which the loop counts as a limit cycle."""
+"""Share of steady flight at a limit of the command above which the loop counts as a limit cycle."""
 SATURATED_SHARE = 0.999
-"""Share of the travel above which a surface counts as being at its stop."""
+"""Share of a limit above which a command counts as being at it."""
 AT_DEPTH_M = 0.3
 """Largest depth error (m) at which the vehicle counts as dived; afterwards it must not broach."""
 
@@ -165,11 +166,11 @@ def _shallowest_m(dive: SimulatedDive) -> float | None:
 
 def _divergence(dive: SimulatedDive, travel_rad: float) -> str:
     """Return the first quantity that was not held after settling."""
-    log = dive.log
+    log, limit_rad = dive.log, SATURATED_SHARE * deflection_limit.REDUCED * travel_rad
     for window in tracking_metrics.intervals(log, shortest_s=MIN_STEADY_S):
         in_window, errors = _in_window(log, window), _errors(log, window)
         rudder, elevator = (
-            float(np.mean(np.abs(command[in_window]) > SATURATED_SHARE * travel_rad))
+            float(np.mean(np.abs(command[in_window]) > limit_rad))
             for command in (log.actuators.rudder_rad, log.actuators.elevator_rad)
         )
         if (
