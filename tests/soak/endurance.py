@@ -106,8 +106,8 @@ def run(first: int, count: int) -> Batch:
     port, hil = free_port(socket.SOCK_STREAM), free_port()
     with tempfile.TemporaryDirectory() as folder:
         parameters, logs = Path(folder) / "parameters.param", Path(folder) / "logs"
-        # the simulated battery lasts for a few hours
-        parameters.write_text("FS_BATT_PCT,0\nFS_BATT_V,0\n")
+        # the simulated battery lasts for a few hours, and a mission for the rest of it is refused
+        parameters.write_text("FS_BATT_PCT,0\nFS_BATT_V,0\nBAT_CRUISE_H,0\n")
         options = ("--params", str(parameters), "--logs", str(logs))
         link = f"127.0.0.1:{hil}"
         with (
