@@ -1,8 +1,10 @@
 """Effect of actuator lead, depth reference and learned trims, in closed loop."""
 
+import msgspec
 import numpy as np
 import pytest
 
+from sitl import scenario
 from tests.helpers.closed_loop import Dive
 from tests.helpers.missions import leg
 
@@ -17,6 +19,39 @@ DEPTH_LOOP = {
 }
 LEAD = {"HDG_P": 0.88, "HDG_D": 2.1, "HDG_I": 0.027, "HDG_IMAX": 0.1, "ACT_LEAD_W": 8.0}
 """Gains with actuator lead: 9.6 dB and 59 deg of margin. Without lead they would be half."""
+
+REDESIGNED = {
+    "TRIM_RUD_DEG": 6.07,
+    "TRIM_ELE_DEG": 0.28,
+    "TRIM_PIT_DEG": -1.88,
+    "HDG_P": 0.99,
+    "HDG_D": 1.86,
+    "HDG_I": 0.069,
+    "HDG_IMAX": 0.136,
+    "HDG_PEAK_W": 0.83,
+    "HDG_PEAK_Z": 0.71,
+    "HDG_PEAK_GAIN": 1.29,
+    "HDG_REF_W": 0.635,
+    "HDG_REF_RATE": 5.5,
+    "PTCH_P": 1.18,
+    "PTCH_D": 2.06,
+    "PTCH_PEAK_W": 1.32,
+    "PTCH_PEAK_Z": 0.27,
+    "PTCH_PEAK_GAIN": 1.25,
+    "PTCH_FF": 0.18,
+    "DPT_P": 0.262,
+    "DPT_D": 0.45,
+    "DPT_I": 0.017,
+    "DPT_IMAX": 0.056,
+    "DPT_REF_W": 0.635,
+    "DPT_REF_LEAD": 2.85,
+    "DPT_REF_RATE": 0.32,
+    "ACT_LAG_W": 2.96,
+    "ACT_LAG_Z": 0.59,
+    "ACT_LEAD_W": 6.33,
+    "ACT_LEAD_Z": 0.157,
+}
+"""Gains of a campaign with peak filters and a weakly damped lead."""
 
 
 def steady_heading_deg(values: dict[str, float], seed: int) -> float:
@@ -54,6 +89,18 @@ def test_depth_reference_overshoots_less_and_settles_sooner() -> None:
     step, reference = depth_step({}), depth_step({"DPT_REF_W": 0.3, "DPT_REF_RATE": 0.3})
     assert reference[0] < 0.06 * 3.0 < step[0]
     assert reference[1] < 0.6 * step[1]
+
+
+def test_redesigned_gains_hold_the_heading_without_the_gyro() -> None:
+    """The observer's rates are late: with the whole gains these loops swing by 50 deg."""
+    fault = {"unit": "gyro", "kind": "off", "at_s": 60.0}
+    sea = msgspec.structs.replace(scenario.load("disturbed"), fault=(fault,))
+    items = leg(depth_m=3.0, heading_deg=20.0, duration_s=220.0)
+    dive = Dive(items, sea=sea, seed=10000, values=REDESIGNED)
+    later = dive.during(90.0, 210.0)
+    heading_deg = np.degrees(dive["true_heading"][later]) - 20.0
+    assert np.quantile(np.abs(heading_deg), 0.95) < 5.0
+    assert np.quantile(np.abs(dive["true_depth_m"][later] - 3.0), 0.95) < 0.2
 
 
 def test_trim_learning_from_zero_finds_the_rudder_bias() -> None:

@@ -243,6 +243,7 @@ def predict(
         now_us if depth_measured else old.depth_time_us,
         memory,
         error,
+        sensors.fields_updated & GYRO_FRESH != 0,
     )
     return estimate, motion
 

@@ -41,6 +41,9 @@ STEADY_RADPS, STEADY_RAD, STEADY_M = math.radians(2.0), math.radians(8.0), 0.5
 reached."""
 SAME_SETPOINT_RAD, SAME_SETPOINT_M = math.radians(2.0), 0.25
 """Change of a set-point that has been reached, up to which no manoeuvre has been commanded."""
+OBSERVED_RATES = 0.6
+"""Factor on P and D of heading and pitch while an observer replaces the gyro: its rates are late,
+and a redesigned loop would swing."""
 STANDING_RADPS, STANDING_SPEED_RATIO = math.radians(0.3), 0.5
 """Maximum yaw rate, and minimum speed over the cruise speed, at which a larger heading error is a
 standing one: the vehicle does not turn although it could, so the rudder that it lacks is trim."""
@@ -484,10 +487,14 @@ def heading_lqg(
 
 
 def scheduled_controllers(config: Config, estimate: VehicleEstimate) -> LqgControllers | None:
-    """Return the LQG controllers if they are enabled and in their speed range, else None."""
-    if config.lqg_enabled and lqg.in_range(config.lqg_controllers, estimate.speed_mps):
-        return config.lqg_controllers
-    return None
+    """Return the LQG controllers if they are enabled and valid, else None.
+
+    They are valid in their speed range, with the gyro that their filter assumes.
+    """
+    if not (config.lqg_enabled and estimate.rates_measured):
+        return None
+    in_range = lqg.in_range(config.lqg_controllers, estimate.speed_mps)
+    return config.lqg_controllers if in_range else None
 
 
 @numeric
@@ -710,7 +717,9 @@ def pitch_feedforward(
 
 @numeric
 def scheduled_gains(gains: Gains, estimate: VehicleEstimate, config: Config) -> Gains:
-    """Return heading or pitch gains at the estimated speed, if they are scheduled."""
+    """Return heading or pitch gains: scheduled with speed if that is on, smaller without gyro."""
+    if not estimate.rates_measured:
+        gains = gains._replace(p=OBSERVED_RATES * gains.p, d=OBSERVED_RATES * gains.d)
     if not config.schedule_mps:
         return gains
     return schedule_gains(gains, estimate.speed_mps / config.schedule_mps)

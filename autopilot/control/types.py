@@ -178,6 +178,8 @@ class VehicleEstimate(NamedTuple):
     attitude_error_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Rotation (body axes) from the estimated attitude to that of accelerometer and magnetometer in
     the last tick; NaN if gyro, accelerometer or magnetometer are not used."""
+    rates_measured: bool = True
+    """Whether the body rates are those of the gyro, not of the observer that replaces it."""
 
 
 class Motion(NamedTuple):

@@ -99,6 +99,12 @@ def test_lqg_outside_its_speed_range_pid_is_used() -> None:
         assert (rudder(seen, lqg_config) == rudder(seen, pid)) != flies, speed
 
 
+def test_lqg_without_the_gyro_pid_is_used() -> None:
+    lqg_config, pid = Config(lqg_controllers=CONTROLLERS), Config()
+    seen = VehicleEstimate(speed_mps=1.3, r_radps=0.01, rates_measured=False)
+    assert rudder(seen, lqg_config) == rudder(seen, pid)
+
+
 def test_lqg_disabled_by_parameter_pid_is_used() -> None:
     table, seen = (
         ParamTable(lqg_controllers=CONTROLLERS),
