@@ -38,6 +38,8 @@ NO_INDEX = 65_535
 """param_index of a PARAM_VALUE that was requested by name."""
 MAX_RE_REQUESTS = 20
 """Maximum number of missing parameters that a client requests at once."""
+MAX_REFUSALS = 3
+"""Number of requests to set a parameter after which another value means that it is refused."""
 MAX_VALUES_PER_POLL = 16
 """Maximum number of values of a list that a server sends per poll and client."""
 _MAX_FRAME_BYTES = largest_frame(by_name("PARAM_VALUE"))
@@ -229,7 +231,12 @@ class ParamRequest(Exchange[float]):
 
 
 class _Set(ParamRequest):
-    """Set one parameter and compare the reported value."""
+    """Set one parameter and compare the reported value.
+
+    Another value counts as a refusal when it has come after MAX_REFUSALS requests: a link can
+    deliver reports of an earlier value late. A set that ended by one of them would still have its
+    own request on the way, which changes the parameter later. PARAM_ERROR counts at once.
+    """
 
     def __init__(
         self, send: Send, own: MavlinkId, peer: MavlinkId, name: str, value: float
@@ -238,17 +245,23 @@ class _Set(ParamRequest):
         if not math.isfinite(value):
             raise ValueError(f"parameter {name}: {value} is no finite number")
         self._value = as_real32(value)
+        self._requests = 0
+        self._refused: set[int] = set()
+        """Numbers of the requests after which another value has come."""
 
     def _send_request(self) -> None:
+        self._requests += 1
         self._send_to_peer(
             "PARAM_SET", param_id=self._name, param_value=self._value, param_type=REAL32
         )
 
     def _handle_value(self, value: float) -> None:
-        """Finish if the vehicle reports the new value, and fail if it reports another one."""
+        """Finish if the vehicle reports the new value, and fail if it keeps another one."""
         if value == self._value:
             self._finish(value)
-        else:
+            return
+        self._refused.add(self._requests)
+        if len(self._refused) == MAX_REFUSALS:
             self._fail(
                 f"parameter {self._name}: the vehicle keeps {value:g} and not {self._value:g}"
             )

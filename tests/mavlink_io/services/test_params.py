@@ -149,6 +149,43 @@ def test_param_read_is_answered_on_its_link_only() -> None:
     assert sea.other_link.take() == []
 
 
+def report(sea: Sea, value: float) -> Frame:
+    """Return a frame that reports a value of P_03."""
+    sea.other_link.send(
+        "PARAM_VALUE",
+        param_id="P_03",
+        param_value=value,
+        param_type=REAL32,
+        param_count=50,
+        param_index=3,
+    )
+    (frame,) = sea.other_link.take()
+    return frame
+
+
+def test_param_set_outlives_late_reports_of_an_earlier_value() -> None:
+    sea = Sea()
+    setting = sea.client.set("P_03", 2.5)
+    setting.poll(0.0)
+    for _ in range(3):
+        setting.feed(report(sea, 0.5))
+    setting.poll(1.1)
+    setting.feed(report(sea, 0.5))
+    assert not setting.done
+    setting.feed(report(sea, 2.5))
+    assert setting.result() == 2.5
+
+
+def test_param_set_fails_if_the_vehicle_keeps_its_value() -> None:
+    sea = Sea()
+    setting = sea.client.set("P_03", 2.5)
+    for second in range(3):
+        setting.poll(1.1 * second)
+        setting.feed(report(sea, 0.5))
+    with pytest.raises(ExchangeError, match=r"P_03: the vehicle keeps 0\.5 and not 2\.5"):
+        setting.result()
+
+
 def test_param_unknown_name_raises_error() -> None:
     sea = Sea()
     with pytest.raises(ExchangeError, match=r"^parameter P_99: there is no such parameter$"):
