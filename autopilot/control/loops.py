@@ -42,8 +42,8 @@ reached."""
 SAME_SETPOINT_RAD, SAME_SETPOINT_M = math.radians(2.0), 0.25
 """Change of a set-point that has been reached, up to which no manoeuvre has been commanded."""
 OBSERVED_RATES = 0.6
-"""Factor on P and D of heading and pitch while an observer replaces the gyro: its rates are late,
-and a redesigned loop would swing."""
+"""Factor on P and D of loops with actuator lead while an observer replaces the gyro: its rates are
+late, and such a fast loop would swing."""
 STANDING_RADPS, STANDING_SPEED_RATIO = math.radians(0.3), 0.5
 """Maximum yaw rate, and minimum speed over the cruise speed, at which a larger heading error is a
 standing one: the vehicle does not turn although it could, so the rudder that it lacks is trim."""
@@ -717,8 +717,11 @@ def pitch_feedforward(
 
 @numeric
 def scheduled_gains(gains: Gains, estimate: VehicleEstimate, config: Config) -> Gains:
-    """Return heading or pitch gains: scheduled with speed if that is on, smaller without gyro."""
-    if not estimate.rates_measured:
+    """Return heading or pitch gains: scheduled with speed if that is on, smaller without gyro.
+
+    A loop without actuator lead is slow enough for the rates of the observer.
+    """
+    if config.actuator_lead_radps and not estimate.rates_measured:
         gains = gains._replace(p=OBSERVED_RATES * gains.p, d=OBSERVED_RATES * gains.d)
     if not config.schedule_mps:
         return gains
