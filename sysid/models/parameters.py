@@ -123,8 +123,6 @@ at ten degrees, upwards by crossflow at the edges or downwards by the boundary l
 Fluid-Dynamic Lift, ch. 3), so ``lift_quadratic``, as a fraction of the slope per radian, is 0 +-
 0.3. The stall angle is known to 15 %. The rate limit is that of a drive under load: known to 25 %,
 because a drive that sticks looks slower."""
-BENCH_LAG_SD = 0.05
-"""Relative standard deviation of the tailcone's frequency and of its damping after a bench test."""
 ASSUMED_BACKLASH_DEG = 0.2
 """Backlash (full width) of a tailcone without a measurement; known within a factor of e."""
 

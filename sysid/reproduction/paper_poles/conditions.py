@@ -13,7 +13,7 @@ import numpy as np
 
 from sysid.control_analysis.loop_transfer import Gains, Lag
 from sysid.control_analysis.margins import Planes
-from sysid.models.parameters import BENCH_LAG_SD
+from sysid.models.parameters import PARAMETERS
 from sysid.reproduction.paper_poles.poles import (
     CONTROLLERS,
     LAG,
@@ -22,6 +22,11 @@ from sysid.reproduction.paper_poles.poles import (
     open_loop,
 )
 from sysid.reproduction.paper_tables import TABLE_4
+
+BENCH_SD = {
+    p.name: p.prior_sd for p in PARAMETERS if p.name in ("natural_frequency", "damping_ratio")
+}
+"""Relative standard deviation of the tailcone's lag after a bench test."""
 
 
 class SinglePoleCondition(NamedTuple):
@@ -75,9 +80,9 @@ def _row(
     """Return the condition of one row."""
     delay_s, gain = required_delay_and_gain(loop, planes, gains, pole, lag)
     faster_lag = lag._replace(
-        natural_frequency_radps=lag.natural_frequency_radps * (1.0 + BENCH_LAG_SD)
+        natural_frequency_radps=lag.natural_frequency_radps * (1.0 + BENCH_SD["natural_frequency"])
     )
-    damped_lag = lag._replace(damping_ratio=lag.damping_ratio * (1.0 + BENCH_LAG_SD))
+    damped_lag = lag._replace(damping_ratio=lag.damping_ratio * (1.0 + BENCH_SD["damping_ratio"]))
     delay_changes_s = [
         required_delay_and_gain(loop, planes, gains, pole, changed_lag)[0] - delay_s
         for changed_lag in (faster_lag, damped_lag)
