@@ -95,10 +95,10 @@ PARAMETERS: tuple[ModelParameter, ...] = (
     ModelParameter(name="crossflow_slope", planes=_BOTH, kind="offset", prior_sd=0.5),
     ModelParameter(name="crossflow_ends", planes=_BOTH, kind="offset", prior_sd=0.5),
     ModelParameter(
-        name="natural_frequency", planes=_BOTH, kind="ratio", prior_sd=0.10, part="tailcone"
+        name="natural_frequency", planes=_BOTH, kind="ratio", prior_sd=0.05, part="tailcone"
     ),
     ModelParameter(
-        name="damping_ratio", planes=_BOTH, kind="ratio", prior_sd=0.15, part="tailcone"
+        name="damping_ratio", planes=_BOTH, kind="ratio", prior_sd=0.05, part="tailcone"
     ),
     ModelParameter(name="elevator_lag", planes=_PITCH, kind="ratio", prior_sd=0.1, part="tailcone"),
     ModelParameter(name="rate_limit", planes=_BOTH, kind="ratio", prior_sd=0.25, part="tailcone"),
@@ -108,21 +108,16 @@ PARAMETERS: tuple[ModelParameter, ...] = (
     ModelParameter(name="stall_angle", planes=_BOTH, kind="ratio", prior_sd=0.15),
     ModelParameter(name="angle_lag", planes=_BOTH, kind="offset", prior_sd=0.05, part="sensors"),
     ModelParameter(name="depth_lag", planes=_PITCH, kind="offset", prior_sd=0.15, part="sensors"),
-    ModelParameter(
-        name="elevator_damping", planes=_PITCH, kind="ratio", prior_sd=0.1, part="tailcone"
-    ),
 )
 """All parameters, in the order of z, with prior standard deviations.
 
-The accuracy of strip and duct theory sets those of the coefficients. Those of the actuator lag are
-those of a file without a bench test of the vehicle itself, whose results `bench_priors` adds. Each
-surface has a drive of its own, so that lag and damping of the elevator differ by a tenth. The drag
-of a slender hull with its appendages is known to 20 %; with the thrust that balances it, it sets
-the loss of speed in a turn. The lift of a small wing differs from a straight line by a few per cent
-at ten degrees, upwards by crossflow at the edges or downwards by the boundary layer (Hoerner 1975,
-Fluid-Dynamic Lift, ch. 3), so ``lift_quadratic``, as a fraction of the slope per radian, is 0 +-
-0.3. The stall angle is known to 15 %. The rate limit is that of a drive under load: known to 25 %,
-because a drive that sticks looks slower."""
+The accuracy of strip and duct theory sets those of the coefficients, the bench test those of the
+actuator lag. The drag of a slender hull with its appendages is known to 20 %; with the thrust that
+balances it, it sets the loss of speed in a turn. The lift of a small wing differs from a straight
+line by a few per cent at ten degrees, upwards by crossflow at the edges or downwards by the
+boundary layer (Hoerner 1975, Fluid-Dynamic Lift, ch. 3), so ``lift_quadratic``, as a fraction of
+the slope per radian, is 0 +- 0.3. The stall angle is known to 15 %. The rate limit is that of a
+drive under load: known to 25 %, because a drive that sticks looks slower."""
 ASSUMED_BACKLASH_DEG = 0.2
 """Backlash (full width) of a tailcone without a measurement; known within a factor of e."""
 
@@ -357,12 +352,7 @@ def actuators(
             natural_frequency_radps=tailcone.natural_frequency_radps
             * ratios["natural_frequency"]
             * (1.0 if PLANES[plane].is_yaw else ratios["elevator_lag"]),
-            damping_ratio=min(
-                tailcone.damping_ratio
-                * ratios["damping_ratio"]
-                * (1.0 if PLANES[plane].is_yaw else ratios["elevator_damping"]),
-                MAX_DAMPING,
-            ),
+            damping_ratio=min(tailcone.damping_ratio * ratios["damping_ratio"], MAX_DAMPING),
             bias_rad=biases_rad[plane] + offsets[f"bias_{PLANES[plane].surface}"],
             travel_rad=math.radians(tailcone.travel_deg),
             rate_radps=math.radians(tailcone.rate_degps) * ratios["rate_limit"],

@@ -35,10 +35,6 @@ MAX_RATE_LIMIT_SD = 0.1
 """Largest standard deviation of the rate limit's logarithm: that of a drive with a data sheet.
 
 The prior is wider, because a drive that sticks looks slower in the water."""
-MAX_LAG_SD = 0.05
-"""Largest standard deviation of the logarithms of the drive's frequency and damping.
-
-The prior is wider, because a lag that is wrong by more must not shift the poles of the body."""
 MAX_DRAWS = 1000
 """Number of samples after which no perturbation is assumed to be possible."""
 HEAD = """\
@@ -137,8 +133,6 @@ def _shares(config: VehicleConfig) -> Array:
         "delay_pitch": MAX_OFFSET_SHARE * config.tailcone.delay_s,
         "net_buoyancy": MAX_OFFSET_SHARE * abs(config.ballast.net_buoyancy_n),
         "rate_limit": MAX_RATE_LIMIT_SD,
-        "natural_frequency": MAX_LAG_SD,
-        "damping_ratio": MAX_LAG_SD,
     }
     return np.array([min(1.0, largest_sds.get(p.name, math.inf) / p.prior_sd) for p in PARAMETERS])
 

@@ -25,7 +25,7 @@ from sysid.estimation.map import fit
 from sysid.models import linear_planes
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, SmallSignal
-from sysid.models.parameters import CandidateVehicle
+from sysid.models.parameters import PARAMETERS, CandidateVehicle
 from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
@@ -43,7 +43,9 @@ the duct angle at a command of zero minus the duct angle in level flight.
 """
 TAIL = ("delay_s", "bias_rad", "natural_frequency_radps", "damping_ratio")
 """Names of the values of the tailcone."""
-LAG_SD = np.array([0.05, 0.05])
+LAG_SD = np.array(
+    [p.prior_sd for p in PARAMETERS if p.name in ("natural_frequency", "damping_ratio")]
+)
 """Relative standard deviations of the tailcone's frequency and damping after its bench test.
 
 Tests in water hardly distinguish lag and delay. The estimators therefore use the bench test as one

@@ -45,7 +45,6 @@ def test_score_with_known_evaluation_has_same_bits(problem: MapProblem) -> None:
         "delay_yaw",
         "crossflow_slope",
         "elevator_lag",
-        "elevator_damping",
         "angle_lag",
         "depth_lag",
     ],
