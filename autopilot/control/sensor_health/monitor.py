@@ -583,14 +583,17 @@ def off_depth(estimate: VehicleEstimate, setpoint: Setpoint, thrust: float, conf
 
 def _dive_not_stopped(state: AutopilotState, config: Config) -> bool:
     """Return whether the vehicle dives (``dives``), outside a test, while depth is measured."""
-    measured = state.time_us - state.estimate.depth_time_us < CHECK_US
-    return state.armed and measured and dives(state.estimate, state.duct_rad, state.thrust, config)
+    return _depth_counts(state) and dives(state.estimate, state.duct_rad, state.thrust, config)
 
 
 def _pitch_contradicted(state: AutopilotState, config: Config) -> bool:
     """Return whether ``sinks_nose_up`` while depth is measured."""
-    measured = state.time_us - state.estimate.depth_time_us < CHECK_US
-    return state.armed and measured and sinks_nose_up(state.estimate, state.thrust, config)
+    return _depth_counts(state) and sinks_nose_up(state.estimate, state.thrust, config)
+
+
+def _depth_counts(state: AutopilotState) -> bool:
+    """Return whether the vehicle is armed and its depth measured."""
+    return state.armed and state.time_us - state.estimate.depth_time_us < CHECK_US
 
 
 @numeric
