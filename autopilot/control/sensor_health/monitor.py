@@ -614,10 +614,16 @@ def sinks_nose_up(estimate: VehicleEstimate, thrust: float, config: Config) -> b
     """
     if not config.fs_dive_s or thrust <= COMMANDED_THRUST_GATE:
         return False
-    rate_mps, climb_mps = estimate.depth_rate_mps, 0.0
-    if estimate.pitch_rad > NOSE_UP_RAD and rate_mps > NOSE_UP_SINKING_MPS:
-        climb_mps = estimate.speed_mps * math.sin(estimate.pitch_rad)
-    return climb_mps > 0.0 and climb_mps + rate_mps > MAX_CLIMB_ERROR_MPS
+    climb_mps = estimate.speed_mps * math.sin(estimate.pitch_rad)
+    contradicted = climb_mps > 0.0 and climb_mps + estimate.depth_rate_mps > MAX_CLIMB_ERROR_MPS
+    return contradicted and _sinks_with_nose_up(estimate)
+
+
+@numeric
+def _sinks_with_nose_up(estimate: VehicleEstimate) -> bool:
+    """Return whether the vehicle sinks although its nose points up."""
+    nose_up = estimate.pitch_rad > NOSE_UP_RAD
+    return nose_up and estimate.depth_rate_mps > NOSE_UP_SINKING_MPS
 
 
 @numeric
@@ -643,8 +649,7 @@ def dives(
         return False
     rate_mps = estimate.depth_rate_mps
     elevator_up = duct_rad[1] > ELEVATOR_UP * config.travel_rad and rate_mps > SINKING_MPS
-    nose_up = estimate.pitch_rad > NOSE_UP_RAD and rate_mps > NOSE_UP_SINKING_MPS
-    return (elevator_up or nose_up) and estimate.q_radps < RAISING_RADPS
+    return (elevator_up or _sinks_with_nose_up(estimate)) and estimate.q_radps < RAISING_RADPS
 
 
 @numeric
