@@ -55,6 +55,43 @@ class Column(NamedTuple):
     """``struct`` formats of the first fields of the message; the fields after them are zero."""
 
 
+class _Schemas:
+    """Schemas of a file by name."""
+
+    def __init__(self, writer: McapWriter) -> None:
+        self._writer = writer
+        self._numbers: dict[str, int] = {}
+
+    def number(self, name: str, encoding: str, text: str) -> int:
+        """Return the number of a schema; register it at the first use."""
+        if name not in self._numbers:
+            self._numbers[name] = self._writer.register_schema(name, encoding, text.encode())
+        return self._numbers[name]
+
+
+class _ViewerChannels:
+    """Channels of viewer messages.
+
+    They do not refer to the log: a log in a reference cycle would stay in memory after its end
+    until Python's collector of cycles finds it, which takes many logs.
+    """
+
+    def __init__(self, writer: McapWriter, schemas: _Schemas) -> None:
+        self._writer, self._schemas = writer, schemas
+        self._numbers: dict[str, int] = {}
+
+    def write(self, topic: ViewerTopic, data: bytes, time_ns: int) -> None:
+        """Write a viewer message; open its channel at the first use."""
+        if topic.topic not in self._numbers:
+            schema = self._schemas.number(
+                topic.schema_name, foxglove.SCHEMA_ENCODING, topic.schema_text
+            )
+            self._numbers[topic.topic] = self._writer.register_channel(
+                topic.topic, foxglove.MESSAGE_ENCODING, schema
+            )
+        self._writer.add_message(self._numbers[topic.topic], time_ns, data, 0)
+
+
 class MavlinkLog:
     """A log that is being written. Call ``finish`` on every exit.
 
@@ -70,9 +107,8 @@ class MavlinkLog:
 
     def __init__(self, file: Sink, later: Scheduler = run_immediately) -> None:
         self._writer = McapWriter(file, PROFILE, "caribou", later)
-        self._schemas: dict[str, int] = {}
-        self._viewer_channels: dict[str, int] = {}
-        self._viewer_topics = ViewerTopics(self._write_viewer_message)
+        self._schemas = _Schemas(self._writer)
+        self._viewer_topics = ViewerTopics(_ViewerChannels(self._writer, self._schemas).write)
         self.message_count = 0
         """Number of MAVLink messages written."""
 
@@ -92,7 +128,7 @@ class MavlinkLog:
             The channel, for ``write``.
         """
         topic = f"/mavlink/{system}/{component}/{message.name}"
-        schema = self._schema(
+        schema = self._schemas.number(
             ros1.schema_name(message), ros1.SCHEMA_ENCODING, ros1.schema_text(message)
         )
         number = self._writer.register_channel(topic, ros1.MESSAGE_ENCODING, schema)
@@ -182,21 +218,6 @@ class MavlinkLog:
     def finish(self) -> None:
         """Write the index; the caller closes the file."""
         self._writer.finish()
-
-    def _schema(self, name: str, encoding: str, text: str) -> int:
-        """Return the number of a schema; register it at the first use."""
-        if name not in self._schemas:
-            self._schemas[name] = self._writer.register_schema(name, encoding, text.encode())
-        return self._schemas[name]
-
-    def _write_viewer_message(self, topic: ViewerTopic, data: bytes, time_ns: int) -> None:
-        """Write a viewer message; open its channel at the first use."""
-        if topic.topic not in self._viewer_channels:
-            schema = self._schema(topic.schema_name, foxglove.SCHEMA_ENCODING, topic.schema_text)
-            self._viewer_channels[topic.topic] = self._writer.register_channel(
-                topic.topic, foxglove.MESSAGE_ENCODING, schema
-            )
-        self._writer.add_message(self._viewer_channels[topic.topic], time_ns, data, 0)
 
 
 class MessageTable:
