@@ -7,11 +7,13 @@ not finished can be read up to its last complete chunk.
 
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import zstandard
+
+from mavlink_io.logging.chunk_index import Chunk, ChunkIndex
 
 CHUNK_BYTES = 60_000
 """Size at which a chunk is closed, in bytes; the last message may exceed it."""
@@ -19,6 +21,8 @@ MAGIC = b"\x89MCAP0\r\n"
 """First and last bytes of a file."""
 COMPRESSION_LEVEL = 1
 """Compression level of zstd: the fastest normal level."""
+_NO_TIME_NS = 2**64 - 1
+"""Greatest log time of the format."""
 
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = range(1, 9)
 (
@@ -78,24 +82,6 @@ _WrittenRows = tuple[Sequence[tuple[int, int]], Sequence[tuple[int, int]]]
 """``Rows.spots`` and ``Rows.written``."""
 
 
-class _Chunk(NamedTuple):
-    """Index entry of a chunk."""
-
-    first_ns: int
-    last_ns: int
-    start: int
-    """Position of the chunk record in the file."""
-    length: int
-    """Length of the chunk record."""
-    index_starts: dict[int, int]
-    """Position of the message index record of each channel."""
-    index_length: int
-    stored_bytes: int
-    """Size of the compressed records."""
-    bytes: int
-    """Size of the uncompressed records."""
-
-
 def message_prefix(channel: int, payload_bytes: int) -> bytes:
     """Return the first 11 bytes of every message record of a channel with payloads of one length.
 
@@ -147,7 +133,9 @@ class McapWriter:
         self._size = 0
         self._spots: dict[int, list[int]] = {}
         self._rows: list[Rows] = []
-        self._chunks: list[_Chunk] = []
+        self._chunks = ChunkIndex()
+        self._first_ns, self._last_ns = _NO_TIME_NS, 0
+        """Least and greatest log time of all messages."""
         self._counts: dict[int, int] = {}
         self._attachments: list[bytes] = []
         self._metadata: list[bytes] = []
@@ -326,8 +314,11 @@ class McapWriter:
             index += _record(_MESSAGE_INDEX, struct.pack("<H", channel) + _blob(packed))
             self._counts[channel] = self._counts.get(channel, 0) + len(numbers) // 2
         self._put(chunk + index)
-        self._chunks.append(
-            _Chunk(
+        if entries:
+            self._first_ns = min(self._first_ns, *times)
+            self._last_ns = max(self._last_ns, *times)
+        self._chunks.add(
+            Chunk(
                 first_ns=min(times),
                 last_ns=max(times),
                 start=start,
@@ -361,11 +352,18 @@ class McapWriter:
     def _store_summary(self) -> None:
         """Write the end of the data section, the summary and the footer."""
         self._put(_record(_DATA_END, struct.pack("<I", self._crc)))
-        start = self._position
-        summary, offsets = self._summary(start)
-        tail = _record_head.pack(_FOOTER, 20) + struct.pack("<QQ", start, start + len(summary))
-        crc = zlib.crc32(summary + offsets + tail)
-        self._put(summary + offsets + tail + struct.pack("<I", crc) + MAGIC)
+        start, crc, offsets = self._position, 0, b""
+        for opcode, parts in self._summary():
+            group_start = self._position
+            for part in parts:
+                crc = zlib.crc32(part, crc)
+                self._put(part)
+            if length := self._position - group_start:
+                location = struct.pack("<BQQ", opcode, group_start, length)
+                offsets += _record(_SUMMARY_OFFSET, location)
+        tail = _record_head.pack(_FOOTER, 20) + struct.pack("<QQ", start, self._position)
+        crc = zlib.crc32(offsets + tail, crc)
+        self._put(offsets + tail + struct.pack("<I", crc) + MAGIC)
         self._file.flush()
 
     def _put(self, data: bytes) -> None:
@@ -374,31 +372,23 @@ class McapWriter:
         self._position += len(data)
         self._crc = zlib.crc32(data, self._crc)
 
-    def _summary(self, start: int) -> tuple[bytes, bytes]:
-        """Return the groups of the summary, and the table of their positions."""
-        groups = {
-            _SCHEMA: self._schemas,
-            _CHANNEL: self._channels,
-            _STATISTICS: [self._statistics()],
-            _CHUNK_INDEX: [_record(_CHUNK_INDEX, _chunk_index(chunk)) for chunk in self._chunks],
-            _ATTACHMENT_INDEX: self._attachments,
-            _METADATA_INDEX: self._metadata,
-        }
-        summary, offsets = b"", b""
-        for opcode, records in groups.items():
-            group = b"".join(records)
-            if group:
-                offsets += _record(
-                    _SUMMARY_OFFSET, struct.pack("<BQQ", opcode, start + len(summary), len(group))
-                )
-                summary += group
-        return summary, offsets
+    def _summary(self) -> Iterator[tuple[int, Iterable[bytes]]]:
+        """Return opcode and content of each group of the summary; the content in parts."""
+        yield _SCHEMA, self._schemas
+        yield _CHANNEL, self._channels
+        yield _STATISTICS, [self._statistics()]
+        yield (
+            _CHUNK_INDEX,
+            (
+                b"".join(_record(_CHUNK_INDEX, _chunk_index(chunk)) for chunk in block)
+                for block in self._chunks.blocks()
+            ),
+        )
+        yield _ATTACHMENT_INDEX, self._attachments
+        yield _METADATA_INDEX, self._metadata
 
     def _statistics(self) -> bytes:
         """Return the statistics record: counts, and the first and last log time."""
-        filled = [chunk for chunk in self._chunks if chunk.index_starts]
-        first_ns = min((chunk.first_ns for chunk in filled), default=0)
-        last_ns = max((chunk.last_ns for chunk in filled), default=0)
         record_counts = (
             len(self._schemas),
             len(self._channels),
@@ -407,7 +397,11 @@ class McapWriter:
             len(self._chunks),
         )
         content = struct.pack(
-            "<QHIIIIQQ", sum(self._counts.values()), *record_counts, first_ns, last_ns
+            "<QHIIIIQQ",
+            sum(self._counts.values()),
+            *record_counts,
+            self._first_ns if self._counts else 0,
+            self._last_ns,
         )
         counts = b"".join(
             struct.pack("<HQ", channel, count) for channel, count in sorted(self._counts.items())
@@ -425,7 +419,7 @@ def _entries(spots: dict[int, list[int]], rows: Iterable[_WrittenRows]) -> dict[
     return {channel: numbers for channel, numbers in spots.items() if numbers}
 
 
-def _chunk_index(chunk: _Chunk) -> bytes:
+def _chunk_index(chunk: Chunk) -> bytes:
     """Return the content of a chunk index record."""
     starts = b"".join(
         struct.pack("<HQ", channel, start) for channel, start in chunk.index_starts.items()
