@@ -47,6 +47,32 @@ class FrameOrder:
         return False
 
 
+class FrameCounter:
+    """Positions of the frames of one sender in the order in which they were sent."""
+
+    def __init__(self) -> None:
+        self._newest: int | None = None
+
+    def position(self, sequence: int) -> int:
+        """Return the position of a frame.
+
+        Parameters
+        ----------
+        sequence : int
+            Sequence number of the frame, modulo 256.
+
+        Returns
+        -------
+        int
+            Greater for a frame that was sent later, if less than 128 frames were lost or overtaken
+            between it and the frame before.
+        """
+        newest = sequence if self._newest is None else self._newest
+        position = newest + ((sequence - newest + 128) & 0xFF) - 128
+        self._newest = max(newest, position)
+        return position
+
+
 class FrameOrders:
     """Newest sequence numbers of the clients of a server."""
 

@@ -142,12 +142,15 @@ class Exchange(ABC, Generic[T]):
         """
         if self.done or (frame.system, frame.component) != self._peer:
             return
-        late = self.in_order and self._order.is_late(frame.sequence, self._now_s)
-        if late or frame.name not in self.message_names:
+        if self._is_late(frame) or frame.name not in self.message_names:
             return
         message = frame.decode()
         if addressed_to(message, self._own):
             self._handle_message(frame.name, message)
+
+    def _is_late(self, frame: Frame) -> bool:
+        """Return whether a frame of the peer is ignored because the link has delivered it late."""
+        return self.in_order and self._order.is_late(frame.sequence, self._now_s)
 
     def result(self) -> T:
         """Return the result.

@@ -144,6 +144,7 @@ class VehicleClient:
         self._latest: dict[int, Frame] = {}
         self._modes: dict[str, int] = {}
         self._listener: Callable[[Frame], None] | None = None
+        self._param_client: ParamClient | None = None
         self.on_text: Callable[[StatusText], None] | None = None
         self.on_frame: Callable[[Frame], None] | None = None
         """Called with each frame that the autopilot itself sends."""
@@ -276,15 +277,15 @@ class VehicleClient:
 
     def parameters(self) -> dict[str, float]:
         """Return all parameters of the vehicle by name."""
-        return self._run(self._client(ParamClient).list())
+        return self._run(self._params.list())
 
     def parameter(self, name: str) -> float:
         """Return the value of one parameter."""
-        return self._request_param(self._client(ParamClient).get(name), name)
+        return self._request_param(self._params.get(name), name)
 
     def set_parameter(self, name: str, value: float) -> float:
         """Set a parameter; return the value that the vehicle reports back."""
-        return self._request_param(self._client(ParamClient).set(name, value), name)
+        return self._request_param(self._params.set(name, value), name)
 
     def upload(self, items: Sequence[MissionItem], mission_type: int = MISSION_TYPE) -> None:
         """Replace the mission, the geofence or the rally points on the vehicle."""
@@ -439,6 +440,13 @@ class VehicleClient:
         if self.vehicle_id is None:
             raise VehicleClientError("not connected to a vehicle yet")
         return self.vehicle_id
+
+    @property
+    def _params(self) -> ParamClient:
+        """The client of parameters: one, because it recognises late values of earlier requests."""
+        if self._param_client is None:
+            self._param_client = self._client(ParamClient)
+        return self._param_client
 
     def _client(self, kind: Callable[..., T]) -> T:
         """Return a client of one MAVLink service."""

@@ -9,13 +9,15 @@ Clients that convert numbers and clients that copy bytes then read the same numb
 import math
 import struct
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame, largest_frame
 from mavlink_io.dialect import by_name, constant
-from mavlink_io.frame_order import FrameOrders
+from mavlink_io.frame_order import MAX_LATE_S, FrameCounter, FrameOrders
 from mavlink_io.request import Client, Exchange, MavlinkId, RoomBytes, Send
+
+T = TypeVar("T")
 
 REAL32 = constant("MAV_PARAM_TYPE_REAL32")
 DOES_NOT_EXIST = constant("MAV_PARAM_ERROR_DOES_NOT_EXIST")
@@ -88,6 +90,45 @@ class ParamProvider(Protocol):
         ...
 
 
+class ValueOrder:
+    """Order in which a vehicle has sent the values of each parameter.
+
+    A link may deliver the report of an earlier value after that of a newer one, also in the next
+    exchange of a client: all exchanges of a client have one order.
+    """
+
+    def __init__(self) -> None:
+        self._frames = FrameCounter()
+        self._newest: dict[str, tuple[int, float]] = {}
+        """Position and time of the newest value of each parameter."""
+
+    def is_old(self, frame: Frame, now_s: float) -> bool:
+        """Return whether a newer value of the same parameter has come; call it for all frames.
+
+        Parameters
+        ----------
+        frame : Frame
+            A frame of the vehicle.
+        now_s : float
+            Wall clock, in seconds.
+
+        Returns
+        -------
+        bool
+            False for other messages, and for values that come ``MAX_LATE_S`` after the newest one:
+            the vehicle may have started again.
+        """
+        position = self._frames.position(frame.sequence)
+        if frame.name != "PARAM_VALUE":
+            return False
+        name = frame.decode().param_id
+        newest, newest_s = self._newest.get(name, (position, now_s))
+        if position < newest and now_s - newest_s < MAX_LATE_S:
+            return True
+        self._newest[name] = position, now_s
+        return False
+
+
 class ParamClient:
     """Client of the parameter protocol; each method returns an exchange that has not started.
 
@@ -103,6 +144,7 @@ class ParamClient:
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         self._participants = send, own, peer
+        self._order = ValueOrder()
 
     def list(self) -> Exchange[dict[str, float]]:
         """Read every parameter; lost ones are requested again by index.
@@ -112,7 +154,7 @@ class ParamClient:
         Exchange
             Its result is a dict of values by name, sorted by name.
         """
-        return _ParamList(*self._participants)
+        return _ParamList(*self._participants, self._order)
 
     def get(self, name: str) -> "ParamRequest":
         """Read one parameter.
@@ -127,7 +169,7 @@ class ParamClient:
         ParamRequest
             Its result is the value. It fails if the vehicle has no such parameter.
         """
-        return ParamRequest(*self._participants, name)
+        return ParamRequest(*self._participants, self._order, name)
 
     def set(self, name: str, value: float) -> "ParamRequest":
         """Set one parameter.
@@ -150,16 +192,27 @@ class ParamClient:
         ValueError
             The value is NaN or infinite.
         """
-        return _Set(*self._participants, name, value)
+        return _Set(*self._participants, self._order, name, value)
 
 
-class _ParamList(Exchange[dict[str, float]]):
+class _OrderedExchange(Exchange[T]):
+    """Exchange that ignores an old value of a parameter."""
+
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, order: ValueOrder) -> None:
+        super().__init__(send, own, peer)
+        self._values_order = order
+
+    def _is_late(self, frame: Frame) -> bool:
+        return self._values_order.is_old(frame, self._now_s)
+
+
+class _ParamList(_OrderedExchange[dict[str, float]]):
     """Request the list, then the missing parameters by index."""
 
     message_names = frozenset(("PARAM_VALUE",))
 
-    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
-        super().__init__(send, own, peer)
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, order: ValueOrder) -> None:
+        super().__init__(send, own, peer, order)
         self._values: dict[str, float] = {}
         self._missing: set[int] | None = None
 
@@ -186,7 +239,7 @@ class _ParamList(Exchange[dict[str, float]]):
         return "the parameter list"
 
 
-class ParamRequest(Exchange[float]):
+class ParamRequest(_OrderedExchange[float]):
     """Request for one parameter by name.
 
     Parameters
@@ -195,14 +248,18 @@ class ParamRequest(Exchange[float]):
         Function that sends a message to the vehicle.
     own, peer : MavlinkId
         Ids of this program and of the vehicle.
+    order : ValueOrder
+        Order of the values, of the client.
     name : str
         Name of the parameter.
     """
 
     message_names = frozenset(("PARAM_VALUE", "PARAM_ERROR"))
 
-    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, name: str) -> None:
-        super().__init__(send, own, peer)
+    def __init__(
+        self, send: Send, own: MavlinkId, peer: MavlinkId, order: ValueOrder, name: str
+    ) -> None:
+        super().__init__(send, own, peer, order)
         self._name = name
         self.does_not_exist = False
         """Whether the vehicle has answered that it has no such parameter."""
@@ -239,9 +296,15 @@ class _Set(ParamRequest):
     """
 
     def __init__(
-        self, send: Send, own: MavlinkId, peer: MavlinkId, name: str, value: float
+        self,
+        send: Send,
+        own: MavlinkId,
+        peer: MavlinkId,
+        order: ValueOrder,
+        name: str,
+        value: float,
     ) -> None:
-        super().__init__(send, own, peer, name)
+        super().__init__(send, own, peer, order, name)
         if not math.isfinite(value):
             raise ValueError(f"parameter {name}: {value} is no finite number")
         self._value = as_real32(value)

@@ -1,6 +1,6 @@
 """Late frames of a sender are recognised; senders that start again or do not count are not."""
 
-from mavlink_io.frame_order import MAX_FRAMES_LATE, MAX_LATE_S, FrameOrder
+from mavlink_io.frame_order import MAX_FRAMES_LATE, MAX_LATE_S, FrameCounter, FrameOrder
 
 
 def late(numbers: list[int], step_s: float = 0.01) -> list[bool]:
@@ -23,3 +23,9 @@ def test_sender_that_does_not_count_has_no_late_frames() -> None:
 def test_sender_that_starts_again_is_accepted_after_a_while() -> None:
     assert late([MAX_FRAMES_LATE, 0], step_s=0.5 * MAX_LATE_S) == [False, True]
     assert late([MAX_FRAMES_LATE, 0], step_s=MAX_LATE_S) == [False, False]
+
+
+def test_positions_follow_the_order_of_sending_across_the_wrap() -> None:
+    counter = FrameCounter()
+    positions = [counter.position(number) for number in (254, 255, 1, 0, 100, 220, 120)]
+    assert positions == [254, 255, 257, 256, 356, 476, 376]

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
+from mavlink_io.frame_order import MAX_LATE_S
 from mavlink_io.request import ExchangeError
 from mavlink_io.services.params import (
     DOES_NOT_EXIST,
@@ -18,6 +19,7 @@ from mavlink_io.services.params import (
     REAL32,
     ParamClient,
     ParamServer,
+    ValueOrder,
     as_real32,
     requested_value,
 )
@@ -174,6 +176,39 @@ def test_param_set_outlives_late_reports_of_an_earlier_value() -> None:
     assert not setting.done
     setting.feed(report(sea, 2.5))
     assert setting.result() == 2.5
+
+
+def test_param_list_ignores_late_report_of_an_earlier_request() -> None:
+    message = dialect.by_name("PARAM_VALUE")
+
+    def value_frame(sequence: int, index: int, value: float) -> Frame:
+        fields = {"param_id": f"P_{index:02}", "param_type": REAL32, "param_value": value}
+        values = message.values(param_index=index, param_count=2, **fields)
+        (frame,) = Framer().feed(encode(message, values, sequence, *VEHICLE))
+        return frame
+
+    sea = Sea()
+    setting = sea.client.set("P_01", 2.5)
+    setting.poll(0.0)
+    setting.feed(value_frame(255, 1, 2.5))
+    assert setting.result() == 2.5
+    listing = sea.client.list()
+    listing.poll(0.1)
+    listing.feed(value_frame(254, 1, 0.5))
+    listing.feed(value_frame(0, 0, 7.0))
+    assert not listing.done
+    listing.feed(value_frame(1, 1, 2.5))
+    assert listing.result() == {"P_00": 7.0, "P_01": 2.5}
+
+
+def test_param_value_of_a_restarted_vehicle_counts_after_a_while() -> None:
+    sea, order = Sea(), ValueOrder()
+    frames = [report(sea, 0.5)._replace(sequence=number) for number in (9, 3, 3)]
+    late = [
+        order.is_old(frame, now_s)
+        for frame, now_s in zip(frames, (0.0, 0.1, MAX_LATE_S), strict=True)
+    ]
+    assert late == [False, True, False]
 
 
 def test_param_set_fails_if_the_vehicle_keeps_its_value() -> None:
