@@ -94,7 +94,10 @@ def _problem(
     """Fit problem of the held-out runs with the model's noise levels."""
     vehicle = problems.vehicle(vague_prior, vague_prior.mean)
     datasets = {
-        plane: tuple(with_coupling_inputs(vehicle, fit.dataset(run)) for run in runs)
+        plane: tuple(
+            with_coupling_inputs(vehicle, fit.dataset(run, fit.max_lead_s(vehicle, plane)))
+            for run in runs
+        )
         for plane, runs in runs_of_planes.items()
     }
     levels = {plane: noise.from_model(model.noise[plane]) for plane in runs_of_planes}

@@ -90,9 +90,10 @@ def innovations(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = 
     """
     uncertain = uncertain_vehicle(model, prior)
     vehicle = uncertain.vehicle(uncertain.z)
-    (residual,) = fit.residuals(vehicle, [fit.dataset(run)])
+    data = fit.dataset(run, fit.max_lead_s(vehicle, run.plane))
+    (residual,) = fit.residuals(vehicle, [data])
     level = noise.from_model(model.noise[run.plane])
     noise_filter = noise.build(fit.linear_plane(vehicle, run.plane), level, DT_S, len(residual))
     return noise.whiten_residual(residual, noise_filter)[
-        int(np.count_nonzero(run.preroll)) // STRIDE :, 0
+        int(np.count_nonzero(data.run.preroll)) // STRIDE :, 0
     ]

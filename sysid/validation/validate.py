@@ -355,9 +355,10 @@ def _whiteness(
     vehicle: CandidateVehicle, noise_reference: _NoiseReference, run: Run
 ) -> Whiteness | None:
     """Whiteness of the rate's innovations during the test; the filter settles before it."""
-    (residual,) = fit.residuals(vehicle, [fit.dataset(run)])
+    data = fit.dataset(run, fit.max_lead_s(vehicle, run.plane))
+    (residual,) = fit.residuals(vehicle, [data])
     white = noise.whiten_residual(residual, noise_reference.whitener)
-    return whiteness(white[int(np.count_nonzero(run.preroll)) // STRIDE :, 0], DT_S)
+    return whiteness(white[int(np.count_nonzero(data.run.preroll)) // STRIDE :, 0], DT_S)
 
 
 def _excess(compared_runs: Sequence[_ComparedRun], repeats_deg2ps2: float | None) -> Excess:

@@ -21,6 +21,7 @@ from sysid.estimation.map.datasets import (
     STRIDE,
     Dataset,
     dataset,
+    max_lead_s,
     residuals,
     with_coupling_inputs,
 )
@@ -57,6 +58,7 @@ __all__ = [
     "level_pitch_rad",
     "level_surface_rad",
     "linear_plane",
+    "max_lead_s",
     "residuals",
     "straight_plane",
     "trim_biases",
@@ -170,7 +172,8 @@ def fit(
     # (``noise.estimate``) for given z. Then z to the fine tolerance, and
     #     covariance = (information of the data + prior covariance^-1)^-1, widened by `model_error`.
     report = progress or (lambda what, ratio: None)
-    datasets = _datasets(runs, problems.vehicle(prior, prior.mean))
+    first = problems.vehicle(prior, prior.mean)
+    datasets = _datasets(runs, first, first)
     z, work_steps, steps = prior.mean.copy(), PASSES + 2, 0
     levels: dict[Plane, Noise] = {plane: Noise() for plane in datasets}
     for pass_index in range(PASSES):
@@ -178,6 +181,7 @@ def fit(
         optimum = descend(_problem(prior, datasets, levels, z), z, COARSE_TOLERANCE)
         z, steps = optimum.z, steps + optimum.steps
         levels = _noise(prior, datasets, levels, z)
+        datasets = _datasets(runs, first, problems.vehicle(prior, z))
     report("fit, last pass", PASSES / work_steps)
     problem = _problem(prior, datasets, levels, z)
     optimum = descend(problem, z, FINE_TOLERANCE)
@@ -225,15 +229,22 @@ def at_bounds(z: Array) -> tuple[str, ...]:
     )
 
 
-def _datasets(runs: Sequence[Run], vehicle: CandidateVehicle) -> dict[Plane, tuple[Dataset, ...]]:
-    """Prepare the runs, plane by plane; ``first`` computes the motion of the other plane."""
-    datasets = {
-        plane: tuple(
-            with_coupling_inputs(vehicle, dataset(run)) for run in runs if run.plane == plane
-        )
-        for plane in Plane
-    }
-    return {plane: group for plane, group in datasets.items() if group}
+def _datasets(
+    runs: Sequence[Run], first: CandidateVehicle, estimate: CandidateVehicle
+) -> dict[Plane, tuple[Dataset, ...]]:
+    """Prepare the runs, plane by plane.
+
+    ``first`` computes the motion of the other plane; the runs begin as `max_lead_s` of ``estimate``
+    says.
+    """
+    datasets = dict[Plane, tuple[Dataset, ...]]()
+    for plane in Plane:
+        if group := [run for run in runs if run.plane == plane]:
+            lead_s = max_lead_s(estimate, plane)
+            datasets[plane] = tuple(
+                with_coupling_inputs(first, dataset(run, lead_s)) for run in group
+            )
+    return datasets
 
 
 def _problem(

@@ -19,7 +19,8 @@ from sysid.planes import Plane
 def problem(campaign: list[Run], bench: config.VehicleConfig) -> MapProblem:
     runs = [campaign[0], campaign[-1]]
     prior = refit.prior_of(runs, bench)
-    datasets = joint._datasets(runs, problems.vehicle(prior, prior.mean))
+    first = problems.vehicle(prior, prior.mean)
+    datasets = joint._datasets(runs, first, first)
     assert set(datasets) == set(Plane)
     return joint._problem(prior, datasets, {plane: Noise() for plane in datasets}, prior.mean)
 
