@@ -69,10 +69,11 @@ class DiveRecords:
         except OSError:
             return None
 
-    def attempts(self, name: str) -> int:
-        """Return how often a dive ended with a failsafe; each one has a record of its own."""
+    def failed_attempts(self, name: str) -> dict[str, DiveRecord]:
+        """Return the records of the attempts of a dive that ended with a failsafe."""
         with self._lock:
-            return sum(key.startswith(f"{name}, attempt ") for key in self._records)
+            records = self._records.items()
+            return {key: record for key, record in records if key.startswith(f"{name}, attempt ")}
 
     def add(self, name: str, request_sha256: str, result: FlightResult) -> DiveRecord:
         """Record a finished dive, whose log is closed."""

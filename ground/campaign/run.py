@@ -241,6 +241,16 @@ class Campaign:
             path = self.request.out / name
             path.parent.mkdir(exist_ok=True)
             write_whole(path, text)
+        for mission in IDENTIFICATION:
+            if f"{MISSIONS_FOLDER}/{mission}.toml" not in preparation.files:
+                (self.request.out / MISSIONS_FOLDER / f"{mission}.toml").unlink(missing_ok=True)
+            self._repeat_reductions(mission)
+
+    def _repeat_reductions(self, mission: str) -> None:
+        """Make the tests of a mission as small as they were after the failsafes of its dives."""
+        attempts = self._records.failed_attempts(f"identification/{mission}")
+        for _ in range(min(len(attempts), MAX_REPETITIONS)):
+            self._shrink_tests(mission)
 
     def _first_gains(
         self, first: Mapping[str, float], trims: Mapping[str, float]
@@ -304,6 +314,7 @@ class Campaign:
             path = out / MISSIONS_FOLDER / f"{mission}.toml"
             path.parent.mkdir(exist_ok=True)
             write_whole(path, scaling.encode(dive.script))
+            self._repeat_reductions(mission)
             self.announce(f"not fit: {recommended.reason}; flying {recommended}")
             self._fly("identification", mission, flown)
             flown_s = self.outcomes[f"identification/{mission}"].vehicle_s
@@ -363,7 +374,9 @@ class Campaign:
         """
         name = f"{stage}/{mission}"
         repetitions = MAX_REPETITIONS if stage == "identification" else 0
-        for number in range(min(self._records.attempts(name), repetitions), repetitions):
+        failed = self._records.failed_attempts(name)
+        self.outcomes.update(failed)
+        for number in range(min(len(failed), repetitions), repetitions):
             failsafe = self._fly_once(stage, mission, _limit_pitch(parameters, number))
             if not failsafe:
                 return
@@ -420,7 +433,7 @@ class Campaign:
             follower=listener,
         )
         if outcome.failsafes:
-            failed = f"{name}, attempt {self._records.attempts(name) + 1}"
+            failed = f"{name}, attempt {len(self._records.failed_attempts(name)) + 1}"
             self.outcomes[failed] = self._records.add(failed, request_sha256, outcome)
             return outcome.failsafes[0]
         self.outcomes[name] = self._records.add(name, request_sha256, outcome)
