@@ -29,6 +29,8 @@ class Retest(NamedTuple):
 
     mission: str
     script: Script
+    base: str
+    """Mission of the campaign whose tests it repeats."""
     held_out: bool
     """Whether its tests are predicted and not fitted."""
     planned_s: float
@@ -53,13 +55,13 @@ def plan(missions: Mapping[str, Script], recommended: NextTest, mission: str) ->
         None if no mission has a test with this signal.
     """
     surface = PLANES[recommended.plane].surface
-    base = missions[f"{surface}_{MISSIONS_WITH_SIGNAL[recommended.signal]}"]
+    base = f"{surface}_{MISSIONS_WITH_SIGNAL[recommended.signal]}"
     tests = [
         step.test
-        for step in base.step
+        for step in missions[base].step
         if step.test is not None and (step.test.signal, step.test.axis) == _kind(recommended)
     ]
-    legs = [step for step in base.step if step.leg_keys]
+    legs = [step for step in missions[base].step if step.leg_keys]
     if not tests or len(legs) < 2:
         return None
     steps = [legs[0]]
@@ -70,6 +72,7 @@ def plan(missions: Mapping[str, Script], recommended: NextTest, mission: str) ->
     return Retest(
         mission=mission,
         script=script,
+        base=base,
         held_out=recommended.signal == WAVE_TO_HOLD_OUT,
         planned_s=simulate.planned_s(compile_items(script)),
     )

@@ -316,7 +316,8 @@ class Campaign:
             write_whole(path, scaling.encode(dive.script))
             self._repeat_reductions(mission)
             self.announce(f"not fit: {recommended.reason}; flying {recommended}")
-            self._fly("identification", mission, flown)
+            failures = len(self._records.failed_attempts(f"identification/{dive.base}"))
+            self._fly("identification", mission, _limit_pitch(flown, failures))
             flown_s = self.outcomes[f"identification/{mission}"].vehicle_s
             left_s -= flown_s
             records.append(RetestRecord(mission, dive.held_out))

@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 
 from ground.campaign import computations, retest, run
+from ground.campaign.dive_records import DiveRecords
 from ground.campaign.run import Campaign, CampaignRequest
+from ground.client.flight import FlightResult
 from ground.missions import script
 from ground.missions.script import Script
 from mavlink_io.errors import OperationError
@@ -74,6 +76,7 @@ def test_campaign_flies_retests_within_the_water_time(
     campaign = Campaign(
         CampaignRequest(tmp_path, extra_water_s=extra_water_s), lambda *at: None, said.append
     )
+    campaign._records = DiveRecords(tmp_path)
 
     def fly(self: Campaign, stage: str, mission: str, parameters: object) -> None:
         assert script.load(str(tmp_path / "missions" / f"{mission}.toml")).step
@@ -90,6 +93,27 @@ def test_campaign_flies_retests_within_the_water_time(
     assert [dive.fit_for_redesign for dive in campaign.retests] == [
         number >= needed for number in range(1, flown + 1)
     ]
+
+
+def test_retest_is_limited_to_the_pitch_of_the_tests_that_it_repeats(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two failsafes of the rudder sweeps: 35 deg times 0.36."""
+    pitches: list[float] = []
+
+    def fly(self: Campaign, stage: str, mission: str, parameters: dict[str, float]) -> None:
+        pitches.append(parameters["SID_PITCH_MAX"])
+        self.outcomes[f"{stage}/{mission}"] = SimpleNamespace(vehicle_s=300.0)  # type: ignore[assignment]
+
+    monkeypatch.setattr(Campaign, "_fly", fly)
+    campaign = Campaign(CampaignRequest(tmp_path), lambda *at: None, lambda words: None)
+    campaign._records = DiveRecords(tmp_path)
+    (tmp_path / "log").write_text("")
+    ended = FlightResult(tmp_path / "log", 10.0, 1.0, 5, 0, (), ("Failsafe: pitch",), "")
+    for number in (1, 2):
+        campaign._records.add(f"identification/rudder_sweeps, attempt {number}", "", ended)
+    campaign._identify(FakeWorker(1), {})  # type: ignore[arg-type]
+    assert pitches == [12.6]
 
 
 def test_campaign_model_error_flies_no_retest(
@@ -122,5 +146,6 @@ def test_failed_retest_ends_the_campaign(tmp_path: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(Campaign, "_fly", fly)
     campaign = Campaign(CampaignRequest(tmp_path), lambda *at: None, lambda words: None)
+    campaign._records = DiveRecords(tmp_path)
     with pytest.raises(OperationError, match="failsafe"):
         campaign._identify(FakeWorker(1), {})  # type: ignore[arg-type]

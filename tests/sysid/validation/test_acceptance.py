@@ -257,6 +257,39 @@ def test_assess_next_test_addresses_worst_criterion(good_model: IdentifiedModel)
     assert "runs held out" in next_test.reason
 
 
+def test_assess_contradicted_model_asks_for_tests_to_be_fitted(good_model: IdentifiedModel) -> None:
+    """More held-out tests change a model that they know to be wrong as little as the first ones."""
+    sure = Correction(gain_db=-1.6, gain_sd_db=0.4, phase_deg=0.0, phase_sd_deg=1.0)
+    changed = of_yaw(correction=sure)(good_model)
+    next_test = assess(changed, changed.validation).next_test
+    assert next_test is not None
+    assert "off by 1.6 dB" in next_test.reason
+    assert next_test.signal == "chirp"
+    unsure = replace(sure, gain_sd_db=0.7)
+    changed = of_yaw(correction=unsure)(good_model)
+    next_test = assess(changed, changed.validation).next_test
+    assert next_test is not None
+    assert next_test.signal == "3211"
+
+
+@pytest.mark.parametrize(("excess_over_floor", "signal"), [(0.0, "3211"), (3.0, "chirp")])
+def test_assess_theil_coefficient_by_noise_asks_for_held_out_tests(
+    good_model: IdentifiedModel, excess_over_floor: float, signal: str
+) -> None:
+    excess = good_model.validation["yaw"].held_out
+    assert excess is not None
+    assert excess.floor_deg2ps2 is not None
+    changed = within_yaw(
+        "held_out",
+        theil=replace(excess.theil, coefficient=0.4),
+        model_excess_deg2ps2=excess_over_floor * excess.floor_deg2ps2,
+    )(good_model)
+    next_test = assess(changed, changed.validation).next_test
+    assert next_test is not None
+    assert "Theil" in next_test.reason
+    assert next_test.signal == signal
+
+
 def test_assess_paper_method_is_rejected(
     campaign: list[Run], held_out: list[Run], bench: config.VehicleConfig
 ) -> None:
