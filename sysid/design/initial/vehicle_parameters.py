@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from sitl.vehicle import hull
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import VehicleModel
 from sysid.estimation.map import fit, steady_state
@@ -17,6 +18,11 @@ STEP_MPS = 1e-4
 MIN_STATION_M, STATION_TURNS = 20.0, 1.5
 """Smallest radius of the circle for station keeping (m), and its minimum in turning radii: rudder
 is left for currents and trim."""
+
+DIVE_TRANSITS, MIN_DIVE_S, MAX_DIVE_S = 1.1, 3.0, 60.0
+"""Time FS_DIVE_S in which the elevator must end a descent, in hull lengths travelled, and its range
+(s). The default of 3 s is 1.1 lengths of Caribou. A hull of 6 m at 0.9 m/s sank for 4.5 s at the
+end of a change of depth until its elevator had raised the nose."""
 
 
 def autopilot_parameters(
@@ -39,7 +45,7 @@ def autopilot_parameters(
     operating_point = config.operating_point
     length_m = -2.0 * operating_point.speed_mps / _surge_slope_per_s(config, model)
     turn_m = min(1000.0, turn_radius_m(config, model))
-    return {
+    return _slow_response(config) | {
         "ACT_TRAVEL_DEG": (config.tailcone.travel_deg, "travel of the tailcone"),
         "THR_CRUISE_PCT": (100.0 * operating_point.thrust_fraction, "operating point"),
         "SPD_CRUISE_MPS": (operating_point.speed_mps, "operating point"),
@@ -63,6 +69,15 @@ def autopilot_parameters(
         ),
         "EST_DENSITY": (config.water.density_kgpm3, "water of the vehicle file"),
     }
+
+
+def _slow_response(config: VehicleConfig) -> dict[str, tuple[float, str]]:
+    """Return value and reason of FS_DIVE_S, if the vehicle is slower than its default allows."""
+    seconds = DIVE_TRANSITS * hull.length_m(config.hull) / config.operating_point.speed_mps
+    if seconds <= MIN_DIVE_S:
+        return {}
+    reason = f"time for {DIVE_TRANSITS:g} lengths of the hull"
+    return {"FS_DIVE_S": (min(MAX_DIVE_S, round(seconds, 1)), reason)}
 
 
 def turn_radius_m(config: VehicleConfig, model: VehicleModel) -> float:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sitl.vehicle import config
+from sitl.vehicle import build_model, config, hull
 from sysid.control_analysis import loop_transfer
 from sysid.design import constraints, initial
 from sysid.design.design_model import DesignModel, build
@@ -23,6 +23,7 @@ from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from tests.reference import trials
 from tests.sitl.vehicle import flight
 
+UNLIKE = Path(__file__).parents[3] / "benchmarks/campaigns/vehicles"
 BOUNDS = constraints.nominal(SPEC)
 STEEPEST_RAD = math.radians(SPEC.pitch_per_metre_deg)
 
@@ -239,3 +240,17 @@ def test_turn_radius_equals_that_of_six_degrees_of_freedom(name: str) -> None:
     turn = trials.circle(ship, math.radians(known.tailcone.travel_deg), 90.0)
     radius_m = vehicle_parameters.turn_radius_m(known, model)
     assert radius_m == pytest.approx(turn.radius_m, rel=2e-3)
+
+
+@pytest.mark.parametrize(("length_m", "speed_mps", "seconds"), [(6.0, 0.9, 7.3), (2.5, 1.5, None)])
+def test_dive_failsafe_waits_for_a_slow_hull(
+    length_m: float, speed_mps: float, seconds: float | None
+) -> None:
+    """Time for 1.1 lengths; the default of 3 s stays for hulls that travel them sooner."""
+    slow = config.load(UNLIKE / ("long_slow.toml" if seconds else "unstable_yaw.toml"))
+    assert hull.length_m(slow.hull) == pytest.approx(length_m)
+    assert slow.operating_point.speed_mps == speed_mps
+    values = vehicle_parameters.autopilot_parameters(slow, build_model.build(slow))
+    assert ("FS_DIVE_S" in values) == (seconds is not None)
+    if seconds is not None:
+        assert values["FS_DIVE_S"][0] == pytest.approx(seconds)
