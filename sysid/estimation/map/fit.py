@@ -173,7 +173,8 @@ def fit(
     #     covariance = (information of the data + prior covariance^-1)^-1, widened by `model_error`.
     report = progress or (lambda what, ratio: None)
     first = problems.vehicle(prior, prior.mean)
-    datasets = _datasets(runs, first, first)
+    leads_s = _leads_s(runs, first)
+    datasets = _datasets(runs, first, leads_s)
     z, work_steps, steps = prior.mean.copy(), PASSES + 2, 0
     levels: dict[Plane, Noise] = {plane: Noise() for plane in datasets}
     for pass_index in range(PASSES):
@@ -181,7 +182,8 @@ def fit(
         optimum = descend(_problem(prior, datasets, levels, z), z, COARSE_TOLERANCE)
         z, steps = optimum.z, steps + optimum.steps
         levels = _noise(prior, datasets, levels, z)
-        datasets = _datasets(runs, first, problems.vehicle(prior, z))
+        if (updated_s := _leads_s(runs, problems.vehicle(prior, z))) != leads_s:
+            leads_s, datasets = updated_s, _datasets(runs, first, updated_s)
     report("fit, last pass", PASSES / work_steps)
     problem = _problem(prior, datasets, levels, z)
     optimum = descend(problem, z, FINE_TOLERANCE)
@@ -229,22 +231,24 @@ def at_bounds(z: Array) -> tuple[str, ...]:
     )
 
 
-def _datasets(
-    runs: Sequence[Run], first: CandidateVehicle, estimate: CandidateVehicle
-) -> dict[Plane, tuple[Dataset, ...]]:
-    """Prepare the runs, plane by plane.
+def _leads_s(runs: Sequence[Run], vehicle: CandidateVehicle) -> dict[Plane, float]:
+    """Return `max_lead_s` of each plane that has runs."""
+    tested = {run.plane for run in runs}
+    return {plane: max_lead_s(vehicle, plane) for plane in Plane if plane in tested}
 
-    ``first`` computes the motion of the other plane; the runs begin as `max_lead_s` of ``estimate``
-    says.
-    """
-    datasets = dict[Plane, tuple[Dataset, ...]]()
-    for plane in Plane:
-        if group := [run for run in runs if run.plane == plane]:
-            lead_s = max_lead_s(estimate, plane)
-            datasets[plane] = tuple(
-                with_coupling_inputs(first, dataset(run, lead_s)) for run in group
-            )
-    return datasets
+
+def _datasets(
+    runs: Sequence[Run], vehicle: CandidateVehicle, leads_s: Mapping[Plane, float]
+) -> dict[Plane, tuple[Dataset, ...]]:
+    """Prepare the runs, plane by plane; ``vehicle`` computes the motion of the other plane."""
+    return {
+        plane: tuple(
+            with_coupling_inputs(vehicle, dataset(run, lead_s))
+            for run in runs
+            if run.plane == plane
+        )
+        for plane, lead_s in leads_s.items()
+    }
 
 
 def _problem(
