@@ -24,7 +24,14 @@ import math
 
 from autopilot.control import navigation
 from autopilot.control.params import Config
-from autopilot.control.types import Home, Inputs, Motion, VehicleEstimate
+from autopilot.control.types import (
+    PRESSURE_HELD,
+    US_PER_S,
+    Home,
+    Inputs,
+    Motion,
+    VehicleEstimate,
+)
 from mavlink_io.frames import (
     STANDARD_GRAVITY_MPS2,
     Quaternion,
@@ -76,6 +83,9 @@ DEPTH_RESTART_US = 1_000_000
 """Time without the pressure sensor after which its next reading replaces the depth. An observer
 that removed a difference of metres within EST_DPT_TIME would have a depth rate of many m/s, and a
 bias of the acceleration that drives the depth away when the sensor is lost again."""
+MAX_RATE_CORRECTION_MPS = 0.5
+"""Largest mean error of the vertical speed that this reading corrects: that of a vehicle that dives
+at full pitch. A greater one is an offset of the sensor."""
 
 
 def initial_estimate(sensors: SensorFrame, config: Config) -> VehicleEstimate:
@@ -217,7 +227,7 @@ def predict(
     position_m = complex(old.north_m, old.east_m)
     solution = navigation.predict(position_m, old.navigation, motion, config, dt_s, located)
     echo_is_old = now_us - old.altitude_time_us > ALTIMETER_STALE_US
-    depth_measured = sensors.fields_updated & PRESSURE_FRESH != 0
+    depth_measured = _has_new_depth(sensors.fields_updated)
     position, velocity, memory = solution
     estimate = VehicleEstimate(
         attitude,
@@ -506,6 +516,12 @@ def _clip_bias(bias_radps: float) -> float:
 
 
 @numeric
+def _has_new_depth(fields_updated: int) -> bool:
+    """Return whether a checked frame has a new pressure, and not the last one again."""
+    return fields_updated & PRESSURE_FRESH != 0 and fields_updated & PRESSURE_HELD == 0
+
+
+@numeric
 def _depth(
     old: VehicleEstimate, sensors: SensorFrame, attitude: Quaternion, config: Config, dt_s: float
 ) -> tuple[float, float, float]:
@@ -518,22 +534,44 @@ def _depth(
         v <- v + (a + 3 w^2 e) dt
         b <- b - w^3 e dt
 
-    Without pressure: z' = v, v' = a - v / DEPTH_RATE_DECAY_S, b constant. After DEPTH_RESTART_US of
-    that the measured depth replaces z, and v and b continue.
+    Without a new pressure: z' = v, v' = a - v / DEPTH_RATE_DECAY_S, b constant. A reading after
+    a time T of that corrects as a fading-memory filter of second degree (E. Brookner, "Tracking
+    and Kalman Filtering Made Easy", 1998, chapter 7), which has the same poles, with
+    theta = exp(-w T)::
+
+        z <- z + (1 - theta^3) e
+        v <- v + 3/2 (1 - theta)^2 (1 + theta) e / T
+        b <- b - (1 - theta)^3 e / T^2
+
+    After DEPTH_RESTART_US the measured depth replaces z, and v changes by the mean error of the
+    vertical speed, e / T, if that is less than MAX_RATE_CORRECTION_MPS.
     """
     rate_mps, bias_mps2, down_mps2 = old.depth_rate_mps, old.accel_bias_mps2, 0.0
     fresh = sensors.fields_updated
     if fresh & ACCELEROMETER_FRESH != 0:
         (x, y, z), (ax, ay, az) = _down_vector(attitude), sensors[1:4]
         down_mps2 = x * ax + y * ay + z * az + STANDARD_GRAVITY_MPS2 - bias_mps2
-    if fresh & PRESSURE_FRESH == 0:
+    if not _has_new_depth(fresh):
         decay = -rate_mps / DEPTH_RATE_DECAY_S
         return old.depth_m + rate_mps * dt_s, rate_mps + (down_mps2 + decay) * dt_s, bias_mps2
-    if sensors.time_us - old.depth_time_us > DEPTH_RESTART_US:
-        return depth_of(sensors.pressure_hpa, config), rate_mps + down_mps2 * dt_s, bias_mps2
+    measured_m = depth_of(sensors.pressure_hpa, config)
+    unmeasured_s = (sensors.time_us - old.depth_time_us) / US_PER_S
+    if unmeasured_s * US_PER_S > DEPTH_RESTART_US:
+        mean_error_mps = (measured_m - old.depth_m) / unmeasured_s
+        if abs(mean_error_mps) < MAX_RATE_CORRECTION_MPS:
+            rate_mps += mean_error_mps
+        return measured_m, rate_mps + down_mps2 * dt_s, bias_mps2
     pole = 1.0 / config.depth_time_s
     depth = old.depth_m + rate_mps * dt_s + 0.5 * down_mps2 * dt_s * dt_s
-    error = depth_of(sensors.pressure_hpa, config) - depth
+    error = measured_m - depth
+    if unmeasured_s > 1.5 * dt_s:
+        theta = math.exp(-pole * unmeasured_s)
+        rest = 1.0 - theta
+        return (
+            depth + (1.0 - theta * theta * theta) * error,
+            rate_mps + down_mps2 * dt_s + 1.5 * rest * rest * (1.0 + theta) * error / unmeasured_s,
+            bias_mps2 - rest * rest * rest * error / (unmeasured_s * unmeasured_s),
+        )
     return (
         depth + 3.0 * pole * error * dt_s,
         rate_mps + (down_mps2 + 3.0 * pole * pole * error) * dt_s,

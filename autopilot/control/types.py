@@ -439,6 +439,9 @@ class Answer(NamedTuple):
 
 US_PER_S = 1_000_000
 """Microseconds per second; vehicle time is an integer number of microseconds."""
+PRESSURE_HELD = 1 << 30
+"""Bit of ``fields_updated`` in a checked sensor frame, beside PRESSURE_FRESH: the pressure is the
+last reading, of an earlier tick."""
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = range(7)
 """MAV_RESULT."""

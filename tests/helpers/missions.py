@@ -68,6 +68,8 @@ class Flight:
     depth_m: float = 5.0
     speed_mps: float = 0.0
     altitude_m: float | None = None
+    silent: int = 0
+    """Bits of ``fields_updated`` of sensors that have no new reading."""
     more: dict[str, Any] = field(default_factory=dict)
     """Additional fields of ``Inputs``."""
     events: list[Event | ItemReached] = field(default_factory=list)
@@ -102,6 +104,7 @@ class Flight:
         turning = reading._replace(
             accel_y_mps2=reading.accel_y_mps2 + yaw_rate * self.speed_mps,
             accel_z_mps2=reading.accel_z_mps2 - pitch_rate * self.speed_mps,
+            fields_updated=reading.fields_updated & ~self.silent,
         )
         inputs = Inputs(turning, None, altimeter, None)._replace(**self.more)
         self.state, self.frame, self.trace, events = core.tick(self.state, inputs, self.config)

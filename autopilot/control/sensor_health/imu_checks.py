@@ -13,7 +13,7 @@ from autopilot.control.sensor_health.types import (
     Fault,
     GroupReadings,
 )
-from autopilot.control.types import US_PER_S
+from autopilot.control.types import PRESSURE_HELD, US_PER_S
 from mavlink_io.jit import numeric
 from mavlink_io.records import (
     ACCELEROMETER_FRESH,
@@ -112,7 +112,8 @@ def check_imu(
     ImuCheckResult
         The new history, the frame to use, and the faults. In the frame to use, ``fields_updated``
         names the groups that may be used: those with a recent plausible reading that are not
-        excluded. If such a group has no plausible reading in this frame, its last one is used.
+        excluded. If such a group has no plausible reading in this frame, its last one is used; the
+        bit PRESSURE_HELD marks that of the pressure.
     """
     if old.per_group is None and not excluded:
         accepted, changed_us = check_complete_frame(old.frame, old.changed_us, frame, config)
@@ -219,7 +220,8 @@ def _check_partial_frame(
             usable |= group.fresh
         if not (plausible and group.name not in excluded):
             values[group.first : group.last] = old.frame[group.first : group.last]
-    values[-2] = usable
+    is_held = usable & PRESSURE_FRESH == PRESSURE_FRESH and received_us[-1] < now_us
+    values[-2] = usable | PRESSURE_HELD if is_held else usable
     usable_frame = SensorFrame._make(values)
     complete = usable == _ALL_FRESH and min(received_us) == now_us
     per_group = None if complete else GroupReadings(tuple(readings), tuple(received_us))

@@ -68,6 +68,9 @@ FAULT_CLEAR_US, IMPLAUSIBLE_CLEAR_US = US_PER_S // 2, 3 * US_PER_S // 2
 
 Implausible readings have the longer limit: a slow sensor may send them one second apart.
 """
+LASTING_CLEAR_US = 10 * US_PER_S
+"""Longest time without a measured depth for which a suspected fault of ``LASTING`` is kept: a slow
+pressure sensor shows it in some checks only."""
 CHECK_US = US_PER_S // 5
 """Interval of the slow checks."""
 DUCT_LAG_S = 0.7
@@ -143,6 +146,7 @@ def check_sensors(state: AutopilotState, inputs: Inputs, config: Config) -> Sens
         frame returned, ``fields_updated`` names the groups that may be used.
     """
     health, now_us = state.health, inputs.sensors.time_us
+    depth_checked = False
     excluded = _excluded_subjects(health) if health.faults else _NO_SUBJECTS
     ahrs, sample, detected = imu_checks.check_imu(state.ahrs, inputs.sensors, excluded, config)
     if sample is not inputs.sensors:
@@ -157,9 +161,10 @@ def check_sensors(state: AutopilotState, inputs: Inputs, config: Config) -> Sens
         if wet_gps:
             health = health._replace(devices=health.devices._replace(gps_under_water=True))
         health = health._replace(check_us=now_us + CHECK_US)
+        depth_checked = _depth_counts(state, config)
     if not detected and not health.faults:
         return ahrs, health, inputs, ()
-    trackers, events = _update_trackers(health.faults, detected, now_us, config)
+    trackers, events = _update_trackers(health.faults, detected, now_us, config, depth_checked)
     return ahrs, health._replace(faults=trackers), inputs, events
 
 
@@ -259,9 +264,17 @@ def _excluded_subjects(health: Health) -> frozenset[str]:
 
 
 def _update_trackers(
-    trackers: tuple[FaultTracker, ...], detected: tuple[Fault, ...], now_us: int, config: Config
+    trackers: tuple[FaultTracker, ...],
+    detected: tuple[Fault, ...],
+    now_us: int,
+    config: Config,
+    depth_checked: bool,
 ) -> tuple[tuple[FaultTracker, ...], tuple[Event, ...]]:
-    """Add the faults of a tick; report each confirmed fault and each recovery once."""
+    """Add the faults of a tick; report each confirmed fault and each recovery once.
+
+    ``depth_checked`` is whether a slow check with a measured depth was done: only that one clears
+    a suspected fault of ``LASTING``.
+    """
     by_subject = {tracker.fault.subject: tracker for tracker in trackers}
     for fault in detected:
         old = by_subject.get(fault.subject)
@@ -277,6 +290,8 @@ def _update_trackers(
     for tracker in by_subject.values():
         quiet_us = now_us - tracker.last_us
         clear_us = _clear_us(tracker.fault)
+        if tracker.fault.subject in LASTING and not depth_checked:
+            clear_us = LASTING_CLEAR_US
         if tracker.reported and quiet_us > RECOVERY_US and tracker.fault.subject not in LASTING:
             events.append(Event(Severity.NOTICE, f"{tracker.fault.subject} recovered"))
         elif tracker.reported or quiet_us <= clear_us:
@@ -290,10 +305,11 @@ def _confirm_fault(
     """Confirm and report a fault that has persisted; append its event to ``events``."""
     fault = tracker.fault
     debounce = _debounce(fault, config)
+    known_us = tracker.last_us if fault.subject in LASTING else now_us
     if (
         tracker.reported
         or tracker.detections < debounce.detections
-        or now_us - tracker.since_us < debounce.duration_us
+        or known_us - tracker.since_us < debounce.duration_us
     ):
         return tracker
     severity = Severity.EMERGENCY if fault.subject == LEAK else Severity.ERROR
@@ -583,17 +599,20 @@ def off_depth(estimate: VehicleEstimate, setpoint: Setpoint, thrust: float, conf
 
 def _dive_not_stopped(state: AutopilotState, config: Config) -> bool:
     """Return whether the vehicle dives (``dives``), outside a test, while depth is measured."""
-    return _depth_counts(state) and dives(state.estimate, state.duct_rad, state.thrust, config)
+    return _depth_counts(state, config) and dives(
+        state.estimate, state.duct_rad, state.thrust, config
+    )
 
 
 def _pitch_contradicted(state: AutopilotState, config: Config) -> bool:
     """Return whether ``sinks_nose_up`` while depth is measured."""
-    return _depth_counts(state) and sinks_nose_up(state.estimate, state.thrust, config)
+    return _depth_counts(state, config) and sinks_nose_up(state.estimate, state.thrust, config)
 
 
-def _depth_counts(state: AutopilotState) -> bool:
-    """Return whether the vehicle is armed and its depth measured."""
-    return state.armed and state.time_us - state.estimate.depth_time_us < CHECK_US
+def _depth_counts(state: AutopilotState, config: Config) -> bool:
+    """Return whether the vehicle is armed and its depth was measured in the last HLTH_LOST_S."""
+    unmeasured_us = state.time_us - state.estimate.depth_time_us
+    return state.armed and unmeasured_us <= config.health_lost_s * US_PER_S
 
 
 @numeric

@@ -9,7 +9,7 @@ import pytest
 from autopilot.control import ascent, modes, requests
 from autopilot.control.sensor_health.types import Fault, FaultTracker
 from autopilot.control.types import ACCEPTED
-from mavlink_io.records import GpsFix
+from mavlink_io.records import PRESSURE_FRESH, GpsFix
 from tests.helpers.missions import Flight, under_way
 
 STOPPED = "Failsafe: no rise for 20 s -> propeller stopped"
@@ -328,6 +328,28 @@ def test_dive_against_elevator_surfaces_from_any_depth_mode() -> None:
     assert flight.ask(requests.ChangeTarget(3.0, 0.0, 0.58)) == ACCEPTED
     hold_down(flight, 6.0, sinking, pitch_rad=-0.3)
     assert "Failsafe: Elevator has no effect -> SURFACE" in flight.texts()
+
+
+def test_dive_against_elevator_is_seen_by_a_slow_pressure_sensor() -> None:
+    """One reading in 2.6 s: pair 1063 of the soak sank from 8 to 15 m and touched the floor."""
+    flight = under_way()
+    assert flight.ask(requests.ChangeTarget(3.0, 0.0, 0.58)) == ACCEPTED
+    for tick in range(600):
+        flight.silent = PRESSURE_FRESH if tick % 130 else 0
+        hold_down(flight, 0.02, lambda _, t_s=tick / 50: sinking(t_s), pitch_rad=-0.3)
+    assert "Failsafe: Elevator has no effect -> SURFACE" in flight.texts()
+
+
+def test_suspicion_against_elevator_needs_evidence_at_its_confirmation() -> None:
+    """The pressure sensor ends while the vehicle sinks for 1 s; it has risen when it returns."""
+    flight = under_way()
+    assert flight.ask(requests.ChangeTarget(3.0, 0.0, 0.58)) == ACCEPTED
+    hold_down(flight, 2.0, sinking, pitch_rad=-0.3)
+    flight.silent = PRESSURE_FRESH
+    hold_down(flight, 6.0, lambda t_s: 5.6 - 0.3 * t_s, pitch_rad=0.1)
+    flight.silent = 0
+    hold_down(flight, 4.0, lambda t_s: 3.8, pitch_rad=0.0)
+    assert not any("Elevator" in text for text in flight.texts()), flight.texts()
 
 
 def test_limit_of_depth_looks_ahead() -> None:

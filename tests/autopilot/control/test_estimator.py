@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from autopilot.control import estimator
 from autopilot.control.params import Config
-from autopilot.control.types import Home, Inputs, VehicleEstimate
+from autopilot.control.types import PRESSURE_HELD, Home, Inputs, VehicleEstimate
 from mavlink_io.frames import offset_to_geodetic, wrap_pi
 from mavlink_io.records import GYRO_FRESH, PRESSURE_FRESH, GpsFix
 from tests.helpers.missions import TICK_US, sensors
@@ -99,6 +99,31 @@ def test_depth_constant_rate_is_tracked_without_lag() -> None:
         )
     assert estimate.depth_rate_mps == pytest.approx(0.3, abs=1e-3)
     assert estimate.depth_m == pytest.approx(1.0 + 0.3 * 0.02 * 999, abs=2e-3)
+
+
+@pytest.mark.parametrize(("period", "tolerance_mps"), [(5, 0.002), (25, 0.02), (130, 0.1)])
+def test_depth_rate_follows_a_slow_sensor(period: int, tolerance_mps: float) -> None:
+    """10 Hz, 2 Hz and one reading in 2.6 s, with the last reading held for 0.5 s.
+
+    Before, the held reading stopped the rate: 0.0 of 0.3 m/s were left after 0.5 s of it. Without
+    a reading the rate decays with 10 s, and a reading corrects by the mean error: 0.09 of 0.3 m/s.
+    """
+    estimate, held = estimator.initial_estimate(sensors(0, depth_m=1.0), Config()), 1.0
+    errors = []
+    for k in range(1, 2000):
+        is_new, last = k % period == 0, k - k % period
+        held = 1.0 + 0.3 * 0.02 * last
+        reading = sensors(k * TICK_US, depth_m=held)
+        fields = reading.fields_updated
+        if not is_new:
+            is_used = (k - last) * 0.02 <= Config().health_lost_s
+            fields = fields | PRESSURE_HELD if is_used else fields & ~PRESSURE_FRESH
+        reading = reading._replace(fields_updated=fields)
+        estimate = estimator.update(
+            estimate, Inputs(reading, None, None, None), 0.0, NO_HOME, Config(), 0.02
+        )
+        errors.append(estimate.depth_rate_mps - 0.3)
+    assert max(map(abs, errors[1000:])) < tolerance_mps
 
 
 def test_depth_sensor_that_returns_with_an_offset_moves_the_depth_not_its_rate() -> None:
