@@ -48,7 +48,7 @@ class Numbers(Protocol):
 
 
 class _Compiler(Protocol):
-    """What this module takes from ``mavlink_io.jit_numba``."""
+    """What this module takes from ``mavlink_io.jit_stored``."""
 
     def compiled(self, function: Function, *, inline: bool) -> Function:
         """Return the compiled function."""
@@ -87,12 +87,12 @@ NUMERIC = set[Callable[..., Any]]()
 
 @cache
 def _compiler() -> _Compiler:
-    """Return the compiler; loading it takes half a second and 100 MB.
+    """Return the module that loads machine code, and compiles what is not stored.
 
-    It is imported by name: the vehicle's computer has no numba, and the autopilot must not depend
+    It is imported by name: the vehicle's computer has no numpy, and the autopilot must not depend
     on it.
     """
-    return cast(_Compiler, import_module("mavlink_io.jit_numba"))
+    return cast(_Compiler, import_module("mavlink_io.jit_stored"))
 
 
 class _Record:

@@ -11,20 +11,19 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
-from hashlib import sha256
-from importlib.util import find_spec
 from pathlib import Path
 from struct import calcsize
 from types import FunctionType
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numba
-import numpy as np
 from numba import types
 from numba.core import cgutils
 from numba.core.caching import FunctionCache, InTreeCacheLocator, UserWideCacheLocator
+from numba.core.imputils import impl_ret_borrowed
+from numba.core.registry import cpu_target
 from numba.core.runtime.nrt import rtsys
 from numba.core.typing.templates import (
     AbstractTemplate,
@@ -33,16 +32,14 @@ from numba.core.typing.templates import (
     signature,
 )
 from numba.experimental import structref
-from numba.extending import intrinsic, lower_builtin, typeof_impl
+from numba.extending import NativeValue, box, intrinsic, lower_builtin, typeof_impl, unbox
+from numba.np.numpy_support import as_dtype
 
 from mavlink_io.jit import NUMERIC
-
-Function = TypeVar("Function", bound=Callable[..., Any])
-
-_PACKAGES = ("mavlink_io", "autopilot", "sitl", "sysid")
-"""Packages that have kernels: a kernel depends on what its file imports from them."""
-_IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
-_WORD = re.compile(r"\w+")
+from mavlink_io.jit_stored import Native
+from mavlink_io.stored_code import argument_types, store
+from mavlink_io.stored_code.argument_types import UnknownTypeError
+from mavlink_io.stored_code.store import Environment, ObjectCode, Source
 
 
 @structref.register
@@ -59,15 +56,32 @@ class NativeType(types.StructRef):
         return type(self), self._fields
 
 
-class Native(structref.StructRefProxy):
-    """Reference to a value in memory of compiled code."""
-
-    value: Any
-    source: Any
-    """The value in Python, which owns the arrays."""
+structref.define_constructor(Native, NativeType, ["value"])
 
 
-structref.define_proxy(Native, NativeType, ["value"])
+@box(NativeType)
+def _box_native(kind: Any, value: Any, c: Any) -> Any:
+    """Return the machine code that returns a ``Native`` to Python."""
+    reference = cgutils.create_struct_proxy(kind)(c.context, c.builder, value=value)
+    memory = c.box(_MEMORY, reference.meminfo)
+    constructor = c.pyapi.unserialize(c.pyapi.serialize_object(Native))
+    boxed = c.pyapi.call_function_objargs(constructor, [memory])
+    c.pyapi.decref(constructor)
+    c.pyapi.decref(memory)
+    return boxed
+
+
+@unbox(NativeType)
+def _unbox_native(kind: Any, boxed: Any, c: Any) -> Any:
+    """Return the machine code that takes a ``Native`` from Python."""
+    memory = c.pyapi.object_getattr_string(boxed, "_meminfo")
+    reference = cgutils.create_struct_proxy(kind)(c.context, c.builder)
+    reference.meminfo = c.unbox(_MEMORY, memory).value
+    c.pyapi.decref(memory)
+    return NativeValue(reference._getvalue())
+
+
+_MEMORY = types.MemInfoPointer(types.voidptr)
 
 
 @typeof_impl.register(FunctionType)
@@ -125,7 +139,8 @@ def _replace_fields(context: Any, builder: Any, typed: Any, args: tuple[Any, ...
         builder.extract_value(record, i) if isinstance(kind, types.Omitted) else value
         for i, (kind, value) in enumerate(given)
     ]
-    return context.make_tuple(builder, typed.return_type, items)
+    made = context.make_tuple(builder, typed.return_type, items)
+    return impl_ret_borrowed(context, builder, typed.return_type, made)
 
 
 class _SourceStamp:
@@ -138,7 +153,7 @@ class _SourceStamp:
 
     def get_source_stamp(self) -> str:
         """Return the stamp; machine code with another stamp is not used."""
-        return _content_stamp(Path(self._py_file))
+        return store.content_stamp(Path(self._py_file))
 
 
 class InTreeLocator(_SourceStamp, InTreeCacheLocator):
@@ -154,84 +169,101 @@ numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]
 )
 
 
-@cache
-def _content_stamp(path: Path) -> str:
-    """Return a hash of a file, of this one, and of all files of ``_PACKAGES`` that it imports.
-
-    Indirect imports count. This file counts because it decides how code is compiled.
-
-    Parameters
-    ----------
-    path : Path
-        Source file.
-
-    Returns
-    -------
-    str
-        The same for the same content, whatever the times of the files.
-    """
-    files, new = {path, Path(__file__)}, [path]
-    while new:
-        added = _imported_files(new.pop()) - files
-        files |= added
-        new += added
-    return sha256(b"".join(sorted(_digest(file) for file in files))).hexdigest()
-
-
-@cache
-def _digest(path: Path) -> bytes:
-    """Return a hash of one file."""
-    return sha256(path.read_bytes()).digest()
-
-
-@cache
-def _imported_files(path: Path) -> frozenset[Path]:
-    """Return the files of the modules of ``_PACKAGES`` that a file imports.
-
-    They are found on disk: which of them are loaded depends on the program.
-    """
-    names = [
-        name
-        for module, imported in _IMPORT.findall(path.read_text(encoding="utf-8"))
-        if module.partition(".")[0] in _PACKAGES
-        for name in (module, *(f"{module}.{word}" for word in _WORD.findall(imported)))
-    ]
-    return frozenset(file for name in names if (file := _file_of(name)) is not None)
-
-
-@cache
-def _file_of(name: str) -> Path | None:
-    """Return the source file of a module of ``_PACKAGES``; None if the name is no module."""
-    package, *parts = name.split(".")
-    spec = find_spec(package)
-    for folder in (spec and spec.submodule_search_locations) or ():
-        path = Path(folder).joinpath(*parts)
-        for file in (path / "__init__.py", path.with_suffix(".py")):
-            if file.is_file():
-                return file
-    return None
-
-
 class _MachineCodeCache(FunctionCache):
-    """Machine code of a function on disk, loaded without what only a compilation needs.
+    """Machine code of a function on disk, for numba and for processes without it.
 
     Before it looks for machine code, numba imports the implementation of every function that it can
     compile: 0.3 s and 60 MB. The code itself needs only numba's memory management. A function that
     is not found is compiled, for which numba imports them then.
     """
 
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._source = Source(Path(inspect.getfile(function)), function.__qualname__)
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled function for a signature; None if it is not on disk."""
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+            key = self._index_key(sig, target_context.codegen())
+            data = self._cache_file.load(key)
+            if data is None:
+                return None
+            result = self._impl.rebuild(target_context, data)
+            (_, _, (content, _)), *_ = data
+            self._store(result, result.referenced_envs, content)
+            return result
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save the compiled function for a signature."""
+        super().save_overload(sig, data)
+        if not data.library.has_dynamic_globals:
+            content = data.library._get_compiled_object()
+            self._store(data, data._find_referenced_environments(), content)
 
     def is_empty(self) -> bool:
         """Return whether the disk has no machine code of the present source."""
         return not self._cache_file._load_index()
 
+    def _store(self, result: Any, environments: Iterable[Any], content: bytes) -> None:
+        """Store the object code for processes without numba."""
+        if not store.is_supported():
+            return
+        try:
+            names = [_type_name(kind) for kind in result.signature.args]
+        except UnknownTypeError:
+            return
+        types_name = argument_types.tuple_name("", names)
+        if store.find(self._source, types_name) is not None:
+            return
+        constants = {
+            result.environment.env_name: tuple(result.environment.consts),
+            **{environment.env_name: tuple(environment.consts) for environment in environments},
+        }
+        code = ObjectCode(
+            content=content,
+            symbol=result.fndesc.llvm_cpython_wrapper_name.encode(),
+            environments=tuple(
+                Environment(name.encode(), values) for name, values in constants.items() if values
+            ),
+        )
+        store.save(self._source, types_name, code)
 
-def compiled(function: Function, *, inline: bool) -> Function:
+
+def _type_name(kind: Any) -> str:
+    """Return the name of a type of numba, as ``argument_types`` names the type of a value."""
+    if isinstance(kind, types.Literal):
+        raise UnknownTypeError(str(kind))
+    if isinstance(kind, types.Omitted):
+        return argument_types.OMITTED
+    if isinstance(kind, NativeType):
+        return argument_types.native_name(_type_name(kind._fields[0][1]))
+    if isinstance(kind, types.BaseTuple):
+        items = [_type_name(part) for part in cast(Iterable[Any], kind)]
+        record = getattr(kind, "instance_class", tuple)
+        fields = getattr(kind, "fields", ())
+        return argument_types.tuple_name(argument_types.record_name(record, tuple(fields)), items)
+    if isinstance(kind, types.PyArray):
+        return argument_types.buffer_name(as_dtype(kind.dtype).str)
+    if isinstance(kind, types.Array):
+        name, writable = as_dtype(kind.dtype).str, kind.mutable
+        return argument_types.array_name(name, kind.ndim, kind.layout, writable=writable)
+    if kind not in _TYPE_NAMES:
+        raise UnknownTypeError(str(kind))
+    return _TYPE_NAMES[kind]
+
+
+_TYPE_NAMES: dict[Any, str] = {
+    types.float64: argument_types.FLOAT,
+    types.int64: argument_types.INTEGER,
+    types.boolean: argument_types.BOOLEAN,
+    types.complex128: argument_types.COMPLEX,
+    types.none: argument_types.NONE,
+    types.NumPyRandomGeneratorType("NumPyRandomGeneratorType"): argument_types.GENERATOR,
+}
+
+
+def compiled(function: Callable[..., Any], *, inline: bool) -> Any:
     """Return ``function`` compiled at its first call, with its machine code cached on disk.
 
     Parameters
@@ -243,20 +275,20 @@ def compiled(function: Function, *, inline: bool) -> Function:
 
     Returns
     -------
-    callable
-        The compiled function.
+    Dispatcher
+        The function of numba.
     """
     dispatcher: Any = numba.njit(error_model="numpy", forceinline=inline)(function)
     dispatcher._cache = _MachineCodeCache(function)
-    return cast(Function, dispatcher)
+    return dispatcher
 
 
-def is_stored(function: Any) -> bool:
-    """Return whether the machine code of a compiled function is on disk.
+def is_cached(dispatcher: Any) -> bool:
+    """Return whether numba has the machine code of a function on disk.
 
     Parameters
     ----------
-    function : callable
+    dispatcher : Dispatcher
         Result of ``compiled``.
 
     Returns
@@ -264,118 +296,83 @@ def is_stored(function: Any) -> bool:
     bool
         Whether its first call only loads it.
     """
-    return not function._cache.is_empty()
+    return not dispatcher._cache.is_empty()
 
 
-def machine_code(function: Any, arguments: tuple[Any, ...]) -> Any:
+def machine_code(dispatcher: Any, arguments: Sequence[Any], omitted: Sequence[bool]) -> Any:
     """Return the machine code of a compiled function for arguments of given types.
 
     Parameters
     ----------
-    function : callable
+    dispatcher : Dispatcher
         Result of ``compiled``.
-    arguments : tuple
+    arguments : sequence
         Arguments with the types of all later calls.
+    omitted : sequence of bool
+        Which of them are default values that the calls leave out.
 
     Returns
     -------
     callable
         Function of C that converts the arguments and calls the code.
     """
-    given = tuple(map(function.typeof_pyval, arguments))
-    function.compile(given)
-    return function.overloads[given].entry_point
+    given = tuple(
+        types.Omitted(argument) if is_omitted else dispatcher.typeof_pyval(argument)
+        for argument, is_omitted in zip(arguments, omitted, strict=True)
+    )
+    dispatcher.compile(given)
+    return dispatcher.overloads[given].entry_point
+
+
+def type_of_function(dispatcher: Any) -> Any:
+    """Return the type of a compiled function for kernels that call it."""
+    return types.Dispatcher(dispatcher)
+
+
+def type_of_global(name: str, *arguments: str) -> Any:
+    """Return the type of an object that only compiled code can use.
+
+    Parameters
+    ----------
+    name : str
+        ``pack``, ``unpack`` or ``c_function``.
+    *arguments : str
+        Name and types of the function of the C library.
+
+    Returns
+    -------
+    Type
+        Type of numba.
+    """
+    if name == "c_function":
+        return _c_function(*arguments)
+    return cpu_target.typing_context.resolve_value_type(pack if name == "pack" else unpack)
+
+
+def native_type(source: tuple[Any, ...]) -> NativeType:
+    """Return the type of a reference to a record.
+
+    Parameters
+    ----------
+    source : NamedTuple
+        The record.
+
+    Returns
+    -------
+    NativeType
+        Type of numba.
+    """
+    return NativeType([("value", numba.typeof(source))])
 
 
 _C_TYPES: dict[str, Any] = {"i": types.intc, "I": types.uintc, "l": types.int_, "P": types.uintp}
 """Type of numba by its letter in the module ``struct``."""
 
 
-def c_function(name: str, letters: str) -> Callable[..., int]:
-    """Return a function of the C library for compiled code.
-
-    Parameters
-    ----------
-    name : str
-        Name of the function.
-    letters : str
-        Its result and its arguments, as in the module ``struct``.
-
-    Returns
-    -------
-    callable
-        The function.
-    """
+def _c_function(name: str, letters: str) -> Any:
+    """Return a function of the C library; its types as in ``jit.c_function``."""
     result, *arguments = (_C_TYPES[letter] for letter in letters)
-    return cast(Callable[..., int], types.ExternalFunction(name, result(*arguments)))
-
-
-def numbers(count: int) -> Any:
-    """Return an array of zeros.
-
-    Parameters
-    ----------
-    count : int
-        Length.
-
-    Returns
-    -------
-    ndarray
-        Array of float64.
-    """
-    return np.zeros(count)
-
-
-def octets(count: int) -> Any:
-    """Return memory of zeros.
-
-    Parameters
-    ----------
-    count : int
-        Length.
-
-    Returns
-    -------
-    ndarray
-        Array of uint8.
-    """
-    return np.zeros(count, np.uint8)
-
-
-def view(octets: Any, code: str) -> Any:
-    """Return memory as numbers of another type.
-
-    Parameters
-    ----------
-    octets : ndarray
-        Array of uint8.
-    code : str
-        Type of the numbers, as in the module ``struct``.
-
-    Returns
-    -------
-    ndarray
-        Array on the same memory.
-    """
-    return octets.view(np.dtype(code))
-
-
-def native(value: tuple[Any, ...]) -> Native:
-    """Return a reference to ``value`` in memory of compiled code.
-
-    Parameters
-    ----------
-    value : NamedTuple
-        Record of numbers, arrays, random generators and other such records.
-
-    Returns
-    -------
-    Native
-        Its attribute ``value`` is readable in compiled code.
-    """
-    packed = _packer(type(value))(value)
-    packed.source = value
-    return packed
+    return types.ExternalFunction(name, result(*arguments))
 
 
 def _type_borrow(_: Any, value: Any) -> Any:
@@ -511,16 +508,22 @@ unpack = intrinsic(prefer_literal=True)(_type_unpack)
 """Read numbers from memory: see ``jit.unpacker``."""
 
 
-@cache
-def _packer(kind: type) -> Callable[[Any], Native]:
-    """Return a compiled function that wraps values of type ``kind``; one function per type.
+def packer(qualname: str) -> Any:
+    """Return a compiled function that wraps a record in memory of compiled code.
 
-    The cache index of a numba function lists all types that it was compiled for, and reading the
-    index imports the modules of all of them. One function per type avoids these imports.
+    Parameters
+    ----------
+    qualname : str
+        Name of the function, which names the type of the record: one function per type.
+
+    Returns
+    -------
+    Dispatcher
+        The function of numba.
     """
 
     def pack(value: Any) -> Native:
         return Native(_borrow(value))
 
-    pack.__qualname__ = f"pack.{kind.__module__}.{kind.__qualname__}"
+    pack.__qualname__ = qualname
     return compiled(pack, inline=False)
