@@ -72,7 +72,7 @@ class Native:
         self._meminfo = memory
         self._compiler_type: Any = None
 
-    @property
+    @cached_property
     def type_name(self) -> str:
         """Name of the type."""
         return argument_types.native_name(type_name(self.source))
@@ -105,14 +105,18 @@ class StoredFunction:
             types = tuple(map(_name_of, arguments))
         except UnknownTypeError:
             return self.dispatcher(*arguments)
-        code = self._code.get(types)
-        if code is None:
-            code = self._code[types] = self._load(types) or self._compile(arguments)
-        return code(*arguments)
+        return self._code_for(types, arguments)(*arguments)
 
     def code_for(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """Return the machine code for arguments of these types."""
-        return self._load(tuple(map(type_name, arguments))) or self._compile(arguments)
+        return self._code_for(tuple(map(_name_of, arguments)), arguments)
+
+    def _code_for(self, types: tuple[str, ...], arguments: tuple[Any, ...]) -> Callable[..., Any]:
+        """Return the machine code for arguments of types with these names."""
+        code = self._code.get(types)
+        if code is None:
+            code = self._code[types] = self._load(types) or self._compile(arguments)
+        return code
 
     @property
     def is_stored(self) -> bool:
@@ -308,20 +312,19 @@ def _helpers() -> dict[str, int]:
     }
 
 
+@cache
 def _unpickle(address: int, size: int, _: int) -> Any:
-    """Return an object of Python in compiled code; numba's own function would import numba."""
-    return _unpickled(address, size)
+    """Return an object of Python in compiled code; numba's own function would import numba.
+
+    An object at an address does not change. The cache is a function of C, which no signal
+    interrupts: compiled code does not expect an exception here.
+    """
+    return pickle.loads(ctypes.string_at(address, size))
 
 
 _UNPICKLE = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p)(
     _unpickle
 )
-
-
-@cache
-def _unpickled(address: int, size: int) -> Any:
-    """Return the object at an address, which does not change."""
-    return pickle.loads(ctypes.string_at(address, size))
 
 
 @cache

@@ -103,7 +103,7 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
         return state, (Event(Severity.CRITICAL, text),)
     cruise = config.cruise_thrust_pct / 100.0
     setpoint = state.setpoint._replace(thrust=0.0, pitch_rad=0.0)
-    powered, afloat = ascent.stage == AscentStage.POWERED, _floats(ascent, config)
+    powered, afloat = ascent.stage == AscentStage.POWERED, is_afloat(ascent, config)
     brakes = powered and afloat and _brakes(state, ascent, config)
     if brakes and ascent.braked_us is None:
         ascent = ascent._replace(braked_us=state.time_us)
@@ -133,7 +133,7 @@ def rests(state: AutopilotState, config: Config) -> bool:
     if ascent is None or state.mode != modes.SURFACE.number:
         return False
     unpowered = ascent.stage in (AscentStage.STOPPED, AscentStage.RELEASED)
-    return _floats(ascent, config) or (unpowered and _pitch_is_wrong(state))
+    return is_afloat(ascent, config) or (unpowered and _pitch_is_wrong(state))
 
 
 def _pitch_is_wrong(state: AutopilotState) -> bool:
@@ -172,7 +172,7 @@ def _next_stage(
         stopped = AscentStage.ASTERN if _astern_helps(state, config) else AscentStage.STOPPED
         if blind:
             return _release(state, ascent, still_s, config)
-        if not buoyant or ascent.attempts >= MAX_ATTEMPTS or _floats(ascent, config):
+        if not buoyant or ascent.attempts >= MAX_ATTEMPTS or is_afloat(ascent, config):
             return stage, ""
         if _pitch_is_wrong(state):
             return AscentStage.STOPPED, "pitch disagrees with the depth"
@@ -180,7 +180,7 @@ def _next_stage(
             return stopped, "sinks against the elevator"
         if 0.0 < config.surface_rise_s < still_s:
             return stopped, f"no rise for {config.surface_rise_s:g} s"
-        if _still_sinks(estimate, ascent.depth_m, still_s, config):
+        if still_sinks(estimate, ascent.depth_m, still_s, config):
             return stopped, f"still sinks after {still_s:.0f} s"
     elif stage == AscentStage.ASTERN:
         helps = stage_s < MIN_ASTERN_S or _astern_helps(state, config)
@@ -214,31 +214,41 @@ def _release(
     return AscentStage.RELEASED, f"no rise for {config.weight_time_s:g} s without power"
 
 
-def _sinks(state: AutopilotState, config: Config) -> bool:
+@numeric
+def _sinks(estimate: VehicleEstimate, config: Config) -> bool:
     """Return whether the vehicle sinks, and its propeller may run astern."""
-    return config.surface_astern_s > 0.0 and state.estimate.depth_rate_mps > 0.0
+    return config.surface_astern_s > 0.0 and estimate.depth_rate_mps > 0.0
 
 
 def _astern_helps(state: AutopilotState, config: Config) -> bool:
     """Return whether the vehicle sinks nose down, so that thrust astern pulls it up."""
-    return _sinks(state, config) and state.estimate.pitch_rad < NOSE_DOWN_RAD
+    return _sinks(state.estimate, config) and state.estimate.pitch_rad < NOSE_DOWN_RAD
 
 
-def _sinks_with_way(state: AutopilotState, config: Config) -> bool:
-    """Return whether the vehicle sinks while it moves ahead."""
-    return _sinks(state, config) and state.estimate.speed_mps > MIN_WAY_MPS
+@numeric
+def sinks_with_way(estimate: VehicleEstimate, config: Config) -> bool:
+    """Return whether the vehicle sinks while it moves ahead.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimate of this tick.
+    config : Config
+        Parameters.
+    """
+    return _sinks(estimate, config) and estimate.speed_mps > MIN_WAY_MPS
 
 
 def _brakes(state: AutopilotState, ascent: Ascent, config: Config) -> bool:
     """Return whether a vehicle at the surface brakes: it sinks with way, and has time left."""
     first_us = state.time_us if ascent.braked_us is None else ascent.braked_us
     in_time = state.time_us - first_us <= config.surface_astern_s * US_PER_S
-    return in_time and _sinks_with_way(state, config)
+    return in_time and sinks_with_way(state.estimate, config)
 
 
 def _dives_by_way(state: AutopilotState, config: Config) -> bool:
     """Return whether the vehicle sinks nose down because it moves ahead."""
-    return _astern_helps(state, config) and _sinks_with_way(state, config)
+    return _astern_helps(state, config) and sinks_with_way(state.estimate, config)
 
 
 _ACTIONS = {
@@ -279,9 +289,9 @@ def _update(state: AutopilotState, blind: bool, config: Config) -> Ascent:
         least_m, risen_us = count_rise(ascent.depth_m, ascent.risen_us, depth_m, now_us)
         ascent = ascent._replace(depth_m=least_m, risen_us=risen_us)
     afloat_us = ascent.afloat_us
-    margin_m = SUNK_M if _floats(ascent, config) else AFLOAT_MARGIN_M
+    margin_m = SUNK_M if is_afloat(ascent, config) else AFLOAT_MARGIN_M
     left = not MIN_DEPTH_M < depth_m < config.surfaced_depth_m + margin_m
-    if blind or (left and not (_floats(ascent, config) and _dives_by_way(state, config))):
+    if blind or (left and not (is_afloat(ascent, config) and _dives_by_way(state, config))):
         afloat_us = None
     elif afloat_us is None and depth_m < config.surfaced_depth_m:
         afloat_us = now_us
@@ -311,80 +321,33 @@ def count_rise(least_m: float, risen_us: int, depth_m: float, now_us: int) -> tu
     return least_m, risen_us
 
 
-def steady_rise_limit_s(state: AutopilotState, config: Config) -> float | None:
-    """Return the longest time without a rise for which an ascent under power goes on unchanged.
-
-    That holds while ``rises_steadily``, and while the vehicle receives no satellites.
-
-    Parameters
-    ----------
-    state : AutopilotState
-        State after a tick of mode SURFACE.
-    config : Config
-        Parameters.
-
-    Returns
-    -------
-    float | None
-        Time, infinite without a limit; None if the next tick may change the stage.
-    """
-    ascent, gps = state.ascent, state.health.devices.gps
-    if (
-        ascent is None
-        or ascent.stage != AscentStage.POWERED
-        or ascent.afloat_us is not None
-        or ascent.fix_us is not None
-        or monitor.active_faults(state.health)
-        or state.estimate.depth_m <= config.surfaced_depth_m + SUNK_M
-        or is_blind(state, config)
-        or (sensor_checks.has_position(gps) and not sensor_checks.is_silent(gps, state.time_us))
-    ):
-        return None
-    limits_s = config.surface_rise_s, config.surface_time_s
-    limit_s = min((limit_s for limit_s in limits_s if limit_s > 0.0), default=math.inf)
-    still_s = (state.time_us - ascent.risen_us) / US_PER_S
-    return limit_s if still_s < limit_s else None
-
-
 @numeric
-def rises_steadily(
-    estimate: VehicleEstimate,
-    least_m: float,
-    risen_us: int,
-    limit_s: float,
-    now_us: int,
-    config: Config,
-) -> bool:
-    """Return whether an ascent under power goes on unchanged.
+def still_sinks(estimate: VehicleEstimate, least_m: float, still_s: float, config: Config) -> bool:
+    """Return whether the vehicle sinks after the time of a recovery.
 
     Parameters
     ----------
     estimate : VehicleEstimate
         Estimate of this tick.
-    least_m, risen_us : float, int
-        Depth (m) and time of the last rise.
-    limit_s : float
-        ``steady_rise_limit_s``.
-    now_us : int
-        Time of this tick.
+    least_m, still_s : float
+        Depth of the last rise (m), and time since it.
     config : Config
         Parameters.
     """
-    still_s = (now_us - risen_us) / US_PER_S
-    submerged = estimate.depth_m > config.surfaced_depth_m + SUNK_M
-    sinks = _still_sinks(estimate, least_m, still_s, config)
-    return submerged and still_s <= limit_s and not sinks
-
-
-@numeric
-def _still_sinks(estimate: VehicleEstimate, least_m: float, still_s: float, config: Config) -> bool:
-    """Return whether the vehicle sinks after the time of a recovery."""
     sinks = estimate.depth_m > least_m and estimate.depth_rate_mps > monitor.SINKING_MPS
     return sinks and 0.0 < RECOVERIES * config.fs_look_s < still_s
 
 
-def _floats(ascent: Ascent, config: Config) -> bool:
-    """Return whether the vehicle waits at the surface, held there by its buoyancy."""
+def is_afloat(ascent: Ascent, config: Config) -> bool:
+    """Return whether the vehicle waits at the surface, held there by its buoyancy.
+
+    Parameters
+    ----------
+    ascent : Ascent
+        Progress of mode SURFACE.
+    config : Config
+        Parameters.
+    """
     return ascent.afloat_us is not None and config.buoyancy_n > 0.0
 
 
@@ -397,11 +360,9 @@ def _reached_surface(
             return Event(Severity.INFO, "Surfaced by satellite fix: disarmed")
         return None
     depth_m = state.estimate.depth_m
-    pitch_rad = state.estimate.pitch_rad + PITCH_AHEAD_S * state.estimate.q_radps
-    level = pitch_rad > LEVEL_RAD or state.estimate.speed_mps < MIN_WAY_MPS
-    settled = level and depth_m < config.surfaced_depth_m
+    settled = stays_level(state.estimate) and depth_m < config.surfaced_depth_m
     held = False
-    if ascent.afloat_us is not None and (settled or not _floats(ascent, config)):
+    if ascent.afloat_us is not None and (settled or not is_afloat(ascent, config)):
         held_us = state.time_us - max(ascent.afloat_us, ascent.risen_us)
         held = held_us >= config.surface_hold_s * US_PER_S
     fix_us = round(config.surface_fix_s * US_PER_S)
@@ -412,6 +373,19 @@ def _reached_surface(
         text = f"Surfaced by satellite fix, though depth reads {depth_m:.1f} m: disarmed"
         return Event(Severity.WARNING, text)
     return None
+
+
+@numeric
+def stays_level(estimate: VehicleEstimate) -> bool:
+    """Return whether a vehicle at the surface does not drop its nose, or has no way.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimate of this tick.
+    """
+    pitch_rad = estimate.pitch_rad + PITCH_AHEAD_S * estimate.q_radps
+    return pitch_rad > LEVEL_RAD or estimate.speed_mps < MIN_WAY_MPS
 
 
 def _fix_holds(state: AutopilotState, ascent: Ascent, hold_us: int) -> bool:

@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 from autopilot.control import (
-    ascent,
     core,
     estimator,
     excitation,
@@ -19,6 +18,7 @@ from autopilot.control import (
     loops,
     mission,
     modes,
+    steady_ascent,
 )
 from autopilot.control.excitation import ExcitationOutput
 from autopilot.control.params import Config
@@ -33,6 +33,7 @@ from autopilot.control.sensor_health.types import (
     Health,
 )
 from autopilot.control.setpoints import Circle, Setpoint, TrackLine
+from autopilot.control.steady_ascent import NO_ASCENT, AscentTask
 from autopilot.control.types import (
     US_PER_S,
     AutopilotState,
@@ -131,10 +132,8 @@ class Task(NamedTuple):
     """Whether the heading follows ``SteadyState.line``."""
     acceptance_m: float
     """Distance from its end at which the line is done."""
-    surfacing: bool
-    """Whether mode SURFACE raises the vehicle under power."""
-    rise_limit_s: float
-    """Time without a rise that ends that."""
+    ascent: AscentTask
+    """Part of mode SURFACE that goes on."""
     testing: bool
     rudder_tested: bool
     test_started_us: int
@@ -153,8 +152,7 @@ NO_TASK = Task(
     wanted_depth_m=math.nan,
     following=False,
     acceptance_m=0.0,
-    surfacing=False,
-    rise_limit_s=math.inf,
+    ascent=NO_ASCENT,
     testing=False,
     rudder_tested=False,
     test_started_us=0,
@@ -208,13 +206,12 @@ def task_of(state: AutopilotState, config: Config) -> Task | None:
         return None
     return Task(
         heading_closed=not axis.opens_heading,
-        depth_closed=not axis.opens_depth,
+        depth_closed=not (axis.opens_depth or limits.ascent.waiting),
         until_us=until_us,
         wanted_depth_m=limits.wanted_depth_m,
         following=state.path is not None,
         acceptance_m=limits.acceptance_m,
-        surfacing=state.mode == modes.SURFACE.number,
-        rise_limit_s=limits.rise_s,
+        ascent=limits.ascent,
         testing=test is not None,
         rudder_tested=axis.rudder,
         test_started_us=test.started_us if test else 0,
@@ -231,15 +228,15 @@ class _ItemLimits(NamedTuple):
     until_us: int = monitor.NEVER_US
     wanted_depth_m: float = math.nan
     acceptance_m: float = 0.0
-    rise_s: float = math.inf
+    ascent: AscentTask = NO_ASCENT
 
 
 def _item_limits(state: AutopilotState, config: Config) -> _ItemLimits | None:
     """Return what ends the mission item or the ascent in progress; None before a full tick."""
     mission_state = state.mission
     if state.mode == modes.SURFACE.number:
-        limit_s = ascent.steady_rise_limit_s(state, config)
-        return None if limit_s is None else _ItemLimits(rise_s=limit_s)
+        task = steady_ascent.task_of(state, config)
+        return None if task is None else _ItemLimits(until_us=task.until_us, ascent=task)
     if state.mode != modes.MISSION.number:
         return _ItemLimits()
     if mission_state.current >= len(mission_state.items) or mission_state.entered_us is None:
@@ -445,8 +442,10 @@ def tick_with_devices(
     if new != 0:
         plausible, devices = add_records(devices, records, new, now_us)
         has_fix = new & GPS_NEW != 0 and sensor_checks.has_fix(records.gps)
-        steady = steady and plausible and not (has_fix and task.surfacing)
-        steady = steady and (task.home.known or not has_fix)
+        steady = steady and plausible and (task.home.known or not has_fix)
+    steady = steady and steady_ascent.receives_as_before(
+        task.ascent, devices.gps, new & GPS_NEW != 0, now_us
+    )
     if now_us >= state.check_us:
         faulty = monitor.check_devices(devices, state.estimate, state.duct_rad, now_us, config)
         if (
@@ -554,11 +553,11 @@ def control(
         line, heading_rad = guidance.follow_line(line, estimate, config, dt_s)
         setpoint = setpoint._replace(heading_rad=heading_rad)
     least_m, risen_us = state.least_depth_m, state.risen_us
-    if task.surfacing:
-        least_m, risen_us = ascent.count_rise(least_m, risen_us, estimate.depth_m, now_us)
-        steady = steady and ascent.rises_steadily(
-            estimate, least_m, risen_us, task.rise_limit_s, now_us, config
+    if task.ascent.rising or task.ascent.waiting:
+        unchanged, least_m, risen_us = steady_ascent.goes_on(
+            task.ascent, estimate, least_m, risen_us, now_us, config
         )
+        steady = steady and unchanged
     output, memory = loops.step_pids(
         estimate, setpoint, state.loops, config, dt_s, task.heading_closed, task.depth_closed
     )

@@ -9,6 +9,7 @@ import platform
 import re
 import sys
 import sysconfig
+import time
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -56,6 +57,8 @@ class ObjectCode(NamedTuple):
     environments: tuple[Environment, ...]
 
 
+_STARTED_S = time.time()
+"""Time at which this process began, near enough."""
 _DAMAGED = (OSError, EOFError, ValueError, TypeError, pickle.UnpicklingError, IndexError, KeyError)
 """Errors of reading a damaged or missing file."""
 
@@ -106,7 +109,13 @@ def _places(source: Source) -> dict[str, int]:
 
 
 def save(source: Source, types: str, code: ObjectCode) -> None:
-    """Add machine code to the file of a function; without effect where it cannot be written."""
+    """Add machine code to the file of a function.
+
+    Without effect where it cannot be written, and if a source has changed since this process
+    imported it.
+    """
+    if any(file.stat().st_mtime > _STARTED_S for file in _files_of(source.file)):
+        return
     others = {known: find(source, known) for known in stored_types(source) if known != types}
     stored = {known: entry for known, entry in others.items() if entry is not None}
     stored[types] = code
@@ -155,12 +164,18 @@ def content_stamp(path: Path) -> str:
     str
         The same for the same content, whatever the times of the files.
     """
+    return sha256(b"".join(sorted(_digest(file) for file in _files_of(path)))).hexdigest()
+
+
+@cache
+def _files_of(path: Path) -> frozenset[Path]:
+    """Return a file, that of the compiler, and all files of ``_PACKAGES`` that it imports."""
     files, new = {path, _COMPILER}, [path]
     while new:
         added = _imported_files(new.pop()) - files
         files |= added
         new += added
-    return sha256(b"".join(sorted(_digest(file) for file in files))).hexdigest()
+    return frozenset(files)
 
 
 @cache
