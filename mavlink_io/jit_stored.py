@@ -70,19 +70,16 @@ class Native:
 
     def __init__(self, memory: Any) -> None:
         self._meminfo = memory
-        self._compiler_type: Any = None
 
     @cached_property
     def type_name(self) -> str:
         """Name of the type."""
         return argument_types.native_name(type_name(self.source))
 
-    @property
+    @cached_property
     def _numba_type_(self) -> Any:
         """Type of numba."""
-        if self._compiler_type is None:
-            self._compiler_type = _numba().native_type(self.source)
-        return self._compiler_type
+        return _numba().native_type(self.source)
 
 
 class StoredFunction:
@@ -109,7 +106,11 @@ class StoredFunction:
 
     def code_for(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """Return the machine code for arguments of these types."""
-        return self._code_for(tuple(map(_name_of, arguments)), arguments)
+        try:
+            types = tuple(map(_name_of, arguments))
+        except UnknownTypeError:
+            return self._compile(arguments)
+        return self._code_for(types, arguments)
 
     def _code_for(self, types: tuple[str, ...], arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """Return the machine code for arguments of types with these names."""
@@ -147,7 +148,12 @@ class StoredFunction:
     def _load(self, types: tuple[str, ...]) -> Callable[..., Any] | None:
         """Return the stored machine code for arguments of these types; None if there is none."""
         code = store.find(self.source, argument_types.tuple_name("", list(types)))
-        return None if code is None else _callable(self, code)
+        if code is None:
+            return None
+        try:
+            return _callable(self, code)
+        except object_file.ObjectFileError:  # the system or numba is another than expected
+            return None
 
     def _compile(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """Return machine code for arguments of these types, from numba."""
@@ -166,7 +172,8 @@ class _Omitted:
 
 
 _OMITTED = _Omitted()
-_MAX_KNOWN_RECORDS = 256
+_MAX_KNOWN_RECORDS = 8
+"""Few: records may hold large arrays."""
 _known_records: dict[int, tuple[Any, str]] = {}
 """Type name of records seen last, by identity: to look at each field takes long for a model."""
 

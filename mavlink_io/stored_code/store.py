@@ -33,10 +33,15 @@ class Source(NamedTuple):
     qualname: str
 
     @property
+    def is_unique(self) -> bool:
+        """Whether the name belongs to one function only: one that another makes is not stored."""
+        return "<locals>" not in self.qualname
+
+    @property
     def path(self) -> Path:
         """Path of the file with the object code."""
-        name = f"{self.file.stem}.{self.qualname.replace('<', '').replace('>', '')}"
-        return self.file.parent / "__pycache__" / f"{name}.{sys.implementation.cache_tag}.kernel"
+        name = f"{self.file.stem}.{self.qualname}.{sys.implementation.cache_tag}.kernel"
+        return self.file.parent / "__pycache__" / name
 
 
 class Environment(NamedTuple):
@@ -97,6 +102,8 @@ def find(source: Source, types: str) -> ObjectCode | None:
 
 def _places(source: Source) -> dict[str, int]:
     """Return the place in the file of a function for each of the types that it is stored for."""
+    if not source.is_unique:
+        return {}
     try:
         with source.path.open("rb") as file:
             key, places, types = pickle.load(file)
@@ -111,10 +118,12 @@ def _places(source: Source) -> dict[str, int]:
 def save(source: Source, types: str, code: ObjectCode) -> None:
     """Add machine code to the file of a function.
 
-    Without effect where it cannot be written, and if a source has changed since this process
-    imported it.
+    Without effect where it cannot be written, if a source has changed since this process imported
+    it, and for a function that another one makes.
     """
-    if any(file.stat().st_mtime > _STARTED_S for file in _files_of(source.file)):
+    if not source.is_unique or any(
+        file.stat().st_mtime > _STARTED_S for file in _files_of(source.file)
+    ):
         return
     others = {known: find(source, known) for known in stored_types(source) if known != types}
     stored = {known: entry for known, entry in others.items() if entry is not None}

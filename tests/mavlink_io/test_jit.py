@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 from mavlink_io import jit, jit_stored
@@ -123,6 +124,7 @@ def test_damaged_store_is_compiled_again(package):
         assert call(package) == "6.0 False"
 
 
+@pytest.mark.skipif(not store.is_supported(), reason="numba loads its own files here")
 def test_kernel_with_a_default_is_stored_for_each_way_to_call_it():
     assert [shifted(1.0), shifted(1.0, 2.0), shifted(1.0, offset=3.0)] == [1.5, 3.0, 4.0]
     stored = store.stored_types(Source(Path(__file__), "shifted"))
@@ -131,11 +133,40 @@ def test_kernel_with_a_default_is_stored_for_each_way_to_call_it():
         shifted(1.0, other=2.0)
 
 
+def test_functions_that_a_function_makes_are_told_apart():
+    def multiplier(factor: float):
+        @jit.entry_point
+        def multiplied(value: float) -> float:
+            return factor * value
+
+        return multiplied
+
+    assert [multiplier(2.0)(3.0), multiplier(5.0)(3.0)] == [6.0, 15.0]
+
+
+def test_types_without_a_name_are_left_to_numba():
+    number = np.float32(1.5)
+    assert shifted(number, 2.0) == 3.5
+    assert jit.machine_code(shifted, number, 2.0)(number, 2.0) == 3.5
+
+
+@pytest.mark.skipif(not store.is_supported(), reason="numba loads its own files here")
+def test_code_that_cannot_be_placed_is_compiled(monkeypatch):
+    def refuse(*_: object) -> None:
+        raise object_file.ObjectFileError("no memory may be executed")
+
+    assert shifted(7.0) == 7.5
+    monkeypatch.setattr(object_file, "place", refuse)
+    fresh = jit_stored.compiled(shifted.__wrapped__, inline=False)
+    assert fresh(7.0) == 7.5
+
+
 @jit.entry_point
 def shifted(value: float, offset: float = 0.5) -> float:
     return value + offset
 
 
+@pytest.mark.skipif(not store.is_supported(), reason="numba loads its own files here")
 def test_object_file_with_another_relocation_is_refused():
     shifted(1.0, 2.0)
     code = store.find(Source(Path(__file__), "shifted"), "(f8;f8)")
