@@ -38,7 +38,6 @@ from numba.np.numpy_support import as_dtype
 from mavlink_io.jit import NUMERIC
 from mavlink_io.jit_stored import Native
 from mavlink_io.stored_code import argument_types, store
-from mavlink_io.stored_code.argument_types import UnknownTypeError
 from mavlink_io.stored_code.store import Environment, ObjectCode, Source
 
 
@@ -211,7 +210,7 @@ class _MachineCodeCache(FunctionCache):
             return
         try:
             names = [_type_name(kind) for kind in result.signature.args]
-        except UnknownTypeError:
+        except TypeError:
             return
         types_name = argument_types.tuple_name("", names)
         if store.find(self._source, types_name) is not None:
@@ -233,7 +232,7 @@ class _MachineCodeCache(FunctionCache):
 def _type_name(kind: Any) -> str:
     """Return the name of a type of numba, as ``argument_types`` names the type of a value."""
     if isinstance(kind, types.Literal):
-        raise UnknownTypeError(str(kind))
+        raise TypeError(f"{kind} has no name here")
     if isinstance(kind, types.Omitted):
         return argument_types.OMITTED
     if isinstance(kind, NativeType):
@@ -249,7 +248,7 @@ def _type_name(kind: Any) -> str:
         name, writable = as_dtype(kind.dtype).str, kind.mutable
         return argument_types.array_name(name, kind.ndim, kind.layout, writable=writable)
     if kind not in _TYPE_NAMES:
-        raise UnknownTypeError(str(kind))
+        raise TypeError(f"{kind} has no name here")
     return _TYPE_NAMES[kind]
 
 

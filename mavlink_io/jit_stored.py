@@ -23,7 +23,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from mavlink_io.stored_code import argument_types, object_file, store
-from mavlink_io.stored_code.argument_types import UnknownTypeError, type_name
+from mavlink_io.stored_code.argument_types import type_name
 from mavlink_io.stored_code.store import ObjectCode, Source
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -100,7 +100,7 @@ class StoredFunction:
             arguments = self._all_arguments(arguments, named)
         try:
             types = tuple(map(_name_of, arguments))
-        except UnknownTypeError:
+        except TypeError:  # a type without a name
             return self.dispatcher(*arguments)
         return self._code_for(types, arguments)(*arguments)
 
@@ -108,7 +108,7 @@ class StoredFunction:
         """Return the machine code for arguments of these types."""
         try:
             types = tuple(map(_name_of, arguments))
-        except UnknownTypeError:
+        except TypeError:  # a type without a name
             return self._compile(arguments)
         return self._code_for(types, arguments)
 
@@ -152,7 +152,7 @@ class StoredFunction:
             return None
         try:
             return _callable(self, code)
-        except object_file.ObjectFileError:  # the system or numba is another than expected
+        except (OSError, ValueError):  # the system or numba is another than expected
             return None
 
     def _compile(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
@@ -349,4 +349,4 @@ def _address_of(symbol: bytes) -> int:
     for library in _libraries():
         if hasattr(library, name):
             return ctypes.cast(library[name], ctypes.c_void_p).value or 0
-    raise object_file.ObjectFileError(f"no function {name}")
+    raise ValueError(f"no function {name}")

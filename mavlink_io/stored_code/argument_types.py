@@ -33,10 +33,6 @@ _ARRAY_LAYOUTS: dict[tuple[bool, bool], str] = {
 }
 
 
-class UnknownTypeError(Exception):
-    """The type has no name here."""
-
-
 def array_name(dtype: str, dimensions: int, layout: str, *, writable: bool) -> str:
     """Return the name of an array type; ``dtype`` as in numpy, layout C, F or A."""
     return f"{dtype}[{dimensions}{layout}{'' if writable else 'r'}]"
@@ -67,7 +63,7 @@ def type_name(value: Any) -> str:
 
     Raises
     ------
-    UnknownTypeError
+    TypeError
         The type has no name.
     """
     kind = type(value)
@@ -83,7 +79,7 @@ def type_name(value: Any) -> str:
     name = getattr(value, "type_name", None)
     if isinstance(name, str):
         return name
-    raise UnknownTypeError(kind.__name__)
+    raise TypeError(f"{kind.__name__} has no name here")
 
 
 def _name_of_array(value: Any) -> str:

@@ -39,10 +39,6 @@ _C.mmap.argtypes = (
 _C.mprotect.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
 
 
-class ObjectFileError(Exception):
-    """The object file cannot be placed in memory."""
-
-
 class _Section(NamedTuple):
     name: int
     kind: int
@@ -82,8 +78,10 @@ def place(content: bytes, address_of: Callable[[bytes], int]) -> dict[bytes, int
 
     Raises
     ------
-    ObjectFileError
-        The file has a relocation of another type, or the system refuses the memory.
+    ValueError
+        The file has a relocation of another type.
+    OSError
+        The system refuses the memory.
     """
     sections = _sections(content)
     symbols = _symbols(content, sections)
@@ -153,20 +151,20 @@ class _Memory:
         kind = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
         address = _C.mmap(None, self.size, mmap.PROT_READ | mmap.PROT_WRITE, kind, -1, 0)
         if address == ctypes.c_void_p(-1).value:
-            raise ObjectFileError("no memory")
+            raise OSError("no memory")
         self.address = address
         self.content = memoryview((ctypes.c_char * self.size).from_address(address)).cast("B")
 
     def make_executable(self) -> None:
         """Let the memory be executed and no longer be written."""
         if _C.mprotect(self.address, self.size, mmap.PROT_READ | mmap.PROT_EXEC):
-            raise ObjectFileError("the system does not let memory be executed")
+            raise OSError("the system does not let memory be executed")
 
 
 def _sections(content: bytes) -> list[_Section]:
     """Return the table of sections."""
     if content[:5] != b"\x7fELF\x02":
-        raise ObjectFileError("not an ELF file of 64 bits")
+        raise ValueError("not an ELF file of 64 bits")
     header = _HEADER.unpack_from(content)
     offset, count = header[6], header[12]
     table = content[offset : offset + count * _SECTION.size]
@@ -202,7 +200,7 @@ def _relocate(
     table = content[section.offset : section.offset + section.size]
     for offset, info, addend in _RELOCATION.iter_unpack(table):
         if info & 0xFFFFFFFF != _ABSOLUTE_64:
-            raise ObjectFileError(f"relocation type {info & 0xFFFFFFFF}, only 1 is supported")
+            raise ValueError(f"relocation type {info & 0xFFFFFFFF}, only 1 is supported")
         value = (addresses[info >> 32] + addend) & 0xFFFFFFFFFFFFFFFF
         place = start + offset
         memory[place : place + _POINTER_BYTES] = value.to_bytes(_POINTER_BYTES, "little")

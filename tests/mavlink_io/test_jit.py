@@ -153,7 +153,7 @@ def test_types_without_a_name_are_left_to_numba():
 @pytest.mark.skipif(not store.is_supported(), reason="numba loads its own files here")
 def test_code_that_cannot_be_placed_is_compiled(monkeypatch):
     def refuse(*_: object) -> None:
-        raise object_file.ObjectFileError("no memory may be executed")
+        raise OSError("no memory may be executed")
 
     assert shifted(7.0) == 7.5
     monkeypatch.setattr(object_file, "place", refuse)
@@ -174,9 +174,9 @@ def test_object_file_with_another_relocation_is_refused():
     for section in object_file._sections(code.content):
         if section.kind == object_file._RELOCATIONS:
             content[section.offset + 8] = 11  # R_X86_64_32S, first relocation of the section
-    with pytest.raises(object_file.ObjectFileError, match="relocation type 11"):
+    with pytest.raises(ValueError, match="relocation type 11"):
         object_file.place(bytes(content), lambda name: 1)
-    with pytest.raises(object_file.ObjectFileError, match="ELF"):
+    with pytest.raises(ValueError, match="ELF"):
         object_file.place(b"text" * 100, lambda name: 1)
 
 
