@@ -141,7 +141,8 @@ class StoredFunction:
             named.pop(p.name, _OMITTED if p.default is not Parameter.empty else Parameter.empty)
             for p in parameters
         )
-        if named or Parameter.empty in rest or len(given) > len(self._parameters):
+        is_missing = any(argument is Parameter.empty for argument in rest)
+        if named or is_missing or len(given) > len(self._parameters):
             raise TypeError(f"{self.__name__}: wrong arguments")
         return *given, *rest
 

@@ -144,6 +144,17 @@ def test_functions_that_a_function_makes_are_told_apart():
     assert [multiplier(2.0)(3.0), multiplier(5.0)(3.0)] == [6.0, 15.0]
 
 
+def test_arrays_may_be_named_arguments():
+    assert scaled(factor=2.0, values=np.arange(3.0)).tolist() == [0.0, 2.0, 4.0]
+    with pytest.raises(TypeError, match="scaled"):
+        scaled(values=np.arange(3.0))
+
+
+@jit.entry_point
+def scaled(values: np.ndarray, factor: float) -> np.ndarray:
+    return factor * values
+
+
 def test_types_without_a_name_are_left_to_numba():
     number = np.float32(1.5)
     assert shifted(number, 2.0) == 3.5
