@@ -120,6 +120,11 @@ class StoredFunction:
         return code
 
     @property
+    def signatures(self) -> list[tuple[str, ...]]:
+        """Types of arguments for which this process has machine code."""
+        return list(self._code)
+
+    @property
     def is_stored(self) -> bool:
         """Whether the machine code for some types is on disk."""
         return bool(store.stored_types(self.source))

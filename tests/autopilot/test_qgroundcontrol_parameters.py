@@ -87,7 +87,7 @@ def test_parameter_metadata_describes_every_parameter(qgc: Connection) -> None:
 
 def test_deprecated_component_info_is_refused_at_once(qgc: Connection) -> None:
     """``_requestCompInfoDeprecated``: UNSUPPORTED is a reply; without one it tries for 3 x 3 s."""
-    (acknowledgement,) = qgc.command(REQUEST_MESSAGE, COMPONENT_INFORMATION)
+    acknowledgement = only(qgc.command(REQUEST_MESSAGE, COMPONENT_INFORMATION), "COMMAND_ACK")
     assert acknowledgement.result == mavlink.MAV_RESULT_UNSUPPORTED
 
 
