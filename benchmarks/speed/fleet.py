@@ -116,7 +116,10 @@ def fly_window(count: int, speed: str) -> Window:
             dive.result()
     if len(began) < count:
         raise OperationError(f"{count} vehicles were not under way within {BEGIN_S:g} s")
-    speeds = ((v - u) / (t - s) for (s, u), (t, v) in zip(began, ended, strict=True))
+    # A vehicle that reports nothing in the window makes no progress there.
+    speeds = (
+        (v - u) / (t - s) if t > s else 0.0 for (s, u), (t, v) in zip(began, ended, strict=True)
+    )
     return Window(sum(speeds), cpu_s / wall_s)
 
 
