@@ -1,7 +1,8 @@
 """Compilation with numba, with the machine code cached on disk.
 
-Numba learns two things here: to call the functions marked with ``jit.numeric``, and the method
-``_replace`` of NamedTuples.
+Numba learns here to call the functions marked with ``jit.numeric``, the method ``_replace`` of
+NamedTuples, and references to records (``jit.native``). Each function that it compiles is also
+stored for processes without numba (``mavlink_io.stored_code``).
 
 ``fastmath`` is off: mirror symmetry to rounding and byte-identical runs need the order of
 operations as written.
@@ -178,7 +179,7 @@ class _MachineCodeCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._source = Source(Path(inspect.getfile(function)), function.__qualname__)
+        self._source = Source.of(function)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled function for a signature; None if it is not on disk."""

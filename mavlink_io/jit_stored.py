@@ -16,7 +16,7 @@ from functools import cache, cached_property, update_wrapper
 from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, ModuleSpec
 from importlib.util import find_spec, module_from_spec
-from inspect import Parameter, getfile, signature
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -96,13 +96,9 @@ class StoredFunction:
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Call the machine code for arguments of these types."""
-        if named or len(arguments) < len(self._parameters):
+        if named or len(arguments) != len(self._parameters):
             arguments = self._all_arguments(arguments, named)
-        try:
-            types = tuple(map(_name_of, arguments))
-        except TypeError:  # a type without a name
-            return self.dispatcher(*arguments)
-        return self._code_for(types, arguments)(*arguments)
+        return self.code_for(arguments)(*arguments)
 
     def code_for(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """Return the machine code for arguments of these types."""
@@ -110,10 +106,6 @@ class StoredFunction:
             types = tuple(map(_name_of, arguments))
         except TypeError:  # a type without a name
             return self._compile(arguments)
-        return self._code_for(types, arguments)
-
-    def _code_for(self, types: tuple[str, ...], arguments: tuple[Any, ...]) -> Callable[..., Any]:
-        """Return the machine code for arguments of types with these names."""
         code = self._code.get(types)
         if code is None:
             code = self._code[types] = self._load(types) or self._compile(arguments)
@@ -153,7 +145,7 @@ class StoredFunction:
 
     def _load(self, types: tuple[str, ...]) -> Callable[..., Any] | None:
         """Return the stored machine code for arguments of these types; None if there is none."""
-        code = store.find(self.source, argument_types.tuple_name("", list(types)))
+        code = store.find(self.source, argument_types.tuple_name("", types))
         if code is None:
             return None
         try:
@@ -179,7 +171,7 @@ class _Omitted:
 
 _OMITTED = _Omitted()
 _MAX_KNOWN_RECORDS = 8
-"""Few: records may hold large arrays."""
+"""Maximum number of records that are kept for it; they may hold large arrays."""
 _known_records: dict[int, tuple[Any, str]] = {}
 """Type name of records seen last, by identity: to look at each field takes long for a model."""
 
@@ -197,21 +189,8 @@ def _name_of(value: Any) -> str:
 
 
 def compiled(function: Function, *, inline: bool) -> Function:
-    """Return ``function`` in machine code.
-
-    Parameters
-    ----------
-    function : callable
-        Function of numbers, arrays and NamedTuples.
-    inline : bool
-        Whether it is inlined into the kernels that call it.
-
-    Returns
-    -------
-    callable
-        The function, loaded or compiled at its first call.
-    """
-    source = Source(Path(getfile(function)), function.__qualname__)
+    """Return the function in machine code: see ``jit.kernel`` and ``jit.entry_point``."""
+    source = Source.of(function)
     stored = StoredFunction(function, source, lambda: _numba().compiled(function, inline=inline))
     return cast(Function, stored)
 

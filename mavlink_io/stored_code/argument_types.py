@@ -5,6 +5,7 @@ here is left to numba.
 """
 
 from array import array
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,7 @@ def record_name(kind: type, fields: tuple[str, ...]) -> str:
     return "" if kind is tuple else f"{kind.__module__}.{kind.__qualname__}:{','.join(fields)}"
 
 
-def tuple_name(record: str, items: list[str]) -> str:
+def tuple_name(record: str, items: Iterable[str]) -> str:
     """Return the name of a tuple type with items of these types."""
     return f"{record}({';'.join(items)})"
 
@@ -100,7 +101,7 @@ def _name_of_tuple(value: tuple[Any, ...]) -> str:
     name = _flat_names.get(kinds)
     if name is None:
         record = "" if kinds[0] is tuple else record_name(kinds[0], value._fields)  # type: ignore[attr-defined]
-        name = tuple_name(record, list(map(type_name, value)))
+        name = tuple_name(record, map(type_name, value))
         if all(kind in _SCALARS for kind in kinds[1:]):
             _flat_names[kinds] = name
     return name

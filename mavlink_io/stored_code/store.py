@@ -10,10 +10,13 @@ import re
 import sys
 import sysconfig
 import time
+from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
 from importlib.util import find_spec
+from inspect import getfile
+from itertools import accumulate
 from pathlib import Path
 from typing import NamedTuple
 from uuid import uuid4
@@ -31,6 +34,17 @@ class Source(NamedTuple):
 
     file: Path
     qualname: str
+
+    @classmethod
+    def of(cls, function: Callable[..., object]) -> "Source":
+        """Return the source of a function.
+
+        Parameters
+        ----------
+        function : callable
+            Function of Python.
+        """
+        return cls(Path(getfile(function)), function.__qualname__)
 
     @property
     def is_unique(self) -> bool:
@@ -63,7 +77,7 @@ class ObjectCode(NamedTuple):
 
 
 _STARTED_S = time.time()
-"""Time at which this process began, near enough."""
+"""Time of the import of this module: sources that changed later are not those of the process."""
 _DAMAGED = (OSError, EOFError, ValueError, TypeError, pickle.UnpicklingError, IndexError, KeyError)
 """Errors of reading a damaged or missing file."""
 
@@ -132,7 +146,7 @@ def save(source: Source, types: str, code: ObjectCode) -> None:
         pickle.dumps((entry.content, entry.symbol, [tuple(e) for e in entry.environments]))
         for entry in stored.values()
     ]
-    places = [sum(map(len, parts[:index])) for index in range(len(parts))]
+    places = list(accumulate(map(len, parts[:-1]), initial=0))
     temporary = source.path.with_suffix(f".{uuid4().hex[:16]}.tmp")
     try:
         source.path.parent.mkdir(exist_ok=True)
@@ -147,14 +161,15 @@ def save(source: Source, types: str, code: ObjectCode) -> None:
 @cache
 def _key(file: Path) -> tuple[str, ...]:
     """Return what stored machine code depends on."""
-    return content_stamp(file), version("numba"), *_processor()
+    return content_stamp(file), *_compiler_and_processor()
 
 
 @cache
-def _processor() -> tuple[str, ...]:
-    """Return the instruction sets of the processor, which compiled code uses."""
+def _compiler_and_processor() -> tuple[str, ...]:
+    """Return numba's version, and the instruction sets of the processor, which its code uses."""
     with Path("/proc/cpuinfo").open(encoding="utf-8") as file:
-        return tuple(sorted(next((line for line in file if line.startswith("flags")), "").split()))
+        flags = next((line for line in file if line.startswith("flags")), "")
+    return version("numba"), *sorted(flags.split())
 
 
 @cache

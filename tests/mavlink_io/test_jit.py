@@ -157,7 +157,7 @@ def scaled(values: np.ndarray, factor: float) -> np.ndarray:
 
 def test_types_without_a_name_are_left_to_numba():
     number = np.float32(1.5)
-    assert shifted(number, 2.0) == 3.5
+    assert [shifted(number), shifted(number, 2.0)] == [2.0, 3.5]
     assert jit.machine_code(shifted, number, 2.0)(number, 2.0) == 3.5
 
 
