@@ -15,9 +15,8 @@ from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.segments import Run
-from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.datasets import with_coupling_inputs
+from sysid.estimation.map.datasets import datasets_of, max_leads_s
 from sysid.estimation.map.fit import STRIDE, Prior
 from sysid.estimation.map.gauss_newton import descend
 from sysid.estimation.map.problem import MapProblem
@@ -93,13 +92,8 @@ def _problem(
 ) -> MapProblem:
     """Fit problem of the held-out runs with the model's noise levels."""
     vehicle = problems.vehicle(vague_prior, vague_prior.mean)
-    datasets = {
-        plane: tuple(
-            with_coupling_inputs(vehicle, fit.dataset(run, fit.max_lead_s(vehicle, plane)))
-            for run in runs
-        )
-        for plane, runs in runs_of_planes.items()
-    }
+    runs = [run for group in runs_of_planes.values() for run in group]
+    datasets = datasets_of(runs, vehicle, max_leads_s(runs, vehicle))
     levels = {plane: noise.from_model(model.noise[plane]) for plane in runs_of_planes}
     return MapProblem(
         prior=vague_prior,

@@ -12,7 +12,7 @@ from sysid.estimation.map.fit import STRIDE
 from sysid.models import noise, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation import crossover, noise_floor
-from sysid.validation.validate import DT_S, uncertain_vehicle
+from sysid.validation.validate import DT_S, rate_innovations, uncertain_vehicle
 
 Array = NDArray[np.float64]
 
@@ -90,10 +90,6 @@ def innovations(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = 
     """
     uncertain = uncertain_vehicle(model, prior)
     vehicle = uncertain.vehicle(uncertain.z)
-    data = fit.dataset(run, fit.max_lead_s(vehicle, run.plane))
-    (residual,) = fit.residuals(vehicle, [data])
-    level = noise.from_model(model.noise[run.plane])
-    noise_filter = noise.build(fit.linear_plane(vehicle, run.plane), level, DT_S, len(residual))
-    return noise.whiten_residual(residual, noise_filter)[
-        int(np.count_nonzero(data.run.preroll)) // STRIDE :, 0
-    ]
+    level, samples = noise.from_model(model.noise[run.plane]), run.time_s.size // STRIDE + 1
+    whitener = noise.build(fit.linear_plane(vehicle, run.plane), level, DT_S, samples)
+    return rate_innovations(vehicle, run, whitener)

@@ -355,10 +355,30 @@ def _whiteness(
     vehicle: CandidateVehicle, noise_reference: _NoiseReference, run: Run
 ) -> Whiteness | None:
     """Whiteness of the rate's innovations during the test; the filter settles before it."""
+    return whiteness(rate_innovations(vehicle, run, noise_reference.whitener), DT_S)
+
+
+def rate_innovations(vehicle: CandidateVehicle, run: Run, whitener: Filter) -> Array:
+    """Return the normalised innovations of the rate during a test.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle to simulate.
+    run : Run
+        Run.
+    whitener : Filter
+        Noise filter of its plane.
+
+    Returns
+    -------
+    ndarray, (steps,)
+        One every ``DT_S``; the filter settles before the test.
+    """
     data = fit.dataset(run, fit.max_lead_s(vehicle, run.plane))
     (residual,) = fit.residuals(vehicle, [data])
-    white = noise.whiten_residual(residual, noise_reference.whitener)
-    return whiteness(white[int(np.count_nonzero(data.run.preroll)) // STRIDE :, 0], DT_S)
+    white = noise.whiten_residual(residual, whitener)
+    return np.asarray(white[int(np.count_nonzero(data.run.preroll)) // STRIDE :, 0], np.float64)
 
 
 def _excess(compared_runs: Sequence[_ComparedRun], repeats_deg2ps2: float | None) -> Excess:

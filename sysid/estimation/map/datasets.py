@@ -1,7 +1,7 @@
 """Data of the joint fit: runs sampled for the fit, and their residuals for a candidate vehicle."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -124,6 +124,54 @@ def with_coupling_inputs(vehicle: CandidateVehicle, data: Dataset) -> Dataset:
             run, linear_plane(vehicle, other), vehicle.actuators[other], speed_mps
         )
     )
+
+
+def max_leads_s(runs: Sequence[Run], vehicle: CandidateVehicle) -> dict[Plane, float]:
+    """Return `max_lead_s` of each plane that has runs.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs of one or both planes.
+    vehicle : CandidateVehicle
+        Vehicle.
+
+    Returns
+    -------
+    dict
+        Time before a test by plane, s.
+    """
+    tested = {run.plane for run in runs}
+    return {plane: max_lead_s(vehicle, plane) for plane in Plane if plane in tested}
+
+
+def datasets_of(
+    runs: Sequence[Run], vehicle: CandidateVehicle, leads_s: Mapping[Plane, float]
+) -> dict[Plane, tuple[Dataset, ...]]:
+    """Prepare the runs, plane by plane.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs of one or both planes.
+    vehicle : CandidateVehicle
+        Vehicle that computes the motion of the other plane.
+    leads_s : mapping
+        Longest part before the tests that is used, by plane, s.
+
+    Returns
+    -------
+    dict
+        Data sets with cross-plane inputs by plane.
+    """
+    return {
+        plane: tuple(
+            with_coupling_inputs(vehicle, dataset(run, lead_s))
+            for run in runs
+            if run.plane == plane
+        )
+        for plane, lead_s in leads_s.items()
+    }
 
 
 def _decimate(values: Array) -> Array:

@@ -21,9 +21,10 @@ from sysid.estimation.map.datasets import (
     STRIDE,
     Dataset,
     dataset,
+    datasets_of,
     max_lead_s,
+    max_leads_s,
     residuals,
-    with_coupling_inputs,
 )
 from sysid.estimation.map.gauss_newton import Z_LIMIT, SearchEnd, descend
 from sysid.estimation.map.model_error import RunScatter
@@ -173,8 +174,8 @@ def fit(
     #     covariance = (information of the data + prior covariance^-1)^-1, widened by `model_error`.
     report = progress or (lambda what, ratio: None)
     first = problems.vehicle(prior, prior.mean)
-    leads_s = _leads_s(runs, first)
-    datasets = _datasets(runs, first, leads_s)
+    leads_s = max_leads_s(runs, first)
+    datasets = datasets_of(runs, first, leads_s)
     z, work_steps, steps = prior.mean.copy(), PASSES + 2, 0
     levels: dict[Plane, Noise] = {plane: Noise() for plane in datasets}
     for pass_index in range(PASSES):
@@ -182,8 +183,8 @@ def fit(
         optimum = descend(_problem(prior, datasets, levels, z), z, COARSE_TOLERANCE)
         z, steps = optimum.z, steps + optimum.steps
         levels = _noise(prior, datasets, levels, z)
-        if (updated_s := _leads_s(runs, problems.vehicle(prior, z))) != leads_s:
-            leads_s, datasets = updated_s, _datasets(runs, first, updated_s)
+        if (updated_s := max_leads_s(runs, problems.vehicle(prior, z))) != leads_s:
+            leads_s, datasets = updated_s, datasets_of(runs, first, updated_s)
     report("fit, last pass", PASSES / work_steps)
     problem = _problem(prior, datasets, levels, z)
     optimum = descend(problem, z, FINE_TOLERANCE)
@@ -229,26 +230,6 @@ def at_bounds(z: Array) -> tuple[str, ...]:
         for name, value in zip(NAMES, z, strict=True)
         if abs(value) > 0.99 * Z_LIMIT and not (name in MAY_BE_ZERO and value < 0.0)
     )
-
-
-def _leads_s(runs: Sequence[Run], vehicle: CandidateVehicle) -> dict[Plane, float]:
-    """Return `max_lead_s` of each plane that has runs."""
-    tested = {run.plane for run in runs}
-    return {plane: max_lead_s(vehicle, plane) for plane in Plane if plane in tested}
-
-
-def _datasets(
-    runs: Sequence[Run], vehicle: CandidateVehicle, leads_s: Mapping[Plane, float]
-) -> dict[Plane, tuple[Dataset, ...]]:
-    """Prepare the runs, plane by plane; ``vehicle`` computes the motion of the other plane."""
-    return {
-        plane: tuple(
-            with_coupling_inputs(vehicle, dataset(run, lead_s))
-            for run in runs
-            if run.plane == plane
-        )
-        for plane, lead_s in leads_s.items()
-    }
 
 
 def _problem(

@@ -20,7 +20,7 @@ def problem(campaign: list[Run], bench: config.VehicleConfig) -> MapProblem:
     runs = [campaign[0], campaign[-1]]
     prior = refit.prior_of(runs, bench)
     first = problems.vehicle(prior, prior.mean)
-    datasets = joint._datasets(runs, first, joint._leads_s(runs, first))
+    datasets = joint.datasets_of(runs, first, joint.max_leads_s(runs, first))
     assert set(datasets) == set(Plane)
     return joint._problem(prior, datasets, {plane: Noise() for plane in datasets}, prior.mean)
 
