@@ -6,6 +6,7 @@ answer, so that all frames are recorded at all times.
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -144,7 +145,6 @@ class VehicleClient:
         self._latest: dict[int, Frame] = {}
         self._modes: dict[str, int] = {}
         self._listener: Callable[[Frame], None] | None = None
-        self._param_client: ParamClient | None = None
         self.on_text: Callable[[StatusText], None] | None = None
         self.on_frame: Callable[[Frame], None] | None = None
         """Called with each frame that the autopilot itself sends."""
@@ -441,12 +441,10 @@ class VehicleClient:
             raise VehicleClientError("not connected to a vehicle yet")
         return self.vehicle_id
 
-    @property
+    @cached_property
     def _params(self) -> ParamClient:
         """The client of parameters: one, because it recognises late values of earlier requests."""
-        if self._param_client is None:
-            self._param_client = self._client(ParamClient)
-        return self._param_client
+        return self._client(ParamClient)
 
     def _client(self, kind: Callable[..., T]) -> T:
         """Return a client of one MAVLink service."""
