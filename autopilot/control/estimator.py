@@ -84,8 +84,9 @@ DEPTH_RESTART_US = 1_000_000
 that removed a difference of metres within EST_DPT_TIME would have a depth rate of many m/s, and a
 bias of the acceleration that drives the depth away when the sensor is lost again."""
 MAX_RATE_CORRECTION_MPS = 0.5
-"""Largest mean error of the vertical speed that this reading corrects: that of a vehicle that dives
-at full pitch. A greater one is an offset of the sensor."""
+"""Largest mean error of the vertical speed that the first reading after DEPTH_RESTART_US corrects.
+
+It is that of a vehicle that dives at full pitch; a greater one is an offset of the sensor."""
 
 
 def initial_estimate(sensors: SensorFrame, config: Config) -> VehicleEstimate:
