@@ -32,6 +32,14 @@ ACCEPT_PAUSE_S = 1.0
 READ_BYTES = 16_384
 """Maximum number of bytes read per ``receive`` from all clients of a server together."""
 
+SEND_BUFFER_BYTES = 1 << 18
+"""Size of the system's send buffer of each client of a server, in bytes.
+
+The system would let it grow to several megabytes. A recorder that is slower than a simulation at
+full speed would then be minutes of vehicle time behind it. In real time the telemetry of half a
+minute fits.
+"""
+
 _RESOURCE_ERRORS = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
@@ -202,6 +210,7 @@ class TcpServer:
             try:
                 client.setblocking(False)
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
             except OSError:
                 client.close()
                 continue

@@ -229,6 +229,21 @@ def test_tcp_client_that_never_reads_is_disconnected() -> None:
         assert len(server.handles()) == 1
 
 
+def test_tcp_client_that_reads_late_is_at_most_two_megabytes_behind() -> None:
+    # the limit: half a minute of telemetry; without a limit of its own the system takes 4 to 8 MB
+    with (
+        closing(TcpServer("tcpin:127.0.0.1:0", "127.0.0.1", 0, send_timeout_s=0.1)) as server,
+        socket.create_connection(("127.0.0.1", server.port)),
+    ):
+        wait([server], PATIENCE_S)
+        server.receive()
+        accepted = 0
+        while server.newest is not None and accepted < 20_000_000:
+            server.send(bytes(10_000))
+            accepted += 10_000
+        assert accepted < 2_000_000
+
+
 def test_tcp_closed_server_raises_link_lost(server: TcpServer) -> None:
     with client(server) as ground:
         server.close()
