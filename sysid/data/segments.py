@@ -42,6 +42,8 @@ MEASURED_SPEED = (
 """Sources of a velocity that show the loss of speed in a turn.
 
 A recorded ground speed may be the estimate of an autopilot without satellite fixes."""
+SAME_THRUST = 0.01
+"""Difference of thrust, as a fraction of full thrust, up to which the speed is the same."""
 LOOP_ON = 100
 """Offset of the axes with the loop closed."""
 
@@ -122,6 +124,8 @@ class Run:
     specific_force_y_mps2: Array = field(default_factory=lambda: np.empty(0))
     specific_force_z_mps2: Array = field(default_factory=lambda: np.empty(0))
     velocity_source: VelocitySource = VelocitySource.NONE
+    straight_speed_mps: float = math.nan
+    """Measured speed of straight flight with the thrust of the run; NaN if it is not measured."""
 
     def in_plane(self, plane: Plane) -> PlaneSignals:
         """Return the signals of one plane.
@@ -186,17 +190,15 @@ class Run:
 
     @cached_property
     def relative_speed(self) -> Array | None:
-        """Return the measured forward speed over its median before the test, smoothed.
+        """Return the measured forward speed over that of straight flight, smoothed.
 
         None if it was not measured throughout, or is only an estimate of the autopilot.
         """
-        forward, before = self.forward_mps, self.preroll
-        if self.velocity_source not in MEASURED_SPEED or not forward.size or not before.any():
-            return None
-        if not np.all(forward > 0.0):  # NaN counts as not measured
+        forward = self.forward_mps
+        if math.isnan(self.straight_speed_mps) or not np.all(forward > 0.0):  # NaN: not measured
             return None
         window = min(SMOOTHING, (self.time_s.size - 1) // 2 * 2 + 1)
-        return smooth(forward, window).value / float(np.median(forward[before]))
+        return smooth(forward, window).value / self.straight_speed_mps
 
     @property
     def preroll(self) -> NDArray[np.bool_]:
@@ -316,7 +318,8 @@ def cut_runs(log: Log, marks: Sequence[MarkedInterval] = ()) -> list[Run]:
     """
     stem = log.name.removesuffix(".mcap")
     numbered = enumerate(_tests(log, marks), start=1)
-    return [_run(log, span, f"{stem}/{number}") for number, span in numbered]
+    runs = [_run(log, span, f"{stem}/{number}") for number, span in numbered]
+    return [replace(run, straight_speed_mps=_straight_speed_mps(run, runs)) for run in runs]
 
 
 def times_of_tests(log: Log, marks: Sequence[MarkedInterval] = ()) -> list[tuple[float, float]]:
@@ -497,6 +500,32 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
         velocity_source=log.velocity.source,
     )
     return replace(run, **_optional_series(log, grid_s))
+
+
+def _straight_speed_mps(run: Run, runs: Sequence[Run]) -> float:
+    """Return the speed of straight flight with the thrust of a run; NaN if it is not measured.
+
+    A turn before the test may have slowed the vehicle, which needs up to a minute to gain speed. So
+    the speed is the highest median before any test of the log with the same thrust. Over ground it
+    is that before the test itself: other tests may have had the current from another side.
+    """
+    if run.velocity_source not in MEASURED_SPEED:
+        return math.nan
+    through_water = run.velocity_source != VelocitySource.BOTTOM_TRACK
+    alike = [other for other in runs if _same_thrust(run, other)] if through_water else [run]
+    speeds = [_speed_before_mps(other) for other in alike]
+    return math.nan if math.isnan(_speed_before_mps(run)) else float(np.nanmax(speeds))
+
+
+def _same_thrust(run: Run, other: Run) -> bool:
+    """Return whether two runs have the same thrust in the median."""
+    return abs(float(np.median(run.thrust) - np.median(other.thrust))) <= SAME_THRUST
+
+
+def _speed_before_mps(run: Run) -> float:
+    """Return the median speed before a test; NaN if it is not measured."""
+    known = run.forward_mps.size and run.preroll.any()
+    return float(np.median(run.forward_mps[run.preroll])) if known else math.nan
 
 
 def _optional_series(log: Log, grid_s: Array) -> dict[str, Any]:

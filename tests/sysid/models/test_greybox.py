@@ -8,7 +8,6 @@ import pytest
 
 from sitl.core import tailcone
 from sitl.vehicle import build_model, config
-from sysid.data.dataset import VelocitySource
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.models import greybox, linear_planes, parameters
@@ -92,10 +91,10 @@ def test_measured_speed_replaces_the_simulated_speed(bench: config.VehicleConfig
     )
     motion = greybox.simulate(model, actuator, run, start, 1, 1.3)
     assert motion.speed_mps[-1] < 1.25
-    water = VelocitySource.WATER_TRACK
-    measured = replace(run, forward_mps=1.1 * motion.speed_mps, velocity_source=water)
+    scaled = 1.1 * motion.speed_mps
+    measured = replace(run, forward_mps=scaled, straight_speed_mps=float(scaled[0]))
     same = greybox.simulate(model, actuator, measured, start, 1, 1.3)
-    constant = replace(run, forward_mps=0.0 * run.time_s + 1.0, velocity_source=water)
+    constant = replace(run, forward_mps=0.0 * scaled + 1.0, straight_speed_mps=1.0)
     other = greybox.simulate(model, actuator, constant, start, 1, 1.3)
     assert np.max(np.abs(np.degrees(same.rate_radps - motion.rate_radps))) < 0.1
     assert np.max(np.abs(np.degrees(other.rate_radps - motion.rate_radps))) > 0.2

@@ -1,13 +1,14 @@
 """CSV files: columns and units, tests marked by a column, and errors that name line and column."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sysid.data import readers, segments
-from sysid.data.dataset import LogError
+from sysid.data.dataset import LogError, VelocitySource
 from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
 from sysid.data.segments import Run
 from sysid.planes import Plane
@@ -135,6 +136,33 @@ def test_csv_example_of_the_docs_is_read(tmp_path: Path) -> None:
     log = readers.read(path)
     assert log.parameters == {"ACT_TRAVEL_DEG": 20.0}
     assert math.degrees(log.actuators.rudder_rad[-1]) == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(
+    ("source", "thrust_pct", "relative"),
+    [
+        (VelocitySource.COLUMN, 58, 0.8),
+        (VelocitySource.COLUMN, 70, 1.0),
+        (VelocitySource.BOTTOM_TRACK, 58, 1.0),
+    ],
+)
+def test_speed_after_a_turn_is_relative_to_straight_flight(
+    source: VelocitySource, thrust_pct: float, relative: float, tmp_path: Path
+) -> None:
+    """1.5 m/s until the first test ends and 1.2 m/s after it, until the second test ends.
+
+    Other thrust, or a speed over ground: relative to the speed before the second test.
+    """
+    lines = [
+        f"{0.04 * k:.2f},0,0,0,0,{3 * testing},0,{thrust_pct if k > 1000 else 58},4.0,"
+        f"{'rudder' if testing else ''},{1.2 if k > 1000 else 1.5}"
+        for k in range(2000)
+        for testing in [750 <= k < 1000 or 1500 <= k < 1750]
+    ]
+    log = readers.read(write(tmp_path / "dive.csv", f"{COLUMNS},u_mps", lines))
+    _, second = segments.cut_runs(replace(log, velocity=replace(log.velocity, source=source)))
+    assert second.relative_speed is not None
+    np.testing.assert_allclose(second.relative_speed, relative, atol=1e-6)
 
 
 def test_speed_is_relative_to_that_before_the_test(tmp_path: Path) -> None:
