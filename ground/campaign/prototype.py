@@ -4,8 +4,9 @@ from typing import Any
 
 from mavlink_io.errors import InputError
 from sysid.design import initial
-from sysid.design.initial import InitialDesign
+from sysid.design.initial import InitialDesign, vehicle_parameters
 from sysid.design.pid import DesignInfeasibleError
+from sysid.test_design.prior import DesignPrior
 
 CARIBOU = ("caribou_truth", "caribou_nominal")
 """Vehicles that need no first design: the autopilot's defaults are the paper's prototype gains."""
@@ -36,6 +37,24 @@ def first_dive_parameters(vehicle: str) -> dict[str, float]:
         Values by parameter name; empty for Caribou.
     """
     return {} if vehicle in CARIBOU else design(vehicle).parameters
+
+
+def parameters_of(vehicle: DesignPrior) -> dict[str, float]:
+    """Return the parameters that describe a vehicle, such as travel and cruise.
+
+    Parameters
+    ----------
+    vehicle : DesignPrior
+        Vehicle file with its uncertainty.
+
+    Returns
+    -------
+    dict
+        Values by parameter name; empty for Caribou, whose values are the autopilot's defaults.
+    """
+    if vehicle.config.name in CARIBOU:
+        return {}
+    return vehicle_parameters.values(vehicle.config)
 
 
 def trim_learning_for(vehicle: str) -> dict[str, float]:

@@ -73,7 +73,7 @@ def simulate(
 
     Exit status 1 if a vehicle diverges, broaches or does not complete the mission.
     """
-    from ground.campaign import refit
+    from ground.campaign import prototype, refit
     from ground.cli import progress
     from ground.client import param_file
     from ground.missions import plans
@@ -87,20 +87,21 @@ def simulate(
     files = name_gain_sets([gains, *(compare or ())])
     scales = _parse_scales(disturbance_scale)
     seas = tuple(Sea(scale, current, math.radians(bias_shift)) for scale in scales)
-    gain_sets = {name: param_file.load(path) for name, path in files.items()}
+    loaded = {name: param_file.load(path) for name, path in files.items()}
     items, start_s = plans.load_items(mission), wall_s()
     with progress.display("simulate", quiet=json) as display:
         posterior = vehicle_samples.read(model, refit.read_vehicle(prior))
+        known = prototype.parameters_of(posterior)
         request = study.StudyRequest(
             items=items,
-            gains=gain_sets,
+            gains={name: {**known, **gains} for name, gains in loaded.items()},
             seas=seas,
             vehicles=samples,
             seed=seed,
             jobs=jobs or usable_cores(),
             keep=keep,
         )
-        dives = len(gain_sets) * len(seas) * samples
+        dives = len(loaded) * len(seas) * samples
 
         def report(fraction: float) -> None:
             display.show_fraction(f"{fraction * dives:.0f} of {dives} dives", fraction)

@@ -94,6 +94,25 @@ def solve(search: ConstrainedProblem) -> dict[str, float]:
     )
 
 
+def within_range(name: str, value: float) -> float:
+    """Return a value limited to the range of a parameter of the autopilot.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter.
+    value : float
+        Value in the parameter's unit.
+
+    Returns
+    -------
+    float
+        Nearest value of the range.
+    """
+    minimum, maximum = PARAMETER_RANGES[name]
+    return min(maximum, max(minimum, value))
+
+
 class _End(NamedTuple):
     """Result of one search."""
 

@@ -116,7 +116,8 @@ def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
     """
     (vehicle, samples, points), limits = _design_within_limits(name_or_path)
     config = vehicle_files.load(name_or_path)
-    model, spec = build_model.build(config), replace(limits, travel_deg=config.tailcone.travel_deg)
+    model, tailcone = build_model.build(config), config.tailcone
+    spec = replace(limits, travel_deg=tailcone.travel_deg, rate_degps=tailcone.rate_degps)
     loads = Loads(fit.level_pitch_rad(config, model), TRIM_UNCERTAINTY_RAD, TRIM_UNCERTAINTY_RAD)
     gains = {**TABLE_3_INITIAL, **points["heading"].gains, **points["depth"].gains}
     gains |= pid.integrator_limits(loads, gains)

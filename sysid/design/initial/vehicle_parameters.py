@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 
-from sitl.vehicle import hull
+from sitl.vehicle import build_model, hull
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import VehicleModel
+from sysid.design.constrained_search import within_range
 from sysid.estimation.map import fit, steady_state
 from sysid.models import greybox
 from sysid.planes import Plane
@@ -47,6 +48,10 @@ def autopilot_parameters(
     turn_m = min(1000.0, turn_radius_m(config, model))
     return _slow_response(config) | {
         "ACT_TRAVEL_DEG": (config.tailcone.travel_deg, "travel of the tailcone"),
+        "ACT_RATE_DEGPS": (
+            within_range("ACT_RATE_DEGPS", config.tailcone.rate_degps),
+            "rate limit of the tailcone",
+        ),
         "THR_CRUISE_PCT": (100.0 * operating_point.thrust_fraction, "operating point"),
         "SPD_CRUISE_MPS": (operating_point.speed_mps, "operating point"),
         "SPD_LENGTH_M": (
@@ -69,6 +74,23 @@ def autopilot_parameters(
         ),
         "EST_DENSITY": (config.water.density_kgpm3, "water of the vehicle file"),
     }
+
+
+def values(config: VehicleConfig) -> dict[str, float]:
+    """Return the values of `autopilot_parameters`.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle file.
+
+    Returns
+    -------
+    dict
+        Value by parameter name.
+    """
+    described = autopilot_parameters(config, build_model.build(config))
+    return {name: value for name, (value, _) in described.items()}
 
 
 def _slow_response(config: VehicleConfig) -> dict[str, tuple[float, str]]:

@@ -11,7 +11,7 @@ from types import ModuleType
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import LEAD_DAMPING, Gains
 from sysid.design import constraints, design_model, minimum_variance
-from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
+from sysid.design.constrained_search import CONSTRAINT_TOLERANCE, within_range
 from sysid.design.constraints import Bounds
 from sysid.design.design_model import DesignModel
 from sysid.design.pid import depth, heading, predicted_performance, reference_models
@@ -123,7 +123,7 @@ def redesign(
     vehicle, loads = design_model.from_model(model, prior), constant_loads(model)
     vehicles = list(design_model.sample_models(model, VEHICLES, prior))
     try:
-        gains = _gains(vehicle, vehicles, _initial_values(vehicle, initial), spec)
+        gains = _gains(vehicle, vehicles, _initial_values(vehicle, initial, spec), spec)
     except DesignInfeasibleError as error:
         raise DesignInfeasibleError(
             f"{error}; relax the specification, or {_recommended_test(model)}, and refit"
@@ -178,7 +178,7 @@ def keep(
     _check_unique(model)
     vehicle = design_model.from_model(model, prior)
     gains = {name: parameters[name] for name in PARAMETERS if name in parameters}
-    flown = _initial_values(vehicle, gains)
+    flown = _initial_values(vehicle, gains, spec)
     worst, violation = max(
         violations(vehicle, flown, constraints.nominal(spec)).items(), key=lambda item: item[1]
     )
@@ -222,14 +222,15 @@ def _assemble(
     )
 
 
-def _initial_values(vehicle: DesignModel, initial: Gains) -> dict[str, float]:
-    """Return the initial gains with the identified lag of the tailcone."""
+def _initial_values(vehicle: DesignModel, initial: Gains, spec: Spec) -> dict[str, float]:
+    """Return the initial gains with the identified lag and the rate limit of the tailcone."""
     lag = vehicle.yaw_lag
     tail = {
         "ACT_LAG_W": lag.natural_frequency_radps,
         "ACT_LAG_Z": lag.damping_ratio,
         "ACT_LEAD_W": 0.0,
         "ACT_LEAD_Z": LEAD_DAMPING,
+        "ACT_RATE_DEGPS": within_range("ACT_RATE_DEGPS", spec.rate_degps),
     }
     filters = {
         f"{traits.gain_prefix}_PEAK_{name}": value

@@ -53,14 +53,14 @@ def heading_step(
     seconds : float
         Length of the simulation (s).
     spec : Spec
-        Rate limit of the tailcone.
+        Travel and rate limit of the tailcone.
 
     Returns
     -------
     StepResponse
         Heading and rudder.
     """
-    config = params.config(values)
+    config = params.config({**values, "ACT_TRAVEL_DEG": spec.travel_deg})
     begin = _Begin(
         VehicleEstimate(speed_mps=config.cruise_speed_mps), Setpoint(heading_rad=step_rad)
     )
@@ -89,7 +89,7 @@ def depth_step(
     seconds : float
         Length of the simulation (s).
     spec : Spec
-        Rate limit of the tailcone.
+        Travel and rate limit of the tailcone.
     level_pitch_rad : float
         Pitch of level flight (rad), which the depth integrator has at the start.
 
@@ -98,7 +98,7 @@ def depth_step(
     StepResponse
         Depth and elevator.
     """
-    config = params.config(values)
+    config = params.config({**values, "ACT_TRAVEL_DEG": spec.travel_deg})
     load_rad = config.level_pitch_rad - level_pitch_rad
     initial_integral_rad = min(config.depth_i_max, max(-config.depth_i_max, load_rad))
     begin = _Begin(

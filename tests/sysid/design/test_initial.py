@@ -242,6 +242,14 @@ def test_turn_radius_equals_that_of_six_degrees_of_freedom(name: str) -> None:
     assert radius_m == pytest.approx(turn.radius_m, rel=2e-3)
 
 
+@pytest.mark.parametrize("name", config.SHIPPED)
+def test_parameters_hold_travel_and_rate_of_the_tailcone(name: str) -> None:
+    """With another rate the actuator lead asks for too little of the tailcone, or too much."""
+    tailcone, values = config.load(name).tailcone, vehicle_parameters.values(config.load(name))
+    assert values["ACT_TRAVEL_DEG"] == tailcone.travel_deg
+    assert values["ACT_RATE_DEGPS"] == tailcone.rate_degps
+
+
 @pytest.mark.parametrize(("length_m", "speed_mps", "seconds"), [(6.0, 0.9, 7.3), (2.5, 1.5, None)])
 def test_dive_failsafe_waits_for_a_slow_hull(
     length_m: float, speed_mps: float, seconds: float | None

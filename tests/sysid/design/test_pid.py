@@ -67,6 +67,7 @@ def test_redesign_errors_are_below_initial_gains(designed: Design) -> None:
         < designed.initial_analysis.margins["rudder"].max_sensitivity
     )
     assert designed.gains["ACT_LEAD_W"] > 1.5 * designed.gains["ACT_LAG_W"]
+    assert designed.gains["ACT_RATE_DEGPS"] == designed.spec.rate_degps
 
 
 def test_redesign_stricter_command_noise_gives_slower_lead(
