@@ -19,7 +19,11 @@ STEP_MPS = 1e-4
 MIN_STATION_M, STATION_TURNS = 20.0, 1.5
 """Smallest radius of the circle for station keeping (m), and its minimum in turning radii: rudder
 is left for currents and trim."""
-
+MIN_LOOK_AHEAD_M, LOOK_AHEAD_TURNS = 15.0, 2.5
+"""Look-ahead distance of line-of-sight guidance: its smallest value (m), Caribou's, and its minimum
+in turning radii. With a shorter one a vehicle crosses the line that it returns to."""
+MIN_ACCEPTANCE_M = 5.0
+"""Smallest radius within which a waypoint is reached (m), Caribou's."""
 DIVE_TRANSITS, MIN_DIVE_S, MAX_DIVE_S = 1.1, 3.0, 60.0
 """Time FS_DIVE_S in which the elevator must end a descent, in hull lengths travelled, and its range
 (s). The default of 3 s is 1.1 lengths of Caribou. A hull of 6 m at 0.9 m/s sank for 4.5 s at the
@@ -71,6 +75,14 @@ def autopilot_parameters(
         "STN_RADIUS_M": (
             min(1000.0, max(MIN_STATION_M, STATION_TURNS * turn_m)),
             "1.5 turning circles, at least 20 m",
+        ),
+        "NAV_LOS_M": (
+            within_range("NAV_LOS_M", max(MIN_LOOK_AHEAD_M, LOOK_AHEAD_TURNS * turn_m)),
+            "2.5 turning circles, at least 15 m",
+        ),
+        "NAV_ACC_RAD_M": (
+            within_range("NAV_ACC_RAD_M", max(MIN_ACCEPTANCE_M, turn_m)),
+            "turning circle, which a right angle begins before its corner, at least 5 m",
         ),
         "EST_DENSITY": (config.water.density_kgpm3, "water of the vehicle file"),
     }

@@ -250,6 +250,16 @@ def test_parameters_hold_travel_and_rate_of_the_tailcone(name: str) -> None:
     assert values["ACT_RATE_DEGPS"] == tailcone.rate_degps
 
 
+def test_guidance_looks_ahead_by_the_turning_circle() -> None:
+    """Caribou's 15 m and 5 m are 2.5 and 0.8 of its circles; smaller vehicles keep them."""
+    large = vehicle_parameters.values(config.load(UNLIKE / "heavy.toml"))
+    assert large["TURN_RADIUS_M"] == pytest.approx(13.1, abs=0.1)
+    assert large["NAV_LOS_M"] == pytest.approx(2.5 * large["TURN_RADIUS_M"])
+    assert large["NAV_ACC_RAD_M"] == large["TURN_RADIUS_M"]
+    small = vehicle_parameters.values(config.load("remus100"))
+    assert (small["NAV_LOS_M"], small["NAV_ACC_RAD_M"]) == (15.0, 5.0)
+
+
 @pytest.mark.parametrize(("length_m", "speed_mps", "seconds"), [(6.0, 0.9, 7.3), (2.5, 1.5, None)])
 def test_dive_failsafe_waits_for_a_slow_hull(
     length_m: float, speed_mps: float, seconds: float | None
