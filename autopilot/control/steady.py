@@ -452,6 +452,7 @@ def tick_with_devices(
             True in faulty
             or monitor.course_disagrees(devices, state.estimate, now_us)
             or monitor.doppler_disagrees(devices, state.estimate, now_us)
+            or monitor.depth_lags(devices, state.estimate, now_us)
         ):
             steady = False
         if monitor.fix_while_submerged(devices, state.estimate, now_us):

@@ -10,7 +10,7 @@ from autopilot.control import estimator
 from autopilot.control.params import Config
 from autopilot.control.sensor_health.types import Ahrs
 from autopilot.control.types import US_PER_S, VehicleEstimate
-from mavlink_io.frames import STANDARD_GRAVITY_MPS2
+from mavlink_io.frames import STANDARD_GRAVITY_MPS2, rotate
 from mavlink_io.jit import numeric
 from mavlink_io.records import (
     ACCELEROMETER_FRESH,
@@ -24,6 +24,9 @@ from mavlink_io.records import (
 
 MAX_GRAVITY_ERROR_MPS2 = 0.6
 """Deviation of the specific force from the standard gravity; waves exceed it for moments only."""
+MAX_ACCELERATION_ERROR_MPS2 = 0.5
+"""Bias of the downward acceleration, by the measured depth: an attitude error of 18 deg gives 0.5.
+Waves at the surface, where pressure and depth differ, exceed it for a second."""
 MAX_FIELD_ERROR_GAUSS = 0.08
 """Change of the horizontal or vertical magnetic field since arming; the field changes by 0.01 gauss
 in hundreds of kilometres (World Magnetic Model), and an attitude error of 5 deg by 0.04."""
@@ -41,6 +44,9 @@ and its growth with time. After ``MAX_INTEGRATION_S`` the integral has drifted t
 sensor; FS_PRESS_S (5 s) has brought the vehicle to SURFACE by then."""
 MIN_DEPTH_M = -0.7
 """Depth reading above the water, beyond weather (0.3 m) and waves, that is a fault."""
+MAX_DESCENT_ERROR_MPS = 0.2
+"""Rate of descent by Doppler log, and by speed and pitch, less that of the measured depth. Waves
+and the start of a dive exceed it for 3 s."""
 MAX_CURRENT_MPS, MIN_COURSE_MPS = 1.5, 0.8
 """Difference between velocity over ground and through the water that no current explains, and the
 speed at which it is checked."""
@@ -95,6 +101,18 @@ def gravity_differs(frame: SensorFrame) -> bool:
     x, y, z = frame.accel_x_mps2, frame.accel_y_mps2, frame.accel_z_mps2
     force_mps2 = math.sqrt(x * x + y * y + z * z)
     return abs(force_mps2 - STANDARD_GRAVITY_MPS2) > MAX_GRAVITY_ERROR_MPS2
+
+
+@numeric
+def acceleration_differs(estimate: VehicleEstimate) -> bool:
+    """Return whether the downward acceleration contradicts the measured depth.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimated motion, with accelerometer and pressure sensor in use.
+    """
+    return abs(estimate.accel_bias_mps2) > MAX_ACCELERATION_ERROR_MPS2
 
 
 @numeric
@@ -176,6 +194,7 @@ def agree(
     """
     return not (
         gravity_differs(frame)
+        or acceleration_differs(estimate)
         or field_differs(frame, reference[0], reference[1])
         or attitude_differs(estimate, frame, config)
         or above_water(estimate, frame, config)
@@ -337,6 +356,29 @@ def doppler_differs(estimate: VehicleEstimate, ping: Dvl) -> bool:
     along = x - min(max(x, 0.0), max(estimate.speed_mps, 0.0))
     limit_mps = MAX_CURRENT_MPS if ping.over_ground else MAX_SLIP_MPS
     return along * along + y * y + z * z > limit_mps * limit_mps
+
+
+@numeric
+def depth_lags(estimate: VehicleEstimate, ping: Dvl) -> bool:
+    """Return whether the vehicle sinks, and the measured depth does not show it.
+
+    With U the predicted speed, theta the pitch, v the velocity of the Doppler log rotated to the
+    vertical, and w the measured rate of descent: both -U sin(theta) and v exceed w by more than
+    ``MAX_DESCENT_ERROR_MPS``, and the nose is down.
+
+    Parameters
+    ----------
+    estimate : VehicleEstimate
+        Estimated motion.
+    ping : Dvl
+        Newest record of the Doppler log.
+    """
+    descent_mps = -estimate.speed_mps * math.sin(estimate.pitch_rad)
+    _, _, v_mps = rotate(
+        estimate.attitude, (ping.velocity_x_mps, ping.velocity_y_mps, ping.velocity_z_mps)
+    )
+    least_mps = min(descent_mps, v_mps) - estimate.depth_rate_mps
+    return descent_mps > 0.0 and least_mps > MAX_DESCENT_ERROR_MPS
 
 
 @numeric

@@ -43,6 +43,7 @@ from mavlink_io.records import (
     ACCELEROMETER_FRESH,
     GYRO_FRESH,
     MAGNETOMETER_FRESH,
+    PRESSURE_FRESH,
     SensorFrame,
 )
 
@@ -57,7 +58,7 @@ ELEVATOR, RUDDER, PITCH = "Elevator", "Rudder", "Pitch"
 LASTING = frozenset((ELEVATOR, PITCH))
 """Subjects whose fault lasts until the next arming: without thrust there is no evidence of it."""
 DETECTED, LOW, DEVIATES, NOT_TRACKING = "detected", "low", "does not follow", "not tracking"
-NO_EFFECT, DISAGREES = "has no effect", "disagrees"
+NO_EFFECT, DISAGREES, LAGS = "has no effect", "disagrees", "does not show a descent"
 HEADING, SPEED = "Heading", "Speed"
 """Subjects of faults of heading and speed that course over ground and Doppler log show."""
 
@@ -95,6 +96,8 @@ SUBMERGED_M = 1.0
 OFF_DEPTH, OFF_DEPTH_CHECKS = Fault(DEPTH, NOT_TRACKING), 2
 """Fault of a depth that does not approach its set-point, and the number of slow checks that have to
 find it."""
+LAG_US = 8 * US_PER_S
+"""Time for which the measured depth has to lag behind a descent: the start of a dive takes 3 s."""
 NEVER_US = 2**62
 """A time that does not come."""
 ECHO_TILT_LIMIT_RAD = math.radians(30.0)
@@ -111,12 +114,14 @@ class Debounce(NamedTuple):
 
 
 _ATTITUDE_FIELDS = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH
+_VERTICAL_FIELDS = ACCELEROMETER_FRESH | PRESSURE_FRESH
 _IMMEDIATE = Debounce(1, 0)
 _DEBOUNCE = {
     IMPLAUSIBLE: Debounce(5, 0),
     LOW: Debounce(5, US_PER_S),
     DEVIATES: Debounce(5, 2 * US_PER_S),
     DISAGREES: Debounce(10, 3 * US_PER_S),
+    LAGS: Debounce(25, LAG_US),
 }
 _GYRO_DISAGREES = Debounce(5, US_PER_S)
 """Evidence against a gyro, shorter than for other sensors: the loops follow its rate at once."""
@@ -393,6 +398,8 @@ def _slow_checks(state: AutopilotState, now_us: int, config: Config) -> tuple[Fa
         found.append(Fault(ELEVATOR, NO_EFFECT))
     if _pitch_contradicted(state, config):
         found.append(Fault(PITCH, DISAGREES))
+    if _depth_counts(state, config) and depth_lags(devices, estimate, now_us):
+        found.append(Fault(PRESSURE, LAGS))
     if state.armed and turns_away(estimate, state.duct_rad, state.thrust, config):
         found.append(Fault(RUDDER, NO_EFFECT))
     return tuple(found)
@@ -447,7 +454,8 @@ def _cross_checks(
 
     A sensor that is named accounts for the difference of the attitude, so that the gyro is not
     named with it. One that is named only because it is silent at times does not: what it measures
-    is right. State and frame are those of the last tick.
+    is right. A wrong attitude accounts for an acceleration along the vertical. State and frame are
+    those of the last tick.
     """
     estimate, ahrs, found = state.estimate, state.ahrs, []
     frame, fresh = ahrs.frame, ahrs.frame.fields_updated
@@ -455,7 +463,11 @@ def _cross_checks(
         return ()
     known = {tracker.fault.subject for tracker in health.faults if tracker.fault.what != SILENT}
     raw = cross_checks.raw_frame(ahrs)
-    if raw.fields_updated & ACCELEROMETER_FRESH and cross_checks.gravity_differs(raw):
+    turned = fresh & GYRO_FRESH != 0 and cross_checks.attitude_differs(estimate, frame, config)
+    upright = not (turned or GYRO in known) and fresh & _VERTICAL_FIELDS == _VERTICAL_FIELDS
+    if (raw.fields_updated & ACCELEROMETER_FRESH and cross_checks.gravity_differs(raw)) or (
+        upright and cross_checks.acceleration_differs(estimate)
+    ):
         found.append(ACCELEROMETER)
     elif (
         ACCELEROMETER not in known
@@ -464,9 +476,7 @@ def _cross_checks(
     ):
         found.append(MAGNETOMETER)
     steady = not (found or known & {ACCELEROMETER, MAGNETOMETER})
-    if cross_checks.gyro_differs(estimate, ahrs) or (
-        steady and fresh & GYRO_FRESH and cross_checks.attitude_differs(estimate, frame, config)
-    ):
+    if cross_checks.gyro_differs(estimate, ahrs) or (steady and turned):
         found.append(GYRO)
     if (
         cross_checks.pressure_differs(estimate, ahrs, config)
@@ -499,6 +509,14 @@ def doppler_disagrees(devices: Devices, estimate: VehicleEstimate, now_us: int) 
         cross_checks.doppler_differs(estimate, dvl.record)
         or cross_checks.speed_differs(estimate, dvl.record)
     )
+
+
+@numeric
+def depth_lags(devices: Devices, estimate: VehicleEstimate, now_us: int) -> bool:
+    """Return whether the last Doppler log velocity, speed and pitch show an unmeasured descent."""
+    dvl = devices.dvl
+    recent = sensor_checks.has_record(dvl) and now_us - dvl.accepted_us < sensor_checks.SILENT_US
+    return recent and cross_checks.depth_lags(estimate, dvl.record)
 
 
 def _submerged_with_fix(devices: Devices, ahrs: Ahrs, now_us: int, config: Config) -> bool:

@@ -99,6 +99,49 @@ def test_gyro_disagrees_with_an_accelerometer_silent_at_times_is_named() -> None
     assert abs(flight.state.estimate.roll_rad) < math.radians(15.0)
 
 
+def test_accelerometer_that_the_depth_contradicts_is_named_and_not_used() -> None:
+    """0.55 m/s2 along the vertical: the limit of the deviation from gravity is 0.6."""
+    flight = dive()
+    assert feed(flight, 3.0, {}) == []
+    assert feed(flight, 10.0, {"accel_z_mps2": 0.55}) == ["Accelerometer disagrees"]
+    assert not fresh(flight) & ACCELEROMETER_FRESH
+    assert "Accelerometer recovered" in feed(flight, 30.0, {})
+
+
+def glide_down(shown_mps: float, doppler_mps: float, seconds: float) -> Flight:
+    """Return a flight with the nose 14 deg down at 1.3 m/s, which sinks by 0.31 m/s.
+
+    ``shown_mps`` is the rate of descent by the pressure sensor, ``doppler_mps`` by the Doppler log.
+    """
+    flight, pitch_rad = cruising(), math.radians(-14.0)
+    flight.pitch, flight.depth_m = pitch_rad, 5.0
+    for _ in flight.run(3.0):  # the depth estimate follows before the fault begins
+        flight.pitch = pitch_rad
+    flight.events.clear()
+    depth_m = flight.depth_m
+    for tick in range(round(seconds * 50)):
+        flight.pitch, flight.depth_m = pitch_rad, depth_m + shown_mps * 0.02 * tick
+        z_mps = (doppler_mps + 1.3 * math.sin(pitch_rad)) / math.cos(pitch_rad)
+        flight.more = {
+            "dvl": ping(flight, 1.3, 0.0, over_ground=True)._replace(velocity_z_mps=z_mps)
+        }
+        flight.step()
+    return flight
+
+
+@pytest.mark.parametrize(
+    ("shown_mps", "doppler_mps", "named"),
+    [(0.05, 0.31, True), (0.05, 0.05, False), (0.31, 0.31, False), (0.31, 0.61, False)],
+    ids=["pressure drifts", "no thrust", "all agree", "Doppler log is wrong"],
+)
+def test_pressure_that_hides_a_descent_is_named(
+    shown_mps: float, doppler_mps: float, named: bool
+) -> None:
+    flight = glide_down(shown_mps, doppler_mps, 12.0)
+    assert ("Pressure sensor does not show a descent" in flight.texts()) == named
+    assert bool(fresh(flight) & PRESSURE_FRESH) != named
+
+
 def test_pressure_step_is_never_used_while_it_lasts() -> None:
     """200 hPa are 2 m in a tick: the depth estimate stays, and the failsafe of no depth acts."""
     flight = dive()
