@@ -17,9 +17,10 @@ from benchmarks.study import Cell, Figure
 from sitl import scenario
 from sitl.vehicle import config
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
+from sysid.design.constraints import min_bounds
 from sysid.design.design_model import DEFAULT_DISTURBANCE, from_vehicle
 from sysid.design.pid import Design, DesignInfeasibleError
-from sysid.design.robustness import RELAXED, min_bounds, violations
+from sysid.design.robustness import RELAXED, violations
 from sysid.planes import Plane
 
 Array = NDArray[np.float64]

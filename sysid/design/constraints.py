@@ -3,6 +3,7 @@
 A violation is a share of its limit: positive means that the limit is violated.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,27 @@ def nominal(spec: Spec) -> Bounds:
         gm_db=spec.gm_db,
         pm_deg=spec.pm_deg,
         max_sensitivity=spec.max_sensitivity,
+    )
+
+
+def min_bounds(spec: Spec) -> Bounds:
+    """Return the bounds for every sampled vehicle; those of the nominal model are stricter.
+
+    Parameters
+    ----------
+    spec : Spec
+        Specification of the design.
+
+    Returns
+    -------
+    Bounds
+        Least damping ratio, gain margin (dB) and phase margin (deg); the sensitivity is unbounded.
+    """
+    return Bounds(
+        damping=spec.damping,
+        gm_db=spec.robust_gm_db,
+        pm_deg=spec.robust_pm_deg,
+        max_sensitivity=math.inf,
     )
 
 

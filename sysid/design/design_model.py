@@ -12,12 +12,13 @@ from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains, Lag, Responses
 from sysid.control_analysis.margins import Analysis, Planes, analyse
 from sysid.design.specification import Response
+from sysid.estimation.map import model_error
 from sysid.estimation.map.fit import linear_plane
 from sysid.models import prediction
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, pitch_plane, yaw_plane
 from sysid.models.model_file import IdentifiedModel, NoiseModel
-from sysid.models.parameters import CandidateVehicle, feasible_samples
+from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle, feasible_samples
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, Table1Column
 
@@ -45,6 +46,14 @@ DEPTH_RATE_S = 0.7
 """Ratio of depth noise to depth rate noise (s), which results from the autopilot's depth filter."""
 SEED = 2001
 """Seed of the samples of a model's posterior."""
+UNMEASURED_DRIVE_SD = 0.4
+"""Standard deviation of the logarithm of a drive's lag and damping without a bench test.
+
+The lag stands for a drive whose form is unknown. Above its bandwidth a first-order servo has the
+gain of a second-order lag with a natural frequency 1.5 times as high.
+"""
+DRIVE = ("natural_frequency", "damping_ratio")
+"""Parameters of the drive's lag."""
 NOT_SCALED_BY_EFFECTIVENESS = (
     "DPT_P",
     "DPT_D",
@@ -194,7 +203,10 @@ def from_model(model: IdentifiedModel, prior: VehicleConfig | None = None) -> De
 
 
 def sample_models(
-    model: IdentifiedModel, count: int, prior: VehicleConfig | None = None
+    model: IdentifiedModel,
+    count: int,
+    prior: VehicleConfig | None = None,
+    drive_known: bool = True,
 ) -> Iterator[DesignModel]:
     """Yield up to `count` vehicles drawn from a model's posterior of z.
 
@@ -206,20 +218,55 @@ def sample_models(
         Number of draws; physically impossible vehicles are skipped.
     prior : VehicleConfig, optional
         Vehicle file of the refit; needed if that file is not shipped.
+    drive_known : bool
+        Whether the prior's knowledge of the drive counts; without, only tests and bench test do.
 
     Yields
     ------
     DesignModel
         Nothing is yielded for a model without covariance, nor without its vehicle file.
     """
-    covariance = np.array(model.joint.covariance)
-    if not np.any(covariance) or (prior is None and model.vehicle.prior not in SHIPPED):
+    if not np.any(model.joint.covariance) or (prior is None and model.vehicle.prior not in SHIPPED):
         return
+    covariance = (
+        np.array(model.joint.covariance) if drive_known else uncertain_drive_covariance(model)
+    )
     draws = np.random.default_rng(SEED).standard_normal((count, len(covariance)))
     for sample in feasible_samples(
         lambda z: prediction.perturb(model, z, prior), np.array(model.joint.z), covariance, draws
     ):
         yield from_vehicle(sample.vehicle, _disturbance_of(model))
+
+
+def uncertain_drive_covariance(model: IdentifiedModel) -> Array:
+    """Return the posterior covariance of z without the prior's knowledge of the drive.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Identified model with the covariance of z.
+
+    Returns
+    -------
+    ndarray, (p, p)
+        Covariance in which tests and bench test inform natural frequency and damping ratio of the
+        drive, and the prior gives them a standard deviation of `UNMEASURED_DRIVE_SD`.
+
+    Notes
+    -----
+    Tests show the sum of lag and delay, but not the gain above the tested frequencies, where the
+    loop has its gain margin. The vehicle file states one pair of numbers. With C the covariance,
+    C_s its part by errors of the structure, s the prior standard deviation of the fit and S =
+    `UNMEASURED_DRIVE_SD`, both parameters of the drive being independent of the others before::
+
+        C' = ((C - C_s)^-1 - D)^-1 + C_s,    D_ii = 1 - (s_i / S)^2 for the drive, else 0
+    """
+    structure = model_error.structure_covariance(model.joint.run_scatter)
+    precision = np.linalg.inv(np.array(model.joint.covariance) - structure)
+    for name in DRIVE:
+        i = NAMES.index(name)
+        precision[i, i] -= 1.0 - (PARAMETERS[i].prior_sd / UNMEASURED_DRIVE_SD) ** 2
+    return np.asarray(np.linalg.inv(precision) + structure)
 
 
 def from_vehicle(vehicle: CandidateVehicle, disturbance: Mapping[Plane, NoiseModel]) -> DesignModel:

@@ -1,11 +1,12 @@
 """Robustness of a design: the share of vehicles sampled from a model that meet the limits."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
-from sysid.design.constraints import Bounds, ConstraintViolation
+from sysid.design.constraints import Bounds, ConstraintViolation, min_bounds
 from sysid.design.design_model import DesignModel
 from sysid.design.pid import depth, heading
 from sysid.design.specification import DesignRobustness, Spec
@@ -13,30 +14,8 @@ from sysid.design.specification import DesignRobustness, Spec
 Stability = Callable[[DesignModel, Gains, Bounds], ConstraintViolation]
 """Function that returns the constraint violations of one plane's loops."""
 
-UNLIMITED = float("inf")
-RELAXED = Bounds(damping=0.5, gm_db=5.0, pm_deg=40.0, max_sensitivity=UNLIMITED)
+RELAXED = Bounds(damping=0.5, gm_db=5.0, pm_deg=40.0, max_sensitivity=math.inf)
 """Relaxed bounds that are reported in addition to the specification's."""
-
-
-def min_bounds(spec: Spec) -> Bounds:
-    """Return the bounds for every sampled vehicle; those of the nominal model are stricter.
-
-    Parameters
-    ----------
-    spec : Spec
-        Specification of the design.
-
-    Returns
-    -------
-    Bounds
-        Least damping ratio, gain margin (dB) and phase margin (deg); the sensitivity is unbounded.
-    """
-    return Bounds(
-        damping=spec.damping,
-        gm_db=spec.robust_gm_db,
-        pm_deg=spec.robust_pm_deg,
-        max_sensitivity=UNLIMITED,
-    )
 
 
 def robustness(
@@ -92,6 +71,25 @@ def fraction_satisfying(
         for vehicle in vehicles
     ]
     return sum(satisfied) / len(satisfied) if satisfied else 1.0
+
+
+def min_gain_margin_db(violations: ConstraintViolation, bounds: Bounds) -> float:
+    """Return the smallest gain margin of all cuts (dB).
+
+    Parameters
+    ----------
+    violations : ConstraintViolation
+        Violations of one vehicle, 1 - GM / GM_min at each cut.
+    bounds : Bounds
+        Limits that are violated.
+
+    Returns
+    -------
+    float
+        Gain margin.
+    """
+    shares = [value for name, value in violations.items() if name.startswith("gain margin")]
+    return bounds.gm_db * (1.0 - max(shares))
 
 
 def violations(vehicle: DesignModel, gains: Gains, bounds: Bounds) -> ConstraintViolation:

@@ -23,14 +23,15 @@ from sysid.control_analysis.loop_transfer import Gains
 from sysid.control_analysis.margins import Planes
 from sysid.design import constraints, design_model, minimum_variance
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
-from sysid.design.constraints import Bounds, ConstraintViolation
+from sysid.design.constraints import Bounds, ConstraintViolation, min_bounds
 from sysid.design.design_model import DesignModel
 from sysid.design.lqg import loop_analysis, synthesis
 from sysid.design.lqg import weights as tuning
 from sysid.design.lqg.controller import DiscreteController, discretise
 from sysid.design.lqg.weights import Reference, Task
-from sysid.design.pid import DAMPING_FACTORS, ROBUST_ENOUGH, VEHICLES, check_robustness
-from sysid.design.robustness import RELAXED, min_bounds, summarise
+from sysid.design.pid import VEHICLES, check_robustness
+from sysid.design.pid.plane_search import DAMPING_FACTORS, ROBUST_ENOUGH
+from sysid.design.robustness import RELAXED, summarise
 from sysid.design.specification import (
     DesignInfeasibleError,
     DesignRobustness,
@@ -148,7 +149,7 @@ def _tune(
     )
     best: _TunedController | None = None
     best_fraction, starts = -1.0, tuning.starts(task)
-    for factor in DAMPING_FACTORS:
+    for factor in (1.0, *DAMPING_FACTORS):
         try:
             weights = tuning.tune(task, bounds._replace(damping=factor * bounds.damping), starts)
         except DesignInfeasibleError:

@@ -5,18 +5,17 @@ limits, reference models for new set-points, and the share of sampled vehicles t
 """
 
 import math
-from collections.abc import Sequence
 from types import ModuleType
 
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import LEAD_DAMPING, Gains
 from sysid.design import constraints, design_model, minimum_variance
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE, within_range
-from sysid.design.constraints import Bounds
 from sysid.design.design_model import DesignModel
-from sysid.design.pid import depth, heading, predicted_performance, reference_models
+from sysid.design.pid import depth, heading, plane_search, predicted_performance, reference_models
+from sysid.design.pid.plane_search import PlaneSearch, Samples
 from sysid.design.pid.rationale import explain
-from sysid.design.robustness import fraction_satisfying, min_bounds, robustness, violations
+from sysid.design.robustness import robustness, violations
 from sysid.design.specification import (
     Design,
     DesignInfeasibleError,
@@ -46,14 +45,6 @@ __all__ = [
 
 VEHICLES = 240
 """Number of vehicles sampled from the model's posterior."""
-DAMPING_FACTORS = (1.0, 1.08, 1.16)
-"""Factors on the nominal damping ratio, tried in this order until the design is robust enough.
-
-The margins required of the nominal model exceed those required of sampled vehicles; damping is the
-same for both, so a robust design needs more damping on the nominal model.
-"""
-ROBUST_ENOUGH = 0.9
-"""Share of sampled vehicles above which no larger damping factor is tried."""
 INTEGRATOR_ROOM_RAD = math.radians(1.0)
 """Authority of the heading integrator beyond the identified rudder bias (rad)."""
 LEVEL_PITCH_ROOM = 1.25
@@ -116,19 +107,25 @@ def redesign(
 
     Notes
     -----
-    Minimises the rms of depth, then of heading, in the identified disturbance, subject to `Spec`.
+    Minimises the rms of depth, then of heading, in the identified disturbance, subject to `Spec`,
+    and to the limits of sampled vehicles (`plane_search`).
     """
     spec = spec or Spec()
     _check_unique(model)
     vehicle, loads = design_model.from_model(model, prior), constant_loads(model)
-    vehicles = list(design_model.sample_models(model, VEHICLES, prior))
+    samples = Samples(
+        vehicles=list(design_model.sample_models(model, VEHICLES, prior)),
+        unmeasured_drive=list(
+            design_model.sample_models(model, VEHICLES, prior, drive_known=False)
+        ),
+    )
     try:
-        gains = _gains(vehicle, vehicles, _initial_values(vehicle, initial, spec), spec)
+        gains = _gains(vehicle, samples, _initial_values(vehicle, initial, spec), spec)
     except DesignInfeasibleError as error:
         raise DesignInfeasibleError(
             f"{error}; relax the specification, or {_recommended_test(model)}, and refit"
         ) from None
-    robust = robustness(vehicles, gains, spec)
+    robust = robustness(samples.vehicles, gains, spec)
     check_robustness(robust, model, spec)
     gains |= integrator_limits(loads, gains)
     gains["TRIM_PIT_DEG"] = round(math.degrees(loads.level_pitch_rad), 2)
@@ -241,7 +238,7 @@ def _initial_values(vehicle: DesignModel, initial: Gains, spec: Spec) -> dict[st
 
 
 def _gains(
-    vehicle: DesignModel, vehicles: Sequence[DesignModel], initial: dict[str, float], spec: Spec
+    vehicle: DesignModel, samples: Samples, initial: dict[str, float], spec: Spec
 ) -> dict[str, float]:
     """Return the gains of depth, which also sets the actuator lead, then of heading.
 
@@ -251,27 +248,9 @@ def _gains(
     def design_plane(
         plane: ModuleType, linear: LinearPlane, gains: dict[str, float]
     ) -> dict[str, float]:
-        """Increase the nominal damping until enough sampled vehicles meet the limits."""
-        best, best_fraction = gains, -1.0
+        """Return the parameters with new gains of one plane."""
         starts = (*design_model.scale_starts(plane.STARTS, linear), _reference_start(plane, gains))
-        for factor in DAMPING_FACTORS:
-            try:
-                candidate = plane.gains(
-                    vehicle, gains, spec, _tighten_damping(spec, factor), starts
-                )
-            except DesignInfeasibleError:
-                if best_fraction < 0.0:
-                    raise
-                break
-            fraction = fraction_satisfying(
-                vehicles, plane.violations, {**gains, **candidate}, min_bounds(spec)
-            )
-            if fraction > best_fraction:
-                best, best_fraction = {**gains, **candidate}, fraction
-            if fraction >= ROBUST_ENOUGH:
-                break
-            starts = (candidate,)
-        return best
+        return plane_search.robust_gains(PlaneSearch(plane, vehicle, samples, spec, gains), starts)
 
     return design_plane(
         heading, vehicle.planes.yaw, design_plane(depth, vehicle.planes.pitch, initial)
@@ -280,7 +259,7 @@ def _gains(
 
 def _reference_start(plane: ModuleType, reference: Gains) -> dict[str, float]:
     """Return the gains of the reference design as a start; a missing lead begins near the lag."""
-    values = {name: reference[name] for name in plane.STARTS[0]}
+    values = plane_search.free_gains(plane, reference)
     if values.get("ACT_LEAD_W") == 0.0:
         values["ACT_LEAD_W"] = FIRST_LEAD_RATIO * reference["ACT_LAG_W"]
     for name in values:
@@ -288,12 +267,6 @@ def _reference_start(plane: ModuleType, reference: Gains) -> dict[str, float]:
             prefix = name.removesuffix("W")
             values |= {f"{prefix}{end}": value for end, value in FIRST_PEAK.items()}
     return {name: max(value, MIN_START) for name, value in values.items()}
-
-
-def _tighten_damping(spec: Spec, factor: float) -> Bounds:
-    """Return the nominal bounds with the damping ratio scaled."""
-    bounds = constraints.nominal(spec)
-    return bounds._replace(damping=factor * bounds.damping)
 
 
 def check_robustness(robust: DesignRobustness | None, model: IdentifiedModel, spec: Spec) -> None:

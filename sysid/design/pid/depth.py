@@ -7,7 +7,7 @@ from sysid.control_analysis import loop_transfer, modal
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
-from sysid.design.constraints import Bounds, ConstraintViolation
+from sysid.design.constraints import Bounds, ConstraintViolation, min_bounds
 from sysid.design.design_model import DesignModel, command_noise_rad, depth_rms
 from sysid.design.pid import peak_filter
 from sysid.design.specification import Spec
@@ -52,6 +52,7 @@ def gains(
     spec: Spec,
     bounds: Bounds,
     starts: Sequence[Mapping[str, float]] = STARTS,
+    sampled: Sequence[DesignModel] = (),
 ) -> dict[str, float]:
     """Return the gains with the smallest depth rms within the limits.
 
@@ -67,6 +68,8 @@ def gains(
         Stability bounds, possibly stricter than those of `spec`.
     starts : Sequence of Mapping
         Starting points.
+    sampled : Sequence of DesignModel
+        Sampled vehicles, each of which must meet the limits of sampled vehicles.
 
     Returns
     -------
@@ -94,6 +97,12 @@ def gains(
         noise = math.degrees(command_noise_rad(vehicle, Plane.PITCH, gains))
         constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
+            **{
+                f"limits of sampled vehicle {number}": max(
+                    violations(sample, gains, min_bounds(spec)).values()
+                )
+                for number, sample in enumerate(sampled, start=1)
+            },
             "pitch activity": pitch / initial_pitch / spec.pitch_rms_ratio - 1.0,
             "pitch per metre of depth": math.degrees(gains["DPT_P"]) / spec.pitch_per_metre_deg
             - 1.0,

@@ -7,7 +7,7 @@ from sysid.control_analysis import loop_transfer, modal
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
-from sysid.design.constraints import Bounds, ConstraintViolation
+from sysid.design.constraints import Bounds, ConstraintViolation, min_bounds
 from sysid.design.design_model import DesignModel, command_noise_rad, heading_rms
 from sysid.design.pid import peak_filter
 from sysid.design.specification import Spec
@@ -40,6 +40,7 @@ def gains(
     spec: Spec,
     bounds: Bounds,
     starts: Sequence[Mapping[str, float]] = STARTS,
+    sampled: Sequence[DesignModel] = (),
 ) -> dict[str, float]:
     """Return gains and peak filter with the smallest heading rms within the limits.
 
@@ -55,6 +56,8 @@ def gains(
         Stability bounds, possibly stricter than those of `spec`.
     starts : Sequence of Mapping
         Starting points.
+    sampled : Sequence of DesignModel
+        Sampled vehicles, each of which must meet the limits of sampled vehicles.
 
     Returns
     -------
@@ -73,6 +76,12 @@ def gains(
         noise = math.degrees(command_noise_rad(vehicle, Plane.YAW, gains))
         constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
+            **{
+                f"limits of sampled vehicle {number}": max(
+                    violations(sample, gains, min_bounds(spec)).values()
+                )
+                for number, sample in enumerate(sampled, start=1)
+            },
             **peak_filter.violations(Plane.YAW, gains),
             "noise of the rudder's command": noise / spec.command_noise_deg - 1.0,
         }

@@ -1,0 +1,220 @@
+"""Search of one plane's gains that also suit the vehicles sampled from the model.
+
+The search meets the limits of the nominal model. It is repeated until enough of the sampled
+vehicles meet theirs: with more nominal damping, then with single sampled vehicles that have to meet
+their limits, and at last with a larger gain margin.
+"""
+
+import math
+from collections.abc import Sequence
+from types import ModuleType
+from typing import NamedTuple
+
+import numpy as np
+
+from sysid.control_analysis.loop_transfer import Gains
+from sysid.design import constraints
+from sysid.design.constraints import Bounds, min_bounds
+from sysid.design.design_model import DesignModel
+from sysid.design.robustness import fraction_satisfying, min_gain_margin_db
+from sysid.design.specification import DesignInfeasibleError, Spec
+
+DAMPING_FACTORS = (1.08, 1.16)
+"""Factors on the nominal damping ratio, tried in this order until the design is robust enough.
+
+The margins required of the nominal model exceed those required of sampled vehicles; damping is the
+same for both, so a robust design needs more damping on the nominal model.
+"""
+ROBUST_ENOUGH = 0.9
+"""Share of sampled vehicles above which no larger damping factor is tried."""
+MIN_SPARE, SAMPLE_QUANTILE, MAX_SAMPLES = 0.2, 0.8, 3
+"""Share of sampled vehicles above the required one below which single vehicles are added to the
+search, quantile of the violations at which a vehicle is chosen, and their maximum number.
+
+More nominal damping does not help where a mode is visible in the motion of sampled vehicles only.
+"""
+LOW_QUANTILE = 0.025
+"""Quantile of the sampled vehicles' gain margins that must be large enough: the lower end of the
+95 % interval."""
+GAIN_MARGIN_STEPS = 2
+"""Maximum number of increases of the nominal gain margin."""
+
+
+class Samples(NamedTuple):
+    """Vehicles sampled from the posterior of a model."""
+
+    vehicles: Sequence[DesignModel]
+    unmeasured_drive: Sequence[DesignModel]
+    """Vehicles whose drive only tests and bench test inform."""
+
+
+class PlaneSearch(NamedTuple):
+    """Search of the gains of one plane."""
+
+    plane: ModuleType
+    """Module `heading` or `depth`."""
+    vehicle: DesignModel
+    """Nominal model."""
+    samples: Samples
+    spec: Spec
+    others: Gains
+    """Parameters that the search does not change."""
+
+    def find(
+        self,
+        bounds: Bounds,
+        starts: Sequence[Gains],
+        sampled: Sequence[DesignModel] = (),
+    ) -> dict[str, float]:
+        """Return all parameters with the best gains of the plane within the bounds.
+
+        Each of the vehicles `sampled` has to meet its limits. Raises DesignInfeasibleError.
+        """
+        found = self.plane.gains(self.vehicle, self.others, self.spec, bounds, starts, sampled)
+        return {**self.others, **found}
+
+    def hard_sample(self, gains: Gains) -> DesignModel:
+        """Return the sampled vehicle whose largest violation is at `SAMPLE_QUANTILE`."""
+        bounds = min_bounds(self.spec)
+
+        def worst(sample: DesignModel) -> float:
+            return float(max(self.plane.violations(sample, gains, bounds).values()))
+
+        ordered = sorted(self.samples.vehicles, key=worst)
+        return ordered[int(SAMPLE_QUANTILE * len(ordered))]
+
+    def fraction(self, gains: Gains) -> float:
+        """Return the share of sampled vehicles that meet the limits of sampled vehicles."""
+        return fraction_satisfying(
+            self.samples.vehicles, self.plane.violations, gains, min_bounds(self.spec)
+        )
+
+    def gain_margin_db(self, vehicle: DesignModel, gains: Gains) -> float:
+        """Return the smallest gain margin of the plane's loops on a vehicle."""
+        bounds = min_bounds(self.spec)
+        return min_gain_margin_db(self.plane.violations(vehicle, gains, bounds), bounds)
+
+    def missing_gain_margin_db(self, gains: Gains) -> float:
+        """Return what the gain margin lacks at `LOW_QUANTILE`; NaN without sampled vehicles."""
+        margins_db = [self.gain_margin_db(v, gains) for v in self.samples.unmeasured_drive]
+        low_db = float(np.quantile(margins_db, LOW_QUANTILE)) if margins_db else math.nan
+        return self.spec.robust_gm_db - low_db
+
+
+class _Candidate(NamedTuple):
+    """Gains, and the bounds of the nominal model within which they were found."""
+
+    gains: dict[str, float]
+    bounds: Bounds
+    sampled: tuple[DesignModel, ...] = ()
+    """Sampled vehicles that had to meet their limits."""
+    fraction: float = 1.0
+    """Share of all sampled vehicles that meet their limits."""
+
+
+def robust_gains(search: PlaneSearch, starts: Sequence[Gains]) -> dict[str, float]:
+    """Return gains of one plane that suit the nominal model and most of the sampled vehicles.
+
+    Parameters
+    ----------
+    search : PlaneSearch
+        Plane, model, sampled vehicles and specification.
+    starts : Sequence of Gains
+        Starting points of the free gains.
+
+    Returns
+    -------
+    dict
+        All parameters by name.
+
+    Raises
+    ------
+    DesignInfeasibleError
+        No gains meet the limits of the nominal model.
+    """
+    nominal = constraints.nominal(search.spec)
+    gains = search.find(nominal, starts)
+    candidate = _with_damping(search, _Candidate(gains, nominal, (), search.fraction(gains)))
+    if candidate.fraction < search.spec.robust_fraction + MIN_SPARE:
+        candidate = _with_samples(search, candidate, starts)
+    return _with_gain_margin(search, candidate, starts).gains
+
+
+def free_gains(plane: ModuleType, gains: Gains) -> dict[str, float]:
+    """Return the gains that the search of a plane varies.
+
+    Parameters
+    ----------
+    plane : ModuleType
+        Module `heading` or `depth`.
+    gains : Gains
+        All parameters by name.
+
+    Returns
+    -------
+    dict
+        Free gains by name.
+    """
+    return {name: gains[name] for name in plane.STARTS[0]}
+
+
+def _with_damping(search: PlaneSearch, candidate: _Candidate) -> _Candidate:
+    """Increase the nominal damping until enough sampled vehicles meet their limits."""
+    best = latest = candidate
+    for factor in DAMPING_FACTORS:
+        if best.fraction >= ROBUST_ENOUGH:
+            break
+        bounds = candidate.bounds._replace(damping=factor * candidate.bounds.damping)
+        try:
+            gains = search.find(bounds, (free_gains(search.plane, latest.gains),))
+        except DesignInfeasibleError:
+            break
+        latest = _Candidate(gains, bounds, (), search.fraction(gains))
+        best = max(best, latest, key=_share)
+    return best
+
+
+def _with_samples(
+    search: PlaneSearch, candidate: _Candidate, starts: Sequence[Gains]
+) -> _Candidate:
+    """Add sampled vehicles to the search until enough of all meet their limits."""
+    best = latest = candidate
+    for _ in range(MAX_SAMPLES):
+        sampled = (*latest.sampled, search.hard_sample(latest.gains))
+        near = (free_gains(search.plane, latest.gains), *starts)
+        try:
+            gains = search.find(candidate.bounds, near, sampled)
+        except DesignInfeasibleError:
+            break
+        latest = _Candidate(gains, candidate.bounds, sampled, search.fraction(gains))
+        if latest.fraction <= best.fraction:
+            break
+        best = latest
+    return best
+
+
+def _share(candidate: _Candidate) -> float:
+    """Return the share of sampled vehicles that meet their limits."""
+    return candidate.fraction
+
+
+def _with_gain_margin(
+    search: PlaneSearch, candidate: _Candidate, starts: Sequence[Gains]
+) -> _Candidate:
+    """Increase the nominal gain margin until that of nearly all sampled vehicles is large enough.
+
+    A loop has its gain margin above the tested frequencies, where the model is least certain.
+    """
+    for _ in range(GAIN_MARGIN_STEPS):
+        missing_db = search.missing_gain_margin_db(candidate.gains)
+        needed_db = search.gain_margin_db(search.vehicle, candidate.gains) + missing_db
+        if not (missing_db > 0.0 and math.isfinite(needed_db)):
+            break
+        bounds = candidate.bounds._replace(gm_db=needed_db)
+        near = (free_gains(search.plane, candidate.gains), *starts)
+        try:
+            gains = search.find(bounds, near, candidate.sampled)
+        except DesignInfeasibleError:
+            break
+        candidate = candidate._replace(gains=gains, bounds=bounds)
+    return candidate
