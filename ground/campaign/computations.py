@@ -100,7 +100,7 @@ def plan_retest(out: Path, recommended: NextTest, mission: str) -> Retest | None
 def design(out: Path, first: Mapping[str, float]) -> DesignSummary:
     """Redesign the gains and write `gains.param`; return the summary of the design.
 
-    `first` are the parameters of the first dives.
+    `first` are the parameters of the first dives, without trims.
     """
     folder = _folder(out)
     refit.check_converged(folder.model)

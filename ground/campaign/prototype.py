@@ -50,11 +50,13 @@ def parameters_of(vehicle: DesignPrior) -> dict[str, float]:
     Returns
     -------
     dict
-        Values by parameter name; empty for Caribou, whose values are the autopilot's defaults.
+        Values by parameter name, without trims; empty for Caribou, whose values are the
+        autopilot's defaults.
     """
     if vehicle.config.name in CARIBOU:
         return {}
-    return vehicle_parameters.values(vehicle.config)
+    values = vehicle_parameters.values(vehicle.config)
+    return {name: value for name, value in values.items() if not name.startswith("TRIM_")}
 
 
 def trim_learning_for(vehicle: str) -> dict[str, float]:

@@ -178,7 +178,8 @@ class Campaign:
             self.announce(
                 f"refitting the model; flying the missions with the {' and the '.join(gains)} gains"
             )
-            redesigning = dives.submit(self._redesign, worker, first, gains["initial"])
+            untrimmed = {name: value for name, value in first.items() if name not in trims}
+            redesigning = dives.submit(self._redesign, worker, untrimmed, gains["initial"])
             missions += self._begin_missions(dives, baseline[early:], gains)
             design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
@@ -285,7 +286,7 @@ class Campaign:
     ) -> DesignSummary:
         """Refit, fly the recommended tests, and redesign; return the summary of the design.
 
-        `first` are the first gains, and `flown` these gains with the trims.
+        `first` are the first gains without trims, and `flown` these gains with the measured ones.
         """
         self._identify(worker, flown)
         self.announce("redesigning the gains")

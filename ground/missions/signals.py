@@ -17,6 +17,8 @@ LOOP_ON = 100
 """Added to SID_AXIS: the control loop stays on, and the signal is added to its command."""
 MAX_HZ = 25.0
 """Half of the autopilot's control rate of 50 Hz."""
+MAX_TRAVEL_DEG = 45.0
+"""Largest travel of surfaces that the autopilot knows; a vehicle refuses more than its own."""
 MAX_CLOCK_HZ = 10.0
 """Maximum clock frequency of a PRBS."""
 _DIGITS = 7
@@ -123,7 +125,7 @@ def _faults(test: TestSignal) -> Iterator[str]:
     yield _intervals_fault(test.runs) if test.signal == "square" else ""
     if test.signal == "prbs" and test.clock_hz is None:
         yield "test.clock_hz: is missing"
-    max_magnitude = 100.0 if test.axis == "thrust" else 15.0
+    max_magnitude = 100.0 if test.axis == "thrust" else MAX_TRAVEL_DEG
     yield out_of_range(f"test.{size}", magnitude, -max_magnitude, max_magnitude)
     yield out_of_range("test.duration_s", float(test.duration_s), 1.0, 600.0)
     yield out_of_range("test.f_start_hz", test.f_start_hz, 0.0, MAX_HZ)

@@ -120,9 +120,9 @@ def test_the_papers_missions_are_shipped() -> None:
         (LEG + CHIRP.replace("2.0", "inf") + END, "f_stop_hz = inf: expected a finite number"),
         ("= 3", "not valid TOML"),
         (
-            LEG + '[[step]]\ntest = { signal = "step", axis = "rudder", magnitude_deg = 40.0,'
+            LEG + '[[step]]\ntest = { signal = "step", axis = "rudder", magnitude_deg = 50.0,'
             " duration_s = 9 }" + END,
-            "step 2: test.magnitude_deg = 40: must be -15 to 15",
+            "step 2: test.magnitude_deg = 50: must be -45 to 45",
         ),
         (
             LEG
