@@ -236,19 +236,25 @@ def _vehicle(fit: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
     """Return the part of the model file that describes the vehicle."""
     config, tailcone = fit.vehicle.config, fit.vehicle.actuators[Plane.YAW]
 
-    def estimate(name: str, value: float) -> ParameterEstimate:
+    def estimate(name: str, value: float, prior_sd: float) -> ParameterEstimate:
         i = NAMES.index(name)
-        scale = PARAMETERS[i].prior_sd * (value if PARAMETERS[i].kind == "ratio" else 1.0)
-        return ParameterEstimate(value, scale * math.sqrt(fit.covariance[i, i]))
+        return ParameterEstimate(value, prior_sd * math.sqrt(fit.covariance[i, i]))
+
+    def ratio(name: str, value: float) -> ParameterEstimate:
+        return estimate(name, value, value * PARAMETERS[NAMES.index(name)].prior_sd)
 
     return VehicleRecord(
         prior=prior_name,
         mass_kg=config.ballast.mass_kg,
         prior_biases_deg={plane: math.degrees(b) for plane, b in prior.biases_rad.items()},
-        net_buoyancy_n=estimate("net_buoyancy", config.ballast.net_buoyancy_n),
-        crossflow_cd=estimate("crossflow_cd", config.damping.crossflow_cd),
-        natural_frequency_radps=estimate("natural_frequency", tailcone.natural_frequency_radps),
-        damping_ratio=estimate("damping_ratio", tailcone.damping_ratio),
+        net_buoyancy_n=estimate(
+            "net_buoyancy",
+            config.ballast.net_buoyancy_n,
+            parameters.net_buoyancy_sd_n(prior.config),
+        ),
+        crossflow_cd=ratio("crossflow_cd", config.damping.crossflow_cd),
+        natural_frequency_radps=ratio("natural_frequency", tailcone.natural_frequency_radps),
+        damping_ratio=ratio("damping_ratio", tailcone.damping_ratio),
         level_elevator_deg=math.degrees(fits.level_elevator_rad(config, fit.vehicle.model)),
         level_pitch_deg=math.degrees(fits.level_pitch_rad(config, fit.vehicle.model)),
     )

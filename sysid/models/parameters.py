@@ -39,6 +39,10 @@ The step response at 0.99 is practically that of an overdamped lag."""
 
 ASYMMETRY = 0.07
 """Standard deviation of the log ratio of yaw and pitch coefficients of a body of revolution."""
+CARIBOU_MASS_KG, CARIBOU_NET_BUOYANCY_N = 640.0, 22.24
+"""Mass and net buoyancy of Caribou, for which `CARIBOU_NET_BUOYANCY_SD_N` holds."""
+CARIBOU_NET_BUOYANCY_SD_N = 5.0
+"""Prior standard deviation of Caribou's net buoyancy (N), see `net_buoyancy_sd_n`."""
 
 
 class ModelParameter(NamedTuple):
@@ -49,7 +53,9 @@ class ModelParameter(NamedTuple):
     """Planes whose runs depend on the parameter."""
     kind: Kind
     prior_sd: float
-    """Prior standard deviation: of the logarithm for a ratio, in SI units for an offset."""
+    """Prior standard deviation: of the logarithm for a ratio, in SI units for an offset.
+
+    The net buoyancy's is Caribou's; `net_buoyancy_sd_n` gives that of a vehicle."""
     twin: str = ""
     """Yaw coefficient that is equal by symmetry of revolution; empty for none."""
     part: Part = "body"
@@ -90,7 +96,9 @@ PARAMETERS: tuple[ModelParameter, ...] = (
         prior_sd=math.radians(1.0),
         part="tailcone",
     ),
-    ModelParameter(name="net_buoyancy", planes=_PITCH, kind="offset", prior_sd=5.0),
+    ModelParameter(
+        name="net_buoyancy", planes=_PITCH, kind="offset", prior_sd=CARIBOU_NET_BUOYANCY_SD_N
+    ),
     ModelParameter(name="crossflow_cd", planes=_BOTH, kind="ratio", prior_sd=0.25),
     ModelParameter(name="crossflow_slope", planes=_BOTH, kind="offset", prior_sd=0.5),
     ModelParameter(name="crossflow_ends", planes=_BOTH, kind="offset", prior_sd=0.5),
@@ -198,6 +206,27 @@ def sensor_lags_s(z: Array) -> tuple[float, float]:
     return angle, depth
 
 
+def net_buoyancy_sd_n(prior: VehicleConfig) -> float:
+    """Return the prior standard deviation of the net buoyancy (N).
+
+    Caribou's, in proportion to the mass or to the net buoyancy, whichever gives more: ballast is
+    weighed to a share of either.
+
+    Parameters
+    ----------
+    prior : VehicleConfig
+        The prior vehicle.
+
+    Returns
+    -------
+    float
+        Standard deviation (N).
+    """
+    mass_ratio = prior.ballast.mass_kg / CARIBOU_MASS_KG
+    buoyancy_ratio = abs(prior.ballast.net_buoyancy_n) / CARIBOU_NET_BUOYANCY_N
+    return CARIBOU_NET_BUOYANCY_SD_N * max(mass_ratio, buoyancy_ratio)
+
+
 def change_per_step(function: Callable[[Array], Values], z: Array, step: Array) -> Values:
     """Return half the difference of a function of the vehicle one step to both sides of z.
 
@@ -288,7 +317,9 @@ def _changed_config(prior: VehicleConfig, z: Array) -> VehicleConfig:
             prior.damping, crossflow_cd=prior.damping.crossflow_cd * ratios["crossflow_cd"]
         ),
         ballast=msgspec.structs.replace(
-            prior.ballast, net_buoyancy_n=prior.ballast.net_buoyancy_n + offsets["net_buoyancy"]
+            prior.ballast,
+            net_buoyancy_n=prior.ballast.net_buoyancy_n
+            + net_buoyancy_sd_n(prior) * float(z[_NET_BUOYANCY]),
         ),
         operating_point=msgspec.structs.replace(
             prior.operating_point, thrust_n=prior.operating_point.thrust_n * ratios["axial_drag"]
@@ -371,6 +402,7 @@ def backlash_deg(prior: VehicleConfig) -> float:
 
 
 _CROSSFLOW_SHAPE = tuple(NAMES.index(name) for name in ("crossflow_slope", "crossflow_ends"))
+_NET_BUOYANCY = NAMES.index("net_buoyancy")
 _SENSOR_LAGS = tuple(NAMES.index(name) for name in ("angle_lag", "depth_lag"))
 _RATIOS, _OFFSETS = (
     tuple((i, p.name, p.prior_sd) for i, p in enumerate(PARAMETERS) if p.kind == kind)

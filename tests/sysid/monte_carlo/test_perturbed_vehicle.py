@@ -25,6 +25,17 @@ def test_perturb_stays_within_uncertainty(vehicle: str) -> None:
     assert truth.linear != prior.linear
 
 
+@pytest.mark.parametrize(
+    ("vehicle", "expected_n"),
+    [("caribou_nominal", 5.0), ("remus100", 0.75), ("xfin_auv", 12.3)],
+)
+def test_net_buoyancy_is_uncertain_in_proportion_to_the_vehicle(
+    vehicle: str, expected_n: float
+) -> None:
+    """Caribou: 5 N of 640 kg and of 22.24 N. With 5 N, a third of draws of a 7 kg vehicle sink."""
+    assert parameters.net_buoyancy_sd_n(config.load(vehicle)) == pytest.approx(expected_n, rel=5e-3)
+
+
 def test_write_same_seed_same_text_and_refused_as_prior(tmp_path: Path) -> None:
     prior = config.load("remus100")
     text = perturbed_vehicle.write(prior, seed=1)
