@@ -1,10 +1,12 @@
 """Campaigns of eight unlike vehicles, each flown with a truth that is not its prior.
 
     python -m benchmarks.campaigns [--vehicles NAME,...] [--seeds 5] [--jobs N] [--keep DIR]
+    python -m benchmarks.campaigns --vehicles drawn_1,drawn_2,... --seeds 1
 
-Each campaign is `ground campaign --vehicle FILE --seed N` in the disturbed sea. A campaign that has
-ended is kept in its folder and not flown again, so that the command continues where it was ended.
-Exit status 1 if a target is missed.
+Vehicles named drawn_N are drawn at random (`benchmarks.campaigns.drawn`). Each campaign is
+`ground campaign --vehicle FILE --seed N` in the disturbed sea. A campaign that has ended is kept in
+its folder and not flown again, so that the command continues where it was ended. Exit status 1 if a
+target is missed.
 """
 
 import argparse
@@ -20,6 +22,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.campaigns import drawn
 from sysid.trials import usable_cores
 
 ROOT = Path(__file__).parents[2]
@@ -111,10 +114,27 @@ def _arguments() -> argparse.Namespace:
 def _names(text: str) -> tuple[str, ...]:
     """Return names of vehicles. Raises ArgumentTypeError."""
     names = tuple(text.split(","))
-    unknown = [name for name in names if name not in VEHICLES]
+    unknown = [name for name in names if name not in VEHICLES and not _number_of(name)]
     if unknown:
-        raise argparse.ArgumentTypeError(f"{unknown[0]!r}: give one of {', '.join(VEHICLES)}")
+        choices = ", ".join([*VEHICLES, f"{drawn.NAME}1, {drawn.NAME}2, ..."])
+        raise argparse.ArgumentTypeError(f"{unknown[0]!r}: give one of {choices}")
     return names
+
+
+def _number_of(name: str) -> str:
+    """Return the number of a drawn vehicle as text; empty for another name."""
+    number = name.removeprefix(drawn.NAME)
+    return number if number != name and number.isdecimal() else ""
+
+
+def _file_of(vehicle: str, keep: Path) -> str:
+    """Return the value of `--vehicle`; write the file of a drawn one."""
+    if vehicle in VEHICLES:
+        return VEHICLES[vehicle]
+    path = keep / f"{vehicle}.toml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(drawn.text(int(_number_of(vehicle))), encoding="utf-8")
+    return str(path)
 
 
 def run(vehicle: str, seed: int, keep: Path, jobs: int) -> Outcome:
@@ -123,7 +143,7 @@ def run(vehicle: str, seed: int, keep: Path, jobs: int) -> Outcome:
     Parameters
     ----------
     vehicle : str
-        Name in `VEHICLES`.
+        Name in `VEHICLES`, or of a drawn vehicle.
     seed : int
         Seed of the campaign.
     keep : Path
@@ -140,7 +160,8 @@ def run(vehicle: str, seed: int, keep: Path, jobs: int) -> Outcome:
     if (folder / OUTCOME_FILE).is_file():
         return Outcome(**json.loads((folder / OUTCOME_FILE).read_text(encoding="utf-8")))
     shutil.rmtree(folder, ignore_errors=True)
-    command = [sys.executable, "-m", "ground", "campaign", "--vehicle", VEHICLES[vehicle]]
+    command = [sys.executable, "-m", "ground", "campaign", "--vehicle"]
+    command += [_file_of(vehicle, keep)]
     command += ["--seed", str(seed), "--jobs", str(jobs), "--json", "--out", str(folder)]
     process = subprocess.run(command, capture_output=True, text=True, check=False)
     if process.returncode == 0:

@@ -8,6 +8,7 @@ leaves out: sensor errors, estimator and reference models.
 """
 
 from collections.abc import Iterator, Mapping
+from itertools import product
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -46,6 +47,11 @@ RELAXED_LIMITS: tuple[dict[str, float], ...] = (
 They are used where no gains meet the stricter ones, or where those that do hold heading or depth
 worse than the first gains. An unstable hull or a slow tailcone bounds the margins that any gains
 reach."""
+SETTLING_FACTORS = (1.0, 2.0, 4.0)
+"""Factors on the time in which a constant load must be compensated.
+
+A larger one is tried where no gains are feasible with the smaller ones: a slow tailcone bounds the
+bandwidth of the depth loop."""
 REHEARSED_VEHICLES, SEED = 8, 1
 """Number of sampled vehicles that are flown with each set of gains, and seed of the samples."""
 CLEARLY_BETTER = 0.97
@@ -90,6 +96,10 @@ class _Candidate(NamedTuple):
     failure: str = ""
     """How the gains fail in simulation, without a subject; the ratios are infinite then."""
 
+    def settling_factor(self, spec: Spec) -> float:
+        """Time in which the design compensates a load, over that of the specification."""
+        return self.design.spec.integral_settling_s / spec.integral_settling_s
+
     @property
     def worst(self) -> float:
         """Larger one of both ratios."""
@@ -120,8 +130,12 @@ def select(request: SelectionRequest) -> tuple[Design, GainSelection]:
     candidates: list[_Candidate] = []
     infeasible: DesignInfeasibleError | None = None
     initial = {name: request.first[name] for name in TABLE_3_INITIAL}
-    specs = [replace(request.spec, **limits) for limits in ({}, *RELAXED_LIMITS)]
-    for spec in specs:
+    last_spec = replace(request.spec, **RELAXED_LIMITS[-1])
+    for factor, limits in product(SETTLING_FACTORS, ({}, *RELAXED_LIMITS)):
+        if candidates and factor > candidates[0].settling_factor(request.spec):
+            break
+        settling_s = factor * request.spec.integral_settling_s
+        spec = replace(request.spec, integral_settling_s=settling_s, **limits)
         try:
             design = pid.redesign(request.model, spec, request.prior, initial)
         except DesignInfeasibleError as error:
@@ -134,7 +148,7 @@ def select(request: SelectionRequest) -> tuple[Design, GainSelection]:
     if best is not None and best.worst <= 1.0:
         return _selection(best, request.spec)
     try:
-        kept = pid.keep(request.model, request.first, specs[-1], request.prior)
+        kept = pid.keep(request.model, request.first, last_spec, request.prior)
     except DesignInfeasibleError:
         if not candidates:
             assert infeasible is not None, "a design that is feasible is a candidate"
@@ -162,6 +176,11 @@ def _reasons(candidate: _Candidate, spec: Spec) -> Iterator[str]:
         yield (
             f"limits GM {met.gm_db:g} dB, PM {met.pm_deg:g} deg, damping {met.damping:g}: no gains"
             " within stricter ones hold heading and depth as well as the first gains"
+        )
+    if candidate.settling_factor(spec) > 1.0:
+        yield (
+            f"a constant load is compensated in {met.integral_settling_s:g} s: no gains do so in"
+            f" {spec.integral_settling_s:g} s"
         )
     if candidate.failure:
         yield f"these gains {candidate.failure}, and the first gains lack the required margins"

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.campaigns import __main__ as campaigns
+from benchmarks.campaigns import drawn
 from benchmarks.campaigns.__main__ import Outcome
 from sitl.vehicle import config
 
@@ -23,6 +24,15 @@ SUMMARY = {
 @pytest.mark.parametrize("name", [name for name in campaigns.VEHICLES if name != "caribou"])
 def test_vehicle_files_can_be_read(name: str) -> None:
     assert config.load(campaigns.VEHICLES[name]).name
+
+
+@pytest.mark.parametrize("number", range(1, 6))
+def test_drawn_vehicle_is_a_valid_file(number: int, tmp_path: Path) -> None:
+    path = tmp_path / "drawn.toml"
+    path.write_text(drawn.text(number), encoding="utf-8")
+    vehicle = config.load(path)
+    assert vehicle.name == f"drawn_{number}"
+    assert drawn.text(number) == drawn.text(number) != drawn.text(number + 1)
 
 
 def test_summarise_compares_redesigned_with_first_gains() -> None:

@@ -56,6 +56,12 @@ RELAXED_SPECS = (
 An unstable hull or a slow tailcone bounds the margins that any gains reach. The gains of the first
 dive need margins until the redesign; the check on vehicles sampled from the prior is not relaxed.
 """
+REFERENCE_DAMPING = 0.6
+"""Damping ratio of the tailcone from which on the damping of the limits is asked for.
+
+Feedback lowers the damping of the tailcone's own mode: one of less damping would hardly permit
+any gain. With 0.52 the gains were a fifth of what the margins permit, too little to hold the pitch.
+"""
 OVERSHOOT_FACTORS = (1.0, 2.0, 4.0, 8.0)
 """Allowed overshoot of a change of depth over that of the limits, tried in this order."""
 TRIM_UNCERTAINTY_RAD = math.radians(2.0)
@@ -209,8 +215,11 @@ def design_on_root_loci(name_or_path: str | Path, spec: Spec = SPEC) -> RootLocu
     DesignInfeasibleError
         No gains meet the specification, or too few vehicles of the prior are stable.
     """
-    config, bounds = vehicle_files.load(name_or_path), constraints.nominal(spec)
+    config = vehicle_files.load(name_or_path)
     vehicle, samples = prior.nominal_model(config), list(prior.sample_models(config))
+    bounds = constraints.nominal(spec)
+    tail_ratio = min(1.0, config.tailcone.damping_ratio / REFERENCE_DAMPING)
+    bounds = bounds._replace(damping=tail_ratio * bounds.damping)
     pitch, depth = root_locus.depth(
         vehicle, samples, bounds, math.radians(spec.pitch_per_metre_deg)
     )

@@ -218,14 +218,18 @@ damping_ratio = 0.52
 delay_s = 0.091
 rate_degps = 24.7
 """
-"""A vehicle whose changes of depth overshoot by 11 % at least with the gains of a first dive."""
+"""A vehicle with a weakly damped tailcone, whose changes of depth overshoot by more than 4 %."""
 
 
-def test_initial_gains_with_overshoot_are_accepted(tmp_path: Path) -> None:
+def test_initial_gains_of_a_weakly_damped_tailcone_hold_the_pitch(tmp_path: Path) -> None:
+    """With the damping that is asked for of others PTCH_P is 0.08, and a trim error of 2 deg 25 deg
+    of pitch.
+    """
     path = tmp_path / "strong_fins.toml"
     path.write_text(STRONG_FINS, encoding="utf-8")
     designed = initial.design_initial_gains(path)
-    assert designed.parameters["DPT_REF_W"] == 0.1
+    assert designed.parameters["PTCH_P"] > 0.12
+    assert designed.parameters["DPT_REF_W"] < 0.2
 
 
 def test_heading_long_delay_raises_infeasible(caribou: DesignModel) -> None:

@@ -150,3 +150,29 @@ def test_select_gains_that_fail_in_simulation_says_what_happened(
     assert "inf" not in selection.reason
     # A campaign that is resumed reads its summary: JSON has no infinity.
     assert json_record.decode(json_record.encode(selection), GainSelection) == selection
+
+
+def test_load_is_compensated_more_slowly_only_where_no_gains_are_feasible(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """30 s is Caribou's time; a slow tailcone bounds the bandwidth of the depth loop."""
+    asked: list[tuple[float, float]] = []
+
+    def redesign(model: object, spec: Spec, *others: object) -> Any:
+        asked.append((spec.integral_settling_s, spec.pm_deg))
+        if spec.integral_settling_s < 60.0:
+            raise DesignInfeasibleError("no gains")
+        return SimpleNamespace(spec=spec)
+
+    monkeypatch.setattr(pid, "redesign", redesign)
+    monkeypatch.setattr(
+        gain_selection,
+        "_rehearse",
+        lambda request, design: gain_selection._Candidate(design, 0.5, 0.5),
+    )
+    anything: Any = None
+    request = SelectionRequest(anything, Spec(), anything, TABLE_3_INITIAL, ())
+    design, selection = gain_selection.select(request)
+    assert asked == [(30.0, 55.0), (30.0, 45.0), (30.0, 38.0), (60.0, 55.0)]
+    assert design.spec.integral_settling_s == 60.0
+    assert selection.reason == ("a constant load is compensated in 60 s: no gains do so in 30 s")
