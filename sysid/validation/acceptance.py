@@ -414,7 +414,7 @@ def _next_test(
     worst = max(candidates, key=_relative_violation)
     if worst.plane is None:
         return None
-    signal, duration_s = _recommended_signal(worst, checks)
+    signal, duration_s = _recommended_signal(worst, checks, model)
     reason = (
         format_check(worst)
         if not worst.passed
@@ -440,18 +440,31 @@ def _relative_violation(check: AcceptanceCheck) -> float:
 
 
 def _recommended_signal(
-    check: AcceptanceCheck, checks: Sequence[AcceptanceCheck]
+    check: AcceptanceCheck, checks: Sequence[AcceptanceCheck], model: IdentifiedModel
 ) -> tuple[str, float]:
     """Signal and duration (s).
 
     A chirp for the dynamics about crossover, long steps for slow numbers. Held-out tests that
-    contradict the model ask for tests to be fitted; those that know too little for more of them.
+    contradict the model ask for tests to be fitted; those that know too little for more of them,
+    and so do contradictions that remain when more chirps are fitted than tests held out.
     """
-    if "held" in check.name and not _contradicted(check, checks):
+    if "held" in check.name and (
+        not _contradicted(check, checks) or _has_more_chirps(model, check.plane)
+    ):
         return WAVE_TO_HOLD_OUT, SHORT_S
     if check.name.startswith(SLOW_NUMBERS):
         return WAVE_FOR_GAIN, LONG_S
     return WAVE_FOR_DYNAMICS, LONG_S
+
+
+def _has_more_chirps(model: IdentifiedModel, plane: Plane | None) -> bool:
+    """Return whether more chirps of a plane were fitted than tests held out."""
+    chirps = sum(
+        run.accepted and run.plane == plane and run.wave == WAVE_FOR_DYNAMICS
+        for run in model.screening
+    )
+    held_out = sum(run.accepted and run.plane == plane for run in model.held_out_screening)
+    return chirps > held_out
 
 
 def _contradicted(check: AcceptanceCheck, checks: Sequence[AcceptanceCheck]) -> bool:

@@ -10,7 +10,12 @@ import pytest
 from sitl.vehicle import config
 from sysid.data.segments import Run
 from sysid.estimation.map import model_error
-from sysid.models.model_file import IdentifiedModel, ParameterCovariance, ParameterEstimate
+from sysid.models.model_file import (
+    IdentifiedModel,
+    ParameterCovariance,
+    ParameterEstimate,
+    ScreenedRun,
+)
 from sysid.planes import Plane
 from sysid.validation.acceptance import assess, format_check
 from sysid.validation.assess import with_assessment
@@ -270,6 +275,24 @@ def test_assess_contradicted_model_asks_for_tests_to_be_fitted(good_model: Ident
     next_test = assess(changed, changed.validation).next_test
     assert next_test is not None
     assert next_test.signal == "3211"
+
+
+def test_assess_contradiction_that_more_chirps_left_asks_for_held_out_tests(
+    good_model: IdentifiedModel,
+) -> None:
+    """The held-out tests may be at fault: they began in motion, or are few."""
+    chirp = ScreenedRun("sweeps/1", Plane.YAW, "chirp", 3.0, 30.0, True, ())
+    held_out = replace(chirp, run="heldout/1", wave="3211")
+    sure = Correction(gain_db=-1.6, gain_sd_db=0.4, phase_deg=0.0, phase_sd_deg=1.0)
+    for chirps, tests, signal in ((4, 7, "chirp"), (8, 7, "3211")):
+        changed = replace(
+            of_yaw(correction=sure)(good_model),
+            screening=(chirp,) * chirps,
+            held_out_screening=(held_out,) * tests,
+        )
+        next_test = assess(changed, changed.validation).next_test
+        assert next_test is not None
+        assert next_test.signal == signal
 
 
 @pytest.mark.parametrize(("excess_over_floor", "signal"), [(0.0, "3211"), (3.0, "chirp")])
