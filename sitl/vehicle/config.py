@@ -160,7 +160,9 @@ def _complete(text: str, source: str, folder: Path | None) -> Completed:
     tables = toml_io.read(text, source, VehicleFileError)
     try:
         return finish(tables, source, folder)
-    except ArithmeticError as error:  # of a derived quantity, by a length of 1e-320 m or 1e300 m
+    except VehicleFileError:
+        raise
+    except (ArithmeticError, ValueError) as error:  # derived from a length of 1e-320 m or 1e300 m
         raise VehicleFileError(
             f"{source}: its lengths and masses give no vehicle ({error}); give SI units"
         ) from None

@@ -9,6 +9,7 @@ from sitl.vehicle import build_model, config
 from tests.sitl.vehicle import flight
 
 BENCH = (Path(config.__file__).parent / "caribou_nominal.toml").read_text()
+REMUS = (Path(config.__file__).parent / "remus100.toml").read_text()
 
 
 def altered(key: str, value: str) -> str:
@@ -80,6 +81,13 @@ def test_propeller_larger_than_duct_rejected():
         match=r"propeller\.diameter_m = 0\.5: expected less than duct\.diameter_m",
     ):
         config.parse(text, "mine.toml")
+
+
+def test_hull_too_thin_for_its_formulas_rejected():
+    """The eccentricity of the spheroid rounds to 1, whose artanh is infinite."""
+    text = re.sub(r"(?m)^diameter_m = .*$", "diameter_m = 1e-9", REMUS, count=1)
+    with pytest.raises(config.VehicleFileError, match=r"give no vehicle.*give SI units"):
+        config.parse(text, "thin.toml")
 
 
 def test_table_instead_of_number_rejected_with_key():
