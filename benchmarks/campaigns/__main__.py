@@ -45,6 +45,8 @@ MIN_OTHERS = 3
 MIN_SHARE = 0.9
 """Smallest share of campaigns that are fit, and of redesigns that are at least as good."""
 KEEP = Path("studies") / "campaigns"
+WIDTH = 150
+"""Width of the table where the output is no terminal."""
 OUTCOME_FILE = "outcome.json"
 NOT_FIT = "not fit for redesign"
 """Words of the error of a campaign whose model is not fit."""
@@ -90,7 +92,7 @@ def main() -> int:
         for seed in range(1, asked.seeds + 1):
             outcomes.append(run(name, seed, asked.keep, asked.jobs))
             print(_line(outcomes[-1]), file=sys.stderr, flush=True)
-    Console().print(table(outcomes))
+    Console(width=None if sys.stdout.isatty() else WIDTH).print(table(outcomes))
     targets = list(judge(outcomes))
     for text, met in targets:
         print(f"{'met   ' if met else 'MISSED'} {text}")
