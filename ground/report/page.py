@@ -142,7 +142,7 @@ def _page(
     drawn["posterior"] = charts.posterior_chart(summary.model.coefficients)
     parts = {
         **(NOTES if with_paper else OTHER_NOTES),
-        "title": escape(TITLE if with_paper else f"{summary.vehicle}: {SUBTITLE}"),
+        "title": escape(TITLE if with_paper else f"{Path(summary.vehicle).stem}: {SUBTITLE}"),
         "lead": _lead(summary),
         "verdict": campaign_verdict.card(summary),
         "headline": _headline(summary.steady_error, with_paper=with_paper),
