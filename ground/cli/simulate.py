@@ -94,7 +94,7 @@ def simulate(
         known = prototype.parameters_of(posterior)
         request = study.StudyRequest(
             items=items,
-            gains={name: {**known, **gains} for name, gains in loaded.items()},
+            gains={name: {**known, **values} for name, values in loaded.items()},
             seas=seas,
             vehicles=samples,
             seed=seed,

@@ -4,6 +4,7 @@ A violation is a share of its limit: positive means that the limit is violated.
 """
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -61,6 +62,25 @@ def min_bounds(spec: Spec) -> Bounds:
         pm_deg=spec.robust_pm_deg,
         max_sensitivity=math.inf,
     )
+
+
+def worst_of_samples(samples: Iterable[ConstraintViolation]) -> ConstraintViolation:
+    """Return the largest violation of each sampled vehicle.
+
+    Parameters
+    ----------
+    samples : iterable of ConstraintViolation
+        Violations of each vehicle.
+
+    Returns
+    -------
+    dict
+        One violation per vehicle, numbered from 1.
+    """
+    return {
+        f"limits of sampled vehicle {number}": max(violations.values())
+        for number, violations in enumerate(samples, start=1)
+    }
 
 
 def margin_violations(

@@ -8,7 +8,6 @@ leaves out: sensor errors, estimator and reference models.
 """
 
 from collections.abc import Iterator, Mapping
-from itertools import product
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -96,10 +95,6 @@ class _Candidate(NamedTuple):
     failure: str = ""
     """How the gains fail in simulation, without a subject; the ratios are infinite then."""
 
-    def settling_factor(self, spec: Spec) -> float:
-        """Time in which the design compensates a load, over that of the specification."""
-        return self.design.spec.integral_settling_s / spec.integral_settling_s
-
     @property
     def worst(self) -> float:
         """Larger one of both ratios."""
@@ -131,19 +126,20 @@ def select(request: SelectionRequest) -> tuple[Design, GainSelection]:
     infeasible: DesignInfeasibleError | None = None
     initial = {name: request.first[name] for name in TABLE_3_INITIAL}
     last_spec = replace(request.spec, **RELAXED_LIMITS[-1])
-    for factor, limits in product(SETTLING_FACTORS, ({}, *RELAXED_LIMITS)):
-        if candidates and factor > candidates[0].settling_factor(request.spec):
-            break
+    for factor in SETTLING_FACTORS:
         settling_s = factor * request.spec.integral_settling_s
-        spec = replace(request.spec, integral_settling_s=settling_s, **limits)
-        try:
-            design = pid.redesign(request.model, spec, request.prior, initial)
-        except DesignInfeasibleError as error:
-            infeasible = error
-            continue
-        candidates.append(_rehearse(request, design))
-        if candidates[-1].worst <= CLEARLY_BETTER:
-            return _selection(candidates[-1], request.spec)
+        for limits in ({}, *RELAXED_LIMITS):
+            spec = replace(request.spec, integral_settling_s=settling_s, **limits)
+            try:
+                design = pid.redesign(request.model, spec, request.prior, initial)
+            except DesignInfeasibleError as error:
+                infeasible = error
+                continue
+            candidates.append(_rehearse(request, design))
+            if candidates[-1].worst <= CLEARLY_BETTER:
+                return _selection(candidates[-1], request.spec)
+        if candidates:
+            break
     best = min(candidates, key=lambda candidate: candidate.worst, default=None)
     if best is not None and best.worst <= 1.0:
         return _selection(best, request.spec)
@@ -177,7 +173,7 @@ def _reasons(candidate: _Candidate, spec: Spec) -> Iterator[str]:
             f"limits GM {met.gm_db:g} dB, PM {met.pm_deg:g} deg, damping {met.damping:g}: no gains"
             " within stricter ones hold heading and depth as well as the first gains"
         )
-    if candidate.settling_factor(spec) > 1.0:
+    if met.integral_settling_s > spec.integral_settling_s:
         yield (
             f"a constant load is compensated in {met.integral_settling_s:g} s: no gains do so in"
             f" {spec.integral_settling_s:g} s"

@@ -78,11 +78,11 @@ def autopilot_parameters(
         ),
         "NAV_LOS_M": (
             within_range("NAV_LOS_M", max(MIN_LOOK_AHEAD_M, LOOK_AHEAD_TURNS * turn_m)),
-            "2.5 turning circles, at least 15 m",
+            "2.5 times the radius of the turning circle, at least 15 m",
         ),
         "NAV_ACC_RAD_M": (
             within_range("NAV_ACC_RAD_M", max(MIN_ACCEPTANCE_M, turn_m)),
-            "turning circle, which a right angle begins before its corner, at least 5 m",
+            "radius of the turning circle, so that a turn begins before its corner; at least 5 m",
         ),
         "EST_DENSITY": (config.water.density_kgpm3, "water of the vehicle file"),
     }

@@ -7,7 +7,7 @@ from sysid.control_analysis import loop_transfer, modal
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
-from sysid.design.constraints import Bounds, ConstraintViolation, min_bounds
+from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import DesignModel, command_noise_rad, depth_rms
 from sysid.design.pid import peak_filter
 from sysid.design.specification import Spec
@@ -97,12 +97,9 @@ def gains(
         noise = math.degrees(command_noise_rad(vehicle, Plane.PITCH, gains))
         constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
-            **{
-                f"limits of sampled vehicle {number}": max(
-                    violations(sample, gains, min_bounds(spec)).values()
-                )
-                for number, sample in enumerate(sampled, start=1)
-            },
+            **constraints.worst_of_samples(
+                violations(sample, gains, constraints.min_bounds(spec)) for sample in sampled
+            ),
             "pitch activity": pitch / initial_pitch / spec.pitch_rms_ratio - 1.0,
             "pitch per metre of depth": math.degrees(gains["DPT_P"]) / spec.pitch_per_metre_deg
             - 1.0,

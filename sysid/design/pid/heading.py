@@ -7,7 +7,7 @@ from sysid.control_analysis import loop_transfer, modal
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
-from sysid.design.constraints import Bounds, ConstraintViolation, min_bounds
+from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import DesignModel, command_noise_rad, heading_rms
 from sysid.design.pid import peak_filter
 from sysid.design.specification import Spec
@@ -76,12 +76,9 @@ def gains(
         noise = math.degrees(command_noise_rad(vehicle, Plane.YAW, gains))
         constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
-            **{
-                f"limits of sampled vehicle {number}": max(
-                    violations(sample, gains, min_bounds(spec)).values()
-                )
-                for number, sample in enumerate(sampled, start=1)
-            },
+            **constraints.worst_of_samples(
+                violations(sample, gains, constraints.min_bounds(spec)) for sample in sampled
+            ),
             **peak_filter.violations(Plane.YAW, gains),
             "noise of the rudder's command": noise / spec.command_noise_deg - 1.0,
         }
