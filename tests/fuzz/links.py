@@ -2,15 +2,19 @@
 
 import gc
 import math
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.comms import hil as hil_link
 from mavlink_io import dialect
 from mavlink_io.codec import Framer, encode
-from mavlink_io.dialect import MessageType
 from mavlink_io.services.ftp import payload as ftp
+from mavlink_io.vehicle_modes import VehicleMode
 from tests.fuzz.frames import ByteSource, messages_by_name, stream
 from tests.helpers.fake_hil import TICK_US, sensors
 from tests.helpers.rig import SENSOR, Rig
@@ -23,8 +27,16 @@ SETTLE_TICKS = 12
 The clock of the sensors is accepted again after five samples on one time base."""
 PASSES = 3
 """Maximum number of passes of the main loop per sample: each pass reads one datagram of a link."""
-CASES_PER_RIG = 200
-"""Number of cases on one autopilot: later cases meet the state that earlier ones have left."""
+CASES_PER_AUTOPILOT = {False: 200, True: 10}
+"""Number of cases on one autopilot, by whether it is armed: later cases meet the state that earlier
+ones have left. Failsafes that stay active end the other modes of an armed vehicle."""
+MODES = tuple(mode.value for mode in VehicleMode)
+"""Modes that an armed vehicle is commanded into before a case, in turn."""
+CUSTOM_MODE = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+COMMAND_TICKS = 2
+"""Number of ticks after which the commands before a case are processed."""
+FIRST_TICKS = 3
+"""Number of ticks of an autopilot before its first case."""
 
 FILE_TRANSFER = dialect.by_name("FILE_TRANSFER_PROTOCOL")
 HIL_MESSAGES = (
@@ -45,14 +57,80 @@ class LinkReport(NamedTuple):
     """Number of complete frames with a correct CRC."""
     tick_cpu_s: float
     """Largest CPU time of a pass of the main loop that answered a sample."""
+    armed: bool
+    """Whether the vehicle was armed when the frames arrived."""
+
+
+class FuzzedAutopilot:
+    """An autopilot under fuzzing.
+
+    Parameters
+    ----------
+    armed : bool
+        True: it writes onboard logs, and before each case it is armed and commanded into one of the
+        modes, which it may refuse.
+        False: cases find it as the cases before have left it, at first disarmed.
+    """
+
+    def __init__(self, *, armed: bool) -> None:
+        self._folder = tempfile.TemporaryDirectory() if armed else None
+        self.rig = Rig(Path(self._folder.name) if self._folder else None)
+        self.cases, self._ticks = 0, 0
+        for _ in range(FIRST_TICKS):
+            self.tick()
+
+    def begin_case(self, mode: int) -> None:
+        """Count a case; arm a vehicle that has to be armed, and command it into a mode."""
+        self.cases += 1
+        if self._folder:
+            self._command(mavlink.MAV_CMD_DO_SET_MODE, CUSTOM_MODE, mode)
+            self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+            for _ in range(COMMAND_TICKS):
+                self.tick()
+
+    def _command(self, number: int, *parameters: float) -> None:
+        """Send a command of the ground station."""
+        filled = [*parameters, *[0.0] * (7 - len(parameters))]
+        self.rig.send(mavlink.MAVLink_command_long_message(1, 1, number, 0, *filled))
+
+    def tick(self) -> tuple[bool, float]:
+        """Send a sample; return whether it was answered, and the CPU time of the pass."""
+        self._ticks += 1
+        time_us = self._ticks * TICK_US
+        self.rig.simulator.send_values(SENSOR, sensors(time_us, depth_m=2.0))
+        longest_s, answered = 0.0, False
+        for _ in range(PASSES):
+            began_s = time.thread_time()
+            self.rig.step()
+            longest_s = max(longest_s, time.thread_time() - began_s)
+            while frames := self.rig.simulator.receive():
+                answers = [frame.decode() for frame in frames]
+                for answer in answers:
+                    _check_answer(answer)
+                answered |= any(getattr(a, "time_usec", -1) == time_us for a in answers)
+            if answered:
+                break
+        return answered, longest_s
+
+    def internal_errors(self) -> set[str]:
+        """Return the services in which an exception was caught."""
+        return self.rig.server.guard._reported | self.rig.onboard_log._guard._reported
+
+    def close(self) -> None:
+        """End the autopilot and remove its logs."""
+        self.rig.onboard_log.close()
+        self.rig.close()
+        if self._folder:
+            self._folder.cleanup()
 
 
 class LinkFuzz:
-    """One autopilot that receives cases on one of its links."""
+    """Two autopilots, a disarmed and an armed one, that receive cases in turn."""
 
     def __init__(self) -> None:
-        self._rig: Rig | None = None
-        self._cases, self._ticks = 0, 0
+        self._autopilots: dict[bool, FuzzedAutopilot] = {}
+        """Autopilots in use, by whether they are armed."""
+        self._cases = 0
         served = Rig()
         handlers = served.server._services._table
         self._ground_messages = tuple(
@@ -64,81 +142,66 @@ class LinkFuzz:
 
     def ground(self, data: bytes) -> LinkReport:
         """Send frames of all messages that the vehicle serves."""
-        return self._run(data, self._ground_messages, lambda rig, sent: rig.line.send(sent))
+        return self._run_ground(stream(data, self._ground_messages))
 
     def file_transfer(self, data: bytes) -> LinkReport:
         """Send requests of the file transfer protocol."""
-        return self._run_sent(_file_requests(data), lambda rig, sent: rig.line.send(sent))
+        return self._run_ground(_file_requests(data))
 
     def hil(self, data: bytes) -> LinkReport:
         """Send frames of all messages that sensors and devices send."""
-        report = self._run(data, HIL_MESSAGES, lambda rig, sent: rig.simulator.transport.send(sent))
-        rig = self._present_rig()
+        report, autopilot = self._run(
+            stream(data, HIL_MESSAGES), lambda rig, sent: rig.simulator.transport.send(sent)
+        )
         for _ in range(SETTLE_TICKS):
-            if self._tick(rig)[0]:
+            if autopilot.tick()[0]:
                 return report
         raise DefectError("no sample is answered any more")
 
     def close(self) -> None:
-        """End the autopilot."""
-        if self._rig is not None:
-            self._rig.close()
-            self._rig = None
+        """End the autopilots."""
+        for autopilot in self._autopilots.values():
+            autopilot.close()
+        self._autopilots.clear()
+
+    def _run_ground(self, sent: bytes) -> LinkReport:
+        """Send bytes on the ground link."""
+        return self._run(sent, lambda rig, data: rig.line.send(data))[0]
 
     def _run(
-        self, data: bytes, messages: tuple[MessageType, ...], send: Callable[[Rig, bytes], None]
-    ) -> LinkReport:
-        """Send the frames that the bytes select."""
-        return self._run_sent(stream(data, messages), send)
-
-    def _run_sent(self, sent: bytes, send: Callable[[Rig, bytes], None]) -> LinkReport:
+        self, sent: bytes, send: Callable[[Rig, bytes], None]
+    ) -> tuple[LinkReport, FuzzedAutopilot]:
         """Send bytes on a link and run ticks until all was processed."""
-        rig = self._present_rig()
+        autopilot = self._next_autopilot()
+        autopilot.begin_case(MODES[self._cases // 2 % len(MODES)])
+        rig, armed = autopilot.rig, autopilot.rig.vehicle.armed
         send(rig, sent)
         longest_s = 0.0
         for _ in range(400):
-            _, cpu_s = self._tick(rig)
+            _, cpu_s = autopilot.tick()
             longest_s = max(longest_s, cpu_s)
             if not any(link.backlog for link in rig.server.links):
                 break
         else:
             raise DefectError("received frames are not processed")
-        reported = rig.server.guard._reported | rig.onboard_log._guard._reported
-        if reported:
+        if errors := autopilot.internal_errors():
             self.close()
-            raise DefectError(f"internal error: {sorted(reported)}")
+            raise DefectError(f"internal error: {sorted(errors)}")
         while rig.line.receive():
             pass
-        return LinkReport(len(Framer().feed(sent)), longest_s)
+        return LinkReport(len(Framer().feed(sent)), longest_s, armed), autopilot
 
-    def _present_rig(self) -> Rig:
-        """Return the autopilot; a new one after `CASES_PER_RIG` cases."""
+    def _next_autopilot(self) -> FuzzedAutopilot:
+        """Return the two autopilots in turn; new ones after `CASES_PER_AUTOPILOT`."""
+        armed = self._cases % 2 == 1
         self._cases += 1
-        if self._rig is None or self._cases % CASES_PER_RIG == 0:
-            self.close()
-            self._rig, self._ticks = Rig(), 0
-            for _ in range(3):
-                self._tick(self._rig)
-        return self._rig
-
-    def _tick(self, rig: Rig) -> tuple[bool, float]:
-        """Send a sample; return whether it was answered, and the CPU time of the pass."""
-        self._ticks += 1
-        time_us = self._ticks * TICK_US
-        rig.simulator.send_values(SENSOR, sensors(time_us, depth_m=2.0))
-        longest_s, answered = 0.0, False
-        for _ in range(PASSES):
-            began_s = time.thread_time()
-            rig.step()
-            longest_s = max(longest_s, time.thread_time() - began_s)
-            while frames := rig.simulator.receive():
-                answers = [frame.decode() for frame in frames]
-                for answer in answers:
-                    _check_answer(answer)
-                answered |= any(getattr(a, "time_usec", -1) == time_us for a in answers)
-            if answered:
-                break
-        return answered, longest_s
+        present = self._autopilots.get(armed)
+        if present is not None and present.cases < CASES_PER_AUTOPILOT[armed]:
+            return present
+        if present is not None:
+            present.close()
+        self._autopilots[armed] = FuzzedAutopilot(armed=armed)
+        return self._autopilots[armed]
 
 
 def _check_answer(answer: Any) -> None:

@@ -32,6 +32,7 @@ def run(first: int, count: int) -> Batch:
         else:
             frames += report.frames
             batch.add(f"frames {name}", report.frames)
+            batch.add("frames armed", report.frames * report.armed)
             batch.add("max tick CPU s", report.tick_cpu_s)
             batch.add("slow ticks", report.tick_cpu_s > MAX_TICK_CPU_S)
         case += 1
@@ -44,10 +45,13 @@ def describe(counts: Mapping[str, float]) -> str:
     frames = "/".join(
         f"{counts.get(f'frames {name}', 0.0):.0f}" for name in ("ground", "hil", "ftp")
     )
+    armed, failures, slow = (
+        counts.get(name, 0.0) for name in ("frames armed", "failures", "slow ticks")
+    )
     slowest_ms = 1e3 * counts.get("max tick CPU s", 0.0)
     return (
-        f"{frames} frames, {counts.get('failures', 0):.0f} defects; tick CPU at most"
-        f" {slowest_ms:.1f} ms, {counts.get('slow ticks', 0):.0f} above 20 ms"
+        f"{frames} frames, {armed:.0f} of them with an armed vehicle, {failures:.0f} defects;"
+        f" tick CPU at most {slowest_ms:.1f} ms, {slow:.0f} above 20 ms"
     )
 
 
