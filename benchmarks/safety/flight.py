@@ -143,11 +143,11 @@ def _fly(case: Case) -> Outcome:
             contact_s = now_s
         if tick > BEGIN_TICK and not pilot.armed:
             ended_s = now_s if math.isnan(ended_s) else ended_s
-            if truth.position_ned_m[2] < AFLOAT_M:
+            at_surface = truth.position_ned_m[2] < AFLOAT_M or breaks_surface(truth, hull)
+            if at_surface:
                 surface_s = now_s
             speed_mps = math.hypot(*truth.velocity_ned_mps)
-            afloat = truth.position_ned_m[2] < AFLOAT_M and now_s > ended_s + RESTING_S
-            afloat = afloat and speed_mps < WAY_MPS
+            afloat = at_surface and now_s > ended_s + RESTING_S and speed_mps < WAY_MPS
             resting_s = resting_s + LOOK_S if speed_mps < RESTING_MPS else 0.0
             if afloat or resting_s > RESTING_S or now_s > ended_s + SETTLE_S:
                 break
@@ -315,11 +315,23 @@ def first_fault_s(case: Case) -> float:
 
 
 def touches(truth: Any, hull: Any, floor_m: float) -> bool:
-    """Return whether nose or tail, spheres of the hull's radius, touch a flat floor."""
+    """Return whether nose or tail touch a flat floor."""
+    return bool(truth.position_ned_m[2] + vertical_reach_m(truth, hull) > floor_m)
+
+
+def breaks_surface(truth: Any, hull: Any) -> bool:
+    """Return whether nose or tail are out of calm water.
+
+    A hull that floats on end has its origin as deep as half its length.
+    """
+    return bool(truth.position_ned_m[2] < vertical_reach_m(truth, hull))
+
+
+def vertical_reach_m(truth: Any, hull: Any) -> float:
+    """Return how far nose and tail reach above and below the origin: spheres of the radius."""
     _, pitch, _ = euler_from_quaternion(*truth.attitude_q)
     arm_m = hull.half_length_m - hull.radius_m
-    lowest_m = truth.position_ned_m[2] + arm_m * abs(math.sin(pitch)) + hull.radius_m
-    return bool(lowest_m > floor_m)
+    return float(arm_m * abs(math.sin(pitch)) + hull.radius_m)
 
 
 def inputs_of(reading: Any, silent_s: float) -> Inputs:

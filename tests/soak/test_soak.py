@@ -1,12 +1,15 @@
 """The soak rows run: a few cases of each, and results that continue."""
 
+import math
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from benchmarks.safety import cases
+from benchmarks.safety import cases, flight
+from mavlink_io.frames import quaternion_from_euler
 from tests.soak import dives
 from tests.soak.__main__ import ROWS
 from tests.soak.row import Batch, Result, Row
@@ -75,3 +78,15 @@ def test_printed_command_gives_the_same_dive(case: cases.Case) -> None:
     given = dict(zip(options[::2], options[1::2], strict=True))
     vehicle, seed = given.get("--vehicle", "caribou_truth"), int(given.get("--seed", 0))
     assert cases.find_case(name, vehicle, seed) == case
+
+
+@pytest.mark.parametrize(
+    ("pitch_deg", "depth_m", "is_out"),
+    [(0.0, 0.26, True), (0.0, 0.28, False), (-50.0, 1.4, True), (50.0, 1.5, False)],
+)
+def test_hull_on_end_breaks_surface(pitch_deg: float, depth_m: float, is_out: bool) -> None:
+    """Caribou: radius 0.27 m; at 50 deg its end reaches 1.15 m + 0.27 m above the origin."""
+    hull = SimpleNamespace(half_length_m=1.7715, radius_m=0.2667)
+    attitude = quaternion_from_euler(0.0, math.radians(pitch_deg), 0.0)
+    truth = SimpleNamespace(position_ned_m=(0.0, 0.0, depth_m), attitude_q=attitude)
+    assert flight.breaks_surface(truth, hull) is is_out
