@@ -85,6 +85,9 @@ size of its tests and on the pitch that ends them. The flown vehicle can turn mo
 one of the vehicle file; an unstable one reaches the largest pitch with a test of any size."""
 PITCH_LIMIT, PITCH_LIMIT_DEG = "SID_PITCH_MAX", 35.0
 """Parameter of the pitch that ends a test, and its default in the autopilot (deg)."""
+DIVE_PITCH, DIVE_PITCH_DEG, MIN_DIVE_PITCH_DEG = "PTCH_LIM_DEG", 20.0, 8.0
+"""Parameter of the largest pitch set-point, its default in the autopilot, and the smallest value in
+a repetition (deg): at a lower one a buoyant vehicle may not leave the surface."""
 MAX_ANGLE_DEG = 90.0
 """Largest size of a test (deg): without effect, because tests are only made smaller."""
 _PACKAGES = ("numpy", "scipy", "numba", "control", "mcap", "pymavlink")
@@ -640,11 +643,18 @@ def _campaign_toml(request: CampaignRequest, scaled: Sequence[str]) -> str:
 
 
 def _limit_pitch(parameters: Mapping[str, float], repetition: int) -> dict[str, float]:
-    """Return the parameters of a repetition, in which a smaller pitch ends a test."""
+    """Return the parameters of a repetition, which limit the pitch of tests and of depth changes.
+
+    After a test the vehicle returns to its depth with the elevator at its limits; one that is
+    nearly unstable in pitch may then turn its nose down too far.
+    """
     if repetition == 0:
         return dict(parameters)
-    limit_deg = parameters.get(PITCH_LIMIT, PITCH_LIMIT_DEG) * SMALLER_TESTS**repetition
-    return {**parameters, PITCH_LIMIT: round(limit_deg, 1)}
+    factor = SMALLER_TESTS**repetition
+    limit_deg = parameters.get(PITCH_LIMIT, PITCH_LIMIT_DEG) * factor
+    first_deg = parameters.get(DIVE_PITCH, DIVE_PITCH_DEG)
+    dive_deg = min(first_deg, max(MIN_DIVE_PITCH_DEG, first_deg * factor))
+    return {**parameters, PITCH_LIMIT: round(limit_deg, 1), DIVE_PITCH: round(dive_deg, 1)}
 
 
 def _not_designed(designed: Mapping[str, float], flown: Mapping[str, float]) -> dict[str, float]:

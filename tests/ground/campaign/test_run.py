@@ -267,6 +267,19 @@ def test_resumed_dive_continues_with_the_pitch_of_its_repetition(
     assert pitches == [35.0, 21.0]
 
 
+@pytest.mark.parametrize(
+    ("first_deg", "repeated_deg"), [(None, [12.0, 8.0, 8.0]), (10.0, [8.0] * 3), (5.0, [5.0] * 3)]
+)
+def test_repeated_dive_changes_depth_with_less_pitch(
+    first_deg: float | None, repeated_deg: list[float]
+) -> None:
+    """20 deg times 0.6 for each repetition, at least 8 deg, never more than at first."""
+    first = {} if first_deg is None else {"PTCH_LIM_DEG": first_deg}
+    assert run._limit_pitch(first, 0) == first
+    limits = [run._limit_pitch(first, number)["PTCH_LIM_DEG"] for number in (1, 2, 3)]
+    assert limits == repeated_deg
+
+
 def test_campaign_folder_with_other_files_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(InputError, match="no campaign"):
