@@ -1,5 +1,6 @@
 """Mutations of a valid file: damaged bits, moved blocks, edge numbers, nesting, long digits."""
 
+import re
 from collections.abc import Callable
 from random import Random
 
@@ -43,6 +44,9 @@ TOKENS = (
 )
 """Texts and numbers that readers often mistake."""
 
+DIGIT = re.compile(rb"[0-9\xb2\xb3\xb9]")
+"""A digit, or a superscript of Latin-1, which ``str.isdigit`` accepts, too."""
+
 Mutation = Callable[[Random, bytearray], None]
 
 
@@ -85,10 +89,10 @@ def _insert_token(random: Random, data: bytearray) -> None:
 
 def _replace_number(random: Random, data: bytearray) -> None:
     """Replace the digits at a place of a text."""
-    places = [k for k in range(max(0, len(data) - 1)) if chr(data[k]).isdigit()]
+    places = [match.start() for match in DIGIT.finditer(data[:-1])]
     if places:
         start = stop = random.choice(places)
-        while stop < len(data) and chr(data[stop]).isdigit():
+        while DIGIT.match(data, stop):
             stop += 1
         data[start:stop] = random.choice(TOKENS[1:14])
 
