@@ -330,12 +330,12 @@ def read_log(path: Path) -> Log:
     return readers.read(path)
 
 
-def tracking(log: Log) -> TrackingMetrics:
-    """Return tracking errors of a dive and of each steady window.
+def tracking(log: Log, settling_s: float = tracking_metrics.SETTLING_S) -> TrackingMetrics:
+    """Return tracking errors of a dive and of each steady window after the settling time.
 
     Raises OperationError if no window with constant set-points is long enough.
     """
-    result = tracking_metrics.tracking(log)
+    result = tracking_metrics.tracking(log, settling_s)
     if result is None:
         raise OperationError(
             f"{log.name}: no interval of constant set-points is longer than the settling time"

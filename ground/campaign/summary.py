@@ -20,12 +20,13 @@ from ground.campaign.summary_file import (
     SteadyError,
 )
 from ground.live import monitor_view
+from ground.missions import script
 from sysid.control_analysis.margins import Analysis, damping
 from sysid.design.pid import Design, Response
 from sysid.design.specification import MinimumVariance
 from sysid.monitor import MonitorReport
 from sysid.monitor.sequential import AS_PREDICTED, describe_agreement
-from sysid.monitor.tracking_metrics import TrackingMetrics
+from sysid.monitor.tracking_metrics import SETTLING_S, TrackingMetrics
 from sysid.planes import Plane
 
 PAPER_ERRORS = {"heading_deg": "2.5 -> 2.0", "pitch_deg": "10 -> 2.5", "depth_m": "0.50 -> 0.10"}
@@ -264,4 +265,25 @@ def _tracking(
     folder: CampaignFolder, mission: str, sets: Sequence[str]
 ) -> dict[str, TrackingMetrics]:
     """Return the tracking errors of a mission by set of gains."""
-    return {name: refit.tracking(folder.log(STAGES[name], mission)) for name in sets}
+    settling = settling_s(folder.mission_file("straight_run"))
+    return {name: refit.tracking(folder.log(STAGES[name], mission), settling) for name in sets}
+
+
+def settling_s(straight_run: str) -> float:
+    """Return the time (s) that is excluded after each change of set-point.
+
+    Parameters
+    ----------
+    straight_run : str
+        Name or file of the mission whose legs are longer for a slower vehicle.
+
+    Returns
+    -------
+    float
+        `SETTLING_S`, longer in the ratio of these legs to those of the shipped mission.
+    """
+    flown_s, shipped_s = (
+        sum(step.duration_s or 0.0 for step in script.load(name).step)
+        for name in (straight_run, "straight_run")
+    )
+    return SETTLING_S * max(1.0, flown_s / shipped_s)
