@@ -35,7 +35,7 @@ MIN_SPEED_MPS = 0.3
 """Minimum speed assumed when a depth rate is converted to pitch."""
 INTEGRATOR_HOLD_RADPS, INTEGRATOR_HOLD_MPS = math.radians(0.3), 0.02
 """Reference rates above which the integrators of heading and depth are frozen: tracking error
-during a manoeuvre is transient. Also the rate at which an error of depth closes by itself."""
+during a manoeuvre is transient."""
 STEADY_RADPS, STEADY_RAD, STEADY_M = math.radians(2.0), math.radians(8.0), 0.5
 """Body rate, heading error and depth error below which trims are learned and a set-point counts as
 reached."""
@@ -652,15 +652,11 @@ def depth_loop(
 
         theta_s = theta_0 - (P e - D rate + I) - a
 
-    The sign changes because a vehicle that is too shallow must pitch down. With a reference model I
-    is also frozen while the vehicle closes the error: a constant load leaves an error that stays. A
-    vehicle that could not follow its reference would else arrive with the integrator at its limit.
+    The sign changes because a vehicle that is too shallow must pitch down.
     """
     limit, gains = config.pitch_limit_rad, config.depth_gains
     ahead = depth.pitch_down_rad - level_rad
-    closing_mps = math.copysign(1.0, depth.error_m) * depth.rate_mps
-    closes = config.depth_ref_radps > 0.0 and closing_mps > INTEGRATOR_HOLD_MPS
-    if closes or abs(depth.reference.rate) > INTEGRATOR_HOLD_MPS:
+    if abs(depth.reference.rate) > INTEGRATOR_HOLD_MPS:
         gains = gains._replace(i=0.0)
     nose_down, integral = pid(
         depth.error_m,

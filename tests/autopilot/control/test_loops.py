@@ -290,20 +290,6 @@ def test_depth_reference_lead_adds_its_acceleration_to_the_pitch() -> None:
     assert pitch[1] == pytest.approx(-(rate + 3.0 * rate / 0.02) / 1.3)
 
 
-@pytest.mark.parametrize(("depth_rate_mps", "charges"), [(0.1, False), (0.0, True), (-0.1, True)])
-def test_depth_integrator_waits_while_the_error_closes(
-    depth_rate_mps: float, charges: bool
-) -> None:
-    """The reference has arrived before the vehicle, 0.5 m too shallow."""
-    config = Config(depth_p=0.3, depth_i=0.02, depth_i_max=0.05, depth_ref_radps=1.6)
-    estimate = VehicleEstimate(depth_m=2.5, depth_rate_mps=depth_rate_mps, speed_mps=1.0)
-    memory = LoopMemory(depth_reference=ReferenceState(3.0, 0.0))
-    _, memory = loops.step_loops(
-        estimate, Setpoint(depth_m=3.0), memory, config, 0.02, heading=False, depth=True
-    )
-    assert (memory.depth_integral_rad > 0.0) == charges
-
-
 def test_references_open_loop_are_reset() -> None:
     config = Config(
         heading_ref_radps=0.5,
