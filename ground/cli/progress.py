@@ -1,8 +1,11 @@
 """Display of the progress of dives and computations on stderr."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from threading import Lock
+from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
 from rich.live import Live
@@ -17,11 +20,13 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from ground.client.flight import FlightProgress as DiveProgress
-from ground.client.vehicle import StatusText
 from ground.terminal import Escaped, console, heading, literal
 from mavlink_io.clock import Interval
 from sysid.data.events import TestEnded, TestStarted
+
+if TYPE_CHECKING:  # a computation without a vehicle does not load MAVLink
+    from ground.client.flight import FlightProgress as DiveProgress
+    from ground.client.vehicle import StatusText
 
 URGENT_SEVERITY = 4
 """MAV_SEVERITY_WARNING: texts of this or a lower severity number are shown."""
