@@ -330,7 +330,7 @@ def read_log(path: Path) -> Log:
     return readers.read(path)
 
 
-def tracking(log: Log, settling_s: float = tracking_metrics.SETTLING_S) -> TrackingMetrics:
+def tracking(log: Log, settling_s: float) -> TrackingMetrics:
     """Return tracking errors of a dive and of each steady window after the settling time.
 
     Raises OperationError if no window with constant set-points is long enough.

@@ -67,7 +67,8 @@ def build(
     missions : Sequence of str
         Missions that were flown with each set.
     """
-    tracking = {mission: _tracking(folder, mission, list(gains)) for mission in missions}
+    settling = settling_s(folder.mission_file("straight_run"))
+    tracking = {mission: _tracking(folder, mission, list(gains), settling) for mission in missions}
     return CampaignSummary(
         format=FORMAT,
         wall_s=0.0,
@@ -262,10 +263,9 @@ def _monitoring(folder: CampaignFolder, mission: str) -> MonitorReport:
 
 
 def _tracking(
-    folder: CampaignFolder, mission: str, sets: Sequence[str]
+    folder: CampaignFolder, mission: str, sets: Sequence[str], settling: float
 ) -> dict[str, TrackingMetrics]:
-    """Return the tracking errors of a mission by set of gains."""
-    settling = settling_s(folder.mission_file("straight_run"))
+    """Return the tracking errors of a mission by set of gains, after the settling time (s)."""
     return {name: refit.tracking(folder.log(STAGES[name], mission), settling) for name in sets}
 
 
@@ -283,7 +283,6 @@ def settling_s(straight_run: str) -> float:
         `SETTLING_S`, longer in the ratio of these legs to those of the shipped mission.
     """
     flown_s, shipped_s = (
-        sum(step.duration_s or 0.0 for step in script.load(name).step)
-        for name in (straight_run, "straight_run")
+        script.duration_s(script.load(name)) for name in (straight_run, "straight_run")
     )
     return SETTLING_S * max(1.0, flown_s / shipped_s)
