@@ -16,6 +16,7 @@ from mavlink_io.codec import Framer, encode
 from mavlink_io.services.ftp import payload as ftp
 from mavlink_io.vehicle_modes import VehicleMode
 from tests.fuzz.frames import ByteSource, messages_by_name, stream
+from tests.helpers import commands
 from tests.helpers.fake_hil import TICK_US, sensors
 from tests.helpers.rig import SENSOR, Rig
 
@@ -83,15 +84,10 @@ class FuzzedAutopilot:
         """Count a case; arm a vehicle that has to be armed, and command it into a mode."""
         self.cases += 1
         if self._folder:
-            self._command(mavlink.MAV_CMD_DO_SET_MODE, CUSTOM_MODE, mode)
-            self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+            self.rig.send(commands.long(mavlink.MAV_CMD_DO_SET_MODE, CUSTOM_MODE, mode))
+            self.rig.send(commands.long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0))
             for _ in range(COMMAND_TICKS):
                 self.tick()
-
-    def _command(self, number: int, *parameters: float) -> None:
-        """Send a command of the ground station."""
-        filled = [*parameters, *[0.0] * (7 - len(parameters))]
-        self.rig.send(mavlink.MAVLink_command_long_message(1, 1, number, 0, *filled))
 
     def tick(self) -> tuple[bool, float]:
         """Send a sample; return whether it was answered, and the CPU time of the pass."""
