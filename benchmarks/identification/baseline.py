@@ -4,7 +4,7 @@
 toolbox). The actuator lag is taken as known from the bench test, derivatives are finite
 differences, noise is assumed white, and confidence intervals come from the optimiser's Jacobian.
 Studies of accuracy use `simulate_compiled`, which gives lsim's numbers to rounding in a hundredth
-of its time; the time of common practice is measured with lsim itself.
+of its time; the time of common practice is that of lsim for the same number of simulations.
 """
 
 from collections.abc import Callable, Sequence
