@@ -1,6 +1,7 @@
 """Reader of a campaign folder, which reads each log once."""
 
 import tomllib
+from collections.abc import Collection
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,11 @@ class CampaignFolder:
     def forget_model(self) -> None:
         """Read `model.json` again when it is needed next."""
         self.__dict__.pop("model", None)
+
+    def forget_logs(self, stages: Collection[str]) -> None:
+        """Read the logs of dives of some stages again when they are needed next."""
+        for key in [key for key in self._logs if key[0] in stages]:
+            del self._logs[key]
 
     @cached_property
     def baseline(self) -> PerformanceBaseline:

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from msgspec.structs import replace
 
 from ground.campaign import refit, retest, summary
-from ground.campaign.campaign_folder import CampaignFolder
+from ground.campaign.campaign_folder import STAGES, CampaignFolder
 from ground.campaign.retest import Retest
 from ground.campaign.summary_file import CampaignSummary, DesignSummary
 from ground.missions import script
 from mavlink_io.errors import InputError
+from sysid.monitor import performance_spec
 from sysid.refit import RefitRequest
 from sysid.validation.results import ModelAssessment, NextTest
 
@@ -108,6 +109,24 @@ def design(out: Path, first: Mapping[str, float]) -> DesignSummary:
     design, selection = refit.redesign_for_campaign(folder.model, folder.prior, first, items)
     design.write_params(out / "gains.param")
     return replace(summary.summarise_design(design), selection=selection)
+
+
+def add_parameter(out: Path, summary: DesignSummary, name: str, value: float) -> DesignSummary:
+    """Add a parameter that failsafes have taught to a design and to `gains.param`.
+
+    The logs of the missions are read again, because the missions were repeated with it.
+    """
+    folder = _folder(out)
+    reason = "with a larger one a dive of the campaign ended with a failsafe"
+    taught = replace(
+        summary,
+        gains={**summary.gains, name: value},
+        reasons={**summary.reasons, name: reason},
+    )
+    text = performance_spec.encode(folder.baseline, taught.gains, taught.reasons)
+    (out / "gains.param").write_text(text, encoding="utf-8")
+    folder.forget_logs(STAGES.values())
+    return taught
 
 
 @cache

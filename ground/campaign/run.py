@@ -178,11 +178,15 @@ class Campaign:
             early = self.request.jobs - 1
             missions = self._begin_missions(dives, baseline[:early], gains)
             _finish_dives(tests)
+            untaught, gains = gains, self._limit_as_taught(gains)
+            if gains != untaught:
+                wait(missions)
+                missions = self._begin_missions(dives, baseline[:early], gains)
             self.announce(
                 f"refitting the model; flying the missions with the {' and the '.join(gains)} gains"
             )
             untrimmed = {name: value for name, value in first.items() if name not in trims}
-            redesigning = dives.submit(self._redesign, worker, untrimmed, gains["initial"])
+            redesigning = dives.submit(self._redesign, worker, untrimmed, untaught["initial"])
             missions += self._begin_missions(dives, baseline[early:], gains)
             design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
@@ -196,7 +200,12 @@ class Campaign:
             executors.call_ahead(computations.prepare_report, self.request.out, design, gains)
             for (name, mission), dive in zip([*baseline, *verification], missions, strict=True):
                 self._read_ahead(executors, STAGES[name], (mission,), (dive,))
-            _finish_dives(missions)
+            gains = self._finish_missions(dives, missions, gains)
+            limit_deg = gains["redesigned"].get(DIVE_PITCH)
+            if limit_deg is not None and limit_deg != first.get(DIVE_PITCH):
+                design = worker.call(
+                    computations.add_parameter, self.request.out, design, DIVE_PITCH, limit_deg
+                )
             self.announce("comparing")
             result = worker.call(
                 computations.compare, self.request.out, self._totals(), design, gains, trims
@@ -321,7 +330,8 @@ class Campaign:
             self._repeat_reductions(mission)
             self.announce(f"not fit: {recommended.reason}; flying {recommended}")
             failures = len(self._records.failed_attempts(f"identification/{dive.base}"))
-            self._fly("identification", mission, _limit_pitch(flown, failures))
+            taught = _limit_dives(flown, self._taught_repetitions())
+            self._fly("identification", mission, _limit_tests(taught, failures))
             flown_s = self.outcomes[f"identification/{mission}"].vehicle_s
             left_s -= flown_s
             records.append(RetestRecord(mission, dive.held_out))
@@ -366,6 +376,47 @@ class Campaign:
             for dive in self._begin(dives, STAGES[name], (mission,), gains[name])
         ]
 
+    def _finish_missions(
+        self,
+        dives: Executor,
+        missions: Sequence[Future[None]],
+        gains: dict[str, dict[str, float]],
+    ) -> dict[str, dict[str, float]]:
+        """Wait for the missions of all sets of gains; return the gains with which they were flown.
+
+        After a failsafe all sets fly again with a smaller largest pitch, so that they stay
+        comparable. Raises FailsafeError if it is the smallest one already.
+        """
+        while True:
+            try:
+                _finish_dives(missions)
+            except FailsafeError as error:
+                limited = {name: _limit_dives(flown, 1) for name, flown in gains.items()}
+                if limited == gains:
+                    raise
+                wait(missions)
+                gains = limited
+                limit_deg = gains["redesigned"][DIVE_PITCH]
+                self.announce(
+                    f"{error}; flying all missions again with a largest pitch of {limit_deg:g} deg"
+                )
+                repeated = [(name, mission) for name in gains for mission in MISSIONS]
+                missions = self._begin_missions(dives, repeated, gains)
+            else:
+                return gains
+
+    def _limit_as_taught(
+        self, gains: Mapping[str, Mapping[str, float]]
+    ) -> dict[str, dict[str, float]]:
+        """Return the sets of gains with the largest pitch that failsafes so far have taught."""
+        repetitions = self._taught_repetitions()
+        return {name: _limit_dives(flown, repetitions) for name, flown in gains.items()}
+
+    def _taught_repetitions(self) -> int:
+        """Return the largest number of failed attempts of a dive with planned tests."""
+        attempts = (self._records.failed_attempts(f"identification/{m}") for m in IDENTIFICATION)
+        return min(MAX_REPETITIONS, max(len(failed) for failed in attempts))
+
     def _begin(
         self, dives: Executor, stage: str, missions: Sequence[str], parameters: Mapping[str, float]
     ) -> list[Future[None]]:
@@ -375,7 +426,7 @@ class Campaign:
     def _fly(self, stage: str, mission: str, parameters: Mapping[str, float]) -> None:
         """Fly one dive, unless it is recorded; repeat one with tests after a failsafe.
 
-        Raises OperationError after a failsafe of another dive, or of the last repetition.
+        Raises FailsafeError after a failsafe of another dive, or of the last repetition.
         """
         name = f"{stage}/{mission}"
         repetitions = MAX_REPETITIONS if stage == "identification" else 0
@@ -391,7 +442,7 @@ class Campaign:
             )
             self._shrink_tests(mission)
         if failsafe := self._fly_once(stage, mission, _limit_pitch(parameters, repetitions)):
-            raise OperationError(f"{name}: {failsafe}{self._symptom(stage, mission)}")
+            raise FailsafeError(f"{name}: {failsafe}{self._symptom(stage, mission)}")
 
     def _symptom(self, stage: str, mission: str) -> str:
         """Return the gravest symptom of a dive and its remedy, to be appended to an error."""
@@ -480,6 +531,10 @@ class Campaign:
             self._cancelled = True
             for simulated in self._simulated:
                 simulated.stop()
+
+
+class FailsafeError(OperationError):
+    """A dive ended with a failsafe."""
 
 
 class _Executors(NamedTuple):
@@ -643,18 +698,29 @@ def _campaign_toml(request: CampaignRequest, scaled: Sequence[str]) -> str:
 
 
 def _limit_pitch(parameters: Mapping[str, float], repetition: int) -> dict[str, float]:
-    """Return the parameters of a repetition, which limit the pitch of tests and of depth changes.
+    """Return the parameters of a repetition: smaller pitch of tests and of depth changes."""
+    return _limit_tests(_limit_dives(parameters, repetition), repetition)
 
-    After a test the vehicle returns to its depth with the elevator at its limits; one that is
-    nearly unstable in pitch may then turn its nose down too far.
+
+def _limit_tests(parameters: Mapping[str, float], repetition: int) -> dict[str, float]:
+    """Return parameters with a smaller pitch that ends a test."""
+    if repetition == 0:
+        return dict(parameters)
+    limit_deg = parameters.get(PITCH_LIMIT, PITCH_LIMIT_DEG) * SMALLER_TESTS**repetition
+    return {**parameters, PITCH_LIMIT: round(limit_deg, 1)}
+
+
+def _limit_dives(parameters: Mapping[str, float], repetition: int) -> dict[str, float]:
+    """Return parameters with a smaller largest pitch set-point.
+
+    A change of depth can need the elevator at its limits; a vehicle that is nearly unstable in
+    pitch may then turn its nose down too far.
     """
     if repetition == 0:
         return dict(parameters)
-    factor = SMALLER_TESTS**repetition
-    limit_deg = parameters.get(PITCH_LIMIT, PITCH_LIMIT_DEG) * factor
     first_deg = parameters.get(DIVE_PITCH, DIVE_PITCH_DEG)
-    dive_deg = min(first_deg, max(MIN_DIVE_PITCH_DEG, first_deg * factor))
-    return {**parameters, PITCH_LIMIT: round(limit_deg, 1), DIVE_PITCH: round(dive_deg, 1)}
+    smaller_deg = max(MIN_DIVE_PITCH_DEG, first_deg * SMALLER_TESTS**repetition)
+    return {**parameters, DIVE_PITCH: round(min(first_deg, smaller_deg), 1)}
 
 
 def _not_designed(designed: Mapping[str, float], flown: Mapping[str, float]) -> dict[str, float]:

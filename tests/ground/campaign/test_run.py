@@ -5,6 +5,7 @@ import math
 import multiprocessing
 import re
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from html.parser import HTMLParser
 from pathlib import Path
@@ -278,6 +279,67 @@ def test_repeated_dive_changes_depth_with_less_pitch(
     assert run._limit_pitch(first, 0) == first
     limits = [run._limit_pitch(first, number)["PTCH_LIM_DEG"] for number in (1, 2, 3)]
     assert limits == repeated_deg
+
+
+def _without_simulation(
+    out: Path, monkeypatch: pytest.MonkeyPatch, largest_deg: float
+) -> tuple[Campaign, list[tuple[str, float]]]:
+    """Return a campaign and its dives, which end with a failsafe above a largest pitch."""
+    flown: list[tuple[str, float]] = []
+
+    def fly(dive: Any, *_: object, **__: object) -> FlightResult:
+        pitch_deg = dive.parameters.get("PTCH_LIM_DEG", 20.0)
+        flown.append((f"{dive.log.parent.name}/{dive.log.stem}", pitch_deg))
+        dive.log.write_bytes(b"")
+        failsafes = ("Failsafe: no effect",) if pitch_deg > largest_deg else ()
+        return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
+
+    monkeypatch.setattr(run, "fly_simulated", fly)
+    monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
+    campaign = Campaign(CampaignRequest(out), lambda name, at: None, lambda words: None)
+    campaign._records = DiveRecords(out)
+    return campaign, flown
+
+
+@pytest.mark.parametrize(("largest_deg", "expected_deg"), [(20.0, None), (15.0, 12.0), (8.0, 8.0)])
+def test_missions_of_all_gains_repeated_with_less_pitch_after_a_failsafe(
+    largest_deg: float,
+    expected_deg: float | None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    campaign, flown = _without_simulation(tmp_path, monkeypatch, largest_deg)
+    gains: dict[str, dict[str, float]] = {"initial": {}, "redesigned": {}}
+    both = [(name, mission) for name in gains for mission in run.MISSIONS]
+    with ThreadPoolExecutor(1) as dives:
+        missions = campaign._begin_missions(dives, both, gains)
+        limited = campaign._finish_missions(dives, missions, gains)
+    assert [values.get("PTCH_LIM_DEG") for values in limited.values()] == [expected_deg] * 2
+    last = [pitch_deg for _, pitch_deg in flown[-len(both) :]]
+    assert last == [expected_deg or 20.0] * len(both)
+
+
+def test_missions_with_failsafe_at_least_pitch_end_the_campaign(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign, _ = _without_simulation(tmp_path, monkeypatch, 5.0)
+    gains: dict[str, dict[str, float]] = {"redesigned": {}}
+    with ThreadPoolExecutor(1) as dives:
+        missions = campaign._begin_missions(dives, [("redesigned", "depth_change")], gains)
+        with pytest.raises(run.FailsafeError, match="Failsafe: no effect"):
+            campaign._finish_missions(dives, missions, gains)
+
+
+def test_pitch_limit_of_repeated_tests_is_kept_for_all_gains(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign, _ = _without_simulation(tmp_path, monkeypatch, 12.0)
+    gains = {"initial": {"HDG_P": 1.0}, "improved": {"HDG_P": 2.0}}
+    assert campaign._limit_as_taught(gains) == gains
+    campaign._fly("identification", "elevator_steps", {})
+    campaign._fly("identification", "rudder_steps", {"PTCH_LIM_DEG": 12.0})
+    limited = campaign._limit_as_taught(gains)
+    assert limited == {name: {**values, "PTCH_LIM_DEG": 12.0} for name, values in gains.items()}
 
 
 def test_campaign_folder_with_other_files_refused(tmp_path: Path) -> None:
