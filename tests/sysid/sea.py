@@ -17,6 +17,7 @@ from sysid.planes import PLANES, Plane
 Array = NDArray[np.float64]
 DT = 1.0 / RATE_HZ
 SUBSTEPS = 4
+"""Steps of the tailcone in a sample; the body moves in one, under the mean of their angles."""
 SETTLE_S = 60.0
 PREROLL_S = 15.0
 DEPTH_M = 12.0
@@ -154,18 +155,17 @@ def _fly(
         )
         tailcone.advance(rudder_axis, rudder_state, rudder, rudder_angle)
         tailcone.advance(elevator_axis, elevator_state, elevator, elevator_angle)
-        for i in range(SUBSTEPS):
-            dynamics.rk4_step(
-                state,
-                rudder_angle[i] + slips[k, 0],
-                elevator_angle[i] + slips[k, 1],
-                rps,
-                disturbance,
-                STILL,
-                DT / SUBSTEPS,
-                model,
-                work,
-            )
+        dynamics.rk4_step(
+            state,
+            np.mean(rudder_angle) + slips[k, 0],
+            np.mean(elevator_angle) + slips[k, 1],
+            rps,
+            disturbance,
+            STILL,
+            DT,
+            model,
+            work,
+        )
     return log
 
 
