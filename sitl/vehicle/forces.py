@@ -104,10 +104,21 @@ def total(flow: HullFlow, tail: TailInputs, model: VehicleModel) -> Wrench:
     The module docstring has the equation. A model with fewer degrees of freedom uses the components
     of its plane; the compiler removes the computation of the others.
     """
+    return total_of(flow, tail, crossflow(flow, model), at_tail(flow, tail, model), model)
+
+
+@kernel
+def total_of(
+    flow: HullFlow, tail: TailInputs, crossflow: Wrench, at_tail: Wrench, model: VehicleModel
+) -> Wrench:
+    """Return ``total`` for a given crossflow drag and a given wrench of the tail.
+
+    Both take most of the time, and most changes of a model or of its state leave one of them as it
+    is. The other arguments are those of ``total``.
+    """
     # Forces that depend on the flow along the hull use the angular velocity relative to the water,
     # nu_flow. The momentum in -C(nu) nu uses the angular velocity itself.
     u, v, w, p, q, r = flow.nu_flow
-    immersed = restoring.immersion(flow.height_m + flow.climb * model.duct.x_m, model.duct.radius_m)
     wrench = _sum(
         coriolis(flow.nu, model.inertia),
         restoring.wrench(
@@ -119,16 +130,35 @@ def total(flow: HullFlow, tail: TailInputs, model: VehicleModel) -> Wrench:
             model.stations,
         ),
     )
-    wrench = _sum(wrench, hydrodynamics.crossflow_drag(v, w, q, r, model.stations))
+    wrench = _sum(wrench, crossflow)
     wrench = _sum(wrench, hydrodynamics.lift_and_drag(u, v, w, p, q, r, model.hull))
-    wrench = _sum(wrench, _tail(flow.nu_flow, tail, immersed, model))
+    wrench = _sum(wrench, at_tail)
     wrench = _sum(wrench, flow.boundary)
     return _sum(
         wrench,
         hydrodynamics.duct_interaction(
-            immersed * u * abs(u), tail.rudder_rad, tail.elevator_rad, model.hull
+            _immersed(flow, model) * u * abs(u), tail.rudder_rad, tail.elevator_rad, model.hull
         ),
     )
+
+
+@kernel
+def crossflow(flow: HullFlow, model: VehicleModel) -> Wrench:
+    """Return the crossflow drag of the hull; it depends on its motion and on its sections."""
+    _, v, w, _, q, r = flow.nu_flow
+    return hydrodynamics.crossflow_drag(v, w, q, r, model.stations)
+
+
+@kernel
+def at_tail(flow: HullFlow, tail: TailInputs, model: VehicleModel) -> Wrench:
+    """Return the wrench of ring wing, propeller and fins."""
+    return _tail(flow.nu_flow, tail, _immersed(flow, model), model)
+
+
+@kernel
+def _immersed(flow: HullFlow, model: VehicleModel) -> float:
+    """Return the fraction of the duct that is under water."""
+    return restoring.immersion(flow.height_m + flow.climb * model.duct.x_m, model.duct.radius_m)
 
 
 @kernel

@@ -26,10 +26,11 @@ from numpy.typing import NDArray
 from mavlink_io.jit import entry_point, kernel
 from sitl.core import tailcone
 from sitl.core.tailcone import TailconeAxis
-from sitl.vehicle import forces, propeller, runge_kutta
-from sitl.vehicle.forces import HullFlow
+from sitl.vehicle import forces, runge_kutta
+from sitl.vehicle.forces import HullFlow, TailInputs
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
+from sitl.vehicle.vectors import Wrench
 from sysid.data.segments import RATE_HZ, Run
 from sysid.planes import PLANES, Plane
 from sysid.signal_processing import fit_line
@@ -137,10 +138,18 @@ def plane_slopes(
     roll, the angle of the other surface, and the measured speed. ``inverse`` is from
     ``constraint``.
     """
-    # (u', cross', rate') = M_p^-1 (X, side, moment), with the components in the plane of the sum of
-    # forces in ``sitl.vehicle.forces`` (N, N m, FLU); R^T z = (-sin theta, sin phi cos theta,
-    # cos phi cos theta); kinematics: module docstring.
-    # A measured speed replaces the state u.
+    flow, tail = flow_and_tail(x, duct_rad, coupling, rps, is_yaw, model)
+    wrench = forces.total(flow, tail, model)
+    accelerate(flow, wrench, coupling, is_yaw, inverse, out)
+
+
+@kernel
+def flow_and_tail(
+    x: Array, duct_rad: float, coupling: Array, rps: float, is_yaw: bool, model: VehicleModel
+) -> tuple[HullFlow, TailInputs]:
+    """Return the motion through deep water and the inputs of the tail; see ``plane_slopes``."""
+    # A measured speed replaces the state u. R^T z = (-sin theta, sin phi cos theta,
+    # cos phi cos theta).
     u, p, roll = (coupling[SPEED] if coupling[SPEED] > 0.0 else x[0]), coupling[3], coupling[4]
     if is_yaw:
         v, r, w, q = x[1], x[2], coupling[0], coupling[1]
@@ -160,11 +169,22 @@ def plane_slopes(
         density_ratio=1.0,
         boundary=forces.NO_WRENCH,
     )
-    tail = forces.tail_inputs(rudder, elevator, rps, model)
-    X, Y, Z, _, M, N = forces.total(flow, tail, model)
+    return flow, forces.tail_inputs(rudder, elevator, rps, model)
+
+
+@kernel
+def accelerate(
+    flow: HullFlow, wrench: Wrench, coupling: Array, is_yaw: bool, inverse: Array, out: Array
+) -> None:
+    """Write the derivative under the sum of forces ``wrench``; see ``plane_slopes``."""
+    # (u', cross', rate') = M_p^-1 (X, side, moment), with the components in the plane of the sum of
+    # forces in ``sitl.vehicle.forces`` (N, N m, FLU); kinematics: module docstring.
+    u, v, w, _, q, r = flow.nu
+    up, roll = flow.up, coupling[4]
+    X, Y, Z, _, M, N = wrench
     if is_yaw:
         side, moment = Y, N
-        out[3] = (q * math.sin(roll) + r * math.cos(roll)) / level
+        out[3] = (q * math.sin(roll) + r * math.cos(roll)) / math.cos(coupling[2])
         out[4] = 0.0
     else:
         side, moment = Z, M
@@ -424,7 +444,7 @@ def simulate(
     coupling = known_inputs(run, speed_mps) if coupling is None else coupling
     x0 = first_state(run, start, speed_mps)
     angles = duct_along(run, run.plane, actuator)
-    rps, inverse = run.thrust * propeller.rps(1.0, model), constraint(model, run.plane)
+    rps, inverse = run.thrust * model.propeller.full_rps, constraint(model, run.plane)
     track = integrate(
         x0, angles, rps, stride, 1.0 / RATE_HZ, PLANES[run.plane].is_yaw, inverse, model, coupling
     )

@@ -8,7 +8,9 @@ sensitivities satisfy (Jategaonkar 2015, ch. 4)::
 
 f_x, f_delta and f_z are forward differences of the equations of motion that simulate, evaluated
 once at every row of the trajectory. A parameter therefore costs one evaluation per step, where a
-simulation of its own would cost four, and the initial state of every run.
+simulation of its own would cost four, and the initial state of every run. Crossflow drag and the
+wrench of the tail take most of an evaluation. They are computed again only where a state or a
+parameter changes them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,9 +22,10 @@ from numpy.typing import NDArray
 from mavlink_io.jit import kernel
 from sitl.core import tailcone
 from sitl.core.tailcone import TailconeAxis
-from sitl.vehicle import propeller, runge_kutta
+from sitl.vehicle import forces, runge_kutta
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
+from sitl.vehicle.vectors import Wrench
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.map.datasets import Dataset
 from sysid.models import greybox
@@ -83,7 +86,7 @@ def simulate(
 
     ``speeds_mps`` are the cruise speeds of the candidate by thrust, m/s.
     """
-    inverse, full_rps = greybox.constraint(vehicle.model, plane), propeller.rps(1.0, vehicle.model)
+    inverse, full_rps = greybox.constraint(vehicle.model, plane), vehicle.model.propeller.full_rps
     trajectories = []
     for data in datasets:
         run = data.run
@@ -140,7 +143,7 @@ def sensitivities(
     ducts = np.concatenate(
         [trajectory.duct_rad[::stride][: len(trajectory.track)] for trajectory in trajectories]
     )
-    dynamics = _SlopeInputs(
+    motion = _Motion(
         track=tracks,
         duct_rad=ducts,
         thrust=np.concatenate([trajectory.thrust for trajectory in trajectories]),
@@ -149,14 +152,22 @@ def sensitivities(
             [trajectory.cross_plane_inputs for trajectory in trajectories]
         ),
     )
-    base, df_du = np.empty((len(tracks), STATES)), np.empty((len(tracks), STATES))
+    model = vehicle.model
+    base = motion.evaluate(model)
     df_dx = np.zeros((len(tracks), STATES, STATES))
-    _input_slopes(*dynamics.arguments(vehicle), base, df_dx, df_du)
+    for i in range(STATES):
+        if FD_STEP[i] > 0.0:
+            moved = motion._replace(track=tracks + FD_STEP[i] * (np.arange(STATES) == i))
+            slopes = moved.evaluate(model, base, STATE_CHANGES[i]).slopes
+            df_dx[:, :, i] = (slopes - base.slopes) / FD_STEP[i]
+    turned = motion._replace(duct_rad=ducts + FD_DUCT_STEP_RAD)
+    df_du = (turned.evaluate(model, base, DUCT_CHANGES).slopes - base.slopes) / FD_DUCT_STEP_RAD
     df_dtheta = np.zeros((len(tracks), STATES, columns))
     for perturbation in perturbations:
         if perturbation.part == "body":
-            arguments = dynamics.arguments(perturbation.vehicle)
-            _parameter_slope(*arguments, base, step, perturbation.column, df_dtheta)
+            changed = perturbation.vehicle.model
+            slopes = motion.evaluate(changed, base, _changes(model, changed)).slopes
+            df_dtheta[:, :, perturbation.column] = (slopes - base.slopes) / step
     axes = {
         perturbation.column: greybox.discretise(
             perturbation.vehicle.actuators[plane], 1.0 / RATE_HZ
@@ -183,7 +194,40 @@ def sensitivities(
     return derivatives
 
 
-class _SlopeInputs(NamedTuple):
+class _Changes(NamedTuple):
+    """Which of the two costly parts of the forces a change of state or model changes."""
+
+    crossflow: bool
+    """Crossflow drag of the hull."""
+    tail: bool
+    """Wrench of ring wing, propeller and fins."""
+
+
+EVERYTHING = _Changes(crossflow=True, tail=True)
+STATE_CHANGES = (
+    _Changes(crossflow=False, tail=True),
+    EVERYTHING,
+    EVERYTHING,
+    _Changes(crossflow=False, tail=False),
+    _Changes(crossflow=False, tail=False),
+)
+"""What a change of axial speed, cross speed, rate, angle and z changes."""
+DUCT_CHANGES = _Changes(crossflow=False, tail=True)
+"""What a change of the duct angle changes."""
+
+
+class _Derivatives(NamedTuple):
+    """Derivatives of the states at all rows, and the two costly parts of the forces."""
+
+    slopes: Array
+    """(rows, 5)."""
+    crossflow: Array
+    """(rows, 6), see ``forces.crossflow``."""
+    at_tail: Array
+    """(rows, 6), see ``forces.at_tail``."""
+
+
+class _Motion(NamedTuple):
     """States and inputs at which the equations of motion are evaluated: all rows of all runs."""
 
     track: Array
@@ -192,79 +236,121 @@ class _SlopeInputs(NamedTuple):
     plane: Plane
     cross_plane_inputs: Array
 
-    def arguments(
-        self, vehicle: CandidateVehicle
-    ) -> tuple[Array, Array, Array, bool, Array, VehicleModel, Array]:
-        """Return the first arguments of `_input_slopes` and `_parameter_slope`."""
-        return (
+    def evaluate(
+        self,
+        model: VehicleModel,
+        base: _Derivatives | None = None,
+        changes: _Changes = EVERYTHING,
+    ) -> _Derivatives:
+        """Return the derivatives; what does not change is taken from ``base``."""
+        arguments = (
             self.track,
             self.duct_rad,
-            self.thrust * propeller.rps(1.0, vehicle.model),
+            self.thrust * model.propeller.full_rps,
             PLANES[self.plane].is_yaw,
-            greybox.constraint(vehicle.model, self.plane),
-            vehicle.model,
+            model,
             self.cross_plane_inputs,
         )
+        crossflow = base.crossflow if base and not changes.crossflow else _crossflow(*arguments)
+        at_tail = base.at_tail if base and not changes.tail else _at_tail(*arguments)
+        inverse = greybox.constraint(model, self.plane)
+        slopes = _accelerate(*arguments, inverse, crossflow, at_tail)
+        return _Derivatives(slopes, crossflow, at_tail)
+
+
+def _changes(model: VehicleModel, changed: VehicleModel) -> _Changes:
+    """Return which parts of the forces differ between two models."""
+    tails = [(each.duct, each.fins, each.propeller) for each in (model, changed)]
+    return _Changes(
+        crossflow=not _is_equal(model.stations, changed.stations), tail=not _is_equal(*tails)
+    )
+
+
+def _is_equal(record: object, other: object) -> bool:
+    """Return whether two records of numbers, arrays and records are equal."""
+    if isinstance(record, tuple) and isinstance(other, tuple):
+        return all(map(_is_equal, record, other))
+    if isinstance(record, np.ndarray) and isinstance(other, np.ndarray):
+        return record.tobytes() == other.tobytes()
+    return record == other
 
 
 @kernel
-def _input_slopes(
+def _crossflow(
     track: Array,
     duct: Array,
     rps: Array,
     is_yaw: bool,
-    inverse: Array,
     model: VehicleModel,
     coupling: Array,
-    base: Array,
-    df_dx: Array,
-    df_du: Array,
-) -> None:
-    """Write the derivatives f of the states, and their slopes by the states and the duct angle.
-
-    base[row] = f(x, u), df_dx[row, :, i] = (f(x + d e_i, u) - f(x, u)) / d with d = FD_STEP[i]
-    where d > 0; df_du is the same for u.
-    """
-    x, out = np.empty(STATES), np.empty(STATES)
+) -> Array:
+    """Return the crossflow drag (rows, 6) at all rows."""
+    wrenches = np.empty((len(track), 6))
     for row in range(len(track)):
-        for i in range(-1, STATES + 1):  # base; each state; duct angle
-            if 0 <= i < STATES and FD_STEP[i] == 0.0:
-                continue
-            for j in range(STATES):
-                x[j] = track[row, j] + (FD_STEP[i] if i == j else 0.0)
-            duct_rad = duct[row] + FD_DUCT_STEP_RAD if i == STATES else duct[row]
-            greybox.plane_slopes(x, duct_rad, coupling[row], rps[row], is_yaw, inverse, model, out)
-            for j in range(STATES):
-                if i < 0:
-                    base[row, j] = out[j]
-                elif i < STATES:
-                    df_dx[row, j, i] = (out[j] - base[row, j]) / FD_STEP[i]
-                else:
-                    df_du[row, j] = (out[j] - base[row, j]) / FD_DUCT_STEP_RAD
-
-
-@kernel
-def _parameter_slope(
-    track: Array,
-    duct: Array,
-    rps: Array,
-    is_yaw: bool,
-    inverse: Array,
-    model: VehicleModel,
-    coupling: Array,
-    base: Array,
-    step: float,
-    column: int,
-    df_dtheta: Array,
-) -> None:
-    """Write the slope of ``base`` by one parameter; the vehicle is one ``step`` away along it."""
-    out = np.empty(STATES)
-    for row in range(len(track)):
-        greybox.plane_slopes(
-            track[row], duct[row], coupling[row], rps[row], is_yaw, inverse, model, out
+        flow, _ = greybox.flow_and_tail(
+            track[row], duct[row], coupling[row], rps[row], is_yaw, model
         )
-        for j in range(STATES):
-            df_dtheta[row, j, column] = (out[j] - base[row, j]) / step
+        wrench = forces.crossflow(flow, model)
+        for j in range(6):
+            wrenches[row, j] = wrench[j]
+    return wrenches
+
+
+@kernel
+def _at_tail(
+    track: Array,
+    duct: Array,
+    rps: Array,
+    is_yaw: bool,
+    model: VehicleModel,
+    coupling: Array,
+) -> Array:
+    """Return the wrench of the tail (rows, 6) at all rows."""
+    wrenches = np.empty((len(track), 6))
+    for row in range(len(track)):
+        flow, tail = greybox.flow_and_tail(
+            track[row], duct[row], coupling[row], rps[row], is_yaw, model
+        )
+        wrench = forces.at_tail(flow, tail, model)
+        for j in range(6):
+            wrenches[row, j] = wrench[j]
+    return wrenches
+
+
+@kernel
+def _accelerate(
+    track: Array,
+    duct: Array,
+    rps: Array,
+    is_yaw: bool,
+    model: VehicleModel,
+    coupling: Array,
+    inverse: Array,
+    crossflow: Array,
+    at_tail: Array,
+) -> Array:
+    """Return the derivatives of the states (rows, 5), with known crossflow drag and tail."""
+    slopes = np.empty((len(track), STATES))
+    for row in range(len(track)):
+        flow, tail = greybox.flow_and_tail(
+            track[row], duct[row], coupling[row], rps[row], is_yaw, model
+        )
+        wrench = forces.total_of(flow, tail, _wrench(crossflow[row]), _wrench(at_tail[row]), model)
+        greybox.accelerate(flow, wrench, coupling[row], is_yaw, inverse, slopes[row])
+    return slopes
+
+
+@kernel
+def _wrench(components: Array) -> Wrench:
+    """Return a wrench from its components."""
+    return (
+        components[0],
+        components[1],
+        components[2],
+        components[3],
+        components[4],
+        components[5],
+    )
 
 
 def _inputs(
