@@ -14,6 +14,8 @@ from mavlink_io.clock import wall_s
 
 WINDOW_S = 10.0
 """Wall time of one evaluation."""
+MAX_WINDOW_US = int(2 * WINDOW_S * US_PER_S)
+"""Vehicle time after which a window ends early: a simulation faster than real time fills memory."""
 MIN_SAMPLES = 20
 """Number of samples below which a window is not evaluated."""
 MAX_RATE_ERROR = 0.02
@@ -48,13 +50,17 @@ class LatenessMeter:
 
         Return the lateness at the end of a window in real time, else None.
         """
-        now_s, walls_s = wall_s(), self._walls_s
-        if walls_s and (now_s - walls_s[0] >= WINDOW_S or time_us <= self._times_us[-1]):
+        now_s, walls_s, times_us = wall_s(), self._walls_s, self._times_us
+        if walls_s and (
+            now_s - walls_s[0] >= WINDOW_S
+            or time_us - times_us[0] >= MAX_WINDOW_US
+            or time_us <= times_us[-1]
+        ):
             result = self._evaluate()
             self._walls_s, self._times_us = [now_s], [time_us]
             return result
         walls_s.append(now_s)
-        self._times_us.append(time_us)
+        times_us.append(time_us)
         return None
 
     def _evaluate(self) -> Lateness | None:

@@ -1,6 +1,7 @@
 """Lateness of ticks from wall times and time stamps."""
 
 import random
+import tracemalloc
 
 import pytest
 
@@ -41,6 +42,18 @@ def test_lateness_percentiles_and_overruns(monkeypatch: pytest.MonkeyPatch, drif
 @pytest.mark.parametrize("speed", [0.5, 0.9, 20.0])
 def test_other_speed_has_no_lateness(monkeypatch: pytest.MonkeyPatch, speed: float) -> None:
     assert measure(monkeypatch, [0.0] * round(2.5 * speed * WINDOW_S / INTERVAL_S), speed) == []
+
+
+def test_a_fast_simulation_takes_no_more_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lateness, "wall_s", lambda: 0.0)
+    meter = LatenessMeter()
+    times_us = range(0, 2_000_000_000, 20_000)  # 100,000 samples in no time
+    tracemalloc.start()
+    for time_us in times_us:
+        meter.record(time_us)
+    largest_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert largest_bytes < 200_000
 
 
 def test_overruns_add_up_over_windows(monkeypatch: pytest.MonkeyPatch) -> None:
