@@ -176,16 +176,16 @@ def sensitivities(
         if perturbation.part == "tailcone"
     }
     derivatives, row = [], 0
-    for data, trajectory in zip(datasets, trajectories, strict=True):
+    all_du_dtheta = _duct_slopes(datasets, trajectories, axes, step, columns)
+    for data, trajectory, du_dtheta in zip(datasets, trajectories, all_du_dtheta, strict=True):
         rows = slice(row, row + len(trajectory.track))
-        du_dtheta, dx0_dtheta = _inputs(data, trajectory, perturbations, axes, step, columns)
         derivatives.append(
             _propagate(
                 df_dx[rows],
                 df_du[rows],
                 df_dtheta[rows],
                 du_dtheta,
-                dx0_dtheta,
+                _initial_slopes(data, trajectory, perturbations, step, columns),
                 stride,
                 stride / RATE_HZ,
             )
@@ -353,50 +353,71 @@ def _wrench(components: Array) -> Wrench:
     )
 
 
-def _inputs(
-    data: Dataset,
-    trajectory: Trajectory,
-    perturbations: Sequence[Perturbation],
+def _duct_slopes(
+    datasets: Sequence[Dataset],
+    trajectories: Sequence[Trajectory],
     axes: Mapping[int, TailconeAxis],
     step: float,
     columns: int,
-) -> tuple[Array, Array]:
-    """Return the slopes of duct angle (samples, columns) and initial state (5, columns).
+) -> list[Array]:
+    """Return the slopes of the duct angle of each run by the parameters, (samples, columns).
 
     ``axes`` are the perturbed actuators by column.
     """
-    run = data.run
-    du_dtheta = np.zeros((trajectory.duct_rad.size, columns))
-    dx0_dtheta = np.zeros((STATES, columns))
-    history_rad = run.history_rad(run.plane)
+    histories_rad = [data.run.history_rad(data.run.plane) for data in datasets]
+    commands_rad = np.concatenate(histories_rad)
+    duct_rad = np.concatenate([trajectory.duct_rad for trajectory in trajectories])
+    command_ends = np.cumsum([history.size for history in histories_rad])
+    duct_ends = np.cumsum([trajectory.duct_rad.size for trajectory in trajectories])
+    du_dtheta = np.zeros((duct_rad.size, columns))
     for column, axis in axes.items():
-        _duct_slope(axis, history_rad, trajectory.duct_rad, step, column, du_dtheta)
-    for perturbation in perturbations:
-        if perturbation.speeds_mps:
-            first = greybox.first_state(
-                run, data.start, perturbation.speeds_mps[float(run.thrust[0])]
-            )
-            dx0_dtheta[:, perturbation.column] = (first - trajectory.first) / step
-    return du_dtheta, dx0_dtheta
+        _duct_slope(axis, commands_rad, command_ends, duct_rad, duct_ends, step, column, du_dtheta)
+    return np.split(du_dtheta, duct_ends[:-1])
 
 
 @kernel
 def _duct_slope(
     axis: TailconeAxis,
     commands_rad: Array,
+    command_ends: NDArray[np.int64],
     duct_rad: Array,
+    duct_ends: NDArray[np.int64],
     step: float,
     column: int,
     du_dtheta: Array,
 ) -> None:
     """Write the slope of the duct angle by one parameter; ``axis`` is one ``step`` away along it.
 
-    The last commands belong to the samples of ``duct_rad``.
+    The runs follow one another up to their ends. The last commands of a run belong to the samples
+    of its duct angle.
     """
-    perturbed_rad = tailcone.respond(axis, commands_rad)
-    earlier = commands_rad.size - duct_rad.size
-    for k in range(duct_rad.size):
-        du_dtheta[k, column] = (perturbed_rad[earlier + k] - duct_rad[k]) / step
+    command_start = duct_start = 0
+    for run in range(duct_ends.size):
+        command_end, duct_end = command_ends[run], duct_ends[run]
+        perturbed_rad = tailcone.respond(axis, commands_rad[command_start:command_end])
+        earlier = perturbed_rad.size - duct_end
+        for k in range(duct_start, duct_end):
+            du_dtheta[k, column] = (perturbed_rad[earlier + k] - duct_rad[k]) / step
+        command_start, duct_start = command_end, duct_end
+
+
+def _initial_slopes(
+    data: Dataset,
+    trajectory: Trajectory,
+    perturbations: Sequence[Perturbation],
+    step: float,
+    columns: int,
+) -> Array:
+    """Return the slopes of the initial state of a run by the parameters, (5, columns)."""
+    dx0_dtheta = np.zeros((STATES, columns))
+    run = data.run
+    for perturbation in perturbations:
+        if perturbation.speeds_mps:
+            first = greybox.first_state(
+                run, data.start, perturbation.speeds_mps[float(run.thrust[0])]
+            )
+            dx0_dtheta[:, perturbation.column] = (first - trajectory.first) / step
+    return dx0_dtheta
 
 
 @kernel
