@@ -111,10 +111,25 @@ def total(flow: HullFlow, tail: TailInputs, model: VehicleModel) -> Wrench:
 def total_of(
     flow: HullFlow, tail: TailInputs, crossflow: Wrench, at_tail: Wrench, model: VehicleModel
 ) -> Wrench:
-    """Return ``total`` for a given crossflow drag and a given wrench of the tail.
+    """Return ``total`` for a known crossflow drag and a known wrench of the tail.
 
-    Both take most of the time, and most changes of a model or of its state leave one of them as it
-    is. The other arguments are those of ``total``.
+    Both take most of the time, and many changes of a model or of its state leave one as it is.
+
+    Parameters
+    ----------
+    flow : HullFlow
+        Motion through the water and place under the surface.
+    tail : TailInputs
+        Surface angles and shaft speed, from ``tail_inputs``.
+    crossflow, at_tail : tuple of 6 floats
+        Results of the functions of these names, FLU, N and N m.
+    model : VehicleModel
+        The vehicle.
+
+    Returns
+    -------
+    tuple of 6 floats
+        Wrench about the origin, FLU, N and N m.
     """
     # Forces that depend on the flow along the hull use the angular velocity relative to the water,
     # nu_flow. The momentum in -C(nu) nu uses the angular velocity itself.
@@ -144,14 +159,42 @@ def total_of(
 
 @kernel
 def crossflow(flow: HullFlow, model: VehicleModel) -> Wrench:
-    """Return the crossflow drag of the hull; it depends on its motion and on its sections."""
+    """Return the crossflow drag of the hull, which depends on its motion and on its sections.
+
+    Parameters
+    ----------
+    flow : HullFlow
+        Motion through the water.
+    model : VehicleModel
+        The vehicle; its ``stations`` are used.
+
+    Returns
+    -------
+    tuple of 6 floats
+        Wrench about the origin, FLU, N and N m.
+    """
     _, v, w, _, q, r = flow.nu_flow
     return hydrodynamics.crossflow_drag(v, w, q, r, model.stations)
 
 
 @kernel
 def at_tail(flow: HullFlow, tail: TailInputs, model: VehicleModel) -> Wrench:
-    """Return the wrench of ring wing, propeller and fins."""
+    """Return the wrench of ring wing, propeller and fins.
+
+    Parameters
+    ----------
+    flow : HullFlow
+        Motion through the water and place under the surface.
+    tail : TailInputs
+        Surface angles and shaft speed, from ``tail_inputs``.
+    model : VehicleModel
+        The vehicle; its ``duct``, ``fins`` and ``propeller`` are used.
+
+    Returns
+    -------
+    tuple of 6 floats
+        Wrench about the origin, FLU, N and N m.
+    """
     return _tail(flow.nu_flow, tail, _immersed(flow, model), model)
 
 
