@@ -26,8 +26,10 @@ END_S = 5.0
 """Length of the evaluated end of a leg."""
 UNDER_M = 0.3
 """Water above the vehicle from which it counts as submerged."""
+LEAST_WATER_M = 0.1
+"""Least water above the vehicle that is required after that."""
 TWICE = 2.0
-"""A leg has settled if 95 % of errors are within this multiple of the steady run's target."""
+"""A leg has settled if 95 % of errors are within this multiple of `CALM` or `DISTURBED`."""
 STATIONS = 41
 
 
@@ -107,7 +109,7 @@ def judge(case: str, rows: Array) -> list[Figure]:
         lowest = 100.0 if name == OURS else -np.inf
         found.append(Figure(f"every leg settled: {name}", share, lowest=lowest, unit="%"))
     for name, mine in by_set.items():
-        least = 0.0 if name == OURS else -np.inf
+        least = LEAST_WATER_M if name == OURS else -np.inf
         found.append(
             Figure(
                 f"least water above hull: {name}",

@@ -1,6 +1,7 @@
 """Cell: straight runs with each set of gains, on the same seeds, in several seas."""
 
 from functools import partial
+from math import inf
 
 import msgspec
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from benchmarks.redesign import holding
 from benchmarks.redesign.campaign import Values
-from benchmarks.redesign.holding import ANYTHING, CALM, DISTURBED
+from benchmarks.redesign.holding import ANYTHING, CALM, TrackingError
 from benchmarks.study import Cell, Figure
 from sitl import scenario
 from sitl.environment_schema import Current, Variation
@@ -17,7 +18,10 @@ from sitl.scenario import Scenario
 Array = NDArray[np.float64]
 
 SEAS = ("calm", "disturbed", "rough", "current", "swell")
-TARGETS = {"calm": CALM, "disturbed": DISTURBED}
+TARGETS = {"calm": CALM, "disturbed": TrackingError(0.75, 4.5, 0.75, 0.0)}
+"""Largest mean of the dives."""
+WORST = {"calm": TrackingError(0.3, inf, inf, 0.0)}
+"""Largest value of one dive."""
 ROUGHER = 2.0
 """Ratio of the moments of the rough sea to those of the disturbed one."""
 CURRENT = Current(
@@ -54,7 +58,9 @@ def trial(gains: dict[str, Values], case: str, seed: int) -> list[float]:
 
 def judge(case: str, rows: Array) -> list[Figure]:
     """Return the figures of a sea."""
-    return holding.figures(holding.by_set(rows), TARGETS.get(case, ANYTHING))
+    return holding.figures(
+        holding.by_set(rows), TARGETS.get(case, ANYTHING), WORST.get(case, ANYTHING)
+    )
 
 
 def cell(gains: dict[str, Values]) -> Cell:
