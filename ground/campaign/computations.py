@@ -111,22 +111,22 @@ def design(out: Path, first: Mapping[str, float]) -> DesignSummary:
     return replace(summary.summarise_design(design), selection=selection)
 
 
-def add_parameter(out: Path, summary: DesignSummary, name: str, value: float) -> DesignSummary:
-    """Add a parameter that failsafes have taught to a design and to `gains.param`.
+def add_parameters(out: Path, summary: DesignSummary, taught: Mapping[str, float]) -> DesignSummary:
+    """Add the parameters that failsafes have taught to a design and to `gains.param`.
 
     The logs of the missions are read again, because the missions were repeated with it.
     """
     folder = _folder(out)
     reason = "with a larger one a dive of the campaign ended with a failsafe"
-    taught = replace(
+    limited = replace(
         summary,
-        gains={**summary.gains, name: value},
-        reasons={**summary.reasons, name: reason},
+        gains={**summary.gains, **taught},
+        reasons={**summary.reasons, **dict.fromkeys(taught, reason)},
     )
-    text = performance_spec.encode(folder.baseline, taught.gains, taught.reasons)
+    text = performance_spec.encode(folder.baseline, limited.gains, limited.reasons)
     (out / "gains.param").write_text(text, encoding="utf-8")
     folder.forget_logs(STAGES.values())
-    return taught
+    return limited
 
 
 @cache

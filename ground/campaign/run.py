@@ -88,6 +88,8 @@ PITCH_LIMIT, PITCH_LIMIT_DEG = "SID_PITCH_MAX", 35.0
 DIVE_PITCH, DIVE_PITCH_DEG, MIN_DIVE_PITCH_DEG = "PTCH_LIM_DEG", 20.0, 8.0
 """Parameter of the largest pitch set-point, its default in the autopilot, and the smallest value in
 a repetition (deg): at a lower one a buoyant vehicle may not leave the surface."""
+DIVE_RATE = "DPT_REF_RATE"
+"""Parameter of the largest rate of the depth reference, which needs a pitch in proportion."""
 MAX_ANGLE_DEG = 90.0
 """Largest size of a test (deg): without effect, because tests are only made smaller."""
 _PACKAGES = ("numpy", "scipy", "numba", "control", "mcap", "pymavlink")
@@ -190,22 +192,25 @@ class Campaign:
             missions += self._begin_missions(dives, baseline[early:], gains)
             design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
-            gains["redesigned"] = {
+            redesigned = {
                 **design.gains,
-                **_not_designed(design.gains, gains["initial"]),
+                **_not_designed(design.gains, untaught["initial"]),
                 **trims,
             }
+            gains |= self._limit_as_taught({"redesigned": redesigned})
             verification = [("redesigned", mission) for mission in MISSIONS]
             missions += self._begin_missions(dives, verification, gains)
             executors.call_ahead(computations.prepare_report, self.request.out, design, gains)
             for (name, mission), dive in zip([*baseline, *verification], missions, strict=True):
                 self._read_ahead(executors, STAGES[name], (mission,), (dive,))
             gains = self._finish_missions(dives, missions, gains)
-            limit_deg = gains["redesigned"].get(DIVE_PITCH)
-            if limit_deg is not None and limit_deg != first.get(DIVE_PITCH):
-                design = worker.call(
-                    computations.add_parameter, self.request.out, design, DIVE_PITCH, limit_deg
-                )
+            if gains["redesigned"].get(DIVE_PITCH) != first.get(DIVE_PITCH):
+                taught = {
+                    name: gains["redesigned"][name]
+                    for name in (DIVE_PITCH, DIVE_RATE)
+                    if name in gains["redesigned"]
+                }
+                design = worker.call(computations.add_parameters, self.request.out, design, taught)
             self.announce("comparing")
             result = worker.call(
                 computations.compare, self.request.out, self._totals(), design, gains, trims
@@ -711,7 +716,7 @@ def _limit_tests(parameters: Mapping[str, float], repetition: int) -> dict[str, 
 
 
 def _limit_dives(parameters: Mapping[str, float], repetition: int) -> dict[str, float]:
-    """Return parameters with a smaller largest pitch set-point.
+    """Return parameters with a smaller largest pitch set-point, and depth changes as much slower.
 
     A change of depth can need the elevator at its limits; a vehicle that is nearly unstable in
     pitch may then turn its nose down too far.
@@ -720,7 +725,10 @@ def _limit_dives(parameters: Mapping[str, float], repetition: int) -> dict[str, 
         return dict(parameters)
     first_deg = parameters.get(DIVE_PITCH, DIVE_PITCH_DEG)
     smaller_deg = max(MIN_DIVE_PITCH_DEG, first_deg * SMALLER_TESTS**repetition)
-    return {**parameters, DIVE_PITCH: round(min(first_deg, smaller_deg), 1)}
+    limited = {**parameters, DIVE_PITCH: round(min(first_deg, smaller_deg), 1)}
+    if DIVE_RATE in limited:
+        limited[DIVE_RATE] *= limited[DIVE_PITCH] / first_deg
+    return limited
 
 
 def _not_designed(designed: Mapping[str, float], flown: Mapping[str, float]) -> dict[str, float]:

@@ -281,6 +281,15 @@ def test_repeated_dive_changes_depth_with_less_pitch(
     assert limits == repeated_deg
 
 
+def test_depth_reference_is_slower_in_proportion_to_a_smaller_pitch() -> None:
+    gains = {"DPT_REF_RATE": 0.3, "PTCH_LIM_DEG": 15.0}
+    once = run._limit_dives(gains, 1)
+    assert once["DPT_REF_RATE"] == pytest.approx(0.3 * 9.0 / 15.0)
+    again = run._limit_dives(once, 1)  # 8 deg is the least pitch
+    assert again["DPT_REF_RATE"] == pytest.approx(0.3 * 8.0 / 15.0)
+    assert run._limit_dives(again, 1) == again
+
+
 def _without_simulation(
     out: Path, monkeypatch: pytest.MonkeyPatch, largest_deg: float
 ) -> tuple[Campaign, list[tuple[str, float]]]:
