@@ -29,6 +29,7 @@ class ErrorCode(StrEnum):
     DESIGN_INFEASIBLE = "design_infeasible"
     EXCHANGE_FAILED = "exchange_failed"
     FAILED = "failed"
+    FAILSAFE = "failsafe"
     FAULT = "fault"
     FIT_FAILED = "fit_failed"
     GAINS_REJECTED = "gains_rejected"

@@ -204,7 +204,7 @@ def check_print(page: Page) -> None:
         assert chart["width"] <= SHEET_PX[0], chart
         assert chart["height"] <= SHEET_PX[1], chart
     assert printed["apart"] == []
-    assert printed["color"] == "rgb(251, 250, 247)"
+    assert printed["color"] == "rgb(255, 255, 255)"
 
 
 @contextmanager

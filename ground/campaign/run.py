@@ -49,7 +49,7 @@ from ground.missions import scaling, script
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess, start_fork_server
 from mavlink_io.clock import wall_s
-from mavlink_io.errors import CaribouError, InputError, OperationError
+from mavlink_io.errors import CaribouError, ErrorCode, InputError, OperationError
 from mavlink_io.mission_items import MissionItem
 from sysid.data import readers
 
@@ -540,6 +540,8 @@ class Campaign:
 
 class FailsafeError(OperationError):
     """A dive ended with a failsafe."""
+
+    code = ErrorCode.FAILSAFE
 
 
 class _Executors(NamedTuple):
