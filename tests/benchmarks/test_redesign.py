@@ -71,10 +71,14 @@ def test_tracking_error_wraps_heading_and_detects_loss() -> None:
 
 
 def test_only_redesigned_gains_have_targets() -> None:
-    rows = np.array([row(BAD, BAD, GOOD), row(BAD, BAD, GOOD)])
+    held = TrackingError(0.7, 4.0, 0.4, 0.0)
+    rows = np.array([row(BAD, BAD, held), row(BAD, BAD, held)])
     assert not missed(steady.judge("disturbed", rows))
-    assert missed(steady.judge("calm", rows)) == {f"{what}, 95 %: ours" for what in holding.WHAT}
-    worse = np.array([row(GOOD, GOOD, BAD), row(GOOD, GOOD, GOOD)])
+    assert missed(steady.judge("calm", rows)) == {
+        *(f"{what}, 95 %: ours" for what in holding.WHAT),
+        "heading, 95 %: ours, worst dive",
+    }
+    worse = np.array([row(held, held, BAD), row(held, held, held)])
     assert missed(steady.judge("disturbed", worse)) == {"heading, 95 %: ours", "depth, 95 %: ours"}
     assert not missed(steady.judge("rough", worse))
 
