@@ -104,12 +104,14 @@ def total(flow: HullFlow, tail: TailInputs, model: VehicleModel) -> Wrench:
     The module docstring has the equation. A model with fewer degrees of freedom uses the components
     of its plane; the compiler removes the computation of the others.
     """
-    return total_of(flow, tail, crossflow(flow, model), at_tail(flow, tail, model), model)
+    _, v, w, _, q, r = flow.nu_flow
+    crossflow = hydrodynamics.crossflow_drag(v, w, q, r, model.stations)
+    return total_of(flow, tail, crossflow, at_tail(flow, tail, model), model)
 
 
 @kernel
 def total_of(
-    flow: HullFlow, tail: TailInputs, crossflow: Wrench, at_tail: Wrench, model: VehicleModel
+    flow: HullFlow, tail: TailInputs, crossflow: Wrench, stern: Wrench, model: VehicleModel
 ) -> Wrench:
     """Return ``total`` for a known crossflow drag and a known wrench of the tail.
 
@@ -121,8 +123,8 @@ def total_of(
         Motion through the water and place under the surface.
     tail : TailInputs
         Surface angles and shaft speed, from ``tail_inputs``.
-    crossflow, at_tail : tuple of 6 floats
-        Results of the functions of these names, FLU, N and N m.
+    crossflow, stern : tuple of 6 floats
+        Results of ``hydrodynamics.crossflow_drag`` and ``at_tail``, FLU, N and N m.
     model : VehicleModel
         The vehicle.
 
@@ -147,7 +149,7 @@ def total_of(
     )
     wrench = _sum(wrench, crossflow)
     wrench = _sum(wrench, hydrodynamics.lift_and_drag(u, v, w, p, q, r, model.hull))
-    wrench = _sum(wrench, at_tail)
+    wrench = _sum(wrench, stern)
     wrench = _sum(wrench, flow.boundary)
     return _sum(
         wrench,
@@ -158,28 +160,8 @@ def total_of(
 
 
 @kernel
-def crossflow(flow: HullFlow, model: VehicleModel) -> Wrench:
-    """Return the crossflow drag of the hull, which depends on its motion and on its sections.
-
-    Parameters
-    ----------
-    flow : HullFlow
-        Motion through the water.
-    model : VehicleModel
-        The vehicle; its ``stations`` are used.
-
-    Returns
-    -------
-    tuple of 6 floats
-        Wrench about the origin, FLU, N and N m.
-    """
-    _, v, w, _, q, r = flow.nu_flow
-    return hydrodynamics.crossflow_drag(v, w, q, r, model.stations)
-
-
-@kernel
 def at_tail(flow: HullFlow, tail: TailInputs, model: VehicleModel) -> Wrench:
-    """Return the wrench of ring wing, propeller and fins.
+    """Return the wrench of ring wing, propeller and fins, as far as they are under water.
 
     Parameters
     ----------
@@ -194,8 +176,33 @@ def at_tail(flow: HullFlow, tail: TailInputs, model: VehicleModel) -> Wrench:
     -------
     tuple of 6 floats
         Wrench about the origin, FLU, N and N m.
+
+    Notes
+    -----
+    ``duct.force``, ``propeller.thrust_n`` and ``fins.wrench`` have the equations and sources.
     """
-    return _tail(flow.nu_flow, tail, _immersed(flow, model), model)
+    # Ring and thrust act at (x, 0, 0), x < 0. Velocity there: (u, v, w) + omega x (x, 0, 0).
+    # Moment about the origin: (x, 0, 0) x (X, Y, Z) = (0, -x Z, x Y).
+    u, v, w, _, q, r = flow.nu_flow
+    immersed = _immersed(flow, model)
+    x = model.duct.x_m
+    velocity = (u, v + x * r, w - x * q)
+    axis = tail.axis
+    fx, fy, fz = duct.force(velocity, axis, model.duct)
+    axial_mps = velocity[0] * axis[0] + velocity[1] * axis[1] + velocity[2] * axis[2]
+    thrust = propeller.thrust_n(tail.shaft_rps, axial_mps, model.propeller)
+    X = immersed * (fx + thrust * axis[0])
+    Y = immersed * (fy + thrust * axis[1])
+    Z = immersed * (fz + thrust * axis[2])
+    fin_wrench = fins.wrench(flow.nu_flow, tail.rudder_rad, tail.elevator_rad, model.fins)
+    return (
+        X + immersed * fin_wrench[0],
+        Y + immersed * fin_wrench[1],
+        Z + immersed * fin_wrench[2],
+        immersed * fin_wrench[3],
+        -x * Z + immersed * fin_wrench[4],
+        x * Y + immersed * fin_wrench[5],
+    )
 
 
 @kernel
@@ -250,33 +257,4 @@ def coriolis(nu: Wrench, inertia: Inertia) -> Wrench:
         (r * hy - q * hz) + (w * py - v * pz),
         (p * hz - r * hx) + (u * pz - w * px),
         (q * hx - p * hy) + (v * px - u * py),
-    )
-
-
-@kernel
-def _tail(nu: Wrench, tail: TailInputs, immersed: float, model: VehicleModel) -> Wrench:
-    """Return the wrench of ring wing, propeller and fins, of which ``immersed`` is under water.
-
-    ``duct.force``, ``propeller.thrust_n`` and ``fins.wrench`` have the equations and sources.
-    """
-    # Ring and thrust act at (x, 0, 0), x < 0. Velocity there: (u, v, w) + omega x (x, 0, 0).
-    # Moment about the origin: (x, 0, 0) x (X, Y, Z) = (0, -x Z, x Y).
-    u, v, w, _, q, r = nu
-    x = model.duct.x_m
-    velocity = (u, v + x * r, w - x * q)
-    axis = tail.axis
-    fx, fy, fz = duct.force(velocity, axis, model.duct)
-    axial_mps = velocity[0] * axis[0] + velocity[1] * axis[1] + velocity[2] * axis[2]
-    thrust = propeller.thrust_n(tail.shaft_rps, axial_mps, model.propeller)
-    X = immersed * (fx + thrust * axis[0])
-    Y = immersed * (fy + thrust * axis[1])
-    Z = immersed * (fz + thrust * axis[2])
-    fin_wrench = fins.wrench(nu, tail.rudder_rad, tail.elevator_rad, model.fins)
-    return (
-        X + immersed * fin_wrench[0],
-        Y + immersed * fin_wrench[1],
-        Z + immersed * fin_wrench[2],
-        immersed * fin_wrench[3],
-        -x * Z + immersed * fin_wrench[4],
-        x * Y + immersed * fin_wrench[5],
     )

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from mavlink_io.jit import kernel
 from sitl.core import tailcone
 from sitl.core.tailcone import TailconeAxis
-from sitl.vehicle import forces, runge_kutta
+from sitl.vehicle import forces, hydrodynamics, runge_kutta
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
 from sitl.vehicle.vectors import Wrench
@@ -222,7 +222,7 @@ class _Derivatives(NamedTuple):
     slopes: Array
     """(rows, 5)."""
     crossflow: Array
-    """(rows, 6), see ``forces.crossflow``."""
+    """(rows, 6), see ``hydrodynamics.crossflow_drag``."""
     at_tail: Array
     """(rows, 6), see ``forces.at_tail``."""
 
@@ -290,7 +290,8 @@ def _crossflow(
         flow, _ = greybox.flow_and_tail(
             track[row], duct[row], coupling[row], rps[row], is_yaw, model
         )
-        wrench = forces.crossflow(flow, model)
+        _, v, w, _, q, r = flow.nu_flow
+        wrench = hydrodynamics.crossflow_drag(v, w, q, r, model.stations)
         for j in range(6):
             wrenches[row, j] = wrench[j]
     return wrenches
