@@ -15,7 +15,8 @@ from mavlink_io.clock import wall_s
 WINDOW_S = 10.0
 """Wall time of one evaluation."""
 MAX_WINDOW_US = int(2 * WINDOW_S * US_PER_S)
-"""Vehicle time after which a window ends early: a simulation faster than real time fills memory."""
+"""Vehicle time after which a window ends early. A simulation faster than real time would otherwise
+keep more than a hundred thousand samples."""
 MIN_SAMPLES = 20
 """Number of samples below which a window is not evaluated."""
 MAX_RATE_ERROR = 0.02

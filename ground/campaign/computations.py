@@ -111,17 +111,18 @@ def design(out: Path, first: Mapping[str, float]) -> DesignSummary:
     return replace(summary.summarise_design(design), selection=selection)
 
 
-def add_parameters(out: Path, summary: DesignSummary, taught: Mapping[str, float]) -> DesignSummary:
+def add_parameters(
+    out: Path, summary: DesignSummary, taught: Mapping[str, float], reasons: Mapping[str, str]
+) -> DesignSummary:
     """Add the parameters that failsafes have taught to a design and to `gains.param`.
 
-    The logs of the missions are read again, because the missions were repeated with it.
+    The logs of the missions are read again, because the missions were repeated with them.
     """
     folder = _folder(out)
-    reason = "with a larger one a dive of the campaign ended with a failsafe"
     limited = replace(
         summary,
         gains={**summary.gains, **taught},
-        reasons={**summary.reasons, **dict.fromkeys(taught, reason)},
+        reasons={**summary.reasons, **reasons},
     )
     text = performance_spec.encode(folder.baseline, limited.gains, limited.reasons)
     (out / "gains.param").write_text(text, encoding="utf-8")

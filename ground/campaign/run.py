@@ -90,6 +90,11 @@ DIVE_PITCH, DIVE_PITCH_DEG, MIN_DIVE_PITCH_DEG = "PTCH_LIM_DEG", 20.0, 8.0
 a repetition (deg): at a lower one a buoyant vehicle may not leave the surface."""
 DIVE_RATE = "DPT_REF_RATE"
 """Parameter of the largest rate of the depth reference, which needs a pitch in proportion."""
+TAUGHT_REASONS = {
+    DIVE_PITCH: "with a larger one a dive of the campaign ended with a failsafe",
+    DIVE_RATE: f"slower in proportion to the smaller {DIVE_PITCH}",
+}
+"""Reasons, in `gains.param`, of the parameters that failsafes have changed."""
 MAX_ANGLE_DEG = 90.0
 """Largest size of a test (deg): without effect, because tests are only made smaller."""
 _PACKAGES = ("numpy", "scipy", "numba", "control", "mcap", "pymavlink")
@@ -205,12 +210,12 @@ class Campaign:
                 self._read_ahead(executors, STAGES[name], (mission,), (dive,))
             gains = self._finish_missions(dives, missions, gains)
             if gains["redesigned"].get(DIVE_PITCH) != first.get(DIVE_PITCH):
-                taught = {
-                    name: gains["redesigned"][name]
-                    for name in (DIVE_PITCH, DIVE_RATE)
-                    if name in gains["redesigned"]
-                }
-                design = worker.call(computations.add_parameters, self.request.out, design, taught)
+                flown = gains["redesigned"]
+                taught = {name: flown[name] for name in TAUGHT_REASONS if name in flown}
+                reasons = {name: TAUGHT_REASONS[name] for name in taught}
+                design = worker.call(
+                    computations.add_parameters, self.request.out, design, taught, reasons
+                )
             self.announce("comparing")
             result = worker.call(
                 computations.compare, self.request.out, self._totals(), design, gains, trims
