@@ -20,6 +20,8 @@ from mavlink_io.text_files import read_text
 
 RECORDS_FILE = "dives.json"
 """File of the records in the folder of a campaign."""
+AFLOAT = ", afloat"
+"""End of the name of an attempt that did not leave the surface."""
 
 
 class DiveRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -74,6 +76,11 @@ class DiveRecords:
         with self._lock:
             records = self._records.items()
             return {key: record for key, record in records if key.startswith(f"{name}, attempt ")}
+
+    def afloat_attempts(self) -> dict[str, DiveRecord]:
+        """Return the records of the attempts that did not leave the surface."""
+        with self._lock:
+            return {key: record for key, record in self._records.items() if key.endswith(AFLOAT)}
 
     def add(self, name: str, request_sha256: str, result: FlightResult) -> DiveRecord:
         """Record a finished dive, whose log is closed."""

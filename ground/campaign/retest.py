@@ -6,6 +6,7 @@ repeated with alternating sign.
 """
 
 from collections.abc import Iterable, Mapping
+from itertools import takewhile
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -61,12 +62,13 @@ def plan(missions: Mapping[str, Script], recommended: NextTest, mission: str) ->
         for step in missions[base].step
         if step.test is not None and (step.test.signal, step.test.axis) == _kind(recommended)
     ]
-    legs = [step for step in missions[base].step if step.leg_keys]
-    if not tests or len(legs) < 2:
+    approach = list(takewhile(lambda step: step.test is None, missions[base].step))
+    legs = [step for step in missions[base].step[len(approach) :] if step.leg_keys]
+    if not tests or not legs:
         return None
-    steps = [legs[0]]
+    steps = approach
     for number in range(REPETITIONS):
-        steps += [_test_step(recommended, tests, number), legs[1]]
+        steps += [_test_step(recommended, tests, number), legs[0]]
     about = f"{recommended}: {recommended.reason}"
     script = Script(name=mission, about=about, step=(*steps, MissionStep(surface=True)))
     return Retest(

@@ -33,6 +33,7 @@ from ground.campaign.campaign_folder import (
 )
 from ground.campaign.computations import FITTED, HELD_OUT, MISSIONS, RETESTS, RetestRecord
 from ground.campaign.dive_records import (
+    AFLOAT,
     RECORDS_FILE,
     DiveRecord,
     DiveRecords,
@@ -44,6 +45,7 @@ from ground.campaign.preparation import Preparation, PreparationRequest, prepare
 from ground.campaign.summary_file import CampaignSummary, DesignSummary, RetestSummary
 from ground.campaign.worker import Worker
 from ground.client.assessment import assess_log
+from ground.client.dive_symptoms import Symptom, SymptomKind
 from ground.client.flight import Dive, FlightProgress, TelemetryListener, fly_simulated
 from ground.missions import scaling, script
 from ground.simulation.processes import SimulatedVehicle, Simulation
@@ -186,7 +188,7 @@ class Campaign:
             missions = self._begin_missions(dives, baseline[:early], gains)
             _finish_dives(tests)
             untaught, gains = gains, self._limit_as_taught(gains)
-            if gains != untaught:
+            if self._records.afloat_attempts() or gains != untaught:
                 wait(missions)
                 missions = self._begin_missions(dives, baseline[:early], gains)
             self.announce(
@@ -264,10 +266,13 @@ class Campaign:
             path = self.request.out / name
             path.parent.mkdir(exist_ok=True)
             write_whole(path, text)
-        for mission in IDENTIFICATION:
+        for mission in ALL_MISSIONS:
             if f"{MISSIONS_FOLDER}/{mission}.toml" not in preparation.files:
                 (self.request.out / MISSIONS_FOLDER / f"{mission}.toml").unlink(missing_ok=True)
+        for mission in IDENTIFICATION:
             self._repeat_reductions(mission)
+        self.outcomes.update(self._records.afloat_attempts())
+        self._speed_up_descents()
 
     def _repeat_reductions(self, mission: str) -> None:
         """Make the tests of a mission as small as they were after the failsafes of its dives."""
@@ -334,9 +339,8 @@ class Campaign:
                     f" the {max(left_s, 0.0):.0f} s left (--extra-water-time)"
                 )
                 return
-            path = out / MISSIONS_FOLDER / f"{mission}.toml"
-            path.parent.mkdir(exist_ok=True)
-            write_whole(path, scaling.encode(dive.script))
+            self._write_mission(mission, dive.script)
+            self._speed_up_descents()
             self._repeat_reductions(mission)
             self.announce(f"not fit: {recommended.reason}; flying {recommended}")
             failures = len(self._records.failed_attempts(f"identification/{dive.base}"))
@@ -394,22 +398,27 @@ class Campaign:
     ) -> dict[str, dict[str, float]]:
         """Wait for the missions of all sets of gains; return the gains with which they were flown.
 
-        After a failsafe all sets fly again with a smaller largest pitch, so that they stay
-        comparable. Raises FailsafeError if it is the smallest one already.
+        After a failsafe all sets fly again, so that they stay comparable: with a descent at full
+        thrust if the vehicle did not leave the surface, otherwise with a smaller largest pitch.
+        Raises FailsafeError if they were flown so already.
         """
         while True:
             try:
                 _finish_dives(missions)
             except FailsafeError as error:
                 limited = {name: _limit_dives(flown, 1) for name, flown in gains.items()}
-                if limited == gains:
+                afloat = isinstance(error, AfloatError)
+                if limited == gains and not afloat:
                     raise
-                wait(missions)
-                gains = limited
-                limit_deg = gains["redesigned"][DIVE_PITCH]
-                self.announce(
-                    f"{error}; flying all missions again with a largest pitch of {limit_deg:g} deg"
-                )
+                wait(missions)  # they load their missions before these are changed
+                if not afloat:
+                    gains = limited
+                    change = f"a largest pitch of {gains['redesigned'][DIVE_PITCH]:g} deg"
+                elif self._speed_up_descents():
+                    change = "a descent at full thrust"
+                else:
+                    raise
+                self.announce(f"{error}; flying all missions again with {change}")
                 repeated = [(name, mission) for name in gains for mission in MISSIONS]
                 missions = self._begin_missions(dives, repeated, gains)
             else:
@@ -442,27 +451,68 @@ class Campaign:
         repetitions = MAX_REPETITIONS if stage == "identification" else 0
         failed = self._records.failed_attempts(name)
         self.outcomes.update(failed)
-        for number in range(min(len(failed), repetitions), repetitions):
-            failsafe = self._fly_once(stage, mission, _limit_pitch(parameters, number))
+        for number in range(min(len(failed), repetitions), repetitions + 1):
+            failsafe = self._leave_surface(stage, mission, _limit_pitch(parameters, number))
             if not failsafe:
                 return
-            self.announce(
-                f"{name}: {failsafe}; repeating it with tests and largest pitch of"
-                f" {SMALLER_TESTS:g} times the size"
-            )
-            self._shrink_tests(mission)
-        if failsafe := self._fly_once(stage, mission, _limit_pitch(parameters, repetitions)):
-            raise FailsafeError(f"{name}: {failsafe}{self._symptom(stage, mission)}")
+            if number < repetitions:
+                self.announce(
+                    f"{name}: {failsafe}; repeating it with tests and largest pitch of"
+                    f" {SMALLER_TESTS:g} times the size"
+                )
+                self._shrink_tests(mission)
+        symptom = self._symptom(stage, mission)
+        advice = f"; {symptom.message}: {symptom.remedy}" if symptom else ""
+        raise FailsafeError(f"{name}: {failsafe}{advice}")
 
-    def _symptom(self, stage: str, mission: str) -> str:
-        """Return the gravest symptom of a dive and its remedy, to be appended to an error."""
+    def _leave_surface(self, stage: str, mission: str, parameters: Mapping[str, float]) -> str:
+        """Fly one dive; again with a descent at full thrust if it does not leave the surface.
+
+        Returns the first failsafe, empty without one. Raises AfloatError if a descent at full
+        thrust does not help, or if it is to be flown with other sets of gains, too.
+        """
+        try:
+            return self._fly_once(stage, mission, parameters)
+        except AfloatError as error:
+            if stage in STAGES.values() or not self._speed_up_descents():
+                raise
+            self.announce(f"{error}; repeating it with a descent at full thrust")
+            return self._fly_once(stage, mission, parameters)
+
+    def _symptom(self, stage: str, mission: str) -> Symptom | None:
+        """Return the gravest symptom of a dive with a remedy; None without any."""
         log = CampaignFolder(self.request.out).log_path(stage, mission)
         try:
             symptoms = assess_log(readers.read(log)).symptoms
         except CaribouError:
-            return ""
-        named = next((symptom for symptom in symptoms if symptom.remedy), None)
-        return f"; {named.message}: {named.remedy}" if named else ""
+            return None
+        return next((symptom for symptom in symptoms if symptom.remedy), None)
+
+    def _speed_up_descents(self) -> bool:
+        """Write missions with a descent at full thrust, as far as dives have taught that.
+
+        A first dive that did not leave the surface changes all missions; another dive its own one
+        and those of all sets of gains. Returns whether a mission was changed.
+        """
+        folder = CampaignFolder(self.request.out)
+        changed = False
+        with self._lock:
+            afloat = {key.removesuffix(AFLOAT) for key in self._records.afloat_attempts()}
+            taught = {dive.split("/")[1] for dive in afloat}
+            if afloat:
+                taught |= set(ALL_MISSIONS if TRIM_MISSION in taught else MISSIONS)
+            for mission in taught:
+                flown = script.load(folder.mission_file(mission))
+                if not scaling.descends_at_full_thrust(flown):
+                    self._write_mission(mission, scaling.descend_at_full_thrust(flown))
+                    changed = True
+        return changed
+
+    def _write_mission(self, mission: str, steps: script.Script) -> None:
+        """Write a mission into the folder."""
+        path = self.request.out / MISSIONS_FOLDER / f"{mission}.toml"
+        path.parent.mkdir(exist_ok=True)
+        write_whole(path, scaling.encode(steps))
 
     def _shrink_tests(self, mission: str) -> None:
         """Write a mission with smaller tests into the folder."""
@@ -472,9 +522,7 @@ class Campaign:
         smaller = scaling.scale_tests(
             asked, dict.fromkeys(range(tests), SMALLER_TESTS), defaultdict(lambda: MAX_ANGLE_DEG)
         )
-        path = self.request.out / MISSIONS_FOLDER / f"{mission}.toml"
-        path.parent.mkdir(exist_ok=True)
-        write_whole(path, scaling.encode(smaller))
+        self._write_mission(mission, smaller)
 
     def _fly_once(self, stage: str, mission: str, parameters: Mapping[str, float]) -> str:
         """Fly one dive, unless it is recorded; return the first failsafe, empty without one."""
@@ -499,6 +547,14 @@ class Campaign:
             follower=listener,
         )
         if outcome.failsafes:
+            symptom = self._symptom(stage, mission)
+            if symptom and symptom.kind is SymptomKind.AFLOAT:
+                failed = f"{name}{AFLOAT}"
+                self.outcomes[failed] = self._records.add(failed, request_sha256, outcome)
+                remedy = symptom.remedy
+                if scaling.descends_at_full_thrust(script.load(mission_file)):
+                    remedy = "add ballast; a descent at full thrust is not enough"
+                raise AfloatError(f"{name}: {symptom.message}: {remedy}")
             failed = f"{name}, attempt {len(self._records.failed_attempts(name)) + 1}"
             self.outcomes[failed] = self._records.add(failed, request_sha256, outcome)
             return outcome.failsafes[0]
@@ -547,6 +603,10 @@ class FailsafeError(OperationError):
     """A dive ended with a failsafe."""
 
     code = ErrorCode.FAILSAFE
+
+
+class AfloatError(FailsafeError):
+    """A dive ended with a failsafe because the vehicle did not leave the surface."""
 
 
 class _Executors(NamedTuple):

@@ -60,6 +60,7 @@ class SymptomKind(StrEnum):
     STUCK = "surface has no effect"
     HEAVY = "too heavy"
     LIGHT = "too light"
+    AFLOAT = "does not leave the surface"
     CURRENT = "strong current"
     FAILSAFE = "failsafe"
     REPORTED = "reported by the vehicle"
@@ -215,7 +216,7 @@ def _weight(log: Log, windows: Sequence[SteadyWindow]) -> Iterator[Symptom]:
     """Yield a symptom for a vehicle that does not dive, or flies level at a large pitch."""
     if (afloat_s := _hard_down_afloat_s(log)) >= MIN_AFLOAT_S:
         yield Symptom(
-            SymptomKind.LIGHT,
+            SymptomKind.AFLOAT,
             "depth",
             f"the vehicle does not leave the surface: elevator hard down for {afloat_s:.0f} s",
             "add ballast, or fly faster",

@@ -15,6 +15,8 @@ MIN_STEP_S, MAX_STEP_S = 5.0, 120.0
 """Shortest and longest step (s); screening rejects tests of less than 3 s."""
 MIN_PULSES_S = 7.0
 """Shortest doublet or 3-2-1-1 (s)."""
+DESCENT_THRUST_PCT = 100.0
+"""Thrust of the descent of a vehicle that does not leave the surface at the thrust of its legs."""
 
 
 class AxisScaling(NamedTuple):
@@ -101,6 +103,36 @@ def lengthen_legs(script: Script, factor: float) -> Script:
         return replace(step, duration_s=float(round(factor * step.duration_s)))
 
     return replace(script, step=tuple(map(changed, script.step)))
+
+
+def descend_at_full_thrust(script: Script) -> Script:
+    """Return a mission that first dives to the depth of its first leg at full thrust.
+
+    Parameters
+    ----------
+    script : Script
+        Mission whose first step is a leg with a heading.
+
+    Returns
+    -------
+    Script
+        The same steps after one that ends when the depth is reached.
+    """
+    first = script.step[0]
+    descent = MissionStep(
+        depth_m=first.depth_m,
+        heading_deg=first.heading_deg,
+        thrust_pct=DESCENT_THRUST_PCT,
+        duration_s=0.0,
+        wait_depth=True,
+    )
+    return replace(script, step=(descent, *script.step))
+
+
+def descends_at_full_thrust(script: Script) -> bool:
+    """Return whether a mission is one of `descend_at_full_thrust`."""
+    first = script.step[0]
+    return bool(first.wait_depth) and first.thrust_pct == DESCENT_THRUST_PCT
 
 
 def limited_deg(size_deg: float, max_deg: float) -> float:

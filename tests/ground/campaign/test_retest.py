@@ -10,7 +10,7 @@ from ground.campaign import computations, retest, run
 from ground.campaign.dive_records import DiveRecords
 from ground.campaign.run import Campaign, CampaignRequest
 from ground.client.flight import FlightResult
-from ground.missions import script
+from ground.missions import scaling, script
 from ground.missions.script import Script
 from mavlink_io.errors import OperationError
 from sysid.planes import Plane
@@ -49,6 +49,14 @@ def test_plan_size_stays_within_the_adapted_tests() -> None:
     sizes = {abs(test.magnitude_deg) for test in signals_of(dive.script)}
     known = [t for t in signals_of(TESTS["elevator_heldout"]) if t.signal == "3211"]
     assert sizes == {max(abs(test.magnitude_deg) for test in known)}
+
+
+def test_plan_after_a_descent_at_full_thrust_settles_before_the_first_test() -> None:
+    faster = {name: scaling.descend_at_full_thrust(mission) for name, mission in TESTS.items()}
+    slow, fast = (retest.plan(missions, CHIRP, "retest_1") for missions in (TESTS, faster))
+    assert slow is not None
+    assert fast is not None
+    assert fast.script.step == scaling.descend_at_full_thrust(slow.script).step
 
 
 class FakeWorker:

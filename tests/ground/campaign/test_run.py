@@ -25,8 +25,10 @@ from ground.campaign.preparation import Preparation
 from ground.campaign.run import Campaign, CampaignRequest
 from ground.campaign.summary_file import CampaignSummary
 from ground.client import param_file
+from ground.client.dive_symptoms import Symptom, SymptomKind
 from ground.client.flight import FlightResult
 from ground.log_tools import mcap
+from ground.missions import scaling, script
 from ground.report import page, summary_picture
 from mavlink_io.errors import InputError, OperationError
 from mavlink_io.mission_items import MavCmd
@@ -337,6 +339,101 @@ def test_missions_with_failsafe_at_least_pitch_end_the_campaign(
         missions = campaign._begin_missions(dives, [("redesigned", "depth_change")], gains)
         with pytest.raises(run.FailsafeError, match="Failsafe: no effect"):
             campaign._finish_missions(dives, missions, gains)
+
+
+def _never_afloat_at(
+    thrust_pct: float, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Campaign, list[tuple[str, float]]]:
+    """Return a campaign and the thrust of the first leg of its dives.
+
+    A dive does not leave the surface if it begins with less than `thrust_pct`.
+    """
+    flown: list[tuple[str, float]] = []
+
+    def fly(dive: Any, *_: object, **__: object) -> FlightResult:
+        first_pct = next(item.p3 for item in dive.items if item.command == MavCmd.DO_CHANGE_SPEED)
+        flown.append((f"{dive.log.parent.name}/{dive.log.stem}", first_pct))
+        dive.log.write_bytes(b"")
+        failsafes = ("mission left in a critical state",) if first_pct < thrust_pct else ()
+        return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
+
+    afloat = Symptom(SymptomKind.AFLOAT, "depth", "does not leave the surface", "fly faster")
+    monkeypatch.setattr(run, "fly_simulated", fly)
+    monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
+    monkeypatch.setattr(Campaign, "_symptom", lambda *_: afloat)
+    campaign = Campaign(CampaignRequest(out), lambda name, at: None, lambda words: None)
+    campaign._records = DiveRecords(out)
+    return campaign, flown
+
+
+def test_vehicle_that_stays_afloat_dives_at_full_thrust_from_then_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
+    campaign._fly("prototype", "trim", {})
+    campaign._fly("identification", "rudder_steps", {})
+    campaign._fly("verification", "combined", {})
+    assert flown == [
+        ("prototype/trim", 58.0),
+        ("prototype/trim", 100.0),
+        ("identification/rudder_steps", 100.0),
+        ("verification/combined", 100.0),
+    ]
+    assert campaign._totals().vehicle_s == 40.0
+
+
+def test_resumed_campaign_keeps_the_descent_at_full_thrust(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The missions are written again at the beginning; the record of the failed dive remains."""
+    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
+    campaign._fly("prototype", "trim", {})
+    options = run._campaign_toml(campaign.request._replace(resume=True), ())
+    (tmp_path / "campaign.toml").write_text(options)
+    resumed, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
+    resumed.request = resumed.request._replace(resume=True)
+    resumed._write_folder(Preparation({}, {}, ()))
+    resumed._fly("prototype", "trim", {})
+    assert flown == []
+    resumed._fly("identification", "rudder_steps", {})
+    assert flown == [("identification/rudder_steps", 100.0)]
+    assert resumed._totals().vehicle_s == 30.0
+
+
+def test_test_dive_that_stays_afloat_changes_its_own_and_all_gains_missions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
+    campaign._fly("identification", "rudder_steps", {})
+    folder = CampaignFolder(tmp_path)
+    faster = {
+        mission
+        for mission in run.ALL_MISSIONS
+        if scaling.descends_at_full_thrust(script.load(folder.mission_file(mission)))
+    }
+    assert faster == {"rudder_steps", *run.MISSIONS}
+    assert [thrust for _, thrust in flown] == [58.0, 100.0]
+
+
+def test_missions_of_all_gains_repeated_at_full_thrust_after_one_stays_afloat(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
+    gains: dict[str, dict[str, float]] = {"initial": {}, "redesigned": {}}
+    both = [(name, mission) for name in gains for mission in run.MISSIONS]
+    with ThreadPoolExecutor(1) as dives:
+        missions = campaign._begin_missions(dives, both, gains)
+        assert campaign._finish_missions(dives, missions, gains) == gains
+    assert [thrust for _, thrust in flown[-len(both) :]] == [100.0] * len(both)
+
+
+def test_vehicle_that_stays_afloat_at_full_thrust_ends_the_campaign(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign, flown = _never_afloat_at(101.0, tmp_path, monkeypatch)
+    with pytest.raises(run.AfloatError, match="add ballast; a descent at full thrust is not"):
+        campaign._fly("prototype", "trim", {})
+    assert len(flown) == 2
 
 
 def test_pitch_limit_of_repeated_tests_is_kept_for_all_gains(

@@ -207,7 +207,7 @@ def test_level_flight_at_a_large_pitch_names_the_weight(
 
 
 @pytest.mark.parametrize(("depth_m", "elevator_deg"), [(0.2, -15.0), (0.2, 15.0), (3.0, -15.0)])
-def test_elevator_hard_down_at_the_surface_means_too_light(
+def test_elevator_hard_down_at_the_surface_means_afloat(
     depth_m: float, elevator_deg: float
 ) -> None:
     flown = dive()
@@ -217,8 +217,9 @@ def test_elevator_hard_down_at_the_surface_means_too_light(
     )
     depth = replace(flown.depth, depth_m=np.full(flown.depth.time_s.size, depth_m))
     found = assessment.assess_log(replace(flown, actuators=commands, depth=depth)).symptoms
-    too_light = [s for s in found if s.message.startswith("the vehicle does not leave the surface")]
-    assert bool(too_light) is (depth_m < 0.3 and elevator_deg < 0.0)
+    afloat = [s for s in found if s.kind is SymptomKind.AFLOAT]
+    assert bool(afloat) is (depth_m < 0.3 and elevator_deg < 0.0)
+    assert all(s.message.startswith("the vehicle does not leave the surface") for s in afloat)
 
 
 @pytest.mark.parametrize("source", [VelocitySource.BOTTOM_TRACK, VelocitySource.WATER_TRACK])

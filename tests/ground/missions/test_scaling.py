@@ -3,8 +3,10 @@
 import pytest
 from msgspec.structs import replace
 
+from ground.campaign.run import ALL_MISSIONS
 from ground.missions import scaling, script, signals
 from ground.missions.scaling import AxisScaling, MissionScaling
+from mavlink_io.mission_items import MavCmd
 
 UNCHANGED = AxisScaling(step_size=1.0, sweep_size=1.0, frequency=1.0, max_size_deg=15.0)
 CARIBOU = MissionScaling(
@@ -76,3 +78,22 @@ def test_lengthen_legs_keeps_tests() -> None:
 @pytest.mark.parametrize(("size", "expected"), [(0.1, 0.5), (-0.1, -0.5), (20.0, 8.1), (3.14, 3.1)])
 def test_limited_deg_is_within_limits_with_sign(size: float, expected: float) -> None:
     assert scaling.limited_deg(size, 8.16) == expected
+
+
+@pytest.mark.parametrize("name", ALL_MISSIONS)
+def test_descent_at_full_thrust_ends_at_depth_before_the_first_leg(name: str) -> None:
+    mission = script.load(name)
+    faster = script.parse(scaling.encode(scaling.descend_at_full_thrust(mission)), name)
+    assert faster.step[1:] == mission.step
+    assert scaling.descends_at_full_thrust(faster)
+    assert not scaling.descends_at_full_thrust(mission)
+    items = script.compile_items(faster)
+    commands = [item.command for item in items[:4]]
+    assert commands == [
+        MavCmd.DO_CHANGE_SPEED,
+        MavCmd.DO_CHANGE_ALTITUDE,
+        MavCmd.CONDITION_YAW,
+        MavCmd.CONDITION_CHANGE_ALT,
+    ]
+    assert items[0].p3 == 100.0
+    assert script.duration_s(faster) == script.duration_s(mission)
