@@ -21,7 +21,7 @@ REVERSED_SIGNIFICANCE = 4.0
 SWAPPED_SIGNIFICANCE, SWAPPED_SHARE = 6.0, 0.4
 """Significance and explained share of the other plane's rate from which on planes are swapped."""
 MAX_OWN_SHARE = 0.2
-"""Largest explained share of the tested plane's rate if planes are swapped."""
+"""Largest explained share of the tested plane's rate, and of its angle, if planes are swapped."""
 MAX_RATIO, RATIO_SIGNIFICANCE = 2.5, 8.0
 """Ratio of the effects in two logs, and its significance, from which on the vehicles differ.
 
@@ -73,11 +73,11 @@ def _miswired(log: LogOfRuns) -> str:
             continue
         other = PLANES[plane].other
         moved, mover = control_effect(runs, other, plane), control_effect(runs, plane, other)
-        if moved is not None and _is_swapped(own, moved):
-            return _swapped_reason(log.log.name, plane, plane, other, moved)
-        if mover is not None and _is_swapped(own, mover):
-            return _swapped_reason(log.log.name, plane, other, plane, mover)
         gain = static_gain(runs, plane)
+        if moved is not None and _is_swapped(own, gain, moved):
+            return _swapped_reason(log.log.name, plane, plane, other, moved)
+        if mover is not None and _is_swapped(own, gain, mover):
+            return _swapped_reason(log.log.name, plane, other, plane, mover)
         if own.significance < -REVERSED_SIGNIFICANCE and (gain is None or gain.value < 0.0):
             return _reversed_reason(log.log.name, plane, own)
     return ""
@@ -95,12 +95,17 @@ def _runs_by_plane(runs: Iterable[Run]) -> Mapping[Plane, list[Run]]:
     return {plane: [run for run in consistent if run.plane == plane] for plane in Plane}
 
 
-def _is_swapped(own: ControlEffect, other: ControlEffect) -> bool:
-    """Return whether another pair of surface and plane explains the tests of a surface."""
+def _is_swapped(own: ControlEffect, gain: ControlEffect | None, other: ControlEffect) -> bool:
+    """Return whether another pair of surface and plane explains the tests of a surface.
+
+    `own` and `gain` are the effect and the static gain of the surface in its own plane: a vehicle
+    that keeps turning fast with its rudder hard over has little effect, but a gain.
+    """
     return (
         abs(other.significance) >= SWAPPED_SIGNIFICANCE
         and other.share >= SWAPPED_SHARE
         and own.share <= MAX_OWN_SHARE
+        and (gain is None or gain.value <= 0.0 or gain.share <= MAX_OWN_SHARE)
     )
 
 

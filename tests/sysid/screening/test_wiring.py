@@ -23,6 +23,7 @@ from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
 from sysid.planes import Plane
 from sysid.refit import RefitRequest
 from sysid.screening import wiring
+from sysid.screening.control_effect import ControlEffect
 from tests.sysid import dives, recording, sea
 from tests.sysid.dives import Array, DiveTest
 
@@ -92,6 +93,14 @@ def test_swapped_surfaces_of_vehicle_are_named(field: config.VehicleConfig, tmp_
     assert refusal(path).startswith(
         "crossed.mcap: swapped planes: in the rudder tests the rudder output moves the pitch rate"
     )
+
+
+def test_rudder_of_a_vehicle_that_keeps_turning_is_not_swapped() -> None:
+    """Values of a campaign: the vehicle turned at 24 deg/s against its rudder, hard over."""
+    own, gain = ControlEffect(0.032, 0.011, 0.08), ControlEffect(0.24, 0.032, 0.36)
+    pitch = ControlEffect(-0.030, 0.0034, 0.43)
+    assert not wiring._is_swapped(own, gain, pitch)
+    assert wiring._is_swapped(own, gain._replace(share=0.05), pitch)
 
 
 def test_logs_of_two_vehicles_are_refused(sound: Path, tmp_path: Path) -> None:
