@@ -261,7 +261,9 @@ def uncertain_drive_covariance(model: IdentifiedModel) -> Array:
 
         C' = ((C - C_s)^-1 - D)^-1 + C_s,    D_ii = 1 - (s_i / S)^2 for the drive, else 0
     """
-    structure = model_error.structure_covariance(model.joint.run_scatter)
+    structure = model_error.structure_covariance(
+        model.joint.run_scatter, model.joint.prior_conflict
+    )
     precision = np.linalg.inv(np.array(model.joint.covariance) - structure)
     for name in DRIVE:
         i = NAMES.index(name)

@@ -104,7 +104,7 @@ def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         screening=(),
         fit_quality=(),
         held_out=(),
-        notes=(*_notes(fit, measured), *_at_limits(sds)),
+        notes=(*_notes(fit, prior, measured), *_at_limits(sds)),
         design={plane: _design_numbers_covariance(plane, spread) for plane in Plane},
     )
 
@@ -292,6 +292,7 @@ def _joint(fit: Fit) -> Joint:
         run_scatter=fit.run_scatter.value,
         deviating_run=fit.deviating_run if fit.run_scatter.value > 0.0 else "",
         run_scatter_without=fit.run_scatter.without_run,
+        prior_conflict=fit.prior_conflict,
     )
 
 
@@ -300,8 +301,8 @@ def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in matrix.tolist())
 
 
-def _notes(fit: Fit, measured: set[Plane]) -> tuple[str, ...]:
-    """Return notes on planes without runs, bounds that were reached, and speed."""
+def _notes(fit: Fit, prior: Prior, measured: set[Plane]) -> tuple[str, ...]:
+    """Return notes on planes without runs, bounds, errors of the structure, and speed."""
     unseen = [plane for plane in Plane if plane not in measured]
     notes = [
         f"no run in {plane}: its values come from the prior and from the other plane"
@@ -313,6 +314,14 @@ def _notes(fit: Fit, measured: set[Plane]) -> tuple[str, ...]:
         notes.append(
             f"the tests disagree by {fit.run_scatter.value:.2g} prior standard deviations beyond"
             " noise: the model structure is in error, which the standard deviations contain"
+        )
+    if fit.prior_conflict > 0.0:
+        offsets_sd = (fit.z - prior.mean) / np.sqrt(np.diag(prior.covariance))
+        farthest = int(np.argmax(np.abs(offsets_sd)))
+        notes.append(
+            "the parameters lie further from the prior than its uncertainty allows, most of all"
+            f" {NAMES[farthest]} by {offsets_sd[farthest]:.1f} standard deviations: the vehicle"
+            " file or the model structure is in error, which the standard deviations contain"
         )
     measured_speed = all(
         data.run.relative_speed is not None for group in fit.datasets.values() for data in group

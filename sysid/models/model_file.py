@@ -206,6 +206,9 @@ class Joint(JsonRecord, frozen=True):
     """Test without which the scatter is smallest; empty without scatter."""
     run_scatter_without: float = 0.0
     """Scatter without that test."""
+    prior_conflict: float = 0.0
+    """How far the estimate contradicts the prior, from 0 to 1: the error of the model structure
+    that is common to all tests."""
 
 
 class Convergence(JsonRecord, frozen=True):

@@ -138,17 +138,23 @@ def _obstacle(
 def _model_error(model: IdentifiedModel, check: AcceptanceCheck, part: float) -> str:
     """Return the cause of a model error, and what can lower it."""
     joint = model.joint
+    signs = []
+    if joint.run_scatter > 0.0:
+        signs.append(
+            f"the tests disagree by {joint.run_scatter:.2g} prior standard deviations beyond noise"
+        )
+    if joint.prior_conflict > 0.0:
+        signs.append("the parameters lie further from the prior than its uncertainty allows")
     cause = (
         f"the test {joint.deviating_run} deviates most, without it they disagree by"
         f" {joint.run_scatter_without:.2g}: look for its cause, or refit without it"
-        if joint.run_scatter_without <= STANDS_OUT * joint.run_scatter
+        if joint.deviating_run and joint.run_scatter_without <= STANDS_OUT * joint.run_scatter
         else "no single test stands out: replace the largest tests by smaller ones"
     )
     return (
         f"{part:.3g} {check.unit} of it is error of the model structure, which more tests of this"
-        f" kind do not lower; the tests disagree by {joint.run_scatter:.2g} prior standard"
-        f" deviations beyond noise; {cause}, and check the values of the vehicle file"
-        " (`ground bench-test`, `ground inclining-test`)"
+        f" kind do not lower; {' and '.join(signs)}; {cause}, and check the values of the vehicle"
+        " file (`ground bench-test`, `ground inclining-test`)"
     )
 
 

@@ -243,10 +243,10 @@ def _plane(
 
 def _model_error(plane_model: _PlaneModel, gains: Mapping[str, float]) -> StructureError | None:
     """Return the standard deviations by the error of the model structure alone."""
-    run_scatter, plane = plane_model.model.joint.run_scatter, plane_model.plane
-    if run_scatter == 0.0:
+    joint, plane = plane_model.model.joint, plane_model.plane
+    if joint.run_scatter == joint.prior_conflict == 0.0:
         return None
-    structure = model_error.structure_covariance(run_scatter)
+    structure = model_error.structure_covariance(joint.run_scatter, joint.prior_conflict)
     uncertain = plane_model.uncertain._replace(covariance=structure)
 
     def b1_per_s2(z: Array) -> Array:

@@ -131,6 +131,8 @@ class Fit(NamedTuple):
     """Names of the parameters beyond whose value no vehicle is possible."""
     run_scatter: RunScatter = RunScatter()
     """Scatter of the parameters between runs beyond noise; runs in the order of `datasets`."""
+    prior_conflict: float = 0.0
+    """How far z contradicts the prior, from 0 to 1; see `model_error`."""
 
     @property
     def deviating_run(self) -> str:
@@ -199,13 +201,15 @@ def fit(
     run_scatter = model_error.scatter(
         [model_error.score_of(*run) for run in problems.linearise(problem, optimum.z)]
     )
+    prior_precision = np.asarray(np.linalg.inv(prior.covariance), np.float64)
+    conflict = model_error.prior_conflict(
+        optimum.z - prior.mean, optimum.score.information, prior_precision
+    )
     report("fit", 1.0)
     return Fit(
         z=optimum.z,
         covariance=model_error.covariance(
-            optimum.score.information,
-            np.asarray(np.linalg.inv(prior.covariance), np.float64),
-            run_scatter.value,
+            optimum.score.information, prior_precision, run_scatter.value, conflict
         ),
         data_information=optimum.score.information,
         vehicle=problems.vehicle(prior, optimum.z),
@@ -217,6 +221,7 @@ def fit(
         evaluations=steps + optimum.steps + restart_steps,
         at_edge=problems.at_edge(prior, optimum.z),
         run_scatter=run_scatter,
+        prior_conflict=conflict,
     )
 
 

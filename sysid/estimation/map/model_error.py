@@ -1,4 +1,4 @@
-"""Covariance that covers errors of the model structure, from the scatter between runs.
+"""Covariance that covers errors of the model structure: scatter of runs, conflict with the prior.
 
 The likelihood knows sensors and sea. Where the structure of the model is wrong, each run asks for
 other parameters. With the whitened sensitivities J_k and residuals e_k of run k at the estimate,
@@ -10,19 +10,25 @@ common ones::
 (random effects; DerSimonian and Laird 1986; P0 prior covariance). t is its maximum likelihood
 estimate, zero unless twice the log-likelihood ratio exceeds the chi-square quantile. The scatter is
 the visible part of the error. A part is common to all runs, because all tests are larger than the
-motion that control design asks about, and no scatter shows it. It has two effects. All parameters
-are off by a share of their prior deviations, and those combinations that the data hardly see, such
-as a pole and a zero beside it, by more: the information of the data is divided by a dispersion k
-(quasi-likelihood; McCullagh and Nelder 1989, ch. 9). With the share g = t / sqrt(t^2 + VISIBLE^2)
-the covariance of the estimate is
+motion that control design asks about, and no scatter shows it. But parameters that take up an error
+of the structure lie further from the prior than it allows (prior predictive check; Box 1980). With
+the estimate z, mean m and covariance P of the prior, and H = sum_k H_k::
 
-    (sum_k H_k / k + P^-1)^-1 + (c^2 + t^2) P0,    k = 1 + (DISPERSION - 1) g^2,    c = COMMON g
+    Q = (z - m)' P^-1 (z - m),    z - m ~ N(0, P - (H + P^-1)^-1)    without error of the structure
 
-COMMON and DISPERSION come from campaigns of plants from outside, of seeds that the study does not
-use; those of the study were known when DISPERSION was chosen (docs/identification.md). Their
-scatter is 0.014 to 0.1, for which g is 0.8 to 1.0. g grows continuously with t: in long logs a
-scatter of a hundredth is significant, without meaning that the model is as wrong as those of the
-plants from outside.
+The share of Q beyond its expectation is the conflict, g^2 = max(0, 1 - E(Q) / Q) (as the I^2 of
+Higgins and Thompson 2002). It needs no threshold: true vehicles lie nearer to their files than the
+standard deviations of the prior, which are generous, so that g is zero without an error.
+
+The common error has two effects. All parameters are off by a share of their prior deviations, and
+those combinations that the data hardly see, such as a pole and a zero beside it, by more: the
+information of the data is divided by a dispersion k (quasi-likelihood; McCullagh and Nelder 1989,
+ch. 9). The covariance of the estimate is
+
+    (H / k + P^-1)^-1 + (c^2 + t^2) P0,    k = 1 + (DISPERSION - 1) g^2,    c = COMMON g
+
+COMMON and DISPERSION come from campaigns of plants from outside, and were confirmed with campaigns
+that nobody had seen (docs/identification.md).
 """
 
 from collections.abc import Sequence
@@ -35,11 +41,10 @@ from sysid.models import parameters
 
 Array = NDArray[np.float64]
 
-COMMON, VISIBLE = 0.25, 0.01
-"""Error that all runs share where they scatter, and the scatter at which it has half its variance;
-in prior standard deviations."""
-DISPERSION = 10.0
-"""Factor on the variance of the likelihood where the runs scatter."""
+COMMON = 0.2
+"""Error that all runs share where the prior conflicts, in prior standard deviations."""
+DISPERSION = 60.0
+"""Factor on the variance of the likelihood where the prior conflicts."""
 SIGNIFICANT = 3.84
 """Quantile of chi-square with one degree of freedom, 95 %."""
 RANK_TOLERANCE = 1e-6
@@ -127,7 +132,36 @@ def _most_likely(deviance_changes: Array) -> float:
     return float(SCATTER[best]) if deviance_changes[best] < -SIGNIFICANT else 0.0
 
 
-def covariance(information: Array, prior_precision: Array, scatter: float) -> Array:
+def prior_conflict(offset: Array, information: Array, prior_precision: Array) -> float:
+    """Return how far the estimate contradicts the prior, from 0 to 1.
+
+    Parameters
+    ----------
+    offset : ndarray, (p,)
+        Estimate minus prior mean.
+    information : ndarray, (p, p)
+        Information of the data, the sum of H_k.
+    prior_precision : ndarray, (p, p)
+        Inverse of the prior covariance of the fit.
+
+    Returns
+    -------
+    float
+        Conflict g^2.
+
+    Notes
+    -----
+    E(Q) = p - tr((H + P^-1)^-1 P^-1), the number of directions that the data inform.
+    """
+    remaining = np.linalg.solve(information + prior_precision, prior_precision)
+    expected = offset.size - float(np.trace(remaining))
+    distance = float(offset @ prior_precision @ offset)
+    return 1.0 - expected / distance if distance > expected else 0.0
+
+
+def covariance(
+    information: Array, prior_precision: Array, scatter: float, conflict: float
+) -> Array:
     """Return the covariance of the estimate, (p, p).
 
     Parameters
@@ -138,34 +172,32 @@ def covariance(information: Array, prior_precision: Array, scatter: float) -> Ar
         Inverse of the prior covariance of the fit.
     scatter : float
         Scatter between runs, from `scatter`.
+    conflict : float
+        Conflict with the prior, from `prior_conflict`.
 
     Returns
     -------
     ndarray, (p, p)
         Covariance by sensors, sea, and errors of the model structure.
     """
-    dispersion = 1.0 + (DISPERSION - 1.0) * _share(scatter) ** 2
+    dispersion = 1.0 + (DISPERSION - 1.0) * conflict
     likelihood = np.linalg.inv(information / dispersion + prior_precision)
-    return np.asarray(likelihood + structure_covariance(scatter))
+    return np.asarray(likelihood + structure_covariance(scatter, conflict))
 
 
-def structure_covariance(scatter: float) -> Array:
+def structure_covariance(scatter: float, conflict: float) -> Array:
     """Return the part of the covariance that more tests do not lower, (p, p).
 
     Parameters
     ----------
     scatter : float
         Scatter between runs, from `scatter`.
+    conflict : float
+        Conflict with the prior, from `prior_conflict`.
 
     Returns
     -------
     ndarray, (p, p)
         (c^2 + t^2) P0.
     """
-    common = COMMON * _share(scatter)
-    return np.asarray((common**2 + scatter**2) * parameters.prior_covariance())
-
-
-def _share(scatter: float) -> float:
-    """Return the size of the common error, from 0 without scatter to 1."""
-    return scatter / float(np.hypot(scatter, VISIBLE))
+    return np.asarray((COMMON**2 * conflict + scatter**2) * parameters.prior_covariance())

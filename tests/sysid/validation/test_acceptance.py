@@ -372,6 +372,20 @@ def test_assess_model_error_by_one_run_names_it(good_model: IdentifiedModel) -> 
     assert "test chirps/2 deviates most" in assess(changed, changed.validation).obstacle
 
 
+def test_assess_model_error_by_the_prior_alone_names_no_test(good_model: IdentifiedModel) -> None:
+    changed = with_phase_sd(good_model, 5.2)
+    joint = replace(
+        changed.joint,
+        run_scatter=0.0,
+        deviating_run="",
+        run_scatter_without=0.0,
+        prior_conflict=0.5,
+    )
+    changed = replace(changed, joint=joint)
+    obstacle = assess(changed, changed.validation).obstacle
+    assert "further from the prior than its uncertainty allows; no single test" in obstacle
+
+
 def test_assess_model_error_below_limit_recommends_a_test(good_model: IdentifiedModel) -> None:
     changed = with_phase_sd(good_model, 4.0)
     assessment = assess(changed, changed.validation)
@@ -384,9 +398,12 @@ def test_validate_model_error_alone_is_less_than_the_whole(
 ) -> None:
     assert good_model.joint.run_scatter == 0.0
     assert good_model.validation["yaw"].model_error is None
-    covariance = np.array(good_model.joint.covariance) + model_error.structure_covariance(0.1)
+    covariance = np.array(good_model.joint.covariance) + model_error.structure_covariance(0.1, 0.3)
     joint = replace(
-        good_model.joint, run_scatter=0.1, covariance=tuple(map(tuple, covariance.tolist()))
+        good_model.joint,
+        run_scatter=0.1,
+        prior_conflict=0.3,
+        covariance=tuple(map(tuple, covariance.tolist())),
     )
     validated = validate(replace(good_model, joint=joint), campaign, held_out)
     for plane in Plane:
