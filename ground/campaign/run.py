@@ -92,9 +92,13 @@ DIVE_PITCH, DIVE_PITCH_DEG, MIN_DIVE_PITCH_DEG = "PTCH_LIM_DEG", 20.0, 8.0
 a repetition (deg): at a lower one a buoyant vehicle may not leave the surface."""
 DIVE_RATE = "DPT_REF_RATE"
 """Parameter of the largest rate of the depth reference, which needs a pitch in proportion."""
+TURN_RATE, MIN_TURN_RATE_DEGPS = "HDG_REF_RATE", 3.0
+"""Parameter of the largest rate of the heading reference, and its smallest value in a repetition
+(deg/s): a turn of 80 deg then takes half of the shortest legs."""
 TAUGHT_REASONS = {
     DIVE_PITCH: "with a larger one a dive of the campaign ended with a failsafe",
     DIVE_RATE: f"slower in proportion to the smaller {DIVE_PITCH}",
+    TURN_RATE: "at a larger one the rudder did not end a turn of a mission of the campaign",
 }
 """Reasons, in `gains.param`, of the parameters that failsafes have changed."""
 MAX_ANGLE_DEG = 90.0
@@ -211,9 +215,12 @@ class Campaign:
             for (name, mission), dive in zip([*baseline, *verification], missions, strict=True):
                 self._read_ahead(executors, STAGES[name], (mission,), (dive,))
             gains = self._finish_missions(dives, missions, gains)
-            if gains["redesigned"].get(DIVE_PITCH) != first.get(DIVE_PITCH):
-                flown = gains["redesigned"]
-                taught = {name: flown[name] for name in TAUGHT_REASONS if name in flown}
+            taught = {
+                name: value
+                for name, value in gains["redesigned"].items()
+                if name in TAUGHT_REASONS and value != redesigned.get(name)
+            }
+            if taught:
                 reasons = {name: TAUGHT_REASONS[name] for name in taught}
                 design = worker.call(
                     computations.add_parameters, self.request.out, design, taught, reasons
@@ -399,21 +406,23 @@ class Campaign:
         """Wait for the missions of all sets of gains; return the gains with which they were flown.
 
         After a failsafe all sets fly again, so that they stay comparable: with a descent at full
-        thrust if the vehicle did not leave the surface, otherwise with a smaller largest pitch.
-        Raises FailsafeError if they were flown so already.
+        thrust if the vehicle did not leave the surface, with slower turns if the rudder had no
+        effect, otherwise with a smaller largest pitch. Raises FailsafeError if they were flown so
+        already.
         """
         while True:
             try:
                 _finish_dives(missions)
             except FailsafeError as error:
-                limited = {name: _limit_dives(flown, 1) for name, flown in gains.items()}
+                limited = {name: error.limit(flown) for name, flown in gains.items()}
                 afloat = isinstance(error, AfloatError)
                 if limited == gains and not afloat:
                     raise
                 wait(missions)  # they load their missions before these are changed
                 if not afloat:
                     gains = limited
-                    change = f"a largest pitch of {gains['redesigned'][DIVE_PITCH]:g} deg"
+                    flown = gains["redesigned"]
+                    change = f"{error.parameter} = {flown[error.parameter]:g}"
                 elif self._speed_up_descents():
                     change = "a descent at full thrust"
                 else:
@@ -463,7 +472,7 @@ class Campaign:
                 self._shrink_tests(mission)
         symptom = self._symptom(stage, mission)
         advice = f"; {symptom.message}: {symptom.remedy}" if symptom else ""
-        raise FailsafeError(f"{name}: {failsafe}{advice}")
+        raise FailsafeError(f"{name}: {failsafe}{advice}", symptom)
 
     def _leave_surface(self, stage: str, mission: str, parameters: Mapping[str, float]) -> str:
         """Fly one dive; again with a descent at full thrust if it does not leave the surface.
@@ -603,6 +612,23 @@ class FailsafeError(OperationError):
     """A dive ended with a failsafe."""
 
     code = ErrorCode.FAILSAFE
+
+    def __init__(self, message: str, symptom: Symptom | None = None) -> None:
+        super().__init__(message)
+        self._turns = (
+            symptom is not None
+            and symptom.axis == "heading"
+            and symptom.kind in (SymptomKind.REVERSED, SymptomKind.STUCK)
+        )
+
+    @property
+    def parameter(self) -> str:
+        """Parameter that is reduced in a repetition."""
+        return TURN_RATE if self._turns else DIVE_PITCH
+
+    def limit(self, parameters: Mapping[str, float]) -> dict[str, float]:
+        """Return the parameters of a repetition of the mission."""
+        return _limit_turns(parameters) if self._turns else _limit_dives(parameters, 1)
 
 
 class AfloatError(FailsafeError):
@@ -796,6 +822,19 @@ def _limit_dives(parameters: Mapping[str, float], repetition: int) -> dict[str, 
     if DIVE_RATE in limited:
         limited[DIVE_RATE] *= limited[DIVE_PITCH] / first_deg
     return limited
+
+
+def _limit_turns(parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters with a slower heading reference, if they limit it.
+
+    The flown vehicle can turn on against its rudder, hard over, from a rate that the vehicle of the
+    file could leave.
+    """
+    if TURN_RATE not in parameters:
+        return dict(parameters)
+    first_degps = parameters[TURN_RATE]
+    slower_degps = max(MIN_TURN_RATE_DEGPS, SMALLER_TESTS * first_degps)
+    return {**parameters, TURN_RATE: round(min(first_degps, slower_degps), 1)}
 
 
 def _not_designed(designed: Mapping[str, float], flown: Mapping[str, float]) -> dict[str, float]:

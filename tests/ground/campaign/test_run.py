@@ -330,6 +330,40 @@ def test_missions_of_all_gains_repeated_with_less_pitch_after_a_failsafe(
     assert last == [expected_deg or 20.0] * len(both)
 
 
+@pytest.mark.parametrize(
+    ("largest_degps", "expected_degps"), [(10.0, 10.0), (8.0, 6.0), (3.5, 3.0), (2.0, None)]
+)
+def test_missions_repeated_with_slower_turns_after_the_rudder_had_no_effect(
+    largest_degps: float,
+    expected_degps: float | None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """10 deg/s times 0.6 for each repetition, at least 3 deg/s."""
+
+    def fly(dive: Any, *_: object, **__: object) -> FlightResult:
+        dive.log.write_bytes(b"")
+        failsafes = ("critical state",) if dive.parameters["HDG_REF_RATE"] > largest_degps else ()
+        return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
+
+    stuck = Symptom(SymptomKind.STUCK, "heading", "the rudder is stuck", "check it")
+    monkeypatch.setattr(run, "fly_simulated", fly)
+    monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
+    monkeypatch.setattr(Campaign, "_symptom", lambda *_: stuck)
+    campaign = Campaign(CampaignRequest(tmp_path), lambda name, at: None, lambda words: None)
+    campaign._records = DiveRecords(tmp_path)
+    gains = {"redesigned": {"HDG_REF_RATE": 10.0, "PTCH_LIM_DEG": 15.0}}
+    with ThreadPoolExecutor(1) as dives:
+        missions = campaign._begin_missions(dives, [("redesigned", "combined")], gains)
+        if expected_degps is None:
+            with pytest.raises(run.FailsafeError, match="the rudder is stuck"):
+                campaign._finish_missions(dives, missions, gains)
+        else:
+            limited = campaign._finish_missions(dives, missions, gains)
+            slower = {"HDG_REF_RATE": expected_degps, "PTCH_LIM_DEG": 15.0}
+            assert limited == {"redesigned": slower}
+
+
 def test_missions_with_failsafe_at_least_pitch_end_the_campaign(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
