@@ -516,7 +516,18 @@ def _complete(state: AutopilotState, config: Config) -> tuple[AutopilotState, tu
 
 
 def new_depth_m(item: MissionItem) -> float:
-    """Return the depth (m) of an item with a depth or an altitude."""
+    """Return the depth of an item with a depth or an altitude.
+
+    Parameters
+    ----------
+    item : MissionItem
+        DO_CHANGE_ALTITUDE, or an item with a position.
+
+    Returns
+    -------
+    float
+        Depth (m); 0 if the item has none.
+    """
     return (
         -item.p1 if item.command == MavCmd.DO_CHANGE_ALTITUDE else guidance.item_depth_m(item, 0.0)
     )

@@ -11,10 +11,10 @@ from sitl.vehicle.config import SHIPPED, VehicleConfig
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains, Lag, Responses
 from sysid.control_analysis.margins import Analysis, Planes, analyse
-from sysid.design.specification import Response
+from sysid.design.specification import OPERATING_DEPTH_M, Response
 from sysid.estimation.map import model_error
 from sysid.estimation.map.fit import linear_plane
-from sysid.models import prediction
+from sysid.models import noise, prediction
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, pitch_plane, yaw_plane
 from sysid.models.model_file import IdentifiedModel, NoiseModel
@@ -166,7 +166,11 @@ def needs_vehicle_file(model: IdentifiedModel) -> bool:
     return model.method == "map" and model.vehicle.prior not in SHIPPED
 
 
-def from_model(model: IdentifiedModel, prior: VehicleConfig | None = None) -> DesignModel:
+def from_model(
+    model: IdentifiedModel,
+    prior: VehicleConfig | None = None,
+    depth_m: float = OPERATING_DEPTH_M,
+) -> DesignModel:
     """Return the design model of an identified model: level flight if its vehicle file is known.
 
     Parameters
@@ -175,6 +179,8 @@ def from_model(model: IdentifiedModel, prior: VehicleConfig | None = None) -> De
         Content of a model file.
     prior : VehicleConfig, optional
         Vehicle file of the refit; needed if that file is not shipped.
+    depth_m : float
+        Depth for which waves are predicted.
 
     Returns
     -------
@@ -183,7 +189,7 @@ def from_model(model: IdentifiedModel, prior: VehicleConfig | None = None) -> De
         the identified disturbance.
     """
     if model.method == "map" and (prior is not None or not needs_vehicle_file(model)):
-        return from_vehicle(prediction.vehicles(model, prior)[0], _disturbance_of(model))
+        return from_vehicle(prediction.vehicles(model, prior)[0], _disturbance_of(model, depth_m))
     coefficients = Table1Column(
         **{name: coefficient.value for name, coefficient in model.coefficients.items()}
     )
@@ -199,7 +205,7 @@ def from_model(model: IdentifiedModel, prior: VehicleConfig | None = None) -> De
             delay_s, model.vehicle.natural_frequency_radps.value, model.vehicle.damping_ratio.value
         )
 
-    return build(planes, lag(Plane.YAW), lag(Plane.PITCH), _disturbance_of(model))
+    return build(planes, lag(Plane.YAW), lag(Plane.PITCH), _disturbance_of(model, depth_m))
 
 
 def sample_models(
@@ -207,6 +213,7 @@ def sample_models(
     count: int,
     prior: VehicleConfig | None = None,
     drive_known: bool = True,
+    depth_m: float = OPERATING_DEPTH_M,
 ) -> Iterator[DesignModel]:
     """Yield up to `count` vehicles drawn from a model's posterior of z.
 
@@ -220,6 +227,8 @@ def sample_models(
         Vehicle file of the refit; needed if that file is not shipped.
     drive_known : bool
         Whether the prior's knowledge of the drive counts; without, only tests and bench test do.
+    depth_m : float
+        Depth for which waves are predicted.
 
     Yields
     ------
@@ -235,7 +244,7 @@ def sample_models(
     for sample in feasible_samples(
         lambda z: prediction.perturb(model, z, prior), np.array(model.joint.z), covariance, draws
     ):
-        yield from_vehicle(sample.vehicle, _disturbance_of(model))
+        yield from_vehicle(sample.vehicle, _disturbance_of(model, depth_m))
 
 
 def uncertain_drive_covariance(model: IdentifiedModel) -> Array:
@@ -302,9 +311,14 @@ def lag_with_sampling(tail: Actuator) -> Lag:
     )
 
 
-def _disturbance_of(model: IdentifiedModel) -> Mapping[Plane, NoiseModel]:
-    """Return the disturbance model of each plane."""
-    return {plane: model.noise.get(plane, DEFAULT_DISTURBANCE) for plane in Plane}
+def _disturbance_of(model: IdentifiedModel, depth_m: float) -> Mapping[Plane, NoiseModel]:
+    """Return the disturbance model of each plane at a depth."""
+    disturbance = {plane: model.noise.get(plane, DEFAULT_DISTURBANCE) for plane in Plane}
+    if not disturbance[Plane.PITCH].wave_depth_m:
+        return disturbance
+    levels = {plane: noise.from_model(level) for plane, level in disturbance.items()}
+    levels = noise.at_depth(levels, depth_m)
+    return {plane: noise.to_model(level) for plane, level in levels.items()}
 
 
 def analyse_loops(vehicle: DesignModel, gains: Gains) -> Analysis:
@@ -333,21 +347,55 @@ def spectrum(disturbance: NoiseModel) -> Array:
         S(w) = 2 s^2 tau / (1 + (w tau)^2)
              + 4 zeta w0^3 a^2 / ((w0^2 - w^2)^2 + (2 zeta w0 w)^2)
     """
-    w, wave_radps = GRID_RADPS, 2.0 * math.pi * disturbance.wave_frequency_hz
     slow = (
         2.0
         * math.radians(disturbance.slow_accel_degps2) ** 2
         * disturbance.slow_time_s
-        / (1.0 + (w * disturbance.slow_time_s) ** 2)
+        / (1.0 + (GRID_RADPS * disturbance.slow_time_s) ** 2)
     )
+    return slow + _wave_spectrum(disturbance, math.radians(disturbance.wave_accel_degps2))
+
+
+def _wave_spectrum(disturbance: NoiseModel, sd: float) -> Array:
+    """Return the density of a signal in the band of the waves: the second part of `spectrum`."""
+    w, wave_radps = GRID_RADPS, 2.0 * math.pi * disturbance.wave_frequency_hz
     band = (wave_radps**2 - w**2) ** 2 + (2.0 * disturbance.wave_damping * wave_radps * w) ** 2
-    return np.asarray(
-        slow
-        + 4.0
-        * disturbance.wave_damping
-        * wave_radps**3
-        * math.radians(disturbance.wave_accel_degps2) ** 2
-        / band
+    return np.asarray(4.0 * disturbance.wave_damping * wave_radps**3 * sd**2 / band)
+
+
+class DisturbanceSource(NamedTuple):
+    """A disturbance of one plane."""
+
+    states: ComplexArray
+    """States, as measured, per unit of it without control, (frequencies, states)."""
+    density: Array
+    """Two-sided power spectral density on `GRID_RADPS`."""
+
+
+def disturbances(vehicle: DesignModel, plane: Plane) -> tuple[DisturbanceSource, ...]:
+    """Return the disturbing moment and, in pitch where the model has it, the pressure of waves.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Design model.
+    plane : Plane
+        Plane.
+
+    Returns
+    -------
+    tuple of DisturbanceSource
+        The pressure of waves (m) moves the measured depth only.
+    """
+    disturbance = vehicle.disturbance[plane]
+    responses = (vehicle.yaw, vehicle.pitch)[PLANES[plane].index]
+    moment = DisturbanceSource(responses.moment, spectrum(disturbance))
+    if PLANES[plane].is_yaw or not disturbance.wave_depth_m:
+        return (moment,)
+    measured = np.zeros_like(moment.states)
+    measured[:, 3] = 1.0
+    return moment, DisturbanceSource(
+        measured, _wave_spectrum(disturbance, disturbance.wave_depth_m)
     )
 
 
@@ -405,32 +453,49 @@ def heading_responses(vehicle: DesignModel, gains: Gains) -> tuple[ComplexArray,
 
 
 def depth_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float, float]:
-    """Return the rms of pitch (rad), depth (m) and commanded elevator (rad)."""
-    density = spectrum(vehicle.disturbance[Plane.PITCH])
-    pitch, depth, elevator = depth_responses(vehicle, gains)
-    return _rms(pitch, density), _rms(depth, density), _rms(elevator, density)
+    """Return the rms of pitch (rad), measured depth (m) and commanded elevator (rad)."""
+    deviations = [
+        [_rms(signal, source.density) for signal in depth_responses(vehicle, gains, source.states)]
+        for source in disturbances(vehicle, Plane.PITCH)
+    ]
+    pitch, depth, elevator = (math.hypot(*each) for each in zip(*deviations, strict=True))
+    return pitch, depth, elevator
 
 
 def depth_responses(
-    vehicle: DesignModel, gains: Gains
+    vehicle: DesignModel, gains: Gains, disturbed: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Return pitch, depth and commanded elevator per unit of disturbing angular acceleration.
+    """Return pitch, measured depth and commanded elevator per unit of a disturbance.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Design model.
+    gains : Gains
+        Parameters of the loops by name.
+    disturbed : ndarray
+        States per unit of the disturbance without control, (frequencies, states).
+
+    Returns
+    -------
+    tuple of ndarray
+        Responses on `GRID_RADPS`.
 
     Notes
     -----
-    As `heading_responses`. States respond to the moment and to the elevator that the loop commands.
+    As `heading_responses`. States respond to the disturbance and to the elevator that the loop
+    commands.
     """
     s = 1j * GRID_RADPS
     sensitivity = 1.0 / (1.0 + loop_transfer.depth_loops(vehicle.pitch, gains)["elevator"])
-    q, theta = vehicle.pitch.moment[:, 1], vehicle.pitch.moment[:, 2]
+    q, theta = disturbed[:, 1], disturbed[:, 2]
     forward = gains["PTCH_P"] + gains["PTCH_I"] / s
     elevator = gains["PTCH_D"] * q + forward * (
-        theta - loop_transfer.pitch_command(vehicle.pitch.moment, gains)
+        theta - loop_transfer.pitch_command(disturbed, gains)
     )
     filters = loop_transfer.filter_response(loop_transfer.command_filters(Plane.PITCH, gains))
     command = elevator * filters * sensitivity
-    # States respond to the moment and to the elevator that is commanded.
-    states = vehicle.pitch.moment - vehicle.pitch.command * command[:, None]
+    states = disturbed - vehicle.pitch.command * command[:, None]
     return states[:, 2], states[:, 3], command
 
 

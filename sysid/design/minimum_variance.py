@@ -50,6 +50,8 @@ class _SampledPlane(NamedTuple):
 def minimum_variance(vehicle: DesignModel, reached: Response) -> MinimumVariance | None:
     """Return the lower bound of the errors, each error minimised by itself.
 
+    The pressure of waves, which only increases them, is left out.
+
     Parameters
     ----------
     vehicle : DesignModel

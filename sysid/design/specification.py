@@ -8,6 +8,9 @@ from sysid.control_analysis.margins import Analysis
 from sysid.models.json_record import JsonRecord
 from sysid.monitor.performance_spec import PerformanceBaseline, encode
 
+OPERATING_DEPTH_M = 3.0
+"""Default of ``Spec.operating_depth_m``."""
+
 
 class DesignInfeasibleError(OperationError):
     """No gains meet the specification on this model; the message names the worst limit."""
@@ -52,6 +55,8 @@ class Spec(JsonRecord, frozen=True):
     """Change of depth (m) for which the overshoot is limited."""
     depth_overshoot: float = 0.04
     """Maximum overshoot of changes by one and by two `depth_step_m`, as a share of it."""
+    operating_depth_m: float = OPERATING_DEPTH_M
+    """Depth (m) for which waves are predicted, if the tests show their pressure."""
     pitch_rms_ratio: float = 1.25
     """Maximum pitch rms under disturbance, relative to the initial gains."""
     pitch_per_metre_deg: float = 18.0

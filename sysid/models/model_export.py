@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sysid.estimation.map import fit as fits
 from sysid.estimation.map.convergence import DESIGN_NUMBERS, START_COST_TOLERANCE, failures
 from sysid.estimation.map.fit import Fit, Prior
-from sysid.models import linear_planes, parameters
+from sysid.models import linear_planes, noise, parameters
 from sysid.models.linear_planes import SmallSignal
 from sysid.models.model_file import (
     FORMAT,
@@ -25,7 +25,6 @@ from sysid.models.model_file import (
     Status,
     VehicleRecord,
 )
-from sysid.models.noise import Noise
 from sysid.models.parameters import INERTIAS, NAMES, PARAMETERS
 from sysid.planes import Plane
 from sysid.reproduction.paper_method import FREE, PlaneFit
@@ -87,7 +86,7 @@ def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         },
         coefficients=_coefficients(fit, prior, measured),
         vehicle=_vehicle(fit, prior, prior_name),
-        noise={plane: _noise(level) for plane, level in fit.noise.items()},
+        noise=_noise(fit),
         joint=_joint(fit),
         convergence=Convergence(
             cost=fit.cost,
@@ -260,19 +259,18 @@ def _vehicle(fit: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
     )
 
 
-def _noise(level: Noise) -> NoiseModel:
-    """Return noise levels in the units of the model file."""
-    return NoiseModel(
-        slow_accel_degps2=math.degrees(level.slow_radps2),
-        slow_time_s=level.slow_time_s,
-        wave_accel_degps2=math.degrees(level.wave_radps2),
-        wave_frequency_hz=level.wave_frequency_hz,
-        wave_damping=level.wave_damping,
-        rate_noise_degps=math.degrees(level.rate_radps),
-        angle_noise_deg=math.degrees(level.angle_rad),
-        depth_noise_m=level.depth_m,
-        force_noise_mps15=level.force_mps15,
-    )
+def _noise(fit: Fit) -> dict[Plane, NoiseModel]:
+    """Return the noise of each plane, with the mean depth of its tests if they show waves."""
+    has_waves = any(level.wave_depth_m for level in fit.noise.values())
+
+    def depth_m(plane: Plane) -> float:
+        """Return the mean depth of the tests of a plane."""
+        return float(np.mean([np.mean(data.run.depth_m) for data in fit.datasets[plane]]))
+
+    return {
+        plane: noise.to_model(level._replace(test_depth_m=depth_m(plane) if has_waves else 0.0))
+        for plane, level in fit.noise.items()
+    }
 
 
 def _joint(fit: Fit) -> Joint:

@@ -95,6 +95,10 @@ class NoiseModel(JsonRecord, frozen=True):
     angle_noise_deg: float
     depth_noise_m: float
     force_noise_mps15: float
+    wave_depth_m: float = 0.0
+    """Measured depth by the pressure of waves; 0 where the tests do not show it."""
+    test_depth_m: float = 0.0
+    """Depth of the tests at which the waves were measured; 0 without pressure of waves."""
 
 
 class DataFile(JsonRecord, frozen=True):

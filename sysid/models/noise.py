@@ -17,19 +17,25 @@ acceleration (rad/s^2), w2 = w1', b gyro bias (rad/s):
 
 Spectral densities that give these standard deviations: 2 sd^2 / T for s, 4 zeta omega^3 sd^2 for
 w2. Initial states and bias of a run have a wide prior, so that they are integrated out.
+
+In swell the pressure of waves moves the measured depth by some centimetres while the vehicle stays
+where it is in the water. The states h1, h2 = h1' then follow b: the equations of the wave moment
+with its frequency and damping, sd of h1: wave_depth_m, and the output depth + h1.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from mavlink_io.frames import STANDARD_GRAVITY_MPS2
 from sysid.models.innovations import riccati, whiten, whiten_block
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import NoiseModel
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -55,6 +61,10 @@ class Noise(NamedTuple):
     """Damping ratio, which sets the bandwidth of the wave moment."""
     force_mps15: float = 0.003
     """Square root of the spectral density of sway or heave acceleration, (m/s^2)/sqrt(Hz)."""
+    wave_depth_m: float = 0.0
+    """Measured depth by the pressure of waves; 0 where the data do not show it."""
+    test_depth_m: float = 0.0
+    """Depth at which the waves were measured; not a level."""
 
 
 PRIOR_LOG_SD = Noise(
@@ -67,11 +77,18 @@ PRIOR_LOG_SD = Noise(
     wave_frequency_hz=0.1,
     wave_damping=0.3,
     force_mps15=1.0,
+    wave_depth_m=1.0,
 )
 """Prior standard deviation of the logarithm of each level.
 
 The shape of the spectrum is known better than its size."""
 
+WAVE_DEPTH_M = 0.005
+"""Prior mean of ``wave_depth_m`` where there is any."""
+WAVE_DEPTH_EVIDENCE = 5.0
+"""Decrease of the negative log posterior from which on the pressure of waves is in the model.
+
+Without waves it occurs in one log of 600 (chi-square with one degree of freedom)."""
 MAX_SCORING_STEPS = 30
 """Maximum number of steps of the noise estimate."""
 MIN_IMPROVEMENT = 0.02
@@ -122,6 +139,62 @@ def from_model(noise_model: NoiseModel) -> Noise:
         wave_frequency_hz=noise_model.wave_frequency_hz,
         wave_damping=noise_model.wave_damping,
         force_mps15=noise_model.force_noise_mps15,
+        wave_depth_m=noise_model.wave_depth_m,
+        test_depth_m=noise_model.test_depth_m,
+    )
+
+
+def at_depth(levels: Mapping[Plane, Noise], depth_m: float) -> dict[Plane, Noise]:
+    """Return the noise at another depth than that of the tests.
+
+    Parameters
+    ----------
+    levels : Mapping
+        Noise of each plane.
+    depth_m : float
+        Depth.
+
+    Returns
+    -------
+    dict
+        Noise of each plane. Only waves change with the depth, if the tests show their pressure.
+
+    Notes
+    -----
+    Under waves of the frequency omega in deep water all motion decays with the depth d as
+    exp(-k d), k = omega^2 / g (Airy 1845; Newman 1977, Marine Hydrodynamics, ch. 6.2).
+    """
+    pitch = levels.get(Plane.PITCH)
+    if pitch is None or not pitch.wave_depth_m:
+        return dict(levels)
+
+    def scaled(noise: Noise) -> Noise:
+        """Return the noise of one plane at that depth."""
+        wave_number = (2.0 * math.pi * noise.wave_frequency_hz) ** 2 / STANDARD_GRAVITY_MPS2
+        ratio = math.exp(wave_number * (noise.test_depth_m - depth_m))
+        return noise._replace(
+            wave_radps2=ratio * noise.wave_radps2,
+            wave_depth_m=ratio * noise.wave_depth_m,
+            test_depth_m=depth_m,
+        )
+
+    return {plane: scaled(noise) for plane, noise in levels.items()}
+
+
+def to_model(level: Noise) -> NoiseModel:
+    """Return noise levels in the units of the model file."""
+    return NoiseModel(
+        slow_accel_degps2=math.degrees(level.slow_radps2),
+        slow_time_s=level.slow_time_s,
+        wave_accel_degps2=math.degrees(level.wave_radps2),
+        wave_frequency_hz=level.wave_frequency_hz,
+        wave_damping=level.wave_damping,
+        rate_noise_degps=math.degrees(level.rate_radps),
+        angle_noise_deg=math.degrees(level.angle_rad),
+        depth_noise_m=level.depth_m,
+        force_noise_mps15=level.force_mps15,
+        wave_depth_m=level.wave_depth_m,
+        test_depth_m=level.test_depth_m,
     )
 
 
@@ -207,31 +280,35 @@ def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array
     A, density, C, R, P0 : ndarray
         System matrix, spectral density of the process noise, output matrix, covariance of the
         measurement noise, and covariance of the initial state. States: plane, slow moment, wave
-        (two states), gyro bias.
+        (two states), gyro bias, and in pitch, if the noise has it, wave pressure (two states).
 
     Notes
     -----
     The module docstring has the equations.
     """
-    # Equations: module docstring; rows and columns: plane (n), s, w1, w2, b.
-    n = plane.A.shape[0]
-    slow, wave, bias = n, n + 1, n + 3
+    # Equations: module docstring; rows and columns: plane (n), s, w1, w2, b, h1, h2.
+    n, has_depth = plane.A.shape[0], "depth" in plane.states
+    slow, wave, bias, pressure = n, n + 1, n + 3, n + 4
+    has_pressure = has_depth and noise.wave_depth_m > 0.0
+    size = n + 6 if has_pressure else n + 4
     omega = 2.0 * math.pi * noise.wave_frequency_hz
-    A = np.zeros((n + 4, n + 4))
+    A = np.zeros((size, size))
     A[:n, :n] = plane.A
     A[:n, slow] = A[:n, wave] = plane.moment
     A[slow, slow] = -1.0 / noise.slow_time_s
-    A[wave, wave + 1] = 1.0
-    A[wave + 1, wave], A[wave + 1, wave + 1] = -(omega**2), -2.0 * noise.wave_damping * omega
     density = np.zeros_like(A)
+    waves = ((wave, noise.wave_radps2), (pressure, noise.wave_depth_m))
+    for state, sd in waves if has_pressure else waves[:1]:
+        both = slice(state, state + 2)
+        A[both, both], density[both, both] = oscillator(noise, sd)
     density[0, 0] = noise.force_mps15**2
     density[slow, slow] = 2.0 * noise.slow_radps2**2 / noise.slow_time_s
-    density[wave + 1, wave + 1] = 4.0 * noise.wave_damping * omega**3 * noise.wave_radps2**2
-    has_depth = "depth" in plane.states
-    C = np.zeros((3 if has_depth else 2, n + 4))
+    C = np.zeros((3 if has_depth else 2, size))
     C[0, 1] = C[0, bias] = C[1, 2] = 1.0
     if has_depth:
         C[2, 3] = 1.0
+    if has_pressure:
+        C[2, pressure] = 1.0
     R = np.diag([noise.rate_radps, noise.angle_rad, noise.depth_m][: C.shape[0]]) ** 2
     start = [START_SPEED_MPS, START_RATE_RADPS, START_ANGLE_RAD, START_DEPTH_M][:n]
     spread = [
@@ -240,8 +317,20 @@ def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array
         noise.wave_radps2,
         noise.wave_radps2 * omega,
         GYRO_BIAS_RADPS,
+        noise.wave_depth_m,
+        noise.wave_depth_m * omega,
     ]
-    return A, density, C, R, np.diag(spread) ** 2
+    return A, density, C, R, np.diag(spread[:size]) ** 2
+
+
+def oscillator(noise: Noise, sd: float) -> tuple[Array, Array]:
+    """Return system matrix and process density (2, 2) of a signal in the band of the waves.
+
+    ``sd`` is the standard deviation of the signal, the first state; the second is its rate.
+    """
+    omega, damping = 2.0 * math.pi * noise.wave_frequency_hz, noise.wave_damping
+    A = np.array([[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]])
+    return A, np.diag([0.0, 4.0 * damping * omega**3 * sd**2])
 
 
 def whiten_columns(block: Array, noise_filter: Filter) -> Array:
@@ -292,23 +381,52 @@ def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: N
     """Return the maximum a posteriori noise levels for residuals (samples, outputs) of runs.
 
     The prior is log-normal about the default levels with ``PRIOR_LOG_SD``. ``dt`` is the sample
-    interval (s), ``start`` the initial guess.
+    interval (s), ``start`` the initial guess. The pressure of waves is in the result if ``start``
+    has it or the residuals show it by ``WAVE_DEPTH_EVIDENCE``.
     """
+    without = _estimate_levels(plane, residuals, dt, start)
+    if "depth" not in plane.states or start.wave_depth_m > 0.0:
+        return without.noise
+    trial = without.noise._replace(wave_depth_m=WAVE_DEPTH_M)
+    samples = max(len(r) for r in residuals)
+    likelihoods = [cost(residuals, build(plane, n, dt, samples)) for n in (without.noise, trial)]
+    if likelihoods[1] > likelihoods[0]:
+        return without.noise
+    with_waves = _estimate_levels(plane, residuals, dt, trial)
+    is_evident = with_waves.cost < without.cost - WAVE_DEPTH_EVIDENCE
+    return with_waves.noise if is_evident else without.noise
+
+
+class _EstimatedLevels(NamedTuple):
+    """Noise levels and the negative log posterior."""
+
+    noise: Noise
+    cost: float
+
+
+def _estimate_levels(
+    plane: LinearPlane, residuals: Sequence[Array], dt: float, start: Noise
+) -> _EstimatedLevels:
+    """Return the maximum a posteriori levels of the disturbances that ``start`` has."""
     # Fisher scoring on lambda = log of the levels. With innovations n(lambda) and log scales
     # l(lambda), D = dn/dlambda and B = dl/dlambda:
     #     gradient = D^T n - sum B + prior,   information = D^T D + B^T B + prior
     # (Gupta and Mehra 1974, IEEE Trans. AC 19, eq. 32, for a triangular root).
-    samples, mean, precision = (
-        max(len(r) for r in residuals),
-        np.log(Noise()),
-        1.0 / np.array(PRIOR_LOG_SD) ** 2,
-    )
-    lowest, highest = mean - 4.0 * np.array(PRIOR_LOG_SD), mean + 4.0 * np.array(PRIOR_LOG_SD)
+    present = Noise._fields.index("test_depth_m" if start.wave_depth_m > 0.0 else "wave_depth_m")
+    samples = max(len(r) for r in residuals)
+    mean = np.log(Noise(wave_depth_m=WAVE_DEPTH_M)[:present])
+    sd = np.array(PRIOR_LOG_SD[:present])
+    precision = 1.0 / sd**2
+    lowest, highest = mean - 4.0 * sd, mean + 4.0 * sd
     lowest[Noise._fields.index("depth_m")] = math.log(MIN_DEPTH_NOISE_M)
+
+    def noise_of(levels: Array) -> Noise:
+        """Return the noise with the levels that are present; the others are zero."""
+        return Noise(*(float(level) for level in np.exp(levels)))
 
     def evaluate(levels: Array) -> _CandidateLevels:
         """Return the negative log posterior at the logarithms of the levels, and its terms."""
-        noise_filter = build(plane, Noise(*np.exp(levels)), dt, samples)
+        noise_filter = build(plane, noise_of(levels), dt, samples)
         innovations = np.concatenate([whiten_residual(r, noise_filter).ravel() for r in residuals])
         scales = np.log(np.diagonal(noise_filter.whiteners, axis1=1, axis2=2))
         log_scales = np.concatenate([scales[: len(r)].ravel() for r in residuals])
@@ -320,7 +438,7 @@ def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: N
             likelihood_cost + 0.5 * float(deviation @ (precision * deviation)),
         )
 
-    levels = np.clip(np.log(start), lowest, highest)
+    levels = np.clip(np.log(start[:present]), lowest, highest)
     current = evaluate(levels)
     for _ in range(MAX_SCORING_STEPS):
         step, predicted_decrease = _scoring_step(
@@ -335,7 +453,7 @@ def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: N
         if candidate.cost > current.cost:
             break
         levels, current = levels + step, candidate
-    return Noise(*(float(level) for level in np.exp(levels)))
+    return _EstimatedLevels(noise_of(levels), current.cost)
 
 
 def _scoring_step(

@@ -1,5 +1,9 @@
-"""Disturbance of a simulated vehicle: the identified noise of both planes, tick by tick."""
+"""Disturbance of a simulated vehicle: the identified noise of both planes, tick by tick.
 
+Moments and forces act on the hull; the pressure of waves moves the measured depth.
+"""
+
+import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -47,6 +51,29 @@ def of_plane(vehicle: CandidateVehicle, plane: Plane, level: Noise) -> ShapingFi
     return ShapingFilter(transition, noise.root(process), np.sqrt(np.diag(P0)[disturbance_states]))
 
 
+def wave_pressure(level: Noise) -> ShapingFilter:
+    """Return the shaping filter of the depth (m) by the pressure of waves, without slow part."""
+    A, density = noise.oscillator(level, level.wave_depth_m)
+    waves = slice(1, 3)
+    transition, root, spread = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    transition[waves, waves], process = noise.discrete(A, density, TICK_S)
+    root[waves, waves] = noise.root(process)
+    omega = 2.0 * math.pi * level.wave_frequency_hz
+    spread[waves] = level.wave_depth_m, level.wave_depth_m * omega
+    return ShapingFilter(transition, root, spread)
+
+
+def initial_state(shaping_filter: ShapingFilter, rng: np.random.Generator) -> Array:
+    """Return a random initial state of a shaping filter."""
+    return shaping_filter.spread * rng.standard_normal(3)
+
+
+def next_block(shaping_filter: ShapingFilter, state: Array, rng: np.random.Generator) -> Array:
+    """Return the sum of slow and wave part in `BLOCK` ticks; ``state`` is updated."""
+    process_noise = rng.standard_normal((BLOCK, 3)) @ shaping_filter.root.T
+    return _generate(shaping_filter.transition, process_noise, state)
+
+
 def wrenches(
     vehicle: CandidateVehicle, levels: Mapping[Plane, Noise], times: float, rng: np.random.Generator
 ) -> Iterator[Array]:
@@ -69,18 +96,12 @@ def wrenches(
         tau = M a with the generalised acceleration a of the noise model.
     """
     filters = {plane: of_plane(vehicle, plane, level) for plane, level in levels.items()}
-    states = {
-        plane: shaping_filter.spread * rng.standard_normal(3)
-        for plane, shaping_filter in filters.items()
-    }
+    states = {plane: initial_state(each, rng) for plane, each in filters.items()}
     while True:
         accelerations = np.zeros((BLOCK, 6))
         for plane, shaping_filter in filters.items():
             _, force, moment = PLANES[plane].velocities
-            process_noise = rng.standard_normal((BLOCK, 3)) @ shaping_filter.root.T
-            accelerations[:, moment] = _generate(
-                shaping_filter.transition, process_noise, states[plane]
-            )
+            accelerations[:, moment] = next_block(shaping_filter, states[plane], rng)
             accelerations[:, force] = (
                 levels[plane].force_mps15 / TICK_S**0.5 * rng.standard_normal(BLOCK)
             )

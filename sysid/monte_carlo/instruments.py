@@ -2,8 +2,9 @@
 
 The noise model gives errors of rates, angles and depth as means over 0.1 s. They enter as white
 noise of the same density at the sensors: rates at the gyro, angles as tilt of gravity and field,
-depth at the pressure sensor. The autopilot's estimator then processes them as in the sea. There is
-no GNSS receiver and no DVL, because the model has no information about them.
+depth at the pressure sensor, where the identified pressure of waves is added. The autopilot's
+estimator then processes them as in the sea. There is no GNSS receiver and no DVL, because the model
+has no information about them.
 """
 
 import math
@@ -18,6 +19,8 @@ from mavlink_io.jit import numeric
 from mavlink_io.records import SENSORS_ALL, SensorFrame
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.models.noise import Noise
+from sysid.monte_carlo import disturbance
+from sysid.monte_carlo.disturbance import BLOCK
 from sysid.monte_carlo.dynamics import DEPTH, FIELD, FORCE, N_OBSERVED, RATES
 from sysid.planes import Plane
 
@@ -29,8 +32,6 @@ HORIZONTAL_GAUSS, DOWN_GAUSS = 0.2, 0.48
 """Horizontal and downward component of the earth's field at middle latitudes (gauss)."""
 LAST_DIGIT_NOISE = 1e-7
 """Minimum noise of every measurement: a constant value is treated as a sensor fault."""
-BLOCK = 1024
-"""Number of ticks that are drawn at a time."""
 TEMPERATURE_DEGC = 10.0
 
 
@@ -59,11 +60,22 @@ def deviations(levels: Mapping[Plane, Noise]) -> Array:
     return np.maximum(math.sqrt(MEAN_S / TICK_S) * sd, LAST_DIGIT_NOISE)
 
 
-def errors(levels: Mapping[Plane, Noise], rng: np.random.Generator) -> Iterator[Array]:
-    """Yield the measurement errors of `BLOCK` ticks at a time, (BLOCK, N_OBSERVED)."""
+def errors(
+    levels: Mapping[Plane, Noise], rng: np.random.Generator, times: float = 1.0
+) -> Iterator[Array]:
+    """Yield the measurement errors of `BLOCK` ticks at a time, (BLOCK, N_OBSERVED).
+
+    ``times`` is the factor on the pressure of waves.
+    """
     sd = deviations(levels)
+    has_waves = levels[Plane.PITCH].wave_depth_m > 0.0
+    waves = disturbance.wave_pressure(levels[Plane.PITCH])
+    state = disturbance.initial_state(waves, rng) if has_waves else waves.spread
     while True:
-        yield sd * rng.standard_normal((BLOCK, N_OBSERVED))
+        block = sd * rng.standard_normal((BLOCK, N_OBSERVED))
+        if has_waves:
+            block[:, DEPTH] += times * disturbance.next_block(waves, state, rng)
+        yield block
 
 
 @numeric

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from autopilot.control import core, modes, params, request_handler, requests, steady
+from autopilot.control import core, mission, modes, params, request_handler, requests, steady
 from autopilot.control.params import Config
 from autopilot.control.steady import Task
 from autopilot.control.types import US_PER_S, Home, Inputs, Trace, VehicleEstimate
@@ -121,6 +121,28 @@ def planned_s(items: Sequence[MissionItem]) -> float:
     return delays + sum(item.x for item in items if item.command == MavCmd.USER_1)
 
 
+def mean_depth_m(items: Sequence[MissionItem]) -> float:
+    """Return the mean depth of the legs and tests of a mission, weighted with their durations.
+
+    Parameters
+    ----------
+    items : sequence of MissionItem
+        Mission.
+
+    Returns
+    -------
+    float
+        Depth (m); the last one that is commanded if no leg has a duration.
+    """
+    depth_m = weighted = 0.0
+    for item in items:
+        if item.command in (MavCmd.DO_CHANGE_ALTITUDE, MavCmd.NAV_WAYPOINT):
+            depth_m = mission.new_depth_m(item)
+        weighted += depth_m * planned_s([item])
+    duration_s = planned_s(items)
+    return weighted / duration_s if duration_s else depth_m
+
+
 def fly(
     vehicle: CandidateVehicle,
     levels: dict[Plane, Noise],
@@ -173,7 +195,8 @@ def fly(
         fine_steps=fine_steps,
     )
     wrenches = disturbance.wrenches(vehicle, levels, sea.times, disturbance_rng)
-    return fly_with(craft, wrenches, instruments.errors(levels, sensor_rng), items, config)
+    errors = instruments.errors(levels, sensor_rng, sea.times)
+    return fly_with(craft, wrenches, errors, items, config)
 
 
 def fly_with(

@@ -12,6 +12,7 @@ from autopilot.control import params
 from autopilot.control.params import Config
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.mission_items import MissionItem
+from sysid.models import noise
 from sysid.monte_carlo import metrics, samples, simulate
 from sysid.monte_carlo.metrics import DiveMetrics
 from sysid.monte_carlo.simulate import Sea
@@ -178,7 +179,8 @@ def _config(name: str, values: Mapping[str, float]) -> Config:
 def _fly(job: _Trial) -> DiveMetrics:
     """Simulate one dive and return its metrics."""
     vehicle = job.posterior.vehicle(job.z)
-    dive = simulate.fly(vehicle, job.posterior.noise, job.items, job.config, job.sea, job.seed)
+    levels = noise.at_depth(job.posterior.noise, simulate.mean_depth_m(job.items))
+    dive = simulate.fly(vehicle, levels, job.items, job.config, job.sea, job.seed)
     return metrics.of_dive(dive, job.config.travel_rad, vehicle.model.hydrostatics.radius_m)
 
 

@@ -76,7 +76,7 @@ def smallest_ratios() -> SteadyError:
     initial, improved = (
         (
             design_model.heading_responses(vehicle, gains)[0],
-            *design_model.depth_responses(vehicle, gains)[:2],
+            *design_model.depth_responses(vehicle, gains, vehicle.pitch.moment)[:2],
         )
         for gains in (TABLE_3_INITIAL, TABLE_3_IMPROVED)
     )

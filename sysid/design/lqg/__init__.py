@@ -100,7 +100,7 @@ def design_lqg(
             "the fit's starts disagree, so the model is not unique; record more tests and refit"
         )
     vehicle, vehicles = (
-        design_model.from_model(model, prior),
+        design_model.from_model(model, prior, spec.operating_depth_m),
         list(design_model.sample_models(model, VEHICLES, prior)),
     )
     reference = _reference_errors(vehicle, initial)

@@ -14,7 +14,13 @@ from sysid.control_analysis import loop_transfer, modal
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Lag
 from sysid.design import constraints
 from sysid.design.constraints import Bounds, ConstraintViolation
-from sysid.design.design_model import NOISE_STEP_S, DesignModel, outputs, spectrum
+from sysid.design.design_model import (
+    NOISE_STEP_S,
+    DesignModel,
+    DisturbanceSource,
+    disturbances,
+    outputs,
+)
 from sysid.design.lqg import controller as lqg_controller
 from sysid.design.lqg.controller import DiscreteController
 from sysid.design.specification import Spec
@@ -30,6 +36,15 @@ HIGH_GRID_RADPS: Array = np.linspace(GRID_RADPS[-1], math.pi / loop_transfer.TIC
 """Frequencies (rad/s) from the end of the grid to half the sample rate."""
 
 
+class _MeasuredDisturbance(NamedTuple):
+    """A disturbance as the outputs show it."""
+
+    outputs: ComplexArray
+    """Outputs per unit of it without control, (frequencies, outputs)."""
+    density: Array
+    """Two-sided power spectral density on the grid."""
+
+
 class MeasuredPlane(NamedTuple):
     """One plane of a vehicle with its measured outputs.
 
@@ -38,14 +53,11 @@ class MeasuredPlane(NamedTuple):
 
     plane: LinearPlane
     lag: Lag
-    density: Array
-    """Power spectral density of the disturbing angular acceleration on the grid."""
+    disturbances: tuple[_MeasuredDisturbance, ...]
     noise_radps: float
     """Square root of the gyro's noise density, rad/s per sqrt(Hz)."""
     command: ComplexArray
     """Response to the command, (frequencies, outputs)."""
-    moment: ComplexArray
-    """Response to a unit of angular acceleration, (frequencies, outputs)."""
 
     @property
     def names(self) -> tuple[str, str]:
@@ -66,20 +78,28 @@ def measured_plane(vehicle: DesignModel, plane: Plane) -> MeasuredPlane:
     Returns
     -------
     MeasuredPlane
-        Plane with the responses from command and moment to the outputs, on GRID_RADPS.
+        Plane with the responses from command and disturbances to the outputs, on GRID_RADPS.
     """
     index = PLANES[plane].index
     linear, responses = vehicle.planes[index], (vehicle.yaw, vehicle.pitch)[index]
-    disturbance, measured = vehicle.disturbance[plane], outputs(linear).T
-    noise = math.radians(disturbance.rate_noise_degps) * math.sqrt(NOISE_STEP_S)
+    noise = math.radians(vehicle.disturbance[plane].rate_noise_degps) * math.sqrt(NOISE_STEP_S)
     return MeasuredPlane(
         plane=linear,
         lag=(vehicle.yaw_lag, vehicle.pitch_lag)[index],
-        density=spectrum(disturbance),
+        disturbances=tuple(
+            _measured_disturbance(linear, source) for source in disturbances(vehicle, plane)
+        ),
         noise_radps=noise,
-        command=responses.command @ measured,
-        moment=responses.moment @ measured,
+        command=responses.command @ outputs(linear).T,
     )
+
+
+def _measured_disturbance(plane: LinearPlane, source: DisturbanceSource) -> _MeasuredDisturbance:
+    """Return a disturbance as the outputs show it; the depth rate is that of the measured depth."""
+    measured = source.states @ outputs(plane).T
+    if "depth" in plane.states:
+        measured[:, 3] = 1j * GRID_RADPS * source.states[:, 3]
+    return _MeasuredDisturbance(measured, source.density)
 
 
 class Cuts(NamedTuple):
@@ -189,28 +209,31 @@ def disturbance_response(
 
     Notes
     -----
-    With S = 1 / (1 - sum_i K_i G_i) and M_i the response of output i to the disturbance::
+    With S = 1 / (1 - sum_i K_i G_i) and M_i the response of output i to a disturbance::
 
         u = S sum_i K_i M_i           y_i = M_i + G_i u
         sigma^2 = (1 / pi) integral of |.|^2 S_d dw                              (Parseval)
 
-    Gyro noise enters at the first output; above the grid the loop is taken as open.
+    The variances of all disturbances add. Gyro noise enters at the first output; above the grid the
+    loop is taken as open.
     """
     feedback, feedback_above_grid = (
         lqg_controller.response(controller, GRID_RADPS),
         lqg_controller.response(controller, HIGH_GRID_RADPS),
     )
     sensitivity = 1.0 / (1.0 - (feedback * plane.command).sum(axis=1))
-    command = (feedback * plane.moment).sum(axis=1) * sensitivity
-    output_responses = plane.moment + plane.command * command[:, None]
+    powers = []
+    for disturbance in plane.disturbances:
+        command = (feedback * disturbance.outputs).sum(axis=1) * sensitivity
+        signals = np.column_stack([disturbance.outputs + plane.command * command[:, None], command])
+        powers.append([_power(signal, GRID_RADPS, disturbance.density) for signal in signals.T])
+    *output_sds, command_sd = np.sqrt(np.sum(powers, axis=0))
     noise = _power(feedback[:, 0] * sensitivity, GRID_RADPS) + _power(
         feedback_above_grid[:, 0], HIGH_GRID_RADPS
     )
     return DisturbanceResponse(
-        np.array(
-            [math.sqrt(_power(reply, GRID_RADPS, plane.density)) for reply in output_responses.T]
-        ),
-        math.sqrt(_power(command, GRID_RADPS, plane.density)),
+        np.array(output_sds),
+        float(command_sd),
         plane.noise_radps * math.sqrt(noise),
     )
 

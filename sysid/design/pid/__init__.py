@@ -112,12 +112,17 @@ def redesign(
     """
     spec = spec or Spec()
     _check_unique(model)
-    vehicle, loads = design_model.from_model(model, prior), constant_loads(model)
+    depth_m = spec.operating_depth_m
+    vehicle, loads = design_model.from_model(model, prior, depth_m), constant_loads(model)
     samples = Samples(
-        vehicles=list(design_model.sample_models(model, VEHICLES, prior)),
-        unmeasured_drive=list(
-            design_model.sample_models(model, VEHICLES, prior, drive_known=False)
-        ),
+        *(
+            list(
+                design_model.sample_models(
+                    model, VEHICLES, prior, drive_known=drive_known, depth_m=depth_m
+                )
+            )
+            for drive_known in (True, False)
+        )
     )
     try:
         gains = _gains(vehicle, samples, _initial_values(vehicle, initial, spec), spec)
@@ -173,7 +178,7 @@ def keep(
         The model is not usable, or the gains do not meet the margins of the specification.
     """
     _check_unique(model)
-    vehicle = design_model.from_model(model, prior)
+    vehicle = design_model.from_model(model, prior, spec.operating_depth_m)
     gains = {name: parameters[name] for name in PARAMETERS if name in parameters}
     flown = _initial_values(vehicle, gains, spec)
     worst, violation = max(

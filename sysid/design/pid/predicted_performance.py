@@ -25,6 +25,7 @@ from sysid.design.design_model import (
     SEED,
     DesignModel,
     depth_responses,
+    disturbances,
     heading_responses,
     loop_at_surface,
     spectrum,
@@ -138,7 +139,9 @@ def _yaw_quantities(
         "heading_deg": _MeasuredQuantity(psd, 0.0, 0.0),
         "heading_resonance_deg": _MeasuredQuantity(psd * _band(resonance_radps), 0.0, 0.0),
         "rudder_deg": _MeasuredQuantity(
-            _command_psd(vehicle, Plane.YAW, rudder, gains), -bias.value, bias.sd or 0.0
+            _psd_deg2(rudder, disturbance) + _gyro_noise_psd(vehicle, Plane.YAW, gains),
+            -bias.value,
+            bias.sd or 0.0,
         ),
     }
 
@@ -147,12 +150,14 @@ def _pitch_quantities(
     model: IdentifiedModel, vehicle: DesignModel, gains: Gains, resonance_radps: float
 ) -> dict[str, _MeasuredQuantity]:
     """Return pitch, its resonance band, depth and elevator."""
-    pitch, depth, elevator = depth_responses(vehicle, gains)
-    disturbance, noise = (
-        spectrum(vehicle.disturbance[Plane.PITCH]),
-        vehicle.disturbance[Plane.PITCH],
-    )
-    psd = _psd_deg2(pitch, disturbance) + _sampled_noise_psd(noise.angle_noise_deg)
+    noise = vehicle.disturbance[Plane.PITCH]
+    psd, depth_psd = map(_sampled_noise_psd, (noise.angle_noise_deg, noise.depth_noise_m))
+    elevator_psd = _gyro_noise_psd(vehicle, Plane.PITCH, gains)
+    for source in disturbances(vehicle, Plane.PITCH):
+        pitch, depth, elevator = depth_responses(vehicle, gains, source.states)
+        psd = psd + _psd_deg2(pitch, source.density)
+        depth_psd = depth_psd + np.abs(depth) ** 2 * source.density
+        elevator_psd = elevator_psd + _psd_deg2(elevator, source.density)
     bias, level = model.planes[Plane.PITCH].actuator_bias_deg, model.vehicle
     return {
         "pitch_deg": _MeasuredQuantity(
@@ -161,11 +166,9 @@ def _pitch_quantities(
             _buoyancy_uncertainty(level.net_buoyancy_n) * level.level_pitch_deg,
         ),
         "pitch_resonance_deg": _MeasuredQuantity(psd * _band(resonance_radps), 0.0, 0.0),
-        "depth_m": _MeasuredQuantity(
-            np.abs(depth) ** 2 * disturbance + _sampled_noise_psd(noise.depth_noise_m), 0.0, 0.0
-        ),
+        "depth_m": _MeasuredQuantity(depth_psd, 0.0, 0.0),
         "elevator_deg": _MeasuredQuantity(
-            _command_psd(vehicle, Plane.PITCH, elevator, gains),
+            elevator_psd,
             level.level_elevator_deg - bias.value,
             bias.sd or 0.0,
         ),
@@ -188,16 +191,12 @@ def _sampled_noise_psd(sd: float) -> Array:
     return np.where(within, sd**2 * NOISE_STEP_S, 0.0)
 
 
-def _command_psd(vehicle: DesignModel, plane: Plane, command: ComplexArray, gains: Gains) -> Array:
-    """Return the density of the surface command: response to the disturbance, plus gyro noise."""
+def _gyro_noise_psd(vehicle: DesignModel, plane: Plane, gains: Gains) -> Array:
+    """Return the density of the surface command (deg^2 per rad/s) by the gyro's noise."""
     filters = loop_transfer.filter_response(loop_transfer.command_filters(plane, gains))
-    disturbance = vehicle.disturbance[plane]
     loop, gain = loop_at_surface(vehicle, plane, gains)
-    noise = disturbance.rate_noise_degps**2 * NOISE_STEP_S
-    return (
-        _psd_deg2(command, spectrum(disturbance))
-        + np.abs(gain * filters / (1.0 + loop)) ** 2 * noise
-    )
+    noise = vehicle.disturbance[plane].rate_noise_degps ** 2 * NOISE_STEP_S
+    return np.asarray(np.abs(gain * filters / (1.0 + loop)) ** 2 * noise)
 
 
 def _predict_statistic(quantity: _MeasuredQuantity) -> PredictedStatistic:

@@ -92,3 +92,43 @@ def test_estimate_recovers_true_noise_levels() -> None:
     assert found.slow_radps2 == pytest.approx(truth.slow_radps2, rel=0.35)
     assert found.wave_radps2 == pytest.approx(truth.wave_radps2, rel=0.35)
     assert found.wave_frequency_hz == pytest.approx(truth.wave_frequency_hz, rel=0.08)
+
+
+def swell_depths_m(sd_m: float, samples: int, rng: np.random.Generator) -> np.ndarray:
+    """Return the depth error by a swell of periods about 6 s: a sum of sines."""
+    time_s, frequencies_hz = DT * np.arange(samples), rng.uniform(0.14, 0.19, 15)
+    phases = rng.uniform(0.0, 2.0 * math.pi, (15, 1))
+    waves = np.sin(2.0 * math.pi * frequencies_hz[:, None] * time_s + phases)
+    return np.asarray(sd_m * math.sqrt(2.0 / 15.0) * waves.sum(axis=0))
+
+
+def test_estimate_finds_pressure_of_waves() -> None:
+    rng, plane = np.random.default_rng(6), PLANES["pitch"]
+    records = [draw(plane, Noise(), 400, rng) for _ in range(6)]
+    for record in records:
+        record[:, 2] += swell_depths_m(0.02, 400, rng)
+    found = noise.estimate(plane, records, DT, Noise())
+    # A record of 40 s holds about six independent amplitudes of such a narrow band.
+    assert found.wave_depth_m == pytest.approx(0.02, rel=0.25)
+    assert found.force_mps15 == pytest.approx(Noise().force_mps15, rel=0.35)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_estimate_without_waves_has_no_pressure(seed: int) -> None:
+    rng, plane = np.random.default_rng(seed), PLANES["pitch"]
+    records = [draw(plane, Noise(), 400, rng) for _ in range(4)]
+    assert noise.estimate(plane, records, DT, Noise()).wave_depth_m == 0.0
+
+
+def test_waves_decay_with_depth_as_airy_says() -> None:
+    """A wave of 6 s is 56.2 m long: over 56.2 / 2 pi m of depth its motion falls to 1 / e."""
+    level = Noise(wave_frequency_hz=1.0 / 6.0, wave_depth_m=0.02, test_depth_m=2.0)
+    deep = noise.at_depth({"pitch": level}, 2.0 + 56.2 / (2.0 * math.pi))["pitch"]
+    assert deep.wave_depth_m == pytest.approx(0.02 / math.e, rel=1e-3)
+    assert deep.wave_radps2 == pytest.approx(level.wave_radps2 / math.e, rel=1e-3)
+    assert deep.slow_radps2 == level.slow_radps2
+
+
+def test_noise_without_waves_is_equal_at_all_depths() -> None:
+    levels = {"yaw": Noise(), "pitch": Noise(test_depth_m=8.0)}
+    assert noise.at_depth(levels, 1.0) == levels

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from sysid.control_analysis.loop_transfer import TICK_S
-from sysid.monte_carlo import disturbance
+from sysid.models.noise import Noise
+from sysid.monte_carlo import disturbance, instruments
+from sysid.monte_carlo.dynamics import DEPTH
 from sysid.test_design.prior import DesignPrior
 from tests.sysid.monte_carlo.conftest import silent
 
@@ -34,3 +36,20 @@ def test_wrenches_factor_scales_same_draws(known: DesignPrior) -> None:
 def test_wrenches_zero_factor_is_zero(known: DesignPrior) -> None:
     still = known._replace(noise={"yaw": silent(), "pitch": silent()})
     assert np.all(accelerations(still, 1.0, 100) == 0.0)
+
+
+def depth_errors_m(levels: dict[str, Noise], times: float) -> np.ndarray:  # type: ignore[type-arg]
+    blocks = islice(instruments.errors(levels, np.random.default_rng(4), times), 200)
+    return np.concatenate([block[:, DEPTH] for block in blocks])
+
+
+@pytest.mark.parametrize("times", [1.0, 2.0])
+def test_depth_errors_contain_pressure_of_waves(times: float) -> None:
+    levels = {"yaw": silent(), "pitch": silent(wave_depth_m=0.03)}
+    # 4,096 s of a band 0.03 Hz wide hold about 120 independent amplitudes.
+    assert np.std(depth_errors_m(levels, times)) == pytest.approx(0.03 * times, rel=0.15)
+
+
+def test_depth_errors_without_waves_are_white() -> None:
+    errors = depth_errors_m({"yaw": silent(), "pitch": silent()._replace(depth_m=0.01)}, 1.0)
+    assert abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 0.01
