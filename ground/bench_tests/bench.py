@@ -25,7 +25,7 @@ from mavlink_io.mission_items import MavCmd
 from sysid.data import readers
 from sysid.data.dataset import LogError
 from sysid.data.events import StopReason, TestAxis, TestWave
-from sysid.data.segments import TestInterval
+from sysid.data.segments import TestInterval, intervals_of_tests
 from sysid.estimation import bench_test
 from sysid.estimation.bench_test import AxisBench, AxisName
 
@@ -43,11 +43,12 @@ PARAMETERS = {
     "SID_ALT_MIN": 0.0,
     "SID_TIME_MAX": 600.0,
     "FS_ALT_M": 0.0,
+    "FS_TIME_S": 0.0,
     "TRIM_RUD_DEG": 0.0,
     "TRIM_ELE_DEG": 0.0,
     "THR_CRUISE_PCT": 0.0,
 }
-"""Parameters of a test on land: no depth and altitude limits, the whole travel, no thrust."""
+"""Parameters of a test on land: no limits of depth, altitude and time, whole travel, no thrust."""
 LISTEN_S = 3.0
 """Vehicle time in which the first report of an encoder must arrive."""
 _SERVO, _COMMAND_ACK = constant("MAV_COMP_ID_SERVO1"), constant("MAVLINK_MSG_ID_COMMAND_ACK")
@@ -133,7 +134,9 @@ def measure(
             recorder.attach_parameters(before | PARAMETERS)
             tests = _sweep(session.sweeps, vehicle, recorder, watch)
     try:
-        return bench_test.analyse(readers.read(path), tests)
+        log = readers.read(path)
+        marked = [test for test in intervals_of_tests(log) if not test.stop_reason]
+        return bench_test.analyse(log, marked if len(marked) == len(tests) else tests)
     except LogError as error:
         raise bench_test.BenchError(str(error)) from None
 
@@ -202,7 +205,10 @@ def _sweep(
 
 
 def _run_sweep(sweep: Sweep, vehicle: VehicleClient, recorder: Recorder) -> TestInterval:
-    """Run one sine; return its time range by the acknowledgements of its start and its end."""
+    """Run one sine; return its time range by the acknowledgements of its start and its end.
+
+    On a busy machine these can be received late.
+    """
     acknowledged_s: list[float] = []
 
     def on_frame(frame: Frame) -> None:

@@ -383,6 +383,16 @@ def intervals_of_tests(log: Log) -> Iterator[TestInterval]:
     """Yield the time range of each test.
 
     A test without an end in the log ends with the log, with that as its stop reason.
+
+    Parameters
+    ----------
+    log : Log
+        Log with the events of the vehicle.
+
+    Yields
+    ------
+    TestInterval
+        In the order of time.
     """
     running: tuple[float, TestStarted] | None = None
     for time_s, event in log.events:

@@ -122,6 +122,10 @@ def analyse(log: Log, tests: Iterable[TestInterval] | None = None) -> dict[AxisN
     if aborted or not sweeps:
         reason = f"a test ended early: {aborted[0].stop_detail}" if aborted else "holds no sweeps"
         raise BenchError(f"{log.name}: {reason}")
+    for test in sweeps:
+        first_s, last_s = test.start_s + TEST_EDGE_S, test.stop_s - TEST_EDGE_S
+        if not np.any(_in_interval(log.duct.time_s, first_s, last_s)):
+            raise BenchError(f"{log.name}: no duct angles between {first_s:.1f} and {last_s:.1f} s")
     return {
         axis: _axis(_record(log, axis, axis_tests), axis_tests)
         for number, axis in AXES.items()

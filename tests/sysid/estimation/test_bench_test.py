@@ -198,6 +198,15 @@ def test_analyse_unreached_rate_limit_has_no_sd() -> None:
             },
             "ended early: depth 0.0 m above 1 m",
         ),
+        (
+            {
+                "events": (
+                    LogEvent(4000.0, TestStarted(TestAxis.RUDDER, TestWave.CHIRP, 5.0)),
+                    LogEvent(4030.0, TestEnded(StopReason.COMPLETE, "")),
+                )
+            },
+            "no duct angles between 4000.1 and 4029.9 s",
+        ),
     ],
 )
 def test_analyse_unusable_log_is_rejected(replaced: dict[str, Any], reason: str) -> None:
