@@ -336,7 +336,10 @@ def _candidate(vehicle: CandidateVehicle, plane: Plane, speed_mps: float) -> Can
 def _track(knowledge: Knowledge, plane: Plane, steps: TestSamples, z: Array) -> CandidateTracking:
     """Simulate a test from its start, linearised about z."""
     candidate_set = linearise(knowledge, plane, z, float(steps.thrust[0]))
-    states = tuple(prediction.start(candidate, steps) for candidate in candidate_set.candidates)
+    states = tuple(
+        prediction.start(candidate, steps, candidate_set.filter)
+        for candidate in candidate_set.candidates
+    )
     return _absorb(
         CandidateTracking(candidate_set, states, square_root_information.empty(z.size)), steps, 0
     )
@@ -407,6 +410,11 @@ def _free_residuals(
         vehicle, test.plane, fit.cruise_speed_mps(vehicle, float(test.steps.thrust[0]))
     )
     white = prediction.advance(
-        candidate, prediction.start(candidate, test.steps), test.steps, 0, noise_filter, leak_share
+        candidate,
+        prediction.start(candidate, test.steps, noise_filter),
+        test.steps,
+        0,
+        noise_filter,
+        leak_share,
     )[1]
     return prediction.free_error(white, noise_filter)

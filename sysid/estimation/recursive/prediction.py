@@ -40,8 +40,6 @@ STEP_S = STRIDE / RATE_HZ
 """Step of the fit, s."""
 TICK_S = 1.0 / RATE_HZ
 """Step of the 50 Hz grid, s."""
-SEA_STATES = 4
-"""Filter states after those of the plane: slow moment, wave (two), gyro bias."""
 MIN_GROWTH_PER_S = 1e-3
 """Smallest real part of a pole, 1/s, of an unstable plane. Heading and depth have poles at zero."""
 START_STEPS = 10
@@ -123,7 +121,7 @@ class CandidateState(NamedTuple):
     """States of the noise filter in MAVLink's axes: measured motion minus the plane's motion."""
 
 
-def start(candidate: Candidate, steps: TestSamples) -> CandidateState:
+def start(candidate: Candidate, steps: TestSamples, noise_filter: Filter) -> CandidateState:
     """Return the initial state.
 
     Mean motion over the first START_STEPS, as in `greybox.initial_motion`.
@@ -145,7 +143,7 @@ def start(candidate: Candidate, steps: TestSamples) -> CandidateState:
         rate_mps = float(np.polyfit(STEP_S * np.arange(depth_m.size), depth_m, 1)[0])
         theta = float(first_rows[0, 1])
         plane[1] = -(rate_mps + candidate.speed_mps * math.sin(theta)) / math.cos(theta)
-    return CandidateState(plane, np.zeros(steps.measured.shape[1] + 1 + SEA_STATES))
+    return CandidateState(plane, np.zeros(len(noise_filter.transition)))
 
 
 def leak(plane: LinearPlane) -> float:
@@ -185,6 +183,7 @@ def advance(
         steps.thrust * candidate.full_rps,
         measured,
         noise_filter.transition,
+        noise_filter.output,
         noise_filter.gains,
         noise_filter.whiteners,
         leak_share,
@@ -203,6 +202,7 @@ def _advance(
     rps: Array,
     measured: Array,
     transition: Array,
+    output: Array,
     gains: Array,
     whiteners: Array,
     leak_share: float,
@@ -213,8 +213,8 @@ def _advance(
 
     The filter's axes (MAVLink) have the opposite sign of the paper's.
     """
-    # Equations: module docstring. Filter states: cross speed, rate, angle and, in pitch, depth;
-    # slow moment, wave (two), gyro bias. So C d = (rate + bias, angle, depth).
+    # Equations: module docstring. Filter states: those of the plane (cross speed, rate, angle and,
+    # in pitch, depth), then those of the noise (``sysid.models.noise``).
     total, outputs = measured.shape
     states, is_yaw = outputs + 1, outputs == 2
     white, innovation = np.empty((total - done, outputs)), np.empty(outputs)
@@ -233,10 +233,10 @@ def _advance(
             )[1]
             filter_state[:] = transition @ filter_state
         gain, whitener = gains[min(k, len(gains) - 1)], whiteners[min(k, len(gains) - 1)]
-        innovation[0] = measured[k, 0] + x[2] - filter_state[1] - filter_state[-1]
-        innovation[1] = measured[k, 1] + x[3] - filter_state[2]
-        if not is_yaw:
-            innovation[2] = measured[k, 2] + (x[4] - SUBMERGED_Z_M) - filter_state[3]
+        for i in range(outputs):
+            innovation[i] = measured[k, i] + (x[4] - SUBMERGED_Z_M if i == 2 else x[2 + i])
+            for j in range(filter_state.size):
+                innovation[i] -= output[i, j] * filter_state[j]
         white[k - done] = whitener @ innovation
         for i in range(filter_state.size):
             for j in range(outputs):

@@ -3,6 +3,8 @@
 Its updates, its report, and the batch estimate.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from msgspec import structs
@@ -128,7 +130,12 @@ def test_advance_stable_plane_matches_whitened_simulation(flown: list[Run], prio
     assert candidate_set.leak_share == 0.0
     nominal = candidate_set.candidates[0]
     white = prediction.advance(
-        nominal, prediction.start(nominal, steps), steps, 0, candidate_set.filter, 0.0
+        nominal,
+        prediction.start(nominal, steps, candidate_set.filter),
+        steps,
+        0,
+        candidate_set.filter,
+        0.0,
     )[1]
     vehicle = parameters.candidate_vehicle(
         knowledge.prior.config, knowledge.prior.biases_rad, knowledge.z
@@ -190,3 +197,15 @@ def test_finish_short_test_changes_nothing(flown: list[Run], prior: Prior) -> No
     np.testing.assert_array_equal(
         estimator.finish(state).information.root, knowledge.information.root
     )
+
+
+def test_waves_on_measured_depth_are_estimated(flown: list[Run], prior: Prior) -> None:
+    """The filter has more states once the tests show the pressure of waves."""
+    still = flown[2]
+    waves_m = 0.03 * np.sin(2.0 * np.pi * 0.16 * still.time_s)
+    known = learn(
+        estimator.prior_knowledge(prior),
+        [replace(still, name=f"test/{n}", depth_m=still.depth_m + waves_m) for n in range(3)],
+    )
+    assert known.noise[Plane.PITCH].wave_depth_m == pytest.approx(0.03 / np.sqrt(2.0), rel=0.5)
+    assert np.all(np.isfinite(known.z))
