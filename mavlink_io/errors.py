@@ -18,6 +18,7 @@ class ErrorCode(StrEnum):
     """Stable short identifier of an error class; `docs/errors.md` gives the meanings."""
 
     ADDRESS = "address"
+    AFLOAT = "afloat"
     ALLOW_LIST = "allow_list"
     AUTOPILOT_OPTION = "autopilot_option"
     AUTOPILOT_TIMEOUT = "autopilot_timeout"

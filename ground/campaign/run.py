@@ -634,6 +634,8 @@ class FailsafeError(OperationError):
 class AfloatError(FailsafeError):
     """A dive ended with a failsafe because the vehicle did not leave the surface."""
 
+    code = ErrorCode.AFLOAT
+
 
 class _Executors(NamedTuple):
     """Threads and processes of a campaign."""
