@@ -5,6 +5,7 @@ Moments and forces act on the hull; the pressure of waves moves the measured dep
 
 import math
 from collections.abc import Iterator, Mapping
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -72,6 +73,13 @@ def next_block(shaping_filter: ShapingFilter, state: Array, rng: np.random.Gener
     """Return the sum of slow and wave part in `BLOCK` ticks; ``state`` is updated."""
     process_noise = rng.standard_normal((BLOCK, 3)) @ shaping_filter.root.T
     return _generate(shaping_filter.transition, process_noise, state)
+
+
+def wave_depths_m(level: Noise, rng: np.random.Generator) -> Iterator[Array]:
+    """Return an iterator over the depth (m) by the pressure of waves in `BLOCK` ticks."""
+    shaping_filter = wave_pressure(level)
+    state = initial_state(shaping_filter, rng)
+    return (next_block(shaping_filter, state, rng) for _ in count())
 
 
 def wrenches(

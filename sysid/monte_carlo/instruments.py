@@ -9,6 +9,7 @@ has no information about them.
 
 import math
 from collections.abc import Iterator, Mapping
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,13 +69,13 @@ def errors(
     ``times`` is the factor on the pressure of waves.
     """
     sd = deviations(levels)
-    has_waves = levels[Plane.PITCH].wave_depth_m > 0.0
-    waves = disturbance.wave_pressure(levels[Plane.PITCH])
-    state = disturbance.initial_state(waves, rng) if has_waves else waves.spread
+    level = levels[Plane.PITCH]
+    waves_m = (
+        disturbance.wave_depths_m(level, rng) if level.wave_depth_m else repeat(np.zeros(BLOCK))
+    )
     while True:
         block = sd * rng.standard_normal((BLOCK, N_OBSERVED))
-        if has_waves:
-            block[:, DEPTH] += times * disturbance.next_block(waves, state, rng)
+        block[:, DEPTH] += times * next(waves_m)
         yield block
 
 

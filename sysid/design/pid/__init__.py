@@ -5,6 +5,7 @@ limits, reference models for new set-points, and the share of sampled vehicles t
 """
 
 import math
+from functools import partial
 from types import ModuleType
 
 from sitl.vehicle.config import VehicleConfig
@@ -114,16 +115,8 @@ def redesign(
     _check_unique(model)
     depth_m = spec.operating_depth_m
     vehicle, loads = design_model.from_model(model, prior, depth_m), constant_loads(model)
-    samples = Samples(
-        *(
-            list(
-                design_model.sample_models(
-                    model, VEHICLES, prior, drive_known=drive_known, depth_m=depth_m
-                )
-            )
-            for drive_known in (True, False)
-        )
-    )
+    sample = partial(design_model.sample_models, model, VEHICLES, prior, depth_m=depth_m)
+    samples = Samples(vehicles=list(sample()), unmeasured_drive=list(sample(drive_known=False)))
     try:
         gains = _gains(vehicle, samples, _initial_values(vehicle, initial, spec), spec)
     except DesignInfeasibleError as error:
