@@ -57,6 +57,12 @@ class Spec(JsonRecord, frozen=True):
     """Maximum overshoot of changes by one and by two `depth_step_m`, as a share of it."""
     operating_depth_m: float = OPERATING_DEPTH_M
     """Depth (m) for which waves are predicted, if the tests show their pressure."""
+    assumed_wave_depth_m: float = 0.0
+    """Least pressure of waves at `operating_depth_m` that the depth loop is designed for.
+
+    It is the rms of the measured depth (m), as `NoiseModel.wave_depth_m`, for a mission in swell
+    after tests in quiet water. Predictions contain only the waves that the tests show.
+    """
     pitch_rms_ratio: float = 1.25
     """Maximum pitch rms under disturbance, relative to the initial gains."""
     pitch_per_metre_deg: float = 18.0

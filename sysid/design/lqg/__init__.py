@@ -103,9 +103,10 @@ def design_lqg(
         design_model.from_model(model, prior, spec.operating_depth_m),
         list(design_model.sample_models(model, VEHICLES, prior)),
     )
-    reference = _reference_errors(vehicle, initial)
-    heading = _tune(vehicle, vehicles, Plane.YAW, spec, reference)
-    depth = _tune(vehicle, vehicles, Plane.PITCH, spec, reference)
+    in_waves = design_model.assume_waves(vehicle, spec.assumed_wave_depth_m)
+    reference = _reference_errors(in_waves, initial)
+    heading = _tune(in_waves, vehicles, Plane.YAW, spec, reference)
+    depth = _tune(in_waves, vehicles, Plane.PITCH, spec, reference)
     robust = robustness(vehicles, heading.controller, depth.controller, spec)
     check_robustness(robust, model, spec)
     predicted = predict_response(vehicle, heading.controller, depth.controller)

@@ -108,8 +108,8 @@ def redesign(
 
     Notes
     -----
-    Minimises the rms of depth, then of heading, in the identified disturbance, subject to `Spec`,
-    and to the limits of sampled vehicles (`plane_search`).
+    Minimises the rms of depth, then of heading, in the identified disturbance and the assumed
+    waves, subject to `Spec`, and to the limits of sampled vehicles (`plane_search`).
     """
     spec = spec or Spec()
     _check_unique(model)
@@ -118,7 +118,8 @@ def redesign(
     sample = partial(design_model.sample_models, model, VEHICLES, prior, depth_m=depth_m)
     samples = Samples(vehicles=list(sample()), unmeasured_drive=list(sample(drive_known=False)))
     try:
-        gains = _gains(vehicle, samples, _initial_values(vehicle, initial, spec), spec)
+        in_waves = design_model.assume_waves(vehicle, spec.assumed_wave_depth_m)
+        gains = _gains(in_waves, samples, _initial_values(vehicle, initial, spec), spec)
     except DesignInfeasibleError as error:
         raise DesignInfeasibleError(
             f"{error}; relax the specification, or {_recommended_test(model)}, and refit"

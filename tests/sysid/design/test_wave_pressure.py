@@ -5,7 +5,8 @@ import pytest
 from msgspec.structs import replace
 
 from sysid.control_analysis import loop_transfer
-from sysid.design import design_model
+from sysid.design import design_model, pid
+from sysid.design.pid import Spec
 from sysid.models.model_file import IdentifiedModel, NoiseModel
 from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_IMPROVED
@@ -54,6 +55,29 @@ def test_waves_near_surface_are_larger(in_swell: IdentifiedModel) -> None:
     # Airy: exp(k d) with k = omega^2 / g = 0.1118 1/m and d = 7 m.
     assert shallow.wave_depth_m / deep.wave_depth_m == pytest.approx(2.187, rel=1e-3)
     assert shallow.wave_accel_degps2 / deep.wave_accel_degps2 == pytest.approx(2.187, rel=1e-3)
+
+
+def test_assumed_waves_make_a_loop_that_amplifies_waves_less(model: IdentifiedModel) -> None:
+    vehicle = design_model.assume_waves(design_model.from_model(model), 0.03)
+    _, pressure = design_model.disturbances(vehicle, Plane.PITCH)
+
+    def measured_depth_m(wave_depth_m: float) -> float:
+        """Return the rms by waves of 3 cm with gains that are designed for waves of this size."""
+        gains = pid.redesign(model, Spec(assumed_wave_depth_m=wave_depth_m)).gains
+        _, depth, _ = design_model.depth_responses(vehicle, gains, pressure.states)
+        power = np.abs(depth) ** 2 * pressure.density
+        return float(np.sqrt(np.trapezoid(power, loop_transfer.GRID_RADPS) / np.pi))
+
+    assert measured_depth_m(0.03) < 0.97 * measured_depth_m(0.0)
+
+
+def test_assumed_waves_are_the_least(in_swell: IdentifiedModel) -> None:
+    vehicle = design_model.from_model(in_swell, depth_m=8.0)
+    assumed = [
+        design_model.assume_waves(vehicle, wave_depth_m).disturbance[Plane.PITCH].wave_depth_m
+        for wave_depth_m in (0.0, 0.005, 0.03)
+    ]
+    assert assumed == pytest.approx([0.01, 0.01, 0.03])
 
 
 def _without_pressure(model: IdentifiedModel) -> dict[Plane, NoiseModel]:
