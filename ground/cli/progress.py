@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from threading import Lock
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.progress import (
@@ -53,8 +54,9 @@ class ProgressDisplay:
     def watch_named(self, name: str, progress: DiveProgress) -> None:
         """Show the progress of a dive by its name."""
         speed = progress.vehicle_s / progress.wall_s if progress.wall_s > 0 else 0.0
+        heading_deg = np.rint(progress.heading_deg) % 360.0
         text = (
-            f"{progress.depth_m:5.1f} m {progress.heading_deg:4.0f} deg "
+            f"{progress.depth_m:5.1f} m {heading_deg:4.0f} deg "
             f"{progress.vehicle_s:6.0f} s {speed:4.0f}x"
         )
         self._bars.update(
@@ -63,7 +65,7 @@ class ProgressDisplay:
         self._print_progress(
             name,
             f"item {progress.item + 1} of {progress.items}, {progress.depth_m:.1f} m deep, heading"
-            f" {progress.heading_deg:.0f} deg, {progress.vehicle_s:.0f} s at {speed:.0f}x",
+            f" {heading_deg:.0f} deg, {progress.vehicle_s:.0f} s at {speed:.0f}x",
         )
 
     def show_text(self, text: StatusText) -> None:

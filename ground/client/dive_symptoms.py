@@ -289,7 +289,7 @@ def _current(log: Log, windows: Sequence[SteadyWindow]) -> Iterator[Symptom]:
         )
         (_, c_north, c_east), *_ = np.linalg.lstsq(matrix, np.append(north, east), rcond=None)
         speed = math.hypot(c_north, c_east)
-        where = f"towards {math.degrees(math.atan2(c_east, c_north)) % 360.0:.0f} deg"
+        where = f"towards {np.rint(math.degrees(math.atan2(c_east, c_north))) % 360.0:.0f} deg"
     if speed > STRONG_CURRENT_MPS:
         yield Symptom(
             SymptomKind.CURRENT,

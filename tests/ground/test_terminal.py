@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import sys
 import unicodedata
 from collections.abc import Callable, Iterator
@@ -113,6 +114,15 @@ def test_progress_without_a_terminal_is_one_line_per_period() -> None:
         "square: item 2 of 6, 3.0 m deep, heading 20 deg, 60 s at 30x",
         "dive: 50 %, 8 of 16 dives",
     ]
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "shown_deg"), [(359.7, "0 deg"), (359.4, "359 deg"), (math.nan, "nan deg")]
+)
+def test_progress_heading_stays_below_a_turn(heading_deg: float, shown_deg: str) -> None:
+    page = io.StringIO()
+    shown_on(page).watch_named("square", DiveProgress(0, 3, 1.0, 1.0, 2.0, heading_deg))
+    assert f"heading {shown_deg}," in page.getvalue()
 
 
 @attacked

@@ -48,7 +48,12 @@ const strips = STRIPS.map((strip) => {
 });
 
 const last = () => (rows.length ? rows[rows.length - 1] : null);
-const number = (value, digits) => (value === null || value === undefined ? '–' : value.toFixed(digits));
+// Return a number with that many digits, without the sign of a rounded zero.
+function number(value, digits) {
+  if (value === null || value === undefined) return '–';
+  const text = value.toFixed(digits);
+  return Number(text) === 0 ? (0).toFixed(digits) : text;
+}
 
 // Show a heading set-point beside the heading: 359.9 deg and 0.1 deg are close to each other.
 function near(value, reference) {
@@ -79,7 +84,7 @@ function draw() {
   if (row) {
     hull.show({ heading: at('heading_deg'), pitch: at('pitch_deg'), roll: at('roll_deg'),
       rudder: surfaces ? at('rudder') : 0, elevator: surfaces ? at('elevator') : 0 });
-    find('angles').textContent = `heading ${number(((at('heading_deg') % 360) + 360) % 360, 0).padStart(3, '0')}, pitch ${number(at('pitch_deg'), 1)}, roll ${number(at('roll_deg'), 1)} deg`;
+    find('angles').textContent = `heading ${number(((Math.round(at('heading_deg')) % 360) + 360) % 360, 0).padStart(3, '0')}, pitch ${number(at('pitch_deg'), 1)}, roll ${number(at('roll_deg'), 1)} deg`;
     find('place').textContent = row[columns.north_m] === null ? 'no position' : `${number(at('north_m'), 0)} m north, ${number(at('east_m'), 0)} m east`;
   } else hull.draw();
   drawMap(map, rows, columns, plan, panel ? panel.sequence : null);

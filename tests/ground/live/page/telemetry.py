@@ -36,5 +36,7 @@ def motion(time_s: float) -> list[Frame]:
         frame("ACTUATOR_OUTPUT_STATUS", actuator=(0.5 * math.sin(time_s), 0.2, 0.58, *[0.0] * 29)),
         frame("ATTITUDE_TARGET", time_boot_ms=time_ms, q=LEVEL_Q, type_mask=7),
         frame("POSITION_TARGET_LOCAL_NED", time_boot_ms=time_ms, z=4.0, type_mask=0b11111111000),
-        frame("ATTITUDE", time_boot_ms=time_ms, yaw=angle, pitch=0.1 * math.sin(time_s), roll=0.02),
+        frame(
+            "ATTITUDE", time_boot_ms=time_ms, yaw=angle, pitch=0.1 * math.sin(time_s), roll=-0.0005
+        ),
     ]

@@ -108,6 +108,10 @@ class LivePageTestCase:
         assert "Enough: you may stop" in planes
         assert "Continue: phase to +-5 deg" in planes
 
+    def test_rounded_angles_have_no_sign_of_zero(self, shown: Page) -> None:
+        until(lambda: shown.text("angles").startswith("heading "))
+        assert shown.text("angles").endswith("roll 0.0 deg")
+
     def test_layout_at_every_width_keeps_heights(self, shown: Page) -> None:
         first = shown.chart_heights()
         assert len(first) == 7
