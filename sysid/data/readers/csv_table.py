@@ -157,7 +157,7 @@ def _parse(path: Path) -> _Table:
     if duplicates:
         raise LogError(f"{path}: line {numbered[0][0]}: two columns {duplicates[0]!r}")
     if TIME not in names:
-        raise LogError(f"{path}: line {numbered[0][0]}: no column {TIME}; see docs/logs.md")
+        raise LogError(f"{path}: line {numbered[0][0]}: {_without_time(names)}; see docs/logs.md")
     columns = _columns(path, names, rows, [number for number, _ in numbered[1:]])
     test = names.index(TEST) if TEST in names else None
     tests = ["" if test is None or test >= len(row) else row[test].strip() for row in rows]
@@ -177,6 +177,12 @@ def _columns(
     path: Path, names: Sequence[str], rows: Sequence[Sequence[str]], lines: Sequence[int]
 ) -> dict[str, Array]:
     """Return time and known quantities in SI units; NaN for an empty cell."""
+    for row, line in zip(rows, lines, strict=True):
+        if any(cell.strip() for cell in row[len(names) :]):
+            raise LogError(
+                f"{path}: line {line}: has {len(row)} cells, the header {len(names)}; separate"
+                " cells by commas and write decimals with a point"
+            )
     columns = {}
     for index, name in enumerate(names):
         known = [
@@ -195,6 +201,15 @@ def _columns(
             ]
             columns[quantity] = factor * np.array(values)
     return columns
+
+
+def _without_time(names: Sequence[str]) -> str:
+    """Return why a header has no column of the time."""
+    for separator, name in ((";", "semicolons"), ("\t", "tabs")):
+        if any(separator in header for header in names):
+            return f"cells are separated by {name}; write commas, and decimals with a point"
+    other = next((name for name in names if name.lower().startswith("time")), "")
+    return f"no column {TIME}" + (f" (time in seconds), but {other!r}" if other else "")
 
 
 def _number(path: Path, row: Sequence[str], index: int, name: str, line: int) -> float:

@@ -197,3 +197,35 @@ def test_sampled_command_has_no_mean_delay(tmp_path: Path, late_s: float) -> Non
     first_s = float(run.time_s[0]) + np.sum(1.0 - rising) / segments.RATE_HZ
     start_s = 20.0 if late_s == 0.0 else 20.04  # first recorded row of the test
     assert first_s + start_s - step_s == pytest.approx(-0.01 + late_s, abs=1e-6)
+
+
+def test_csv_other_separator_is_named(tmp_path: Path) -> None:
+    """A spreadsheet in German or French writes semicolons and decimal commas."""
+    lines = [line.replace(",", ";").replace(".", ",") for line in rows()]
+    path = write(tmp_path / "dive.csv", COLUMNS.replace(",", ";"), lines)
+    with pytest.raises(LogError, match=r"dive\.csv: line 3: cells are separated by semicolons"):
+        readers.read(path, OutputOptions())
+
+
+def test_csv_tabs_are_named(tmp_path: Path) -> None:
+    path = write(tmp_path / "dive.csv", COLUMNS.replace(",", "\t"))
+    with pytest.raises(LogError, match=r"line 3: cells are separated by tabs"):
+        readers.read(path, OutputOptions())
+
+
+def test_csv_time_in_another_unit_is_named(tmp_path: Path) -> None:
+    path = write(tmp_path / "dive.csv", COLUMNS.replace("time_s", "time_ms"))
+    with pytest.raises(LogError, match=r"no column time_s \(time in seconds\), but 'time_ms'"):
+        readers.read(path, OutputOptions())
+
+
+def test_csv_decimal_commas_do_not_shift_columns(tmp_path: Path) -> None:
+    lines = rows()
+    lines[4] = lines[4].replace(".", ",")
+    with pytest.raises(LogError, match=r"line 8: has 1\d cells, the header 10; separate"):
+        readers.read(write(tmp_path / "dive.csv", lines=lines), OutputOptions())
+
+
+def test_csv_empty_cells_after_the_last_column_are_ignored(tmp_path: Path) -> None:
+    path = write(tmp_path / "dive.csv", lines=[f"{line},," for line in rows()])
+    assert the_run(path).plane == Plane.YAW
