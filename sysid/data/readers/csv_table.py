@@ -61,6 +61,18 @@ _UNITS = {
     "az": {"_mps2": 1.0},
 }
 """Factor to SI units by suffix, for each quantity."""
+_LARGEST = {
+    "pitch": 0.5 * math.pi,
+    "rudder": 0.5 * math.pi,
+    "elevator": 0.5 * math.pi,
+    "thrust": 1.0,
+}
+"""Largest possible absolute value in SI units; a larger one is in another unit than the column."""
+MIN_THRUST = 0.01
+"""Thrust up to which the column is a fraction, not percent: a vehicle does not cruise with 1 %."""
+UNIT_QUANTILE = 0.95
+"""Quantile of the absolute values that is compared with these limits: spikes do not refuse a file,
+and tests of a twentieth of the time are not overlooked."""
 TIME = "time_s"
 TEST = "test"
 """Column with the surface under test: ``rudder``, ``elevator``, ``both``, or empty."""
@@ -200,6 +212,7 @@ def _columns(
                 _number(path, row, index, name, line) for row, line in zip(rows, lines, strict=True)
             ]
             columns[quantity] = factor * np.array(values)
+            _check_unit(path, name, quantity, columns[quantity], factor)
     return columns
 
 
@@ -210,6 +223,24 @@ def _without_time(names: Sequence[str]) -> str:
             return f"cells are separated by {name}; write commas, and decimals with a point"
     other = next((name for name in names if name.lower().startswith("time")), "")
     return f"no column {TIME}" + (f" (time in seconds), but {other!r}" if other else "")
+
+
+def _check_unit(path: Path, name: str, quantity: str, values: Array, factor: float) -> None:
+    """Raise LogError for a column of values that cannot be in its unit."""
+    finite = np.abs(values[np.isfinite(values)])
+    if quantity not in _LARGEST or not finite.size:
+        return
+    large, limit = float(np.quantile(finite, UNIT_QUANTILE)), _LARGEST[quantity]
+    if large > limit * (1.0 + 1e-9):
+        raise LogError(
+            f"{path}: column {name}: values of {large / factor:.6g}; at most {limit / factor:.4g}"
+            " is possible in this unit"
+        )
+    if quantity == "thrust" and 0.0 < large <= MIN_THRUST:
+        raise LogError(
+            f"{path}: column {name}: values of {large / factor:.6g}; give percent of full thrust,"
+            " not a fraction"
+        )
 
 
 def _number(path: Path, row: Sequence[str], index: int, name: str, line: int) -> float:

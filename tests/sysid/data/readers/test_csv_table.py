@@ -229,3 +229,23 @@ def test_csv_decimal_commas_do_not_shift_columns(tmp_path: Path) -> None:
 def test_csv_empty_cells_after_the_last_column_are_ignored(tmp_path: Path) -> None:
     path = write(tmp_path / "dive.csv", lines=[f"{line},," for line in rows()])
     assert the_run(path).plane == Plane.YAW
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "text"),
+    [
+        (7, 0.01, "column thrust_pct: values of 0.58; give percent of full thrust, not a fraction"),
+        (7, 20.0, "column thrust_pct: values of 1160; at most 100 is possible in this unit"),
+        (5, 50.0, "column rudder_deg: values of 200; at most 90 is possible in this unit"),
+    ],
+)
+def test_csv_values_in_another_unit_are_refused(
+    tmp_path: Path, column: int, factor: float, text: str
+) -> None:
+    lines = [line.split(",") for line in rows()]
+    for cells in lines:
+        cells[column] = f"{factor * float(cells[column]):.4f}"
+    path = write(tmp_path / "dive.csv", lines=[",".join(cells) for cells in lines])
+    with pytest.raises(LogError) as refused:
+        readers.read(path, OutputOptions())
+    assert str(refused.value) == f"{path}: {text}"
