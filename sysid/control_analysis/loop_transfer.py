@@ -112,7 +112,7 @@ THROUGH_FIVE: Array = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=T
 
 
 class Responses(NamedTuple):
-    """Frequency responses of a plane's states on `GRID_RADPS`."""
+    """Frequency responses of a plane's states."""
 
     states: tuple[str, ...]
     command: ComplexArray
@@ -121,7 +121,7 @@ class Responses(NamedTuple):
     """Response to a unit of disturbing angular acceleration, (frequencies, states)."""
 
 
-def responses(plane: LinearPlane, lag: Lag) -> Responses:
+def responses(plane: LinearPlane, lag: Lag, frequency_radps: Array = GRID_RADPS) -> Responses:
     """Return the frequency responses of a plane behind a tailcone.
 
     Parameters
@@ -130,11 +130,13 @@ def responses(plane: LinearPlane, lag: Lag) -> Responses:
         Linear yaw or pitch plane, x' = A x + B delta, in FRD axes.
     lag : Lag
         Lag and delay of the tailcone, with the delay of sampling.
+    frequency_radps : ndarray
+        Frequencies, rad/s.
 
     Returns
     -------
     Responses
-        Complex responses of all states on `GRID_RADPS`.
+        Complex responses of all states at the frequencies.
 
     Notes
     -----
@@ -144,7 +146,7 @@ def responses(plane: LinearPlane, lag: Lag) -> Responses:
 
     m is the unit vector of angular acceleration about the axis of the plane.
     """
-    s = 1j * GRID_RADPS
+    s = 1j * frequency_radps
     resolvent = np.linalg.inv(s[:, None, None] * np.eye(plane.A.shape[0]) - plane.A)
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
     duct = np.exp(-s * lag.delay_s) * wn**2 / (s**2 + 2.0 * zeta * wn * s + wn**2)

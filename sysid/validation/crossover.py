@@ -34,8 +34,10 @@ class UncertainVehicle(NamedTuple):
     """(p, p), covariance of z; None if it is unknown."""
 
 
-def response(vehicle: CandidateVehicle, plane: Plane) -> ComplexArray:
-    """Return the small-signal response from command to rate on ``GRID_RADPS``.
+def response(
+    vehicle: CandidateVehicle, plane: Plane, frequency_radps: Array = GRID_RADPS
+) -> ComplexArray:
+    """Return the small-signal response from command to rate.
 
     Parameters
     ----------
@@ -43,17 +45,22 @@ def response(vehicle: CandidateVehicle, plane: Plane) -> ComplexArray:
         Vehicle.
     plane : Plane
         Plane.
+    frequency_radps : ndarray
+        Frequencies, rad/s.
 
     Returns
     -------
     ndarray, complex
         Rate over command (1/s), actuator included, sampling delay of the autopilot excluded.
     """
-    return np.asarray(_responses(vehicle, plane, 0.0).command[:, 1])
+    return np.asarray(_responses(vehicle, plane, 0.0, frequency_radps).command[:, 1])
 
 
 def _responses(
-    vehicle: CandidateVehicle, plane: Plane, additional_delay_s: float
+    vehicle: CandidateVehicle,
+    plane: Plane,
+    additional_delay_s: float,
+    frequency_radps: Array = GRID_RADPS,
 ) -> loop_transfer.Responses:
     """Responses of a plane with an additional delay (s)."""
     actuator = vehicle.actuators[plane]
@@ -62,7 +69,7 @@ def _responses(
         actuator.natural_frequency_radps,
         actuator.damping_ratio,
     )
-    return loop_transfer.responses(fit.linear_plane(vehicle, plane), lag)
+    return loop_transfer.responses(fit.linear_plane(vehicle, plane), lag, frequency_radps)
 
 
 def loop(vehicle: CandidateVehicle, plane: Plane, gains: Gains) -> ComplexArray:
@@ -195,8 +202,10 @@ def propagate_sd(function: Callable[[Array], Array], z: Array, covariance: Array
     return np.asarray(np.sqrt(np.sum(np.square(derivatives), axis=0)))
 
 
-def response_sd(uncertain: UncertainVehicle, plane: Plane) -> tuple[Array, Array]:
-    """Return the standard deviations of gain (dB) and phase (deg) of ``response`` on its grid.
+def response_sd(
+    uncertain: UncertainVehicle, plane: Plane, frequency_radps: Array = GRID_RADPS
+) -> tuple[Array, Array]:
+    """Return the standard deviations of gain (dB) and phase (deg) of ``response``.
 
     Parameters
     ----------
@@ -204,18 +213,20 @@ def response_sd(uncertain: UncertainVehicle, plane: Plane) -> tuple[Array, Array
         Vehicle and its uncertainty.
     plane : Plane
         Plane.
+    frequency_radps : ndarray
+        Frequencies, rad/s.
 
     Returns
     -------
     tuple of ndarray
         Gain (dB) and phase (deg); zeros if the covariance is unknown.
     """
-    nominal = response(uncertain.vehicle(uncertain.z), plane)
+    nominal = response(uncertain.vehicle(uncertain.z), plane, frequency_radps)
     if uncertain.covariance is None:
         return np.zeros(nominal.size), np.zeros(nominal.size)
 
     def quantities(z: Array) -> Array:
-        ratio = response(uncertain.vehicle(z), plane) / nominal
+        ratio = response(uncertain.vehicle(z), plane, frequency_radps) / nominal
         return np.concatenate([20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))])
 
     gain_db, phase_deg = np.split(propagate_sd(quantities, uncertain.z, uncertain.covariance), 2)

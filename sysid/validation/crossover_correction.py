@@ -5,6 +5,7 @@ of the prior before any test. The change of gain and phase at crossover is the e
 far as unseen data determine it; its standard deviation shows how few runs there are.
 """
 
+import cmath
 import math
 from collections.abc import Mapping, Sequence
 
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
-from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.segments import Run
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.datasets import datasets_of, max_leads_s
@@ -108,18 +108,18 @@ def _correction(
     vague_prior: Prior, plane: Plane, z: Array, covariance: Array, frequency_radps: float
 ) -> Correction:
     """Change of gain (dB) and phase (deg) at a frequency between the model and z, with sd."""
-    nominal = crossover.response(problems.vehicle(vague_prior, vague_prior.mean), plane)
+
+    def response(perturbed_z: Array) -> complex:
+        """Response at the frequency."""
+        vehicle = problems.vehicle(vague_prior, perturbed_z)
+        return complex(crossover.response(vehicle, plane, np.array([frequency_radps]))[0])
+
+    nominal = response(vague_prior.mean)
 
     def change(perturbed_z: Array) -> Array:
         """Change of gain (dB) and phase (deg)."""
-        ratio = crossover.response(problems.vehicle(vague_prior, perturbed_z), plane) / nominal
-        gain_db = np.interp(frequency_radps, GRID_RADPS, 20.0 * np.log10(np.abs(ratio)))
-        return np.array(
-            [
-                gain_db,
-                np.degrees(np.interp(frequency_radps, GRID_RADPS, np.unwrap(np.angle(ratio)))),
-            ]
-        )
+        ratio = response(perturbed_z) / nominal
+        return np.array([20.0 * math.log10(abs(ratio)), math.degrees(cmath.phase(ratio))])
 
     (gain_db, phase_deg), (gain_sd_db, phase_sd_deg) = (
         change(z),

@@ -109,16 +109,12 @@ def _reference(uncertain: UncertainVehicle, plane: Plane, crossover_radps: float
     """Return the model's response at the frequencies."""
     frequency_radps = crossover_radps * np.array(FREQUENCIES)
     response = crossover.response(uncertain.vehicle(uncertain.z), plane)
-    gain_sd_db, phase_sd_deg = crossover.response_sd(uncertain, plane)
-    values = (
-        20.0 * np.log10(np.abs(response)),
-        np.degrees(np.unwrap(np.angle(response))),
-        gain_sd_db,
-        phase_sd_deg,
+    gain_db, phase_deg = (
+        np.interp(frequency_radps, GRID_RADPS, value)
+        for value in (20.0 * np.log10(np.abs(response)), np.degrees(np.unwrap(np.angle(response))))
     )
-    return _Reference(
-        frequency_radps, *(np.interp(frequency_radps, GRID_RADPS, value) for value in values)
-    )
+    gain_sd_db, phase_sd_deg = crossover.response_sd(uncertain, plane, frequency_radps)
+    return _Reference(frequency_radps, gain_db, phase_deg, gain_sd_db, phase_sd_deg)
 
 
 def _opinion(
