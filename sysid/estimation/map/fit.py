@@ -198,9 +198,7 @@ def fit(
     )
     if better_z is not None:
         optimum = descend(problem, better_z, FINE_TOLERANCE)
-    run_scatter = model_error.scatter(
-        [model_error.score_of(*run) for run in problems.linearise(problem, optimum.z)]
-    )
+    run_scatter = model_error.scatter(optimum.score.runs)
     prior_precision = np.asarray(np.linalg.inv(prior.covariance), np.float64)
     conflict = model_error.prior_conflict(
         optimum.z - prior.mean, optimum.score.information, prior_precision

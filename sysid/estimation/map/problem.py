@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig, VehicleFileError
 from sysid.data.segments import RATE_HZ
-from sysid.estimation.map import sensitivity
+from sysid.estimation.map import model_error, sensitivity
 from sysid.estimation.map.datasets import (
     Dataset,
     depth_rate,
     with_sensor_lags,
 )
+from sysid.estimation.map.model_error import RunScore
 from sysid.estimation.map.sensitivity import Perturbation, Trajectory
 from sysid.estimation.map.steady_state import cruise_speed_mps, linear_plane
 from sysid.models import noise, parameters
@@ -78,6 +79,8 @@ class Score(NamedTuple):
     """(p,), gradient of the cost."""
     information: Array
     """(p, p), Gauss-Newton information of the data about z, without the prior."""
+    runs: tuple[RunScore, ...]
+    """Information and gradient of each run, in the order of the data sets."""
 
 
 class Evaluation(NamedTuple):
@@ -206,11 +209,14 @@ def score(problem: MapProblem, z: Array, evaluation: Evaluation | None = None) -
     pull = np.asarray(np.linalg.solve(prior.covariance, departure), np.float64)
     slope: Array = pull
     total, information = float(departure @ pull), np.zeros((z.size, z.size))
+    runs = []
     for white, jacobian in linearise(problem, z, evaluation):
+        run = model_error.score_of(white, jacobian)
         total += float(np.sum(white**2))
-        slope = slope + jacobian.T @ white.ravel()
-        information += jacobian.T @ jacobian
-    return Score(0.5 * total, slope, information)
+        slope = slope + run.slope
+        information += run.information
+        runs.append(run)
+    return Score(0.5 * total, slope, information, tuple(runs))
 
 
 def linearise(
