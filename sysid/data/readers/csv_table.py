@@ -182,6 +182,8 @@ def _parse(path: Path) -> _Table:
     if not np.all(np.isfinite(time_s)):
         line = numbered[1 + int(np.argmin(np.isfinite(time_s)))][0]
         raise LogError(f"{path}: line {line}: no {TIME}; every row needs its time")
+    if np.count_nonzero(strictly_increasing(time_s)) < 2:
+        raise LogError(f"{path}: column {TIME}: never increases; give rows in the order of time")
     return _Table(columns, time_s, tests, parameters)
 
 

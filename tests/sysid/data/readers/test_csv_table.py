@@ -249,3 +249,11 @@ def test_csv_values_in_another_unit_are_refused(
     with pytest.raises(LogError) as refused:
         readers.read(path, OutputOptions())
     assert str(refused.value) == f"{path}: {text}"
+
+
+@pytest.mark.parametrize("sign", [-1.0, 0.0])
+def test_csv_time_that_never_increases_is_named(tmp_path: Path, sign: float) -> None:
+    lines = [line.split(",", 1) for line in rows()]
+    text = [f"{sign * float(time_s):.3f},{rest}" for time_s, rest in lines]
+    with pytest.raises(LogError, match=r"column time_s: never increases; give rows in the order"):
+        readers.read(write(tmp_path / "dive.csv", lines=text), OutputOptions())
