@@ -1,6 +1,7 @@
 """Run time of whole campaigns, warm and in a fresh clone, and of the refit of their logs."""
 
 import json
+import re
 import subprocess
 import time
 from itertools import pairwise
@@ -19,6 +20,8 @@ from sysid.trials import usable_cores
 
 FIRST_RESULT = "steady error"
 """Beginning of the first line that a campaign prints after its stages."""
+PROGRESS = re.compile(r"\S+: (item \d+ of \d+|\d+ %), ")
+"""Beginning of a line about the progress within a stage (`ground.cli.progress`)."""
 FLOOR = "UDP ping-pong of all ticks on all cores"
 
 
@@ -31,8 +34,8 @@ class Stages:
         self.mark("starting")
 
     def mark(self, line: str) -> None:
-        """Begin a stage with a line of the campaign; its results are no stages."""
-        if not self._ended:
+        """Begin a stage with a line of the campaign; progress and results are no stages."""
+        if not self._ended and not PROGRESS.match(line):
             self._ended = line.startswith(FIRST_RESULT)
             self._marks.append((line, time.perf_counter(), machine.used_cpu_s()))
 

@@ -1,5 +1,6 @@
 """The pure parts of the speed benchmark, and its processes."""
 
+import io
 import subprocess
 import sys
 from pathlib import Path
@@ -20,7 +21,9 @@ from benchmarks.speed.results import Results
 from benchmarks.speed.rows import ROWS, Mode
 from benchmarks.speed.session import Session
 from benchmarks.study import Cell
+from ground.client.flight import FlightProgress
 from mavlink_io.errors import InputError, OperationError
+from tests.helpers.display import shown_on
 
 
 def test_every_row_is_measured_by_one_function() -> None:
@@ -90,6 +93,21 @@ def test_stages_end_at_first_result() -> None:
     assert walls == [
         f"{name}: wall time, s" for name in ("starting", "flying", "writing the report")
     ]
+
+
+def test_progress_of_a_dive_is_no_stage() -> None:
+    page, stages = io.StringIO(), Stages()
+    shown = shown_on(page)
+    shown.watch_named("prototype/trim", FlightProgress(3, 5, 10.0, 0.1, 0.3, 351.0))
+    shown.show_fraction("8 of 16 dives", 0.5)
+    for line in ("prototype flight: measuring the trims", *page.getvalue().splitlines()):
+        stages.mark(line)
+    stages.mark("steady error, 95 %")
+    assert len(page.getvalue().splitlines()) == 2
+    assert {name.rpartition(": ")[0] for name in stages.times_s()} == {
+        "starting",
+        "prototype flight: measuring the trims",
+    }
 
 
 def test_descendants_are_processes_below_one() -> None:

@@ -13,14 +13,12 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from rich.console import Console
-from rich.progress import BarColumn, Progress
 from typer.testing import CliRunner
 
 from ground import __main__ as command_line
 from ground import terminal
-from ground.cli import options, progress
+from ground.cli import options
 from ground.client.flight import FlightProgress
-from ground.client.flight import FlightProgress as DiveProgress
 from ground.client.vehicle import StatusText
 from ground.live import estimate_view as live_view
 from ground.live.estimate import EstimateStatus
@@ -28,6 +26,7 @@ from mavlink_io.errors import InputError
 from mavlink_io.printable import printable, printable_lines
 from tests.ground.fake import FakeVehicle, step_while_waiting
 from tests.ground.live.test_watch import Sea
+from tests.helpers.display import shown_on
 
 ATTACKS = (
     "[/b]",
@@ -55,14 +54,6 @@ QUIET = settings(
 def forbidden(output: str) -> list[str]:
     """The characters of an output that may reach no terminal; line feeds are the program's own."""
     return [c for c in output if c != "\n" and unicodedata.category(c) in FORBIDDEN]
-
-
-def shown_on(page: io.StringIO) -> progress.ProgressDisplay:
-    """The display of a dive, on a page as wide as any text."""
-    bars = Progress(
-        *progress.columns(), BarColumn(20), console=terminal.console(file=page, width=10_000)
-    )
-    return progress.ProgressDisplay(bars, quiet=False)
 
 
 def attacked(test: Callable[..., None]) -> Callable[..., None]:
@@ -121,7 +112,7 @@ def test_progress_without_a_terminal_is_one_line_per_period() -> None:
 )
 def test_progress_heading_stays_below_a_turn(heading_deg: float, shown_deg: str) -> None:
     page = io.StringIO()
-    shown_on(page).watch_named("square", DiveProgress(0, 3, 1.0, 1.0, 2.0, heading_deg))
+    shown_on(page).watch_named("square", FlightProgress(0, 3, 1.0, 1.0, 2.0, heading_deg))
     assert f"heading {shown_deg}," in page.getvalue()
 
 
@@ -147,7 +138,7 @@ def test_display_any_name_of_work_is_drawn(text: str) -> None:
     shown = shown_on(page)
     shown.dive = text
     shown.show_fraction(text, 0.5)
-    shown.watch_named(text, DiveProgress(0, 3, 1.0, 1.0, 2.0, 90.0))
+    shown.watch_named(text, FlightProgress(0, 3, 1.0, 1.0, 2.0, 90.0))
     terminal.console(file=page, width=200).print(shown.picture())
     assert forbidden(page.getvalue()) == []
 
