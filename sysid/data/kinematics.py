@@ -36,6 +36,8 @@ class AngleRateMismatch(NamedTuple):
     """Slope of that line: constant error of the rate."""
     excursion_rad: float
     """Range of the angle."""
+    ratio: float
+    """Change of the angle over that of the integrated rate; 1 if both are right."""
 
 
 class DepthPitchMismatch(NamedTuple):
@@ -84,9 +86,20 @@ def depth_mismatch(run: Run) -> DepthPitchMismatch | None:
 
 def _mismatch(time_s: Array, angle_rad: Array, rate_radps: Array) -> AngleRateMismatch:
     """Return the difference of an angle and the integral of a rate."""
-    difference = angle_rad - _integral(rate_radps)
+    integral_rad = _integral(rate_radps)
+    difference = angle_rad - integral_rad
     line = fit_line(time_s, difference)
-    return AngleRateMismatch(_rms(difference - line.values), line.slope, float(np.ptp(angle_rad)))
+    # Least squares: angle = c_0 + c_1 t + ratio times the integral, the line eliminated from both.
+    angle_rest, integral_rest = (
+        values - fit_line(time_s, values).values for values in (angle_rad, integral_rad)
+    )
+    power = float(integral_rest @ integral_rest)
+    return AngleRateMismatch(
+        rms_rad=_rms(difference - line.values),
+        bias_radps=line.slope,
+        excursion_rad=float(np.ptp(angle_rad)),
+        ratio=float(angle_rest @ integral_rest) / power if power > 0.0 else math.nan,
+    )
 
 
 def _integral(rate: Array) -> Array:

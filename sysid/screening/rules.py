@@ -12,6 +12,15 @@ from sysid.screening import preroll
 from sysid.screening.limits import ScreeningLimits
 from sysid.screening.preroll import UsualPreroll
 
+RATIO_TOLERANCE = 0.2
+"""Relative tolerance of the ratios of `MISMATCH_CAUSES`."""
+MISMATCH_CAUSES = {
+    -1.0: "one of them has the wrong sign",
+    math.degrees(1.0): "one of them is in the wrong unit (the angle changes 57 times as much)",
+    math.radians(1.0): "one of them is in the wrong unit (the rate changes 57 times as much)",
+}
+"""Cause of a mismatch by the change of the angle over that of the integrated rate."""
+
 
 def gap(run: Run, limits: ScreeningLimits) -> str:
     """Reject a run with a long gap between samples."""
@@ -132,12 +141,25 @@ def _mismatch_reason(mismatch: AngleRateMismatch, description: str, limits: Scre
     rms, bias = math.degrees(mismatch.rms_rad), math.degrees(mismatch.bias_radps)
     allowed = max(limits.angle_rms_deg, limits.angle_share * math.degrees(mismatch.excursion_rad))
     if rms > allowed:
-        return f"kinematics: {description} disagree by {rms:.1f} deg rms, at most {allowed:.1f}"
+        return (
+            f"kinematics: {description} disagree by {rms:.1f} deg rms, at most {allowed:.1f}"
+            f"{_mismatch_cause(mismatch)}"
+        )
     if abs(bias) > limits.rate_bias_degps:
         return (
             f"kinematics: {description} disagree by {bias:+.1f} deg/s,"
             f" at most {limits.rate_bias_degps:g}"
         )
+    return ""
+
+
+def _mismatch_cause(mismatch: AngleRateMismatch) -> str:
+    """Return why an angle and its rate disagree, if their ratio shows it."""
+    if mismatch.excursion_rad == 0.0:
+        return "; the angle does not change"
+    for ratio, cause in MISMATCH_CAUSES.items():
+        if abs(mismatch.ratio / ratio - 1.0) < RATIO_TOLERANCE:
+            return f"; {cause}"
     return ""
 
 

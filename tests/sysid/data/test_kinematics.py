@@ -60,6 +60,27 @@ def test_inconsistent_run_is_rejected_with_name(yaw: Run, pitch: Run) -> None:
             assert any(what in reason for reason in named(run, "kinematics")), what
 
 
+@pytest.mark.parametrize(
+    ("factor", "cause"),
+    [
+        (-1.0, "one of them has the wrong sign"),
+        (180.0 / math.pi, "in the wrong unit (the rate changes 57 times as much)"),
+        (math.pi / 180.0, "in the wrong unit (the angle changes 57 times as much)"),
+        (3.0, ""),
+    ],
+)
+def test_inconsistent_rate_has_its_cause_named(yaw: Run, factor: float, cause: str) -> None:
+    (reason,) = named(replace(yaw, r_radps=factor * yaw.r_radps), "kinematics")
+    assert reason.partition("; ")[2].endswith(cause)
+    assert ("; " in reason) == bool(cause)
+
+
+def test_frozen_heading_is_named(yaw: Run) -> None:
+    frozen = replace(yaw, heading_rad=np.full_like(yaw.heading_rad, yaw.heading_rad[0]))
+    (reason,) = named(frozen, "kinematics")
+    assert reason.endswith("; the angle does not change")
+
+
 def test_heading_mismatch_accounts_for_roll(yaw: Run) -> None:
     """At 90 degrees of roll the heading changes with the pitch rate."""
     side = math.radians(90.0)
