@@ -75,8 +75,8 @@ dispatchEvent(new Event('afterprint'));
 return { charts: result, apart, color };
 """
 """Charts with their headings, as printed; texts that a sheet may separate from their charts."""
-SHEET_PX = (688.0, 1010.0)
-"""A4 less margins of 14 mm, at 96 px per inch."""
+SHEET_PX = (688.0, 950.0)
+"""Width of A4 and height of US letter paper less margins of 14 mm, at 96 px per inch."""
 
 
 class Page:

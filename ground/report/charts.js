@@ -10,8 +10,10 @@ const PRINTED_HEIGHT = 0.8; // height over that on the screen: the tallest chart
 const PRINTED_COMPACT_PX = 325; // width of a chart that is printed beside another one
 const PRINTED_ROW_PX = 355; // maximum height of a chart that stands beside others on the screen: two fit on a page
 const keys = [...document.querySelectorAll(".chart")].map((element) => element.id).filter((key) => key in charts);
-function drawChart(key, printed) {
-  const color = theme(), chart = charts[key];
+// While a page is printed, theme and width may change too: its charts keep the sizes of the paper.
+const printing = () => document.documentElement.classList.contains("printed");
+function drawChart(key) {
+  const color = theme(), chart = charts[key], printed = printing();
   const size = narrow.matches || printed ? 11 : 13;
   const data = chart.data.map((trace) => {
     const own = color(trace.role);
@@ -45,8 +47,8 @@ function drawChart(key, printed) {
   element.style.height = `${layout.height}px`;
   Plotly.react(key, data, layout, { responsive: true, displaylogo: false, displayModeBar: false });
 }
-function draw(printed = false) {
-  for (const key of keys) drawChart(key, printed);
+function draw() {
+  for (const key of keys) drawChart(key);
   window.redrawTrack?.();
 }
 // Charts over time zoom together, and have a line at the time of the playback.
@@ -84,7 +86,7 @@ function connect(key) {
 async function begin() {
   for (const key of keys) document.getElementById(key).style.height = `${charts[key].layout.height}px`;
   for (const key of keys) {
-    if (!document.getElementById(key)._fullLayout) drawChart(key, false);
+    if (!document.getElementById(key)._fullLayout) drawChart(key);
     if (timed.includes(key)) connect(key);
     await new Promise((next) => setTimeout(next));
   }
@@ -96,7 +98,7 @@ narrow.addEventListener("change", () => draw());
 addEventListener("beforeprint", () => {
   document.querySelectorAll("details:not([open])").forEach((list) => { list.open = true; list.dataset.folded = ""; });
   document.documentElement.classList.add("printed");
-  draw(true);
+  draw();
 });
 addEventListener("afterprint", () => {
   document.querySelectorAll("details[data-folded]").forEach((list) => { list.open = false; delete list.dataset.folded; });

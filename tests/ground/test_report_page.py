@@ -10,7 +10,15 @@ import pytest
 from ground.report import charts, page, tables
 from ground.report.figures import Curve, Figure, Panel
 from sysid.models.model_file import Coefficient
-from tests.browser import WINDOWS_PX, Page, check_layout, check_print, needs_chromium, opened
+from tests.browser import (
+    HEIGHT_TOLERANCE_PX,
+    WINDOWS_PX,
+    Page,
+    check_layout,
+    check_print,
+    needs_chromium,
+    opened,
+)
 
 MIN_PLOT_PX = (200.0, 60.0)
 """Width and height of the axes at 390 px: smaller ones cannot be read."""
@@ -120,6 +128,19 @@ class BrowserTestCase:
 
     def test_report_printed_keeps_headings_with_charts(self, shown: Page) -> None:
         check_print(shown)
+
+    def test_print_from_a_narrow_window_keeps_the_sizes_of_the_paper(self, shown: Page) -> None:
+        """The paper is wider than the window, so that the layout of wide windows begins."""
+        shown.resize(*WINDOWS_PX[-1])
+        shown.run("dispatchEvent(new Event('beforeprint'))")
+        expected = shown.chart_heights()
+        shown.run("dispatchEvent(new Event('afterprint'))")
+        shown.resize(390, 844)
+        shown.run("dispatchEvent(new Event('beforeprint'))")
+        shown.resize(700, 950)
+        printed = shown.chart_heights()
+        shown.run("dispatchEvent(new Event('afterprint'))")
+        assert printed == pytest.approx(expected, abs=HEIGHT_TOLERANCE_PX)
 
     def test_legend_after_resizing_is_above_the_plot(self, shown: Page) -> None:
         """A legend that is placed by the axes stays where the last width had put it."""
