@@ -7,7 +7,6 @@ from contextlib import ExitStack, contextmanager
 from threading import Lock
 from typing import TYPE_CHECKING
 
-import numpy as np
 from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.progress import (
@@ -54,7 +53,7 @@ class ProgressDisplay:
     def watch_named(self, name: str, progress: DiveProgress) -> None:
         """Show the progress of a dive by its name."""
         speed = progress.vehicle_s / progress.wall_s if progress.wall_s > 0 else 0.0
-        heading_deg = np.rint(progress.heading_deg) % 360.0
+        heading_deg = (progress.heading_deg + 0.5) // 1.0 % 360.0  # whole degrees
         text = (
             f"{progress.depth_m:5.1f} m {heading_deg:4.0f} deg "
             f"{progress.vehicle_s:6.0f} s {speed:4.0f}x"

@@ -73,9 +73,8 @@ def depth_mismatch(run: Run) -> DepthPitchMismatch | None:
     # Least squares: depth = c_0 + c_1 t + U integral of -sin(theta).
     sine_integral_s = -_integral(np.sin(run.pitch_rad))
     # The line is eliminated from both first: regression of the remainders gives the same U.
-    sine_rest_s, depth_rest_m = (
-        values - fit_line(run.time_s, values).values for values in (sine_integral_s, run.depth_m)
-    )
+    sine_rest_s = _without_line(run.time_s, sine_integral_s)
+    depth_rest_m = _without_line(run.time_s, run.depth_m)
     if np.ptp(sine_rest_s) < MIN_DEPTH_SENSITIVITY_S:
         return None
     speed_mps = float(sine_rest_s @ depth_rest_m) / float(sine_rest_s @ sine_rest_s)
@@ -89,17 +88,20 @@ def _mismatch(time_s: Array, angle_rad: Array, rate_radps: Array) -> AngleRateMi
     integral_rad = _integral(rate_radps)
     difference = angle_rad - integral_rad
     line = fit_line(time_s, difference)
-    # Least squares: angle = c_0 + c_1 t + ratio times the integral, the line eliminated from both.
-    angle_rest, integral_rest = (
-        values - fit_line(time_s, values).values for values in (angle_rad, integral_rad)
-    )
+    # Least squares: angle = c_0 + c_1 t + ratio times the integral, as in ``depth_mismatch``.
+    integral_rest = _without_line(time_s, integral_rad)
     power = float(integral_rest @ integral_rest)
     return AngleRateMismatch(
         rms_rad=_rms(difference - line.values),
         bias_radps=line.slope,
         excursion_rad=float(np.ptp(angle_rad)),
-        ratio=float(angle_rest @ integral_rest) / power if power > 0.0 else math.nan,
+        ratio=float(integral_rest @ angle_rad) / power if power > 0.0 else math.nan,
     )
+
+
+def _without_line(time_s: Array, values: Array) -> Array:
+    """Return values less the straight line in time that fits them best."""
+    return values - fit_line(time_s, values).values
 
 
 def _integral(rate: Array) -> Array:

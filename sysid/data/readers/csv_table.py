@@ -71,8 +71,9 @@ _LARGEST = {
 MIN_THRUST = 0.01
 """Thrust up to which the column is a fraction, not percent: a vehicle does not cruise with 1 %."""
 UNIT_QUANTILE = 0.95
-"""Quantile of the absolute values that is compared with these limits: spikes do not refuse a file,
-and tests of a twentieth of the time are not overlooked."""
+"""Quantile of the absolute values that is compared with these limits.
+
+A few spikes do not refuse a file; a twentieth of its values in another unit does."""
 TIME = "time_s"
 TEST = "test"
 """Column with the surface under test: ``rudder``, ``elevator``, ``both``, or empty."""

@@ -28,7 +28,7 @@ ch. 9). The covariance of the estimate is
     (H / k + P^-1)^-1 + (c^2 + t^2) P0,    k = 1 + (DISPERSION - 1) g^2,    c = COMMON g
 
 COMMON and DISPERSION come from campaigns of plants from outside. docs/accuracy.md has the figures
-of these and of others that were used for nothing before.
+of these campaigns, and of others that had no part in the choice.
 """
 
 from collections.abc import Sequence
