@@ -164,9 +164,9 @@ _CAMPAIGNS = (
         package `mcap`, without decoding the messages.
 
         The other starts of a fit are searched one after the other. A search that comes near a
-        known end stops there: eight starts take 53 steps and 0.54 s of a campaign's refit.
-        Side by side they would not know each other's ends and take 137 steps and 1.24 s, at best
-        0.62 s on each of two cores.""",
+        known end stops there: eight starts take 53 steps and 0.53 s of a campaign's refit.
+        Side by side they would not know each other's ends and take 137 steps and 1.4 s, at best
+        0.7 s on each of two cores.""",
         limit=3.0,
         repetitions=5,
     ),

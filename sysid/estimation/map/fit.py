@@ -28,7 +28,7 @@ from sysid.estimation.map.datasets import (
 )
 from sysid.estimation.map.gauss_newton import Z_LIMIT, SearchEnd, descend
 from sysid.estimation.map.model_error import RunScatter
-from sysid.estimation.map.problem import DIFFERENCE, MapProblem, Prior
+from sysid.estimation.map.problem import DIFFERENCE, Linearisation, MapProblem, Prior
 from sysid.estimation.map.steady_state import (
     cruise_speed_mps,
     level_elevator_rad,
@@ -180,16 +180,20 @@ def fit(
     datasets = datasets_of(runs, first, leads_s)
     z, work_steps, steps = prior.mean.copy(), PASSES + 2, 0
     levels: dict[Plane, Noise] = {plane: Noise() for plane in datasets}
+    linearisation: Linearisation | None = None
     for pass_index in range(PASSES):
         report(f"fit, pass {pass_index + 1} of {PASSES}", pass_index / work_steps)
-        optimum = descend(_problem(prior, datasets, levels, z), z, COARSE_TOLERANCE)
-        z, steps = optimum.z, steps + optimum.steps
+        optimum = descend(
+            _problem(prior, datasets, levels, z), z, COARSE_TOLERANCE, linearisation=linearisation
+        )
+        z, steps, linearisation = optimum.z, steps + optimum.steps, optimum.score.linearisation
         levels = _noise(prior, datasets, levels, z)
         if (updated_s := max_leads_s(runs, problems.vehicle(prior, z))) != leads_s:
             leads_s, datasets = updated_s, datasets_of(runs, first, updated_s)
+            linearisation = None
     report("fit, last pass", PASSES / work_steps)
     problem = _problem(prior, datasets, levels, z)
-    optimum = descend(problem, z, FINE_TOLERANCE)
+    optimum = descend(problem, z, FINE_TOLERANCE, linearisation=linearisation)
     start_cost_ratios, better_z, restart_steps = _search_other_starts(
         problem,
         optimum.z,
@@ -277,8 +281,8 @@ def _search_other_starts(
     reference_cost, steps = reference.score.cost, reference.steps
     generator, root = np.random.default_rng(4154), np.linalg.cholesky(prior.covariance)
     spans = [*(_truncate(decimated, seconds) for seconds in RESTART_SPANS_S), decimated]
-    paths: list[list[SearchEnd]] = []
-    ends: list[SearchEnd] = []
+    paths = [[reference] * len(spans)]  # a known end of every span
+    ends = [reference]
     cost_ratios, better_z = [], None
     for index in range(start_count):
         report(index / start_count)

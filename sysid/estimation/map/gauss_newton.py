@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.problem import MapProblem, Score
+from sysid.estimation.map.problem import Linearisation, MapProblem, Score
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,11 @@ class SearchEnd(NamedTuple):
 
 
 def descend(
-    problem: MapProblem, start: Array, tolerance: float, known: Sequence[SearchEnd] = ()
+    problem: MapProblem,
+    start: Array,
+    tolerance: float,
+    known: Sequence[SearchEnd] = (),
+    linearisation: Linearisation | None = None,
 ) -> SearchEnd:
     """Minimise the cost from ``start``.
 
@@ -60,6 +64,8 @@ def descend(
     known : sequence of SearchEnd
         Ends of earlier searches of the same problem. A search that comes within ``BASIN_SDS`` of
         one of them stops.
+    linearisation : Linearisation, optional
+        Runs and derivatives at ``start``, if they are already known.
 
     Returns
     -------
@@ -67,11 +73,12 @@ def descend(
         Parameters of the least cost found, or those of the known end that was reached.
     """
     z = np.clip(start, -Z_LIMIT, Z_LIMIT)
-    current, damping, steps = problems.score(problem, z), INITIAL_DAMPING, 0
     precision = np.asarray(np.linalg.inv(problem.prior.covariance), np.float64)
+    if (joined := _joined(known, precision, z, 0)) is not None:
+        return joined
+    current = problems.score(problem, z, linearisation=linearisation)
+    damping, steps = INITIAL_DAMPING, 0
     while steps < MAX_STEPS and damping < MAX_DAMPING:
-        if (reached := _reached(known, precision, z)) is not None:
-            return known[reached]._replace(steps=steps, joined=reached)
         step, predicted_decrease, is_clipped = _step(current, precision, z, damping)
         if predicted_decrease <= tolerance * current.cost:
             if not is_clipped:
@@ -82,6 +89,9 @@ def descend(
         candidate = z + step
         evaluation = problems.evaluate(problem, candidate)
         if evaluation and evaluation.cost < current.cost:
+            # Before the derivatives: they take most of the time.
+            if (joined := _joined(known, precision, candidate, steps)) is not None:
+                return joined
             z, current, damping = (
                 candidate,
                 problems.score(problem, candidate, evaluation),
@@ -92,15 +102,15 @@ def descend(
     return SearchEnd(z, current, steps)
 
 
-def _reached(known: Sequence[SearchEnd], precision: Array, z: Array) -> int | None:
-    """Return the index of a known end near z; None if there is none.
+def _joined(known: Sequence[SearchEnd], precision: Array, z: Array, steps: int) -> SearchEnd | None:
+    """Return the known end near z with the steps to it; None if there is none.
 
     Distance in posterior standard deviations: sqrt((z - z_k)' (H_k + P^-1) (z - z_k)).
     """
     for index, end in enumerate(known):
         departure = z - end.z
         if departure @ (end.score.information + precision) @ departure < BASIN_SDS**2:
-            return index
+            return end._replace(steps=steps, joined=index)
     return None
 
 

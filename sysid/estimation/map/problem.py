@@ -12,7 +12,8 @@ whitened residual of run k (n_k,), J_k = d e_k / dz (n_k, p) (Jategaonkar 2015, 
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from functools import cache
+from typing import NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from sysid.estimation.map.sensitivity import Perturbation, Trajectory
 from sysid.estimation.map.steady_state import cruise_speed_mps, linear_plane
 from sysid.models import noise, parameters
 from sysid.models.noise import Filter, Noise
-from sysid.models.parameters import PARAMETERS, CandidateVehicle
+from sysid.models.parameters import PARAMETERS, CandidateVehicle, Part
 from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
@@ -70,6 +71,24 @@ class MapProblem(NamedTuple):
     """Samples of the 50 Hz grid per step; ``measured`` of the datasets has the same step."""
 
 
+class Evaluation(NamedTuple):
+    """A candidate, its simulated runs and its cost."""
+
+    candidate: CandidateVehicle
+    trajectories: Mapping[Plane, Sequence[Trajectory]]
+    whitened: Mapping[Plane, Sequence[Array]]
+    """Whitened residuals (samples, outputs) of each run."""
+    cost: float
+
+
+class Linearisation(NamedTuple):
+    """Simulated runs of a candidate, and the derivatives of their outputs by its parameters."""
+
+    evaluation: Evaluation
+    output_slopes: Mapping[Plane, Sequence[Array]]
+    """(samples, outputs, parameters of the plane) of each run, not whitened; see ``_columns``."""
+
+
 class Score(NamedTuple):
     """Cost of a candidate and its derivatives."""
 
@@ -81,16 +100,8 @@ class Score(NamedTuple):
     """(p, p), Gauss-Newton information of the data about z, without the prior."""
     runs: tuple[RunScore, ...]
     """Information and gradient of each run, in the order of the data sets."""
-
-
-class Evaluation(NamedTuple):
-    """A candidate, its simulated runs and its cost."""
-
-    candidate: CandidateVehicle
-    trajectories: Mapping[Plane, Sequence[Trajectory]]
-    whitened: Mapping[Plane, Sequence[Array]]
-    """Whitened residuals (samples, outputs) of each run."""
-    cost: float
+    linearisation: Linearisation
+    """What the derivatives were computed from."""
 
 
 def vehicle(prior: Prior, z: Array) -> CandidateVehicle:
@@ -150,6 +161,16 @@ def _simulate_all(problem: MapProblem, candidate: CandidateVehicle, z: Array) ->
     trajectories = {
         plane: _simulate(problem, candidate, plane, speeds_mps) for plane in problem.datasets
     }
+    return _evaluation(problem, candidate, trajectories, z)
+
+
+def _evaluation(
+    problem: MapProblem,
+    candidate: CandidateVehicle,
+    trajectories: Mapping[Plane, Sequence[Trajectory]],
+    z: Array,
+) -> Evaluation:
+    """Compare the simulated runs of the candidate at z with the measured ones."""
     whitened = {
         plane: _whiten(problem, plane, candidate, runs) for plane, runs in trajectories.items()
     }
@@ -187,7 +208,12 @@ def at_edge(prior: Prior, z: Array) -> tuple[str, ...]:
     return tuple(names)
 
 
-def score(problem: MapProblem, z: Array, evaluation: Evaluation | None = None) -> Score:
+def score(
+    problem: MapProblem,
+    z: Array,
+    evaluation: Evaluation | None = None,
+    linearisation: Linearisation | None = None,
+) -> Score:
     """Cost at z, its gradient, and the Gauss-Newton information of the data.
 
     Parameters
@@ -198,25 +224,34 @@ def score(problem: MapProblem, z: Array, evaluation: Evaluation | None = None) -
         Parameters in prior standard deviations; such a vehicle must be possible.
     evaluation : Evaluation, optional
         Result of `evaluate` at z, if it is already known.
+    linearisation : Linearisation, optional
+        Runs and derivatives at z, if they are already known. The noise filters may be others.
 
     Returns
     -------
     Score
         Cost and derivatives.
     """
+    if linearisation is None:
+        linearisation = _linearise(problem, z, evaluation)
+    else:
+        known = linearisation.evaluation
+        linearisation = linearisation._replace(
+            evaluation=_evaluation(problem, known.candidate, known.trajectories, z)
+        )
     prior = problem.prior
     departure = z - prior.mean
     pull = np.asarray(np.linalg.solve(prior.covariance, departure), np.float64)
     slope: Array = pull
     total, information = float(departure @ pull), np.zeros((z.size, z.size))
     runs = []
-    for white, jacobian in linearise(problem, z, evaluation):
+    for white, jacobian in _whiten_slopes(problem, linearisation):
         run = model_error.score_of(white, jacobian)
         total += float(np.sum(white**2))
         slope = slope + run.slope
         information += run.information
         runs.append(run)
-    return Score(0.5 * total, slope, information, tuple(runs))
+    return Score(0.5 * total, slope, information, tuple(runs), linearisation)
 
 
 def linearise(
@@ -243,12 +278,32 @@ def linearise(
     VehicleFileError
         No such vehicle is possible.
     """
+    yield from _whiten_slopes(problem, _linearise(problem, z, evaluation))
+
+
+def _linearise(problem: MapProblem, z: Array, evaluation: Evaluation | None) -> Linearisation:
+    """Return the derivatives of the outputs of all runs by z."""
     evaluation = evaluation or _simulate_all(problem, vehicle(problem.prior, z), z)
-    candidate = evaluation.candidate
-    perturbations = _perturbations(problem, candidate, z)
-    for plane, trajectories in evaluation.trajectories.items():
-        jacobians = _jacobians(problem, plane, candidate, trajectories, perturbations)
-        yield from zip(evaluation.whitened[plane], jacobians, strict=True)
+    perturbations = _perturbations(problem, evaluation.candidate, z)
+    output_slopes = {
+        plane: _output_slopes(problem, plane, evaluation.candidate, trajectories, perturbations)
+        for plane, trajectories in evaluation.trajectories.items()
+    }
+    return Linearisation(evaluation, output_slopes)
+
+
+def _whiten_slopes(
+    problem: MapProblem, linearisation: Linearisation
+) -> Iterator[tuple[Array, Array]]:
+    """Yield whitened residuals and their derivatives of each run; see ``linearise``."""
+    for plane, runs in linearisation.output_slopes.items():
+        columns = _columns(plane)
+        residuals = linearisation.evaluation.whitened[plane]
+        for output_slopes, residual in zip(runs, residuals, strict=True):
+            whitened = noise.whiten_columns(output_slopes, problem.filters[plane])
+            jacobian = np.zeros((residual.size, len(PARAMETERS)))
+            jacobian[:, columns] = whitened.reshape(residual.size, -1)
+            yield residual, jacobian
 
 
 def _cruise_speeds_mps(problem: MapProblem, candidate: CandidateVehicle) -> dict[float, float]:
@@ -294,56 +349,58 @@ def _whiten(
     return whitened
 
 
-def _jacobians(
+def _output_slopes(
     problem: MapProblem,
     plane: Plane,
     candidate: CandidateVehicle,
     trajectories: Sequence[Trajectory],
     perturbations: Sequence[Perturbation],
 ) -> list[Array]:
-    """Return the derivatives of the whitened residuals of each run by z, (samples x outputs, p)."""
-    datasets, noise_filter = problem.datasets[plane], problem.filters[plane]
+    """Return the derivatives of the residuals of each run, (samples, outputs, parameters)."""
     used = [
         perturbation
         for perturbation in perturbations
         if plane in PARAMETERS[perturbation.column].planes
     ]
-    packed = [perturbation._replace(column=k) for k, perturbation in enumerate(used)]
-    jacobians = []
+    signs = np.array([-1.0 if perturbation.backward else 1.0 for perturbation in used])
     state_slopes = sensitivity.sensitivities(
-        candidate, plane, datasets, trajectories, packed, DIFFERENCE, problem.stride
+        candidate,
+        plane,
+        problem.datasets[plane],
+        trajectories,
+        used,
+        DIFFERENCE,
+        problem.stride,
     )
+    all_slopes = []
     for slopes, trajectory in zip(state_slopes, trajectories, strict=True):
         output_slopes = with_sensor_lags(
             slopes[:, _outputs(plane)], candidate.sensor_lags_s, problem.stride
         )
-        _add_sensor_slopes(output_slopes, plane, trajectory, packed, used, problem.stride)
-        whitened = noise.whiten_columns(output_slopes, noise_filter)
-        jacobian = np.zeros((whitened.shape[0] * whitened.shape[1], len(PARAMETERS)))
-        signs = np.array([-1.0 if perturbation.backward else 1.0 for perturbation in used])
-        jacobian[:, [perturbation.column for perturbation in used]] = signs * whitened.reshape(
-            len(jacobian), -1
-        )
-        jacobians.append(jacobian)
-    return jacobians
+        _add_sensor_slopes(output_slopes, plane, trajectory, problem.stride)
+        all_slopes.append(signs * output_slopes)
+    return all_slopes
 
 
 def _add_sensor_slopes(
-    output_slopes: Array,
-    plane: Plane,
-    trajectory: Trajectory,
-    packed: Sequence[Perturbation],
-    used: Sequence[Perturbation],
-    stride: int,
+    output_slopes: Array, plane: Plane, trajectory: Trajectory, stride: int
 ) -> None:
     """Write the derivatives of the outputs by the sensor lags, in the paper's axes."""
     outputs = trajectory.track[:, _outputs(plane)]
-    for perturbation, parameter in zip(packed, used, strict=True):
-        name, sd = PARAMETERS[parameter.column].name, PARAMETERS[parameter.column].prior_sd
+    for column, i in enumerate(_columns(plane)):
+        name, sd = PARAMETERS[i].name, PARAMETERS[i].prior_sd
         if name == "angle_lag":
-            output_slopes[:, 1, perturbation.column] = -sd * outputs[:, 0]
+            output_slopes[:, 1, column] = -sd * outputs[:, 0]
         elif name == "depth_lag":
-            output_slopes[:, 2, perturbation.column] = -sd * depth_rate(outputs, stride)
+            output_slopes[:, 2, column] = -sd * depth_rate(outputs, stride)
+
+
+@cache
+def _columns(*planes: Plane) -> list[int]:
+    """Return the parameters of the planes: of the body, then the tailcone, then the sensors."""
+    parts = get_args(Part)
+    used = parameters.parameters_of_planes(planes)
+    return sorted(used, key=lambda i: parts.index(PARAMETERS[i].part))
 
 
 def _perturbations(
@@ -351,7 +408,7 @@ def _perturbations(
 ) -> list[Perturbation]:
     """Return a candidate one step away for each parameter that the runs depend on."""
     prior, perturbations = problem.prior, []
-    for i in parameters.parameters_of_planes(list(problem.datasets)):
+    for i in _columns(*problem.datasets):
         step, part = DIFFERENCE * (np.arange(z.size) == i), PARAMETERS[i].part
         backward = False
         if part == "body":

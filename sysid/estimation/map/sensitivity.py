@@ -37,6 +37,8 @@ Array = NDArray[np.float64]
 
 STATES = 5
 """Number of states of one plane."""
+ACCELERATIONS = 3
+"""Number of the first states whose derivatives are accelerations: forces change no others."""
 FD_STEP = np.array([1e-6, 1e-6, 1e-6, 1e-6, 0.0])
 """Difference steps of the states (m/s, m/s, rad/s, rad, m); depth has no effect on the motion."""
 FD_DUCT_STEP_RAD = 1e-6
@@ -134,11 +136,12 @@ def sensitivities(
     """Return the derivatives of each trajectory by the parameters, (rows, 5, columns) for each run.
 
     ``perturbations`` are the candidates that are ``step`` (prior standard deviations) away, one for
-    each column.
+    each column: first those of the body, then those of the tailcone, then those of the sensors.
     """
     # Forward differences of the derivative f(x, u; theta) of the states at all rows, u duct angle:
     # by each state (f(x + d e_i, u) - f(x, u)) / d, and so by u and each parameter of the body.
-    columns = len(perturbations)
+    of_body = [each for each in perturbations if each.part == "body"]
+    of_tailcone = [each for each in perturbations if each.part == "tailcone"]
     tracks = np.concatenate([trajectory.track for trajectory in trajectories])
     ducts = np.concatenate(
         [trajectory.duct_rad[::stride][: len(trajectory.track)] for trajectory in trajectories]
@@ -162,21 +165,17 @@ def sensitivities(
             df_dx[:, :, i] = (slopes - base.slopes) / FD_STEP[i]
     turned = motion._replace(duct_rad=ducts + FD_DUCT_STEP_RAD)
     df_du = (turned.evaluate(model, base, DUCT_CHANGES).slopes - base.slopes) / FD_DUCT_STEP_RAD
-    df_dtheta = np.zeros((len(tracks), STATES, columns))
-    for perturbation in perturbations:
-        if perturbation.part == "body":
-            changed = perturbation.vehicle.model
-            slopes = motion.evaluate(changed, base, _changes(model, changed)).slopes
-            df_dtheta[:, :, perturbation.column] = (slopes - base.slopes) / step
-    axes = {
-        perturbation.column: greybox.discretise(
-            perturbation.vehicle.actuators[plane], 1.0 / RATE_HZ
-        )
-        for perturbation in perturbations
-        if perturbation.part == "tailcone"
-    }
+    df_dtheta = np.empty((len(tracks), ACCELERATIONS, len(of_body)))
+    for column, perturbation in enumerate(of_body):
+        changed = perturbation.vehicle.model
+        slopes = motion.evaluate(changed, base, _changes(model, changed)).slopes
+        df_dtheta[:, :, column] = (slopes - base.slopes)[:, :ACCELERATIONS] / step
+    axes = [
+        greybox.discretise(perturbation.vehicle.actuators[plane], 1.0 / RATE_HZ)
+        for perturbation in of_tailcone
+    ]
     derivatives, row = [], 0
-    all_du_dtheta = _duct_slopes(datasets, trajectories, axes, step, columns)
+    all_du_dtheta = _duct_slopes(datasets, trajectories, axes, step)
     for data, trajectory, du_dtheta in zip(datasets, trajectories, all_du_dtheta, strict=True):
         rows = slice(row, row + len(trajectory.track))
         derivatives.append(
@@ -185,7 +184,7 @@ def sensitivities(
                 df_du[rows],
                 df_dtheta[rows],
                 du_dtheta,
-                _initial_slopes(data, trajectory, perturbations, step, columns),
+                _initial_slopes(data, trajectory, perturbations, step),
                 stride,
                 stride / RATE_HZ,
             )
@@ -357,21 +356,20 @@ def _wrench(components: Array) -> Wrench:
 def _duct_slopes(
     datasets: Sequence[Dataset],
     trajectories: Sequence[Trajectory],
-    axes: Mapping[int, TailconeAxis],
+    axes: Sequence[TailconeAxis],
     step: float,
-    columns: int,
 ) -> list[Array]:
-    """Return the slopes of the duct angle of each run by the parameters, (samples, columns).
+    """Return the slopes of the duct angle of each run by the tailcone's parameters.
 
-    ``axes`` are the perturbed actuators by column.
+    Shape (samples, axes) for each run. ``axes`` are the perturbed actuators.
     """
     histories_rad = [data.run.history_rad(data.run.plane) for data in datasets]
     commands_rad = np.concatenate(histories_rad)
     duct_rad = np.concatenate([trajectory.duct_rad for trajectory in trajectories])
     command_ends = np.cumsum([history.size for history in histories_rad])
     duct_ends = np.cumsum([trajectory.duct_rad.size for trajectory in trajectories])
-    du_dtheta = np.zeros((duct_rad.size, columns))
-    for column, axis in axes.items():
+    du_dtheta = np.empty((duct_rad.size, len(axes)))
+    for column, axis in enumerate(axes):
         _duct_slope(axis, commands_rad, command_ends, duct_rad, duct_ends, step, column, du_dtheta)
     return np.split(du_dtheta, duct_ends[:-1])
 
@@ -407,17 +405,16 @@ def _initial_slopes(
     trajectory: Trajectory,
     perturbations: Sequence[Perturbation],
     step: float,
-    columns: int,
 ) -> Array:
     """Return the slopes of the initial state of a run by the parameters, (5, columns)."""
-    dx0_dtheta = np.zeros((STATES, columns))
+    dx0_dtheta = np.zeros((STATES, len(perturbations)))
     run = data.run
-    for perturbation in perturbations:
+    for column, perturbation in enumerate(perturbations):
         if perturbation.speeds_mps:
             first = greybox.first_state(
                 run, data.start, perturbation.speeds_mps[float(run.thrust[0])]
             )
-            dx0_dtheta[:, perturbation.column] = (first - trajectory.first) / step
+            dx0_dtheta[:, column] = (first - trajectory.first) / step
     return dx0_dtheta
 
 
@@ -434,33 +431,48 @@ def _propagate(
     """Integrate S' = df_dx S + df_du du_dtheta + df_dtheta by the classical Runge-Kutta method.
 
     Step h (s). The coefficients are linear between two rows; du_dtheta is the mean of the 50 Hz
-    samples around each stage.
+    samples around each stage. Forces change the accelerations only; df_dtheta (rows, 3, body) and
+    du_dtheta (samples, tailcone) belong to the first columns, the others stay as they begin.
     """
     # Equations: module docstring; S in rows i (states) and columns c (parameters), flat in memory.
-    rows, _, columns = df_dtheta.shape
+    rows, _, n_body = df_dtheta.shape
+    n_tailcone, columns = du_dtheta.shape[1], dx0_dtheta.shape[1]
     S = np.empty((rows, STATES * columns))
     S[0] = dx0_dtheta.reshape(-1)
     slopes, stage_row = np.empty((STAGES, STATES * columns)), np.empty(STATES * columns)
     stage_S = stage_row.reshape(STATES, columns)
+    weighted_df_dx, forcing = np.empty((STATES, STATES)), np.zeros((STATES, columns))
     for row in range(1, rows):
         for stage in range(STAGES):
-            fraction = runge_kutta.stage_fraction(stage)
-            early, late = runge_kutta.samples_at(stage, (row - 1) * stride, stride)
+            if stage != 2:  # both stages at the half step have the same coefficients
+                fraction = runge_kutta.stage_fraction(stage)
+                early, late = runge_kutta.samples_at(stage, (row - 1) * stride, stride)
+                for i in range(STATES):
+                    for j in range(STATES):
+                        weighted_df_dx[i, j] = (1.0 - fraction) * df_dx[
+                            row - 1, i, j
+                        ] + fraction * df_dx[row, i, j]
+                for i in range(ACCELERATIONS):
+                    weighted_df_du = (1.0 - fraction) * df_du[row - 1, i] + fraction * df_du[row, i]
+                    for c in range(n_body):
+                        forcing[i, c] = (1.0 - fraction) * df_dtheta[
+                            row - 1, i, c
+                        ] + fraction * df_dtheta[row, i, c]
+                    for c in range(n_tailcone):
+                        forcing[i, n_body + c] = (
+                            0.5 * weighted_df_du * (du_dtheta[early, c] + du_dtheta[late, c])
+                        )
             runge_kutta.stage_state(stage, S[row - 1], slopes, h, stage_row)
             slope = slopes[stage].reshape(STATES, columns)
-            for i in range(STATES):
-                weighted_df_du = (1.0 - fraction) * df_du[row - 1, i] + fraction * df_du[row, i]
-                for c in range(columns):
-                    slope[i, c] = (
-                        (1.0 - fraction) * df_dtheta[row - 1, i, c]
-                        + fraction * df_dtheta[row, i, c]
-                        + 0.5 * weighted_df_du * (du_dtheta[early, c] + du_dtheta[late, c])
+            for i in range(STATES):  # the last state, the depth, changes no slope
+                a, b, c, d, _ = weighted_df_dx[i]
+                for k in range(columns):
+                    slope[i, k] = (
+                        forcing[i, k]
+                        + a * stage_S[0, k]
+                        + b * stage_S[1, k]
+                        + c * stage_S[2, k]
+                        + d * stage_S[3, k]
                     )
-                for j in range(STATES - 1):
-                    weighted_df_dx = (1.0 - fraction) * df_dx[row - 1, i, j] + fraction * df_dx[
-                        row, i, j
-                    ]
-                    for c in range(columns):
-                        slope[i, c] += weighted_df_dx * stage_S[j, c]
         runge_kutta.combine(S[row - 1], slopes, h, S[row])
     return S.reshape(rows, STATES, columns)

@@ -111,6 +111,15 @@ def test_descend_near_known_end_stops_there(problem: MapProblem, random_z: np.nd
     assert joined.score.cost == pytest.approx(alone.score.cost, rel=2e-4)
 
 
+def test_descend_from_known_end_computes_no_derivatives(
+    problem: MapProblem, random_z: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = descend(problem, random_z, 1e-4)
+    monkeypatch.delattr(problems, "score")
+    joined = descend(problem, known.z + 1e-3, 1e-4, [known])
+    assert (joined.joined, joined.steps) == (0, 0)
+
+
 def test_descend_far_from_known_end_goes_on(problem: MapProblem, random_z: np.ndarray) -> None:
     """An end that is no minimum, more than one standard deviation off, is passed by."""
     elsewhere = descend(problem, random_z + 1.0, 1e9)

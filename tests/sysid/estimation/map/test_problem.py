@@ -36,6 +36,23 @@ def test_score_with_known_evaluation_has_same_bits(problem: MapProblem) -> None:
     assert known.information.tobytes() == fresh.information.tobytes()
 
 
+def test_score_with_known_linearisation_has_same_bits(problem: MapProblem) -> None:
+    """The derivatives do not depend on the noise filters; those of the problem are used."""
+    z = np.linspace(-0.3, 0.3, len(NAMES))
+    filters = problems.filters(
+        problems.vehicle(problem.prior, z), problem.datasets, problem.levels, problem.stride
+    )
+    other = problem._replace(filters=filters)
+    linearisation = problems.score(problem, z).linearisation
+    known, fresh = (
+        problems.score(other, z, linearisation=linearisation),
+        problems.score(other, z),
+    )
+    assert known.cost == fresh.cost != problems.cost(problem, z)
+    assert known.slope.tobytes() == fresh.slope.tobytes()
+    assert known.information.tobytes() == fresh.information.tobytes()
+
+
 @pytest.mark.parametrize(
     "name",
     [
