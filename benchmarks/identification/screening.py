@@ -27,9 +27,14 @@ from sysid.models import parameters
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
 from sysid.screening.anomaly_models import Kind
-from sysid.screening.outlier_tests import FALSE_ALARM, RunScreening, ScreeningResult, find_outliers
+from sysid.screening.outlier_tests import FALSE_ALARM, RunScreening, find_outliers_among
 from sysid.screening.score_test import scores
-from sysid.screening.whitened_residuals import Residuals, linearise_runs, update_parameters
+from sysid.screening.whitened_residuals import (
+    Residuals,
+    RunResiduals,
+    linearise_runs,
+    update_parameters,
+)
 from tests.sysid import sea
 from tests.sysid.sea import Fault
 
@@ -112,12 +117,7 @@ def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
     seeds = [1000 * seed + k for k in range(len(asked))]
     clean = [flown(case, test, wave, s) for test, s in zip(asked, seeds, strict=True)]
     struck = {plane: _struck(plane, asked, seed) for plane in Plane}
-    before = _sifted(vehicle, wave, clean).screenings
-    numbers = [
-        float(len(clean)),
-        float(sum(map(_flagged, before))),
-        float(sum(bool(v.reason) for v in before)),
-    ]
+    campaigns = [clean]
     for kind in KINDS:
         runs = list(clean)
         for plane, k in struck.items():
@@ -128,12 +128,21 @@ def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
                 else Fault(1.0, slip_rad, asked[k].middle_s)
             )
             runs[k] = flown(case, asked[k], wave, seeds[k], fault)
-        verdicts = {v.run: v for v in _sifted(vehicle, wave, runs).screenings}
-        evidence = _evidence(vehicle, wave, runs)
+        campaigns.append(runs)
+    found, prior = reference(vehicle, wave)
+    before, *after = _linearised(found, prior, campaigns)
+    screenings = find_outliers_among(before, found, prior).screenings
+    numbers = [
+        float(len(clean)),
+        float(sum(map(_flagged, screenings))),
+        float(sum(bool(v.reason) for v in screenings)),
+    ]
+    for kind, residuals in zip(KINDS, after, strict=True):
+        verdicts = find_outliers_among(residuals, found, prior).screenings
+        evidence = update_parameters(residuals, found, prior)
         for k in struck.values():
-            verdict = verdicts[runs[k].name]
-            ideal = _detected_ideally(evidence, runs[k], kind, asked[k].middle_s)
-            numbers += [float(_flagged(verdict)), float(bool(verdict.reason)), float(ideal)]
+            ideal = _detected_ideally(evidence, residuals[k], kind, asked[k].middle_s)
+            numbers += [float(_flagged(verdicts[k])), float(bool(verdicts[k].reason)), float(ideal)]
     return numbers
 
 
@@ -142,16 +151,13 @@ def _flagged(verdict: RunScreening) -> bool:
     return verdict.scores.p_value <= FALSE_ALARM
 
 
-def _detected_ideally(evidence: Residuals, run: Run, kind: Kind, at_s: float) -> bool:
+def _detected_ideally(evidence: Residuals, run: RunResiduals, kind: Kind, at_s: float) -> bool:
     """Return whether a test for one kind of anomaly at its true time detects it: the ideal case."""
-    exhibit = next(e for e in evidence.runs if e.dataset.run.name == run.name)
-    mark = next(s for s in exhibit.signatures if s.kind == kind)
+    mark = next(s for s in run.signatures if s.kind == kind)
     k = int(np.argmin(np.abs(mark.times_s - at_s))) if mark.times_s.size > 1 else 0
     mark = mark._replace(times_s=mark.times_s[k : k + 1], white=mark.white[k : k + 1])
     return (
-        scores(
-            [mark], evidence.residual_at_optimum(exhibit), exhibit.slopes, evidence.covariance
-        ).p_value
+        scores([mark], evidence.residual_at_optimum(run), run.slopes, evidence.covariance).p_value
         <= FALSE_ALARM
     )
 
@@ -162,16 +168,15 @@ def _struck(plane: Plane, asked: Sequence[Test], seed: int) -> int:
     return there[seed % len(there)]
 
 
-def _sifted(vehicle: str, wave: Wave, runs: Sequence[Run]) -> ScreeningResult:
-    """Screen the runs with the reference fit."""
-    found, prior = reference(vehicle, wave)
-    return find_outliers(_of(found, runs), prior)
-
-
-def _evidence(vehicle: str, wave: Wave, runs: Sequence[Run]) -> Residuals:
-    """Return the whitened residuals after the Gauss-Newton step."""
-    found, prior = reference(vehicle, wave)
-    return update_parameters(linearise_runs(_of(found, runs), prior), found, prior)
+def _linearised(
+    found: Fit, prior: Prior, campaigns: Sequence[Sequence[Run]]
+) -> list[list[RunResiduals]]:
+    """Linearise the runs of campaigns about a fit; a run of several campaigns is done once."""
+    distinct = {id(run): run for runs in campaigns for run in runs}
+    by_plane = [key for plane in Plane for key, run in distinct.items() if run.plane == plane]
+    residuals = linearise_runs(_of(found, list(distinct.values())), prior)
+    by_run = dict(zip(by_plane, residuals, strict=True))
+    return [[by_run[id(run)] for run in runs] for runs in campaigns]
 
 
 def _of(found: Fit, runs: Sequence[Run]) -> Fit:

@@ -109,7 +109,30 @@ def find_outliers(fit: Fit, prior: Prior, all_runs: Sequence[Run] = ()) -> Scree
     ScreeningResult
         Result for each run of the fit, and the errors of the model structure.
     """
-    linearised_runs = whitened_residuals.linearise_runs(fit, prior)
+    return find_outliers_among(whitened_residuals.linearise_runs(fit, prior), fit, prior, all_runs)
+
+
+def find_outliers_among(
+    linearised_runs: Sequence[RunResiduals], fit: Fit, prior: Prior, all_runs: Sequence[Run] = ()
+) -> ScreeningResult:
+    """Find the runs that contain an anomaly among runs that are linearised about a fit.
+
+    Parameters
+    ----------
+    linearised_runs : sequence of RunResiduals
+        Runs, see `whitened_residuals.linearise_runs`.
+    fit : Fit
+        Fit about which they are linearised.
+    prior : Prior
+        Prior of the fit.
+    all_runs : sequence of Run
+        As for `find_outliers`.
+
+    Returns
+    -------
+    ScreeningResult
+        Result for each run, and the errors of the model structure.
+    """
     all_runs = all_runs or [run.dataset.run for run in linearised_runs]
     remaining, outliers, ambiguous = (
         list(linearised_runs),
