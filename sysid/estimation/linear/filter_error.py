@@ -11,6 +11,7 @@ gyro biases are states of the filter with a wide prior.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,16 @@ def build_filter(model: LinearModel, records: Sequence[LinearRun], level: Noise)
     )
 
 
+class _Prediction(NamedTuple):
+    """One-step predictions of all runs by a candidate plane."""
+
+    ducts_rad: Sequence[Array]
+    """Duct angle in each run, rad."""
+    noise_filter: Filter
+    innovations: Array
+    """(n,), of all runs, divided by their standard deviations."""
+
+
 def predictor(
     frame: LinearModelStructure, records: Sequence[LinearRun], level: Noise, unit_filter: Filter
 ) -> Objective:
@@ -46,36 +57,52 @@ def predictor(
     determinant of the likelihood (Ljung 1999, 7.2).
     """
     coefficient_count = len(NUMBERS[frame.plane])
+    stored: dict[bytes, _Prediction] = {}
 
-    def residuals(values: Array) -> Array:
-        """Return the innovations of all runs, divided by their standard deviations."""
-        model = LinearModel(frame, values)
+    def predict(model: LinearModel, ducts_rad: Sequence[Array]) -> _Prediction:
+        """Return the scaled innovations of all runs for their duct angles."""
         noise_filter = build_filter(model, records, level)._replace(whiteners=unit_filter.whiteners)
-        return np.concatenate(
-            [
-                noise.whiten_residual(residual, noise_filter).ravel()
-                for residual in plane_residuals(model, records)
-            ]
-        )
+        innovations = [
+            noise.whiten_residual(residual, noise_filter).ravel()
+            for residual in _residuals_to_ducts(model, records, ducts_rad)
+        ]
+        return _Prediction(ducts_rad, noise_filter, np.concatenate(innovations))
+
+    def predict_at(values: Array) -> _Prediction:
+        """Return the prediction at ``values``; the last one is stored, for their derivatives."""
+        key = values.tobytes()
+        if key not in stored:
+            stored.clear()
+            model = LinearModel(frame, values)
+            stored[key] = predict(model, [response.duct(model, r.command) for r in records])
+        return stored[key]
 
     def jacobian(values: Array) -> Array:
-        """Return the slopes of ``residuals`` by the values, (n, p).
+        """Return the slopes of the innovations by the values, (n, p).
 
-        By the coefficients they are forward differences, by the tailcone values analytic.
+        By the coefficients, which do not change the duct angles, they are forward differences, by
+        the tailcone values analytic.
         """
-        model, nominal = LinearModel(frame, values), residuals(values)
+        nominal = predict_at(values)
         steps = DIFFERENCE * np.maximum(np.abs(values[:coefficient_count]), MIN_NUMBER)
         perturbations = np.diag(steps) @ np.eye(coefficient_count, values.size)
         columns = [
-            (residuals(values + perturbation) - nominal) / step
+            (
+                predict(LinearModel(frame, values + perturbation), nominal.ducts_rad).innovations
+                - nominal.innovations
+            )
+            / step
             for perturbation, step in zip(perturbations, steps, strict=True)
         ]
-        noise_filter = build_filter(model, records, level)._replace(whiteners=unit_filter.whiteners)
+        model = LinearModel(frame, values)
         return np.column_stack(
-            [*columns, _whitened_slopes(model, records, noise_filter)[:, coefficient_count:]]
+            [
+                *columns,
+                _whitened_slopes(model, records, nominal.noise_filter)[:, coefficient_count:],
+            ]
         )
 
-    return Objective(residuals, jacobian)
+    return Objective(lambda values: predict_at(values).innovations, jacobian)
 
 
 def whiten_residuals(
@@ -111,20 +138,26 @@ def _whitened_slopes(model: LinearModel, records: Sequence[LinearRun], by_filter
         slopes = response.slopes(
             model, discrete, response.duct_motion(model, record.command), zero_state, _count(record)
         )
-        blocks.append(
-            np.column_stack([noise.whiten_residual(-slope, by_filter).ravel() for slope in slopes])
-        )
+        whitened = noise.whiten_columns(np.moveaxis(-slopes, 0, 2), by_filter)
+        blocks.append(whitened.reshape(-1, len(slopes)))
     return np.concatenate(blocks)
 
 
 def plane_residuals(model: LinearModel, records: Sequence[LinearRun]) -> list[Array]:
     """Measured minus simulated outputs of each run, (steps, outputs), from a state of zero."""
+    return _residuals_to_ducts(model, records, [response.duct(model, r.command) for r in records])
+
+
+def _residuals_to_ducts(
+    model: LinearModel, records: Sequence[LinearRun], ducts_rad: Sequence[Array]
+) -> list[Array]:
+    """Return the residuals of `plane_residuals` for known duct angles."""
     discrete = response.discretise(model)
     zero_state = np.zeros(len(discrete.transition))
     return [
         record.measured
-        - response.outputs(model, discrete, record.command, zero_state, _count(record))
-        for record in records
+        - response.outputs_to_duct(model, discrete, duct_rad, zero_state, _count(record))
+        for record, duct_rad in zip(records, ducts_rad, strict=True)
     ]
 
 
