@@ -108,7 +108,7 @@ def redesign(
 
     Notes
     -----
-    Minimises the rms of depth, then of heading, in the identified disturbance and the assumed
+    Minimises the rms of heading, then of depth, in the identified disturbance and the assumed
     waves, subject to `Spec`, and to the limits of sampled vehicles (`plane_search`).
     """
     spec = spec or Spec()
@@ -239,7 +239,7 @@ def _initial_values(vehicle: DesignModel, initial: Gains, spec: Spec) -> dict[st
 def _gains(
     vehicle: DesignModel, samples: Samples, initial: dict[str, float], spec: Spec
 ) -> dict[str, float]:
-    """Return the gains of depth, which also sets the actuator lead, then of heading.
+    """Return the gains of heading, which also sets the actuator lead, then of depth.
 
     Raises DesignInfeasibleError.
     """
@@ -252,7 +252,7 @@ def _gains(
         return plane_search.robust_gains(PlaneSearch(plane, vehicle, samples, spec, gains), starts)
 
     return design_plane(
-        heading, vehicle.planes.yaw, design_plane(depth, vehicle.planes.pitch, initial)
+        depth, vehicle.planes.pitch, design_plane(heading, vehicle.planes.yaw, initial)
     )
 
 

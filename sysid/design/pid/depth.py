@@ -1,4 +1,4 @@
-"""Gains of the pitch and depth loops, the actuator lead, which both planes use, and peak filter."""
+"""Gains of the pitch and depth loops, and peak filter."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,8 +20,6 @@ STARTS: Sequence[Mapping[str, float]] = (
         "DPT_P": 0.3,
         "DPT_D": 0.65,
         "DPT_I": 0.02,
-        "ACT_LEAD_W": 6.3,
-        "ACT_LEAD_Z": 0.17,
         "PTCH_PEAK_W": 1.5,
         "PTCH_PEAK_Z": 0.5,
         "PTCH_PEAK_GAIN": 1.3,
@@ -32,18 +30,12 @@ STARTS: Sequence[Mapping[str, float]] = (
         "DPT_P": 0.16,
         "DPT_D": 0.3,
         "DPT_I": 0.005,
-        "ACT_LEAD_W": 6.0,
-        "ACT_LEAD_Z": 0.7,
         "PTCH_PEAK_W": 1.5,
         "PTCH_PEAK_Z": 0.5,
         "PTCH_PEAK_GAIN": 1.05,
     },
 )
 """Starting points of the search, suitable for Caribou."""
-MIN_LEAD_RATIO, MAX_LEAD_RATIO = 1.2, 6.0
-"""Bounds of ACT_LEAD_W as multiples of the tailcone's own natural frequency."""
-MIN_LEAD_DAMPING = 0.15
-"""Minimum of ACT_LEAD_Z: with less, one step of the command makes the duct ring."""
 
 
 def gains(
@@ -61,7 +53,7 @@ def gains(
     vehicle : DesignModel
         Nominal model.
     reference : Gains
-        Gains of the reference design and the identified lag of the tailcone.
+        Gains of the reference design without peak filter, and the actuator lead.
     spec : Spec
         Limits.
     bounds : Bounds
@@ -74,18 +66,12 @@ def gains(
     Returns
     -------
     dict
-        PTCH_P, PTCH_D, DPT_P, DPT_D, DPT_I and, if the starts have them, ACT_LEAD_W, ACT_LEAD_Z and
-        the PTCH_PEAK_ parameters.
+        PTCH_P, PTCH_D, DPT_P, DPT_D, DPT_I and the PTCH_PEAK_ parameters.
 
     Raises
     ------
     DesignInfeasibleError
         No gains meet the limits.
-
-    Notes
-    -----
-    Below its natural frequency a weakly damped lead has less phase lag than a well damped one, and
-    above it less gain for the gyro's noise. So the noise limit permits a faster loop.
     """
     initial_pitch, initial_depth, _ = depth_rms(
         vehicle, {**reference, "ACT_LEAD_W": 0.0, "PTCH_PEAK_W": 0.0}
@@ -106,21 +92,9 @@ def gains(
             "noise of the elevator's command": noise / spec.command_noise_deg - 1.0,
         }
         constraint_violations |= peak_filter.violations(Plane.PITCH, gains)
-        if lead := gains.get("ACT_LEAD_W", 0.0):
-            constraint_violations |= _lead_violations(lead, gains)
         return CostAndConstraints(depth / initial_depth, constraint_violations)
 
     return constrained_search.solve(ConstrainedProblem(reference, starts, evaluate))
-
-
-def _lead_violations(lead_radps: float, gains: Gains) -> ConstraintViolation:
-    """Return the violations of the bounds of the actuator lead."""
-    lag_radps, damping = gains["ACT_LAG_W"], gains["ACT_LEAD_Z"]
-    return {
-        "lower bound of the actuator lead": MIN_LEAD_RATIO * lag_radps / lead_radps - 1.0,
-        "upper bound of the actuator lead": lead_radps / (MAX_LEAD_RATIO * lag_radps) - 1.0,
-        "damping of the actuator lead": MIN_LEAD_DAMPING / damping - 1.0,
-    }
 
 
 def violations(

@@ -1,4 +1,4 @@
-"""Gains of the heading loop."""
+"""Gains of the heading loop, the actuator lead, which both planes use, and peak filter."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,6 +18,8 @@ STARTS: Sequence[Mapping[str, float]] = (
         "HDG_P": 1.0,
         "HDG_D": 1.86,
         "HDG_I": 0.068,
+        "ACT_LEAD_W": 6.3,
+        "ACT_LEAD_Z": 0.17,
         "HDG_PEAK_W": 0.9,
         "HDG_PEAK_Z": 0.6,
         "HDG_PEAK_GAIN": 1.27,
@@ -26,12 +28,18 @@ STARTS: Sequence[Mapping[str, float]] = (
         "HDG_P": 0.7,
         "HDG_D": 1.8,
         "HDG_I": 0.04,
+        "ACT_LEAD_W": 6.0,
+        "ACT_LEAD_Z": 0.7,
         "HDG_PEAK_W": 1.1,
         "HDG_PEAK_Z": 0.6,
         "HDG_PEAK_GAIN": 1.05,
     },
 )
 """Starting points of the search, suitable for Caribou."""
+MIN_LEAD_RATIO, MAX_LEAD_RATIO = 1.2, 6.0
+"""Bounds of ACT_LEAD_W as multiples of the tailcone's own natural frequency."""
+MIN_LEAD_DAMPING = 0.15
+"""Minimum of ACT_LEAD_Z: with less, one step of the command makes the duct ring."""
 
 
 def gains(
@@ -49,7 +57,7 @@ def gains(
     vehicle : DesignModel
         Nominal model.
     reference : Gains
-        Gains of the reference design without peak filter, and the actuator lead.
+        Gains of the reference design and the identified lag of the tailcone.
     spec : Spec
         Limits.
     bounds : Bounds
@@ -62,12 +70,17 @@ def gains(
     Returns
     -------
     dict
-        HDG_P, HDG_D, HDG_I and the HDG_PEAK_ parameters by name.
+        HDG_P, HDG_D, HDG_I, ACT_LEAD_W, ACT_LEAD_Z and the HDG_PEAK_ parameters by name.
 
     Raises
     ------
     DesignInfeasibleError
         No gains meet the limits.
+
+    Notes
+    -----
+    Below its natural frequency a weakly damped lead has less phase lag than a well damped one, and
+    above it less gain for the gyro's noise. So the noise limit permits a faster loop.
     """
     reference_rms_rad = heading_rms(vehicle, {**reference, "ACT_LEAD_W": 0.0, "HDG_PEAK_W": 0.0})[0]
 
@@ -80,6 +93,7 @@ def gains(
                 violations(sample, gains, constraints.min_bounds(spec)) for sample in sampled
             ),
             **peak_filter.violations(Plane.YAW, gains),
+            **_lead_violations(gains),
             "noise of the rudder's command": noise / spec.command_noise_deg - 1.0,
         }
         return CostAndConstraints(
@@ -87,6 +101,16 @@ def gains(
         )
 
     return constrained_search.solve(ConstrainedProblem(reference, starts, evaluate))
+
+
+def _lead_violations(gains: Gains) -> ConstraintViolation:
+    """Return the violations of the bounds of the actuator lead."""
+    lag_radps, lead_radps = gains["ACT_LAG_W"], gains["ACT_LEAD_W"]
+    return {
+        "lower bound of the actuator lead": MIN_LEAD_RATIO * lag_radps / lead_radps - 1.0,
+        "upper bound of the actuator lead": lead_radps / (MAX_LEAD_RATIO * lag_radps) - 1.0,
+        "damping of the actuator lead": MIN_LEAD_DAMPING / gains["ACT_LEAD_Z"] - 1.0,
+    }
 
 
 def violations(

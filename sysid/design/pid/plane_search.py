@@ -1,8 +1,8 @@
 """Search of one plane's gains that also suit the vehicles sampled from the model.
 
 The search meets the limits of the nominal model. It is repeated until enough of the sampled
-vehicles meet theirs: with more nominal damping, then with single sampled vehicles that have to meet
-their limits, and at last with a larger gain margin.
+vehicles meet theirs: with single sampled vehicles that have to meet their limits, then with more
+nominal damping, and at last with a larger gain margin.
 """
 
 import math
@@ -14,24 +14,26 @@ import numpy as np
 
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design import constraints
+from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
 from sysid.design.constraints import Bounds, min_bounds
 from sysid.design.design_model import DesignModel
 from sysid.design.robustness import fraction_satisfying, min_gain_margin_db
 from sysid.design.specification import DesignInfeasibleError, Spec
 
+ROBUST_ENOUGH = 0.95
+"""Share of sampled vehicles above which the search is not repeated for more of them."""
+HARD_QUANTILES, ADDITIONS = (0.25, 0.75), 2
+"""Quantiles of the vehicles that violate their limits, at which vehicles are added to the search,
+and how often they are added.
+
+A mode can be visible in the motion of sampled vehicles only; more nominal damping does not help
+there.
+"""
 DAMPING_FACTORS = (1.08, 1.16)
 """Factors on the nominal damping ratio, tried in this order until the design is robust enough.
 
 The margins required of the nominal model exceed those required of sampled vehicles; damping is the
 same for both, so a robust design needs more damping on the nominal model.
-"""
-ROBUST_ENOUGH = 0.9
-"""Share of sampled vehicles above which no larger damping factor is tried."""
-MIN_SPARE, SAMPLE_QUANTILE, MAX_SAMPLES = 0.2, 0.8, 3
-"""Share of sampled vehicles above the required one below which single vehicles are added to the
-search, quantile of the violations at which a vehicle is chosen, and their maximum number.
-
-More nominal damping does not help where a mode is visible in the motion of sampled vehicles only.
 """
 LOW_QUANTILE = 0.025
 """Quantile of the sampled vehicles' gain margins that must be large enough: the lower end of the
@@ -73,15 +75,18 @@ class PlaneSearch(NamedTuple):
         found = self.plane.gains(self.vehicle, self.others, self.spec, bounds, starts, sampled)
         return {**self.others, **found}
 
-    def hard_sample(self, gains: Gains) -> DesignModel:
-        """Return the sampled vehicle whose largest violation is at `SAMPLE_QUANTILE`."""
+    def hard_samples(self, gains: Gains) -> list[DesignModel]:
+        """Return vehicles that violate their limits, at `HARD_QUANTILES` of their violations."""
         bounds = min_bounds(self.spec)
-
-        def worst(sample: DesignModel) -> float:
-            return float(max(self.plane.violations(sample, gains, bounds).values()))
-
-        ordered = sorted(self.samples.vehicles, key=worst)
-        return ordered[int(SAMPLE_QUANTILE * len(ordered))]
+        worst = np.array(
+            [
+                max(self.plane.violations(vehicle, gains, bounds).values())
+                for vehicle in self.samples.vehicles
+            ]
+        )
+        order = np.argsort(worst)
+        hard = order[worst[order] > CONSTRAINT_TOLERANCE]
+        return [self.samples.vehicles[hard[int(at * len(hard))]] for at in HARD_QUANTILES]
 
     def fraction(self, gains: Gains) -> float:
         """Return the share of sampled vehicles that meet the limits of sampled vehicles."""
@@ -134,9 +139,9 @@ def robust_gains(search: PlaneSearch, starts: Sequence[Gains]) -> dict[str, floa
     """
     nominal = constraints.nominal(search.spec)
     gains = search.find(nominal, starts)
-    candidate = _with_damping(search, _Candidate(gains, nominal, (), search.fraction(gains)))
-    if candidate.fraction < search.spec.robust_fraction + MIN_SPARE:
-        candidate = _with_samples(search, candidate, starts)
+    candidate = _Candidate(gains, nominal, (), search.fraction(gains))
+    candidate = _with_samples(search, candidate, starts)
+    candidate = _with_damping(search, candidate, starts)
     return _with_gain_margin(search, candidate, starts).gains
 
 
@@ -158,44 +163,36 @@ def free_gains(plane: ModuleType, gains: Gains) -> dict[str, float]:
     return {name: gains[name] for name in plane.STARTS[0]}
 
 
-def _with_damping(search: PlaneSearch, candidate: _Candidate) -> _Candidate:
+def _with_samples(
+    search: PlaneSearch, candidate: _Candidate, starts: Sequence[Gains]
+) -> _Candidate:
+    """Add sampled vehicles to the search until enough of all meet their limits."""
+    for _ in range(ADDITIONS):
+        if candidate.fraction >= ROBUST_ENOUGH:
+            break
+        sampled = (*candidate.sampled, *search.hard_samples(candidate.gains))
+        found = _find(search, candidate._replace(sampled=sampled), starts)
+        if found is None or found.fraction <= candidate.fraction:
+            break
+        candidate = found
+    return candidate
+
+
+def _with_damping(
+    search: PlaneSearch, candidate: _Candidate, starts: Sequence[Gains]
+) -> _Candidate:
     """Increase the nominal damping until enough sampled vehicles meet their limits."""
     best = latest = candidate
     for factor in DAMPING_FACTORS:
         if best.fraction >= ROBUST_ENOUGH:
             break
         bounds = candidate.bounds._replace(damping=factor * candidate.bounds.damping)
-        try:
-            gains = search.find(bounds, (free_gains(search.plane, latest.gains),))
-        except DesignInfeasibleError:
+        found = _find(search, latest._replace(bounds=bounds), starts)
+        if found is None:
             break
-        latest = _Candidate(gains, bounds, (), search.fraction(gains))
+        latest = found
         best = max(best, latest, key=_share)
     return best
-
-
-def _with_samples(
-    search: PlaneSearch, candidate: _Candidate, starts: Sequence[Gains]
-) -> _Candidate:
-    """Add sampled vehicles to the search until enough of all meet their limits."""
-    best = latest = candidate
-    for _ in range(MAX_SAMPLES):
-        sampled = (*latest.sampled, search.hard_sample(latest.gains))
-        near = (free_gains(search.plane, latest.gains), *starts)
-        try:
-            gains = search.find(candidate.bounds, near, sampled)
-        except DesignInfeasibleError:
-            break
-        latest = _Candidate(gains, candidate.bounds, sampled, search.fraction(gains))
-        if latest.fraction <= best.fraction:
-            break
-        best = latest
-    return best
-
-
-def _share(candidate: _Candidate) -> float:
-    """Return the share of sampled vehicles that meet their limits."""
-    return candidate.fraction
 
 
 def _with_gain_margin(
@@ -203,7 +200,8 @@ def _with_gain_margin(
 ) -> _Candidate:
     """Increase the nominal gain margin until that of nearly all sampled vehicles is large enough.
 
-    A loop has its gain margin above the tested frequencies, where the model is least certain.
+    A loop has its gain margin above the tested frequencies, where the model is least certain. An
+    increase with which too few vehicles meet their limits is not made.
     """
     for _ in range(GAIN_MARGIN_STEPS):
         missing_db = search.missing_gain_margin_db(candidate.gains)
@@ -211,10 +209,23 @@ def _with_gain_margin(
         if not (missing_db > 0.0 and math.isfinite(needed_db)):
             break
         bounds = candidate.bounds._replace(gm_db=needed_db)
-        near = (free_gains(search.plane, candidate.gains), *starts)
-        try:
-            gains = search.find(bounds, near, candidate.sampled)
-        except DesignInfeasibleError:
+        found = _find(search, candidate._replace(bounds=bounds), starts)
+        if found is None or found.fraction < search.spec.robust_fraction:
             break
-        candidate = candidate._replace(gains=gains, bounds=bounds)
+        candidate = found
     return candidate
+
+
+def _find(search: PlaneSearch, wanted: _Candidate, starts: Sequence[Gains]) -> _Candidate | None:
+    """Search within the limits of a candidate, from its gains first; None if infeasible."""
+    near = (free_gains(search.plane, wanted.gains), *starts)
+    try:
+        gains = search.find(wanted.bounds, near, wanted.sampled)
+    except DesignInfeasibleError:
+        return None
+    return wanted._replace(gains=gains, fraction=search.fraction(gains))
+
+
+def _share(candidate: _Candidate) -> float:
+    """Return the share of sampled vehicles that meet their limits."""
+    return candidate.fraction

@@ -20,7 +20,7 @@ from sysid.design.design_model import (
     predict_response,
     sample_models,
 )
-from sysid.design.pid import Design, DesignInfeasibleError, Spec, depth, step_response
+from sysid.design.pid import Design, DesignInfeasibleError, Spec, heading, step_response
 from sysid.design.robustness import robustness
 from sysid.models.model_file import IdentifiedModel, sha256_of_model
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
@@ -75,9 +75,9 @@ def test_redesign_stricter_command_noise_gives_slower_lead(
 ) -> None:
     vehicle, spec = from_model(model), Spec(command_noise_deg=0.2)
     first = {**designed.gains, "ACT_LEAD_W": 0.0}
-    strict = {**first, **depth.gains(vehicle, first, spec, constraints.nominal(spec))}
+    strict = {**first, **heading.gains(vehicle, first, spec, constraints.nominal(spec))}
     assert strict["ACT_LEAD_W"] < designed.gains["ACT_LEAD_W"]
-    assert command_noise_rad(vehicle, "pitch", strict) == pytest.approx(math.radians(0.2), rel=0.02)
+    assert command_noise_rad(vehicle, "yaw", strict) == pytest.approx(math.radians(0.2), rel=0.02)
 
 
 def test_robustness_other_samples_agrees(model: IdentifiedModel, designed: Design) -> None:

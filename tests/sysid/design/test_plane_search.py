@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.design import constraints, design_model
@@ -75,16 +76,32 @@ def test_robust_gains_have_the_gain_margin_on_nearly_all_vehicles(
     assert strict.gain_margin_db(vehicle, robust) > strict.gain_margin_db(vehicle, first)
 
 
-def test_search_with_a_sampled_vehicle_meets_its_limits(
+def test_gain_margin_is_not_increased_if_too_few_vehicles_then_meet_their_limits(
+    vehicle: DesignModel, samples: Samples
+) -> None:
+    spec = Spec(robust_gm_db=9.5)
+    strict = search(vehicle, samples, spec)
+    unreachable = search(vehicle, samples, replace(spec, robust_fraction=1.01))
+    margins_db = [
+        task.gain_margin_db(vehicle, plane_search.robust_gains(task, heading.STARTS))
+        for task in (strict, unreachable)
+    ]
+    assert margins_db[0] > margins_db[1] + 0.3
+
+
+def test_search_with_sampled_vehicles_meets_their_limits(
     vehicle: DesignModel, samples: Samples
 ) -> None:
     spec = Spec(damping=0.65)
     task, limits = search(vehicle, samples, spec), constraints.min_bounds(spec)
     first = task.find(constraints.nominal(spec), heading.STARTS)
-    hard = task.hard_sample(first)
-    assert max(heading.violations(hard, first, limits).values()) > 0.01
-    found = task.find(constraints.nominal(spec), heading.STARTS, (hard,))
-    assert max(heading.violations(hard, found, limits).values()) < 0.005
+    hard = task.hard_samples(first)
+    assert len(hard) == 2
+    for sample in hard:
+        assert max(heading.violations(sample, first, limits).values()) > 0.01
+    found = task.find(constraints.nominal(spec), heading.STARTS, hard)
+    for sample in hard:
+        assert max(heading.violations(sample, found, limits).values()) < 0.005
     assert task.fraction(found) > task.fraction(first)
 
 
