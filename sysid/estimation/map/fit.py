@@ -276,6 +276,8 @@ def _search_other_starts(
     """
     # start = m + L n, with m and P = L L^T mean and covariance of the prior and n standard normal,
     # clipped to 0.9 of the bounds.
+    if not start_count:
+        return [], None, 0
     decimated, prior = _decimate(problem, z), problem.prior
     reference = descend(decimated, z, COARSE_TOLERANCE)
     reference_cost, steps = reference.score.cost, reference.steps
@@ -287,7 +289,7 @@ def _search_other_starts(
     for index in range(start_count):
         report(index / start_count)
         sample = prior.mean + root @ generator.standard_normal(len(NAMES))
-        start = _feasible_start(decimated, np.clip(sample, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
+        start = _feasible_start(spans[0], np.clip(sample, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
         path, path_steps = _search_spans(spans, start, paths)
         paths.append(path)
         end, steps = path[-1], steps + path_steps
