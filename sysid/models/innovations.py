@@ -1,7 +1,9 @@
 """Time-varying Kalman filter: its gains, and the whitening of residuals to innovations.
 
 Symbols: n states, m outputs, k sample; A (n, n) transition, C (m, n) output, Q process and R
-measurement covariance, P state covariance before the measurement, e residual. Per sample:
+measurement covariance, P state covariance before the measurement, e residual. During a manoeuvre A
+and Q change: both have one entry for every ``hold`` samples, the last of which holds until the end;
+a constant filter has one entry. Per sample:
 
     S = C P C^T + R = L L^T,   W = L^-1 (whitener),   log det S,
     G = P C^T W^T,   K = G W (gain),
@@ -27,20 +29,23 @@ GAIN_TOLERANCE = 1e-7
 
 @kernel
 def riccati(
-    A: Array, Q: Array, C: Array, R: Array, P0: Array, samples: int
+    transitions: Array, processes: Array, hold: int, C: Array, R: Array, P0: Array, samples: int
 ) -> tuple[Array, Array, Array]:
     """Return gains (samples, n, m), whiteners (samples, m, m) and log det S (samples,).
 
-    Once the gain changes by less than GAIN_TOLERANCE, the last values are repeated.
+    Once the gain of a constant filter changes by less than GAIN_TOLERANCE, the last values are
+    repeated.
     """
-    # Equations: module docstring.
-    n, outputs = A.shape[0], C.shape[0]
+    # Equations: module docstring; ``transitions`` and ``processes``, (entries, n, n), are A and Q.
+    entries, n, outputs = transitions.shape[0], transitions.shape[1], C.shape[0]
     gains = np.empty((samples, n, outputs))
     whiteners = np.zeros((samples, outputs, outputs))
     log_dets = np.empty(samples)
     P, PC, AP = P0.copy(), np.empty((n, outputs)), np.empty((n, n))
     G = np.empty((n, outputs))
     for k in range(samples):
+        entry = min(k // hold, entries - 1)
+        A, Q = transitions[entry], processes[entry]
         _product(P, C, PC)
         W = whiteners[k]
         log_dets[k] = _inverse_root(PC, C, R, W)
@@ -64,7 +69,7 @@ def riccati(
             for j in range(outputs):
                 largest = max(largest, abs(gains[k, i, j]))
                 change = max(change, abs(gains[k, i, j] - gains[k - 1, i, j]) if k > 0 else np.inf)
-        if change < GAIN_TOLERANCE * largest:
+        if entries == 1 and change < GAIN_TOLERANCE * largest:
             gains[k + 1 :], whiteners[k + 1 :], log_dets[k + 1 :] = (
                 gains[k],
                 whiteners[k],
@@ -112,15 +117,21 @@ def _inverse_root(PC: Array, C: Array, R: Array, W: Array) -> float:
 
 @kernel
 def whiten(
-    residual: Array, transition: Array, output: Array, gains: Array, whiteners: Array
+    residual: Array,
+    transitions: Array,
+    hold: int,
+    output: Array,
+    gains: Array,
+    whiteners: Array,
 ) -> Array:
     """Return the normalised innovations W e of a residual, (samples, outputs)."""
     # Equations: module docstring; ``updated`` is x + K e.
     samples, outputs = residual.shape
-    n = transition.shape[0]
+    entries, n = transitions.shape[0], transitions.shape[1]
     white = np.empty((samples, outputs))
     x, updated, e = np.zeros(n), np.empty(n), np.empty(outputs)
     for k in range(samples):
+        transition = transitions[min(k // hold, entries - 1)]
         for i in range(outputs):
             e[i] = residual[k, i]
             for j in range(n):
@@ -142,15 +153,21 @@ def whiten(
 
 @kernel
 def whiten_block(
-    block: Array, transition: Array, output: Array, gains: Array, whiteners: Array
+    block: Array,
+    transitions: Array,
+    hold: int,
+    output: Array,
+    gains: Array,
+    whiteners: Array,
 ) -> Array:
     """Return ``whiten`` of many residuals at once: the last axis of (samples, outputs, columns)."""
     # Equations: module docstring, for each column; zeros of C and A are skipped.
     samples, outputs, columns = block.shape
-    n = transition.shape[0]
+    entries, n = transitions.shape[0], transitions.shape[1]
     white = np.zeros((samples, outputs, columns))
     x, updated, e = np.zeros((n, columns)), np.empty((n, columns)), np.empty((outputs, columns))
     for k in range(samples):
+        transition = transitions[min(k // hold, entries - 1)]
         for i in range(outputs):
             for c in range(columns):
                 e[i, c] = block[k, i, c]

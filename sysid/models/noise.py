@@ -127,6 +127,23 @@ class Filter(NamedTuple):
     """(n,): log determinant of the innovation covariance."""
 
 
+class ManoeuvreFilter(NamedTuple):
+    """Kalman filter of one run, linearised about its motion."""
+
+    transitions: Array
+    """(segments, states, states), transition over one sample in each segment."""
+    hold: int
+    """Samples of a segment."""
+    output: Array
+    """(outputs, states), output matrix."""
+    gains: Array
+    """(n, states, outputs), gain of each sample."""
+    whiteners: Array
+    """(n, outputs, outputs): inverse Cholesky factor of the innovation covariance."""
+    log_dets: Array
+    """(n,): log determinant of the innovation covariance."""
+
+
 def from_model(noise_model: NoiseModel) -> Noise:
     """Return the noise of a model file in SI units and radians."""
     return Noise(
@@ -219,9 +236,46 @@ def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
     """
     A, density, C, R, P0 = system(plane, noise)
     transition, process = discrete(A, density, dt)
-    gains, whiteners, log_dets = riccati(transition, process, C, R, P0, samples)
+    gains, whiteners, log_dets = riccati(transition[None], process[None], 1, C, R, P0, samples)
     return Filter(
         transition=transition, output=C, gains=gains, whiteners=whiteners, log_dets=log_dets
+    )
+
+
+def build_along(
+    planes: Sequence[LinearPlane], noise: Noise, dt: float, samples: int, hold: int
+) -> ManoeuvreFilter:
+    """Return the filter of a run whose linear model changes during the manoeuvre.
+
+    Parameters
+    ----------
+    planes : sequence of LinearPlane
+        Linear model of the plane in each segment, FRD axes.
+    noise : Noise
+        Noise levels.
+    dt : float
+        Sample interval of the residuals, s.
+    samples : int
+        Number of samples of the run.
+    hold : int
+        Samples of a segment.
+
+    Returns
+    -------
+    ManoeuvreFilter
+        Transitions per segment, gains and whiteners per sample.
+    """
+    _, density, C, R, P0 = system(planes[0], noise)
+    steps = [discrete(system(plane, noise)[0], density, dt) for plane in planes]
+    transitions, processes = (np.stack(matrices) for matrices in zip(*steps, strict=True))
+    gains, whiteners, log_dets = riccati(transitions, processes, hold, C, R, P0, samples)
+    return ManoeuvreFilter(
+        transitions=transitions,
+        hold=hold,
+        output=C,
+        gains=gains,
+        whiteners=whiteners,
+        log_dets=log_dets,
     )
 
 
@@ -333,26 +387,33 @@ def oscillator(noise: Noise, sd: float) -> tuple[Array, Array]:
     return A, np.diag([0.0, 4.0 * damping * omega**3 * sd**2])
 
 
-def whiten_columns(block: Array, noise_filter: Filter) -> Array:
+def whiten_columns(block: Array, noise_filter: Filter | ManoeuvreFilter) -> Array:
     """Return a block (samples, outputs, columns) with each column whitened as a residual."""
     return whiten_block(
         np.ascontiguousarray(block),
-        noise_filter.transition,
+        *_transitions(noise_filter),
         noise_filter.output,
         noise_filter.gains,
         noise_filter.whiteners,
     )
 
 
-def whiten_residual(residual: Array, noise_filter: Filter) -> Array:
+def whiten_residual(residual: Array, noise_filter: Filter | ManoeuvreFilter) -> Array:
     """Return the normalised innovations of a residual (samples, outputs)."""
     return whiten(
         residual,
-        noise_filter.transition,
+        *_transitions(noise_filter),
         noise_filter.output,
         noise_filter.gains,
         noise_filter.whiteners,
     )
+
+
+def _transitions(noise_filter: Filter | ManoeuvreFilter) -> tuple[Array, int]:
+    """Return the transitions (segments, states, states) and the samples of a segment."""
+    if isinstance(noise_filter, ManoeuvreFilter):
+        return noise_filter.transitions, noise_filter.hold
+    return noise_filter.transition[None], 1
 
 
 def cost(residuals: Sequence[Array], noise_filter: Filter) -> float:

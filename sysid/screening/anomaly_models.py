@@ -19,7 +19,7 @@ from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Dataset
 from sysid.models import greybox, linear_planes, noise
-from sysid.models.noise import Filter
+from sysid.models.noise import ManoeuvreFilter
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 
@@ -57,7 +57,7 @@ class Signature(NamedTuple):
 
 
 def signatures(
-    vehicle: CandidateVehicle, dataset: Dataset, noise_filter: Filter
+    vehicle: CandidateVehicle, dataset: Dataset, noise_filter: ManoeuvreFilter
 ) -> list[Signature]:
     """Compute the signatures of all kinds of anomaly for one run.
 
@@ -67,8 +67,8 @@ def signatures(
         Fitted vehicle.
     dataset : Dataset
         Run.
-    noise_filter : Filter
-        Noise filter of the run's plane.
+    noise_filter : ManoeuvreFilter
+        Noise filter of the run.
 
     Returns
     -------

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import STRIDE, Dataset, Fit, Prior
+from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
 from sysid.estimation.map.problem import MapProblem
 from sysid.planes import PLANES
 from sysid.screening.anomaly_models import Kind, Signature, departure_rad, signatures
@@ -80,12 +81,16 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
     tuple of RunResiduals
         Residuals, slopes and signatures, in the order of ``fit.datasets``.
     """
-    filters = problems.filters(fit.vehicle, fit.datasets, fit.noise, STRIDE)
+    filters = manoeuvre_filters(fit.vehicle, fit.datasets, fit.noise)
     problem = MapProblem(
         prior=prior, datasets=fit.datasets, filters=filters, levels=fit.noise, stride=STRIDE
     )
     linear = problems.linearise(problem, fit.z)
-    datasets = [(plane, dataset) for plane, group in fit.datasets.items() for dataset in group]
+    datasets = [
+        (plane, dataset, noise_filter)
+        for plane, group in fit.datasets.items()
+        for dataset, noise_filter in zip(group, filters[plane], strict=True)
+    ]
     largest = {
         plane: max(_size_rad(dataset) for dataset in group) for plane, group in fit.datasets.items()
     }
@@ -93,8 +98,8 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
         plane: min(_size_rad(dataset) for dataset in group) for plane, group in fit.datasets.items()
     }
     runs = []
-    for (plane, dataset), (whitened, slopes) in zip(datasets, linear, strict=True):
-        run_signatures = signatures(fit.vehicle, dataset, filters[plane])
+    for (plane, dataset, noise_filter), (whitened, slopes) in zip(datasets, linear, strict=True):
+        run_signatures = signatures(fit.vehicle, dataset, noise_filter)
         growth = np.zeros((whitened.size, 2))
         if largest[plane] > MIN_SIZE_RATIO * smallest[plane]:
             growth[:, PLANES[plane].index] = (

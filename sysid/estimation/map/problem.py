@@ -30,7 +30,7 @@ from sysid.estimation.map.model_error import RunScore
 from sysid.estimation.map.sensitivity import Perturbation, Trajectory
 from sysid.estimation.map.steady_state import cruise_speed_mps, linear_plane
 from sysid.models import noise, parameters
-from sysid.models.noise import Filter, Noise
+from sysid.models.noise import Filter, ManoeuvreFilter, Noise
 from sysid.models.parameters import PARAMETERS, CandidateVehicle, Part
 from sysid.planes import PLANES, Plane
 
@@ -63,8 +63,8 @@ class MapProblem(NamedTuple):
     prior: Prior
     datasets: Mapping[Plane, tuple[Dataset, ...]]
     """Runs of each plane that has any."""
-    filters: Mapping[Plane, Filter]
-    """Noise filter of each plane."""
+    filters: Mapping[Plane, Sequence[Filter | ManoeuvreFilter]]
+    """Noise filter of each run."""
     levels: Mapping[Plane, Noise]
     """Noise levels of each plane."""
     stride: int
@@ -114,17 +114,16 @@ def filters(
     datasets: Mapping[Plane, Sequence[Dataset]],
     levels: Mapping[Plane, Noise],
     stride: int,
-) -> dict[Plane, Filter]:
-    """Build the noise filter of each plane, linearised about a candidate."""
-    return {
-        plane: noise.build(
-            linear_plane(candidate, plane),
-            levels[plane],
-            stride / RATE_HZ,
-            max(len(data.measured) for data in group),
+) -> dict[Plane, tuple[Filter, ...]]:
+    """Build the noise filter of each plane, about level flight of a candidate, for all its runs."""
+    filters = {}
+    for plane, group in datasets.items():
+        samples = max(len(data.measured) for data in group)
+        plane_filter = noise.build(
+            linear_plane(candidate, plane), levels[plane], stride / RATE_HZ, samples
         )
-        for plane, group in datasets.items()
-    }
+        filters[plane] = (plane_filter,) * len(group)
+    return filters
 
 
 def cost(problem: MapProblem, z: Array) -> float:
@@ -299,8 +298,10 @@ def _whiten_slopes(
     for plane, runs in linearisation.output_slopes.items():
         columns = _columns(plane)
         residuals = linearisation.evaluation.whitened[plane]
-        for output_slopes, residual in zip(runs, residuals, strict=True):
-            whitened = noise.whiten_columns(output_slopes, problem.filters[plane])
+        for output_slopes, residual, noise_filter in zip(
+            runs, residuals, problem.filters[plane], strict=True
+        ):
+            whitened = noise.whiten_columns(output_slopes, noise_filter)
             jacobian = np.zeros((residual.size, len(PARAMETERS)))
             jacobian[:, columns] = whitened.reshape(residual.size, -1)
             yield residual, jacobian
@@ -339,9 +340,10 @@ def _whiten(
     trajectories: Sequence[Trajectory],
 ) -> list[Array]:
     """Whitened residuals (samples, outputs) of each run of a plane."""
-    noise_filter = problem.filters[plane]
     whitened = []
-    for data, trajectory in zip(problem.datasets[plane], trajectories, strict=True):
+    for data, trajectory, noise_filter in zip(
+        problem.datasets[plane], trajectories, problem.filters[plane], strict=True
+    ):
         simulated = -trajectory.track[:, _outputs(plane)]
         simulated[:, 2:] += data.start.depth_m + trajectory.first[4]  # depth, in pitch
         simulated = with_sensor_lags(simulated, candidate.sensor_lags_s, problem.stride)

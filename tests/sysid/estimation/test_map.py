@@ -82,8 +82,10 @@ def test_cost_matches_residuals_of_simulations(problem: MapProblem, random_z: np
     vehicle, total = problems.vehicle(problem.prior, random_z), 0.0
     for plane, group in problem.datasets.items():
         total += sum(
-            float(np.sum(noise.whiten_residual(r, problem.filters[plane]) ** 2))
-            for r in fit.residuals(vehicle, group)
+            float(np.sum(noise.whiten_residual(r, noise_filter) ** 2))
+            for r, noise_filter in zip(
+                fit.residuals(vehicle, group), problem.filters[plane], strict=True
+            )
         )
     away = np.linalg.solve(np.linalg.cholesky(problem.prior.covariance), random_z)
     assert problems.cost(problem, random_z) == pytest.approx(0.5 * (total + away @ away), rel=1e-9)

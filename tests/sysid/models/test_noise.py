@@ -52,6 +52,49 @@ def test_innovations_white_with_unit_variance(name: str) -> None:
             assert abs(np.mean(series * white[:, :, other])) < 4 / math.sqrt(n)
 
 
+@pytest.mark.parametrize("name", ["yaw", "pitch"])
+def test_filter_along_equal_segments_is_the_constant_filter(name: str) -> None:
+    plane, level, samples = PLANES[name], Noise(), 123
+    constant = noise.build(plane, level, DT, samples)
+    along = noise.build_along([plane] * 13, level, DT, samples, hold=10)
+    residual = draw(plane, level, samples, np.random.default_rng(8))
+    # The constant filter is stationary once its gain changes by less than 1e-7.
+    np.testing.assert_allclose(
+        noise.whiten_residual(residual, along),
+        noise.whiten_residual(residual, constant),
+        rtol=1e-4,
+        atol=1e-4,
+    )
+
+
+def test_filter_along_a_turn_is_that_of_the_dense_covariance() -> None:
+    """Reference: likelihood by the dense covariance of a plane that is damped more from 1 s on."""
+    straight, level, samples, hold = PLANES["yaw"], Noise(), 25, 10
+    damped = straight._replace(A=straight.A + np.diag([-1.0, -2.0, 0.0]))
+    along = noise.build_along([straight, damped, damped], level, DT, samples, hold)
+    _, density, C, R, P0 = noise.system(straight, level)
+    steps = [noise.discrete(noise.system(p, level)[0], density, DT) for p in (straight, damped)]
+    # x = L xi, with xi the initial state and the process noise of all samples.
+    n = len(P0)
+    rows = [np.hstack([np.eye(n), np.zeros((n, n * (samples - 1)))])]
+    blocks = [P0]
+    for k in range(1, samples):
+        transition, process = steps[min((k - 1) // hold, 1)]
+        row = transition @ rows[-1]
+        row[:, n * k : n * (k + 1)] = np.eye(n)
+        rows.append(row)
+        blocks.append(process)
+    covariance = np.zeros((n * samples, n * samples))
+    for k, block in enumerate(blocks):
+        covariance[n * k : n * (k + 1), n * k : n * (k + 1)] = block
+    observed = np.vstack([C @ row for row in rows])
+    S = observed @ covariance @ observed.T + np.kron(np.eye(samples), R)
+    residual = np.linalg.cholesky(S) @ np.random.default_rng(9).standard_normal(len(S))
+    white = noise.whiten_residual(residual.reshape(samples, -1), along)
+    assert np.sum(white**2) == pytest.approx(residual @ np.linalg.solve(S, residual), rel=1e-8)
+    assert np.sum(along.log_dets) == pytest.approx(np.linalg.slogdet(S)[1], rel=1e-10)
+
+
 def test_cost_equals_gaussian_likelihood() -> None:
     """Reference: dense covariance of a short record, without a filter."""
     plane, level, samples = PLANES["yaw"], Noise(), 25

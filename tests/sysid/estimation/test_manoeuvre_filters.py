@@ -1,0 +1,45 @@
+"""Noise filters linearised about the motion of a run."""
+
+import numpy as np
+import pytest
+
+from sitl.vehicle import config
+from sysid.data.segments import RATE_HZ, Run
+from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
+from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
+from sysid.estimation.map.steady_state import linear_plane
+from sysid.models import noise, parameters
+from sysid.models.noise import Noise
+from sysid.models.parameters import NAMES, CandidateVehicle
+from sysid.planes import Plane
+from tests.sysid import sea
+
+
+@pytest.fixture(scope="module")
+def vehicle(bench: config.VehicleConfig) -> CandidateVehicle:
+    return parameters.candidate_vehicle(bench, dict.fromkeys(Plane, 0.0), np.zeros(len(NAMES)))
+
+
+def flown(bench: config.VehicleConfig, plane: Plane, degrees: float) -> Run:
+    return sea.fly(bench, plane, sea.step(degrees, 15.0), level=sea.CALM)
+
+
+@pytest.mark.parametrize("plane", list(Plane))
+def test_manoeuvre_filters_straight_run_is_level_flight(
+    bench: config.VehicleConfig, vehicle: CandidateVehicle, plane: Plane
+) -> None:
+    """Tolerance: pitch and heave are measured, with noise, or settle in the simulation."""
+    data = with_coupling_inputs(vehicle, dataset(flown(bench, plane, 0.0)))
+    (along,) = manoeuvre_filters(vehicle, {plane: [data]}, {plane: Noise()})[plane]
+    level = noise.build(linear_plane(vehicle, plane), Noise(), STRIDE / RATE_HZ, len(data.measured))
+    np.testing.assert_allclose(along.transitions[0], level.transition, atol=2e-3)
+
+
+def test_manoeuvre_filters_turn_damps_disturbances(
+    bench: config.VehicleConfig, vehicle: CandidateVehicle
+) -> None:
+    """Crossflow drag damps the rate: its decay over a sample is faster in the turn."""
+    data = dataset(flown(bench, Plane.YAW, 10.0))
+    (along,) = manoeuvre_filters(vehicle, {Plane.YAW: [data]}, {Plane.YAW: Noise()})[Plane.YAW]
+    straight, turning = along.transitions[0], along.transitions[-1]
+    assert np.linalg.det(turning[:2, :2]) < 0.98 * np.linalg.det(straight[:2, :2])
