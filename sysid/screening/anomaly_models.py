@@ -129,6 +129,32 @@ def signatures(
     ]
 
 
+def sizes_of_test(vehicle: CandidateVehicle, run: Run) -> dict[Kind, float]:
+    """Return the size of each kind of anomaly that is as large as the test itself.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Fitted vehicle.
+    run : Run
+        Test.
+
+    Returns
+    -------
+    dict
+        The largest deflection of the tested surface from its mean before the test (deg), the
+        angular acceleration by it (deg/s^2), or 100 %.
+    """
+    largest_deg = math.degrees(float(np.max(np.abs(departure_rad(run)))))
+    return {
+        "actuator slip": largest_deg,
+        "actuator offset": largest_deg,
+        "gain error": 100.0,
+        "gust": largest_deg * abs(_push_per_s2(vehicle, run)),
+        "speed off": 100.0,
+    }
+
+
 def _rows(seconds: float) -> int:
     """Return the number of fit samples in a time span."""
     return round(seconds * RATE_HZ / fit.STRIDE)

@@ -49,13 +49,17 @@ MIN_STRUCTURE_SD = 3.0
 
 
 MIN_EFFECT: dict[Kind, float] = {
-    "actuator slip": 0.2,
-    "actuator offset": 0.2,
-    "gain error": 3.0,
-    "gust": 0.2,
-    "speed off": 5.0,
+    "actuator slip": 0.04,
+    "actuator offset": 0.04,
+    "gain error": 0.03,
+    "gust": 0.08,
+    "speed off": 0.05,
 }
-"""Size of each kind of anomaly, in its unit, below which it does not harm a fit (e.g. backlash)."""
+"""Size of each kind of anomaly as a share of the test, below which it does not harm a fit.
+
+The size of a test is that of its largest deflection; see `anomaly_models.sizes_of_test`. In a test
+of 5 deg with Caribou they are 0.2 deg, 0.2 deg, 3 %, 0.2 deg/s^2 and 5 %.
+"""
 
 
 class RunScreening(NamedTuple):
@@ -210,7 +214,7 @@ def _select_outlier(
             return None
         others = _remaining(candidate, tested, fit, prior)
         if (
-            _is_relevant(_anomaly_of(candidate))
+            _is_relevant(_anomaly_of(candidate), candidate.residuals)
             and not _could_be_structure(candidate, others)
             and _can_be_dropped(candidate, tested, all_runs)
         ):
@@ -256,9 +260,9 @@ def _by_scores(subject: _TestedRun) -> bool:
     )
 
 
-def _is_relevant(anomaly: Anomaly) -> bool:
+def _is_relevant(anomaly: Anomaly, run: RunResiduals) -> bool:
     """Return whether an anomaly is large enough to affect the fit."""
-    return abs(anomaly.size) >= MIN_EFFECT[anomaly.kind]
+    return abs(anomaly.size) >= MIN_EFFECT[anomaly.kind] * run.sizes_of_test[anomaly.kind]
 
 
 def _could_be_structure(subject: _TestedRun, others: Sequence[_TestedRun]) -> bool:
@@ -376,7 +380,7 @@ def _keep(subject: _TestedRun, others: Sequence[_TestedRun]) -> RunScreening:
 
 def _why_kept(subject: _TestedRun, others: Sequence[_TestedRun]) -> str:
     """Return why a run with an anomaly is accepted."""
-    if not _is_relevant(subject.scores.anomalies[0]):
+    if not _is_relevant(subject.scores.anomalies[0], subject.residuals):
         return "too small to matter"
     if not _similar_size(subject, others):
         return "no other test is as large, so it may be the model's structure: fly it again"

@@ -11,8 +11,9 @@ from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import STRIDE, Dataset, Fit, Prior
 from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
 from sysid.estimation.map.problem import MapProblem
+from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES
-from sysid.screening.anomaly_models import Kind, Signature, departure_rad, signatures
+from sysid.screening.anomaly_models import Kind, Signature, departure_rad, signatures, sizes_of_test
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,8 @@ class RunResiduals(NamedTuple):
     Columns: z (p), then the growth of the response with size in yaw and in pitch.
     """
     signatures: tuple[Signature, ...]
+    sizes_of_test: dict[Kind, float]
+    """Size of each kind of anomaly that is as large as the test itself, in its unit."""
 
 
 class Residuals(NamedTuple):
@@ -108,20 +111,33 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
                 * _size_rad(dataset)
                 / largest[plane]
             )
-        play_sd_deg = math.degrees(fit.vehicle.actuators[plane].backlash_rad) / math.sqrt(12.0)
-        without_backlash = RunResiduals(
+        run = RunResiduals(
             dataset=dataset,
             size_rad=_size_rad(dataset),
             residual=whitened.ravel(),
             slopes=np.hstack([slopes, growth]),
             signatures=tuple(run_signatures),
+            sizes_of_test=sizes_of_test(fit.vehicle, dataset.run),
         )
-        runs.append(
-            _with_backlash_noise(
-                without_backlash, play_sd_deg * _single_signature(run_signatures, "actuator offset")
-            )
-        )
+        offset_sd_deg, gain_sd_percent = _position_errors(fit.vehicle, dataset)
+        run = _with_noise(run, "actuator offset", offset_sd_deg)
+        runs.append(_with_noise(run, "gain error", gain_sd_percent))
     return tuple(runs)
+
+
+def _position_errors(vehicle: CandidateVehicle, dataset: Dataset) -> tuple[float, float]:
+    """Return standard deviations of the offset (deg) and gain (%) of a duct that is not measured.
+
+    The duct rests anywhere within its backlash b at the start, and at each end of its travel of
+    2 a anywhere within the motor step s that is nearest to the command. With e+ and e- the errors
+    at both ends, of variance s^2 / 12 each, the offset is (e+ + e-) / 2 and the relative error of
+    the gain (e+ - e-) / (2 a).
+    """
+    backlash_rad = vehicle.actuators[dataset.run.plane].backlash_rad
+    step_rad = math.radians(vehicle.config.tailcone.step_deg)
+    offset_rad = math.sqrt((backlash_rad**2 + 0.5 * step_rad**2) / 12.0)
+    gain = step_rad / math.sqrt(24.0) / _size_rad(dataset)
+    return math.degrees(offset_rad), 100.0 * gain
 
 
 def update_parameters(runs: Sequence[RunResiduals], fit: Fit, prior: Prior) -> Residuals:
@@ -163,20 +179,20 @@ def _single_signature(run_signatures: Sequence[Signature], kind: Kind) -> Array:
     return next(signature.white[0] for signature in run_signatures if signature.kind == kind)
 
 
-def _with_backlash_noise(run: RunResiduals, play: Array) -> RunResiduals:
-    """Whiten residuals again for an unknown position of the duct within its backlash.
+def _with_noise(run: RunResiduals, kind: Kind, sd: float) -> RunResiduals:
+    """Whiten residuals again for an unknown error of standard deviation ``sd`` throughout the run.
 
-    ``play`` (n,) is the signature of one standard deviation of this position, b. Residuals of
-    covariance 1 + b b' become white by subtracting the share 1 - 1/sqrt(1 + b'b) of their
-    projection on b.
+    With b (n,) the signature of one standard deviation, residuals of covariance 1 + b b' become
+    white by subtracting the share 1 - 1/sqrt(1 + b'b) of their projection on b.
     """
-    power = float(play @ play)
+    error = sd * _single_signature(run.signatures, kind)
+    power = float(error @ error)
     if power == 0.0:
         return run
     share = (1.0 - 1.0 / math.sqrt(1.0 + power)) / power
 
     def rewhiten(rows: Array) -> Array:
-        return rows - np.multiply.outer(rows @ play, share * play)
+        return rows - np.multiply.outer(rows @ error, share * error)
 
     run_signatures = tuple(
         signature._replace(white=rewhiten(signature.white)) for signature in run.signatures
