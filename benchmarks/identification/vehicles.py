@@ -2,7 +2,8 @@
 
 Caribou's true vehicle is the supplied ``caribou_truth``. The others differ in hull, speed and
 actuator. Their true vehicles are their files changed by one draw from the prior of identification,
-with backlash, motor steps and biases that the file does not contain.
+with backlash and biases that the file does not contain. The motor steps are in the prior, too: the
+maker of a motor states them.
 """
 
 import math
@@ -25,6 +26,8 @@ from tests.sysid.sea import Hold
 MY_VEHICLE = str(Path(__file__).parents[2] / "docs" / "my_vehicle.toml")
 STRAY = 0.7
 """Rms difference of true vehicles from their files, in prior standard deviations."""
+MOTOR_STEP_DEG = 0.05
+"""Duct angle per motor step, as on Caribou's true vehicle."""
 
 
 class Case(NamedTuple):
@@ -90,19 +93,24 @@ def case(name: str) -> Case:
 
 def _strayed(name: str, prior_file: str, hold: Hold, seed: int) -> Case:
     """Return a case whose true vehicle differs from its file by a random draw."""
-    prior = config.load(prior_file)
+    prior = _with_tailcone(config.load(prior_file), step_deg=MOTOR_STEP_DEG)
     rng = np.random.default_rng(seed)
     away = np.linalg.cholesky(parameters.prior_covariance()) @ rng.standard_normal(len(NAMES))
     moved = parameters.candidate_vehicle(prior, {Plane.YAW: 0.0, Plane.PITCH: 0.0}, STRAY * away)
     lag = moved.actuators[Plane.YAW]
-    tail = msgspec.structs.replace(
-        prior.tailcone,
+    true = _with_tailcone(
+        moved.config,
         natural_frequency_radps=lag.natural_frequency_radps,
         damping_ratio=lag.damping_ratio,
         delay_s=lag.delay_s,
         rudder_bias_deg=-3.0,
         elevator_bias_deg=1.0,
-        step_deg=0.05,
         backlash_deg=0.1,
     )
-    return Case(name, prior_file, prior, msgspec.structs.replace(moved.config, tailcone=tail), hold)
+    return Case(name, prior_file, prior, true, hold)
+
+
+def _with_tailcone(vehicle: config.VehicleConfig, **values: float) -> config.VehicleConfig:
+    """Return a vehicle with other values of its tailcone."""
+    tailcone = msgspec.structs.replace(vehicle.tailcone, **values)
+    return msgspec.structs.replace(vehicle, tailcone=tailcone)
