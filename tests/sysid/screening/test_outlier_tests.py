@@ -103,7 +103,33 @@ def test_find_outliers_gain_error(fitted: Fitted, again: Callable[..., Run]) -> 
     gain = next(a for a in screening.scores.anomalies if a.kind == "gain error")
     assert "gain error: rudder moved" in screening.reason
     assert abs(gain.size - 30.0) < 3.0 * gain.sd
-    assert fitted.outliers(runs) == {"rudder/4"}
+
+
+@pytest.mark.slow
+def test_find_outliers_rarely_drops_a_sound_run(
+    fitted: Fitted, field: config.VehicleConfig
+) -> None:
+    """Of 20 campaigns at most one loses a sound run, too.
+
+    FAMILY_ERROR_RATE is 1 % per campaign, so two or more of 20 have a probability of 1.7 %.
+    """
+    trim = -math.radians(field.tailcone.rudder_bias_deg), math.radians(1.0)
+    unexpected = []
+    for seed in range(1000, 3000, 100):
+        runs = sea.campaign(field, seed=seed)
+        runs[4] = sea.fly(
+            field,
+            "yaw",
+            sea.step(SIZES_DEG[4], 20.0),
+            name="rudder/4",
+            seed=seed + 4,
+            trim_rad=trim,
+            fault=Fault(gain=1.3),
+        )
+        outliers = fitted.outliers(runs)
+        assert "rudder/4" in outliers
+        unexpected += [seed] if len(outliers) > 1 else []
+    assert len(unexpected) <= 1
 
 
 def test_find_outliers_distinguishes_gust_from_slip(
