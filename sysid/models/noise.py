@@ -245,7 +245,7 @@ def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
 def build_along(
     planes: Sequence[LinearPlane], noise: Noise, dt: float, samples: int, hold: int
 ) -> ManoeuvreFilter:
-    """Return the filter of a run whose linear model changes during the manoeuvre.
+    """Return the filter of a run whose system matrix changes during the manoeuvre.
 
     Parameters
     ----------
@@ -265,9 +265,11 @@ def build_along(
     ManoeuvreFilter
         Transitions per segment, gains and whiteners per sample.
     """
-    _, density, C, R, P0 = system(planes[0], noise)
-    steps = [discrete(system(plane, noise)[0], density, dt) for plane in planes]
-    transitions, processes = (np.stack(matrices) for matrices in zip(*steps, strict=True))
+    A, density, C, R, P0 = system(planes[0], noise)
+    matrices = np.repeat(A[None], len(planes), axis=0)
+    states = len(planes[0].A)
+    matrices[:, :states, :states] = [plane.A for plane in planes]
+    transitions, processes = discrete(matrices, density, dt)
     gains, whiteners, log_dets = riccati(transitions, processes, hold, C, R, P0, samples)
     return ManoeuvreFilter(
         transitions=transitions,
@@ -284,8 +286,8 @@ def discrete(A: Array, density: Array, dt: float) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    A : ndarray, shape (n, n)
-        System matrix.
+    A : ndarray, shape (n, n) or (k, n, n)
+        One or several system matrices.
     density : ndarray, shape (n, n)
         Spectral density of the process noise.
     dt : float
@@ -293,9 +295,9 @@ def discrete(A: Array, density: Array, dt: float) -> tuple[Array, Array]:
 
     Returns
     -------
-    transition : ndarray, shape (n, n)
+    transition : ndarray, shape of A
         exp(A dt).
-    process : ndarray, shape (n, n)
+    process : ndarray, shape of A
         Covariance of the state after ``dt`` without initial uncertainty.
 
     Notes
@@ -304,13 +306,13 @@ def discrete(A: Array, density: Array, dt: float) -> tuple[Array, Array]:
     Control 23 (1978).
     """
     # Van Loan 1978: expm([[-A, density], [0, A^T]] dt) = [[., F], [0, Ad^T]], Q = Ad F.
-    n = A.shape[0]
-    joint = np.zeros((2 * n, 2 * n))
-    joint[:n, :n], joint[:n, n:], joint[n:, n:] = -A, density, A.T
+    n = A.shape[-1]
+    joint = np.zeros((*A.shape[:-2], 2 * n, 2 * n))
+    joint[..., :n, :n], joint[..., :n, n:], joint[..., n:, n:] = -A, density, A.mT
     block = expm(joint * dt)
-    transition = np.ascontiguousarray(block[n:, n:].T)
-    process = transition @ block[:n, n:]
-    return transition, 0.5 * (process + process.T)
+    transition = np.ascontiguousarray(block[..., n:, n:].mT)
+    process = transition @ block[..., :n, n:]
+    return transition, 0.5 * (process + process.mT)
 
 
 def root(covariance: Array) -> Array:
