@@ -10,10 +10,9 @@ T is standard normal in a run without anomaly. The residuals at the joint optimu
 times those that the fit of the *other* runs leaves in this one. The test is therefore the
 leave-one-run-out estimate without a second fit.
 
-v holds for residuals that are white in every part of a run. The noise filter is linear about
-straight flight; in a tight turn the vehicle damps the disturbance differently, and the statistics
-of anomalies at a time scatter more. Their variance is therefore taken from the other runs of the
-plane (`inflation`; genomic control, Devlin and Roeder 1999).
+v holds for residuals that are white in every part of a run. Where the noise model is wrong, the
+statistics of anomalies at a time scatter more. Their variance is therefore taken from the other
+runs of the plane (`inflation`; genomic control, Devlin and Roeder 1999).
 """
 
 import math
