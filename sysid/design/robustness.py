@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
@@ -10,9 +10,6 @@ from sysid.design.constraints import Bounds, ConstraintViolation, min_bounds
 from sysid.design.design_model import DesignModel
 from sysid.design.pid import depth, heading
 from sysid.design.specification import DesignRobustness, Spec
-
-Stability = Callable[[DesignModel, Gains, Bounds], ConstraintViolation]
-"""Function that returns the constraint violations of one plane's loops."""
 
 RELAXED = Bounds(damping=0.5, gm_db=5.0, pm_deg=40.0, max_sensitivity=math.inf)
 """Relaxed bounds that are reported in addition to the specification's."""
@@ -60,17 +57,6 @@ def summarise(
         worst=worst,
         vehicles=len(specified),
     )
-
-
-def fraction_satisfying(
-    vehicles: Sequence[DesignModel], stability: Stability, gains: Gains, bounds: Bounds
-) -> float:
-    """Return the share of vehicles whose loops meet the bounds in one plane; 1 without vehicles."""
-    satisfied = [
-        max(stability(vehicle, gains, bounds).values()) <= CONSTRAINT_TOLERANCE
-        for vehicle in vehicles
-    ]
-    return sum(satisfied) / len(satisfied) if satisfied else 1.0
 
 
 def min_gain_margin_db(violations: ConstraintViolation, bounds: Bounds) -> float:

@@ -11,14 +11,17 @@ from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design import constraints
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
 from sysid.design.constraints import Bounds, min_bounds
 from sysid.design.design_model import DesignModel
-from sysid.design.robustness import fraction_satisfying, min_gain_margin_db
+from sysid.design.robustness import min_gain_margin_db
 from sysid.design.specification import DesignInfeasibleError, Spec
+
+Array = NDArray[np.float64]
 
 ROBUST_ENOUGH = 0.95
 """Share of sampled vehicles above which the search is not repeated for more of them."""
@@ -75,23 +78,14 @@ class PlaneSearch(NamedTuple):
         found = self.plane.gains(self.vehicle, self.others, self.spec, bounds, starts, sampled)
         return {**self.others, **found}
 
-    def hard_samples(self, gains: Gains) -> list[DesignModel]:
-        """Return vehicles that violate their limits, at `HARD_QUANTILES` of their violations."""
+    def worst_violations(self, gains: Gains) -> Array:
+        """Return the largest violation of each sampled vehicle's limits."""
         bounds = min_bounds(self.spec)
-        worst = np.array(
+        return np.array(
             [
                 max(self.plane.violations(vehicle, gains, bounds).values())
                 for vehicle in self.samples.vehicles
             ]
-        )
-        order = np.argsort(worst)
-        hard = order[worst[order] > CONSTRAINT_TOLERANCE]
-        return [self.samples.vehicles[hard[int(at * len(hard))]] for at in HARD_QUANTILES]
-
-    def fraction(self, gains: Gains) -> float:
-        """Return the share of sampled vehicles that meet the limits of sampled vehicles."""
-        return fraction_satisfying(
-            self.samples.vehicles, self.plane.violations, gains, min_bounds(self.spec)
         )
 
     def gain_margin_db(self, vehicle: DesignModel, gains: Gains) -> float:
@@ -111,10 +105,22 @@ class _Candidate(NamedTuple):
 
     gains: dict[str, float]
     bounds: Bounds
+    worst: Array
+    """Largest violation of each sampled vehicle's limits."""
     sampled: tuple[DesignModel, ...] = ()
     """Sampled vehicles that had to meet their limits."""
-    fraction: float = 1.0
-    """Share of all sampled vehicles that meet their limits."""
+
+    @property
+    def fraction(self) -> float:
+        """Share of the sampled vehicles that meet their limits; 1 without vehicles."""
+        return float(np.mean(self.worst <= CONSTRAINT_TOLERANCE)) if self.worst.size else 1.0
+
+    @property
+    def hard(self) -> list[int]:
+        """Numbers of vehicles that violate their limits, at `HARD_QUANTILES` of the violations."""
+        order = np.argsort(self.worst)
+        violating = order[self.worst[order] > CONSTRAINT_TOLERANCE].tolist()
+        return [violating[int(at * len(violating))] for at in HARD_QUANTILES]
 
 
 def robust_gains(search: PlaneSearch, starts: Sequence[Gains]) -> dict[str, float]:
@@ -139,7 +145,7 @@ def robust_gains(search: PlaneSearch, starts: Sequence[Gains]) -> dict[str, floa
     """
     nominal = constraints.nominal(search.spec)
     gains = search.find(nominal, starts)
-    candidate = _Candidate(gains, nominal, (), search.fraction(gains))
+    candidate = _Candidate(gains, nominal, search.worst_violations(gains))
     candidate = _with_samples(search, candidate, starts)
     candidate = _with_damping(search, candidate, starts)
     return _with_gain_margin(search, candidate, starts).gains
@@ -170,8 +176,8 @@ def _with_samples(
     for _ in range(ADDITIONS):
         if candidate.fraction >= ROBUST_ENOUGH:
             break
-        sampled = (*candidate.sampled, *search.hard_samples(candidate.gains))
-        found = _find(search, candidate._replace(sampled=sampled), starts)
+        hard = [search.samples.vehicles[number] for number in candidate.hard]
+        found = _find(search, candidate._replace(sampled=(*candidate.sampled, *hard)), starts)
         if found is None or found.fraction <= candidate.fraction:
             break
         candidate = found
@@ -223,7 +229,7 @@ def _find(search: PlaneSearch, wanted: _Candidate, starts: Sequence[Gains]) -> _
         gains = search.find(wanted.bounds, near, wanted.sampled)
     except DesignInfeasibleError:
         return None
-    return wanted._replace(gains=gains, fraction=search.fraction(gains))
+    return wanted._replace(gains=gains, worst=search.worst_violations(gains))
 
 
 def _share(candidate: _Candidate) -> float:
