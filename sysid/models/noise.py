@@ -115,25 +115,10 @@ START_SPEED_MPS, START_RATE_RADPS, START_ANGLE_RAD, START_DEPTH_M = (
 class Filter(NamedTuple):
     """Time-varying Kalman filter of one plane for runs of up to ``gains.shape[0]`` samples."""
 
-    transition: Array
-    """(states, states), transition over one sample."""
-    output: Array
-    """(outputs, states), output matrix."""
-    gains: Array
-    """(n, states, outputs), gain of each sample."""
-    whiteners: Array
-    """(n, outputs, outputs): inverse Cholesky factor of the innovation covariance."""
-    log_dets: Array
-    """(n,): log determinant of the innovation covariance."""
-
-
-class ManoeuvreFilter(NamedTuple):
-    """Kalman filter of one run, linearised about its motion."""
-
     transitions: Array
-    """(segments, states, states), transition over one sample in each segment."""
+    """(segments, states, states), transition over one sample; one segment if it is constant."""
     hold: int
-    """Samples of a segment."""
+    """Samples of a segment; the last one holds until the end."""
     output: Array
     """(outputs, states), output matrix."""
     gains: Array
@@ -234,17 +219,12 @@ def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
     Filter
         Gains and whiteners per sample.
     """
-    A, density, C, R, P0 = system(plane, noise)
-    transition, process = discrete(A, density, dt)
-    gains, whiteners, log_dets = riccati(transition[None], process[None], 1, C, R, P0, samples)
-    return Filter(
-        transition=transition, output=C, gains=gains, whiteners=whiteners, log_dets=log_dets
-    )
+    return build_along([plane], noise, dt, samples, hold=samples)
 
 
 def build_along(
     planes: Sequence[LinearPlane], noise: Noise, dt: float, samples: int, hold: int
-) -> ManoeuvreFilter:
+) -> Filter:
     """Return the filter of a run whose system matrix changes during the manoeuvre.
 
     Parameters
@@ -262,7 +242,7 @@ def build_along(
 
     Returns
     -------
-    ManoeuvreFilter
+    Filter
         Transitions per segment, gains and whiteners per sample.
     """
     A, density, C, R, P0 = system(planes[0], noise)
@@ -271,7 +251,7 @@ def build_along(
     matrices[:, :states, :states] = [plane.A for plane in planes]
     transitions, processes = discrete(matrices, density, dt)
     gains, whiteners, log_dets = riccati(transitions, processes, hold, C, R, P0, samples)
-    return ManoeuvreFilter(
+    return Filter(
         transitions=transitions,
         hold=hold,
         output=C,
@@ -389,33 +369,28 @@ def oscillator(noise: Noise, sd: float) -> tuple[Array, Array]:
     return A, np.diag([0.0, 4.0 * damping * omega**3 * sd**2])
 
 
-def whiten_columns(block: Array, noise_filter: Filter | ManoeuvreFilter) -> Array:
+def whiten_columns(block: Array, noise_filter: Filter) -> Array:
     """Return a block (samples, outputs, columns) with each column whitened as a residual."""
     return whiten_block(
         np.ascontiguousarray(block),
-        *_transitions(noise_filter),
+        noise_filter.transitions,
+        noise_filter.hold,
         noise_filter.output,
         noise_filter.gains,
         noise_filter.whiteners,
     )
 
 
-def whiten_residual(residual: Array, noise_filter: Filter | ManoeuvreFilter) -> Array:
+def whiten_residual(residual: Array, noise_filter: Filter) -> Array:
     """Return the normalised innovations of a residual (samples, outputs)."""
     return whiten(
         residual,
-        *_transitions(noise_filter),
+        noise_filter.transitions,
+        noise_filter.hold,
         noise_filter.output,
         noise_filter.gains,
         noise_filter.whiteners,
     )
-
-
-def _transitions(noise_filter: Filter | ManoeuvreFilter) -> tuple[Array, int]:
-    """Return the transitions (segments, states, states) and the samples of a segment."""
-    if isinstance(noise_filter, ManoeuvreFilter):
-        return noise_filter.transitions, noise_filter.hold
-    return noise_filter.transition[None], 1
 
 
 def cost(residuals: Sequence[Array], noise_filter: Filter) -> float:

@@ -19,7 +19,7 @@ from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Dataset
 from sysid.models import greybox, linear_planes, noise
-from sysid.models.noise import ManoeuvreFilter
+from sysid.models.noise import Filter
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 
@@ -57,7 +57,7 @@ class Signature(NamedTuple):
 
 
 def signatures(
-    vehicle: CandidateVehicle, dataset: Dataset, noise_filter: ManoeuvreFilter
+    vehicle: CandidateVehicle, dataset: Dataset, noise_filter: Filter
 ) -> list[Signature]:
     """Compute the signatures of all kinds of anomaly for one run.
 
@@ -67,7 +67,7 @@ def signatures(
         Fitted vehicle.
     dataset : Dataset
         Run.
-    noise_filter : ManoeuvreFilter
+    noise_filter : Filter
         Noise filter of the run.
 
     Returns
@@ -145,7 +145,7 @@ def sizes_of_test(vehicle: CandidateVehicle, run: Run) -> dict[Kind, float]:
         The largest deflection of the tested surface from its mean before the test (deg), the
         angular acceleration by it (deg/s^2), or 100 %.
     """
-    largest_deg = math.degrees(float(np.max(np.abs(departure_rad(run)))))
+    largest_deg = math.degrees(size_rad(run))
     return {
         "actuator slip": largest_deg,
         "actuator offset": largest_deg,
@@ -219,8 +219,13 @@ def _speed_scale(speed_ratio: float) -> Array:
     return factors
 
 
+def size_rad(run: Run) -> float:
+    """Return the largest deflection of the tested surface from its mean before the test, rad."""
+    return float(np.max(np.abs(departure_rad(run))))
+
+
 def departure_rad(run: Run) -> Array:
-    """Deflection of the tested surface during the test from its mean before the test, rad."""
+    """Return the deflection (rad) of the tested surface in the test from its mean before it."""
     return (run.command_rad - _held_deflection_rad(run, run.plane))[~run.preroll]
 
 

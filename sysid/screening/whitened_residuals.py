@@ -13,7 +13,7 @@ from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
 from sysid.estimation.map.problem import MapProblem
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES
-from sysid.screening.anomaly_models import Kind, Signature, departure_rad, signatures, sizes_of_test
+from sysid.screening.anomaly_models import Kind, Signature, signatures, size_rad, sizes_of_test
 
 Array = NDArray[np.float64]
 
@@ -94,12 +94,11 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
         for plane, group in fit.datasets.items()
         for dataset, noise_filter in zip(group, filters[plane], strict=True)
     ]
-    largest = {
-        plane: max(_size_rad(dataset) for dataset in group) for plane, group in fit.datasets.items()
+    sizes_rad = {
+        plane: [size_rad(dataset.run) for dataset in group] for plane, group in fit.datasets.items()
     }
-    smallest = {
-        plane: min(_size_rad(dataset) for dataset in group) for plane, group in fit.datasets.items()
-    }
+    largest = {plane: max(sizes) for plane, sizes in sizes_rad.items()}
+    smallest = {plane: min(sizes) for plane, sizes in sizes_rad.items()}
     runs = []
     for (plane, dataset, noise_filter), (whitened, slopes) in zip(datasets, linear, strict=True):
         run_signatures = signatures(fit.vehicle, dataset, noise_filter)
@@ -108,12 +107,12 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
             growth[:, PLANES[plane].index] = (
                 -100.0
                 * _single_signature(run_signatures, "gain error")
-                * _size_rad(dataset)
+                * size_rad(dataset.run)
                 / largest[plane]
             )
         run = RunResiduals(
             dataset=dataset,
-            size_rad=_size_rad(dataset),
+            size_rad=size_rad(dataset.run),
             residual=whitened.ravel(),
             slopes=np.hstack([slopes, growth]),
             signatures=tuple(run_signatures),
@@ -136,7 +135,7 @@ def _position_errors(vehicle: CandidateVehicle, dataset: Dataset) -> tuple[float
     backlash_rad = vehicle.actuators[dataset.run.plane].backlash_rad
     step_rad = math.radians(vehicle.config.tailcone.step_deg)
     offset_rad = math.sqrt((backlash_rad**2 + 0.5 * step_rad**2) / 12.0)
-    gain = step_rad / math.sqrt(24.0) / _size_rad(dataset)
+    gain = step_rad / math.sqrt(24.0) / size_rad(dataset.run)
     return math.degrees(offset_rad), 100.0 * gain
 
 
@@ -200,8 +199,3 @@ def _with_noise(run: RunResiduals, kind: Kind, sd: float) -> RunResiduals:
     return run._replace(
         residual=rewhiten(run.residual), slopes=rewhiten(run.slopes.T).T, signatures=run_signatures
     )
-
-
-def _size_rad(dataset: Dataset) -> float:
-    """Largest deflection of the tested surface from its mean before the test, rad."""
-    return float(np.max(np.abs(departure_rad(dataset.run))))

@@ -1,7 +1,7 @@
 """Data of the joint fit: runs sampled for the fit, and their residuals for a candidate vehicle."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -198,9 +198,27 @@ def residuals(vehicle: CandidateVehicle, datasets: Sequence[Dataset]) -> list[Ar
     list of ndarray, (samples, outputs)
         Residuals of rate (rad/s), angle (rad) and, in pitch, depth (m).
     """
-    thrusts = {float(data.run.thrust[0]) for data in datasets}
-    speeds_mps = {thrust: cruise_speed_mps(vehicle, thrust) for thrust in thrusts}
+    speeds_mps = cruise_speeds_mps(vehicle, datasets)
     return [_residual(vehicle, data, speeds_mps[float(data.run.thrust[0])]) for data in datasets]
+
+
+def cruise_speeds_mps(vehicle: CandidateVehicle, datasets: Iterable[Dataset]) -> dict[float, float]:
+    """Return the steady straight speed for each thrust of the runs.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle.
+    datasets : iterable of Dataset
+        Runs.
+
+    Returns
+    -------
+    dict
+        Speed, m/s, by thrust (fraction of full shaft speed).
+    """
+    thrusts = {float(data.run.thrust[0]) for data in datasets}
+    return {thrust: cruise_speed_mps(vehicle, thrust) for thrust in thrusts}
 
 
 def _residual(vehicle: CandidateVehicle, data: Dataset, speed_mps: float) -> Array:

@@ -7,18 +7,19 @@ low frequencies of a slip, so that clean runs look anomalous.
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import sensitivity
-from sysid.estimation.map.datasets import STRIDE, Dataset
+from sysid.estimation.map.datasets import STRIDE, Dataset, cruise_speeds_mps
 from sysid.estimation.map.sensitivity import Trajectory
-from sysid.estimation.map.steady_state import cruise_speed_mps, linear_plane
+from sysid.estimation.map.steady_state import linear_plane
 from sysid.models import greybox, noise
 from sysid.models.linear_planes import LinearPlane
-from sysid.models.noise import ManoeuvreFilter, Noise
+from sysid.models.noise import Filter, Noise
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 
@@ -32,7 +33,7 @@ def manoeuvre_filters(
     vehicle: CandidateVehicle,
     datasets: Mapping[Plane, Sequence[Dataset]],
     levels: Mapping[Plane, Noise],
-) -> dict[Plane, tuple[ManoeuvreFilter, ...]]:
+) -> dict[Plane, tuple[Filter, ...]]:
     """Build the noise filter of every run, linearised about its simulated motion.
 
     Parameters
@@ -50,12 +51,9 @@ def manoeuvre_filters(
         Filters of each plane, in the order of its runs.
     """
     hold = round(HOLD_S * RATE_HZ / STRIDE)
+    speeds_mps = cruise_speeds_mps(vehicle, chain.from_iterable(datasets.values()))
     filters = {}
     for plane, group in datasets.items():
-        speeds_mps = {
-            thrust: cruise_speed_mps(vehicle, thrust)
-            for thrust in {float(data.run.thrust[0]) for data in group}
-        }
         trajectories = sensitivity.simulate(vehicle, plane, group, STRIDE, speeds_mps)
         level = linear_plane(vehicle, plane)
         filters[plane] = tuple(

@@ -13,6 +13,7 @@ whitened residual of run k (n_k,), J_k = d e_k / dz (n_k, p) (Jategaonkar 2015, 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from itertools import chain
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -23,14 +24,15 @@ from sysid.data.segments import RATE_HZ
 from sysid.estimation.map import model_error, sensitivity
 from sysid.estimation.map.datasets import (
     Dataset,
+    cruise_speeds_mps,
     depth_rate,
     with_sensor_lags,
 )
 from sysid.estimation.map.model_error import RunScore
 from sysid.estimation.map.sensitivity import Perturbation, Trajectory
-from sysid.estimation.map.steady_state import cruise_speed_mps, linear_plane
+from sysid.estimation.map.steady_state import linear_plane
 from sysid.models import noise, parameters
-from sysid.models.noise import Filter, ManoeuvreFilter, Noise
+from sysid.models.noise import Filter, Noise
 from sysid.models.parameters import PARAMETERS, CandidateVehicle, Part
 from sysid.planes import PLANES, Plane
 
@@ -63,7 +65,7 @@ class MapProblem(NamedTuple):
     prior: Prior
     datasets: Mapping[Plane, tuple[Dataset, ...]]
     """Runs of each plane that has any."""
-    filters: Mapping[Plane, Sequence[Filter | ManoeuvreFilter]]
+    filters: Mapping[Plane, Sequence[Filter]]
     """Noise filter of each run."""
     levels: Mapping[Plane, Noise]
     """Noise levels of each plane."""
@@ -156,7 +158,7 @@ def evaluate(problem: MapProblem, z: Array) -> Evaluation | None:
 
 def _simulate_all(problem: MapProblem, candidate: CandidateVehicle, z: Array) -> Evaluation:
     """Simulate all runs with the candidate at z."""
-    speeds_mps = _cruise_speeds_mps(problem, candidate)
+    speeds_mps = cruise_speeds_mps(candidate, chain.from_iterable(problem.datasets.values()))
     trajectories = {
         plane: _simulate(problem, candidate, plane, speeds_mps) for plane in problem.datasets
     }
@@ -213,7 +215,7 @@ def score(
     evaluation: Evaluation | None = None,
     linearisation: Linearisation | None = None,
 ) -> Score:
-    """Cost at z, its gradient, and the Gauss-Newton information of the data.
+    """Return the cost at z, its gradient, and the Gauss-Newton information of the data.
 
     Parameters
     ----------
@@ -307,12 +309,6 @@ def _whiten_slopes(
             yield residual, jacobian
 
 
-def _cruise_speeds_mps(problem: MapProblem, candidate: CandidateVehicle) -> dict[float, float]:
-    """Steady speed of a candidate for each thrust of the runs, m/s."""
-    thrusts = {float(data.run.thrust[0]) for group in problem.datasets.values() for data in group}
-    return {thrust: cruise_speed_mps(candidate, thrust) for thrust in thrusts}
-
-
 def _simulate(
     problem: MapProblem,
     candidate: CandidateVehicle,
@@ -339,7 +335,7 @@ def _whiten(
     candidate: CandidateVehicle,
     trajectories: Sequence[Trajectory],
 ) -> list[Array]:
-    """Whitened residuals (samples, outputs) of each run of a plane."""
+    """Return the whitened residuals (samples, outputs) of each run of a plane."""
     whitened = []
     for data, trajectory, noise_filter in zip(
         problem.datasets[plane], trajectories, problem.filters[plane], strict=True
@@ -430,7 +426,9 @@ def _perturbations(
                 column=i,
                 part=part,
                 vehicle=perturbed,
-                speeds_mps=_cruise_speeds_mps(problem, perturbed)
+                speeds_mps=cruise_speeds_mps(
+                    perturbed, chain.from_iterable(problem.datasets.values())
+                )
                 if PARAMETERS[i].name in SPEED_PARAMETERS
                 else {},
                 backward=backward,

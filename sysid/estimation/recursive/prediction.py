@@ -143,7 +143,7 @@ def start(candidate: Candidate, steps: TestSamples, noise_filter: Filter) -> Can
         rate_mps = float(np.polyfit(STEP_S * np.arange(depth_m.size), depth_m, 1)[0])
         theta = float(first_rows[0, 1])
         plane[1] = -(rate_mps + candidate.speed_mps * math.sin(theta)) / math.cos(theta)
-    return CandidateState(plane, np.zeros(len(noise_filter.transition)))
+    return CandidateState(plane, np.zeros(noise_filter.transitions.shape[1]))
 
 
 def leak(plane: LinearPlane) -> float:
@@ -182,7 +182,7 @@ def advance(
         duct,
         steps.thrust * candidate.full_rps,
         measured,
-        noise_filter.transition,
+        noise_filter.transitions[0],
         noise_filter.output,
         noise_filter.gains,
         noise_filter.whiteners,
@@ -251,7 +251,7 @@ def free_error(white: Array, noise_filter: Filter) -> Array:
     """Return the residual (k, outputs) of a free simulation, from its whitened errors."""
     return _unwhiten(
         white,
-        noise_filter.transition,
+        noise_filter.transitions[0],
         noise_filter.output,
         noise_filter.gains,
         noise_filter.whiteners,
