@@ -28,7 +28,7 @@ from mavsdk.plugins.param.param import ParamError
 
 from mavlink_io.dialect import by_name
 from tests.clients.checklist import close, equal, name_of, report, require, verdict
-from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate
+from tests.clients.streams import BY_THEMSELVES, SENSES, SLOW_SHARE, check_rate
 from tests.clients.telemetry_recorder import REQUEST_MESSAGE, Client, connected, first
 from tests.clients.vehicle import DEFAULTS, FRAME_MISSION, leg_items
 
@@ -61,6 +61,7 @@ STREAMS_COUNTED_S = 11.0
 """Minimum wait, in s: twice the period of the slowest message."""
 
 NOISY_ATTEMPTS = 6
+HOME_PERIOD_S = 1.0 / SENSES["HOME_POSITION"].rate_hz
 
 T = TypeVar("T")
 Check = Callable[[Client], Awaitable[None]]
@@ -284,7 +285,9 @@ async def all_sensors_are_healthy(c: Client) -> None:
 
 
 async def home_is_at_the_surface(c: Client) -> None:
-    home = await first(c.telemetry.subscribe_home(), within_s=15.0 * c.stretch)
+    """Wait for several messages on a noisy line, which has one every 10 s and loses some."""
+    within_s = NOISY_ATTEMPTS * HOME_PERIOD_S / SLOW_SHARE if c.slow else 3 * HOME_PERIOD_S
+    home = await first(c.telemetry.subscribe_home(), within_s=within_s * c.stretch)
     equal((home.absolute_altitude_m, home.relative_altitude_m), (0.0, 0.0), "altitude")
     require(home.latitude_deg and home.longitude_deg, "home lies nowhere")
 

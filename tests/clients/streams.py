@@ -238,7 +238,7 @@ SENSES: dict[str, Sense] = {
 }
 BY_THEMSELVES = {name for name, sense in SENSES.items() if sense.rate_hz}
 SLOW_SHARE = 0.5
-"""Return the rate on a link: a 57600 baud link has every stream at half the rate."""
+"""Share of each rate on a link of 57600 baud."""
 
 
 def check_rate(name: str, received_hz: float, *, slow: bool) -> None:
