@@ -89,6 +89,8 @@ CANDIDATES = frozenset(
 """All messages that ``messages_to_read`` can return, and those of devices."""
 _NOT_HASHED = {_HEARTBEAT, _CURRENT, _HOME, DVL, *_ACCELEROMETERS}
 """Messages that do not count as data of the dive (``Log.sha256``)."""
+_COPY_S = 0.5
+"""Time within which an equal text is a copy, in s: no test starts again so soon."""
 _MILLIG_MPS2 = 9.80665e-3
 _FRAME_BODY, _FRAME_GROUND = 12, 20
 """MAV_FRAME_BODY_FRD and MAV_FRAME_LOCAL_FRD; as ``frame_id`` of a DVL's velocity they mean
@@ -389,10 +391,19 @@ def _events(messages: Messages) -> tuple[LogEvent, ...]:
 
 
 def _text_events(time_s: Array, record: NDArray[Any]) -> list[LogEvent]:
-    """Return the events of texts; consecutive chunks of a long text (id not 0) are joined."""
+    """Return the events of texts; consecutive chunks of a long text (id not 0) are joined.
+
+    A log of a ground station with two links to the vehicle has every message twice. A second copy
+    of a text would end the test that the first has started.
+    """
     texts: list[tuple[float, int, str]] = []
+    seen_s: dict[bytes, float] = {}
     open_id = 0
     for time, row in zip(time_s, record, strict=True):
+        content = row.tobytes()
+        if abs(time - seen_s.get(content, -np.inf)) < _COPY_S:
+            continue
+        seen_s[content] = time
         text = row["text"].tobytes().split(b"\0", 1)[0].decode("utf-8", "replace")
         if open_id and row["id"] == open_id and row["chunk_seq"] > 0:
             first_s, severity, beginning = texts.pop()

@@ -58,7 +58,9 @@ def read(path: Path, options: OutputOptions) -> Log:
         raise LogError(
             f"{path}: {len(vehicles)} vehicles send an attitude; a log for identification has one"
         )
-    own = {s.message.name: s for s in streams if (s.system, s.component) in vehicles}
+    # Without any attitude all messages count, so that the refusal names only what is missing.
+    senders = vehicles or [(s.system, s.component) for s in streams]
+    own = {s.message.name: s for s in streams if (s.system, s.component) in senders}
     messages: Messages = {name: _decode(own[name]) for name in messages_to_read(own) if name in own}
     for stream in streams:
         device = DEVICES.get((stream.component, stream.message.name))

@@ -61,20 +61,23 @@ def tlog(
     texts: bool = True,
     attitude: Callable[[Sample], object] | None = None,
     position: Callable[[Sample], object] | None = None,
+    links: int = 1,
 ) -> Path:
-    """Write the messages of the dive.
+    """Write the messages of the dive, as a ground station with a number of links receives them.
 
     ``commands`` makes the message with the commands, ``attitude`` that with the attitude and
     ``position`` that with the depth; the defaults are ACTUATOR_OUTPUT_STATUS, ATTITUDE and
     LOCAL_POSITION_NED.
     """
-    link = mavlink.MAVLink(None, 1, 1)
+    senders = [mavlink.MAVLink(None, 1, 1) for _ in range(links)]
+    for number, sender in enumerate(senders):
+        sender.seq = 100 * number
     data = b""
     for entry in _messages(
         commands or _output_status, texts, attitude or _attitude, position or _local_position
     ):
         stamp = struct.pack(">Q", 1_700_000_000_000_000 + round(1e6 * entry[0]) + 250_000)
-        data += stamp + bytes(entry[1].pack(link))
+        data += b"".join(stamp + bytes(entry[1].pack(sender)) for sender in senders)
     path.write_bytes(data)
     return path
 

@@ -339,9 +339,17 @@ def test_tlog_without_attitude_names_what_is_missing(tmp_path: Path) -> None:
     path = files.tlog(tmp_path / "still.tlog", attitude=files.vfr_hud)
     with pytest.raises(
         LogError,
-        match=r"still\.tlog: holds no ATTITUDE or ATTITUDE_QUATERNION or AHRS2, no",
+        match=r"still\.tlog: holds no ATTITUDE or ATTITUDE_QUATERNION or AHRS2 of a vehicle;",
     ):
         readers.read(path)
+
+
+def test_tlog_with_every_message_twice(tmp_path: Path, written: dict[str, Path]) -> None:
+    """A ground station with two links to the vehicle records both."""
+    run, once = the_run(files.tlog(tmp_path / "twice.tlog", links=2)), the_run(written["tlog"])
+    assert (run.stop_reason, run.wave) == (StopReason.COMPLETE, once.wave)
+    np.testing.assert_array_equal(run.time_s, once.time_s)
+    np.testing.assert_array_equal(run.r_radps, once.r_radps)
 
 
 def check_run(run: Run) -> None:
