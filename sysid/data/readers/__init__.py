@@ -6,11 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid.data.dataset import Log, LogError
+from sysid.data.dataset import DEFAULT_TRAVEL_DEG, Log, LogError
 from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage
-from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
+from sysid.data.readers.servo_channels import FROM_LOG, TRAVEL, OutputOptions
 
 FORMATS = "an MCAP log, a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"
+
+MAX_TRAVEL_DEG = 90.0
 
 _FORMAT_BY_MAGIC = {b"\x89MCAP0\r\n": "mcap", b"ULog\x01\x12\x35": "ulog", b"\xa3\x95": "dataflash"}
 _FORMAT_BY_SUFFIX = {
@@ -103,6 +105,12 @@ def read(path: str | Path, options: OutputOptions = FROM_LOG) -> Log:
                 f"{path}: holds {time_s.size} usable samples of {name}; identification needs"
                 " attitude, commands and depth throughout"
             )
+    travel_deg = log.parameters.get(TRAVEL, DEFAULT_TRAVEL_DEG)
+    if not 0.0 < travel_deg <= MAX_TRAVEL_DEG:
+        raise LogError(
+            f"{path}: {TRAVEL} = {travel_deg:g}; the travel of the surfaces lies between 0 and"
+            f" {MAX_TRAVEL_DEG:g} deg"
+        )
     return log
 
 

@@ -39,7 +39,12 @@ from sysid.data.readers.samples import (
     foreign_log,
     strictly_increasing,
 )
-from sysid.data.readers.servo_channels import FIRST_THREE, OutputOptions, travel_rad
+from sysid.data.readers.servo_channels import (
+    FIRST_THREE,
+    READ_PARAMETERS,
+    OutputOptions,
+    travel_rad,
+)
 
 _UNITS = {
     "heading": {"_deg": math.radians(1.0), "_rad": 1.0},
@@ -74,6 +79,8 @@ UNIT_QUANTILE = 0.95
 """Quantile of the absolute values that is compared with these limits.
 
 A few spikes do not refuse a file; a twentieth of its values in another unit does."""
+MAX_STEP_S = 2.0
+"""Largest step of the time, in s: such a column holds milliseconds, or no tests can be seen."""
 TIME = "time_s"
 TEST = "test"
 """Column with the surface under test: ``rudder``, ``elevator``, ``both``, or empty."""
@@ -151,7 +158,7 @@ def _parse(path: Path) -> _Table:
         raise LogError(f"{path}: {error.strerror}; give a CSV file") from None
     except UnicodeDecodeError:
         raise LogError(f"{path}: is no text in UTF-8; give a CSV file") from None
-    parameters = _parameters(line for line in lines if line.startswith("#"))
+    parameters = _parameters(path, lines)
     numbered = [
         (number, line)
         for number, line in enumerate(lines, start=1)
@@ -185,6 +192,12 @@ def _parse(path: Path) -> _Table:
         raise LogError(f"{path}: line {line}: no {TIME}; every row needs its time")
     if np.count_nonzero(strictly_increasing(time_s)) < 2:
         raise LogError(f"{path}: column {TIME}: never increases; give rows in the order of time")
+    step_s = float(np.median(np.diff(time_s)))
+    if step_s > MAX_STEP_S:
+        raise LogError(
+            f"{path}: column {TIME}: rows are {step_s:g} s apart; give seconds, and at least one"
+            f" row every {MAX_STEP_S:g} s"
+        )
     return _Table(columns, time_s, tests, parameters)
 
 
@@ -257,16 +270,21 @@ def _number(path: Path, row: Sequence[str], index: int, name: str, line: int) ->
         raise LogError(f"{path}: line {line}, column {name}: {text!r} is no number") from None
 
 
-def _parameters(comments: Iterable[str]) -> dict[str, float]:
-    """Return the parameters in lines ``# NAME = VALUE``."""
+def _parameters(path: Path, lines: Sequence[str]) -> dict[str, float]:
+    """Return the parameters in lines ``# NAME = VALUE``; a remark may have an equals sign too."""
     parameters = {}
-    for line in comments:
+    for number, line in enumerate(lines, start=1):
         name, found, value = line.lstrip("# ").partition("=")
+        name = name.strip()
+        if not (found and line.startswith("#")):
+            continue
         try:
-            if found:
-                parameters[name.strip()] = float(value)
+            parameters[name] = float(value)
         except ValueError:
-            continue  # a remark with an equals sign
+            if name in READ_PARAMETERS:
+                raise LogError(
+                    f"{path}: line {number}, {name}: {value.strip()!r} is no number"
+                ) from None
     return parameters
 
 

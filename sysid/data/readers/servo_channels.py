@@ -43,9 +43,11 @@ left), the preferred first (ArduPilot, SRV_Channel.h)."""
 
 MAX_OUTPUTS = 16
 """Number of outputs with parameters of their own."""
+TRAVEL = "ACT_TRAVEL_DEG"
+"""Parameter with the travel of the surfaces."""
 READ_PARAMETERS = frozenset(
     (
-        "ACT_TRAVEL_DEG",
+        TRAVEL,
         *(
             f"SERVO{number}_{name}"
             for number in range(1, MAX_OUTPUTS + 1)
@@ -140,7 +142,7 @@ def names_surfaces(parameters: Mapping[str, float]) -> bool:
         True for Caribou's autopilot (ACT_TRAVEL_DEG), and where SERVOn_FUNCTION names a rudder and
         a throttle. The outputs of other logs may belong to motors.
     """
-    return "ACT_TRAVEL_DEG" in parameters or find_channels(parameters) != FIRST_THREE
+    return TRAVEL in parameters or find_channels(parameters) != FIRST_THREE
 
 
 def travel_rad(parameters: Mapping[str, float], options: OutputOptions) -> float:
@@ -159,7 +161,7 @@ def travel_rad(parameters: Mapping[str, float], options: OutputOptions) -> float
         Angle in radians.
     """
     vehicle_deg = DEFAULT_TRAVEL_DEG if options.travel_deg is None else options.travel_deg
-    return math.radians(parameters.get("ACT_TRAVEL_DEG", vehicle_deg))
+    return math.radians(parameters.get(TRAVEL, vehicle_deg))
 
 
 def actuator_commands(

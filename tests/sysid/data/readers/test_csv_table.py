@@ -120,6 +120,33 @@ def test_csv_errors_name_line_and_column(tmp_path: Path, header: str, line: str,
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize("value", ["0", "-15", "nan", "inf", "150"])
+def test_impossible_travel_is_refused(tmp_path: Path, value: str) -> None:
+    path = write(tmp_path / "dive.csv")
+    path.write_text(path.read_text().replace("DEG = 12", f"DEG = {value}"))
+    with pytest.raises(LogError, match=rf"dive\.csv: ACT_TRAVEL_DEG = {value}; .* 0 and 90"):
+        readers.read(path)
+
+
+def test_parameter_that_is_no_number_is_refused_and_a_remark_is_not(tmp_path: Path) -> None:
+    path = write(tmp_path / "dive.csv")
+    path.write_text("# PILOT = Anna\n" + path.read_text())
+    assert readers.read(path).parameters == {"ACT_TRAVEL_DEG": 12.0}
+    path.write_text(path.read_text().replace("DEG = 12", "DEG = many"))
+    with pytest.raises(LogError, match=r"line 3, ACT_TRAVEL_DEG: 'many' is no number"):
+        readers.read(path)
+
+
+def test_time_in_milliseconds_is_refused(tmp_path: Path) -> None:
+    def in_ms(line: str) -> str:
+        time_s, rest = line.split(",", 1)
+        return f"{1000 * float(time_s):.0f},{rest}"
+
+    path = write(tmp_path / "dive.csv", lines=[in_ms(line) for line in rows()])
+    with pytest.raises(LogError, match=r"column time_s: rows are 20 s apart; give seconds"):
+        readers.read(path)
+
+
 def test_csv_without_rows_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "empty.csv"
     path.write_text(COLUMNS + "\n")
