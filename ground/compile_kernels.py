@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from ground.campaign import prototype, refit
 from ground.campaign.preparation import PreparationRequest, prepare
-from ground.campaign.run import CampaignRequest, dive_seed
+from ground.campaign.request import CampaignRequest, dive_seed
 from ground.client.flight import Dive, fly_simulated
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess

@@ -62,7 +62,8 @@ def campaign(
 
     start_fork_server()  # it loads the simulator while this process loads the rest
     from ground.campaign import summary
-    from ground.campaign.run import Campaign, CampaignRequest
+    from ground.campaign.request import CampaignRequest
+    from ground.campaign.run import Campaign
     from ground.cli import progress
     from ground.live.page.feed import DiveFeed
     from sysid.trials import usable_cores

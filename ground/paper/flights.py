@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ground.bench_tests import bench
 from ground.campaign import refit
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
-from ground.campaign.run import Campaign, CampaignRequest
+from ground.campaign.request import CampaignRequest
+from ground.campaign.run import Campaign
 from ground.client import flight
 from ground.client.flight import Dive, FlightProgress
 from ground.report import figures

@@ -17,10 +17,19 @@ from typing import Any
 import msgspec
 import pytest
 
-from ground.campaign import computations, dive_records, run, summary_file
+from ground.campaign import (
+    computations,
+    dive_records,
+    dives,
+    folder_setup,
+    run,
+    summary_file,
+)
 from ground.campaign.dive_records import RECORDS_FILE, DiveRecords, digest_request
+from ground.campaign.dives import CampaignDives
 from ground.campaign.preparation import Preparation
-from ground.campaign.run import Campaign, CampaignRequest
+from ground.campaign.request import CampaignRequest
+from ground.campaign.run import Campaign
 from ground.client.flight import Dive, FlightResult
 from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MavCmd
@@ -144,11 +153,12 @@ def run_campaign(out: Path, kill_at: str = "") -> None:
         WRITE_WHOLE(path, text)
         stages.reach(f"end of {name}")
 
-    run.fly_simulated = fly  # type: ignore[assignment]
+    dives.fly_simulated = fly  # type: ignore[assignment]
     run.Worker = lambda *_: FakeWorker(out, stages)  # type: ignore[misc,assignment]
     run.start_fork_server = lambda: None
-    Campaign._launch = lambda *_: None  # type: ignore[method-assign,assignment,return-value]
-    run.write_whole = dive_records.write_whole = write
+    CampaignDives._launch = lambda *_: None  # type: ignore[method-assign,assignment,return-value]
+    for module in (run, dives, folder_setup, dive_records):
+        module.write_whole = write
     summary_file.write = lambda summary, path: path.write_bytes(msgspec.json.encode(summary))
     summary_file.read = lambda path: None  # type: ignore[assignment,return-value]
     request = CampaignRequest(out, resume=True)
@@ -219,23 +229,23 @@ def check_all_stages(tmp_path: Path) -> None:
 
 
 def test_resume_with_other_options_names_the_option(tmp_path: Path) -> None:
-    run.prepare_folder(CampaignRequest(tmp_path, seed=7))
+    folder_setup.prepare_folder(CampaignRequest(tmp_path, seed=7))
     with pytest.raises(InputError, match=r"--resume: .*campaign\.toml has seed = 7, not 8; give"):
-        run.refuse_folder(CampaignRequest(tmp_path, seed=8, resume=True))
-    run.prepare_folder(CampaignRequest(tmp_path, seed=7, jobs=3, resume=True))
+        folder_setup.refuse_folder(CampaignRequest(tmp_path, seed=8, resume=True))
+    folder_setup.prepare_folder(CampaignRequest(tmp_path, seed=7, jobs=3, resume=True))
 
 
 def test_resume_with_other_versions_is_refused(tmp_path: Path) -> None:
-    run.prepare_folder(CampaignRequest(tmp_path))
+    folder_setup.prepare_folder(CampaignRequest(tmp_path))
     file = tmp_path / "campaign.toml"
     file.write_text(file.read_text().replace("numpy = ", 'numpy = "0.1" # '))
     with pytest.raises(InputError, match="other versions"):
-        run.prepare_folder(CampaignRequest(tmp_path, resume=True))
+        folder_setup.prepare_folder(CampaignRequest(tmp_path, resume=True))
 
 
 def test_resume_with_force_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--resume cannot be combined with --force"):
-        run.refuse_folder(CampaignRequest(tmp_path, resume=True, force=True))
+        folder_setup.refuse_folder(CampaignRequest(tmp_path, resume=True, force=True))
 
 
 def test_dive_is_repeated_after_another_request_or_with_another_log(tmp_path: Path) -> None:

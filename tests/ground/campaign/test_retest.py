@@ -6,9 +6,11 @@ from typing import Any
 
 import pytest
 
-from ground.campaign import computations, retest, run
+from ground.campaign import computations, folder_setup, retest
 from ground.campaign.dive_records import DiveRecords
-from ground.campaign.run import Campaign, CampaignRequest
+from ground.campaign.dives import CampaignDives
+from ground.campaign.request import ALL_MISSIONS, CampaignRequest, dive_seed
+from ground.campaign.run import Campaign
 from ground.client.flight import FlightResult
 from ground.missions import scaling, script
 from ground.missions.script import Script
@@ -84,13 +86,13 @@ def test_campaign_flies_retests_within_the_water_time(
     campaign = Campaign(
         CampaignRequest(tmp_path, extra_water_s=extra_water_s), lambda *at: None, said.append
     )
-    campaign._records = DiveRecords(tmp_path)
+    campaign.dives.records = DiveRecords(tmp_path)
 
-    def fly(self: Campaign, stage: str, mission: str, parameters: object) -> None:
+    def fly(self: CampaignDives, stage: str, mission: str, parameters: object) -> None:
         assert script.load(str(tmp_path / "missions" / f"{mission}.toml")).step
         self.outcomes[f"{stage}/{mission}"] = SimpleNamespace(vehicle_s=300.0)  # type: ignore[assignment]
 
-    monkeypatch.setattr(Campaign, "_fly", fly)
+    monkeypatch.setattr(CampaignDives, "fly", fly)
     worker = FakeWorker(needed)
     campaign._identify(worker, {})  # type: ignore[arg-type]
     assert [dive.mission for dive in campaign.retests] == list(computations.RETESTS[:flown])
@@ -109,17 +111,17 @@ def test_retest_is_limited_to_the_pitch_of_the_tests_that_it_repeats(
     """Two failsafes of the rudder sweeps: 35 deg times 0.36."""
     pitches: list[float] = []
 
-    def fly(self: Campaign, stage: str, mission: str, parameters: dict[str, float]) -> None:
+    def fly(self: CampaignDives, stage: str, mission: str, parameters: dict[str, float]) -> None:
         pitches.append(parameters["SID_PITCH_MAX"])
         self.outcomes[f"{stage}/{mission}"] = SimpleNamespace(vehicle_s=300.0)  # type: ignore[assignment]
 
-    monkeypatch.setattr(Campaign, "_fly", fly)
+    monkeypatch.setattr(CampaignDives, "fly", fly)
     campaign = Campaign(CampaignRequest(tmp_path), lambda *at: None, lambda words: None)
-    campaign._records = DiveRecords(tmp_path)
+    campaign.dives.records = DiveRecords(tmp_path)
     (tmp_path / "log").write_text("")
     ended = FlightResult(tmp_path / "log", 10.0, 1.0, 5, 0, (), ("Failsafe: pitch",), "")
     for number in (1, 2):
-        campaign._records.add(f"identification/rudder_sweeps, attempt {number}", "", ended)
+        campaign.dives.records.add(f"identification/rudder_sweeps, attempt {number}", "", ended)
     campaign._identify(FakeWorker(1), {})  # type: ignore[arg-type]
     assert pitches == [12.6]
 
@@ -138,22 +140,22 @@ def test_campaign_model_error_flies_no_retest(
 
 def test_retest_logs_belong_to_the_campaign(tmp_path: Path) -> None:
     """A replaced campaign leaves none of them; each has its own seed."""
-    run.prepare_folder(CampaignRequest(tmp_path))
+    folder_setup.prepare_folder(CampaignRequest(tmp_path))
     log = tmp_path / "identification" / "retest_1.mcap"
     log.parent.mkdir()
     log.write_bytes(b"")
-    run.prepare_folder(CampaignRequest(tmp_path, force=True))
+    folder_setup.prepare_folder(CampaignRequest(tmp_path, force=True))
     assert not log.exists()
-    seeds = {run.dive_seed(1, mission) for mission in (*run.ALL_MISSIONS, *computations.RETESTS)}
-    assert len(seeds) == len(run.ALL_MISSIONS) + len(computations.RETESTS)
+    seeds = {dive_seed(1, mission) for mission in (*ALL_MISSIONS, *computations.RETESTS)}
+    assert len(seeds) == len(ALL_MISSIONS) + len(computations.RETESTS)
 
 
 def test_failed_retest_ends_the_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fly(self: Campaign, stage: str, mission: str, parameters: object) -> None:
+    def fly(self: CampaignDives, stage: str, mission: str, parameters: object) -> None:
         raise OperationError("failsafe")
 
-    monkeypatch.setattr(Campaign, "_fly", fly)
+    monkeypatch.setattr(CampaignDives, "fly", fly)
     campaign = Campaign(CampaignRequest(tmp_path), lambda *at: None, lambda words: None)
-    campaign._records = DiveRecords(tmp_path)
+    campaign.dives.records = DiveRecords(tmp_path)
     with pytest.raises(OperationError, match="failsafe"):
         campaign._identify(FakeWorker(1), {})  # type: ignore[arg-type]

@@ -18,11 +18,28 @@ import pytest
 from typer.testing import CliRunner
 
 from ground.__main__ import app
-from ground.campaign import computations, refit, run, summary_file
+from ground.campaign import (
+    computations,
+    dives,
+    failsafe_limits,
+    folder_setup,
+    refit,
+    run,
+    summary_file,
+)
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
 from ground.campaign.dive_records import DiveRecords
+from ground.campaign.dives import CampaignDives
+from ground.campaign.failsafe_limits import AfloatError, FailsafeError
 from ground.campaign.preparation import Preparation
-from ground.campaign.run import Campaign, CampaignRequest
+from ground.campaign.request import (
+    ALL_MISSIONS,
+    IDENTIFICATION,
+    TRIM_MISSION,
+    CampaignRequest,
+    dive_seed,
+)
+from ground.campaign.run import Campaign
 from ground.campaign.summary_file import CampaignSummary
 from ground.client import param_file
 from ground.client.dive_symptoms import Symptom, SymptomKind
@@ -208,7 +225,7 @@ def recorded_dives(out: Path) -> set[str]:
 def test_campaign_worker_error_leaves_no_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Campaign, "_fly", lambda *dive: None)
+    monkeypatch.setattr(CampaignDives, "fly", lambda *dive: None)
     with pytest.raises(InputError, match=r"trim\.mcap"):
         Campaign(CampaignRequest(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
     assert multiprocessing.active_children() == []
@@ -218,7 +235,7 @@ def test_campaign_failed_dive_ends_it(tmp_path: Path, monkeypatch: pytest.Monkey
     def sink(*dive: object) -> None:
         raise OperationError("sunk")
 
-    monkeypatch.setattr(Campaign, "_fly", sink)
+    monkeypatch.setattr(CampaignDives, "fly", sink)
     with pytest.raises(OperationError, match="sunk"):
         Campaign(CampaignRequest(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
     assert multiprocessing.active_children() == []
@@ -239,12 +256,12 @@ def test_dive_with_tests_is_repeated_with_smaller_ones_after_a_failsafe(
         failsafes = ("Failsafe: pitch 60 deg",) if sizes[-1] > largest_deg else ()
         return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
 
-    monkeypatch.setattr(run, "fly_simulated", fly)
-    monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
+    monkeypatch.setattr(dives, "fly_simulated", fly)
+    monkeypatch.setattr(CampaignDives, "_launch", lambda *_: None)
     campaign = Campaign(CampaignRequest(tmp_path), lambda name, at: None, lambda words: None)
-    campaign._records = DiveRecords(tmp_path)
+    campaign.dives.records = DiveRecords(tmp_path)
     with nullcontext() if attempts < 4 else pytest.raises(OperationError, match="pitch 60"):
-        campaign._fly("identification", "rudder_sweeps", {})
+        campaign.dives.fly("identification", "rudder_sweeps", {})
     assert sizes == pytest.approx([4.0 * 0.6**n for n in range(attempts)], abs=0.11)
     assert pitches == pytest.approx([35.0 * 0.6**n for n in range(attempts)], abs=0.06)
     assert campaign._totals().vehicle_s == 10.0 * attempts
@@ -261,12 +278,12 @@ def test_resumed_dive_continues_with_the_pitch_of_its_repetition(
         failsafes = ("Failsafe: pitch 60 deg",) if pitches[-1] > 30.0 else ()
         return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
 
-    monkeypatch.setattr(run, "fly_simulated", fly)
-    monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
+    monkeypatch.setattr(dives, "fly_simulated", fly)
+    monkeypatch.setattr(CampaignDives, "_launch", lambda *_: None)
     for _ in range(2):
         campaign = Campaign(CampaignRequest(tmp_path), lambda name, at: None, lambda words: None)
-        campaign._records = DiveRecords(tmp_path)
-        campaign._fly("identification", "rudder_sweeps", {})
+        campaign.dives.records = DiveRecords(tmp_path)
+        campaign.dives.fly("identification", "rudder_sweeps", {})
     assert pitches == [35.0, 21.0]
 
 
@@ -278,18 +295,18 @@ def test_repeated_dive_changes_depth_with_less_pitch(
 ) -> None:
     """20 deg times 0.6 for each repetition, at least 8 deg, never more than at first."""
     first = {} if first_deg is None else {"PTCH_LIM_DEG": first_deg}
-    assert run._limit_pitch(first, 0) == first
-    limits = [run._limit_pitch(first, number)["PTCH_LIM_DEG"] for number in (1, 2, 3)]
+    assert failsafe_limits.limit_pitch(first, 0) == first
+    limits = [failsafe_limits.limit_pitch(first, number)["PTCH_LIM_DEG"] for number in (1, 2, 3)]
     assert limits == repeated_deg
 
 
 def test_depth_reference_is_slower_in_proportion_to_a_smaller_pitch() -> None:
     gains = {"DPT_REF_RATE": 0.3, "PTCH_LIM_DEG": 15.0}
-    once = run._limit_dives(gains, 1)
+    once = failsafe_limits.limit_dives(gains, 1)
     assert once["DPT_REF_RATE"] == pytest.approx(0.3 * 9.0 / 15.0)
-    again = run._limit_dives(once, 1)  # 8 deg is the least pitch
+    again = failsafe_limits.limit_dives(once, 1)  # 8 deg is the least pitch
     assert again["DPT_REF_RATE"] == pytest.approx(0.3 * 8.0 / 15.0)
-    assert run._limit_dives(again, 1) == again
+    assert failsafe_limits.limit_dives(again, 1) == again
 
 
 def _without_simulation(
@@ -305,10 +322,10 @@ def _without_simulation(
         failsafes = ("Failsafe: no effect",) if pitch_deg > largest_deg else ()
         return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
 
-    monkeypatch.setattr(run, "fly_simulated", fly)
-    monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
+    monkeypatch.setattr(dives, "fly_simulated", fly)
+    monkeypatch.setattr(CampaignDives, "_launch", lambda *_: None)
     campaign = Campaign(CampaignRequest(out), lambda name, at: None, lambda words: None)
-    campaign._records = DiveRecords(out)
+    campaign.dives.records = DiveRecords(out)
     return campaign, flown
 
 
@@ -321,10 +338,10 @@ def test_missions_of_all_gains_repeated_with_less_pitch_after_a_failsafe(
 ) -> None:
     campaign, flown = _without_simulation(tmp_path, monkeypatch, largest_deg)
     gains: dict[str, dict[str, float]] = {"initial": {}, "redesigned": {}}
-    both = [(name, mission) for name in gains for mission in run.MISSIONS]
-    with ThreadPoolExecutor(1) as dives:
-        missions = campaign._begin_missions(dives, both, gains)
-        limited = campaign._finish_missions(dives, missions, gains)
+    both = [(name, mission) for name in gains for mission in computations.MISSIONS]
+    with ThreadPoolExecutor(1) as slots:
+        missions = campaign._begin_missions(slots, both, gains)
+        limited = campaign._finish_missions(slots, missions, gains)
     assert [values.get("PTCH_LIM_DEG") for values in limited.values()] == [expected_deg] * 2
     last = [pitch_deg for _, pitch_deg in flown[-len(both) :]]
     assert last == [expected_deg or 20.0] * len(both)
@@ -347,19 +364,19 @@ def test_missions_repeated_with_slower_turns_after_the_rudder_had_no_effect(
         return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
 
     stuck = Symptom(SymptomKind.STUCK, "heading", "the rudder is stuck", "check it")
-    monkeypatch.setattr(run, "fly_simulated", fly)
-    monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
-    monkeypatch.setattr(Campaign, "_symptom", lambda *_: stuck)
+    monkeypatch.setattr(dives, "fly_simulated", fly)
+    monkeypatch.setattr(CampaignDives, "_launch", lambda *_: None)
+    monkeypatch.setattr(CampaignDives, "_symptom", lambda *_: stuck)
     campaign = Campaign(CampaignRequest(tmp_path), lambda name, at: None, lambda words: None)
-    campaign._records = DiveRecords(tmp_path)
+    campaign.dives.records = DiveRecords(tmp_path)
     gains = {"redesigned": {"HDG_REF_RATE": 10.0, "PTCH_LIM_DEG": 15.0}}
-    with ThreadPoolExecutor(1) as dives:
-        missions = campaign._begin_missions(dives, [("redesigned", "combined")], gains)
+    with ThreadPoolExecutor(1) as slots:
+        missions = campaign._begin_missions(slots, [("redesigned", "combined")], gains)
         if expected_degps is None:
-            with pytest.raises(run.FailsafeError, match="the rudder is stuck"):
-                campaign._finish_missions(dives, missions, gains)
+            with pytest.raises(FailsafeError, match="the rudder is stuck"):
+                campaign._finish_missions(slots, missions, gains)
         else:
-            limited = campaign._finish_missions(dives, missions, gains)
+            limited = campaign._finish_missions(slots, missions, gains)
             slower = {"HDG_REF_RATE": expected_degps, "PTCH_LIM_DEG": 15.0}
             assert limited == {"redesigned": slower}
 
@@ -369,10 +386,10 @@ def test_missions_with_failsafe_at_least_pitch_end_the_campaign(
 ) -> None:
     campaign, _ = _without_simulation(tmp_path, monkeypatch, 5.0)
     gains: dict[str, dict[str, float]] = {"redesigned": {}}
-    with ThreadPoolExecutor(1) as dives:
-        missions = campaign._begin_missions(dives, [("redesigned", "depth_change")], gains)
-        with pytest.raises(run.FailsafeError, match="Failsafe: no effect"):
-            campaign._finish_missions(dives, missions, gains)
+    with ThreadPoolExecutor(1) as slots:
+        missions = campaign._begin_missions(slots, [("redesigned", "depth_change")], gains)
+        with pytest.raises(FailsafeError, match="Failsafe: no effect"):
+            campaign._finish_missions(slots, missions, gains)
 
 
 def _never_afloat_at(
@@ -392,11 +409,11 @@ def _never_afloat_at(
         return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
 
     afloat = Symptom(SymptomKind.AFLOAT, "depth", "does not leave the surface", "fly faster")
-    monkeypatch.setattr(run, "fly_simulated", fly)
-    monkeypatch.setattr(Campaign, "_launch", lambda *_: None)
-    monkeypatch.setattr(Campaign, "_symptom", lambda *_: afloat)
+    monkeypatch.setattr(dives, "fly_simulated", fly)
+    monkeypatch.setattr(CampaignDives, "_launch", lambda *_: None)
+    monkeypatch.setattr(CampaignDives, "_symptom", lambda *_: afloat)
     campaign = Campaign(CampaignRequest(out), lambda name, at: None, lambda words: None)
-    campaign._records = DiveRecords(out)
+    campaign.dives.records = DiveRecords(out)
     return campaign, flown
 
 
@@ -404,9 +421,9 @@ def test_vehicle_that_stays_afloat_dives_at_full_thrust_from_then_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
-    campaign._fly("prototype", "trim", {})
-    campaign._fly("identification", "rudder_steps", {})
-    campaign._fly("verification", "combined", {})
+    campaign.dives.fly("prototype", "trim", {})
+    campaign.dives.fly("identification", "rudder_steps", {})
+    campaign.dives.fly("verification", "combined", {})
     assert flown == [
         ("prototype/trim", 58.0),
         ("prototype/trim", 100.0),
@@ -421,15 +438,15 @@ def test_resumed_campaign_keeps_the_descent_at_full_thrust(
 ) -> None:
     """The missions are written again at the beginning; the record of the failed dive remains."""
     campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
-    campaign._fly("prototype", "trim", {})
-    options = run._campaign_toml(campaign.request._replace(resume=True), ())
+    campaign.dives.fly("prototype", "trim", {})
+    options = folder_setup._campaign_toml(campaign.request._replace(resume=True), ())
     (tmp_path / "campaign.toml").write_text(options)
     resumed, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
-    resumed.request = resumed.request._replace(resume=True)
+    resumed.request = resumed.dives.request = resumed.request._replace(resume=True)
     resumed._write_folder(Preparation({}, {}, ()))
-    resumed._fly("prototype", "trim", {})
+    resumed.dives.fly("prototype", "trim", {})
     assert flown == []
-    resumed._fly("identification", "rudder_steps", {})
+    resumed.dives.fly("identification", "rudder_steps", {})
     assert flown == [("identification/rudder_steps", 100.0)]
     assert resumed._totals().vehicle_s == 30.0
 
@@ -438,14 +455,14 @@ def test_test_dive_that_stays_afloat_changes_its_own_and_all_gains_missions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
-    campaign._fly("identification", "rudder_steps", {})
+    campaign.dives.fly("identification", "rudder_steps", {})
     folder = CampaignFolder(tmp_path)
     faster = {
         mission
-        for mission in run.ALL_MISSIONS
+        for mission in ALL_MISSIONS
         if scaling.descends_at_full_thrust(script.load(folder.mission_file(mission)))
     }
-    assert faster == {"rudder_steps", *run.MISSIONS}
+    assert faster == {"rudder_steps", *computations.MISSIONS}
     assert [thrust for _, thrust in flown] == [58.0, 100.0]
 
 
@@ -454,10 +471,10 @@ def test_missions_of_all_gains_repeated_at_full_thrust_after_one_stays_afloat(
 ) -> None:
     campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
     gains: dict[str, dict[str, float]] = {"initial": {}, "redesigned": {}}
-    both = [(name, mission) for name in gains for mission in run.MISSIONS]
-    with ThreadPoolExecutor(1) as dives:
-        missions = campaign._begin_missions(dives, both, gains)
-        assert campaign._finish_missions(dives, missions, gains) == gains
+    both = [(name, mission) for name in gains for mission in computations.MISSIONS]
+    with ThreadPoolExecutor(1) as slots:
+        missions = campaign._begin_missions(slots, both, gains)
+        assert campaign._finish_missions(slots, missions, gains) == gains
     assert [thrust for _, thrust in flown[-len(both) :]] == [100.0] * len(both)
 
 
@@ -465,8 +482,8 @@ def test_vehicle_that_stays_afloat_at_full_thrust_ends_the_campaign(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     campaign, flown = _never_afloat_at(101.0, tmp_path, monkeypatch)
-    with pytest.raises(run.AfloatError, match="add ballast; a descent at full thrust is not"):
-        campaign._fly("prototype", "trim", {})
+    with pytest.raises(AfloatError, match="add ballast; a descent at full thrust is not"):
+        campaign.dives.fly("prototype", "trim", {})
     assert len(flown) == 2
 
 
@@ -476,8 +493,8 @@ def test_pitch_limit_of_repeated_tests_is_kept_for_all_gains(
     campaign, _ = _without_simulation(tmp_path, monkeypatch, 12.0)
     gains = {"initial": {"HDG_P": 1.0}, "improved": {"HDG_P": 2.0}}
     assert campaign._limit_as_taught(gains) == gains
-    campaign._fly("identification", "elevator_steps", {})
-    campaign._fly("identification", "rudder_steps", {"PTCH_LIM_DEG": 12.0})
+    campaign.dives.fly("identification", "elevator_steps", {})
+    campaign.dives.fly("identification", "rudder_steps", {"PTCH_LIM_DEG": 12.0})
     limited = campaign._limit_as_taught(gains)
     assert limited == {name: {**values, "PTCH_LIM_DEG": 12.0} for name, values in gains.items()}
 
@@ -485,7 +502,7 @@ def test_pitch_limit_of_repeated_tests_is_kept_for_all_gains(
 def test_campaign_folder_with_other_files_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(InputError, match="no campaign"):
-        run.prepare_folder(CampaignRequest(tmp_path))
+        folder_setup.prepare_folder(CampaignRequest(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
@@ -535,7 +552,7 @@ def test_campaign_second_in_folder_refused_before_flying(
 
 def test_campaign_by_force_removes_only_what_a_campaign_writes(tmp_path: Path) -> None:
     old_campaign(tmp_path, finished=True)
-    run.prepare_folder(CampaignRequest(tmp_path, seed=7, force=True))
+    folder_setup.prepare_folder(CampaignRequest(tmp_path, seed=7, force=True))
     after = content(tmp_path)
     assert "seed = 7" in after.pop("campaign.toml")
     assert after == dict.fromkeys(
@@ -543,7 +560,7 @@ def test_campaign_by_force_removes_only_what_a_campaign_writes(tmp_path: Path) -
     )
     assert not (tmp_path / "prototype").exists()
     with pytest.raises(InputError, match="interrupted campaign"):
-        run.prepare_folder(CampaignRequest(tmp_path))
+        folder_setup.prepare_folder(CampaignRequest(tmp_path))
 
 
 def test_campaign_force_bad_scenario_keeps_old_campaign(tmp_path: Path) -> None:
@@ -601,7 +618,7 @@ def test_campaign_prior_is_the_vehicles_own_file(
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
     monkeypatch.setattr(refit, "check_converged", lambda model: None)
     monkeypatch.setattr(refit, "redesign_for_campaign", redesign)
-    run.prepare_folder(CampaignRequest(tmp_path, vehicle=vehicle))
+    folder_setup.prepare_folder(CampaignRequest(tmp_path, vehicle=vehicle))
     computations.identify(tmp_path)
     computations._folder(tmp_path).__dict__["model"] = None
     with pytest.raises(OperationError, match="no gains"):
@@ -619,16 +636,16 @@ def test_campaign_reads_each_log_once(tmp_path: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(refit, "refit_logs", refit_logs)
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
-    run.prepare_folder(CampaignRequest(tmp_path))
-    for mission in run.IDENTIFICATION:
+    folder_setup.prepare_folder(CampaignRequest(tmp_path))
+    for mission in IDENTIFICATION:
         computations.read_log(tmp_path, "identification", mission)
     computations.identify(tmp_path)
-    assert read == list(run.IDENTIFICATION)
+    assert read == list(IDENTIFICATION)
     assert fitted == [list(computations.FITTED), list(computations.HELD_OUT)]
 
 
 def test_campaign_unreadable_log_is_reported_by_the_refit(tmp_path: Path) -> None:
-    run.prepare_folder(CampaignRequest(tmp_path))
+    folder_setup.prepare_folder(CampaignRequest(tmp_path))
     computations.read_log(tmp_path, "identification", computations.FITTED[0])
     with pytest.raises(InputError, match=r"rudder_steps\.mcap: No such file"):
         computations.identify(tmp_path)
@@ -640,9 +657,9 @@ def test_campaign_free_slot_flies_a_mission_during_the_last_test(
     begun, at_refit = list[str](), list[str]()
     baseline_begun, refit_begun = Event(), Event()
 
-    def fly(self: Campaign, stage: str, mission: str, parameters: object) -> None:
+    def fly(self: CampaignDives, stage: str, mission: str, parameters: object) -> None:
         begun.append(f"{stage}/{mission}")
-        if mission == run.IDENTIFICATION[-1]:
+        if mission == IDENTIFICATION[-1]:
             assert baseline_begun.wait(30.0)
         if stage == "baseline":
             baseline_begun.set()
@@ -654,13 +671,13 @@ def test_campaign_free_slot_flies_a_mission_during_the_last_test(
         raise OperationError("no model")
 
     monkeypatch.setattr(Campaign, "_measure_trims", lambda *asked: {})
-    monkeypatch.setattr(Campaign, "_fly", fly)
+    monkeypatch.setattr(CampaignDives, "fly", fly)
     monkeypatch.setattr(Campaign, "_redesign", redesign)
     request = CampaignRequest(tmp_path / "out", jobs=2)
     with pytest.raises(OperationError, match="no model"):
         Campaign(request, lambda name, at: None, lambda words: None).run()
     # One slot flies the first mission from the last test on, the other one refits.
-    assert at_refit[:6] == [f"identification/{mission}" for mission in run.IDENTIFICATION]
+    assert at_refit[:6] == [f"identification/{mission}" for mission in IDENTIFICATION]
     assert at_refit[6:] == [f"baseline/{computations.MISSIONS[0]}"]
 
 
@@ -715,14 +732,14 @@ def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
         "scenario.toml",
         "truth.toml",
     }
-    assert {path.stem for path in (out / "missions").iterdir()} == set(run.ALL_MISSIONS)
+    assert {path.stem for path in (out / "missions").iterdir()} == set(ALL_MISSIONS)
     assert found.scaled[0].startswith("sea: moments of disturbed times the ratio of the moments")
     assert (out / "report.html").stat().st_size > 1_000_000
 
 
 def test_dive_seed_differs_by_mission_and_seed(tmp_path: Path) -> None:
-    names = (run.TRIM_MISSION, *computations.MISSIONS, *computations.FITTED, *computations.HELD_OUT)
-    seeds = [run.dive_seed(seed, name) for seed in range(3) for name in names]
+    names = (TRIM_MISSION, *computations.MISSIONS, *computations.FITTED, *computations.HELD_OUT)
+    seeds = [dive_seed(seed, name) for seed in range(3) for name in names]
     assert len(set(seeds)) == len(seeds)
 
 

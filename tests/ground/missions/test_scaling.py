@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from ground.campaign.run import ALL_MISSIONS
+from ground.campaign.request import ALL_MISSIONS
 from ground.missions import scaling, script, signals
 from ground.missions.scaling import AxisScaling, MissionScaling
 from mavlink_io.mission_items import MavCmd

@@ -1,0 +1,236 @@
+"""Dives of a campaign: each is flown once, and again with smaller tests after a failsafe.
+
+Each dive has its own simulator and autopilot process and its own log. Any thread may fly one.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from threading import Lock
+
+from ground.campaign.campaign_folder import (
+    MISSIONS_FOLDER,
+    SCENARIO_FILE,
+    STAGES,
+    TRUTH_FILE,
+    CampaignFolder,
+)
+from ground.campaign.computations import MISSIONS
+from ground.campaign.dive_records import (
+    AFLOAT,
+    DiveRecord,
+    DiveRecords,
+    digest_request,
+    write_whole,
+)
+from ground.campaign.failsafe_limits import (
+    MAX_REPETITIONS,
+    SMALLER_TESTS,
+    AfloatError,
+    FailsafeError,
+    limit_pitch,
+)
+from ground.campaign.request import (
+    ALL_MISSIONS,
+    IDENTIFICATION,
+    TRIM_MISSION,
+    CampaignRequest,
+    dive_seed,
+)
+from ground.client.assessment import assess_log
+from ground.client.dive_symptoms import Symptom, SymptomKind
+from ground.client.flight import Dive, FlightProgress, TelemetryListener, fly_simulated
+from ground.missions import scaling, script
+from ground.simulation.processes import SimulatedVehicle, Simulation
+from ground.simulation.subprocesses import ForkedProcess
+from mavlink_io.errors import CaribouError, OperationError
+from mavlink_io.mission_items import MissionItem
+from sysid.data import readers
+
+MAX_ANGLE_DEG = 90.0
+"""Largest size of a test (deg): without effect, because tests are only made smaller."""
+WatchCallback = Callable[[str, FlightProgress], None]
+"""Called with the name and the progress of a dive."""
+AnnounceCallback = Callable[[str], None]
+"""Called with a text about what begins."""
+ListenCallback = Callable[[str, Sequence[MissionItem]], TelemetryListener]
+"""Called with the name and the mission of a dive; returns the listener to its telemetry."""
+
+
+@dataclass
+class CampaignDives:
+    """The dives of a campaign, finished ones and those under way."""
+
+    request: CampaignRequest
+    watch: WatchCallback
+    announce: AnnounceCallback
+    listen: ListenCallback | None = None
+    outcomes: dict[str, DiveRecord] = field(default_factory=dict)
+    """Record of each dive and of each attempt that ended with a failsafe."""
+    records: DiveRecords = field(init=False)
+    """The same in the folder, and those of a campaign that is resumed."""
+    _simulated: list[SimulatedVehicle] = field(default_factory=list)
+    _lock: Lock = field(default_factory=Lock)
+    _cancelled: bool = False
+
+    def open_records(self) -> None:
+        """Read the records of a prepared folder, and change its missions as they have taught."""
+        self.records = DiveRecords(self.request.out)
+        for mission in IDENTIFICATION:
+            self.repeat_reductions(mission)
+        self.outcomes.update(self.records.afloat_attempts())
+        self.speed_up_descents()
+
+    def fly(self, stage: str, mission: str, parameters: Mapping[str, float]) -> None:
+        """Fly one dive, unless it is recorded; repeat one with tests after a failsafe.
+
+        Raises FailsafeError after a failsafe of another dive, or of the last repetition.
+        """
+        name = f"{stage}/{mission}"
+        repetitions = MAX_REPETITIONS if stage == "identification" else 0
+        failed = self.records.failed_attempts(name)
+        self.outcomes.update(failed)
+        for number in range(min(len(failed), repetitions), repetitions + 1):
+            failsafe = self._leave_surface(stage, mission, limit_pitch(parameters, number))
+            if not failsafe:
+                return
+            if number < repetitions:
+                self.announce(
+                    f"{name}: {failsafe}; repeating it with tests and largest pitch of"
+                    f" {SMALLER_TESTS:g} times the size"
+                )
+                self._shrink_tests(mission)
+        symptom = self._symptom(stage, mission)
+        advice = f"; {symptom.message}: {symptom.remedy}" if symptom else ""
+        raise FailsafeError(f"{name}: {failsafe}{advice}", symptom)
+
+    def _leave_surface(self, stage: str, mission: str, parameters: Mapping[str, float]) -> str:
+        """Fly one dive; again with a descent at full thrust if it does not leave the surface.
+
+        Returns the first failsafe, empty without one. Raises AfloatError if a descent at full
+        thrust does not help, or if it is to be flown with other sets of gains, too.
+        """
+        try:
+            return self._fly_once(stage, mission, parameters)
+        except AfloatError as error:
+            if stage in STAGES.values() or not self.speed_up_descents():
+                raise
+            self.announce(f"{error}; repeating it with a descent at full thrust")
+            return self._fly_once(stage, mission, parameters)
+
+    def repeat_reductions(self, mission: str) -> None:
+        """Make the tests of a mission as small as they were after the failsafes of its dives."""
+        attempts = self.records.failed_attempts(f"identification/{mission}")
+        for _ in range(min(len(attempts), MAX_REPETITIONS)):
+            self._shrink_tests(mission)
+
+    def taught_repetitions(self) -> int:
+        """Return the largest number of failed attempts of a dive with planned tests."""
+        attempts = (self.records.failed_attempts(f"identification/{m}") for m in IDENTIFICATION)
+        return min(MAX_REPETITIONS, max(len(failed) for failed in attempts))
+
+    def _symptom(self, stage: str, mission: str) -> Symptom | None:
+        """Return the gravest symptom of a dive with a remedy; None without any."""
+        log = CampaignFolder(self.request.out).log_path(stage, mission)
+        try:
+            symptoms = assess_log(readers.read(log)).symptoms
+        except CaribouError:
+            return None
+        return next((symptom for symptom in symptoms if symptom.remedy), None)
+
+    def speed_up_descents(self) -> bool:
+        """Write missions with a descent at full thrust, as far as dives have taught that.
+
+        A first dive that did not leave the surface changes all missions; another dive its own one
+        and those of all sets of gains. Returns whether a mission was changed.
+        """
+        folder = CampaignFolder(self.request.out)
+        changed = False
+        with self._lock:
+            afloat = {key.removesuffix(AFLOAT) for key in self.records.afloat_attempts()}
+            taught = {dive.split("/")[1] for dive in afloat}
+            if afloat:
+                taught |= set(ALL_MISSIONS if TRIM_MISSION in taught else MISSIONS)
+            for mission in taught:
+                flown = script.load(folder.mission_file(mission))
+                if not scaling.descends_at_full_thrust(flown):
+                    self.write_mission(mission, scaling.descend_at_full_thrust(flown))
+                    changed = True
+        return changed
+
+    def write_mission(self, mission: str, steps: script.Script) -> None:
+        """Write a mission into the folder."""
+        path = self.request.out / MISSIONS_FOLDER / f"{mission}.toml"
+        path.parent.mkdir(exist_ok=True)
+        write_whole(path, scaling.encode(steps))
+
+    def _shrink_tests(self, mission: str) -> None:
+        """Write a mission with smaller tests into the folder."""
+        folder = CampaignFolder(self.request.out)
+        asked = script.load(folder.mission_file(mission))
+        tests = sum(step.test is not None for step in asked.step)
+        smaller = scaling.scale_tests(
+            asked, dict.fromkeys(range(tests), SMALLER_TESTS), defaultdict(lambda: MAX_ANGLE_DEG)
+        )
+        self.write_mission(mission, smaller)
+
+    def _fly_once(self, stage: str, mission: str, parameters: Mapping[str, float]) -> str:
+        """Fly one dive, unless it is recorded; return the first failsafe, empty without one."""
+        log = CampaignFolder(self.request.out).log_path(stage, mission)
+        log.parent.mkdir(exist_ok=True)
+        name = f"{stage}/{mission}"
+        notes = {"stage": stage, "seed": str(dive_seed(self.request.seed, mission))}
+        mission_file = CampaignFolder(self.request.out).mission_file(mission)
+        dive = Dive.load(mission_file, log, parameters=parameters, notes=notes)
+        dive = replace(dive, mission=mission)
+        request_sha256 = digest_request(
+            parameters, dive.items, dive_seed(self.request.seed, mission)
+        )
+        if record := self.records.find(name, log, request_sha256):
+            self.outcomes[name] = record
+            return ""
+        listener = self.listen(name, dive.items) if self.listen else None
+        outcome = fly_simulated(
+            dive,
+            self._launch(mission),
+            lambda progress: self.watch(name, progress),
+            follower=listener,
+        )
+        if outcome.failsafes:
+            symptom = self._symptom(stage, mission)
+            if symptom and symptom.kind is SymptomKind.AFLOAT:
+                failed = f"{name}{AFLOAT}"
+                self.outcomes[failed] = self.records.add(failed, request_sha256, outcome)
+                remedy = symptom.remedy
+                if scaling.descends_at_full_thrust(script.load(mission_file)):
+                    remedy = "add ballast; a descent at full thrust is not enough"
+                raise AfloatError(f"{name}: {symptom.message}: {remedy}")
+            failed = f"{name}, attempt {len(self.records.failed_attempts(name)) + 1}"
+            self.outcomes[failed] = self.records.add(failed, request_sha256, outcome)
+            return outcome.failsafes[0]
+        self.outcomes[name] = self.records.add(name, request_sha256, outcome)
+        return ""
+
+    def _launch(self, mission: str) -> SimulatedVehicle:
+        """Start the processes of a dive. Raises OperationError after a cancellation."""
+        r = self.request
+        with self._lock:
+            if self._cancelled:
+                raise OperationError("cancelled")
+            folder = CampaignFolder(r.out)
+            simulation = Simulation(
+                vehicle=folder.flown(TRUTH_FILE, r.flown_vehicle),
+                scenario=folder.flown(SCENARIO_FILE, r.scenario),
+                seed=dive_seed(r.seed, mission),
+                speed=r.speed,
+            )
+            simulated = SimulatedVehicle(simulation, start=ForkedProcess)
+            self._simulated.append(simulated)
+        return simulated
+
+    def stop_all(self) -> None:
+        """Stop all simulations, and start no more."""
+        with self._lock:
+            self._cancelled = True
+            for simulated in self._simulated:
+                simulated.stop()
