@@ -4,22 +4,20 @@ The result is deterministic: the same logs and package versions give the same by
 ``model.json``.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from mavlink_io.errors import ErrorCode, InputError, OperationError
-from sitl.vehicle import build_model
-from sitl.vehicle import config as vehicle_files
+from mavlink_io.errors import ErrorCode, OperationError
 from sitl.vehicle.config import SHIPPED as SHIPPED
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.config import VehicleFileError as VehicleFileError
-from sysid.data import duplicates, readers, segments
+from sysid import usable_runs
+from sysid.data import readers
 from sysid.data.dataset import Log
 from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
 from sysid.data.segments import MarkedInterval, Run
@@ -28,63 +26,22 @@ from sysid.estimation.linear.multistart import NotUniqueError as NotUniqueError
 from sysid.estimation.map import fit, intervals
 from sysid.estimation.map.fit import Prior, Progress
 from sysid.models import bench_priors, model_export, parameters, prediction
-from sysid.models import model_file as models
-from sysid.models.bench_priors import BenchMeasurement
 from sysid.models.bench_priors import BenchResultError as BenchResultError
-from sysid.models.model_file import (
-    AlternativeFit,
-    AnomalyTest,
-    DataFile,
-    IdentifiedModel,
-    Method,
-    ScreenedRun,
-)
+from sysid.models.model_file import AlternativeFit, DataFile, IdentifiedModel, Method
 from sysid.models.parameters import NAMES
+from sysid.prior_knowledge import PriorKnowledge, prior_knowledge, prior_of
+from sysid.prior_knowledge import RefitError as RefitError
 from sysid.reproduction import paper_method
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
-from sysid.screening import (
-    RunScreening,
-    Screening,
-    ScreeningLimits,
-    log_consistency,
-    proposals,
-    screen,
-    wiring,
-)
+from sysid.screening import ScreeningLimits, log_consistency, screen
 from sysid.screening.refit_loop import RefitResult, refit_until_clean, shifts
 from sysid.validation.assess import with_assessment
-
-Array = NDArray[np.float64]
-
-FORBIDDEN_PRIOR = "caribou_truth"
-"""Vehicle file of the simulated truth.
-
-It is refused as a prior: no such file exists for a real vehicle.
-"""
-TRUTH_SUFFIX = "_truth"
-"""End of the name of a simulated vehicle, whose file is refused as a prior."""
-
-
-class RefitError(InputError):
-    """The logs or the prior cannot be used; the message names the cause and the correction."""
-
-    code = ErrorCode.REFIT_DATA
 
 
 class FitFailedError(OperationError):
     """The fit has no result; the message names the prior, the reason and a remedy."""
 
     code = ErrorCode.FIT_FAILED
-
-
-class PriorKnowledge(NamedTuple):
-    """Knowledge of a vehicle before its tests: vehicle file, earlier model, bench measurements."""
-
-    config: VehicleConfig
-    name: str
-    earlier: IdentifiedModel | None
-    bench_measurements: tuple[BenchMeasurement, ...] = ()
-    """Results of the bench test of the tailcone and of the inclining test."""
 
 
 class RefitRequest(NamedTuple):
@@ -156,8 +113,10 @@ def refit(request: RefitRequest, progress: Progress | None = None) -> Identified
     options = OutputOptions(request.outputs, knowledge.config.tailcone.travel_deg)
     for path in (*request.paths, *request.held_out):
         readers.format_of(Path(path))  # refuses a file that is no log before progress is shown
-    logs = _read(request.paths, options, lambda share: report("read logs", 0.1 * share))
-    held_out_logs = _read(request.held_out, options, lambda share: None)
+    logs = usable_runs.read_logs(
+        request.paths, options, lambda share: report("read logs", 0.1 * share)
+    )
+    held_out_logs = usable_runs.read_logs(request.held_out, options, lambda share: None)
     return _refit(request, knowledge, logs, held_out_logs, report)
 
 
@@ -210,18 +169,16 @@ def _refit(
     report: Progress,
 ) -> IdentifiedModel:
     """Identify a vehicle from logs."""
-    _check_marks(request.marks, [log.name for log in (*logs, *held_out_logs)])
-    _refuse_duplicates(request, logs, held_out_logs, knowledge)
-    _refuse_miswired(request, [*logs, *held_out_logs])
-    accepted_runs, screenings = _select(logs, request.limits, request.marks)
-    held_out_screenings = screen(
-        [
-            run
-            for log in held_out_logs
-            for run in segments.cut_runs(log, _marks_of(log, request.marks))
-        ],
-        request.limits,
+    usable_runs.check_marks(request.marks, [log.name for log in (*logs, *held_out_logs)])
+    usable_runs.refuse_duplicates(
+        zip(request.paths, logs, strict=True),
+        zip(request.held_out, held_out_logs, strict=True),
+        request.marks,
+        knowledge,
     )
+    usable_runs.refuse_miswired([*logs, *held_out_logs], request.marks)
+    accepted_runs, screenings = usable_runs.select(logs, request.limits, request.marks)
+    held_out_screenings = screen(usable_runs.cut_runs(held_out_logs, request.marks), request.limits)
     held_out_runs = [s.run for s in held_out_screenings if s.accepted]
     with _failing(knowledge.name):
         model, refitted = _identify(
@@ -234,9 +191,11 @@ def _refit(
         model,
         data=tuple(DataFile(log.name, log.sha256) for log in logs),
         held_out_data=tuple(DataFile(log.name, log.sha256) for log in held_out_logs),
-        notes=(*model.notes, *_log_notes([*logs, *held_out_logs], knowledge)),
-        screening=tuple(_screened_run(s, tested_runs.get(s.run.name)) for s in screenings),
-        held_out_screening=tuple(_screened_run(s) for s in held_out_screenings),
+        notes=(*model.notes, *usable_runs.log_notes([*logs, *held_out_logs], knowledge)),
+        screening=tuple(
+            usable_runs.screened_run(s, tested_runs.get(s.run.name)) for s in screenings
+        ),
+        held_out_screening=tuple(usable_runs.screened_run(s) for s in held_out_screenings),
     )
     with _failing(knowledge.name):
         model = _with_alternative_fits(
@@ -426,231 +385,4 @@ def identify_without_outliers(
             ),
         ),
         refitted,
-    )
-
-
-def prior_of(
-    runs: Sequence[Run], prior: VehicleConfig, earlier: IdentifiedModel | None = None
-) -> Prior:
-    """Return the normal distribution of the parameters before the data.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-        Runs whose mean commands before the tests give the actuator biases of the prior vehicle.
-    prior : VehicleConfig
-        First-principles vehicle.
-    earlier : IdentifiedModel, optional
-        Earlier model; its estimate and covariance are used, and ``runs`` is ignored.
-
-    Returns
-    -------
-    Prior
-        Mean and covariance of z, in prior standard deviations, and actuator biases (rad).
-    """
-    if earlier is None:
-        biases = fit.trim_biases(prior, build_model.build(prior), runs)
-        return Prior(
-            config=prior,
-            biases_rad=biases,
-            mean=np.zeros(len(NAMES)),
-            covariance=parameters.prior_covariance(),
-        )
-    biases = {plane: float(np.radians(b)) for plane, b in earlier.vehicle.prior_biases_deg.items()}
-    return Prior(
-        config=prior,
-        biases_rad=biases,
-        mean=np.array(earlier.joint.z),
-        covariance=np.array(earlier.joint.covariance),
-    )
-
-
-def prior_knowledge(prior: str | Path) -> PriorKnowledge:
-    """Read the prior of an identification.
-
-    Parameters
-    ----------
-    prior : str or Path
-        Name of a shipped vehicle, path of a vehicle file, or path of a ``model.json`` of method
-        ``map``.
-
-    Returns
-    -------
-    PriorKnowledge
-        Vehicle file, its name and, for a ``model.json``, the earlier model.
-
-    Raises
-    ------
-    VehicleFileError, ModelError
-        The file is missing or invalid.
-    RefitError
-        The model is of another method than ``map``, or has other parameters than this version.
-    """
-    if str(prior).endswith(".json"):
-        earlier = models.read(prior)
-        if earlier.method != "map":
-            raise RefitError(
-                f"{prior}: method = {earlier.method!r}; a prior must be a model of method 'map'"
-            )
-        if earlier.joint.names != NAMES:
-            raise RefitError(
-                f"{prior}: joint.names are not this version's parameters; refit its logs"
-            )
-        return PriorKnowledge(
-            vehicle_files.load(earlier.vehicle.prior), earlier.vehicle.prior, earlier
-        )
-    return PriorKnowledge(
-        vehicle_file(prior), str(prior) if prior == "caribou_nominal" else Path(prior).name, None
-    )
-
-
-def vehicle_file(prior: str | Path) -> VehicleConfig:
-    """Load the vehicle file of a prior.
-
-    Parameters
-    ----------
-    prior : str or Path
-        Name of a shipped vehicle or path of a vehicle file (TOML).
-
-    Returns
-    -------
-    VehicleConfig
-        The decoded vehicle file.
-
-    Raises
-    ------
-    VehicleFileError
-        The file is missing or invalid, or it is the simulated truth, `FORBIDDEN_PRIOR`.
-    """
-    is_truth = str(prior) == FORBIDDEN_PRIOR
-    config = None if is_truth else vehicle_files.load(prior)
-    if config is None or config.name.endswith(TRUTH_SUFFIX):
-        raise VehicleFileError(
-            f"prior {str(prior)!r}: is the simulated truth; "
-            "give 'caribou_nominal', a vehicle file or a model.json"
-        )
-    return config
-
-
-def _read(
-    paths: Sequence[str | Path], options: OutputOptions, report: Callable[[float], None]
-) -> list[Log]:
-    """Read the logs; ``report`` is called with the share of the logs that are read."""
-    logs = []
-    for number, path in enumerate(paths):
-        report(number / len(paths))
-        logs.append(readers.read(path, options))
-    return logs
-
-
-def _check_marks(marks: Sequence[MarkedInterval], names: Sequence[str]) -> None:
-    """Require that every mark names an existing log.
-
-    A mark may omit it only if there is one log.
-    """
-    for mark in marks:
-        description = f"run {mark.start_s:g}..{mark.stop_s:g}"
-        if mark.log and mark.log not in names:
-            raise RefitError(f"{description}: {mark.log} is none of the logs {', '.join(names)}")
-        if not mark.log and len(names) > 1:
-            raise RefitError(
-                f"{description}: there are {len(names)} logs; name the one that it is in,"
-                f" {names[0]}:START..STOP"
-            )
-
-
-def _refuse_duplicates(
-    request: RefitRequest,
-    logs: Sequence[Log],
-    held_out_logs: Sequence[Log],
-    knowledge: PriorKnowledge,
-) -> None:
-    """Raise RefitError if two of the logs hold the same dive."""
-    fitted_logs, held_out_named = (
-        [duplicates.named_log(path, log, _marks_of(log, request.marks)) for path, log in pairs]
-        for pairs in (
-            zip(request.paths, logs, strict=True),
-            zip(request.held_out, held_out_logs, strict=True),
-        )
-    )
-    prior_data = knowledge.earlier.data if knowledge.earlier else ()
-    reason = duplicates.refusal(fitted_logs, held_out_named, prior_data)
-    if reason:
-        raise RefitError(reason)
-
-
-def _log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
-    """Return notes on damaged logs, and on logs with another travel than the prior's."""
-    travel_deg = knowledge.config.tailcone.travel_deg
-    return [
-        *(f"{log.name} is damaged: {log.damage}" for log in logs if log.damage),
-        *(
-            f"{log.name}: ACT_TRAVEL_DEG = {log.parameters['ACT_TRAVEL_DEG']:g}, and the travel of"
-            f" prior {knowledge.name} is {travel_deg:g} deg: a wrong prior or another tailcone"
-            for log in logs
-            if not np.isclose(log.parameters.get("ACT_TRAVEL_DEG", travel_deg), travel_deg, 1e-3)
-        ),
-    ]
-
-
-def _refuse_miswired(request: RefitRequest, logs: Sequence[Log]) -> None:
-    """Raise RefitError for swapped planes, a reversed sign, or logs of different vehicles."""
-    reason = wiring.refusal(
-        [
-            wiring.LogOfRuns(log, segments.cut_runs(log, _marks_of(log, request.marks)))
-            for log in logs
-        ]
-    )
-    if reason:
-        raise RefitError(reason)
-
-
-def _marks_of(log: Log, marks: Sequence[MarkedInterval]) -> list[MarkedInterval]:
-    """Return the marks that apply to a log; a mark without a log name applies to every log."""
-    return [mark for mark in marks if mark.log in ("", log.name)]
-
-
-def _select(
-    logs: Sequence[Log], limits: ScreeningLimits | None, marks: Sequence[MarkedInterval]
-) -> tuple[list[Run], list[Screening]]:
-    """Cut the logs into runs and screen them.
-
-    Return the accepted runs and all screening results.
-    """
-    runs = [run for log in logs for run in segments.cut_runs(log, _marks_of(log, marks))]
-    names = ", ".join(log.name for log in logs) or "no file"
-    if not runs:
-        needed = "tests of rudder or elevator (SID_AXIS 12 or 11), or ranges that you mark"
-        found = proposals.format_marks([mark for log in logs for mark in proposals.propose(log)])
-        raise RefitError(f"{names}: no test found; a log needs {needed} (--segment); {found}")
-    screenings = screen(runs, limits)
-    accepted_runs = [s.run for s in screenings if s.accepted]
-    if not accepted_runs:
-        rejections = "; ".join(f"{s.run.name} {s.reasons[0]}" for s in screenings)
-        raise RefitError(f"{names}: every test was screened out: {rejections}")
-    return accepted_runs, screenings
-
-
-def _screened_run(screening: Screening, outlier_test: RunScreening | None = None) -> ScreenedRun:
-    """Return the ``model.json`` record of a run, with the outlier tests if the run was fitted."""
-    run, reasons = screening.run, screening.reasons
-    record = ScreenedRun(
-        run=run.name,
-        plane=run.plane,
-        wave=run.wave,
-        magnitude_deg=run.magnitude_deg,
-        duration_s=float(run.time_s[-1]),
-        accepted=not reasons,
-        reasons=reasons,
-    )
-    if outlier_test is None:
-        return record
-    return msgspec.structs.replace(
-        record,
-        accepted=not outlier_test.reason,
-        reasons=(outlier_test.reason,) if outlier_test.reason else (),
-        warnings=outlier_test.warnings,
-        p_value=outlier_test.scores.p_value,
-        repeat_p_value=outlier_test.repeat.p_value if outlier_test.repeat else None,
-        anomalies=tuple(AnomalyTest(*anomaly) for anomaly in outlier_test.scores.anomalies),
     )

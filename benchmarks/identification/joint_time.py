@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from benchmarks.identification import prediction, vehicles
 from benchmarks.study import Cell, Figure
-from sysid import refit
+from sysid import prior_knowledge
 from sysid.data.segments import Run
 from sysid.estimation.map import fit
 from sysid.planes import Plane
@@ -38,7 +38,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     """Return the seconds of the estimate, and of its eight further starts."""
     del seed  # all trials use the same runs; only the machine's speed varies
     case, runs = vehicles.case(vehicle), _runs(vehicle)
-    prior = refit.prior_of(runs, case.prior)
+    prior = prior_knowledge.prior_of(runs, case.prior)
     fit.fit(runs[4:6], prior)
     began_s = perf_counter()
     fit.fit(runs, prior, starts=0)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.identification import crossover, vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sysid import refit
+from sysid import prior_knowledge
 from sysid.data.segments import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
@@ -104,7 +104,7 @@ def flown_test(case: Case, plane: Plane, test: tuple[str, float, float], seed: i
 def campaign(case: Case, seed: int) -> Campaign:
     """Simulate a campaign and fit it."""
     runs = flown(case, seed)
-    prior = refit.prior_of(runs, case.prior)
+    prior = prior_knowledge.prior_of(runs, case.prior)
     began_s = perf_counter()
     found = fit.fit(runs, prior)
     return Campaign(case, prior, found, perf_counter() - began_s)

@@ -17,7 +17,7 @@ from ground.campaign.request import TRIM_MISSION, dive_seed
 from ground.campaign.run import TRIM_WINDOW_S
 from ground.missions import script
 from sitl.vehicle import config
-from sysid import refit
+from sysid import prior_knowledge, refit
 from sysid.data import segments
 from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
 from sysid.data.events import parse_text
@@ -75,7 +75,7 @@ def fly(seed: int) -> Campaign:
     values = {**TABLE_3_INITIAL, **trims}
     fitted, held_out = (_kept(missions, seed, values) for missions in (FITTED, HELD_OUT))
     prior_file = config.load(PRIOR)
-    prior = refit.prior_of(fitted, prior_file)
+    prior = prior_knowledge.prior_of(fitted, prior_file)
     model, refitted = refit.identify_without_outliers(fitted, prior, PRIOR)
     return Campaign(
         with_assessment(model, refitted.accepted_runs, held_out, TABLE_3_INITIAL, prior_file), trims

@@ -14,7 +14,7 @@ from ground.campaign.campaign_folder import MISSIONS_FOLDER, SCENARIO_FILE, TRUT
 from ground.missions import scaling, script
 from ground.missions.scaling import AxisScaling, MissionScaling
 from mavlink_io.errors import InputError, OperationError
-from sysid import refit as fitting
+from sysid import prior_knowledge
 from sysid.design import initial
 from sysid.design.initial import InitialDesign
 from sysid.monte_carlo import perturbed_vehicle
@@ -81,8 +81,8 @@ def prepare(request: PreparationRequest) -> Preparation:
     if request.vehicle in prototype.CARIBOU:
         readiness.check_scenario(request.scenario, content, scripts)
         return Preparation(refit.initial_gains(), truth.files, truth.notes)
-    config = fitting.vehicle_file(request.vehicle)
-    scale = vehicle_scale(config, fitting.vehicle_file(REFERENCE))
+    config = prior_knowledge.vehicle_file(request.vehicle)
+    scale = vehicle_scale(config, prior_knowledge.vehicle_file(REFERENCE))
     scripts = {
         name: scaling.scale_script(mission, mission_scaling(scale))
         for name, mission in scripts.items()
@@ -144,7 +144,7 @@ def _truth(request: PreparationRequest) -> _Truth:
     """Return the perturbed vehicle file if it is asked for. Raises InputError."""
     if request.truth != prototype.PERTURBED:
         return _Truth({}, ())
-    config = fitting.vehicle_file(prototype.prior_file_of(request.vehicle))
+    config = prior_knowledge.vehicle_file(prototype.prior_file_of(request.vehicle))
     note = f"flown vehicle: {config.name} with a random change, seed {request.seed}"
     return _Truth({TRUTH_FILE: perturbed_vehicle.write(config, request.seed)}, (note,))
 

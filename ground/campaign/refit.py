@@ -13,7 +13,7 @@ from ground.campaign import prototype
 from mavlink_io.errors import InputError, OperationError
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.vehicle_modes import VehicleMode
-from sysid import monitor
+from sysid import monitor, prior_knowledge
 from sysid import refit as fitting
 from sysid.data import readers
 from sysid.data.dataset import Log
@@ -392,7 +392,7 @@ def read_vehicle(prior: str | None) -> Any:
     InputError
         The file is missing or invalid.
     """
-    return fitting.vehicle_file(prior) if prior else None
+    return prior_knowledge.vehicle_file(prior) if prior else None
 
 
 def write_model(model: IdentifiedModel, path: Path) -> None:

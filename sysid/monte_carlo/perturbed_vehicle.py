@@ -19,7 +19,7 @@ from sitl.vehicle.fill_missing import Completed
 from sysid.models import parameters
 from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle
 from sysid.planes import Plane
-from sysid.refit import TRUTH_SUFFIX
+from sysid.prior_knowledge import TRUTH_SUFFIX
 
 Array = NDArray[np.float64]
 

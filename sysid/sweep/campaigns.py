@@ -11,7 +11,7 @@ from autopilot.control import params
 from autopilot.control.params import Config
 from mavlink_io.errors import CaribouError
 from mavlink_io.mission_items import MissionItem
-from sysid import refit
+from sysid import prior_knowledge, refit
 from sysid.data import segments
 from sysid.data.dataset import Log
 from sysid.data.segments import Run
@@ -118,7 +118,7 @@ def _identify(
     before = (
         Prior(prior.config, prior.biases_rad, prior.mean, prior.covariance)
         if prior.trims_known
-        else refit.prior_of(runs, prior.config)
+        else prior_knowledge.prior_of(runs, prior.config)
     )
     model, refitted = refit.identify_without_outliers(runs, before, prior.name)
     if model.convergence.failures:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
-from sysid import refit
+from sysid import prior_knowledge, refit
 from sysid.estimation.map import fit
 from sysid.models import model_file as models
 from sysid.models import noise, parameters
@@ -77,7 +77,7 @@ def read(prior: str | Path) -> DesignPrior:
     """
     if not str(prior).endswith(".json"):
         return from_file(
-            refit.vehicle_file(prior),
+            prior_knowledge.vehicle_file(prior),
             str(prior) if prior == "caribou_nominal" else Path(prior).name,
         )
     model = models.read(prior)

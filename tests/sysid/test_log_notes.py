@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sysid import refit
+from sysid import prior_knowledge, refit, usable_runs
 from sysid.data import readers
 from sysid.data.dataset import Log
 from sysid.planes import Plane
@@ -13,7 +13,7 @@ from tests.sysid.dives import DiveTest
 
 
 def notes(*logs: Log, prior: str = "caribou_nominal") -> list[str]:
-    return refit._log_notes(logs, refit.prior_knowledge(prior))
+    return usable_runs.log_notes(logs, prior_knowledge.prior_knowledge(prior))
 
 
 def test_note_names_damaged_log(tmp_path: Path) -> None:

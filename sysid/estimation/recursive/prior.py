@@ -12,7 +12,7 @@ from sysid.models import noise, parameters
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
-from sysid.refit import PriorKnowledge, prior_knowledge
+from sysid.prior_knowledge import PriorKnowledge, prior_knowledge
 
 
 def knowledge(prior: str | Path) -> Knowledge:

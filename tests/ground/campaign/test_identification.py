@@ -15,6 +15,7 @@ from mavlink_io.errors import InputError, OperationError
 from sitl.vehicle import config
 from sitl.vehicle.config import VehicleFileError
 from sysid import refit as fitting
+from sysid import usable_runs
 from sysid.models import model_file as models
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation.assess import with_assessment
@@ -59,7 +60,7 @@ def test_refit_failure_is_one_line(
     def identify(*asked: object) -> None:
         raise error
 
-    monkeypatch.setattr(fitting, "_select", lambda *asked: ([], []))
+    monkeypatch.setattr(usable_runs, "select", lambda *asked: ([], []))
     monkeypatch.setattr(fitting, "_identify", identify)
     with pytest.raises(
         OperationError, match=f"prior caribou_nominal: .*{said}.*own file as the prior"

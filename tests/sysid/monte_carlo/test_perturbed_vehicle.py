@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sitl.vehicle import config
-from sysid import refit
+from sysid import prior_knowledge, refit
 from sysid.models import parameters
 from sysid.monte_carlo import perturbed_vehicle
 
@@ -45,4 +45,4 @@ def test_write_same_seed_same_text_and_refused_as_prior(tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     assert config.load(path).name == "remus100_truth"
     with pytest.raises(refit.VehicleFileError, match="is the simulated truth"):
-        refit.vehicle_file(path)
+        prior_knowledge.vehicle_file(path)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
-from sysid import refit
+from sysid import prior_knowledge
 from sysid.data.segments import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.datasets import with_coupling_inputs
@@ -55,7 +55,7 @@ class Fitted(NamedTuple):
 
 @pytest.fixture(scope="module")
 def fitted(campaign: list[Run], bench: config.VehicleConfig) -> Fitted:
-    prior = refit.prior_of(campaign, bench)
+    prior = prior_knowledge.prior_of(campaign, bench)
     return Fitted(campaign, fit.fit(campaign, prior), prior)
 
 

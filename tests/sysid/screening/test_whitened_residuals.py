@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from sitl.vehicle import config
-from sysid import refit
+from sysid import prior_knowledge
 from sysid.data.segments import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture(scope="module")
 def prior(campaign: list[Run], bench: config.VehicleConfig) -> Prior:
-    return refit.prior_of(campaign, bench)
+    return prior_knowledge.prior_of(campaign, bench)
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
-from sysid import refit
+from sysid import prior_knowledge, refit
 from sysid.data.segments import Run
 from sysid.estimation.linear import estimate, records, report, response
 from sysid.models import linear_planes, prediction
@@ -102,7 +102,7 @@ def test_model_file_keeps_method_and_predicts(
 def test_of_estimates_plane_without_runs_is_the_prior(flown: list[Run]) -> None:
     """Output error, by `descend`: with disturbances the minimum need not be unique."""
     yaw = [run for run in flown if run.plane == Plane.YAW]
-    prior = refit.prior_of(yaw, config.load("caribou_nominal"))
+    prior = prior_knowledge.prior_of(yaw, config.load("caribou_nominal"))
     linear_prior = records.linear_prior(prior, "yaw")
     records_of_yaw = [records.linear_run(run, estimate.LEADS_S["output-error"]) for run in yaw]
     yaw_estimate = estimate.descend(

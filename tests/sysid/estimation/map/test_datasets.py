@@ -8,7 +8,7 @@ import pytest
 
 from ground.campaign import prototype
 from sitl.vehicle import config
-from sysid import refit
+from sysid import prior_knowledge
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.segments import Run
 from sysid.estimation.map import datasets, fit
@@ -77,7 +77,7 @@ def test_unstable_vehicle_is_identified_from_tests_after_steady_flight() -> None
             [*(sea.step(size, 12.0) for size in (8.0, -8.0, 8.0, -8.0)), sea.doublet(8.0, 4.0)]
         )
     ]
-    found = fit.fit(runs, refit.prior_of(runs, prior), starts=0).vehicle
+    found = fit.fit(runs, prior_knowledge.prior_of(runs, prior), starts=0).vehicle
     at = np.argmin(np.abs(GRID_RADPS - 1.8))
     ratio = (
         crossover.response(found, Plane.YAW)[at] / crossover.response(nominal(truth), Plane.YAW)[at]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
-from sysid import refit
+from sysid import prior_knowledge
 from sysid.data.segments import Run
 from sysid.estimation.map import fit as joint
 from sysid.estimation.map import problem as problems
@@ -18,7 +18,7 @@ from sysid.planes import Plane
 @pytest.fixture(scope="module")
 def problem(campaign: list[Run], bench: config.VehicleConfig) -> MapProblem:
     runs = [campaign[0], campaign[-1]]
-    prior = refit.prior_of(runs, bench)
+    prior = prior_knowledge.prior_of(runs, bench)
     first = problems.vehicle(prior, prior.mean)
     datasets = joint.datasets_of(runs, first, joint.max_leads_s(runs, first))
     assert set(datasets) == set(Plane)

@@ -1,0 +1,136 @@
+"""Runs of a refit: read the logs, refuse unusable ones, cut the tests out and screen them."""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from sysid.data import duplicates, readers, segments
+from sysid.data.dataset import Log
+from sysid.data.readers.servo_channels import OutputOptions
+from sysid.data.segments import MarkedInterval, Run
+from sysid.models.model_file import AnomalyTest, ScreenedRun
+from sysid.prior_knowledge import PriorKnowledge, RefitError
+from sysid.screening import RunScreening, Screening, ScreeningLimits, proposals, screen, wiring
+
+
+def read_logs(
+    paths: Sequence[str | Path], options: OutputOptions, report: Callable[[float], None]
+) -> list[Log]:
+    """Read the logs; ``report`` is called with the share of the logs that are read."""
+    logs = []
+    for number, path in enumerate(paths):
+        report(number / len(paths))
+        logs.append(readers.read(path, options))
+    return logs
+
+
+def check_marks(marks: Sequence[MarkedInterval], names: Sequence[str]) -> None:
+    """Require that every mark names an existing log.
+
+    A mark may omit it only if there is one log.
+    """
+    for mark in marks:
+        description = f"run {mark.start_s:g}..{mark.stop_s:g}"
+        if mark.log and mark.log not in names:
+            raise RefitError(f"{description}: {mark.log} is none of the logs {', '.join(names)}")
+        if not mark.log and len(names) > 1:
+            raise RefitError(
+                f"{description}: there are {len(names)} logs; name the one that it is in,"
+                f" {names[0]}:START..STOP"
+            )
+
+
+def refuse_duplicates(
+    fitted: Iterable[tuple[str | Path, Log]],
+    held_out: Iterable[tuple[str | Path, Log]],
+    marks: Sequence[MarkedInterval],
+    knowledge: PriorKnowledge,
+) -> None:
+    """Raise RefitError if two of the logs, given with their paths, hold the same dive."""
+    fitted_logs, held_out_logs = (
+        [duplicates.named_log(path, log, _marks_of(log, marks)) for path, log in pairs]
+        for pairs in (fitted, held_out)
+    )
+    prior_data = knowledge.earlier.data if knowledge.earlier else ()
+    reason = duplicates.refusal(fitted_logs, held_out_logs, prior_data)
+    if reason:
+        raise RefitError(reason)
+
+
+def log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
+    """Return notes on damaged logs, and on logs with another travel than the prior's."""
+    travel_deg = knowledge.config.tailcone.travel_deg
+    return [
+        *(f"{log.name} is damaged: {log.damage}" for log in logs if log.damage),
+        *(
+            f"{log.name}: ACT_TRAVEL_DEG = {log.parameters['ACT_TRAVEL_DEG']:g}, and the travel of"
+            f" prior {knowledge.name} is {travel_deg:g} deg: a wrong prior or another tailcone"
+            for log in logs
+            if not np.isclose(log.parameters.get("ACT_TRAVEL_DEG", travel_deg), travel_deg, 1e-3)
+        ),
+    ]
+
+
+def refuse_miswired(logs: Sequence[Log], marks: Sequence[MarkedInterval]) -> None:
+    """Raise RefitError for swapped planes, a reversed sign, or logs of different vehicles."""
+    reason = wiring.refusal([wiring.LogOfRuns(log, cut_runs([log], marks)) for log in logs])
+    if reason:
+        raise RefitError(reason)
+
+
+def cut_runs(logs: Iterable[Log], marks: Sequence[MarkedInterval]) -> list[Run]:
+    """Return the tests of logs."""
+    return [run for log in logs for run in segments.cut_runs(log, _marks_of(log, marks))]
+
+
+def _marks_of(log: Log, marks: Sequence[MarkedInterval]) -> list[MarkedInterval]:
+    """Return the marks that apply to a log; a mark without a log name applies to every log."""
+    return [mark for mark in marks if mark.log in ("", log.name)]
+
+
+def select(
+    logs: Sequence[Log], limits: ScreeningLimits | None, marks: Sequence[MarkedInterval]
+) -> tuple[list[Run], list[Screening]]:
+    """Cut the logs into runs and screen them.
+
+    Return the accepted runs and all screening results.
+    """
+    runs = cut_runs(logs, marks)
+    names = ", ".join(log.name for log in logs) or "no file"
+    if not runs:
+        needed = "tests of rudder or elevator (SID_AXIS 12 or 11), or ranges that you mark"
+        found = proposals.format_marks([mark for log in logs for mark in proposals.propose(log)])
+        raise RefitError(f"{names}: no test found; a log needs {needed} (--segment); {found}")
+    screenings = screen(runs, limits)
+    accepted_runs = [s.run for s in screenings if s.accepted]
+    if not accepted_runs:
+        rejections = "; ".join(f"{s.run.name} {s.reasons[0]}" for s in screenings)
+        raise RefitError(f"{names}: every test was screened out: {rejections}")
+    return accepted_runs, screenings
+
+
+def screened_run(screening: Screening, outlier_test: RunScreening | None = None) -> ScreenedRun:
+    """Return the ``model.json`` record of a run, with the outlier tests if the run was fitted."""
+    run, reasons = screening.run, screening.reasons
+    record = ScreenedRun(
+        run=run.name,
+        plane=run.plane,
+        wave=run.wave,
+        magnitude_deg=run.magnitude_deg,
+        duration_s=float(run.time_s[-1]),
+        accepted=not reasons,
+        reasons=reasons,
+    )
+    if outlier_test is None:
+        return record
+    return msgspec.structs.replace(
+        record,
+        accepted=not outlier_test.reason,
+        reasons=(outlier_test.reason,) if outlier_test.reason else (),
+        warnings=outlier_test.warnings,
+        p_value=outlier_test.scores.p_value,
+        repeat_p_value=outlier_test.repeat.p_value if outlier_test.repeat else None,
+        anomalies=tuple(AnomalyTest(*anomaly) for anomaly in outlier_test.scores.anomalies),
+    )
