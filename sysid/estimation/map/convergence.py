@@ -14,6 +14,8 @@ START_COST_TOLERANCE = 0.01
 """Relative cost difference up to which another start counts as having reached the same minimum."""
 MAX_PRIOR_SHARE = 0.95
 """Ratio of posterior to prior standard deviation above which a design number was not measured."""
+DRAG = "axial_drag"
+"""Parameter that sets the loss of speed in a turn; without effect where the speed is measured."""
 DESIGN_NUMBERS = ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s", "delay_s")
 """Numbers of a plane that control design uses, by their names in ``model.json``."""
 
@@ -80,7 +82,13 @@ def _remedy(at_bounds: Sequence[str]) -> str:
         "tailcone": "measure the tailcone with `ground bench-test` and give --bench-result",
         "sensors": "check the time stamps of attitude and depth",
     }
-    return "; ".join(text for part, text in remedies.items() if part in parts)
+    advice = [text for part, text in remedies.items() if part in parts]
+    if DRAG in at_bounds:
+        advice.append(
+            "log the speed through the water (docs/logs.md): its loss in turns is not that of the"
+            " prior's propeller"
+        )
+    return "; ".join(advice)
 
 
 def _uninformed_numbers(plane: Plane, prior_covariance: Array, posterior_covariance: Array) -> str:
