@@ -15,6 +15,11 @@ from mavlink_io.jit import entry_point
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+SPIKE_WINDOW = 5
+"""Samples around each sample whose median a spike is compared with."""
+SPIKE_SDS = 6.0
+"""Standard deviations from the median beyond which a sample is a spike."""
+
 
 class SmoothedSignal(NamedTuple):
     """Straight lines through the samples around each sample."""
@@ -54,6 +59,34 @@ def moving_mean(values: Array, width: int) -> Array:
     """
     padded = np.pad(values, width // 2, mode="symmetric")
     return np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
+
+
+def without_spikes(values: Array) -> Array:
+    """Replace single wrong samples by the median of the samples around them.
+
+    Parameters
+    ----------
+    values : ndarray, (samples,)
+        Signal; it is mirrored at its ends. With fewer than SPIKE_WINDOW samples it is returned
+        unchanged.
+
+    Returns
+    -------
+    ndarray, (samples,)
+        Signal without spikes of one or two samples; the other samples are unchanged.
+
+    Notes
+    -----
+    Hampel 1974: a sample is wrong if it differs from the median of SPIKE_WINDOW samples by more
+    than SPIKE_SDS standard deviations of this difference, which are 1.4826 times its median over
+    the signal. A step of the signal is no spike.
+    """
+    if values.size < SPIKE_WINDOW:
+        return values
+    padded = np.pad(values, SPIKE_WINDOW // 2, mode="symmetric")
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, SPIKE_WINDOW), axis=1)
+    difference = np.abs(values - medians)
+    return np.where(difference > SPIKE_SDS * 1.4826 * np.median(difference), medians, values)
 
 
 class StraightLine(NamedTuple):

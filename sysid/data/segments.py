@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sysid.data.dataset import DEFAULT_TRAVEL_DEG, Log, LogError, VelocitySource
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
 from sysid.planes import PLANES, Plane
-from sysid.signal_processing import smooth
+from sysid.signal_processing import smooth, without_spikes
 
 Array = NDArray[np.float64]
 
@@ -539,12 +539,15 @@ def _speed_before_mps(run: Run) -> float:
 
 
 def _optional_series(log: Log, grid_s: Array) -> dict[str, Any]:
-    """Return velocity and specific force on the grid by the names of a run's arrays."""
+    """Return velocity and specific force on the grid by the names of a run's arrays.
+
+    A Doppler log that detects a false echo gives a wrong velocity for a single sample.
+    """
     velocity, force = log.velocity, log.specific_force
     series = {
-        "forward_mps": (velocity.time_s, velocity.forward_mps),
-        "starboard_mps": (velocity.time_s, velocity.starboard_mps),
-        "down_mps": (velocity.time_s, velocity.down_mps),
+        "forward_mps": (velocity.time_s, without_spikes(velocity.forward_mps)),
+        "starboard_mps": (velocity.time_s, without_spikes(velocity.starboard_mps)),
+        "down_mps": (velocity.time_s, without_spikes(velocity.down_mps)),
         "specific_force_x_mps2": (force.time_s, force.x_mps2),
         "specific_force_y_mps2": (force.time_s, force.y_mps2),
         "specific_force_z_mps2": (force.time_s, force.z_mps2),

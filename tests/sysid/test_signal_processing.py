@@ -67,6 +67,19 @@ def test_record_spectra_match_padded_periodogram() -> None:
     np.testing.assert_allclose(found.cross, signal.csd(x, y, **options)[1], **ROUNDING)
 
 
+def test_without_spikes_replaces_spikes_alone() -> None:
+    """Two wrong samples in succession, and one at each end; a step of the signal is kept."""
+    noise = 0.01 * np.random.default_rng(1).standard_normal(300)
+    clean = noise + np.where(np.arange(300) < 150, 1.0, 1.5)
+    wrong = [0, 80, 81, 299]
+    spoilt = clean.copy()
+    spoilt[wrong] += [1.0, -1.0, -1.2, 0.5]
+    mended = processing.without_spikes(spoilt)
+    np.testing.assert_array_equal(np.delete(mended, wrong), np.delete(clean, wrong))
+    np.testing.assert_allclose(mended[wrong], clean[wrong], atol=0.05)
+    assert processing.without_spikes(spoilt[:4]).tolist() == spoilt[:4].tolist()
+
+
 @pytest.mark.parametrize("samples", [2, 101])
 def test_fit_line_matches_polyfit(samples: int) -> None:
     time_s = np.linspace(-3.0, 7.0, samples)

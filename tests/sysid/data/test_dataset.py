@@ -1,6 +1,7 @@
 """A log written by pymavlink and the mcap library is read with the same values."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from mavlink_io.errors import InputError
 from mavlink_io.vehicle_modes import VehicleMode
 from sysid import refit
 from sysid.data import readers, segments
-from sysid.data.dataset import LogError
+from sysid.data.dataset import LogError, Velocity, VelocitySource
 from sysid.data.events import (
     Armed,
     ModeChanged,
@@ -161,6 +162,17 @@ def test_run_is_cut_on_uniform_grid(path: Path) -> None:
     assert run.longest_gap_s < 0.11
     assert math.degrees(run.rudder_trim_rad) == pytest.approx(6.0)
     assert run.since(-1.0).time_s[0] == pytest.approx(-1.0)
+
+
+def test_run_has_velocity_without_false_echoes(path: Path) -> None:
+    """A false echo of a Doppler log makes one sample wrong; one of them is even backwards."""
+    time_s = np.arange(0.0, 40.0, 0.2)
+    forward_mps = 1.3 + 0.005 * np.random.default_rng(1).standard_normal(time_s.size)
+    forward_mps[[70, 110, 130]] = 2.4, -0.3, 0.2
+    velocity = Velocity(time_s, forward_mps, 0.0 * time_s, 0.0 * time_s, VelocitySource.WATER_TRACK)
+    (run,) = segments.cut_runs(replace(readers.read(path), velocity=velocity))
+    assert run.relative_speed is not None
+    np.testing.assert_allclose(run.relative_speed, 1.0, atol=0.02)
 
 
 @pytest.mark.parametrize(
