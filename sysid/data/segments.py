@@ -26,6 +26,12 @@ PREROLL_S = 15.0
 """Duration of the pre-roll, which gives the commands, actuator bias and initial state of a test."""
 STEADY_S = 5.0
 """Last part of the pre-roll, which must be steady."""
+END_S = 0.1
+"""Last part of a test, in which the loop may already move the surface, s.
+
+A loop that takes over often moves the surface to its stop at once. The times of events and rows are
+accurate to a few samples.
+"""
 SMOOTHING = 101
 """Samples (2 s) over which slow motion is smoothed; a closed loop changes it slowly."""
 
@@ -204,6 +210,12 @@ class Run:
     def preroll(self) -> NDArray[np.bool_]:
         """Return a mask of the samples before the test."""
         return self.time_s < 0.0
+
+    @property
+    def under_test(self) -> NDArray[np.bool_]:
+        """Return a mask of the samples of the test without its last END_S; at least the first."""
+        last_s = max(float(self.time_s[-1]) - END_S, 0.0)
+        return (self.time_s >= 0.0) & (self.time_s <= last_s)
 
     @property
     def approach(self) -> NDArray[np.bool_]:

@@ -226,7 +226,7 @@ def size_rad(run: Run) -> float:
 
 def departure_rad(run: Run) -> Array:
     """Return the deflection (rad) of the tested surface in the test from its mean before it."""
-    return (run.command_rad - _held_deflection_rad(run, run.plane))[~run.preroll]
+    return (run.command_rad - _held_deflection_rad(run, run.plane))[run.under_test]
 
 
 def _held_deflection_rad(run: Run, plane: Plane) -> float:

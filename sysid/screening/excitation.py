@@ -122,7 +122,7 @@ def _other(plane: Plane) -> Plane:
 def _deflection_deg(run: Run, plane: Plane) -> float:
     """Return the largest deflection of a surface in the test from its mean before it, deg."""
     command = run.in_plane(plane).command_rad
-    during = command[~run.preroll]
+    during = command[run.under_test]
     held = float(np.mean(command[run.approach])) if run.approach.any() else float(during[0])
     return math.degrees(float(np.max(np.abs(during - held))))
 

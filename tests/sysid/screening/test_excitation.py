@@ -61,6 +61,10 @@ def test_held_surface_is_no_excitation(field: config.VehicleConfig) -> None:
     run = sea.fly(field, Plane.YAW, sea.step(4.0), level=sea.CALM, trim_rad=TRIM_RAD)
     held = replace(run, rudder_rad=np.full(run.time_s.size, TRIM_RAD[0]))
     assert "no excitation: the rudder moved by 0.00 deg, at least 0.1" in reasons(held)
+    # The loop that takes over moves the rudder in the last sample; it is none of the test.
+    taken_over = held.rudder_rad.copy()
+    taken_over[-1] = run.travel_rad
+    assert reasons(replace(held, rudder_rad=taken_over)) == reasons(held)
     moved = np.where(run.time_s < 0.0, TRIM_RAD[1], TRIM_RAD[1] + math.radians(4.0))
     swapped = [r for r in reasons(replace(held, elevator_rad=moved)) if r.startswith("no exc")]
     assert swapped == [

@@ -1,6 +1,7 @@
 """Whitened residuals with the unknown position of the duct, and sizes of tests."""
 
 import math
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -14,7 +15,7 @@ from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.models import linear_planes
 from sysid.planes import Plane
-from sysid.screening.anomaly_models import Kind, sizes_of_test
+from sysid.screening.anomaly_models import Kind, size_rad, sizes_of_test
 from sysid.screening.whitened_residuals import RunResiduals, linearise_runs
 
 Array = NDArray[np.float64]
@@ -67,3 +68,11 @@ def test_sizes_of_test_are_deflection_and_its_acceleration(
         sizes["actuator slip"] * abs(linear_planes.small_signal(plane).b1_per_s2)
     )
     assert sizes["gain error"] == sizes["speed off"] == 100.0
+
+
+def test_size_of_test_excludes_the_loop_that_takes_over(campaign: list[Run]) -> None:
+    """The loop moves the rudder to its stop in the last two samples."""
+    run = next(run for run in campaign if run.name == "rudder/2")
+    rudder_rad = run.rudder_rad.copy()
+    rudder_rad[-2:] = -run.travel_rad
+    assert size_rad(replace(run, rudder_rad=rudder_rad)) == size_rad(run)
