@@ -408,7 +408,7 @@ def disturbances(vehicle: DesignModel, plane: Plane) -> tuple[DisturbanceSource,
 
 
 def predict_response(vehicle: DesignModel, gains: Gains) -> Response:
-    """Return the standard deviations in closed loop under the model's disturbance.
+    """Return the standard deviations in closed loop, by the model's disturbance and gyro noise.
 
     Parameters
     ----------
@@ -428,12 +428,14 @@ def predict_response(vehicle: DesignModel, gains: Gains) -> Response:
     """
     heading, rudder = heading_rms(vehicle, gains)
     pitch, depth, elevator = depth_rms(vehicle, gains)
+    yaw_noise, pitch_noise = (noise_rms(vehicle, plane, gains) for plane in Plane)
+    rudder_noise, elevator_noise = (command_noise_rad(vehicle, plane, gains) for plane in Plane)
     return Response(
-        heading_deg=math.degrees(heading),
-        pitch_deg=math.degrees(pitch),
-        depth_m=depth,
-        rudder_deg=math.degrees(rudder),
-        elevator_deg=math.degrees(elevator),
+        heading_deg=math.degrees(math.hypot(heading, yaw_noise[2])),
+        pitch_deg=math.degrees(math.hypot(pitch, pitch_noise[2])),
+        depth_m=math.hypot(depth, pitch_noise[3]),
+        rudder_deg=math.degrees(math.hypot(rudder, rudder_noise)),
+        elevator_deg=math.degrees(math.hypot(elevator, elevator_noise)),
     )
 
 
@@ -530,12 +532,31 @@ def command_noise_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> float
     gain K and the command's filters F. Above the grid, up to half the sample rate, L is taken as
     zero.
     """
+    density, shaped, closed = _noise_command(vehicle, plane, gains)
+    on_grid = float(np.trapezoid(np.abs(closed) ** 2, GRID_RADPS))
+    above_grid = abs(shaped[-1]) ** 2 * (math.pi / loop_transfer.TICK_S - GRID_RADPS[-1])
+    return math.sqrt(density * (on_grid + above_grid) / math.pi)
+
+
+def noise_rms(vehicle: DesignModel, plane: Plane, gains: Gains) -> Array:
+    """Return the standard deviations of the states of a plane caused by gyro noise (rad, m, s).
+
+    As `command_noise_rad`, with the response of the states to the command; none above the grid.
+    """
+    density, _, closed = _noise_command(vehicle, plane, gains)
+    states = (vehicle.yaw, vehicle.pitch)[PLANES[plane].index].command * closed[:, None]
+    powers = np.trapezoid(np.abs(states) ** 2, GRID_RADPS, axis=0)
+    return np.asarray(np.sqrt(density * powers / math.pi))
+
+
+def _noise_command(
+    vehicle: DesignModel, plane: Plane, gains: Gains
+) -> tuple[float, ComplexArray, ComplexArray]:
+    """Return the gyro's density, and its responses to the command: K F, and K F / (1 + L)."""
     density = math.radians(vehicle.disturbance[plane].rate_noise_degps) ** 2 * NOISE_STEP_S
     loop, gain = loop_at_surface(vehicle, plane, gains)
     shaped = gain * loop_transfer.filter_response(loop_transfer.command_filters(plane, gains))
-    on_grid = float(np.trapezoid(np.abs(shaped / (1.0 + loop)) ** 2, GRID_RADPS))
-    above_grid = abs(shaped[-1]) ** 2 * (math.pi / loop_transfer.TICK_S - GRID_RADPS[-1])
-    return math.sqrt(density * (on_grid + above_grid) / math.pi)
+    return density, shaped, shaped / (1.0 + loop)
 
 
 def loop_at_surface(vehicle: DesignModel, plane: Plane, gains: Gains) -> tuple[ComplexArray, float]:

@@ -182,7 +182,7 @@ def _reference_errors(vehicle: DesignModel, gains: Gains) -> Reference:
 def predict_response(
     vehicle: DesignModel, heading: DiscreteController, depth: DiscreteController
 ) -> Response:
-    """Return the standard deviations in closed loop under the model's disturbance (deg, m)."""
+    """Return the standard deviations in closed loop, by disturbance and gyro noise (deg, m)."""
     yaw = loop_analysis.disturbance_response(
         loop_analysis.measured_plane(vehicle, Plane.YAW), heading
     )
@@ -190,11 +190,11 @@ def predict_response(
         loop_analysis.measured_plane(vehicle, Plane.PITCH), depth
     )
     return Response(
-        heading_deg=math.degrees(yaw.outputs[1]),
-        pitch_deg=math.degrees(pitch.outputs[1]),
-        depth_m=float(pitch.outputs[2]),
-        rudder_deg=math.degrees(yaw.command_rad),
-        elevator_deg=math.degrees(pitch.command_rad),
+        heading_deg=math.degrees(math.hypot(yaw.outputs[1], yaw.noise_outputs[1])),
+        pitch_deg=math.degrees(math.hypot(pitch.outputs[1], pitch.noise_outputs[1])),
+        depth_m=math.hypot(pitch.outputs[2], pitch.noise_outputs[2]),
+        rudder_deg=math.degrees(math.hypot(yaw.command_rad, yaw.noise_rad)),
+        elevator_deg=math.degrees(math.hypot(pitch.command_rad, pitch.noise_rad)),
     )
 
 

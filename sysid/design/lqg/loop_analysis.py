@@ -200,6 +200,8 @@ class DisturbanceResponse(NamedTuple):
     """Standard deviation of the command (rad)."""
     noise_rad: float
     """Standard deviation of the command caused by gyro noise alone (rad)."""
+    noise_outputs: Array
+    """Standard deviation of each output caused by gyro noise alone."""
 
 
 def disturbance_response(
@@ -228,13 +230,14 @@ def disturbance_response(
         signals = np.column_stack([disturbance.outputs + plane.command * command[:, None], command])
         powers.append([_power(signal, GRID_RADPS, disturbance.density) for signal in signals.T])
     *output_sds, command_sd = np.sqrt(np.sum(powers, axis=0))
-    noise = _power(feedback[:, 0] * sensitivity, GRID_RADPS) + _power(
-        feedback_above_grid[:, 0], HIGH_GRID_RADPS
-    )
+    by_noise = feedback[:, 0] * sensitivity
+    noise = _power(by_noise, GRID_RADPS) + _power(feedback_above_grid[:, 0], HIGH_GRID_RADPS)
+    moved = [_power(signal, GRID_RADPS) for signal in (plane.command * by_noise[:, None]).T]
     return DisturbanceResponse(
         np.array(output_sds),
         float(command_sd),
         plane.noise_radps * math.sqrt(noise),
+        plane.noise_radps * np.sqrt(moved),
     )
 
 

@@ -1,28 +1,26 @@
 """Minimum-variance bound against other controllers and the limit of its definition."""
 
-import math
-
+import msgspec
 import pytest
 
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.control_analysis.margins import Planes
-from sysid.design import design_model, minimum_variance
+from sysid.design import design_model, lqg, minimum_variance
 from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel
-from sysid.design.lqg import loop_analysis, synthesis, weights
+from sysid.design.lqg import synthesis, weights
 from sysid.design.specification import MinimumVariance, Response
 from sysid.models import noise
 from sysid.models.linear_planes import pitch_plane, yaw_plane
+from sysid.models.model_file import NoiseModel
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_3_IMPROVED, TABLE_3_INITIAL
 
 LAG = Lag(0.33)
 
 
-def vehicle_with(lag: Lag) -> DesignModel:
+def vehicle_with(lag: Lag, disturbance: NoiseModel = DEFAULT_DISTURBANCE) -> DesignModel:
     planes = Planes(yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED))
-    return design_model.build(
-        planes, lag, lag, {Plane.YAW: DEFAULT_DISTURBANCE, Plane.PITCH: DEFAULT_DISTURBANCE}
-    )
+    return design_model.build(planes, lag, lag, dict.fromkeys(Plane, disturbance))
 
 
 VEHICLE = vehicle_with(LAG)
@@ -30,24 +28,16 @@ VEHICLE = vehicle_with(LAG)
 
 def lqg_response() -> Response:
     """Response with LQG controllers; frequency integrals, independent of the bound."""
-    answers = {}
-    for plane, start in (
-        (Plane.YAW, weights.HEADING_STARTS[0]),
-        (Plane.PITCH, weights.DEPTH_STARTS[0]),
-    ):
-        controller = synthesis.controller(
+    heading, depth = (
+        synthesis.controller(
             VEHICLE.planes[PLANES[plane].index], LAG, noise.from_model(DEFAULT_DISTURBANCE), start
         )
-        measured = loop_analysis.measured_plane(VEHICLE, plane)
-        answers[plane] = loop_analysis.disturbance_response(measured, controller)
-    yaw, pitch = answers[Plane.YAW], answers[Plane.PITCH]
-    return Response(
-        heading_deg=math.degrees(yaw.outputs[1]),
-        pitch_deg=math.degrees(pitch.outputs[1]),
-        depth_m=float(pitch.outputs[2]),
-        rudder_deg=math.degrees(yaw.command_rad),
-        elevator_deg=math.degrees(pitch.command_rad),
+        for plane, start in (
+            (Plane.YAW, weights.HEADING_STARTS[0]),
+            (Plane.PITCH, weights.DEPTH_STARTS[0]),
+        )
     )
+    return lqg.predict_response(VEHICLE, heading, depth)
 
 
 @pytest.mark.parametrize("controller", ["initial", "improved", "lqg"])
@@ -60,6 +50,23 @@ def test_no_controller_is_better_than_the_bound(controller: str) -> None:
         else design_model.predict_response(VEHICLE, gains[controller])
     )
     bound = minimum_variance.minimum_variance(VEHICLE, reached)
+    assert bound is not None
+    assert bound.heading_deg < bound.same_rudder_heading_deg < reached.heading_deg
+    assert bound.depth_m < bound.same_elevator_depth_m < reached.depth_m
+    assert bound.pitch_deg < reached.pitch_deg
+
+
+def test_no_controller_is_better_than_the_bound_in_a_calm_sea() -> None:
+    """Gyro noise causes most of the commands there."""
+    calm = msgspec.structs.replace(
+        DEFAULT_DISTURBANCE,
+        slow_accel_degps2=0.05 * DEFAULT_DISTURBANCE.slow_accel_degps2,
+        wave_accel_degps2=0.05 * DEFAULT_DISTURBANCE.wave_accel_degps2,
+        rate_noise_degps=5.0 * DEFAULT_DISTURBANCE.rate_noise_degps,
+    )
+    vehicle = vehicle_with(LAG, calm)
+    reached = design_model.predict_response(vehicle, TABLE_3_IMPROVED)
+    bound = minimum_variance.minimum_variance(vehicle, reached)
     assert bound is not None
     assert bound.heading_deg < bound.same_rudder_heading_deg < reached.heading_deg
     assert bound.depth_m < bound.same_elevator_depth_m < reached.depth_m
