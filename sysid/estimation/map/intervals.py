@@ -9,6 +9,9 @@ quantile q::
 The square root of the growth is nearly linear in v, so that a secant finds an end in a few searches
 of a few Gauss-Newton steps each. `sysid.estimation.profile_likelihood` does the same for estimates
 whose residuals are cheap to compute.
+
+The likelihood knows sensors and sea, not errors of the model structure. A number that only these
+make uncertain (`model_error`) has no such interval: it would be narrower than the stated sd.
 """
 
 import math
@@ -33,7 +36,7 @@ Number = Callable[[Array], float]
 Numbers = Callable[[Array], Array]
 
 WIDE_RELATIVE_SD = 0.25
-"""Relative standard deviation above which a symmetric interval is not valid."""
+"""Relative standard deviation by the likelihood above which a symmetric interval is not valid."""
 LEVEL = 0.95
 """Confidence level of the intervals."""
 NUMBERS = ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s")
@@ -68,12 +71,12 @@ class ParameterInterval(NamedTuple):
 
 
 def wide_intervals(estimate: Fit, prior: Prior) -> Iterator[ParameterInterval]:
-    """Yield the intervals of all numbers with a large relative sd (above WIDE_RELATIVE_SD)."""
-    problem = problem_at_estimate(estimate, prior)
+    """Yield the intervals of all numbers whose relative sd by the likelihood is large."""
+    problem, covariance = problem_at_estimate(estimate, prior), _covariance(estimate, prior)
     for plane in estimate.datasets:
         numbers = _design_numbers(prior, plane)
         values, slopes = numbers(estimate.z), _slope(numbers, estimate.z)
-        sds = np.sqrt(np.diag(slopes.T @ estimate.covariance @ slopes))
+        sds = np.sqrt(np.diag(slopes.T @ covariance @ slopes))
         for index in np.flatnonzero(sds > WIDE_RELATIVE_SD * np.abs(values)):
             low, high = interval(problem, estimate, _number(prior, plane, NUMBERS[index]))
             yield ParameterInterval(plane=plane, name=NUMBERS[index], low=low, high=high)
@@ -111,12 +114,13 @@ class IntervalEnd(NamedTuple):
 def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float) -> IntervalEnd:
     """Return the end below (``sign`` = -1) or above (``sign`` = 1) the estimate."""
     gradient, value = _slope(number, estimate.z), number(estimate.z)
+    covariance = _covariance(estimate, problem.prior)
     sd, least_cost = (
-        math.sqrt(gradient @ estimate.covariance @ gradient),
+        math.sqrt(gradient @ covariance @ gradient),
         problems.cost(problem, estimate.z),
     )
     quantile = float(ndtri(0.5 + 0.5 * LEVEL))
-    distance_sd, z = quantile, estimate.z + estimate.covariance @ gradient / sd * sign * quantile
+    distance_sd, z = quantile, estimate.z + covariance @ gradient / sd * sign * quantile
     for _ in range(SEARCHES):
         z = nearest_possible(problem.prior, estimate.z, z)
         z = constrained_optimum(problem, number, z, value + sign * distance_sd * sd)
@@ -170,6 +174,12 @@ def nearest_possible(prior: Prior, possible: Array, z: Array) -> Array:
         else:
             return z
     return possible
+
+
+def _covariance(estimate: Fit, prior: Prior) -> Array:
+    """Return the covariance of z by data and prior, without that of the model structure."""
+    information = estimate.data_information + np.linalg.inv(prior.covariance)
+    return np.asarray(np.linalg.inv(information), np.float64)
 
 
 def _design_numbers(prior: Prior, plane: Plane) -> Numbers:
