@@ -7,8 +7,7 @@ whatever way, continues where it was.
 import argparse
 import json
 import math
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,6 +66,8 @@ class Cell(NamedTuple):
     runs: int = 200
     cases: tuple[str, ...] = ()
     """Cases of its own, which are also judged together; empty for those of the study."""
+    campaigns: str = ""
+    """Name of the campaigns that its trials evaluate, if another cell evaluates the same ones."""
 
 
 class Outcome(NamedTuple):
@@ -122,16 +123,27 @@ def run_cells(
             asked.out.write_text(as_json(outcomes, asked.seed), encoding="utf-8")
 
     pooled = dict[Cell, list[Array]]()
-    for cell, case in questions:
-        seeds = range(asked.seed, asked.seed + (asked.runs or cell.runs))
-        rows = run_trials(cell, case, seeds, asked.jobs, asked.keep / f"{cell.name}.jsonl")
-        add(Outcome(cell.name, case, len(rows), tuple(cell.judge(case, rows))))
-        if cell.cases:
-            pooled.setdefault(cell, []).append(rows)
+    for name, case, cells in with_same_campaigns(questions):
+        seeds = {cell: range(asked.seed, asked.seed + (asked.runs or cell.runs)) for cell in cells}
+        found = run_trials(seeds, case, asked.jobs, asked.keep / f"{name}.jsonl")
+        for cell, rows in found.items():
+            add(Outcome(cell.name, case, len(rows), tuple(cell.judge(case, rows))))
+            if cell.cases:
+                pooled.setdefault(cell, []).append(rows)
     for cell, groups in pooled.items():
         rows = np.concatenate(groups)
         add(Outcome(cell.name, ALL_CASES, len(rows), tuple(cell.judge(ALL_CASES, rows))))
     return outcomes
+
+
+def with_same_campaigns(
+    questions: Iterable[tuple[Cell, str]],
+) -> list[tuple[str, str, list[Cell]]]:
+    """Return the name of the campaigns, the case, and the cells that evaluate them."""
+    groups = dict[tuple[str, str], list[Cell]]()
+    for cell, case in questions:
+        groups.setdefault((cell.campaigns or cell.name, case), []).append(cell)
+    return [(name, case, cells) for (name, case), cells in groups.items()]
 
 
 def exit_status(outcomes: Iterable[Outcome]) -> int:
@@ -143,31 +155,44 @@ def run(
     cell: Cell, case: str, seeds: Sequence[int], jobs: int = 1, keep: Path | None = None
 ) -> Outcome:
     """Run one cell for one case with each seed; ``keep`` is the file of finished trials."""
-    rows = run_trials(cell, case, seeds, jobs, keep)
+    rows = run_trials({cell: seeds}, case, jobs, keep)[cell]
     return Outcome(cell.name, case, len(seeds), tuple(cell.judge(case, rows)))
 
 
 def run_trials(
-    cell: Cell, case: str, seeds: Sequence[int], jobs: int = 1, keep: Path | None = None
-) -> Array:
-    """Return the numbers of one cell for one case, (seeds, numbers); arguments as for ``run``."""
-    trial = partial(_numbers, cell.trial)
+    seeds: Mapping[Cell, Sequence[int]], case: str, jobs: int = 1, keep: Path | None = None
+) -> dict[Cell, Array]:
+    """Return the numbers of each cell for one case, (seeds, numbers).
+
+    ``seeds`` are those of each cell, ``keep`` is the file of finished trials. One process runs the
+    trials of all cells with the same seed, one after the other: they can share a campaign.
+    """
+    cells_of = dict[int, list[Cell]]()
+    for cell, own in seeds.items():
+        for seed in own:
+            cells_of.setdefault(seed, []).append(cell)
     with Progress(console=Console(stderr=True), transient=True) as bars:
-        bar = bars.add_task(f"{cell.name}, {case}", total=len(seeds))
-        rows = map_trials(
-            trial,
-            [(case, seed) for seed in seeds],
-            list[float],
+        names = ", ".join(cell.name for cell in seeds)
+        bar = bars.add_task(f"{names}, {case}", total=len(cells_of))
+        found = map_trials(
+            _numbers,
+            [(case, seed, tuple(cell.trial for cell in cells)) for seed, cells in cells_of.items()],
+            list[list[float]],
             jobs=jobs,
             keep=keep,
             on_result=lambda done: bars.update(bar, completed=done),
         )
-    return np.array(rows, dtype=np.float64)
+    rows = dict[Cell, list[list[float]]]()
+    for cells, numbers in zip(cells_of.values(), found, strict=True):
+        for cell, row in zip(cells, numbers, strict=True):
+            rows.setdefault(cell, []).append(row)
+    return {cell: np.array(of_cell, dtype=np.float64) for cell, of_cell in rows.items()}
 
 
-def _numbers(trial: Trial, question: tuple[str, int]) -> list[float]:
-    """Return the numbers of a trial for a case and a seed."""
-    return [float(number) for number in trial(*question)]
+def _numbers(question: tuple[str, int, tuple[Trial, ...]]) -> list[list[float]]:
+    """Return the numbers of each trial for a case and a seed."""
+    case, seed, trials = question
+    return [[float(number) for number in trial(case, seed)] for trial in trials]
 
 
 def show(outcome: Outcome) -> None:

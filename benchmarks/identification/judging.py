@@ -86,7 +86,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     its criteria.
     """
     case = vehicles.case(vehicle)
-    done = prediction.campaign(case, seed)
+    done = prediction.campaign(vehicle, seed)
     model = model_export.from_fit(done.found, done.prior, case.prior_file)
     fitted = [group[0].run for group in done.found.datasets.values()]
     held_out, numbers = fresh(case, seed), []
@@ -133,4 +133,11 @@ def _share(rows: Array, called: float) -> float:
     return 100.0 * float(np.mean(rows[:, 1] == called)) if len(rows) else math.nan
 
 
-JUDGING = Cell("judging", "assessment of good and of spoilt models", trial, judge, runs=50)
+JUDGING = Cell(
+    "judging",
+    "assessment of good and of spoilt models",
+    trial,
+    judge,
+    runs=50,
+    campaigns=prediction.PREDICTION.campaigns,
+)

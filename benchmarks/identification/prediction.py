@@ -7,6 +7,7 @@ still water with perfect sensors, so that the error is the model's only.
 """
 
 import math
+from functools import lru_cache
 from time import perf_counter
 from typing import NamedTuple
 
@@ -101,8 +102,10 @@ def flown_test(case: Case, plane: Plane, test: tuple[str, float, float], seed: i
     return within(_fly(case, plane, test, seed, calm=False))
 
 
-def campaign(case: Case, seed: int) -> Campaign:
+@lru_cache(maxsize=1)  # the cells prediction and judging evaluate the same fit one after the other
+def campaign(vehicle: str, seed: int) -> Campaign:
     """Simulate a campaign and fit it."""
+    case = vehicles.case(vehicle)
     runs = flown(case, seed)
     prior = prior_knowledge.prior_of(runs, case.prior)
     began_s = perf_counter()
@@ -197,7 +200,7 @@ def covered(campaign: Campaign) -> list[float]:
 
 def trial(vehicle: str, seed: int) -> list[float]:
     """Return factors (4), crossover errors (4: dB, deg per plane), coverage (10), converged, s."""
-    done = campaign(vehicles.case(vehicle), seed)
+    done = campaign(vehicle, seed)
     factors = [factor(done, plane, tests[plane]) for tests in (FRESH, UNSHOWN) for plane in Plane]
     errors = [
         value for plane in Plane for value in crossover.errors(done.case, done.found.vehicle, plane)
@@ -269,5 +272,9 @@ def _geometric_mean(values: Array) -> float:
 
 
 PREDICTION = Cell(
-    "prediction", "prediction of held-out tests by the nonlinear estimate", trial, judge
+    "prediction",
+    "prediction of held-out tests by the nonlinear estimate",
+    trial,
+    judge,
+    campaigns="prediction",
 )

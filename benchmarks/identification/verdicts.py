@@ -177,5 +177,6 @@ VERDICTS = Cell(
     judge,
     runs=10,
     cases=tuple(PRIORS),
+    campaigns=outside.OUTSIDE.campaigns,
 )
 """Sound and unsound campaigns: 40 of each."""

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterable, Sequence
 
+from benchmarks import study
 from benchmarks.identification.cells import CELLS, cases_of
 from benchmarks.redesign import campaign
 from benchmarks.redesign.cells import QUESTIONS
@@ -59,16 +60,19 @@ def measure_kinds(
 ) -> Measurement:
     """Run two trials of each kind; return the time of the study (min) after `first_s` in one."""
     trials, details = [], dict[str, float]()
-    for number, (cell, case) in enumerate(kinds, 1):
-        first_trial_s = _trial_cpu_s(cell, case, FIRST_SEED)
-        next_s = _trial_cpu_s(cell, case, FIRST_SEED + 1)
-        trials.append((first_trial_s, next_s, cell.runs))
-        name = f"{cell.name}: processor time, min"
-        details[name] = details.get(name, 0.0) + next_s * cell.runs / 60.0
-        session.report(
-            f"{row}: {number} of {len(kinds)}: {cell.name}, {case}: {next_s:.2f} s a trial,"
-            f" {cell.runs} trials"
-        )
+    for _, case, cells in study.with_same_campaigns(kinds):
+        seconds = [
+            [_trial_cpu_s(cell, case, seed) for cell in cells]
+            for seed in (FIRST_SEED, FIRST_SEED + 1)
+        ]
+        for cell, first_trial_s, next_s in zip(cells, *seconds, strict=True):
+            trials.append((first_trial_s, next_s, cell.runs))
+            name = f"{cell.name}: processor time, min"
+            details[name] = details.get(name, 0.0) + next_s * cell.runs / 60.0
+            session.report(
+                f"{row}: {len(trials)} of {len(kinds)}: {cell.name}, {case}: {next_s:.2f} s a"
+                f" trial, {cell.runs} trials"
+            )
     minutes = (first_s + study_s(trials, usable_cores())) / 60.0
     runs = sum(cell.runs for cell, _ in kinds)
     note = f"computed from two trials of each of {len(kinds)} kinds; the study has {runs}"
