@@ -76,7 +76,7 @@ def descend(
     precision = np.asarray(np.linalg.inv(problem.prior.covariance), np.float64)
     if (joined := _joined(known, precision, z, 0)) is not None:
         return joined
-    current = problems.score(problem, z, linearisation=linearisation)
+    current = problems.score(problem, z, linearisation)
     damping, steps = INITIAL_DAMPING, 0
     while steps < MAX_STEPS and damping < MAX_DAMPING:
         step, predicted_decrease, is_clipped = _step(current, precision, z, damping)

@@ -212,8 +212,7 @@ def at_edge(prior: Prior, z: Array) -> tuple[str, ...]:
 def score(
     problem: MapProblem,
     z: Array,
-    evaluation: Evaluation | None = None,
-    linearisation: Linearisation | None = None,
+    known: Evaluation | Linearisation | None = None,
 ) -> Score:
     """Return the cost at z, its gradient, and the Gauss-Newton information of the data.
 
@@ -223,23 +222,22 @@ def score(
         Data, noise filters and prior.
     z : ndarray, shape (p,)
         Parameters in prior standard deviations; such a vehicle must be possible.
-    evaluation : Evaluation, optional
-        Result of `evaluate` at z, if it is already known.
-    linearisation : Linearisation, optional
-        Runs and derivatives at z, if they are already known. The noise filters may be others.
+    known : Evaluation or Linearisation, optional
+        What is already known at z: the result of `evaluate`, or runs and derivatives, whose noise
+        filters may be others.
 
     Returns
     -------
     Score
         Cost and derivatives.
     """
-    if linearisation is None:
-        linearisation = _linearise(problem, z, evaluation)
-    else:
-        known = linearisation.evaluation
-        linearisation = linearisation._replace(
-            evaluation=_evaluation(problem, known.candidate, known.trajectories, z)
+    if isinstance(known, Linearisation):
+        earlier = known.evaluation
+        linearisation = known._replace(
+            evaluation=_evaluation(problem, earlier.candidate, earlier.trajectories, z)
         )
+    else:
+        linearisation = _linearise(problem, z, known)
     prior = problem.prior
     departure = z - prior.mean
     pull = np.asarray(np.linalg.solve(prior.covariance, departure), np.float64)

@@ -45,7 +45,7 @@ def test_score_with_known_linearisation_has_same_bits(problem: MapProblem) -> No
     other = problem._replace(filters=filters)
     linearisation = problems.score(problem, z).linearisation
     known, fresh = (
-        problems.score(other, z, linearisation=linearisation),
+        problems.score(other, z, linearisation),
         problems.score(other, z),
     )
     assert known.cost == fresh.cost != problems.cost(problem, z)
