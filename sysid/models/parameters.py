@@ -227,6 +227,26 @@ def net_buoyancy_sd_n(prior: VehicleConfig) -> float:
     return CARIBOU_NET_BUOYANCY_SD_N * max(mass_ratio, buoyancy_ratio)
 
 
+def delays_of_zero(prior: VehicleConfig) -> dict[int, float]:
+    """Return the z of each delay at which it is zero, by index; below, nothing changes.
+
+    Parameters
+    ----------
+    prior : VehicleConfig
+        The prior vehicle.
+
+    Returns
+    -------
+    dict of int to float
+        -delay / prior standard deviation.
+    """
+    return {
+        i: -prior.tailcone.delay_s / PARAMETERS[i].prior_sd
+        for i, name in enumerate(NAMES)
+        if name.startswith("delay_")
+    }
+
+
 def change_per_step(function: Callable[[Array], Values], z: Array, step: Array) -> Values:
     """Return half the difference of a function of the vehicle one step to both sides of z.
 

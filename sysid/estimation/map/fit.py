@@ -38,7 +38,7 @@ from sysid.estimation.map.steady_state import (
     straight_plane,
     trim_biases,
 )
-from sysid.models import noise
+from sysid.models import noise, parameters
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES, CandidateVehicle
 from sysid.planes import Plane
@@ -94,6 +94,12 @@ REJECTED_COST_RATIO = 1.0 + START_COST_TOLERANCE
 Such an end is no other vehicle that the tests admit: of a cost of thousands a hundredth is a
 likelihood ratio of more than e^10. The search is repeated on the whole runs from nearer to the
 estimate: the initial parts alone may lead to the same end from any start."""
+BELOW_ZERO = 2e-3
+"""Distance of an estimated delay of zero below its bound, in prior standard deviations."""
+BETTER_COST = 2.0
+"""Decrease of the cost from which on the end of a start is searched with all samples.
+
+A likelihood ratio of e^2, as of two standard deviations."""
 MAX_REPEATS = 3
 """Maximum number of repetitions of such a search."""
 RESTART_SPANS_S = (5.0, 15.0)
@@ -201,7 +207,9 @@ def fit(
         lambda ratio: report("fit, other starts", (PASSES + 1 + ratio) / work_steps),
     )
     if better_z is not None:
-        optimum = descend(problem, better_z, FINE_TOLERANCE)
+        other = descend(problem, better_z, FINE_TOLERANCE)
+        optimum, start_cost_ratios = _better_of(optimum, other, start_cost_ratios)
+    optimum = _without_delays_of_zero(problem, optimum)
     run_scatter = model_error.scatter(optimum.score.runs)
     prior_precision = np.asarray(np.linalg.inv(prior.covariance), np.float64)
     conflict = model_error.prior_conflict(
@@ -285,7 +293,7 @@ def _search_other_starts(
     spans = [*(_truncate(decimated, seconds) for seconds in RESTART_SPANS_S), decimated]
     paths = [[reference] * len(spans)]  # a known end of every span
     ends = [reference]
-    cost_ratios, better_z = [], None
+    cost_ratios, better_z, best_cost = list[float](), None, reference_cost
     for index in range(start_count):
         report(index / start_count)
         sample = prior.mean + root @ generator.standard_normal(len(NAMES))
@@ -301,9 +309,37 @@ def _search_other_starts(
             steps += end.steps
         ends.append(end)
         cost_ratios.append(end.score.cost / reference_cost)
-        if cost_ratios[-1] < min([1.0 - START_COST_TOLERANCE, *cost_ratios[:-1]]):
-            better_z = end.z
+        if end.score.cost < best_cost - BETTER_COST:
+            best_cost, better_z = end.score.cost, end.z
     return cost_ratios, better_z, steps
+
+
+def _without_delays_of_zero(problem: MapProblem, optimum: SearchEnd) -> SearchEnd:
+    """Return an optimum whose delays of zero have no slope, so no standard deviation either."""
+    z = optimum.z.copy()
+    for index, zero in parameters.delays_of_zero(problem.prior.config).items():
+        if z[index] <= zero:
+            z[index] = zero - BELOW_ZERO
+    if np.array_equal(z, optimum.z):
+        return optimum
+    return optimum._replace(z=z, score=problems.score(problem, z))
+
+
+def _better_of(
+    first: SearchEnd, other: SearchEnd, cost_ratios: Sequence[float]
+) -> tuple[SearchEnd, list[float]]:
+    """Return the better of two optima, and the costs of all starts over its cost.
+
+    The starts use every second sample, which may rank the two in the other order.
+    """
+    best, least = min(first, other, key=lambda end: end.score.cost), min(cost_ratios)
+    costs = [
+        other.score.cost * ratio / least
+        if ratio - least < 1.0 - ratio
+        else first.score.cost * ratio
+        for ratio in cost_ratios
+    ]
+    return best, [cost / best.score.cost for cost in costs]
 
 
 def _search_spans(

@@ -6,7 +6,7 @@ covariance, g gradient of the cost, H = J'J the data's information from the whit
 
     cost(z) = 1/2 |e(z)|^2 + 1/2 (z - m)' P^-1 (z - m)
     A = H + P^-1
-    (A + lambda diag(A)) dz = -g,    |z_i| <= Z_LIMIT
+    (A + lambda diag(A)) dz = -g,    |z_i| <= Z_LIMIT, and no delay below zero
 
 lambda decreases after a step that lowers the cost and increases after one that does not.
 """
@@ -18,12 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.problem import Linearisation, MapProblem, Score
+from sysid.estimation.map.problem import Linearisation, MapProblem, Prior, Score
+from sysid.models import parameters
+from sysid.models.parameters import NAMES
 
 Array = NDArray[np.float64]
 
 Z_LIMIT = 4.0
-"""Bounds of the parameters, in prior standard deviations on both sides of zero."""
+"""Bounds of the parameters, in prior standard deviations on both sides of zero (`lower_bounds`)."""
 MAX_STEPS = 60
 """Maximum number of steps, rejected ones included."""
 INITIAL_DAMPING, DAMPING_INCREASE, DAMPING_DECREASE, MAX_DAMPING = 1e-3, 10.0, 0.1, 1e8
@@ -72,14 +74,15 @@ def descend(
     SearchEnd
         Parameters of the least cost found, or those of the known end that was reached.
     """
-    z = np.clip(start, -Z_LIMIT, Z_LIMIT)
+    lower = lower_bounds(problem.prior)
+    z = np.clip(start, lower, Z_LIMIT)
     precision = np.asarray(np.linalg.inv(problem.prior.covariance), np.float64)
     if (joined := _joined(known, precision, z, 0)) is not None:
         return joined
     current = problems.score(problem, z, linearisation)
     damping, steps = INITIAL_DAMPING, 0
     while steps < MAX_STEPS and damping < MAX_DAMPING:
-        step, predicted_decrease, is_clipped = _step(current, precision, z, damping)
+        step, predicted_decrease, is_clipped = _step(current, precision, z, damping, lower)
         if predicted_decrease <= tolerance * current.cost:
             if not is_clipped:
                 break
@@ -102,6 +105,25 @@ def descend(
     return SearchEnd(z, current, steps)
 
 
+def lower_bounds(prior: Prior) -> Array:
+    """Return the lower bounds of the parameters, in prior standard deviations.
+
+    A delay ends at zero: with a bound below, the data would have no slope there, and every step
+    would lead back to the prior.
+    """
+    bounds = np.full(len(NAMES), -Z_LIMIT)
+    for index, zero in parameters.delays_of_zero(prior.config).items():
+        bounds[index] = max(-Z_LIMIT, zero)
+    return bounds
+
+
+def is_free(current: Score, z: Array, lower: Array) -> NDArray[np.bool_]:
+    """Return a mask of the parameters that the gradient does not push beyond their bounds."""
+    outwards_above = (z >= Z_LIMIT) & (current.slope < 0.0)
+    outwards_below = (z <= lower) & (current.slope > 0.0)
+    return np.asarray(~(outwards_above | outwards_below))
+
+
 def _joined(known: Sequence[SearchEnd], precision: Array, z: Array, steps: int) -> SearchEnd | None:
     """Return the known end near z with the steps to it; None if there is none.
 
@@ -114,7 +136,9 @@ def _joined(known: Sequence[SearchEnd], precision: Array, z: Array, steps: int) 
     return None
 
 
-def _step(current: Score, precision: Array, z: Array, damping: float) -> tuple[Array, float, bool]:
+def _step(
+    current: Score, precision: Array, z: Array, damping: float, lower: Array
+) -> tuple[Array, float, bool]:
     """Return a damped step within the bounds, its predicted decrease, and whether it is clipped.
 
     The decrease of the cost is -(g'dz + dz'A dz / 2). Parameters at a bound that the gradient
@@ -122,10 +146,11 @@ def _step(current: Score, precision: Array, z: Array, damping: float) -> tuple[A
     predict an increase far from a minimum: a shorter one does not reach the bound.
     """
     curvature = current.information + precision
-    free = ~((np.abs(z) >= Z_LIMIT) & (current.slope * z < 0.0))
+    free = is_free(current, z, lower)
     damped = curvature + damping * np.diag(np.diag(curvature))
     step = np.zeros(z.size)
     step[free] = -np.linalg.solve(damped[np.ix_(free, free)], current.slope[free])
-    within = np.clip(z + step, -Z_LIMIT, Z_LIMIT) - z
+    within = np.clip(z + step, lower, Z_LIMIT) - z
     decrease = -float(current.slope @ within + 0.5 * within @ curvature @ within)
-    return within, decrease, bool(np.any(np.abs(z + step) > Z_LIMIT))
+    is_clipped = np.any((z + step < lower) | (z + step > Z_LIMIT))
+    return within, decrease, bool(is_clipped)

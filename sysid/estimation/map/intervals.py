@@ -25,7 +25,7 @@ from scipy.special import ndtri
 from sitl.vehicle.config import VehicleFileError
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import STRIDE, Fit, linear_plane
-from sysid.estimation.map.gauss_newton import Z_LIMIT
+from sysid.estimation.map.gauss_newton import Z_LIMIT, is_free, lower_bounds
 from sysid.estimation.map.problem import MapProblem, Prior
 from sysid.models import linear_planes, parameters
 from sysid.models.linear_planes import SmallSignal
@@ -146,17 +146,23 @@ def constrained_optimum(problem: MapProblem, number: Number, start: Array, value
     A = J'J + P^-1, cost gradient g, number g_n(z) with gradient c; f = -A^-1 g is the free step::
 
         dz = f + A^-1 c (value - g_n(z) - c'f) / (c' A^-1 c)
+
+    Parameters that the gradient pushes beyond their bounds are held fixed.
     """
-    precision, z = np.linalg.inv(problem.prior.covariance), np.clip(start, -Z_LIMIT, Z_LIMIT)
+    precision, lower = np.linalg.inv(problem.prior.covariance), lower_bounds(problem.prior)
+    z = np.clip(start, lower, Z_LIMIT)
     for _ in range(STEPS):
         current, gradient = problems.score(problem, z), _slope(number, z)
-        inverse = np.linalg.inv(current.information + precision)
+        free = np.flatnonzero(is_free(current, z, lower))
+        inverse = np.zeros_like(precision)
+        block = np.ix_(free, free)
+        inverse[block] = np.linalg.inv((current.information + precision)[block])
         free_step = -inverse @ current.slope
         direction = inverse @ gradient
         step = free_step + direction * (value - number(z) - gradient @ free_step) / (
             gradient @ direction
         )
-        changed = np.clip(z + np.clip(step, -1.0, 1.0), -Z_LIMIT, Z_LIMIT)
+        changed = np.clip(z + np.clip(step, -1.0, 1.0), lower, Z_LIMIT)
         z = nearest_possible(problem.prior, z, changed)
     return np.asarray(z)
 

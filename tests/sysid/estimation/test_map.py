@@ -15,7 +15,7 @@ from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import failures
 from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
 from sysid.estimation.map.fit import Prior
-from sysid.estimation.map.gauss_newton import Z_LIMIT, descend
+from sysid.estimation.map.gauss_newton import MAX_STEPS, Z_LIMIT, SearchEnd, descend
 from sysid.estimation.map.problem import MapProblem
 from sysid.models import greybox, noise, parameters, prediction
 from sysid.models.noise import Noise
@@ -35,7 +35,7 @@ def prior_of(vehicle: config.VehicleConfig, runs: Sequence[Run]) -> Prior:
 def problem_of(vehicle: config.VehicleConfig, runs: Sequence[Run], at: np.ndarray) -> MapProblem:
     prior = prior_of(vehicle, runs)
     first = problems.vehicle(prior, prior.mean)
-    planes: tuple[Plane, ...] = tuple(Plane)
+    planes = [plane for plane in Plane if any(run.plane == plane for run in runs)]
     groups = {
         p: tuple(with_coupling_inputs(first, dataset(run)) for run in runs if run.plane == p)
         for p in planes
@@ -100,6 +100,55 @@ def test_descend_ends_at_a_minimum(problem: MapProblem, random_z: np.ndarray) ->
         for side in (-1.0, 1.0):
             beside = end.z + side * sd[i] * (np.arange(len(NAMES)) == i)
             assert problems.cost(problem, beside) > end.score.cost, NAMES[i]
+
+
+def test_descend_ends_at_a_delay_of_zero(
+    few: list[Run], bench: config.VehicleConfig, random_z: np.ndarray
+) -> None:
+    """The drive of the prior is slower than the vehicle's, so that a delay below zero would fit.
+
+    Every step moved the delay towards its prior and was rejected, until the last one was used up.
+    """
+    slow = msgspec.structs.replace(
+        bench.tailcone,
+        natural_frequency_radps=0.35 * bench.tailcone.natural_frequency_radps,
+        delay_s=0.1,
+    )
+    problem = problem_of(
+        msgspec.structs.replace(bench, tailcone=slow),
+        [run for run in few if run.plane == Plane.YAW],
+        np.zeros(len(NAMES)),
+    )
+    end, other = (descend(problem, start, 1e-8) for start in (np.zeros(len(NAMES)), random_z))
+    assert end.z[NAMES.index("delay_yaw")] == pytest.approx(-1.0)
+    assert end.steps < MAX_STEPS
+    assert end.score.cost == pytest.approx(other.score.cost, abs=0.01)
+
+
+def test_estimated_delay_of_zero_has_no_slope(few: list[Run], bench: config.VehicleConfig) -> None:
+    problem = problem_of(bench, few, np.zeros(len(NAMES)))
+    zero = parameters.delays_of_zero(bench)[NAMES.index("delay_yaw")]
+    z = np.where(np.array(NAMES) == "delay_yaw", zero, 0.0)
+    end = SearchEnd(z, problems.score(problem, z), 3)
+    found = fit._without_delays_of_zero(problem, end)
+    delay = NAMES.index("delay_yaw")
+    assert end.score.information[delay, delay] > 0.0
+    assert found.score.information[delay, delay] == 0.0
+    assert found.score.cost == pytest.approx(end.score.cost, abs=0.1)
+
+
+@pytest.mark.parametrize(("other_cost", "expected"), [(95.0, [1.0, 1.0]), (108.0, [1.08, 1.08])])
+def test_better_optimum_is_the_one_of_all_samples(
+    problem: MapProblem, random_z: np.ndarray, other_cost: float, expected: list[float]
+) -> None:
+    """With every second sample the other starts seem to end 2 % lower."""
+    score = problems.score(problem, random_z)
+    first, other = (
+        SearchEnd(random_z, score._replace(cost=cost), 1) for cost in (100.0, other_cost)
+    )
+    best, ratios = fit._better_of(first, other, [0.98, 0.98])
+    assert best.score.cost == min(100.0, other_cost)
+    assert ratios == pytest.approx(expected)
 
 
 def test_descend_near_known_end_stops_there(problem: MapProblem, random_z: np.ndarray) -> None:
