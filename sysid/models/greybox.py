@@ -401,8 +401,8 @@ def first_state(run: Run, start: InitialMotion, speed_mps: float) -> Array:
     return np.array([speed_mps, -w_frd, -start.rate_radps, -theta, SUBMERGED_Z_M])
 
 
-def known_inputs(run: Run, speed_mps: float) -> Array | None:
-    """Return the known inputs (samples, N_COUPLING) of a test; None if there are none.
+def known_inputs(run: Run, speed_mps: float) -> Array:
+    """Return the known inputs (samples, N_COUPLING) of a test; zero if there are none.
 
     A vehicle that is not neutrally buoyant keeps depth with a pitch angle and a heave velocity. The
     crossflow drag is quadratic in the total crossflow, so heave also damps sway: an input of a yaw
@@ -415,8 +415,6 @@ def known_inputs(run: Run, speed_mps: float) -> Array | None:
     ratio = run.relative_speed
     speed = 0.0 * run.time_s if ratio is None else speed_mps * ratio
     if not PLANES[run.plane].is_yaw:
-        if ratio is None:
-            return None
         still = np.zeros(run.time_s.size)
         return np.column_stack([*(still,) * (N_COUPLING - 1), speed])
     slow = run.slow_motion

@@ -48,12 +48,13 @@ def cross_plane_inputs(run: Run, other: LinearPlane, actuator: Actuator, speed_m
         greybox.duct_along(run, other_plane, actuator),
         run.in_plane(other_plane).rate_radps,
     )
-    across, pitch, speed = cross_speed_mps(other, rate, duct), 0.0 * rate, 0.0 * rate
-    if (known := greybox.known_inputs(run, speed_mps)) is not None:
-        speed = known[:, greybox.SPEED]
-        if PLANES[run.plane].is_yaw:
-            across, pitch = across - np.mean(across) - np.mean(known[:, 0]), run.pitch_rad
-    return np.column_stack([-across, -rate, -pitch, run.p_radps, run.roll_rad, duct, speed])
+    across, pitch = cross_speed_mps(other, rate, duct), 0.0 * rate
+    known = greybox.known_inputs(run, speed_mps)
+    if PLANES[run.plane].is_yaw:
+        across, pitch = across - np.mean(across) - np.mean(known[:, 0]), run.pitch_rad
+    return np.column_stack(
+        [-across, -rate, -pitch, run.p_radps, run.roll_rad, duct, known[:, greybox.SPEED]]
+    )
 
 
 def cross_speed_mps(plane: LinearPlane, rate_radps: Array, duct_rad: Array) -> Array:
