@@ -68,7 +68,7 @@ class CampaignDives:
     outcomes: dict[str, DiveRecord] = field(default_factory=dict)
     """Record of each dive and of each attempt that ended with a failsafe."""
     records: DiveRecords = field(init=False)
-    """The same in the folder, and those of a campaign that is resumed."""
+    """Records in the folder, also those from before the campaign was resumed."""
     _simulated: list[SimulatedVehicle] = field(default_factory=list)
     _lock: Lock = field(default_factory=Lock)
     _cancelled: bool = False
@@ -108,7 +108,7 @@ class CampaignDives:
         """Fly one dive; again with a descent at full thrust if it does not leave the surface.
 
         Returns the first failsafe, empty without one. Raises AfloatError if a descent at full
-        thrust does not help, or if it is to be flown with other sets of gains, too.
+        thrust does not help, and for a mission that all sets of gains then have to fly again.
         """
         try:
             return self._fly_once(stage, mission, parameters)

@@ -13,6 +13,7 @@ from sysid.data.readers.servo_channels import FROM_LOG, TRAVEL, OutputOptions
 FORMATS = "an MCAP log, a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"
 
 MAX_TRAVEL_DEG = 90.0
+"""Largest travel of a surface to either side."""
 
 _FORMAT_BY_MAGIC = {b"\x89MCAP0\r\n": "mcap", b"ULog\x01\x12\x35": "ulog", b"\xa3\x95": "dataflash"}
 _FORMAT_BY_SUFFIX = {
