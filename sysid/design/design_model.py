@@ -53,6 +53,13 @@ UNMEASURED_DRIVE_SD = 0.4
 The lag stands for a drive whose form is unknown. Above its bandwidth a first-order servo has the
 gain of a second-order lag with a natural frequency 1.5 times as high.
 """
+MIN_FIRST_ORDER_DAMPING = 0.8
+"""Smallest damping ratio of a second-order lag that can be a first-order drive.
+
+Up to half the natural frequency the two then differ by at most 0.3 dB and 2 degrees.
+"""
+FAR_POLE = 20.0
+"""Ratio of the two poles of a lag that represents a first-order drive."""
 DRIVE = ("natural_frequency", "damping_ratio")
 """Parameters of the drive's lag."""
 NOT_SCALED_BY_EFFECTIVENESS = (
@@ -246,6 +253,48 @@ def sample_models(
         lambda z: prediction.perturb(model, z, prior), np.array(model.joint.z), covariance, draws
     ):
         yield from_vehicle(sample.vehicle, _disturbance_of(model, depth_m))
+
+
+def drive_forms(vehicle: DesignModel) -> tuple[DesignModel, ...]:
+    """Return a design model, and the same with a first-order drive if tests cannot tell them apart.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Design model; its drive is a second-order lag.
+
+    Returns
+    -------
+    tuple of DesignModel
+        The second is missing if the drive has less damping than `MIN_FIRST_ORDER_DAMPING`.
+
+    Notes
+    -----
+    Up to the second order in frequency, gain and phase of the lag (w0, zeta, delay T) are those of
+    the poles a and b = `FAR_POLE` a with delay T'::
+
+        1 / a^2 + 1 / b^2 = (4 zeta^2 - 2) / w0^2,    T' = T + 2 zeta / w0 - 1 / a - 1 / b
+
+    Above the tested frequencies the gain of a first-order drive is larger, where the actuator lead
+    raises it further.
+    """
+    lags = vehicle.yaw_lag, vehicle.pitch_lag
+    if min(lag.damping_ratio for lag in lags) < MIN_FIRST_ORDER_DAMPING:
+        return (vehicle,)
+    yaw, pitch = map(_first_order, lags)
+    return vehicle, build(vehicle.planes, yaw, pitch, vehicle.disturbance)
+
+
+def _first_order(lag: Lag) -> Lag:
+    """Return the lag with poles a and b of `drive_forms`."""
+    w0, zeta = lag.natural_frequency_radps, lag.damping_ratio
+    a = w0 * math.sqrt((1.0 + FAR_POLE**-2) / (4.0 * zeta**2 - 2.0))
+    b = FAR_POLE * a
+    return Lag(
+        delay_s=lag.delay_s + 2.0 * zeta / w0 - 1.0 / a - 1.0 / b,
+        natural_frequency_radps=math.sqrt(a * b),
+        damping_ratio=0.5 * (a + b) / math.sqrt(a * b),
+    )
 
 
 def uncertain_drive_covariance(model: IdentifiedModel) -> Array:

@@ -116,7 +116,10 @@ def redesign(
     depth_m = spec.operating_depth_m
     vehicle, loads = design_model.from_model(model, prior, depth_m), constant_loads(model)
     sample = partial(design_model.sample_models, model, VEHICLES, prior, depth_m=depth_m)
-    samples = Samples(vehicles=list(sample()), unmeasured_drive=list(sample(drive_known=False)))
+    samples = Samples(
+        vehicles=list(sample()),
+        unmeasured_drive=[design_model.drive_forms(v) for v in sample(drive_known=False)],
+    )
     try:
         in_waves = design_model.assume_waves(vehicle, spec.assumed_wave_depth_m)
         gains = _gains(in_waves, samples, _initial_values(vehicle, initial, spec), spec)

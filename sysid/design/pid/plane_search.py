@@ -49,8 +49,8 @@ class Samples(NamedTuple):
     """Vehicles sampled from the posterior of a model."""
 
     vehicles: Sequence[DesignModel]
-    unmeasured_drive: Sequence[DesignModel]
-    """Vehicles whose drive only tests and bench test inform."""
+    unmeasured_drive: Sequence[Sequence[DesignModel]]
+    """Vehicles whose drive only tests and bench test inform, each with its `drive_forms`."""
 
 
 class PlaneSearch(NamedTuple):
@@ -95,7 +95,10 @@ class PlaneSearch(NamedTuple):
 
     def missing_gain_margin_db(self, gains: Gains) -> float:
         """Return what the gain margin lacks at `LOW_QUANTILE`; NaN without sampled vehicles."""
-        margins_db = [self.gain_margin_db(v, gains) for v in self.samples.unmeasured_drive]
+        margins_db = [
+            min(self.gain_margin_db(vehicle, gains) for vehicle in forms)
+            for forms in self.samples.unmeasured_drive
+        ]
         low_db = float(np.quantile(margins_db, LOW_QUANTILE)) if margins_db else math.nan
         return self.spec.robust_gm_db - low_db
 

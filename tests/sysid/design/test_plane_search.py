@@ -28,7 +28,10 @@ def vehicle(model: IdentifiedModel) -> DesignModel:
 def samples(model: IdentifiedModel) -> Samples:
     return Samples(
         vehicles=list(design_model.sample_models(model, 60)),
-        unmeasured_drive=list(design_model.sample_models(model, 60, drive_known=False)),
+        unmeasured_drive=[
+            design_model.drive_forms(sample)
+            for sample in design_model.sample_models(model, 60, drive_known=False)
+        ],
     )
 
 
@@ -53,12 +56,53 @@ def test_unmeasured_drive_response_scatters_above_the_tested_frequencies(
     The tests reach 2.5 rad/s.
     """
     scatter = {}
-    for name, vehicles in samples._asdict().items():
+    second_order = [forms[0] for forms in samples.unmeasured_drive]
+    for name, vehicles in (("vehicles", samples.vehicles), ("unmeasured_drive", second_order)):
         gains = np.abs([sample.yaw.command[:, 1] for sample in vehicles])
         at = [int(np.searchsorted(GRID_RADPS, omega)) for omega in (1.0, 6.0)]
         scatter[name] = np.std(20.0 * np.log10(gains[:, at]), axis=0)
     assert scatter["unmeasured_drive"][0] < 1.1 * scatter["vehicles"][0]
     assert scatter["unmeasured_drive"][1] > 1.2 * scatter["vehicles"][1]
+
+
+def with_damping(vehicle: DesignModel, damping_ratio: float) -> DesignModel:
+    lag = vehicle.yaw_lag._replace(damping_ratio=damping_ratio)
+    return design_model.build(vehicle.planes, lag, lag, vehicle.disturbance)
+
+
+@pytest.mark.parametrize("damping_ratio", [0.8, 0.9, 0.99])
+def test_first_order_drive_differs_above_the_tested_frequencies_only(
+    vehicle: DesignModel, damping_ratio: float
+) -> None:
+    """Compared with 1 / (1 + s / a) behind a delay, a from the curvature of the gain."""
+    second_order, first_order = design_model.drive_forms(with_damping(vehicle, damping_ratio))
+    ratio = first_order.yaw.command[:, 1] / second_order.yaw.command[:, 1]
+    omega_radps = vehicle.yaw_lag.natural_frequency_radps
+    x = GRID_RADPS / omega_radps
+    tested = x < 0.5
+    assert np.max(np.abs(20.0 * np.log10(np.abs(ratio[tested])))) < 0.3
+    assert np.max(np.abs(np.degrees(np.angle(ratio[tested])))) < 2.0
+
+    pole = omega_radps / math.sqrt(4.0 * damping_ratio**2 - 2.0)
+    lag_gain = 1.0 / np.abs(1.0 - x**2 + 2.0j * damping_ratio * x)
+    expected = 1.0 / (np.abs(1.0 + 1j * GRID_RADPS / pole) * lag_gain)
+    below = x < 2.0
+    assert np.abs(ratio[below]) == pytest.approx(expected[below], rel=0.02)
+    assert np.abs(ratio[below])[-1] > 1.4
+
+
+def test_weakly_damped_drive_has_no_first_order_form(vehicle: DesignModel) -> None:
+    assert len(design_model.drive_forms(with_damping(vehicle, 0.79))) == 1
+
+
+def test_first_order_form_counts_in_the_gain_margin(vehicle: DesignModel, samples: Samples) -> None:
+    damped = with_damping(vehicle, 0.9)
+    gains = search(vehicle, samples, Spec()).find(constraints.nominal(Spec()), heading.STARTS)
+    missing_db = [
+        search(damped, Samples((), [forms]), Spec()).missing_gain_margin_db(gains)
+        for forms in ((damped,), design_model.drive_forms(damped))
+    ]
+    assert missing_db[1] > missing_db[0] + 1.0
 
 
 def test_robust_gains_have_the_gain_margin_on_nearly_all_vehicles(
