@@ -210,8 +210,10 @@ def _with_gain_margin(
     """Increase the nominal gain margin until that of nearly all sampled vehicles is large enough.
 
     A loop has its gain margin above the tested frequencies, where the model is least certain. An
-    increase with which too few vehicles meet their limits is not made.
+    increase with which too few vehicles meet their limits is not made: each plane needs the square
+    root of the share that is required of both planes together.
     """
+    lowest_fraction = math.sqrt(search.spec.robust_fraction)
     for _ in range(GAIN_MARGIN_STEPS):
         missing_db = search.missing_gain_margin_db(candidate.gains)
         needed_db = search.gain_margin_db(search.vehicle, candidate.gains) + missing_db
@@ -219,7 +221,7 @@ def _with_gain_margin(
             break
         bounds = candidate.bounds._replace(gm_db=needed_db)
         found = _find(search, candidate._replace(bounds=bounds), starts)
-        if found is None or found.fraction < search.spec.robust_fraction:
+        if found is None or found.fraction < lowest_fraction:
             break
         candidate = found
     return candidate
