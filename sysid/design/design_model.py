@@ -54,9 +54,9 @@ The lag stands for a drive whose form is unknown. Above its bandwidth a first-or
 gain of a second-order lag with a natural frequency 1.5 times as high.
 """
 MIN_FIRST_ORDER_DAMPING = 0.8
-"""Smallest damping ratio of a second-order lag that can be a first-order drive.
+"""Damping ratio from which an identified second-order lag may stand for a first-order drive.
 
-Up to half the natural frequency the two then differ by at most 0.3 dB and 2 degrees.
+The two then differ by at most 0.3 dB and 2 degrees up to half the natural frequency of the lag.
 """
 FAR_POLE = 20.0
 """Ratio of the two poles of a lag that represents a first-order drive."""
@@ -256,7 +256,7 @@ def sample_models(
 
 
 def drive_forms(vehicle: DesignModel) -> tuple[DesignModel, ...]:
-    """Return a design model, and the same with a first-order drive if tests cannot tell them apart.
+    """Return a design model, and the same with a first-order drive if the tests allow for one.
 
     Parameters
     ----------
@@ -275,8 +275,7 @@ def drive_forms(vehicle: DesignModel) -> tuple[DesignModel, ...]:
 
         1 / a^2 + 1 / b^2 = (4 zeta^2 - 2) / w0^2,    T' = T + 2 zeta / w0 - 1 / a - 1 / b
 
-    Above the tested frequencies the gain of a first-order drive is larger, where the actuator lead
-    raises it further.
+    At higher frequencies the first-order drive has more gain, and the actuator lead increases it.
     """
     lags = vehicle.yaw_lag, vehicle.pitch_lag
     if min(lag.damping_ratio for lag in lags) < MIN_FIRST_ORDER_DAMPING:

@@ -95,9 +95,11 @@ def test_weakly_damped_drive_has_no_first_order_form(vehicle: DesignModel) -> No
     assert len(design_model.drive_forms(with_damping(vehicle, 0.79))) == 1
 
 
-def test_first_order_form_counts_in_the_gain_margin(vehicle: DesignModel, samples: Samples) -> None:
+def test_first_order_form_counts_in_the_gain_margin(vehicle: DesignModel) -> None:
     damped = with_damping(vehicle, 0.9)
-    gains = search(vehicle, samples, Spec()).find(constraints.nominal(Spec()), heading.STARTS)
+    gains = search(vehicle, Samples((), ()), Spec()).find(
+        constraints.nominal(Spec()), heading.STARTS
+    )
     missing_db = [
         search(damped, Samples((), [forms]), Spec()).missing_gain_margin_db(gains)
         for forms in ((damped,), design_model.drive_forms(damped))
