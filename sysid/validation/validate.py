@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import msgspec
@@ -103,8 +104,14 @@ def uncertain_vehicle(
     if model.method == "paper":
         fixed_vehicle = _with_coefficients(model, predict.vehicles(model, prior)[1])
         return UncertainVehicle(lambda perturbed_z: fixed_vehicle, z, None)
+
+    @cache  # both planes and all quantities are perturbed at the same points
+    def vehicle(*perturbed_z: float) -> CandidateVehicle:
+        """Return the vehicle at z."""
+        return predict.perturb(model, np.array(perturbed_z), prior)
+
     return UncertainVehicle(
-        lambda perturbed_z: predict.perturb(model, perturbed_z, prior),
+        lambda perturbed_z: vehicle(*perturbed_z.tolist()),
         z,
         covariance if np.any(covariance) else None,
     )
