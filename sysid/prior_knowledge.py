@@ -10,7 +10,7 @@ from mavlink_io.errors import ErrorCode, InputError
 from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig, VehicleFileError
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Prior
 from sysid.models import model_file as models

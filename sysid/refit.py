@@ -20,7 +20,8 @@ from sysid import usable_runs
 from sysid.data import readers
 from sysid.data.dataset import Log
 from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
-from sysid.data.segments import MarkedInterval, Run
+from sysid.data.runs import Run
+from sysid.data.segments import MarkedInterval
 from sysid.estimation.linear import report as linear
 from sysid.estimation.linear.multistart import NotUniqueError as NotUniqueError
 from sysid.estimation.map import fit, intervals

@@ -9,7 +9,8 @@ import numpy as np
 from sysid.data import duplicates, readers, segments
 from sysid.data.dataset import Log
 from sysid.data.readers.servo_channels import OutputOptions
-from sysid.data.segments import MarkedInterval, Run
+from sysid.data.runs import Run
+from sysid.data.segments import MarkedInterval
 from sysid.models.model_file import AnomalyTest, ScreenedRun
 from sysid.prior_knowledge import PriorKnowledge, RefitError
 from sysid.screening import RunScreening, Screening, ScreeningLimits, proposals, screen, wiring

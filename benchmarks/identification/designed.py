@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from sitl.vehicle import build_model
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.models import parameters

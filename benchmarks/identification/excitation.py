@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmarks.identification import crossover, designed, prediction, vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.linear import cramer_rao
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear.linear_model import LinearModel

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from benchmarks.identification import prediction, vehicles
 from benchmarks.study import Cell, Figure
 from sysid import prior_knowledge
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.planes import Plane
 from tests.sysid import sea

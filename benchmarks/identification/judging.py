@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.identification import crossover, prediction, vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.models import model_export
 from sysid.models import prediction as predict
 from sysid.models.model_file import IdentifiedModel

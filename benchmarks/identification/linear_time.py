@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from benchmarks.identification import baseline, linear_truth
 from benchmarks.identification.linear_truth import Campaign
 from benchmarks.study import Cell, Figure
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.linear import estimate
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.records import LinearRun

@@ -10,7 +10,7 @@ from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
 from sitl.vehicle.config import VehicleFileError
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.estimation.recursive import (

@@ -18,7 +18,7 @@ from benchmarks.identification import crossover, vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
 from sysid import prior_knowledge
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.models import linear_planes, model_export, parameters, prediction

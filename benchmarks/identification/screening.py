@@ -19,7 +19,7 @@ from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
 from sitl.vehicle import build_model
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.datasets import with_coupling_inputs
 from sysid.estimation.map.fit import Fit, Prior

@@ -27,7 +27,7 @@ from scipy.optimize import least_squares
 from scipy.signal import cont2discrete
 
 from sysid.data import readers, segments
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.linear import estimate as linear
 from sysid.estimation.linear import linear_model, records
 from sysid.estimation.linear.linear_model import LinearModel, LinearModelStructure

@@ -21,7 +21,7 @@ from sysid import prior_knowledge, refit
 from sysid.data import segments
 from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
 from sysid.data.events import parse_text
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.design import pid
 from sysid.design.pid import Design, DesignInfeasibleError
 from sysid.models import model_file as models

@@ -13,7 +13,7 @@ from mavlink_io.errors import InputError
 from mavlink_io.text_files import parse_toml
 from sysid.data import segments
 from sysid.data.dataset import Log
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor.performance_spec import PerformanceBaseline
 

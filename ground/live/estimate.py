@@ -11,7 +11,8 @@ from mavlink_io.codec import Frame
 from sysid.data import segments
 from sysid.data.dataset import LogError
 from sysid.data.events import StopReason, TestEnded, TestStarted
-from sysid.data.segments import PREROLL_S, Run
+from sysid.data.runs import Run
+from sysid.data.segments import PREROLL_S
 from sysid.estimation.recursive import estimator, prediction, report
 from sysid.estimation.recursive.estimator import Knowledge, TestState
 from sysid.estimation.recursive.report import PlaneReport

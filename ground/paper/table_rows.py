@@ -7,7 +7,7 @@ import numpy as np
 
 from ground.campaign.campaign_folder import CampaignFolder
 from ground.paper.flights import PaperFlights
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.models.prediction import predict
 from sysid.monitor.tracking_metrics import SteadyWindow
 from sysid.planes import PLANES, Plane

@@ -10,7 +10,7 @@ from ground.campaign.summary_file import PAPER_VEHICLE
 from mavlink_io.vehicle_modes import VehicleMode
 from sysid.data.dataset import Log
 from sysid.data.events import ModeChanged
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.models.prediction import predict
 from sysid.planes import PLANES, Plane
 

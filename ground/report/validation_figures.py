@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ground.campaign.campaign_folder import CampaignFolder
 from ground.report.figures import Curve, Figure, Panel
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.prediction import predict, vehicles
 from sysid.planes import PLANES, Plane

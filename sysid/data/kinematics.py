@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid.data.segments import RATE_HZ, Array, Run
+from sysid.data.runs import RATE_HZ, Array, Run
 from sysid.signal_processing import fit_line
 
 MAX_PITCH_RAD = math.radians(75.0)

@@ -16,7 +16,8 @@ from scipy.optimize import minimize_scalar
 from mavlink_io.errors import ErrorCode, OperationError
 from sysid.data.dataset import Log
 from sysid.data.events import TestAxis, TestWave
-from sysid.data.segments import RATE_HZ, TestInterval, intervals_of_tests
+from sysid.data.runs import RATE_HZ
+from sysid.data.segments import TestInterval, intervals_of_tests
 from sysid.models import actuator
 from sysid.models.actuator import ActuatorFit, AxisParameters, BenchRecord
 from sysid.models.model_file import ParameterEstimate

@@ -31,7 +31,7 @@ from sitl.vehicle.forces import HullFlow, TailInputs
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
 from sitl.vehicle.vectors import Wrench
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.planes import PLANES, Plane
 from sysid.signal_processing import fit_line
 

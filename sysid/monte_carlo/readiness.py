@@ -22,7 +22,7 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.data import segments
 from sysid.data.events import StopReason
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.models import prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle

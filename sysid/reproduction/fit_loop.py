@@ -6,7 +6,7 @@ import numpy as np
 
 from sitl.vehicle import build_model
 from sitl.vehicle.config import VehicleConfig
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.models import parameters
 from sysid.models.parameters import NAMES

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 from mavlink_io.jit import kernel
 from sitl.vehicle.config import VehicleConfig
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.models import greybox, linear_planes, parameters
 from sysid.models.greybox import Actuator, PlaneTrajectory
 from sysid.models.linear_planes import LinearPlane

@@ -8,7 +8,7 @@ runs for anomalies of single runs. `refit_loop.refit_until_clean` repeats fit an
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.planes import Plane
 from sysid.screening import excitation, preroll, rules
 from sysid.screening.cross_plane import COUPLING, cross_plane

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle import propeller
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Dataset
 from sysid.models import greybox, linear_planes, noise

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.data.segments import RATE_HZ, STEADY_S, Array, Run
+from sysid.data.runs import RATE_HZ, STEADY_S, Array, Run
 from sysid.planes import PLANES
 from sysid.screening.limits import ScreeningLimits
 from sysid.signal_processing import averaged_spectra

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.planes import PLANES, Plane
 from sysid.screening.control_effect import control_effect, static_gain
 from sysid.signal_processing import moving_mean

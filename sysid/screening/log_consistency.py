@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import NamedTuple
 
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.planes import PLANES, Plane
 from sysid.screening.outlier_tests import RunScreening
 

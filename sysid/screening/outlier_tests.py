@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.planes import PLANES, Plane
 from sysid.screening import whitened_residuals

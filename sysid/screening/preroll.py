@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid.data.segments import RATE_HZ, STEADY_S, Array, Run
+from sysid.data.runs import RATE_HZ, STEADY_S, Array, Run
 from sysid.planes import Plane
 from sysid.screening.limits import ScreeningLimits
 from sysid.signal_processing import fit_line

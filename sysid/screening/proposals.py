@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from sysid.data import segments
 from sysid.data.dataset import Log
-from sysid.data.segments import MarkedInterval, Run
+from sysid.data.runs import Run
+from sysid.data.segments import MarkedInterval
 from sysid.planes import PLANES, Plane
 from sysid.screening import excitation, rules
 from sysid.screening.control_effect import control_effect

@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.data import kinematics
 from sysid.data.kinematics import AngleRateMismatch
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.planes import PLANES
 from sysid.screening import preroll
 from sysid.screening.limits import ScreeningLimits

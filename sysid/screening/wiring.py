@@ -10,7 +10,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 from sysid.data.dataset import Log
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.planes import PLANES, Plane
 from sysid.screening import rules
 from sysid.screening.control_effect import ControlEffect, control_effect, static_gain

@@ -14,7 +14,7 @@ from mavlink_io.mission_items import MissionItem
 from sysid import prior_knowledge, refit
 from sysid.data import segments
 from sysid.data.dataset import Log
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.design import pid
 from sysid.design.specification import Design, DesignInfeasibleError, Spec
 from sysid.estimation.map.fit import Prior

@@ -14,7 +14,7 @@ from scipy.linalg import expm
 
 from mavlink_io.jit import entry_point
 from sysid.control_analysis.loop_transfer import SAMPLING_S, Gains
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.models import noise
 from sysid.models.noise import Noise

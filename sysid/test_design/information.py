@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.models import linear_planes, noise
 from sysid.models.parameters import NAMES, PARAMETERS

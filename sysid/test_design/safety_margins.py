@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.models import greybox, noise
 from sysid.models.noise import Noise

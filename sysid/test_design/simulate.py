@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from autopilot.control import waveforms
 from sysid.data.events import StopReason
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.planes import Plane
 from sysid.test_design import information, safety_margins

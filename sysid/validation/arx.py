@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from sitl.vehicle.config import VehicleConfig
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.models import prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation.acceptance import assess

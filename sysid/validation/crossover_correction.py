@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.datasets import datasets_of, max_leads_s
 from sysid.estimation.map.fit import STRIDE, Prior

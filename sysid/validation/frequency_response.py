@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map.fit import STRIDE
 from sysid.signal_processing import record_spectra
 from sysid.validation.results import FrequencyComparison

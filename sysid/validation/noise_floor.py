@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.models import noise
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.noise import Noise

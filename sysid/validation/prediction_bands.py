@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import STRIDE
 from sysid.models import noise, prediction

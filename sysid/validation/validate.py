@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import fit, model_error
 from sysid.estimation.map.fit import STRIDE
 from sysid.models import linear_planes, noise, parameters

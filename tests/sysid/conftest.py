@@ -4,7 +4,7 @@ import pytest
 
 from sitl.vehicle import config
 from sysid import refit
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.models.model_file import IdentifiedModel
 from tests.sysid import sea
 

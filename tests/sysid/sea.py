@@ -11,7 +11,7 @@ from sitl.core import tailcone
 from sitl.vehicle import build_model, config, dynamics, propeller
 from sitl.vehicle.water import STILL
 from sysid.data.events import StopReason
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]

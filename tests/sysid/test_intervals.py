@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import build_model, config
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation import profile_likelihood
 from sysid.estimation.map import fit, intervals
 from sysid.estimation.map import problem as problems

@@ -8,12 +8,13 @@ import pytest
 from sysid.data import segments
 from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
 from sysid.data.events import StopReason, TestEnded, parse_text
+from sysid.data.runs import Run
 
 START_S, STOP_S = 20.0, 30.0
 RUDDER_DEG, ELEVATOR_DEG = 5.0, 3.0
 
 
-def cut(description: str) -> list[segments.Run]:
+def cut(description: str) -> list[Run]:
     """Cut a log of forty seconds in which both surfaces step between the texts of one test."""
     time_s = np.arange(0.0, 40.0, 0.02)
     none, empty = np.zeros_like(time_s), np.empty(0)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation import profile_likelihood
 from sysid.estimation.linear import estimate as estimates
 from sysid.estimation.linear import linear_model, records

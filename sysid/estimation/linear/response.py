@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink_io.jit import kernel
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.linear import linear_model, tailcone
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
 from sysid.estimation.map.fit import STRIDE

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mavlink_io.jit import kernel
 from sitl.core.tailcone import lag_transition
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.models import greybox
 from sysid.models.greybox import Actuator
 

@@ -9,7 +9,7 @@ and duct angle by the force equation of that plane.
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.models import greybox
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map.coupling_inputs import cross_plane_inputs
 from sysid.estimation.map.steady_state import cruise_speed_mps, linear_plane
 from sysid.models import greybox

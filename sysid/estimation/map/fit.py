@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import model_error
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import START_COST_TOLERANCE

@@ -12,7 +12,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import sensitivity
 from sysid.estimation.map.datasets import STRIDE, Dataset, cruise_speeds_mps
 from sysid.estimation.map.sensitivity import Trajectory

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig, VehicleFileError
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import model_error, sensitivity
 from sysid.estimation.map.datasets import (
     Dataset,

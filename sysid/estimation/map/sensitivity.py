@@ -26,7 +26,7 @@ from sitl.vehicle import forces, hydrodynamics, runge_kutta
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.runge_kutta import STAGES
 from sitl.vehicle.vectors import Wrench
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map.datasets import Dataset
 from sysid.models import greybox
 from sysid.models.greybox import N_COUPLING

@@ -11,7 +11,7 @@ from scipy.optimize import brentq, fsolve
 from sitl.vehicle import hull
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import VehicleModel
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.models import greybox, linear_planes, parameters
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.parameters import CandidateVehicle

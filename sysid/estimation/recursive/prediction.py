@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from mavlink_io.jit import entry_point
 from sitl.vehicle.model import VehicleModel
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import STRIDE
 from sysid.models import greybox

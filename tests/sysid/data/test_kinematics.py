@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from sitl.vehicle import config
 from sysid.data import kinematics, readers, segments
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.screening import screen
 from tests.sysid import recording, sea
 from tests.sysid.data.test_dataset import attitude, dive

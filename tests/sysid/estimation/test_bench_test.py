@@ -12,7 +12,7 @@ from sitl.core import tailcone
 from sitl.vehicle import config
 from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, LogEvent, Setpoints
 from sysid.data.events import Armed, StopReason, TestAxis, TestEnded, TestStarted, TestWave
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation import bench_test, inclining_test
 from sysid.estimation.inclining_test import WeightPeriod
 

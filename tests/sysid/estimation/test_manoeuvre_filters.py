@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
 from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
 from sysid.estimation.map.steady_state import linear_plane

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from sitl.vehicle import build_model, config
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import failures

@@ -8,7 +8,7 @@ import pytest
 
 from sitl.core import tailcone
 from sitl.vehicle import build_model, config
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.models import greybox, linear_planes, parameters
 from sysid.planes import PLANES, Plane

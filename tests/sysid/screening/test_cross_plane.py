@@ -8,7 +8,7 @@ import pytest
 from scipy import signal
 
 from sitl.vehicle import config
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.screening import screen
 from sysid.screening.cross_plane import band, coherence, significant
 from tests.sysid import sea

@@ -9,7 +9,8 @@ import pytest
 
 from sitl.vehicle import config
 from sysid import refit
-from sysid.data.segments import MarkedInterval, Run
+from sysid.data.runs import Run
+from sysid.data.segments import MarkedInterval
 from sysid.planes import Plane
 from sysid.refit import RefitRequest
 from sysid.screening import screen

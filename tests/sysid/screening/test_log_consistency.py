@@ -6,7 +6,7 @@ The sizes are those of simulated campaigns of four 3-2-1-1 tests per plane and l
 import numpy as np
 
 from sysid.data.events import StopReason
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.planes import Plane
 from sysid.screening import RunScreening
 from sysid.screening.log_consistency import two_vehicles

@@ -9,7 +9,7 @@ import pytest
 
 from sitl.vehicle import config
 from sysid import prior_knowledge
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.datasets import with_coupling_inputs
 from sysid.estimation.map.fit import Fit, Prior

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.screening import screen
 from tests.sysid import sea
 

@@ -8,7 +8,7 @@ import pytest
 
 from sitl.vehicle import config
 from sysid.data.events import StopReason
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.screening import screen
 from tests.sysid import sea
 

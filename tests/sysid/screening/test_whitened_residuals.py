@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import config
 from sysid import prior_knowledge
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.models import linear_planes

@@ -6,7 +6,7 @@ import pytest
 
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Lag
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.planes import PLANES, Plane
 from sysid.test_design import closed_loop

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
 from sysid.models import noise

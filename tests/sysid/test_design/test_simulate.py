@@ -6,7 +6,7 @@ import pytest
 from autopilot.control import excitation, requests
 from autopilot.control.params import Config
 from autopilot.control.types import AutopilotState
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.planes import PLANES
 from sysid.test_design import simulate
 from sysid.test_design.simulate import LevelFlight, Manoeuvre

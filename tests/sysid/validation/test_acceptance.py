@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import model_error
 from sysid.models.model_file import (
     IdentifiedModel,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.vehicle import config
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import STRIDE
 from sysid.models import parameters, prediction

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import config
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.models import parameters, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle

@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import Lag
-from sysid.data.segments import RATE_HZ, Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.models import linear_planes, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.planes import Plane

@@ -10,7 +10,7 @@ import pytest
 from sysid.data import readers, segments
 from sysid.data.dataset import LogError, VelocitySource
 from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
-from sysid.data.segments import Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.planes import Plane
 from sysid.screening import screen
 from tests.sysid.data.readers import files
@@ -221,7 +221,7 @@ def test_sampled_command_has_no_mean_delay(tmp_path: Path, late_s: float) -> Non
     run = the_run(write(tmp_path / "slow.csv", lines=lines))
     rising = np.degrees(run.rudder_rad[run.time_s < 5.0]) / 4.0
     # Time of a step of the same area under the curve, on the grid of held samples.
-    first_s = float(run.time_s[0]) + np.sum(1.0 - rising) / segments.RATE_HZ
+    first_s = float(run.time_s[0]) + np.sum(1.0 - rising) / RATE_HZ
     start_s = 20.0 if late_s == 0.0 else 20.04  # first recorded row of the test
     assert first_s + start_s - step_s == pytest.approx(-0.01 + late_s, abs=1e-6)
 

@@ -16,7 +16,8 @@ from sysid.data.events import StopReason
 from sysid.data.readers import servo_channels, ulog_recovery
 from sysid.data.readers.samples import FileDamage
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, ServoChannels
-from sysid.data.segments import MarkedInterval, Run
+from sysid.data.runs import Run
+from sysid.data.segments import MarkedInterval
 from sysid.screening import screen
 from tests.sysid.data.readers import files
 

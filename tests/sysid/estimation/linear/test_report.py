@@ -10,7 +10,7 @@ import pytest
 
 from sitl.vehicle import config
 from sysid import prior_knowledge, refit
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.linear import estimate, records, report, response
 from sysid.models import linear_planes, prediction
 from sysid.models import model_file as models

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sysid.data.segments import RATE_HZ
+from sysid.data.runs import RATE_HZ
 from sysid.estimation.linear import linear_model, response
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
 from sysid.estimation.linear.response import SurfaceCommand

@@ -10,7 +10,7 @@ from ground.campaign import prototype
 from sitl.vehicle import config
 from sysid import prior_knowledge
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import datasets, fit
 from sysid.monte_carlo import perturbed_vehicle
 from sysid.planes import Plane

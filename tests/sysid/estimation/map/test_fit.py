@@ -8,7 +8,7 @@ import pytest
 
 from sitl.vehicle import build_model, config
 from sysid import refit
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.models import linear_planes, parameters, prediction
 from sysid.models import model_file as models

@@ -5,7 +5,7 @@ import pytest
 
 from sitl.vehicle import config
 from sysid import prior_knowledge
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit as joint
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.problem import MapProblem

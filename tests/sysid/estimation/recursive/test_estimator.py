@@ -10,7 +10,7 @@ import pytest
 from msgspec import structs
 
 from sitl.vehicle import config
-from sysid.data.segments import Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Prior
 from sysid.estimation.recursive import (
