@@ -16,7 +16,7 @@ from sitl.vehicle.vectors import Wrench
 
 @kernel
 def crossflow_drag(v: float, w: float, q: float, r: float, stations: Stations) -> Wrench:
-    """Return the crossflow drag of the hull by strip theory.
+    """Return the crossflow drag of the hull, by strip theory if none of it is uncoupled.
 
     Parameters
     ----------
@@ -35,7 +35,8 @@ def crossflow_drag(v: float, w: float, q: float, r: float, stations: Stations) -
     Notes
     -----
     Strip theory (Hoerner 1965, ch. 3). Sway and heave combine into one crossflow speed, so the
-    force does not depend on the roll angle.
+    force does not depend on the roll angle. With the share e of uncoupled drag (`_uncoupled_drag`)
+    the wrench is (1 - e) strip + e uncoupled.
     """
     # Local crossflow at station x:  v_x = v + x r,  w_x = w - x q.
     # Section force, with drag_kgpm = 1/2 rho C_d 2R dx:
@@ -50,6 +51,32 @@ def crossflow_drag(v: float, w: float, q: float, r: float, stations: Stations) -
         Z -= drag * w_x
         M += x * (drag * w_x)
         N -= x * (drag * v_x)
+    if stations.uncoupled == 0.0:
+        return 0.0, Y, Z, 0.0, M, N
+    e, other = stations.uncoupled, _uncoupled_drag(v, w, q, r, stations)
+    Y, Z = (1.0 - e) * Y + e * other[1], (1.0 - e) * Z + e * other[2]
+    M, N = (1.0 - e) * M + e * other[4], (1.0 - e) * N + e * other[5]
+    return 0.0, Y, Z, 0.0, M, N
+
+
+@kernel
+def _uncoupled_drag(v: float, w: float, q: float, r: float, stations: Stations) -> Wrench:
+    """Return the crossflow drag of drift plus that of rotation, each by itself.
+
+    Models with quadratic coefficients have this form (Prestero 2001): drift does not damp rotation.
+    """
+    # Section force of drift:     (Y, Z) = -drag_kgpm sqrt(v^2 + w^2) (v, w),
+    # and of rotation:            (Y, Z) = -drag_kgpm |x| sqrt(q^2 + r^2) (x r, -x q).
+    drift, rotation = sqrt(v * v + w * w), sqrt(q * q + r * r)
+    Y = Z = M = N = 0.0
+    for i in range(stations.x_m.size):
+        x, drag = stations.x_m[i], stations.drag_kgpm[i]
+        Y_x = -drag * (drift * v + abs(x) * rotation * x * r)
+        Z_x = -drag * (drift * w - abs(x) * rotation * x * q)
+        Y += Y_x
+        Z += Z_x
+        M -= x * Z_x
+        N += x * Y_x
     return 0.0, Y, Z, 0.0, M, N
 
 

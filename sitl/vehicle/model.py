@@ -28,7 +28,10 @@ class Inertia(NamedTuple):
 
 
 class Stations(NamedTuple):
-    """Sections of the hull at Gauss-Legendre abscissae, nose to tail; arrays of equal length."""
+    """Sections of the hull at Gauss-Legendre abscissae, nose to tail, and their crossflow drag.
+
+    The arrays are of equal length.
+    """
 
     x_m: Vector
     """Distance of the station forward of mid-length."""
@@ -40,6 +43,8 @@ class Stations(NamedTuple):
     """Fraction of the displaced volume at each station; the sum is one."""
     lever_m: Vector
     """Distance of the station forward of the centroid of the hull's volume."""
+    uncoupled: float = 0.0
+    """Share of the crossflow drag in which drift does not damp rotation; 0 is strip theory."""
 
 
 class Hull(NamedTuple):

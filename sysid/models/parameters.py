@@ -116,6 +116,7 @@ PARAMETERS: tuple[ModelParameter, ...] = (
     ModelParameter(name="stall_angle", planes=_BOTH, kind="ratio", prior_sd=0.15),
     ModelParameter(name="angle_lag", planes=_BOTH, kind="offset", prior_sd=0.05, part="sensors"),
     ModelParameter(name="depth_lag", planes=_PITCH, kind="offset", prior_sd=0.15, part="sensors"),
+    ModelParameter(name="crossflow_uncoupled", planes=_BOTH, kind="offset", prior_sd=0.5),
 )
 """All parameters, in the order of z, with prior standard deviations.
 
@@ -308,23 +309,23 @@ def with_body_at(candidate: CandidateVehicle, prior: VehicleConfig, z: Array) ->
 
 
 def _body(config: VehicleConfig, z: Array) -> VehicleModel:
-    """Return the numeric model with the distribution of crossflow drag along the hull at z.
+    """Return the numeric model with the form of the crossflow drag at z.
 
     The drag of a station at x, xi = x over half the length, is multiplied by
 
         1 + a xi + b (3 xi^2 - 1) / 2,   not below zero,
 
     a and b from ``crossflow_slope`` and ``crossflow_ends``: Legendre polynomials, so that
-    ``crossflow_cd`` keeps its meaning for a cylinder.
+    ``crossflow_cd`` keeps its meaning for a cylinder. Drift damps rotation in strip theory, and not
+    in models with quadratic coefficients; ``crossflow_uncoupled`` is the share of the latter.
     """
     model = build_model.build(config)
-    slope, ends = (PARAMETERS[i].prior_sd * z[i] for i in _CROSSFLOW_SHAPE)
-    if slope == 0.0 and ends == 0.0:
-        return model
+    slope, ends, uncoupled = (PARAMETERS[i].prior_sd * float(z[i]) for i in _CROSSFLOW_SHAPE)
     stations = model.stations
     xi = stations.x_m / np.max(np.abs(stations.x_m))
     factor = np.maximum(1.0 + slope * xi + ends * 0.5 * (3.0 * xi**2 - 1.0), 0.0)
-    return model._replace(stations=stations._replace(drag_kgpm=stations.drag_kgpm * factor))
+    stations = stations._replace(drag_kgpm=stations.drag_kgpm * factor, uncoupled=uncoupled)
+    return model._replace(stations=stations)
 
 
 def _changed_config(prior: VehicleConfig, z: Array) -> VehicleConfig:
@@ -421,7 +422,9 @@ def backlash_deg(prior: VehicleConfig) -> float:
     return prior.tailcone.backlash_deg or ASSUMED_BACKLASH_DEG
 
 
-_CROSSFLOW_SHAPE = tuple(NAMES.index(name) for name in ("crossflow_slope", "crossflow_ends"))
+_CROSSFLOW_SHAPE = tuple(
+    NAMES.index(name) for name in ("crossflow_slope", "crossflow_ends", "crossflow_uncoupled")
+)
 _NET_BUOYANCY = NAMES.index("net_buoyancy")
 _SENSOR_LAGS = tuple(NAMES.index(name) for name in ("angle_lag", "depth_lag"))
 _RATIOS, _OFFSETS = (

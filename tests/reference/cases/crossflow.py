@@ -1,9 +1,10 @@
 """Crossflow drag.
 
 Verifies: strip drag of a cylinder in pure sway, pure yaw and both together, in the plane and out of
-it; the stations of the shipped hulls against adaptive quadrature over their profile. Leaves out:
-how C_d depends on Reynolds number and incidence; ends. Reference: integrals of 1/2 rho C_d d (v + x
-r)|v + x r| over the length in closed form; scipy's adaptive quadrature. Tolerance: the Gauss rule
+it, also with drag that is uncoupled in whole or in part; the stations of the shipped hulls against
+adaptive quadrature over their profile. Leaves out: how C_d depends on Reynolds number and
+incidence; ends. Reference: integrals of 1/2 rho C_d d (v + x r)|v + x r| over the length in closed
+form; scipy's adaptive quadrature. Tolerance: the Gauss rule
 is exact for polynomials and loses where the flow turns round within the length, at a kink: up to 2
 % of the force in the worst place shown. Half a percent for hulls.
 """
@@ -15,6 +16,7 @@ import numpy as np
 from scipy.integrate import quad
 
 from sitl.vehicle import config, hull, hydrodynamics
+from sitl.vehicle.model import Stations
 from tests.reference import bodies
 from tests.reference.check import Check, relative
 from tests.sitl.vehicle import flight
@@ -54,8 +56,25 @@ def checks() -> Iterator[Check]:
     yield relative(
         "oblique, size of force", "N", hypot(Y, Z), K * L * 0.25, 1e-12, "k L (v^2 + w^2)"
     )
+    yield from _uncoupled(stations)
     for name in config.SHIPPED:
         yield from _hull(name)
+
+
+def _uncoupled(stations: Stations) -> Iterator[Check]:
+    """Yield the checks of drag of which a share is that of drift plus that of rotation."""
+    v, w, q, r, L = 0.6, -0.3, 0.2, 0.3, LENGTH_M
+    drift, rotation = hypot(v, w), hypot(q, r)
+    whole = stations._replace(uncoupled=1.0)
+    _, Y, Z, _, M, N = hydrodynamics.crossflow_drag(v, w, q, r, whole)
+    yield relative("uncoupled, side force", "N", Y, -K * L * drift * v, 1e-12, "k L |v| v")
+    yield relative("uncoupled, heave force", "N", Z, -K * L * drift * w, 1e-12, "k L |v| w")
+    turn = K * L**4 / 32 * rotation
+    yield relative("uncoupled, pitch moment", "N m", M, -turn * q, 2e-3, "k |r| q L^4 / 32")
+    yield relative("uncoupled, yaw moment", "N m", N, -turn * r, 2e-3, "k |r| r L^4 / 32")
+    *_, N = hydrodynamics.crossflow_drag(v, 0.0, 0.0, r, stations._replace(uncoupled=0.25))
+    strip, apart = -K * v * r * L**3 / 6, -K * r**2 * L**4 / 32
+    yield relative("a quarter uncoupled", "N m", N, 0.75 * strip + 0.25 * apart, 1e-3, "the sum")
 
 
 def _moment(v: float, r: float) -> float:

@@ -62,6 +62,7 @@ def test_score_with_known_linearisation_has_same_bits(problem: MapProblem) -> No
         "natural_frequency",
         "delay_yaw",
         "crossflow_slope",
+        "crossflow_uncoupled",
         "elevator_lag",
         "angle_lag",
         "depth_lag",
