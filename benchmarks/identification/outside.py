@@ -26,6 +26,7 @@ from benchmarks.plants import catalogue, logs, small_signal
 from benchmarks.plants.catalogue import Plant
 from benchmarks.plants.flight import Gains
 from benchmarks.study import Cell, Figure
+from mavlink_io.errors import CaribouError
 from sysid import refit
 from sysid.models import prediction
 from sysid.models.model_file import IdentifiedModel
@@ -193,9 +194,15 @@ def identified(name: str, seed: int, conditions: Conditions) -> IdentifiedModel:
 
 
 def trial(name: str, seed: int) -> list[float]:
-    """Return errors, standard deviations, whether the model passed, and CPU seconds."""
+    """Return errors, standard deviations, whether the model passed, and CPU seconds.
+
+    The numbers of a refused campaign are unknown (NaN).
+    """
     began_s = process_time()
-    model = identified(name, seed, SOUND)
+    try:
+        model = identified(name, seed, SOUND)
+    except CaribouError:
+        return [math.nan] * (2 * len(LABELS)) + [0.0, process_time() - began_s]
     spent_s = process_time() - began_s
     wrong, sds = errors(model, case_of(name), catalogue.plant(name, seed))
     passed = model.assessment is not None and model.assessment.fit_for_redesign
