@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
+import numpy as np
+
 from sysid.data.dataset import Log
 from sysid.data.runs import Run
 from sysid.planes import PLANES, Plane
@@ -33,6 +35,11 @@ MAX_SIZE_RATIO = 2.0
 MIN_COMPARED_SHARE = 0.4
 """Smallest explained share of the rate from which on an effect is compared with that of another
 log. Long steps of an unstable hull, which turns on whatever its rudder does, do not give it.
+"""
+MAX_START_SHARE = 0.25
+"""Largest mean rate before a test, over the largest rate in it, of a test that is compared.
+
+A vehicle that turns on and on has lost its speed, and hardly obeys its surfaces.
 """
 HARDWARE_PARAMETERS = ("ACT_TRAVEL_DEG",)
 """Parameters that describe the vehicle and do not change between its dives."""
@@ -84,7 +91,10 @@ def _miswired(log: LogOfRuns) -> str:
 
 
 def _runs_by_plane(runs: Iterable[Run]) -> Mapping[Plane, list[Run]]:
-    """Return the runs of each plane whose measurements agree with each other."""
+    """Return the runs of each plane whose measurements agree with each other.
+
+    Runs that begin in a turn are left out if the plane has others.
+    """
     limits = ScreeningLimits()
     consistent = [
         run
@@ -92,7 +102,19 @@ def _runs_by_plane(runs: Iterable[Run]) -> Mapping[Plane, list[Run]]:
         if not rules.attitude_rate_mismatch(run, limits)
         and not rules.depth_pitch_mismatch(run, limits)
     ]
-    return {plane: [run for run in consistent if run.plane == plane] for plane in Plane}
+    by_plane = {plane: [run for run in consistent if run.plane == plane] for plane in Plane}
+    return {
+        plane: [run for run in runs if not _begins_in_turn(run)] or runs
+        for plane, runs in by_plane.items()
+    }
+
+
+def _begins_in_turn(run: Run) -> bool:
+    """Return whether the vehicle turned before the test nearly as fast as in the test."""
+    if not np.any(run.approach):
+        return False
+    before = max(abs(np.mean(run.in_plane(plane).rate_radps[run.approach])) for plane in Plane)
+    return bool(before > MAX_START_SHARE * np.max(np.abs(run.rate_radps[run.under_test])))
 
 
 def _is_swapped(own: ControlEffect, gain: ControlEffect | None, other: ControlEffect) -> bool:

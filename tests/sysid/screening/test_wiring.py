@@ -121,15 +121,19 @@ def test_logs_of_two_vehicles_are_refused(sound: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_logs_of_one_unstable_vehicle_are_accepted(tmp_path: Path) -> None:
-    """Its long steps gave a fifth of the effect of its sweeps."""
+@pytest.mark.parametrize("seed", [11, 368, 370])
+def test_logs_of_one_unstable_vehicle_are_accepted(seed: int, tmp_path: Path) -> None:
+    """With seed 11 its long steps have a fifth of the effect of its sweeps.
+
+    With the others it spins after large steps, loses its speed and begins the next tests so.
+    """
     case = outside.case_of("stall")
     fitted, held_out = plant_logs.campaign(
         tmp_path,
-        catalogue.plant("stall", 11),
+        catalogue.plant("stall", seed),
         scales=(case.scale(Plane.YAW), case.scale(Plane.PITCH)),
         gains=Gains(*case.hold),
-        seed=11,
+        seed=seed,
     )
     assert refusal(*fitted, *held_out) == ""
 
