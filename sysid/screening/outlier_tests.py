@@ -12,8 +12,6 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from sysid.data.runs import Run
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.planes import PLANES, Plane
@@ -44,6 +42,11 @@ If more differ, the model or the vehicle changed.
 """
 SIMILAR_SIZE = 0.75
 """Minimum size of a run, relative to another, at which an error that grows with size is visible."""
+RESPONSE_PER_SIZE: dict[Kind, float] = {"gain error": 1.0, "speed off": 2.0}
+"""Relative change of the response by the anomalies that act throughout a test in proportion to it.
+
+The force of a surface goes with the square of the speed.
+"""
 MIN_STRUCTURE_SD = 3.0
 """Growth of the response with size is reported from this many standard deviations on."""
 
@@ -93,6 +96,14 @@ class _TestedRun(NamedTuple):
     repeat: Scores | None
     partners: tuple[str, ...]
     """Names of the other runs of the same test."""
+
+
+class _Others(NamedTuple):
+    """Runs with which a run is compared."""
+
+    tested: Sequence[_TestedRun]
+    optimum: Residuals
+    """Optimum against which they are tested."""
 
 
 def find_outliers(fit: Fit, prior: Prior, all_runs: Sequence[Run] = ()) -> ScreeningResult:
@@ -164,7 +175,7 @@ def find_outliers_among(
         remaining = [run for run in remaining if run is not worst.residuals]
     accepted = {
         _name(subject.residuals): _keep(
-            subject, [other for other in tested if other is not subject]
+            subject, _Others([other for other in tested if other is not subject], optimum)
         )
         for subject in tested
     }
@@ -224,11 +235,11 @@ def _select_outlier(
 
 def _remaining(
     subject: _TestedRun, tested: Sequence[_TestedRun], fit: Fit, prior: Prior
-) -> list[_TestedRun]:
-    """Test the other runs against their own optimum, without run ``t``."""
+) -> _Others:
+    """Test the other runs against their own optimum, without the subject."""
     others = [other.residuals for other in tested if other is not subject]
     optimum = whitened_residuals.update_parameters(others, fit, prior)
-    return _check_runs(others, optimum)
+    return _Others(_check_runs(others, optimum), optimum)
 
 
 def _p_value(subject: _TestedRun) -> float:
@@ -265,20 +276,26 @@ def _is_relevant(anomaly: Anomaly, run: RunResiduals) -> bool:
     return abs(anomaly.size) >= MIN_EFFECT[anomaly.kind] * run.sizes_of_test[anomaly.kind]
 
 
-def _could_be_structure(subject: _TestedRun, others: Sequence[_TestedRun]) -> bool:
+def _could_be_structure(subject: _TestedRun, others: _Others) -> bool:
     """Return whether the model structure may be the cause.
-
-    Every test of similar size shows an anomaly.
 
     An error of the structure grows with the size of the test and appears in all large tests; an
     anomaly appears in one run.
     """
-    return _by_scores(subject) and not any(
-        other.scores.p_value > FALSE_ALARM for other in _similar_size(subject, others)
+    return _by_scores(subject) and (
+        not any(other.scores.p_value > FALSE_ALARM for other in _similar_size(subject, others))
+        or _is_within_growth(subject, others)
     )
 
 
-def _similar_size(subject: _TestedRun, others: Sequence[_TestedRun]) -> list[_TestedRun]:
+def _is_within_growth(subject: _TestedRun, others: _Others) -> bool:
+    """Return whether the others respond as differently to small and to large tests."""
+    likeliest, plane = subject.scores.anomalies[0], subject.residuals.dataset.run.plane
+    change = RESPONSE_PER_SIZE.get(likeliest.kind, math.inf) * abs(likeliest.size) / 100.0
+    return change <= abs(_growth(others.optimum, plane).value)
+
+
+def _similar_size(subject: _TestedRun, others: _Others) -> list[_TestedRun]:
     """Return the other runs of the plane that are about as large or larger."""
     plane, min_size_rad = (
         subject.residuals.dataset.run.plane,
@@ -286,7 +303,7 @@ def _similar_size(subject: _TestedRun, others: Sequence[_TestedRun]) -> list[_Te
     )
     return [
         other
-        for other in others
+        for other in others.tested
         if other.residuals.dataset.run.plane == plane and other.residuals.size_rad >= min_size_rad
     ]
 
@@ -354,7 +371,7 @@ def _reason(outlier: _TestedRun, alternatives: Sequence[_TestedRun]) -> str:
     )
 
 
-def _keep(subject: _TestedRun, others: Sequence[_TestedRun]) -> RunScreening:
+def _keep(subject: _TestedRun, others: _Others) -> RunScreening:
     """Return the result of an accepted run, with its warnings."""
     plane, warnings = subject.residuals.dataset.run.plane, []
     if subject.scores.p_value <= FALSE_ALARM:
@@ -378,12 +395,14 @@ def _keep(subject: _TestedRun, others: Sequence[_TestedRun]) -> RunScreening:
     )
 
 
-def _why_kept(subject: _TestedRun, others: Sequence[_TestedRun]) -> str:
+def _why_kept(subject: _TestedRun, others: _Others) -> str:
     """Return why a run with an anomaly is accepted."""
     if not _is_relevant(subject.scores.anomalies[0], subject.residuals):
         return "too small to matter"
     if not _similar_size(subject, others):
         return "no other test is as large, so it may be the model's structure: fly it again"
+    if _is_within_growth(subject, others):
+        return "small and large tests differ by as much, so it may be the model's structure"
     if _could_be_structure(subject, others):
         return "every test as large shows something, so it is the model's structure"
     return f"{subject.scores.p_value:.2%} of clean runs show as much: too many to leave it out"
@@ -431,13 +450,28 @@ def describe(anomaly: Anomaly, plane: Plane) -> str:
 
 def _structure(optimum: Residuals, fit: Fit) -> tuple[str, ...]:
     """Report significant growth of the response with the size of the test."""
-    growth, sd = optimum.shift[-2:], np.sqrt(np.diag(optimum.covariance)[-2:])
+    growths = {plane: _growth(optimum, plane) for plane in Plane if plane in fit.datasets}
     return tuple(
         f"structure: the response to the largest {plane} test differs from the model's by"
-        f" {100 * plane_growth:+.0f} +- {100 * plane_sd:.0f} %"
-        for plane, plane_growth, plane_sd in zip(Plane, growth, sd, strict=True)
-        if plane in fit.datasets and abs(plane_growth) > MIN_STRUCTURE_SD * plane_sd
+        f" {100 * growth.value:+.0f} +- {100 * growth.sd:.0f} %"
+        for plane, growth in growths.items()
+        if growth.value != 0.0
     )
+
+
+class _Growth(NamedTuple):
+    """Error of the response to the largest test of a plane, 0 if it is not significant."""
+
+    value: float
+    sd: float
+
+
+def _growth(optimum: Residuals, plane: Plane) -> _Growth:
+    """Return the growth of the response of a plane."""
+    position = len(optimum.shift) - len(Plane) + PLANES[plane].index
+    value = float(optimum.shift[position])
+    sd = math.sqrt(optimum.covariance[position, position])
+    return _Growth(value if abs(value) > MIN_STRUCTURE_SD * sd else 0.0, sd)
 
 
 def _name(run: RunResiduals) -> str:

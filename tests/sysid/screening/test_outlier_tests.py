@@ -61,8 +61,8 @@ def fitted(campaign: list[Run], bench: config.VehicleConfig) -> Fitted:
 
 @pytest.fixture(scope="module")
 def again(field: config.VehicleConfig) -> Callable[..., Run]:
-    def fly(k: int, fault: Fault, **sea_of: np.ndarray) -> Run:
-        """Simulate rudder test ``k`` again, with the same disturbance and a fault."""
+    def fly(k: int, fault: Fault, seed: int = 1000, **sea_of: np.ndarray) -> Run:
+        """Simulate rudder test ``k`` of a campaign again: the same disturbance, with a fault."""
         trim = -math.radians(field.tailcone.rudder_bias_deg), math.radians(1.0)
         signal = sea.step(SIZES_DEG[k], 20.0)
         return sea.fly(
@@ -70,7 +70,7 @@ def again(field: config.VehicleConfig) -> Callable[..., Run]:
             "yaw",
             signal,
             name=f"rudder/{k}",
-            seed=1000 + k,
+            seed=seed + k,
             trim_rad=trim,
             fault=fault,
             **sea_of,
@@ -149,13 +149,17 @@ def test_find_outliers_distinguishes_gust_from_slip(
     assert gust.at_s == pytest.approx(6.0, abs=1.5)
 
 
+@pytest.mark.parametrize("seed", [1000, 2000, 2800, 3200, 3800])
 def test_find_outliers_growth_with_size_is_structure(
-    fitted: Fitted, again: Callable[..., Run]
+    seed: int, fitted: Fitted, field: config.VehicleConfig, again: Callable[..., Run]
 ) -> None:
-    """The control effectiveness grows with the deflection: all large tests have large residuals."""
-    runs = list(fitted.runs)
+    """The control effectiveness grows with the deflection: all large tests have large residuals.
+
+    A third of such campaigns lost their smallest or their largest test.
+    """
+    runs = sea.campaign(field, seed=seed)
     for k, degrees in enumerate(SIZES_DEG):
-        runs[k] = again(k, Fault(gain=0.8 + 0.06 * abs(degrees)))
+        runs[k] = again(k, Fault(gain=0.8 + 0.06 * abs(degrees)), seed)
     result = find_outliers(fitted.of(runs), fitted.prior)
     assert [v.run for v in result.screenings if v.reason] == []
     assert any(
