@@ -2,7 +2,7 @@
 
 The search meets the limits of the nominal model. It is repeated until enough of the sampled
 vehicles meet theirs: with single sampled vehicles that have to meet their limits, then with more
-nominal damping, and at last with a larger gain margin.
+nominal damping, and at last with vehicles whose drive leaves too little gain margin.
 """
 
 import math
@@ -41,8 +41,8 @@ same for both, so a robust design needs more damping on the nominal model.
 LOW_QUANTILE = 0.025
 """Quantile of the sampled vehicles' gain margins that must be large enough: the lower end of the
 95 % interval."""
-GAIN_MARGIN_STEPS = 2
-"""Maximum number of increases of the nominal gain margin."""
+GAIN_MARGIN_ADDITIONS = 2
+"""How often a vehicle at `LOW_QUANTILE` is added to the search."""
 
 
 class Samples(NamedTuple):
@@ -93,14 +93,18 @@ class PlaneSearch(NamedTuple):
         bounds = min_bounds(self.spec)
         return min_gain_margin_db(self.plane.violations(vehicle, gains, bounds), bounds)
 
-    def missing_gain_margin_db(self, gains: Gains) -> float:
-        """Return what the gain margin lacks at `LOW_QUANTILE`; NaN without sampled vehicles."""
-        margins_db = [
-            min(self.gain_margin_db(vehicle, gains) for vehicle in forms)
-            for forms in self.samples.unmeasured_drive
-        ]
-        low_db = float(np.quantile(margins_db, LOW_QUANTILE)) if margins_db else math.nan
-        return self.spec.robust_gm_db - low_db
+    def low_gain_margin(self, gains: Gains) -> DesignModel | None:
+        """Return the vehicle at `LOW_QUANTILE` of the gain margins if its margin is too small."""
+        lowest = sorted(
+            (
+                min(((self.gain_margin_db(form, gains), form) for form in forms), key=_margin)
+                for forms in self.samples.unmeasured_drive
+            ),
+            key=_margin,
+        )
+        margin_db, vehicle = lowest[int(LOW_QUANTILE * len(lowest))] if lowest else (math.inf, None)
+        enough_db = (1.0 - CONSTRAINT_TOLERANCE) * self.spec.robust_gm_db
+        return None if margin_db >= enough_db else vehicle
 
 
 class _Candidate(NamedTuple):
@@ -207,20 +211,20 @@ def _with_damping(
 def _with_gain_margin(
     search: PlaneSearch, candidate: _Candidate, starts: Sequence[Gains]
 ) -> _Candidate:
-    """Increase the nominal gain margin until that of nearly all sampled vehicles is large enough.
+    """Add sampled vehicles to the search until nearly all have a gain margin that is large enough.
 
-    A loop has its gain margin above the tested frequencies, where the model is least certain. An
-    increase with which too few vehicles meet their limits is not made: each plane needs the square
+    A loop has its gain margin above the tested frequencies, where the model is least certain. A
+    search with which too few vehicles meet their limits is not used: each plane needs the square
     root of the share that is required of both planes together.
     """
     lowest_fraction = math.sqrt(search.spec.robust_fraction)
-    for _ in range(GAIN_MARGIN_STEPS):
-        missing_db = search.missing_gain_margin_db(candidate.gains)
-        needed_db = search.gain_margin_db(search.vehicle, candidate.gains) + missing_db
-        if not (missing_db > 0.0 and math.isfinite(needed_db)):
+    for _ in range(GAIN_MARGIN_ADDITIONS):
+        vehicle = search.low_gain_margin(candidate.gains)
+        if vehicle is None:
             break
-        bounds = candidate.bounds._replace(gm_db=needed_db)
-        found = _find(search, candidate._replace(bounds=bounds), starts)
+        found = _find(search, candidate._replace(sampled=(*candidate.sampled, vehicle)), starts)
+        if found is not None and found.fraction < lowest_fraction:
+            found = _with_damping(search, _with_samples(search, found, starts), starts)
         if found is None or found.fraction < lowest_fraction:
             break
         candidate = found
@@ -240,3 +244,8 @@ def _find(search: PlaneSearch, wanted: _Candidate, starts: Sequence[Gains]) -> _
 def _share(candidate: _Candidate) -> float:
     """Return the share of sampled vehicles that meet their limits."""
     return candidate.fraction
+
+
+def _margin(pair: tuple[float, DesignModel]) -> float:
+    """Return the gain margin of a pair of margin and vehicle."""
+    return pair[0]
