@@ -3,8 +3,10 @@
 import math
 from collections.abc import Callable
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from sysid.estimation.map import fit as fits
 from sysid.estimation.map.convergence import DESIGN_NUMBERS, START_COST_TOLERANCE, failures
@@ -32,6 +34,8 @@ from sysid.reproduction.paper_tables import UNITS, Table1Column
 
 Array = NDArray[np.float64]
 
+QUANTILE = float(ndtri(0.975))
+"""Half-width of a 95 % interval in standard deviations."""
 RANK_TOLERANCE = 1e-6
 """Relative eigenvalue of the information matrix below which a direction counts as unobserved."""
 
@@ -165,7 +169,11 @@ def _design_numbers_covariance(plane: Plane, spread: Array) -> ParameterCovarian
 
 
 def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) -> PlaneModel:
-    """Return the derived values of a plane; ``derived`` holds (value, standard deviation)."""
+    """Return the derived values of a plane; ``derived`` holds (value, standard deviation).
+
+    The static gain has the slow pole in its denominator. If that may be zero (95 %), no interval
+    of the gain is bounded (Fieller 1954), and it has no standard deviation.
+    """
 
     def estimate(name: str) -> ParameterEstimate:
         """Return value and standard deviation of a derived number."""
@@ -174,8 +182,11 @@ def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) 
             float(value), float(sd) if sd else None
         )  # sd of 0: at a limit, not exactly known
 
+    gain, slow = estimate("static_gain_per_s"), estimate("p_slow_per_s")
+    if slow.sd and abs(slow.value) < QUANTILE * slow.sd:
+        gain = msgspec.structs.replace(gain, sd=None)
     return PlaneModel(
-        static_gain_per_s=estimate("static_gain_per_s"),
+        static_gain_per_s=gain,
         b1_per_s2=estimate("b1_per_s2"),
         p_fast_per_s=estimate("p_fast_per_s"),
         p_slow_per_s=estimate("p_slow_per_s"),
