@@ -49,20 +49,20 @@ def test_unmeasured_drive_widens_the_drive_most(model: IdentifiedModel) -> None:
 
 
 def test_unmeasured_drive_response_scatters_above_the_tested_frequencies(
-    samples: Samples,
+    model: IdentifiedModel,
 ) -> None:
     """Standard deviation of the gain from rudder to yaw rate, dB, at 1 and at 6 rad/s.
 
-    The tests reach 2.5 rad/s.
+    The tests reach 2.5 rad/s. 500 vehicles: 60 of other draws gave 1.20 and 1.26 in place of 1.24.
     """
     scatter = {}
-    second_order = [forms[0] for forms in samples.unmeasured_drive]
-    for name, vehicles in (("vehicles", samples.vehicles), ("unmeasured_drive", second_order)):
+    for drive_known in (True, False):
+        vehicles = design_model.sample_models(model, 500, drive_known=drive_known)
         gains = np.abs([sample.yaw.command[:, 1] for sample in vehicles])
         at = [int(np.searchsorted(GRID_RADPS, omega)) for omega in (1.0, 6.0)]
-        scatter[name] = np.std(20.0 * np.log10(gains[:, at]), axis=0)
-    assert scatter["unmeasured_drive"][0] < 1.1 * scatter["vehicles"][0]
-    assert scatter["unmeasured_drive"][1] > 1.2 * scatter["vehicles"][1]
+        scatter[drive_known] = np.std(20.0 * np.log10(gains[:, at]), axis=0)
+    assert scatter[False][0] < 1.1 * scatter[True][0]
+    assert scatter[False][1] > 1.2 * scatter[True][1]
 
 
 def with_damping(vehicle: DesignModel, damping_ratio: float) -> DesignModel:
@@ -156,13 +156,13 @@ def test_search_with_sampled_vehicles_meets_their_limits(
     task = search(vehicle, samples, spec)
     first = task.find(constraints.nominal(spec), heading.STARTS)
     before = task.worst_violations(first)
-    hard = np.argsort(before)[-3:-1]
+    hard = plane_search._Candidate(first, constraints.nominal(spec), before).hard
     assert np.all(before[hard] > 0.01)
     sampled = [samples.vehicles[number] for number in hard]
     found = task.find(constraints.nominal(spec), heading.STARTS, sampled)
     after = task.worst_violations(found)
     assert np.all(after[hard] < 0.005)
-    assert np.mean(after < 0.005) > np.mean(before < 0.005)
+    assert np.mean(after < 0.005) > np.mean(before < 0.005) + 0.2
 
 
 def test_gain_margin_without_samples_is_not_changed(vehicle: DesignModel) -> None:

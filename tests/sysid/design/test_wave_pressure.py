@@ -8,6 +8,7 @@ from sysid.control_analysis import loop_transfer
 from sysid.design import design_model, pid
 from sysid.design.pid import Spec
 from sysid.models.model_file import IdentifiedModel, NoiseModel
+from sysid.models.parameters import NAMES
 from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_IMPROVED
 
@@ -58,17 +59,20 @@ def test_waves_near_surface_are_larger(in_swell: IdentifiedModel) -> None:
 
 
 def test_assumed_waves_make_a_loop_that_amplifies_waves_less(model: IdentifiedModel) -> None:
+    """Without sampled vehicles, whose limits change the gains by as much as the waves do."""
+    nothing = tuple((0.0,) * len(NAMES) for _ in NAMES)
+    certain = replace(model, joint=replace(model.joint, covariance=nothing))
     vehicle = design_model.assume_waves(design_model.from_model(model), 0.03)
     _, pressure = design_model.disturbances(vehicle, Plane.PITCH)
 
     def measured_depth_m(wave_depth_m: float) -> float:
         """Return the rms by waves of 3 cm with gains that are designed for waves of this size."""
-        gains = pid.redesign(model, Spec(assumed_wave_depth_m=wave_depth_m)).gains
+        gains = pid.redesign(certain, Spec(assumed_wave_depth_m=wave_depth_m)).gains
         _, depth, _ = design_model.depth_responses(vehicle, gains, pressure.states)
         power = np.abs(depth) ** 2 * pressure.density
         return float(np.sqrt(np.trapezoid(power, loop_transfer.GRID_RADPS) / np.pi))
 
-    assert measured_depth_m(0.03) < 0.97 * measured_depth_m(0.0)
+    assert measured_depth_m(0.03) < 0.95 * measured_depth_m(0.0)
 
 
 def test_assumed_waves_are_the_least(in_swell: IdentifiedModel) -> None:
