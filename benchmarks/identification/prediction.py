@@ -184,7 +184,10 @@ def _error(vehicle: CandidateVehicle, run: Run) -> float:
 
 
 def covered(campaign: Campaign) -> list[float]:
-    """Return 1.0 per design parameter whose 95 % interval contains the true value, else 0.0."""
+    """Return 1.0 per design parameter whose 95 % interval contains the true value, else 0.0.
+
+    NaN for a number without an interval.
+    """
     model = model_export.from_fit(campaign.found, campaign.prior, campaign.case.name)
     held = []
     for plane in Plane:
@@ -194,6 +197,9 @@ def covered(campaign: Campaign) -> list[float]:
         values = {**true._asdict(), "delay_s": campaign.case.truth.tailcone.delay_s}
         for name in DESIGN:
             estimate = getattr(model.planes[plane], name)
+            if estimate.sd is None:
+                held.append(math.nan)
+                continue
             held.append(float(abs(estimate.value - values[name]) <= 1.96 * estimate.sd))
     return held
 
@@ -248,14 +254,14 @@ def judge(vehicle: str, rows: Array) -> list[Figure]:
         figures.append(
             Figure(
                 f"{name}: in its 95 % interval",
-                100.0 * float(np.mean(rows[:, 8 + column])),
+                100.0 * float(np.nanmean(rows[:, 8 + column])),
                 unit="%",
             )
         )
     figures.append(
         Figure(
             "design numbers in their 95 % intervals",
-            100.0 * float(np.mean(rows[:, 8:18])),
+            100.0 * float(np.nanmean(rows[:, 8:18])),
             90.0,
             unit="%",
         )
