@@ -197,10 +197,8 @@ def covered(campaign: Campaign) -> list[float]:
         values = {**true._asdict(), "delay_s": campaign.case.truth.tailcone.delay_s}
         for name in DESIGN:
             estimate = getattr(model.planes[plane], name)
-            if estimate.sd is None:
-                held.append(math.nan)
-                continue
-            held.append(float(abs(estimate.value - values[name]) <= 1.96 * estimate.sd))
+            error, sd = abs(estimate.value - values[name]), estimate.sd
+            held.append(math.nan if sd is None else float(error <= 1.96 * sd))
     return held
 
 

@@ -126,7 +126,9 @@ balances it, it sets the loss of speed in a turn. The lift of a small wing diffe
 line by a few per cent at ten degrees, upwards by crossflow at the edges or downwards by the
 boundary layer (Hoerner 1975, Fluid-Dynamic Lift, ch. 3), so ``lift_quadratic``, as a fraction of
 the slope per radian, is 0 +- 0.3. The stall angle is known to 15 %. The rate limit is that of a
-drive under load: known to 25 %, because a drive that sticks looks slower."""
+drive under load: known to 25 %, because a drive that sticks looks slower. Drift damps rotation as
+in strip theory (0) or not at all (1): ``crossflow_uncoupled`` is 0 +- 0.5. It is the last, so that
+a seed draws the same values of the others as before it."""
 ASSUMED_BACKLASH_DEG = 0.2
 """Backlash (full width) of a tailcone without a measurement; known within a factor of e."""
 

@@ -7,6 +7,7 @@ nominal damping, and at last with vehicles whose drive leaves too little gain ma
 
 import math
 from collections.abc import Sequence
+from operator import itemgetter
 from types import ModuleType
 from typing import NamedTuple
 
@@ -93,14 +94,14 @@ class PlaneSearch(NamedTuple):
         bounds = min_bounds(self.spec)
         return min_gain_margin_db(self.plane.violations(vehicle, gains, bounds), bounds)
 
-    def low_gain_margin(self, gains: Gains) -> DesignModel | None:
+    def vehicle_of_low_margin(self, gains: Gains) -> DesignModel | None:
         """Return the vehicle at `LOW_QUANTILE` of the gain margins if its margin is too small."""
         lowest = sorted(
             (
-                min(((self.gain_margin_db(form, gains), form) for form in forms), key=_margin)
+                min(((self.gain_margin_db(form, gains), form) for form in forms), key=itemgetter(0))
                 for forms in self.samples.unmeasured_drive
             ),
-            key=_margin,
+            key=itemgetter(0),
         )
         margin_db, vehicle = lowest[int(LOW_QUANTILE * len(lowest))] if lowest else (math.inf, None)
         enough_db = (1.0 - CONSTRAINT_TOLERANCE) * self.spec.robust_gm_db
@@ -213,13 +214,14 @@ def _with_gain_margin(
 ) -> _Candidate:
     """Add sampled vehicles to the search until nearly all have a gain margin that is large enough.
 
-    A loop has its gain margin above the tested frequencies, where the model is least certain. A
-    search with which too few vehicles meet their limits is not used: each plane needs the square
-    root of the share that is required of both planes together.
+    A loop has its gain margin above the tested frequencies, where the model is least certain. If
+    too few vehicles then meet their limits, single vehicles and damping are added again; a search
+    that still has too few is not used. Each plane needs the square root of the share that is
+    required of both planes together.
     """
     lowest_fraction = math.sqrt(search.spec.robust_fraction)
     for _ in range(GAIN_MARGIN_ADDITIONS):
-        vehicle = search.low_gain_margin(candidate.gains)
+        vehicle = search.vehicle_of_low_margin(candidate.gains)
         if vehicle is None:
             break
         found = _find(search, candidate._replace(sampled=(*candidate.sampled, vehicle)), starts)
@@ -244,8 +246,3 @@ def _find(search: PlaneSearch, wanted: _Candidate, starts: Sequence[Gains]) -> _
 def _share(candidate: _Candidate) -> float:
     """Return the share of sampled vehicles that meet their limits."""
     return candidate.fraction
-
-
-def _margin(pair: tuple[float, DesignModel]) -> float:
-    """Return the gain margin of a pair of margin and vehicle."""
-    return pair[0]

@@ -117,8 +117,8 @@ def test_first_order_form_counts_in_the_gain_margin(vehicle: DesignModel) -> Non
     margins_db = [low_gain_margin_db(task, gains) for task in tasks]
     assert margins_db[1] < margins_db[0] - 1.0
     between = Spec(robust_gm_db=0.5 * sum(margins_db))
-    assert tasks[0]._replace(spec=between).low_gain_margin(gains) is None
-    assert tasks[1]._replace(spec=between).low_gain_margin(gains) is first_order
+    assert tasks[0]._replace(spec=between).vehicle_of_low_margin(gains) is None
+    assert tasks[1]._replace(spec=between).vehicle_of_low_margin(gains) is first_order
 
 
 def test_robust_gains_have_the_gain_margin_on_nearly_all_vehicles(
@@ -168,5 +168,5 @@ def test_search_with_sampled_vehicles_meets_their_limits(
 def test_gain_margin_without_samples_is_not_changed(vehicle: DesignModel) -> None:
     alone = search(vehicle, Samples((), ()), Spec())
     first = alone.find(constraints.nominal(alone.spec), heading.STARTS)
-    assert alone.low_gain_margin(first) is None
+    assert alone.vehicle_of_low_margin(first) is None
     assert plane_search.robust_gains(alone, heading.STARTS) == first
