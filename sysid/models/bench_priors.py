@@ -1,10 +1,13 @@
 """Update of the prior with bench measurements: the tailcone bench test and the inclining test.
 
 Both are the JSON output of ``ground bench-test`` and ``ground inclining-test``. Each number is a
-measurement y with standard deviation s of one parameter z_i, and updates the normal prior (mean m,
-covariance P):
+measurement y with standard deviation s of h^T z, and updates the normal prior (mean m, covariance
+P):
 
-    K = P e_i / (P_ii + s^2),   m <- m + K (y - m_i),   P <- P - K e_i^T P.
+    K = P h / (h^T P h + s^2),   m <- m + K (y - h^T m),   P <- P - K h^T P.
+
+h holds the prior standard deviation of the measured parameter. Frequency and damping of the
+elevator are products of two ratios, so that h has two entries.
 """
 
 import math
@@ -22,7 +25,7 @@ from sysid.estimation.map.problem import Prior
 from sysid.models import parameters
 from sysid.models.json_record import decode
 from sysid.models.parameters import NAMES, PARAMETERS
-from sysid.planes import PLANE_OF_SURFACE, Plane
+from sysid.planes import PLANE_OF_SURFACE, PLANES, Plane
 
 T = TypeVar("T")
 AxisName = Literal["rudder", "elevator"]
@@ -31,6 +34,11 @@ SENSOR_DELAY_S = 0.03
 """Standard deviation of the delay of sensors and computing, which a bench test does not measure."""
 MIN_RELATIVE_SD = 0.005
 """Minimum relative standard deviation of a bench measurement."""
+ELEVATOR_RATIOS = {
+    "natural_frequency": "elevator_frequency",
+    "damping_ratio": "elevator_damping",
+}
+"""Parameter of the rudder, and the ratio of the elevator to it."""
 MIN_BACKLASH_DEG = 0.02
 """Minimum backlash, because the parameter is a ratio and cannot be zero."""
 
@@ -71,11 +79,13 @@ class _Incline(msgspec.Struct, frozen=True):
 
 
 class BenchMeasurement(NamedTuple):
-    """Measurement of one parameter, in the unit of the vehicle file."""
+    """Measurement, in the unit of the vehicle file."""
 
     parameter: str
     value: float
     sd: float
+    ratio: str | None = None
+    """Parameter by which the measured value is multiplied."""
 
 
 def read(
@@ -133,12 +143,14 @@ def update_prior(prior: Prior, readings: Sequence[BenchMeasurement]) -> Prior:
         A measurement has the opposite sign of the value in the vehicle file.
     """
     for reading in readings:
-        i = NAMES.index(reading.parameter)
-        z, sd = _in_prior_deviations(prior.config, reading)
-        gain = prior.covariance[:, i] / (prior.covariance[i, i] + sd**2)
+        value, sd = _distance_from_prior(prior.config, reading)
+        scale = np.zeros(len(PARAMETERS))
+        for name in filter(None, (reading.parameter, reading.ratio)):
+            scale[NAMES.index(name)] = PARAMETERS[NAMES.index(name)].prior_sd
+        gain = prior.covariance @ scale / (scale @ prior.covariance @ scale + sd**2)
         prior = prior._replace(
-            mean=prior.mean + gain * (z - prior.mean[i]),
-            covariance=prior.covariance - np.outer(gain, prior.covariance[i]),
+            mean=prior.mean + gain * (value - scale @ prior.mean),
+            covariance=prior.covariance - np.outer(gain, scale @ prior.covariance),
         )
     return prior
 
@@ -146,9 +158,14 @@ def update_prior(prior: Prior, readings: Sequence[BenchMeasurement]) -> Prior:
 def _readings(plane: Plane, axis: _Axis) -> list[BenchMeasurement]:
     """Return the measurements of one tailcone axis."""
     play = axis.backlash_deg
-    return [
+    lag = [
         *_measurements_of("natural_frequency", axis.natural_frequency_radps),
         *_measurements_of("damping_ratio", axis.damping_ratio),
+    ]
+    if not PLANES[plane].is_yaw:
+        lag = [reading._replace(ratio=ELEVATOR_RATIOS[reading.parameter]) for reading in lag]
+    return [
+        *lag,
         *_measurements_of("rate_limit", axis.rate_degps),
         *_measurements_of("backlash", _Value(max(play.value, MIN_BACKLASH_DEG), play.sd)),
         *_measurements_of(f"delay_{plane}", axis.delay_s),
@@ -160,14 +177,12 @@ def _measurements_of(parameter: str, value: _Value) -> list[BenchMeasurement]:
     return [] if value.sd is None else [BenchMeasurement(parameter, value.value, value.sd)]
 
 
-def _in_prior_deviations(config: VehicleConfig, reading: BenchMeasurement) -> tuple[float, float]:
-    """Return (z, standard deviation of z) of a measurement."""
-    # Ratio: z = ln(value / nominal) / prior_sd. Offset: z = (value - nominal) / prior_sd.
-    parameter, (_, value, sd), tail = (
-        PARAMETERS[NAMES.index(reading.parameter)],
-        reading,
-        config.tailcone,
-    )
+def _distance_from_prior(config: VehicleConfig, reading: BenchMeasurement) -> tuple[float, float]:
+    """Return the distance of a measurement from the vehicle file, and its standard deviation.
+
+    It is ln(value / nominal) for a ratio and value - nominal for an offset.
+    """
+    tail, value, sd = config.tailcone, reading.value, reading.sd
     nominal = {
         "natural_frequency": tail.natural_frequency_radps,
         "damping_ratio": tail.damping_ratio,
@@ -177,17 +192,14 @@ def _in_prior_deviations(config: VehicleConfig, reading: BenchMeasurement) -> tu
         "delay_pitch": tail.delay_s,
         "z_CM": config.linear.z_CM_m,
     }[reading.parameter]
-    if parameter.kind == "offset":
-        return (value - nominal) / parameter.prior_sd, math.hypot(
-            sd, SENSOR_DELAY_S
-        ) / parameter.prior_sd
+    if PARAMETERS[NAMES.index(reading.parameter)].kind == "offset":
+        return value - nominal, math.hypot(sd, SENSOR_DELAY_S)
     if not value / nominal > 0.0:
         raise BenchResultError(
             f"{reading.parameter} = {value:g} in the bench result: expected the sign of"
             f" {nominal:g} in the vehicle file"
         )
-    relative_sd = max(sd / abs(value), MIN_RELATIVE_SD)
-    return math.log(value / nominal) / parameter.prior_sd, relative_sd / parameter.prior_sd
+    return math.log(value / nominal), max(sd / abs(value), MIN_RELATIVE_SD)
 
 
 def _decode(path: Path, kind: type[T], source: str) -> T:

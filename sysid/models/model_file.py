@@ -20,7 +20,7 @@ from sysid.models.json_record import JsonRecord, decode, encode, format_of, sche
 from sysid.planes import Plane
 from sysid.validation.results import ModelAssessment, PlaneValidation
 
-FORMAT = 4
+FORMAT = 5
 Method = Literal["map", "paper", "output-error", "filter-error"]
 Status = Literal["measured", "prior", "unidentifiable"]
 MAX_POSTERIOR_TO_PRIOR_SD = 0.8

@@ -108,7 +108,9 @@ PARAMETERS: tuple[ModelParameter, ...] = (
     ModelParameter(
         name="damping_ratio", planes=_BOTH, kind="ratio", prior_sd=0.05, part="tailcone"
     ),
-    ModelParameter(name="elevator_lag", planes=_PITCH, kind="ratio", prior_sd=0.1, part="tailcone"),
+    ModelParameter(
+        name="elevator_frequency", planes=_PITCH, kind="ratio", prior_sd=0.1, part="tailcone"
+    ),
     ModelParameter(name="rate_limit", planes=_BOTH, kind="ratio", prior_sd=0.25, part="tailcone"),
     ModelParameter(name="backlash", planes=_BOTH, kind="ratio", prior_sd=1.0, part="tailcone"),
     ModelParameter(name="axial_drag", planes=_BOTH, kind="ratio", prior_sd=0.2),
@@ -117,6 +119,9 @@ PARAMETERS: tuple[ModelParameter, ...] = (
     ModelParameter(name="angle_lag", planes=_BOTH, kind="offset", prior_sd=0.05, part="sensors"),
     ModelParameter(name="depth_lag", planes=_PITCH, kind="offset", prior_sd=0.15, part="sensors"),
     ModelParameter(name="crossflow_uncoupled", planes=_BOTH, kind="offset", prior_sd=0.5),
+    ModelParameter(
+        name="elevator_damping", planes=_PITCH, kind="ratio", prior_sd=0.1, part="tailcone"
+    ),
 )
 """All parameters, in the order of z, with prior standard deviations.
 
@@ -126,9 +131,9 @@ balances it, it sets the loss of speed in a turn. The lift of a small wing diffe
 line by a few per cent at ten degrees, upwards by crossflow at the edges or downwards by the
 boundary layer (Hoerner 1975, Fluid-Dynamic Lift, ch. 3), so ``lift_quadratic``, as a fraction of
 the slope per radian, is 0 +- 0.3. The stall angle is known to 15 %. The rate limit is that of a
-drive under load: known to 25 %, because a drive that sticks looks slower. Drift damps rotation as
-in strip theory (0) or not at all (1): ``crossflow_uncoupled`` is 0 +- 0.5. It is the last, so that
-a seed draws the same values of the others as before it."""
+drive under load: known to 25 %, because a drive that sticks looks slower. The elevator's drive is
+that of the rudder to 10 % in natural frequency and in damping ratio. Drift damps rotation as in
+strip theory (0) or not at all (1): ``crossflow_uncoupled`` is 0 +- 0.5."""
 ASSUMED_BACKLASH_DEG = 0.2
 """Backlash (full width) of a tailcone without a measurement; known within a factor of e."""
 
@@ -405,8 +410,13 @@ def actuators(
             delay_s=max(0.0, tailcone.delay_s + offsets[f"delay_{plane}"]),
             natural_frequency_radps=tailcone.natural_frequency_radps
             * ratios["natural_frequency"]
-            * (1.0 if PLANES[plane].is_yaw else ratios["elevator_lag"]),
-            damping_ratio=min(tailcone.damping_ratio * ratios["damping_ratio"], MAX_DAMPING),
+            * (1.0 if PLANES[plane].is_yaw else ratios["elevator_frequency"]),
+            damping_ratio=min(
+                tailcone.damping_ratio
+                * ratios["damping_ratio"]
+                * (1.0 if PLANES[plane].is_yaw else ratios["elevator_damping"]),
+                MAX_DAMPING,
+            ),
             bias_rad=biases_rad[plane] + offsets[f"bias_{PLANES[plane].surface}"],
             travel_rad=math.radians(tailcone.travel_deg),
             rate_radps=math.radians(tailcone.rate_degps) * ratios["rate_limit"],

@@ -11,6 +11,7 @@ from sitl.vehicle import config
 from sysid.estimation.map.fit import Prior
 from sysid.models import bench_priors, parameters
 from sysid.models.parameters import NAMES, PARAMETERS
+from sysid.planes import PLANE_OF_SURFACE
 
 AXIS = {
     "natural_frequency_radps": {"value": 3.3, "sd": 0.03},
@@ -36,7 +37,7 @@ def written(path: Path, value: object) -> Path:
 
 def test_bench_measurement_updates_prior(prior: Prior, tmp_path: Path) -> None:
     """The mean of two independent normal estimates is weighted by their information."""
-    bench = written(tmp_path / "bench.json", {"elevator": {"model": AXIS, "points": []}})
+    bench = written(tmp_path / "bench.json", {"rudder": {"model": AXIS, "points": []}})
     incline = written(
         tmp_path / "incline.json",
         {"z_cm_m": {"value": -0.015, "sd": 0.0003}, "file": "caribou_nominal"},
@@ -46,7 +47,7 @@ def test_bench_measurement_updates_prior(prior: Prior, tmp_path: Path) -> None:
         "natural_frequency": (math.log(1.1), 0.03 / 3.3),
         "rate_limit": (math.log(0.8), 0.3 / 12.0),
         "z_CM": (math.log(0.015 / 0.021), 0.02),
-        "delay_pitch": (-0.05, 0.05),
+        "delay_yaw": (-0.05, 0.05),
     }
     for name, (moved, sd) in expected.items():
         i = NAMES.index(name)
@@ -56,9 +57,32 @@ def test_bench_measurement_updates_prior(prior: Prior, tmp_path: Path) -> None:
         assert math.sqrt(after.covariance[i, i]) * scale == pytest.approx(math.sqrt(weight) * sd), (
             name
         )
-    for name in ("damping_ratio", "delay_yaw", "Y_v"):
+    for name in ("damping_ratio", "delay_pitch", "elevator_frequency", "Y_v"):
         assert after.mean[NAMES.index(name)] == 0.0
         assert after.covariance[NAMES.index(name), NAMES.index(name)] == 1.0
+
+
+def test_each_axis_of_bench_informs_its_own_drive(prior: Prior, tmp_path: Path) -> None:
+    """The drives after the bench test are those that were measured, to one in a hundred."""
+    measured = {"rudder": (3.3, 0.55), "elevator": (2.6, 0.8)}
+    axes = {
+        name: {
+            "model": AXIS
+            | {
+                "natural_frequency_radps": {"value": frequency, "sd": 0.01},
+                "damping_ratio": {"value": damping, "sd": 0.002},
+            }
+        }
+        for name, (frequency, damping) in measured.items()
+    }
+    after = bench_priors.update_prior(
+        prior, bench_priors.read(written(tmp_path / "bench.json", axes))
+    )
+    drives = parameters.actuators(prior.config, prior.biases_rad, after.mean)
+    for name, (frequency, damping) in measured.items():
+        drive = drives[PLANE_OF_SURFACE[name]]
+        assert drive.natural_frequency_radps == pytest.approx(frequency, rel=0.01), name
+        assert drive.damping_ratio == pytest.approx(damping, rel=0.01), name
 
 
 def test_centre_of_mass_above_axis_is_rejected(prior: Prior) -> None:

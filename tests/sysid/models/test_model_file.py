@@ -38,11 +38,11 @@ def test_model_written_and_read_is_equal(model: IdentifiedModel, tmp_path: Path)
     [
         (
             '{"format": 2, "method": "map", "verdict": null}',
-            "format = 2; this version reads format 4: refit the logs",
+            "format = 2; this version reads format 5: refit the logs",
         ),
         ('{"format": 99}', "format = 99"),
         ("{}", "no 'format' key"),
-        ('{"format": 4}', "missing required field"),
+        ('{"format": 5}', "missing required field"),
         ("not json", "malformed"),
     ],
 )
