@@ -4,13 +4,14 @@ A violation is a share of its limit: positive means that the limit is violated.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer, modal
+from sysid.control_analysis.loop_transfer import ClosedLoop, ComplexArray, Margins
 from sysid.control_analysis.modal import Modes
 from sysid.design.specification import Spec
 
@@ -31,6 +32,39 @@ class Bounds(NamedTuple):
     gm_db: float
     pm_deg: float
     max_sensitivity: float
+
+
+class PlaneAnalysis(NamedTuple):
+    """Margins and modes of the loops of one plane."""
+
+    margins: Mapping[str, Margins]
+    """Margins by the place where the loop is opened."""
+    modes: Modes
+    """Modes of the closed loop."""
+    loop: str
+    """Name of the closed loop in `modal.OBSERVED_STATES`."""
+
+
+def analyse(loops: Mapping[str, ComplexArray], closed: ClosedLoop, loop: str) -> PlaneAnalysis:
+    """Return the analysis of one plane.
+
+    Parameters
+    ----------
+    loops : Mapping
+        Open-loop transfer functions on `loop_transfer.GRID_RADPS` by the place where the loop is
+        opened.
+    closed : ClosedLoop
+        Closed loop.
+    loop : str
+        Its name in `modal.OBSERVED_STATES`.
+
+    Returns
+    -------
+    PlaneAnalysis
+        Margins and modes.
+    """
+    margins = {name: loop_transfer.margins(cut) for name, cut in loops.items()}
+    return PlaneAnalysis(margins, modal.modes_of(closed), loop)
 
 
 def nominal(spec: Spec) -> Bounds:
@@ -83,17 +117,34 @@ def worst_of_samples(samples: Iterable[ConstraintViolation]) -> ConstraintViolat
     }
 
 
-def margin_violations(
-    loop: NDArray[np.complex128], name: str, bounds: Bounds
-) -> ConstraintViolation:
-    """Return the violations of gain margin, phase margin and sensitivity of one loop.
+def violations(plane: PlaneAnalysis, bounds: Bounds) -> ConstraintViolation:
+    """Return the violations of margins and damping of one plane.
 
     Parameters
     ----------
-    loop : ndarray
-        Open-loop transfer function on `loop_transfer.GRID_RADPS`.
-    name : str
-        Where the loop is opened; part of the constraint's name.
+    plane : PlaneAnalysis
+        Margins and modes of its loops.
+    bounds : Bounds
+        Required margins and damping ratio.
+
+    Returns
+    -------
+    dict
+        Those of `margin_violations` and `damping_violations`.
+    """
+    return {
+        **margin_violations(plane.margins, bounds),
+        **damping_violations(plane.modes, plane.loop, bounds),
+    }
+
+
+def margin_violations(margins: Mapping[str, Margins], bounds: Bounds) -> ConstraintViolation:
+    """Return the violations of gain margin, phase margin and sensitivity of loops.
+
+    Parameters
+    ----------
+    margins : Mapping
+        Margins by the place where the loop is opened; it is part of the constraint's name.
     bounds : Bounds
         Required margins.
 
@@ -102,12 +153,14 @@ def margin_violations(
     dict
         1 - GM / GM_min, 1 - PM / PM_min and Ms / Ms_max - 1.
     """
-    achieved = loop_transfer.margins(loop)
-    return {
-        f"gain margin at the {name}": 1.0 - achieved.gm_db / bounds.gm_db,
-        f"phase margin at the {name}": 1.0 - achieved.pm_deg / bounds.pm_deg,
-        f"sensitivity at the {name}": achieved.max_sensitivity / bounds.max_sensitivity - 1.0,
-    }
+    shares: ConstraintViolation = {}
+    for name, achieved in margins.items():
+        shares |= {
+            f"gain margin at the {name}": 1.0 - achieved.gm_db / bounds.gm_db,
+            f"phase margin at the {name}": 1.0 - achieved.pm_deg / bounds.pm_deg,
+            f"sensitivity at the {name}": achieved.max_sensitivity / bounds.max_sensitivity - 1.0,
+        }
+    return shares
 
 
 def damping_violations(modes: Modes, loop: str, bounds: Bounds) -> ConstraintViolation:

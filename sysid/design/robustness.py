@@ -5,8 +5,9 @@ from collections import Counter
 from collections.abc import Sequence
 
 from sysid.control_analysis.loop_transfer import Gains
+from sysid.design import constraints
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
-from sysid.design.constraints import Bounds, ConstraintViolation, min_bounds
+from sysid.design.constraints import Bounds, ConstraintViolation, PlaneAnalysis, min_bounds
 from sysid.design.design_model import DesignModel
 from sysid.design.pid import depth, heading
 from sysid.design.specification import DesignRobustness, Spec
@@ -36,8 +37,11 @@ def robustness(
     """
     if not vehicles:
         return None
-    specified = [violations(vehicle, gains, min_bounds(spec)) for vehicle in vehicles]
-    relaxed = [violations(vehicle, gains, RELAXED) for vehicle in vehicles]
+    analyses = [_analyse(vehicle, gains) for vehicle in vehicles]
+    specified, relaxed = (
+        [_violations(planes, bounds) for planes in analyses]
+        for bounds in (min_bounds(spec), RELAXED)
+    )
     return summarise(specified, relaxed)
 
 
@@ -59,25 +63,6 @@ def summarise(
     )
 
 
-def min_gain_margin_db(violations: ConstraintViolation, bounds: Bounds) -> float:
-    """Return the smallest gain margin of all cuts (dB).
-
-    Parameters
-    ----------
-    violations : ConstraintViolation
-        Violations of one vehicle, 1 - GM / GM_min at each cut.
-    bounds : Bounds
-        Limits that are violated.
-
-    Returns
-    -------
-    float
-        Gain margin.
-    """
-    shares = [value for name, value in violations.items() if name.startswith("gain margin")]
-    return bounds.gm_db * (1.0 - max(shares))
-
-
 def violations(vehicle: DesignModel, gains: Gains, bounds: Bounds) -> ConstraintViolation:
     """Return the constraint violations of all loops on one vehicle.
 
@@ -95,10 +80,18 @@ def violations(vehicle: DesignModel, gains: Gains, bounds: Bounds) -> Constraint
     ConstraintViolation
         Violation of each limit, by name.
     """
-    return {
-        **heading.violations(vehicle, gains, bounds),
-        **depth.violations(vehicle, gains, bounds),
-    }
+    return _violations(_analyse(vehicle, gains), bounds)
+
+
+def _analyse(vehicle: DesignModel, gains: Gains) -> tuple[PlaneAnalysis, PlaneAnalysis]:
+    """Return the analysis of both planes."""
+    return heading.analyse(vehicle, gains), depth.analyse(vehicle, gains)
+
+
+def _violations(planes: tuple[PlaneAnalysis, PlaneAnalysis], bounds: Bounds) -> ConstraintViolation:
+    """Return the constraint violations of both planes."""
+    yaw, pitch = planes
+    return {**constraints.violations(yaw, bounds), **constraints.violations(pitch, bounds)}
 
 
 def _fraction(vehicles: Sequence[ConstraintViolation]) -> float:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.control_analysis import root_locus
+from sysid.control_analysis import loop_transfer, root_locus
 from sysid.design import constraints
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE, PARAMETER_RANGES
 from sysid.design.constraints import Bounds, ConstraintViolation
@@ -97,9 +97,12 @@ def _point(
     bounds: Bounds,
 ) -> LocusPoint:
     """Return one point with its constraint violations."""
-    violations = {f"damping of the {loop.loop} loop": 1.0 - damping / bounds.damping}
-    for name, cut in loop.cuts(vehicle, gains).items():
-        violations |= constraints.margin_violations(cut, name, bounds)
+    cuts = loop.cuts(vehicle, gains)
+    margins = {name: loop_transfer.margins(cut) for name, cut in cuts.items()}
+    violations = {
+        f"damping of the {loop.loop} loop": 1.0 - damping / bounds.damping,
+        **constraints.margin_violations(margins, bounds),
+    }
     return LocusPoint(loop, gains, violations)
 
 

@@ -165,12 +165,13 @@ def violations(
         Relative violations; "stability" is the largest real part of the poles (rad/s).
     """
     loops, (surface, outer) = cuts(plane, controller), plane.names
-    modes = modal.modes_of(_close(plane, controller))
+    analysis = constraints.analyse(
+        {surface: loops.surface, outer: loops.outer}, _close(plane, controller), outer
+    )
+    modes = analysis.modes
     violated = {
         "stability": float(np.max(modes.values.real)),
-        **constraints.margin_violations(loops.surface, surface, bounds),
-        **constraints.margin_violations(loops.outer, outer, bounds),
-        **constraints.damping_violations(modes, outer, bounds),
+        **constraints.violations(analysis, bounds),
     }
     if finishing is None:
         return violated

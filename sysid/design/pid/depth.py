@@ -3,11 +3,11 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from sysid.control_analysis import loop_transfer, modal
-from sysid.control_analysis.loop_transfer import Gains
+from sysid.control_analysis import loop_transfer
+from sysid.control_analysis.loop_transfer import ComplexArray, Gains
 from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
-from sysid.design.constraints import Bounds, ConstraintViolation
+from sysid.design.constraints import Bounds, PlaneAnalysis
 from sysid.design.design_model import DesignModel, command_noise_rad, depth_rms
 from sysid.design.pid import peak_filter
 from sysid.design.specification import Spec
@@ -81,10 +81,13 @@ def gains(
         """Return relative depth rms and violations."""
         pitch, depth, _ = depth_rms(vehicle, gains)
         noise = math.degrees(command_noise_rad(vehicle, Plane.PITCH, gains))
+        nominal = analyse(vehicle, gains)
         constraint_violations = {
-            **violations(vehicle, gains, bounds, spec),
+            **constraints.violations(nominal, bounds),
+            **constraints.load_violation(nominal.modes, vehicle.planes.pitch.B, 3, "depth", spec),
             **constraints.worst_of_samples(
-                violations(sample, gains, constraints.min_bounds(spec)) for sample in sampled
+                constraints.violations(analyse(sample, gains), constraints.min_bounds(spec))
+                for sample in sampled
             ),
             "pitch activity": pitch / initial_pitch / spec.pitch_rms_ratio - 1.0,
             "pitch per metre of depth": math.degrees(gains["DPT_P"]) / spec.pitch_per_metre_deg
@@ -97,19 +100,12 @@ def gains(
     return constrained_search.solve(ConstrainedProblem(reference, starts, evaluate))
 
 
-def violations(
-    vehicle: DesignModel, gains: Gains, bounds: Bounds, finishing: Spec | None = None
-) -> ConstraintViolation:
-    """Return the violations of margins at the three cuts and of damping in pitch and depth.
+def open_loops(vehicle: DesignModel, gains: Gains) -> dict[str, ComplexArray]:
+    """Return the loops opened at elevator and pitch command, and that without a depth loop."""
+    return loop_transfer.depth_loops(vehicle.pitch, gains)
 
-    With `finishing`, the residual depth error after an elevator offset is limited as well.
-    """
-    loops, plane = loop_transfer.depth_loops(vehicle.pitch, gains), vehicle.planes.pitch
-    modes = modal.modes_of(loop_transfer.close_depth(plane, vehicle.pitch_lag, gains))
-    return {
-        **constraints.margin_violations(loops["elevator"], "elevator", bounds),
-        **constraints.margin_violations(loops["depth"], "depth", bounds),
-        **constraints.margin_violations(loops["pitch"], "pitch", bounds),
-        **constraints.damping_violations(modes, "depth", bounds),
-        **(constraints.load_violation(modes, plane.B, 3, "depth", finishing) if finishing else {}),
-    }
+
+def analyse(vehicle: DesignModel, gains: Gains) -> PlaneAnalysis:
+    """Return the margins at the three cuts, and the modes of the depth loop."""
+    closed = loop_transfer.close_depth(vehicle.planes.pitch, vehicle.pitch_lag, gains)
+    return constraints.analyse(open_loops(vehicle, gains), closed, "depth")

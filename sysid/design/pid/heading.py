@@ -3,11 +3,11 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from sysid.control_analysis import loop_transfer, modal
-from sysid.control_analysis.loop_transfer import Gains
+from sysid.control_analysis import loop_transfer
+from sysid.control_analysis.loop_transfer import ComplexArray, Gains
 from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
-from sysid.design.constraints import Bounds, ConstraintViolation
+from sysid.design.constraints import Bounds, ConstraintViolation, PlaneAnalysis
 from sysid.design.design_model import DesignModel, command_noise_rad, heading_rms
 from sysid.design.pid import peak_filter
 from sysid.design.specification import Spec
@@ -87,10 +87,14 @@ def gains(
     def evaluate(gains: Gains) -> CostAndConstraints:
         """Return relative heading rms and violations."""
         noise = math.degrees(command_noise_rad(vehicle, Plane.YAW, gains))
+        nominal = analyse(vehicle, gains)
         constraint_violations = {
-            **violations(vehicle, gains, bounds, spec),
+            **constraints.violations(nominal, bounds),
+            **constraints.load_violation(nominal.modes, vehicle.planes.yaw.B, 2, "heading", spec),
+            **constraints.impulse_violation(nominal.modes, 2, "heading", spec),
             **constraints.worst_of_samples(
-                violations(sample, gains, constraints.min_bounds(spec)) for sample in sampled
+                constraints.violations(analyse(sample, gains), constraints.min_bounds(spec))
+                for sample in sampled
             ),
             **peak_filter.violations(Plane.YAW, gains),
             **_lead_violations(gains),
@@ -113,26 +117,12 @@ def _lead_violations(gains: Gains) -> ConstraintViolation:
     }
 
 
-def violations(
-    vehicle: DesignModel, gains: Gains, bounds: Bounds, finishing: Spec | None = None
-) -> ConstraintViolation:
-    """Return the violations of margins at both cuts and of damping.
+def open_loops(vehicle: DesignModel, gains: Gains) -> dict[str, ComplexArray]:
+    """Return the loop opened at the rudder and at the heading error."""
+    return loop_transfer.heading_loops(vehicle.yaw, gains)
 
-    With `finishing`, the residual heading error after a rudder offset and the overshoot after an
-    impulse are limited as well.
-    """
-    loops, plane = loop_transfer.heading_loops(vehicle.yaw, gains), vehicle.planes.yaw
-    modes = modal.modes_of(loop_transfer.close_heading(plane, vehicle.yaw_lag, gains))
-    return {
-        **constraints.margin_violations(loops["rudder"], "rudder", bounds),
-        **constraints.margin_violations(loops["heading"], "heading", bounds),
-        **constraints.damping_violations(modes, "heading", bounds),
-        **(
-            {
-                **constraints.load_violation(modes, plane.B, 2, "heading", finishing),
-                **constraints.impulse_violation(modes, 2, "heading", finishing),
-            }
-            if finishing
-            else {}
-        ),
-    }
+
+def analyse(vehicle: DesignModel, gains: Gains) -> PlaneAnalysis:
+    """Return the margins at both cuts, and the modes of the heading loop."""
+    closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains)
+    return constraints.analyse(open_loops(vehicle, gains), closed, "heading")

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design import constraints
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
 from sysid.design.constraints import Bounds, min_bounds
 from sysid.design.design_model import DesignModel
-from sysid.design.robustness import min_gain_margin_db
 from sysid.design.specification import DesignInfeasibleError, Spec
 
 Array = NDArray[np.float64]
@@ -84,15 +84,15 @@ class PlaneSearch(NamedTuple):
         bounds = min_bounds(self.spec)
         return np.array(
             [
-                max(self.plane.violations(vehicle, gains, bounds).values())
+                max(constraints.violations(self.plane.analyse(vehicle, gains), bounds).values())
                 for vehicle in self.samples.vehicles
             ]
         )
 
     def gain_margin_db(self, vehicle: DesignModel, gains: Gains) -> float:
         """Return the smallest gain margin of the plane's loops on a vehicle."""
-        bounds = min_bounds(self.spec)
-        return min_gain_margin_db(self.plane.violations(vehicle, gains, bounds), bounds)
+        loops = self.plane.open_loops(vehicle, gains).values()
+        return min(loop_transfer.margins(loop).gm_db for loop in loops)
 
     def vehicle_of_low_margin(self, gains: Gains) -> DesignModel | None:
         """Return the vehicle at `LOW_QUANTILE` of the gain margins if its margin is too small."""
