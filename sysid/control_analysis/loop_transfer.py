@@ -188,6 +188,7 @@ def command_filters(plane: Plane, gains: Gains) -> CommandFilters:
     )
 
 
+@lru_cache(maxsize=4)
 def filter_response(filters: CommandFilters) -> ComplexArray:
     """Return the response of peak filter and actuator lead on `GRID_RADPS`, one where both are off.
 
@@ -210,7 +211,6 @@ def filter_response(filters: CommandFilters) -> ComplexArray:
     return response
 
 
-@lru_cache(maxsize=16)
 def _lead_response(lead: Lead) -> ComplexArray:
     """Return F(s) of the module docstring on `GRID_RADPS`."""
     s, lag_radps, lead_radps = 1j * GRID_RADPS, lead.lag_radps, lead.lead_radps
