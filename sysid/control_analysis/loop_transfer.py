@@ -429,10 +429,11 @@ class ClosedLoop(NamedTuple):
 def delay_state_space(
     delay_s: float, approximation: Approximation
 ) -> tuple[Array, Array, Array, float]:
-    """Return the state space (A, B, C, D) of a delay's rational approximation by python-control."""
+    """Return the state space (A, B, C, D) of a delay's rational approximation."""
     if delay_s <= 0.0:
         return np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
     import control
+    from scipy import signal
 
     if isinstance(approximation, int):
         ratio = control.pade(delay_s, approximation)
@@ -442,8 +443,8 @@ def delay_state_space(
             [c * (-1.0) ** power for power, c in enumerate(denominator)][::-1],
             denominator[::-1],
         )
-    system = control.tf2ss(*ratio)
-    return system.A, system.B[:, 0], system.C[0], float(system.D[0, 0])
+    A, B, C, D = signal.tf2ss(*ratio)
+    return A, B[:, 0], C[0], float(D[0, 0])
 
 
 def plane_with_tailcone(
