@@ -27,13 +27,14 @@ with w = _PEAK_W (rad/s), z = _PEAK_Z and g = _PEAK_GAIN.
 
 import cmath
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.jit import kernel
 from sysid.models.linear_planes import LinearPlane
 from sysid.planes import PLANES, Plane
 
@@ -378,26 +379,41 @@ def margins(loop: ComplexArray) -> Margins:
 
 def _crossings(values: Array) -> list[float]:
     """Return the fractional indices at which `values` changes sign, in rising order."""
-    indices = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-    crossings = [float(i + values[i] / (values[i] - values[i + 1])) for i in indices]
-    return sorted([*crossings, *_crossings_beside_extrema(values)])
+    crossings, extrema = _sign_changes(values)
+    for i in extrema:
+        crossings += _roots_beside(values, i).tolist()
+    return sorted(crossings)
 
 
-def _crossings_beside_extrema(values: Array) -> Iterator[float]:
-    """Yield the fractional indices of crossings in pairs, about an extremum between the samples.
+@kernel
+def _sign_changes(values: Array) -> tuple[list[float], list[int]]:
+    """Return the fractional indices of sign changes, and the samples at extrema near zero.
 
-    There the nearest sample and its neighbours have one sign. The crossings are the roots of the
-    polynomial of fourth degree through five samples, the nearest one in the middle.
+    Beside such an extremum the samples have one sign, and can hide a pair of crossings.
     """
-    distances = np.abs(values)
-    nearest = (distances[1:-1] <= distances[:-2]) & (distances[1:-1] <= distances[2:])
-    for i in (np.flatnonzero(nearest & (distances[1:-1] < MAX_EXTREMUM)) + 1).tolist():
-        if min(values[i - 1] * values[i], values[i] * values[i + 1]) <= 0.0:
-            continue
-        middle = int(np.clip(i, 2, values.size - 3))
-        roots = np.roots((THROUGH_FIVE @ values[middle - 2 : middle + 3])[::-1])
-        real = roots.real[roots.imag == 0.0] + (middle - i)
-        yield from (i + real[np.abs(real) < 1.0]).tolist()
+    crossings = [
+        i + values[i] / (values[i] - values[i + 1])
+        for i in range(len(values) - 1)
+        if values[i] * values[i + 1] < 0.0
+    ]
+    extrema = []
+    for i in range(1, len(values) - 1):
+        before, value, after = values[i - 1], values[i], values[i + 1]
+        one_sign = before * value > 0.0 and value * after > 0.0
+        if one_sign and abs(value) < MAX_EXTREMUM and abs(value) <= min(abs(before), abs(after)):
+            extrema.append(i)
+    return crossings, extrema
+
+
+def _roots_beside(values: Array, i: int) -> Array:
+    """Return the fractional indices of crossings, in pairs, beside the extremum at sample `i`.
+
+    They are the roots of the polynomial of fourth degree through five samples, `i` in the middle.
+    """
+    middle = int(np.clip(i, 2, values.size - 3))
+    roots = np.roots((THROUGH_FIVE @ values[middle - 2 : middle + 3])[::-1])
+    real = roots.real[roots.imag == 0.0] + (middle - i)
+    return np.asarray(i + real[np.abs(real) < 1.0])
 
 
 def _interpolate(values: Array, index: float) -> float:
