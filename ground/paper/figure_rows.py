@@ -10,7 +10,7 @@ from ground.campaign.campaign_folder import STAGES, CampaignFolder
 from ground.paper.flights import SHALLOW_RUN, BiasSteps, PaperFlights
 from ground.paper.table_rows import GAIN_SETS, STEADY, figure_step, improvements, rate_errors
 from ground.report import figures
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space
 from sysid.data import segments
 from sysid.data.dataset import Log
 from sysid.estimation.bench_test import AxisBench
@@ -435,8 +435,8 @@ def _linear_evidence() -> dict[str, str]:
     settling_s, step_s = steady_flight.settling_s("depth"), 0.1
     measures = []
     for gains in (initial_gains, TABLE_3_IMPROVED):
-        closed = loop_transfer.close_depth(plane, paper_poles.LAG, gains)
-        error = 1.0 - loop_transfer.step_response(closed, 3, RESPONSE_S, step_s)
+        closed = loop_state_space.close_depth(plane, paper_poles.LAG, gains)
+        error = 1.0 - loop_state_space.step_response(closed, 3, RESPONSE_S, step_s)
         settled = error[int(settling_s / step_s) :]
         measures.append((np.mean(np.abs(error)), -np.min(error), np.sqrt(np.mean(settled**2))))
     return {

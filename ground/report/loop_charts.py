@@ -7,8 +7,9 @@ import numpy as np
 
 from ground.report.charts import Chart, figure_chart
 from ground.report.figures import Curve, Figure, Panel
-from sysid.control_analysis import loop_transfer, root_locus
-from sysid.control_analysis.loop_transfer import LOOPS, ComplexArray
+from sysid.control_analysis import loop_state_space, loop_transfer, root_locus
+from sysid.control_analysis.loop_state_space import LOOPS
+from sysid.control_analysis.loop_transfer import ComplexArray
 from sysid.design.design_model import DesignModel
 from sysid.planes import PLANES, Plane
 
@@ -156,7 +157,7 @@ def _steps(loop: str, vehicle: DesignModel, gains: Mapping[str, Gains]) -> Figur
             f"{role} gains",
             role,
             time_s,
-            loop_transfer.step_response(
+            loop_state_space.step_response(
                 _closed(loop, vehicle, gains[role]), STEP_STATE[loop], STEP_S[loop]
             ),
         )
@@ -172,10 +173,10 @@ def _steps(loop: str, vehicle: DesignModel, gains: Mapping[str, Gains]) -> Figur
     )
 
 
-def _closed(loop: str, vehicle: DesignModel, gains: Gains) -> loop_transfer.ClosedLoop:
+def _closed(loop: str, vehicle: DesignModel, gains: Gains) -> loop_state_space.ClosedLoop:
     """Return one of the closed loops."""
     lags = vehicle.yaw_lag, vehicle.pitch_lag
-    return loop_transfer.close_loop(loop, vehicle.planes, lags, gains)
+    return loop_state_space.close_loop(loop, vehicle.planes, lags, gains)
 
 
 def _locus(loop: str, vehicle: DesignModel, gains: Gains) -> Chart:
@@ -190,7 +191,7 @@ def _locus(loop: str, vehicle: DesignModel, gains: Gains) -> Chart:
         },
         _marks("gain 0", "measured", branches[0], "x-thin-open", 9),
         _marks("zeros", "measured", root_locus.zeros(opened), "circle-open", 9),
-        _marks("designed gain", "initial", loop_transfer.poles(closed), "square-open", 10),
+        _marks("designed gain", "initial", loop_state_space.poles(closed), "square-open", 10),
     ]
     layout = {
         "height": 380,

@@ -7,7 +7,7 @@ import numpy as np
 
 from ground.report import mpl_canvas
 from ground.report.paper_poles import PolesComparison
-from sysid.control_analysis import loop_transfer, root_locus
+from sysid.control_analysis import loop_state_space, loop_transfer, root_locus
 from sysid.reproduction import paper_poles
 from sysid.reproduction.paper_poles import Case
 from sysid.reproduction.paper_poles.search import FIGURE_4, LAGS
@@ -65,7 +65,7 @@ def _locus(panel: Any, loop: str, case: Case) -> None:
         panel.plot(upper.real, upper.imag, color=COLORS[case.name], linewidth=1.4)
     _marks(panel, branches[0], "x", GREY, "zero gain", 6)
     _marks(panel, root_locus.zeros(cut), "o", GREY, "zeros", 6)
-    _marks(panel, loop_transfer.poles(closed), "s", INK, "designed gain", 5)
+    _marks(panel, loop_state_space.poles(closed), "s", INK, "designed gain", 5)
     if (loop, case.name) in TABLE_4:
         _marks(
             panel, np.array([TABLE_4[loop, case.name]]), "*", "#111111", "printed in Table 4", 12

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.control_analysis import loop_transfer, modal
+from sysid.control_analysis import loop_state_space, loop_transfer, modal
 from sysid.control_analysis.loop_transfer import Gains, Lag, Margins
 from sysid.control_analysis.modal import Modes
 from sysid.models.linear_planes import LinearPlane
@@ -57,8 +57,8 @@ def analyse(planes: Planes, gains: Gains, yaw: Lag, pitch: Lag, order: int = 4) 
     loops = loop_transfer.heading_loops(loop_transfer.responses(planes.yaw, yaw), gains)
     loops |= loop_transfer.depth_loops(loop_transfer.responses(planes.pitch, pitch), gains)
     modes = {
-        loop: modal.modes_of(loop_transfer.close_loop(loop, planes, (yaw, pitch), gains, order))
-        for loop in loop_transfer.LOOPS
+        loop: modal.modes_of(loop_state_space.close_loop(loop, planes, (yaw, pitch), gains, order))
+        for loop in loop_state_space.LOOPS
     }
     return Analysis(
         poles={

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.control_analysis.loop_transfer import ClosedLoop
+from sysid.control_analysis.loop_state_space import ClosedLoop
 
 MIN_VISIBLE_SHARE = 0.1
 """Smallest contribution of a visible mode, as a share of the largest mode in the same state.

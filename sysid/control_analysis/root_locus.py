@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.control_analysis.loop_transfer import ClosedLoop, ComplexArray
+from sysid.control_analysis.loop_state_space import ClosedLoop
+from sysid.control_analysis.loop_transfer import ComplexArray
 
 Array = NDArray[np.float64]
 

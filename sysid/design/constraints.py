@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer, modal
-from sysid.control_analysis.loop_transfer import ClosedLoop, ComplexArray, Margins
+from sysid.control_analysis.loop_state_space import ClosedLoop
+from sysid.control_analysis.loop_transfer import ComplexArray, Margins
 from sysid.control_analysis.modal import Modes
 from sysid.design.specification import Spec
 

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.design import design_model
 from sysid.planes import Plane
@@ -46,13 +46,13 @@ def settling_s(loop: str) -> float:
     float
         Three time constants of the slowest closed-loop pole (s).
     """
-    closed = loop_transfer.close_loop(
+    closed = loop_state_space.close_loop(
         loop,
         tuple(paper_poles.models()[ADJUSTED]),
         (paper_poles.LAG, paper_poles.LAG),
         TABLE_3_IMPROVED,
     )
-    return SETTLED_TIME_CONSTANTS / -float(np.max(loop_transfer.poles(closed).real))
+    return SETTLED_TIME_CONSTANTS / -float(np.max(loop_state_space.poles(closed).real))
 
 
 @cache

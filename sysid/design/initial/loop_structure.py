@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid.control_analysis import loop_transfer, root_locus
-from sysid.control_analysis.loop_transfer import ClosedLoop, ComplexArray, Gains, Lag
+from sysid.control_analysis import loop_state_space, loop_transfer, root_locus
+from sysid.control_analysis.loop_state_space import ClosedLoop
+from sysid.control_analysis.loop_transfer import ComplexArray, Gains, Lag
 from sysid.control_analysis.root_locus import OpenLoop
 from sysid.design.design_model import DesignModel
 from sysid.planes import PLANES
@@ -54,7 +55,7 @@ class LoopStructure(NamedTuple):
 
     def cuts(self, vehicle: DesignModel, gains: Gains) -> dict[str, ComplexArray]:
         """Return the open-loop transfer functions by place, with the true delay."""
-        plane, _ = loop_transfer.LOOPS[self.loop]
+        plane, _ = loop_state_space.LOOPS[self.loop]
         responses = (vehicle.yaw, vehicle.pitch)[PLANES[plane].index]
         loops = loop_transfer.open_loops(plane, responses, gains)
         return {place: loops[name] for place, name in CUTS[self.loop].items()}
@@ -62,7 +63,7 @@ class LoopStructure(NamedTuple):
     def closed(self, vehicle: DesignModel, gains: Gains) -> ClosedLoop:
         """Return the closed loop with a Pade delay."""
         lags = vehicle.yaw_lag, vehicle.pitch_lag
-        return loop_transfer.close_loop(self.loop, vehicle.planes, lags, gains, PADE)
+        return loop_state_space.close_loop(self.loop, vehicle.planes, lags, gains, PADE)
 
     def opened(self, vehicle: DesignModel) -> OpenLoop:
         """Return the loop at a factor of one, opened where the factor acts."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.linearise import linearise
-from sysid.control_analysis import loop_transfer, root_locus
+from sysid.control_analysis import loop_state_space, loop_transfer, root_locus
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.control_analysis.margins import Planes
 from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel, build, lag_with_sampling
@@ -99,7 +99,7 @@ def loop_margins(shape: LoopStructure, gains: Gains, vehicle: DesignModel) -> Lo
     """Return the margins of a loop on one vehicle; zero if the loop is unstable."""
     margins = [loop_transfer.margins(cut) for cut in shape.cuts(vehicle, gains).values()]
     damping = float(
-        root_locus.damping(loop_transfer.poles(shape.closed(vehicle, gains))[None, :])[0]
+        root_locus.damping(loop_state_space.poles(shape.closed(vehicle, gains))[None, :])[0]
     )
     if damping <= 0.0:
         return LoopMargins(damping, 0.0, 0.0)

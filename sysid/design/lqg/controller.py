@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from sysid.control_analysis.loop_transfer import ClosedLoop
+from sysid.control_analysis.loop_state_space import ClosedLoop
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.control_analysis import loop_transfer, modal
+from sysid.control_analysis import loop_state_space, loop_transfer, modal
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Lag
 from sysid.design import constraints
 from sysid.design.constraints import Bounds, ConstraintViolation
@@ -184,9 +184,9 @@ def violations(
     return violated
 
 
-def _close(plane: MeasuredPlane, controller: DiscreteController) -> loop_transfer.ClosedLoop:
+def _close(plane: MeasuredPlane, controller: DiscreteController) -> loop_state_space.ClosedLoop:
     """Return the closed loop with a Pade delay."""
-    A, B = loop_transfer.plane_with_tailcone(plane.plane, plane.lag, PADE_ORDER)
+    A, B = loop_state_space.plane_with_tailcone(plane.plane, plane.lag, PADE_ORDER)
     C = np.zeros((plane.command.shape[1], len(B)))
     C[:, : len(plane.plane.B)] = outputs(plane.plane)
     return lqg_controller.close(controller, A, B, C)

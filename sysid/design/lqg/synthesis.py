@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.design.design_model import DEPTH_RATE_S, NOISE_STEP_S, outputs
 from sysid.design.lqg.controller import DiscreteController
@@ -130,7 +130,7 @@ def build_model(
     Sensor noise: gyro, angle (at least `MIN_ANGLE_RAD`) and, in pitch, depth and depth rate, each
     sd^2 `NOISE_STEP_S`.
     """
-    A_plane, B_plane = loop_transfer.plane_with_tailcone(plane, lag, PADE_ORDER)
+    A_plane, B_plane = loop_state_space.plane_with_tailcone(plane, lag, PADE_ORDER)
     n, load = len(plane.B), len(B_plane) + SEA_STATES
     size = load + count_loads(plane)
     A, B, process = np.zeros((size, size)), np.zeros(size), np.zeros((size, size))

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space, loop_transfer
 from sysid.control_analysis.loop_transfer import ComplexArray, Gains
 from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
@@ -107,5 +107,5 @@ def open_loops(vehicle: DesignModel, gains: Gains) -> dict[str, ComplexArray]:
 
 def analyse(vehicle: DesignModel, gains: Gains) -> PlaneAnalysis:
     """Return the margins at the three cuts, and the modes of the depth loop."""
-    closed = loop_transfer.close_depth(vehicle.planes.pitch, vehicle.pitch_lag, gains)
+    closed = loop_state_space.close_depth(vehicle.planes.pitch, vehicle.pitch_lag, gains)
     return constraints.analyse(open_loops(vehicle, gains), closed, "depth")

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space, loop_transfer
 from sysid.control_analysis.loop_transfer import ComplexArray, Gains
 from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
@@ -124,5 +124,5 @@ def open_loops(vehicle: DesignModel, gains: Gains) -> dict[str, ComplexArray]:
 
 def analyse(vehicle: DesignModel, gains: Gains) -> PlaneAnalysis:
     """Return the margins at both cuts, and the modes of the heading loop."""
-    closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains)
+    closed = loop_state_space.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains)
     return constraints.analyse(open_loops(vehicle, gains), closed, "heading")

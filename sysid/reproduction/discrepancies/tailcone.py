@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.reproduction import paper_poles
 from sysid.reproduction.discrepancies.record import Discrepancy
@@ -104,7 +104,7 @@ def _largest_real_part(lag: Lag, gains: Mapping[str, float], model: str) -> floa
     closed = paper_poles.close_loop(
         "heading", paper_poles.models()[model], lag._replace(delay_s=DELAY_S), gains
     )
-    return float(np.max(loop_transfer.poles(closed).real))
+    return float(np.max(loop_state_space.poles(closed).real))
 
 
 def _actuator() -> Discrepancy:

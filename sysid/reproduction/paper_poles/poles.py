@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid.control_analysis import loop_transfer, root_locus
-from sysid.control_analysis.loop_transfer import Approximation, ClosedLoop, Gains, Lag
+from sysid.control_analysis import loop_state_space, loop_transfer, root_locus
+from sysid.control_analysis.loop_state_space import Approximation, ClosedLoop
+from sysid.control_analysis.loop_transfer import Gains, Lag
 from sysid.control_analysis.margins import MAX_POLE_RADPS, Planes
 from sysid.control_analysis.root_locus import OpenLoop
 from sysid.models.linear_planes import pitch_plane, yaw_plane
@@ -18,7 +19,7 @@ from sysid.reproduction.paper_tables import (
     TABLE_4,
 )
 
-LOOPS = tuple(loop_transfer.LOOPS)
+LOOPS = tuple(loop_state_space.LOOPS)
 """Loops of the table."""
 CASES = ("I/I", "A/I", "A/A")
 """Model/controller: I for initial, A for adjusted or improved."""
@@ -124,7 +125,7 @@ def pole(loop: str, case: Case, form: Approximation = PADE) -> complex:
     complex
         Upper pole of the dominant pair (rad/s).
     """
-    return dominant(loop_transfer.poles(close_case(loop, case, form)))
+    return dominant(loop_state_space.poles(close_case(loop, case, form)))
 
 
 def close_case(loop: str, case: Case, form: Approximation = PADE) -> ClosedLoop:
@@ -145,14 +146,14 @@ def close_case(loop: str, case: Case, form: Approximation = PADE) -> ClosedLoop:
         Closed loop.
     """
     lags = case.yaw_lag, case.pitch_lag
-    return loop_transfer.close_loop(loop, case.planes, lags, case.gains, form)
+    return loop_state_space.close_loop(loop, case.planes, lags, case.gains, form)
 
 
 def close_loop(
     loop: str, planes: Planes, lag: Lag, gains: Gains, form: Approximation = PADE
 ) -> ClosedLoop:
     """Return one of the closed `LOOPS`."""
-    return loop_transfer.close_loop(loop, planes, (lag, lag), gains, form)
+    return loop_state_space.close_loop(loop, planes, (lag, lag), gains, form)
 
 
 def open_loop(loop: str, closed: ClosedLoop) -> OpenLoop:

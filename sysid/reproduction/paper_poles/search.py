@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
-from sysid.control_analysis import loop_transfer
-from sysid.control_analysis.loop_transfer import Approximation, Lag
+from sysid.control_analysis import loop_state_space
+from sysid.control_analysis.loop_state_space import Approximation
+from sysid.control_analysis.loop_transfer import Lag
 from sysid.reproduction.paper_poles.poles import (
     CONTROLLERS,
     LAG,
@@ -258,7 +259,7 @@ class TailconeSearch:
             closed = close_loop(
                 loop, self._models[case[0]], lag, CONTROLLERS[case[2]], form.approximation
             )
-            error = abs(dominant(loop_transfer.poles(closed)) - pole)
+            error = abs(dominant(loop_state_space.poles(closed)) - pole)
             errors[loop, case] = abs(pole) if math.isnan(error) else error
         return errors
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sysid.control_analysis import control_systems, loop_transfer, margins
+from sysid.control_analysis import control_systems, loop_state_space, loop_transfer, margins
 from sysid.control_analysis.control_systems import MarginsDisagreeError
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Lag
 from sysid.control_analysis.margins import Planes
@@ -64,7 +64,7 @@ def test_closed_surface_loop_has_poles_of_close_loop(gains: dict[str, float]) ->
     for cut, loop in (("rudder", "heading"), ("elevator", "depth")):
         opened = control.ss(*systems[cut][:4])
         closed = control.poles(control.feedback(opened, 1))
-        expected = loop_transfer.poles(loop_transfer.close_loop(loop, PLANES, LAGS, gains, 4))
+        expected = loop_state_space.poles(loop_state_space.close_loop(loop, PLANES, LAGS, gains, 4))
         for pole in expected[np.abs(expected) < margins.MAX_POLE_RADPS]:
             assert np.min(np.abs(closed - pole)) < 1e-5, (cut, pole)
 

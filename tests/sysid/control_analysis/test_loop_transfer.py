@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sysid.control_analysis import loop_transfer, margins
+from sysid.control_analysis import loop_state_space, loop_transfer, margins
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.models import linear_planes
 from sysid.reproduction.paper_tables import (
@@ -53,7 +53,7 @@ def test_poles_equal_those_of_python_control(gains: dict[str, float]) -> None:
     pitch = transfer(PITCH, 2, 4) * (g["PTCH_P"] + g["PTCH_D"] * S)
     outer = -g["PTCH_P"] * (g["DPT_P"] + g["DPT_I"] / S) * transfer(PITCH, 3, 4)
     closed = control.poles(control.minreal(1 / (1 + pitch + outer), tol=1e-4, verbose=False))
-    for pole in loop_transfer.poles(loop_transfer.close_depth(PITCH, LAG, g, 4)):
+    for pole in loop_state_space.poles(loop_state_space.close_depth(PITCH, LAG, g, 4)):
         if abs(pole) < margins.MAX_POLE_RADPS:
             assert np.min(np.abs(closed - pole)) < 1e-3 * max(1.0, abs(pole))
 
@@ -99,13 +99,13 @@ def test_pade_poles_agree_with_nyquist_of_true_delay(p: float, d: float, i: floa
         return  # too near the border for a grid to count
     turned = np.unwrap(np.angle(1 + cut))
     unstable_by_nyquist = round((math.pi - (turned[-1] - turned[0])) / math.pi)
-    poles = loop_transfer.poles(loop_transfer.close_heading(YAW, LAG, gains, order=6))
+    poles = loop_state_space.poles(loop_state_space.close_heading(YAW, LAG, gains, order=6))
     assert int(np.count_nonzero(poles.real > 0)) == unstable_by_nyquist
 
 
 def test_step_response_equals_integrated_closed_loop() -> None:
-    closed = loop_transfer.close_depth(PITCH, LAG, TABLE_3_IMPROVED)
-    response = loop_transfer.step_response(closed, 3, 60.0)
+    closed = loop_state_space.close_depth(PITCH, LAG, TABLE_3_IMPROVED)
+    response = loop_state_space.step_response(closed, 3, 60.0)
     system = control.ss(closed.A, closed.reference[:, None], np.eye(len(closed.A))[[3]], 0)
     _, expected = control.step_response(system, T=np.arange(0, 60.0, 0.1))
     np.testing.assert_allclose(response, np.squeeze(expected), atol=1e-6)
@@ -136,10 +136,13 @@ def test_actuator_lead_known_tailcone_gives_faster_lag() -> None:
         )
         for name, loop in fast.items():
             np.testing.assert_allclose(undone[name], loop, rtol=1e-9)
-    undone_poles = loop_transfer.poles(loop_transfer.close_heading(YAW, LAG, gains))
+    undone_poles = loop_state_space.poles(loop_state_space.close_heading(YAW, LAG, gains))
     cancelled = np.roots([1.0, 2 * 0.6 * 3.0, 9.0])
     expected = np.concatenate(
-        [loop_transfer.poles(loop_transfer.close_heading(YAW, faster, TABLE_3_INITIAL)), cancelled]
+        [
+            loop_state_space.poles(loop_state_space.close_heading(YAW, faster, TABLE_3_INITIAL)),
+            cancelled,
+        ]
     )
     np.testing.assert_allclose(np.sort_complex(undone_poles), np.sort_complex(expected), rtol=1e-6)
 
@@ -158,8 +161,8 @@ def test_close_depth_both_integrators_has_poles_where_loop_is_minus_one() -> Non
     """Each slow pole s of the state space solves 1 + L(s) = 0 at the elevator."""
     gains = {**TABLE_3_INITIAL, "PTCH_I": 0.05, "DPT_I": 0.004, "DPT_D": 0.3}
     lag = LAG._replace(delay_s=0.0)
-    closed = loop_transfer.close_depth(PITCH, lag, gains)
-    slow = [pole for pole in loop_transfer.poles(closed) if abs(pole) < 1.0]
+    closed = loop_state_space.close_depth(PITCH, lag, gains)
+    slow = [pole for pole in loop_state_space.poles(closed) if abs(pole) < 1.0]
     assert len(slow) >= 4
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
     for s in slow:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import build_model, config, hull
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space, loop_transfer
 from sysid.design import constraints, initial
 from sysid.design.design_model import DesignModel, build
 from sysid.design.initial import (
@@ -71,14 +71,14 @@ def test_integrators_offset_is_compensated_in_stated_time(
     planes = caribou.planes
     for closed, surface, state, proportional, integral in (
         (
-            loop_transfer.close_heading(planes.yaw, caribou.yaw_lag, bench.parameters),
+            loop_state_space.close_heading(planes.yaw, caribou.yaw_lag, bench.parameters),
             planes.yaw.B,
             2,
             "HDG_P",
             "HDG_I",
         ),
         (
-            loop_transfer.close_depth(planes.pitch, caribou.pitch_lag, bench.parameters),
+            loop_state_space.close_depth(planes.pitch, caribou.pitch_lag, bench.parameters),
             planes.pitch.B,
             3,
             "DPT_P",
@@ -87,7 +87,9 @@ def test_integrators_offset_is_compensated_in_stated_time(
     ):
         load = np.zeros(len(closed.A))
         load[: surface.size] = surface
-        answer = np.abs(loop_transfer.step_response(closed._replace(reference=load), state, 120.0))
+        answer = np.abs(
+            loop_state_space.step_response(closed._replace(reference=load), state, 120.0)
+        )
         later = round(10.0 * bench.parameters[proportional] / bench.parameters[integral])
         assert answer[int(np.argmax(answer)) + later] / np.max(answer) == pytest.approx(
             1 / 3, abs=0.06
@@ -114,9 +116,9 @@ def test_initial_gains_other_samples_are_stable(
 
 def stable(vehicle: DesignModel, gains: dict[str, float]) -> bool:
     """Return whether all loops are stable."""
-    heading = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains, 5)
-    depth = loop_transfer.close_depth(vehicle.planes.pitch, vehicle.pitch_lag, gains, 5)
-    return all(np.max(loop_transfer.poles(loop).real) < 0.0 for loop in (heading, depth))
+    heading = loop_state_space.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains, 5)
+    depth = loop_state_space.close_depth(vehicle.planes.pitch, vehicle.pitch_lag, gains, 5)
+    return all(np.max(loop_state_space.poles(loop).real) < 0.0 for loop in (heading, depth))
 
 
 def later(vehicle: DesignModel, gains: dict[str, float], angle_rad: float) -> DesignModel:

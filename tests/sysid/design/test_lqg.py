@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
 
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space, loop_transfer
 from sysid.control_analysis.loop_transfer import TICK_S, Lag
 from sysid.control_analysis.margins import Planes
 from sysid.design import lqg as optimal
@@ -127,7 +127,7 @@ def test_constant_load_other_vehicle_leaves_no_error(vehicle: DesignModel, plane
     """Loads of the surface and, in pitch, of buoyancy; the controller has other coefficients."""
     _, controller = designed(vehicle, plane)
     other = linear_plane(plane, TABLE_1_INITIAL)
-    A, B = loop_transfer.plane_with_tailcone(other, LAG, loop_analysis.PADE_ORDER)
+    A, B = loop_state_space.plane_with_tailcone(other, LAG, loop_analysis.PADE_ORDER)
     C = np.zeros((controller.L.shape[1], len(B)))
     C[:, : len(other.B)] = outputs(other)
     closed = lqg_controller.close(controller, A, B, C).A

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from autopilot.control import reference_model
 from autopilot.control.reference_model import NO_REFERENCE, ActuatorLead
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space
 from sysid.design import constraints, pid
 from sysid.design.design_model import (
     DesignModel,
@@ -44,7 +44,7 @@ def test_redesign_all_cuts_meet_specification(model: IdentifiedModel, designed: 
 def test_redesign_impulse_response_is_damped(model: IdentifiedModel, designed: Design) -> None:
     """Response to an impulse in time: one overshoot below 0.2 and none after it."""
     vehicle = from_model(model)
-    closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, designed.gains)
+    closed = loop_state_space.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, designed.gains)
     blow, dt = np.zeros(len(closed.A)), 0.02
     blow[1] = 1.0
     step, x, heading = expm(closed.A * dt), blow, []
@@ -149,19 +149,21 @@ def test_integrators_offset_is_compensated_in_time(
     vehicle, offset = from_model(model), math.radians(0.5)
     for closed, surface, state in (
         (
-            loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, designed.gains),
+            loop_state_space.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, designed.gains),
             vehicle.planes.yaw.B,
             2,
         ),
         (
-            loop_transfer.close_depth(vehicle.planes.pitch, vehicle.pitch_lag, designed.gains),
+            loop_state_space.close_depth(vehicle.planes.pitch, vehicle.pitch_lag, designed.gains),
             vehicle.planes.pitch.B,
             3,
         ),
     ):
         load = np.zeros(len(closed.A))
         load[: surface.size] = offset * surface
-        answer = np.abs(loop_transfer.step_response(closed._replace(reference=load), state, 60.0))
+        answer = np.abs(
+            loop_state_space.step_response(closed._replace(reference=load), state, 60.0)
+        )
         assert np.max(answer[300:]) <= 0.16 * np.max(answer)
 
 
@@ -208,7 +210,7 @@ def test_predicted_heading_equals_lyapunov_equation(model: IdentifiedModel) -> N
     vehicle = from_model(model)
     sea = msgspec.structs.replace(vehicle.disturbance["yaw"], wave_accel_degps2=0.0)
     vehicle = vehicle._replace(disturbance={**vehicle.disturbance, "yaw": sea})
-    closed = loop_transfer.close_heading(
+    closed = loop_state_space.close_heading(
         vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_INITIAL, order=6
     )
     n = len(closed.A)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import iirpeak, lfilter
 
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space
 from sysid.design import design_model
 from sysid.design.pid import DesignRobustness, Spec, predicted_performance
 from sysid.models.model_file import IdentifiedModel, NoiseModel, sha256_of_model
@@ -32,7 +32,7 @@ def baseline(model: IdentifiedModel) -> PerformanceBaseline:
 def heading_deg(model: IdentifiedModel) -> Array:
     """Return the simulated heading (deg) in closed loop with disturbance and sensor noise."""
     vehicle = design_model.from_model(model)
-    closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_IMPROVED)
+    closed = loop_state_space.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_IMPROVED)
     rng, sea = np.random.default_rng(5), vehicle.disturbance["yaw"]
     pushed = disturbance(sea, rng, round(LASTS_S / STEP_S))
     moment = np.zeros(len(closed.A))

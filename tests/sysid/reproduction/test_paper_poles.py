@@ -5,7 +5,7 @@ import cmath
 import numpy as np
 import pytest
 
-from sysid.control_analysis import loop_transfer, margins
+from sysid.control_analysis import loop_state_space, margins
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.reproduction import paper_poles
 from sysid.reproduction.paper_poles import search
@@ -36,7 +36,7 @@ def test_dominant_pair_has_smallest_damping() -> None:
     assert cmath.isnan(paper_poles.dominant([complex(-1.0, 0.0)]))
 
 
-def made_with(lag: Lag, form: loop_transfer.Approximation) -> dict[tuple[str, str], complex]:
+def made_with(lag: Lag, form: loop_state_space.Approximation) -> dict[tuple[str, str], complex]:
     return {(row.loop, row.case): row.ours for row in paper_poles.rows(lag, form)}
 
 
@@ -66,7 +66,7 @@ def test_single_pole_gives_delay_and_loop_gain() -> None:
         gains = dict(CONTROLLERS["I"])
         weaker = {name: 0.9 * gain for name, gain in gains.items()}
         pole = paper_poles.dominant(
-            loop_transfer.poles(paper_poles.close_loop(loop, known["I"], lag, weaker, 6))
+            loop_state_space.poles(paper_poles.close_loop(loop, known["I"], lag, weaker, 6))
         )
         delay_s, gain = required_delay_and_gain(loop, known["I"], gains, pole, Lag(0.0))
         assert delay_s == pytest.approx(0.25, abs=1e-3)
@@ -77,7 +77,9 @@ def test_exact_form_pole_solves_characteristic_equation() -> None:
     """1 + L = 0 at the pole with an exponential delay, without approximation."""
     known, lag = paper_poles.models(), Lag(0.9)
     pole = paper_poles.dominant(
-        loop_transfer.poles(paper_poles.close_loop("pitch", known["I"], lag, CONTROLLERS["I"], 6))
+        loop_state_space.poles(
+            paper_poles.close_loop("pitch", known["I"], lag, CONTROLLERS["I"], 6)
+        )
     )
     delay_s, gain = required_delay_and_gain("pitch", known["I"], CONTROLLERS["I"], pole, lag)
     turn = 2.0 * np.pi / pole.imag

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from sysid.control_analysis import loop_transfer
+from sysid.control_analysis import loop_state_space, loop_transfer
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import fit
@@ -24,9 +24,9 @@ def test_simulate_pulse_response_equals_python_control(
         actuator.natural_frequency_radps,
         actuator.damping_ratio,
     )
-    close = (loop_transfer.close_heading, loop_transfer.close_depth)[PLANES[plane].index]
+    close = (loop_state_space.close_heading, loop_state_space.close_depth)[PLANES[plane].index]
     closed = close(linear, lag, gains, order=6)
-    _, B = loop_transfer.plane_with_tailcone(linear, lag, 6)
+    _, B = loop_state_space.plane_with_tailcone(linear, lag, 6)
     drive = np.concatenate([B, np.zeros(len(closed.A) - len(B))])
     n = linear.A.shape[0]
     outputs = np.eye(len(closed.A))[1:n]
