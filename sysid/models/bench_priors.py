@@ -85,7 +85,7 @@ class BenchMeasurement(NamedTuple):
     value: float
     sd: float
     ratio: str | None = None
-    """Parameter by which the measured value is multiplied."""
+    """Second parameter, where the measured value is a product of two."""
 
 
 def read(
