@@ -34,7 +34,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mavlink_io.jit import kernel
+from mavlink_io.jit import entry_point
 from sysid.models.linear_planes import LinearPlane
 from sysid.planes import PLANES, Plane
 
@@ -379,7 +379,7 @@ def _crossings(values: Array) -> list[float]:
     return sorted(crossings)
 
 
-@kernel
+@entry_point
 def _sign_changes(values: Array) -> tuple[list[float], list[int]]:
     """Return the fractional indices of sign changes, and the samples at extrema near zero.
 

@@ -24,7 +24,7 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.estimation.map.problem import Prior
 from sysid.models import parameters
 from sysid.models.json_record import decode
-from sysid.models.parameters import NAMES, PARAMETERS
+from sysid.models.parameters import ELEVATOR_RATIOS, NAMES, PARAMETERS
 from sysid.planes import PLANE_OF_SURFACE, PLANES, Plane
 
 T = TypeVar("T")
@@ -34,11 +34,6 @@ SENSOR_DELAY_S = 0.03
 """Standard deviation of the delay of sensors and computing, which a bench test does not measure."""
 MIN_RELATIVE_SD = 0.005
 """Minimum relative standard deviation of a bench measurement."""
-ELEVATOR_RATIOS = {
-    "natural_frequency": "elevator_frequency",
-    "damping_ratio": "elevator_damping",
-}
-"""Parameter of the rudder, and the ratio of the elevator to it."""
 MIN_BACKLASH_DEG = 0.02
 """Minimum backlash, because the parameter is a ratio and cannot be zero."""
 

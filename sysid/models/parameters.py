@@ -134,6 +134,11 @@ the slope per radian, is 0 +- 0.3. The stall angle is known to 15 %. The rate li
 drive under load: known to 25 %, because a drive that sticks looks slower. The elevator's drive is
 that of the rudder to 10 % in natural frequency and in damping ratio. Drift damps rotation as in
 strip theory (0) or not at all (1): ``crossflow_uncoupled`` is 0 +- 0.5."""
+ELEVATOR_RATIOS = {
+    "natural_frequency": "elevator_frequency",
+    "damping_ratio": "elevator_damping",
+}
+"""Parameter of the rudder's drive, and the ratio of the elevator's to it."""
 ASSUMED_BACKLASH_DEG = 0.2
 """Backlash (full width) of a tailcone without a measurement; known within a factor of e."""
 
@@ -406,15 +411,17 @@ def actuators(
 
     def actuator(plane: Plane) -> Actuator:
         """Return the actuator of a plane."""
+        to_rudder = {
+            name: 1.0 if PLANES[plane].is_yaw else ratios[ratio]
+            for name, ratio in ELEVATOR_RATIOS.items()
+        }
         return Actuator(
             delay_s=max(0.0, tailcone.delay_s + offsets[f"delay_{plane}"]),
             natural_frequency_radps=tailcone.natural_frequency_radps
             * ratios["natural_frequency"]
-            * (1.0 if PLANES[plane].is_yaw else ratios["elevator_frequency"]),
+            * to_rudder["natural_frequency"],
             damping_ratio=min(
-                tailcone.damping_ratio
-                * ratios["damping_ratio"]
-                * (1.0 if PLANES[plane].is_yaw else ratios["elevator_damping"]),
+                tailcone.damping_ratio * ratios["damping_ratio"] * to_rudder["damping_ratio"],
                 MAX_DAMPING,
             ),
             bias_rad=biases_rad[plane] + offsets[f"bias_{PLANES[plane].surface}"],

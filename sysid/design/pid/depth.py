@@ -101,7 +101,7 @@ def gains(
 
 
 def open_loops(vehicle: DesignModel, gains: Gains) -> dict[str, ComplexArray]:
-    """Return the loops opened at elevator and pitch command, and that without a depth loop."""
+    """Return the loops opened at elevator and pitch command, and the pitch loop alone."""
     return loop_transfer.depth_loops(vehicle.pitch, gains)
 
 
