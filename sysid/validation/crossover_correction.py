@@ -17,7 +17,7 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.data.runs import Run
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.datasets import datasets_of, max_leads_s
-from sysid.estimation.map.fit import STRIDE, Prior
+from sysid.estimation.map.fit import Prior, last_problem
 from sysid.estimation.map.gauss_newton import descend
 from sysid.estimation.map.problem import MapProblem
 from sysid.models import noise, parameters
@@ -95,13 +95,7 @@ def _problem(
     runs = [run for group in runs_of_planes.values() for run in group]
     datasets = datasets_of(runs, vehicle, max_leads_s(runs, vehicle))
     levels = {plane: noise.from_model(model.noise[plane]) for plane in runs_of_planes}
-    return MapProblem(
-        prior=vague_prior,
-        datasets=datasets,
-        filters=problems.filters(vehicle, datasets, levels, STRIDE),
-        levels=levels,
-        stride=STRIDE,
-    )
+    return last_problem(vague_prior, datasets, levels, vague_prior.mean)
 
 
 def _correction(

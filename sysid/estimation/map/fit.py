@@ -2,8 +2,10 @@
 
 The estimate alternates (Jategaonkar 2015, ch. 5): noise levels from the residuals of the present
 parameters, then the parameters of the least cost under these levels (`gauss_newton`, cost in
-`problem`). Then searches from other starts, drawn from the prior, must end at the same cost. They
-use every second sample only, which is enough to distinguish minima.
+`problem`). In these passes the noise filter is that of level flight; the last one has a filter for
+the motion of each run. Then searches from other starts, drawn from the prior, must end at the same
+cost. They use every second sample only, which is enough to distinguish minima, and the filter of
+level flight.
 """
 
 import math
@@ -27,6 +29,7 @@ from sysid.estimation.map.datasets import (
     residuals,
 )
 from sysid.estimation.map.gauss_newton import Z_LIMIT, SearchEnd, descend
+from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
 from sysid.estimation.map.model_error import RunScatter
 from sysid.estimation.map.problem import DIFFERENCE, Linearisation, MapProblem, Prior
 from sysid.estimation.map.steady_state import (
@@ -198,7 +201,7 @@ def fit(
             leads_s, datasets = updated_s, datasets_of(runs, first, updated_s)
             linearisation = None
     report("fit, last pass", PASSES / work_steps)
-    problem = _problem(prior, datasets, levels, z)
+    problem = last_problem(prior, datasets, levels, z)
     optimum = descend(problem, z, FINE_TOLERANCE, linearisation=linearisation)
     start_cost_ratios, better_z, restart_steps = _search_other_starts(
         problem,
@@ -235,6 +238,17 @@ def fit(
     )
 
 
+def last_problem(
+    prior: Prior,
+    datasets: Mapping[Plane, tuple[Dataset, ...]],
+    levels: Mapping[Plane, Noise],
+    z: Array,
+) -> MapProblem:
+    """Return the problem of the last pass, with noise filters about the motion of each run at z."""
+    filters = manoeuvre_filters(problems.vehicle(prior, z), datasets, levels)
+    return MapProblem(prior=prior, datasets=datasets, filters=filters, levels=levels, stride=STRIDE)
+
+
 def at_bounds(z: Array) -> tuple[str, ...]:
     """Return the names of the parameters at a bound of the search that the data should not reach.
 
@@ -253,7 +267,7 @@ def _problem(
     levels: Mapping[Plane, Noise],
     z: Array,
 ) -> MapProblem:
-    """Return the problem with noise filters linearised about the vehicle at z."""
+    """Return the problem of a pass, with noise filters about level flight at z."""
     filters = problems.filters(problems.vehicle(prior, z), datasets, levels, STRIDE)
     return MapProblem(prior=prior, datasets=datasets, filters=filters, levels=levels, stride=STRIDE)
 

@@ -24,7 +24,7 @@ from scipy.special import ndtri
 
 from sitl.vehicle.config import VehicleFileError
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.fit import STRIDE, Fit, linear_plane
+from sysid.estimation.map.fit import Fit, last_problem, linear_plane
 from sysid.estimation.map.gauss_newton import Z_LIMIT, is_free, lower_bounds
 from sysid.estimation.map.problem import MapProblem, Prior
 from sysid.models import linear_planes, parameters
@@ -84,16 +84,7 @@ def wide_intervals(estimate: Fit, prior: Prior) -> Iterator[ParameterInterval]:
 
 def problem_at_estimate(estimate: Fit, prior: Prior) -> MapProblem:
     """Return the problem that the estimate minimises."""
-    filters = problems.filters(
-        problems.vehicle(prior, estimate.z), estimate.datasets, estimate.noise, STRIDE
-    )
-    return MapProblem(
-        prior=prior,
-        datasets=estimate.datasets,
-        filters=filters,
-        levels=estimate.noise,
-        stride=STRIDE,
-    )
+    return last_problem(prior, estimate.datasets, estimate.noise, estimate.z)
 
 
 def interval(problem: MapProblem, estimate: Fit, number: Number) -> tuple[float, float]:

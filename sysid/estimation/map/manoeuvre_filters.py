@@ -3,7 +3,7 @@
 In a turn crossflow drag damps a disturbance much more than on a straight course. A vehicle that is
 nearly neutral on course integrates a disturbance there, and in a turn it does not. With the filter
 about level flight the residuals of `remus100` have twice the power that the filter assumes at the
-low frequencies of a slip, so that clean runs look anomalous.
+low frequencies of a slip: clean runs look anomalous, and the intervals of the fit are too narrow.
 """
 
 from collections.abc import Mapping, Sequence

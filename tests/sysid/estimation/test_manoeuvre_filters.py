@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
+from sysid import prior_knowledge
 from sysid.data.runs import RATE_HZ, Run
+from sysid.estimation.map import fit
+from sysid.estimation.map import problem as problems
 from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
 from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
+from sysid.estimation.map.problem import MapProblem
 from sysid.estimation.map.steady_state import linear_plane
 from sysid.models import noise, parameters
 from sysid.models.noise import Noise
@@ -43,3 +47,25 @@ def test_manoeuvre_filters_turn_damps_disturbances(
     (along,) = manoeuvre_filters(vehicle, {Plane.YAW: [data]}, {Plane.YAW: Noise()})[Plane.YAW]
     straight, turning = along.transitions[0], along.transitions[-1]
     assert np.linalg.det(turning[:2, :2]) < 0.98 * np.linalg.det(straight[:2, :2])
+
+
+def test_fit_minimises_cost_with_the_filters_of_its_runs(bench: config.VehicleConfig) -> None:
+    """With the filter of level flight instead, the slope is far from zero at the estimate."""
+    runs = [
+        sea.fly(bench, Plane.YAW, sea.step(degrees, 15.0), seed=seed)
+        for seed, degrees in enumerate((12.0, -12.0))
+    ]
+    prior = prior_knowledge.prior_of(runs, bench)
+    estimate = fit.fit(runs, prior, starts=0)
+    data, levels, z = estimate.datasets, estimate.noise, estimate.z
+    last = fit.last_problem(prior, data, levels, z)
+    level = last._replace(filters=problems.filters(estimate.vehicle, data, levels, STRIDE))
+
+    def decrease(problem: MapProblem) -> float:
+        """Decrease of the cost that the quadratic model at the estimate predicts."""
+        score = problems.score(problem, z)
+        curvature = score.information + np.linalg.inv(prior.covariance)
+        return float(0.5 * score.slope @ np.linalg.solve(curvature, score.slope))
+
+    assert decrease(last) < 0.05
+    assert decrease(level) > 0.5
