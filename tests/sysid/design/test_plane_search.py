@@ -139,20 +139,20 @@ def test_robust_gains_have_the_gain_margin_on_nearly_all_vehicles(
 def test_gain_margin_is_not_increased_if_too_few_vehicles_then_meet_their_limits(
     vehicle: DesignModel, samples: Samples
 ) -> None:
-    spec = Spec(robust_gm_db=9.5)
-    strict = search(vehicle, samples, spec)
-    unreachable = search(vehicle, samples, replace(spec, robust_fraction=1.01))
-    margins_db = [
-        task.gain_margin_db(vehicle, plane_search.robust_gains(task, heading.STARTS))
-        for task in (strict, unreachable)
-    ]
-    assert margins_db[0] > margins_db[1] + 0.3
+    strict = search(vehicle, samples, Spec(robust_gm_db=9.5))
+    unreachable = search(vehicle, samples, replace(strict.spec, robust_fraction=1.01))
+    bounds = constraints.nominal(strict.spec)
+    gains = strict.find(bounds, heading.STARTS)
+    first = plane_search._Candidate(gains, bounds, strict.worst_violations(gains))
+    increased = plane_search._with_gain_margin(strict, first, heading.STARTS).gains
+    assert strict.gain_margin_db(vehicle, increased) > (strict.gain_margin_db(vehicle, gains) + 0.3)
+    assert plane_search._with_gain_margin(unreachable, first, heading.STARTS) is first
 
 
 def test_search_with_sampled_vehicles_meets_their_limits(
     vehicle: DesignModel, samples: Samples
 ) -> None:
-    """The vehicles are as many as in a redesign, and are added as often as there."""
+    """The vehicles are as many as in a redesign, and are added in pairs, once or twice."""
     spec = Spec(damping=0.65)
     task = search(vehicle, samples, spec)
     gains = task.find(constraints.nominal(spec), heading.STARTS)
@@ -161,7 +161,7 @@ def test_search_with_sampled_vehicles_meets_their_limits(
     found = plane_search._with_samples(task, first, heading.STARTS)
     assert np.all(before[first.hard] > 0.01)
     assert np.all(found.worst[first.hard] < 0.005)
-    assert len(found.sampled) == len(first.hard) * plane_search.ADDITIONS
+    assert len(found.sampled) in (len(first.hard), len(first.hard) * plane_search.ADDITIONS)
     assert np.mean(found.worst < 0.005) > np.mean(before < 0.005) + 0.2
 
 
