@@ -177,9 +177,11 @@ def _refit(
         request.marks,
         knowledge,
     )
-    usable_runs.refuse_miswired([*logs, *held_out_logs], request.marks)
-    accepted_runs, screenings = usable_runs.select(logs, request.limits, request.marks)
-    held_out_screenings = screen(usable_runs.cut_runs(held_out_logs, request.marks), request.limits)
+    tests = usable_runs.cut_logs(logs, request.marks)
+    held_out_tests = usable_runs.cut_logs(held_out_logs, request.marks)
+    usable_runs.refuse_miswired([*tests, *held_out_tests])
+    accepted_runs, screenings = usable_runs.select(tests, request.limits)
+    held_out_screenings = screen(usable_runs.runs_of(held_out_tests), request.limits)
     held_out_runs = [s.run for s in held_out_screenings if s.accepted]
     with _failing(knowledge.name):
         model, refitted = _identify(

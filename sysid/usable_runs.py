@@ -14,6 +14,7 @@ from sysid.data.segments import MarkedInterval
 from sysid.models.model_file import AnomalyTest, ScreenedRun
 from sysid.prior_knowledge import PriorKnowledge, RefitError
 from sysid.screening import RunScreening, Screening, ScreeningLimits, proposals, screen, wiring
+from sysid.screening.wiring import LogOfRuns
 
 
 def read_logs(
@@ -74,16 +75,21 @@ def log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
     ]
 
 
-def refuse_miswired(logs: Sequence[Log], marks: Sequence[MarkedInterval]) -> None:
+def cut_logs(logs: Iterable[Log], marks: Sequence[MarkedInterval]) -> list[LogOfRuns]:
+    """Cut the tests out of each log."""
+    return [LogOfRuns(log, segments.cut_runs(log, _marks_of(log, marks))) for log in logs]
+
+
+def runs_of(logs: Iterable[LogOfRuns]) -> list[Run]:
+    """Return the tests of all logs."""
+    return [run for log in logs for run in log.runs]
+
+
+def refuse_miswired(logs: Sequence[LogOfRuns]) -> None:
     """Raise RefitError for swapped planes, a reversed sign, or logs of different vehicles."""
-    reason = wiring.refusal([wiring.LogOfRuns(log, cut_runs([log], marks)) for log in logs])
+    reason = wiring.refusal(logs)
     if reason:
         raise RefitError(reason)
-
-
-def cut_runs(logs: Iterable[Log], marks: Sequence[MarkedInterval]) -> list[Run]:
-    """Return the tests of logs."""
-    return [run for log in logs for run in segments.cut_runs(log, _marks_of(log, marks))]
 
 
 def _marks_of(log: Log, marks: Sequence[MarkedInterval]) -> list[MarkedInterval]:
@@ -92,17 +98,14 @@ def _marks_of(log: Log, marks: Sequence[MarkedInterval]) -> list[MarkedInterval]
 
 
 def select(
-    logs: Sequence[Log], limits: ScreeningLimits | None, marks: Sequence[MarkedInterval]
+    logs: Sequence[LogOfRuns], limits: ScreeningLimits | None
 ) -> tuple[list[Run], list[Screening]]:
-    """Cut the logs into runs and screen them.
-
-    Return the accepted runs and all screening results.
-    """
-    runs = cut_runs(logs, marks)
-    names = ", ".join(log.name for log in logs) or "no file"
+    """Screen the runs of the logs. Return the accepted runs and all screening results."""
+    runs = runs_of(logs)
+    names = ", ".join(log.name for log, _ in logs) or "no file"
     if not runs:
         needed = "tests of rudder or elevator (SID_AXIS 12 or 11), or ranges that you mark"
-        found = proposals.format_marks([mark for log in logs for mark in proposals.propose(log)])
+        found = proposals.format_marks([mark for log, _ in logs for mark in proposals.propose(log)])
         raise RefitError(f"{names}: no test found; a log needs {needed} (--segment); {found}")
     screenings = screen(runs, limits)
     accepted_runs = [s.run for s in screenings if s.accepted]
