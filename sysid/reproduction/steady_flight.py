@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_state_space
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.design import design_model
+from sysid.design import design_model, disturbance_response
 from sysid.planes import Plane
 from sysid.reproduction import paper_poles
 from sysid.reproduction.paper_tables import (
@@ -75,8 +75,8 @@ def smallest_ratios() -> SteadyError:
     )
     initial, improved = (
         (
-            design_model.heading_responses(vehicle, gains)[0],
-            *design_model.depth_responses(vehicle, gains, vehicle.pitch.moment)[:2],
+            disturbance_response.heading_responses(vehicle, gains)[0],
+            *disturbance_response.depth_responses(vehicle, gains, vehicle.pitch.moment)[:2],
         )
         for gains in (TABLE_3_INITIAL, TABLE_3_IMPROVED)
     )

@@ -21,7 +21,7 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.control_analysis.margins import Planes
-from sysid.design import constraints, design_model, minimum_variance
+from sysid.design import constraints, design_model, disturbance_response, minimum_variance
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
 from sysid.design.constraints import Bounds, ConstraintViolation, min_bounds
 from sysid.design.design_model import DesignModel
@@ -175,8 +175,8 @@ def _tune(
 
 def _reference_errors(vehicle: DesignModel, gains: Gains) -> Reference:
     """Return the rms errors of the initial gains."""
-    pitch_rad, depth_m, _ = design_model.depth_rms(vehicle, gains)
-    return Reference(design_model.heading_rms(vehicle, gains)[0], pitch_rad, depth_m)
+    pitch_rad, depth_m, _ = disturbance_response.depth_rms(vehicle, gains)
+    return Reference(disturbance_response.heading_rms(vehicle, gains)[0], pitch_rad, depth_m)
 
 
 def predict_response(

@@ -14,13 +14,8 @@ from sysid.control_analysis import loop_state_space, loop_transfer, modal
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Lag
 from sysid.design import constraints
 from sysid.design.constraints import Bounds, ConstraintViolation
-from sysid.design.design_model import (
-    NOISE_STEP_S,
-    DesignModel,
-    DisturbanceSource,
-    disturbances,
-    outputs,
-)
+from sysid.design.design_model import DesignModel, outputs
+from sysid.design.disturbance_response import NOISE_STEP_S, DisturbanceSource, disturbances
 from sysid.design.lqg import controller as lqg_controller
 from sysid.design.lqg.controller import DiscreteController
 from sysid.design.specification import Spec

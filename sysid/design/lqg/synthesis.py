@@ -16,7 +16,8 @@ from scipy.linalg import solve_continuous_are
 
 from sysid.control_analysis import loop_state_space
 from sysid.control_analysis.loop_transfer import Lag
-from sysid.design.design_model import DEPTH_RATE_S, NOISE_STEP_S, outputs
+from sysid.design.design_model import outputs
+from sysid.design.disturbance_response import DEPTH_RATE_S, NOISE_STEP_S
 from sysid.design.lqg.controller import DiscreteController
 from sysid.models import noise
 from sysid.models.linear_planes import LinearPlane

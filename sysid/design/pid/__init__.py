@@ -10,7 +10,7 @@ from types import ModuleType
 
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import LEAD_DAMPING, Gains
-from sysid.design import constraints, design_model, minimum_variance
+from sysid.design import constraints, design_model, disturbance_response, minimum_variance
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE, within_range
 from sysid.design.design_model import DesignModel
 from sysid.design.pid import depth, heading, plane_search, predicted_performance, reference_models
@@ -206,13 +206,13 @@ def _assemble(
     robust: DesignRobustness | None,
 ) -> Design:
     """Return the analysis of gains, without their reasons."""
-    predicted = design_model.predict_response(vehicle, gains)
+    predicted = disturbance_response.predict_response(vehicle, gains)
     return Design(
         gains=gains,
         reasons={},
         analysis=design_model.analyse_loops(vehicle, gains),
         predicted=predicted,
-        initial=design_model.predict_response(vehicle, initial),
+        initial=disturbance_response.predict_response(vehicle, initial),
         minimum=minimum_variance.minimum_variance(vehicle, predicted),
         initial_analysis=design_model.analyse_loops(vehicle, initial),
         spec=spec,

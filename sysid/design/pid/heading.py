@@ -8,7 +8,8 @@ from sysid.control_analysis.loop_transfer import ComplexArray, Gains
 from sysid.design import constrained_search, constraints
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
 from sysid.design.constraints import Bounds, ConstraintViolation, PlaneAnalysis
-from sysid.design.design_model import DesignModel, command_noise_rad, heading_rms
+from sysid.design.design_model import DesignModel
+from sysid.design.disturbance_response import command_noise_rad, heading_rms
 from sysid.design.pid import peak_filter
 from sysid.design.specification import Spec
 from sysid.planes import Plane

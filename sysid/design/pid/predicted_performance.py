@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains
-from sysid.design.design_model import (
+from sysid.design.design_model import SEED, DesignModel
+from sysid.design.disturbance_response import (
     NOISE_STEP_S,
-    SEED,
-    DesignModel,
     depth_responses,
     disturbances,
     heading_responses,

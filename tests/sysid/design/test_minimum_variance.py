@@ -5,7 +5,7 @@ import pytest
 
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.control_analysis.margins import Planes
-from sysid.design import design_model, lqg, minimum_variance
+from sysid.design import design_model, disturbance_response, lqg, minimum_variance
 from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel
 from sysid.design.lqg import synthesis, weights
 from sysid.design.specification import MinimumVariance, Response
@@ -47,7 +47,7 @@ def test_no_controller_is_better_than_the_bound(controller: str) -> None:
     reached = (
         lqg_response()
         if controller == "lqg"
-        else design_model.predict_response(VEHICLE, gains[controller])
+        else disturbance_response.predict_response(VEHICLE, gains[controller])
     )
     bound = minimum_variance.minimum_variance(VEHICLE, reached)
     assert bound is not None
@@ -65,7 +65,7 @@ def test_no_controller_is_better_than_the_bound_in_a_calm_sea() -> None:
         rate_noise_degps=5.0 * DEFAULT_DISTURBANCE.rate_noise_degps,
     )
     vehicle = vehicle_with(LAG, calm)
-    reached = design_model.predict_response(vehicle, TABLE_3_IMPROVED)
+    reached = disturbance_response.predict_response(vehicle, TABLE_3_IMPROVED)
     bound = minimum_variance.minimum_variance(vehicle, reached)
     assert bound is not None
     assert bound.heading_deg < bound.same_rudder_heading_deg < reached.heading_deg

@@ -12,14 +12,8 @@ from autopilot.control import reference_model
 from autopilot.control.reference_model import NO_REFERENCE, ActuatorLead
 from sysid.control_analysis import loop_state_space
 from sysid.design import constraints, pid
-from sysid.design.design_model import (
-    DesignModel,
-    analyse_loops,
-    command_noise_rad,
-    from_model,
-    predict_response,
-    sample_models,
-)
+from sysid.design.design_model import DesignModel, analyse_loops, from_model, sample_models
+from sysid.design.disturbance_response import command_noise_rad, predict_response
 from sysid.design.pid import Design, DesignInfeasibleError, Spec, heading, step_response
 from sysid.design.robustness import robustness
 from sysid.models.model_file import IdentifiedModel, sha256_of_model

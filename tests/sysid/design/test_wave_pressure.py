@@ -5,7 +5,7 @@ import pytest
 from msgspec.structs import replace
 
 from sysid.control_analysis import loop_transfer
-from sysid.design import design_model, pid
+from sysid.design import design_model, disturbance_response, pid
 from sysid.design.pid import Spec
 from sysid.models.model_file import IdentifiedModel, NoiseModel
 from sysid.models.parameters import NAMES
@@ -28,20 +28,20 @@ def in_swell(model: IdentifiedModel) -> IdentifiedModel:
 def test_measured_depth_follows_sensitivity_of_depth_loop(in_swell: IdentifiedModel) -> None:
     """Reference: an error of the depth sensor passes 1 / (1 + L), L opened at the depth error."""
     vehicle = design_model.from_model(in_swell)
-    _, pressure = design_model.disturbances(vehicle, Plane.PITCH)
-    _, depth, _ = design_model.depth_responses(vehicle, TABLE_3_IMPROVED, pressure.states)
+    _, pressure = disturbance_response.disturbances(vehicle, Plane.PITCH)
+    _, depth, _ = disturbance_response.depth_responses(vehicle, TABLE_3_IMPROVED, pressure.states)
     loop = loop_transfer.depth_loops(vehicle.pitch, TABLE_3_IMPROVED)["depth"]
     assert depth == pytest.approx(1.0 / (1.0 + loop), rel=1e-9)
 
 
 def test_pressure_of_waves_adds_variance(in_swell: IdentifiedModel, model: IdentifiedModel) -> None:
     with_waves, without = (
-        design_model.depth_rms(design_model.from_model(each, depth_m=8.0), TABLE_3_IMPROVED)
+        disturbance_response.depth_rms(design_model.from_model(each, depth_m=8.0), TABLE_3_IMPROVED)
         for each in (in_swell, replace(model, noise=_without_pressure(in_swell)))
     )
     vehicle = design_model.from_model(in_swell, depth_m=8.0)
-    _, pressure = design_model.disturbances(vehicle, Plane.PITCH)
-    responses = design_model.depth_responses(vehicle, TABLE_3_IMPROVED, pressure.states)
+    _, pressure = disturbance_response.disturbances(vehicle, Plane.PITCH)
+    responses = disturbance_response.depth_responses(vehicle, TABLE_3_IMPROVED, pressure.states)
     radps = loop_transfer.GRID_RADPS
     added = [np.trapezoid(np.abs(r) ** 2 * pressure.density, radps) / np.pi for r in responses]
     assert np.square(with_waves) - np.square(without) == pytest.approx(added, rel=1e-6)
@@ -63,12 +63,12 @@ def test_assumed_waves_make_a_loop_that_amplifies_waves_less(model: IdentifiedMo
     nothing = tuple((0.0,) * len(NAMES) for _ in NAMES)
     certain = replace(model, joint=replace(model.joint, covariance=nothing))
     vehicle = design_model.assume_waves(design_model.from_model(model), 0.03)
-    _, pressure = design_model.disturbances(vehicle, Plane.PITCH)
+    _, pressure = disturbance_response.disturbances(vehicle, Plane.PITCH)
 
     def measured_depth_m(wave_depth_m: float) -> float:
         """Return the rms by waves of 3 cm with gains that are designed for waves of this size."""
         gains = pid.redesign(certain, Spec(assumed_wave_depth_m=wave_depth_m)).gains
-        _, depth, _ = design_model.depth_responses(vehicle, gains, pressure.states)
+        _, depth, _ = disturbance_response.depth_responses(vehicle, gains, pressure.states)
         power = np.abs(depth) ** 2 * pressure.density
         return float(np.sqrt(np.trapezoid(power, loop_transfer.GRID_RADPS) / np.pi))
 
