@@ -151,14 +151,6 @@ def exit_status(outcomes: Iterable[Outcome]) -> int:
     return 0 if all(figure.met for outcome in outcomes for figure in outcome.figures) else 1
 
 
-def run(
-    cell: Cell, case: str, seeds: Sequence[int], jobs: int = 1, keep: Path | None = None
-) -> Outcome:
-    """Run one cell for one case with each seed; ``keep`` is the file of finished trials."""
-    rows = run_trials({cell: seeds}, case, jobs, keep)[cell]
-    return Outcome(cell.name, case, len(seeds), tuple(cell.judge(case, rows)))
-
-
 def run_trials(
     seeds: Mapping[Cell, Sequence[int]], case: str, jobs: int = 1, keep: Path | None = None
 ) -> dict[Cell, Array]:

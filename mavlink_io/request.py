@@ -1,8 +1,7 @@
 """One request of a MAVLink service and its answer, over a link that may lose either.
 
 An exchange has no loop of its own: the owner of the receive loop feeds it the received frames and
-polls it. The same exchange therefore serves a blocking command-line tool (``run``) and a reader
-thread.
+polls it. The same exchange therefore serves a command-line tool and a reader thread.
 """
 
 import math
@@ -10,12 +9,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
-from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
-from mavlink_io.endpoint import Endpoint
 from mavlink_io.errors import ErrorCode, OperationError
 from mavlink_io.frame_order import FrameOrder
-from mavlink_io.transport import wait
 
 T = TypeVar("T")
 
@@ -216,39 +212,3 @@ def addressed_to(message: Any, receiver: MavlinkId) -> bool:
         getattr(message, "target_component", 0),
     )
     return system in (0, receiver.system) and component in (0, receiver.component)
-
-
-def run(exchange: Exchange[T], endpoint: Endpoint, timeout_s: float = 30.0) -> T:
-    """Run an exchange to its end; block until then.
-
-    Parameters
-    ----------
-    exchange : Exchange
-        The exchange to run.
-    endpoint : Endpoint
-        Endpoint whose received frames no other code reads.
-    timeout_s : float
-        Maximum wall time, in seconds.
-
-    Returns
-    -------
-    T
-        The result of the exchange.
-
-    Raises
-    ------
-    ExchangeError
-        The exchange failed or took longer than ``timeout_s``.
-    LinkLostError
-        The other end of the link is gone.
-    """
-    deadline_s = wall_s() + timeout_s
-    while not exchange.done:
-        now_s = wall_s()
-        if now_s > deadline_s:
-            raise ExchangeError(f"not finished within {timeout_s:g} s")
-        exchange.poll(now_s)
-        wait([endpoint.transport], 0.02)
-        for frame in endpoint.receive():
-            exchange.feed(frame)
-    return exchange.result()

@@ -215,8 +215,6 @@ class Signing:
         assert len(key) == KEY_BYTES
         self._key, self._link_id, self._timestamp = key, link_id, timestamp
         self._streams: dict[Stream, int] = dict(streams or {})
-        self.refused_frames = 0
-        """Number of frames without a signature, with a wrong one, or with a timestamp too old."""
 
     def sign(self, frame: bytes) -> bytes:
         """Append a signature to a frame.
@@ -235,7 +233,7 @@ class Signing:
         return signed + self._hash(signed)
 
     def accepts(self, frame: Frame) -> bool:
-        """Return whether a received frame is signed with the key and no replay; count refusals.
+        """Return whether a received frame is signed with the key and no replay.
 
         Parameters
         ----------
@@ -248,9 +246,7 @@ class Signing:
             True for a correct signature with a new timestamp, and for an unsigned RADIO_STATUS.
         """
         unsigned_radio = frame.message_id == _RADIO_STATUS and not frame.signature
-        accepted = unsigned_radio or self._verify(frame)
-        self.refused_frames += not accepted
-        return accepted
+        return unsigned_radio or self._verify(frame)
 
     def recent_streams(self) -> dict[Stream, int]:
         """Return the last timestamp of each stream that a replay could still follow.

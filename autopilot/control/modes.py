@@ -98,17 +98,11 @@ STABILIZE = Mode(
 MODES = (MANUAL, STABILIZE, DEPTH, STATION, HOLD, MISSION, RTL, SURFACE, OFFBOARD, SYSID)
 
 _BY_NUMBER = {mode.number: mode for mode in MODES}
-_BY_NAME = {mode.name: mode for mode in MODES}
 
 
 def by_number(number: int) -> Mode | None:
     """Return the mode of a ``custom_mode``, None if unknown."""
     return _BY_NUMBER.get(number)
-
-
-def by_name(name: str) -> Mode | None:
-    """Return the mode of a name, None if unknown."""
-    return _BY_NAME.get(name)
 
 
 def enter(state: AutopilotState, mode: Mode) -> tuple[AutopilotState, tuple[Event, ...]]:

@@ -28,8 +28,6 @@ from mavlink_io.device_messages import UNKNOWN_U16
 from mavlink_io.dialect import MessageType, Values, constant
 from mavlink_io.jit import NUMERIC
 
-_LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
-_ULTRASOUND = constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _NO_FIX = constant("GPS_FIX_TYPE_NO_FIX")
 
 
@@ -205,4 +203,3 @@ STREAMS = (
         *(_named_value(name, Trace._fields.index(field)) for name, field in NAMED.items()),
     ),
 )
-BY_ID = {stream.message.message_id: stream for stream in STREAMS}

@@ -36,7 +36,6 @@ FORCE_SHARE = 0.3
 """Sway and heave acceleration (m/s2) per angular acceleration (rad/s2) and metre of length."""
 SLOW_S = 4.5
 """Correlation time of the slow moments."""
-COLUMNS = ("p", "q", "r", "roll", "pitch", "heading", "depth", "rudder", "elevator", "speed")
 
 
 class Gains(NamedTuple):
@@ -64,7 +63,10 @@ class Recorded(NamedTuple):
     """Measured motion and commands at 50 Hz."""
 
     rows: Array
-    """(ticks, 10), see COLUMNS; rad, rad/s, m, m/s."""
+    """(ticks, 10), SI units and radians.
+
+    p, q, r, roll, pitch, heading, depth, rudder, elevator, speed.
+    """
     under_test: NDArray[np.int64]
     """0 none, 1 rudder, 2 elevator."""
 

@@ -369,11 +369,6 @@ def read_model(path: Path) -> IdentifiedModel:
     return model_file.read(path)
 
 
-def sha256_of_model(path: Path) -> str:
-    """Return the SHA-256 by which gains files identify the model in a file. Raises InputError."""
-    return model_file.sha256_of_model(read_model(path))
-
-
 def read_vehicle(prior: str | None) -> Any:
     """Read a vehicle file, or the vehicle of a model, for sysid.
 

@@ -193,11 +193,6 @@ class VehicleClient:
         """Yield the texts of the vehicle as typed values."""
         return (text.event for text in self.texts)
 
-    @property
-    def recorder(self) -> Recorder | None:
-        """The recorder of received frames."""
-        return self._recorder
-
     def connect(self, timeout_s: float = 30.0) -> None:
         """Wait for the HEARTBEAT of an autopilot, for at most `timeout_s` of wall time.
 

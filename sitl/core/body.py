@@ -46,7 +46,7 @@ def step_axes(
     angles_rad : ndarray, shape (2, substeps)
         Receives the mean true duct angles of each substep, rad.
     rudder_loss, elevator_loss : ndarray, shape (substeps,), optional
-        Draws for lost motor steps, from ``tailcone.step_loss_draws``.
+        Numbers in [0, 1) for lost motor steps; without them no step is lost.
 
     Returns
     -------

@@ -68,7 +68,7 @@ class Plant(NamedTuple):
 
     vessel: Body
     native: Native
-    """Copy of ``vessel`` for compiled code; change both with ``with_body``."""
+    """Copy of ``vessel`` for compiled code; change both together."""
     sea: Environment
     suite: SensorSuite
     start: StartTable
@@ -210,11 +210,6 @@ def build(
         faults=timeline.schedule(scenario.faults),
         drop_weight=vehicle.drop_weight,
     )
-
-
-def with_body(plant: Plant, vessel: Body) -> Plant:
-    """Return the plant with another body; site, sensors and time step are unchanged."""
-    return plant._replace(vessel=vessel, native=native(vessel))
 
 
 def random_streams(seed: int, sea_seed: int | None = None) -> RandomStreams:

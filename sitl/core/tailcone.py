@@ -15,7 +15,6 @@ from math import floor, radians
 from typing import NamedTuple
 
 import numpy as np
-from numpy.random import Generator
 
 from mavlink_io.jit import entry_point, kernel
 from sitl.vehicle.config import Tailcone
@@ -204,11 +203,6 @@ def duct_angle_rad(axis: TailconeAxis, state: Vector) -> float:
     return float(state[DUCT]) + axis.bias_rad
 
 
-def step_loss_draws(axis: TailconeAxis, rng: Generator, substeps: int) -> Vector | None:
-    """Draw a number in [0, 1) per substep for lost steps, or return None if none can be lost."""
-    return rng.random(substeps) if axis.lost_step_chance > 0.0 else None
-
-
 @kernel
 def advance(
     axis: TailconeAxis,
@@ -219,8 +213,8 @@ def advance(
 ) -> None:
     """Advance an axis by ``duct_angles_rad.size`` substeps under a constant command, in place.
 
-    ``duct_angles_rad`` receives the mean true duct angle of each substep. ``loss_draws`` is the
-    result of ``step_loss_draws``; without it no step is lost.
+    ``duct_angles_rad`` receives the mean true duct angle of each substep. ``loss_draws`` has a
+    number in [0, 1) per substep; without it no step is lost.
     """
     # Per substep: transport delay T of the limited command c (rad) by linear interpolation, lag
     # (``step_lag``), motor steps (``_step_motor``), then backlash b and bias (rad):

@@ -43,11 +43,6 @@ class Truth(NamedTuple):
     wave_pressure_pa: float = 0.0
     """Pressure due to waves at the origin."""
 
-    @property
-    def speed_through_water_mps(self) -> float:
-        """Magnitude of the velocity relative to the water."""
-        return _speed_mps(self.velocity_ned_mps, self.water_velocity_ned_mps)
-
 
 @numeric
 def _speed_mps(velocity: Vector, water_velocity: Vector) -> float:

@@ -14,7 +14,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from autopilot.control import params
 from mavlink_io.mission_items import MissionItem
@@ -38,7 +37,6 @@ from sysid.validation.crossover import UncertainVehicle
 from sysid.validation.frequency_response import Pair
 from sysid.validation.validate import OCTAVE
 
-Array = NDArray[np.float64]
 Items = tuple[MissionItem, ...]
 
 FREQUENCIES = 20

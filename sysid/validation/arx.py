@@ -58,8 +58,6 @@ class ArxFit(NamedTuple):
     """(m,), coefficients of the past commands."""
     covariance: Array
     """(n + m, n + m), covariance of a and b."""
-    residual_radps: float
-    """Standard deviation of e."""
 
 
 class ArxResponse(NamedTuple):
@@ -197,6 +195,5 @@ def _solve(blocks: Sequence[_Block], order: int) -> tuple[float, ArxFit] | None:
         a=theta[:order],
         b=theta[order:],
         covariance=variance * np.linalg.pinv(phi.T @ phi, hermitian=True),
-        residual_radps=math.sqrt(variance),
     )
     return samples * math.log(variance) + 2.0 * parameters, fitted

@@ -94,7 +94,6 @@ def test_pymavlink_signed_frame_is_accepted_once() -> None:
     assert not ours.accepts(first), "said again"
     assert ours.accepts(second)
     assert not ours.accepts(first), "said later"
-    assert ours.refused_frames == 2
 
 
 @pytest.mark.parametrize("field", [0, 12, -13, -7, -1])

@@ -15,9 +15,9 @@ from mcap.reader import make_reader
 from autopilot.app import BURST_S
 from autopilot.param_store import FILE
 from mavlink_io.logging.mcap import MAGIC
-from mavlink_io.request import run
 from mavlink_io.services.params import REAL32, ParamClient
 from mavlink_io.transport.tcp import MAX_CLIENTS
+from tests.helpers.exchange import run
 from tests.helpers.fake_hil import TICK_US
 from tests.helpers.subprocesses import (
     PATIENCE_S,

@@ -13,10 +13,11 @@ from mavlink_io import dialect
 from mavlink_io.codec import Frame, encode
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.mission_items import MissionItem
-from mavlink_io.request import MavlinkId, run
+from mavlink_io.request import MavlinkId
 from mavlink_io.services.missions import MissionClient
 from mavlink_io.services.params import ParamClient
 from mavlink_io.transport import Transport, open_transport, wait
+from tests.helpers.exchange import run
 from tests.helpers.fake_hil import TICK_US, sensors
 from tests.helpers.subprocesses import (
     PATIENCE_S,
@@ -28,7 +29,7 @@ from tests.helpers.subprocesses import (
 
 pytestmark = pytest.mark.process
 
-SENSOR, CONTROLS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
+SENSOR = dialect.by_name("HIL_SENSOR")
 GROUND, VEHICLE = MavlinkId(250, 190), MavlinkId(1, 1)
 ARMED = 128
 

@@ -7,10 +7,11 @@ import pytest
 
 from autopilot.control.params import PARAMETERS
 from mavlink_io.endpoint import Endpoint
-from mavlink_io.request import MavlinkId, run
+from mavlink_io.request import MavlinkId
 from mavlink_io.services import params
 from mavlink_io.transport import open_transport
 from tests.clients.mavproxy_console import Console
+from tests.helpers.exchange import run
 from tests.helpers.subprocesses import PATIENCE_S, autopilot, free_port, process
 
 pytestmark = [pytest.mark.process, pytest.mark.client]

@@ -13,8 +13,8 @@ import pytest
 
 from autopilot.control import modes
 from mavlink_io.mission_items import MissionItem
-from mavlink_io.request import run
 from mavlink_io.services.missions import MissionClient
+from tests.helpers.exchange import run
 from tests.helpers.fake_hil import TICK_US
 from tests.helpers.subprocesses import Process, autopilot, free_port, process
 from tests.processes.test_autopilot import ARMED, GROUND, VEHICLE, Ground, Simulator
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.process
 
 RESTART_S = 2.0
 """Requirement: time from the fault to the first answer of the new process."""
-LOCAL_NED, CHANGE_DEPTH, DELAY, THRUST = 1, 113, 93, 178
+LOCAL_NED, DELAY, THRUST = 1, 93, 178
 MISSION = (
     MissionItem(0, LOCAL_NED, THRUST, p1=1.0, p2=-1.0, p3=58.0),
     MissionItem(1, 2, DELAY, p1=1000.0),

@@ -153,4 +153,3 @@ def sample(
         floor.normal(north_slope, west_slope),
     )
     return water, field.column[0, 1] * field.gravity_mps2 * wave.head_m
-    return water, field.column[0, 1] * field.gravity_mps2 * wave.head_m

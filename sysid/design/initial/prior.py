@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.linearise import linearise
@@ -17,8 +16,6 @@ from sysid.models import parameters
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.parameters import NAMES, CandidateVehicle
 from sysid.planes import Plane
-
-Array = NDArray[np.float64]
 
 UNBIASED: dict[Plane, float] = {Plane.YAW: 0.0, Plane.PITCH: 0.0}
 """Assumed actuator bias of each plane (rad)."""

@@ -35,8 +35,3 @@ def with_bench(data: Objective, bench: LinearModel) -> Objective:
         return np.vstack([data.jacobian(values), bench_jacobian])
 
     return Objective(residuals, jacobian)
-
-
-def cost(objective: Objective, values: Array) -> float:
-    """Half the squared sum of the residuals."""
-    return 0.5 * float(np.sum(objective.residuals(values) ** 2))

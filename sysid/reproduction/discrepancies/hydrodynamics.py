@@ -5,17 +5,12 @@ Axes and symbols are the paper's (x forward, y port, z up).
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sitl.vehicle import duct
 from sysid.reproduction.discrepancies.record import Discrepancy, Sources
 from sysid.reproduction.paper_tables import (
     CRUISE_SPEED_MPS,
     TABLE_1_INITIAL,
 )
-
-Array = NDArray[np.float64]
 
 INTERPOLATION_POINTS = {1.25: 3.4855, 4.3716: 5.1566}
 """Lift slope (1/rad) by aspect ratio, to which the ring wing's formula was fitted."""

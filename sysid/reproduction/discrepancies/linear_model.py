@@ -17,8 +17,6 @@ from sysid.reproduction.paper_tables import (
     Table1Column,
 )
 
-Array = NDArray[np.float64]
-
 EXACT = 1e-9
 """Largest relative difference of equations that agree."""
 

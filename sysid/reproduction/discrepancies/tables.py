@@ -5,17 +5,12 @@ Axes and symbols are the paper's (x forward, y port, z up).
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sysid.reproduction.discrepancies.record import Discrepancy, Sources
 from sysid.reproduction.paper_tables import (
     TABLE_1_ADJUSTED,
     TABLE_1_INITIAL,
     TABLE_3_INITIAL,
 )
-
-Array = NDArray[np.float64]
 
 FIGURE_7_BIAS_RAD = math.radians(6.0)
 """Rudder bias of figure 7 (rad)."""

@@ -27,7 +27,7 @@ from autopilot.control.types import (
     VehicleEstimate,
 )
 from autopilot.telemetry.encoding import int16
-from autopilot.telemetry.streams import BY_ID, STREAMS, Snapshot
+from autopilot.telemetry.streams import STREAMS, Snapshot
 from mavlink_io import dialect
 from mavlink_io.codec import encode
 from mavlink_io.records import (
@@ -41,15 +41,13 @@ from mavlink_io.records import (
 )
 from tests.helpers.fake_hil import TICK_US, Harness, Station, only, sensors
 
-ATTITUDE, OUTPUTS, HOME = (
-    dialect.by_name(n).message_id for n in ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS", "HOME_POSITION")
-)
+ATTITUDE, HOME = (dialect.by_name(n).message_id for n in ("ATTITUDE", "HOME_POSITION"))
 SECOND_TICKS = 50
 
 
 def message(name: str, snapshot: Snapshot) -> Any:
     """Return a stream's message as pymavlink decodes it."""
-    stream = BY_ID[dialect.by_name(name).message_id]
+    (stream,) = (stream for stream in STREAMS if stream.message is dialect.by_name(name))
     frame = encode(stream.message, stream.build(snapshot), 0, 1, 1)
     (decoded,) = mavlink.MAVLink(None).parse_buffer(frame)
     return decoded

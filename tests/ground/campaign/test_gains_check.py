@@ -31,7 +31,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def gains_file(model: Path, changes: dict[str, float]) -> Path:
     """Write gains that were designed on a model and changed afterwards."""
     baseline = PerformanceBaseline(
-        model_sha256=refit.sha256_of_model(model),
+        model_sha256=model_file.sha256_of_model(model_file.read(model)),
         version="1",
         speed_mps=1.3,
         thrust=0.58,

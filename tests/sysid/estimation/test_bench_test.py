@@ -76,7 +76,8 @@ def session(
     )
     for value in command:
         angles.append(tailcone.duct_angle_rad(axis, state))
-        tailcone.advance(axis, state, value, substeps, tailcone.step_loss_draws(axis, rng, 4))
+        losses = rng.random(4) if axis.lost_step_chance > 0.0 else None
+        tailcone.advance(axis, state, value, substeps, losses)
     seen = slice(0, None, 5)
     read = np.array(angles)[seen] + NOISE_RAD * rng.standard_normal(time_s[seen].size)
     duct = DuctAngles(time_s[seen], np.round(read / RESOLUTION_RAD) * RESOLUTION_RAD, 0.0 * read)
