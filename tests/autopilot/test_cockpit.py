@@ -22,7 +22,7 @@ from tests.helpers.fake_hil import Harness, only, texts
 FIX = GpsFix(0, 3, 41.5, -70.7, 12.0, 0.0, 0.0, 0.0, 9)
 X, Y = 415_010_000, -707_000_000
 ACCEPTED, REJECTED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-ALT_HOLD, AUTO, GUIDED, SURFACE, POSHOLD, MANUAL = 2, 3, 4, 9, 16, 19
+ALT_HOLD, AUTO, GUIDED, POSHOLD, MANUAL = 2, 3, 4, 16, 19
 MODES = {0: modes.STABILIZE, 2: modes.DEPTH, 4: modes.HOLD, 9: modes.SURFACE, 16: modes.STATION}
 """Modes of types/modes.ts:26 (SubMode) that the vehicle has and that can be entered disarmed."""
 REQUESTED_HZ = {

@@ -25,7 +25,6 @@ DEVICES = {
     "duct": dialect.by_name("ACTUATOR_OUTPUT_STATUS"),
 }
 """Message of each device, in the order of ``DeviceRecords``."""
-RELAYED = {"dvl", "duct"}
 SENSOR = dialect.by_name("HIL_SENSOR")
 SAMPLE = encode(SENSOR, (20_000, *(0.0,) * 13, 0, 0), 0, 1, 25)
 _LIKELY = {"orientation": 25, "frame_id": 20, "child_frame_id": 12}

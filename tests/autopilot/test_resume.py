@@ -51,7 +51,6 @@ class Outer(NamedTuple):
     flag: bool
 
 
-SAMPLE = Outer(1, 2.0, Inner(0j, None), (), (1, ""), True)
 finite_or_not = st.floats(width=64)
 
 

@@ -11,7 +11,6 @@ from mavlink_io.codec import MAX_PARTIAL_STREAMS, Framer, encode
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.transport import TcpServer, Transport, open_transport, wait
 
-PATIENCE_S = 10.0
 HEARTBEAT = dialect.by_name("HEARTBEAT")
 VALUES = (0, 12, 0, 1, 3, 3)
 

@@ -21,7 +21,7 @@ from tests.helpers.subprocesses import PATIENCE_S
 
 pytestmark = pytest.mark.process
 
-SENSOR, CONTROLS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
+CONTROLS = dialect.by_name("HIL_ACTUATOR_CONTROLS")
 ARMED, DISARMED = 129, 1
 TICK_US = 20_000
 

@@ -26,7 +26,7 @@ PLACE_M = 80.0 - 60.0j
 LAT, LON = offset_to_geodetic(PLACE_M.real, PLACE_M.imag, FIX.lat_deg, FIX.lon_deg)
 X, Y = round(LAT * 1e7), round(LON * 1e7)
 REPOSITION, ORBIT, RADIUS_M = 192, 34, 20.0
-SPEED_MPS, NORTH_M_PER_DEG = 0.65, 6_371_000.0 * math.pi / 180.0
+SPEED_MPS = 0.65
 POSITION_ONLY = 0b1101_1111_1000
 """POSITION_TARGET_TYPEMASK of x, y and z."""
 

@@ -60,9 +60,7 @@ steps = st.lists(
     ),
     max_size=80,
 )
-ACK, PING, FILE = (
-    dialect.by_name(name) for name in ("COMMAND_ACK", "PING", "FILE_TRANSFER_PROTOCOL")
-)
+PING, FILE = (dialect.by_name(name) for name in ("PING", "FILE_TRANSFER_PROTOCOL"))
 STREAMS = tuple(dialect.by_name(name) for name in ("ATTITUDE", "VFR_HUD", "GLOBAL_POSITION_INT"))
 
 

@@ -33,7 +33,7 @@ RETRY_S = 20.0
 """More than the way there and back, the packets in between and a HIGH_LATENCY2."""
 ATTEMPTS = 30
 """Number of attempts that a person would make: losses are random."""
-CONTROL_HIGH_LATENCY, REQUEST_MESSAGE, HIGH_LATENCY2 = 2600, 512, 235
+CONTROL_HIGH_LATENCY, REQUEST_MESSAGE = 2600, 512
 
 
 class Dive:

@@ -16,8 +16,6 @@ from sysid.validation.arx import Record
 from sysid.validation.frequency_response import Pair
 from sysid.validation.second_opinion import ComparedTest
 
-Array = NDArray[np.float64]
-
 LAG = Lag(0.3)
 RADPS = np.array([0.4, 0.8, 1.6])
 
