@@ -93,16 +93,12 @@ def signatures(
     speed_track = _track(vehicle, dataset, faster_start, duct, 1.0 + SMALL_SHARE)
 
     def white(tracks: Sequence[Array], size: float) -> Array:
-        # MAVLink's axes have the opposite sign of the paper's: nominal minus changed.
         """Return the whitened change of the outputs per unit of the anomaly."""
-        changes = [nominal_track - track for track in tracks]
-        measured = [
-            np.ascontiguousarray(change[:, 2 : 2 + dataset.measured.shape[1]]) for change in changes
-        ]
-        return (
-            np.stack([noise.whiten_residual(change, noise_filter).ravel() for change in measured])
-            / size
-        )
+        # MAVLink's axes have the opposite sign of the paper's: nominal minus changed.
+        changes = nominal_track[..., None] - np.stack(tracks, axis=-1)
+        outputs = changes[:, 2 : 2 + dataset.measured.shape[1]]
+        by_track = np.moveaxis(noise.whiten_columns(outputs, noise_filter), -1, 0)
+        return np.ascontiguousarray(by_track).reshape(len(tracks), -1) / size
 
     slip_times_s, no_time = run.time_s[rows * fit.STRIDE], np.array([math.nan])
     per_degree, percents = white(slip_tracks, math.degrees(SMALL_RAD)), 100.0 * SMALL_SHARE
