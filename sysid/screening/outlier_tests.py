@@ -25,7 +25,7 @@ from sysid.screening.score_test import (
     inflation,
     statistics_over_time,
 )
-from sysid.screening.whitened_residuals import Residuals, RunResiduals
+from sysid.screening.whitened_residuals import Growth, Residuals, RunResiduals
 
 FALSE_ALARM = 0.01
 """Share of clean runs that are flagged, over all kinds of anomaly and all times."""
@@ -459,19 +459,11 @@ def _structure(optimum: Residuals, fit: Fit) -> tuple[str, ...]:
     )
 
 
-class _Growth(NamedTuple):
-    """Error of the response to the largest test of a plane, 0 if it is not significant."""
-
-    value: float
-    sd: float
-
-
-def _growth(optimum: Residuals, plane: Plane) -> _Growth:
-    """Return the growth of the response of a plane."""
-    position = len(optimum.shift) - len(Plane) + PLANES[plane].index
-    value = float(optimum.shift[position])
-    sd = math.sqrt(optimum.covariance[position, position])
-    return _Growth(value if abs(value) > MIN_STRUCTURE_SD * sd else 0.0, sd)
+def _growth(optimum: Residuals, plane: Plane) -> Growth:
+    """Return the growth of the response of a plane, with value 0 if it is not significant."""
+    growth = optimum.growth(plane)
+    is_significant = abs(growth.value) > MIN_STRUCTURE_SD * growth.sd
+    return growth if is_significant else growth._replace(value=0.0)
 
 
 def _name(run: RunResiduals) -> str:

@@ -12,7 +12,7 @@ from sysid.estimation.map.fit import STRIDE, Dataset, Fit, Prior
 from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
 from sysid.estimation.map.problem import MapProblem
 from sysid.models.parameters import CandidateVehicle
-from sysid.planes import PLANES
+from sysid.planes import PLANES, Plane
 from sysid.screening.anomaly_models import Kind, Signature, signatures, size_rad, sizes_of_test
 
 Array = NDArray[np.float64]
@@ -44,6 +44,13 @@ class RunResiduals(NamedTuple):
     """Size of each kind of anomaly that is as large as the test itself, in its unit."""
 
 
+class Growth(NamedTuple):
+    """Relative error of the response to the largest test of a plane, with standard deviation."""
+
+    value: float
+    sd: float
+
+
 class Residuals(NamedTuple):
     """Residuals and slopes of runs at the parameters that are optimal for these runs."""
 
@@ -67,6 +74,23 @@ class Residuals(NamedTuple):
             Residual in standard deviations, at each sample and output.
         """
         return run.residual + run.slopes @ self.shift
+
+    def growth(self, plane: Plane) -> Growth:
+        """Return the growth of the response of a plane with the size of the test.
+
+        Parameters
+        ----------
+        plane : Plane
+            Plane.
+
+        Returns
+        -------
+        Growth
+            Estimate at the optimum; zero for a plane whose tests are of one size.
+        """
+        column = len(self.shift) - len(Plane) + PLANES[plane].index
+        sd = math.sqrt(self.covariance[column, column])
+        return Growth(float(self.shift[column]), sd)
 
 
 def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
