@@ -11,7 +11,7 @@ from typing import NamedTuple
 from sysid.data.runs import Run
 from sysid.planes import Plane
 from sysid.screening import excitation, preroll, rules
-from sysid.screening.cross_plane import COUPLING, cross_plane
+from sysid.screening.cross_plane import COUPLING, cross_plane, preroll_motions
 from sysid.screening.limits import ScreeningLimits as ScreeningLimits
 from sysid.screening.outlier_tests import RunScreening as RunScreening
 from sysid.screening.outlier_tests import find_outliers as find_outliers
@@ -46,6 +46,7 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
         plane: preroll.typical_roughness_radps([r for r in runs if r.plane == plane])
         for plane in Plane
     }
+    before = preroll_motions(runs)
     screenings, usual_prerolls = [], preroll.usual_prerolls(runs, limits)
     for run, usual in zip(runs, usual_prerolls, strict=True):
         findings = (
@@ -58,7 +59,7 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
             rules.unsteady_start(run, usual),
             rules.disturbance(run, limits, roughness_radps[run.plane]),
             rules.thrust_change(run, limits),
-            cross_plane(run, limits, runs),
+            cross_plane(run, limits, before),
             rules.attitude_rate_mismatch(run, limits),
             rules.depth_pitch_mismatch(run, limits),
         )

@@ -5,6 +5,7 @@ Its excursions, and its coherence with the command.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,7 +31,32 @@ MIN_RELATIVE_POWER = 0.1
 """Power of the surface, as a share of its largest, from which on a frequency counts as excited."""
 
 
-def cross_plane(run: Run, limits: ScreeningLimits, runs: Sequence[Run]) -> str:
+class StationaryMotion(NamedTuple):
+    """Standard deviation of a signal and of its derivative, where both loops are closed."""
+
+    sd: float
+    rate_sd_per_s: float
+    """Computed from values that are averaged over one second."""
+
+
+class PrerollMotions(NamedTuple):
+    """Motion before the tests of a campaign."""
+
+    heading_rad: StationaryMotion
+    pitch_rad: StationaryMotion
+    depth_m: StationaryMotion
+
+
+def preroll_motions(runs: Sequence[Run]) -> PrerollMotions:
+    """Return the motion of the vehicle before its tests: means over all pre-rolls."""
+    return PrerollMotions(
+        heading_rad=stationary_motion([run.heading_rad[run.preroll] for run in runs]),
+        pitch_rad=stationary_motion([run.pitch_rad[run.preroll] for run in runs]),
+        depth_m=stationary_motion([run.depth_m[run.preroll] for run in runs]),
+    )
+
+
+def cross_plane(run: Run, limits: ScreeningLimits, before: PrerollMotions) -> str:
     """Reject a run whose other plane moved more than disturbances explain.
 
     A test of both surfaces moves both planes by intention; it is rejected only for roll.
@@ -39,7 +65,7 @@ def cross_plane(run: Run, limits: ScreeningLimits, runs: Sequence[Run]) -> str:
         return _roll_reason(run, limits)
     return (
         _roll_reason(run, limits)
-        or _excursion_reason(run, limits, runs)
+        or _excursion_reason(run, limits, before)
         or _coherence_reason(run, limits)
     )
 
@@ -52,34 +78,21 @@ def _roll_reason(run: Run, limits: ScreeningLimits) -> str:
     )
 
 
-def _excursion_reason(run: Run, limits: ScreeningLimits, runs: Sequence[Run]) -> str:
+def _excursion_reason(run: Run, limits: ScreeningLimits, before: PrerollMotions) -> str:
     """Compare the excursion of the other plane with its limit for a run of this length."""
     if not PLANES[run.plane].is_yaw:
-        moved_deg, allowed_deg = _degrees(
-            run, run.heading_rad, [r.heading_rad for r in runs], runs, limits.cross_heading_deg
-        )
+        moved_deg = math.degrees(_excursion(run, run.heading_rad))
+        allowed_deg = max(limits.cross_heading_deg, math.degrees(band(before.heading_rad, run)))
         return _reason(
             f"heading moved {moved_deg:.1f} deg, at most {allowed_deg:.1f}", moved_deg > allowed_deg
         )
-    pitch_deg, allowed_deg = _degrees(
-        run, run.pitch_rad, [r.pitch_rad for r in runs], runs, limits.cross_pitch_deg
-    )
-    depth_m, allowed_m = (
-        _excursion(run, run.depth_m),
-        max(limits.cross_depth_m, band(runs, [r.depth_m for r in runs], run)),
-    )
+    pitch_deg = math.degrees(_excursion(run, run.pitch_rad))
+    allowed_deg = max(limits.cross_pitch_deg, math.degrees(band(before.pitch_rad, run)))
+    depth_m = _excursion(run, run.depth_m)
+    allowed_m = max(limits.cross_depth_m, band(before.depth_m, run))
     return _reason(
         f"pitch moved {pitch_deg:.1f} deg, at most {allowed_deg:.1f}", pitch_deg > allowed_deg
     ) or _reason(f"depth moved {depth_m:.2f} m, at most {allowed_m:.2f}", depth_m > allowed_m)
-
-
-def _degrees(
-    run: Run, values: Array, values_of_runs: Sequence[Array], runs: Sequence[Run], floor_deg: float
-) -> tuple[float, float]:
-    """Excursion of an angle and its limit, both in degrees."""
-    return math.degrees(_excursion(run, values)), max(
-        floor_deg, math.degrees(band(runs, values_of_runs, run))
-    )
 
 
 def _reason(description: str, is_exceeded: bool) -> str:
@@ -93,7 +106,21 @@ def _excursion(run: Run, values: Array) -> float:
     return float(np.max(np.abs(values - (np.mean(before) if before.size else values[0]))))
 
 
-def band(runs: Sequence[Run], values: Sequence[Array], run: Run) -> float:
+def stationary_motion(prerolls: Sequence[Array]) -> StationaryMotion:
+    """Return the motion in the pre-rolls of a signal; zero if none is long enough."""
+    prerolls = [values for values in prerolls if values.size > 2 * RATE_HZ]
+    if not prerolls:
+        return StationaryMotion(0.0, 0.0)
+    second = np.full(int(RATE_HZ), 1.0 / RATE_HZ)
+    averaged = [np.convolve(values, second, mode="valid") for values in prerolls]
+    return StationaryMotion(
+        sd=math.sqrt(float(np.mean([np.var(values) for values in prerolls]))),
+        rate_sd_per_s=math.sqrt(float(np.mean([np.var(np.diff(values)) for values in averaged])))
+        * RATE_HZ,
+    )
+
+
+def band(motion: StationaryMotion, run: Run) -> float:
     """Level that a stationary Gaussian x exceeds during ``run`` with the probability FALSE_ALARM.
 
     Rice (1945): x with standard deviation s, whose derivative has the standard deviation s',
@@ -101,26 +128,13 @@ def band(runs: Sequence[Run], values: Sequence[Array], run: Run) -> float:
 
         N(c) = 2 s' / (2 pi s) exp(-c^2 / (2 s^2))    1/s
 
-    N(c) T = FALSE_ALARM over the duration T gives c. Both s and s' are means over the pre-rolls,
-    where both loops are closed; s' is computed from values averaged over one second.
+    N(c) T = FALSE_ALARM over the duration T gives c.
     """
-    preroll_values = [
-        series[other_run.preroll]
-        for other_run, series in zip(runs, values, strict=True)
-        if np.count_nonzero(other_run.preroll) > 2 * RATE_HZ
-    ]
-    if not preroll_values:
+    if motion.sd == 0.0:
         return 0.0
-    sd = math.sqrt(float(np.mean([np.var(values) for values in preroll_values])))
-    averaged = [
-        np.convolve(values, np.full(int(RATE_HZ), 1.0 / RATE_HZ), mode="valid")
-        for values in preroll_values
-    ]
-    rate_sd = math.sqrt(float(np.mean([np.var(np.diff(values)) for values in averaged]))) * RATE_HZ
-    if sd == 0.0:
-        return 0.0
-    crossings = 2.0 * rate_sd / (2.0 * math.pi * sd) * float(run.time_s[-1] - run.time_s[0])
-    return sd * math.sqrt(2.0 * math.log(max(crossings, 1.0) / FALSE_ALARM))
+    duration_s = float(run.time_s[-1] - run.time_s[0])
+    crossings = 2.0 * motion.rate_sd_per_s / (2.0 * math.pi * motion.sd) * duration_s
+    return motion.sd * math.sqrt(2.0 * math.log(max(crossings, 1.0) / FALSE_ALARM))
 
 
 def _coherence_reason(run: Run, limits: ScreeningLimits) -> str:
