@@ -97,9 +97,7 @@ def open_loops(
     }
 
 
-def plants(
-    planes: Planes, lags: tuple[Lag, Lag], gains: Gains, order: int = PADE_ORDER
-) -> dict[str, LoopSystem]:
+def plants(planes: Planes, lags: tuple[Lag, Lag], gains: Gains) -> dict[str, LoopSystem]:
     """Return each plane from command to measured motion, with filters, delay and tailcone.
 
     Parameters
@@ -110,8 +108,6 @@ def plants(
         Tailcone of the yaw and of the pitch plane, with the delay of sampling.
     gains : Gains
         Parameters of the loops by name; those of actuator lead and peak filters are used.
-    order : int
-        Order of the Pade delay.
 
     Returns
     -------
@@ -119,7 +115,7 @@ def plants(
         By plane, "yaw" and "pitch"; angles in rad, depth in m.
     """
     return {
-        name: record_of(named(plant(plane, lag, gains, order), command), lag.delay_s)
+        name: record_of(named(plant(plane, lag, gains), command), lag.delay_s)
         for name, command, plane, lag in zip(
             ("yaw", "pitch"), ("rudder_command", "elevator_command"), planes, lags, strict=True
         )

@@ -41,22 +41,17 @@ class SinglePoleCondition(NamedTuple):
     """Loop gain relative to that of Tables 1 and 3."""
 
 
-def single_pole_conditions(lag: Lag = LAG) -> list[SinglePoleCondition]:
+def single_pole_conditions() -> list[SinglePoleCondition]:
     """Return delay and loop gain that each of the nine rows implies.
-
-    Parameters
-    ----------
-    lag : Lag
-        Lag of the tailcone; its own delay is ignored.
 
     Returns
     -------
     list of SinglePoleCondition
-        One condition per row.
+        One condition per row, with the lag of the tailcone but not its delay.
     """
     planes = models()
     return [
-        _row(loop, case, pole, planes[case[0]], CONTROLLERS[case[2]], lag)
+        _row(loop, case, pole, planes[case[0]], CONTROLLERS[case[2]])
         for (loop, case), pole in TABLE_4.items()
     ]
 
@@ -74,15 +69,13 @@ def required_delay_and_gain(
     return delay_s, 1.0 / abs(at_pole * cmath.exp(-pole * delay_s))
 
 
-def _row(
-    loop: str, case: str, pole: complex, planes: Planes, gains: Gains, lag: Lag
-) -> SinglePoleCondition:
+def _row(loop: str, case: str, pole: complex, planes: Planes, gains: Gains) -> SinglePoleCondition:
     """Return the condition of one row."""
-    delay_s, gain = required_delay_and_gain(loop, planes, gains, pole, lag)
-    faster_lag = lag._replace(
-        natural_frequency_radps=lag.natural_frequency_radps * (1.0 + BENCH_SD["natural_frequency"])
+    delay_s, gain = required_delay_and_gain(loop, planes, gains, pole, LAG)
+    faster_lag = LAG._replace(
+        natural_frequency_radps=LAG.natural_frequency_radps * (1.0 + BENCH_SD["natural_frequency"])
     )
-    damped_lag = lag._replace(damping_ratio=lag.damping_ratio * (1.0 + BENCH_SD["damping_ratio"]))
+    damped_lag = LAG._replace(damping_ratio=LAG.damping_ratio * (1.0 + BENCH_SD["damping_ratio"]))
     delay_changes_s = [
         required_delay_and_gain(loop, planes, gains, pole, changed_lag)[0] - delay_s
         for changed_lag in (faster_lag, damped_lag)
