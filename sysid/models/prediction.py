@@ -48,8 +48,6 @@ class Prediction(NamedTuple):
     """Heading (unwrapped) or pitch of the prior vehicle."""
     depth_m: Array
     """Depth of the identified model."""
-    prior_depth_m: Array
-    """Depth of the prior vehicle."""
 
 
 def predict(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None) -> Prediction:
@@ -67,7 +65,7 @@ def predict(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None
     Returns
     -------
     Prediction
-        Rate, angle and depth of both, on the run's grid.
+        Rate and angle of both and the model's depth, on the run's grid.
 
     Raises
     ------
@@ -95,7 +93,6 @@ def predict_with(
         angle_rad=whole(run.angle_rad, after.angle_rad),
         prior_angle_rad=whole(run.angle_rad, prior_motion.angle_rad),
         depth_m=whole(run.depth_m, after.depth_m),
-        prior_depth_m=whole(run.depth_m, prior_motion.depth_m),
     )
 
 

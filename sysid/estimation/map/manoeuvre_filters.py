@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import sensitivity
@@ -22,8 +21,6 @@ from sysid.models.linear_planes import LinearPlane
 from sysid.models.noise import Filter, Noise
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
-
-Array = NDArray[np.float64]
 
 HOLD_S = 0.5
 """Duration of a segment with one linear model: short against the turns of a test, s."""
