@@ -4,20 +4,22 @@ from typing import TypeVar
 
 from mavlink_io.clock import wall_s
 from mavlink_io.endpoint import Endpoint
-from mavlink_io.request import Exchange
+from mavlink_io.request import Exchange, ExchangeError
 from mavlink_io.transport import wait
 
 T = TypeVar("T")
-TIMEOUT_S = 30.0
-"""Maximum wall time of an exchange."""
 
 
-def run(exchange: Exchange[T], endpoint: Endpoint) -> T:
-    """Run an exchange to its end and return its result; no other code reads the endpoint."""
-    deadline_s = wall_s() + TIMEOUT_S
+def run(exchange: Exchange[T], endpoint: Endpoint, timeout_s: float = 30.0) -> T:
+    """Run an exchange to its end and return its result; no other code reads the endpoint.
+
+    Raises ExchangeError if it fails or takes longer than ``timeout_s`` of wall time.
+    """
+    deadline_s = wall_s() + timeout_s
     while not exchange.done:
         now_s = wall_s()
-        assert now_s < deadline_s, "the exchange did not end"
+        if now_s > deadline_s:
+            raise ExchangeError(f"not finished within {timeout_s:g} s")
         exchange.poll(now_s)
         wait([endpoint.transport], 0.02)
         for frame in endpoint.receive():

@@ -11,8 +11,8 @@ from pathlib import Path
 from autopilot.control import modes
 from mavlink_io.mission_items import MavCmd, MissionItem
 from mavlink_io.request import ExchangeError
-from mavlink_io.request import run as exchange
 from mavlink_io.services.missions import MissionClient
+from tests.helpers.exchange import run as exchange
 from tests.helpers.subprocesses import Process, autopilot, free_port, on_one_core, process
 from tests.processes.test_autopilot import ARMED, GROUND, VEHICLE, Ground
 from tests.soak.row import Batch, Row

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from autopilot import param_file
 from mavlink_io.logging.mcap_reader import McapMessage, McapReader
-from mavlink_io.request import run as exchange
 from mavlink_io.services.missions import MissionClient
 from mavlink_io.services.params import ParamClient
+from tests.helpers.exchange import run as exchange
 from tests.processes.test_autopilot import GROUND, VEHICLE, Ground
 from tests.processes.test_supervisor import MISSION, RESTART_S, Dive, children
 from tests.soak.row import Batch, Row
