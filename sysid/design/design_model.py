@@ -20,7 +20,7 @@ from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, pitch_plane, yaw_plane
 from sysid.models.model_file import IdentifiedModel, NoiseModel
 from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle, feasible_samples
-from sysid.planes import Plane
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, Table1Column
 
 Array = NDArray[np.float64]
@@ -77,6 +77,21 @@ class DesignModel(NamedTuple):
     disturbance: Mapping[Plane, NoiseModel]
     yaw: Responses
     pitch: Responses
+
+    def responses(self, plane: Plane) -> Responses:
+        """Return the frequency responses of a plane.
+
+        Parameters
+        ----------
+        plane : Plane
+            Plane.
+
+        Returns
+        -------
+        Responses
+            Responses on `GRID_RADPS`.
+        """
+        return (self.yaw, self.pitch)[PLANES[plane].index]
 
 
 def build(

@@ -84,8 +84,7 @@ def disturbances(vehicle: DesignModel, plane: Plane) -> tuple[DisturbanceSource,
         The pressure of waves (m) moves the measured depth only.
     """
     disturbance = vehicle.disturbance[plane]
-    responses = (vehicle.yaw, vehicle.pitch)[PLANES[plane].index]
-    moment = DisturbanceSource(responses.moment, spectrum(disturbance))
+    moment = DisturbanceSource(vehicle.responses(plane).moment, spectrum(disturbance))
     if PLANES[plane].is_yaw or not disturbance.wave_depth_m:
         return (moment,)
     measured = np.zeros_like(moment.states)
@@ -204,8 +203,8 @@ def command_noise_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> float
     ----------
     vehicle : DesignModel
         Design model.
-    plane : str
-        yaw or pitch.
+    plane : Plane
+        Plane.
     gains : Gains
         Parameters of the loops by name.
 
@@ -232,7 +231,7 @@ def noise_rms(vehicle: DesignModel, plane: Plane, gains: Gains) -> Array:
     As `command_noise_rad`, with the response of the states to the command; none above the grid.
     """
     density, _, closed = _noise_command(vehicle, plane, gains)
-    states = (vehicle.yaw, vehicle.pitch)[PLANES[plane].index].command * closed[:, None]
+    states = vehicle.responses(plane).command * closed[:, None]
     powers = np.trapezoid(np.abs(states) ** 2, GRID_RADPS, axis=0)
     return np.asarray(np.sqrt(density * powers / math.pi))
 
@@ -249,10 +248,8 @@ def _noise_command(
 
 def loop_at_surface(vehicle: DesignModel, plane: Plane, gains: Gains) -> tuple[ComplexArray, float]:
     """Return the loop opened at the surface, and the gain from gyro to command."""
-    traits = PLANES[plane]
-    responses = (vehicle.yaw, vehicle.pitch)[traits.index]
-    loop = loop_transfer.surface_loop(plane, responses, gains)
-    return loop, gains[f"{traits.gain_prefix}_D"]
+    loop = loop_transfer.surface_loop(plane, vehicle.responses(plane), gains)
+    return loop, gains[f"{PLANES[plane].gain_prefix}_D"]
 
 
 def _rms(transfer: ComplexArray, density: Array) -> float:

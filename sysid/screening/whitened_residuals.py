@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.fit import STRIDE, Dataset, Fit, Prior
-from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
-from sysid.estimation.map.problem import MapProblem
+from sysid.estimation.map.fit import Dataset, Fit, Prior
+from sysid.estimation.map.intervals import problem_at_estimate
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 from sysid.screening.anomaly_models import Kind, Signature, signatures, size_rad, sizes_of_test
@@ -108,15 +107,12 @@ def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
     tuple of RunResiduals
         Residuals, slopes and signatures, in the order of ``fit.datasets``.
     """
-    filters = manoeuvre_filters(fit.vehicle, fit.datasets, fit.noise)
-    problem = MapProblem(
-        prior=prior, datasets=fit.datasets, filters=filters, levels=fit.noise, stride=STRIDE
-    )
+    problem = problem_at_estimate(fit, prior)
     linear = problems.linearise(problem, fit.z)
     datasets = [
         (plane, dataset, noise_filter)
         for plane, group in fit.datasets.items()
-        for dataset, noise_filter in zip(group, filters[plane], strict=True)
+        for dataset, noise_filter in zip(group, problem.filters[plane], strict=True)
     ]
     sizes_rad = {
         plane: [size_rad(dataset.run) for dataset in group] for plane, group in fit.datasets.items()

@@ -15,7 +15,6 @@ from sysid.control_analysis.loop_state_space import ClosedLoop
 from sysid.control_analysis.loop_transfer import ComplexArray, Gains, Lag
 from sysid.control_analysis.root_locus import OpenLoop
 from sysid.design.design_model import DesignModel
-from sysid.planes import PLANES
 
 PADE = 2
 """Order of the Pade delay in root loci, as in the paper; margins use the true delay."""
@@ -56,8 +55,7 @@ class LoopStructure(NamedTuple):
     def cuts(self, vehicle: DesignModel, gains: Gains) -> dict[str, ComplexArray]:
         """Return the open-loop transfer functions by place, with the true delay."""
         plane, _ = loop_state_space.LOOPS[self.loop]
-        responses = (vehicle.yaw, vehicle.pitch)[PLANES[plane].index]
-        loops = loop_transfer.open_loops(plane, responses, gains)
+        loops = loop_transfer.open_loops(plane, vehicle.responses(plane), gains)
         return {place: loops[name] for place, name in CUTS[self.loop].items()}
 
     def closed(self, vehicle: DesignModel, gains: Gains) -> ClosedLoop:

@@ -76,7 +76,7 @@ def measured_plane(vehicle: DesignModel, plane: Plane) -> MeasuredPlane:
         Plane with the responses from command and disturbances to the outputs, on GRID_RADPS.
     """
     index = PLANES[plane].index
-    linear, responses = vehicle.planes[index], (vehicle.yaw, vehicle.pitch)[index]
+    linear, responses = vehicle.planes[index], vehicle.responses(plane)
     noise = math.radians(vehicle.disturbance[plane].rate_noise_degps) * math.sqrt(NOISE_STEP_S)
     return MeasuredPlane(
         plane=linear,
