@@ -3,7 +3,8 @@
 The noise is white, coloured, or of a kind that the estimators do not model. Figures are averages
 over the parameters that the tests identify: those whose bound is at most a quarter of the value,
 and the bias. Two poles whose bounds overlap are left out together. For other parameters no
-estimator has a meaningful standard deviation, and the tool reports profile likelihoods.
+estimator has a meaningful standard deviation, and the tool reports profile likelihoods. Errors are
+compared with the bound of tests and prior together.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 from benchmarks.identification import baseline, linear_truth
 from benchmarks.identification.linear_truth import Campaign, Draw
 from benchmarks.study import Cell, Figure
-from sysid.estimation.linear import cramer_rao, estimate
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import cramer_rao, estimate, linear_model
+from sysid.estimation.linear.cramer_rao import Bound
 from sysid.estimation.linear.estimate import Method
 from sysid.planes import Plane
 
@@ -41,7 +42,9 @@ def _ours(campaign: Campaign, method: Method) -> tuple[Array, Array]:
         campaign.records, campaign.belief, method, campaign.belief.model.values
     )
     frame, values = found.model
-    return plants.derived(frame, values), plants.propagate(frame, values, found.covariance)
+    return linear_model.derived(frame, values), linear_model.propagate(
+        frame, values, found.covariance
+    )
 
 
 def _theirs(campaign: Campaign) -> tuple[Array, Array]:
@@ -57,26 +60,32 @@ ESTIMATORS: dict[str, Estimator] = {
 
 
 @cache
-def bound_sds(vehicle: str, plane: Plane, noise: str) -> Array:
-    """Return the bounds on standard deviations; for unmodelled noise those of coloured noise."""
+def bound(vehicle: str, plane: Plane, noise: str) -> Bound:
+    """Return the bound of the tests alone; for unmodelled noise that of coloured noise."""
     truth, commands = linear_truth.true_plant(vehicle, plane), linear_truth.commands(vehicle, plane)
     if noise == "white":
-        least = cramer_rao.bound_white(truth, commands, linear_truth.WHITE)
-    else:
-        least = cramer_rao.bound_coloured(truth, commands, linear_truth.COLOURED)
-    return np.sqrt(np.diag(least.derived))
+        return cramer_rao.bound_white(truth, commands, linear_truth.WHITE)
+    return cramer_rao.bound_coloured(truth, commands, linear_truth.COLOURED)
+
+
+@cache
+def bound_sds(vehicle: str, plane: Plane, noise: str) -> Array:
+    """Return the bounds on standard deviations of tests and prior together."""
+    sds = linear_truth.prior_belief(vehicle, plane).measured_sds
+    sds[linear_model.lag(plane)] = np.inf  # the bench test is in the bound
+    truth = linear_truth.true_plant(vehicle, plane)
+    information = bound(vehicle, plane, noise).information + np.diag(sds**-2)
+    return np.sqrt(np.diag(cramer_rao.of_information(truth, information).derived))
 
 
 @cache
 def identifiable(vehicle: str, plane: Plane, noise: str) -> NDArray[np.bool_]:
     """Return which derived parameters the tests identify; the bias always counts."""
-    truth, sds = (
-        plants.derived(*linear_truth.true_plant(vehicle, plane)),
-        bound_sds(vehicle, plane, noise),
-    )
+    truth = linear_model.derived(*linear_truth.true_plant(vehicle, plane))
+    sds = np.sqrt(np.diag(bound(vehicle, plane, noise).derived))
     mask = np.asarray(sds <= IDENTIFIABLE_SD * np.abs(truth))
     mask[-1] = True
-    names = plants.derived_names(plane)
+    names = linear_model.derived_names(plane)
     fast, slow = names.index("p_fast_per_s"), names.index("p_slow_per_s")
     if abs(truth[fast] - truth[slow]) < WITHIN * (sds[fast] + sds[slow]):
         mask[[fast, slow]] = False
@@ -93,7 +102,7 @@ def trial(vehicle: str, seed: int, noise: str, ways: Sequence[str]) -> list[floa
         for plane, campaign in campaigns.items():
             mask = identifiable(vehicle, plane, noise)
             numbers, covariance = ESTIMATORS[way](campaign)
-            error = numbers - plants.derived(*campaign.truth)
+            error = numbers - linear_model.derived(*campaign.truth)
             row += (error / bound_sds(vehicle, plane, noise))[mask].tolist()
             row += (error / np.sqrt(np.diag(covariance)))[mask].tolist()
     return row
@@ -109,7 +118,7 @@ def judge(
     accuracy of gain and bias.
     """
     counts = [int(np.count_nonzero(identifiable(vehicle, plane, noise))) for plane in Plane]
-    total = sum(len(plants.derived_names(plane)) for plane in Plane)
+    total = sum(len(linear_model.derived_names(plane)) for plane in Plane)
     figures = [Figure("parameters not identifiable, left out", float(total - sum(counts)))]
     shares, position = {}, 0
     for way in ways:

@@ -140,7 +140,20 @@ def bench_information(model: LinearModel) -> Array:
 
 
 def of_information(model: LinearModel, information: Array) -> Bound:
-    """Invert the information, scaled to a unit diagonal: the values differ by powers of ten."""
+    """Invert the information, scaled to a unit diagonal: the values differ by powers of ten.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Plane at whose values the information holds.
+    information : ndarray, shape (p, p)
+        Information about the values.
+
+    Returns
+    -------
+    Bound
+        Information and covariances.
+    """
     scale = 1.0 / np.sqrt(np.diag(information))
     covariance = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
     return Bound(

@@ -192,7 +192,7 @@ def _output_error(records: Sequence[LinearRun], prior: LinearPrior, values: Arra
     sds = cramer_rao.sensor_sds(Noise())[: records[0].measured.shape[1]]
 
     def weighted_objective() -> Objective:
-        return objective.with_bench(output_error.reduce_by_qr(frame, records, sds), prior.model)
+        return objective.with_prior(output_error.reduce_by_qr(frame, records, sds), prior)
 
     for tolerance in FINAL_TOLERANCES:
         values = multistart.search(weighted_objective(), prior, values, tolerance).values
@@ -209,13 +209,13 @@ def _filter_error(records: Sequence[LinearRun], prior: LinearPrior, values: Arra
         unit_filter = filter_error.build_filter(LinearModel(frame, values), records, level)
         predictor = filter_error.predictor(frame, records, level, unit_filter)
         values = multistart.search(
-            objective.with_bench(predictor, prior.model), prior, values, COARSE_TOLERANCE
+            objective.with_prior(predictor, prior), prior, values, COARSE_TOLERANCE
         ).values
         # Start from the default levels every time: levels of a wrong plane may be far off.
         level = filter_error.levels(LinearModel(frame, values), records, Noise())
     noise_filter = filter_error.build_filter(LinearModel(frame, values), records, level)
-    weighted_objective = objective.with_bench(
-        filter_error.whiten_residuals(frame, records, noise_filter), prior.model
+    weighted_objective = objective.with_prior(
+        filter_error.whiten_residuals(frame, records, noise_filter), prior
     )
     return (
         multistart.search(weighted_objective, prior, values),

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.estimation.linear import linear_model
-from sysid.estimation.linear.linear_model import LinearModel
+from sysid.estimation.linear.records import LinearPrior
 
 Array = NDArray[np.float64]
 
@@ -21,17 +20,14 @@ class Objective(NamedTuple):
     """Function from values (p,) to derivatives of the residuals (n, p)."""
 
 
-def with_bench(data: Objective, bench: LinearModel) -> Objective:
-    """Add the tailcone's bench test as two measurements: frequency and damping of ``bench``."""
-    lag = linear_model.lag(bench.frame.plane)
-    sds = linear_model.LAG_SD * bench.values[lag]
-    bench_jacobian = np.zeros((2, bench.values.size))
-    bench_jacobian[:, lag] = np.diag(1.0 / sds)
+def with_prior(data: Objective, prior: LinearPrior) -> Objective:
+    """Add the prior mean as a measurement with the standard deviations `measured_sds`."""
+    weights = 1.0 / prior.measured_sds
 
     def residuals(values: Array) -> Array:
-        return np.concatenate([data.residuals(values), (values[lag] - bench.values[lag]) / sds])
+        return np.concatenate([data.residuals(values), weights * (values - prior.model.values)])
 
     def jacobian(values: Array) -> Array:
-        return np.vstack([data.jacobian(values), bench_jacobian])
+        return np.vstack([data.jacobian(values), np.diag(weights)])
 
     return Objective(residuals, jacobian)

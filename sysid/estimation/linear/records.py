@@ -18,6 +18,12 @@ Array = NDArray[np.float64]
 
 LEVEL_SD_RAD = float(np.radians(2.0))
 """Prior standard deviation of the pitch of level flight, rad."""
+COEFFICIENT_SD_FACTOR = 2.0
+"""Standard deviations of the coefficients in the cost, over those of the vehicle file.
+
+Tests alone allow a pole and a zero that cancel, at any frequency. With a slow pair the static gain
+is that of a mode which the vehicle does not have.
+"""
 COEFFICIENT_BOUND_SD, LAG_BOUND_SD = 12.0, 9.0
 """Bounds of the coefficients and of the actuator lag, in prior sd from the mean."""
 MAX_DELAY_S, MAX_ANGLE_RAD = 1.5, float(np.radians(20.0))
@@ -53,6 +59,18 @@ class LinearPrior(NamedTuple):
     def spread(self) -> Array:
         """Standard deviation of each value, which scales steps and starts."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def measured_sds(self) -> Array:
+        """Standard deviations with which the mean counts as a measurement; infinite without one.
+
+        The lag has its bench test. Delay, bias and level pitch are known from the tests alone.
+        """
+        plane, sds = self.model.frame.plane, np.full(self.model.values.size, np.inf)
+        lag, count = linear_model.lag(plane), len(linear_model.NUMBERS[plane])
+        sds[:count] = COEFFICIENT_SD_FACTOR * self.spread[:count]
+        sds[lag] = linear_model.LAG_SD * self.model.values[lag]
+        return sds
 
 
 def linear_run(run: Run, lead_s: float) -> LinearRun:

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from sysid.estimation.linear import cramer_rao, linear_model, multistart, output_error, response
+from sysid.estimation.linear import (
+    cramer_rao,
+    linear_model,
+    multistart,
+    output_error,
+    records,
+    response,
+)
 from sysid.estimation.linear import objective as objectives
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.planes import PLANES, Plane
@@ -23,7 +30,7 @@ def test_objective_matches_joint_least_squares(plane: Plane) -> None:
     truth, count = true_model(plane), PLANES[plane].n_outputs
     runs = simulate_runs(truth, commands()[:3], SDS, np.random.default_rng(1))
     prior, sds = wide_prior(plane), SDS[:count]
-    projected = objectives.with_bench(output_error.objective(truth.frame, runs, sds), prior.model)
+    projected = objectives.with_prior(output_error.objective(truth.frame, runs, sds), prior)
     projected_solution = multistart.search(projected, prior, prior.model.values, ftol=1e-12)
     nuisance_count, values = len(response.discretise(truth).transition) + 1, truth.values.size
 
@@ -36,10 +43,15 @@ def test_objective_matches_joint_least_squares(plane: Plane) -> None:
             outputs = response.outputs(model, discrete, run.command, nuisances[:-1], count)
             outputs[:, 0] += nuisances[-1]
             errors.append(((run.measured - outputs) / sds).ravel())
-        lag = linear_model.lag(plane)
-        bench = prior.model.values[lag]
+        lag, count_of_numbers = linear_model.lag(plane), len(linear_model.NUMBERS[plane])
+        bench, offset = prior.model.values[lag], model.values - prior.model.values
+        file_sds = records.COEFFICIENT_SD_FACTOR * prior.spread[:count_of_numbers]
         return np.concatenate(
-            [*errors, (model.values[lag] - bench) / (linear_model.LAG_SD * bench)]
+            [
+                *errors,
+                offset[lag] / (linear_model.LAG_SD * bench),
+                offset[:count_of_numbers] / file_sds,
+            ]
         )
 
     start = np.concatenate(
