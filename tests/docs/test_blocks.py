@@ -32,7 +32,7 @@ from tests.helpers.docs_blocks import DOCS, ROOT, Block, all_blocks
 BLOCKS = tuple(all_blocks())
 PYTHON = {
     "docs/python.md": "tests/docs/test_snippets.py",
-    "docs/control.md": "tests/docs/test_commands.py",
+    "docs/gains.md": "tests/docs/test_commands.py",
     "docs/logs.md": "tests/docs/test_commands.py",
     "docs/sweep.md": "tests/docs/test_commands.py",
     "docs/navigation.md": "tests/processes/mavsdk_offboard_client.py",
