@@ -65,13 +65,19 @@ class Fitted:
         generators = [default_rng((seed, k)) for k in range(len(DeviceStreams._fields))]
         streams = devices.streams(generators)
         devices.begin(fitted, streams, self.values)
-        self._before, self._after = (fitted, layout), (sea.surroundings, streams, self.values)
-        arguments = *self._before, observed(AT_REST), *self._after
-        self._sample = jit.machine_code(devices.sample, *arguments)
+        around = sea.surroundings
+        compiled = jit.machine_code(
+            devices.sample, fitted, layout, observed(AT_REST), around, streams, self.values
+        )
+
+        def sample(motion: TrueMotion) -> int:
+            return compiled(fitted, layout, motion, around, streams, self.values)
+
+        self._sample = sample
 
     def sample(self, truth: Truth) -> Sensors:
         """Return the new readings of a tick."""
-        new = self._sample(*self._before, observed(truth), *self._after)
+        new = self._sample(observed(truth))
         numbers = devices.latest(self.values).tolist()
         return Sensors(NO_FRAME, *devices.records(new, numbers))
 
@@ -200,7 +206,8 @@ def test_imu_reading_arrives_after_latency(latency_ticks: int) -> None:
     imu = inertial.build(CATALOGUE.imu["mti-300"], TICK_US)
     at_once = ImuAtRest(imu._replace(timing=Timing(3 * TICK_US, 0, 0.0)), 5)
     late = ImuAtRest(imu._replace(timing=Timing(3 * TICK_US, latency_ticks * TICK_US, 0.0)), 5)
-    expected, arrived = {}, {}
+    expected: dict[int, tuple[float, ...]] = {}
+    arrived: dict[int, tuple[float, ...]] = {}
     for tick in range(40):
         for resting, readings, delay in ((at_once, expected, latency_ticks), (late, arrived, 0)):
             if resting.sample(tick * TICK_US):

@@ -51,9 +51,8 @@ def test_small_step_matches_second_order_response(delay_s: float) -> None:
     size = math.radians(1.0)
     angles = drive(axis(delay_s=delay_s), np.full(1000, size))
     since_arrival = SUBSTEP_S * np.arange(1, 1001) - delay_s
-    expected = size * np.interp(
-        since_arrival, *signal.step(LAG, T=np.arange(0.0, 6.0, 0.0005)), left=0.0
-    )
+    times, response = signal.step(LAG, T=np.arange(0.0, 6.0, 0.0005))
+    expected = size * np.interp(since_arrival, times, response, left=0.0)
     # A delay that ends within a substep is met by the mean command of that substep: off by at most
     # (omega h)^2 / 8.
     whole = (delay_s / SUBSTEP_S).is_integer()

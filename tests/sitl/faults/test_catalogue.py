@@ -9,7 +9,7 @@ from sitl import scenario
 from sitl.core import plant
 from sitl.faults import failure_injection, timeline
 from sitl.faults.catalogue import CATALOGUE, Fault, make
-from sitl.scenario import ScenarioError
+from sitl.scenario_types import ScenarioError
 from sitl.vehicle import build_model, config
 
 ALL_FAULTS = [(unit, kind) for unit, kinds in CATALOGUE.items() for kind in kinds]

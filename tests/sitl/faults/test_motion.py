@@ -1,5 +1,6 @@
 """Effects of actuator and ballast faults on duct, shaft and vehicle, with known controls."""
 
+from collections.abc import Callable
 from math import atan2, degrees, dist, pi, radians, sin
 
 import msgspec
@@ -23,8 +24,17 @@ def control(tick: int) -> ActuatorFrame:
     return ActuatorFrame(0, 1, (turn, -turn, 0.58 if tick < 500 else 0.3, *(0.0,) * 13), 129)
 
 
+def idle(tick: int) -> ActuatorFrame:
+    """Return neutral outputs without thrust."""
+    return ActuatorFrame(0, 1, (0.0,) * 16, 129)
+
+
 def run(
-    vehicle: str = "caribou_nominal", seconds: float = 15.0, idle: bool = False, **fault: object
+    vehicle: str = "caribou_nominal",
+    seconds: float = 15.0,
+    controls: Callable[[int], ActuatorFrame] = control,
+    /,
+    **fault: str | float,
 ) -> list[Truth]:
     """Return the true state of every tick, with a fault from ``FROM_S`` on if given."""
     calm = scenario.load("calm")
@@ -35,8 +45,7 @@ def run(
     state, _ = plant.initial_state(sea, rng)
     truths = []
     for tick in range(round(seconds / timestep.TICK_S)):
-        asked = ActuatorFrame(0, 1, (0.0,) * 16, 129) if idle else control(tick)
-        state, _ = plant.step(sea, state, asked, rng)
+        state, _ = plant.step(sea, state, controls(tick), rng)
         truths.append(state.truth)
     return truths
 
@@ -105,9 +114,7 @@ def test_shifted_weight_heels_vehicle() -> None:
     model = build_model.build(config.load("caribou_truth"))
     h, m, d = model.hydrostatics, 4.0, 0.1
     mass_kg = model.inertia.mass_kg
-    final = run(
-        "caribou_truth", seconds=120.0, idle=True, unit="ballast", kind="shifted", mass_kg=m, y_m=d
-    )[-1]
+    final = run("caribou_truth", 120.0, idle, unit="ballast", kind="shifted", mass_kg=m, y_m=d)[-1]
     roll_rad, _, _ = euler_from_quaternion(*final.attitude_q)
     first_y = mass_kg * h.y_cm_m + m * d
     first_z = (h.buoyancy_n * h.z_cb_m - h.weight_n * h.z_cm_m) / h.gravity_mps2

@@ -64,7 +64,9 @@ def reading(unit: str, sensors: Sensors) -> float | None:
     return float(getattr(record, FIELD[unit]))
 
 
-def faulty_readings(unit: str, kind: str, ticks: int = 500, **sizes: float) -> list[float | None]:
+def faulty_readings(
+    unit: str, kind: str, ticks: int = 500, /, **sizes: float
+) -> list[float | None]:
     """Return the reading in each tick of a fault that starts at vehicle time zero."""
     running: tuple[Running, ...] = (Running(make(unit, kind, 0, None, sizes)),)
     rng, values = np.random.default_rng(3), []
@@ -128,7 +130,7 @@ def test_delayed_gives_old_readings(unit: str) -> None:
 @pytest.mark.parametrize("unit", INSTRUMENTS)
 def test_intermittent_has_share_and_mean_outage(unit: str) -> None:
     values = np.array(
-        [value is None for value in faulty_readings(unit, "intermittent", ticks=60_000, share=0.3)]
+        [value is None for value in faulty_readings(unit, "intermittent", 60_000, share=0.3)]
     )
     outages = sum(not before and after for before, after in pairwise(values.tolist()))
     assert values.mean() == pytest.approx(0.3, abs=0.05)

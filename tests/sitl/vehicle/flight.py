@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypedDict
+
 import numpy as np
 from numba import njit
 
@@ -12,6 +14,14 @@ from sitl.vehicle.water import STILL, Water
 
 DEEP_M = -200.0
 SHIPPED = ("caribou_nominal", "caribou_truth")
+
+
+class Inputs(TypedDict):
+    """Constant inputs of ``fly``."""
+
+    rudder_rad: float
+    elevator_rad: float
+    thrust_fraction: float
 
 
 def model(name: str) -> VehicleModel:
@@ -56,7 +66,7 @@ def balanced(model: VehicleModel) -> VehicleModel:
     Yaw and pitch then do not excite roll.
     """
     M = np.diag(np.diag(model.inertia.M))
-    inertia = model.inertia._replace(M=M, M_inverse=np.linalg.inv(M))
+    inertia = model.inertia._replace(M=M, M_inverse=np.linalg.inv(M).astype(float))
     return without_weight(model)._replace(inertia=inertia)
 
 
@@ -77,7 +87,18 @@ def rate(
 
 
 @njit(cache=False)
-def _record(state, rudder_rad, elevator_rad, shaft_rps, disturbance, water, dt, model, work, track):
+def _record(
+    state: Vector,
+    rudder_rad: float,
+    elevator_rad: float,
+    shaft_rps: float,
+    disturbance: Vector,
+    water: Water,
+    dt: float,
+    model: VehicleModel,
+    work: Vector,
+    track: Vector,
+) -> None:
     for i in range(len(track)):
         track[i] = state
         dynamics.rk4_step(

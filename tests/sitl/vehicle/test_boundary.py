@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl.vehicle import boundary, config, wall_effects
+from sitl.vehicle import boundary, config, dynamics, hull, wall_effects
 from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.vectors import Vector
 from sitl.vehicle.water import Water
@@ -41,7 +41,7 @@ def test_wall_pull_equals_pressure_integral_on_wall(distance_m: float) -> None:
     v is the flow of hull and mirror image. The part of the pressure that is linear in v comes from
     pairs of sources and sums to zero.
     """
-    x, dx = wall_effects.geometry.quadrature(HULL, wall_effects.NODES)
+    x, dx = hull.quadrature(HULL, wall_effects.NODES)
     source = -wall_effects._section_growth(HULL, x) * dx / (4 * math.pi)
     nodes, weights = np.polynomial.legendre.leggauss(160)
     stretch, size = 2.0 * np.tan(nodes * 1.5), 2.0 * 1.5 / np.cos(nodes * 1.5) ** 2 * weights
@@ -165,9 +165,7 @@ def test_hull_impact_on_floor_loses_energy(normal: Vector) -> None:
 
 
 def test_ice_holds_buoyant_vehicle_level_below_it() -> None:
-    track = flight.fly(
-        FIELD, flight.dynamics.state_at_rest(-3.0), 120.0, water=Water(ceiling_m=-0.5)
-    )
+    track = flight.fly(FIELD, dynamics.state_at_rest(-3.0), 120.0, water=Water(ceiling_m=-0.5))
     assert track[-1, 2] == pytest.approx(-0.5 - H.radius_m, abs=0.005)
     assert track[:, 2].max() < -0.5 - H.radius_m + 0.02
     np.testing.assert_allclose(track[-1, 7:], 0.0, atol=1e-3)

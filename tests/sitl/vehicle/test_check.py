@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from math import pi, sqrt
+from pathlib import Path
 
 import pytest
 
@@ -13,7 +14,7 @@ from tests.sitl.vehicle.test_fill_missing import FINNED
 WHOLE = FINNED + "[ballast]\nx_cm_m = 0.0\n[linear]\nz_CM_m = -0.01\n"
 
 
-def refused(text, tmp_path):
+def refused(text: str, tmp_path: Path) -> str:
     file = tmp_path / "mine.toml"
     file.write_text(text)
     with pytest.raises(config.VehicleFileError) as refusal:
@@ -46,12 +47,14 @@ def refused(text, tmp_path):
         ("span_m = 0.12", "", "fins: missing key span_m"),
     ],
 )
-def test_impossible_vehicle_rejected_with_key(old, new, message, tmp_path):
+def test_impossible_vehicle_rejected_with_key(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
     assert old in WHOLE
     assert message in refused(WHOLE.replace(old, new), tmp_path)
 
 
-def test_vehicle_without_duct_and_fins_rejected(tmp_path):
+def test_vehicle_without_duct_and_fins_rejected(tmp_path: Path) -> None:
     bare = FINNED[: FINNED.index("[fins]")]
     assert "neither a table duct nor fins" in refused(bare, tmp_path)
 
@@ -67,13 +70,13 @@ def test_vehicle_without_duct_and_fins_rejected(tmp_path):
         ("[[0.0, 0.0], [1.0, 0.0]]", "hull.points_m = "),
     ],
 )
-def test_invalid_profile_rejected(points, message, tmp_path):
+def test_invalid_profile_rejected(points: str, message: str, tmp_path: Path) -> None:
     hull = f'shape = "profile"\npoints_m = {points}\n'
     text = FINNED.replace('shape = "cylinder"\nlength_m = 2.0\ndiameter_m = 0.2\n', hull)
     assert message in refused(text, tmp_path)
 
 
-def test_profile_read_from_csv_file(tmp_path):
+def test_profile_read_from_csv_file(tmp_path: Path) -> None:
     (tmp_path / "hull.csv").write_text("x_m,radius_m\n0.0,0.0\n0.5,0.1\n1.5,0.1\n2.0,0.03\n")
     file = tmp_path / "mine.toml"
     inner = 'shape = "profile"\nfile = "hull.csv"\n'
@@ -86,12 +89,12 @@ def test_profile_read_from_csv_file(tmp_path):
         check.check(file)
 
 
-def test_caribou_truth_warns_of_effective_coefficients():
+def test_caribou_truth_warns_of_effective_coefficients() -> None:
     assert any("effective" in text for text in check.check("caribou_truth").warnings)
     assert check.check("caribou_nominal").warnings == []
 
 
-def test_caribou_nominal_periods_and_speeds():
+def test_caribou_nominal_periods_and_speeds() -> None:
     found = check.check("caribou_nominal")
     stiffness = 640.0 * 9.80665 * 0.021
     assert found.pitch_period_s == pytest.approx(
@@ -107,7 +110,7 @@ def test_caribou_nominal_periods_and_speeds():
     )
 
 
-def test_level_trim_equals_identification_solver():
+def test_level_trim_equals_identification_solver() -> None:
     """Reference: the solver of the identification for the same equations."""
     from sitl.vehicle import build_model
     from sysid.estimation.map import fit
@@ -122,12 +125,12 @@ def test_level_trim_equals_identification_solver():
     )
 
 
-def test_vehicle_without_level_trim_rejected(tmp_path):
+def test_vehicle_without_level_trim_rejected(tmp_path: Path) -> None:
     said = refused(FINNED + "[ballast]\nmass_kg = 1e9\n", tmp_path)
     assert "operating_point.speed_mps = 1.5: expected a speed at which level motion" in said
 
 
-def run(*arguments):
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "sitl.vehicle", *arguments],
         capture_output=True,
@@ -136,7 +139,7 @@ def run(*arguments):
     )
 
 
-def test_command_line_writes_once_and_checks(tmp_path):
+def test_command_line_writes_once_and_checks(tmp_path: Path) -> None:
     out = str(tmp_path / "mine.toml")
     options = [
         "new",
@@ -158,7 +161,7 @@ def test_command_line_writes_once_and_checks(tmp_path):
     assert (again.returncode, again.stderr) == (2, f"vehicle: {out}: exists; give a new name\n")
 
 
-def test_command_line_errors_are_one_line(tmp_path):
+def test_command_line_errors_are_one_line(tmp_path: Path) -> None:
     for arguments in (["check", "nowhere"], ["new", "--out", str(tmp_path / "x.toml")]):
         refusal = run(*arguments)
         assert refusal.returncode == 2

@@ -21,16 +21,16 @@ def altered(key: str, value: str) -> str:
 
 
 @pytest.mark.parametrize("name", flight.SHIPPED)
-def test_shipped_vehicle_loads_by_name(name):
+def test_shipped_vehicle_loads_by_name(name: str) -> None:
     assert config.load(name).name == name
 
 
-def test_only_caribou_truth_has_rudder_bias():
+def test_only_caribou_truth_has_rudder_bias() -> None:
     assert config.load("caribou_nominal").tailcone.rudder_bias_deg == 0.0
     assert config.load("caribou_truth").tailcone.rudder_bias_deg == -6.0
 
 
-def test_unknown_name_is_read_as_path(tmp_path):
+def test_unknown_name_is_read_as_path(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(BENCH)
     assert config.load(file) == config.load("caribou_nominal")
@@ -68,13 +68,13 @@ def test_unknown_name_is_read_as_path(tmp_path):
         ),
     ],
 )
-def test_bad_value_rejected_with_key(key, value, message):
+def test_bad_value_rejected_with_key(key: str, value: str, message: str) -> None:
     with pytest.raises(config.VehicleFileError, match=rf"^mine\.toml: {message}") as refusal:
         config.parse(altered(key, value), "mine.toml")
     assert "\n" not in str(refusal.value)
 
 
-def test_propeller_larger_than_duct_rejected():
+def test_propeller_larger_than_duct_rejected() -> None:
     text = BENCH.replace("diameter_m = 0.38 ", "diameter_m = 0.50 ")
     with pytest.raises(
         config.VehicleFileError,
@@ -83,14 +83,14 @@ def test_propeller_larger_than_duct_rejected():
         config.parse(text, "mine.toml")
 
 
-def test_hull_too_thin_for_its_formulas_rejected():
+def test_hull_too_thin_for_its_formulas_rejected() -> None:
     """The eccentricity of the spheroid rounds to 1, whose artanh is infinite."""
     text = re.sub(r"(?m)^diameter_m = .*$", "diameter_m = 1e-9", REMUS, count=1)
     with pytest.raises(config.VehicleFileError, match=r"give no vehicle.*give SI units"):
         config.parse(text, "thin.toml")
 
 
-def test_table_instead_of_number_rejected_with_key():
+def test_table_instead_of_number_rejected_with_key() -> None:
     with pytest.raises(
         config.VehicleFileError, match=r"^mine\.toml: water = 3: expected object, got int"
     ):
@@ -104,39 +104,39 @@ def test_table_instead_of_number_rejected_with_key():
         )
 
 
-def test_invalid_toml_error_has_line():
+def test_invalid_toml_error_has_line() -> None:
     with pytest.raises(config.VehicleFileError, match=r"^mine\.toml: not valid TOML: .*line 2"):
         config.parse("name = 'x'\nwater =\n", "mine.toml")
 
 
 @pytest.mark.parametrize("name", ["no_such_vehicle", "no/such/file.toml", "."])
-def test_unreadable_file_error_lists_vehicles(name):
+def test_unreadable_file_error_lists_vehicles(name: str) -> None:
     with pytest.raises(
         config.VehicleFileError, match=r"cannot be read .* give .*caribou_nominal.*, or a TOML file"
     ):
         config.load(name)
 
 
-def test_binary_file_rejected(tmp_path):
+def test_binary_file_rejected(tmp_path: Path) -> None:
     file = tmp_path / "vehicle.toml"
     file.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(config.VehicleFileError, match="not UTF-8 text"):
         config.load(file)
 
 
-def test_indefinite_mass_matrix_rejected():
+def test_indefinite_mass_matrix_rejected() -> None:
     with pytest.raises(config.VehicleFileError, match="mass matrix has an eigenvalue -"):
         build_model.build(config.parse(altered("z_CM_m", "-0.5"), "mine.toml"))
 
 
-def test_thrust_below_duct_drag_rejected():
+def test_thrust_below_duct_drag_rejected() -> None:
     with pytest.raises(
         config.VehicleFileError, match=r"thrust_n = 0\.1: expected more than the duct's own drag"
     ):
         build_model.build(config.parse(altered("thrust_n", "0.1"), "mine.toml"))
 
 
-def test_lost_steps_without_motor_steps_rejected():
+def test_lost_steps_without_motor_steps_rejected() -> None:
     text = altered("lost_step_chance", "0.01")
     with pytest.raises(
         config.VehicleFileError,

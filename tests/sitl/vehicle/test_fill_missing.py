@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.vehicle import build_model, check, config, hull
-from sitl.vehicle.__main__ import starter_tables
+from sitl.vehicle.__main__ import Kind, Steering, starter_tables
 from sitl.vehicle.export import write
 from sitl.vehicle.linearise import linearise
 
@@ -33,24 +33,24 @@ def described(text: str = FINNED) -> config.VehicleConfig:
     return config.parse(text, "finned.toml")
 
 
-def test_minimal_vehicle_file_is_short():
+def test_minimal_vehicle_file_is_short() -> None:
     assert len(SHORTEST.read_text().splitlines()) < 30
     assert check.check(SHORTEST).yaw.straight_line_index > 0
 
 
-def test_complete_file_is_unchanged():
+def test_complete_file_is_unchanged() -> None:
     for name in ("caribou_nominal", "caribou_truth"):
         assert config.describe(name).steps == {}
 
 
-def test_given_key_is_not_derived():
+def test_given_key_is_not_derived() -> None:
     steps = config.finish({**_tables(), "linear": {"Y_v_kgps": -77.0}}, "x").steps
     assert ("linear", "Y_v_kgps") not in steps
     assert ("linear", "N_v_kgmps") in steps
 
 
 @pytest.mark.parametrize("name", ["remus100", "xfin_auv"])
-def test_linearised_model_equals_derived_coefficients(name):
+def test_linearised_model_equals_derived_coefficients(name: str) -> None:
     whole, vehicle = config.describe(name), config.load(name)
     for (table, key), step in whole.steps.items():
         assert getattr(getattr(vehicle, table), key) == step.value
@@ -61,7 +61,7 @@ def test_linearised_model_equals_derived_coefficients(name):
         assert value == pytest.approx(getattr(vehicle.linear, key), rel=1e-6), key
 
 
-def test_mass_and_net_buoyancy_are_consistent():
+def test_mass_and_net_buoyancy_are_consistent() -> None:
     light = config.finish({**_tables(), "ballast": {"mass_kg": 50.0}}, "x").tables["ballast"]
     volume = pi * 0.1**2 * 1.8 + 4 / 3 * pi * 0.1**3
     assert light["net_buoyancy_n"] == pytest.approx(9.80665 * (1025.0 * volume - 50.0), rel=1e-9)
@@ -71,7 +71,7 @@ def test_mass_and_net_buoyancy_are_consistent():
     assert same["mass_kg"] == pytest.approx(50.0, rel=1e-9)
 
 
-def test_x_fins_equal_cruciform_except_command_gain():
+def test_x_fins_equal_cruciform_except_command_gain() -> None:
     cross, x = (
         described(FINNED.replace("cruciform", layout)).linear for layout in ("cruciform", "x")
     )
@@ -108,7 +108,7 @@ TOLERANCE = {
 m), ours is not."""
 
 
-def test_remus_coefficients_near_prestero():
+def test_remus_coefficients_near_prestero() -> None:
     """Except for the hull's lift in a turn, which Prestero neglects: with lift in sway alone, some
     motions would gain energy.
     """
@@ -129,8 +129,9 @@ def remus_coefficients(fin_lift: float = 1.0) -> dict[str, float]:
     The vehicle file has them about mid-length, which is d aft of it.
     """
     tables = tomllib.loads(Path(config.__file__).with_name("remus100.toml").read_text())
-    slope = config.load("remus100").fins.lift_slope_per_rad
-    tables["fins"]["lift_slope_per_rad"] = fin_lift * slope
+    geometry = config.load("remus100").fins
+    assert geometry is not None
+    tables["fins"]["lift_slope_per_rad"] = fin_lift * geometry.lift_slope_per_rad
     vehicle = msgspec.convert(config.finish(tables, "remus100").tables, config.VehicleConfig)
     M_A = build_model.build(vehicle).inertia.M_A
     linear, U, d = vehicle.linear, vehicle.operating_point.speed_mps, vehicle.ballast.x_cb_m
@@ -160,7 +161,7 @@ def hull_lift(vehicle: config.VehicleConfig) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("name", ["remus100", "xfin_auv", str(SHORTEST)])
-def test_hull_lift_acts_at_one_position(name):
+def test_hull_lift_acts_at_one_position(name: str) -> None:
     vehicle = config.load(name)
     found, (h, x_h) = build_model.build(vehicle).hull, hull_lift(vehicle)
     in_yaw = [[found.Y_uv_kgpm, found.Y_ur_kg], [found.N_uv_kg, found.N_ur_kgm]]
@@ -173,7 +174,7 @@ def test_hull_lift_acts_at_one_position(name):
 
 
 @pytest.mark.parametrize("name", ["remus100", "xfin_auv", str(SHORTEST)])
-def test_exported_file_is_the_same_vehicle(name, tmp_path):
+def test_exported_file_is_the_same_vehicle(name: str, tmp_path: Path) -> None:
     file = tmp_path / "whole.toml"
     file.write_text(write(config.describe(name)))
     again, first = msgspec.to_builtins(config.load(file)), msgspec.to_builtins(config.load(name))
@@ -185,7 +186,7 @@ def test_exported_file_is_the_same_vehicle(name, tmp_path):
             }
 
 
-def is_number(value):
+def is_number(value: object) -> bool:
     return isinstance(value, float)
 
 
@@ -195,7 +196,9 @@ def is_number(value):
     st.floats(1.0, 8.0),
     st.floats(5.0, 12.0),
 )
-def test_every_initial_geometry_builds(kind, steering, length_m, slenderness):
+def test_every_initial_geometry_builds(
+    kind: Kind, steering: Steering, length_m: float, slenderness: float
+) -> None:
     tables = starter_tables("any", kind, steering, length_m, length_m / slenderness)
     vehicle = config.parse(write(config.finish(tables, "any")), "any.toml")
     model = build_model.build(vehicle)

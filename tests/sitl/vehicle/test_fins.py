@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.vehicle import fins
+from sitl.vehicle.vectors import Vector, Wrench
 from tests.sitl.vehicle import flight
 
 CRUISE = (1.5, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -16,12 +17,12 @@ LAYOUT = st.sampled_from(sorted(MODELS))
 SMALL = st.floats(-0.2, 0.2)
 
 
-def wrench(name, nu=CRUISE, rudder=0.0, elevator=0.0):
+def wrench(name: str, nu: Wrench = CRUISE, rudder: float = 0.0, elevator: float = 0.0) -> Vector:
     return np.array(fins.wrench(nu, rudder, elevator, MODELS[name]))
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_fin_signs_of_rudder_and_elevator(name):
+def test_fin_signs_of_rudder_and_elevator(name: str) -> None:
     X, Y, Z, K, M, N = wrench(name, rudder=0.1)
     assert (X < 0, Y > 0, N < 0) == (True, True, True)
     assert pytest.approx([0.0, 0.0, 0.0], abs=1e-12 * Y) == [Z, K, M]
@@ -31,7 +32,9 @@ def test_fin_signs_of_rudder_and_elevator(name):
 
 
 @given(LAYOUT, SMALL, SMALL, SMALL, SMALL, SMALL, SMALL, SMALL)
-def test_fin_wrench_mirror_symmetric(name, v, w, p, q, r, rudder, elevator):
+def test_fin_wrench_mirror_symmetric(
+    name: str, v: float, w: float, p: float, q: float, r: float, rudder: float, elevator: float
+) -> None:
     here = wrench(name, (1.5, v, w, p, q, r), rudder, elevator)
     there = wrench(name, (1.5, -v, w, -p, q, -r), -rudder, elevator)
     assert there == pytest.approx(
@@ -40,7 +43,7 @@ def test_fin_wrench_mirror_symmetric(name, v, w, p, q, r, rudder, elevator):
 
 
 @given(LAYOUT, SMALL, SMALL)
-def test_fin_commands_give_no_roll_moment(name, rudder, elevator):
+def test_fin_commands_give_no_roll_moment(name: str, rudder: float, elevator: float) -> None:
     if name == "remus100":  # cruciform fins follow rudder and elevator separately
         assert wrench(name, rudder=rudder, elevator=elevator)[3] == pytest.approx(0.0, abs=1e-9)
     assert wrench(name, rudder=rudder)[3] == pytest.approx(0.0, abs=1e-9)
@@ -48,11 +51,11 @@ def test_fin_commands_give_no_roll_moment(name, rudder, elevator):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_fins_damp_roll(name):
+def test_fins_damp_roll(name: str) -> None:
     assert wrench(name, (1.5, 0, 0, 0.2, 0, 0))[3] < 0 < wrench(name, (1.5, 0, 0, -0.2, 0, 0))[3]
 
 
-def test_fin_angle_limited_to_travel():
+def test_fin_angle_limited_to_travel() -> None:
     full = radians(15.0)
     both, more = (
         wrench("xfin_auv", rudder=full, elevator=full),
@@ -63,6 +66,8 @@ def test_fin_angle_limited_to_travel():
 
 
 @given(LAYOUT, SMALL, SMALL, SMALL, SMALL, SMALL)
-def test_fixed_fins_power_is_never_positive(name, v, w, p, q, r):
+def test_fixed_fins_power_is_never_positive(
+    name: str, v: float, w: float, p: float, q: float, r: float
+) -> None:
     nu = np.array([1.5, v, w, p, q, r])
     assert nu @ wrench(name, tuple(nu)) <= 0.0

@@ -28,23 +28,25 @@ PERCENT = {
 
 
 @pytest.mark.parametrize(("symbol", "percent"), PERCENT.items())
-def test_derived_coefficients_near_table_1(symbol, percent):
-    assert abs(STEPS[symbol].difference_pct) < percent
+def test_derived_coefficients_near_table_1(symbol: str, percent: float) -> None:
+    difference_pct = STEPS[symbol].difference_pct
+    assert difference_pct is not None
+    assert abs(difference_pct) < percent
 
 
-def test_sway_coefficient_differs_by_u_squared():
+def test_sway_coefficient_differs_by_u_squared() -> None:
     assert STEPS["Y_v"].value == pytest.approx(-335, abs=1)
     assert STEPS["Y_v slip"].value == pytest.approx(STEPS["Y_v slip"].table, rel=1e-3)
 
 
-def test_inconsistent_printed_values_are_listed():
+def test_inconsistent_printed_values_are_listed() -> None:
     assert STEPS["C_D"].value == pytest.approx(0.130, abs=5e-4)
     assert STEPS["C_D balance"].value == pytest.approx(0.153, abs=5e-4)
     assert STEPS["dC_L/da"].value == pytest.approx(4.946, abs=5e-4)
     assert STEPS["duct lift"].value == pytest.approx(131.0, abs=0.05)
 
 
-def test_module_prints_table_and_remarks():
+def test_module_prints_table_and_remarks() -> None:
     run = subprocess.run(
         [sys.executable, "-m", "sitl.vehicle.first_principles"],
         capture_output=True,

@@ -1,5 +1,6 @@
 """Hull geometry against published values and scipy's adaptive quadrature."""
 
+from collections.abc import Callable
 from math import pi
 
 import numpy as np
@@ -9,26 +10,28 @@ from scipy.integrate import quad
 from sitl.vehicle import build_model, config, hull
 
 HULL = config.load("caribou_nominal").hull
+assert isinstance(HULL, config.Series58)
 NOSE, TAIL = hull.length_m(HULL) / 2, -hull.length_m(HULL) / 2
 BREAKS = (NOSE - 0.4 * HULL.base_length_m, NOSE - 0.4 * HULL.base_length_m - HULL.midbody_length_m)
+Integrand = Callable[[float, float], float]
 
 
-def integrate(integrand):
+def integrate(integrand: Integrand) -> float:
     """Return the integral of ``integrand(x, R)`` over the hull."""
 
-    def at(x):
+    def at(x: float) -> float:
         return integrand(x, float(hull.radius_m(HULL, np.array([x]))[0]))
 
     value, _ = quad(at, TAIL, NOSE, points=BREAKS, epsabs=1e-11, limit=400)
-    return value
+    return float(value)
 
 
-def test_model_4154_has_published_coefficients():
+def test_model_4154_has_published_coefficients() -> None:
     published = [1.0, 2.14965, -17.7735, 36.71658, -33.51128, 11.41855]
     assert hull.series_58(0.5, 0.1, 0.65, 0.4) == pytest.approx(published, rel=1e-5)
 
 
-def test_series_58_volume_equals_prismatic_coefficient():
+def test_series_58_volume_equals_prismatic_coefficient() -> None:
     base = config.Series58(2.1336, 0.5334, 0.0, 0.5, 0.1, 0.65, 0.4)
     assert hull.integrals(base).volume_m3 == pytest.approx(
         0.65 * pi / 4 * 0.5334**2 * 2.1336, rel=1e-12
@@ -45,11 +48,11 @@ def test_series_58_volume_equals_prismatic_coefficient():
         ("section_moment_m5", lambda x, R: pi * R**2 * x**2),
     ],
 )
-def test_hull_integrals_equal_adaptive_quadrature(field, integrand):
+def test_hull_integrals_equal_adaptive_quadrature(field: str, integrand: Integrand) -> None:
     assert getattr(hull.integrals(HULL), field) == pytest.approx(integrate(integrand), rel=1e-6)
 
 
-def test_centroid_is_forward_of_mid_length():
+def test_centroid_is_forward_of_mid_length() -> None:
     shape = hull.integrals(HULL)
     assert shape.centroid_m == pytest.approx(
         integrate(lambda x, R: pi * R**2 * x) / shape.volume_m3, rel=1e-6
@@ -57,7 +60,7 @@ def test_centroid_is_forward_of_mid_length():
     assert shape.centroid_m == pytest.approx(0.084, abs=1e-3)
 
 
-def test_radius_zero_outside_and_constant_in_mid_body():
+def test_radius_zero_outside_and_constant_in_mid_body() -> None:
     radii = hull.radius_m(
         HULL, np.array([NOSE + 0.01, NOSE, BREAKS[0], 0.0, BREAKS[1], TAIL - 0.01])
     )
@@ -66,7 +69,7 @@ def test_radius_zero_outside_and_constant_in_mid_body():
     )
 
 
-def test_stations_sum_to_planform_and_volume():
+def test_stations_sum_to_planform_and_volume() -> None:
     stations = build_model.build(config.load("caribou_nominal")).stations
     crossflow = 1025.0 / 2 * 1.1
     assert stations.drag_kgpm.sum() / crossflow == pytest.approx(

@@ -5,15 +5,16 @@ import numpy as np
 import pytest
 
 from sitl.vehicle.linearise import linearise
+from sitl.vehicle.model import VehicleModel
 from tests.sitl.vehicle import flight
 
 
 @pytest.fixture(params=flight.SHIPPED)
-def model(request):
+def model(request: pytest.FixtureRequest) -> VehicleModel:
     return flight.model(request.param)
 
 
-def test_small_rudder_steps_follow_linear_plane(model):
+def test_small_rudder_steps_follow_linear_plane(model: VehicleModel) -> None:
     plane = linearise(model).yaw
     rudder, seconds = 1e-6, 20.0
     track = flight.fly(
@@ -26,19 +27,19 @@ def test_small_rudder_steps_follow_linear_plane(model):
     assert track[:, 8] == pytest.approx(linear[0], abs=1e-4 * np.abs(linear[0]).max())
 
 
-def test_duct_scales_with_pressure_and_hull_with_speed(model):
+def test_duct_scales_with_pressure_and_hull_with_speed(model: VehicleModel) -> None:
     slow, fast = (linearise(model, u).coefficients for u in (1.0, 2.0))
     assert fast["Y_dr_nprad"] == pytest.approx(4 * slow["Y_dr_nprad"], rel=0.1)
     assert fast["Y_v_kgps"] == pytest.approx(2 * slow["Y_v_kgps"], rel=1e-6)
     assert fast["z_CM_m"] == pytest.approx(slow["z_CM_m"], rel=1e-6)
 
 
-def test_balanced_thrust_at_operating_point_is_58_percent(model):
+def test_balanced_thrust_at_operating_point_is_58_percent(model: VehicleModel) -> None:
     balanced, commanded = linearise(model, 1.3), linearise(model, 1.3, thrust_fraction=0.58)
     assert balanced.coefficients == pytest.approx(commanded.coefficients, rel=1e-9)
 
 
-def test_linear_plane_integrates_depth_and_attitude(model):
+def test_linear_plane_integrates_depth_and_attitude(model: VehicleModel) -> None:
     pitch = linearise(model, 1.3).pitch
     assert pitch.A[2].tolist() == [0, 1, 0, 0]
     assert pitch.A[3].tolist() == [-1, 0, 1.3, 0]
@@ -49,7 +50,7 @@ def test_linear_plane_integrates_depth_and_attitude(model):
     ("name", "yaw", "pitch"),
     [("caribou_nominal", -447 / 927, -447 / 927), ("caribou_truth", -0.51, -0.46)],
 )
-def test_step_gives_measured_initial_acceleration(name, yaw, pitch):
+def test_step_gives_measured_initial_acceleration(name: str, yaw: float, pitch: float) -> None:
     """The paper measured -0.51 and -0.46 rad/s2 per rad, printed to two digits."""
     planes = linearise(flight.model(name))
     assert planes.yaw.B[1, 0] == pytest.approx(yaw, abs=0.005)

@@ -62,13 +62,14 @@ def test_variation_has_rms_correlation_and_acceleration() -> None:
     drift = current.current_drift(Variation(rms_mps=0.1, time_constant_s=2.0), TICK_S)
     draws = plant.random_streams(3).draws
     draws.prepare(AT_START)
-    variation, velocity, rate = np.array(current.sample_stationary(drift, draws)), [], []
+    variation = np.array(current.sample_stationary(drift, draws))
+    velocity, rate = [], []
     for _ in range(400_000):
         draws.prepare(PER_TICK)
         current.advance(drift, variation, draws.table)
-        v, a = current.variation_motion(drift, variation)
-        velocity.append(v)
-        rate.append(a)
+        velocity_mps, rate_mps2 = current.variation_motion(drift, variation)
+        velocity.append(velocity_mps)
+        rate.append(rate_mps2)
     v, a = np.array(velocity), np.array(rate)
     assert v.std(axis=0)[:2] == pytest.approx([0.1, 0.1], rel=0.03)
     assert (v[:, 2] == 0.0).all()
