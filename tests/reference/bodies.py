@@ -97,7 +97,7 @@ def _alone(mass_kg: float, M_RB: Array, M_A: Array) -> VehicleModel:
     """Return a model with inertia only."""
     M = M_RB + M_A
     model = flight.without_weight(flight.without_fluid_forces(flight.model("caribou_nominal")))
-    return model._replace(inertia=Inertia(mass_kg, M_RB, M_A, M, np.linalg.inv(M)))
+    return model._replace(inertia=Inertia(mass_kg, M_RB, M_A, M, np.linalg.inv(M).astype(float)))
 
 
 def _floating(

@@ -207,7 +207,8 @@ def tail(nu_r: Array, inputs: Inputs, ship: Craft) -> Array:
         hull.M_uude_kg * elevator,
         hull.N_uudr_kg * rudder,
     ]
-    return total + FLIP @ np.multiply(pressure, interaction) + fins(nu_r, inputs, ship.model.fins)
+    by_hull: Array = FLIP @ np.multiply(pressure, interaction)
+    return total + by_hull + fins(nu_r, inputs, ship.model.fins)
 
 
 def fins(nu_r: Array, inputs: Inputs, tail: Fins) -> Array:

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from sitl.vehicle import dynamics, forces
 from sitl.vehicle.linearise import linearise
+from sitl.vehicle.model import VehicleModel
+from sitl.vehicle.vectors import Vector, Vector3
 from sitl.vehicle.water import drifting
 from tests.reference import energy, fossen
 from tests.reference.cases.symmetry import MIRROR, MIRROR_WRENCH
@@ -31,7 +33,7 @@ any_vehicle = settings(max_examples=100)
 flown = settings(max_examples=20)
 
 
-def state_of(attitude, motion, z_up_m=-500.0):
+def state_of(attitude: Vector, motion: Vector, z_up_m: float = -500.0) -> Vector:
     state = dynamics.state_at_rest(z_up_m)
     state[3:7], state[7:13] = attitude / np.linalg.norm(attitude), motion
     return state
@@ -39,7 +41,7 @@ def state_of(attitude, motion, z_up_m=-500.0):
 
 @given(VEHICLE)
 @any_vehicle
-def test_mass_matrices_symmetric_and_positive_definite(model):
+def test_mass_matrices_symmetric_and_positive_definite(model: VehicleModel) -> None:
     for matrix in (model.inertia.M_RB, model.inertia.M):
         assert np.array_equal(matrix, matrix.T)
         assert np.linalg.eigvalsh(matrix).min() > 0
@@ -48,20 +50,22 @@ def test_mass_matrices_symmetric_and_positive_definite(model):
 
 @given(VEHICLE, MOTION)
 @any_vehicle
-def test_coriolis_terms_have_zero_power(model, nu):
+def test_coriolis_terms_have_zero_power(model: VehicleModel, nu: Vector) -> None:
     terms = np.multiply(forces.coriolis(tuple(nu.tolist()), model.inertia), nu)
     assert abs(terms.sum()) <= 1e-14 * max(np.abs(terms).sum(), 1.0)
 
 
 @given(VEHICLE, MOTION)
 @settings(max_examples=200)
-def test_still_water_power_is_never_positive(model, nu):
+def test_still_water_power_is_never_positive(model: VehicleModel, nu: Vector) -> None:
     assert energy.power_w(model, nu) <= 1e-12 * energy.power_scale_w(model, nu)
 
 
 @given(VEHICLE, ATTITUDE, MOTION)
 @settings(max_examples=30)
-def test_free_motion_energy_never_increases(model, attitude, motion):
+def test_free_motion_energy_never_increases(
+    model: VehicleModel, attitude: Vector, motion: Vector
+) -> None:
     """In still water without thrust, mechanical energy decreases in every step."""
     kept = energy.mechanical_j(model, flight.fly(model, state_of(attitude, motion), 30.0)[::10])
     moved = np.abs(kept).max() + energy.kinetic_j(model, state_of(attitude, motion)) + 1e-9
@@ -70,7 +74,14 @@ def test_free_motion_energy_never_increases(model, attitude, motion):
 
 @given(VEHICLE, ATTITUDE, MOTION, ANGLE, ANGLE, THRUST)
 @flown
-def test_mirrored_inputs_give_mirrored_track(model, attitude, motion, rudder, elevator, thrust):
+def test_mirrored_inputs_give_mirrored_track(
+    model: VehicleModel,
+    attitude: Vector,
+    motion: Vector,
+    rudder: float,
+    elevator: float,
+    thrust: float,
+) -> None:
     start, push = state_of(attitude, motion), np.array([3.0, -5.0, 2.0, 0.1, -0.6, 0.7])
     inputs = {"elevator_rad": elevator, "thrust_fraction": thrust}
     track = flight.fly(
@@ -92,7 +103,14 @@ def test_mirrored_inputs_give_mirrored_track(model, attitude, motion, rudder, el
 
 @given(VEHICLE, ATTITUDE, MOTION, ANGLE, THRUST, st.tuples(*[st.floats(-1, 1)] * 3))
 @flown
-def test_uniform_current_only_adds_drift(model, attitude, motion, rudder, thrust, current):
+def test_uniform_current_only_adds_drift(
+    model: VehicleModel,
+    attitude: Vector,
+    motion: Vector,
+    rudder: float,
+    thrust: float,
+    current: Vector3,
+) -> None:
     start = state_of(attitude, motion)
     still = flight.fly(model, start, 10.0, rudder, thrust_fraction=thrust)
     carried = start.copy()
@@ -107,8 +125,14 @@ def test_uniform_current_only_adds_drift(model, attitude, motion, rudder, thrust
 @given(VEHICLE, ATTITUDE, MOTION, ANGLE, ANGLE, THRUST, st.tuples(*[st.floats(-1, 1)] * 3))
 @any_vehicle
 def test_accelerations_equal_fossen_matrix_form(
-    model, attitude, motion, rudder, elevator, thrust, current
-):
+    model: VehicleModel,
+    attitude: Vector,
+    motion: Vector,
+    rudder: float,
+    elevator: float,
+    thrust: float,
+    current: Vector3,
+) -> None:
     state, shaft_rps = state_of(attitude, motion), thrust * model.propeller.full_rps
     found = (
         fossen.FLIP
@@ -122,7 +146,15 @@ def test_accelerations_equal_fossen_matrix_form(
 
 @given(VEHICLE, st.floats(-3, 2), ATTITUDE, MOTION, ANGLE, ANGLE, THRUST)
 @flown
-def test_random_states_stay_bounded(model, z_up_m, attitude, motion, rudder, elevator, thrust):
+def test_random_states_stay_bounded(
+    model: VehicleModel,
+    z_up_m: float,
+    attitude: Vector,
+    motion: Vector,
+    rudder: float,
+    elevator: float,
+    thrust: float,
+) -> None:
     """States at the surface are included."""
     track = flight.fly(model, state_of(attitude, motion, z_up_m), 30.0, rudder, elevator, thrust)
     assert np.isfinite(track).all()
@@ -132,14 +164,14 @@ def test_random_states_stay_bounded(model, z_up_m, attitude, motion, rudder, ele
 
 @given(VEHICLE, st.floats(0.5, 2.0))
 @flown
-def test_symmetric_vehicle_runs_straight(model, u_mps):
+def test_symmetric_vehicle_runs_straight(model: VehicleModel, u_mps: float) -> None:
     track = flight.fly(model, flight.cruising(u_mps), 60.0, thrust_fraction=0.6)
     assert track[:, [1, 4, 6, 8, 10, 12]] == pytest.approx(0.0, abs=1e-9)
 
 
 @given(VEHICLE, st.floats(0.5, 2.0))
 @flown
-def test_small_motion_forces_equal_linear_plane(model, u_mps):
+def test_small_motion_forces_equal_linear_plane(model: VehicleModel, u_mps: float) -> None:
     plane = linearise(model, u_mps, thrust_fraction=0.0).yaw
     rudder, v, r = 1e-7, 3e-7, -2e-7
     ahead, state = flight.cruising(u_mps), flight.cruising(u_mps)

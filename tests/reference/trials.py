@@ -69,16 +69,20 @@ def circle(ship: Simulator, rudder_rad: float, seconds: float) -> Circle:
 def zigzag(ship: Simulator, angle_rad: float) -> Zigzag:
     """Return the results of four reversals at ``angle_rad``; the rudder moves without delay."""
     state, time, rudder = ship.start, 0.0, angle_rad
-    reversals, overshoots = [], []
+    reversals: list[float] = []
+    overshoots: list[float] = []
     for _ in range(4):
-        goal = rudder
-        took, state = ship.run(state, rudder, LONGEST_S, lambda x, goal=goal: x[5] - goal)
+        took, state = ship.run(state, rudder, LONGEST_S, _heading_minus(rudder))
         time, rudder = time + took, -rudder
         reversals.append(time)
         if len(overshoots) < 2:
             _, turned_back = ship.run(state, rudder, LONGEST_S, lambda x: x[11])
             overshoots.append(degrees(abs(ship.read(turned_back)[5]) - angle_rad))
     return Zigzag(overshoots[0], overshoots[1], reversals[3] - reversals[1])
+
+
+def _heading_minus(heading_rad: float) -> Event:
+    return lambda x: float(x[5] - heading_rad)
 
 
 def kernels(model: VehicleModel, speed_mps: float, shaft_rps: float) -> Simulator:

@@ -57,7 +57,7 @@ def checks() -> Iterator[Check]:
 
 def _drifting(name: str) -> Iterator[Check]:
     model, start, current = flight.model(name), flight.tumbling(), np.array(CURRENT_MPS)
-    inputs = {"rudder_rad": 0.1, "elevator_rad": -0.05, "thrust_fraction": 0.6}
+    inputs = flight.Inputs(rudder_rad=0.1, elevator_rad=-0.05, thrust_fraction=0.6)
     still = flight.fly(model, start, SECONDS, **inputs)
     start[7:10] += flight.rotation(start).T @ current
     carried = flight.fly(model, start, SECONDS, water=drifting(CURRENT_MPS), **inputs)

@@ -16,7 +16,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from sitl.core.initial_conditions import float_trim
-from sitl.vehicle import config, hull
+from sitl.vehicle import config, dynamics, hull
 from sitl.vehicle.model import VehicleModel
 from tests.reference import bodies
 from tests.reference.check import Check, relative, worst
@@ -41,7 +41,7 @@ def checks() -> Iterator[Check]:
     floating = _cylinder(0.5)
     h = 1e-4
     lift = [
-        flight.rate(floating, flight.dynamics.state_at_rest(z))[9] * floating.inertia.M[2, 2]
+        flight.rate(floating, dynamics.state_at_rest(z))[9] * floating.inertia.M[2, 2]
         for z in (h, -h)
     ]
     stiffness = bodies.RHO_KGPM3 * bodies.GRAVITY_MPS2 * LENGTH_M * 2 * RADIUS_M
@@ -83,14 +83,14 @@ def _shipped(name: str) -> Iterator[Check]:
         1e-5,
         "quad",
     )
-    up = flight.dynamics.state_at_rest(-50.0)
+    up = dynamics.state_at_rest(-50.0)
     net = (flight.rotation(up) @ (model.inertia.M @ flight.rate(model, up)[7:13])[:3])[2]
     yield relative(
         f"{name}, net buoyancy", "N", net, vehicle.ballast.net_buoyancy_n, 1e-9, "vehicle file"
     )
     h = model.hydrostatics
     for label, component, at in (("roll", 3, 4), ("pitch", 4, 5)):
-        tilted, angle = flight.dynamics.state_at_rest(-50.0), 0.2
+        tilted, angle = dynamics.state_at_rest(-50.0), 0.2
         tilted[3], tilted[at] = np.cos(angle / 2), sin(angle / 2)
         moment = (model.inertia.M @ flight.rate(model, tilted)[7:13])[component]
         reference = (h.weight_n * h.z_cm_m - h.buoyancy_n * h.z_cb_m) * sin(angle)

@@ -21,7 +21,7 @@ from tests.sitl.vehicle import flight
 SECONDS = 0.5
 STEPS = (8, 16, 32, 64)
 FINEST = 2048
-MANOEUVRE = {"rudder_rad": 0.1, "elevator_rad": 0.05, "thrust_fraction": 0.6}
+MANOEUVRE = flight.Inputs(rudder_rad=0.1, elevator_rad=0.05, thrust_fraction=0.6)
 
 
 def checks() -> Iterator[Check]:

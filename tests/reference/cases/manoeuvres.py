@@ -58,7 +58,8 @@ def _accelerations(name: str, models: list[VehicleModel]) -> Check:
         state = flight.tumbling()
         state[3:7] = (turn := rng.normal(size=4)) / np.linalg.norm(turn)
         state[7:13] = rng.uniform(-1.5, 1.5, 6)
-        inputs = fossen.Inputs(*rng.uniform(-0.25, 0.25, 2).tolist(), float(rng.uniform(-4, 6)))
+        rudder_rad, elevator_rad = rng.uniform(-0.25, 0.25, 2).tolist()
+        inputs = fossen.Inputs(rudder_rad, elevator_rad, float(rng.uniform(-4, 6)))
         current = rng.uniform(-1, 1, 3)
         found.append(
             fossen.FLIP

@@ -54,15 +54,16 @@ def _miss(
     linear: NDArray[np.float64],
 ) -> float:
     """Largest difference of speed and rate, in parts of the largest linear response."""
-    angles = {"rudder_rad" if label == "yaw" else "elevator_rad": angle_rad}
+    rudder_rad, elevator_rad = (angle_rad, 0.0) if label == "yaw" else (0.0, angle_rad)
     start = flight.cruising(point.speed_mps)
     track = flight.fly(
         _planar(model),
         start,
         (len(linear) - 1) * STEP_S,
-        thrust_fraction=point.thrust_fraction,
+        rudder_rad,
+        elevator_rad,
+        point.thrust_fraction,
         dt_s=STEP_S,
-        **angles,
     )
     difference = track[:, columns] / angle_rad - linear
     return float(np.max(np.abs(difference) / np.abs(linear).max(axis=0)))
@@ -73,7 +74,7 @@ def _planar(model: VehicleModel) -> VehicleModel:
     h, M = model.hydrostatics, np.diag(np.diag(model.inertia.M))
     for pair in ([1, 5], [2, 4]):
         M[np.ix_(pair, pair)] = model.inertia.M[np.ix_(pair, pair)]
-    inertia = model.inertia._replace(M=M, M_inverse=np.linalg.inv(M))
+    inertia = model.inertia._replace(M=M, M_inverse=np.linalg.inv(M).astype(float))
     return model._replace(
         inertia=inertia, hydrostatics=h._replace(buoyancy_n=h.weight_n, x_cm_m=0.0, x_cb_m=0.0)
     )

@@ -62,9 +62,9 @@ def checks() -> Iterator[Check]:
 
 
 def _stacked(found: LinearPlanes) -> list[float]:
-    return np.concatenate(
-        [m.ravel() for m in (found.yaw.A, found.yaw.B, found.pitch.A, found.pitch.B)]
-    ).tolist()
+    matrices = (found.yaw.A, found.yaw.B, found.pitch.A, found.pitch.B)
+    values: list[float] = np.concatenate([m.ravel() for m in matrices]).tolist()
+    return values
 
 
 def linear_planes(c: dict[str, float]) -> list[float]:

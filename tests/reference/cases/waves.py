@@ -15,13 +15,16 @@ suction, whose limit is that of waves long against the hull.
 from collections.abc import Iterator
 from itertools import pairwise
 from math import exp, inf, pi, sqrt, tanh
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sitl.core.environment import current, density, field, floor, waves
 from sitl.core.environment.field import WaterField
+from sitl.core.environment.waves import WaveKinematics
 from sitl.environment_schema import Current, Density, FloorTable, WaterTable, Waves
+from sitl.vehicle import dynamics
 from tests.reference import bodies
 from tests.reference.check import Check, relative, worst
 from tests.sitl.vehicle import flight
@@ -32,7 +35,8 @@ G = bodies.GRAVITY_MPS2
 DEEP_M = 500.0
 PERIOD_S, AMPLITUDE_M = 8.0, 0.5
 LENGTH_M, DIAMETER_M, SUBMERGED_M = 2.0, 0.3, 4.0
-PERIOD_RATIOS = {"pierson-moskowitz": 0.7104, "jonswap": 0.7777}
+Spectrum = Literal["pierson-moskowitz", "jonswap"]
+PERIOD_RATIOS: dict[Spectrum, float] = {"pierson-moskowitz": 0.7104, "jonswap": 0.7777}
 """T_z / T_p; the latter by DNV's cubic at gamma = 3.3."""
 
 
@@ -101,7 +105,7 @@ def _kinematics(sea: Array) -> Iterator[Check]:
             f"orbit at {depth:.0f} m, roundness", "m/s", speed, reference, 1e-12, "deep water"
         )
     here, h = np.array([3.0, 7.0, -2.0]), 1e-5
-    moving = waves.motion(sea, *here, 1.3)
+    moving = _motion(sea, here, 1.3)
     slopes = [
         (_velocity(sea, here + h * e, 1.3) - _velocity(sea, here - h * e, 1.3)) / (2 * h)
         for e in np.eye(3)
@@ -139,10 +143,15 @@ def _kinematics(sea: Array) -> Iterator[Check]:
 
 
 def _velocity(sea: Array, place: Array, time_s: float) -> Array:
-    return np.array(waves.motion(sea, *place, time_s).velocity)
+    return np.array(_motion(sea, place, time_s).velocity)
 
 
-def _statistics(spectrum: str) -> Iterator[Check]:
+def _motion(sea: Array, place: Array, time_s: float) -> WaveKinematics:
+    north_m, west_m, up_m = place
+    return waves.motion(sea, north_m, west_m, up_m, time_s)
+
+
+def _statistics(spectrum: Spectrum) -> Iterator[Check]:
     """An hour at one place, twice a second."""
     weather = Waves(spectrum=spectrum, significant_height_m=1.5, peak_period_s=7.0, components=200)
     swell = waves.build(weather, DEEP_M, G)
@@ -169,7 +178,7 @@ def _suction_n(sea: Array) -> float:
     """Mean upward force on a neutral cylinder held where it lies, over a period."""
     body, state = (
         bodies.cylinder(LENGTH_M, DIAMETER_M, 0.0),
-        flight.dynamics.state_at_rest(-SUBMERGED_M),
+        dynamics.state_at_rest(-SUBMERGED_M),
     )
     water = WaterField(
         sea=sea,
