@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from autopilot import param_file, resume
+from autopilot.comms.sensor_clock import SensorClock
 from autopilot.control import lqg_file
 from autopilot.record_json import from_json, to_json
 from autopilot.resume import Checkpoint
@@ -17,7 +18,7 @@ from mavlink_io.errors import CaribouError
 from sitl import bathymetry, scenario
 from sitl.vehicle import config
 from sysid.data import readers
-from sysid.models import model_file
+from sysid.models import json_record, model_file
 from tests.fuzz.links import DefectError
 from tests.helpers.fake_hil import Harness
 from tests.sysid.data.readers import files as recorded
@@ -127,7 +128,7 @@ def _checkpoint(_: Path) -> list[bytes]:
         written_unix_s=0.0,
         hil="udpin:127.0.0.1:14560",
         state=resume._continuable(harness.vehicle.state._replace(armed=True)),
-        clock=resume.SensorClock(1),
+        clock=SensorClock(1),
         intended_mode=1,
         ground_was_received=True,
     )
@@ -166,7 +167,7 @@ def _model(folder: Path) -> list[bytes]:
     from sysid.test_design import prior
     from tests.sysid.monte_carlo.files import model_of
 
-    return [model_file.encode(model_of(prior.from_file(config.load("caribou_nominal"))))]
+    return [json_record.encode(model_of(prior.from_file(config.load("caribou_nominal"))))]
 
 
 GRID = "ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 10\n-10 -11 -12\n-10 -11 -12\n"

@@ -44,7 +44,7 @@ _REALS = (
     84_148_224.0,
 )
 """Edge values of a real field."""
-_COMMANDS = (*MavCmd, 0, 65_535)
+_COMMANDS: tuple[int, ...] = (*MavCmd, 0, 65_535)
 """Numbers of commands."""
 
 

@@ -108,8 +108,8 @@ class FuzzedAutopilot:
                 break
         return answered, longest_s
 
-    def internal_errors(self) -> set[str]:
-        """Return the services in which an exception was caught."""
+    def internal_errors(self) -> set[tuple[str, str]]:
+        """Return part and source line of each exception that was caught."""
         return self.rig.server.guard._reported | self.rig.onboard_log._guard._reported
 
     def close(self) -> None:
@@ -210,8 +210,8 @@ def _check_answer(answer: Any) -> None:
 def _file_requests(data: bytes) -> bytes:
     """Return FILE_TRANSFER_PROTOCOL frames; paths are those of the vehicle or any bytes."""
     source, sent = ByteSource(data), b""
-    paths = (b"/", b"/logs", b"/params/current.param", b"@PARAM/param.pck", b"/../etc/passwd")
-    paths += (b"/logs/../../x", b"//", b"/params/", b"\xff\xfe", b"@PARAM/param.pck?withdefaults=1")
+    paths = [b"/", b"/logs", b"/params/current.param", b"@PARAM/param.pck", b"/../etc/passwd"]
+    paths += [b"/logs/../../x", b"//", b"/params/", b"\xff\xfe", b"@PARAM/param.pck?withdefaults=1"]
     for sequence in range(32):
         if source.empty:
             break

@@ -104,8 +104,10 @@ def read(datagram: bytes) -> Motion:
     """Read the last line between two line feeds as ArduPilot does: section, key, text after it."""
     *_, before, line, after = datagram.decode().split("\n")
     assert (before, after) == ("", "")
+    timestamp_s = _number(line, "", "timestamp")
+    assert timestamp_s is not None, "timestamp"
     return Motion(
-        _number(line, "", "timestamp", required=True),
+        timestamp_s,
         _vector(line, "imu", "gyro", 3),
         _vector(line, "imu", "accel_body", 3),
         _vector(line, "", "position", 3),
@@ -124,9 +126,8 @@ def _value(line: str, section: str, key: str) -> str | None:
     return None if found < 0 else line[found + len(key) + 2 :]
 
 
-def _number(line: str, section: str, key: str, *, required: bool = False) -> float | None:
+def _number(line: str, section: str, key: str) -> float | None:
     text = _value(line, section, key)
-    assert text is not None or not required, key
     match = re.match(r"-?\d+(\.\d+)?(e-?\d+)?", text or "")
     return float(match.group()) if match else None
 

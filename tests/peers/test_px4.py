@@ -287,9 +287,12 @@ def test_assigned_outputs_control_the_vehicle(deep_port: int) -> None:
         straight.find("HIL_STATE_QUATERNION"),
         steered(deep_port).find("HIL_STATE_QUATERNION"),
     )
+    assert moving is not None
+    assert adrift is not None
     assert moving.vy > 100, "cm/s, eastward"
     assert adrift.vy < moving.vy - 20
     disarmed = steered(deep_port, thrust=0.58, armed=False).find("HIL_STATE_QUATERNION")
+    assert disarmed is not None
     assert disarmed.vy == adrift.vy
 
 
@@ -316,7 +319,7 @@ def test_default_pressure_gives_depth_in_px4(deep_port: int) -> None:
 def test_vision_pose_is_the_true_one_under_water(deep_port: int) -> None:
     with closing(Px4(deep_port)) as px4:
         instants = list(px4.fly(60))
-    poses = [tick.find("ODOMETRY") for tick in instants if tick.find("ODOMETRY")]
+    poses = [pose for tick in instants if (pose := tick.find("ODOMETRY"))]
     located = [pose for pose in poses if math.isfinite(pose.x)]
     assert len(located) == 6, "10 Hz beside the velocity of the DVL"
     last = located[-1]

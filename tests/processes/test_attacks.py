@@ -73,14 +73,14 @@ def closed_by_peer(sockets: list[socket.socket], patience_s: float) -> int:
             selector.register(connection, selectors.EVENT_READ)
         while closed < FLOOD - MAX_CLIENTS and time.monotonic() < deadline_s:
             for key, _ in selector.select(0.2):
-                connection = key.fileobj
-                assert isinstance(connection, socket.socket)
+                peer = key.fileobj
+                assert isinstance(peer, socket.socket)
                 try:
-                    ended = not connection.recv(4096)
+                    ended = not peer.recv(4096)
                 except OSError:
                     ended = True
                 if ended:
-                    selector.unregister(connection)
+                    selector.unregister(peer)
                     closed += 1
     return closed
 

@@ -5,6 +5,7 @@ The dives run in real time, therefore in parallel.
 
 import json
 import re
+import signal
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -81,7 +82,7 @@ class Rig(NamedTuple):
         """End both programs; return their output on stderr."""
         outputs = []
         for child in (self.autopilot, self.simulator):
-            child.signal(15)
+            child.signal(signal.SIGTERM)
             finished = child.finish()
             assert finished.status == 0, finished
             outputs.append(finished.stderr)

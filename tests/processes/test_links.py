@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import json
 import os
+import signal
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -86,7 +87,7 @@ def test_parameter_request_needs_signature_on_signed_link(
     assert "no answer to the request for parameter HDG_P" in unsigned.stderr
     message = unsigned.stderr.removeprefix("ground: ").rstrip("\n")
     assert json.loads(unsigned.stdout) == {"error": {"code": "vehicle", "message": message}}
-    linked_autopilot.process.signal(2)
+    linked_autopilot.process.signal(signal.SIGINT)
     linked_autopilot.process.finish()
     saved = int((state / "signing_timestamp").read_text())
     assert abs(saved / 1e5 + 1_420_070_400 - time.time()) < 60.0

@@ -103,7 +103,7 @@ def assert_continued(dive: Dive) -> None:
         assert heartbeat.custom_mode == modes.MISSION.number
         assert heartbeat.base_mode & ARMED
         client = MissionClient(ground.endpoint.send, GROUND, VEHICLE)
-        assert tuple(run(client.download(), ground.endpoint)) == MISSION
+        assert run(client.download(), ground.endpoint) == MISSION
         dive.fly(0.5)
         position = ground.wait_for("LOCAL_POSITION_NED")
         assert position.z == pytest.approx(2.0, abs=0.1)
@@ -154,7 +154,7 @@ def test_start_by_hand_after_crash_is_disarmed_with_mission(dive: Dive) -> None:
         assert not dive.answer.mode & ARMED
         with closing(Ground(dive.port)) as ground:
             client = MissionClient(ground.endpoint.send, GROUND, VEHICLE)
-            assert tuple(run(client.download(), ground.endpoint)) == MISSION
+            assert run(client.download(), ground.endpoint) == MISSION
 
 
 FAILING = """

@@ -51,7 +51,7 @@ def _command(number: int, *parameters: float) -> dict[str, Any]:
     }
 
 
-def _frame(name: str, sender: tuple[int, int] = FLOODER, **fields: Any) -> bytes:
+def _frame(name: str, sender: tuple[int, int] = FLOODER, /, **fields: Any) -> bytes:
     """Return an encoded message."""
     message = dialect.by_name(name)
     return encode(message, message.values(**fields), 0, *sender)

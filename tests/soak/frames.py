@@ -3,7 +3,7 @@
 import random
 from collections.abc import Callable, Mapping
 
-from tests.fuzz.links import MAX_TICK_CPU_S, LinkFuzz
+from tests.fuzz.links import MAX_TICK_CPU_S, LinkFuzz, LinkReport
 from tests.soak.row import Batch, Row
 
 MAX_CASE_BYTES = 3000
@@ -13,7 +13,7 @@ MAX_CASE_BYTES = 3000
 def run(first: int, count: int) -> Batch:
     """Send frames on the ground link, the HIL link and by the file transfer in turn."""
     batch, fuzz = Batch(), LinkFuzz()
-    links: tuple[tuple[str, Callable[[bytes], object]], ...] = (
+    links: tuple[tuple[str, Callable[[bytes], LinkReport]], ...] = (
         ("ground", fuzz.ground),
         ("hil", fuzz.hil),
         ("ftp", fuzz.file_transfer),

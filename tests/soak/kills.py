@@ -65,7 +65,7 @@ def _case(batch: Batch, rng: random.Random, folder: Path) -> None:
             assert restart_s < RESTART_S, f"restarted after {restart_s:.2f} s"
             with closing(Ground(dive.port)) as ground:
                 missions = MissionClient(ground.endpoint.send, GROUND, VEHICLE)
-                assert tuple(exchange(missions.download(), ground.endpoint)) == MISSION
+                assert exchange(missions.download(), ground.endpoint) == MISSION
                 client = ParamClient(ground.endpoint.send, GROUND, VEHICLE)
                 for name, value in VALUES.items():
                     assert abs(exchange(client.get(name), ground.endpoint) - value) < 1e-6, name
