@@ -86,7 +86,8 @@ PROGRAMS = {
     ),
 }
 Verdicts = dict[str, dict[str, Any]]
-Key, T = TypeVar("Key", bound=Hashable), TypeVar("T")
+Key = TypeVar("Key", bound=Hashable)
+T = TypeVar("T")
 
 
 class Afloat:

@@ -16,6 +16,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -458,14 +459,15 @@ def downloads_every_parameter(p: Person) -> None:
     p.ask("param fetch", f"Received {len(DEFAULTS)} parameters", 60.0)
 
 
+def _has_mode(p: Person, number: int) -> bool:
+    return bool(p.latest("HEARTBEAT")["custom_mode"] == number)
+
+
 def sets_ardusubs_modes_without_a_mode_map(p: Person) -> None:
     """Check the names of MAVProxy's own table, in the command and in HEARTBEAT."""
     for name, number in ARDUSUB_MODES.items():
         p.ask(f"mode {name}", f"Mode {name}")
-        p.until(
-            lambda wanted=number: p.latest("HEARTBEAT")["custom_mode"] == wanted,
-            f"HEARTBEAT never had mode {number}",
-        )
+        p.until(partial(_has_mode, p, number), f"HEARTBEAT never had mode {number}")
     require("Mode(" not in p.console.output, "a mode was shown as a number")
 
 

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -128,8 +129,12 @@ def lists_every_mode(s: Session) -> None:
 
 def sets_every_mode(s: Session) -> None:
     for mode in MODES:
-        equal(s.result(176, lambda mode=mode: s.link.set_mode(mode)), ACCEPTED, f"result of {mode}")
-        s.until(lambda mode=mode: s.link.flightmode == mode, f"flightmode is never {mode}")
+        equal(s.result(176, partial(s.link.set_mode, mode)), ACCEPTED, f"result of {mode}")
+        s.until(partial(_is_in_mode, s, mode), f"flightmode is never {mode}")
+
+
+def _is_in_mode(s: Session, mode: str) -> bool:
+    return bool(s.link.flightmode == mode)
 
 
 def number_of_another_autopilot_is_refused(s: Session) -> None:
@@ -221,15 +226,19 @@ def sends_the_mission(s: Session) -> None:
     equal(write_mission(s, mission_items()), 0, "MISSION_ACK")
 
 
+def _is_item(number: int, message: Any) -> bool:
+    return bool(message.seq == number)
+
+
 def fetches_the_mission(s: Session) -> None:
     """Check the download item by item into a ``MAVWPLoader``, and its file."""
     loader = mavwp.MAVWPLoader(1, 1)
     count = s.ask(s.link.waypoint_request_list_send, "MISSION_COUNT").count
     for n in range(count):
         item = s.ask(
-            lambda n=n: s.link.mav.mission_request_int_send(1, 1, n),
+            partial(s.link.mav.mission_request_int_send, 1, 1, n),
             "MISSION_ITEM_INT",
-            lambda m, n=n: m.seq == n,
+            partial(_is_item, n),
         )
         loader.add(item)
     s.link.mav.mission_ack_send(1, 1, 0)
