@@ -41,6 +41,8 @@ SEA = Noise(
     wave_radps2=sea.WAVE_RADPS2,
 )
 """Disturbances of the tests' sea in the form of the noise model."""
+MAX_GROWTH = 1e6
+"""Growth of an unstable plane that leaves its sensitivities ten digits."""
 LEAST_RATIO = 5.0
 """Target: phase standard deviation after the paper's steps over that after designed tests."""
 LEAST_WITHIN_PCT = 99.0
@@ -71,10 +73,9 @@ def _predicted_deg(case: Case, flown: tuple[Manoeuvre, ...], plane: Plane) -> fl
     by central differences.
     """
     truth = plants.of_vehicle(vehicles.nominal(case.truth), plane)
+    commands = [_command(case, half) for m in flown for half in m.halves if half.plane == plane]
     least = cramer_rao.bound_coloured(
-        truth,
-        [_command(case, half) for m in flown for half in m.halves if half.plane == plane],
-        SEA,
+        truth, [piece for command in commands for piece in _pieces(truth, command)], SEA
     )
     omega = attainable_radps(case, plane)
     steps = 1e-5 * np.maximum(np.abs(truth.values), 1e-2)
@@ -86,6 +87,20 @@ def _predicted_deg(case: Case, flown: tuple[Manoeuvre, ...], plane: Plane) -> fl
         2.0 * steps
     )
     return math.degrees(math.sqrt(slope @ least.covariance @ slope))
+
+
+def _pieces(truth: LinearModel, command: SurfaceCommand) -> list[SurfaceCommand]:
+    """Cut a command into pieces in which an unstable plane without loop grows by `MAX_GROWTH`.
+
+    Only a loop makes such a command bounded, and the bound is computed without it.
+    """
+    growth_per_s = float(np.max(np.linalg.eigvals(plants.linear_plane(truth).A).real))
+    angle_rad, lead = command.angle_rad, int(simulate.LEAD_S * RATE_HZ)
+    if growth_per_s * angle_rad.size / RATE_HZ <= math.log(MAX_GROWTH):
+        return [command]
+    length = int(math.log(MAX_GROWTH) / growth_per_s * RATE_HZ)
+    starts = range(0, angle_rad.size - lead - 1, length)
+    return [SurfaceCommand(angle_rad[start : start + lead + length], lead) for start in starts]
 
 
 def _response(truth: LinearModel, values: Array, omega_radps: float) -> complex:
