@@ -1,5 +1,7 @@
 """Timers with a simulated wall clock."""
 
+import time
+
 import pytest
 
 from mavlink_io import clock
@@ -24,7 +26,7 @@ class Wall:
 def wall(monkeypatch: pytest.MonkeyPatch) -> Wall:
     wall = Wall()
     monkeypatch.setattr(clock, "wall_s", wall)
-    monkeypatch.setattr(clock.time, "sleep", wall.sleep)
+    monkeypatch.setattr(time, "sleep", wall.sleep)
     return wall
 
 

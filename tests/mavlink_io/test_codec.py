@@ -155,7 +155,8 @@ def test_framer_signed_frame_has_correct_length() -> None:
 def stranger(seed: int, payload: bytes = b"\x01\x02\x03") -> bytes:
     """Return a frame of system 7, component 9 with a message that the dialect lacks."""
     body = bytes((len(payload), 0, 0, 5, 7, 9, 0x34, 0x12, 0xAB)) + payload
-    return b"\xfd" + body + mavlink.x25crc(body + bytes((seed,))).crc.to_bytes(2, "little")
+    crc: int = mavlink.x25crc(body + bytes((seed,))).crc
+    return b"\xfd" + body + crc.to_bytes(2, "little")
 
 
 @given(st.integers(0, 255), st.binary(min_size=1, max_size=255))

@@ -4,14 +4,17 @@ The processes of these tests print whether numba was imported, that is, whether 
 compiled.
 """
 
+import inspect
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mavlink_io import jit, jit_stored
 from mavlink_io.stored_code import object_file, store
@@ -44,7 +47,7 @@ print(doubled(3.0), 'numba' in sys.modules)
 
 
 @pytest.fixture
-def package(tmp_path):
+def package(tmp_path: Path) -> Path:
     """A package of two files with kernels, one of which calls the other."""
     folder = tmp_path / "kernels_of_test"
     folder.mkdir()
@@ -60,7 +63,7 @@ def call(package: Path) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
-def test_unchanged_sources_are_not_compiled_again(package):
+def test_unchanged_sources_are_not_compiled_again(package: Path) -> None:
     assert call(package) == "6.0 True"
     assert call(package) == "6.0 False"
 
@@ -93,7 +96,7 @@ def swapped(pair, row, generator, offset=0.5):
 """
 
 
-def test_stored_code_of_records_and_arrays_gives_the_same(package):
+def test_stored_code_of_records_and_arrays_gives_the_same(package: Path) -> None:
     (package / "records.py").write_text(RECORDS)
     imports = CALL.partition("from sitl")[0] + WITH_A_FLOAT_AND_A_RECORD
     command = [sys.executable, "-c", imports.format(folder=package.name), str(package.parent)]
@@ -105,7 +108,7 @@ def test_stored_code_of_records_and_arrays_gives_the_same(package):
     assert (compiled[-1], stored[-1]) == ("True", "False")
 
 
-def test_stored_code_raises_the_exceptions_of_its_source(package):
+def test_stored_code_raises_the_exceptions_of_its_source(package: Path) -> None:
     (package / "records.py").write_text(RECORDS)
     imports = CALL.partition("from sitl")[0] + WITH_A_FLOAT_AND_A_RECORD
     code = imports.replace("Pair(1.0, 2)", "Pair(1.0, -2)").format(folder=package.name)
@@ -114,7 +117,7 @@ def test_stored_code_raises_the_exceptions_of_its_source(package):
     assert all(error.endswith("ValueError: negative\n") for error in errors)
 
 
-def test_damaged_store_is_compiled_again(package):
+def test_damaged_store_is_compiled_again(package: Path) -> None:
     call(package)
     (stored,) = (package / "__pycache__").glob("outer.doubled.*.kernel")
     content = stored.read_bytes()
@@ -125,16 +128,16 @@ def test_damaged_store_is_compiled_again(package):
 
 
 @pytest.mark.skipif(not store.is_supported(), reason="numba loads its own files here")
-def test_kernel_with_a_default_is_stored_for_each_way_to_call_it():
+def test_kernel_with_a_default_is_stored_for_each_way_to_call_it() -> None:
     assert [shifted(1.0), shifted(1.0, 2.0), shifted(1.0, offset=3.0)] == [1.5, 3.0, 4.0]
     stored = store.stored_types(Source(Path(__file__), "shifted"))
     assert sorted(stored) == ["(f8;f8)", "(f8;omitted)"]
     with pytest.raises(TypeError, match="shifted"):
-        shifted(1.0, other=2.0)
+        shifted(1.0, other=2.0)  # type: ignore[call-arg]
 
 
-def test_functions_that_a_function_makes_are_told_apart():
-    def multiplier(factor: float):
+def test_functions_that_a_function_makes_are_told_apart() -> None:
+    def multiplier(factor: float) -> Callable[[float], float]:
         @jit.entry_point
         def multiplied(value: float) -> float:
             return factor * value
@@ -144,31 +147,31 @@ def test_functions_that_a_function_makes_are_told_apart():
     assert [multiplier(2.0)(3.0), multiplier(5.0)(3.0)] == [6.0, 15.0]
 
 
-def test_arrays_may_be_named_arguments():
+def test_arrays_may_be_named_arguments() -> None:
     assert scaled(factor=2.0, values=np.arange(3.0)).tolist() == [0.0, 2.0, 4.0]
     with pytest.raises(TypeError, match="scaled"):
-        scaled(values=np.arange(3.0))
+        scaled(values=np.arange(3.0))  # type: ignore[call-arg]
 
 
 @jit.entry_point
-def scaled(values: np.ndarray, factor: float) -> np.ndarray:
+def scaled(values: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
     return factor * values
 
 
-def test_types_without_a_name_are_left_to_numba():
+def test_types_without_a_name_are_left_to_numba() -> None:
     number = np.float32(1.5)
-    assert [shifted(number), shifted(number, 2.0)] == [2.0, 3.5]
-    assert jit.machine_code(shifted, number, 2.0)(number, 2.0) == 3.5
+    assert [shifted(number), shifted(number, 2.0)] == [2.0, 3.5]  # type: ignore[arg-type]
+    assert jit.machine_code(shifted, number, 2.0)(number, 2.0) == 3.5  # type: ignore[arg-type]
 
 
 @pytest.mark.skipif(not store.is_supported(), reason="numba loads its own files here")
-def test_code_that_cannot_be_placed_is_compiled(monkeypatch):
+def test_code_that_cannot_be_placed_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise OSError("no memory may be executed")
 
     assert shifted(7.0) == 7.5
     monkeypatch.setattr(object_file, "place", refuse)
-    fresh = jit_stored.compiled(shifted.__wrapped__, inline=False)
+    fresh = jit_stored.compiled(inspect.unwrap(shifted), inline=False)
     assert fresh(7.0) == 7.5
 
 
@@ -178,9 +181,10 @@ def shifted(value: float, offset: float = 0.5) -> float:
 
 
 @pytest.mark.skipif(not store.is_supported(), reason="numba loads its own files here")
-def test_object_file_with_another_relocation_is_refused():
+def test_object_file_with_another_relocation_is_refused() -> None:
     shifted(1.0, 2.0)
     code = store.find(Source(Path(__file__), "shifted"), "(f8;f8)")
+    assert code is not None
     content = bytearray(code.content)
     for section in object_file._sections(code.content):
         if section.kind == object_file._RELOCATIONS:
@@ -191,7 +195,7 @@ def test_object_file_with_another_relocation_is_refused():
         object_file.place(b"text" * 100, lambda name: 1)
 
 
-def test_machine_code_is_stored_after_the_first_call_only(package):
+def test_machine_code_is_stored_after_the_first_call_only(package: Path) -> None:
     """Before it, an autopilot flies plain Python instead of compiling for a minute."""
     asked = "from mavlink_io import jit; print(jit.is_stored(doubled))"
     before = CALL.replace("print(doubled(3.0), 'numba' in sys.modules)", asked)
@@ -207,14 +211,14 @@ def test_machine_code_is_stored_after_the_first_call_only(package):
     assert stored() == "False", "the content of an inner kernel counts"
 
 
-def test_newer_files_of_the_same_content_are_not_compiled_again(package):
+def test_newer_files_of_the_same_content_are_not_compiled_again(package: Path) -> None:
     call(package)
     for source in package.glob("*.py"):
         os.utime(source, ns=(2 * 10**18, 2 * 10**18))
     assert call(package) == "6.0 False"
 
 
-def test_a_change_of_a_called_kernel_in_another_file_is_noticed(package):
+def test_a_change_of_a_called_kernel_in_another_file_is_noticed(package: Path) -> None:
     call(package)
     (package / "inner.py").write_text(INNER.replace("factor * x", "factor * x + 1.0"))
     assert call(package) == "7.0 True"
@@ -228,7 +232,7 @@ class Two(NamedTuple):
     number: float
 
 
-def test_stored_code_names_only_its_own_type():
+def test_stored_code_names_only_its_own_type() -> None:
     # Loading it imports the modules of all types in it; the simulator would import modules that it
     # does not need.
     for kind in (One, Two):
@@ -255,7 +259,7 @@ def raised_in_machine_code(wave: Wave, height: float) -> Wave:
     return raised(wave, height)
 
 
-def test_numeric_function_is_called_by_kernels_and_is_itself_in_python():
+def test_numeric_function_is_called_by_kernels_and_is_itself_in_python() -> None:
     wave = Wave(1.0, 1, One(0.5))
     assert type(raised).__name__ == "function"
     assert raised_in_machine_code(wave, 3.0) == raised(wave, 3.0) == Wave(3.0, 2, One(-3.0))
@@ -263,10 +267,11 @@ def test_numeric_function_is_called_by_kernels_and_is_itself_in_python():
 
 @jit.entry_point
 def height_of(wave: jit.Native, factor: float) -> float:
-    return factor * wave.value.height
+    height: float = wave.value.height
+    return factor * height
 
 
-def test_machine_code_without_a_look_at_types_gives_the_same():
+def test_machine_code_without_a_look_at_types_gives_the_same() -> None:
     wave = jit.native(Wave(1.5, 1, One(0.5)))
     code = jit.machine_code(height_of, wave, 1.0)
     assert code is not height_of
@@ -275,7 +280,7 @@ def test_machine_code_without_a_look_at_types_gives_the_same():
 
 def make_levels(*fields: str) -> type:
     """Return a new NamedTuple class; each has the name Levels."""
-    return NamedTuple("Levels", [(field, float) for field in fields])  # type: ignore[misc]
+    return NamedTuple("Levels", [(field, float) for field in fields])  # type: ignore[return-value]
 
 
 Sea, Air = make_levels("depth", "swell"), make_levels("height", "wind")
@@ -283,20 +288,22 @@ Sea, Air = make_levels("depth", "swell"), make_levels("height", "wind")
 
 @jit.entry_point
 def swell_of(levels: jit.Native) -> float:
-    return levels.value.swell
+    swell: float = levels.value.swell
+    return swell
 
 
 @jit.entry_point
 def wind_of(levels: jit.Native) -> float:
-    return levels.value.wind
+    wind: float = levels.value.wind
+    return wind
 
 
-def test_references_to_two_records_of_one_name_are_told_apart():
+def test_references_to_two_records_of_one_name_are_told_apart() -> None:
     assert swell_of(jit.native(Sea(1.0, 2.0))) == 2.0
     assert wind_of(jit.native(Air(3.0, 4.0))) == 4.0
 
 
-def test_replacing_a_field_of_a_kernel_does_not_change_the_record():
+def test_replacing_a_field_of_a_kernel_does_not_change_the_record() -> None:
     wave = Wave(1.0, 1, One(0.5))
     raised_in_machine_code(wave, 3.0)
     assert wave == Wave(1.0, 1, One(0.5))
@@ -333,7 +340,7 @@ print(jit.COMPILED, type(total).__name__, jit.machine_code(total_of, pair)(pair)
 @pytest.mark.parametrize(
     "preparation", [WITHOUT_NUMBA, "import os; os.environ['NUMBA_DISABLE_JIT'] = '1'"]
 )
-def test_kernels_are_plain_functions_without_numba(preparation):
+def test_kernels_are_plain_functions_without_numba(preparation: str) -> None:
     command = [sys.executable, "-c", preparation + PLAIN]
     output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     assert output.strip() == "False function 3.0"

@@ -3,6 +3,7 @@
 import io
 import struct
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from mavlink_io.logging.mcap_reader import (
     format_damage,
 )
 
-HOWEVER_WRITTEN = {
+HOWEVER_WRITTEN: dict[str, dict[str, Any]] = {
     "chunked": {"chunk_size": 200},
     "not compressed": {"chunk_size": 200, "compression": CompressionType.NONE},
     "lz4": {"chunk_size": 200, "compression": CompressionType.LZ4},
@@ -37,7 +38,7 @@ STEP_NS = 100_000_000
 COUNT = 90
 
 
-def written(**how: object) -> bytes:
+def written(**how: Any) -> bytes:
     file = io.BytesIO()
     writer = Writer(file, **how)
     writer.start("ros1", "a test")
@@ -50,7 +51,7 @@ def written(**how: object) -> bytes:
         writer.add_message(numbers[k % 3], time_ns, data, publish_time=k, sequence=7)
     writer.add_attachment(1, 2, "file", "text/plain", b"attached")
     writer.add_metadata("notes", {"one": "1"})
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     return file.getvalue()
 
 

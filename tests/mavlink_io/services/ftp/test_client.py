@@ -4,7 +4,7 @@ import io
 import random
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -103,13 +103,14 @@ def test_ftp_list_and_checksum_with_losses_are_correct(seed: int, share: float) 
 @pytest.mark.parametrize("ask", ["list", "checksum", "download"])
 def test_ftp_missing_file_raises_error(ask: str, tmp_path: Path) -> None:
     rig = Rig({"/logs/a": b"x"})
-    exchange = {
+    requests: dict[str, Callable[[], Exchange[Any]]] = {
         "list": lambda: rig.client.list("/nowhere"),
         "checksum": lambda: rig.client.checksum("/logs/b"),
         "download": lambda: rig.client.download("/logs/b", io.BytesIO()),
-    }[ask]()
+    }
+    exchange = requests[ask]()
     with pytest.raises(ExchangeError, match="filenotfound"):
-        rig.settle(exchange)  # type: ignore[arg-type]
+        rig.settle(exchange)
 
 
 def test_ftp_resume_of_shorter_file_raises_error() -> None:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pymavlink.mavftp import FTP_OP
 
 from mavlink_io.dialect import constant
+from mavlink_io.request import MavlinkId
 from mavlink_io.services.ftp.payload import crc32
 from mavlink_io.services.ftp.server import (
     BURST_PACKETS,
@@ -52,7 +53,7 @@ def build(folder: Path) -> FileServer:
 class Client:
     """A client that sends requests and reads the answers."""
 
-    def __init__(self, server: FileServer, party: tuple[int, int] = GROUND) -> None:
+    def __init__(self, server: FileServer, party: MavlinkId = GROUND) -> None:
         self.server, self.party = server, party
         self.room = 10**9
         self.down = Wire(VEHICLE)
@@ -252,8 +253,8 @@ def test_ftp_repeated_request_gets_same_answer(client: Client, tmp_path: Path, n
     assert [str(a) for a in again] == [str(a) for a in first] != []
 
 
-@pytest.mark.parametrize("party", [(255, 190), GROUND])
-def test_ftp_sessions_are_separate_per_client(tmp_path: Path, party: tuple[int, int]) -> None:
+@pytest.mark.parametrize("party", [MavlinkId(255, 190), GROUND])
+def test_ftp_sessions_are_separate_per_client(tmp_path: Path, party: MavlinkId) -> None:
     """Clients with the same ids on two links have separate sessions too."""
     server = build(tmp_path)
     one, other = Client(server), Client(server, party)

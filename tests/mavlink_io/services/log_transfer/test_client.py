@@ -3,13 +3,18 @@
 import io
 import random
 from pathlib import Path
+from typing import TypeVar
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mavlink_io.codec import Frame
+from mavlink_io.request import Exchange
 from mavlink_io.services.log_transfer.client import LogClient, RemoteLog
 from tests.helpers.lossy_link import GROUND, VEHICLE, Wire, insist, settle
 from tests.mavlink_io.services.log_transfer.test_server import Shelf, server_of
+
+T = TypeVar("T")
 
 
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -21,8 +26,8 @@ def test_log_client_list_and_download_with_losses(
     up, down = (Wire(party, lambda n, name: chance.random() < share) for party in (GROUND, VEHICLE))
     server, client = server_of(shelf), LogClient(up.send, GROUND, VEHICLE)
 
-    def carry(exchange):  # type: ignore[no-untyped-def]
-        def serve(frame, now_s):  # type: ignore[no-untyped-def]
+    def carry(exchange: Exchange[T]) -> T:
+        def serve(frame: Frame, now_s: float) -> None:
             server.feed(frame, down.send, lambda: 10**6)
 
         return settle(exchange, up, down, serve, lambda now_s: server.poll())

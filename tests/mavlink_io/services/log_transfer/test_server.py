@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mavlink_io.request import MavlinkId
 from mavlink_io.services.log_transfer.server import ALL, LogServer
 from mavlink_io.services.log_transfer.source import LogFile
 from tests.helpers.lossy_link import GROUND, VEHICLE, Lost, Wire, nothing
@@ -33,9 +34,7 @@ class Shelf:
 
 
 class Client:
-    def __init__(
-        self, server: LogServer, party: tuple[int, int] = GROUND, lost: Lost = nothing
-    ) -> None:
+    def __init__(self, server: LogServer, party: MavlinkId = GROUND, lost: Lost = nothing) -> None:
         self.server, self.party, self.down, self.room = server, party, Wire(VEHICLE, lost), 10**9
 
     def send(self, name: str, **fields: int) -> None:
@@ -114,7 +113,7 @@ def test_log_data_requested_range_arrives(tmp_path: Path) -> None:
 
 def test_log_data_full_link_does_not_delay_others(tmp_path: Path) -> None:
     server = server_of(Shelf(tmp_path, 3000))
-    slow, fast = Client(server), Client(server, (255, 190))
+    slow, fast = Client(server), Client(server, MavlinkId(255, 190))
     slow.room = 100
     for client in (slow, fast):
         client.send("LOG_REQUEST_DATA", id=0, ofs=0, count=900)
