@@ -16,11 +16,11 @@ DIVES = 30
 
 
 def waypoint(
-    sequence: int, north_m: float, east_m: float, depth_m: float = 4.0, **more: float
+    sequence: int, north_m: float, east_m: float, depth_m: float = 4.0, p1: float = 0.0
 ) -> MissionItem:
     """Return a waypoint at an offset (m) from home."""
     return MissionItem(
-        sequence, 1, 16, x=round(north_m * 1e4), y=round(east_m * 1e4), z=depth_m, **more
+        sequence, 1, 16, p1=p1, x=round(north_m * 1e4), y=round(east_m * 1e4), z=depth_m
     )
 
 
@@ -147,7 +147,7 @@ def test_loiter_items_hold_for_time_and_count_turns() -> None:
         MissionItem(1, 1, 18, p1=1.5, p3=-15.0, x=1_200_000, y=0, z=6.0),
         MissionItem(2, 2, 93, p1=600.0),
     )
-    start_times_s = {}
+    start_times_s: dict[int, float] = {}
     for _ in range(700):
         start_times_s.setdefault(voyage.state.mission.current, voyage.state.time_us / 1e6)
         if voyage.state.mission.current == 2:

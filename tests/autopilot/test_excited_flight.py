@@ -42,7 +42,7 @@ def test_step_excitation_opens_only_its_plane_and_ends() -> None:
 def test_excitation_outside_envelope_stops_with_reason(
     changes: dict[str, float], altitude_m: float | None, word: str
 ) -> None:
-    flight = under_way(**changes)
+    flight = under_way(modes.DEPTH, **changes)
     flight.altitude_m = altitude_m
     assert flight.ask(requests.StartTest(11, 8.0, 0.0, 0.0, 60.0, 1, 0.0)) == ACCEPTED
     flight.run_until(lambda s: s.test is None, 20.0)

@@ -204,7 +204,7 @@ def test_disarming_submerged_requires_force() -> None:
 def test_failsafe_surfaces_and_remains_until_disarmed(
     changes: dict[str, float], altitude_m: float | None, cause: str
 ) -> None:
-    flight = under_way(**changes)
+    flight = under_way(modes.DEPTH, **changes)
     flight.altitude_m = altitude_m
     flight.run_until(lambda s: s.mode == modes.SURFACE.number, 10.0)
     assert any(

@@ -190,7 +190,7 @@ def test_component_behind_link_is_reachable() -> None:
     )
 
 
-def test_unknown_messages_are_forwarded_unchanged() -> None:
+def test_unknown_messages_are_forwarded_unchanged(monkeypatch: pytest.MonkeyPatch) -> None:
     harness = two_stations()
     first, second = harness.stations
     body = (
@@ -201,7 +201,7 @@ def test_unknown_messages_are_forwarded_unchanged() -> None:
     stranger = b"\xfd" + body.replace(b"\xff\xbe", b"\xfe\xbe") + struct.pack("<H", crc)
     first._outgoing += [raw, stranger, raw[:-1] + bytes((raw[-1] ^ 0x10,))]
     sent: list[bytes] = []
-    second.send = sent.append  # type: ignore[method-assign]
+    monkeypatch.setattr(second, "send", sent.append)
     harness.serve()
     assert raw in b"".join(sent)
     assert b"".join(sent).count(body[-4:]) == 1, (
@@ -309,14 +309,14 @@ def test_key_change_over_untrusted_link_or_armed_is_refused(tmp_path: Path) -> N
     ]
 
 
-def test_key_change_is_not_forwarded(tmp_path: Path) -> None:
+def test_key_change_is_not_forwarded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other, wire = Station(251, 190), serial_station(115_200, 250)
     harness = SignedHarness(tmp_path, Station(255, 190), other, wire)
     harness.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), other)
     other.pop_received()
     sent: list[bytes] = []
     for station in (harness.station, other):
-        station.send = sent.append  # type: ignore[method-assign]
+        monkeypatch.setattr(station, "send", sent.append)
     harness.ask(setup(NEW_KEY), wire)
     harness.ask(setup(NEW_KEY, system=0), wire)
     harness.ask(setup(NEW_KEY, system=251), wire)

@@ -120,7 +120,7 @@ def load_plans(files: StateFiles) -> dict[int, tuple[MissionItem, ...]]:
 
 def write(files: StateFiles, state: AutopilotState, problems: list[str] | None = None) -> None:
     """Write a state once and wait for it."""
-    report = [].append if problems is None else problems.append
+    report = (problems if problems is not None else []).append
     for _ in range(2):
         files._writer._due.hasten()
         files.poll(lambda: state, SensorClock(5, 6, 7), modes.HOLD.number, True, report)

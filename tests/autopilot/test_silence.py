@@ -22,7 +22,7 @@ ACCEPTED, REJECTED = 0, 1
 def noisy(time_us: int) -> SensorFrame:
     """Return a sample of a vehicle at rest with sensor noise."""
     frame, noise = sensors(time_us), 1e-8 * (time_us % 1_000_000)
-    return SensorFrame(time_us, *(reading + noise for reading in frame[1:11]), *frame[11:])
+    return SensorFrame._make((time_us, *(reading + noise for reading in frame[1:11]), *frame[11:]))
 
 
 class Rig:

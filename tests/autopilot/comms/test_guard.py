@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
@@ -29,7 +30,7 @@ def rig() -> Iterator[Rig]:
         yield rig
 
 
-def fail(*_: object, **__: object) -> None:
+def fail(*_: object, **__: object) -> NoReturn:
     raise ValueError("broken on purpose")
 
 

@@ -19,6 +19,7 @@ from mavlink_io.records import (
     Dvl,
     GpsFix,
     Leak,
+    SensorFrame,
 )
 from mavlink_io.records import Altimeter as Range
 from mavlink_io.transport import Transport, open_transport
@@ -51,10 +52,16 @@ def line() -> Iterator[Line]:
     far.close()
 
 
+def only_sample(link: hil.HilLink) -> HilSample:
+    samples = link.receive()
+    assert samples is not None
+    (sample,) = samples
+    return sample
+
+
 def heard(line: Line, sent: Sensors) -> HilSample:
     line.near.send(line.sitl.datagram(sent, None))
-    (sample,) = line.autopilot.receive()
-    return sample
+    return only_sample(line.autopilot)
 
 
 def test_sample_contains_all_device_records(line: Line) -> None:
@@ -73,10 +80,10 @@ def test_device_records_are_in_one_sample_only(line: Line) -> None:
     assert [frame.name for frame in sample.frames] == ["HIL_SENSOR"]
 
 
-def _again(time_us: int) -> object:
+def _again(time_us: int) -> SensorFrame:
     near, far = open_transport("memory:alone"), open_transport("memory:alone")
     near.send(HilClient(near).datagram(Sensors(sensors(time_us), None, None), None))
-    (sample,) = hil.HilLink(far, 1).receive()
+    sample = only_sample(hil.HilLink(far, 1))
     near.close()
     far.close()
     return sample.sensors
@@ -119,7 +126,7 @@ def test_relay_sends_hull_pressure(line: Line) -> None:
     hull, component = dialect.by_name("SCALED_PRESSURE"), 158
     pressure = encode(hull, (40, 985.5, 0.0, 2150, 0), 0, 1, component)
     line.near.send(pressure + line.sitl.datagram(Sensors(sensors(40_000), None, None), None))
-    (sample,) = line.autopilot.receive()
+    sample = only_sample(line.autopilot)
     harness = Harness()
     harness.server.relay(sample.relayed)
     harness.server.flush()
@@ -137,7 +144,7 @@ def test_device_frames_without_samples_are_limited(line: Line) -> None:
         line.near.send(encode(hull, (number, 985.5, 0.0, 2150, 0), number & 0xFF, 1, 158))
         assert line.autopilot.receive() == []
     line.near.send(line.sitl.datagram(Sensors(sensors(40_000), None, None), None))
-    (sample,) = line.autopilot.receive()
+    sample = only_sample(line.autopilot)
     assert [frame.decode().time_boot_ms for frame in sample.relayed] == list(
         range(2 * hil.MAX_QUEUED_FRAMES, 3 * hil.MAX_QUEUED_FRAMES)
     )

@@ -32,6 +32,10 @@ def at_5_m(t_s: float) -> float:
     return 5.0
 
 
+def constant(depth_m: float) -> Course:
+    return lambda t_s: depth_m
+
+
 def hold_down(
     flight: Flight, seconds: float, depth_m: Course = at_5_m, pitch_rad: float = 0.0
 ) -> float:
@@ -336,7 +340,7 @@ def test_dive_against_elevator_is_seen_by_a_slow_pressure_sensor() -> None:
     assert flight.ask(requests.ChangeTarget(3.0, 0.0, 0.58)) == ACCEPTED
     for tick in range(600):
         flight.silent = PRESSURE_FRESH if tick % 130 else 0
-        hold_down(flight, 0.02, lambda _, t_s=tick / 50: sinking(t_s), pitch_rad=-0.3)
+        hold_down(flight, 0.02, constant(sinking(tick / 50)), pitch_rad=-0.3)
     assert "Failsafe: Elevator has no effect -> SURFACE" in flight.texts()
 
 

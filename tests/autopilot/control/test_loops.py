@@ -1,6 +1,7 @@
 """Control loops: effect of each optional part, and no effect if its parameter is off."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -113,8 +114,8 @@ def test_pitch_feedforward_scales_with_inverse_square_of_speed(speed: float, sha
 
     Below cruise speed the reference is slower in proportion, so that its pitch stays the same.
     """
-    config = {"depth_ref_radps": 0.5, "depth_ref_mps": 0.1, "travel_deg": 45.0}
-    held, bare = Config(pitch_feedforward=0.2, **config), Config(**config)
+    bare = Config(depth_ref_radps=0.5, depth_ref_mps=0.1, travel_deg=45.0)
+    held = replace(bare, pitch_feedforward=0.2)
     memory = LoopMemory(depth_reference=ReferenceState(3.0, 0.1))
     estimate, asked = VehicleEstimate(depth_m=3.0, speed_mps=speed), Setpoint(depth_m=9.0)
     with_it, without = (

@@ -82,6 +82,7 @@ def test_heading_past_south_is_unwrapped() -> None:
         seen = seen._replace(heading_rad=math.radians(heading_deg))
         _, memory = loops.step_loops(seen, asked, memory, config, 0.02, heading=True, depth=False)
         assert memory.rudder_observer is not None
+    assert memory.rudder_observer is not None
     assert memory.rudder_observer.measured[1] == pytest.approx(math.radians(181.5))
 
 

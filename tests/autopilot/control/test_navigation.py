@@ -24,7 +24,7 @@ SMALL = st.complex_numbers(max_magnitude=1.5, allow_nan=False, allow_infinity=Fa
 
 def hermitian(c: NavCovariance) -> NDArray[np.complex128]:
     """Return the covariance as a matrix, shape (4, 4)."""
-    upper = np.array(
+    upper: NDArray[np.complex128] = np.array(
         [
             [c.position / 2, c.position_current, c.position_speed, c.position_dvl],
             [0, c.current / 2, c.current_speed, c.current_dvl],
@@ -75,9 +75,8 @@ def test_kalman_update_equals_real_valued_filter(
     before: NavCovariance, row: list[complex], error: complex, variance: float
 ) -> None:
     """Reference: Kalman filter in eight real variables (Gelb 1974, table 4.2-1)."""
-    after = navigation._kalman_update(
-        NavSolution(0j, 0j, Navigation(covariance=before)), tuple(row), error, variance
-    )  # type: ignore[arg-type]
+    solution = NavSolution(0j, 0j, Navigation(covariance=before))
+    after = navigation._kalman_update(solution, (row[0], row[1], row[2], row[3]), error, variance)
     p, h = real(hermitian(before)), real(np.array([row]))
     gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + variance * np.eye(2))
     step = gain @ np.array([error.real, error.imag])

@@ -57,7 +57,7 @@ def test_reference_starts_no_faster_than_it_stops() -> None:
 def simulate_tailcone(wanted: np.ndarray, servo: ActuatorLead) -> tuple[np.ndarray, np.ndarray]:
     """Return (commands, duct angles); the tailcone is the lag of ``servo`` with its limits."""
     angle = rate = 0.0
-    state: ReferenceState | None = ReferenceState(0.0)
+    state = ReferenceState(0.0)
     commands, angles = [], []
     for value in wanted:
         command, state = reference_model.lead(float(value), state, servo, DT)

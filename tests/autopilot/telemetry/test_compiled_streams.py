@@ -103,7 +103,7 @@ def test_ticks_of_an_exchange_are_one_batch(encoder: Any) -> None:
     reports = []
     for index, report in enumerate((first, second)):
         start = index * (size + gap)
-        for i, value in enumerate(report.results.rows):
+        for i, value in enumerate(report.results.rows.tolist()):
             rows[start + i] = value
         results = Results(rows, start, start + size, report.time_us, first.results.config)
         reports.append(SteadyReport(results, CONFIG, None, first.home, first.altimeter))

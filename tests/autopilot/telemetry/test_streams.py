@@ -26,8 +26,9 @@ from autopilot.control.types import (
     Trace,
     VehicleEstimate,
 )
+from autopilot.reports import Snapshot
 from autopilot.telemetry.encoding import int16
-from autopilot.telemetry.streams import STREAMS, Snapshot
+from autopilot.telemetry.streams import STREAMS
 from mavlink_io import dialect
 from mavlink_io.codec import encode
 from mavlink_io.records import (
@@ -276,13 +277,11 @@ def test_extreme_estimates_fit_every_field(estimate: VehicleEstimate) -> None:
 @pytest.mark.parametrize("nonsense", [math.nan, 1e12, -1e12])
 def test_invalid_state_does_not_block_messages(nonsense: float) -> None:
     plain = snapshot()
-    floats = {
-        name: nonsense
-        for name, value in plain.state.estimate._asdict().items()
-        if isinstance(value, float)
-    }
+    estimate = VehicleEstimate._make(
+        nonsense if isinstance(value, float) else value for value in plain.state.estimate
+    )
     state = plain.state._replace(
-        estimate=plain.state.estimate._replace(**floats),
+        estimate=estimate,
         setpoint=Setpoint(nonsense, nonsense, nonsense),
     )
     s = plain._replace(
@@ -471,9 +470,8 @@ def test_any_sensor_value_allows_tick_and_telemetry(values: list[float]) -> None
     harness.tick(3)
     state = harness.vehicle.state
     harness.time_us += TICK_US
-    reading = sensors(harness.time_us)._replace(
-        **dict(zip(SensorFrame._fields[1:14], values, strict=True))
-    )
+    time_us, rest = harness.time_us, sensors(harness.time_us)[14:]
+    reading = SensorFrame._make((time_us, *values, *rest))
     for _ in range(3):
         reading = reading._replace(time_us=harness.time_us)
         frame = harness.vehicle.tick(Inputs(reading, None, None, None))
