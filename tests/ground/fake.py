@@ -81,7 +81,7 @@ class FakeVehicle:
         self.answers = answers or {}
         self.commands: list[Any] = []
         self.mute = False
-        self.modes = MODES
+        self.modes: tuple[tuple[str, int, int], ...] = MODES
         self.lists_modes, self.enters_modes = True, True
         """Whether it answers requests of AVAILABLE_MODES, and enters an accepted mode."""
         self.after: dict[int, Callable[[], None]] = {}

@@ -25,7 +25,10 @@ def drawn() -> loop_charts.LoopCharts:
     return loop_charts.loop_charts(vehicle, gains)
 
 
-def trace(drawn: loop_charts.LoopCharts, key: str, name: str, axis: str = "y") -> dict[str, list]:
+def trace(
+    drawn: loop_charts.LoopCharts, key: str, name: str, axis: str = "y"
+) -> dict[str, list[float]]:
+    found: dict[str, list[float]]
     (found,) = [
         each
         for each in drawn.charts[key]["data"]

@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import signal
 import sys
 import unicodedata
 from collections.abc import Callable, Iterator
@@ -22,7 +23,7 @@ from ground.client.flight import FlightProgress
 from ground.client.vehicle import StatusText
 from ground.live import estimate_view as live_view
 from ground.live.estimate import EstimateStatus
-from mavlink_io.errors import InputError
+from mavlink_io.errors import InputError, exit_with_error
 from mavlink_io.printable import printable, printable_lines
 from tests.ground.fake import FakeVehicle, step_while_waiting
 from tests.ground.live.test_watch import Sea
@@ -120,11 +121,12 @@ def test_progress_heading_stays_below_a_turn(heading_deg: float, shown_deg: str)
 def test_display_any_text_is_printed_as_it_is(text: str) -> None:
     page = io.StringIO()
     shown = shown_on(page)
-    for say in (
+    outputs: tuple[Callable[[], None], ...] = (
         lambda: shown.show_text(StatusText(4, text)),
         lambda: shown.print_line(text),
         lambda: shown.announce(text),
-    ):
+    )
+    for say in outputs:
         before = page.tell()
         say()
         written = page.getvalue()[before:]
@@ -191,7 +193,7 @@ def test_error_any_text_is_one_line(text: str) -> None:
     real, sys.stderr = sys.stderr, page
     try:
         with pytest.raises(SystemExit):
-            command_line.exit_with_error("ground", InputError(text))
+            exit_with_error("ground", InputError(text))
     finally:
         sys.stderr = real
     assert page.getvalue() == f"ground: {printable(text)}\n"
@@ -240,7 +242,7 @@ def test_usage_error_has_no_control_characters(
     words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["ground", *words])
-    monkeypatch.setattr(command_line.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as ended:
         command_line.main()
     said: Any = capsys.readouterr()

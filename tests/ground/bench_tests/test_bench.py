@@ -26,7 +26,7 @@ def ground(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 def beyond(found: dict[str, Any], expected: float) -> float:
     """Off by how many standard deviations."""
-    return abs(found["value"] - expected) / float(found["sd"])
+    return abs(float(found["value"]) - expected) / float(found["sd"])
 
 
 @pytest.mark.process

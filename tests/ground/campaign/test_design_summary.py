@@ -2,6 +2,8 @@
 
 from html.parser import HTMLParser
 
+import pytest
+
 from ground.campaign import design_summary
 from ground.campaign.summary_file import DesignSummary, LoopAnalysis, MarginsSummary
 from ground.report import page, tables
@@ -84,10 +86,10 @@ def test_rows_unknown_robustness_is_reported() -> None:
     assert "--prior" in last.where
 
 
-def test_page_escapes_text() -> None:
+def test_page_escapes_text(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
     reader = HTMLParser()
-    reader.handle_data = told.append  # type: ignore[method-assign]
+    monkeypatch.setattr(reader, "handle_data", told.append)
     reader.feed(page.specification(design()) + page.reasons(design()))
     assert ">= 0.6" in told
     assert "GM 9.8 dB < infinity" in told

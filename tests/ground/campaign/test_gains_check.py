@@ -128,7 +128,12 @@ def test_params_load_refuses_before_it_connects_unless_forced(
     model: Path, force: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     uploaded: list[object] = []
-    monkeypatch.setattr("ground.cli.params.upload", lambda *args: uploaded.append(args) or ())
+
+    def upload(*arguments: object) -> tuple[()]:
+        uploaded.append(arguments)
+        return ()
+
+    monkeypatch.setattr("ground.cli.params.upload", upload)
     file = gains_file(model, {"HDG_P": 8.0})
     options = ["--force"] if force else []
     done = CliRunner().invoke(app, ["params", "load", str(file), *options])

@@ -18,6 +18,7 @@ from sysid import refit as fitting
 from sysid import usable_runs
 from sysid.models import model_file as models
 from sysid.models.model_file import IdentifiedModel
+from sysid.planes import Plane
 from sysid.validation.assess import with_assessment
 from sysid.validation.results import ModelAssessment
 from tests.sysid import sea
@@ -30,7 +31,7 @@ def told() -> IdentifiedModel:
     """A model by the paper's method, which is fast; also compared with itself."""
     field = config.load("caribou_truth")
     runs = [
-        sea.fly(field, "yaw", sea.step(d), name=f"r/{d}", seed=int(d) + 20, trim_rad=TRIM)
+        sea.fly(field, Plane.YAW, sea.step(d), name=f"r/{d}", seed=int(d) + 20, trim_rad=TRIM)
         for d in (4.0, -4.0)
     ]
     found = fitting.identify(runs, config.load("caribou_nominal"), method="paper")

@@ -153,14 +153,17 @@ def run_campaign(out: Path, kill_at: str = "") -> None:
         WRITE_WHOLE(path, text)
         stages.reach(f"end of {name}")
 
-    dives.fly_simulated = fly  # type: ignore[assignment]
-    run.Worker = lambda *_: FakeWorker(out, stages)  # type: ignore[misc,assignment]
-    run.start_fork_server = lambda: None
-    CampaignDives._launch = lambda *_: None  # type: ignore[method-assign,assignment,return-value]
+    patch = pytest.MonkeyPatch()  # never undone: the process ends
+    patch.setattr(dives, "fly_simulated", fly)
+    patch.setattr(run, "Worker", lambda *_: FakeWorker(out, stages))
+    patch.setattr(run, "start_fork_server", lambda: None)
+    patch.setattr(CampaignDives, "_launch", lambda *_: None)
     for module in (run, dives, folder_setup, dive_records):
-        module.write_whole = write
-    summary_file.write = lambda summary, path: path.write_bytes(msgspec.json.encode(summary))
-    summary_file.read = lambda path: None  # type: ignore[assignment,return-value]
+        patch.setattr(module, "write_whole", write)
+    patch.setattr(
+        summary_file, "write", lambda summary, path: path.write_bytes(msgspec.json.encode(summary))
+    )
+    patch.setattr(summary_file, "read", lambda path: None)
     request = CampaignRequest(out, resume=True)
     Campaign(request, lambda name, at: None, lambda words: None).run()
 

@@ -627,8 +627,14 @@ def test_campaign_prior_is_the_vehicles_own_file(
 
 
 def test_campaign_reads_each_log_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    read, fitted = [], []
-    monkeypatch.setattr(refit, "read_log", lambda path: read.append(path.stem) or path.stem)
+    read: list[str] = []
+    fitted: list[list[str]] = []
+
+    def read_log(path: Path) -> str:
+        read.append(path.stem)
+        return path.stem
+
+    monkeypatch.setattr(refit, "read_log", read_log)
 
     def refit_logs(request: RefitRequest, *logs: Any, force: bool) -> Any:
         fitted.extend(logs)

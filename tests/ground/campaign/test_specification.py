@@ -66,17 +66,18 @@ def test_read_error_names_an_option_of_two_words() -> None:
         specification.read(None, {"max_sensitivity": 0.5})
 
 
+class RefittedVehicle(NamedTuple):
+    prior: str
+
+
 class Refitted(NamedTuple):
     """Stand-in for a model; it names its vehicle."""
 
-    class Vehicle(NamedTuple):
-        prior: str
-
-    vehicle: Vehicle
+    vehicle: RefittedVehicle
 
 
 def of(prior: str) -> Any:
-    return Refitted(Refitted.Vehicle(prior))
+    return Refitted(RefittedVehicle(prior))
 
 
 def test_specification_takes_limits_of_tailcone() -> None:

@@ -5,6 +5,7 @@ import os
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -24,7 +25,7 @@ def test_worker_runs_functions_in_other_process(worker: Worker) -> None:
     assert first == second != os.getpid()
 
 
-def test_worker_exception_is_raised_in_caller(worker: Worker, tmp_path) -> None:
+def test_worker_exception_is_raised_in_caller(worker: Worker, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.mcap"):
         worker.call(read_log, tmp_path / "none.mcap")
     assert worker.call(math.sqrt, 4.0) == 2.0

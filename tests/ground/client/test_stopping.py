@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 
 from ground.__main__ import app
 from ground.cli.interrupt import OnInterrupt, interruptible
-from ground.client import stopping
+from ground.client import mode_map, stopping
 from ground.client import vehicle as client
 from ground.client.vehicle import CommandRefusedError, VehicleClient, VehicleClientError
 from ground.errors import Interrupted
@@ -129,7 +129,7 @@ def test_surface_without_mode_list_uses_published_names(
 ) -> None:
     """ArduSub does not answer for AVAILABLE_MODES; its SURFACE is 9 (ArduPilot, SUB_MODE)."""
     fake.lists_modes = False
-    monkeypatch.setattr(client.mode_names.mode_map, "DEFAULT_PATH", tmp_path / "none.json")
+    monkeypatch.setattr(mode_map, "DEFAULT_PATH", tmp_path / "none.json")
     vehicle = VehicleClient(fake.ground_end)
     vehicle.connect()
     monkeypatch.setattr(

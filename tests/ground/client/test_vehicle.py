@@ -12,6 +12,7 @@ from ground.client import vehicle as client
 from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClient, VehicleClientError
 from ground.simulation.processes import free_port
+from mavlink_io.clock import wall_s
 from mavlink_io.codec import encode
 from mavlink_io.dialect import by_name
 from mavlink_io.endpoint import Endpoint
@@ -263,15 +264,17 @@ def test_pump_after_a_pause_waits_for_the_vehicle(
     clock(monkeypatch, 3600.0)()
     vehicle.pump(0.0)
     fake.heartbeat()
-    steps = clock(monkeypatch, 0.5)
+    steps = clock(monkeypatch, 0.5, ahead_s=3600.0)
     pump(vehicle, 10, steps)
     with pytest.raises(VehicleClientError, match="no heartbeat"):
         pump(vehicle, 2, steps)
 
 
-def clock(monkeypatch: pytest.MonkeyPatch, step_s: float) -> Callable[[], None]:
-    """Stop the client's clock; return the function that advances it by a step."""
-    now_s = client.wall_s()
+def clock(
+    monkeypatch: pytest.MonkeyPatch, step_s: float, ahead_s: float = 0.0
+) -> Callable[[], None]:
+    """Stop the client's clock, ahead of real time; return the function that advances it."""
+    now_s = wall_s() + ahead_s
 
     def advance() -> None:
         nonlocal now_s
@@ -329,7 +332,7 @@ def test_pump_late_reader_finds_vehicle_alive(
     vehicle.connect()
     backlog.chatter(200)
     backlog.heartbeat()
-    late_s = client.wall_s() + client.HEARTBEAT_TIMEOUT_S + 1.0
+    late_s = wall_s() + client.HEARTBEAT_TIMEOUT_S + 1.0
     monkeypatch.setattr(client, "wall_s", lambda: late_s)
     pump(vehicle, 10)
     assert vehicle.vehicle_id == (1, 1)
@@ -343,7 +346,7 @@ def test_pump_waits_longer_for_a_simulated_vehicle(
     vehicle = VehicleClient(backlog.ground_end, watchdog=lambda: checks.append(1))
     backlog.heartbeat()
     vehicle.connect()
-    start_s = client.wall_s()
+    start_s = wall_s()
     # one call of `pump` each second: a longer gap would be a pause of this program
     for second in range(int(client.SIMULATED_HEARTBEAT_TIMEOUT_S)):
         monkeypatch.setattr(client, "wall_s", lambda now_s=start_s + second: now_s)

@@ -12,7 +12,10 @@ from ground.live.estimate import EstimateStatus, LiveEstimate
 from mavlink_io import dialect
 from mavlink_io.codec import Frame
 from sitl.vehicle import config
+from sysid.data.runs import Run
 from sysid.estimation.recursive import prior
+from sysid.estimation.recursive.estimator import Knowledge
+from sysid.planes import Plane
 from tests.sysid import sea
 
 TRAVEL_RAD = math.radians(15.0)
@@ -21,14 +24,14 @@ FINISHED = StatusText(6, "SystemID Finished")
 
 
 @pytest.fixture(scope="module")
-def run() -> object:
+def run() -> Run:
     return sea.fly(
-        config.load("caribou_truth"), "yaw", sea.doublet(5.0, 6.0), seed=1, trim_rad=(0.1, 0.0)
+        config.load("caribou_truth"), Plane.YAW, sea.doublet(5.0, 6.0), seed=1, trim_rad=(0.1, 0.0)
     )
 
 
 @pytest.fixture(scope="module")
-def known() -> object:
+def known() -> Knowledge:
     return prior.knowledge("caribou_nominal")
 
 
@@ -39,7 +42,7 @@ def frame(name: str, **fields: object) -> Frame:
 
 
 def frames(
-    run, first_s: float, last_s: float, shift_s: float = 100.0, every: int = 1
+    run: Run, first_s: float, last_s: float, shift_s: float = 100.0, every: int = 1
 ) -> Iterator[Frame]:
     """Return the frames of the vehicle between two times of the run, at 50 Hz or less."""
     inside = np.flatnonzero((run.time_s >= first_s) & (run.time_s < last_s))
@@ -67,7 +70,7 @@ def feed(estimate: LiveEstimate, received: Iterator[Frame]) -> None:
         estimate.on_frame(message)
 
 
-def after_the_test(known, run, *, poll_interval_s: float = 100.0) -> EstimateStatus:
+def after_the_test(known: Knowledge, run: Run, *, poll_interval_s: float = 100.0) -> EstimateStatus:
     estimate = LiveEstimate(known, {})
     feed(estimate, frames(run, -15.0, 0.0))
     estimate.on_text(START)
@@ -79,17 +82,18 @@ def after_the_test(known, run, *, poll_interval_s: float = 100.0) -> EstimateSta
     return estimate.poll()
 
 
-def test_one_test_reduces_sd_of_b1(known, run) -> None:
+def test_one_test_reduces_sd_of_b1(known: Knowledge, run: Run) -> None:
     status = after_the_test(known, run)
-    b1 = status.readings["yaw"].numbers["b1_per_s2"]
+    b1 = status.readings[Plane.YAW].numbers["b1_per_s2"]
     assert b1.sd < 0.4 * b1.prior_sd
-    assert "b1" in estimate_view.line(status.readings["yaw"])
+    assert "b1" in estimate_view.line(status.readings[Plane.YAW])
     assert status.testing == ()
 
 
-def test_poll_interval_does_not_change_final_estimate(known, run) -> None:
+def test_poll_interval_does_not_change_final_estimate(known: Knowledge, run: Run) -> None:
     seldom, often = (
-        after_the_test(known, run, poll_interval_s=s).readings["yaw"].numbers for s in (12.0, 1.7)
+        after_the_test(known, run, poll_interval_s=s).readings[Plane.YAW].numbers
+        for s in (12.0, 1.7)
     )
     for name in seldom:
         assert often[name].value == pytest.approx(seldom[name].value, abs=0.1 * seldom[name].sd), (
@@ -98,7 +102,7 @@ def test_poll_interval_does_not_change_final_estimate(known, run) -> None:
         assert often[name].sd == pytest.approx(seldom[name].sd, rel=0.02), name
 
 
-def test_gap_in_frames_increases_sd_and_is_reported(known, run) -> None:
+def test_gap_in_frames_increases_sd_and_is_reported(known: Knowledge, run: Run) -> None:
     estimate = LiveEstimate(known, {})
     feed(estimate, frames(run, -15.0, 0.0))
     estimate.on_text(START)
@@ -109,13 +113,13 @@ def test_gap_in_frames_increases_sd_and_is_reported(known, run) -> None:
     estimate.on_text(FINISHED)
     feed(estimate, frames(run, 12.0, 13.0, 100.02))
     status = estimate.poll()
-    whole = after_the_test(known, run).readings["yaw"].numbers["b1_per_s2"]
-    b1 = status.readings["yaw"].numbers["b1_per_s2"]
+    whole = after_the_test(known, run).readings[Plane.YAW].numbers["b1_per_s2"]
+    b1 = status.readings[Plane.YAW].numbers["b1_per_s2"]
     assert whole.sd < b1.sd < 0.6 * b1.prior_sd
     assert abs(b1.value - whole.value) < 3.0 * b1.sd
 
 
-def test_clock_step_back_ends_test_and_keeps_estimate(known, run) -> None:
+def test_clock_step_back_ends_test_and_keeps_estimate(known: Knowledge, run: Run) -> None:
     estimate = LiveEstimate(known, {})
     feed(estimate, frames(run, -15.0, 0.0))
     estimate.on_text(START)
@@ -124,15 +128,15 @@ def test_clock_step_back_ends_test_and_keeps_estimate(known, run) -> None:
     feed(estimate, frames(run, -15.0, 0.0, shift_s=20.0))
     status = estimate.poll()
     assert status.testing == ()
-    once = status.readings["yaw"].numbers["b1_per_s2"].sd
+    once = status.readings[Plane.YAW].numbers["b1_per_s2"].sd
     estimate.on_text(START)
     feed(estimate, frames(run, 0.0, 8.0, shift_s=20.0))
     status = estimate.poll()
     assert status.testing == ("yaw",)
-    assert status.readings["yaw"].numbers["b1_per_s2"].sd < once
+    assert status.readings[Plane.YAW].numbers["b1_per_s2"].sd < once
 
 
-def test_slow_actuator_stream_is_named_and_not_estimated(known, run) -> None:
+def test_slow_actuator_stream_is_named_and_not_estimated(known: Knowledge, run: Run) -> None:
     estimate = LiveEstimate(known, {})
     feed(estimate, frames(run, -15.0, 0.0, every=12))
     estimate.on_text(START)

@@ -22,7 +22,7 @@ from rich.console import Console
 
 from ground.live.watch import mode_names, view
 from ground.live.watch import rows as reading
-from ground.live.watch.receiver import Receiver
+from ground.live.watch.receiver import LatestMessage, Receiver
 from mavlink_io import dialect
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.transport import open_transport
@@ -109,7 +109,7 @@ def test_value_becomes_stale_after_several_of_its_periods(sea: Sea) -> None:
     assert sea.rows(later_s=4.0)["speed"].stale
     assert "4 s ago" in sea.screen(later_s=4.0)
     assert "no heartbeat for 4 s" in sea.screen(later_s=4.0)
-    slow = reading.LatestMessage(None, 0.0, 5.0)
+    slow = LatestMessage(None, 0.0, 5.0)
     assert not reading.is_stale(slow, 14.0)
     assert reading.is_stale(slow, 16.0)
 
@@ -209,7 +209,7 @@ def test_lost_frames_and_texts_are_shown(sea: Sea) -> None:
 def test_view_accepts_messages_with_arbitrary_bytes(name: str, payload: bytes) -> None:
     with closing(Sea()) as sea:
         sea.heartbeat()
-        sea.receiver.latest[name] = reading.LatestMessage(
+        sea.receiver.latest[name] = LatestMessage(
             dialect.by_name(name).unpack(payload), time.monotonic(), 0.0
         )
         assert "system 1" in sea.screen()

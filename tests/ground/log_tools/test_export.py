@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros1.decoder import DecoderFactory
+from numpy.typing import NDArray
 from scipy.io import loadmat
 from typer.testing import CliRunner
 
@@ -50,7 +51,7 @@ def decoded(path: Path, topic: str) -> list[Any]:
 
 
 def test_csv_of_messages_is_in_si_units() -> None:
-    columns = {
+    columns: dict[str, NDArray[np.integer[Any]]] = {
         "time_boot_ms": np.array([1500], np.uint32),
         "lat": np.array([423_500_000], np.int32),
         "alt": np.array([-2500], np.int32),

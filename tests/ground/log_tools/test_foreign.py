@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,15 +12,19 @@ from ground.__main__ import app
 from mavlink_io.errors import InputError
 from tests.sysid.data.readers import files
 
+WRITERS: dict[str, Callable[[Path], Path]] = {
+    "a.tlog": files.tlog,
+    "a.bin": files.dataflash,
+    "a.ulg": files.ulog,
+}
+
 
 @pytest.mark.parametrize(
     ("name", "attitude"),
     [("a.tlog", "/mavlink/1/1/ATTITUDE"), ("a.bin", "ATT"), ("a.ulg", "vehicle_attitude")],
 )
 def test_other_log_is_inspected_and_exported(tmp_path: Path, name: str, attitude: str) -> None:
-    path = {"a.tlog": files.tlog, "a.bin": files.dataflash, "a.ulg": files.ulog}[name](
-        tmp_path / name
-    )
+    path = WRITERS[name](tmp_path / name)
     info = json.loads(CliRunner().invoke(app, ["log", "info", str(path), "--json"]).stdout)
     assert info["topics"][attitude] == files.SECONDS * files.RATE_HZ
     assert info["lost_frames"] is None

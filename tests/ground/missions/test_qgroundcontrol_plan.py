@@ -8,7 +8,7 @@ from unittest.mock import create_autospec
 import pytest
 
 from autopilot.control import modes, requests
-from autopilot.control.types import ACCEPTED, Home
+from autopilot.control.types import ACCEPTED, Home, ItemReached
 from ground.client.flight import Dive, prepare
 from ground.client.vehicle import VehicleClient
 from ground.missions import plans
@@ -66,7 +66,7 @@ def test_plan_is_flown_whole(tmp_path: Path) -> None:
     ):
         assert flight.ask(request) == ACCEPTED, (request, flight.texts())
     flight.run_until(lambda state: state.mode == modes.SURFACE.number, 600.0)
-    reached = [event.sequence for event in flight.events if hasattr(event, "sequence")]
+    reached = [event.sequence for event in flight.events if isinstance(event, ItemReached)]
     assert reached == list(REACHED)
     assert "RTL: return point reached" in flight.texts()
     estimate = flight.state.estimate

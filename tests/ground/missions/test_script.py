@@ -81,19 +81,24 @@ def test_shipped_missions_load_and_end_at_the_surface(name: str) -> None:
     assert script.compile_items(loaded)[-1].command == MavCmd.NAV_LAND
 
 
+def magnitudes_deg(name: str, signal: str = "") -> set[float]:
+    """Return the magnitudes of the tests of a mission, or of those with one signal."""
+    magnitudes = set()
+    for step in script.load(name).step:
+        if step.test and signal in ("", step.test.signal):
+            assert step.test.magnitude_deg is not None
+            magnitudes.add(step.test.magnitude_deg)
+    return magnitudes
+
+
 def test_the_papers_missions_are_shipped() -> None:
     combined = [
         (s.depth_m, s.heading_deg, s.duration_s) for s in script.load("combined").step if s.leg_keys
     ]
     assert combined == [(4.0, -80.0, 30.0), (7.0, -40.0, 60.0), (1.0, -100.0, 60.0)]
-    elevator = [s.test.magnitude_deg for s in script.load("elevator_steps").step if s.test]
+    elevator = magnitudes_deg("elevator_steps")
     assert min(elevator) > 0, "the paper's elevator steps never point at the bottom"
-    rudder = {s.test.magnitude_deg for s in script.load("rudder_steps").step if s.test}
-    held_out = {
-        s.test.magnitude_deg
-        for s in script.load("rudder_heldout").step
-        if s.test and s.test.signal == "step"
-    }
+    rudder, held_out = magnitudes_deg("rudder_steps"), magnitudes_deg("rudder_heldout", "step")
     assert min(rudder) < 0 < max(rudder)
     assert not rudder & held_out
 

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -41,7 +42,7 @@ def statistics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def loads(monkeypatch: pytest.MonkeyPatch, path: Path, first: int, second: int) -> None:
     """Let both cores be idle for so many ticks during the sample."""
     text = STATISTICS.format(sum=200 + first + second, first=100 + first, second=100 + second)
-    monkeypatch.setattr(affinity.time, "sleep", lambda _: path.write_text(text))
+    monkeypatch.setattr(time, "sleep", lambda _: path.write_text(text))
 
 
 def test_idle_ticks_are_read_for_each_core() -> None:

@@ -25,8 +25,8 @@ class RunningChild:
 def test_compilation_is_reported_once_and_an_error_is_left_to_the_end() -> None:
     files: dict[str, Path] = {}
 
-    def start(module: str, arguments: Sequence[str], stderr: Path) -> RunningChild:
-        files[module] = stderr
+    def start(module: str, arguments: Sequence[str], stderr_file: Path) -> RunningChild:
+        files[module] = stderr_file
         return RunningChild()
 
     lines: list[str] = []

@@ -1,13 +1,14 @@
 """Feed from a flight to the process of the live page: it never blocks and stays small."""
 
 import socket
+import subprocess
 from collections.abc import Iterator
 
 import msgspec
 import pytest
 
 from ground.client.vehicle import StatusText
-from ground.live.page import feed, server
+from ground.live.page import server
 from ground.live.page.feed import LENGTH, MAX_SAMPLES, MAX_TEXTS, DiveFeed, FeedMessage, PageProcess
 from tests.ground.live.page.telemetry import frame, heartbeat, motion
 
@@ -102,8 +103,8 @@ class StoppedProcess(PageProcess):
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         pair = socket.socketpair()
         self.other_end = pair[1].dup()
-        monkeypatch.setattr(feed.socket, "socketpair", lambda: pair)
-        monkeypatch.setattr(feed.subprocess, "Popen", lambda *arguments, **options: None)
+        monkeypatch.setattr(socket, "socketpair", lambda: pair)
+        monkeypatch.setattr(subprocess, "Popen", lambda *arguments, **options: None)
         super().__init__(server.listen(port=None))
 
     def close(self) -> None:
