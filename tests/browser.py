@@ -174,7 +174,8 @@ def check_layout(page: Page) -> None:
     first = page.chart_heights()
     assert min(first.values()) > 200.0
     assert page.width() <= WINDOWS_PX[-1][0]
-    heights, too_wide = {}, {}
+    heights: dict[tuple[int, int], dict[str, float]] = {}
+    too_wide: dict[tuple[tuple[int, int], str], list[list[float]]] = {}
     for window in WINDOWS_PX:
         page.resize(*window)
         boxes = page.charts()

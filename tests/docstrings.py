@@ -41,7 +41,7 @@ class Sources:
         """Return module and name of each ``from ... import ...``, by the local name."""
         path = module.split(".")
         package = path if self.paths[module].name == "__init__.py" else path[:-1]
-        imports = {}
+        imports: dict[str, tuple[str, str]] = {}
         for node in ast.walk(self.trees[module]):
             if isinstance(node, ast.ImportFrom):
                 base = package[: len(package) + 1 - node.level] if node.level else []
@@ -79,7 +79,7 @@ class Sources:
         return {(module, node.name): node for module, node in filter(None, found)}
 
 
-class PublicDocstring(AstValidator):
+class PublicDocstring(AstValidator):  # type: ignore[misc]  # numpydoc has no types
     """Docstring of a public function or class; its annotation says whether it returns a value."""
 
     @property

@@ -76,7 +76,7 @@ def draw_campaign(folder: Path, campaign: Path | None) -> Path:
     picture = folder / "campaign.png"
     with tempfile.TemporaryDirectory() as work:
         flown = campaign or Path(work) / "campaign"
-        words = [("report", str(flown), "--picture", str(picture))]
+        words: list[tuple[str, ...]] = [("report", str(flown), "--picture", str(picture))]
         if campaign is None:
             words.insert(0, ("campaign", "--seed", "1", "--out", str(flown)))
         for arguments in words:

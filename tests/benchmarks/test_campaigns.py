@@ -37,7 +37,8 @@ def test_drawn_vehicle_is_a_valid_file(number: int, tmp_path: Path) -> None:
 
 def test_summarise_compares_redesigned_with_first_gains() -> None:
     outcome = campaigns.summarise("heavy", 2, SUMMARY)
-    assert (outcome.heading, outcome.depth) == (0.5, pytest.approx(1.2))
+    assert outcome.heading == 0.5
+    assert outcome.depth == pytest.approx(1.2)
     assert not outcome.at_least_as_good
     assert (outcome.retests, outcome.pm_deg, outcome.fit) == (1, 45.0, True)
 

@@ -14,6 +14,7 @@ import pytest
 
 from benchmarks.identification import outside
 from benchmarks.plants import catalogue, flight, logs, small_signal
+from benchmarks.plants.actuators import Axis
 from benchmarks.plants.flight import Gains
 from sysid.data import readers, segments
 from sysid.planes import PLANES, Plane
@@ -47,15 +48,19 @@ def test_calibration_gives_the_specified_turning_acceleration() -> None:
     assert np.mean(np.log(found)) == pytest.approx(math.log(wanted), abs=0.07)  # 3 x 0.1 / sqrt(20)
 
 
+def without_friction(axis: Axis) -> Axis:
+    """Return the axis without play, steps, breakaway and dead zone."""
+    return axis._replace(play_rad=0.0, step_rad=0.0, breakaway_rad=0.0, dead_rad=0.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_sine_test_shows_the_linear_response(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     case, plant = outside.case_of(name), catalogue.plant(name, 2)
     true = outside.truth(plant, case)
-    smooth = {"play_rad": 0.0, "step_rad": 0.0, "breakaway_rad": 0.0, "dead_rad": 0.0}
     plant = plant._replace(
-        rudder=plant.rudder._replace(**smooth),
-        elevator=plant.elevator._replace(**smooth),
+        rudder=without_friction(plant.rudder),
+        elevator=without_friction(plant.elevator),
         travel_rad=1.0,
     )
     monkeypatch.setattr(flight, "sensor_errors", lambda ticks, *_: np.zeros((ticks, 8)))

@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import lsim
 
 from benchmarks.real_data import public_logs, ship_tests
+from sysid.data.runs import Run
 from tests.sysid.data.readers import files
 
 UNSTABLE = ([-0.03, -0.0075], [1.0, 0.5, -0.01])
@@ -35,7 +36,7 @@ def write_zigzag(path: Path, rudder_deg: float) -> None:
 
 
 @pytest.fixture(scope="module")
-def tests_by_file(tmp_path_factory: pytest.TempPathFactory) -> list[list[ship_tests.Run]]:
+def tests_by_file(tmp_path_factory: pytest.TempPathFactory) -> list[list[Run]]:
     folder = tmp_path_factory.mktemp("hsva")
     for angle in (5, 10, 15, 20):
         write_zigzag(folder / f"HSVA_CPMC_KVLCC2_Z_{angle:02d}_05.dat", float(angle))
@@ -43,7 +44,7 @@ def tests_by_file(tmp_path_factory: pytest.TempPathFactory) -> list[list[ship_te
 
 
 def test_models_of_an_unstable_ship_predict_held_out_tests(
-    tests_by_file: list[list[ship_tests.Run]],
+    tests_by_file: list[list[Run]],
 ) -> None:
     """The plant is linear and without noise, so that a simulation must reproduce it.
 

@@ -1,9 +1,8 @@
 """The study of redesigned gains: figures from synthetic rows and dives, and one short dive."""
 
-from typing import Any
-
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from autopilot.control import core
 from benchmarks.redesign import (
@@ -37,14 +36,16 @@ def missed(figures: list[Figure]) -> set[str]:
     return {figure.name for figure in figures if not figure.met}
 
 
-class SyntheticDive(dict[str, Any]):
-    """Columns by name, and the final state."""
+class SyntheticDive(Dive):
+    """Columns by name, and the final state; nothing is simulated."""
 
-    surfacing_s = 150.0
-    state = core.initial_state()
+    def __init__(self, columns: dict[str, NDArray[np.float64]]) -> None:
+        self.columns = columns
+        self.surfacing_s = 150.0
+        self.state = core.initial_state()
 
-    def during(self, start_s: float, end_s: float) -> Any:
-        return (self["t_s"] >= start_s) & (self["t_s"] < end_s)
+    def __getitem__(self, column: str) -> NDArray[np.float64]:
+        return self.columns[column]
 
 
 def synthetic_dive(**columns: float) -> SyntheticDive:
@@ -55,9 +56,8 @@ def synthetic_dive(**columns: float) -> SyntheticDive:
         "true_depth_m": 3.0,
         "surface_m": 0.0,
     }
-    return SyntheticDive(
-        t_s=t, **{name: np.full(t.size, value) for name, value in {**level, **columns}.items()}
-    )
+    constant = {name: np.full(t.size, value) for name, value in {**level, **columns}.items()}
+    return SyntheticDive({"t_s": t, **constant})
 
 
 def test_tracking_error_wraps_heading_and_detects_loss() -> None:

@@ -66,7 +66,8 @@ def test_study_is_computed_from_two_trials_of_each_kind(
         Session(tmp_path), "study-sysid", [(cell, "a"), (cell, "b")], first_s=60.0
     )
     assert seeds == [("a", 1), ("a", 2), ("b", 1), ("b", 2)]
-    assert measured.samples == (pytest.approx(1.0, abs=0.01),)  # minutes before the trials
+    (sample,) = measured.samples
+    assert sample == pytest.approx(1.0, abs=0.01)  # minutes before the trials
     assert measured.note == "computed from two trials of each of 2 kinds; the study has 100"
     assert list(measured.details) == ["cell: processor time, min"]
     assert "2 of 2: cell, b: 0.00 s a trial, 50 trials" in capsys.readouterr().err

@@ -91,7 +91,12 @@ def test_simulated_dives_are_compared() -> None:
 
 
 def test_faults_are_added_to_a_scenario(tmp_path: Path) -> None:
-    fault = {"at_s": 60.0, "unit": "rudder", "kind": "stuck", "angle_deg": 5}
+    fault: dict[str, float | str] = {
+        "at_s": 60.0,
+        "unit": "rudder",
+        "kind": "stuck",
+        "angle_deg": 5,
+    }
     for name in ("disturbed", str(tmp_path / "own.toml")):
         if name != "disturbed":
             (tmp_path / "own.toml").write_text('title = "own"\n')

@@ -15,7 +15,8 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS))
 
-from site_pages import programs  # noqa: E402 - beside the pages, on the path from here on
+# beside the pages, on the path from here on
+from site_pages import programs  # type: ignore[import-not-found]  # noqa: E402
 
 PROGRAMS = programs()
 BLOCK = re.compile(r"^```(?:sh|bash)?\n(.*?)^```", re.MULTILINE | re.DOTALL)
