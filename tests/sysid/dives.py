@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import all as mavlink
 
 from sitl.vehicle.config import VehicleConfig
+from sysid.data.runs import RATE_HZ
 from sysid.planes import PLANES, Plane
 from tests.sysid import recording, sea
 from tests.sysid.recording import Entry
@@ -84,7 +85,7 @@ def _fly(
     loop_on: bool,
 ) -> Array:
     """Return the measurements of a dive."""
-    rest = np.full(int(REST_S * sea.RATE_HZ), np.nan)
+    rest = np.full(int(REST_S * RATE_HZ), np.nan)
     signals: list[Array] = []
     for plane in Plane:
         parts = [

@@ -71,7 +71,7 @@ def write(
         writer.add_attachment(
             START_NS, START_NS, "params.json", "application/json", json.dumps(parameters).encode()
         )
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     return path
 
 

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.core import tailcone
+from sitl.core.tailcone import TailconeAxis
 from sitl.vehicle import build_model, config, dynamics, propeller
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import STILL
 from sysid.data.events import StopReason
 from sysid.data.runs import RATE_HZ, Run
@@ -88,7 +90,9 @@ def accelerations(seconds: float, level: float, rng: np.random.Generator) -> Arr
 
 
 @numba.njit(cache=True)
-def _coloured(draws, slow, wave, speed, omega, zeta):
+def _coloured(
+    draws: Array, slow: float, wave: float, speed: float, omega: float, zeta: float
+) -> Array:
     n = len(draws)
     out = np.empty(n)
     for k in range(n):
@@ -102,23 +106,23 @@ def _coloured(draws, slow, wave, speed, omega, zeta):
 
 @numba.njit(cache=True)
 def _fly(
-    model,
-    rudder_axis,
-    elevator_axis,
-    rudder_state,
-    elevator_state,
-    rudder_test,
-    elevator_test,
-    trim,
-    travel,
-    hold,
-    moments,
-    rps,
-    speed,
-    gains,
-    slips,
-    added,
-):
+    model: VehicleModel,
+    rudder_axis: TailconeAxis,
+    elevator_axis: TailconeAxis,
+    rudder_state: Array,
+    elevator_state: Array,
+    rudder_test: Array,
+    elevator_test: Array,
+    trim: Array,
+    travel: float,
+    hold: Hold,
+    moments: Array,
+    rps: float,
+    speed: float,
+    gains: Array,
+    slips: Array,
+    added: Array,
+) -> Array:
     """Simulate all ticks: rates, angles, depth and commands.
 
     The loops hold heading 0 and DEPTH_M.
@@ -194,10 +198,10 @@ def fly_tests(
     signals = [np.concatenate([settling, signal]) for signal in tests]
     model = build_model.build(vehicle)
     tail, point = vehicle.tailcone, vehicle.operating_point
-    axes = [
+    rudder_axis, elevator_axis = (
         tailcone.from_config(tail, bias, DT / SUBSTEPS)
         for bias in (tail.rudder_bias_deg, tail.elevator_bias_deg)
-    ]
+    )
     pushed = (
         accelerations(signals[0].size / RATE_HZ, level, rng) if sea_radps2 is None else sea_radps2
     )
@@ -208,11 +212,14 @@ def fly_tests(
     slips = np.column_stack(
         [np.where(since_s >= fault.slip_s, fault.slip_rad, 0.0) for fault in faults]
     )
-    log = _fly(
+    log: Array = _fly(
         model,
-        *axes,
-        *map(tailcone.at_rest, axes),
-        *signals,
+        rudder_axis,
+        elevator_axis,
+        tailcone.at_rest(rudder_axis),
+        tailcone.at_rest(elevator_axis),
+        signals[0],
+        signals[1],
         np.array(trim_rad),
         math.radians(tail.travel_deg),
         hold or Hold(),
@@ -321,7 +328,15 @@ def campaign(vehicle: config.VehicleConfig, seed: int = 0, level: float = ROUGH)
     for number, degrees in enumerate((3.0, -3.0, 5.0, -5.0, 7.0, -7.0, 9.0)):
         name, signal = f"rudder/{number}", step(degrees, 20.0)
         runs.append(
-            fly(vehicle, "yaw", signal, name=name, seed=seed + number, level=level, trim_rad=trim)
+            fly(
+                vehicle,
+                Plane.YAW,
+                signal,
+                name=name,
+                seed=seed + number,
+                level=level,
+                trim_rad=trim,
+            )
         )
     for number, (degrees, seconds) in enumerate(
         ((2.0, 8.0), (4.0, 8.0), (6.0, 7.0), (9.0, 6.0), (15.0, 5.0))
@@ -330,7 +345,7 @@ def campaign(vehicle: config.VehicleConfig, seed: int = 0, level: float = ROUGH)
         runs.append(
             fly(
                 vehicle,
-                "pitch",
+                Plane.PITCH,
                 signal,
                 name=name,
                 seed=seed + 50 + number,

@@ -33,7 +33,7 @@ def test_wide_intervals_contain_the_estimate(step_fit: Fit, prior: Prior) -> Non
     by_name = {interval.name: interval for interval in intervals.wide_intervals(step_fit, prior)}
     assert "p_slow_per_s" in by_name
     assert "b1_per_s2" not in by_name
-    pole = intervals._number(prior, "yaw", "p_slow_per_s")(step_fit.z)
+    pole = intervals._number(prior, Plane.YAW, "p_slow_per_s")(step_fit.z)
     assert by_name["p_slow_per_s"].low < pole < by_name["p_slow_per_s"].high
     assert str(by_name["p_slow_per_s"]).startswith("yaw: p_slow_per_s lies in ")
 
@@ -50,7 +50,7 @@ def test_interval_end_cost_grows_by_quantile(step_fit: Fit, prior: Prior) -> Non
     """A generic constrained search on the residuals finds no lower cost at the ends."""
     problem, number = (
         intervals.problem_at_estimate(step_fit, prior),
-        intervals._number(prior, "yaw", "p_slow_per_s"),
+        intervals._number(prior, Plane.YAW, "p_slow_per_s"),
     )
     least_cost = problems.cost(problem, step_fit.z)
     root = np.linalg.inv(np.linalg.cholesky(prior.covariance))
@@ -81,7 +81,7 @@ def test_interval_end_cost_grows_by_quantile(step_fit: Fit, prior: Prior) -> Non
 def test_interval_rich_data_matches_standard_deviation(campaign: list[Run], prior: Prior) -> None:
     """Example: b1, which every run determines."""
     rich = fit.fit(campaign[:7], prior, starts=0)
-    number = intervals._number(prior, "yaw", "b1_per_s2")
+    number = intervals._number(prior, Plane.YAW, "b1_per_s2")
     slope = intervals._slope(number, rich.z)
     half = 1.96 * math.sqrt(slope @ rich.covariance @ slope)
     low, high = intervals.interval(intervals.problem_at_estimate(rich, prior), rich, number)

@@ -1,6 +1,7 @@
 """Smoothing, filters and spectra. Reference: scipy.signal and scipy.ndimage, to rounding."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,13 +11,13 @@ from sysid import signal_processing as processing
 
 RATE_HZ = 50.0
 NOISE = np.random.default_rng(1).standard_normal((2, 1507)).cumsum(axis=1)
-ROUNDING = {"rtol": 1e-9, "atol": 1e-9}
+assert_close = partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("width", [1, 5, 25])
 def test_moving_mean_matches_scipy(width: int) -> None:
     expected = ndimage.uniform_filter1d(NOISE[0], width)
-    np.testing.assert_allclose(processing.moving_mean(NOISE[0], width), expected, **ROUNDING)
+    assert_close(processing.moving_mean(NOISE[0], width), expected)
 
 
 @pytest.mark.parametrize("window", [1, 3, 101, 1507])
@@ -25,10 +26,10 @@ def test_smooth_matches_savitzky_golay(window: int) -> None:
     if window > 1:
         value = signal.savgol_filter(NOISE[0], window, 1)
         slope = signal.savgol_filter(NOISE[0], window, 1, deriv=1)
-        np.testing.assert_allclose(smoothed.slope, slope, **ROUNDING)
+        assert_close(smoothed.slope, slope)
     else:
         value = NOISE[0]
-    np.testing.assert_allclose(smoothed.value, value, **ROUNDING)
+    assert_close(smoothed.value, value)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -37,13 +38,13 @@ def test_filter_recursively_matches_lfilter(order: int) -> None:
     state = np.arange(1.0, order + 1.0)
     expected, _ = signal.lfilter(numerator, denominator, NOISE[0], zi=state)
     filtered = processing.filter_recursively(numerator, denominator, NOISE[0], state)
-    np.testing.assert_allclose(filtered, expected, **ROUNDING)
+    assert_close(filtered, expected)
 
 
 @pytest.mark.parametrize("radps", [0.3, 2.0])
 def test_resonance_matches_iirpeak(radps: float) -> None:
     expected = signal.iirpeak(radps, 2.0, fs=2.0 * math.pi / 0.2)
-    np.testing.assert_allclose(processing.resonance(radps, 0.5, 0.2), expected, **ROUNDING)
+    assert_close(processing.resonance(radps, 0.5, 0.2), expected)
 
 
 @pytest.mark.parametrize("segment", [300, 301])
@@ -53,8 +54,8 @@ def test_averaged_spectra_match_welch(segment: int) -> None:
     found = processing.averaged_spectra(x, y, RATE_HZ, segment)
     expected = (*signal.welch(x, **options), signal.welch(y, **options)[1])
     for got, reference in zip(found[:3], expected, strict=True):
-        np.testing.assert_allclose(got, reference, **ROUNDING)
-    np.testing.assert_allclose(found.cross, signal.csd(x, y, **options)[1], **ROUNDING)
+        assert_close(got, reference)
+    assert_close(found.cross, signal.csd(x, y, **options)[1])
 
 
 def test_record_spectra_match_padded_periodogram() -> None:
@@ -62,9 +63,9 @@ def test_record_spectra_match_padded_periodogram() -> None:
     options = {"fs": RATE_HZ, "window": "boxcar", "nperseg": x.size, "nfft": 4096}
     options["detrend"] = "constant"
     found = processing.record_spectra(x, y, RATE_HZ, 4096)
-    np.testing.assert_allclose(found.x, signal.csd(x, x, **options)[1].real, **ROUNDING)
-    np.testing.assert_allclose(found.y, signal.csd(y, y, **options)[1].real, **ROUNDING)
-    np.testing.assert_allclose(found.cross, signal.csd(x, y, **options)[1], **ROUNDING)
+    assert_close(found.x, signal.csd(x, x, **options)[1].real)
+    assert_close(found.y, signal.csd(y, y, **options)[1].real)
+    assert_close(found.cross, signal.csd(x, y, **options)[1])
 
 
 def test_without_spikes_replaces_spikes_alone() -> None:
@@ -76,7 +77,7 @@ def test_without_spikes_replaces_spikes_alone() -> None:
     spoilt[wrong] += [1.0, -1.0, -1.2, 0.5]
     mended = processing.without_spikes(spoilt)
     np.testing.assert_array_equal(np.delete(mended, wrong), np.delete(clean, wrong))
-    np.testing.assert_allclose(mended[wrong], clean[wrong], atol=0.05)
+    assert_close(mended[wrong], clean[wrong], atol=0.05)
     assert processing.without_spikes(spoilt[:4]).tolist() == spoilt[:4].tolist()
 
 
@@ -86,7 +87,7 @@ def test_fit_line_matches_polyfit(samples: int) -> None:
     line = processing.fit_line(time_s, NOISE[0, :samples])
     slope, offset = np.polyfit(time_s, NOISE[0, :samples], 1)
     assert line.slope == pytest.approx(slope, rel=1e-9)
-    np.testing.assert_allclose(line.values, slope * time_s + offset, **ROUNDING)
+    assert_close(line.values, slope * time_s + offset)
 
 
 def test_fit_line_single_sample_has_no_slope() -> None:

@@ -12,6 +12,7 @@ from sysid import refit
 from sysid.data import duplicates, readers
 from sysid.data.segments import MarkedInterval
 from sysid.models.model_file import DataFile
+from sysid.planes import Plane
 from sysid.refit import RefitRequest
 from tests.sysid import recording
 from tests.sysid.data.test_dataset import actuators, dive, position
@@ -132,7 +133,7 @@ def test_constant_samples_do_not_count_as_copy(tmp_path: Path) -> None:
         )
     ]
     paths = [mcap(tmp_path / "a.mcap", still), mcap(tmp_path / "b.mcap", still[:-300])]
-    one, other = found(paths, (MarkedInterval(10.0, 20.0, "yaw"),))
+    one, other = found(paths, (MarkedInterval(10.0, 20.0, Plane.YAW),))
     assert len(one.samples) == 1
     assert duplicates.refusal([one], [other]) == ""
 

@@ -3,6 +3,7 @@
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -84,7 +85,7 @@ def test_started_test_is_parsed_as_sent(
     ],
 )
 def test_envelope_violation_gives_its_stop_reason(
-    estimate: dict[str, float], reason: StopReason
+    estimate: dict[str, Any], reason: StopReason
 ) -> None:
     state = core.initial_state()._replace(
         test=TEST, estimate=VehicleEstimate(depth_m=5.0)._replace(**estimate)
@@ -99,7 +100,9 @@ def test_end_of_test_gives_its_stop_reason() -> None:
     assert parsed(sent) == events.TestEnded(StopReason.COMPLETE)
     late = state._replace(time_us=900_000_000, test=TEST._replace(duration_s=9e3))
     _, (sent,) = core.end_test_if_due(late, CONFIG)
-    assert parsed(sent)[0] == StopReason.TIME
+    ended_late = parsed(sent)
+    assert isinstance(ended_late, events.TestEnded)
+    assert ended_late.reason == StopReason.TIME
     _, (sent, _) = modes.enter(state, modes.SURFACE)
     assert parsed(sent) == events.TestEnded(StopReason.MODE, "mode SURFACE")
     ended = parse_text(INFO, "SystemID Stopped: by ground")

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from sitl.vehicle import config
 from sysid.data import kinematics, readers, segments
 from sysid.data.runs import Run
+from sysid.planes import Plane
 from sysid.screening import screen
 from tests.sysid import recording, sea
 from tests.sysid.data.test_dataset import attitude, dive
@@ -19,14 +20,14 @@ from tests.sysid.data.test_dataset import attitude, dive
 @pytest.fixture(scope="module")
 def yaw(field: config.VehicleConfig) -> Run:
     return sea.fly(
-        field, "yaw", sea.step(4.0, 10.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
+        field, Plane.YAW, sea.step(4.0, 10.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
     )
 
 
 @pytest.fixture(scope="module")
 def pitch(field: config.VehicleConfig) -> Run:
     return sea.fly(
-        field, "pitch", sea.step(4.0, 10.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
+        field, Plane.PITCH, sea.step(4.0, 10.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
     )
 
 

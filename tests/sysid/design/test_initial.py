@@ -129,11 +129,11 @@ def later(vehicle: DesignModel, gains: dict[str, float], angle_rad: float) -> De
     pitch = loop_transfer.margins(
         loop_transfer.depth_loops(vehicle.pitch, gains)["elevator"]
     ).crossover_radps
-    lags = [
+    yaw_lag, pitch_lag = (
         lag._replace(delay_s=lag.delay_s + angle_rad / crossover)
         for lag, crossover in ((vehicle.yaw_lag, yaw), (vehicle.pitch_lag, pitch))
-    ]
-    return build(vehicle.planes, *lags, vehicle.disturbance)
+    )
+    return build(vehicle.planes, yaw_lag, pitch_lag, vehicle.disturbance)
 
 
 def test_gain_uncertain_delay_is_smaller(caribou: DesignModel) -> None:

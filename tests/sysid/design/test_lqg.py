@@ -33,7 +33,7 @@ SEA = noise.from_model(DEFAULT_DISTURBANCE)
 @pytest.fixture(scope="module")
 def vehicle() -> DesignModel:
     planes = Planes(yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED))
-    return build(planes, LAG, LAG, {"yaw": DEFAULT_DISTURBANCE, "pitch": DEFAULT_DISTURBANCE})
+    return build(planes, LAG, LAG, dict.fromkeys(PLANES, DEFAULT_DISTURBANCE))
 
 
 def designed(vehicle: DesignModel, plane: Plane) -> tuple[AugmentedModel, DiscreteController]:
@@ -144,9 +144,9 @@ def test_constant_load_other_vehicle_leaves_no_error(vehicle: DesignModel, plane
 def test_predicted_heading_equals_lyapunov_equation(vehicle: DesignModel) -> None:
     """For the slow disturbance alone: frequency integral against the closed loop's covariance."""
     sea = msgspec.structs.replace(DEFAULT_DISTURBANCE, wave_accel_degps2=0.0)
-    _, controller = designed(vehicle, "yaw")
+    _, controller = designed(vehicle, Plane.YAW)
     seen = loop_analysis.measured_plane(
-        vehicle._replace(disturbance={"yaw": sea, "pitch": sea}), "yaw"
+        vehicle._replace(disturbance={Plane.YAW: sea, Plane.PITCH: sea}), Plane.YAW
     )
     closed = loop_analysis._close(seen, controller).A
     n = len(closed)
@@ -161,10 +161,10 @@ def test_predicted_heading_equals_lyapunov_equation(vehicle: DesignModel) -> Non
 
 def test_gain_margin_true_delay_is_the_stability_limit(vehicle: DesignModel) -> None:
     """In simulation the loop is stable just below the gain margin and unstable above it."""
-    _, controller = designed(vehicle, "yaw")
+    _, controller = designed(vehicle, Plane.YAW)
     margin = 10 ** (
         loop_transfer.margins(
-            loop_analysis.cuts(loop_analysis.measured_plane(vehicle, "yaw"), controller).surface
+            loop_analysis.cuts(loop_analysis.measured_plane(vehicle, Plane.YAW), controller).surface
         ).gm_db
         / 20.0
     )
@@ -197,4 +197,4 @@ def growth(vehicle: DesignModel, controller: DiscreteController, factor: float) 
         x = step[:5, :5] @ x + step[:5, 5] * queue.pop(0)
         sizes.append(abs(x[2]))
     third = len(sizes) // 3
-    return max(sizes[-third:]) / max(sizes[third : 2 * third])
+    return float(max(sizes[-third:]) / max(sizes[third : 2 * third]))

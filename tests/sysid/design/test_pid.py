@@ -17,6 +17,7 @@ from sysid.design.disturbance_response import command_noise_rad, predict_respons
 from sysid.design.pid import Design, DesignInfeasibleError, Spec, heading, step_response
 from sysid.design.robustness import robustness
 from sysid.models.model_file import IdentifiedModel, sha256_of_model
+from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 
@@ -71,7 +72,9 @@ def test_redesign_stricter_command_noise_gives_slower_lead(
     first = {**designed.gains, "ACT_LEAD_W": 0.0}
     strict = {**first, **heading.gains(vehicle, first, spec, constraints.nominal(spec))}
     assert strict["ACT_LEAD_W"] < designed.gains["ACT_LEAD_W"]
-    assert command_noise_rad(vehicle, "yaw", strict) == pytest.approx(math.radians(0.2), rel=0.02)
+    assert command_noise_rad(vehicle, Plane.YAW, strict) == pytest.approx(
+        math.radians(0.2), rel=0.02
+    )
 
 
 def test_robustness_other_samples_agrees(model: IdentifiedModel, designed: Design) -> None:
@@ -174,8 +177,8 @@ def test_gain_margin_true_delay_is_the_stability_limit(
 def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> float:
     """Simulate with the autopilot's own actuator lead; return late over early amplitude."""
     dt, lag = 0.01, vehicle.yaw_lag
-    lag_and_lead = (gains[f"ACT_{name}"] for name in ("LAG_W", "LAG_Z", "LEAD_W", "LEAD_Z"))
-    servo = ActuatorLead(*lag_and_lead, math.inf, math.inf)
+    lag_and_lead = [gains[f"ACT_{name}"] for name in ("LAG_W", "LAG_Z", "LEAD_W", "LEAD_Z")]
+    servo = ActuatorLead._make([*lag_and_lead, math.inf, math.inf])
     reference = NO_REFERENCE
     queue = [0.0] * round(lag.delay_s / dt)
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
@@ -194,7 +197,7 @@ def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> flo
         x = step[:5, :5] @ x + step[:5, 5] * queue.pop(0)
         sizes.append(abs(x[2]))
     third = len(sizes) // 3
-    return max(sizes[-third:]) / max(sizes[third : 2 * third])
+    return float(max(sizes[-third:]) / max(sizes[third : 2 * third]))
 
 
 def test_predicted_heading_equals_lyapunov_equation(model: IdentifiedModel) -> None:
@@ -202,8 +205,8 @@ def test_predicted_heading_equals_lyapunov_equation(model: IdentifiedModel) -> N
     from scipy.linalg import solve_continuous_lyapunov
 
     vehicle = from_model(model)
-    sea = msgspec.structs.replace(vehicle.disturbance["yaw"], wave_accel_degps2=0.0)
-    vehicle = vehicle._replace(disturbance={**vehicle.disturbance, "yaw": sea})
+    sea = msgspec.structs.replace(vehicle.disturbance[Plane.YAW], wave_accel_degps2=0.0)
+    vehicle = vehicle._replace(disturbance={**vehicle.disturbance, Plane.YAW: sea})
     closed = loop_state_space.close_heading(
         vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_INITIAL, order=6
     )
@@ -266,8 +269,9 @@ def test_write_params_contains_reasons_and_model(
 
 def test_integrator_limits_cover_constant_loads(model: IdentifiedModel, designed: Design) -> None:
     """Rudder bias plus three standard deviations, pitch of level flight, and some reserve."""
-    bias = model.planes["yaw"].actuator_bias_deg
+    bias = model.planes[Plane.YAW].actuator_bias_deg
     level = math.radians(abs(model.vehicle.level_pitch_deg))
+    assert bias.sd is not None
     room = designed.gains["HDG_IMAX"] - math.radians(abs(bias.value))
     assert math.radians(3 * bias.sd) < room < math.radians(3.0)
     assert level < designed.gains["DPT_IMAX"] < level + math.radians(3.0)

@@ -13,6 +13,7 @@ from sysid.design import design_model
 from sysid.design.pid import DesignRobustness, Spec, predicted_performance
 from sysid.models.model_file import IdentifiedModel, NoiseModel, sha256_of_model
 from sysid.monitor.performance_spec import AVERAGED_S, RESONANCE_BANDWIDTH, PerformanceBaseline
+from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_IMPROVED
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ def heading_deg(model: IdentifiedModel) -> Array:
     """Return the simulated heading (deg) in closed loop with disturbance and sensor noise."""
     vehicle = design_model.from_model(model)
     closed = loop_state_space.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_IMPROVED)
-    rng, sea = np.random.default_rng(5), vehicle.disturbance["yaw"]
+    rng, sea = np.random.default_rng(5), vehicle.disturbance[Plane.YAW]
     pushed = disturbance(sea, rng, round(LASTS_S / STEP_S))
     moment = np.zeros(len(closed.A))
     moment[: vehicle.planes.yaw.moment.size] = vehicle.planes.yaw.moment
@@ -93,7 +94,7 @@ def test_resonance_rms_simulation_equals_prediction(
 def test_predicted_means_are_those_of_level_flight(
     baseline: PerformanceBaseline, model: IdentifiedModel
 ) -> None:
-    bias, level = model.planes["yaw"].actuator_bias_deg, model.vehicle
+    bias, level = model.planes[Plane.YAW].actuator_bias_deg, model.vehicle
     assert baseline.predicted["rudder_deg"].mean == -bias.value
     assert baseline.predicted["pitch_deg"].mean == level.level_pitch_deg
     assert baseline.predicted["pitch_deg"].mean_sd > 0.0

@@ -159,10 +159,10 @@ def test_analyse_matches_lag_and_paper_limits() -> None:
     assert abs(phase_errors_deg @ hz) / (360.0 * hz @ hz) < 0.004, "common delay of all phases, s"
     assert sorted(point.phase_deg for point in small) == [point.phase_deg for point in small][::-1]
     limits = {limit.amplitude_deg: limit for limit in bench.limits}
-    for size, hz in ((30.0, 0.25), (10.0, 0.75)):
-        assert limits[size].paper_hz == hz
-        assert limits[size].triangle_hz.value == pytest.approx(hz, rel=0.005)
-        assert limits[size].sine_hz.value == pytest.approx(hz * 2.0 / math.pi, rel=0.005)
+    for size, limit_hz in ((30.0, 0.25), (10.0, 0.75)):
+        assert limits[size].paper_hz == limit_hz
+        assert limits[size].triangle_hz.value == pytest.approx(limit_hz, rel=0.005)
+        assert limits[size].sine_hz.value == pytest.approx(limit_hz * 2.0 / math.pi, rel=0.005)
     # Small motion is limited by the lag alone; the largest amplitude by the rate limit.
     assert limits[5.0].half_power_hz == pytest.approx(0.548, abs=0.02)
     assert limits[30.0].half_power_hz is not None

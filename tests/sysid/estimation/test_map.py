@@ -220,7 +220,7 @@ def test_noise_estimate_recovers_white_levels(few: list[Run], bench: config.Vehi
         problems.vehicle(prior_of(bench, few), np.zeros(len(NAMES))),
     )
     samples = [math.radians(0.3) * rng.standard_normal((600, 2)) for _ in range(3)]
-    levels = noise.estimate(fit.linear_plane(vehicle, "yaw"), samples, 0.1, Noise())
+    levels = noise.estimate(fit.linear_plane(vehicle, Plane.YAW), samples, 0.1, Noise())
     assert levels.rate_radps == pytest.approx(math.radians(0.3), rel=0.05)
     assert levels.angle_rad == pytest.approx(math.radians(0.3), rel=0.05)
     assert levels.slow_radps2 < 0.5 * Noise().slow_radps2
@@ -241,7 +241,7 @@ def two_at_once(vehicle: config.VehicleConfig) -> tuple[Run, Run]:
     )
     yaw, pitch = (
         sea.run_of(log, vehicle, plane, signal, name=plane, wave="multisine", trim_rad=TRIM)
-        for plane, signal in (("yaw", rudder), ("pitch", elevator))
+        for plane, signal in ((Plane.YAW, rudder), (Plane.PITCH, elevator))
     )
     return yaw, pitch
 
@@ -256,8 +256,8 @@ def test_coupling_inputs_reduce_error_of_dual_tests(
     run = two_at_once(field)[PLANES[plane].index]
     tail = field.tailcone
     biases: dict[Plane, float] = {
-        "yaw": math.radians(tail.rudder_bias_deg),
-        "pitch": math.radians(tail.elevator_bias_deg),
+        Plane.YAW: math.radians(tail.rudder_bias_deg),
+        Plane.PITCH: math.radians(tail.elevator_bias_deg),
     }
     vehicle = parameters.candidate_vehicle(field, biases, np.zeros(len(NAMES)))
     mse = []
@@ -277,15 +277,19 @@ def test_heave_coupling_reduces_error_of_pitched_vehicle(
     With it the error is smaller.
     """
     run = sea.fly(
-        field, "yaw", sea.doublet(4.0, 6.0), level=sea.CALM, sensors=QUIET, trim_rad=TRIM
+        field, Plane.YAW, sea.doublet(4.0, 6.0), level=sea.CALM, sensors=QUIET, trim_rad=TRIM
     ).since(-1.0)
     tail = field.tailcone
     bias = math.radians(tail.rudder_bias_deg)
-    vehicle = parameters.candidate_vehicle(field, {"yaw": bias, "pitch": 0.0}, np.zeros(len(NAMES)))
+    vehicle = parameters.candidate_vehicle(
+        field, {Plane.YAW: bias, Plane.PITCH: 0.0}, np.zeros(len(NAMES))
+    )
     speed, start = fit.cruise_speed_mps(vehicle, float(run.thrust[0])), greybox.initial_motion(run)
     still = np.zeros((run.time_s.size, greybox.N_COUPLING))
     known = prediction.simulate(vehicle, run)
-    unknown = greybox.simulate(vehicle.model, vehicle.actuators["yaw"], run, start, 1, speed, still)
+    unknown = greybox.simulate(
+        vehicle.model, vehicle.actuators[Plane.YAW], run, start, 1, speed, still
+    )
     errors = [float(np.mean((m.rate_radps - run.rate_radps) ** 2)) for m in (known, unknown)]
     assert errors[0] < 0.4 * errors[1]
 
@@ -293,10 +297,10 @@ def test_heave_coupling_reduces_error_of_pitched_vehicle(
 def test_duct_along_cut_run_keeps_its_history(campaign: list[Run]) -> None:
     run, actuator = campaign[1], greybox.Actuator(0.3, 3.0, 0.6, 0.0, 0.26, 0.26)
     late = run.since(-4.0)
-    whole = greybox.duct_along(run, "yaw", actuator)[-late.time_s.size :]
-    np.testing.assert_array_equal(greybox.duct_along(late, "yaw", actuator), whole)
+    whole = greybox.duct_along(run, Plane.YAW, actuator)[-late.time_s.size :]
+    np.testing.assert_array_equal(greybox.duct_along(late, Plane.YAW, actuator), whole)
     np.testing.assert_array_equal(
-        greybox.duct_along(late.since(-2.0), "yaw", actuator), whole[100:]
+        greybox.duct_along(late.since(-2.0), Plane.YAW, actuator), whole[100:]
     )
 
 
@@ -316,7 +320,7 @@ def test_failures_name_the_reason(
     starts: tuple[float, ...], bounds: tuple[str, ...], sd_ratio: float, expected: str
 ) -> None:
     after = np.diag([0.25, sd_ratio**2, 0.25, 0.25, 0.25])
-    reasons = failures(100.0, starts, bounds, {"yaw": (np.eye(5), after)})
+    reasons = failures(100.0, starts, bounds, {Plane.YAW: (np.eye(5), after)})
     assert len(reasons) == bool(expected)
     assert expected in "".join(reasons)
 
@@ -331,7 +335,7 @@ def test_failures_number_without_variance_is_ignored() -> None:
     """A delay at its limit of zero has no variance before or after the data: 0/0 must not arise."""
     before, after = np.diag([1.0, 1.0, 1.0, 1.0, 0.0]), np.diag([0.25, 0.25, 0.25, 0.25, 0.0])
     with np.errstate(all="raise"):
-        assert failures(100.0, (100.0,), (), {"yaw": (before, after)}) == ()
+        assert failures(100.0, (100.0,), (), {Plane.YAW: (before, after)}) == ()
 
 
 def test_at_bounds_backlash_of_none_is_a_result() -> None:
@@ -352,7 +356,7 @@ def test_fit_constant_command_is_reported_as_failure(
     """A constant rudder command determines nothing of the plane; the fit must report it."""
     from sysid.models import model_export
 
-    run = sea.fly(field, "yaw", sea.step(0.0, 6.0), trim_rad=TRIM).since(-4.0)
+    run = sea.fly(field, Plane.YAW, sea.step(0.0, 6.0), trim_rad=TRIM).since(-4.0)
     prior = prior_of(bench, [run])
     reasons = model_export.from_fit(
         fit.fit([run], prior), prior, "caribou_nominal"

@@ -22,7 +22,7 @@ def test_interval_gaussian_problem_is_symmetric(seed: int, level: float) -> None
     rng = np.random.default_rng(seed)
     A, weights = rng.standard_normal((12, 2)), rng.standard_normal(2)
     b = rng.standard_normal(12)
-    best = np.linalg.lstsq(A, b, rcond=None)[0]
+    best = np.asarray(np.linalg.lstsq(A, b, rcond=None)[0], np.float64)
     sd = math.sqrt(weights @ np.linalg.inv(A.T @ A) @ weights)
     problem = LeastSquaresEstimate(lambda x: A @ x - b, lambda x: A, -WIDE, WIDE)
     interval = profile_likelihood.interval(problem, best, lambda x: float(weights @ x), sd, level)

@@ -11,7 +11,7 @@ from sitl.vehicle import config
 from sysid.estimation.map.fit import Prior
 from sysid.models import bench_priors, parameters
 from sysid.models.parameters import NAMES, PARAMETERS
-from sysid.planes import PLANE_OF_SURFACE
+from sysid.planes import PLANE_OF_SURFACE, PLANES
 
 AXIS = {
     "natural_frequency_radps": {"value": 3.3, "sd": 0.03},
@@ -26,7 +26,10 @@ AXIS = {
 @pytest.fixture
 def prior(bench: config.VehicleConfig) -> Prior:
     return Prior(
-        bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)), parameters.prior_covariance()
+        bench,
+        dict.fromkeys(PLANES, 0.0),
+        np.zeros(len(NAMES)),
+        parameters.prior_covariance(),
     )
 
 

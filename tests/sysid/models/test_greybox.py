@@ -38,7 +38,9 @@ def test_actuator_model_equals_simulated_tailcone(
 ) -> None:
     rng = np.random.default_rng(2)
     command = np.repeat(rng.uniform(-0.3, 0.3, 30), 40)
-    actuator = nominal(bench, "yaw")._replace(delay_s=delay_s, backlash_rad=math.radians(play_deg))
+    actuator = nominal(bench, Plane.YAW)._replace(
+        delay_s=delay_s, backlash_rad=math.radians(play_deg)
+    )
     axis = tailcone.discretise(
         natural_frequency_radps=3.0,
         damping=0.6,
@@ -83,10 +85,10 @@ def test_measured_speed_replaces_the_simulated_speed(bench: config.VehicleConfig
 
     Tolerance: the measured speed is smoothed over 2 s (0.1 deg/s of 6 deg/s).
     """
-    run = sea.fly(bench, "yaw", sea.step(9.0), level=sea.CALM, sensors=QUIET)
+    run = sea.fly(bench, Plane.YAW, sea.step(9.0), level=sea.CALM, sensors=QUIET)
     model, actuator, start = (
         build_model.build(bench),
-        nominal(bench, "yaw"),
+        nominal(bench, Plane.YAW),
         greybox.initial_motion(run),
     )
     motion = greybox.simulate(model, actuator, run, start, 1, 1.3)
@@ -101,10 +103,10 @@ def test_measured_speed_replaces_the_simulated_speed(bench: config.VehicleConfig
 
 
 def test_fit_step_equals_fine_step(bench: config.VehicleConfig) -> None:
-    run = sea.fly(bench, "yaw", sea.step(9.0), level=sea.CALM, sensors=QUIET)
+    run = sea.fly(bench, Plane.YAW, sea.step(9.0), level=sea.CALM, sensors=QUIET)
     model, actuator, start = (
         build_model.build(bench),
-        nominal(bench, "yaw"),
+        nominal(bench, Plane.YAW),
         greybox.initial_motion(run),
     )
     fine = greybox.simulate(model, actuator, run, start, 1, 1.3)
@@ -117,10 +119,10 @@ def test_linear_planes_are_derivatives_of_plane_model(bench: config.VehicleConfi
     the righting moment.
     """
     vehicle = parameters.candidate_vehicle(
-        bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(parameters.NAMES))
+        bench, dict.fromkeys(PLANES, 0.0), np.zeros(len(parameters.NAMES))
     )
     rps = 0.58 * vehicle.model.propeller.full_rps
-    for plane in ("yaw", "pitch"):
+    for plane in PLANES:
         linear = fit.straight_plane(vehicle, plane)
 
         def rates(

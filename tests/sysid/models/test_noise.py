@@ -8,6 +8,7 @@ from scipy.linalg import expm
 
 from sysid.models import linear_planes, noise
 from sysid.models.noise import Noise
+from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED
 
 DT = 0.1
@@ -166,12 +167,12 @@ def test_estimate_without_waves_has_no_pressure(seed: int) -> None:
 def test_waves_decay_with_depth_as_airy_says() -> None:
     """A wave of 6 s is 56.2 m long: over 56.2 / 2 pi m of depth its motion falls to 1 / e."""
     level = Noise(wave_frequency_hz=1.0 / 6.0, wave_depth_m=0.02, test_depth_m=2.0)
-    deep = noise.at_depth({"pitch": level}, 2.0 + 56.2 / (2.0 * math.pi))["pitch"]
+    deep = noise.at_depth({Plane.PITCH: level}, 2.0 + 56.2 / (2.0 * math.pi))[Plane.PITCH]
     assert deep.wave_depth_m == pytest.approx(0.02 / math.e, rel=1e-3)
     assert deep.wave_radps2 == pytest.approx(level.wave_radps2 / math.e, rel=1e-3)
     assert deep.slow_radps2 == level.slow_radps2
 
 
 def test_noise_without_waves_is_equal_at_all_depths() -> None:
-    levels = {"yaw": Noise(), "pitch": Noise(test_depth_m=8.0)}
+    levels = {Plane.YAW: Noise(), Plane.PITCH: Noise(test_depth_m=8.0)}
     assert noise.at_depth(levels, 1.0) == levels

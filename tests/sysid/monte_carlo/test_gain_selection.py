@@ -8,11 +8,12 @@ import pytest
 from sysid.design import pid
 from sysid.design.pid import DesignInfeasibleError, Spec
 from sysid.models import json_record
-from sysid.monte_carlo import gain_selection
+from sysid.monte_carlo import gain_selection, study
 from sysid.monte_carlo.gain_selection import GainSelection, SelectionRequest
 from sysid.monte_carlo.simulate import Sea
 from sysid.monte_carlo.study import Range, SimulationSummary
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
+from sysid.test_design import prior as design_priors
 
 Ratios = tuple[float, float] | None
 """Errors in heading and depth over those of the first gains; None where no gains are feasible."""
@@ -139,9 +140,9 @@ def test_select_gains_that_fail_in_simulation_says_what_happened(
 
     monkeypatch.setattr(pid, "redesign", redesign)
     monkeypatch.setattr(pid, "keep", keep)
-    monkeypatch.setattr(gain_selection.design_priors, "from_model", lambda *asked: None)
+    monkeypatch.setattr(design_priors, "from_model", lambda *asked: None)
     simulated = summary(), summary(**changes)
-    monkeypatch.setattr(gain_selection.study, "simulate_samples", lambda *asked: simulated)
+    monkeypatch.setattr(study, "simulate_samples", lambda *asked: simulated)
     anything: Any = None
     request = SelectionRequest(anything, Spec(), anything, TABLE_3_INITIAL, ())
     _, selection = gain_selection.select(request)

@@ -13,16 +13,17 @@ from sitl.vehicle import config
 from sysid.design import initial
 from sysid.monte_carlo import readiness
 from sysid.monte_carlo.readiness import Moments, Obstacle, Readiness
+from sysid.planes import PLANES, Plane
 
 DISTURBED = Moments(
-    slow_nm={"yaw": 2.81, "pitch": 2.24},
+    slow_nm={Plane.YAW: 2.81, Plane.PITCH: 2.24},
     slow_time_s=3.0,
-    wave_nm={"yaw": 4.96, "pitch": 4.57},
+    wave_nm={Plane.YAW: 4.96, Plane.PITCH: 4.57},
     wave_frequency_hz=0.15,
     wave_damping=0.1,
 )
 """sitl/scenarios/disturbed.toml, made for Caribou."""
-CALM = DISTURBED._replace(slow_nm={"yaw": 0.0, "pitch": 0.0}, wave_nm={"yaw": 0.0, "pitch": 0.0})
+CALM = DISTURBED._replace(slow_nm=dict.fromkeys(PLANES, 0.0), wave_nm=dict.fromkeys(PLANES, 0.0))
 GAINS = {
     "remus100": (0.378, 0.668, 0.0151, 0.410, 0.594, 0.290, 0.0097, 13.6),
     "xfin_auv": (2.115, 3.065, 0.0846, 2.115, 3.065, 0.168, 0.0056, 15.0),
@@ -109,6 +110,6 @@ def test_noise_levels_equal_moment_over_inertia() -> None:
     from sysid.test_design import prior as design_priors
 
     prior = design_priors.from_file(config.load("caribou_nominal"))
-    level = readiness.noise_levels(prior.vehicle(prior.mean), DISTURBED)["yaw"]
+    level = readiness.noise_levels(prior.vehicle(prior.mean), DISTURBED)[Plane.YAW]
     assert level.wave_radps2 == pytest.approx(4.96 / 927.0, rel=0.05)
     assert math.degrees(level.slow_radps2) == pytest.approx(0.174, abs=0.01)

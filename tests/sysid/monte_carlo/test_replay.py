@@ -117,8 +117,8 @@ def test_log_without_parameters_or_arming_is_refused() -> None:
 
 
 def test_recorded_drift_is_added_and_continues_after_the_dive() -> None:
-    drift_m = np.array([0j, 1.0 + 0j, 2.0 + 2.0j])
-    record = simulate.NavigationRecord(Home(42.0, -71.0, known=True), drift_m, drift_m / 10.0)
+    drift_m = np.array([0j, 1.0 + 0j, 2.0 + 2.0j], np.complex128)
+    record = simulate.NavigationRecord(Home(42.0, -71.0, known=True), drift_m, drift_m * 0.1)
     for tick, north_m, east_m, current_mps in (
         (1, 11.0, 5.0, 0.1 + 0j),
         (2, 12.0, 7.0, 0.2 + 0.2j),

@@ -8,6 +8,7 @@ import pytest
 
 from autopilot.control import estimator, params
 from sitl.core import tailcone
+from sitl.vehicle.water import drifting
 from sysid.models import greybox
 from sysid.monitor import tracking_metrics
 from sysid.monte_carlo import (
@@ -19,6 +20,7 @@ from sysid.monte_carlo import (
     simulate as dive,
 )
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea, SimulatedDive
+from sysid.planes import Plane
 from sysid.test_design.prior import DesignPrior
 from tests.sysid.monte_carlo.conftest import HELD, mission, silent
 
@@ -112,7 +114,7 @@ def test_actuator_equals_identified_tailcone() -> None:
 def test_instruments_at_rest_give_attitude_and_depth(known: DesignPrior) -> None:
     config = params.config({})
     craft = dynamics.initial_state(
-        known.vehicle(known.mean), dive.drifting((0.0, 0.0, 0.0)), instruments.field_nwu(config)
+        known.vehicle(known.mean), drifting((0.0, 0.0, 0.0)), instruments.field_nwu(config)
     )
     ideal = np.zeros(dynamics.N_OBSERVED)
     at = estimator.initial_estimate(instruments.frame(0, craft.observed, ideal, config), config)
@@ -124,5 +126,7 @@ def test_deviations_mean_over_100_ms_equals_noise_model(known: DesignPrior) -> N
     errors = instruments.errors(known.noise, np.random.default_rng(1))
     ticks = np.concatenate(list(islice(errors, 20)))
     means = ticks.reshape(-1, 5, dynamics.N_OBSERVED).mean(axis=1)
-    assert np.std(means[:, 5]) == pytest.approx(known.noise["yaw"].rate_radps, rel=0.05)
-    assert np.std(means[:, dynamics.DEPTH]) == pytest.approx(known.noise["pitch"].depth_m, rel=0.05)
+    assert np.std(means[:, 5]) == pytest.approx(known.noise[Plane.YAW].rate_radps, rel=0.05)
+    assert np.std(means[:, dynamics.DEPTH]) == pytest.approx(
+        known.noise[Plane.PITCH].depth_m, rel=0.05
+    )

@@ -9,6 +9,7 @@ from scipy import signal
 
 from sitl.vehicle import config
 from sysid.data.runs import RATE_HZ, Run
+from sysid.planes import Plane
 from sysid.screening import screen
 from sysid.screening.cross_plane import band, coherence, significant, stationary_motion
 from tests.sysid import sea
@@ -19,7 +20,7 @@ def run(field: config.VehicleConfig) -> Run:
     pulses = ((1, 7.5), (-1, 5.0), (1, 2.5), (-1, 2.5), (1, 7.5), (-1, 5.0), (1, 2.5), (-1, 2.5))
     wave = np.concatenate([sea.step(sign * 6.0, seconds) for sign, seconds in pulses])
     return sea.fly(
-        field, "yaw", wave, wave="3-2-1-1", level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
+        field, Plane.YAW, wave, wave="3-2-1-1", level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
     )
 
 
@@ -31,7 +32,7 @@ def coupled(run: Run) -> list[str]:
 def coloured(rng: np.random.Generator, samples: int) -> np.ndarray:
     """Low-pass filtered noise, like the rate of a disturbed vehicle."""
     b, a = signal.butter(1, 0.3, fs=RATE_HZ)
-    return signal.lfilter(b, a, rng.standard_normal(samples + 500))[500:]
+    return np.asarray(signal.lfilter(b, a, rng.standard_normal(samples + 500))[500:])
 
 
 def test_coherence_unrelated_rates_rarely_significant(run: Run) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from sitl.vehicle import config
 from sysid import refit
-from sysid.data.runs import Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.data.segments import MarkedInterval
 from sysid.planes import Plane
 from sysid.refit import RefitRequest
@@ -26,7 +26,7 @@ def reasons(*runs: Run) -> list[str]:
 
 def still(field: config.VehicleConfig, plane: Plane, seed: int) -> Run:
     """Return 30 s of course keeping, without a test signal."""
-    nothing = np.zeros(int(30 * sea.RATE_HZ))
+    nothing = np.zeros(int(30 * RATE_HZ))
     return sea.fly(field, plane, nothing, seed=seed, trim_rad=TRIM_RAD, loop_on=True)
 
 
@@ -40,13 +40,13 @@ def test_course_keeping_is_named_closed_loop(
 
 
 def multisine(seconds: float, degrees: float, loop_gain: float = 1.0) -> np.ndarray:
-    time_s = np.arange(int(seconds * sea.RATE_HZ)) / sea.RATE_HZ
+    time_s = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
     tones = [
         np.sin(2 * np.pi * f * time_s + 2.0 * k)
         for k, f in enumerate((0.05, 0.11, 0.17, 0.29, 0.41))
     ]
     total = np.sum(tones, axis=0)
-    return math.radians(degrees) * total / np.max(np.abs(total)) * loop_gain
+    return np.asarray(math.radians(degrees) * total / np.max(np.abs(total)) * loop_gain)
 
 
 @pytest.mark.parametrize("plane", Plane)
@@ -98,7 +98,7 @@ def test_disconnected_surface_is_no_excitation(field: config.VehicleConfig) -> N
 def test_marked_course_keeping_is_refused_as_closed_loop(
     field: config.VehicleConfig, tmp_path: Path
 ) -> None:
-    nothing = DiveTest(Plane.YAW, np.zeros(int(40 * sea.RATE_HZ)))
+    nothing = DiveTest(Plane.YAW, np.zeros(int(40 * RATE_HZ)))
     messages = dives.entries(field, [nothing], texts=False, loop_on=True, trim_rad=TRIM_RAD)
     path = recording.write(tmp_path / "cruise.mcap", messages, {})
     with pytest.raises(

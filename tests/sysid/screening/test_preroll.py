@@ -8,6 +8,7 @@ import pytest
 
 from sitl.vehicle import config
 from sysid.data.runs import Run
+from sysid.planes import Plane
 from sysid.screening import screen
 from tests.sysid import sea
 
@@ -25,7 +26,9 @@ def rough(field: config.VehicleConfig) -> list[Run]:
 def _set(field: config.VehicleConfig, level: float) -> list[Run]:
     trim = (math.radians(6.0), 0.0)
     return [
-        sea.fly(field, "yaw", sea.step(4.0, 8.0), name=f"{k}", seed=k, level=level, trim_rad=trim)
+        sea.fly(
+            field, Plane.YAW, sea.step(4.0, 8.0), name=f"{k}", seed=k, level=level, trim_rad=trim
+        )
         for k in range(4)
     ]
 

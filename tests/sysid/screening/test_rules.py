@@ -9,6 +9,7 @@ import pytest
 from sitl.vehicle import config
 from sysid.data.events import StopReason
 from sysid.data.runs import Run
+from sysid.planes import Plane
 from sysid.screening import screen
 from tests.sysid import sea
 
@@ -16,14 +17,14 @@ from tests.sysid import sea
 @pytest.fixture(scope="module")
 def yaw(field: config.VehicleConfig) -> Run:
     return sea.fly(
-        field, "yaw", sea.step(4.0, 10.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
+        field, Plane.YAW, sea.step(4.0, 10.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
     )
 
 
 @pytest.fixture(scope="module")
 def pitch(field: config.VehicleConfig) -> Run:
     return sea.fly(
-        field, "pitch", sea.step(4.0, 6.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
+        field, Plane.PITCH, sea.step(4.0, 6.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
     )
 
 
@@ -38,7 +39,7 @@ def test_screen_clean_runs_are_accepted(yaw: Run, pitch: Run) -> None:
 
 
 def during(run: Run, values: np.ndarray, change: float) -> np.ndarray:
-    return values + change * (run.time_s > 2.0)
+    return np.asarray(values + change * (run.time_s > 2.0))
 
 
 def test_screen_names_each_fault(yaw: Run, pitch: Run) -> None:

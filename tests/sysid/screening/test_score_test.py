@@ -71,7 +71,8 @@ def fit_and_test(
     z = rng.standard_normal(PARAMETERS)
     measured = [J @ z + rng.standard_normal(SAMPLES) for J in world.slopes]
     measured[run] = measured[run] + anomaly
-    covariance = np.linalg.inv(np.eye(PARAMETERS) + sum(J.T @ J for J in world.slopes))
+    information = np.eye(PARAMETERS) + sum(J.T @ J for J in world.slopes)
+    covariance = np.asarray(np.linalg.inv(information), np.float64)
     best = covariance @ sum(J.T @ y for J, y in zip(world.slopes, measured, strict=True))
     return scores(
         world.signatures, measured[run] - world.slopes[run] @ best, world.slopes[run], covariance

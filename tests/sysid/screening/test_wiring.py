@@ -20,6 +20,7 @@ from sitl.vehicle import config
 from sysid import refit
 from sysid.data import readers, segments
 from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
+from sysid.data.runs import RATE_HZ
 from sysid.planes import Plane
 from sysid.refit import RefitRequest
 from sysid.screening import wiring
@@ -152,7 +153,7 @@ def test_logs_with_different_travel_are_two_vehicles(
 
 def test_tests_of_both_surfaces_are_checked(sound: Path, field: config.VehicleConfig) -> None:
     """Multisines with alternating tones on both surfaces at once."""
-    time_s = np.arange(int(60 * sea.RATE_HZ)) / sea.RATE_HZ
+    time_s = np.arange(int(60 * RATE_HZ)) / RATE_HZ
     rudder, elevator = (
         np.radians(1.5) * sum(np.sin(2 * np.pi * f * time_s + 9.0 * f) for f in tones)
         for tones in ((0.04, 0.12, 0.2, 0.28), (0.08, 0.16, 0.24, 0.32))

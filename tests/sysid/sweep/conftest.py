@@ -1,5 +1,6 @@
 import math
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -37,7 +38,7 @@ def vehicle() -> SweepVehicle:
 def request_of(vehicle: SweepVehicle) -> Sweep:
     """Return a function that makes a small sweep, with other fields as given."""
 
-    def make(**fields: object) -> SweepRequest:
+    def make(**fields: Any) -> SweepRequest:
         small = SweepRequest(
             name="plan.toml",
             vehicles=(vehicle,),

@@ -58,7 +58,7 @@ def test_one_campaign_for_all_faults_of_a_vehicle(
         seas.append(args[3])  # type: ignore[arg-type]
         return campaigns.CampaignResult(config, 100.0)
 
-    monkeypatch.setattr(dives.campaigns, "run", count)
+    monkeypatch.setattr(campaigns, "run", count)
     sets = (vehicle.gains[0]._replace(campaign=NO_TESTS),)
     conditions = {"rudder_bias_deg": (0.0, 2.0), "disturbance_scale": (1.0, 1.5)}
     request = request_of(

@@ -1,6 +1,7 @@
 """Dives of a sweep: numbering, inputs, rows and keys."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -120,7 +121,8 @@ def test_each_condition_changes_the_vehicle_or_the_sea(request_of: Sweep) -> Non
         changed.actuators[plane].bias_rad - vehicle.actuators[plane].bias_rad
         for plane in vehicle.actuators
     )
-    assert (shift_yaw, shift_pitch) == (0.0, pytest.approx(np.radians(2.0)))
+    assert shift_yaw == 0.0
+    assert shift_pitch == pytest.approx(np.radians(2.0))
 
 
 @pytest.mark.slow
@@ -171,7 +173,7 @@ def test_impossible_vehicle_is_drawn_again(request_of: Sweep) -> None:
     ],
 )
 def test_passes_held_to_end_and_within_limits(
-    change: dict[str, object], limits: Limits, passes: bool
+    change: dict[str, Any], limits: Limits, passes: bool
 ) -> None:
     assert dives._passes(HELD_DIVE._replace(**change), limits) is passes
 

@@ -3,8 +3,9 @@ import math
 import pytest
 
 from sitl.vehicle import config
-from sysid.planes import Plane
+from sysid.planes import PLANES, Plane
 from sysid.test_design import plan, prior, safety_margins
+from sysid.test_design.candidates import Lengths
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.safety_margins import VehicleSample
 from sysid.validation.crossover import gains_for
@@ -26,7 +27,7 @@ def gains(bench: DesignPrior) -> dict[str, float]:
 def samples(bench: DesignPrior, gains: dict[str, float]) -> dict[Plane, list[VehicleSample]]:
     return {
         plane: safety_margins.sample_vehicles(bench, plane, gains, 128, 30.0, seed=3)
-        for plane in ("yaw", "pitch")
+        for plane in PLANES
     }
 
 
@@ -39,5 +40,5 @@ def few(bench: DesignPrior) -> plan.TestPlan:
 SHORT = plan.PlanRequest(
     test_time_s=600.0,
     samples=60,
-    lengths=plan.Lengths(free_s=(15,), held_s=(30,), both_s=(), square_s=(12,)),
+    lengths=Lengths(free_s=(15,), held_s=(30,), both_s=(), square_s=(12,)),
 )

@@ -45,9 +45,9 @@ def test_simulate_command_is_test_plus_feedback(
     bench: DesignPrior, gains: dict[str, float]
 ) -> None:
     vehicle = bench.vehicle(bench.mean)
-    held = closed_loop.of_vehicle(vehicle, "yaw", gains, bench.noise["yaw"])
+    held = closed_loop.of_vehicle(vehicle, Plane.YAW, gains, bench.noise[Plane.YAW])
     signal = np.where(np.arange(1500) < 100, 0.05, 0.0)
-    flown = closed_loop.simulate(held, "yaw", signal)
+    flown = closed_loop.simulate(held, Plane.YAW, signal)
     law = -gains["HDG_D"] * flown.motion[:, 0] - gains["HDG_P"] * flown.motion[:, 1]
     integral = np.concatenate([[0.0], np.cumsum(-gains["HDG_I"] * flown.motion[:-1, 1]) / RATE_HZ])
     np.testing.assert_allclose(flown.command_rad, signal + law + integral, atol=1e-12)

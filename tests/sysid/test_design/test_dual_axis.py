@@ -7,13 +7,15 @@ import pytest
 from ground.missions import script
 from ground.test_design import files, format
 from ground.test_design.files import TestDive
+from sysid.planes import PLANES, Plane
 from sysid.test_design import candidates, plan
+from sysid.test_design.candidates import Lengths
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.simulate import Manoeuvre
 
 DIVE = TestDive(6.0, 58.0)
-RUDDER = Manoeuvre("yaw", "multisine", 6.0, 100, 0.05, 0.5, loop_on=True)
-ELEVATOR = RUDDER._replace(plane="pitch", size_deg=2.0)
+RUDDER = Manoeuvre(Plane.YAW, "multisine", 6.0, 100, 0.05, 0.5, loop_on=True)
+ELEVATOR = RUDDER._replace(plane=Plane.PITCH, size_deg=2.0)
 
 
 def test_scale_to_limits_sizes_stay_within_single_axis_sizes() -> None:
@@ -34,7 +36,7 @@ def test_elevator_share_is_at_most_one() -> None:
 
 @pytest.fixture(scope="module")
 def together(bench: DesignPrior) -> plan.TestPlan:
-    lengths = plan.Lengths(free_s=(), held_s=(), both_s=(40,), square_s=())
+    lengths = Lengths(free_s=(), held_s=(), both_s=(40,), square_s=())
     request = plan.PlanRequest(
         test_time_s=500.0, criterion="crossover", samples=40, lengths=lengths, held_out=False
     )
@@ -45,7 +47,7 @@ def test_plan_dual_axis_gives_more_information(together: plan.TestPlan) -> None:
     shapes = [one.manoeuvre for one in together.tests]
     (shape,) = {m for m in shapes if m.elevator_deg > 0.0}
     assert shape.mirrored in shapes
-    for plane in ("yaw", "pitch"):
+    for plane in PLANES:
         assert together.after[plane].crossover_deg < together.paper[plane].crossover_deg
 
 

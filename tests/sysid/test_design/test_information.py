@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
 from sysid.models import noise
+from sysid.models.parameters import NAMES
 from sysid.planes import PLANES, Plane
 from sysid.test_design import closed_loop, crossover, information, switching_times
 from sysid.test_design import prior as beliefs
@@ -37,15 +39,19 @@ def test_information_equals_that_of_the_fit(
     np.testing.assert_allclose(ours[block], theirs[block], rtol=0.05, atol=0.02 * theirs.max())
 
 
+def inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.linalg.inv(matrix), np.float64)
+
+
 def test_information_more_tests_reduce_uncertainty(
     bench: DesignPrior, gains: dict[str, float]
 ) -> None:
-    tests = [Manoeuvre("yaw", "step", 3.0, 6), Manoeuvre("yaw", "3211", 3.0, 11)]
+    tests = [Manoeuvre(Plane.YAW, "step", 3.0, 6), Manoeuvre(Plane.YAW, "3211", 3.0, 11)]
     step, pulses = information.information_of(bench, tests, gains)
     known = np.linalg.inv(bench.covariance)
-    slope = information.slopes(bench, "yaw")
-    alone = [information.numbers(slope, np.linalg.inv(known + told)) for told in (step, pulses)]
-    both = information.numbers(slope, np.linalg.inv(known + step + pulses))
+    slope = information.slopes(bench, Plane.YAW)
+    alone = [information.numbers(slope, inverse(known + told)) for told in (step, pulses)]
+    both = information.numbers(slope, inverse(known + step + pulses))
     for name in both._fields:
         assert getattr(both, name) < min(getattr(numbers, name) for numbers in alone)
 
@@ -55,9 +61,9 @@ def test_information_doubled_size_halves_uncertainty(
 ) -> None:
     """Far above the tailcone's play, motion is nearly linear: information grows as size squared."""
     small, large = information.information_of(
-        bench, [Manoeuvre("yaw", "3211", size, 11) for size in (2.0, 4.0)], gains
+        bench, [Manoeuvre(Plane.YAW, "3211", size, 11) for size in (2.0, 4.0)], gains
     )
-    b1 = information.NAMES.index("N_dr")
+    b1 = NAMES.index("N_dr")
     assert large[b1, b1] == pytest.approx(4.0 * small[b1, b1], rel=0.25)
 
 
@@ -77,14 +83,14 @@ def test_superpose_square_wave_equals_sum_of_steps(
 ) -> None:
     """Superposed sensitivities are accurate to a fifth because of play and quadratic drag."""
     digits = np.array([3.0, 1.0, 4.0, 2.0])
-    step = Manoeuvre("yaw", "step", 3.0, 20, loop_on=held)
+    step = Manoeuvre(Plane.YAW, "step", 3.0, 20, loop_on=held)
     wave = step._replace(wave="square", runs=(3, 1, 4, 2))
     of_step, of_wave = information.sensitivities(bench, [step, wave], gains)
     after = -20 * int(switching_times.STEP_HZ) - 1
     summed = switching_times.superpose(
         of_step[after:], switching_times.switch_steps(digits, 20.0), 0
     )
-    index = information.NAMES.index("N_dr")
+    index = NAMES.index("N_dr")
     ours, theirs = (told[:, :, index] for told in (summed, of_wave[after:]))
     assert np.linalg.norm(ours - theirs) < 0.2 * np.linalg.norm(theirs)
 

@@ -13,10 +13,10 @@ from sysid.test_design.safety_margins import ExcursionLimits, VehicleSample
 from sysid.test_design.simulate import Manoeuvre
 
 TESTS = [
-    Manoeuvre("yaw", "3211", 3.0, 11),
-    Manoeuvre("yaw", "prbs", 3.0, 30, stop_hz=0.5, seed=3, loop_on=True),
-    Manoeuvre("pitch", "3211", 3.0, 7),
-    Manoeuvre("pitch", "prbs", 3.0, 30, stop_hz=0.5, seed=3, loop_on=True),
+    Manoeuvre(Plane.YAW, "3211", 3.0, 11),
+    Manoeuvre(Plane.YAW, "prbs", 3.0, 30, stop_hz=0.5, seed=3, loop_on=True),
+    Manoeuvre(Plane.PITCH, "3211", 3.0, 7),
+    Manoeuvre(Plane.PITCH, "prbs", 3.0, 30, stop_hz=0.5, seed=3, loop_on=True),
 ]
 
 
@@ -59,7 +59,7 @@ def test_size_tighter_limits_is_smaller(samples: dict[Plane, list[VehicleSample]
     sizes = []
     for pitch_deg in (15.0, 8.0):
         found = safety_margins.max_size_within_limits(
-            TESTS[2], 9.0, samples["pitch"], ExcursionLimits(pitch_rad=math.radians(pitch_deg))
+            TESTS[2], 9.0, samples[Plane.PITCH], ExcursionLimits(pitch_rad=math.radians(pitch_deg))
         )
         assert found is not None
         sizes.append(found[0].size_deg)
@@ -71,7 +71,7 @@ def test_size_limit_below_disturbance_is_none(
 ) -> None:
     assert (
         safety_margins.max_size_within_limits(
-            TESTS[2], 9.0, samples["pitch"], ExcursionLimits(pitch_rate_radps=math.radians(0.2))
+            TESTS[2], 9.0, samples[Plane.PITCH], ExcursionLimits(pitch_rate_radps=math.radians(0.2))
         )
         is None
     )
@@ -81,7 +81,9 @@ def test_size_closed_loop_leaves_travel_for_feedback(
     samples: dict[Plane, list[VehicleSample]],
 ) -> None:
     """With 3 deg of travel beside the trim, a closed-loop test is smaller."""
-    found = safety_margins.max_size_within_limits(TESTS[1], 3.0, samples["yaw"], ExcursionLimits())
+    found = safety_margins.max_size_within_limits(
+        TESTS[1], 3.0, samples[Plane.YAW], ExcursionLimits()
+    )
     assert found is not None
     assert found[0].size_deg < 2.8
 
@@ -96,7 +98,7 @@ def test_sample_vehicles_impossible_ones_are_drawn_again(
         @ np.linalg.cholesky(wide.covariance).T
     )
     assert any(_cannot_be(wide, z) for z in drawn)
-    assert len(safety_margins.sample_vehicles(wide, "yaw", gains, 10, 5.0, seed=1)) == 10
+    assert len(safety_margins.sample_vehicles(wide, Plane.YAW, gains, 10, 5.0, seed=1)) == 10
 
 
 def _cannot_be(belief: DesignPrior, z: np.ndarray) -> bool:
@@ -111,7 +113,7 @@ def test_sample_vehicles_seed_determines_samples(
     bench: DesignPrior, gains: dict[str, float]
 ) -> None:
     first, again, other = (
-        safety_margins.sample_vehicles(bench, "yaw", gains, 3, 10.0, seed) for seed in (1, 1, 2)
+        safety_margins.sample_vehicles(bench, Plane.YAW, gains, 3, 10.0, seed) for seed in (1, 1, 2)
     )
     for one, same in zip(first, again, strict=True):
         np.testing.assert_array_equal(one.held_motion, same.held_motion)

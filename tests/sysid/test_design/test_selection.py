@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from sysid.planes import Plane
 from sysid.test_design import selection
 from sysid.test_design.safety_margins import Excursion
 from sysid.test_design.selection import SizedTest
@@ -20,7 +21,7 @@ def candidates(seed: int, count: int) -> list[SizedTest]:
     found = []
     for number in range(count):
         rows = rng.standard_normal((2, 3)) * rng.uniform(0.3, 3.0)
-        shape = Manoeuvre("yaw", "step", 1.0 + number, 10)
+        shape = Manoeuvre(Plane.YAW, "step", 1.0 + number, 10)
         found.append(SizedTest(shape, NOWHERE, rows.T @ rows, float(rng.integers(30, 80))))
     return found
 

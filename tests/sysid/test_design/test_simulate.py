@@ -7,18 +7,18 @@ from autopilot.control import excitation, requests
 from autopilot.control.params import Config
 from autopilot.control.types import AutopilotState
 from sysid.data.runs import RATE_HZ
-from sysid.planes import PLANES
+from sysid.planes import PLANES, Plane
 from sysid.test_design import simulate
 from sysid.test_design.simulate import LevelFlight, Manoeuvre
 
 WAVES = [
-    Manoeuvre("yaw", "step", 4.0, 6),
-    Manoeuvre("pitch", "doublet", 2.0, 7),
-    Manoeuvre("yaw", "3211", -3.0, 11),
-    Manoeuvre("pitch", "chirp", 2.0, 20, 0.05, 0.5),
-    Manoeuvre("yaw", "multisine", 5.0, 30, 0.05, 0.5, loop_on=True),
-    Manoeuvre("pitch", "prbs", 1.5, 20, stop_hz=0.6, seed=3),
-    Manoeuvre("yaw", "square", 3.0, 17, runs=(3, 1, 4, 1, 5, 9, 2, 6)),
+    Manoeuvre(Plane.YAW, "step", 4.0, 6),
+    Manoeuvre(Plane.PITCH, "doublet", 2.0, 7),
+    Manoeuvre(Plane.YAW, "3211", -3.0, 11),
+    Manoeuvre(Plane.PITCH, "chirp", 2.0, 20, 0.05, 0.5),
+    Manoeuvre(Plane.YAW, "multisine", 5.0, 30, 0.05, 0.5, loop_on=True),
+    Manoeuvre(Plane.PITCH, "prbs", 1.5, 20, stop_hz=0.6, seed=3),
+    Manoeuvre(Plane.YAW, "square", 3.0, 17, runs=(3, 1, 4, 1, 5, 9, 2, 6)),
 ]
 
 
@@ -48,7 +48,7 @@ def test_signal_equals_autopilot_excitation(planned: Manoeuvre) -> None:
 
 def test_signal_dual_axis_equals_autopilot_excitation() -> None:
     """Separate tones for each surface, the elevator's size by the autopilot's parameter."""
-    planned = Manoeuvre("yaw", "multisine", 4.0, 30, 0.05, 0.5, loop_on=True, elevator_deg=1.4)
+    planned = Manoeuvre(Plane.YAW, "multisine", 4.0, 30, 0.05, 0.5, loop_on=True, elevator_deg=1.4)
     number = {name: wave for wave, name in excitation.WAVES.items()}["multisine"]
     wish = requests.StartTest(123, 4.0, 0.05, 0.5, 30, number, 0.0, 0, ())
     test = excitation.precompute(wish, AutopilotState(), Config(sid_elevator_pct=35.0))

@@ -16,7 +16,7 @@ from sysid.models.model_file import (
     ParameterEstimate,
     ScreenedRun,
 )
-from sysid.planes import Plane
+from sysid.planes import PLANES, Plane
 from sysid.validation.acceptance import assess, format_check
 from sysid.validation.assess import with_assessment
 from sysid.validation.results import (
@@ -37,12 +37,12 @@ ModelChange = Callable[[IdentifiedModel], IdentifiedModel]
 @pytest.fixture(scope="module")
 def held_out(field: config.VehicleConfig) -> list[Run]:
     tests: list[tuple[Plane, Any]] = [
-        ("yaw", sea.doublet(5.0, 4.0)),
-        ("yaw", sea.doublet(-4.0, 2.5)),
-        ("yaw", sea.doublet(6.0, 3.0)),
-        ("pitch", sea.doublet(4.0, 2.5)),
-        ("pitch", sea.doublet(-3.0, 2.5)),
-        ("pitch", sea.doublet(5.0, 3.0)),
+        (Plane.YAW, sea.doublet(5.0, 4.0)),
+        (Plane.YAW, sea.doublet(-4.0, 2.5)),
+        (Plane.YAW, sea.doublet(6.0, 3.0)),
+        (Plane.PITCH, sea.doublet(4.0, 2.5)),
+        (Plane.PITCH, sea.doublet(-3.0, 2.5)),
+        (Plane.PITCH, sea.doublet(5.0, 3.0)),
     ]
     return [
         sea.fly(field, plane, signal, name=f"held/{k}", wave="doublet", seed=700 + k, trim_rad=TRIM)
@@ -60,7 +60,7 @@ def test_assess_good_model_is_accepted(good_model: IdentifiedModel) -> None:
     assert good_model.assessment.fit_for_redesign, good_model.assessment.reasons
     assert good_model.assessment.reasons == ()
     assert good_model.assessment.next_test is not None
-    for plane in ("yaw", "pitch"):
+    for plane in PLANES:
         excess = good_model.validation[plane].held_out
         assert excess is not None
         assert excess.new_types == 3
@@ -73,23 +73,25 @@ def test_assess_good_model_is_accepted(good_model: IdentifiedModel) -> None:
 def of_yaw(**changed: Any) -> ModelChange:
     """Return a change of the validation of the yaw plane."""
     return lambda m: replace(
-        m, validation={**m.validation, "yaw": replace(m.validation["yaw"], **changed)}
+        m, validation={**m.validation, Plane.YAW: replace(m.validation[Plane.YAW], **changed)}
     )
 
 
 def within_yaw(part: str, **changed: Any) -> ModelChange:
-    return lambda m: of_yaw(**{part: replace(getattr(m.validation["yaw"], part), **changed)})(m)
+    return lambda m: of_yaw(**{part: replace(getattr(m.validation[Plane.YAW], part), **changed)})(m)
 
 
 def planes(**changed: Any) -> ModelChange:
-    return lambda m: replace(m, planes={**m.planes, "yaw": replace(m.planes["yaw"], **changed)})
+    return lambda m: replace(
+        m, planes={**m.planes, Plane.YAW: replace(m.planes[Plane.YAW], **changed)}
+    )
 
 
 def without_correlation(m: IdentifiedModel) -> IdentifiedModel:
     """Replace the covariance by one without correlations: 30 % for every number."""
-    names = m.design["yaw"].names
+    names = m.design[Plane.YAW].names
     rows = tuple(
-        tuple((0.3 * abs(getattr(m.planes["yaw"], n).value)) ** 2 * (n == o) for o in names)
+        tuple((0.3 * abs(getattr(m.planes[Plane.YAW], n).value)) ** 2 * (n == o) for o in names)
         for n in names
     )
     return replace(m, design={**m.design, "yaw": ParameterCovariance(names, rows)})
@@ -97,7 +99,7 @@ def without_correlation(m: IdentifiedModel) -> IdentifiedModel:
 
 def without_runs(kind: bool) -> ModelChange:
     def change(m: IdentifiedModel) -> IdentifiedModel:
-        yaw = m.validation["yaw"]
+        yaw = m.validation[Plane.YAW]
         remaining = tuple(run for run in yaw.runs if run.held_out != kind)
         return of_yaw(runs=remaining, held_out=None if kind else yaw.held_out)(m)
 
@@ -129,11 +131,11 @@ CHANGES: dict[str, ModelChange] = {
     ),
     "held-out error over the prior's": lambda m: within_yaw(
         "held_out",
-        model_mse_deg2ps2=m.validation["yaw"].held_out.prior_mse_deg2ps2 * 3.0,  # type: ignore[union-attr]
+        model_mse_deg2ps2=m.validation[Plane.YAW].held_out.prior_mse_deg2ps2 * 3.0,  # type: ignore[union-attr]
     )(m),
     "Theil's coefficient": lambda m: within_yaw(
         "held_out",
-        theil=replace(m.validation["yaw"].held_out.theil, coefficient=0.3),  # type: ignore[union-attr]
+        theil=replace(m.validation[Plane.YAW].held_out.theil, coefficient=0.3),  # type: ignore[union-attr]
     )(m),
     "gain at crossover by held-out runs, off by": of_yaw(
         correction=Correction(-1.1, 0.2, 0.0, 0.5)
@@ -168,8 +170,8 @@ def test_assess_delay_without_variance_is_held_fixed(good_model: IdentifiedModel
     Regression: the correlation matrix held 0/0, and LinAlgError was raised.
     """
     names, rows = (
-        good_model.design["yaw"].names,
-        [list(row) for row in good_model.design["yaw"].matrix],
+        good_model.design[Plane.YAW].names,
+        [list(row) for row in good_model.design[Plane.YAW].matrix],
     )
     index = names.index("delay_s")
     for k in range(len(names)):
@@ -190,8 +192,8 @@ def test_assess_delay_without_variance_is_held_fixed(good_model: IdentifiedModel
 @pytest.mark.parametrize("value", [0.0, float("nan")])
 def test_assess_b1_without_finite_variance_fails(value: float, good_model: IdentifiedModel) -> None:
     names, rows = (
-        good_model.design["yaw"].names,
-        [list(row) for row in good_model.design["yaw"].matrix],
+        good_model.design[Plane.YAW].names,
+        [list(row) for row in good_model.design[Plane.YAW].matrix],
     )
     index = names.index("b1_per_s2")
     rows[index][index] = value
@@ -299,7 +301,7 @@ def test_assess_contradiction_that_more_chirps_left_asks_for_held_out_tests(
 def test_assess_theil_coefficient_by_noise_asks_for_held_out_tests(
     good_model: IdentifiedModel, excess_over_floor: float, signal: str
 ) -> None:
-    excess = good_model.validation["yaw"].held_out
+    excess = good_model.validation[Plane.YAW].held_out
     assert excess is not None
     assert excess.floor_deg2ps2 is not None
     changed = within_yaw(
@@ -324,12 +326,12 @@ def test_assess_paper_method_is_rejected(
     assert paper_model.assessment is not None
     assert not paper_model.assessment.fit_for_redesign
     assert any("not known" in reason for reason in paper_model.assessment.reasons)
-    assert paper_model.validation["yaw"].frequency_response is not None
+    assert paper_model.validation[Plane.YAW].frequency_response is not None
 
 
 def test_format_check_gives_one_line() -> None:
     check = AcceptanceCheck(
-        "b1, 1 sd", "yaw", 25.0, 20.0, "at most", "%", passed=False, required=True
+        "b1, 1 sd", Plane.YAW, 25.0, 20.0, "at most", "%", passed=False, required=True
     )
     assert format_check(check) == "yaw: b1, 1 sd 25 %, at most 20 %"
     assert (
@@ -397,7 +399,7 @@ def test_validate_model_error_alone_is_less_than_the_whole(
     good_model: IdentifiedModel, campaign: list[Run], held_out: list[Run]
 ) -> None:
     assert good_model.joint.run_scatter == 0.0
-    assert good_model.validation["yaw"].model_error is None
+    assert good_model.validation[Plane.YAW].model_error is None
     covariance = np.array(good_model.joint.covariance) + model_error.structure_covariance(0.1, 0.3)
     joint = replace(
         good_model.joint,

@@ -15,7 +15,7 @@ from sysid.estimation.map.fit import STRIDE
 from sysid.models import parameters, prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
-from sysid.planes import Plane
+from sysid.planes import PLANES, Plane
 from sysid.validation import noise_floor
 from tests.sysid import sea
 
@@ -85,7 +85,7 @@ def test_noise_floor_matches_perfect_model(
     The step is small, because quadratic damping in a tight turn reduces the response to
     disturbances.
     """
-    vehicle = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
+    vehicle = parameters.candidate_vehicle(bench, dict.fromkeys(PLANES, 0.0), np.zeros(len(NAMES)))
     signal = sea.step(0.3, seconds)
     runs = [sea.fly(bench, plane, signal, seed=seed, sensors=SENSORS) for seed in range(60)]
     errors = [_mean_square(vehicle, run) for run in runs]
@@ -111,7 +111,7 @@ def _mean_square(vehicle: parameters.CandidateVehicle, run: Run) -> float:
 
 
 def test_floor_from_repeats_matches_sample_variance(bench: config.VehicleConfig) -> None:
-    runs = [sea.fly(bench, "yaw", sea.step(3.0, 20.0), seed=seed) for seed in range(12)]
+    runs = [sea.fly(bench, Plane.YAW, sea.step(3.0, 20.0), seed=seed) for seed in range(12)]
     others = [replace(run, magnitude_deg=-3.0) for run in runs[:1]]
     floor = noise_floor.floor_from_repeats_deg2ps2([*runs, *others])
     rates = np.array([np.degrees(run.rate_radps[~run.preroll]) for run in runs])

@@ -13,7 +13,7 @@ from sysid.data.runs import RATE_HZ, Run
 from sysid.models import parameters, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle
-from sysid.planes import Plane
+from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.validation import crossover, frequency_response
 from sysid.validation.crossover import UncertainVehicle
@@ -22,7 +22,7 @@ from sysid.validation.frequency_response import Pair
 from tests.sysid import sea
 from tests.sysid.estimation.map.test_fit import TRIM
 
-NO_BIAS: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
+NO_BIAS: dict[Plane, float] = dict.fromkeys(PLANES, 0.0)
 CROSSOVER_RADPS = 1.0
 
 
@@ -93,11 +93,12 @@ def test_compare_responses_sd_matches_scatter(bench: config.VehicleConfig) -> No
     truth, normalised_errors = perturbed_vehicle(bench), []
     for seed in range(12):
         runs = [
-            sea.fly(bench, "yaw", chirp(3.0), wave="chirp", seed=50 * seed + k) for k in range(3)
+            sea.fly(bench, Plane.YAW, chirp(3.0), wave="chirp", seed=50 * seed + k)
+            for k in range(3)
         ]
         comparison = frequency_response.compare_responses(
             [pair(truth, run) for run in runs],
-            crossover.response(truth, "yaw"),
+            crossover.response(truth, Plane.YAW),
             GRID_RADPS,
             CROSSOVER_RADPS,
         )
@@ -158,7 +159,7 @@ def test_corrections_match_model_errors(
     candidate = msgspec.structs.replace(model, joint=joint)
     tests: list[tuple[Plane, NDArray[np.float64]]] = [
         (plane, signal)
-        for plane in ("yaw", "pitch")
+        for plane in PLANES
         for signal in (sea.doublet(4.0, 4.0), sea.doublet(-3.0, 2.5), chirp(3.0, 25.0, 0.06))
     ]
     runs = [
@@ -166,7 +167,7 @@ def test_corrections_match_model_errors(
         for k, (p, s) in enumerate(tests)
     ]
     plane_corrections = corrections(
-        candidate, runs, {"yaw": CROSSOVER_RADPS, "pitch": CROSSOVER_RADPS}
+        candidate, runs, {Plane.YAW: CROSSOVER_RADPS, Plane.PITCH: CROSSOVER_RADPS}
     )
     truth = parameters.candidate_vehicle(field, NO_BIAS, np.zeros(len(NAMES)))
     for plane, correction in plane_corrections.items():
@@ -185,7 +186,7 @@ def test_corrections_match_model_errors(
         if with_errors:
             assert abs(correction.gain_db) > 3.0 * correction.gain_sd_db
     assert set(plane_corrections) == {"yaw", "pitch"}
-    assert corrections(candidate, [], {"yaw": CROSSOVER_RADPS}) == {}
+    assert corrections(candidate, [], {Plane.YAW: CROSSOVER_RADPS}) == {}
 
 
 @pytest.mark.parametrize("plane", ["yaw", "pitch"])

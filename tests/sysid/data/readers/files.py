@@ -229,7 +229,8 @@ def _rates(variant: DataflashVariant, us: int, rate_radps: float) -> bytes:
     if variant.rates == "RATE":
         return _record("RATE", us, 0.0, 0.0, 0.0, 0.0, 0.0, math.degrees(rate_radps))
     # The second instance measures something else and must not be read.
-    first, second = (us, 0, 0.0, 0.0, rate_radps), (us, 1, 9.0, 9.0, 9.0)
+    first: tuple[float, ...] = (us, 0, 0.0, 0.0, rate_radps)
+    second: tuple[float, ...] = (us, 1, 9.0, 9.0, 9.0)
     if variant.rates == "IMU":
         first, second = (*first, *specific_force_mps2(rate_radps)), (*second, 9.0, 9.0, 9.0)
     return _record(variant.rates, *first) + _record(variant.rates, *second)

@@ -198,7 +198,7 @@ def test_mavlink_message_with_missing_field_rejected(tmp_path: Path) -> None:
             schema = writer.register_schema(name, "ros1msg", ATTITUDE_SCHEMA)
             channel = writer.register_channel(f"/mavlink/1/1/{name}", "ros1", schema)
             writer.add_message(channel, 1, bytes(8), 1)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     with pytest.raises(LogError, match=r"odd\.mcap: .*must follow the MAVLink definition"):
         readers.read(path)
 

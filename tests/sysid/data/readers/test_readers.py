@@ -18,6 +18,7 @@ from sysid.data.readers.samples import FileDamage
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, ServoChannels
 from sysid.data.runs import Run
 from sysid.data.segments import MarkedInterval
+from sysid.planes import Plane
 from sysid.screening import screen
 from tests.sysid.data.readers import files
 
@@ -107,14 +108,14 @@ def test_outputs_selected_and_reversed(tmp_path: Path) -> None:
 def test_marked_interval_without_texts_gives_run(tmp_path: Path) -> None:
     path = files.ulog(tmp_path / "silent.ulg", texts=False)
     assert segments.cut_runs(readers.read(path)) == []
-    run = the_run(path, (MarkedInterval(120.0, 130.0, "yaw"),))
+    run = the_run(path, (MarkedInterval(120.0, 130.0, Plane.YAW),))
     assert (run.wave, run.plane) == ("marked", "yaw")
     assert run.magnitude_deg == pytest.approx(4.0, abs=0.01)
     assert run.rudder_rad[run.time_s >= 0.0][0] == pytest.approx(math.radians(4.0), abs=1e-3)
     with pytest.raises(
         LogError, match=r"silent\.ulg: run 120\.\.150 must lie within the log, 100\.0\.\.140\.0 s"
     ):
-        the_run(path, (MarkedInterval(120.0, 150.0, "yaw"),))
+        the_run(path, (MarkedInterval(120.0, 150.0, Plane.YAW),))
 
 
 def test_ardupilot_mode_change_ends_test(tmp_path: Path) -> None:

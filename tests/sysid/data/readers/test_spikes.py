@@ -27,7 +27,7 @@ def test_wrong_sample_at_an_end_is_found(end: int, wrong: float) -> None:
 
 
 def test_time_of_an_outermost_sample_far_away_is_found() -> None:
-    time_s = np.arange(50) * 0.02
+    time_s = 0.02 * np.arange(50.0)
     time_s[-1] = 4.5e9
     kept, _ = drop_contradicted({"A": MessageColumns(time_s, {})}, {"A": {}})
     assert kept["A"].time_s.size == 49
@@ -58,7 +58,7 @@ def test_angle_that_crosses_north_is_kept() -> None:
 
 
 def test_dropped_samples_are_reported_with_their_time() -> None:
-    time_s, values = np.arange(50) * 0.02, np.zeros(50)
+    time_s, values = 0.02 * np.arange(50.0), np.zeros(50)
     time_s[10], values[30] = 99.0, 7.0
     tables = {"A": MessageColumns(time_s, {"x": values}), "B": MessageColumns(time_s, {})}
     kept, damage = drop_contradicted(tables, {"A": {"x": Plausible(0.1)}, "C": {}})
@@ -88,8 +88,8 @@ def test_lost_and_jittering_samples_are_kept() -> None:
 
 
 def test_last_sample_long_after_all_others_is_left_out() -> None:
-    time_s = np.arange(50) * 0.1
-    late = np.append(time_s, 5.5)
+    time_s = 0.1 * np.arange(50.0)
+    late = np.array([*time_s, 5.5])
     tables = {
         "A": MessageColumns(late, {"x": np.zeros(51)}),
         "B": MessageColumns(time_s, {"x": np.zeros(50)}),

@@ -78,4 +78,4 @@ def wide_prior(plane: Plane) -> LinearPrior:
 
 @pytest.fixture(params=["yaw", "pitch"])
 def plane(request: pytest.FixtureRequest) -> Plane:
-    return request.param
+    return Plane(request.param)

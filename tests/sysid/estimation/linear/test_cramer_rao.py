@@ -109,4 +109,4 @@ def test_bound_coloured_repeated_tests_double_information(plane: Plane) -> None:
 
 def test_bound_white_without_tests_is_rejected() -> None:
     with pytest.raises(ValueError, match="at least one test"):
-        cramer_rao.bound_white(true_model("yaw"), [], LEVEL)
+        cramer_rao.bound_white(true_model(Plane.YAW), [], LEVEL)

@@ -5,11 +5,14 @@ import re
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from sysid.estimation.linear import estimate, linear_model, records
-from sysid.estimation.linear.estimate import Method
+from sysid.estimation.linear import estimate, linear_model, multistart, records
+from sysid.estimation.linear.estimate import Method, PassResult
 from sysid.estimation.linear.linear_model import NUMBERS
-from sysid.estimation.linear.multistart import NotUniqueError
+from sysid.estimation.linear.multistart import NotUniqueError, SearchResult
+from sysid.estimation.linear.objective import Objective
+from sysid.estimation.linear.records import LinearPrior
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.planes import Plane
 from tests.sysid import sea
@@ -33,12 +36,12 @@ def test_estimate_known_plane_is_recovered(plane: Plane, method: Method) -> None
 
 def test_descend_stated_errors_match_actual_errors() -> None:
     """Over sixteen campaigns, the mean squared error in stated standard deviations is about one."""
-    truth, prior = true_model("yaw"), wide_prior("yaw")
+    truth, prior = true_model(Plane.YAW), wide_prior(Plane.YAW)
     squared = []
     for seed in range(16):
         runs = simulate_runs(truth, commands(), SDS, np.random.default_rng(100 + seed))
         estimated = estimate.descend(runs, prior, "output-error", prior.model.values)
-        error = (estimated.model.values - truth.values)[: len(NUMBERS["yaw"]) + 2]
+        error = (estimated.model.values - truth.values)[: len(NUMBERS[Plane.YAW]) + 2]
         covariance = estimated.covariance[: error.size, : error.size]
         squared.append(error @ np.linalg.solve(covariance, error) / error.size)
     assert 0.6 < np.mean(squared) < 1.5
@@ -54,9 +57,9 @@ def test_estimate_constant_commands_are_rejected(plane: Plane) -> None:
 
 def test_estimate_value_at_bound_is_a_failure() -> None:
     """The prior is far from the vehicle and much too narrow."""
-    prior = wide_prior("yaw")
+    prior = wide_prior(Plane.YAW)
     narrow = records.with_bounds(prior.model, prior.covariance * 1e-4)
-    runs = simulate_runs(true_model("yaw"), commands(), SDS, np.random.default_rng(5))
+    runs = simulate_runs(true_model(Plane.YAW), commands(), SDS, np.random.default_rng(5))
     failures = estimate.estimate(runs, narrow, "output-error", others=0).failures
     assert failures
     assert all(re.match(r"yaw: \w+ = .* is at its bound", failure) for failure in failures)
@@ -64,12 +67,16 @@ def test_estimate_value_at_bound_is_a_failure() -> None:
 
 def test_estimate_disagreeing_starts_are_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches from other starts end after one evaluation, far above the lowest cost."""
-    runs = simulate_runs(true_model("yaw"), commands(), SDS, np.random.default_rng(6))
-    from sysid.estimation.linear import multistart
-
+    runs = simulate_runs(true_model(Plane.YAW), commands(), SDS, np.random.default_rng(6))
     search = multistart.search
 
-    def impatient(objective, prior, start, ftol=1e-8, most=60):  # type: ignore[no-untyped-def]
+    def impatient(
+        objective: Objective,
+        prior: LinearPrior,
+        start: NDArray[np.float64],
+        ftol: float = 1e-8,
+        most: int = 60,
+    ) -> SearchResult:
         return search(objective, prior, start, ftol, 1)
 
     passes = estimate._passes("output-error")
@@ -77,14 +84,14 @@ def test_estimate_disagreeing_starts_are_a_failure(monkeypatch: pytest.MonkeyPat
         estimate, "_passes", lambda method: lambda *arguments: stop_early(passes(*arguments))
     )
 
-    def stop_early(result):  # type: ignore[no-untyped-def]
+    def stop_early(result: PassResult) -> PassResult:
         monkeypatch.setattr(multistart, "search", impatient)
         return result
 
-    (failure,) = estimate.estimate(runs, wide_prior("yaw"), "output-error", others=3).failures
+    (failure,) = estimate.estimate(runs, wide_prior(Plane.YAW), "output-error", others=3).failures
     assert re.match(r"yaw: 3 of 3 starts ended up to .* above the least cost", failure)
 
 
 def test_estimate_without_runs_is_rejected() -> None:
     with pytest.raises(ValueError, match="at least one run"):
-        estimate.estimate([], wide_prior("yaw"))
+        estimate.estimate([], wide_prior(Plane.YAW))

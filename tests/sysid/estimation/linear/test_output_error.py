@@ -109,7 +109,7 @@ def test_reduce_by_qr_keeps_cost_gradient_and_information(plane: Plane) -> None:
     scale = np.sqrt(np.diag(J.T @ J))
     assert b @ b == pytest.approx(r @ r, rel=1e-9)
     np.testing.assert_allclose(
-        A.T @ b / scale, J.T @ r / scale, rtol=1e-6, atol=1e-6 * np.linalg.norm(r)
+        A.T @ b / scale, J.T @ r / scale, rtol=1e-6, atol=1e-6 * float(np.linalg.norm(r))
     )
     np.testing.assert_allclose(
         A.T @ A / np.outer(scale, scale), J.T @ J / np.outer(scale, scale), atol=1e-9

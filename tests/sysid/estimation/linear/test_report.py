@@ -30,7 +30,7 @@ def flown() -> list[Run]:
     for number, sign in enumerate((1.0, -1.0, 1.0, -1.0)):
         shape = sea.doublet(sign * 3.0, 4.0) if number > 1 else sea.step(sign * 1.5, 15.0)
         signal = np.concatenate([shape, sea.step(0.0, 8.0)])
-        for plane in ("yaw", "pitch"):
+        for plane in PLANES:
             name = f"{plane}/{number}"
             runs.append(
                 sea.fly(bench, plane, signal, name=name, seed=70 + number, level=0.3, trim_rad=TRIM)
@@ -47,11 +47,13 @@ def test_identify_known_vehicle_recovers_planes(model: IdentifiedModel) -> None:
     """Tolerance: four stated standard deviations, plus 5 % for nonlinearity."""
     vehicle = config.load("caribou_nominal")
     true = linear_planes.small_signal(linear_planes.yaw_plane(coefficients(vehicle)))
-    yaw = model.planes["yaw"]
+    yaw = model.planes[Plane.YAW]
     for name in ("b1_per_s2", "p_slow_per_s", "p_fast_per_s"):
         estimated, value = getattr(yaw, name), getattr(true, name)
         assert abs(estimated.value - value) < 4.0 * estimated.sd + 0.05 * abs(value), name
+    assert yaw.delay_s.sd is not None
     assert abs(yaw.delay_s.value - 0.3) < 4.0 * yaw.delay_s.sd + 0.02
+    assert yaw.b1_per_s2.sd is not None
     assert yaw.b1_per_s2.sd < 0.1 * true.b1_per_s2
 
 
@@ -67,10 +69,10 @@ def test_identify_coefficients_reproduce_planes(model: IdentifiedModel) -> None:
         **{name: coefficient.value for name, coefficient in model.coefficients.items()}
     )
     reproduced = {
-        "yaw": linear_planes.small_signal(
+        Plane.YAW: linear_planes.small_signal(
             linear_planes.yaw_plane(column, model.speed_mps, model.vehicle.mass_kg)
         ),
-        "pitch": linear_planes.small_signal(
+        Plane.PITCH: linear_planes.small_signal(
             linear_planes.pitch_plane(column, model.speed_mps, model.vehicle.mass_kg)
         ),
     }
@@ -103,19 +105,24 @@ def test_of_estimates_plane_without_runs_is_the_prior(flown: list[Run]) -> None:
     """Output error, by `descend`: with disturbances the minimum need not be unique."""
     yaw = [run for run in flown if run.plane == Plane.YAW]
     prior = prior_knowledge.prior_of(yaw, config.load("caribou_nominal"))
-    linear_prior = records.linear_prior(prior, "yaw")
+    linear_prior = records.linear_prior(prior, Plane.YAW)
     records_of_yaw = [records.linear_run(run, estimate.LEADS_S["output-error"]) for run in yaw]
     yaw_estimate = estimate.descend(
         records_of_yaw, linear_prior, "output-error", linear_prior.model.values
     )
     identified = report.of_estimates(
-        {"yaw": yaw_estimate}, prior, "caribou_nominal", "output-error"
+        {Plane.YAW: yaw_estimate}, prior, "caribou_nominal", "output-error"
     )
     assert identified.method == "output-error"
     assert identified.noise == {}
     assert any("no run in pitch" in note for note in identified.notes)
-    assert identified.planes["yaw"].b1_per_s2.value == pytest.approx(yaw_estimate.model.values[0])
-    assert identified.planes["pitch"].b1_per_s2.sd > identified.planes["yaw"].b1_per_s2.sd
+    assert identified.planes[Plane.YAW].b1_per_s2.value == pytest.approx(
+        yaw_estimate.model.values[0]
+    )
+    pitch_sd, yaw_sd = (identified.planes[p].b1_per_s2.sd for p in (Plane.PITCH, Plane.YAW))
+    assert pitch_sd is not None
+    assert yaw_sd is not None
+    assert pitch_sd > yaw_sd
 
 
 @pytest.mark.parametrize("plane", ["yaw", "pitch"])
@@ -152,7 +159,9 @@ def test_identify_delay_of_zero_is_a_result(method: estimate.Method) -> None:
     delay = found.planes[Plane.YAW].delay_s
     assert (delay.value, delay.sd) == (0.0, None)
     assert "yaw: delay_s is at its limit of zero and has no standard deviation" in found.notes
-    assert found.planes[Plane.YAW].b1_per_s2.sd > 0.0
+    b1_sd = found.planes[Plane.YAW].b1_per_s2.sd
+    assert b1_sd is not None
+    assert b1_sd > 0.0
 
 
 def with_tailcone(vehicle: config.VehicleConfig, delay_s: float) -> config.VehicleConfig:

@@ -86,7 +86,7 @@ def test_nuisances_match_initial_state_and_gyro_bias(plane: Plane) -> None:
     truth, command = true_model(plane), commands()[1]
     discrete, count = response.discretise(truth), PLANES[plane].n_outputs
     n, steps = len(discrete.transition), response.steps(command)
-    start = 0.01 * np.arange(1, n + 1)
+    start = 0.01 * np.arange(1.0, n + 1)
     with_nuisances = response.outputs(truth, discrete, command, start, count)
     with_nuisances[:, 0] += 0.003
     at_rest = response.outputs(truth, discrete, command, np.zeros(n), count)

@@ -12,6 +12,7 @@ from sysid import prior_knowledge
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.runs import Run
 from sysid.estimation.map import datasets, fit
+from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import perturbed_vehicle
 from sysid.planes import Plane
 from sysid.test_design import prior as design_priors
@@ -22,7 +23,7 @@ UNSTABLE = Path(__file__).parents[4] / "benchmarks/campaigns/vehicles/unstable_y
 """Hull with small fins; its pole in yaw is 0.26 1/s."""
 
 
-def nominal(vehicle: config.VehicleConfig) -> fit.CandidateVehicle:
+def nominal(vehicle: config.VehicleConfig) -> CandidateVehicle:
     prior = design_priors.from_file(vehicle)
     return prior.vehicle(prior.mean)
 

@@ -10,9 +10,9 @@ from sitl.vehicle import config
 from sysid.estimation.map import fit, steady_state
 from sysid.models import greybox, parameters
 from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle
-from sysid.planes import Plane
+from sysid.planes import PLANES, Plane
 
-UNBIASED = {Plane.YAW: 0.0, Plane.PITCH: 0.0}
+UNBIASED = dict.fromkeys(PLANES, 0.0)
 
 
 def candidate(vehicle: config.VehicleConfig, **z: float) -> CandidateVehicle:

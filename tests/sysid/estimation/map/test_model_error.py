@@ -58,7 +58,7 @@ def test_score_has_information_and_gradient() -> None:
     np.testing.assert_allclose(score.slope, jacobian.T @ white.ravel())
 
 
-PRECISION = np.linalg.inv(parameters.prior_covariance())
+PRECISION = np.asarray(np.linalg.inv(parameters.prior_covariance()), np.float64)
 INFORMED = 1e6 * np.eye(len(NAMES))
 """Information that leaves nothing of the prior's uncertainty."""
 INFORMED_HALF = np.diag(np.where(np.arange(len(NAMES)) % 2, 1e6, 0.0))

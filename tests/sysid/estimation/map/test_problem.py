@@ -8,6 +8,7 @@ from sysid import prior_knowledge
 from sysid.data.runs import Run
 from sysid.estimation.map import fit as joint
 from sysid.estimation.map import problem as problems
+from sysid.estimation.map.datasets import datasets_of, max_leads_s
 from sysid.estimation.map.problem import MapProblem
 from sysid.models import parameters
 from sysid.models.noise import Noise
@@ -20,7 +21,7 @@ def problem(campaign: list[Run], bench: config.VehicleConfig) -> MapProblem:
     runs = [campaign[0], campaign[-1]]
     prior = prior_knowledge.prior_of(runs, bench)
     first = problems.vehicle(prior, prior.mean)
-    datasets = joint.datasets_of(runs, first, joint.max_leads_s(runs, first))
+    datasets = datasets_of(runs, first, max_leads_s(runs, first))
     assert set(datasets) == set(Plane)
     return joint._problem(prior, datasets, {plane: Noise() for plane in datasets}, prior.mean)
 

@@ -23,13 +23,13 @@ from sysid.estimation.recursive.estimator import Knowledge
 from sysid.estimation.recursive.prediction import STEP_S, TestSamples
 from sysid.models import noise, parameters
 from sysid.models.parameters import NAMES
-from sysid.planes import Plane
+from sysid.planes import PLANES, Plane
 from tests.sysid import sea
 
 DOUBLETS: tuple[tuple[Plane, float, float], ...] = (
-    ("yaw", 4.0, 5.0),
-    ("yaw", -6.0, 5.0),
-    ("pitch", 4.0, 4.0),
+    (Plane.YAW, 4.0, 5.0),
+    (Plane.YAW, -6.0, 5.0),
+    (Plane.PITCH, 4.0, 4.0),
 )
 
 
@@ -51,7 +51,10 @@ def flown(field: config.VehicleConfig) -> list[Run]:
 @pytest.fixture(scope="module")
 def prior(bench: config.VehicleConfig) -> Prior:
     return Prior(
-        bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)), parameters.prior_covariance()
+        bench,
+        dict.fromkeys(PLANES, 0.0),
+        np.zeros(len(NAMES)),
+        parameters.prior_covariance(),
     )
 
 
@@ -72,7 +75,7 @@ def test_finish_all_tests_matches_batch_estimate(flown: list[Run], prior: Prior)
     model = parameters.candidate_vehicle(prior.config, prior.biases_rad, prior.mean).model
     batch_prior = prior._replace(biases_rad=fit.trim_biases(prior.config, model, flown))
     batch = fit.fit(flown, batch_prior)
-    for plane in ("yaw", "pitch"):
+    for plane in PLANES:
         recursive_report = report.read(knowledge.prior, knowledge.information, plane, 0.8)
         batch_report = report.read(
             batch_prior, square_root_information.from_normal(batch.z, batch.covariance), plane, 0.8
@@ -86,9 +89,11 @@ def test_finish_all_tests_matches_batch_estimate(flown: list[Run], prior: Prior)
 def test_finish_reduces_standard_deviations(flown: list[Run], prior: Prior) -> None:
     before = estimator.prior_knowledge(prior)
     after = learn(before, flown[:2])
-    for name, number in report.read(after.prior, after.information, "yaw", 0.8).numbers.items():
+    for name, number in report.read(after.prior, after.information, Plane.YAW, 0.8).numbers.items():
         assert number.sd < number.prior_sd, name
-    assert report.read(after.prior, after.information, "yaw", 0.8).numbers["b1_per_s2"].sd < 0.05
+    assert (
+        report.read(after.prior, after.information, Plane.YAW, 0.8).numbers["b1_per_s2"].sd < 0.05
+    )
 
 
 @pytest.mark.parametrize("size", [1, 7, 1000])
@@ -97,8 +102,8 @@ def test_update_division_into_steps_does_not_matter(
 ) -> None:
     run, knowledge = flown[0], estimator.prior_knowledge(prior)
     steps = part(prediction.steps(run), 0, 90)
-    at_once = estimator.update(estimator.begin(knowledge, "yaw", -0.1), steps)
-    state = estimator.begin(knowledge, "yaw", -0.1)
+    at_once = estimator.update(estimator.begin(knowledge, Plane.YAW, -0.1), steps)
+    state = estimator.begin(knowledge, Plane.YAW, -0.1)
     for first in range(0, 90, size):
         state = estimator.update(state, part(steps, first, first + size))
     information, expected = (
@@ -123,10 +128,10 @@ def test_advance_stable_plane_matches_whitened_simulation(flown: list[Run], prio
     """Reference: the batch estimate's whitening by `noise`, a separate implementation."""
     run = flown[0]
     knowledge = estimator.begin(
-        estimator.prior_knowledge(prior), "yaw", float(np.mean(run.command_rad[run.preroll]))
+        estimator.prior_knowledge(prior), Plane.YAW, float(np.mean(run.command_rad[run.preroll]))
     ).knowledge
     steps = prediction.steps(run)
-    candidate_set = estimator.linearise(knowledge, "yaw", knowledge.z, float(steps.thrust[0]))
+    candidate_set = estimator.linearise(knowledge, Plane.YAW, knowledge.z, float(steps.thrust[0]))
     assert candidate_set.leak_share == 0.0
     nominal = candidate_set.candidates[0]
     white = prediction.advance(
@@ -141,7 +146,7 @@ def test_advance_stable_plane_matches_whitened_simulation(flown: list[Run], prio
         knowledge.prior.config, knowledge.prior.biases_rad, knowledge.z
     )
     noise_filter = noise.build(
-        fit.linear_plane(vehicle, "yaw"), noise.Noise(), STEP_S, len(white) + 1
+        fit.linear_plane(vehicle, Plane.YAW), noise.Noise(), STEP_S, len(white) + 1
     )
     expected = noise.whiten_residual(fit.residuals(vehicle, [fit.dataset(run)])[0], noise_filter)
     np.testing.assert_allclose(
@@ -164,25 +169,28 @@ def test_finish_unstable_plane_is_recovered() -> None:
     coefficients = structs.replace(remus.linear, N_v_kgmps=1.5 * remus.linear.N_v_kgmps)
     remus = structs.replace(remus, linear=coefficients)
     prior = Prior(
-        remus, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)), parameters.prior_covariance()
+        remus,
+        dict.fromkeys(PLANES, 0.0),
+        np.zeros(len(NAMES)),
+        parameters.prior_covariance(),
     )
     hold = sea.Hold(0.49, 0.76, 0.04, 0.54, 0.67, 0.2, 0.01)
     runs = [
-        sea.fly(remus, "yaw", sea.doublet(sign * 0.6, 20.0), seed=seed, hold=hold)
+        sea.fly(remus, Plane.YAW, sea.doublet(sign * 0.6, 20.0), seed=seed, hold=hold)
         for seed, sign in enumerate((1.0, -1.0))
     ]
     assert (
         prediction.leak(
             fit.linear_plane(
-                parameters.candidate_vehicle(remus, prior.biases_rad, prior.mean), "yaw"
+                parameters.candidate_vehicle(remus, prior.biases_rad, prior.mean), Plane.YAW
             )
         )
         > 0.0
     )
     knowledge = learn(estimator.prior_knowledge(prior), runs)
-    numbers = report.read(knowledge.prior, knowledge.information, "yaw", 0.8).numbers
+    numbers = report.read(knowledge.prior, knowledge.information, Plane.YAW, 0.8).numbers
     truth = report.numbers(
-        parameters.candidate_vehicle(remus, prior.biases_rad, prior.mean), "yaw", 0.8
+        parameters.candidate_vehicle(remus, prior.biases_rad, prior.mean), Plane.YAW, 0.8
     )
     for name, true in zip(("b1_per_s2", "p_slow_per_s", "delay_s"), truth[[1, 3, 4]], strict=True):
         assert abs(numbers[name].value - true) < 4.0 * numbers[name].sd, name
@@ -192,7 +200,7 @@ def test_finish_unstable_plane_is_recovered() -> None:
 def test_finish_short_test_changes_nothing(flown: list[Run], prior: Prior) -> None:
     knowledge = estimator.prior_knowledge(prior)
     state = estimator.update(
-        estimator.begin(knowledge, "yaw", 0.0), part(prediction.steps(flown[0]), 0, 5)
+        estimator.begin(knowledge, Plane.YAW, 0.0), part(prediction.steps(flown[0]), 0, 5)
     )
     np.testing.assert_array_equal(
         estimator.finish(state).information.root, knowledge.information.root
