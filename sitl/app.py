@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import cache, partial
 from pathlib import Path
-from threading import Event
 from typing import NamedTuple
 
 from mavlink_io import jit
@@ -85,12 +84,12 @@ def run(options: Options) -> None:
     # What is loaded now lives until the end of the process. Visiting it then, to collect garbage,
     # took 0.4 s, more than loading the compiled physics.
     gc.freeze()
-    stop = _stop_on_signals()
+    is_stopped = _stop_on_signals()
     with (
         closing(open_transport(options.hil)) as transport,
         _open_truth_log(options.truth) as record,
     ):
-        _simulate(build, options, create_backend(options.backend, transport, stop.is_set), record)
+        _simulate(build, options, create_backend(options.backend, transport, is_stopped), record)
 
 
 def warm_up(simulated: Plant) -> None:
@@ -126,11 +125,14 @@ def _simulate(
             record(state)
 
 
-def _stop_on_signals() -> Event:
-    """Return an event that end signals set; the present tick then ends and the log is closed."""
-    stop = Event()
-    on_end_signals(lambda *_: stop.set())
-    return stop
+def _stop_on_signals() -> Callable[[], bool]:
+    """Return whether an end signal has come; the present tick then ends and the log is closed.
+
+    The handler takes no lock: a second signal interrupts it.
+    """
+    signals: list[int] = []
+    on_end_signals(lambda number, _: signals.append(number))
+    return lambda: bool(signals)
 
 
 @contextmanager

@@ -184,6 +184,17 @@ def test_stop_signal_ends_run_cleanly(
     assert truth_times(log) == [tick * TICK_US for tick in range(101)]
 
 
+@pytest.mark.parametrize("attempt", range(3))
+def test_burst_of_end_signals_ends_run(sitl: Start, peer: Peer, attempt: int) -> None:
+    """A second signal may interrupt the handler of the first one, as Ctrl-C in a process group."""
+    process = sitl("--hil", peer.address, "--speed", "max")
+    peer.fly(10 + attempt)
+    for count in range(4000):
+        process.send_signal(signal.SIGINT if count % 2 else signal.SIGTERM)
+    _, message = process.communicate(timeout=PATIENCE_S)
+    assert "Traceback" not in message
+
+
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal here")
 def test_killed_run_keeps_truth_to_last_flush(sitl: Start, peer: Peer, tmp_path: Path) -> None:
     log = tmp_path / "truth.mcap"
