@@ -11,6 +11,7 @@ import math
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import urllib.request
@@ -20,8 +21,8 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.docs.test_site import COMMANDS, DOCS, PROGRAMS, ROOT, commands_of
-from tests.helpers.docs_blocks import blocks_of, python_of
+from tests.docs.test_site import COMMANDS, PROGRAMS, commands_of
+from tests.helpers.docs_blocks import DOCS, ROOT, blocks_of, python_of
 from tests.helpers.subprocesses import free_port, process, vehicle
 
 pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.timeout(600)]
@@ -33,9 +34,11 @@ HELPERS = ROOT / "tests" / "helpers" / "subprocesses.py"
 """Options with which all tests start programs."""
 
 FILES = (
-    "ground fly first.toml --sitl --live --speed 20",
+    "ground fly first.toml --sitl --live --speed 20 --log live.mcap",
     "ground log info run.mcap",
     "ground log export run.mcap --format mcap",
+    "ground log layout foxglove",
+    "ground log segments dive1.mcap",
     "ground report before.mcap after.mcap --out both.html",
     "ground replay run.mcap --params gains.param --model model.json",
     "ground redesign model.json --export loops",
@@ -45,6 +48,7 @@ FILES = (
 VEHICLE = (
     "ground modes --connect ADDRESS",
     "ground params list --connect ADDRESS",
+    "ground params get STN_RADIUS_M --connect ADDRESS --vehicle-id 1",
     "ground params load gains.param --connect ADDRESS",
     "ground params rollback --connect ADDRESS",
     "ground fly first.toml --connect ADDRESS --log second.mcap",
@@ -55,6 +59,7 @@ VEHICLE = (
 PROGRAMS_OF_TESTS = (
     "ground campaign --live --out live",
     "sitl --scenario disturbed --speed max --hil ADDRESS --truth truth.mcap --seed 1",
+    "sitl --vehicle docs/my_vehicle.toml --scenario swell --seed 7",
     "autopilot --hil ADDRESS --gcs ADDRESS --logs logs --state state",
 )
 """Programs that the tests of this file start and stop."""
@@ -62,6 +67,7 @@ ELSEWHERE = {
     r"autopilot .*--autopilot-id": "tests/clients/test_other_tools.py",
     r"autopilot .*--sign": "tests/processes/test_links.py",
     r"autopilot .*--supervised": "tests/processes/test_supervisor.py",
+    r"(autopilot .*--system-id|sitl .*--place)": "tests/clients/test_fleet.py",
     r"ground bench-test": "tests/ground/bench_tests/test_bench.py",
     r"ground inclining-test": "tests/ground/bench_tests/test_bench.py",
     r"ground campaign .*--resume": "tests/ground/campaign/test_resume.py",
@@ -72,6 +78,9 @@ ELSEWHERE = {
     r"ground live": "tests/ground/cli/test_live.py",
     r"ground paper .*--no-flights": "tests/ground/test_command_line.py",
     r"ground params load gians.param": "tests/ground/test_command_line.py",
+    r"ground redesign .*--upload": "tests/ground/cli/test_redesign.py",
+    r"ground refit .*--segment": "tests/ground/log_tools/test_foreign.py",
+    r"ground simulate": "tests/ground/cli/test_simulate.py",
     r"ground sweep": "tests/ground/cli/test_sweep.py",
     r"ground watch": "tests/ground/live/test_watch.py",
     r"sitl --autopilot px4": "tests/peers/test_px4.py",
@@ -206,6 +215,18 @@ def test_commands_that_use_a_vehicle_run(folder: Path) -> None:
         for command in VEHICLE:
             run(tuple(command.replace("ADDRESS", f"tcp:127.0.0.1:{port}").split()), folder)
     assert (folder / "second.mcap").exists()
+
+
+def test_simulator_of_the_users_vehicle_starts() -> None:
+    words = ("-m", "sitl", "--vehicle", str(DOCS / "my_vehicle.toml"), "--scenario", "swell")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", 0))
+        peer.settimeout(300.0)
+        address = f"udpout:127.0.0.1:{peer.getsockname()[1]}"
+        with process(*words, "--seed", "7", "--hil", address) as simulator:
+            assert peer.recv(1024)
+            simulator.signal(signal.SIGINT)
+            assert simulator.finish().status == 0
 
 
 def test_autopilot_of_the_tutorial_holds_depth_and_heading(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """The documentation site: it builds without a warning, and its commands exist."""
 
-import re
 import shlex
 import shutil
 import subprocess
@@ -11,28 +10,27 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-DOCS = ROOT / "docs"
+from tests.helpers.docs_blocks import DOCS, PAGES, ROOT, blocks_of
+
 sys.path.insert(0, str(DOCS))
 
 # beside the pages, on the path from here on
-from site_pages import programs  # type: ignore[import-not-found]  # noqa: E402
+from site_pages import programs  # type: ignore[import-not-found]
 
 PROGRAMS = programs()
-BLOCK = re.compile(r"^```(?:sh|bash)?\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
 def commands_of(page: Path) -> Iterator[list[str]]:
     """Yield the words of each command of our programs in the blocks of a page."""
-    for block in BLOCK.findall(page.read_text(encoding="utf-8")):
-        for line in block.replace("\\\n", " ").replace(" & ", "\n").splitlines():
+    commands = [block.text for block in blocks_of(page) if block.kind in ("", "sh", "bash")]
+    for text in commands:
+        for line in text.replace("\\\n", " ").replace(" & ", "\n").splitlines():
             command = line.removeprefix("$ ").removesuffix("&").strip()
             if command.split(" ")[0] in PROGRAMS and "--->" not in line:
                 words = shlex.split(command, comments=True)
                 yield words[: words.index("|")] if "|" in words else words
 
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 COMMANDS = sorted({tuple(words) for page in PAGES for words in commands_of(page)})
 
 
