@@ -18,7 +18,8 @@ def on_end_signals(
     Parameters
     ----------
     handler : callable or signal.Handlers
-        Signal handler as of ``signal.signal``.
+        Signal handler as of ``signal.signal``. It may take no lock, as `Event.set` does: a second
+        signal that interrupts it would wait for that lock for ever.
     """
     for number in END_SIGNALS:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:

@@ -126,9 +126,9 @@ def _simulate(
 
 
 def _stop_on_signals() -> Callable[[], bool]:
-    """Return whether an end signal has come; the present tick then ends and the log is closed.
+    """Return a function that tells whether an end signal has come.
 
-    The handler takes no lock: a second signal interrupts it.
+    The present tick then ends, and the log is closed.
     """
     signals: list[int] = []
     on_end_signals(lambda number, _: signals.append(number))

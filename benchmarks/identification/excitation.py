@@ -90,9 +90,10 @@ def _predicted_deg(case: Case, flown: tuple[Manoeuvre, ...], plane: Plane) -> fl
 
 
 def _pieces(truth: LinearModel, command: SurfaceCommand) -> list[SurfaceCommand]:
-    """Cut a command into pieces in which an unstable plane without loop grows by `MAX_GROWTH`.
+    """Cut a command into pieces during which the plane grows by at most `MAX_GROWTH`.
 
-    Only a loop makes such a command bounded, and the bound is computed without it.
+    The Cramer-Rao bound is computed without the loop. Over a whole test that only a loop makes
+    possible, the sensitivities of an unstable plane would lose all digits.
     """
     growth_per_s = float(np.max(np.linalg.eigvals(plants.linear_plane(truth).A).real))
     angle_rad, lead = command.angle_rad, int(simulate.LEAD_S * RATE_HZ)

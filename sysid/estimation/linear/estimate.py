@@ -89,7 +89,7 @@ def estimate(
     records : sequence of LinearRun
         Runs of one plane, at least one.
     prior : LinearPrior
-        Prior and bounds; its actuator lag is a bench measurement.
+        Prior and bounds; its mean counts as a measurement (`LinearPrior.measured_sds`).
     method : {'output-error', 'filter-error'}
         Noise model: sensor noise only, or disturbance and sensor noise.
     start : ndarray, (p,), optional

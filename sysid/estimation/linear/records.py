@@ -62,7 +62,7 @@ class LinearPrior(NamedTuple):
 
     @property
     def measured_sds(self) -> Array:
-        """Standard deviations with which the mean counts as a measurement; infinite without one.
+        """Standard deviations of the mean as a measurement; infinite for values without one.
 
         The lag has its bench test. Delay, bias and level pitch are known from the tests alone.
         """
