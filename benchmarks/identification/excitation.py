@@ -26,9 +26,9 @@ from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import Plane
 from sysid.test_design import closed_loop, simulate
-from sysid.test_design import crossover as reach
 from sysid.test_design.safety_margins import ExcursionLimits
 from sysid.test_design.simulate import Manoeuvre
+from sysid.validation.crossover import highest_feasible_radps
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ LEAST_WITHIN_PCT = 99.0
 
 def attainable_radps(case: Case, plane: Plane) -> float:
     """Return the highest crossover frequency that the vehicle file allows for a redesign."""
-    return reach.frequency_radps(vehicles.nominal(case.prior), plane)
+    return highest_feasible_radps(vehicles.nominal(case.prior), plane)
 
 
 @cache

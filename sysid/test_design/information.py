@@ -22,11 +22,11 @@ from sysid.models import linear_planes, noise
 from sysid.models.parameters import NAMES, PARAMETERS
 from sysid.planes import Plane
 from sysid.test_design import closed_loop as loops
-from sysid.test_design import crossover
 from sysid.test_design import prior as design_priors
 from sysid.test_design.closed_loop import Loop
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.simulate import Manoeuvre, as_run, signal_rad
+from sysid.validation import crossover
 
 Array = NDArray[np.float64]
 
@@ -129,7 +129,7 @@ class Slopes(NamedTuple):
 
 def slopes(prior: DesignPrior, plane: Plane) -> Slopes:
     """Return the derivatives of a plane's design parameters at the prior's mean."""
-    frequency = crossover.frequency_radps(prior.vehicle(prior.mean), plane)
+    frequency = crossover.highest_feasible_radps(prior.vehicle(prior.mean), plane)
 
     def transfer(z: Array) -> Array:
         """Return b1, b0, a1, a0 and the delay."""

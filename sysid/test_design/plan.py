@@ -16,7 +16,6 @@ from sysid.test_design import (
     candidates as candidate_tests,
 )
 from sysid.test_design import (
-    crossover,
     information,
     selection,
     switching_times,
@@ -31,7 +30,7 @@ from sysid.test_design.prior import DesignPrior, available_travel_rad
 from sysid.test_design.safety_margins import Excursion, ExcursionLimits, VehicleSample
 from sysid.test_design.selection import SizedTest
 from sysid.test_design.simulate import Manoeuvre
-from sysid.validation.crossover import gains_for
+from sysid.validation import crossover
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -178,7 +177,7 @@ def plan(prior: DesignPrior, request: PlanRequest, progress: Progress | None = N
 def _plane_knowledge(prior: DesignPrior, plane: Plane, request: PlanRequest) -> _PlaneKnowledge:
     """Return the data of one plane."""
     mean_vehicle = prior.vehicle(prior.mean)
-    gains = request.gains or gains_for(mean_vehicle)
+    gains = request.gains or crossover.gains_for(mean_vehicle)
     seed = 2 * request.seed + PLANES[plane].index
     longest_s = max(
         *candidate_tests.STEPS_S,
@@ -191,7 +190,7 @@ def _plane_knowledge(prior: DesignPrior, plane: Plane, request: PlanRequest) -> 
         gains=gains,
         slopes=information.slopes(prior, plane),
         samples=samples,
-        crossover_radps=crossover.frequency_radps(mean_vehicle, plane),
+        crossover_radps=crossover.highest_feasible_radps(mean_vehicle, plane),
         nominal_deg=candidate_tests.NOMINAL_DEG * scale(prior, plane),
         largest_deg=float(np.degrees(available_travel_rad(prior, plane))),
         longest_s=_max_duration_s(samples, plane, FREE_QUANTILE),

@@ -26,10 +26,10 @@ from sitl.vehicle import hull
 from sitl.vehicle.config import VehicleConfig
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
-from sysid.test_design import crossover
 from sysid.test_design import prior as design_priors
 from sysid.test_design.plan import scale
 from sysid.test_design.prior import DesignPrior
+from sysid.validation import crossover
 
 
 class PlaneScale(NamedTuple):
@@ -91,7 +91,7 @@ def _plane_scale(
     """Return the ratios of one plane."""
     vehicle, reference_vehicle = prior.vehicle(prior.mean), reference.vehicle(reference.mean)
     angle = scale(prior, plane) / scale(reference, plane)
-    frequency = crossover.frequency_radps(vehicle, plane) / crossover.frequency_radps(
+    frequency = crossover.highest_feasible_radps(vehicle, plane) / crossover.highest_feasible_radps(
         reference_vehicle, plane
     )
     return PlaneScale(

@@ -21,6 +21,12 @@ ComplexArray = NDArray[np.complex128]
 
 STEP = 1e-3
 """Central difference step along each axis of the covariance, in standard deviations."""
+LAG_RAD = math.radians(120.0)
+"""Phase lag of the rate at which a rate feedback loop has a phase margin of 60 deg."""
+MIN_RADPS, MAX_RADPS = 0.1, 20.0
+"""Range of the crossover frequency (rad/s)."""
+CARIBOU_FEASIBLE_RADPS = {Plane.YAW: 1.18, Plane.PITCH: 1.24}
+"""`highest_feasible_radps` of the vehicle for which Table 3's initial gains were designed."""
 
 
 class UncertainVehicle(NamedTuple):
@@ -104,15 +110,83 @@ def gains_for(prior_vehicle: CandidateVehicle) -> dict[str, float]:
     Returns
     -------
     dict
-        The paper's initial gains (Table 3), scaled by the control effectiveness b1 of Caribou
-        over that of the vehicle.
+        The paper's initial gains (Table 3), scaled to the vehicle.
+
+    Notes
+    -----
+    With s the highest feasible crossover frequency over Caribou's, and b1 the control
+    effectiveness, a loop keeps its shape, L(j w) = L_Caribou(j w / s), as far as the planes are
+    alike, with
+
+        D ~ s / b1,   P ~ s^2 / b1,   I ~ s^3 / b1.
     """
     gains = dict(TABLE_3_INITIAL)
     for plane, traits in PLANES.items():
         b1_per_s2 = linear_planes.small_signal(fit.linear_plane(prior_vehicle, plane)).b1_per_s2
-        for term in ("P", "D", "I"):
-            gains[f"{traits.gain_prefix}_{term}"] *= CARIBOU_TURN_PER_S2 / b1_per_s2
+        speed_ratio = highest_feasible_radps(prior_vehicle, plane) / CARIBOU_FEASIBLE_RADPS[plane]
+        for term, power in (("D", 1), ("P", 2), ("I", 3)):
+            gains[f"{traits.gain_prefix}_{term}"] *= (
+                speed_ratio**power * CARIBOU_TURN_PER_S2 / b1_per_s2
+            )
     return gains
+
+
+def highest_feasible_radps(vehicle: CandidateVehicle, plane: Plane) -> float:
+    """Return the highest frequency at which the rate lags the command by at most `LAG_RAD`.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle configuration and actuators.
+    plane : Plane
+        Plane.
+
+    Returns
+    -------
+    float
+        Frequency between MIN_RADPS and MAX_RADPS, in rad/s.
+    """
+    phase_rad = _gain_and_phase(vehicle, plane)[1]
+    feasible = (phase_rad >= -LAG_RAD) & (GRID_RADPS > MIN_RADPS) & (GRID_RADPS < MAX_RADPS)
+    indices = np.flatnonzero(feasible)
+    return float(GRID_RADPS[indices[-1]]) if indices.size else MIN_RADPS
+
+
+def gain_and_phase(vehicle: CandidateVehicle, plane: Plane, frequency_radps: float) -> Array:
+    """Return ln gain (gain in 1/s) and phase (rad) from command to rate at one frequency.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle configuration and actuators.
+    plane : Plane
+        Plane.
+    frequency_radps : float
+        Frequency, rad/s.
+
+    Returns
+    -------
+    ndarray, shape (2,)
+        ln gain and phase.
+    """
+    return np.array(
+        [
+            np.interp(frequency_radps, GRID_RADPS, values)
+            for values in _gain_and_phase(vehicle, plane)
+        ]
+    )
+
+
+def _gain_and_phase(vehicle: CandidateVehicle, plane: Plane) -> tuple[Array, Array]:
+    """Return ln gain and phase from command to rate on the grid.
+
+    The phase at 1 rad/s is taken between -3/2 pi and pi/2: an unstable plane starts at half a turn.
+    """
+    rate_response = response(vehicle, plane)
+    phase = np.unwrap(np.angle(rate_response))
+    at_one = float(np.interp(1.0, GRID_RADPS, phase))
+    turns = math.floor((at_one + 1.5 * math.pi) / (2.0 * math.pi))
+    return np.log(np.abs(rate_response)), phase - 2.0 * math.pi * turns
 
 
 def crossover(uncertain: UncertainVehicle, plane: Plane, gains: Gains) -> Crossover | None:

@@ -4,18 +4,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
 from sysid.models import noise
 from sysid.models.parameters import NAMES
 from sysid.planes import PLANES, Plane
-from sysid.test_design import closed_loop, crossover, information, switching_times
+from sysid.test_design import closed_loop, information, switching_times
 from sysid.test_design import prior as beliefs
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.simulate import Manoeuvre, as_run, signal_rad
-from sysid.validation.crossover import response
 
 
 @pytest.mark.parametrize("plane", Plane)
@@ -65,16 +63,6 @@ def test_information_doubled_size_halves_uncertainty(
     )
     b1 = NAMES.index("N_dr")
     assert large[b1, b1] == pytest.approx(4.0 * small[b1, b1], rel=0.25)
-
-
-@pytest.mark.parametrize("plane", Plane)
-def test_crossover_rate_phase_is_minus_120_deg(bench: DesignPrior, plane: Plane) -> None:
-    vehicle = bench.vehicle(bench.mean)
-    frequency = crossover.frequency_radps(vehicle, plane)
-    angle = np.angle(response(vehicle, plane))
-    assert np.degrees(np.interp(frequency, GRID_RADPS, angle)) == pytest.approx(-120.0, abs=1.5)
-    later = (frequency * 1.05 < GRID_RADPS) & (frequency * 1.4 > GRID_RADPS)
-    assert np.all(np.degrees(angle[later]) < -120.0)
 
 
 @pytest.mark.parametrize("held", [False, True])
