@@ -62,7 +62,7 @@ def design(
     spec : Spec, optional
         Limits that the gains must meet; the default ones without it.
     prior : str or Path, optional
-        Vehicle file from which the model was fitted, if it is not shipped.
+        Vehicle file of the refit; by default the one in the model.
     force : bool
         Design even if the model is assessed as unfit for redesign.
 

@@ -7,13 +7,12 @@ from autopilot.control import params
 from ground.campaign import refit
 from ground.log_tools.replay import ReplayRequest, replay_log
 from ground.missions import plans
-from mavlink_io.errors import InputError
+from sysid.models import prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.monte_carlo import samples
 from sysid.monte_carlo import simulate as simulation
 from sysid.monte_carlo.replay import Replayed
 from sysid.monte_carlo.simulate import Sea, SimulatedDive
-from sysid.refit import SHIPPED
 from sysid.test_design import prior as design_priors
 from sysid.test_design.prior import DesignPrior
 
@@ -41,8 +40,8 @@ def simulate(
     model : IdentifiedModel, optional
         The vehicle and its disturbance.
     vehicle : str or Path, optional
-        Name or path of a vehicle file: the vehicle without a model, or the prior of a model whose
-        vehicle file is not shipped. The default is ``caribou_nominal``.
+        Name or path of a vehicle file: the vehicle without a model, or the prior of a model in
+        place of the one in it. The default is ``caribou_nominal``.
     sea : Sea, optional
         Factor on the identified disturbance, current, and change of the rudder bias.
     seed : int
@@ -121,7 +120,5 @@ def _prior(model: IdentifiedModel | None, vehicle: str | Path | None) -> DesignP
     if model is None:
         name = str(vehicle or DEFAULT_VEHICLE)
         return design_priors.from_file(refit.read_vehicle(name), name)
-    name = str(vehicle or model.vehicle.prior)
-    if vehicle is None and name not in SHIPPED:
-        raise InputError(f"model: vehicle.prior = {name!r} is not shipped; give vehicle=FILE")
-    return design_priors.from_model(model, refit.read_vehicle(name))
+    given = refit.read_vehicle(str(vehicle)) if vehicle else None
+    return design_priors.from_model(model, prediction.prior_vehicle(model, given))

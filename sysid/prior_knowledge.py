@@ -14,7 +14,7 @@ from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Prior
 from sysid.models import model_file as models
-from sysid.models import parameters
+from sysid.models import parameters, prediction
 from sysid.models.bench_priors import BenchMeasurement
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import NAMES
@@ -111,9 +111,7 @@ def prior_knowledge(prior: str | Path) -> PriorKnowledge:
             raise RefitError(
                 f"{prior}: joint.names are not this version's parameters; refit its logs"
             )
-        return PriorKnowledge(
-            vehicle_files.load(earlier.vehicle.prior), earlier.vehicle.prior, earlier
-        )
+        return PriorKnowledge(prediction.prior_vehicle(earlier), earlier.vehicle.prior, earlier)
     return PriorKnowledge(
         vehicle_file(prior), str(prior) if prior == "caribou_nominal" else Path(prior).name, None
     )

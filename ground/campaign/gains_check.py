@@ -9,7 +9,7 @@ from mavlink_io.errors import ErrorCode, InputError, OperationError
 from sysid.design import design_model, robustness
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
 from sysid.design.constraints import Bounds
-from sysid.models import model_file
+from sysid.models import model_file, prediction
 
 MODEL_FILE = "model.json"
 """Name of a model beside the gains file."""
@@ -36,7 +36,7 @@ def check_gains(
     model : Path or None
         Model file; None for `MODEL_FILE` in the folder of the gains.
     prior : str, optional
-        Vehicle file that the model was fitted from, if it is not shipped.
+        Vehicle file of the refit; by default the one in the model.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def check_gains(
         raise UnsafeGainsError(
             f"{file}: on {path} {_describe(worst, violations[worst], bounds)}; redesign"
         )
-    if prior is None and design_model.needs_vehicle_file(identified):
+    if prior is None and not prediction.has_prior_vehicle(identified):
         return (
             f"{file}: checked on the coefficients of {path} alone; for level flight give --prior"
             f" with the vehicle file {identified.vehicle.prior}"

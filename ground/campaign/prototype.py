@@ -86,8 +86,13 @@ def default_truth(vehicle: str) -> str:
     return vehicle if vehicle in CARIBOU else PERTURBED
 
 
-def design(vehicle: str) -> InitialDesign:
+def design(vehicle: Any) -> InitialDesign:
     """Design the first gains of a vehicle from its file.
+
+    Parameters
+    ----------
+    vehicle : str or VehicleConfig
+        Name or path of the vehicle file, or its content.
 
     Raises
     ------
@@ -104,7 +109,8 @@ def design(vehicle: str) -> InitialDesign:
     try:
         return initial.design_initial_gains(vehicle)
     except DesignInfeasibleError as error:
-        raise DesignInfeasibleError(f"{vehicle}: {error}") from None
+        name = getattr(vehicle, "name", vehicle)
+        raise DesignInfeasibleError(f"{name}: {error}") from None
 
 
 def format_text(initial_design: InitialDesign) -> str:

@@ -23,7 +23,7 @@ from sysid.data.segments import MarkedInterval
 from sysid.design import lqg, pid
 from sysid.design.lqg import LqgDesign
 from sysid.design.pid import Design, Spec
-from sysid.models import model_file
+from sysid.models import model_file, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport, tracking_metrics
 from sysid.monitor.performance_spec import PerformanceBaseline
@@ -31,7 +31,7 @@ from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.monte_carlo import gain_selection
 from sysid.monte_carlo.gain_selection import GainSelection, SelectionRequest
 from sysid.planes import PLANE_OF_SURFACE
-from sysid.refit import SHIPPED, RefitRequest
+from sysid.refit import RefitRequest
 from sysid.reproduction import paper_tables
 from sysid.screening import proposals
 
@@ -209,7 +209,7 @@ def redesign(
     spec : Spec, optional
         Limits that the gains must meet. The default is `specification`.
     prior : str, optional
-        Vehicle file that the model was fitted from, if it is not shipped.
+        Vehicle file of the refit; by default the one in the model.
     force : bool
         Design even if the model is assessed as unfit for redesign.
 
@@ -296,22 +296,24 @@ def specification(model: IdentifiedModel, prior: str | None = None) -> Spec:
 
     Raises InputError if the vehicle file cannot be used.
     """
-    vehicle = _vehicle_file_of(model, prior)
+    vehicle = _vehicle_of(model, prior)
     if vehicle is None:
         return Spec()
-    tail = read_vehicle(vehicle).tailcone
+    tail = vehicle.tailcone
     return Spec(travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
 
 
-def _vehicle_file_of(model: IdentifiedModel, prior: str | None) -> str | None:
-    """Return the vehicle file of a model; None if it is neither given nor shipped."""
-    return prior or (model.vehicle.prior if model.vehicle.prior in SHIPPED else None)
+def _vehicle_of(model: IdentifiedModel, prior: str | None) -> Any:
+    """Return the vehicle file of a model; None if it is neither given, known nor shipped."""
+    given = read_vehicle(prior)
+    known = given is not None or prediction.has_prior_vehicle(model)
+    return prediction.prior_vehicle(model, given) if known else None
 
 
 def _initial_gains_of(model: IdentifiedModel, prior: str | None) -> dict[str, float]:
     """Return the gains of the first dive: Table 3 for Caribou, else a prototype design."""
-    vehicle, table_3 = _vehicle_file_of(model, prior), initial_gains()
-    if vehicle is None or vehicle in prototype.CARIBOU:
+    vehicle, table_3 = _vehicle_of(model, prior), initial_gains()
+    if vehicle is None or vehicle.name in prototype.CARIBOU:
         return table_3
     first = prototype.design(vehicle).parameters
     return {name: first[name] for name in table_3}

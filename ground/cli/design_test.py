@@ -24,8 +24,12 @@ def design_test(
         Path | None, typer.Argument(metavar="MODEL.json", help="Model of an earlier refit.")
     ] = None,
     prior: Annotated[
-        str, typer.Option(help="Without a model: caribou_nominal, or a vehicle file.")
-    ] = "caribou_nominal",
+        str | None,
+        typer.Option(
+            help="Vehicle file, with a model in place of the one in it. Default without a model:"
+            " caribou_nominal."
+        ),
+    ] = None,
     duration: Annotated[
         float,
         typer.Option(metavar="MIN", help="Time of both dives with settling and recovery, min."),
@@ -120,8 +124,8 @@ def design_test(
             f"--duration {duration:g}: must be {MIN_DURATION_MIN:g} to {MAX_DURATION_MIN:g} min"
         )
     paths = files.Files(*map(new_file, files.paths_beside(out)))
-    design_prior = session.design_prior(model or prior, trim, TRIM_WINDOW_S)
-    vehicle_gains = param_file.load(gains) if gains else session.first_gains(model, prior)
+    design_prior = session.design_prior(model, prior, trim, TRIM_WINDOW_S)
+    vehicle_gains = param_file.load(gains) if gains else session.first_gains(design_prior)
     limits = _limits(
         depth,
         min_depth,

@@ -87,7 +87,9 @@ ModelFile = Annotated[
 Prior = Annotated[
     str | None,
     typer.Option(
-        metavar="FILE", help="Vehicle file that the model was fitted from, if it is not shipped."
+        metavar="FILE",
+        help="Vehicle file of the refit, in place of the one in the model; needed for a model of an"
+        " earlier version whose vehicle is not shipped.",
     ),
 ]
 SpecFile = Annotated[

@@ -10,7 +10,7 @@
     [[vehicle]]
     source = "campaign/model.json"     # model.json, caribou_nominal, or a vehicle file
     name = "caribou"                   # default: the source without folder and suffix
-    prior = "my_vehicle.toml"          # for a model.json: vehicle file of the refit if not shipped
+    prior = "my_vehicle.toml"          # for a model.json: in place of its vehicle file
     spread = 1.0                       # factor on the standard deviations; 0 flies the mean
 
     [[gains]]
@@ -107,7 +107,7 @@ class VehicleEntry(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     name: str = ""
     """Name in the rows; without it the source without folder and suffix."""
     prior: str | None = None
-    """Vehicle file of the refit, for a ``model.json`` whose vehicle file is not shipped."""
+    """Vehicle file of a ``model.json``, in place of the one in it."""
     spread: float = 1.0
     """Factor on the standard deviations; 0 flies the mean vehicle."""
 

@@ -13,14 +13,21 @@ from sysid.test_design import prior as design_priors
 from sysid.test_design.plan import PlanRequest, TestPlan
 from sysid.test_design.prior import DesignPrior
 
+DEFAULT_VEHICLE = "caribou_nominal"
+"""Vehicle file of a design without a model."""
 
-def design_prior(prior: str | Path, trim: Path | None, window_s: float) -> DesignPrior:
+
+def design_prior(
+    model: Path | None, vehicle: str | None, trim: Path | None, window_s: float
+) -> DesignPrior:
     """Return the prior of a test design.
 
     Parameters
     ----------
-    prior : str or Path
-        A shipped vehicle, a vehicle file or a model.
+    model : Path, optional
+        Model of an earlier refit.
+    vehicle : str, optional
+        Name or path of the vehicle file; with a model, in place of the one in it.
     trim : Path, optional
         Log of a straight and level flight, from which the trims are measured.
     window_s : float
@@ -33,7 +40,11 @@ def design_prior(prior: str | Path, trim: Path | None, window_s: float) -> Desig
     OperationError
         The trim flight was not steady.
     """
-    design_prior = design_priors.read(prior)
+    design_prior = (
+        design_priors.read(model, refit.read_vehicle(vehicle))
+        if model
+        else design_priors.read(vehicle or DEFAULT_VEHICLE)
+    )
     if trim is None:
         return design_prior
     trims_deg = refit.measure_trims(trim, window_s)
@@ -55,20 +66,24 @@ def trims(prior: DesignPrior) -> dict[str, float]:
     }
 
 
-def first_gains(model: Path | None, prior: str) -> dict[str, float]:
+def first_gains(prior: DesignPrior) -> dict[str, float]:
     """Return the gains of a vehicle's first dive by parameter name.
 
-    Empty for Caribou, whose gains are the defaults of the autopilot, and for a model. Raises as
-    `design_prior`.
+    Empty for Caribou, whose gains are the defaults of the autopilot.
+
+    Raises
+    ------
+    OperationError
+        No gains meet the specification.
     """
-    return {} if model else prototype.first_dive_parameters(prior)
+    config = prior.config
+    return {} if config.name in prototype.CARIBOU else prototype.design(config).parameters
 
 
 def loop_gains(parameters: Mapping[str, float]) -> dict[str, float] | None:
     """Return the gains of the control loops among the parameters.
 
-    None if there is none: then the paper's prototype gains are used, scaled with the control
-    effectiveness of the tail.
+    None if there is none: then the paper's prototype gains are used, scaled to the vehicle.
 
     Raises
     ------

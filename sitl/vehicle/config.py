@@ -55,6 +55,7 @@ __all__ = [
     "VehicleConfig",
     "VehicleFileError",
     "WaterProperties",
+    "check",
     "describe",
     "finish",
     "load",
@@ -135,7 +136,7 @@ def parse(text: str, source: str, folder: Path | None = None) -> VehicleConfig:
     config = toml_io.convert(
         _complete(text, source, folder).tables, VehicleConfig, source, VehicleFileError
     )
-    _check_consistency(config, source)
+    check(config, source)
     return config
 
 
@@ -264,8 +265,22 @@ def _is_ascending(shape: ProfileHull) -> bool:
     )
 
 
-def _check_consistency(config: VehicleConfig, source: str) -> None:
-    """Raise ``VehicleFileError`` for values that are in range but contradict each other."""
+def check(config: VehicleConfig, source: str) -> None:
+    """Check that values which are in range do not contradict each other.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle with all keys.
+    source : str
+        Name of the file in error messages.
+
+    Raises
+    ------
+    VehicleFileError
+        Two values contradict each other, or the shape of the hull is impossible.
+    """
+    _check_shape(config.hull, source)
     duct, fins, propeller, tail = config.duct, config.fins, config.propeller, config.tailcone
     if tail.lost_step_chance > 0.0 and tail.step_deg == 0.0:
         raise VehicleFileError(

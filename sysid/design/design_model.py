@@ -8,7 +8,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from sitl.vehicle.config import SHIPPED, VehicleConfig
+from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains, Lag, Responses
 from sysid.control_analysis.margins import Analysis, Planes, analyse
@@ -168,22 +168,6 @@ def scale_starts(
     )
 
 
-def needs_vehicle_file(model: IdentifiedModel) -> bool:
-    """Return whether a model means a vehicle file that is not shipped.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-        The model.
-
-    Returns
-    -------
-    bool
-        Whether level flight of the model can only be computed from that file.
-    """
-    return model.method == "map" and model.vehicle.prior not in SHIPPED
-
-
 def from_model(
     model: IdentifiedModel,
     prior: VehicleConfig | None = None,
@@ -196,7 +180,7 @@ def from_model(
     model : IdentifiedModel
         Content of a model file.
     prior : VehicleConfig, optional
-        Vehicle file of the refit; needed if that file is not shipped.
+        Vehicle file of the refit; by default the one in the model.
     depth_m : float
         Depth for which waves are predicted.
 
@@ -206,7 +190,7 @@ def from_model(
         Both planes with their actuator lags, which include the delay of the sampled control, and
         the identified disturbance.
     """
-    if model.method == "map" and (prior is not None or not needs_vehicle_file(model)):
+    if model.method == "map" and (prior is not None or prediction.has_prior_vehicle(model)):
         return from_vehicle(prediction.vehicles(model, prior)[0], _disturbance_of(model, depth_m))
     coefficients = Table1Column(
         **{name: coefficient.value for name, coefficient in model.coefficients.items()}
@@ -242,7 +226,7 @@ def sample_models(
     count : int
         Number of draws; physically impossible vehicles are skipped.
     prior : VehicleConfig, optional
-        Vehicle file of the refit; needed if that file is not shipped.
+        Vehicle file of the refit; by default the one in the model.
     drive_known : bool
         Whether the prior's knowledge of the drive counts; without, only tests and bench test do.
     depth_m : float
@@ -253,7 +237,7 @@ def sample_models(
     DesignModel
         Nothing is yielded for a model without covariance, nor without its vehicle file.
     """
-    if not np.any(model.joint.covariance) or (prior is None and model.vehicle.prior not in SHIPPED):
+    if not np.any(model.joint.covariance) or not (prior or prediction.has_prior_vehicle(model)):
         return
     covariance = (
         np.array(model.joint.covariance) if drive_known else uncertain_drive_covariance(model)

@@ -57,7 +57,7 @@ def export_pid(
     design : Design
         Designed gains and their analysis.
     prior : VehicleConfig, optional
-        Vehicle file of the refit; needed if that file is not shipped.
+        Vehicle file of the refit; by default the one in the model.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def export_lqg(
     design : LqgDesign
         Designed controllers.
     prior : VehicleConfig, optional
-        Vehicle file of the refit; needed if that file is not shipped.
+        Vehicle file of the refit; by default the one in the model.
 
     Returns
     -------

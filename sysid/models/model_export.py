@@ -267,6 +267,7 @@ def _vehicle(fit: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
         damping_ratio=ratio("damping_ratio", tailcone.damping_ratio),
         level_elevator_deg=math.degrees(fits.level_elevator_rad(config, fit.vehicle.model)),
         level_pitch_deg=math.degrees(fits.level_pitch_rad(config, fit.vehicle.model)),
+        file=prior.config,
     )
 
 
@@ -416,6 +417,7 @@ def from_paper(plane_fits: dict[Plane, PlaneFit], prior: Prior, prior_name: str)
             damping_ratio=ParameterEstimate(config.tailcone.damping_ratio, 0.0),
             level_elevator_deg=math.degrees(fits.level_elevator_rad(config, nominal.model)),
             level_pitch_deg=math.degrees(fits.level_pitch_rad(config, nominal.model)),
+            file=prior.config,
         ),
         noise={},
         joint=Joint(

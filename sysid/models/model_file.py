@@ -16,6 +16,8 @@ import msgspec
 
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
+from sitl.vehicle import config as vehicle_files
+from sitl.vehicle.config import VehicleConfig
 from sysid.models.json_record import JsonRecord, decode, encode, format_of, schema_of
 from sysid.planes import Plane
 from sysid.validation.results import ModelAssessment, PlaneValidation
@@ -248,6 +250,8 @@ class VehicleRecord(JsonRecord, frozen=True):
     """Elevator angle of level motion."""
     level_pitch_deg: float
     """Pitch of level motion, positive nose up."""
+    file: VehicleConfig | None = None
+    """Content of the prior vehicle file; null in models of earlier versions."""
 
 
 class AlternativeFit(JsonRecord, frozen=True):
@@ -348,6 +352,8 @@ def read(path: str | Path) -> IdentifiedModel:
     ------
     ModelError
         The file is missing, is not a model, or has another format.
+    VehicleFileError
+        The vehicle file in it is impossible.
     """
     try:
         text = read_limited(Path(path), MAX_TEXT_BYTES)
@@ -362,7 +368,10 @@ def read(path: str | Path) -> IdentifiedModel:
                 f"{path}: format = {file_format}; this version reads format {FORMAT}: refit the"
                 " logs"
             )
-        return decode(text, IdentifiedModel)
+        model = decode(text, IdentifiedModel)
+        if model.vehicle.file is not None:
+            vehicle_files.check(model.vehicle.file, f"{path}: vehicle.file")
+        return model
     except OSError as error:
         raise ModelError(
             f"{path}: {error.strerror}; give a model.json that `ground refit` wrote"

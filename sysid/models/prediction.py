@@ -142,10 +142,7 @@ def perturb(
     CandidateVehicle
         Vehicle at ``z``.
     """
-    name = model.vehicle.prior
-    config = prior or (
-        _shipped(name) if name in vehicle_files.SHIPPED else vehicle_files.load(name)
-    )
+    config = prior_vehicle(model, prior)
     biases: dict[Plane, float] = {
         plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()
     }
@@ -153,6 +150,42 @@ def perturb(
     return parameters.candidate_vehicle(
         config, biases, np.array([z_by_name.get(name, 0.0) for name in NAMES])
     )
+
+
+def prior_vehicle(model: IdentifiedModel, prior: VehicleConfig | None = None) -> VehicleConfig:
+    """Return the prior vehicle of a model.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The identified model.
+    prior : VehicleConfig, optional
+        The prior vehicle; by default the vehicle file in the model.
+
+    Returns
+    -------
+    VehicleConfig
+        The prior vehicle.
+
+    Raises
+    ------
+    VehicleFileError
+        The model is of an earlier version, without its vehicle file, and this is not shipped.
+    """
+    if known := prior or model.vehicle.file:
+        return known
+    name = model.vehicle.prior
+    if name not in vehicle_files.SHIPPED:
+        raise vehicle_files.VehicleFileError(
+            f"model: vehicle.file is missing, and vehicle.prior = {name!r} is not shipped; give"
+            " this file (--prior)"
+        )
+    return _shipped(name)
+
+
+def has_prior_vehicle(model: IdentifiedModel) -> bool:
+    """Return whether a model contains its prior vehicle, or names a shipped one."""
+    return model.vehicle.file is not None or model.vehicle.prior in vehicle_files.SHIPPED
 
 
 @cache

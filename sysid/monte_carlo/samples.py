@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink_io.errors import ErrorCode, InputError
-from sitl.vehicle import config as vehicle_files
-from sitl.vehicle.config import SHIPPED, VehicleConfig
+from sitl.vehicle.config import VehicleConfig
 from sysid.models import model_file as models
+from sysid.models import prediction
 from sysid.models.parameters import NAMES, CandidateVehicle, feasible_samples
 from sysid.planes import Plane
 from sysid.test_design import prior as design_priors
@@ -35,7 +35,7 @@ def read(path: str | Path, prior: VehicleConfig | None = None) -> DesignPrior:
     path : str or Path
         Model file.
     prior : VehicleConfig, optional
-        Vehicle file of the refit; needed if that file is not shipped.
+        Vehicle file of the refit; by default the one in the model.
 
     Returns
     -------
@@ -57,14 +57,7 @@ def read(path: str | Path, prior: VehicleConfig | None = None) -> DesignPrior:
         raise NoCovarianceError(
             f"{path}: joint.names are not this version's parameters; refit its logs"
         )
-    if prior is None and model.vehicle.prior not in SHIPPED:
-        raise NoCovarianceError(
-            f"{path}: vehicle.prior = {model.vehicle.prior!r} is not shipped; pass its file with"
-            " --prior"
-        )
-    return design_priors.from_model(
-        model, prior or vehicle_files.load(model.vehicle.prior), Path(path).name
-    )
+    return design_priors.from_model(model, prediction.prior_vehicle(model, prior), Path(path).name)
 
 
 def draw(posterior: DesignPrior, count: int, seed: int) -> list[Array]:

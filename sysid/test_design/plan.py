@@ -1,6 +1,6 @@
 """Plan of a set of tests: candidates within limits, the best set, and predicted uncertainty."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -219,6 +219,21 @@ def _max_duration_s(samples: list[VehicleSample], plane: Plane, quantile: float)
     return MAX_LOG_GROWTH / max(float(np.quantile(growth_rates, quantile)), 1e-3)
 
 
+def _shortened(lengths: Lengths, free_s: float, held_s: float) -> Lengths:
+    """Return lengths of at most ``free_s`` with the loop off and ``held_s`` with it on."""
+
+    def at_most(seconds: Sequence[int], longest_s: float) -> tuple[int, ...]:
+        """Return the lengths, each at most the longest, without repetition."""
+        return tuple(sorted({min(length, max(1, int(longest_s))) for length in seconds}))
+
+    return Lengths(
+        free_s=at_most(lengths.free_s, free_s),
+        held_s=at_most(lengths.held_s, held_s),
+        both_s=at_most(lengths.both_s, held_s),
+        square_s=at_most(lengths.square_s, free_s),
+    )
+
+
 def _fits(shape: Manoeuvre, plane: _PlaneKnowledge) -> bool:
     """Return whether a test is short enough for a plane that may be unstable."""
     return shape.duration_s <= (plane.longest_held_s if shape.loop_on else plane.longest_s)
@@ -231,11 +246,10 @@ def _candidates(
 
     A square wave is designed to add information to the best standard test, flown twice.
     """
+    lengths = _shortened(request.lengths, plane.longest_s, plane.longest_held_s)
     sized = _size_all(
         plane,
-        candidate_tests.candidates(
-            plane.plane, plane.crossover_radps, plane.nominal_deg, request.lengths
-        ),
+        candidate_tests.candidates(plane.plane, plane.crossover_radps, plane.nominal_deg, lengths),
         request,
     )
     criterion = selection.criterion({plane.plane: plane.slopes}, CRITERIA[request.criterion])
@@ -259,7 +273,7 @@ def _candidates(
                 shortest_s=3.0 / plane.crossover_radps,
             )
         )
-        for shape in candidate_tests.square_waves(plane.plane, plane.nominal_deg, request.lengths)
+        for shape in candidate_tests.square_waves(plane.plane, plane.nominal_deg, lengths)
         if _fits(shape, plane)
     ]
     return sized + _size_all(plane, designs, request)
@@ -273,7 +287,11 @@ def _dual_axis_candidates(
     shapes = candidate_tests.dual_axis_tests(
         [plane.crossover_radps for plane in both],
         [plane.nominal_deg for plane in both],
-        request.lengths,
+        _shortened(
+            request.lengths,
+            min(plane.longest_s for plane in both),
+            min(plane.longest_held_s for plane in both),
+        ),
     )
     sized = [
         [_size_all(plane, [half], request) for plane, half in zip(both, shape.halves, strict=True)]

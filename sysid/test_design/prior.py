@@ -7,12 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid import prior_knowledge, refit
 from sysid.estimation.map import fit
 from sysid.models import model_file as models
-from sysid.models import noise, parameters
+from sysid.models import noise, parameters, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES, CandidateVehicle
@@ -57,13 +56,15 @@ class DesignPrior(NamedTuple):
         return parameters.candidate_vehicle(self.config, self.biases_rad, z)
 
 
-def read(prior: str | Path) -> DesignPrior:
+def read(prior: str | Path, vehicle: VehicleConfig | None = None) -> DesignPrior:
     """Read a prior from ``caribou_nominal``, a vehicle file or a ``model.json``.
 
     Parameters
     ----------
     prior : str or Path
         Name or path.
+    vehicle : VehicleConfig, optional
+        Vehicle file of a model's refit; by default the one in the model.
 
     Returns
     -------
@@ -85,7 +86,7 @@ def read(prior: str | Path) -> DesignPrior:
         raise refit.RefitError(
             f"{prior}: method = {model.method!r}; tests are designed on a model of method 'map'"
         )
-    return from_model(model, vehicle_files.load(model.vehicle.prior), Path(prior).name)
+    return from_model(model, prediction.prior_vehicle(model, vehicle), Path(prior).name)
 
 
 def from_file(config: VehicleConfig, name: str = "caribou_nominal") -> DesignPrior:

@@ -36,7 +36,7 @@ def with_assessment(
     gains : mapping of str to float, optional
         Gains of the loops during the tests, by parameter name.
     prior : VehicleConfig, optional
-        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+        Prior vehicle; by default the vehicle file in the model.
 
     Returns
     -------

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid.data.runs import Run
 from sysid.estimation.map import problem as problems
@@ -20,7 +19,7 @@ from sysid.estimation.map.datasets import datasets_of, max_leads_s
 from sysid.estimation.map.fit import Prior, last_problem
 from sysid.estimation.map.gauss_newton import descend
 from sysid.estimation.map.problem import MapProblem
-from sysid.models import noise, parameters
+from sysid.models import noise, parameters, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.planes import Plane
 from sysid.validation import crossover
@@ -49,7 +48,7 @@ def corrections(
     crossovers_radps : mapping of plane to float
         Crossover frequency of each plane, rad/s.
     prior : VehicleConfig, optional
-        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+        Prior vehicle; by default the vehicle file in the model.
 
     Returns
     -------
@@ -78,7 +77,7 @@ def _original_prior(model: IdentifiedModel, prior: VehicleConfig | None) -> Prio
     """Prior with the model's estimate as the mean and the covariance before any test."""
     estimates = dict(zip(model.joint.names, model.joint.z, strict=True))
     return Prior(
-        config=prior or vehicle_files.load(model.vehicle.prior),
+        config=prediction.prior_vehicle(model, prior),
         biases_rad={
             plane: math.radians(bias) for plane, bias in model.vehicle.prior_biases_deg.items()
         },

@@ -40,7 +40,7 @@ def rate_band(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = No
     run : Run
         Run.
     prior : VehicleConfig, optional
-        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+        Prior vehicle; by default the vehicle file in the model.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def innovations(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = 
     run : Run
         Run.
     prior : VehicleConfig, optional
-        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+        Prior vehicle; by default the vehicle file in the model.
 
     Returns
     -------

@@ -92,7 +92,7 @@ def uncertain_vehicle(
     model : IdentifiedModel
         Model.
     prior : VehicleConfig, optional
-        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+        Prior vehicle; by default the vehicle file in the model.
 
     Returns
     -------
@@ -151,7 +151,7 @@ def validate(
         Gains of the loops during the tests, by parameter name; by default those of
         `crossover.gains_for`.
     prior : VehicleConfig, optional
-        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+        Prior vehicle; by default the vehicle file in the model.
 
     Returns
     -------

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
+from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.margins import Analysis
 from sysid.design import constraints, pid
 from sysid.design.design_model import DesignModel, analyse_loops
@@ -102,13 +103,13 @@ class InitialDesign(NamedTuple):
         )
 
 
-def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
+def design_initial_gains(of_vehicle: str | Path | VehicleConfig) -> InitialDesign:
     """Return the parameters of the first dive for a vehicle file.
 
     Parameters
     ----------
-    name_or_path : str or Path
-        Name of a shipped vehicle, or path of a vehicle file.
+    of_vehicle : str, Path or VehicleConfig
+        Name of a shipped vehicle, path of a vehicle file, or its content.
 
     Returns
     -------
@@ -122,8 +123,8 @@ def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
     DesignInfeasibleError
         No gains meet the specification, or too few vehicles of the prior are stable.
     """
-    (vehicle, samples, points), limits = _design_within_limits(name_or_path)
-    config = vehicle_files.load(name_or_path)
+    config = _config_of(of_vehicle)
+    (vehicle, samples, points), limits = _design_within_limits(config)
     model, tailcone = build_model.build(config), config.tailcone
     spec = replace(limits, travel_deg=tailcone.travel_deg, rate_degps=tailcone.rate_degps)
     loads = Loads(fit.level_pitch_rad(config, model), TRIM_UNCERTAINTY_RAD, TRIM_UNCERTAINTY_RAD)
@@ -185,21 +186,28 @@ class RootLocusDesign(NamedTuple):
     """Selected point by loop: heading, pitch, depth."""
 
 
-def _design_within_limits(name_or_path: str | Path) -> tuple[RootLocusDesign, Spec]:
+def _config_of(vehicle: str | Path | VehicleConfig) -> VehicleConfig:
+    """Return the content of a vehicle file."""
+    return vehicle if isinstance(vehicle, VehicleConfig) else vehicle_files.load(vehicle)
+
+
+def _design_within_limits(config: VehicleConfig) -> tuple[RootLocusDesign, Spec]:
     """Return the loop gains with the strictest limits that can be met, and these limits."""
     for spec in (SPEC, *RELAXED_SPECS[:-1]):
         with contextlib.suppress(DesignInfeasibleError):
-            return design_on_root_loci(name_or_path, spec), spec
-    return design_on_root_loci(name_or_path, RELAXED_SPECS[-1]), RELAXED_SPECS[-1]
+            return design_on_root_loci(config, spec), spec
+    return design_on_root_loci(config, RELAXED_SPECS[-1]), RELAXED_SPECS[-1]
 
 
-def design_on_root_loci(name_or_path: str | Path, spec: Spec = SPEC) -> RootLocusDesign:
+def design_on_root_loci(
+    of_vehicle: str | Path | VehicleConfig, spec: Spec = SPEC
+) -> RootLocusDesign:
     """Return the loop gains of a vehicle file, without integrator limits and reference models.
 
     Parameters
     ----------
-    name_or_path : str or Path
-        Name of a shipped vehicle, or path of a vehicle file.
+    of_vehicle : str, Path or VehicleConfig
+        Name of a shipped vehicle, path of a vehicle file, or its content.
     spec : Spec
         Limits of the loops.
 
@@ -215,7 +223,7 @@ def design_on_root_loci(name_or_path: str | Path, spec: Spec = SPEC) -> RootLocu
     DesignInfeasibleError
         No gains meet the specification, or too few vehicles of the prior are stable.
     """
-    config = vehicle_files.load(name_or_path)
+    config = _config_of(of_vehicle)
     vehicle, samples = prior.nominal_model(config), list(prior.sample_models(config))
     bounds = constraints.nominal(spec)
     tail_ratio = min(1.0, config.tailcone.damping_ratio / REFERENCE_DAMPING)

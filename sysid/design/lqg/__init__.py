@@ -79,7 +79,7 @@ def design_lqg(
     spec : Spec, optional
         Limits of the design; the default `Spec` without it.
     prior : VehicleConfig, optional
-        Vehicle file of the refit; needed if that file is not shipped.
+        Vehicle file of the refit; by default the one in the model.
     initial : Gains
         Gains that are currently set; the cost is relative to their errors.
 

@@ -91,7 +91,7 @@ def redesign(
     spec : Spec, optional
         Limits of the design; the default `Spec` without it.
     prior : VehicleConfig, optional
-        Vehicle file of the refit; needed if that file is not shipped.
+        Vehicle file of the refit; by default the one in the model.
     initial : Gains
         Gains that are currently set; pitch and depth rms are compared with theirs.
 
@@ -162,7 +162,7 @@ def keep(
     spec : Spec
         Limits that the gains must meet.
     prior : VehicleConfig, optional
-        Vehicle file of the refit; needed if that file is not shipped.
+        Vehicle file of the refit; by default the one in the model.
 
     Returns
     -------

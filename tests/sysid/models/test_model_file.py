@@ -2,15 +2,30 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
 
+from sitl.vehicle import config as vehicle_files
+from sitl.vehicle.config import SHIPPED, VehicleConfig, VehicleFileError
 from sysid.models import model_file as models
+from sysid.models import prediction
 from sysid.models.model_file import IdentifiedModel, ModelError, schema
+from sysid.prior_knowledge import prior_knowledge
 
 PUBLISHED = Path(__file__).parents[3] / "docs" / "model.schema.json"
 DESCRIBED = PUBLISHED.with_name("model.md")
+ROOT = PUBLISHED.parents[1]
+VEHICLE_FILES = [
+    ROOT / "docs" / "my_vehicle.toml",
+    *sorted((ROOT / "benchmarks" / "campaigns" / "vehicles").glob("*.toml")),
+]
+
+
+def _with_vehicle(model: IdentifiedModel, **changes: Any) -> IdentifiedModel:
+    vehicle = msgspec.structs.replace(model.vehicle, **changes)
+    return msgspec.structs.replace(model, vehicle=vehicle)
 
 
 def test_published_schema_equals_records() -> None:
@@ -20,9 +35,11 @@ def test_published_schema_equals_records() -> None:
 
 def test_every_field_is_described() -> None:
     text = DESCRIBED.read_text(encoding="utf-8")
+    of_vehicle_files = msgspec.json.schema(VehicleConfig)["$defs"]
     fields = {
         name
-        for record in json.loads(schema())["$defs"].values()
+        for record_name, record in json.loads(schema())["$defs"].items()
+        if record_name not in of_vehicle_files
         for name in record.get("properties", {})
     }
     assert {name for name in fields if f"`{name}`" not in text} == set()
@@ -31,6 +48,48 @@ def test_every_field_is_described() -> None:
 def test_model_written_and_read_is_equal(model: IdentifiedModel, tmp_path: Path) -> None:
     models.write(model, tmp_path / "model.json")
     assert models.read(tmp_path / "model.json") == model
+
+
+@pytest.mark.parametrize("name", [*SHIPPED, *VEHICLE_FILES], ids=lambda name: Path(name).stem)
+def test_model_contains_its_vehicle_file(
+    name: str | Path, model: IdentifiedModel, tmp_path: Path
+) -> None:
+    config = vehicle_files.load(name)
+    models.write(_with_vehicle(model, prior=Path(name).name, file=config), tmp_path / "model.json")
+    read = models.read(tmp_path / "model.json")
+    assert prediction.prior_vehicle(read) == config
+
+
+def test_model_is_a_prior_where_its_vehicle_file_is_missing(
+    model: IdentifiedModel, tmp_path: Path
+) -> None:
+    config = vehicle_files.load(VEHICLE_FILES[0])
+    models.write(_with_vehicle(model, prior="mine.toml", file=config), tmp_path / "model.json")
+    knowledge = prior_knowledge(tmp_path / "model.json")
+    assert (knowledge.config, knowledge.name) == (config, "mine.toml")
+
+
+def test_model_without_its_vehicle_file_names_what_is_missing(model: IdentifiedModel) -> None:
+    """Models of earlier versions do not contain it."""
+    shipped = _with_vehicle(model, prior="xfin_auv", file=None)
+    assert prediction.prior_vehicle(shipped) == vehicle_files.load("xfin_auv")
+    mine = _with_vehicle(model, prior="mine.toml", file=None)
+    assert not prediction.has_prior_vehicle(mine)
+    with pytest.raises(VehicleFileError, match=r"vehicle\.prior = 'mine\.toml'.*--prior"):
+        prediction.prior_vehicle(mine)
+    given = vehicle_files.load("remus100")
+    assert prediction.prior_vehicle(mine, given) == given
+
+
+def test_impossible_vehicle_file_in_a_model_is_refused(
+    model: IdentifiedModel, tmp_path: Path
+) -> None:
+    path, config = tmp_path / "model.json", vehicle_files.load("caribou_nominal")
+    light = msgspec.structs.replace(config.ballast, net_buoyancy_n=-1e5)
+    sunk = msgspec.structs.replace(config, ballast=light)
+    models.write(_with_vehicle(model, file=sunk), path)
+    with pytest.raises(VehicleFileError, match=r"model\.json: vehicle\.file: ballast\.net_buoy"):
+        models.read(path)
 
 
 @pytest.mark.parametrize(

@@ -97,14 +97,10 @@ def test_read_model_without_covariance_raises(known: DesignPrior, tmp_path: Path
         samples.read(path)
 
 
-def test_read_model_of_unshipped_vehicle_raises(uncertain: DesignPrior, tmp_path: Path) -> None:
+def test_read_model_of_unshipped_vehicle_uses_the_file_in_it(
+    uncertain: DesignPrior, tmp_path: Path
+) -> None:
     path, model = tmp_path / "model.json", model_of(uncertain)
-    models.write(
-        msgspec.structs.replace(
-            model, vehicle=msgspec.structs.replace(model.vehicle, prior="mine")
-        ),
-        path,
-    )
-    with pytest.raises(NoCovarianceError, match=r"vehicle\.prior = 'mine'.*--prior"):
-        samples.read(path)
-    assert samples.read(path, uncertain.config).name == "model.json"
+    vehicle = msgspec.structs.replace(model.vehicle, prior="mine.toml")
+    models.write(msgspec.structs.replace(model, vehicle=vehicle), path)
+    assert samples.read(path).config == uncertain.config

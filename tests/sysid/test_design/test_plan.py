@@ -1,21 +1,27 @@
 """A whole plan: predictions, mission and reproducibility."""
 
 import tomllib
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ground.missions import script
 from ground.test_design import files, format
 from ground.test_design.files import TestDive
+from sitl.vehicle import config
+from sysid.design import initial
+from sysid.estimation.map import fit
 from sysid.planes import PLANES, Plane
-from sysid.test_design import candidates, plan
+from sysid.test_design import candidates, plan, prior
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.simulate import Manoeuvre
 from tests.sysid.test_design.conftest import SHORT
 
 DIVE = TestDive(6.0, 58.0)
+UNSTABLE = Path(__file__).parents[3] / "benchmarks/campaigns/vehicles/unstable_yaw.toml"
 
 
 @pytest.mark.slow
@@ -79,6 +85,21 @@ def test_plan_envelope_equals_limits(few: plan.TestPlan) -> None:
 def test_plan_short_time_raises_with_remaining_time(bench: DesignPrior) -> None:
     with pytest.raises(plan.PlanInfeasibleError, match=r"test time 320 s: leaves \d+ s"):
         plan.plan(bench, SHORT._replace(test_time_s=320.0))
+
+
+def test_tests_of_an_unstable_plane_are_shortened_until_they_fit() -> None:
+    """Every length of `Lengths` is too long for a yaw pole of 0.3 1/s, and no step is safe."""
+    vehicle = config.load(UNSTABLE)
+    known = prior.from_file(vehicle)
+    after_tests = known._replace(covariance=0.01 * known.covariance, trims_known=True)
+    gains = initial.design_initial_gains(vehicle).parameters
+    request = plan.PlanRequest(test_time_s=600.0, samples=60, gains=gains, held_out=False)
+    tests = [one.manoeuvre for one in plan.plan(after_tests, request).tests]
+    assert {test.plane for test in tests} == set(Plane)
+    pole = max(np.linalg.eigvals(fit.linear_plane(known.vehicle(known.mean), Plane.YAW).A).real)
+    in_yaw = [test for test in tests if test.plane == Plane.YAW]
+    assert all(test.loop_on for test in in_yaw)
+    assert max(pole * test.duration_s for test in in_yaw) < 1.3 * plan.MAX_LOG_GROWTH
 
 
 def test_long_tests_of_a_plane_that_may_be_unstable_have_the_loop_on(
