@@ -85,7 +85,8 @@ def check_gains(
         raise UnsafeGainsError(
             f"{file}: on {path} {_describe(worst, violations[worst], bounds)}; redesign"
         )
-    if prior is None and not prediction.has_prior_vehicle(identified):
+    is_complete = prior is not None or prediction.has_prior_vehicle(identified)
+    if identified.method == "map" and not is_complete:
         return (
             f"{file}: checked on the coefficients of {path} alone; for level flight give --prior"
             f" with the vehicle file {identified.vehicle.prior}"

@@ -184,7 +184,18 @@ def prior_vehicle(model: IdentifiedModel, prior: VehicleConfig | None = None) ->
 
 
 def has_prior_vehicle(model: IdentifiedModel) -> bool:
-    """Return whether a model contains its prior vehicle, or names a shipped one."""
+    """Return whether the prior vehicle of a model is known without its file.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The identified model.
+
+    Returns
+    -------
+    bool
+        Whether the model contains it, or names a shipped one.
+    """
     return model.vehicle.file is not None or model.vehicle.prior in vehicle_files.SHIPPED
 
 

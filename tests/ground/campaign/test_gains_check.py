@@ -79,11 +79,12 @@ def test_gains_of_an_absent_model_are_reported_as_not_checked(model: Path, tmp_p
 def test_vehicle_that_is_not_shipped_is_checked_on_its_file(tmp_path: Path) -> None:
     shipped = config.load("caribou_nominal")
     fitted = model_of(prior.from_file(shipped))
-    fitted = replace(fitted, method="map", vehicle=replace(fitted.vehicle, prior="own.toml"))
-    path = tmp_path / "model.json"
-    model_file.write(fitted, path)
+    own = replace(fitted.vehicle, prior="own.toml")
+    path, file = tmp_path / "model.json", tmp_path / "gains.param"
+    model_file.write(replace(fitted, method="map", vehicle=own), path)
+    assert check_gains(file, param_file.load(gains_file(path, {})), None) == ""
+    model_file.write(replace(fitted, method="map", vehicle=replace(own, file=None)), path)
     values = param_file.load(gains_file(path, {}))
-    file = tmp_path / "gains.param"
     assert "give --prior with the vehicle file own.toml" in check_gains(file, values, None)
     assert check_gains(file, values, None, "caribou_nominal") == ""
 

@@ -8,6 +8,7 @@ import pytest
 from ground.campaign import refit, specification
 from mavlink_io.errors import InputError
 from sitl.vehicle import config
+from sitl.vehicle.config import VehicleConfig
 from sysid.design.pid import Spec
 
 
@@ -68,6 +69,7 @@ def test_read_error_names_an_option_of_two_words() -> None:
 
 class RefittedVehicle(NamedTuple):
     prior: str
+    file: VehicleConfig | None = None
 
 
 class Refitted(NamedTuple):
@@ -76,8 +78,8 @@ class Refitted(NamedTuple):
     vehicle: RefittedVehicle
 
 
-def of(prior: str) -> Any:
-    return Refitted(RefittedVehicle(prior))
+def of(prior: str, file: VehicleConfig | None = None) -> Any:
+    return Refitted(RefittedVehicle(prior, file))
 
 
 def test_specification_takes_limits_of_tailcone() -> None:
@@ -87,9 +89,9 @@ def test_specification_takes_limits_of_tailcone() -> None:
     assert found != Spec()
 
 
-def test_specification_unshipped_vehicle_needs_prior() -> None:
+def test_specification_of_an_unshipped_vehicle() -> None:
     assert refit.specification(of("mine.toml")) == Spec()
-    tail = config.load("docs/my_vehicle.toml").tailcone
-    assert (
-        refit.specification(of("mine.toml"), "docs/my_vehicle.toml").rate_degps == tail.rate_degps
-    )
+    mine = config.load("docs/my_vehicle.toml")
+    expected = Spec(travel_deg=mine.tailcone.travel_deg, rate_degps=mine.tailcone.rate_degps)
+    assert refit.specification(of("mine.toml", mine)) == expected
+    assert refit.specification(of("mine.toml"), "docs/my_vehicle.toml") == expected
