@@ -13,11 +13,11 @@ from msgspec.structs import fields
 
 from mavlink_io.errors import ErrorCode, InputError
 
-Positive = Annotated[float, Meta(gt=0)]
-NonNegative = Annotated[float, Meta(ge=0)]
-Negative = Annotated[float, Meta(lt=0)]
-Fraction = Annotated[float, Meta(gt=0, lt=1)]
-FullFraction = Annotated[float, Meta(gt=0, le=1)]
+Positive = Annotated[float, Meta(gt=0.0)]
+NonNegative = Annotated[float, Meta(ge=0.0)]
+Negative = Annotated[float, Meta(lt=0.0)]
+Fraction = Annotated[float, Meta(gt=0.0, lt=1.0)]
+FullFraction = Annotated[float, Meta(gt=0.0, le=1.0)]
 
 
 class VehicleFileError(InputError):
@@ -68,8 +68,8 @@ class Myring(HullShape, frozen=True, tag="myring"):
     mid_length_m: NonNegative
     tail_length_m: Positive
     diameter_m: Positive
-    nose_exponent: Annotated[float, Meta(ge=1)] = 2.0
-    tail_angle_deg: Annotated[float, Meta(gt=0, lt=60)] = 25.0
+    nose_exponent: Annotated[float, Meta(ge=1.0)] = 2.0
+    tail_angle_deg: Annotated[float, Meta(gt=0.0, lt=60.0)] = 25.0
     nose_offset_m: NonNegative = 0.0
     tail_offset_m: NonNegative = 0.0
     midbody_length_m: NonNegative = 0.0
@@ -167,8 +167,8 @@ class DuctGeometry(VehicleTable, frozen=True):
     lift_quadratic_per_rad2: NonNegative
     drag_zero_lift: NonNegative
     oswald: FullFraction
-    stall_deg: Annotated[float, Meta(gt=0, lt=90)]
-    separated_deg: Annotated[float, Meta(gt=0, lt=90)]
+    stall_deg: Annotated[float, Meta(gt=0.0, lt=90.0)]
+    separated_deg: Annotated[float, Meta(gt=0.0, lt=90.0)]
     separated_normal: NonNegative
     vectored: bool = True
     """True if ring and thrust turn with the commands, false for a fixed nozzle."""
@@ -200,8 +200,8 @@ class FinGeometry(VehicleTable, frozen=True):
     lift_quadratic_per_rad2: NonNegative
     drag_zero_lift: NonNegative
     oswald: FullFraction
-    stall_deg: Annotated[float, Meta(gt=0, lt=90)]
-    separated_deg: Annotated[float, Meta(gt=0, lt=90)]
+    stall_deg: Annotated[float, Meta(gt=0.0, lt=90.0)]
+    separated_deg: Annotated[float, Meta(gt=0.0, lt=90.0)]
     separated_normal: NonNegative
 
     @property
@@ -241,7 +241,7 @@ class PropellerCurve(VehicleTable, frozen=True):
     diameter_m: Positive
     kt_bollard: Positive
     kt_slope: Positive
-    wake_fraction: Annotated[float, Meta(ge=0, lt=1)]
+    wake_fraction: Annotated[float, Meta(ge=0.0, lt=1.0)]
 
 
 class Damping(VehicleTable, frozen=True):
@@ -258,8 +258,8 @@ class Tailcone(VehicleTable, frozen=True):
 
     natural_frequency_radps: Positive
     damping_ratio: Positive
-    delay_s: Annotated[float, Meta(ge=0, le=10)]
-    travel_deg: Annotated[float, Meta(gt=0, lt=90)]
+    delay_s: Annotated[float, Meta(ge=0.0, le=10.0)]
+    travel_deg: Annotated[float, Meta(gt=0.0, lt=90.0)]
     rate_degps: Positive
     rudder_bias_deg: float
     elevator_bias_deg: float
@@ -267,7 +267,7 @@ class Tailcone(VehicleTable, frozen=True):
     """Duct angle per motor step; 0 is continuous."""
     backlash_deg: NonNegative = 0.0
     """Backlash between motor and duct, full width."""
-    lost_step_chance: Annotated[float, Meta(ge=0, lt=1)] = 0.0
+    lost_step_chance: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0
     """Probability that a motor step is lost at a rate above ``lost_step_above_degps``."""
     lost_step_above_degps: NonNegative = 0.0
     """Duct rate above which motor steps can be lost."""

@@ -16,10 +16,10 @@ from sitl.vehicle.config import Instruments, VehicleFileError
 NONE = "none"
 """Name for a sensor that is not fitted."""
 
-Positive = Annotated[float, Meta(gt=0)]
-NotNegative = Annotated[float, Meta(ge=0)]
-Probability = Annotated[float, Meta(ge=0, lt=1)]
-Angle = Annotated[float, Meta(gt=0, lt=90)]
+Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+Probability = Annotated[float, Meta(ge=0.0, lt=1.0)]
+Angle = Annotated[float, Meta(gt=0.0, lt=90.0)]
 
 
 class CatalogueError(InputError):
