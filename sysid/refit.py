@@ -13,7 +13,6 @@ import msgspec
 import numpy as np
 
 from mavlink_io.errors import ErrorCode, OperationError
-from sitl.vehicle.config import SHIPPED as SHIPPED
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.config import VehicleFileError as VehicleFileError
 from sysid import usable_runs

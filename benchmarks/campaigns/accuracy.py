@@ -8,7 +8,6 @@ are those of rate over command at the crossover of the gains that flew the tests
 """
 
 import argparse
-import cmath
 import math
 import re
 from collections.abc import Sequence
@@ -23,6 +22,7 @@ from rich.table import Table
 
 from benchmarks.campaigns.__main__ import KEEP, VEHICLES, WIDTH
 from benchmarks.identification import crossover, vehicles
+from benchmarks.identification.outside import QUANTILE
 from mavlink_io import toml_io
 from mavlink_io.errors import InputError
 from sitl.vehicle import config as vehicle_files
@@ -33,7 +33,6 @@ from sysid.models.parameters import CandidateVehicle
 from sysid.planes import Plane
 
 NUMBERS = ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s")
-QUANTILE = 1.96
 
 
 class PlaneErrors(NamedTuple):
@@ -117,10 +116,7 @@ def _plane_errors(
     true_numbers = linear_planes.small_signal(fit.linear_plane(truth, plane))._asdict()
     at = model.validation[plane].crossover
     assert at is not None
-    ratio = crossover.response(identified, plane, at.crossover_radps) / crossover.response(
-        truth, plane, at.crossover_radps
-    )
-    gain_db, phase_deg = 20.0 * math.log10(abs(ratio)), math.degrees(cmath.phase(ratio))
+    gain_db, phase_deg = crossover.errors_at(identified, truth, plane, at.crossover_radps)
     in_sds = [
         _in_sds(estimate.value - true_numbers[number], estimate.sd)
         for number in NUMBERS
@@ -149,10 +145,9 @@ def table(errors: Sequence[PlaneErrors]) -> Table:
         Shares of numbers inside, and rms errors of gain and phase by plane.
     """
     labels = [re.sub(r"_per_s2?$", "", number).replace("_", " ") for number in NUMBERS]
-    result = Table(
-        "vehicle", "campaigns", *(f"{label}, %" for label in [*labels, "gain", "phase"]),
-        "all, %", "gain: yaw, pitch, dB", "phase: yaw, pitch, deg", box=box.SIMPLE_HEAD,
-    )  # fmt: skip
+    shares = [f"{label}, %" for label in (*labels, "gain", "phase", "all")]
+    rms_heads = ("gain: yaw, pitch, dB", "phase: yaw, pitch, deg")
+    result = Table("vehicle", "campaigns", *shares, *rms_heads, box=box.SIMPLE_HEAD)
     for name in [*dict.fromkeys(each.vehicle for each in errors), ""]:
         own = [each for each in errors if name in ("", each.vehicle)]
         in_sds = np.array([each.numbers for each in own])

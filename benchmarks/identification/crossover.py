@@ -42,6 +42,12 @@ def crossover_radps(case: Case, plane: Plane) -> float:
 
 def errors(case: Case, found: CandidateVehicle, plane: Plane) -> tuple[float, float]:
     """Return gain (dB) and phase (deg) of a model over the linearised true vehicle at crossover."""
-    omega = crossover_radps(case, plane)
-    ratio = response(found, plane, omega) / response(vehicles.nominal(case.truth), plane, omega)
+    return errors_at(found, vehicles.nominal(case.truth), plane, crossover_radps(case, plane))
+
+
+def errors_at(
+    found: CandidateVehicle, truth: CandidateVehicle, plane: Plane, omega_radps: float
+) -> tuple[float, float]:
+    """Return gain (dB) and phase (deg) of a vehicle over another one at a frequency."""
+    ratio = response(found, plane, omega_radps) / response(truth, plane, omega_radps)
     return 20.0 * math.log10(abs(ratio)), math.degrees(cmath.phase(ratio))

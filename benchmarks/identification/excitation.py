@@ -171,9 +171,8 @@ def _phase_errors_deg(case: Case, runs: list[Run]) -> list[float]:
 
 def _phase_error_deg(case: Case, found: CandidateVehicle, plane: Plane) -> float:
     """Return the phase error of a model at the attainable crossover."""
-    omega, true = attainable_radps(case, plane), vehicles.nominal(case.truth)
-    ratio = crossover.response(found, plane, omega) / crossover.response(true, plane, omega)
-    return math.degrees(cmath.phase(ratio))
+    truth = vehicles.nominal(case.truth)
+    return crossover.errors_at(found, truth, plane, attainable_radps(case, plane))[1]
 
 
 def judge(vehicle: str, rows: Array) -> list[Figure]:

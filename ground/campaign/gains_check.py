@@ -78,15 +78,15 @@ def check_gains(
     if missing := [name for name in _LOOP_GAINS if name not in values]:
         raise UnsafeGainsError(f"{file}: lacks {missing[0]}, so that no margin can be computed")
     bounds = _bounds(header.specification)
-    vehicle = design_model.from_model(identified, refit.read_vehicle(prior))
+    given = refit.read_vehicle(prior)
+    vehicle = design_model.from_model(identified, given)
     violations = robustness.violations(vehicle, values, bounds)
     worst = max(violations, key=lambda name: violations[name])
     if violations[worst] > CONSTRAINT_TOLERANCE:
         raise UnsafeGainsError(
             f"{file}: on {path} {_describe(worst, violations[worst], bounds)}; redesign"
         )
-    is_complete = prior is not None or prediction.has_prior_vehicle(identified)
-    if identified.method == "map" and not is_complete:
+    if identified.method == "map" and prediction.find_prior_vehicle(identified, given) is None:
         return (
             f"{file}: checked on the coefficients of {path} alone; for level flight give --prior"
             f" with the vehicle file {identified.vehicle.prior}"

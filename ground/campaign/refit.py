@@ -304,10 +304,8 @@ def specification(model: IdentifiedModel, prior: str | None = None) -> Spec:
 
 
 def _vehicle_of(model: IdentifiedModel, prior: str | None) -> Any:
-    """Return the vehicle file of a model; None if it is neither given, known nor shipped."""
-    given = read_vehicle(prior)
-    known = given is not None or prediction.has_prior_vehicle(model)
-    return prediction.prior_vehicle(model, given) if known else None
+    """Return the vehicle file of a model; None if it is not known."""
+    return prediction.find_prior_vehicle(model, read_vehicle(prior))
 
 
 def _initial_gains_of(model: IdentifiedModel, prior: str | None) -> dict[str, float]:

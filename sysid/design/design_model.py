@@ -190,7 +190,7 @@ def from_model(
         Both planes with their actuator lags, which include the delay of the sampled control, and
         the identified disturbance.
     """
-    if model.method == "map" and (prior is not None or prediction.has_prior_vehicle(model)):
+    if model.method == "map" and prediction.find_prior_vehicle(model, prior) is not None:
         return from_vehicle(prediction.vehicles(model, prior)[0], _disturbance_of(model, depth_m))
     coefficients = Table1Column(
         **{name: coefficient.value for name, coefficient in model.coefficients.items()}
@@ -237,7 +237,7 @@ def sample_models(
     DesignModel
         Nothing is yielded for a model without covariance, nor without its vehicle file.
     """
-    if not np.any(model.joint.covariance) or not (prior or prediction.has_prior_vehicle(model)):
+    if not np.any(model.joint.covariance) or not prediction.find_prior_vehicle(model, prior):
         return
     covariance = (
         np.array(model.joint.covariance) if drive_known else uncertain_drive_covariance(model)

@@ -172,31 +172,35 @@ def prior_vehicle(model: IdentifiedModel, prior: VehicleConfig | None = None) ->
     VehicleFileError
         The model is of an earlier version, without its vehicle file, and this is not shipped.
     """
-    if known := prior or model.vehicle.file:
-        return known
-    name = model.vehicle.prior
-    if name not in vehicle_files.SHIPPED:
+    known = find_prior_vehicle(model, prior)
+    if known is None:
         raise vehicle_files.VehicleFileError(
-            f"model: vehicle.file is missing, and vehicle.prior = {name!r} is not shipped; give"
-            " this file (--prior)"
+            f"model: vehicle.file is missing, and vehicle.prior = {model.vehicle.prior!r} is not"
+            " shipped; give this file (--prior)"
         )
-    return _shipped(name)
+    return known
 
 
-def has_prior_vehicle(model: IdentifiedModel) -> bool:
-    """Return whether the prior vehicle of a model is known without its file.
+def find_prior_vehicle(
+    model: IdentifiedModel, prior: VehicleConfig | None = None
+) -> VehicleConfig | None:
+    """Return the prior vehicle of a model as `prior_vehicle` does; None where that raises.
 
     Parameters
     ----------
     model : IdentifiedModel
         The identified model.
+    prior : VehicleConfig, optional
+        The prior vehicle; by default the vehicle file in the model.
 
     Returns
     -------
-    bool
-        Whether the model contains it, or names a shipped one.
+    VehicleConfig or None
+        The prior vehicle, if it is known.
     """
-    return model.vehicle.file is not None or model.vehicle.prior in vehicle_files.SHIPPED
+    name = model.vehicle.prior
+    shipped = _shipped(name) if name in vehicle_files.SHIPPED else None
+    return prior or model.vehicle.file or shipped
 
 
 @cache

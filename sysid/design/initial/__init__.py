@@ -103,12 +103,12 @@ class InitialDesign(NamedTuple):
         )
 
 
-def design_initial_gains(of_vehicle: str | Path | VehicleConfig) -> InitialDesign:
+def design_initial_gains(vehicle_file: str | Path | VehicleConfig) -> InitialDesign:
     """Return the parameters of the first dive for a vehicle file.
 
     Parameters
     ----------
-    of_vehicle : str, Path or VehicleConfig
+    vehicle_file : str, Path or VehicleConfig
         Name of a shipped vehicle, path of a vehicle file, or its content.
 
     Returns
@@ -123,7 +123,7 @@ def design_initial_gains(of_vehicle: str | Path | VehicleConfig) -> InitialDesig
     DesignInfeasibleError
         No gains meet the specification, or too few vehicles of the prior are stable.
     """
-    config = _config_of(of_vehicle)
+    config = _config_of(vehicle_file)
     (vehicle, samples, points), limits = _design_within_limits(config)
     model, tailcone = build_model.build(config), config.tailcone
     spec = replace(limits, travel_deg=tailcone.travel_deg, rate_degps=tailcone.rate_degps)
@@ -200,13 +200,13 @@ def _design_within_limits(config: VehicleConfig) -> tuple[RootLocusDesign, Spec]
 
 
 def design_on_root_loci(
-    of_vehicle: str | Path | VehicleConfig, spec: Spec = SPEC
+    vehicle_file: str | Path | VehicleConfig, spec: Spec = SPEC
 ) -> RootLocusDesign:
     """Return the loop gains of a vehicle file, without integrator limits and reference models.
 
     Parameters
     ----------
-    of_vehicle : str, Path or VehicleConfig
+    vehicle_file : str, Path or VehicleConfig
         Name of a shipped vehicle, path of a vehicle file, or its content.
     spec : Spec
         Limits of the loops.
@@ -223,7 +223,7 @@ def design_on_root_loci(
     DesignInfeasibleError
         No gains meet the specification, or too few vehicles of the prior are stable.
     """
-    config = _config_of(of_vehicle)
+    config = _config_of(vehicle_file)
     vehicle, samples = prior.nominal_model(config), list(prior.sample_models(config))
     bounds = constraints.nominal(spec)
     tail_ratio = min(1.0, config.tailcone.damping_ratio / REFERENCE_DAMPING)

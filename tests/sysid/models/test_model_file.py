@@ -74,7 +74,7 @@ def test_model_without_its_vehicle_file_names_what_is_missing(model: IdentifiedM
     shipped = _with_vehicle(model, prior="xfin_auv", file=None)
     assert prediction.prior_vehicle(shipped) == vehicle_files.load("xfin_auv")
     mine = _with_vehicle(model, prior="mine.toml", file=None)
-    assert not prediction.has_prior_vehicle(mine)
+    assert prediction.find_prior_vehicle(mine) is None
     with pytest.raises(VehicleFileError, match=r"vehicle\.prior = 'mine\.toml'.*--prior"):
         prediction.prior_vehicle(mine)
     given = vehicle_files.load("remus100")
