@@ -30,13 +30,12 @@ from tests.clients.checklist import (
     verdict,
 )
 from tests.clients.mavproxy_console import Console
-from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate
+from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate, counting_s
 from tests.clients.vehicle import DEFAULTS, FRAME_MISSION, Item, leg_items
 
 MODES = ("MANUAL", "DEPTH", "STATION", "HOLD", "RTL", "SURFACE", "STABILIZE", "MISSION")
 MISSION_MODE, STATION_MODE = 67_371_008, 196_608
 MCAP_MAGIC = b"\x89MCAP0\r\n"
-STREAMS_COUNTED_S = 11.0
 UPLOAD_S = 40.0
 NOISY_UPLOADS, NOISY_UPLOADS_S = 6, 60.0
 """Attempts to upload on a noisy line, and their time limit.
@@ -233,7 +232,7 @@ def dives(p: Person) -> None:
     deadline_s = began_s + 60.0 * max(1.0, 1.0 / p.speed)
     while p.latest("GLOBAL_POSITION_INT")["relative_alt"] > -1500:
         require(time.monotonic() < deadline_s, "is never 1.5 m down")
-    time.sleep(max(0.0, began_s + STREAMS_COUNTED_S - time.monotonic()))
+    time.sleep(max(0.0, began_s + counting_s(slow=p.slow) - time.monotonic()))
     p.counted, p.counted_s = p.console.messages(), time.monotonic() - began_s
     then_ms, now_ms = (
         received["ATTITUDE"][1]["time_boot_ms"] for received in (p.before, p.counted)
@@ -246,20 +245,15 @@ def stream(name: str) -> Check:
 
     def check(p: Person) -> None:
         require(name in p.counted, "was never received")
-        sense, received = SENSES[name], {key: fields for key, (_, fields) in p.counted.items()}
+        received = {key: fields for key, (_, fields) in p.counted.items()}
         span_s = p.counted_s if name == "HEARTBEAT" else p.counted_vehicle_s
-        received_count = p.counted[name][0] - p.before.get(name, (0, {}))[0]
-        two_senders = (
-            name == "ODOMETRY"
-        )  # the Doppler log sends its own, and MAVProxy counts both as one
-        if (
-            sense.rate_hz * span_s >= 5
-            and not two_senders
-            and not sense.must_be_requested(slow=p.slow)
-        ):
-            check_rate(name, received_count / span_s, slow=p.slow)
+        # The Doppler log sends its own ODOMETRY, and MAVProxy counts both as one.
+        two_senders = name == "ODOMETRY"
+        if not two_senders:
+            count = p.counted[name][0] - p.before.get(name, (0, {}))[0]
+            check_rate(name, count, span_s, slow=p.slow)
         if not (two_senders and math.isnan(received[name]["x"])):
-            sense.check(received[name], received)
+            SENSES[name].check(received[name], received)
 
     check.__name__ = f"stream_{name}"
     return check

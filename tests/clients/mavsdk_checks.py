@@ -29,7 +29,7 @@ from mavsdk.plugins.param.param import ParamError
 
 from mavlink_io.dialect import by_name
 from tests.clients.checklist import close, equal, name_of, report, require, verdict
-from tests.clients.streams import BY_THEMSELVES, SENSES, SLOW_SHARE, check_rate
+from tests.clients.streams import BY_THEMSELVES, SENSES, SLOW_SHARE, check_rate, counting_s
 from tests.clients.telemetry_recorder import REQUEST_MESSAGE, Client, Fields, connected, first
 from tests.clients.vehicle import DEFAULTS, FRAME_MISSION, leg_items
 
@@ -58,8 +58,6 @@ UNUSED = (None,) * 4
 NOT_WHEN_MOORED = ("SYSID", "OFFBOARD")
 """Modes that require further messages or items."""
 MCAP_MAGIC = b"\x89MCAP0\r\n"
-STREAMS_COUNTED_S = 11.0
-"""Minimum wait, in s: twice the period of the slowest message."""
 
 NOISY_ATTEMPTS = 6
 HOME_PERIOD_S = 1.0 / SENSES["HOME_POSITION"].rate_hz
@@ -429,7 +427,7 @@ async def dives(c: Client) -> None:
         (await first(c.telemetry.subscribe_position_velocity_ned())).position.down_m > 1.0,
         "down is not positive",
     )
-    await asyncio.sleep(max(0.0, began_s + STREAMS_COUNTED_S - time.monotonic()))
+    await asyncio.sleep(max(0.0, began_s + counting_s(slow=c.slow) - time.monotonic()))
     c.counted_s, c.counted_vehicle_s = time.monotonic() - began_s, c.vehicle_s - vehicle_began_s
     c.counted = {name: len(times) for name, times in c.times.items()}
 
@@ -439,11 +437,9 @@ def stream(name: str) -> Check:
 
     async def check(c: Client) -> None:
         require(c.counted.get(name) or name in c.latest, "was never received")
-        sense = SENSES[name]
         span_s = c.counted_s if name == "HEARTBEAT" else c.counted_vehicle_s
-        if sense.rate_hz * span_s >= 5 and not sense.must_be_requested(slow=c.slow):
-            check_rate(name, c.counted.get(name, 0) / span_s, slow=c.slow)
-        sense.check(c.latest[name], c.latest)
+        check_rate(name, c.counted.get(name, 0), span_s, slow=c.slow)
+        SENSES[name].check(c.latest[name], c.latest)
 
     check.__name__ = f"stream_{name}"
     return check

@@ -239,16 +239,27 @@ SENSES: dict[str, Sense] = {
 BY_THEMSELVES = {name for name, sense in SENSES.items() if sense.rate_hz}
 SLOW_SHARE = 0.5
 """Share of each rate on a link of 57600 baud."""
+MIN_COUNT = 5
+"""Minimum number of expected messages; the loss of one among fewer looks like a wrong rate."""
 
 
-def check_rate(name: str, received_hz: float, *, slow: bool) -> None:
+def counting_s(*, slow: bool) -> float:
+    """Return how long messages are counted, in s: twice the period of HOME_POSITION."""
+    return 11.0 / (SLOW_SHARE if slow else 1.0)
+
+
+def check_rate(name: str, count: int, span_s: float, *, slow: bool) -> None:
     """Check that a rate is between 60 and 130 % of the table's.
 
-    A noisy line may lose more, and is never faster.
+    A noisy line may lose more, and is never faster. A rate that makes fewer than `MIN_COUNT`
+    messages is not checked, nor that of a message which was requested.
     """
-    expected_hz = SENSES[name].rate_hz * (SLOW_SHARE if slow and name != "HEARTBEAT" else 1.0)
+    sense, received_hz = SENSES[name], count / span_s
+    expected_hz = sense.rate_hz * (SLOW_SHARE if slow and name != "HEARTBEAT" else 1.0)
+    if sense.must_be_requested(slow=slow) or expected_hz * span_s < MIN_COUNT:
+        return
     least = 0.35 if slow else 0.6
     require(
-        least * expected_hz <= received_hz <= 1.3 * max(expected_hz, SENSES[name].rate_hz),
+        least * expected_hz <= received_hz <= 1.3 * max(expected_hz, sense.rate_hz),
         f"comes {received_hz:.2f} times a second, not {expected_hz:g}",
     )
