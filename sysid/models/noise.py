@@ -1,25 +1,26 @@
 """Noise model of a plane: a Kalman filter that turns residuals into white innovations.
 
 Disturbances: a slow moment (Gauss-Markov) and a wave moment (narrow band about 0.15 Hz) act on the
-identified plane, and white force acts on sway or heave. Sensors add white noise and a constant gyro
-bias. The residuals of a simulation contain all of these. With whitened residuals and whitened
-sensitivities, least squares is the maximum likelihood estimate and its standard deviations are
-correct (filter error method; Jategaonkar 2015, ch. 5).
+identified plane, and white force acts on sway or heave. Sensors add white noise, a constant gyro
+bias and a slow drift of the angle. The residuals of a simulation contain all of these. With
+whitened residuals and whitened sensitivities, least squares is the maximum likelihood estimate and
+its standard deviations are correct (filter error method; Jategaonkar 2015, ch. 5).
 
-State x = (plane, s, w1, w2, b) with s slow angular acceleration (rad/s^2), w1 wave angular
-acceleration (rad/s^2), w2 = w1', b gyro bias (rad/s):
+State x = (plane, s, w1, w2, b, a) with s slow angular acceleration (rad/s^2), w1 wave angular
+acceleration (rad/s^2), w2 = w1', b gyro bias (rad/s), a drift of the angle (rad):
 
     plane' = A_p plane + moment (s + w1) + white force on the cross speed
     s'  = -s/T + white,                          sd of s: slow_radps2, T: slow_time_s
     w2' = -omega^2 w1 - 2 zeta omega w2 + white, sd of w1: wave_radps2, omega = 2 pi wave_frequency
     b'  = 0
-    outputs: rate + b, angle, and depth in pitch, plus white noise.
+    a'  = -a/T_a + white,                        sd of a: ANGLE_DRIFT_RAD, T_a: ANGLE_DRIFT_S
+    outputs: rate + b, angle + a, and depth in pitch, plus white noise.
 
-Spectral densities that give these standard deviations: 2 sd^2 / T for s, 4 zeta omega^3 sd^2 for
-w2. Initial states and bias of a run have a wide prior, so that they are integrated out.
+Spectral densities that give these standard deviations: 2 sd^2 / T for s and a, 4 zeta omega^3 sd^2
+for w2. Initial states and bias of a run have a wide prior, so that they are integrated out.
 
 In swell the pressure of waves moves the measured depth by some centimetres while the vehicle stays
-where it is in the water. The states h1, h2 = h1' then follow b: the equations of the wave moment
+where it is in the water. The states h1, h2 = h1' then follow a: the equations of the wave moment
 with its frequency and damping, sd of h1: wave_depth_m, and the output depth + h1.
 """
 
@@ -101,6 +102,12 @@ MIN_DEPTH_NOISE_M = 0.01
 Logged depth is the vehicle's filtered estimate: smooth to 1 mm, but with larger errors during a
 manoeuvre, correlated with the motion. With 1 mm of noise, every pitch coefficient changed by 1 to 3
 sd."""
+ANGLE_DRIFT_RAD, ANGLE_DRIFT_S = math.radians(0.1), 10.0
+"""Drift of the measured angles: standard deviation and correlation time.
+
+Logged angles are the autopilot's estimates, mainly the integral of the measured rate: smooth to
+0.003 deg, but with the integrated noise of the gyro as their error, and half a tick late. Without
+drift they outweigh the rate, and the turning effectiveness b1 came out 3 % low."""
 GYRO_BIAS_RADPS = math.radians(0.5)
 """Prior standard deviation of the gyro bias."""
 START_SPEED_MPS, START_RATE_RADPS, START_ANGLE_RAD, START_DEPTH_M = (
@@ -316,22 +323,23 @@ def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array
     A, density, C, R, P0 : ndarray
         System matrix, spectral density of the process noise, output matrix, covariance of the
         measurement noise, and covariance of the initial state. States: plane, slow moment, wave
-        (two states), gyro bias, and in pitch, if the noise has it, wave pressure (two states).
+        (two states), gyro bias, drift of the angle, and in pitch, if the noise has it, wave
+        pressure (two states).
 
     Notes
     -----
     The module docstring has the equations.
     """
-    # Equations: module docstring; rows and columns: plane (n), s, w1, w2, b, h1, h2.
+    # Equations: module docstring; rows and columns: plane (n), s, w1, w2, b, a, h1, h2.
     n, has_depth = plane.A.shape[0], "depth" in plane.states
-    slow, wave, bias, pressure = n, n + 1, n + 3, n + 4
+    slow, wave, bias, drift, pressure = n, n + 1, n + 3, n + 4, n + 5
     has_pressure = has_depth and noise.wave_depth_m > 0.0
-    size = n + 6 if has_pressure else n + 4
+    size = n + 7 if has_pressure else n + 5
     omega = 2.0 * math.pi * noise.wave_frequency_hz
     A = np.zeros((size, size))
     A[:n, :n] = plane.A
     A[:n, slow] = A[:n, wave] = plane.moment
-    A[slow, slow] = -1.0 / noise.slow_time_s
+    A[slow, slow], A[drift, drift] = -1.0 / noise.slow_time_s, -1.0 / ANGLE_DRIFT_S
     density = np.zeros_like(A)
     waves = ((wave, noise.wave_radps2), (pressure, noise.wave_depth_m))
     for state, sd in waves if has_pressure else waves[:1]:
@@ -339,8 +347,9 @@ def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array
         A[both, both], density[both, both] = oscillator(noise, sd)
     density[0, 0] = noise.force_mps15**2
     density[slow, slow] = 2.0 * noise.slow_radps2**2 / noise.slow_time_s
+    density[drift, drift] = 2.0 * ANGLE_DRIFT_RAD**2 / ANGLE_DRIFT_S
     C = np.zeros((3 if has_depth else 2, size))
-    C[0, 1] = C[0, bias] = C[1, 2] = 1.0
+    C[0, 1] = C[0, bias] = C[1, 2] = C[1, drift] = 1.0
     if has_depth:
         C[2, 3] = 1.0
     if has_pressure:
@@ -353,6 +362,7 @@ def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array
         noise.wave_radps2,
         noise.wave_radps2 * omega,
         GYRO_BIAS_RADPS,
+        ANGLE_DRIFT_RAD,
         noise.wave_depth_m,
         noise.wave_depth_m * omega,
     ]

@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 
 COMMON = 0.1
 """Error that all runs share where the prior conflicts, in prior standard deviations."""
-DISPERSION = 40.0
+DISPERSION = 60.0
 """Factor on the variance of the likelihood where the prior conflicts."""
 SIGNIFICANT = 3.84
 """Quantile of chi-square with one degree of freedom, 95 %."""

@@ -138,6 +138,21 @@ def test_estimate_recovers_true_noise_levels() -> None:
     assert found.wave_frequency_hz == pytest.approx(truth.wave_frequency_hz, rel=0.08)
 
 
+def test_angle_that_is_the_integral_of_the_rate_leaves_disturbances_unchanged() -> None:
+    """As an autopilot logs them: the gyro's noise is in both, and the angle is smooth."""
+    rng, plane, noisy_radps = np.random.default_rng(6), PLANES["yaw"], math.radians(0.022)
+    truth = Noise(rate_radps=0.0, angle_rad=0.0)
+    records = [draw(plane, truth, 400, rng) for _ in range(12)]
+    for record in records:
+        gyro = noisy_radps * rng.standard_normal(len(record))
+        record[:, 0] += gyro
+        record[:, 1] += DT * np.cumsum(gyro) - 0.01 * record[:, 0]
+    found = noise.estimate(plane, records, DT, Noise())
+    assert found.slow_time_s == pytest.approx(truth.slow_time_s, rel=0.25)
+    assert found.slow_radps2 == pytest.approx(truth.slow_radps2, rel=0.25)
+    assert found.rate_radps == pytest.approx(noisy_radps, rel=0.1)
+
+
 def swell_depths_m(sd_m: float, samples: int, rng: np.random.Generator) -> np.ndarray:
     """Return the depth error by a swell of periods about 6 s: a sum of sines."""
     time_s, frequencies_hz = DT * np.arange(samples), rng.uniform(0.14, 0.19, 15)
