@@ -95,9 +95,10 @@ def trial(vehicle: str, seed: int) -> list[float]:
 
 
 def _figures(found: PlaneReport) -> Array:
-    """Return values and standard deviations, shape (2, FIGURES)."""
+    """Return values and standard deviations, shape (2, FIGURES); NaN without bounded interval."""
     numbers = [*found.numbers.values(), found.gain_db, found.phase_deg]
-    return np.array([[n.value for n in numbers], [n.sd for n in numbers]])
+    both = np.array([[n.value for n in numbers], [n.sd for n in numbers]])
+    return np.where(np.isinf(both[1]), math.nan, both)
 
 
 def _truth(case: Case, plane: Plane, crossover_radps: float) -> Array:

@@ -1,5 +1,6 @@
 """Format the live estimate as a table, as one line per test and as JSON."""
 
+import math
 from typing import Any
 
 from rich.console import RenderableType
@@ -113,17 +114,28 @@ def as_json(status: EstimateStatus) -> dict[str, Any]:
     """Return value, standard deviation and prior standard deviation by plane and name."""
     return {
         plane: {
-            **{name: number._asdict() for name, number in report.numbers.items()},
+            **{name: _values(number) for name, number in report.numbers.items()},
             "crossover_radps": report.crossover_radps,
-            "gain_db": report.gain_db._asdict(),
-            "phase_deg": report.phase_deg._asdict(),
+            "gain_db": _values(report.gain_db),
+            "phase_deg": _values(report.phase_deg),
             "enough": report.enough,
         }
         for plane, report in status.readings.items()
     }
 
 
+def _values(number: Number) -> dict[str, float | None]:
+    """Return the values of a number by name; null in place of an infinite standard deviation."""
+    return {
+        name: value if math.isfinite(value) else None for name, value in number._asdict().items()
+    }
+
+
 def _cell(number: Number) -> str:
+    if math.isinf(number.sd):
+        return f"{number.value:.2g}  not bounded"
+    if math.isinf(number.prior_sd):
+        return _format_value(number)
     return f"{_format_value(number)}  {100.0 * number.sd / number.prior_sd:3.0f} %"
 
 

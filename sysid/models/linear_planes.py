@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import (
@@ -28,6 +29,9 @@ from sysid.reproduction.paper_tables import (
 )
 
 Array = NDArray[np.float64]
+
+QUANTILE = float(ndtri(0.975))
+"""Half-width of a 95 % interval in standard deviations."""
 
 
 class LinearPlane(NamedTuple):
@@ -58,6 +62,25 @@ class SmallSignal(NamedTuple):
     """Pole of smaller magnitude (its real part)."""
     restoring_per_s2: float
     """m g z_CM / (I_yy - M_qdot): angular acceleration per radian of pitch; 0 in yaw."""
+
+
+def static_gain_is_bounded(p_slow_per_s: float, sd_per_s: float) -> bool:
+    """Return whether the static gain has a bounded interval.
+
+    The slow pole is its denominator. If that may be zero (95 %), no interval of the gain is bounded
+    (Fieller 1954).
+
+    Parameters
+    ----------
+    p_slow_per_s, sd_per_s : float
+        Slow pole and its standard deviation.
+
+    Returns
+    -------
+    bool
+        True if the pole differs from zero.
+    """
+    return abs(p_slow_per_s) >= QUANTILE * sd_per_s
 
 
 def yaw_plane(

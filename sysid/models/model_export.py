@@ -6,7 +6,6 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from sysid.estimation.map import fit as fits
 from sysid.estimation.map.convergence import DESIGN_NUMBERS, START_COST_TOLERANCE, failures
@@ -34,8 +33,6 @@ from sysid.reproduction.paper_tables import UNITS, Table1Column
 
 Array = NDArray[np.float64]
 
-QUANTILE = float(ndtri(0.975))
-"""Half-width of a 95 % interval in standard deviations."""
 RANK_TOLERANCE = 1e-6
 """Relative eigenvalue of the information matrix below which a direction counts as unobserved."""
 
@@ -171,8 +168,7 @@ def _design_numbers_covariance(plane: Plane, spread: Array) -> ParameterCovarian
 def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) -> PlaneModel:
     """Return the derived values of a plane; ``derived`` holds (value, standard deviation).
 
-    The static gain has the slow pole in its denominator. If that may be zero (95 %), no interval
-    of the gain is bounded (Fieller 1954), and it has no standard deviation.
+    A static gain without a bounded interval has no standard deviation.
     """
 
     def estimate(name: str) -> ParameterEstimate:
@@ -183,7 +179,7 @@ def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) 
         )  # sd of 0: at a limit, not exactly known
 
     gain, slow = estimate("static_gain_per_s"), estimate("p_slow_per_s")
-    if slow.sd and abs(slow.value) < QUANTILE * slow.sd:
+    if slow.sd and not linear_planes.static_gain_is_bounded(slow.value, slow.sd):
         gain = msgspec.structs.replace(gain, sd=None)
     return PlaneModel(
         static_gain_per_s=gain,

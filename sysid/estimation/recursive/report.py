@@ -45,9 +45,9 @@ class Number(NamedTuple):
     value: float
     """Estimate, in the unit of its name."""
     sd: float
-    """Standard deviation."""
+    """Standard deviation; infinite if no interval is bounded."""
     prior_sd: float
-    """Standard deviation before the first test."""
+    """Standard deviation before the first test; infinite in the same case."""
 
 
 class PlaneReport(NamedTuple):
@@ -98,12 +98,8 @@ def read(
         square_root_information.mean(information),
         square_root_information.covariance(information),
     )
-    values, gradients = _derived(prior, z, plane, crossover_radps)
-    sds = np.sqrt(np.einsum("ij,jk,ik->i", gradients, covariance, gradients))
-    prior_gradients = _derived(prior, prior.mean, plane, crossover_radps)[1]
-    prior_sds = np.sqrt(
-        np.einsum("ij,jk,ik->i", prior_gradients, prior.covariance, prior_gradients)
-    )
+    values, sds = _with_sds(prior, z, covariance, plane, crossover_radps)
+    prior_sds = _with_sds(prior, prior.mean, prior.covariance, plane, crossover_radps)[1]
     numbers = [Number(*map(float, row)) for row in zip(values, sds, prior_sds, strict=True)]
     return PlaneReport(
         plane, dict(zip(NAMES, numbers, strict=False)), crossover_radps, *numbers[len(NAMES) :]
@@ -130,6 +126,18 @@ def crossover_radps(prior: Prior, plane: Plane, gains: Gains | None = None) -> f
     vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, prior.mean)
     loop = crossover.loop(vehicle, plane, gains or crossover.gains_for(vehicle))
     return loop_transfer.margins(loop).crossover_radps
+
+
+def _with_sds(
+    prior: Prior, z: Array, covariance: Array, plane: Plane, crossover_radps: float
+) -> tuple[Array, Array]:
+    """Return the numbers at z, and their standard deviations by the covariance of z."""
+    values, gradients = _derived(prior, z, plane, crossover_radps)
+    sds = np.sqrt(np.einsum("ij,jk,ik->i", gradients, covariance, gradients))
+    slow = NAMES.index("p_slow_per_s")
+    if not linear_planes.static_gain_is_bounded(values[slow], sds[slow]):
+        sds[NAMES.index("static_gain_per_s")] = math.inf
+    return values, sds
 
 
 def _derived(prior: Prior, z: Array, plane: Plane, crossover_radps: float) -> tuple[Array, Array]:

@@ -1,5 +1,6 @@
 """Live estimate from frames: complete tests, gaps, clock steps and slow streams."""
 
+import json
 import math
 from collections.abc import Iterator
 
@@ -88,6 +89,20 @@ def test_one_test_reduces_sd_of_b1(known: Knowledge, run: Run) -> None:
     assert b1.sd < 0.4 * b1.prior_sd
     assert "b1" in estimate_view.line(status.readings[Plane.YAW])
     assert status.testing == ()
+
+
+def test_static_gain_has_no_bounds_until_a_test_shows_its_pole(known: Knowledge, run: Run) -> None:
+    """The static gain is over the slow pole, which may be zero by the vehicle file of remus100."""
+    estimate = LiveEstimate(prior.knowledge("remus100"), {})
+    feed(estimate, frames(run, -15.0, 0.0))
+    estimate.on_text(START)
+    unknown = estimate.poll()
+    assert math.isinf(unknown.readings[Plane.YAW].numbers["static_gain_per_s"].sd)
+    assert estimate_view.as_json(unknown)["yaw"]["static_gain_per_s"]["sd"] is None
+    assert "not bounded" in str(estimate_view.as_panel(unknown))
+    json.dumps(estimate_view.as_json(unknown), allow_nan=False)
+    shown = after_the_test(known, run).readings[Plane.YAW].numbers["static_gain_per_s"]
+    assert shown.sd < 0.5 * shown.value
 
 
 def test_poll_interval_does_not_change_final_estimate(known: Knowledge, run: Run) -> None:
