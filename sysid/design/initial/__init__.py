@@ -246,7 +246,10 @@ _INTEGRATOR_REASONS = {
     "HDG_REF_RATE": "share of the steady turn with the free travel",
     "DPT_REF_W": "a change of depth with little overshoot",
     "DPT_REF_RATE": "share of the speed",
-    "DPT_REF_LEAD": "delay from the pitch command to the depth rate at DPT_REF_W",
+    "DPT_REF_LEAD": (
+        "share of the delay from the pitch command to the depth rate with which changes of depth"
+        " settle soonest"
+    ),
 }
 
 

@@ -80,9 +80,13 @@ def explain(
         "HDG_REF_RATE": "share of the steady turn with the free travel",
         "DPT_REF_W": (
             f"depth changes of {spec.depth_step_m:g} and {2 * spec.depth_step_m:g} m within"
-            f" {100 * spec.depth_overshoot * spec.depth_step_m:.0f} cm of overshoot, simulated"
+            f" {100 * spec.depth_overshoot * spec.depth_step_m:.0f} cm of overshoot settle soonest,"
+            " simulated"
         ),
-        "DPT_REF_LEAD": "delay from the pitch command to the depth rate at DPT_REF_W",
+        "DPT_REF_LEAD": (
+            "share of the delay from the pitch command to the depth rate with which changes of"
+            " depth settle soonest"
+        ),
         "DPT_REF_RATE": "share of the speed",
         "PTCH_FF": "elevator per pitch of a steady climb, against the righting moment",
     }

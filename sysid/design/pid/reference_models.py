@@ -5,6 +5,8 @@ The autopilot's reference model is a critically damped second-order filter with 
 
 import math
 from collections.abc import Callable, Mapping
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,10 @@ Array = NDArray[np.float64]
 
 BANDWIDTHS_RADPS = tuple(np.geomspace(1.6, 0.1, 13).round(3).tolist())
 """Bandwidths that are tried, fastest first."""
+LEAD_SHARES = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5)
+"""Leads that are tried, as shares of the delay from the pitch command to the depth rate."""
+SETTLED_SHARE = 0.01
+"""Error, as a share of `depth_step_m`, within which a change of depth has settled."""
 DEPTH_STEPS = (1.0, -1.0, 2.0, -2.0)
 """Simulated changes of depth as multiples of `depth_step_m`, positive down."""
 HEADING_S, DEPTH_S = 30.0, 60.0
@@ -98,13 +104,14 @@ def depth(
     Returns
     -------
     dict
-        The fastest reference model whose simulated changes of depth, down and up, stay within the
-        overshoot. The climb by two `depth_step_m` ends near the surface in the paper's figure 14.
+        The reference model and lead whose simulated changes of depth, down and up, settle soonest
+        and stay within the overshoot. The climb by two `depth_step_m` ends near the surface in the
+        paper's figure 14.
 
     Raises
     ------
     DesignInfeasibleError
-        No bandwidth meets the limit.
+        No reference model meets the limit.
     """
     speed_mps = -float(vehicle.planes.pitch.A[3, 2])
     fixed = {
@@ -112,21 +119,45 @@ def depth(
         "PTCH_FF": max(0.0, _elevator_per_pitch(vehicle.planes.pitch)),
     }
     delays_s = _depth_rate_delays_s(vehicle, {**values, **fixed})
-    min_overshoot = math.inf
-    for bandwidth in BANDWIDTHS_RADPS:
-        delay_s = float(np.interp(bandwidth, GRID_RADPS, delays_s))
-        reference = {"DPT_REF_W": bandwidth, "DPT_REF_LEAD": round(delay_s, 2), **fixed}
-        overshoot = max(
-            _overshoot({**values, **reference}, vehicle, loads, spec, steps)
-            for steps in DEPTH_STEPS
+    tried = []
+    for bandwidth, share in product(BANDWIDTHS_RADPS, LEAD_SHARES):
+        lead_s = share * float(np.interp(bandwidth, GRID_RADPS, delays_s))
+        reference = {"DPT_REF_W": bandwidth, "DPT_REF_LEAD": round(lead_s, 2), **fixed}
+        tried.append((_depth_changes(vehicle, {**values, **reference}, loads, spec), reference))
+    allowed = [each for each in tried if each[0].overshoot <= spec.depth_overshoot]
+    if not allowed:
+        least = min(changes.overshoot for changes, _ in tried)
+        raise DesignInfeasibleError(
+            f"no gains meet the specification: a change of depth of {spec.depth_step_m:g} m"
+            f" overshoots by {100 * least:.0f} %, at most {100 * spec.depth_overshoot:.0f}"
         )
-        min_overshoot = min(min_overshoot, overshoot)
-        if overshoot <= spec.depth_overshoot:
-            return reference
-    raise DesignInfeasibleError(
-        f"no gains meet the specification: a change of depth of {spec.depth_step_m:g} m overshoots"
-        f" by {100 * min_overshoot:.0f} %, at most {100 * spec.depth_overshoot:.0f}"
-    )
+    return min(allowed, key=lambda each: each[0].settling_s)[1]
+
+
+class _DepthChanges(NamedTuple):
+    """Simulated changes of depth with one reference model."""
+
+    overshoot: float
+    """Largest overshoot, as a share of `depth_step_m`."""
+    settling_s: float
+    """Mean time until the depth stays within `SETTLED_SHARE`."""
+
+
+def _depth_changes(
+    vehicle: DesignModel, values: Mapping[str, float], loads: Loads, spec: Spec
+) -> _DepthChanges:
+    """Simulate the changes of depth by `DEPTH_STEPS`."""
+    overshoots, settling_s = [], []
+    for steps in DEPTH_STEPS:
+        step_m = steps * spec.depth_step_m
+        response = step_response.depth_step(
+            vehicle, values, step_m, DEPTH_S, spec, loads.level_pitch_rad
+        )
+        beyond = (response.value - step_m) * math.copysign(1.0, steps) / spec.depth_step_m
+        overshoots.append(float(np.max(beyond)))
+        unsettled = np.flatnonzero(np.abs(beyond) > SETTLED_SHARE)
+        settling_s.append(float(response.time_s[unsettled[-1]]))
+    return _DepthChanges(max(overshoots), float(np.mean(settling_s)))
 
 
 def _depth_rate_delays_s(vehicle: DesignModel, values: Mapping[str, float]) -> Array:
@@ -146,16 +177,3 @@ def _elevator_per_pitch(plane: LinearPlane) -> float:
     """Return the elevator per pitch of a steady climb: no heave or pitch acceleration."""
     coefficients = np.column_stack([plane.A[:2, 0], plane.B[:2]])
     return float(np.linalg.solve(coefficients, -plane.A[:2, 2])[1])
-
-
-def _overshoot(
-    values: Mapping[str, float], vehicle: DesignModel, loads: Loads, spec: Spec, steps: float
-) -> float:
-    """Return the overshoot of a depth change by `steps` (positive down), per `depth_step_m`."""
-    step_m = steps * spec.depth_step_m
-    response = step_response.depth_step(
-        vehicle, values, step_m, DEPTH_S, spec, loads.level_pitch_rad
-    )
-    return float(np.max(math.copysign(1.0, steps) * response.value)) / spec.depth_step_m - abs(
-        steps
-    )

@@ -121,6 +121,34 @@ def test_depth_step_overshoot_is_small(
     assert abs(response.value[-1] - step_m) < 0.1
 
 
+def test_depth_reference_others_overshoot_or_settle_later(
+    model: IdentifiedModel, designed: Design
+) -> None:
+    level, spec = pid.constant_loads(model).level_pitch_rad, designed.spec
+
+    def changes(bandwidth_factor: float, lead_factor: float) -> tuple[float, float]:
+        """Return overshoot (m) and mean time to stay within 3 cm (s)."""
+        values = {
+            **designed.gains,
+            "DPT_REF_W": designed.gains["DPT_REF_W"] * bandwidth_factor,
+            "DPT_REF_LEAD": designed.gains["DPT_REF_LEAD"] * lead_factor,
+        }
+        overshoots_m, settling_s = [], []
+        for step_m in (3.0, -3.0, 6.0, -6.0):
+            response = step_response.depth_step(
+                from_model(model), values, step_m, 60.0, spec, level
+            )
+            error_m = math.copysign(1.0, step_m) * (response.value - step_m)
+            overshoots_m.append(np.max(error_m))
+            settling_s.append(response.time_s[np.abs(error_m) > 0.03][-1])
+        return float(np.max(overshoots_m)), float(np.mean(settling_s))
+
+    _, soonest_s = changes(1.0, 1.0)
+    for factors in ((0.6, 1.0), (0.8, 1.0), (1.25, 1.0), (1.6, 1.0), (1.0, 0.7), (1.0, 1.3)):
+        overshoot_m, settling_s = changes(*factors)
+        assert overshoot_m > 0.12 or settling_s > soonest_s, factors
+
+
 def test_depth_step_pitch_feedforward_reduces_lag(model: IdentifiedModel, designed: Design) -> None:
     """Depth error after a change of 6 m, when the reference has just arrived."""
     level, step_m = pid.constant_loads(model).level_pitch_rad, 6.0
