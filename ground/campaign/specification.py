@@ -33,6 +33,7 @@ BOUNDS = {
     "depth_overshoot": (0.0, 1.0),
     "operating_depth_m": (0.0, 6000.0),
     "assumed_wave_depth_m": (0.0, 2.0),
+    "assumed_wave_ratio": (0.0, 10.0),
     "pitch_rms_ratio": (0.1, math.inf),
     "pitch_per_metre_deg": (0.1, 90.0),
     "command_noise_deg": (0.01, 10.0),

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig
@@ -362,13 +361,6 @@ def _disturbance_of(model: IdentifiedModel, depth_m: float) -> Mapping[Plane, No
     levels = {plane: noise.from_model(level) for plane, level in disturbance.items()}
     levels = noise.at_depth(levels, depth_m)
     return {plane: noise.to_model(level) for plane, level in levels.items()}
-
-
-def assume_waves(vehicle: DesignModel, wave_depth_m: float) -> DesignModel:
-    """Return a design model with at least this pressure of waves (rms of measured depth, m)."""
-    pitch = vehicle.disturbance[Plane.PITCH]
-    in_waves = replace(pitch, wave_depth_m=max(pitch.wave_depth_m, wave_depth_m))
-    return vehicle._replace(disturbance={**vehicle.disturbance, Plane.PITCH: in_waves})
 
 
 def analyse_loops(vehicle: DesignModel, gains: Gains) -> Analysis:

@@ -4,12 +4,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains
 from sysid.design.design_model import DesignModel
-from sysid.design.specification import Response
+from sysid.design.specification import Response, Spec
 from sysid.models.model_file import NoiseModel
 from sysid.planes import PLANES, Plane
 
@@ -92,6 +93,29 @@ def disturbances(vehicle: DesignModel, plane: Plane) -> tuple[DisturbanceSource,
     return moment, DisturbanceSource(
         measured, _wave_spectrum(disturbance, disturbance.wave_depth_m)
     )
+
+
+def assume_waves(vehicle: DesignModel, initial: Gains, spec: Spec) -> DesignModel:
+    """Return a design model with at least the pressure of waves that `spec` assumes.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Design model.
+    initial : Gains
+        Initial gains.
+    spec : Spec
+        `assumed_wave_depth_m` and `assumed_wave_ratio`.
+
+    Returns
+    -------
+    DesignModel
+        The model with the largest pressure of these two and the tests.
+    """
+    pitch, (_, depth_m, _) = vehicle.disturbance[Plane.PITCH], depth_rms(vehicle, initial)
+    assumed_m = max(spec.assumed_wave_depth_m, spec.assumed_wave_ratio * depth_m)
+    in_waves = replace(pitch, wave_depth_m=max(pitch.wave_depth_m, assumed_m))
+    return vehicle._replace(disturbance={**vehicle.disturbance, Plane.PITCH: in_waves})
 
 
 def predict_response(vehicle: DesignModel, gains: Gains) -> Response:

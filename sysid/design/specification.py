@@ -63,6 +63,12 @@ class Spec(JsonRecord, frozen=True):
     It is the rms of the measured depth (m), as `NoiseModel.wave_depth_m`, for a mission in swell
     after tests in quiet water. Predictions contain only the waves that the tests show.
     """
+    assumed_wave_ratio: float = 0.5
+    """The same, relative to the depth rms under disturbance with the initial gains.
+
+    Tests may show no swell because they are deep, or by their course. A ratio suits vehicles of
+    every size.
+    """
     pitch_rms_ratio: float = 1.25
     """Maximum pitch rms under disturbance, relative to the initial gains."""
     pitch_per_metre_deg: float = 18.0

@@ -103,7 +103,7 @@ def design_lqg(
         design_model.from_model(model, prior, spec.operating_depth_m),
         list(design_model.sample_models(model, VEHICLES, prior)),
     )
-    in_waves = design_model.assume_waves(vehicle, spec.assumed_wave_depth_m)
+    in_waves = disturbance_response.assume_waves(vehicle, initial, spec)
     reference = _reference_errors(in_waves, initial)
     heading = _tune(in_waves, vehicles, Plane.YAW, spec, reference)
     depth = _tune(in_waves, vehicles, Plane.PITCH, spec, reference)

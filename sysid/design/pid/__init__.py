@@ -121,8 +121,9 @@ def redesign(
         unmeasured_drive=[design_model.drive_forms(v) for v in sample(drive_known=False)],
     )
     try:
-        in_waves = design_model.assume_waves(vehicle, spec.assumed_wave_depth_m)
-        gains = _gains(in_waves, samples, _initial_values(vehicle, initial, spec), spec)
+        reference = _initial_values(vehicle, initial, spec)
+        in_waves = disturbance_response.assume_waves(vehicle, reference, spec)
+        gains = _gains(in_waves, samples, reference, spec)
     except DesignInfeasibleError as error:
         raise DesignInfeasibleError(
             f"{error}; relax the specification, or {_recommended_test(model)}, and refit"

@@ -10,7 +10,7 @@ from sysid.design.pid import Spec
 from sysid.models.model_file import IdentifiedModel, NoiseModel
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
-from sysid.reproduction.paper_tables import TABLE_3_IMPROVED
+from sysid.reproduction.paper_tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
 
 
 @pytest.fixture(scope="module")
@@ -62,12 +62,16 @@ def test_assumed_waves_make_a_loop_that_amplifies_waves_less(model: IdentifiedMo
     """Without sampled vehicles, whose limits change the gains by as much as the waves do."""
     nothing = tuple((0.0,) * len(NAMES) for _ in NAMES)
     certain = replace(model, joint=replace(model.joint, covariance=nothing))
-    vehicle = design_model.assume_waves(design_model.from_model(model), 0.03)
+    waves = Spec(assumed_wave_depth_m=0.03)
+    vehicle = disturbance_response.assume_waves(
+        design_model.from_model(model), TABLE_3_INITIAL, waves
+    )
     _, pressure = disturbance_response.disturbances(vehicle, Plane.PITCH)
 
     def measured_depth_m(wave_depth_m: float) -> float:
         """Return the rms by waves of 3 cm with gains that are designed for waves of this size."""
-        gains = pid.redesign(certain, Spec(assumed_wave_depth_m=wave_depth_m)).gains
+        spec = Spec(assumed_wave_depth_m=wave_depth_m, assumed_wave_ratio=0.0)
+        gains = pid.redesign(certain, spec).gains
         _, depth, _ = disturbance_response.depth_responses(vehicle, gains, pressure.states)
         power = np.abs(depth) ** 2 * pressure.density
         return float(np.sqrt(np.trapezoid(power, loop_transfer.GRID_RADPS) / np.pi))
@@ -77,11 +81,18 @@ def test_assumed_waves_make_a_loop_that_amplifies_waves_less(model: IdentifiedMo
 
 def test_assumed_waves_are_the_least(in_swell: IdentifiedModel) -> None:
     vehicle = design_model.from_model(in_swell, depth_m=8.0)
+    _, depth_m, _ = disturbance_response.depth_rms(vehicle, TABLE_3_INITIAL)
     assumed = [
-        design_model.assume_waves(vehicle, wave_depth_m).disturbance[Plane.PITCH].wave_depth_m
-        for wave_depth_m in (0.0, 0.005, 0.03)
+        disturbance_response.assume_waves(
+            vehicle,
+            TABLE_3_INITIAL,
+            Spec(assumed_wave_depth_m=wave_depth_m, assumed_wave_ratio=ratio),
+        )
+        .disturbance[Plane.PITCH]
+        .wave_depth_m
+        for wave_depth_m, ratio in ((0.0, 0.0), (0.005, 0.0), (0.03, 0.0), (0.0, 2.0))
     ]
-    assert assumed == pytest.approx([0.01, 0.01, 0.03])
+    assert assumed == pytest.approx([0.01, 0.01, 0.03, 2.0 * depth_m])
 
 
 def _without_pressure(model: IdentifiedModel) -> dict[Plane, NoiseModel]:
