@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 ROBUST_ENOUGH = 0.95
 """Share of sampled vehicles above which the search is not repeated for more of them."""
-HARD_QUANTILES, ADDITIONS = (0.25, 0.75), 2
+HARD_QUANTILES, ADDITIONS = (0.25, 0.75), 4
 """Quantiles of the vehicles that violate their limits, at which vehicles are added to the search,
 and how often they are added.
 
@@ -181,15 +181,17 @@ def _with_samples(
     search: PlaneSearch, candidate: _Candidate, starts: Sequence[Gains]
 ) -> _Candidate:
     """Add sampled vehicles to the search until enough of all meet their limits."""
+    best = latest = candidate
     for _ in range(ADDITIONS):
-        if candidate.fraction >= ROBUST_ENOUGH:
+        if best.fraction >= ROBUST_ENOUGH:
             break
-        hard = [search.samples.vehicles[number] for number in candidate.hard]
-        found = _find(search, candidate._replace(sampled=(*candidate.sampled, *hard)), starts)
-        if found is None or found.fraction <= candidate.fraction:
+        hard = [search.samples.vehicles[number] for number in latest.hard]
+        found = _find(search, latest._replace(sampled=(*latest.sampled, *hard)), starts)
+        if found is None:
             break
-        candidate = found
-    return candidate
+        latest = found
+        best = max(best, latest, key=_share)
+    return best
 
 
 def _with_damping(

@@ -1,16 +1,18 @@
 """Search of gains that suit sampled vehicles: an uncertain drive, and single sampled vehicles."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains
 from sysid.design import constraints, design_model
 from sysid.design.design_model import DesignModel
 from sysid.design.pid import heading, plane_search
-from sysid.design.pid.plane_search import PlaneSearch, Samples
+from sysid.design.pid.plane_search import PlaneSearch, Samples, _Candidate
 from sysid.design.specification import Spec
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import NAMES
@@ -143,7 +145,7 @@ def test_gain_margin_is_not_increased_if_too_few_vehicles_then_meet_their_limits
     unreachable = search(vehicle, samples, replace(strict.spec, robust_fraction=1.01))
     bounds = constraints.nominal(strict.spec)
     gains = strict.find(bounds, heading.STARTS)
-    first = plane_search._Candidate(gains, bounds, strict.worst_violations(gains))
+    first = _Candidate(gains, bounds, strict.worst_violations(gains))
     increased = plane_search._with_gain_margin(strict, first, heading.STARTS).gains
     assert strict.gain_margin_db(vehicle, increased) > (strict.gain_margin_db(vehicle, gains) + 0.3)
     assert plane_search._with_gain_margin(unreachable, first, heading.STARTS) is first
@@ -152,17 +154,36 @@ def test_gain_margin_is_not_increased_if_too_few_vehicles_then_meet_their_limits
 def test_search_with_sampled_vehicles_meets_their_limits(
     vehicle: DesignModel, samples: Samples
 ) -> None:
-    """The vehicles are as many as in a redesign, and are added in pairs, once or twice."""
+    """The vehicles are as many as in a redesign, and are added in pairs."""
     spec = Spec(damping=0.65)
     task = search(vehicle, samples, spec)
     gains = task.find(constraints.nominal(spec), heading.STARTS)
     before = task.worst_violations(gains)
-    first = plane_search._Candidate(gains, constraints.nominal(spec), before)
+    first = _Candidate(gains, constraints.nominal(spec), before)
     found = plane_search._with_samples(task, first, heading.STARTS)
     assert np.all(before[first.hard] > 0.01)
     assert np.all(found.worst[first.hard] < 0.005)
-    assert len(found.sampled) in (len(first.hard), len(first.hard) * plane_search.ADDITIONS)
+    assert len(found.sampled) in range(2, 2 * plane_search.ADDITIONS + 1, 2)
     assert np.mean(found.worst < 0.005) > np.mean(before < 0.005) + 0.2
+
+
+def test_search_continues_after_vehicles_that_lower_the_share(
+    monkeypatch: pytest.MonkeyPatch, vehicle: DesignModel, samples: Samples
+) -> None:
+    shares = iter((0.5, 0.9, 0.8, 0.7))
+
+    def found(_: PlaneSearch, wanted: _Candidate, __: Sequence[Gains]) -> _Candidate:
+        return wanted._replace(worst=violations(next(shares)))
+
+    def violations(share: float) -> NDArray[np.float64]:
+        return np.where(np.arange(240) < share * 240, 0.0, 1.0)
+
+    monkeypatch.setattr(plane_search, "_find", found)
+    task = search(vehicle, samples, Spec())
+    first = _Candidate({}, constraints.nominal(task.spec), violations(0.6))
+    best = plane_search._with_samples(task, first, ())
+    assert (best.fraction, len(best.sampled)) == (0.9, 4)
+    assert next(shares, None) is None
 
 
 def test_gain_margin_without_samples_is_not_changed(vehicle: DesignModel) -> None:
