@@ -107,7 +107,7 @@ ANGLE_DRIFT_RAD, ANGLE_DRIFT_S = math.radians(0.1), 10.0
 
 Logged angles are the autopilot's estimates, mainly the integral of the measured rate: smooth to
 0.003 deg, but with the integrated noise of the gyro as their error, and half a tick late. Without
-drift they outweigh the rate, and the turning effectiveness b1 came out 3 % low."""
+drift they outweigh the rate, and b1 is one standard deviation too small."""
 GYRO_BIAS_RADPS = math.radians(0.5)
 """Prior standard deviation of the gyro bias."""
 START_SPEED_MPS, START_RATE_RADPS, START_ANGLE_RAD, START_DEPTH_M = (

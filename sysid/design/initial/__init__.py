@@ -239,17 +239,11 @@ _INTEGRATOR_REASONS = {
     "HDG_IMAX": "an unmeasured rudder bias of 2 deg, and 1 deg",
     "PTCH_I": "the depth integrator compensates the constant load",
     "PTCH_IMAX": "no pitch integrator",
-    "PTCH_FF": "elevator per pitch of a steady climb, against the righting moment",
     "DPT_D": "pitch is the rate of depth: the pitch loop provides the lead",
     "DPT_IMAX": ("the level-flight pitch and a fourth, and 2 deg of unmeasured elevator trim"),
     "HDG_REF_W": "a change of heading within the travel left by a bias of 2 deg",
-    "HDG_REF_RATE": "share of the steady turn with the free travel",
-    "DPT_REF_W": "a change of depth with little overshoot",
-    "DPT_REF_RATE": "share of the speed",
-    "DPT_REF_LEAD": (
-        "share of the delay from the pitch command to the depth rate with which changes of depth"
-        " settle soonest"
-    ),
+    "DPT_REF_W": "changes of depth with little overshoot settle soonest",
+    **reference_models.REASONS,
 }
 
 

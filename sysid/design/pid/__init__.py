@@ -120,9 +120,9 @@ def redesign(
         vehicles=list(sample()),
         unmeasured_drive=[design_model.drive_forms(v) for v in sample(drive_known=False)],
     )
+    reference = _initial_values(vehicle, initial, spec)
+    in_waves = disturbance_response.assume_waves(vehicle, reference, spec)
     try:
-        reference = _initial_values(vehicle, initial, spec)
-        in_waves = disturbance_response.assume_waves(vehicle, reference, spec)
         gains = _gains(in_waves, samples, reference, spec)
     except DesignInfeasibleError as error:
         raise DesignInfeasibleError(

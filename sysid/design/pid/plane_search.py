@@ -6,7 +6,8 @@ nominal damping, and at last with vehicles whose drive leaves too little gain ma
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from operator import itemgetter
 from types import ModuleType
 from typing import NamedTuple
@@ -181,29 +182,43 @@ def _with_samples(
     search: PlaneSearch, candidate: _Candidate, starts: Sequence[Gains]
 ) -> _Candidate:
     """Add sampled vehicles to the search until enough of all meet their limits."""
-    best = latest = candidate
-    for _ in range(ADDITIONS):
-        if best.fraction >= ROBUST_ENOUGH:
-            break
-        hard = [search.samples.vehicles[number] for number in latest.hard]
-        found = _find(search, latest._replace(sampled=(*latest.sampled, *hard)), starts)
-        if found is None:
-            break
-        latest = found
-        best = max(best, latest, key=_share)
-    return best
+
+    def with_hard(latest: _Candidate) -> _Candidate:
+        hard = (search.samples.vehicles[number] for number in latest.hard)
+        return latest._replace(sampled=(*latest.sampled, *hard))
+
+    return _stricter(search, candidate, starts, [with_hard] * ADDITIONS)
 
 
 def _with_damping(
     search: PlaneSearch, candidate: _Candidate, starts: Sequence[Gains]
 ) -> _Candidate:
     """Increase the nominal damping until enough sampled vehicles meet their limits."""
+
+    def with_damping(factor: float, latest: _Candidate) -> _Candidate:
+        damping = factor * candidate.bounds.damping
+        return latest._replace(bounds=latest.bounds._replace(damping=damping))
+
+    changes = [partial(with_damping, factor) for factor in DAMPING_FACTORS]
+    return _stricter(search, candidate, starts, changes)
+
+
+def _stricter(
+    search: PlaneSearch,
+    candidate: _Candidate,
+    starts: Sequence[Gains],
+    changes: Sequence[Callable[[_Candidate], _Candidate]],
+) -> _Candidate:
+    """Repeat the search with stricter limits until enough sampled vehicles meet theirs.
+
+    Each change of the limits follows the last one, even if the share became smaller. Returns the
+    candidate with the largest share.
+    """
     best = latest = candidate
-    for factor in DAMPING_FACTORS:
+    for change in changes:
         if best.fraction >= ROBUST_ENOUGH:
             break
-        bounds = candidate.bounds._replace(damping=factor * candidate.bounds.damping)
-        found = _find(search, latest._replace(bounds=bounds), starts)
+        found = _find(search, change(latest), starts)
         if found is None:
             break
         latest = found

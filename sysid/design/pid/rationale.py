@@ -1,6 +1,7 @@
 """Reason for each designed parameter, one line per parameter."""
 
 from sysid.control_analysis.margins import Analysis, damping
+from sysid.design.pid import reference_models
 from sysid.design.specification import Response, Spec
 from sysid.models.model_file import IdentifiedModel
 from sysid.planes import Plane
@@ -77,17 +78,11 @@ def explain(
         "HDG_REF_W": (
             f"a heading change of {spec.heading_step_deg:g} deg within the travel left by the bias"
         ),
-        "HDG_REF_RATE": "share of the steady turn with the free travel",
         "DPT_REF_W": (
             f"depth changes of {spec.depth_step_m:g} and {2 * spec.depth_step_m:g} m within"
             f" {100 * spec.depth_overshoot * spec.depth_step_m:.0f} cm of overshoot settle soonest,"
             " simulated"
         ),
-        "DPT_REF_LEAD": (
-            "share of the delay from the pitch command to the depth rate with which changes of"
-            " depth settle soonest"
-        ),
-        "DPT_REF_RATE": "share of the speed",
-        "PTCH_FF": "elevator per pitch of a steady climb, against the righting moment",
+        **reference_models.REASONS,
     }
     return {name: texts[name] for name in gains}

@@ -32,6 +32,16 @@ HEADING_S, DEPTH_S = 30.0, 60.0
 """Length of the simulated change of heading and of depth (s)."""
 TURN_SHARE, DESCENT_SHARE = 0.8, 0.25
 """Maximum reference rate: share of the steady turn at the free travel, and share of the speed."""
+REASONS = {
+    "HDG_REF_RATE": "share of the steady turn with the free travel",
+    "DPT_REF_RATE": "share of the speed",
+    "DPT_REF_LEAD": (
+        "share of the delay from the pitch command to the depth rate with which changes of depth"
+        " settle soonest"
+    ),
+    "PTCH_FF": "elevator per pitch of a steady climb, against the righting moment",
+}
+"""Reason for each parameter of the reference models, by name, whatever the specification."""
 
 
 def heading(
