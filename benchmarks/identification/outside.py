@@ -28,10 +28,9 @@ from benchmarks.plants.flight import Gains
 from benchmarks.study import Cell, Figure
 from mavlink_io.errors import CaribouError
 from sysid import refit
-from sysid.models import prediction
+from sysid.models import delta_method, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.planes import PLANES, Plane
-from sysid.validation.crossover import propagate_sd
 
 Array = NDArray[np.float64]
 
@@ -151,7 +150,7 @@ def errors(model: IdentifiedModel, case: Case, plant: Plant) -> tuple[Array, Arr
 
         z, covariance = np.array(model.joint.z), np.array(model.joint.covariance)
         wrong += quantities(z).tolist()
-        sds += propagate_sd(quantities, z, covariance).tolist()
+        sds += delta_method.propagate_sd(delta_method.slopes(quantities, z), covariance).tolist()
     return np.array(wrong), np.array(sds)
 
 

@@ -1,7 +1,6 @@
 """Make the model file from an estimate: derived quantities, standard deviations, and status."""
 
 import math
-from collections.abc import Callable
 
 import msgspec
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 from sysid.estimation.map import fit as fits
 from sysid.estimation.map.convergence import DESIGN_NUMBERS, START_COST_TOLERANCE, failures
 from sysid.estimation.map.fit import Fit, Prior
-from sysid.models import linear_planes, noise, parameters
+from sysid.models import delta_method, linear_planes, noise, parameters
 from sysid.models.linear_planes import SmallSignal
 from sysid.models.model_file import (
     FORMAT,
@@ -56,14 +55,13 @@ def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
 
     Notes
     -----
-    Standard deviations of derived values by the delta method: cov(f) = J cov(z) J^T, J = df/dz by
-    central differences.
+    Standard deviations of derived values by the delta method, see `sysid.models.delta_method`.
     """
 
     def derive(z: Array) -> Array:
         return _derived(parameters.candidate_vehicle(prior.config, prior.biases_rad, z))
 
-    values, slope = derive(fit.z), _slope(derive, fit.z)
+    values, slope = derive(fit.z), delta_method.slopes(derive, fit.z).T
     # Whether the data inform a number is decided without errors of the model structure.
     informed = np.linalg.inv(fit.data_information + np.linalg.inv(prior.covariance))
     before, after, spread = (
@@ -126,14 +124,6 @@ def _derived(vehicle: parameters.CandidateVehicle) -> Array:
         rows += linear_planes.small_signal(fits.linear_plane(vehicle, plane))
         rows += [actuator.delay_s, math.degrees(actuator.bias_rad)]
     return np.array(rows)
-
-
-def _slope(function: Callable[[Array], Array], z: Array) -> Array:
-    """Return the Jacobian of ``function`` with respect to z, by central differences."""
-    h = 1e-4
-    return np.column_stack(
-        [parameters.change_per_step(function, z, h * e) / h for e in np.eye(z.size)]
-    )
 
 
 def _at_limits(sds: Array) -> list[str]:

@@ -27,7 +27,6 @@ from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import Table1Column
 
 Array = NDArray[np.float64]
-Values = TypeVar("Values", float, Array)
 Kind = Literal["ratio", "offset"]
 Part = Literal["body", "tailcone", "sensors"]
 Wing = TypeVar("Wing", DuctGeometry, FinGeometry)
@@ -258,40 +257,6 @@ def delays_of_zero(prior: VehicleConfig) -> dict[int, float]:
         for i, name in enumerate(NAMES)
         if name.startswith("delay_")
     }
-
-
-def change_per_step(function: Callable[[Array], Values], z: Array, step: Array) -> Values:
-    """Return half the difference of a function of the vehicle one step to both sides of z.
-
-    At the edge of the possible vehicles it is the difference to the side that is possible.
-
-    Parameters
-    ----------
-    function : callable
-        Function of z that raises VehicleFileError where no such vehicle is possible.
-    z : ndarray, shape (p,)
-        Point, which must be possible.
-    step : ndarray, shape (p,)
-        Step.
-
-    Returns
-    -------
-    float or ndarray
-        Change of the function for one step.
-
-    Raises
-    ------
-    VehicleFileError
-        Neither side is possible.
-    """
-    try:
-        ahead = function(z + step)
-    except VehicleFileError:
-        return function(z) - function(z - step)
-    try:
-        return 0.5 * (ahead - function(z - step))
-    except VehicleFileError:
-        return ahead - function(z)
 
 
 def with_body_at(candidate: CandidateVehicle, prior: VehicleConfig, z: Array) -> CandidateVehicle:

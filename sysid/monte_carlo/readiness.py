@@ -186,14 +186,14 @@ class Readiness:
             for name, response in sweeps_of.items()
             if any(run.plane == plane for run in response)
         ]
-        loop = crossover.crossover(_uncertain_vehicle(self._vehicle), plane, self._gains)
+        loop = crossover.at_crossover(_uncertain_vehicle(self._vehicle), plane, self._gains)
         if not tested_missions or loop is None:
             return None
         pairs: list[Pair] = []
         for name in tested_missions:
             calm = self.fly(missions[name], disturbance=0.0)
             pairs += _pairs(_sweeps(calm), sweeps_of[name], plane)
-        low, high = (share * loop.crossover_radps for share in OCTAVE)
+        low, high = (share * loop.margins.crossover_radps for share in OCTAVE)
         response = frequency_response.spectra(pairs, np.geomspace(low, high, FREQUENCIES))
         return float(np.min(response.coherence))
 

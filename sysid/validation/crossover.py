@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains, Lag
 from sysid.estimation.map import fit
-from sysid.models import linear_planes, parameters
+from sysid.models import delta_method, linear_planes
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, TABLE_3_INITIAL
@@ -19,8 +19,6 @@ from sysid.validation.results import Crossover
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-STEP = 1e-3
-"""Central difference step along each axis of the covariance, in standard deviations."""
 LAG_RAD = math.radians(120.0)
 """Phase lag of the rate at which a rate feedback loop has a phase margin of 60 deg."""
 MIN_RADPS, MAX_RADPS = 0.1, 20.0
@@ -189,8 +187,33 @@ def _gain_and_phase(vehicle: CandidateVehicle, plane: Plane) -> tuple[Array, Arr
     return np.log(np.abs(rate_response)), phase - 2.0 * math.pi * turns
 
 
-def crossover(uncertain: UncertainVehicle, plane: Plane, gains: Gains) -> Crossover | None:
-    """Return crossover and margins of a plane's loop, with standard deviations.
+class LoopAtCrossover(NamedTuple):
+    """Loop of a plane at its crossover, with derivatives by the parameters of the vehicle."""
+
+    plane: Plane
+    margins: loop_transfer.Margins
+    slopes: Array | None
+    """(p, 4), derivatives of crossover (rad/s), phase margin (deg), gain (dB) and phase (deg) at
+    the nominal crossover; None if the covariance of the parameters is unknown."""
+
+    def record(self, covariance: Array | None) -> Crossover:
+        """Return crossover and margins for the model file, with sds for a covariance of z."""
+        sds: list[float] | list[None] = [None] * 4
+        if covariance is not None and self.slopes is not None:
+            sds = delta_method.propagate_sd(self.slopes, covariance).tolist()
+        return Crossover(
+            loop=PLANES[self.plane].surface,
+            crossover_radps=self.margins.crossover_radps,
+            crossover_sd_radps=sds[0],
+            gain_sd_db=sds[2],
+            phase_sd_deg=sds[3],
+            pm_deg=self.margins.pm_deg,
+            pm_sd_deg=sds[1],
+        )
+
+
+def at_crossover(uncertain: UncertainVehicle, plane: Plane, gains: Gains) -> LoopAtCrossover | None:
+    """Return the loop of a plane at its crossover.
 
     Parameters
     ----------
@@ -203,7 +226,7 @@ def crossover(uncertain: UncertainVehicle, plane: Plane, gains: Gains) -> Crosso
 
     Returns
     -------
-    Crossover or None
+    LoopAtCrossover or None
         None if the loop gain never crosses one.
     """
     nominal = loop(uncertain.vehicle(uncertain.z), plane, gains)
@@ -212,11 +235,7 @@ def crossover(uncertain: UncertainVehicle, plane: Plane, gains: Gains) -> Crosso
         return None
     nominal_phase = np.unwrap(np.angle(nominal))
 
-    def quantities(z: Array) -> Array:
-        """Crossover (rad/s), phase margin (deg).
-
-        Gain (dB), phase (deg) at the nominal crossover.
-        """
+    def numbers(z: Array) -> Array:
         perturbed = loop(uncertain.vehicle(z), plane, gains)
         perturbed_margins = loop_transfer.margins(perturbed)
         phase = nominal_phase + np.angle(perturbed / nominal)
@@ -229,51 +248,9 @@ def crossover(uncertain: UncertainVehicle, plane: Plane, gains: Gains) -> Crosso
             ]
         )
 
-    sds: list[float] | list[None] = [None] * 4
-    if uncertain.covariance is not None:
-        sds = propagate_sd(quantities, uncertain.z, uncertain.covariance).tolist()
-    return Crossover(
-        loop=PLANES[plane].surface,
-        crossover_radps=margins.crossover_radps,
-        crossover_sd_radps=sds[0],
-        gain_sd_db=sds[2],
-        phase_sd_deg=sds[3],
-        pm_deg=margins.pm_deg,
-        pm_sd_deg=sds[1],
-    )
-
-
-def propagate_sd(function: Callable[[Array], Array], z: Array, covariance: Array) -> Array:
-    """Return the standard deviation of ``function(z)`` to first order (delta method).
-
-    With the eigenvectors u_i and eigenvalues s_i^2 of the covariance: var = sum_i (df/du_i s_i)^2.
-    The derivatives are central differences along s_i u_i.
-
-    Parameters
-    ----------
-    function : callable
-        Function from z (p,) to values (m,).
-    z : ndarray, (p,)
-        Point of linearisation.
-    covariance : ndarray, (p, p)
-        Covariance of z.
-
-    Returns
-    -------
-    ndarray, (m,)
-        Standard deviation of each value.
-    """
-    variances, axes = np.linalg.eigh(covariance)
-    steps = [
-        math.sqrt(variance) * axis
-        for variance, axis in zip(np.maximum(variances, 0.0), axes.T, strict=True)
-    ]
-    derivatives = [
-        parameters.change_per_step(function, z, STEP * step) / STEP
-        for step in steps
-        if np.any(step)
-    ]
-    return np.asarray(np.sqrt(np.sum(np.square(derivatives), axis=0)))
+    is_known = uncertain.covariance is not None
+    slopes = delta_method.slopes(numbers, uncertain.z) if is_known else None
+    return LoopAtCrossover(plane, margins, slopes)
 
 
 def response_sd(
@@ -303,5 +280,6 @@ def response_sd(
         ratio = response(uncertain.vehicle(z), plane, frequency_radps) / nominal
         return np.concatenate([20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))])
 
-    gain_db, phase_deg = np.split(propagate_sd(quantities, uncertain.z, uncertain.covariance), 2)
+    slopes = delta_method.slopes(quantities, uncertain.z)
+    gain_db, phase_deg = np.split(delta_method.propagate_sd(slopes, uncertain.covariance), 2)
     return gain_db, phase_deg

@@ -5,7 +5,6 @@ of the prior before any test. The change of gain and phase at crossover is the e
 far as unseen data determine it; its standard deviation shows how few runs there are.
 """
 
-import cmath
 import math
 from collections.abc import Mapping, Sequence
 
@@ -19,13 +18,14 @@ from sysid.estimation.map.datasets import datasets_of, max_leads_s
 from sysid.estimation.map.fit import Prior, last_problem
 from sysid.estimation.map.gauss_newton import descend
 from sysid.estimation.map.problem import MapProblem
-from sysid.models import noise, parameters, prediction
+from sysid.models import delta_method, noise, parameters, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.planes import Plane
 from sysid.validation import crossover
 from sysid.validation.results import Correction
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 TOLERANCE = 1e-3
 """Predicted relative decrease of the cost that ends the fit."""
@@ -67,10 +67,9 @@ def corrections(
     problem = _problem(model, vague_prior, usable)
     optimum = descend(problem, vague_prior.mean, TOLERANCE)
     covariance = np.linalg.inv(optimum.score.information + np.linalg.inv(vague_prior.covariance))
-    return {
-        plane: _correction(vague_prior, plane, optimum.z, covariance, crossovers_radps[plane])
-        for plane in usable
-    }
+    return _corrections(
+        vague_prior, optimum.z, covariance, {plane: crossovers_radps[plane] for plane in usable}
+    )
 
 
 def _original_prior(model: IdentifiedModel, prior: VehicleConfig | None) -> Prior:
@@ -97,30 +96,38 @@ def _problem(
     return last_problem(vague_prior, datasets, levels, vague_prior.mean)
 
 
-def _correction(
-    vague_prior: Prior, plane: Plane, z: Array, covariance: Array, frequency_radps: float
-) -> Correction:
-    """Change of gain (dB) and phase (deg) at a frequency between the model and z, with sd."""
+def _corrections(
+    vague_prior: Prior, z: Array, covariance: Array, frequencies_radps: Mapping[Plane, float]
+) -> dict[Plane, Correction]:
+    """Change of gain (dB) and phase (deg) of planes between the model and z, with sds."""
 
-    def response(perturbed_z: Array) -> complex:
-        """Response at the frequency."""
+    def responses(perturbed_z: Array) -> ComplexArray:
+        """Return the response of each plane at its frequency."""
         vehicle = problems.vehicle(vague_prior, perturbed_z)
-        return complex(crossover.response(vehicle, plane, np.array([frequency_radps]))[0])
+        return np.concatenate(
+            [
+                crossover.response(vehicle, plane, np.array([frequency_radps]))
+                for plane, frequency_radps in frequencies_radps.items()
+            ]
+        )
 
-    nominal = response(vague_prior.mean)
+    nominal = responses(vague_prior.mean)
 
-    def change(perturbed_z: Array) -> Array:
-        """Change of gain (dB) and phase (deg)."""
-        ratio = response(perturbed_z) / nominal
-        return np.array([20.0 * math.log10(abs(ratio)), math.degrees(cmath.phase(ratio))])
+    def changes(perturbed_z: Array) -> Array:
+        """Return the changes of gain (dB) of all planes, then those of phase (deg)."""
+        ratios = responses(perturbed_z) / nominal
+        return np.concatenate([20.0 * np.log10(np.abs(ratios)), np.degrees(np.angle(ratios))])
 
-    (gain_db, phase_deg), (gain_sd_db, phase_sd_deg) = (
-        change(z),
-        crossover.propagate_sd(change, z, covariance),
-    )
-    return Correction(
-        gain_db=float(gain_db),
-        gain_sd_db=float(gain_sd_db),
-        phase_deg=float(phase_deg),
-        phase_sd_deg=float(phase_sd_deg),
-    )
+    sds = delta_method.propagate_sd(delta_method.slopes(changes, z), covariance)
+    rows = zip(*np.split(changes(z), 2), *np.split(sds, 2), strict=True)
+    return {
+        plane: Correction(
+            gain_db=float(gain_db),
+            gain_sd_db=float(gain_sd_db),
+            phase_deg=float(phase_deg),
+            phase_sd_deg=float(phase_sd_deg),
+        )
+        for plane, (gain_db, phase_deg, gain_sd_db, phase_sd_deg) in zip(
+            frequencies_radps, rows, strict=True
+        )
+    }

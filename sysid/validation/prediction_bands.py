@@ -9,9 +9,9 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import STRIDE
-from sysid.models import noise, prediction
+from sysid.models import delta_method, noise, prediction
 from sysid.models.model_file import IdentifiedModel
-from sysid.validation import crossover, noise_floor
+from sysid.validation import noise_floor
 from sysid.validation.validate import DT_S, rate_innovations, uncertain_vehicle
 
 Array = NDArray[np.float64]
@@ -51,11 +51,11 @@ def rate_band(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = No
     predicted_run = run.since(-prediction.LEAD_S)
     estimate_sd = np.zeros(predicted_run.time_s.size)
     if uncertain.covariance is not None:
-        estimate_sd = crossover.propagate_sd(
+        slopes = delta_method.slopes(
             lambda z: prediction.simulate(uncertain.vehicle(z), predicted_run).rate_radps,
             uncertain.z,
-            uncertain.covariance,
         )
+        estimate_sd = delta_method.propagate_sd(slopes, uncertain.covariance)
     return Band(predicted_run.time_s, estimate_sd, _sea(model, predicted_run, prior))
 
 

@@ -14,7 +14,7 @@ from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import fit, model_error
 from sysid.estimation.map.fit import STRIDE
-from sysid.models import linear_planes, noise, parameters
+from sysid.models import delta_method, linear_planes, noise, parameters
 from sysid.models import prediction as predict
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
@@ -22,7 +22,7 @@ from sysid.models.noise import Filter, Noise
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import Plane
 from sysid.validation import crossover, frequency_response, noise_floor, second_opinion
-from sysid.validation.crossover import UncertainVehicle
+from sysid.validation.crossover import LoopAtCrossover, UncertainVehicle
 from sysid.validation.crossover_correction import corrections
 from sysid.validation.frequency_response import Pair
 from sysid.validation.noise_floor import NoiseFloor
@@ -211,7 +211,8 @@ def _plane(
         _compare(plane_model, run, held_out=True, new_type=run.wave not in waves)
         for run in held_out
     ]
-    plane_crossover = crossover.crossover(plane_model.uncertain, plane_model.plane, gains)
+    loop = crossover.at_crossover(plane_model.uncertain, plane_model.plane, gains)
+    plane_crossover = loop and loop.record(plane_model.uncertain.covariance)
     swept_pairs = [
         compared_run.pair
         for compared_run in (*fitted_compared, *held_out_compared)
@@ -244,28 +245,29 @@ def _plane(
         )
         if plane_crossover
         else None,
-        model_error=_model_error(plane_model, gains),
+        model_error=_model_error(plane_model, loop),
     )
 
 
-def _model_error(plane_model: _PlaneModel, gains: Mapping[str, float]) -> StructureError | None:
+def _model_error(plane_model: _PlaneModel, loop: LoopAtCrossover | None) -> StructureError | None:
     """Return the standard deviations by the error of the model structure alone."""
     joint, plane = plane_model.model.joint, plane_model.plane
     if joint.run_scatter == joint.prior_conflict == 0.0:
         return None
     structure = model_error.structure_covariance(joint.run_scatter, joint.prior_conflict)
-    uncertain = plane_model.uncertain._replace(covariance=structure)
+    uncertain = plane_model.uncertain
 
-    def b1_per_s2(z: Array) -> Array:
+    def b1_per_s2(z: Array) -> float:
         linear = fit.linear_plane(uncertain.vehicle(z), plane)
-        return np.array([linear_planes.small_signal(linear).b1_per_s2])
+        return linear_planes.small_signal(linear).b1_per_s2
 
-    (b1_sd,) = crossover.propagate_sd(b1_per_s2, uncertain.z, structure)
-    at_crossover = crossover.crossover(uncertain, plane, gains)
+    slopes = delta_method.slopes(b1_per_s2, uncertain.z)
+    b1_sd = float(delta_method.propagate_sd(slopes, structure))
+    sds = loop.record(structure) if loop else None
     return StructureError(
-        b1_percent=100.0 * float(b1_sd / abs(b1_per_s2(uncertain.z)[0])),
-        gain_db=at_crossover.gain_sd_db if at_crossover else None,
-        phase_deg=at_crossover.phase_sd_deg if at_crossover else None,
+        b1_percent=100.0 * b1_sd / abs(b1_per_s2(uncertain.z)),
+        gain_db=sds.gain_sd_db if sds else None,
+        phase_deg=sds.phase_sd_deg if sds else None,
     )
 
 

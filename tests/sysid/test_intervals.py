@@ -12,7 +12,7 @@ from sysid.estimation.map import fit, intervals
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.estimation.map.gauss_newton import Z_LIMIT
-from sysid.models import parameters
+from sysid.models import delta_method, parameters
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
 
@@ -65,9 +65,9 @@ def test_interval_end_cost_grows_by_quantile(step_fit: Fit, prior: Prior) -> Non
     limits = np.full(len(NAMES), Z_LIMIT)
     generic = profile_likelihood.LeastSquaresEstimate(residuals, jacobian, -limits, limits)
     sd = math.sqrt(
-        intervals._slope(number, step_fit.z)
+        delta_method.slopes(number, step_fit.z)
         @ step_fit.covariance
-        @ intervals._slope(number, step_fit.z)
+        @ delta_method.slopes(number, step_fit.z)
     )
     for sign in (-1.0, 1.0):
         end, z = intervals.interval_end(problem, step_fit, number, sign)
@@ -82,7 +82,7 @@ def test_interval_rich_data_matches_standard_deviation(campaign: list[Run], prio
     """Example: b1, which every run determines."""
     rich = fit.fit(campaign[:7], prior, starts=0)
     number = intervals._number(prior, Plane.YAW, "b1_per_s2")
-    slope = intervals._slope(number, rich.z)
+    slope = delta_method.slopes(number, rich.z)
     half = 1.96 * math.sqrt(slope @ rich.covariance @ slope)
     low, high = intervals.interval(intervals.problem_at_estimate(rich, prior), rich, number)
     assert high - low == pytest.approx(2 * half, rel=0.1)

@@ -15,7 +15,8 @@ make uncertain (`model_error`) has no such interval: it would be narrower than t
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from itertools import compress, product
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import Fit, last_problem, linear_plane
 from sysid.estimation.map.gauss_newton import Z_LIMIT, is_free, lower_bounds
 from sysid.estimation.map.problem import MapProblem, Prior
-from sysid.models import linear_planes, parameters
+from sysid.models import delta_method, linear_planes, parameters
 from sysid.models.linear_planes import SmallSignal
 from sysid.planes import Plane
 
@@ -49,8 +50,6 @@ MAX_SD = 12.0
 """Distance from the estimate, in standard deviations, at which an end is reported as infinite."""
 MAX_HALVINGS = 10
 """Maximum number of halvings of a step that leads to an impossible vehicle."""
-DIFFERENCE = 1e-3
-"""Central difference step of a number by z, in prior standard deviations."""
 
 
 class ParameterInterval(NamedTuple):
@@ -72,14 +71,16 @@ class ParameterInterval(NamedTuple):
 
 def wide_intervals(estimate: Fit, prior: Prior) -> Iterator[ParameterInterval]:
     """Yield the intervals of all numbers whose relative sd by the likelihood is large."""
-    problem, covariance = problem_at_estimate(estimate, prior), _covariance(estimate, prior)
-    for plane in estimate.datasets:
-        numbers = _design_numbers(prior, plane)
-        values, slopes = numbers(estimate.z), _slope(numbers, estimate.z)
-        sds = np.sqrt(np.diag(slopes.T @ covariance @ slopes))
-        for index in np.flatnonzero(sds > WIDE_RELATIVE_SD * np.abs(values)):
-            low, high = interval(problem, estimate, _number(prior, plane, NUMBERS[index]))
-            yield ParameterInterval(plane=plane, name=NUMBERS[index], low=low, high=high)
+    numbers = _design_numbers(prior, tuple(estimate.datasets))
+    slopes = delta_method.slopes(numbers, estimate.z)
+    sds = delta_method.propagate_sd(slopes, _covariance(estimate, prior))
+    is_wide = sds > WIDE_RELATIVE_SD * np.abs(numbers(estimate.z))
+    if not is_wide.any():
+        return
+    problem = problem_at_estimate(estimate, prior)
+    for plane, name in compress(product(estimate.datasets, NUMBERS), is_wide):
+        low, high = interval(problem, estimate, _number(prior, plane, name))
+        yield ParameterInterval(plane=plane, name=name, low=low, high=high)
 
 
 def problem_at_estimate(estimate: Fit, prior: Prior) -> MapProblem:
@@ -104,7 +105,7 @@ class IntervalEnd(NamedTuple):
 
 def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float) -> IntervalEnd:
     """Return the end below (``sign`` = -1) or above (``sign`` = 1) the estimate."""
-    gradient, value = _slope(number, estimate.z), number(estimate.z)
+    gradient, value = delta_method.slopes(number, estimate.z), number(estimate.z)
     covariance = _covariance(estimate, problem.prior)
     sd, least_cost = (
         math.sqrt(gradient @ covariance @ gradient),
@@ -143,7 +144,7 @@ def constrained_optimum(problem: MapProblem, number: Number, start: Array, value
     precision, lower = np.linalg.inv(problem.prior.covariance), lower_bounds(problem.prior)
     z = np.clip(start, lower, Z_LIMIT)
     for _ in range(STEPS):
-        current, gradient = problems.score(problem, z), _slope(number, z)
+        current, gradient = problems.score(problem, z), delta_method.slopes(number, z)
         free = np.flatnonzero(is_free(current, z, lower))
         inverse = np.zeros_like(precision)
         block = np.ix_(free, free)
@@ -179,24 +180,21 @@ def _covariance(estimate: Fit, prior: Prior) -> Array:
     return np.asarray(np.linalg.inv(information), np.float64)
 
 
-def _design_numbers(prior: Prior, plane: Plane) -> Numbers:
-    """Return the design numbers NUMBERS of a plane as a function of z."""
+def _design_numbers(prior: Prior, planes: Sequence[Plane]) -> Numbers:
+    """Return the design numbers NUMBERS of planes, one plane after another, as a function of z."""
     indices = [SmallSignal._fields.index(name) for name in NUMBERS]
 
     def numbers(z: Array) -> Array:
         vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
-        return np.array(linear_planes.small_signal(linear_plane(vehicle, plane)))[indices]
+        small_signals = [
+            linear_planes.small_signal(linear_plane(vehicle, plane)) for plane in planes
+        ]
+        return np.array(small_signals)[:, indices].ravel()
 
     return numbers
 
 
 def _number(prior: Prior, plane: Plane, name: str) -> Number:
     """Return one of the design numbers of a plane as a function of z."""
-    numbers, index = _design_numbers(prior, plane), NUMBERS.index(name)
+    numbers, index = _design_numbers(prior, (plane,)), NUMBERS.index(name)
     return lambda z: float(numbers(z)[index])
-
-
-def _slope(function: Callable[[Array], parameters.Values], z: Array) -> Array:
-    """Return the derivatives of a number (p,) or of several numbers (p, n) by z."""
-    steps = DIFFERENCE * np.eye(z.size)
-    return np.array([parameters.change_per_step(function, z, step) for step in steps]) / DIFFERENCE

@@ -202,8 +202,9 @@ def test_crossover_sd_matches_samples(plane: Plane, bench: config.VehicleConfig)
     uncertain = UncertainVehicle(
         lambda z_sample: parameters.candidate_vehicle(bench, NO_BIAS, z_sample), z, covariance
     )
-    nominal = crossover.crossover(uncertain, plane, TABLE_3_INITIAL)
-    assert nominal is not None
+    at_crossover = crossover.at_crossover(uncertain, plane, TABLE_3_INITIAL)
+    assert at_crossover is not None
+    nominal = at_crossover.record(covariance)
     rng = np.random.default_rng(3)
     loops = [
         crossover.loop(
@@ -217,6 +218,6 @@ def test_crossover_sd_matches_samples(plane: Plane, bench: config.VehicleConfig)
     ]
     assert nominal.gain_sd_db == pytest.approx(np.std(20.0 * np.log10(gains)), rel=0.2)
     assert nominal.phase_sd_deg == pytest.approx(np.degrees(np.std(phases)), rel=0.2)
-    unknown = crossover.crossover(uncertain._replace(covariance=None), plane, TABLE_3_INITIAL)
+    unknown = crossover.at_crossover(uncertain._replace(covariance=None), plane, TABLE_3_INITIAL)
     assert unknown is not None
-    assert unknown.gain_sd_db is None
+    assert unknown.record(None).gain_sd_db is None

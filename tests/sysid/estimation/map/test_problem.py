@@ -10,7 +10,7 @@ from sysid.estimation.map import fit as joint
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.datasets import datasets_of, max_leads_s
 from sysid.estimation.map.problem import MapProblem
-from sysid.models import parameters
+from sysid.models import delta_method, parameters
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
@@ -116,10 +116,10 @@ def test_change_per_step_uses_the_possible_side() -> None:
 
     z, step = np.array([1.0]), np.array([0.1])
     limit = 2.0
-    assert parameters.change_per_step(quadratic, z, step) == pytest.approx(0.2)
+    assert delta_method.change_per_step(quadratic, z, step) == pytest.approx(0.2)
     limit = 1.0
-    assert parameters.change_per_step(quadratic, z, step) == pytest.approx(0.19)
-    assert parameters.change_per_step(quadratic, z, -step) == pytest.approx(-0.19)
+    assert delta_method.change_per_step(quadratic, z, step) == pytest.approx(0.19)
+    assert delta_method.change_per_step(quadratic, z, -step) == pytest.approx(-0.19)
     limit = 0.0
     with pytest.raises(config.VehicleFileError):
-        parameters.change_per_step(quadratic, z, step)
+        delta_method.change_per_step(quadratic, z, step)
