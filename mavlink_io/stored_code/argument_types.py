@@ -72,9 +72,11 @@ def type_name(value: Any) -> str:
     if name is not None:
         return name
     if kind is np.ndarray:
-        return _name_of_array(value)
+        key = value.dtype, value.ndim, value.flags.num
+        return _array_names.get(key) or _name_of_array(value, key)
     if isinstance(value, tuple):
-        return _name_of_tuple(value)
+        names = tuple(map(type_name, value))
+        return _tuple_names.get((kind, names)) or _name_of_tuple(value, names)
     if kind is array:
         return buffer_name(np.dtype(value.typecode).str)
     name = getattr(value, "type_name", None)
@@ -83,31 +85,24 @@ def type_name(value: Any) -> str:
     raise TypeError(f"{kind.__name__} has no name here")
 
 
-def _name_of_array(value: Any) -> str:
+def _name_of_array(value: Any, key: tuple[Any, int, int]) -> str:
     """Return the name of the type of an array of numpy."""
-    key = value.dtype, value.ndim, value.flags.num
-    name = _array_names.get(key)
-    if name is None:
-        flags = value.flags
-        layout = _ARRAY_LAYOUTS[flags.c_contiguous, flags.f_contiguous]
-        name = array_name(value.dtype.str, value.ndim, layout, writable=flags.writeable)
-        _array_names[key] = name
+    flags = value.flags
+    layout = _ARRAY_LAYOUTS[flags.c_contiguous, flags.f_contiguous]
+    name = array_name(value.dtype.str, value.ndim, layout, writable=flags.writeable)
+    _array_names[key] = name
     return name
 
 
-def _name_of_tuple(value: tuple[Any, ...]) -> str:
-    """Return the name of the type of a tuple."""
-    kinds = (type(value), *map(type, value))
-    name = _flat_names.get(kinds)
-    if name is None:
-        record = "" if kinds[0] is tuple else record_name(kinds[0], value._fields)  # type: ignore[attr-defined]
-        name = tuple_name(record, map(type_name, value))
-        if all(kind in _SCALARS for kind in kinds[1:]):
-            _flat_names[kinds] = name
+def _name_of_tuple(value: tuple[Any, ...], names: tuple[str, ...]) -> str:
+    """Return the name of the type of a tuple whose items have types of these names."""
+    kind = type(value)
+    record = "" if kind is tuple else record_name(kind, value._fields)  # type: ignore[attr-defined]
+    name = _tuple_names[kind, names] = tuple_name(record, names)
     return name
 
 
 _array_names: dict[tuple[Any, int, int], str] = {}
 """Name of an array by type of its items, number of dimensions, and flags of numpy."""
-_flat_names: dict[tuple[type, ...], str] = {}
-"""Name of a tuple of numbers by its class and theirs."""
+_tuple_names: dict[tuple[type, tuple[str, ...]], str] = {}
+"""Name of a tuple by its class and the names of its items."""
