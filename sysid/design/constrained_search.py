@@ -138,14 +138,16 @@ def _restart_until_converged(start: Mapping[str, float], search: ConstrainedProb
 def _minimise_from(start: Mapping[str, float], search: ConstrainedProblem) -> _End:
     """Minimise over the logarithms of the gains; return the best point that was evaluated."""
     names, evaluated = tuple(start), dict[bytes, _End]()
-    lowest, highest = np.log([_range(name) for name in names]).T
+    least, greatest = np.transpose([_range(name) for name in names])
+    lowest, highest = np.log(least), np.log(greatest)
     first = np.clip(np.log(list(start.values())), lowest, highest)
 
     def at(logs: Array) -> _End:
         """Return gains, cost and violations; objective and constraints share an evaluation."""
         key = logs.tobytes()
         if key not in evaluated:
-            gains = dict(zip(names, np.exp(logs).tolist(), strict=True))
+            values = np.clip(np.exp(logs), least, greatest)  # exp(log(100)) is more than 100
+            gains = dict(zip(names, values.tolist(), strict=True))
             evaluated[key] = _End(gains, search.evaluate({**search.fixed, **gains}))
         return evaluated[key]
 

@@ -46,3 +46,13 @@ def test_solve_keeps_to_the_range_that_the_autopilot_accepts() -> None:
     found = solve(ConstrainedProblem({}, ({"HDG_P": 1.0},), evaluate))
     assert found["HDG_P"] == pytest.approx(5.0)
     assert params.config(found).heading_p == pytest.approx(5.0)
+
+
+def test_solve_rounding_does_not_leave_the_range() -> None:
+    """exp(log(100)) is more than 100, the largest bandwidth of the lead."""
+
+    def evaluate(gains: Mapping[str, float]) -> CostAndConstraints:
+        return CostAndConstraints(1.0 / gains["ACT_LEAD_W"], {"none": -1.0})
+
+    found = solve(ConstrainedProblem({}, ({"ACT_LEAD_W": 90.0},), evaluate))
+    assert found["ACT_LEAD_W"] == 100.0
