@@ -62,7 +62,7 @@ def refuse_duplicates(
 
 
 def log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
-    """Return notes on damaged logs, and on logs with another travel than the prior's."""
+    """Return notes on damaged logs, on another travel than the prior's, and on held commands."""
     travel_deg = knowledge.config.tailcone.travel_deg
     return [
         *(f"{log.name} is damaged: {log.damage}" for log in logs if log.damage),
@@ -71,6 +71,12 @@ def log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
             f" prior {knowledge.name} is {travel_deg:g} deg: a wrong prior or another tailcone"
             for log in logs
             if not np.isclose(log.parameters.get("ACT_TRAVEL_DEG", travel_deg), travel_deg, 1e-3)
+        ),
+        *(
+            f"{log.name}: it is not known how long the autopilot held a command (0 to 20 ms), which"
+            f" the intervals contain; {segments.LOOP_RATE} gives the rate of its loops"
+            for log in logs
+            if segments.hold_of(log).sd_s
         ),
     ]
 

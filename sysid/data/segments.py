@@ -32,10 +32,21 @@ MEASURED_SPEED = (
 """Sources of a velocity that show the loss of speed in a turn.
 
 A recorded ground speed may be the estimate of an autopilot without satellite fixes."""
+LOOP_RATE, OWN_PARAMETER = "SCHED_LOOP_RATE", "HDG_REF_RATE"
+"""ArduPilot's parameter for the rate of its control loops, Hz, and one that only Caribou has."""
+MAX_HOLD_STEPS = 0.75
+"""Largest interval of a log's commands, in steps of the grid, that shows how long they are held."""
 SAME_THRUST = 0.01
 """Difference of thrust, as a fraction of full thrust, up to which the speed is the same."""
 LOOP_ON = 100
 """Offset of the axes with the loop closed."""
+
+
+class Hold(NamedTuple):
+    """Time for which the autopilot held a command, with its standard deviation; s."""
+
+    mean_s: float
+    sd_s: float
 
 
 @dataclass(frozen=True)
@@ -237,7 +248,9 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
 
     A log has the command at its own samples. Between two of them it changed at an unknown time;
     half way, in the mean. A command held from the earlier sample would be late by half the interval
-    of the log, which the fit would subtract from the delay of the surface.
+    of the log, which the fit would subtract from the delay of the surface. For the same reason the
+    command of an autopilot that renews it more often than the grid is that of a little later: the
+    fit holds a command for a step of the grid, and the autopilot for less.
     """
     attitude, actuators, depth = log.attitude, log.actuators, log.depth
     first_s = max(attitude.time_s[0], actuators.time_s[0], depth.time_s[0])
@@ -245,12 +258,14 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
     after = int(np.floor((span.stop_s - span.start_s) * RATE_HZ))
     time_s = np.arange(-max(before, 0), max(after, 1) + 1) / RATE_HZ
     grid_s = span.start_s + time_s
+    hold = hold_of(log)
+    earlier_s = 0.5 * (1.0 / RATE_HZ - hold.mean_s)
 
     def smooth(values: Array) -> Array:
         return np.interp(grid_s, attitude.time_s, values)
 
     def command(values: Array) -> Array:
-        return np.interp(grid_s, actuators.time_s, values)
+        return np.interp(grid_s + earlier_s, actuators.time_s, values)
 
     run = Run(
         name=name,
@@ -279,8 +294,36 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
         stop_detail=span.stop_detail,
         travel_rad=actuators.travel_rad,
         velocity_source=log.velocity.source,
+        delay_sd_s=0.5 * hold.sd_s,
     )
     return replace(run, **_optional_series(log, grid_s))
+
+
+def hold_of(log: Log) -> Hold:
+    """Return the time for which the autopilot held a command, at most a step of the grid.
+
+    It is known from the rate of the loops, of other autopilots by their parameter, or from a log
+    with more samples than the grid. A log with fewer does not show it: the autopilot may have
+    renewed its command once in a step of the grid, or often.
+
+    Parameters
+    ----------
+    log : Log
+        The log.
+
+    Returns
+    -------
+    Hold
+        The time.
+    """
+    step_s = 1.0 / RATE_HZ
+    sample_s = float(np.median(np.diff(log.actuators.time_s)))
+    if sample_s < MAX_HOLD_STEPS * step_s:
+        return Hold(sample_s, 0.0)
+    loop_hz = log.parameters.get(LOOP_RATE, RATE_HZ if OWN_PARAMETER in log.parameters else 0.0)
+    if loop_hz > 0.0:
+        return Hold(min(1.0 / loop_hz, step_s), 0.0)
+    return Hold(0.5 * step_s, step_s / math.sqrt(12.0))
 
 
 def _straight_speed_mps(run: Run, runs: Sequence[Run]) -> float:

@@ -1,6 +1,7 @@
 """Tests that a log's texts mark, and their planes: one surface, both, or neither."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,11 +17,15 @@ RUDDER_DEG, ELEVATOR_DEG = 5.0, 3.0
 
 def cut(description: str) -> list[Run]:
     """Cut a log of forty seconds in which both surfaces step between the texts of one test."""
+    return segments.cut_runs(log_of(description))
+
+
+def log_of(description: str) -> Log:
     time_s = np.arange(0.0, 40.0, 0.02)
     none, empty = np.zeros_like(time_s), np.empty(0)
     inside = (time_s >= START_S) & (time_s < STOP_S)
     rudder_rad, elevator_rad = (np.radians(size) * inside for size in (RUDDER_DEG, ELEVATOR_DEG))
-    log = Log(
+    return Log(
         name="dive.mcap",
         sha256="",
         attitude=Attitude(time_s, *(none,) * 6),
@@ -34,7 +39,6 @@ def cut(description: str) -> list[Run]:
         parameters={},
         duct=DuctAngles(*(empty,) * 3),
     )
-    return segments.cut_runs(log)
 
 
 @pytest.mark.parametrize(
@@ -67,3 +71,27 @@ def test_cut_runs_dual_test_has_own_commands() -> None:
     assert math.degrees(yaw.command_rad[-10]) == pytest.approx(RUDDER_DEG)
     assert math.degrees(pitch.command_rad[-10]) == pytest.approx(ELEVATOR_DEG)
     assert yaw.name != pitch.name
+
+
+@pytest.mark.parametrize(
+    ("log_hz", "parameters", "hold_s", "delay_sd_s"),
+    [
+        (50, {"HDG_REF_RATE": 5.0}, 0.02, 0.0),
+        (50, {"SCHED_LOOP_RATE": 25.0}, 0.02, 0.0),
+        (10, {"SCHED_LOOP_RATE": 400.0}, 0.0025, 0.0),
+        (100, {}, 0.01, 0.0),
+        (50, {}, 0.01, 0.01 / math.sqrt(12.0)),
+        (10, {"SCHED_LOOP_RATE": 0.0}, 0.01, 0.01 / math.sqrt(12.0)),
+    ],
+)
+def test_command_is_held_for_the_time_that_the_log_tells(
+    log_hz: int, parameters: dict[str, float], hold_s: float, delay_sd_s: float
+) -> None:
+    """A command that grows with time, held for ``hold_s``: its mean over a step of the grid."""
+    log = log_of("axis=12 wave=chirp magnitude=5.00")
+    time_s = np.arange(0.0, 40.0, 1.0 / log_hz)
+    actuators = Actuators(time_s, 0.01 * time_s, 0.0 * time_s, 0.0 * time_s)
+    (run,) = segments.cut_runs(replace(log, actuators=actuators, parameters=parameters))
+    mean_s = START_S + run.time_s + 0.5 * (0.02 - hold_s)
+    np.testing.assert_allclose(run.command_rad, 0.01 * mean_s, rtol=0.0, atol=1e-12)
+    assert run.delay_sd_s == pytest.approx(delay_sd_s)

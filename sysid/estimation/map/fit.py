@@ -119,7 +119,7 @@ class Fit(NamedTuple):
     z: Array
     """(p,), parameters in prior standard deviations, in the order of `parameters.NAMES`."""
     covariance: Array
-    """(p, p), covariance of z: noise and prior, plus that of the model structure."""
+    """(p, p), covariance of z: noise and prior, model structure, and how commands were held."""
     data_information: Array
     """(p, p), information about z from the data alone."""
     vehicle: CandidateVehicle
@@ -223,6 +223,9 @@ def fit(
         z=optimum.z,
         covariance=model_error.covariance(
             optimum.score.information, prior_precision, run_scatter.value, conflict
+        )
+        + model_error.hold_covariance(
+            {plane: max(data.run.delay_sd_s for data in group) for plane, group in datasets.items()}
         ),
         data_information=optimum.score.information,
         vehicle=problems.vehicle(prior, optimum.z),

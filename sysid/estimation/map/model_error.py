@@ -31,13 +31,14 @@ COMMON and DISPERSION come from campaigns of plants from outside. docs/accuracy.
 of these campaigns, and of others that had no part in the choice.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sysid.models import parameters
+from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
@@ -183,6 +184,29 @@ def covariance(
     dispersion = 1.0 + (DISPERSION - 1.0) * conflict
     likelihood = np.linalg.inv(information / dispersion + prior_precision)
     return np.asarray(likelihood + structure_covariance(scatter, conflict))
+
+
+def hold_covariance(delay_sds_s: Mapping[Plane, float]) -> Array:
+    """Return the part of the covariance by the unknown time for which commands were held, (p, p).
+
+    The fit cannot tell it from the delay, and it is the same in both planes.
+
+    Parameters
+    ----------
+    delay_sds_s : mapping of Plane to float
+        Standard deviation of the delay of each plane that was tested, s.
+
+    Returns
+    -------
+    ndarray, (p, p)
+        Covariance of the delays.
+    """
+    sds = np.zeros(len(parameters.PARAMETERS))
+    for i, parameter in enumerate(parameters.PARAMETERS):
+        if parameter.name.startswith("delay_"):
+            (plane,) = parameter.planes
+            sds[i] = delay_sds_s.get(plane, 0.0) / parameter.prior_sd
+    return np.outer(sds, sds)
 
 
 def structure_covariance(scatter: float, conflict: float) -> Array:
