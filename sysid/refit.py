@@ -361,7 +361,7 @@ def identify_without_outliers(
     -------
     model : IdentifiedModel
         Model with the prediction errors of the fitted runs and without validation. Logs of two
-        vehicles are a failure of its convergence.
+        vehicles, and a wrong thrust, are failures of its convergence.
     refitted : RefitResult
         The last fit, its runs, and the outlier tests of all runs.
     """
@@ -372,8 +372,11 @@ def identify_without_outliers(
     parameter_shifts = refitted.fit_of_all_runs and shifts(
         model_export.from_fit(refitted.fit_of_all_runs, prior, prior_name), model
     )
-    other_vehicle = log_consistency.two_vehicles(refitted.screenings, runs)
-    failures = (*model.convergence.failures, *([other_vehicle] if other_vehicle else []))
+    contradictions = (
+        log_consistency.two_vehicles(refitted.screenings, runs),
+        log_consistency.wrong_thrust(refitted.fit.vehicle, refitted.accepted_runs),
+    )
+    failures = (*model.convergence.failures, *filter(None, contradictions))
     return (
         msgspec.structs.replace(
             model,

@@ -3,13 +3,20 @@
 The sizes are those of simulated campaigns of four 3-2-1-1 tests per plane and log, fitted together.
 """
 
-import numpy as np
+import math
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from sitl.vehicle import config
+from sysid.data.dataset import VelocitySource
 from sysid.data.events import StopReason
 from sysid.data.runs import Run
+from sysid.models import parameters
 from sysid.planes import Plane
 from sysid.screening import RunScreening
-from sysid.screening.log_consistency import two_vehicles
+from sysid.screening.log_consistency import two_vehicles, wrong_thrust
 from sysid.screening.score_test import Anomaly, Scores
 
 SD_PERCENT = 3.0
@@ -68,3 +75,33 @@ def test_uncertain_or_single_logs_are_not_judged() -> None:
     assert found(apart, sd_percent=20.0) == ""
     assert found({"b": apart["b"]}) == ""
     assert found({"a": apart["a"], "b": [49.0]}) == ""
+
+
+@pytest.mark.parametrize(
+    ("thrust", "source", "is_wrong"),
+    [
+        (0.58, VelocitySource.COLUMN, False),
+        (0.35, VelocitySource.COLUMN, True),
+        (1.0, VelocitySource.WATER_TRACK, True),
+        (0.35, VelocitySource.BOTTOM_TRACK, False),
+        (0.35, VelocitySource.NONE, False),
+    ],
+)
+def test_thrust_that_contradicts_the_speed_through_water_is_named(
+    thrust: float, source: VelocitySource, is_wrong: bool
+) -> None:
+    """Caribou flies at 1.3 m/s with 58 % thrust; a current changes the speed over ground."""
+    vehicle = parameters.candidate_vehicle(
+        config.load("caribou_nominal"), dict.fromkeys(Plane, 0.0), np.zeros(len(parameters.NAMES))
+    )
+    measured = replace(
+        run("a/0"),
+        thrust=np.full(2, thrust),
+        velocity_source=source,
+        straight_speed_mps=math.nan if source == VelocitySource.NONE else 1.3,
+    )
+    said = wrong_thrust(vehicle, [measured])
+    assert bool(said) == is_wrong
+    if is_wrong:
+        assert said.startswith(f"a/0: with a thrust of {thrust:.0%} the model reaches")
+        assert "1.30 m/s" in said
