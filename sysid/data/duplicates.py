@@ -19,7 +19,7 @@ MIN_SHARED_SAMPLES = 25
 """Number of equal attitude samples in the tests of two logs from which on they are one dive.
 
 This is 0.5 s at the autopilot's tick, and 5 s at the lowest rate that screening accepts. Sensor
-noise changes the six values of a sample by many steps of ``RESOLUTION``, so that different dives
+noise changes the four values of a sample by many steps of ``RESOLUTION``, so that different dives
 have no equal samples.
 """
 RESOLUTION = 1e-5
@@ -123,7 +123,7 @@ def _samples(log: Log, marks: Sequence[MarkedInterval]) -> frozenset[bytes]:
     for start_s, stop_s in times_of_tests(log, marks):
         in_test |= (a.time_s >= start_s) & (a.time_s <= stop_s)
     yaw_rad = np.mod(a.yaw_rad, 2.0 * np.pi)
-    values = (a.roll_rad, a.pitch_rad, yaw_rad, a.p_radps, a.q_radps, a.r_radps)
+    values = (a.pitch_rad, yaw_rad, a.q_radps, a.r_radps)  # a table may have no roll
     table = np.stack(values, axis=1)[in_test]
     steps = np.round(table[np.isfinite(table).all(axis=1)] / RESOLUTION).astype(np.int64)
     return frozenset(row.tobytes() for row in steps)

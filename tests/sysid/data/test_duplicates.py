@@ -1,5 +1,6 @@
 """A dive that is given twice is rejected in any file format; two different dives are accepted."""
 
+import math
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from sysid import refit
-from sysid.data import duplicates, readers
+from sysid.data import duplicates, readers, segments, state_table
 from sysid.data.segments import MarkedInterval
 from sysid.models.model_file import DataFile
 from sysid.planes import Plane
@@ -18,6 +19,8 @@ from tests.sysid import recording
 from tests.sysid.data.test_dataset import actuators, dive, position
 from tests.sysid.recording import Entry
 
+COLUMNS = ("time", "heading_rad", "pitch", "q", "r_", "rudder", "elevator", "thrust", "depth_m")
+"""Starts of the names of the columns of both planes: no roll, no roll rate."""
 NOISE_RADPS = 1e-3
 """Standard deviation of the gyro noise, as in sitl: 0.06 deg/s."""
 
@@ -65,6 +68,20 @@ def thinned(entries: list[Entry]) -> list[Entry]:
     return kept
 
 
+def as_table(path: Path, folder: Path) -> Path:
+    """Write the columns of both planes of the first dive, as an engineer would."""
+    log = readers.read(folder / "dive.mcap")
+    table = state_table.state_table(log)
+    names = [name for name in table if name.startswith(COLUMNS)]
+    ((start_s, stop_s),) = segments.times_of_tests(log, ())
+    lines = [",".join([*names, "test"])]
+    for row in zip(*(table[name].tolist() for name in names), strict=True):
+        test = "rudder" if start_s <= row[0] <= stop_s else ""
+        lines.append(",".join([*("" if math.isnan(x) else repr(x) for x in row), test]))
+    path.write_text("\n".join(lines))
+    return path
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dives")
@@ -83,6 +100,7 @@ COPIES: dict[str, Callable[[Path, Path], Path]] = {
     "clock ahead": lambda folder, copy: mcap(copy, shifted(noisy_dive(1), 1234.5)),
     "slower link": lambda folder, copy: mcap(copy, thinned(noisy_dive(1))),
     "converted": lambda folder, copy: as_tlog(copy.with_suffix(".tlog"), noisy_dive(1)),
+    "table without roll": lambda folder, copy: as_table(copy.with_suffix(".csv"), folder),
 }
 
 
