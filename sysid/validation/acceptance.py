@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from sysid.data.events import TestWave
 from sysid.models.model_file import IdentifiedModel, PlaneModel
 from sysid.planes import PLANES, Plane
 from sysid.validation.results import (
@@ -260,7 +261,7 @@ def _of_plane(
     held_out = len(validation.runs) - fitted if validation else 0
     yield _check("runs held out", plane, float(held_out), "at least", 1.0)
     if validation and validation.held_out:
-        yield from _held_out(plane, validation.held_out, validation.correction)
+        yield from _held_out(plane, validation.held_out, validation)
 
 
 def _response(plane: Plane, validation: PlaneValidation) -> Iterator[AcceptanceCheck]:
@@ -341,17 +342,18 @@ def _insensitivity_percent(model: IdentifiedModel, plane: Plane, name: str) -> f
 
 
 def _held_out(
-    plane: Plane, excess: Excess, correction: Correction | None
+    plane: Plane, excess: Excess, validation: PlaneValidation
 ) -> Iterator[AcceptanceCheck]:
     """Criteria of the errors on held-out runs.
 
-    A limit on a ratio with a random error of standard deviation s is 1 + 1.645 s.
+    A limit on a ratio with a random error of standard deviation s is 1 + 1.645 s. Marked runs are
+    of an unknown type.
     """
     error_ratio = excess.model_mse_deg2ps2 / excess.prior_mse_deg2ps2
     random_share = CONFIDENCE_SD * (excess.excess_sd_deg2ps2 or 0.0) / excess.prior_mse_deg2ps2
     yield _check(RATIO_CHECK, plane, error_ratio, "at most", 1.0 + random_share)
     yield _check(THEIL_CHECK, plane, excess.theil.coefficient, "at most", THEIL)
-    yield from _by_held_out(plane, correction)
+    yield from _by_held_out(plane, validation.correction)
     excess_ratio, limit = None, MAX_EXCESS_OVER_FLOOR
     if excess.floor_deg2ps2 and excess.model_excess_deg2ps2 is not None:
         excess_ratio = excess.model_excess_deg2ps2 / excess.floor_deg2ps2
@@ -372,10 +374,11 @@ def _held_out(
         WHITE_P,
         required=False,
     )
-    new_types = float(excess.new_types)
-    yield _check(
-        "held-out runs of a type not fitted", plane, new_types, "at least", 1.0, required=False
-    )
+    if any(run.held_out and run.wave != TestWave.MARKED for run in validation.runs):
+        new_types = float(excess.new_types)
+        yield _check(
+            "held-out runs of a type not fitted", plane, new_types, "at least", 1.0, required=False
+        )
 
 
 def _by_held_out(plane: Plane, correction: Correction | None) -> Iterator[AcceptanceCheck]:
