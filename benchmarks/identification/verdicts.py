@@ -23,9 +23,8 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, SAMPLING_S, Gains, Responses
 from sysid.design import pid
-from sysid.design.specification import DesignInfeasibleError, Spec
+from sysid.design.specification import RELAXED_LIMITS, DesignInfeasibleError, Spec
 from sysid.models.model_file import IdentifiedModel
-from sysid.monte_carlo.gain_selection import RELAXED_LIMITS
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 

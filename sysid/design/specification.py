@@ -12,6 +12,31 @@ OPERATING_DEPTH_M = 3.0
 """Default of ``Spec.operating_depth_m``."""
 
 
+RELAXED_LIMITS: tuple[dict[str, float], ...] = (
+    {
+        "damping": 0.5,
+        "gm_db": 7.0,
+        "pm_deg": 45.0,
+        "max_sensitivity": 1.9,
+        "robust_gm_db": 5.0,
+        "robust_pm_deg": 37.0,
+    },
+    {
+        "damping": 0.4,
+        "gm_db": 6.0,
+        "pm_deg": 38.0,
+        "max_sensitivity": 2.2,
+        "robust_gm_db": 4.0,
+        "robust_pm_deg": 30.0,
+    },
+)
+"""Limits that are tried in this order after those of the specification.
+
+They are used where no gains meet the stricter ones, or where those that do hold heading or depth
+worse than the first gains. An unstable hull or a slow tailcone bounds the margins that any gains
+reach."""
+
+
 class DesignInfeasibleError(OperationError):
     """No gains meet the specification on this model; the message names the worst limit."""
 

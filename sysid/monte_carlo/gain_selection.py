@@ -16,6 +16,7 @@ from mavlink_io.mission_items import MissionItem
 from sitl.vehicle.config import VehicleConfig
 from sysid.design import pid
 from sysid.design.pid import Design, DesignInfeasibleError, Spec
+from sysid.design.specification import RELAXED_LIMITS
 from sysid.models.json_record import JsonRecord
 from sysid.models.model_file import IdentifiedModel
 from sysid.monte_carlo import study
@@ -23,29 +24,6 @@ from sysid.monte_carlo.study import SimulationSummary, StudyRequest
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.test_design import prior as design_priors
 
-RELAXED_LIMITS: tuple[dict[str, float], ...] = (
-    {
-        "damping": 0.5,
-        "gm_db": 7.0,
-        "pm_deg": 45.0,
-        "max_sensitivity": 1.9,
-        "robust_gm_db": 5.0,
-        "robust_pm_deg": 37.0,
-    },
-    {
-        "damping": 0.4,
-        "gm_db": 6.0,
-        "pm_deg": 38.0,
-        "max_sensitivity": 2.2,
-        "robust_gm_db": 4.0,
-        "robust_pm_deg": 30.0,
-    },
-)
-"""Limits that are tried in this order after those of the specification.
-
-They are used where no gains meet the stricter ones, or where those that do hold heading or depth
-worse than the first gains. An unstable hull or a slow tailcone bounds the margins that any gains
-reach."""
 SETTLING_FACTORS = (1.0, 2.0, 4.0)
 """Factors on the time in which a constant load must be compensated.
 

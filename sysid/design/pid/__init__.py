@@ -18,6 +18,7 @@ from sysid.design.pid.plane_search import PlaneSearch, Samples
 from sysid.design.pid.rationale import explain
 from sysid.design.robustness import robustness, violations
 from sysid.design.specification import (
+    RELAXED_LIMITS,
     Design,
     DesignInfeasibleError,
     DesignRobustness,
@@ -125,9 +126,7 @@ def redesign(
     try:
         gains = _gains(in_waves, samples, reference, spec)
     except DesignInfeasibleError as error:
-        raise DesignInfeasibleError(
-            f"{error}; relax the specification, or {_recommended_test(model)}, and refit"
-        ) from None
+        raise DesignInfeasibleError(f"{error}; {_lower_limits(spec)}") from None
     robust = robustness(samples.vehicles, gains, spec)
     check_robustness(robust, model, spec)
     gains |= integrator_limits(loads, gains)
@@ -280,6 +279,17 @@ def check_robustness(robust: DesignRobustness | None, model: IdentifiedModel, sp
         f"only {100 * robust.specification:.0f} % of the vehicles sampled from the model meet the"
         f" specification, at least {100 * spec.robust_fraction:.0f} % required; most violate the"
         f" {robust.worst}; {_recommended_test(model)}, and refit"
+    )
+
+
+def _lower_limits(spec: Spec) -> str:
+    """Return the advice to ask for less; tests do not change what a vehicle permits."""
+    options = " ".join(
+        f"--{name.replace('_', '-')} {value:g}" for name, value in RELAXED_LIMITS[0].items()
+    )
+    return (
+        f"ask for less, as a campaign would: {options}, or give constant loads more time:"
+        f" --integral-settling-s {2.0 * spec.integral_settling_s:g}"
     )
 
 
