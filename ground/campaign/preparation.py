@@ -115,6 +115,7 @@ def mission_scaling(scale: VehicleScale) -> MissionScaling:
     return MissionScaling(
         thrust_pct=scale.thrust_pct,
         time=scale.time,
+        leg=scale.leg,
         min_depth_m=SHALLOWEST_M * max(1.0, scale.length),
         axes={
             PLANES[plane].surface: AxisScaling(
@@ -195,6 +196,6 @@ def _describe(scale: VehicleScale) -> str:
         for plane, part in scale.planes.items()
     ]
     return (
-        f"missions: Caribou's at {scale.thrust_pct:g} % thrust, steps of {scale.time:.2g} times the"
-        f" duration; {'; '.join(parts)}"
+        f"missions: Caribou's at {scale.thrust_pct:g} % thrust, legs of {scale.leg:.2g} and steps"
+        f" of {scale.time:.2g} times the duration; {'; '.join(parts)}"
     )

@@ -38,7 +38,9 @@ class MissionScaling(NamedTuple):
     thrust_pct: float
     """Thrust that replaces the one of the mission (%)."""
     time: float
-    """Factor on the durations of steps, and on those of legs if it is more than 1."""
+    """Factor on the durations of steps."""
+    leg: float
+    """Factor on the durations of legs, at least 1."""
     min_depth_m: float
     """Smallest depth of a leg (m)."""
     axes: Mapping[str, AxisScaling]
@@ -159,7 +161,7 @@ def _scale_step(step: MissionStep, scaling: MissionScaling) -> MissionStep:
     if step.depth_m is not None:
         changes["depth_m"] = round(max(step.depth_m, scaling.min_depth_m), 2)
     if step.duration_s is not None:
-        changes["duration_s"] = float(round(max(1.0, scaling.time) * step.duration_s))
+        changes["duration_s"] = float(round(scaling.leg * step.duration_s))
     return replace(step, **changes)
 
 

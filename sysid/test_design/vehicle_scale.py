@@ -6,6 +6,7 @@ U the speed, b1 the angular acceleration per surface angle, and w the highest fe
 frequency of a plane:
 
     time        tau = (L / U) / (L / U)_Caribou
+    leg         max(1, tau, U_Caribou / U)         depths are those of Caribou's missions
     frequency   phi = w / w_Caribou
     step        a_step = b1_Caribou / b1 / tau^2    same angle in tau times the time
     sweep       a_sweep = b1_Caribou / b1 * phi^2   same angle at phi times the frequency
@@ -51,6 +52,8 @@ class VehicleScale(NamedTuple):
     """Ratios of a vehicle to Caribou."""
 
     time: float
+    leg: float
+    """Durations of legs, at least 1: `time`, or more for a slower dive by the same depth."""
     length: float
     thrust_pct: float
     """Thrust of the vehicle's operating point (%)."""
@@ -77,6 +80,7 @@ def vehicle_scale(config: VehicleConfig, reference: VehicleConfig) -> VehicleSca
     speed = config.operating_point.speed_mps / reference.operating_point.speed_mps
     return VehicleScale(
         time=length / speed,
+        leg=max(1.0, length / speed, 1.0 / speed),
         length=length,
         thrust_pct=round(100.0 * config.operating_point.thrust_fraction, 1),
         planes={

@@ -10,7 +10,11 @@ from mavlink_io.mission_items import MavCmd
 
 UNCHANGED = AxisScaling(step_size=1.0, sweep_size=1.0, frequency=1.0, max_size_deg=15.0)
 CARIBOU = MissionScaling(
-    thrust_pct=58.0, time=1.0, min_depth_m=1.0, axes={"rudder": UNCHANGED, "elevator": UNCHANGED}
+    thrust_pct=58.0,
+    time=1.0,
+    leg=1.0,
+    min_depth_m=1.0,
+    axes={"rudder": UNCHANGED, "elevator": UNCHANGED},
 )
 QUICK = AxisScaling(step_size=1.5, sweep_size=0.5, frequency=2.0, max_size_deg=8.16)
 SMALL = CARIBOU._replace(thrust_pct=60.0, time=0.4, axes={"rudder": QUICK, "elevator": QUICK})
@@ -48,7 +52,7 @@ def test_scale_script_quick_vehicle_sweeps_keep_duration() -> None:
 
 def test_scale_script_slow_vehicle_longer_legs_and_sweeps() -> None:
     slow = UNCHANGED._replace(frequency=0.5)
-    scaling_of_slow = CARIBOU._replace(time=2.0, axes={"rudder": slow, "elevator": slow})
+    scaling_of_slow = CARIBOU._replace(time=0.4, leg=2.0, axes={"rudder": slow, "elevator": slow})
     mission = script.load("rudder_sweeps")
     scaled = scaling.scale_script(mission, scaling_of_slow)
     assert scaled.step[0].duration_s == 2.0 * (mission.step[0].duration_s or 0.0)

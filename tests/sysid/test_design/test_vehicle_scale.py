@@ -1,6 +1,7 @@
 """Ratios of a vehicle to Caribou, by which tests and disturbances are scaled."""
 
 import pytest
+from msgspec.structs import replace
 
 from sitl.vehicle import config
 from sysid.planes import Plane
@@ -24,3 +25,15 @@ def test_vehicle_scale_remus_is_quick_and_light() -> None:
     # I_zz - N_rdot of 8.37 against 927 kg m2 (remus100.toml with strip theory, Table 1)
     assert yaw.moment == pytest.approx(8.37 / 927.0, rel=0.05)
     assert 1.5 < yaw.frequency < 2.5  # a tailcone of 8 rad/s and 0.1 s against 3 rad/s and 0.3 s
+
+
+def test_vehicle_scale_gives_a_slower_vehicle_the_time_to_dive() -> None:
+    """Half the speed: the same depth takes twice the time, also for a hull of half the length."""
+    slow = replace(
+        CARIBOU,
+        operating_point=replace(
+            CARIBOU.operating_point, speed_mps=0.5 * CARIBOU.operating_point.speed_mps
+        ),
+    )
+    assert vehicle_scale(slow, CARIBOU).leg == pytest.approx(2.0)
+    assert vehicle_scale(config.load("remus100"), CARIBOU).leg == 1.0
