@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid.data.dataset import DEFAULT_TRAVEL_DEG, Log, LogError
-from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage
+from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage, without_ahead
 from sysid.data.readers.servo_channels import FROM_LOG, TRAVEL, OutputOptions
 
 FORMATS = "an MCAP log, a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"
@@ -156,5 +156,10 @@ def load(path: Path) -> LogContent:
         tables, damage = readers[format_of(path)](path)
     if not tables:
         raise LogError(f"{path}: holds no message with a time")
+    ahead_s = list[float]()
+    for name, table in tables.items():
+        tables[name], times_s = without_ahead(table)
+        ahead_s += times_s
+    damage = damage._replace(contradicted_s=tuple(sorted((*damage.contradicted_s, *ahead_s))))
     regular = max(tables.values(), key=lambda table: table.time_s.size)
     return LogContent(tables, format_damage(damage, regular.time_s))

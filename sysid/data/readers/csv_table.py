@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mavlink_io.text_files import read_text
 from sysid.data.dataset import (
@@ -37,6 +38,8 @@ from sysid.data.readers.samples import (
     clock_steps,
     derivative,
     foreign_log,
+    format_damage,
+    out_of_order,
     strictly_increasing,
 )
 from sysid.data.readers.servo_channels import (
@@ -81,6 +84,8 @@ UNIT_QUANTILE = 0.95
 A few spikes do not refuse a file; a twentieth of its values in another unit does."""
 MAX_STEP_S = 2.0
 """Largest step of the time, in s: such a column holds milliseconds, or no tests can be seen."""
+MAX_NAMED_LINES = 3
+"""Number of left out rows whose line is named."""
 TIME = "time_s"
 TEST = "test"
 """Column with the surface under test: ``rudder``, ``elevator``, ``both``, or empty."""
@@ -100,6 +105,8 @@ class _Table(NamedTuple):
     tests: list[str]
     """Surface under test in each row; empty outside tests and without the column."""
     parameters: dict[str, float]
+    damage: FileDamage
+    """Rows that are left out."""
 
 
 def read(path: Path, options: OutputOptions) -> Log:
@@ -139,6 +146,7 @@ def read(path: Path, options: OutputOptions) -> Log:
         tuple(_events(table)),
         table.parameters,
         clock_steps(TIME, table.time_s),
+        format_damage(table.damage, table.time_s),
         velocity=_velocity(path, table),
         specific_force=_specific_force(path, table),
     )
@@ -147,7 +155,7 @@ def read(path: Path, options: OutputOptions) -> Log:
 def load(path: Path) -> tuple[dict[str, MessageColumns], FileDamage]:
     """Return the quantities of a file in SI units; raise LogError for a bad file."""
     table = _parse(path)
-    return {_TABLE: MessageColumns(table.time_s, table.quantities)}, FileDamage()
+    return {_TABLE: MessageColumns(table.time_s, table.quantities)}, table.damage
 
 
 def _parse(path: Path) -> _Table:
@@ -198,7 +206,26 @@ def _parse(path: Path) -> _Table:
             f"{path}: column {TIME}: rows are {step_s:g} s apart; give seconds, and at least one"
             f" row every {MAX_STEP_S:g} s"
         )
-    return _Table(columns, time_s, tests, parameters)
+    wrong = out_of_order(time_s)
+    if not wrong.any():
+        return _Table(columns, time_s, tests, parameters, FileDamage())
+    lines_of_rows = np.array([number for number, _ in numbered[1:]])
+    return _Table(
+        quantities={name: values[~wrong] for name, values in columns.items()},
+        time_s=time_s[~wrong],
+        tests=[test for test, left_out in zip(tests, wrong, strict=True) if not left_out],
+        parameters=parameters,
+        damage=FileDamage(texts=(_format_left_out(lines_of_rows[wrong], time_s[wrong]),)),
+    )
+
+
+def _format_left_out(lines: NDArray[np.int64], time_s: Array) -> str:
+    """Return the rows that are left out because of their time."""
+    rows = "1 row is" if lines.size == 1 else f"{lines.size} rows are"
+    named = [f"line {line} ({time:.6g})" for line, time in zip(lines, time_s, strict=True)]
+    more = ["..."] if len(named) > MAX_NAMED_LINES else []
+    where = ", ".join([*named[:MAX_NAMED_LINES], *more])
+    return f"{rows} left out because {TIME} does not fit the rows around: {where}"
 
 
 def _columns(

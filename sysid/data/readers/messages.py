@@ -33,15 +33,20 @@ from sysid.data.dataset import (
 )
 from sysid.data.events import Armed, ModeChanged, parse_text
 from sysid.data.readers.samples import (
+    NO_DAMAGE,
+    FileDamage,
     accelerometer,
+    ahead_of_others,
     body_rates,
     body_velocity,
     clock_steps,
     content_sha256,
     derivative,
     euler_rad,
+    format_damage,
     ground_speed,
     strictly_increasing,
+    times_before,
     usable,
 )
 from sysid.data.readers.servo_channels import OutputOptions, actuator_commands, travel_rad
@@ -139,6 +144,7 @@ def assemble(
     parameters: dict[str, float],
     options: OutputOptions,
     ahead: tuple[Array, Array],
+    damage: FileDamage = NO_DAMAGE,
 ) -> Log:
     """Return the log of one vehicle.
 
@@ -154,6 +160,8 @@ def assemble(
         Output numbers of rudder, elevator and thrust, and the travel.
     ahead : tuple of two ndarray
         Times, and recorder time minus vehicle time, s.
+    damage : FileDamage
+        Damage of the file.
 
     Returns
     -------
@@ -180,6 +188,12 @@ def assemble(
         for step in clock_steps(name, messages[name][0])
     ]
     motion = _attitude(attitude, *messages[attitude])
+    wrong_s = (
+        time_s
+        for name in dict.fromkeys((attitude, commanded, depth))
+        for time_s in times_before(ahead_of_others(messages[name][0]), messages[name][0])
+    )
+    damage = damage._replace(contradicted_s=(*damage.contradicted_s, *sorted(wrong_s)))
     return Log(
         name=path.name,
         sha256=content_sha256(
@@ -200,6 +214,7 @@ def assemble(
         if DUCT in messages
         else DuctAngles(*(np.empty(0),) * 3),
         clock=Clock(tuple(steps), *ahead),
+        damage=format_damage(damage, motion.time_s),
         velocity=_velocity(messages, motion, depth),
         specific_force=_specific_force(messages),
         position=_position(messages),

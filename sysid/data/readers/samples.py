@@ -3,7 +3,8 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -55,6 +56,12 @@ class FileDamage(NamedTuple):
     impossible_names: int = 0
     """Number of names and texts with characters that none has, or that differ in one bit from one
     that is read and is missing."""
+    texts: tuple[str, ...] = ()
+    """Further damage in words."""
+
+
+NO_DAMAGE = FileDamage()
+"""Damage of a whole file."""
 
 
 def is_parameter_name(name: str) -> bool:
@@ -112,7 +119,7 @@ def format_damage(damage: FileDamage, time_s: Array) -> str:
             f"it ends within a message ({damage.trailing_bytes} bytes) at {time_s[-1]:.1f} s;"
             " what followed is lost"
         )
-    return "; ".join(texts)
+    return "; ".join((*texts, *damage.texts))
 
 
 def _format_gaps(time_s: Array) -> str:
@@ -139,9 +146,142 @@ class MessageColumns(NamedTuple):
 
 
 def strictly_increasing(time_s: Array) -> NDArray[np.bool_]:
-    """Return a mask of samples later than all before; repeated and late samples are excluded."""
-    latest = np.maximum.accumulate(time_s)
-    return np.concatenate(([True], time_s[1:] > latest[:-1]))[: time_s.size]
+    """Return a mask of samples later than all before; repeated and late samples are excluded.
+
+    Single samples with a time far ahead are excluded too (`ahead_of_others`).
+    """
+    fitting = ~ahead_of_others(time_s)
+    latest = np.maximum.accumulate(np.where(fitting, time_s, -np.inf))
+    return fitting & np.concatenate(([True], time_s[1:] > latest[:-1]))[: time_s.size]
+
+
+def ahead_of_others(time_s: Array) -> NDArray[np.bool_]:
+    """Return a mask of single samples with a time far ahead of those that follow.
+
+    Such a sample is none of the longest strictly increasing subsequence and is later than
+    CLOCK_STEP_SAMPLES samples of it that follow. So many in a row are a clock step, and stay.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        Times in the order of the file.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        Mask; false throughout for times that are in order but for late and repeated ones.
+    """
+    nothing = np.zeros(time_s.size, bool)
+    late = time_s < np.maximum.accumulate(time_s)
+    if np.count_nonzero(late) < CLOCK_STEP_SAMPLES:
+        return nothing
+    regular = nothing.copy()
+    regular[_longest_increasing(time_s.tolist())] = True
+    earlier = np.searchsorted(time_s[regular], time_s)
+    ahead: NDArray[np.bool_] = ~regular & (earlier - np.cumsum(regular) >= CLOCK_STEP_SAMPLES)
+    return ahead & ~_in_long_series(ahead)
+
+
+def _longest_increasing(values: Sequence[float]) -> list[int]:
+    """Return the indices of the longest strictly increasing subsequence.
+
+    Source: Fredman 1975, "On computing the length of longest increasing subsequences".
+    """
+    last: list[float] = []  # smallest last value of an increasing subsequence, by its length - 1
+    last_index: list[int] = []
+    previous = [-1] * len(values)
+    for index, value in enumerate(values):
+        length = bisect_left(last, value)
+        if length == len(last):
+            last.append(value)
+            last_index.append(index)
+        elif value < last[length]:  # of equal values the first one stays
+            last[length], last_index[length] = value, index
+        else:
+            continue
+        previous[index] = last_index[length - 1] if length else -1
+    chain, index = list[int](), last_index[-1] if last_index else -1
+    while index >= 0:
+        chain.append(index)
+        index = previous[index]
+    return chain[::-1]
+
+
+def out_of_order(time_s: Array) -> NDArray[np.bool_]:
+    """Return a mask of single samples with a time far ahead, or earlier than one before.
+
+    Repeated times, and CLOCK_STEP_SAMPLES earlier ones in a row, which are a clock step, are in
+    order.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        Times in the order of the file.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        Mask.
+    """
+    ahead = ahead_of_others(time_s)
+    late = time_s < np.maximum.accumulate(np.where(ahead, -np.inf, time_s))
+    return ahead | (late & ~_in_long_series(late))
+
+
+def without_ahead(table: MessageColumns) -> tuple[MessageColumns, list[float]]:
+    """Return a table without single samples far ahead, and the times before those, s.
+
+    Parameters
+    ----------
+    table : MessageColumns
+        Messages in the order of the file.
+
+    Returns
+    -------
+    MessageColumns
+        The other messages.
+    list of float
+        Time of the sample before each sample that is left out.
+    """
+    ahead = ahead_of_others(table.time_s)
+    if not ahead.any():
+        return table, []
+    columns = {name: values[~ahead] for name, values in table.columns.items()}
+    return MessageColumns(table.time_s[~ahead], columns), times_before(ahead, table.time_s)
+
+
+def times_before(mask: NDArray[np.bool_], time_s: Array) -> list[float]:
+    """Return the time of the last sample outside a mask before each sample of it, s.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (n,)
+        Samples whose own time may be wrong.
+    time_s : ndarray, shape (n,)
+        Times.
+
+    Returns
+    -------
+    list of float
+        Times; that of the first sample outside the mask where none is before.
+    """
+    others_s = time_s[~mask]
+    before = np.cumsum(~mask)[mask] - 1
+    return [float(t) for t in others_s[np.maximum(before, 0)]] if others_s.size else []
+
+
+def _in_long_series(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return a mask of the samples in series of at least CLOCK_STEP_SAMPLES that are true."""
+    result = np.zeros(mask.size, bool)
+    for first, end in _series(mask):
+        result[first:end] = end - first >= CLOCK_STEP_SAMPLES
+    return result
+
+
+def _series(mask: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """Yield the first index and the end of each series of samples that are true."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def usable(time_s: Array, *columns: NDArray[Any]) -> NDArray[np.bool_]:
@@ -161,8 +301,8 @@ def clock_steps(message: str, time_s: Array) -> list[ClockStep]:
 
     ``message`` is the name of the message and ``time_s`` its time stamps.
     """
+    time_s = time_s[~ahead_of_others(time_s)]
     stale = ~strictly_increasing(time_s)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], stale.astype(np.int8), [0]))))
     latest = np.maximum.accumulate(time_s)
     return [
         ClockStep(
@@ -170,7 +310,7 @@ def clock_steps(message: str, time_s: Array) -> list[ClockStep]:
             time_s=float(latest[first]),
             back_s=float(latest[first] - time_s[first]),
         )
-        for first, end in zip(edges[::2], edges[1::2], strict=True)
+        for first, end in _series(stale)
         if end - first >= CLOCK_STEP_SAMPLES and latest[first] > time_s[first]
     ]
 

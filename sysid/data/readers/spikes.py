@@ -21,6 +21,7 @@ from sysid.data.readers.samples import (
     LARGEST_VALUE,
     FileDamage,
     MessageColumns,
+    ahead_of_others,
 )
 
 NOISE_RATIO = 8.0
@@ -94,7 +95,8 @@ def drop_contradicted(
         if table is None or table.time_s.size < MIN_SAMPLES:
             continue
         others = (other for key, other in tables.items() if key != name)
-        bad = _out_of_order(table.time_s) | _displaced(table.time_s, _latest_s(others))
+        bad = ahead_of_others(table.time_s)
+        bad |= _out_of_order(table.time_s) | _displaced(table.time_s, _latest_s(others))
         for column, plausible in checks.items():
             values = table.columns.get(column)
             if values is not None and values.dtype.kind in "iuf":

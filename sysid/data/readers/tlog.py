@@ -4,7 +4,6 @@ Times are the vehicle's times in the messages, not the times of reception, becau
 a variable delay.
 """
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from sysid.data.readers.messages import (
     assemble,
     messages_to_read,
 )
-from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage
+from sysid.data.readers.samples import FileDamage, MessageColumns
 from sysid.data.readers.servo_channels import OutputOptions
 
 
@@ -67,9 +66,9 @@ def read(path: Path, options: OutputOptions) -> Log:
         if device and any(stream.system == system for system, _ in vehicles):
             messages[device] = _decode(stream)
     nothing = np.empty(0)
-    log = assemble(path, messages, _parameters(own.get("PARAM_VALUE")), options, (nothing, nothing))
     damage = FileDamage(*tlog.find_damage(data))
-    return replace(log, damage=format_damage(damage, log.attitude.time_s))
+    parameters = _parameters(own.get("PARAM_VALUE"))
+    return assemble(path, messages, parameters, options, (nothing, nothing), damage)
 
 
 def load(path: Path) -> tuple[dict[str, MessageColumns], FileDamage]:

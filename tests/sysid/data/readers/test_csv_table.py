@@ -284,3 +284,29 @@ def test_csv_time_that_never_increases_is_named(tmp_path: Path, sign: float) -> 
     text = [f"{sign * float(time_s):.3f},{rest}" for time_s, rest in lines]
     with pytest.raises(LogError, match=r"column time_s: never increases; give rows in the order"):
         readers.read(write(tmp_path / "dive.csv", lines=text), OutputOptions())
+
+
+@pytest.mark.parametrize("value", ["999.0", "1e300", "-3"])
+def test_single_wrong_time_leaves_out_its_row_only(tmp_path: Path, value: str) -> None:
+    good = the_run(write(tmp_path / "good.csv"))
+    lines = rows()
+    lines[500] = f"{value},{lines[500].split(',', 1)[1]}"
+    path = write(tmp_path / "bad.csv", lines=lines)
+    log, content = readers.read(path), readers.load(path)
+    assert log.attitude.time_s.size == len(lines) - 1
+    text = "1 row is left out because time_s does not fit the rows around: line 504"
+    assert log.damage == content.damage == f"{text} ({float(value):g})"
+    (table,) = content.tables.values()
+    assert table.time_s[-1] - table.time_s[0] == pytest.approx(files.SECONDS, abs=0.03)
+    run = the_run(path)
+    np.testing.assert_allclose(run.time_s, good.time_s)
+    np.testing.assert_allclose(run.heading_rad, good.heading_rad, atol=1e-3)
+
+
+def test_wrong_times_are_counted_and_three_lines_named(tmp_path: Path) -> None:
+    lines = rows()
+    for k in (100, 200, 300, 400):
+        lines[k] = f"{999 + k},{lines[k].split(',', 1)[1]}"
+    damage = readers.read(write(tmp_path / "bad.csv", lines=lines)).damage
+    assert damage.startswith("4 rows are left out because time_s does not fit the rows around: ")
+    assert damage.endswith(": line 104 (1099), line 204 (1199), line 304 (1299), ...")

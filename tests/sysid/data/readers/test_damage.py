@@ -309,3 +309,13 @@ def test_tlog_flipped_bit_loses_samples_but_alters_none(tmp_path: Path) -> None:
         found = attitude_rows(readers.read(path))
         assert found <= expected
         assert len(found) >= len(expected) - 1
+
+
+def test_single_wrong_time_of_an_mcap_leaves_out_its_sample(tmp_path: Path) -> None:
+    entries = list(dive(SECONDS, TEST))
+    (place, *_) = (k for k, (t, m) in enumerate(entries) if m.msgname == "ATTITUDE" and t > 1.0)
+    whole = readers.read(recording.write(tmp_path / "whole.mcap", entries, PARAMETERS))
+    entries[place] = (999.0, entries[place][1])
+    log = readers.read(recording.write(tmp_path / "wrong.mcap", entries, PARAMETERS))
+    assert log.attitude.time_s.size == whole.attitude.time_s.size - 1
+    assert log.damage.startswith("1 sample is contradicted by the ones around and left out, at ")
