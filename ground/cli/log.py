@@ -93,7 +93,7 @@ def _format_download(download: "Download") -> str:
 
 @app.command()
 def info(file: Path, json: Json = False) -> None:
-    """Show duration, messages and damage of a log."""
+    """Show duration, messages, damage and gaps of a log."""
     from ground.log_tools import foreign
     from ground.log_tools import mcap as logs
 
@@ -107,6 +107,10 @@ def info(file: Path, json: Json = False) -> None:
     lines += [f"  {count:8d}  {printable(topic)}" for topic, count in content["topics"].items()]
     lines += [f"  attached  {printable(name)}" for name in content["attachments"]]
     lines += [f"  damaged   {printable(text)}" for text in content["damage"]]
+    lines += [
+        f"  gap       {gap['length_s']:.1f} s without data from {gap['start_s']:.1f} s"
+        for gap in content["gaps"]
+    ]
     print_result(content, "\n".join(lines), json)
 
 

@@ -3,8 +3,12 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from ground.log_tools.mcap import LONGEST_GAP_S
 from sysid.data import readers
 from sysid.data.dataset import LogError
+from sysid.data.readers.samples import MessageColumns
 
 
 def is_foreign(path: Path) -> bool:
@@ -39,4 +43,14 @@ def info(path: Path) -> dict[str, Any]:
         "attachments": [],
         "metadata": {},
         "damage": [damage] if damage else [],
+        "gaps": _gaps(max(tables.values(), key=lambda table: table.time_s.size)),
     }
+
+
+def _gaps(regular: MessageColumns) -> list[dict[str, float]]:
+    """Return begin and length of the times without the most frequent message."""
+    intervals_s = np.diff(regular.time_s)
+    return [
+        {"start_s": float(regular.time_s[index]), "length_s": float(intervals_s[index])}
+        for index in np.flatnonzero(intervals_s > LONGEST_GAP_S)
+    ]

@@ -18,6 +18,9 @@ from mavlink_io.logging.mcap_reader import (
     McapReader,
 )
 
+LONGEST_GAP_S = 10.0
+"""Time without data from which on `info` reports a gap, s."""
+
 
 class Recovered(NamedTuple):
     """Result of the recovery of an unfinished or damaged log."""
@@ -35,7 +38,10 @@ class McapFileError(InputError):
 
 
 def info(path: Path) -> dict[str, Any]:
-    """Return duration, messages by topic, lost frames, attachments and damage of a finished log.
+    """Return duration, messages by topic, lost frames, attachments, damage and gaps of a log.
+
+    ``gaps`` holds begin (``start_s``, since the first message) and length (``length_s``) of the
+    times without any message, s.
 
     Raises
     ------
@@ -46,6 +52,7 @@ def info(path: Path) -> dict[str, Any]:
     first_ns, last_ns = None, 0
     attachments: list[str] = []
     metadata: dict[str, dict[str, str]] = {}
+    silences: list[tuple[int, int]] = []
     gaps = _Gaps()
     with _opened(path) as reader:
         names: dict[int, str] = {}
@@ -54,6 +61,8 @@ def info(path: Path) -> dict[str, Any]:
                 case McapMessage():
                     topic = names[item.channel]
                     topics[topic] = topics.get(topic, 0) + 1
+                    if first_ns is not None and item.time_ns - last_ns > LONGEST_GAP_S * 1e9:
+                        silences.append((last_ns, item.time_ns))
                     first_ns = item.time_ns if first_ns is None else min(first_ns, item.time_ns)
                     last_ns = max(last_ns, item.time_ns)
                     gaps.count(topic, item.sequence)
@@ -73,6 +82,10 @@ def info(path: Path) -> dict[str, Any]:
         "attachments": attachments,
         "metadata": metadata,
         "damage": mcap_reader.damage_texts(reader),
+        "gaps": [
+            {"start_s": (begin - (first_ns or 0)) / 1e9, "length_s": (end - begin) / 1e9}
+            for begin, end in silences
+        ],
     }
 
 

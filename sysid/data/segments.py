@@ -19,6 +19,12 @@ from sysid.signal_processing import without_spikes
 
 PREROLL_S = 15.0
 """Duration of the pre-roll, which gives the commands, actuator bias and initial state of a test."""
+LONGEST_GAP_S = 10.0
+"""Longest time without attitude over which samples are interpolated, s.
+
+A longer one, such as a clock that jumps to UTC, has no samples; screening rejects a test much
+earlier (`sysid.screening.limits`).
+"""
 MAX_VELOCITY_AGE_S = 1.0
 """Distance in time to the next sample of velocity or acceleration from which on it is unknown."""
 
@@ -255,11 +261,13 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
     attitude, actuators, depth = log.attitude, log.actuators, log.depth
     first_s = max(attitude.time_s[0], actuators.time_s[0], depth.time_s[0])
     before = int(np.floor((span.start_s - max(span.start_s - PREROLL_S, first_s)) * RATE_HZ))
-    after = int(np.floor((span.stop_s - span.start_s) * RATE_HZ))
+    last_s = _data_until_s(attitude.time_s, span.start_s, span.stop_s)
+    after = int(np.floor((last_s - span.start_s) * RATE_HZ))
     time_s = np.arange(-max(before, 0), max(after, 1) + 1) / RATE_HZ
     grid_s = span.start_s + time_s
     hold = hold_of(log)
     earlier_s = 0.5 * (1.0 / RATE_HZ - hold.mean_s)
+    end_s = float(grid_s[-1]) if last_s == span.stop_s else span.stop_s
 
     def smooth(values: Array) -> Array:
         return np.interp(grid_s, attitude.time_s, values)
@@ -284,8 +292,10 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
         heading_rad=smooth(attitude.yaw_rad),
         depth_m=np.interp(grid_s, depth.time_s, depth.depth_m),
         stop_reason=span.stop_reason,
-        longest_gap_s=max(_max_gap_s(t, grid_s) for t in (attitude.time_s, actuators.time_s)),
-        longest_depth_gap_s=_max_gap_s(depth.time_s, grid_s),
+        longest_gap_s=max(
+            _max_gap_s(t, float(grid_s[0]), end_s) for t in (attitude.time_s, actuators.time_s)
+        ),
+        longest_depth_gap_s=_max_gap_s(depth.time_s, float(grid_s[0]), end_s),
         rudder_trim_rad=np.radians(log.parameters.get("TRIM_RUD_DEG", 0.0)),
         elevator_trim_rad=np.radians(log.parameters.get("TRIM_ELE_DEG", 0.0)),
         clock_back=_clock_step_reason(log, grid_s),
@@ -397,7 +407,40 @@ def _clock_drift_s(log: Log, grid_s: Array) -> float:
     return float(np.median(ahead_s[-quarter:]) - np.median(ahead_s[:quarter])) if quarter else 0.0
 
 
-def _max_gap_s(time_s: Array, grid_s: Array) -> float:
-    """Return the largest step of ``time_s`` within the grid, including both ends of the grid."""
-    within_run = time_s[(time_s > grid_s[0]) & (time_s < grid_s[-1])]
-    return float(np.max(np.diff(np.concatenate(([grid_s[0]], within_run, [grid_s[-1]])))))
+def _max_gap_s(time_s: Array, start_s: float, end_s: float) -> float:
+    """Return the largest step of ``time_s`` between two times, including both of them."""
+    within_run = time_s[(time_s > start_s) & (time_s < end_s)]
+    return float(np.max(np.diff(np.concatenate(([start_s], within_run, [end_s])))))
+
+
+def _data_until_s(time_s: Array, start_s: float, stop_s: float) -> float:
+    """Return the end of a test, or the beginning of its first gap above LONGEST_GAP_S."""
+    within_run = time_s[(time_s > start_s) & (time_s < stop_s)]
+    edges_s = np.concatenate(([start_s], within_run, [stop_s]))
+    gaps = np.flatnonzero(np.diff(edges_s) > LONGEST_GAP_S)
+    return float(edges_s[gaps[0]]) if gaps.size else stop_s
+
+
+def grid_without_gaps(time_s: Array, first_s: float, last_s: float, step_s: float) -> Array:
+    """Return times at a constant step, without those in gaps above LONGEST_GAP_S.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        Increasing times of samples, s.
+    first_s, last_s : float
+        Range of the times, s; ``last_s`` is excluded.
+    step_s : float
+        Step, s.
+
+    Returns
+    -------
+    ndarray
+        Times, s; after each gap they begin again at the next sample.
+    """
+    edges_s = np.concatenate(([first_s], time_s[(time_s > first_s) & (time_s < last_s)], [last_s]))
+    gaps = np.flatnonzero(np.diff(edges_s) > LONGEST_GAP_S)
+    starts_s = [first_s, *edges_s[gaps + 1].tolist()]
+    ends_s = [*edges_s[gaps].tolist(), last_s]
+    pieces = zip(starts_s, ends_s, strict=True)
+    return np.concatenate([np.arange(start_s, end_s, step_s) for start_s, end_s in pieces])

@@ -99,7 +99,7 @@ def _candidates(log: Log, plane: Plane) -> Iterator[MarkedInterval]:
     first_s = max(actuators.time_s[0], attitude.time_s[0], log.depth.time_s[0])
     last_s = min(actuators.time_s[-1], attitude.time_s[-1], log.depth.time_s[-1])
     gaps_s = sorted(_gaps_s(attitude.time_s) + _gaps_s(actuators.time_s))
-    grid_s = np.arange(first_s, last_s, GRID_S)
+    grid_s = segments.grid_without_gaps(attitude.time_s, first_s, last_s, GRID_S)
     span = round(CHANGE_S / GRID_S)
     if grid_s.size < 2 * span:
         return

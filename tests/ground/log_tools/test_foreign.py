@@ -71,3 +71,14 @@ def test_info_reports_truncated_log(tmp_path: Path) -> None:
     path.write_bytes(data[: len(data) * 3 // 4 + 5])
     lines = CliRunner().invoke(app, ["log", "info", str(path)]).stdout.splitlines()
     assert any("damaged" in line and "it ends within a message" in line for line in lines), lines
+
+
+def test_info_reports_a_jump_of_the_clock_as_a_gap(tmp_path: Path) -> None:
+    lines = ["time_s,heading_deg,rudder_deg,thrust_pct"]
+    lines += [f"{100 + 0.1 * k + 1.7e9 * (k >= 300):.2f},10,0,50" for k in range(600)]
+    path = tmp_path / "utc.csv"
+    path.write_text("\n".join(lines))
+    result = CliRunner().invoke(app, ["log", "info", str(path)])
+    assert "gap       1700000000.1 s without data from 129.9 s" in result.stdout
+    info = json.loads(CliRunner().invoke(app, ["log", "info", str(path), "--json"]).stdout)
+    assert info["gaps"] == [{"start_s": 129.9, "length_s": pytest.approx(1.7e9 + 0.1)}]

@@ -11,7 +11,9 @@ from ground.__main__ import app
 from ground.log_tools import export, mcap
 from sysid.data import readers as identification
 from sysid.data.dataset import LogError
+from tests.sysid import recording
 from tests.sysid.data.readers import test_damage as damaged
+from tests.sysid.data.test_dataset import dive
 
 
 @pytest.fixture
@@ -76,3 +78,10 @@ def test_bomb_is_refused_by_info_and_recover(tmp_path: Path) -> None:
     with pytest.raises(mcap.McapFileError, match="bytes unpack to more than"):
         mcap.recover(path, tmp_path / "saved.mcap")
     assert not (tmp_path / "saved.mcap").exists()
+
+
+def test_info_reports_a_gap_of_an_mcap(tmp_path: Path) -> None:
+    entries = [(t + 500.0 * (t > 2.0), message) for t, message in dive(4.0, (1.0, 3.0, "x"))]
+    (gap,) = run("info", str(recording.write(tmp_path / "gap.mcap", entries, {})))["gaps"]
+    assert gap["start_s"] == pytest.approx(2.0, abs=0.1)
+    assert gap["length_s"] == pytest.approx(500.0, abs=0.1)

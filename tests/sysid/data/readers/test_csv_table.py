@@ -11,8 +11,9 @@ from sysid.data import readers, segments
 from sysid.data.dataset import LogError, VelocitySource
 from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
 from sysid.data.runs import RATE_HZ, Run
+from sysid.data.segments import MarkedInterval
 from sysid.planes import Plane
-from sysid.screening import screen
+from sysid.screening import proposals, screen
 from tests.sysid.data.readers import files
 
 COLUMNS = (
@@ -310,3 +311,32 @@ def test_wrong_times_are_counted_and_three_lines_named(tmp_path: Path) -> None:
     damage = readers.read(write(tmp_path / "bad.csv", lines=lines)).damage
     assert damage.startswith("4 rows are left out because time_s does not fit the rows around: ")
     assert damage.endswith(": line 104 (1099), line 204 (1199), line 304 (1299), ...")
+
+
+def test_clock_that_jumps_to_utc_in_a_test_is_a_gap(tmp_path: Path) -> None:
+    """The grid of a run, and that of the proposals, end at the jump."""
+    lines = rows()
+    jump = round((files.TEST[0] + 8.0) * files.RATE_HZ)
+    for k in range(jump, len(lines)):
+        time_s, rest = lines[k].split(",", 1)
+        lines[k] = f"{float(time_s) + 1.7e9:.3f},{rest}"
+    log = readers.read(write(tmp_path / "utc.csv", lines=lines))
+    (run,) = segments.cut_runs(log)
+    assert run.time_s[-1] == pytest.approx(8.0, abs=0.03)
+    assert run.longest_gap_s == pytest.approx(1.7e9)
+    (screening,) = screen([run])
+    assert screening.reasons[0].startswith("gap: 1700000000")
+    assert all(mark.stop_s - mark.start_s < 60.0 for mark in proposals.propose(log))
+    (mark,) = segments.cut_runs(
+        segments.without_tests(log), [MarkedInterval(120.0, 1.7e9 + 130.0, Plane.YAW)]
+    )
+    assert mark.longest_gap_s == pytest.approx(1.7e9)
+
+
+def test_run_with_a_short_gap_keeps_its_grid(tmp_path: Path) -> None:
+    lines = rows()
+    first = round((files.TEST[0] + 1.0) * files.RATE_HZ)
+    del lines[first : first + 8 * files.RATE_HZ]
+    run = the_run(write(tmp_path / "gap.csv", lines=lines))
+    assert run.time_s[-1] == pytest.approx(10.0, abs=0.03)
+    assert run.longest_gap_s == pytest.approx(8.02, abs=1e-3)
