@@ -15,6 +15,9 @@ FORMATS = "an MCAP log, a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv
 MAX_TRAVEL_DEG = 90.0
 """Largest travel of a surface to either side."""
 
+TRIMS = ("TRIM_RUD_DEG", "TRIM_ELE_DEG")
+"""Parameters with the command of a surface for straight and level motion."""
+
 _FORMAT_BY_MAGIC = {b"\x89MCAP0\r\n": "mcap", b"ULog\x01\x12\x35": "ulog", b"\xa3\x95": "dataflash"}
 _FORMAT_BY_SUFFIX = {
     ".mcap": "mcap",
@@ -112,6 +115,12 @@ def read(path: str | Path, options: OutputOptions = FROM_LOG) -> Log:
             f"{path}: {TRAVEL} = {travel_deg:g}; the travel of the surfaces lies between 0 and"
             f" {MAX_TRAVEL_DEG:g} deg"
         )
+    for name in TRIMS:
+        if not abs(trim_deg := log.parameters.get(name, 0.0)) <= MAX_TRAVEL_DEG:
+            raise LogError(
+                f"{path}: {name} = {trim_deg:g}; a trim lies between -{MAX_TRAVEL_DEG:g} and"
+                f" {MAX_TRAVEL_DEG:g} deg"
+            )
     return log
 
 

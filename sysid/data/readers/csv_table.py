@@ -76,6 +76,29 @@ _LARGEST = {
     "thrust": 1.0,
 }
 """Largest possible absolute value in SI units; a larger one is in another unit than the column."""
+_ANGLE, _RATE, _SPEED = math.radians(1e6), math.radians(4000.0), 60.0
+_RANGES = {
+    "heading": (-_ANGLE, _ANGLE),  # unwrapped, over 2,700 turns
+    "roll": (-_ANGLE, _ANGLE),
+    "pitch": (-2.0 * math.pi, 2.0 * math.pi),
+    "p": (-_RATE, _RATE),  # rate sensors end at 2000 deg/s
+    "q": (-_RATE, _RATE),
+    "r": (-_RATE, _RATE),
+    "rudder": (-2.0 * math.pi, 2.0 * math.pi),
+    "elevator": (-2.0 * math.pi, 2.0 * math.pi),
+    "thrust": (-10.0, 10.0),
+    "depth": (-10.0, 12_000.0),  # the ocean is 10,935 m deep
+    "depth_rate": (-_SPEED, _SPEED),
+    "u": (-_SPEED, _SPEED),
+    "v": (-_SPEED, _SPEED),
+    "w": (-_SPEED, _SPEED),
+    "ax": (-1000.0, 1000.0),
+    "ay": (-1000.0, 1000.0),
+    "az": (-1000.0, 1000.0),
+}
+"""Smallest and largest value of a single cell in SI units, which no vehicle exceeds."""
+MIN_DEPTH_M = -1.0
+"""Smallest depth of a vehicle at the surface: error of a pressure sensor's zero."""
 MIN_THRUST = 0.01
 """Thrust up to which the column is a fraction, not percent: a vehicle does not cruise with 1 %."""
 UNIT_QUANTILE = 0.95
@@ -129,7 +152,7 @@ def read(path: Path, options: OutputOptions) -> Log:
     LogError
         A column is missing, or a cell is not a number; the message names line and column.
     """
-    table = _parse(path)
+    table = _without_empty_columns(_parse(path))
     complete = [all(name in table.quantities for name in plane) for plane in _PLANES]
     if not any(complete):
         raise LogError(
@@ -228,6 +251,14 @@ def _format_left_out(lines: NDArray[np.int64], time_s: Array) -> str:
     return f"{rows} left out because {TIME} does not fit the rows around: {where}"
 
 
+def _without_empty_columns(table: _Table) -> _Table:
+    """Return a table without the columns in which no row has a value."""
+    columns = table.quantities.items()
+    return table._replace(
+        quantities={name: values for name, values in columns if np.any(np.isfinite(values))}
+    )
+
+
 def _columns(
     path: Path, names: Sequence[str], rows: Sequence[Sequence[str]], lines: Sequence[int]
 ) -> dict[str, Array]:
@@ -256,6 +287,7 @@ def _columns(
             ]
             columns[quantity] = factor * np.array(values)
             _check_unit(path, name, quantity, columns[quantity], factor)
+            _check_range(path, name, quantity, columns[quantity], factor, lines)
     return columns
 
 
@@ -270,9 +302,22 @@ def _without_time(names: Sequence[str]) -> str:
 
 def _check_unit(path: Path, name: str, quantity: str, values: Array, factor: float) -> None:
     """Raise LogError for a column of values that cannot be in its unit."""
-    finite = np.abs(values[np.isfinite(values)])
-    if quantity not in _LARGEST or not finite.size:
+    known = values[np.isfinite(values)]
+    if not known.size:
         return
+    if quantity == "depth" and (high_m := float(np.quantile(known, UNIT_QUANTILE))) < MIN_DEPTH_M:
+        raise LogError(
+            f"{path}: column {name}: values of {high_m / factor:.6g}; depth is positive down, and"
+            f" at least {MIN_DEPTH_M / factor:g} at the surface"
+        )
+    if quantity == "u" and not np.any(known > 0.0):
+        raise LogError(
+            f"{path}: column {name}: no value above 0; give the speed forward as positive, or leave"
+            " the column out"
+        )
+    if quantity not in _LARGEST:
+        return
+    finite = np.abs(known)
     large, limit = float(np.quantile(finite, UNIT_QUANTILE)), _LARGEST[quantity]
     if large > limit * (1.0 + 1e-9):
         raise LogError(
@@ -286,15 +331,38 @@ def _check_unit(path: Path, name: str, quantity: str, values: Array, factor: flo
         )
 
 
+def _check_range(
+    path: Path, name: str, quantity: str, values: Array, factor: float, lines: Sequence[int]
+) -> None:
+    """Raise LogError for a cell with a value that no vehicle can have."""
+    if quantity not in _RANGES:
+        return
+    smallest, largest = _RANGES[quantity]
+    impossible = np.flatnonzero((values < smallest) | (values > largest))
+    if impossible.size:
+        first = impossible[0]
+        raise LogError(
+            f"{path}: line {lines[first]}, column {name}: {values[first] / factor:.6g} is"
+            f" impossible; give {smallest / factor:.6g} to {largest / factor:.6g}, or leave the"
+            " cell empty"
+        )
+
+
 def _number(path: Path, row: Sequence[str], index: int, name: str, line: int) -> float:
-    """Return the number in a cell; NaN for an empty one."""
+    """Return the number in a cell; NaN for an empty one, and for ``nan``."""
     if index >= len(row):
         raise LogError(f"{path}: line {line}: has {len(row)} cells; column {name} is missing")
     text = row[index].strip()
     try:
-        return float(text) if text else math.nan
+        value = float(text) if text else math.nan
     except ValueError:
         raise LogError(f"{path}: line {line}, column {name}: {text!r} is no number") from None
+    if math.isinf(value):
+        raise LogError(
+            f"{path}: line {line}, column {name}: {text!r} is impossible; leave a cell without a"
+            " value empty"
+        )
+    return value
 
 
 def _parameters(path: Path, lines: Sequence[str]) -> dict[str, float]:

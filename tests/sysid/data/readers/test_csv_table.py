@@ -340,3 +340,68 @@ def test_run_with_a_short_gap_keeps_its_grid(tmp_path: Path) -> None:
     run = the_run(write(tmp_path / "gap.csv", lines=lines))
     assert run.time_s[-1] == pytest.approx(10.0, abs=0.03)
     assert run.longest_gap_s == pytest.approx(8.02, abs=1e-3)
+
+
+def with_cells(column: int, value: str, every: int = 1) -> list[str]:
+    """Return the rows with another value in a column, from the first on."""
+    lines = [line.split(",") for line in rows()]
+    for cells in lines[::every]:
+        cells[column] = value
+    return [",".join(cells) for cells in lines]
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "every", "text"),
+    [
+        (
+            1,
+            "1e300",
+            9999,
+            "line 4, column heading_deg: 1e+300 is impossible; give -1e+06 to 1e+06",
+        ),
+        (3, "1e200", 9999, "line 4, column r_degps: 1e+200 is impossible; give -4000 to 4000, or"),
+        (2, "inf", 9999, "line 4, column pitch_deg: 'inf' is impossible; leave a cell without a"),
+        (7, "1e9", 9999, "line 4, column thrust_pct: 1e+09 is impossible; give -1000 to 1000"),
+        (8, "-30", 50, "line 4, column depth_m: -30 is impossible; give -10 to 12000, or leave"),
+        (8, "-3", 1, "column depth_m: values of -3; depth is positive down, and at least -1"),
+    ],
+)
+def test_impossible_value_names_line_column_and_range(
+    tmp_path: Path, column: int, value: str, every: int, text: str
+) -> None:
+    path = write(tmp_path / "bad.csv", lines=with_cells(column, value, every))
+    with pytest.raises(LogError) as refused:
+        readers.read(path)
+    assert str(refused.value).startswith(f"{path}: {text}")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ("1500", r"line 4, column u_mps: 1500 is impossible; give -60 to 60"),
+        ("0", r"column u_mps: no value above 0; give the speed forward as positive"),
+        ("-1.5", r"column u_mps: no value above 0; give the speed forward as positive"),
+    ],
+)
+def test_impossible_speed_is_refused(tmp_path: Path, value: str, text: str) -> None:
+    path = write(tmp_path / "dive.csv", f"{COLUMNS},u_mps", [f"{line},{value}" for line in rows()])
+    with pytest.raises(LogError, match=text):
+        readers.read(path)
+
+
+@pytest.mark.parametrize("value", ["nan", "1e9", "-91"])
+def test_impossible_trim_is_refused(tmp_path: Path, value: str) -> None:
+    path = write(tmp_path / "dive.csv")
+    path.write_text(f"# TRIM_RUD_DEG = {value}\n{path.read_text()}")
+    with pytest.raises(LogError, match=r"TRIM_RUD_DEG = .*; a trim lies between -90 and 90 deg"):
+        readers.read(path)
+
+
+@pytest.mark.parametrize("cell", ["", "nan"])
+def test_column_without_values_counts_as_missing(tmp_path: Path, cell: str) -> None:
+    """As in state.csv of a log without a velocity."""
+    lines = [f"{line},{cell},{cell}" for line in rows()]
+    path = write(tmp_path / "dive.csv", f"{COLUMNS},u_mps,roll_deg", lines)
+    log, expected = readers.read(path), readers.read(write(tmp_path / "without.csv"))
+    assert log.sha256 == expected.sha256
+    assert log.velocity.source == VelocitySource.NONE
