@@ -1,11 +1,11 @@
-"""Text files from outside: limits of size, nesting and digits, so that no file ends a program."""
+"""Files from outside: limits of kind, size, nesting and digits, so that no file ends a program."""
 
 import errno
 import json
 import tomllib
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, cast
 
 MAX_TEXT_BYTES = 64_000_000
 """Largest text file that is read: parameters, missions, vehicles, models, CSV logs."""
@@ -19,13 +19,36 @@ MAX_INTEGER_BITS = 1023
 """Largest integer in bits: that of the largest float."""
 
 
+def open_regular(path: Path | Traversable) -> BinaryIO:
+    """Open a file for reading; a pipe, which may wait for ever, a socket or a device is refused.
+
+    Parameters
+    ----------
+    path : Path or Traversable
+        The file.
+
+    Returns
+    -------
+    file object
+        The file, in binary mode.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read, or is no regular file (EINVAL).
+    """
+    if isinstance(path, Path) and path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "is no regular file (a pipe, socket or device)", str(path))
+    return cast("BinaryIO", path.open("rb"))
+
+
 def read_limited(path: Path | Traversable, max_bytes: int = MAX_LOG_BYTES) -> bytes:
     """Return the content of a file.
 
     Parameters
     ----------
     path : Path or Traversable
-        The file; a device without an end is read up to the limit only.
+        The file.
     max_bytes : int
         Largest size that is accepted.
 
@@ -37,10 +60,10 @@ def read_limited(path: Path | Traversable, max_bytes: int = MAX_LOG_BYTES) -> by
     Raises
     ------
     OSError
-        The file cannot be read, or is larger than the limit (EFBIG).
+        The file cannot be read, is no regular file (EINVAL), or is larger than the limit (EFBIG).
     """
     pieces, size = list[bytes](), 0
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         while piece := file.read(_PIECE_BYTES):
             pieces.append(piece)
             size += len(piece)

@@ -7,16 +7,18 @@ import numpy as np
 
 from ground.log_tools.mcap import LONGEST_GAP_S
 from sysid.data import readers
-from sysid.data.dataset import LogError
 from sysid.data.readers.samples import MessageColumns
 
 
 def is_foreign(path: Path) -> bool:
-    """Return whether a file is a log in another format; unknown files count as MCAP."""
-    try:
-        return readers.format_of(path) != "mcap"
-    except LogError:
-        return False
+    """Return whether a file is a log in another format.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or its format is unknown.
+    """
+    return readers.format_of(path) != "mcap"
 
 
 def info(path: Path) -> dict[str, Any]:

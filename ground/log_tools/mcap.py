@@ -17,6 +17,7 @@ from mavlink_io.logging.mcap_reader import (
     McapMetadata,
     McapReader,
 )
+from mavlink_io.text_files import open_regular
 
 LONGEST_GAP_S = 10.0
 """Time without data from which on `info` reports a gap, s."""
@@ -223,7 +224,7 @@ def _opened(
     Raises McapFileError, also during reading, if the file is not MCAP or exceeds a limit.
     """
     try:
-        file = path.open("rb")
+        file = open_regular(path)
     except OSError as error:
         raise McapFileError(f"{path}: {error.strerror}") from None
     remedy = "" if unfinished else "; `ground log recover` saves the content of an unfinished log"

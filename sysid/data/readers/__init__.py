@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavlink_io.text_files import open_regular
 from sysid.data.dataset import DEFAULT_TRAVEL_DEG, Log, LogError
 from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage, without_ahead
 from sysid.data.readers.servo_channels import FROM_LOG, TRAVEL, OutputOptions
@@ -25,6 +26,14 @@ _FORMAT_BY_SUFFIX = {
     ".bin": "dataflash",
     ".tlog": "tlog",
     ".csv": "csv",
+}
+_COMPRESSION_BY_MAGIC = {
+    b"\x1f\x8b": "gzip",
+    b"PK\x03\x04": "zip",
+    b"BZh": "bzip2",
+    b"\xfd7zXZ\x00": "xz",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"7z\xbc\xaf\x27\x1c": "7-Zip",
 }
 _STAMP_LENGTH = 8
 _FRAME_MAGIC = b"\xfd\xfe"
@@ -49,13 +58,16 @@ def format_of(path: Path) -> str:
     Raises
     ------
     LogError
-        The file cannot be read, or its format is unknown.
+        The file cannot be read, is compressed, or its format is unknown.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(_STAMP_LENGTH + 1)
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give {FORMATS}") from None
+    for magic, program in _COMPRESSION_BY_MAGIC.items():
+        if start.startswith(magic):
+            raise LogError(f"{path}: is compressed ({program}); unpack it, and give the log in it")
     for magic, name in _FORMAT_BY_MAGIC.items():
         if start.startswith(magic):
             return name

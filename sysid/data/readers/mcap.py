@@ -17,7 +17,7 @@ from mavlink_io.logging.mcap_reader import (
     McapReader,
     format_damage,
 )
-from mavlink_io.text_files import parse_json
+from mavlink_io.text_files import open_regular, parse_json
 from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
 from sysid.data.readers.messages import (
@@ -95,7 +95,7 @@ def _streams(path: Path, wanted: Callable[[McapChannel], bool]) -> "_Streams":
     """Return the content of a finished, undamaged file. Raises LogError."""
     streams = _Streams()
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             reader = McapReader(file, wanted, batched=True)
             if not reader.finished:
                 raise LogError(

@@ -1,7 +1,9 @@
 """Logs in other formats with ``ground log`` and ``ground refit``."""
 
 import csv
+import gzip
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -82,3 +84,21 @@ def test_info_reports_a_jump_of_the_clock_as_a_gap(tmp_path: Path) -> None:
     assert "gap       1700000000.1 s without data from 129.9 s" in result.stdout
     info = json.loads(CliRunner().invoke(app, ["log", "info", str(path), "--json"]).stdout)
     assert info["gaps"] == [{"start_s": 129.9, "length_s": pytest.approx(1.7e9 + 0.1)}]
+
+
+@pytest.mark.parametrize("command", [["log", "info"], ["log", "segments"], ["refit"]])
+def test_compressed_log_is_named(tmp_path: Path, command: list[str]) -> None:
+    for name in ("dive.csv", "dive.csv.gz"):
+        path = tmp_path / name
+        path.write_bytes(gzip.compress(b"time_s,heading_deg\n"))
+        with pytest.raises(InputError, match=rf"{name}: is compressed \(gzip\); unpack it"):
+            CliRunner().invoke(app, [*command, str(path)], catch_exceptions=False)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+@pytest.mark.parametrize("command", [["log", "info"], ["refit"], ["redesign"], ["log", "recover"]])
+def test_pipe_is_refused(tmp_path: Path, command: list[str]) -> None:
+    path = tmp_path / "fifo.csv"
+    os.mkfifo(path)
+    with pytest.raises(InputError, match=r"fifo\.csv: is no regular file"):
+        CliRunner().invoke(app, [*command, str(path)], catch_exceptions=False)
