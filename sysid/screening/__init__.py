@@ -52,6 +52,7 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
         findings = (
             rules.gap(run, limits),
             rules.clock(run, limits),
+            rules.no_depth(run),
             rules.too_short(run, limits),
             excitation.no_deflection(run),
             excitation.feedback_only(run),

@@ -154,6 +154,7 @@ def _is_usable(run: Run) -> bool:
     reasons = (
         rules.gap(run, limits),
         rules.clock(run, limits),
+        rules.no_depth(run),
         rules.saturation(run, limits),
         rules.unsteady_start(run, quiet),
         rules.thrust_change(run, limits),

@@ -43,6 +43,13 @@ def clock(run: Run, limits: ScreeningLimits) -> str:
     )
 
 
+def no_depth(run: Run) -> str:
+    """Reject a test of the elevator in a log without depth, which is zero throughout."""
+    if not PLANES[run.plane].has_depth or np.any(run.depth_m):
+        return ""
+    return f"no depth: the log holds none, and a test of the {PLANES[run.plane].surface} needs it"
+
+
 def too_short(run: Run, limits: ScreeningLimits) -> str:
     """Reject a test that ended too soon."""
     lasted = float(run.time_s[-1])

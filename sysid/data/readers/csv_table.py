@@ -41,6 +41,7 @@ from sysid.data.readers.samples import (
     format_damage,
     out_of_order,
     strictly_increasing,
+    zero_depth,
 )
 from sysid.data.readers.servo_channels import (
     FIRST_THREE,
@@ -444,7 +445,7 @@ def _actuators(path: Path, table: _Table, options: OutputOptions) -> Actuators:
 def _depth(path: Path, table: _Table) -> Depth:
     """Return the depth; zero throughout for a vehicle without, such as a ship."""
     if "depth" not in table.quantities:
-        return Depth(table.time_s, 0.0 * table.time_s, 0.0 * table.time_s)
+        return zero_depth(table.time_s)
     time_s, values = _samples(path, table, _present(table, ("depth", "depth_rate")))
     return Depth(
         time_s, values["depth"], values.get("depth_rate", derivative(time_s, values["depth"]))

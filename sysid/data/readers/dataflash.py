@@ -52,6 +52,7 @@ from sysid.data.readers.samples import (
     sample_nearest,
     strictly_increasing,
     usable,
+    zero_depth,
 )
 from sysid.data.readers.servo_channels import (
     READ_PARAMETERS,
@@ -67,7 +68,8 @@ _FMT = 0x80
 _format = struct.Struct("<BB4s16s64s")
 """Body of an FMT message: number, length, name, field codes and columns of a message type."""
 _REQUIRED_MESSAGES = (
-    "ATT or AHR2, RATE, IMU or GYR, RCOU, and the altitude in CTUN, POS, BARO, XKF1, NKF1 or AHR2"
+    "ATT or AHR2, RATE, IMU or GYR, RCOU, and for tests of the elevator the altitude in CTUN, POS,"
+    " BARO, XKF1, NKF1 or AHR2"
 )
 _ATTITUDES = ("ATT", "AHR2")
 """Messages with Roll, Pitch and Yaw in degrees, the best source first."""
@@ -177,7 +179,7 @@ def read(path: Path, options: OutputOptions) -> Log:
         _attitude(path, message_tables),
         _actuators(path, message_tables, options, parameters),
     )
-    depth = _depth(path, message_tables)
+    depth = _depth(path, message_tables, attitude.time_s)
     steps = [
         step
         for name in (*_ATTITUDES, "RCOU")
@@ -435,16 +437,12 @@ def _actuators(
     return actuator_commands(time_s, pulses, options, parameters, f"{path}: RCOU")
 
 
-def _depth(path: Path, message_tables: Tables) -> Depth:
-    """Return depth and its rate by differences."""
-    name, column, factor = next(
-        (
-            source
-            for source in _ALTITUDES
-            if source[0] in message_tables and source[1] in message_tables[source[0]].columns
-        ),
-        _ALTITUDES[0],
-    )
+def _depth(path: Path, message_tables: Tables, attitude_s: Array) -> Depth:
+    """Return depth and its rate by differences; zero at the times of the attitude without any."""
+    source = next((s for s in _ALTITUDES if _has(message_tables, *s[:2])), None)
+    if source is None:
+        return zero_depth(attitude_s)
+    name, column, factor = source
     time_s, columns = _table(path, message_tables, name, column)
     known = usable(time_s, columns[column])
     time_s, depth_m = time_s[known], factor * columns[column][known].astype(np.float64)

@@ -48,6 +48,7 @@ from sysid.data.readers.samples import (
     strictly_increasing,
     times_before,
     usable,
+    zero_depth,
 )
 from sysid.data.readers.servo_channels import OutputOptions, actuator_commands, travel_rad
 
@@ -174,23 +175,20 @@ def assemble(
         A required message or field is missing.
     """
     attitude, commanded, depth = (_first(names, messages) for names in _SOURCES)
-    if not (attitude and commanded and depth):
+    if not (attitude and commanded):
         found = zip((attitude, commanded, depth), _SOURCES, strict=True)
         missing = [" or ".join(names) for name, names in found if not name]
         raise LogError(
-            f"{path}: holds no {', no '.join(missing)} of a vehicle; identification needs attitude,"
-            " commands and depth"
+            f"{path}: holds no {', no '.join(missing)} of a vehicle; identification needs attitude"
+            " and commands, and depth for tests of the elevator"
         )
+    used = dict.fromkeys(name for name in (attitude, commanded, depth) if name)
     _refuse_other_definitions(path, messages)
-    steps = [
-        step
-        for name in dict.fromkeys((attitude, commanded, depth))
-        for step in clock_steps(name, messages[name][0])
-    ]
+    steps = [step for name in used for step in clock_steps(name, messages[name][0])]
     motion = _attitude(attitude, *messages[attitude])
     wrong_s = (
         time_s
-        for name in dict.fromkeys((attitude, commanded, depth))
+        for name in used
         for time_s in times_before(ahead_of_others(messages[name][0]), messages[name][0])
     )
     damage = damage._replace(contradicted_s=(*damage.contradicted_s, *sorted(wrong_s)))
@@ -206,7 +204,7 @@ def assemble(
         ),
         attitude=motion,
         actuators=_actuators(*messages[commanded], options, parameters, f"{path}: {commanded}"),
-        depth=_depth(depth, *messages[depth]),
+        depth=_depth(depth, *messages[depth]) if depth else zero_depth(motion.time_s),
         setpoints=_setpoints(messages),
         events=_events(messages),
         parameters=parameters,
@@ -324,6 +322,8 @@ def _velocity(messages: Messages, attitude: Attitude, depth_message: str) -> Vel
             if np.count_nonzero(keep) > 1:
                 x, y, z = _columns(record, keep, "vx", "vy", "vz")
                 return Velocity(time_s[keep], x, y, z, source)
+    if not depth_message:
+        return Velocity()
     time_s, record = messages[depth_message]
     names = record.dtype.names or ()
     whole = np.ones(time_s.size, bool)

@@ -343,6 +343,14 @@ def derivative(time_s: Array, values: Array) -> Array:
     return np.gradient(values, time_s) if time_s.size > 1 else np.zeros(values.size)
 
 
+def zero_depth(time_s: Array) -> Depth:
+    """Return the depth of a log without one: zero throughout.
+
+    Tests of the rudder need no depth; screening rejects those of the elevator.
+    """
+    return Depth(time_s, np.zeros(time_s.size), np.zeros(time_s.size))
+
+
 def body_rates(time_s: Array, roll: Array, pitch: Array, yaw: Array) -> tuple[Array, Array, Array]:
     """Return body rates p, q, r (rad/s) from angles (rad, yaw unwrapped).
 

@@ -39,6 +39,7 @@ from sysid.data.readers.samples import (
     sample_nearest,
     strictly_increasing,
     usable,
+    zero_depth,
 )
 from sysid.data.readers.servo_channels import (
     READ_PARAMETERS,
@@ -88,7 +89,10 @@ _ACCELEROMETERS = (
 _TOPICS = tuple(
     dict.fromkeys(("vehicle_attitude", *(topic for topic, *_ in (*_RATES, *_DEPTHS)), _MOTORS))
 )
-_NEEDED = "vehicle_attitude, vehicle_angular_velocity, vehicle_local_position, actuator_outputs"
+_NEEDED = (
+    "vehicle_attitude, vehicle_angular_velocity, actuator_outputs, and for tests of the elevator"
+    " vehicle_local_position"
+)
 _SETPOINTS = ("vehicle_attitude_setpoint", "vehicle_local_position_setpoint")
 _FRACTIONS = {
     f"{field}[{n}]": Plausible(floor=0.05) for field in ("control", "output") for n in range(16)
@@ -152,7 +156,7 @@ def read(path: Path, options: OutputOptions) -> Log:
         _attitude(path, topic_tables),
         _actuators(path, topic_tables, options, parameters),
     )
-    depth = _depth(path, topic_tables)
+    depth = _depth(path, topic_tables, attitude.time_s)
     steps = [
         step
         for name in (*_TOPICS, *_OUTPUTS)
@@ -301,9 +305,15 @@ def _has(topic_tables: Tables, name: str, field: str) -> bool:
     return name in topic_tables and field in topic_tables[name].columns
 
 
-def _depth(path: Path, topic_tables: Tables) -> Depth:
-    """Return depth and its rate, by differences where the log has none."""
-    name, field, factor = next((d for d in _DEPTHS if _has(topic_tables, d[0], d[1])), _DEPTHS[0])
+def _depth(path: Path, topic_tables: Tables, attitude_s: Array) -> Depth:
+    """Return depth and its rate, by differences where the log has none.
+
+    Zero at the times of the attitude in a log without depth.
+    """
+    source = next((d for d in _DEPTHS if _has(topic_tables, d[0], d[1])), None)
+    if source is None:
+        return zero_depth(attitude_s)
+    name, field, factor = source
     time_s, columns = _table(path, topic_tables, name, field)
     known = usable(time_s, columns[field])
     time_s, depth_m = time_s[known], factor * columns[field][known].astype(np.float64)

@@ -161,6 +161,11 @@ def moving_vfr_hud(s: Sample) -> object:
     return mavlink.MAVLink_vfr_hud_message(0.0, 1.2 + 0.01 * s.yaw_rad, 0, 58, -s.depth_m, -0.05)
 
 
+def system_time(s: Sample) -> object:
+    """Return a message without depth."""
+    return mavlink.MAVLink_system_time_message(0, round(1e3 * s.time_s))
+
+
 def vfr_hud(s: Sample) -> object:
     return mavlink.MAVLink_vfr_hud_message(0.0, 1.3, 0, 58, -s.depth_m, -0.05)
 

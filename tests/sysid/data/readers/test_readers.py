@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -344,6 +345,26 @@ def test_tlog_without_attitude_names_what_is_missing(tmp_path: Path) -> None:
         match=r"still\.tlog: holds no ATTITUDE or ATTITUDE_QUATERNION or AHRS2 of a vehicle;",
     ):
         readers.read(path)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "lost"),
+    [("tlog", b""), ("bin", b"CTUN"), ("ulg", b"vehicle_local_position")],
+)
+def test_log_without_depth_gives_the_rudder_test(
+    written: dict[str, Path], tmp_path: Path, suffix: str, lost: bytes
+) -> None:
+    path = tmp_path / f"yaw.{suffix}"
+    if suffix == "tlog":
+        files.tlog(path, position=files.system_time)
+    else:
+        path.write_bytes(written[suffix].read_bytes().replace(lost, b"X" * len(lost)))
+    log = readers.read(path)
+    assert not np.any(log.depth.depth_m)
+    (run,) = segments.cut_runs(log)
+    assert screen([run])[0].reasons == ()
+    (other,) = screen([replace(run, plane=Plane.PITCH)])
+    assert other.reasons[0] == "no depth: the log holds none, and a test of the elevator needs it"
 
 
 def test_tlog_with_every_message_twice(tmp_path: Path, written: dict[str, Path]) -> None:
