@@ -26,6 +26,7 @@ from ground.campaign.request import (
     CampaignRequest,
     dive_seed,
 )
+from ground.output_files import is_same_file
 from mavlink_io.errors import InputError
 
 DIVES = {
@@ -78,8 +79,20 @@ def refuse_folder(request: CampaignRequest) -> None:
                 f"--out {out}: holds {state} campaign ({logs} logs); give a new folder{hint}, or"
                 " --force to replace it"
             )
+        _refuse_removed_inputs(request)
     elif out.exists():
         raise InputError(f"--out {out}: is a file; give a folder")
+
+
+def _refuse_removed_inputs(request: CampaignRequest) -> None:
+    """Raise InputError if an input is a file of the old campaign that would be removed."""
+    for path in _campaign_files(request.out):
+        for name in (request.vehicle, request.truth, request.scenario):
+            if is_same_file(path, Path(name)):
+                raise InputError(
+                    f"--out {request.out}: --force would remove {name}, which this command reads;"
+                    " give another folder, or copy the file"
+                )
 
 
 def prepare_folder(request: CampaignRequest, scaled: Sequence[str] = ()) -> None:

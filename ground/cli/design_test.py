@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import Json, Seed, new_file, print_result
+from ground.cli.options import Json, Seed, print_result
+from ground.output_files import new_file
 from mavlink_io.errors import InputError
 
 if TYPE_CHECKING:

@@ -18,10 +18,10 @@ from ground.cli.options import (
     Speed,
     VehicleId,
     VehicleName,
-    new_file,
     print_result,
 )
 from ground.errors import UnsuccessfulError
+from ground.output_files import check_output, new_file
 from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MavCmd
 
@@ -115,12 +115,16 @@ def fly(
             f"--truth {truth}: needs --sitl; the true state of a real vehicle is unknown"
         )
     log_file = new_file(log or Path(Path(mission).stem + ".mcap"))
+    if tlog is not None:
+        check_output("--tlog", new_file(tlog), [log_file])
+    if truth is not None:
+        check_output("--truth", truth, [log_file, tlog])
     parameters = _parameters(params, gains, vehicle if sitl else None)
     dive = Dive.load(
         mission,
         log_file,
         parameters=parameters,
-        tlog=tlog and new_file(tlog),
+        tlog=tlog,
         system=vehicle_id,
     )
     if sitl and not (params or gains or _has_tests(dive)):

@@ -12,9 +12,9 @@ from ground.cli.options import (
     Sign,
     Speed,
     VehicleName,
-    new_file,
     print_result,
 )
+from ground.output_files import new_file
 
 
 def inclining_test(

@@ -13,10 +13,10 @@ from ground.cli.options import (
     Modem,
     Sign,
     VehicleId,
-    new_file,
     print_result,
 )
 from ground.log_tools.formats import ExportFormat, Viewer
+from ground.output_files import new_file
 from mavlink_io.printable import printable
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Options that several commands share, and functions that check output files and print results."""
+"""Options that several commands share, and functions that print results."""
 
 import json
 import sys
@@ -10,7 +10,6 @@ import typer
 from typer.core import TyperGroup
 
 from ground.rendered import Rendered
-from mavlink_io.errors import InputError
 from mavlink_io.printable import printable, printable_lines
 
 Address = Annotated[
@@ -116,15 +115,6 @@ class CommandGroup(TyperGroup):
         ]
         with formatter.section("Commands"):
             formatter.write_dl(rows)
-
-
-def new_file(path: Path) -> Path:
-    """Return the path. Raises InputError if the file exists or its folder does not."""
-    if path.exists():
-        raise InputError(f"{path}: exists; give a new name")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}")
-    return path
 
 
 def print_result(result: dict[str, Any] | msgspec.Struct, text: str, as_json: bool) -> None:

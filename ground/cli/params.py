@@ -16,10 +16,10 @@ from ground.cli.options import (
     Prior,
     Sign,
     VehicleId,
-    new_file,
     print_result,
     remark,
 )
+from ground.output_files import new_file
 from mavlink_io.errors import InputError
 from mavlink_io.printable import printable
 

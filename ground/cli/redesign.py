@@ -1,5 +1,6 @@
 """`ground redesign`: design gains or an LQG controller that meet a specification on a model."""
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,6 +9,7 @@ import typer
 
 from ground.cli import params
 from ground.cli.options import Force, Json, ModelFile, Prior, Sign, SpecFile, print_result
+from ground.output_files import check_output
 from mavlink_io.errors import InputError
 
 if TYPE_CHECKING:
@@ -93,6 +95,8 @@ def redesign(
 
     The LQG design takes one to two minutes.
     """
+    target = out or DEFAULT_OUT[method]
+    _check_outputs(target, export, [model, prior, spec, sign])
     from ground.campaign import refit, specification
 
     if upload and method is DesignMethod.LQG:
@@ -113,7 +117,6 @@ def redesign(
         "depth_overshoot": depth_overshoot,
     }
     limit_spec = specification.read(spec, limits, refit.specification(identified, prior))
-    target = out or DEFAULT_OUT[method]
     result: DesignSummary | dict[str, Any]
     if method is DesignMethod.LQG:
         result, text = _redesign_lqg(
@@ -131,6 +134,16 @@ def redesign(
             export=export,
         )
     print_result(result, text, json)
+
+
+def _check_outputs(out: Path, export: Path | None, inputs: Sequence[Path | str | None]) -> None:
+    """Raise InputError if a file to be written is one of the others."""
+    check_output("--out", out, inputs)
+    if export is not None:
+        from sysid.design import loop_export
+
+        for file in loop_export.files_of(export):
+            check_output("--export", file, [*inputs, out])
 
 
 def _redesign_pid(

@@ -8,6 +8,7 @@ import msgspec
 import typer
 
 from ground.cli.options import Json, print_result
+from ground.output_files import check_output
 from ground.rendered import Rendered
 
 
@@ -85,6 +86,7 @@ def refit(
     json: Json = False,
 ) -> None:
     """Fit a model to the tests in logs, and assess whether gains may be designed on it."""
+    check_output("--out", out, [*logs, *(held_out or ()), prior, bench_result, inclining_result])
     from ground.campaign import identification
     from ground.campaign import refit as refitting
     from ground.cli import progress

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import Json, Prior, new_file, print_result
+from ground.cli.options import Json, Prior, print_result
 from ground.errors import UnsuccessfulError
+from ground.output_files import new_file
 from mavlink_io.errors import InputError
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ground.cli.options import say
+from ground.output_files import check_output
 from mavlink_io.errors import InputError
 
 
@@ -58,8 +59,9 @@ def report(
         from ground.report import dives
         from sysid.data.readers.servo_channels import OutputOptions, parse
 
+        target = check_output("--out", out or dives.default_target(paths[0]), paths)
         options = OutputOptions(parse(servo_channels) if servo_channels else None)
-        say(str(dives.write(paths, out, options)))
+        say(str(dives.write(paths, target, options)))
     elif out is not None or servo_channels is not None:
         option = "--out" if out is not None else "--servo-channels"
         raise InputError(f"{option}: is for logs of dives; a campaign's report is in its folder")
@@ -70,5 +72,14 @@ def report(
     else:
         from ground.report import matplotlib_figures, summary_picture
 
+        summary_picture.check_picture_format(picture)
+        check_output("--picture", picture, _files_without_pictures(paths[0]))
         draw = summary_picture.draw if of is Subject.RESULT else matplotlib_figures.draw
         say(str(draw(paths[0], picture)))
+
+
+def _files_without_pictures(folder: Path) -> list[Path]:
+    """Return the files of a campaign that no picture may replace."""
+    from ground.report.summary_picture import PICTURE_FORMATS
+
+    return [path for path in folder.rglob("*") if path.suffix not in PICTURE_FORMATS]

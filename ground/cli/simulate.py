@@ -10,6 +10,7 @@ import typer
 
 from ground.cli.options import Jobs, Json, ModelFile, Prior, Seed, print_result
 from ground.errors import UnsuccessfulError
+from ground.output_files import check_output
 from mavlink_io.errors import InputError
 
 if TYPE_CHECKING:
@@ -73,6 +74,8 @@ def simulate(
 
     Exit status 1 if a vehicle diverges, broaches or does not complete the mission.
     """
+    if keep is not None:
+        check_output("--keep", keep, [model, gains, *(compare or ()), mission, prior])
     from ground.campaign import prototype, refit
     from ground.cli import progress
     from ground.client import param_file

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import CommandGroup, Json, new_file, print_result, say
+from ground.cli.options import CommandGroup, Json, print_result, say
+from ground.output_files import new_file
 from mavlink_io.errors import BAD_INPUT, InputError, OperationError
 
 app = typer.Typer(

@@ -53,13 +53,18 @@ def write(
     """
     if len(paths) > MAX_DIVES:
         raise InputError(f"{len(paths)} logs: a report shows at most {MAX_DIVES} dives")
-    target = target or paths[0].with_name(f"{paths[0].stem}-report.html")
+    target = target or default_target(paths[0])
     html = render(read_dives(paths, options))
     try:
         target.write_text(html, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{target}: {error.strerror}; give another file with --out") from None
     return target
+
+
+def default_target(log: Path) -> Path:
+    """Return the path of a report whose first log is `log`, beside it."""
+    return log.with_name(f"{log.stem}-report.html")
 
 
 def render(dives: Sequence[ReportedDive]) -> str:

@@ -16,7 +16,7 @@ COLORS = {
     "set_point": "#4b4f55",
 }
 WIDTHS = {"set_point": 1.0, "initial": 1.4, "improved": 1.4, "redesigned": 1.6}
-_FORMATS = (".png", ".svg")
+PICTURE_FORMATS = (".png", ".svg")
 
 
 def draw(folder: Path, target: Path) -> Path:
@@ -53,7 +53,7 @@ def draw(folder: Path, target: Path) -> Path:
 
 def check_picture_format(target: Path) -> None:
     """Raise InputError if the suffix is neither ``.png`` nor ``.svg``."""
-    if target.suffix not in _FORMATS:
+    if target.suffix not in PICTURE_FORMATS:
         raise InputError(f"--picture {target}: must end in .png or .svg")
 
 

@@ -199,6 +199,23 @@ def _lqg_loops(
     }
 
 
+def files_of(path: Path) -> tuple[Path, Path]:
+    """Return the JSON file and the .mat file of an export.
+
+    Parameters
+    ----------
+    path : Path
+        Name of either file, or of both without a suffix.
+
+    Returns
+    -------
+    tuple of Path
+        JSON file and .mat file.
+    """
+    stem = path.with_suffix("") if path.suffix in (".json", ".mat") else path
+    return stem.with_name(f"{stem.name}.json"), stem.with_name(f"{stem.name}.mat")
+
+
 def write(export: LoopExport, path: Path) -> tuple[Path, Path]:
     """Write the loops as JSON and in MATLAB's format.
 
@@ -214,8 +231,7 @@ def write(export: LoopExport, path: Path) -> tuple[Path, Path]:
     tuple of Path
         JSON file and .mat file.
     """
-    stem = path.with_suffix("") if path.suffix in (".json", ".mat") else path
-    files = stem.with_name(f"{stem.name}.json"), stem.with_name(f"{stem.name}.mat")
+    files = files_of(path)
     files[0].write_text(json.dumps(_content(export, _lists), indent=1), encoding="utf-8")
     savemat(files[1], _content(export, _arrays))
     return files
