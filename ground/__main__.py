@@ -8,6 +8,7 @@ failed, 2 bad input, 130 interrupted by Ctrl-C.
 from __future__ import annotations
 
 import atexit
+import errno
 import gc
 import os
 import signal
@@ -171,6 +172,14 @@ def _classify(error: OSError) -> InputError | OperationError:
             return InputError(f"{error.filename}: exists; give a new name")
         case FileNotFoundError() | NotADirectoryError() | IsADirectoryError() | PermissionError():
             return InputError(f"{error.filename}: {error.strerror}")
+        case OSError(errno=errno.ENAMETOOLONG | errno.ELOOP | errno.EROFS, filename=str()):
+            return InputError(f"{error.filename}: {error.strerror}; give another name")
+        case OSError(errno=errno.ENOSPC | errno.EDQUOT, filename=str()):
+            return OperationError(
+                f"{error.filename}: {error.strerror}; free space, or give a file on another disk"
+            )
+        case OSError(filename=str()):
+            return OperationError(f"{error.filename}: {error.strerror}")
         case _:
             return OperationError(str(error))
 

@@ -28,24 +28,49 @@ def check_output(option: str, path: Path, used: Iterable[Path | str | None] = ()
     Raises
     ------
     InputError
-        The file is one of `used`, also by a link or another spelling.
+        The file is one of `used`, also by a link or another spelling; it is a folder or has none;
+        or it cannot be written.
     """
+    refuse_same_file(option, path, used)
+    _refuse_place(f"{option} {path}", path)
+    return path
+
+
+def refuse_same_file(option: str, path: Path, used: Iterable[Path | str | None]) -> None:
+    """Raise InputError if a file to be written is one of `used`, as `check_output` does."""
     for other in used:
         if other is not None and is_same_file(path, Path(other)):
             raise InputError(
                 f"{option} {path}: is the same file as {other}, which this command reads or writes"
                 " too; give another name"
             )
-    return path
 
 
 def new_file(path: Path) -> Path:
-    """Return the path. Raises InputError if the file exists or its folder does not."""
+    """Return the path. Raises InputError if the file exists or cannot be written."""
+    _refuse_place(str(path), path)
     if path.exists():
         raise InputError(f"{path}: exists; give a new name")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}")
     return path
+
+
+def _refuse_place(label: str, path: Path) -> None:
+    """Raise InputError if a file cannot be written at a path."""
+    exists = True
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        exists = False
+    except OSError as error:  # the name is too long, or links go round in a circle
+        raise InputError(f"{label}: {error.strerror}; give another name") from None
+    folder = Path(os.path.realpath(path)).parent
+    if path.is_dir():
+        raise InputError(f"{label}: is a folder; give the name of a file")
+    if not exists and not folder.is_dir():
+        raise InputError(f"{label}: there is no folder {folder}; make it, or give another name")
+    if not os.access(path if exists else folder, os.W_OK):
+        reason = "the file" if exists else f"the folder {folder}"
+        raise InputError(f"{label}: {reason} is not writable; give another name")
 
 
 def is_same_file(path: Path, other: Path) -> bool:

@@ -29,6 +29,7 @@ import msgspec
 import numpy as np
 
 from mavlink_io.errors import ErrorCode, InputError, OperationError
+from mavlink_io.user_data_dir import errors_named
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -242,7 +243,7 @@ class KeptResults(Generic[R]):
     def _append(self, data: bytes) -> None:
         """Append bytes in one write."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        with self._path.open("ab", buffering=0) as file:
+        with errors_named(self._path), self._path.open("ab", buffering=0) as file:
             file.write(data)
 
 

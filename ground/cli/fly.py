@@ -21,7 +21,7 @@ from ground.cli.options import (
     print_result,
 )
 from ground.errors import UnsuccessfulError
-from ground.output_files import check_output, new_file
+from ground.output_files import new_file, refuse_same_file
 from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MavCmd
 
@@ -116,9 +116,9 @@ def fly(
         )
     log_file = new_file(log or Path(Path(mission).stem + ".mcap"))
     if tlog is not None:
-        check_output("--tlog", new_file(tlog), [log_file])
+        refuse_same_file("--tlog", new_file(tlog), [log_file])
     if truth is not None:
-        check_output("--truth", truth, [log_file, tlog])
+        refuse_same_file("--truth", new_file(truth), [log_file, tlog])
     parameters = _parameters(params, gains, vehicle if sitl else None)
     dive = Dive.load(
         mission,

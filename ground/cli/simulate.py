@@ -10,7 +10,7 @@ import typer
 
 from ground.cli.options import Jobs, Json, ModelFile, Prior, Seed, print_result
 from ground.errors import UnsuccessfulError
-from ground.output_files import check_output
+from ground.output_files import refuse_same_file
 from mavlink_io.errors import InputError
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def simulate(
     Exit status 1 if a vehicle diverges, broaches or does not complete the mission.
     """
     if keep is not None:
-        check_output("--keep", keep, [model, gains, *(compare or ()), mission, prior])
+        refuse_same_file("--keep", keep, [model, gains, *(compare or ()), mission, prior])
     from ground.campaign import prototype, refit
     from ground.cli import progress
     from ground.client import param_file

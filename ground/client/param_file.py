@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from mavlink_io.errors import InputError
 from mavlink_io.text_files import read_text
+from mavlink_io.user_data_dir import write_output
 from sysid.monitor.performance_spec import BaselineError, PerformanceBaseline, decode, header_of
 
 
@@ -150,9 +151,7 @@ def save(path: Path, values: Mapping[str, float]) -> None:
     values : mapping
         Values by parameter name.
     """
-    path.write_text(
-        "".join(f"{name},{values[name]:.9g}\n" for name in sorted(values)), encoding="utf-8"
-    )
+    write_output(path, "".join(f"{name},{values[name]:.9g}\n" for name in sorted(values)))
 
 
 def _text(path: Path) -> str:

@@ -15,6 +15,7 @@ from ground.report.dive_data import ReportedDive, read_dives
 from ground.report.tables import table
 from ground.report.verdict_words import SIGNS, as_sentence
 from mavlink_io.errors import InputError
+from mavlink_io.user_data_dir import write_output
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
 from sysid.monitor import tracking_metrics
 
@@ -49,16 +50,15 @@ def write(
     Raises
     ------
     InputError
-        A log cannot be read, there are too many, or the file cannot be written.
+        A log cannot be read, or there are too many.
+    OSError
+        The file cannot be written.
     """
     if len(paths) > MAX_DIVES:
         raise InputError(f"{len(paths)} logs: a report shows at most {MAX_DIVES} dives")
     target = target or default_target(paths[0])
     html = render(read_dives(paths, options))
-    try:
-        target.write_text(html, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{target}: {error.strerror}; give another file with --out") from None
+    write_output(target, html)
     return target
 
 

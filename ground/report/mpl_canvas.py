@@ -2,12 +2,15 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+from mavlink_io.user_data_dir import write_output
 
 GRID = "#ebe8e0"
 
@@ -28,6 +31,11 @@ def new_figure(target: Path, size_in: tuple[float, float]) -> Iterator[Any]:
         figure = Figure(figsize=size_in, layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
+        picture, file_format = BytesIO(), target.suffix.removeprefix(".")
         figure.savefig(
-            target, dpi=110, metadata={"Date": None} if target.suffix == ".svg" else None
+            picture,
+            format=file_format,
+            dpi=110,
+            metadata={"Date": None} if file_format == "svg" else None,
         )
+        write_output(target, picture.getvalue())

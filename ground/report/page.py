@@ -31,6 +31,7 @@ from ground.report import (
     validation_figures,
 )
 from ground.report.figures import Figure
+from mavlink_io.user_data_dir import write_output
 from sysid.control_analysis import control_systems
 from sysid.control_analysis.control_systems import MarginsComparison
 from sysid.control_analysis.loop_transfer import Margins
@@ -115,7 +116,7 @@ def write(
     """
     campaign = folder if isinstance(folder, CampaignFolder) else CampaignFolder(folder)
     target = campaign.path / "report.html"
-    target.write_text(_page(campaign, prepared, compared), encoding="utf-8")
+    write_output(target, _page(campaign, prepared, compared))
     return target
 
 

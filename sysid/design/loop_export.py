@@ -4,6 +4,7 @@ Every entry has the matrices A, B, C, D, so that ``control.ss(A, B, C, D)`` load
 """
 
 import json
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import control
 import numpy as np
 from scipy.io import savemat
 
+from mavlink_io.user_data_dir import write_output
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis import control_systems, loop_transfer
 from sysid.control_analysis.control_systems import LoopSystem
@@ -232,8 +234,10 @@ def write(export: LoopExport, path: Path) -> tuple[Path, Path]:
         JSON file and .mat file.
     """
     files = files_of(path)
-    files[0].write_text(json.dumps(_content(export, _lists), indent=1), encoding="utf-8")
-    savemat(files[1], _content(export, _arrays))
+    matlab = BytesIO()
+    savemat(matlab, _content(export, _arrays))
+    write_output(files[0], json.dumps(_content(export, _lists), indent=1))
+    write_output(files[1], matlab.getvalue())
     return files
 
 

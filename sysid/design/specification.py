@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mavlink_io.errors import ErrorCode, OperationError
+from mavlink_io.user_data_dir import write_output
 from sysid.control_analysis.margins import Analysis
 from sysid.models.json_record import JsonRecord
 from sysid.monitor.performance_spec import PerformanceBaseline, encode
@@ -176,7 +177,7 @@ class Design(NamedTuple):
             File to write; its header holds the performance baseline
             (`sysid.monitor.performance_spec`).
         """
-        Path(path).write_text(encode(self.baseline, self.gains, self.reasons), encoding="utf-8")
+        write_output(path, encode(self.baseline, self.gains, self.reasons))
 
 
 class Loads(NamedTuple):

@@ -16,6 +16,7 @@ import msgspec
 
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
+from mavlink_io.user_data_dir import write_output
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid.models.json_record import JsonRecord, decode, encode, format_of, schema_of
@@ -318,7 +319,7 @@ def sha256_of_model(model: IdentifiedModel) -> str:
 
 
 def write(model: IdentifiedModel, path: str | Path) -> None:
-    """Write ``model.json``; an existing file is overwritten.
+    """Write ``model.json`` in one atomic step; an existing file is overwritten.
 
     Parameters
     ----------
@@ -332,7 +333,7 @@ def write(model: IdentifiedModel, path: str | Path) -> None:
     OSError
         The file cannot be written.
     """
-    Path(path).write_bytes(encode(model))
+    write_output(path, encode(model))
 
 
 def read(path: str | Path) -> IdentifiedModel:

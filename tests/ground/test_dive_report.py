@@ -183,7 +183,7 @@ def test_command_writes_the_report_of_a_foreign_log(tmp_path: Path) -> None:
         (["{folder}", "--out", "x.html"], "--out: is for logs of dives"),
         (["{csv}", "--picture", "x.png"], "--picture x.png: is drawn of a campaign"),
         (["{csv}"] * 7, "7 logs: a report shows at most 6 dives"),
-        (["{csv}", "--out", "{folder}"], "give another file with --out"),
+        (["{csv}", "--out", "{folder}"], "is a folder; give the name of a file"),
     ],
 )
 def test_wrong_arguments_are_named(tmp_path: Path, words: list[str], message: str) -> None:

@@ -59,6 +59,13 @@ def test_help_lists_shell_completion() -> None:
         ),
         (FileNotFoundError(2, "No such file", "a.toml"), BAD_INPUT, "a.toml: No such file"),
         (OSError(28, "No space left"), FAILED, "[Errno 28] No space left"),
+        (
+            OSError(28, "No space left", "a.json"),
+            FAILED,
+            "a.json: No space left; free space, or give a file on another disk",
+        ),
+        (OSError(5, "Input/output error", "a.json"), FAILED, "a.json: Input/output error"),
+        (OSError(36, "Name too long", "x"), BAD_INPUT, "x: Name too long; give another name"),
     ],
 )
 def test_error_gives_one_line_and_its_exit_status(

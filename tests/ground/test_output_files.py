@@ -145,3 +145,77 @@ def test_campaign_refuses_to_remove_its_input(option: str, tmp_path: Path) -> No
     message = run_refused("campaign", option, file, "--out", tmp_path, "--force")
     assert message.startswith(f"--out {tmp_path}: --force would remove {file}")
     assert file.read_text() == CONTENT
+
+
+@pytest.fixture(params=["refit a.csv --out", "redesign a.json --out", "report a.csv --out"])
+def command(request: pytest.FixtureRequest) -> list[str]:
+    """A command whose input is missing; its last word is the option of the output."""
+    return str(request.param).split()
+
+
+def test_missing_folder_of_output_is_refused_first(command: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "absent" / "result"
+    assert run_refused(*command, path) == (
+        f"--out {path}: there is no folder {path.parent}; make it, or give another name"
+    )
+
+
+def test_folder_as_output_is_refused_first(command: list[str], tmp_path: Path) -> None:
+    assert run_refused(*command, tmp_path) == (
+        f"--out {tmp_path}: is a folder; give the name of a file"
+    )
+
+
+def test_file_as_folder_of_output_is_refused_first(command: list[str], input_file: Path) -> None:
+    message = run_refused(*command, input_file / "result")
+    assert "there is no folder" in message
+
+
+def test_long_name_of_output_is_refused_first(command: list[str], tmp_path: Path) -> None:
+    message = run_refused(*command, tmp_path / ("x" * 300))
+    assert message.startswith("--out ")
+    assert message.endswith("File name too long; give another name")
+
+
+def test_link_in_a_circle_is_refused_first(command: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "circle"
+    path.symlink_to(path)
+    assert run_refused(*command, path).endswith("; give another name")
+
+
+def test_link_to_missing_folder_is_refused_first(command: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "link"
+    path.symlink_to(tmp_path / "absent" / "result")
+    assert "there is no folder" in run_refused(*command, path)
+
+
+@pytest.mark.parametrize("exists", [True, False])
+def test_output_that_is_not_writable_is_refused(
+    exists: bool, command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Root may write everywhere, so the answer of the system is replaced."""
+    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)
+    path = tmp_path / "result"
+    if exists:
+        path.touch()
+    assert run_refused(*command, path).endswith("is not writable; give another name")
+
+
+def test_redesign_refuses_export_without_folder_first(tmp_path: Path) -> None:
+    export = tmp_path / "absent" / "loops"
+    message = run_refused(
+        "redesign", "a.json", "--out", tmp_path / "gains.param", "--export", export
+    )
+    assert message.startswith(f"--export {export}.json: there is no folder")
+
+
+def test_report_refuses_picture_without_folder_first(tmp_path: Path) -> None:
+    picture = tmp_path / "absent" / "a.png"
+    message = run_refused("report", tmp_path, "--picture", picture)
+    assert message.startswith(f"--picture {picture}: there is no folder")
+
+
+def test_fly_refuses_truth_that_exists(input_file: Path) -> None:
+    log = input_file.with_name("dive.mcap")
+    message = run_refused("fly", "square", "--sitl", "--log", log, "--truth", input_file)
+    assert message == f"{input_file}: exists; give a new name"

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
+from mavlink_io.user_data_dir import write_output
 from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
@@ -97,10 +98,7 @@ class InitialDesign(NamedTuple):
         lines = [
             f"{name},{value:.6g}  # {self.reasons[name]}" for name, value in self.parameters.items()
         ]
-        path.write_text(
-            "\n".join(["# initial gains, from the vehicle file", *lines]) + "\n",
-            encoding="utf-8",
-        )
+        write_output(path, "\n".join(["# initial gains, from the vehicle file", *lines]) + "\n")
 
 
 def design_initial_gains(vehicle_file: str | Path | VehicleConfig) -> InitialDesign:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from autopilot.control import lqg as state_space
 from autopilot.control import lqg_file
 from autopilot.control.lqg import LqgControllers
+from mavlink_io.user_data_dir import write_output
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains
@@ -293,4 +294,4 @@ def write(design: LqgDesign, path: str | Path) -> None:
     content["predicted"] = asdict(design.predicted)
     if design.robustness:
         content["robustness"] = asdict(design.robustness)
-    Path(path).write_text(json.dumps(content) + "\n", encoding="utf-8")
+    write_output(path, json.dumps(content) + "\n")
