@@ -78,7 +78,7 @@ def prepare(request: PreparationRequest) -> Preparation:
     content = readiness.scenario_content(request.scenario)
     scripts = {name: script.load(name) for name in request.missions}
     truth = _truth(request)
-    if request.vehicle in prototype.CARIBOU:
+    if prototype.is_caribou(request.vehicle):
         readiness.check_scenario(request.scenario, content, scripts)
         return Preparation(refit.initial_gains(), truth.files, truth.notes)
     config = prior_knowledge.vehicle_file(request.vehicle)

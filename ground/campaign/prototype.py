@@ -1,8 +1,12 @@
 """First gains of a vehicle, designed from its vehicle file."""
 
+from functools import cache
 from typing import Any
 
+import msgspec
+
 from mavlink_io.errors import InputError
+from sysid import prior_knowledge
 from sysid.design import initial
 from sysid.design.initial import InitialDesign, vehicle_parameters
 from sysid.design.pid import DesignInfeasibleError
@@ -23,6 +27,35 @@ learning), and a rudder bias of 6 deg is compensated within a minute.
 """
 
 
+def is_caribou(vehicle: Any) -> bool:
+    """Return whether a vehicle is Caribou.
+
+    The name in a vehicle file does not decide: a copy of the shipped file with other values is
+    another vehicle.
+
+    Parameters
+    ----------
+    vehicle : str or VehicleConfig
+        Name or path of the vehicle file: Caribou if it is the name of a shipped file of Caribou.
+        Or the content of a vehicle file: Caribou if all values equal those of ``caribou_nominal``.
+
+    Returns
+    -------
+    bool
+        Whether the autopilot's defaults are the gains of this vehicle.
+    """
+    if isinstance(vehicle, str):
+        return vehicle in CARIBOU
+    nominal = _nominal_caribou()
+    return bool(msgspec.structs.replace(vehicle, name=nominal.name) == nominal)
+
+
+@cache
+def _nominal_caribou() -> Any:
+    """Return the content of ``caribou_nominal``."""
+    return prior_knowledge.vehicle_file("caribou_nominal")
+
+
 def first_dive_parameters(vehicle: str) -> dict[str, float]:
     """Return the parameters of a vehicle's first dive; raises as `design`.
 
@@ -36,7 +69,7 @@ def first_dive_parameters(vehicle: str) -> dict[str, float]:
     dict
         Values by parameter name; empty for Caribou.
     """
-    return {} if vehicle in CARIBOU else design(vehicle).parameters
+    return {} if is_caribou(vehicle) else design(vehicle).parameters
 
 
 def parameters_of(vehicle: DesignPrior) -> dict[str, float]:
@@ -53,7 +86,7 @@ def parameters_of(vehicle: DesignPrior) -> dict[str, float]:
         Values by parameter name, without trims; empty for Caribou, whose values are the
         autopilot's defaults.
     """
-    if vehicle.config.name in CARIBOU:
+    if is_caribou(vehicle.config):
         return {}
     values = vehicle_parameters.values(vehicle.config)
     return {name: value for name, value in values.items() if not name.startswith("TRIM_")}
@@ -73,17 +106,17 @@ def trim_learning_for(vehicle: str) -> dict[str, float]:
         Values by parameter name; empty for a vehicle file, whose first gains compensate an unknown
         trim by integral action.
     """
-    return dict(TRIM_LEARNING) if vehicle in CARIBOU else {}
+    return dict(TRIM_LEARNING) if is_caribou(vehicle) else {}
 
 
 def prior_file_of(vehicle: str) -> str:
     """Return the vehicle file that is known of a simulated vehicle before any test."""
-    return "caribou_nominal" if vehicle in CARIBOU else vehicle
+    return "caribou_nominal" if is_caribou(vehicle) else vehicle
 
 
 def default_truth(vehicle: str) -> str:
     """Return the vehicle that a campaign flies: Caribou itself, and a perturbed one for others."""
-    return vehicle if vehicle in CARIBOU else PERTURBED
+    return vehicle if is_caribou(vehicle) else PERTURBED
 
 
 def design(vehicle: Any) -> InitialDesign:

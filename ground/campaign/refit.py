@@ -311,7 +311,7 @@ def _vehicle_of(model: IdentifiedModel, prior: str | None) -> Any:
 def _initial_gains_of(model: IdentifiedModel, prior: str | None) -> dict[str, float]:
     """Return the gains of the first dive: Table 3 for Caribou, else a prototype design."""
     vehicle, table_3 = _vehicle_of(model, prior), initial_gains()
-    if vehicle is None or vehicle.name in prototype.CARIBOU:
+    if vehicle is None or prototype.is_caribou(vehicle):
         return table_3
     first = prototype.design(vehicle).parameters
     return {name: first[name] for name in table_3}

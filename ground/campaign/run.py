@@ -180,7 +180,7 @@ class Campaign:
         vehicles. Raises InputError if a check shows that the campaign cannot be completed.
         """
         r = self.request
-        if r.vehicle not in prototype.CARIBOU:
+        if not prototype.is_caribou(r.vehicle):
             if r.include_paper_gains:
                 raise InputError(
                     "--include-paper-gains: the paper's gains are for Caribou; "

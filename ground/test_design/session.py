@@ -77,7 +77,7 @@ def first_gains(prior: DesignPrior) -> dict[str, float]:
         No gains meet the specification.
     """
     config = prior.config
-    return {} if config.name in prototype.CARIBOU else prototype.design(config).parameters
+    return {} if prototype.is_caribou(config) else prototype.design(config).parameters
 
 
 def loop_gains(parameters: Mapping[str, float]) -> dict[str, float] | None:
