@@ -116,6 +116,8 @@ def fly(
     dive = Dive.load(str(mission), log_file, parameters=dict(parameters or {}))
     if connect is not None:
         return _flight(flight.fly(dive, connect))
+    if autopilot is None:
+        prototype.check_flown(str(vehicle))
     if parameters is None:
         dive = _with_first_parameters(dive, str(vehicle))
     with _scenario_with_faults(str(scenario), faults) as scenario_file:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_io.errors import ErrorCode, InputError
+from sitl import vehicle_check
 from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig, VehicleFileError
@@ -133,7 +134,8 @@ def vehicle_file(prior: str | Path) -> VehicleConfig:
     Raises
     ------
     VehicleFileError
-        The file is missing or invalid, or it is the simulated truth, `FORBIDDEN_PRIOR`.
+        The file is missing or invalid, the vehicle is physically impossible, or it is the simulated
+        truth, `FORBIDDEN_PRIOR`.
     """
     is_truth = str(prior) == FORBIDDEN_PRIOR
     config = None if is_truth else vehicle_files.load(prior)
@@ -142,4 +144,30 @@ def vehicle_file(prior: str | Path) -> VehicleConfig:
             f"prior {str(prior)!r}: is the simulated truth; "
             "give 'caribou_nominal', a vehicle file or a model.json"
         )
+    if str(prior) not in vehicle_files.SHIPPED:
+        vehicle_check.check_config(config, str(prior))
     return config
+
+
+def check_flown_vehicle(vehicle: str | Path) -> tuple[str, ...]:
+    """Check the vehicle file of a simulated flight with Caribou's autopilot.
+
+    Parameters
+    ----------
+    vehicle : str or Path
+        Name of a shipped vehicle or path of a vehicle file (TOML).
+
+    Returns
+    -------
+    tuple of str
+        Warnings about unusual values; empty for a shipped vehicle.
+
+    Raises
+    ------
+    VehicleFileError
+        The file is missing or invalid, the vehicle is physically impossible, or an instrument is
+        missing without which the autopilot does not arm.
+    """
+    if str(vehicle) in vehicle_files.SHIPPED:
+        return ()
+    return tuple(vehicle_check.check_flight(vehicle).warnings)

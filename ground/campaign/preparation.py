@@ -75,6 +75,7 @@ def prepare(request: PreparationRequest) -> Preparation:
         The scenario or the vehicle file cannot be used, no gains meet the specification, or a
         mission cannot be completed.
     """
+    prototype.check_flown(flown_file(request))
     content = readiness.scenario_content(request.scenario)
     scripts = {name: script.load(name) for name in request.missions}
     truth = _truth(request)
@@ -108,6 +109,11 @@ def prepare(request: PreparationRequest) -> Preparation:
         {**({SCENARIO_FILE: sea.text} if sea.text else {}), **missions, **truth.files},
         (sea.note, _describe(scale), *_describe_gains(design), *adapted.notes, *truth.notes),
     )
+
+
+def flown_file(request: PreparationRequest) -> str:
+    """Return the vehicle file that is flown; the one that is perturbed if it is a random change."""
+    return request.vehicle if request.truth == prototype.PERTURBED else request.truth
 
 
 def mission_scaling(scale: VehicleScale) -> MissionScaling:

@@ -56,6 +56,28 @@ def _nominal_caribou() -> Any:
     return prior_knowledge.vehicle_file("caribou_nominal")
 
 
+def check_flown(vehicle: str) -> tuple[str, ...]:
+    """Check the vehicle of a simulated flight before it is started.
+
+    Parameters
+    ----------
+    vehicle : str
+        Name or path of the vehicle file.
+
+    Returns
+    -------
+    tuple of str
+        Warnings about unusual values; empty for a shipped vehicle.
+
+    Raises
+    ------
+    InputError
+        The file cannot be used, the vehicle is physically impossible, or an instrument is missing
+        without which the autopilot does not arm.
+    """
+    return prior_knowledge.check_flown_vehicle(vehicle)
+
+
 def first_dive_parameters(vehicle: str) -> dict[str, float]:
     """Return the parameters of a vehicle's first dive; raises as `design`.
 

@@ -43,6 +43,7 @@ def bench_test(
     The duct moves during the test.
     """
     from ground.bench_tests import bench as procedure
+    from ground.campaign import prototype
     from ground.cli import progress
     from ground.missions import signals
     from ground.simulation.processes import SimulatedVehicle, Simulation
@@ -54,6 +55,8 @@ def bench_test(
         frequencies_hz=tuple(frequency or procedure.FREQUENCIES_HZ),
     )
     procedure.check(session)
+    if connect is None:
+        prototype.check_flown(vehicle)
     target = connect or SimulatedVehicle(
         Simulation(vehicle=vehicle, scenario="bench", seed=seed, speed=speed)
     )

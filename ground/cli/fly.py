@@ -119,6 +119,8 @@ def fly(
         refuse_same_file("--tlog", new_file(tlog), [log_file])
     if truth is not None:
         refuse_same_file("--truth", new_file(truth), [log_file, tlog])
+    if sitl:
+        _check_flown(vehicle)
     parameters = _parameters(params, gains, vehicle if sitl else None)
     dive = Dive.load(
         mission,
@@ -166,6 +168,13 @@ def fly(
     )
     if result.failsafes:
         raise UnsuccessfulError("; ".join(result.failsafes))
+
+
+def _check_flown(vehicle: str) -> None:
+    """Raise InputError if a simulated vehicle cannot be flown."""
+    from ground.campaign import prototype
+
+    prototype.check_flown(vehicle)
 
 
 def _parameters(

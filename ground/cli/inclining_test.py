@@ -45,11 +45,13 @@ def inclining_test(
     The vehicle floats without thrust; a person moves the weights as announced.
     """
     from ground.bench_tests import incline as procedure
-    from ground.campaign import refit
+    from ground.campaign import prototype, refit
     from ground.cli import progress
     from ground.simulation.processes import SimulatedVehicle, Simulation
 
     plan = procedure.load(moves)
+    if connect is None:
+        prototype.check_flown(vehicle)
     target = connect or SimulatedVehicle(
         Simulation(vehicle=vehicle, scenario="inclining", seed=seed, speed=speed)
     )

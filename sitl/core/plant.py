@@ -49,7 +49,8 @@ from sitl.faults.timeline import Timeline
 from sitl.scenario import Scenario, StartTable
 from sitl.scenario_types import ScenarioError
 from sitl.vehicle import build_model
-from sitl.vehicle.config import DropWeight, VehicleConfig, VehicleFileError
+from sitl.vehicle import config as vehicle_config
+from sitl.vehicle.config import DropWeight, VehicleConfig
 from sitl.vehicle.dynamics import POSITION, QUATERNION
 from sitl.vehicle.vectors import Vector
 
@@ -149,12 +150,8 @@ def build(
     if scenario.rig.encoder:
         instruments = replace(vehicle.instruments, encoder=scenario.rig.encoder)
         vehicle = replace(vehicle, instruments=instruments)
-    model, weight = build_model.build(vehicle), vehicle.drop_weight
-    if weight is not None and weight.mass_kg >= 0.5 * model.inertia.mass_kg:
-        raise VehicleFileError(
-            f"vehicle {vehicle.name}: drop_weight.mass_kg = {weight.mass_kg:g}: expected less than"
-            f" half of the vehicle's {model.inertia.mass_kg:.4g} kg"
-        )
+    vehicle_config.check_drop_weight(vehicle, f"vehicle {vehicle.name}")
+    model = build_model.build(vehicle)
     try:
         body_faults.check_feasible(model, scenario.faults)
     except FaultError as error:

@@ -13,6 +13,7 @@ import typer
 
 from mavlink_io.errors import CaribouError, exit_with_error
 from mavlink_io.printable import printable, printable_lines
+from sitl import vehicle_check
 from sitl.vehicle import check as checks
 from sitl.vehicle import config
 from sitl.vehicle.config import VehicleFileError
@@ -44,7 +45,7 @@ def check(
     ] = False,
 ) -> None:
     """Check a vehicle file; print trim, speeds, linear planes and poles, or the error."""
-    report = checks.check(vehicle)
+    report = vehicle_check.check(vehicle)
     print(
         json.dumps(_as_json(report), indent=1)
         if as_json

@@ -102,14 +102,36 @@ def check(name_or_path: str | Path) -> Report:
     VehicleFileError
         The file is invalid or the vehicle is physically impossible.
     """
-    config = files.load(name_or_path)
-    model = build_model.build(config, str(name_or_path))
-    warnings = check_consistency(config, model, str(name_or_path))
+    return check_config(files.load(name_or_path), str(name_or_path))
+
+
+def check_config(config: VehicleConfig, source: str) -> Report:
+    """Check the content of a vehicle file as `check` does.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle with all keys.
+    source : str
+        Name of the file in error messages.
+
+    Returns
+    -------
+    Report
+        Trim, speeds, periods, linear planes and warnings.
+
+    Raises
+    ------
+    VehicleFileError
+        The vehicle is physically impossible.
+    """
+    model = build_model.build(config, source)
+    warnings = check_consistency(config, model, source)
     point = config.operating_point
     level_rad = level_flight(model, point.speed_mps, point.thrust_fraction)
     if level_rad is None:
         raise VehicleFileError(
-            f"{name_or_path}: operating_point.speed_mps = {point.speed_mps:g}: expected a speed at"
+            f"{source}: operating_point.speed_mps = {point.speed_mps:g}: expected a speed at"
             " which level motion is possible with a net buoyancy of"
             f" {model.hydrostatics.buoyancy_n - model.hydrostatics.weight_n:.3g} N"
         )

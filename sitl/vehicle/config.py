@@ -56,6 +56,7 @@ __all__ = [
     "VehicleFileError",
     "WaterProperties",
     "check",
+    "check_drop_weight",
     "describe",
     "finish",
     "load",
@@ -311,4 +312,28 @@ def check(config: VehicleConfig, source: str) -> None:
         raise VehicleFileError(
             f"{source}: ballast.net_buoyancy_n = {config.ballast.net_buoyancy_n}: expected more"
             " than minus the weight"
+        )
+    check_drop_weight(config, source)
+
+
+def check_drop_weight(config: VehicleConfig, source: str) -> None:
+    """Check that the drop weight is a small part of the vehicle.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle with all keys.
+    source : str
+        Name of the file in error messages.
+
+    Raises
+    ------
+    VehicleFileError
+        The weight is half of the vehicle's mass or more.
+    """
+    weight, mass_kg = config.drop_weight, config.ballast.mass_kg
+    if weight is not None and weight.mass_kg >= 0.5 * mass_kg:
+        raise VehicleFileError(
+            f"{source}: drop_weight.mass_kg = {weight.mass_kg:g}: expected less than"
+            f" half of the vehicle's {mass_kg:.4g} kg"
         )

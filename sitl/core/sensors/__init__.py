@@ -91,7 +91,8 @@ def build(
     VehicleFileError
         The vehicle names an unknown sensor.
     """
-    catalogue, fitted, name = datasheets.catalogue(), vehicle.instruments, vehicle.name
+    catalogue, fitted = datasheets.catalogue(), vehicle.instruments
+    name = f"vehicle {vehicle.name}"
     imu = datasheets.find("imu", catalogue.imu, fitted, name)
     compass = datasheets.find("magnetometer", catalogue.magnetometer, fitted, name)
     depth = datasheets.find("pressure", catalogue.pressure, fitted, name)

@@ -158,10 +158,10 @@ def catalogue() -> Catalogue:
     return toml_io.decode(path.read_text(encoding="utf-8"), Catalogue, path.name, CatalogueError)
 
 
-def find(kind: str, sheets: dict[str, Kind], carried: Instruments, vehicle: str) -> Kind | None:
+def find(kind: str, sheets: dict[str, Kind], carried: Instruments, source: str) -> Kind | None:
     """Return the data sheet of a vehicle's sensor, or None.
 
-    Raises VehicleFileError: unknown.
+    Raises VehicleFileError, which begins with ``source``, for an unknown name.
     """
     name: str = getattr(carried, kind)
     if name == NONE:
@@ -169,7 +169,26 @@ def find(kind: str, sheets: dict[str, Kind], carried: Instruments, vehicle: str)
     if name not in sheets:
         known = ", ".join((*sheets, NONE))
         raise VehicleFileError(
-            f"vehicle {vehicle}: instruments.{kind} = {name!r}: unknown; known here: {known}"
+            f"{source}: instruments.{kind} = {name!r}: unknown; known here: {known}"
             f"{did_you_mean(name, sheets)}"
         )
     return sheets[name]
+
+
+def check(carried: Instruments, source: str) -> None:
+    """Check that the catalogue has all instruments of a vehicle.
+
+    Parameters
+    ----------
+    carried : Instruments
+        Names of the instruments.
+    source : str
+        Name of the vehicle file in error messages.
+
+    Raises
+    ------
+    VehicleFileError
+        The catalogue does not have one of the names.
+    """
+    for kind in Instruments.__struct_fields__:
+        find(kind, getattr(catalogue(), kind), carried, source)

@@ -1,0 +1,65 @@
+"""Vehicle files are checked before a flight or a campaign begins."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from ground.__main__ import app
+from mavlink_io.errors import InputError
+from tests.sitl.vehicle.test_fill_missing import FINNED
+
+WITHOUT_COMPASS = f'{FINNED}\n[instruments]\nmagnetometer = "none"\n'
+
+
+def written(folder: Path, text: str, name: str = "mine.toml") -> str:
+    """Write a vehicle file and return its path."""
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def refused(*words: str) -> str:
+    """Run a command that bad input ends; return the message."""
+    with pytest.raises(InputError) as refusal:
+        CliRunner().invoke(app, words, catch_exceptions=False)
+    assert "\n" not in str(refusal.value)
+    return str(refusal.value)
+
+
+def campaign_refused(folder: Path, *words: str) -> str:
+    """Run a campaign that is refused before it writes a folder; return the message."""
+    out = folder / "campaign"
+    message = refused("campaign", *words, "--out", str(out))
+    assert not out.exists()
+    return message
+
+
+def test_fly_vehicle_that_cannot_arm_refused_at_once(tmp_path: Path) -> None:
+    """Before, the command waited for 300 s for a vehicle that is ready."""
+    vehicle, log = written(tmp_path, WITHOUT_COMPASS), tmp_path / "a.mcap"
+    message = refused("fly", "straight_run", "--sitl", "--vehicle", vehicle, "--log", str(log))
+    assert message.startswith(f'{vehicle}: instruments.magnetometer = "none": ')
+    assert not log.exists()
+
+
+def test_campaign_vehicle_that_cannot_arm_refused_at_once(tmp_path: Path) -> None:
+    vehicle = written(tmp_path, WITHOUT_COMPASS)
+    assert "does not arm without it" in campaign_refused(tmp_path, "--vehicle", vehicle)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (FINNED.replace("span_m = 0.12", "span_m = nan"), "span_m = nan: expected a finite"),
+        (WITHOUT_COMPASS, "does not arm without it"),
+    ],
+)
+def test_campaign_truth_is_checked_first(text: str, expected: str, tmp_path: Path) -> None:
+    """Before, the file was read after the preparation, when the folder was written."""
+    truth = written(tmp_path, text, "flown.toml")
+    message = campaign_refused(
+        tmp_path, "--vehicle", written(tmp_path, FINNED), "--truth", truth, "--scenario", "missing"
+    )
+    assert message.startswith(f"{truth}: ")
+    assert expected in message
