@@ -114,10 +114,44 @@ def _unknown_or_not_finite(table: dict[str, Any], kind: type[msgspec.Struct], pr
             )
         if isinstance(value, float) and not isfinite(value):
             return f"{prefix}{key} = {value}: expected a finite number"
+        if range_text := _outside_range(value, fields[key]):
+            return f"{prefix}{key} = {value!r}: expected {range_text}"
         for inner, name in _tables_of(value, f"{prefix}{key}"):
             if problem_text := _wrong_inside(inner, fields[key], f"{name}."):
                 return problem_text
     return ""
+
+
+def _outside_range(value: Any, annotation: Any) -> str:
+    """Return both limits of a number that is outside of them, else ""."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return ""
+    for kind in (annotation, *get_args(annotation)):
+        for limits in getattr(kind, "__metadata__", ()):
+            if isinstance(limits, msgspec.Meta) and _is_outside(value, limits):
+                text = _format_range(limits)
+                return f"{kind.__origin__.__name__} {text}" if text else ""
+    return ""
+
+
+def _is_outside(value: float, limits: msgspec.Meta) -> bool:
+    """Return True if a number is below or above its limits."""
+    return (
+        (limits.ge is not None and value < limits.ge)
+        or (limits.gt is not None and value <= limits.gt)
+        or (limits.le is not None and value > limits.le)
+        or (limits.lt is not None and value >= limits.lt)
+    )
+
+
+def _format_range(limits: msgspec.Meta) -> str:
+    """Return the limits of a number as text; "" unless there are two, as msgspec names one."""
+    lower = [(">=", limits.ge), (">", limits.gt)]
+    upper = [("<=", limits.le), ("<", limits.lt)]
+    texts = [
+        f"{sign} {limit:g}" for pair in (lower, upper) for sign, limit in pair if limit is not None
+    ]
+    return " and ".join(texts) if len(texts) == 2 else ""
 
 
 def _tables_of(value: Any, name: str) -> list[tuple[dict[str, Any], str]]:

@@ -6,7 +6,8 @@ pitch positive nose up.
 
 from __future__ import annotations
 
-from math import atan2, cos, degrees, inf, pi, sin, sqrt
+from collections.abc import Iterator
+from math import atan2, cos, degrees, inf, isnan, pi, sin, sqrt
 from pathlib import Path
 from typing import NamedTuple
 
@@ -125,6 +126,30 @@ def check_config(config: VehicleConfig, source: str) -> Report:
     VehicleFileError
         The vehicle is physically impossible.
     """
+    with np.errstate(all="ignore"):
+        try:
+            report = _check_physics(config, source)
+        except np.linalg.LinAlgError:
+            report = None
+    if report is None or any(isnan(value) for value in _numbers(report)):
+        raise VehicleFileError(
+            f"{source}: its values give no finite linear model at operating_point.speed_mps ="
+            f" {config.operating_point.speed_mps:g}; give SI units"
+        )
+    return report
+
+
+def _numbers(value: object) -> Iterator[float]:
+    """Yield all numbers of a report."""
+    if isinstance(value, float):
+        yield value
+    elif isinstance(value, tuple | list):
+        for entry in value:
+            yield from _numbers(entry)
+
+
+def _check_physics(config: VehicleConfig, source: str) -> Report:
+    """Return the report of `check_config`, in which a number may be nan."""
     model = build_model.build(config, source)
     warnings = check_consistency(config, model, source)
     point = config.operating_point

@@ -134,11 +134,22 @@ def parse(text: str, source: str, folder: Path | None = None) -> VehicleConfig:
     VehicleFileError
         The text is not valid TOML, or has an invalid key or value.
     """
-    config = toml_io.convert(
-        _complete(text, source, folder).tables, VehicleConfig, source, VehicleFileError
-    )
+    completed = _complete(text, source, folder)
+    try:
+        config = toml_io.convert(completed.tables, VehicleConfig, source, VehicleFileError)
+    except VehicleFileError as error:
+        raise VehicleFileError(f"{error}{_derivation_of(str(error), source, completed)}") from None
     check(config, source)
     return config
+
+
+def _derivation_of(message: str, source: str, completed: Completed) -> str:
+    """Return how the wrong key was derived, as text; "" if the file gives it."""
+    for (table, key), step in completed.steps.items():
+        if message.startswith(f"{source}: {table}.{key} = "):
+            inputs = f" with {step.inputs}" if step.inputs else ""
+            return f"; derived, as {step.formula}{inputs}: give it, or check these"
+    return ""
 
 
 def _read(name_or_path: str | Path) -> tuple[str, str, Path]:

@@ -13,9 +13,34 @@ from msgspec.structs import fields
 
 from mavlink_io.errors import ErrorCode, InputError
 
-Positive = Annotated[float, Meta(gt=0.0)]
-NonNegative = Annotated[float, Meta(ge=0.0)]
-Negative = Annotated[float, Meta(lt=0.0)]
+# The upper bounds are far beyond any vehicle of this kind: they find a wrong unit.
+Length = Annotated[float, Meta(gt=0.0, le=30.0)]
+"""Length of a hull, a duct or a fin (m)."""
+LengthOrZero = Annotated[float, Meta(ge=0.0, le=30.0)]
+"""Length that may be zero (m)."""
+Position = Annotated[float, Meta(ge=-30.0, le=30.0)]
+"""Coordinate in body axes (m)."""
+Aft = Annotated[float, Meta(ge=-30.0, lt=0.0)]
+"""Position aft of mid-length (m)."""
+Mass = Annotated[float, Meta(gt=0.0, le=1e6)]
+"""Mass (kg)."""
+Force = Annotated[float, Meta(gt=0.0, le=1e6)]
+"""Force (N)."""
+Speed = Annotated[float, Meta(gt=0.0, le=15.0)]
+"""Speed through the water (m/s)."""
+Coefficient = Annotated[float, Meta(ge=-1e9, le=1e9)]
+"""Coefficient of the linear model, SI units."""
+PositiveCoefficient = Annotated[float, Meta(gt=0.0, le=1e9)]
+NegativeCoefficient = Annotated[float, Meta(ge=-1e9, lt=0.0)]
+Ratio = Annotated[float, Meta(ge=0.0, le=100.0)]
+"""Dimensionless coefficient of lift, drag or shape that may be zero."""
+PositiveRatio = Annotated[float, Meta(gt=0.0, le=100.0)]
+RollDamping = Annotated[float, Meta(ge=0.0, le=1e6)]
+"""Roll damping, SI units."""
+Angle = Annotated[float, Meta(ge=0.0, le=90.0)]
+"""Angle of a surface (deg)."""
+Bias = Annotated[float, Meta(ge=-45.0, le=45.0)]
+"""Angle of a surface at zero command (deg)."""
 Fraction = Annotated[float, Meta(gt=0.0, lt=1.0)]
 FullFraction = Annotated[float, Meta(gt=0.0, le=1.0)]
 
@@ -33,8 +58,8 @@ class VehicleTable(Struct, frozen=True, forbid_unknown_fields=True):
 class WaterProperties(VehicleTable, frozen=True):
     """Water in which the vehicle was ballasted."""
 
-    density_kgpm3: Positive
-    gravity_mps2: Positive
+    density_kgpm3: Annotated[float, Meta(ge=900.0, le=1100.0)]
+    gravity_mps2: Annotated[float, Meta(ge=9.0, le=10.0)]
 
 
 class HullShape(VehicleTable, frozen=True, tag_field="shape"):
@@ -44,13 +69,13 @@ class HullShape(VehicleTable, frozen=True, tag_field="shape"):
 class Series58(HullShape, frozen=True, tag="series58"):
     """Series 58 body of revolution (Gertler 1950)."""
 
-    base_length_m: Positive
+    base_length_m: Length
     """Length without the parallel mid-body."""
-    diameter_m: Positive
-    midbody_length_m: NonNegative
-    nose_radius: Positive
+    diameter_m: Length
+    midbody_length_m: LengthOrZero
+    nose_radius: PositiveRatio
     """Nose radius times l/D^2, dimensionless."""
-    tail_radius: NonNegative
+    tail_radius: Ratio
     """Tail radius times l/D^2, dimensionless."""
     prismatic: Fraction
     """Prismatic coefficient: volume over that of the enclosing cylinder."""
@@ -64,36 +89,36 @@ class Myring(HullShape, frozen=True, tag="myring"):
     The offsets cut off the tips of nose and tail.
     """
 
-    nose_length_m: Positive
-    mid_length_m: NonNegative
-    tail_length_m: Positive
-    diameter_m: Positive
-    nose_exponent: Annotated[float, Meta(ge=1.0)] = 2.0
+    nose_length_m: Length
+    mid_length_m: LengthOrZero
+    tail_length_m: Length
+    diameter_m: Length
+    nose_exponent: Annotated[float, Meta(ge=1.0, le=100.0)] = 2.0
     tail_angle_deg: Annotated[float, Meta(gt=0.0, lt=60.0)] = 25.0
-    nose_offset_m: NonNegative = 0.0
-    tail_offset_m: NonNegative = 0.0
-    midbody_length_m: NonNegative = 0.0
+    nose_offset_m: LengthOrZero = 0.0
+    tail_offset_m: LengthOrZero = 0.0
+    midbody_length_m: LengthOrZero = 0.0
 
 
 class Cylinder(HullShape, frozen=True, tag="cylinder"):
     """Cylinder with half-ellipsoid caps; a cap as long as the radius is a hemisphere."""
 
-    length_m: Positive
+    length_m: Length
     """Overall length with caps."""
-    diameter_m: Positive
-    nose_cap_m: NonNegative | None = None
+    diameter_m: Length
+    nose_cap_m: LengthOrZero | None = None
     """Length of the nose cap; default is a hemisphere, 0 is flat."""
-    tail_cap_m: NonNegative | None = None
+    tail_cap_m: LengthOrZero | None = None
     """Length of the tail cap; default is a hemisphere, 0 is flat."""
-    midbody_length_m: NonNegative = 0.0
+    midbody_length_m: LengthOrZero = 0.0
 
 
 class ProfileHull(HullShape, frozen=True, tag="profile"):
     """Hull given by points of its profile, with straight lines between the points."""
 
-    points_m: Annotated[tuple[tuple[NonNegative, NonNegative], ...], Meta(min_length=3)]
+    points_m: Annotated[tuple[tuple[LengthOrZero, LengthOrZero], ...], Meta(min_length=3)]
     """(distance from the nose, radius) in m, nose first."""
-    midbody_length_m: NonNegative = 0.0
+    midbody_length_m: LengthOrZero = 0.0
 
     @property
     def diameter_m(self) -> float:
@@ -110,22 +135,22 @@ class Ballast(VehicleTable, frozen=True):
     ``cm`` is the centre of mass, ``cb`` the centre of buoyancy; z of ``cm`` is ``linear.z_CM_m``.
     """
 
-    mass_kg: Positive
-    net_buoyancy_n: float
+    mass_kg: Mass
+    net_buoyancy_n: Annotated[float, Meta(ge=-1e6, le=1e6)]
     """Buoyancy minus weight, positive upwards."""
-    x_cm_m: float
-    y_cm_m: float
-    x_cb_m: float
-    z_cb_m: float
+    x_cm_m: Position
+    y_cm_m: Position
+    x_cb_m: Position
+    z_cb_m: Position
 
 
 class OperatingPoint(VehicleTable, frozen=True):
     """Steady motion at which the ``linear`` table is valid."""
 
-    speed_mps: Positive
+    speed_mps: Speed
     thrust_fraction: FullFraction
     """Thrust command, 0 to 1."""
-    thrust_n: Positive
+    thrust_n: Force
     """Thrust, which equals the drag."""
 
 
@@ -135,41 +160,41 @@ class Coefficients(VehicleTable, frozen=True):
     ``linearise`` has the equations. ``dr`` and ``de`` are rudder and elevator angle.
     """
 
-    Y_v_kgps: float
-    N_v_kgmps: float
-    Y_r_kgmps: float
-    N_r_kgm2ps: float
-    Y_dr_nprad: float
-    N_dr_nmprad: float
-    Y_vdot_kg: Negative
-    I_zz_kgm2: Positive
-    N_rdot_kgm2: Negative
-    Z_w_kgps: float
-    M_w_kgmps: float
-    Z_q_kgmps: float
-    M_q_kgm2ps: float
-    Z_de_nprad: float
-    M_de_nmprad: float
-    Z_wdot_kg: Negative
-    I_yy_kgm2: Positive
-    M_qdot_kgm2: Negative
-    z_CM_m: float
+    Y_v_kgps: Coefficient
+    N_v_kgmps: Coefficient
+    Y_r_kgmps: Coefficient
+    N_r_kgm2ps: Coefficient
+    Y_dr_nprad: Coefficient
+    N_dr_nmprad: Coefficient
+    Y_vdot_kg: NegativeCoefficient
+    I_zz_kgm2: PositiveCoefficient
+    N_rdot_kgm2: NegativeCoefficient
+    Z_w_kgps: Coefficient
+    M_w_kgmps: Coefficient
+    Z_q_kgmps: Coefficient
+    M_q_kgm2ps: Coefficient
+    Z_de_nprad: Coefficient
+    M_de_nmprad: Coefficient
+    Z_wdot_kg: NegativeCoefficient
+    I_yy_kgm2: PositiveCoefficient
+    M_qdot_kgm2: NegativeCoefficient
+    z_CM_m: Position
 
 
 class DuctGeometry(VehicleTable, frozen=True):
     """Ring duct at the tail; ``wing`` has the equations of lift and drag."""
 
-    x_m: Negative
+    x_m: Aft
     """Position forward of mid-length."""
-    diameter_m: Positive
-    chord_m: Positive
-    lift_slope_per_rad: Positive
-    lift_quadratic_per_rad2: NonNegative
-    drag_zero_lift: NonNegative
+    diameter_m: Length
+    chord_m: Length
+    lift_slope_per_rad: PositiveRatio
+    lift_quadratic_per_rad2: Ratio
+    drag_zero_lift: Ratio
     oswald: FullFraction
     stall_deg: Annotated[float, Meta(gt=0.0, lt=90.0)]
     separated_deg: Annotated[float, Meta(gt=0.0, lt=90.0)]
-    separated_normal: NonNegative
+    separated_normal: Ratio
     vectored: bool = True
     """True if ring and thrust turn with the commands, false for a fixed nozzle."""
 
@@ -188,21 +213,21 @@ class FinGeometry(VehicleTable, frozen=True):
     """Four equal all-moving fins at one station."""
 
     layout: Literal["cruciform", "x"]
-    x_m: Negative
+    x_m: Aft
     """Position of the quarter chord, about which the fins turn, forward of mid-length."""
-    span_m: Positive
+    span_m: Length
     """Span of one fin, from hull to tip."""
-    root_chord_m: Positive
-    tip_chord_m: Positive
-    hull_radius_m: NonNegative
+    root_chord_m: Length
+    tip_chord_m: Length
+    hull_radius_m: LengthOrZero
     """Radius of the hull at the fins."""
-    lift_slope_per_rad: Positive
-    lift_quadratic_per_rad2: NonNegative
-    drag_zero_lift: NonNegative
+    lift_slope_per_rad: PositiveRatio
+    lift_quadratic_per_rad2: Ratio
+    drag_zero_lift: Ratio
     oswald: FullFraction
     stall_deg: Annotated[float, Meta(gt=0.0, lt=90.0)]
     separated_deg: Annotated[float, Meta(gt=0.0, lt=90.0)]
-    separated_normal: NonNegative
+    separated_normal: Ratio
 
     @property
     def area_m2(self) -> float:
@@ -238,45 +263,46 @@ class FinGeometry(VehicleTable, frozen=True):
 class PropellerCurve(VehicleTable, frozen=True):
     """Thrust coefficient K_T = kt_bollard - kt_slope J, with J from the inflow behind the hull."""
 
-    diameter_m: Positive
-    kt_bollard: Positive
-    kt_slope: Positive
+    diameter_m: Length
+    kt_bollard: PositiveRatio
+    kt_slope: PositiveRatio
     wake_fraction: Annotated[float, Meta(ge=0.0, lt=1.0)]
 
 
 class Damping(VehicleTable, frozen=True):
     """Crossflow drag and roll damping."""
 
-    crossflow_cd: NonNegative
+    crossflow_cd: Ratio
     """Drag coefficient of a hull section in crossflow, on its diameter."""
-    roll_linear_nms: NonNegative
-    roll_quadratic_nms2: NonNegative
+    roll_linear_nms: RollDamping
+    roll_quadratic_nms2: RollDamping
 
 
 class Tailcone(VehicleTable, frozen=True):
     """Actuator of rudder and elevator; both are equal except for the bias."""
 
-    natural_frequency_radps: Positive
-    damping_ratio: Positive
+    natural_frequency_radps: Annotated[float, Meta(gt=0.0, le=1e4)]
+    damping_ratio: PositiveRatio
     delay_s: Annotated[float, Meta(ge=0.0, le=10.0)]
-    travel_deg: Annotated[float, Meta(gt=0.0, lt=90.0)]
-    rate_degps: Positive
-    rudder_bias_deg: float
-    elevator_bias_deg: float
-    step_deg: NonNegative = 0.0
+    travel_deg: Annotated[float, Meta(ge=1.0, le=45.0)]
+    """Largest angle; the range is that of the autopilot's ACT_TRAVEL_DEG."""
+    rate_degps: Annotated[float, Meta(gt=0.0, le=1e5)]
+    rudder_bias_deg: Bias
+    elevator_bias_deg: Bias
+    step_deg: Angle = 0.0
     """Duct angle per motor step; 0 is continuous."""
-    backlash_deg: NonNegative = 0.0
+    backlash_deg: Angle = 0.0
     """Backlash between motor and duct, full width."""
     lost_step_chance: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0
     """Probability that a motor step is lost at a rate above ``lost_step_above_degps``."""
-    lost_step_above_degps: NonNegative = 0.0
+    lost_step_above_degps: Annotated[float, Meta(ge=0.0, le=1e5)] = 0.0
     """Duct rate above which motor steps can be lost."""
 
 
 class Power(VehicleTable, frozen=True):
     """Consumers of the battery."""
 
-    hotel_w: NonNegative = 60.0
+    hotel_w: Annotated[float, Meta(ge=0.0, le=1e6)] = 60.0
     """Constant power of computers, instruments and radio; typical of a vehicle of this size."""
     drive_efficiency: FullFraction = 0.45
     """Thrust times speed over electric power at the operating point; a typical value."""
@@ -299,11 +325,11 @@ class Instruments(VehicleTable, frozen=True):
 class DropWeight(VehicleTable, frozen=True):
     """Weight that output 4 of the autopilot releases once; part of ``ballast.mass_kg`` before."""
 
-    mass_kg: Positive
-    x_m: float = 0.0
+    mass_kg: Mass
+    x_m: Position = 0.0
     """Position forward of mid-length, as y to port and z up."""
-    y_m: float = 0.0
-    z_m: float = 0.0
+    y_m: Position = 0.0
+    z_m: Position = 0.0
 
 
 class VehicleConfig(VehicleTable, frozen=True):

@@ -1,12 +1,17 @@
 """Impossible vehicles are rejected in one line; reports of possible ones agree with references."""
 
 import json
+import re
 import subprocess
 import sys
+import tomllib
 from math import pi, sqrt
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sitl.vehicle import check, config
 from tests.sitl.vehicle.test_fill_missing import FINNED
@@ -126,8 +131,8 @@ def test_level_trim_equals_identification_solver() -> None:
 
 
 def test_vehicle_without_level_trim_rejected(tmp_path: Path) -> None:
-    said = refused(FINNED + "[ballast]\nmass_kg = 1e9\n", tmp_path)
-    assert "operating_point.speed_mps = 1.5: expected a speed at which level motion" in said
+    said = refused(FINNED + "[operating_point]\nspeed_mps = 0.001\n", tmp_path)
+    assert "operating_point.speed_mps = 0.001: expected a speed at which level motion" in said
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -167,3 +172,84 @@ def test_command_line_errors_are_one_line(tmp_path: Path) -> None:
         assert refusal.returncode == 2
         assert refusal.stdout == ""
         assert refusal.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (
+            "[operating_point]\nspeed_mps = 99999999999999999999999\n",
+            "operating_point.speed_mps = 99999999999999999999999: expected float > 0 and <= 15",
+        ),
+        (
+            "[damping]\ncrossflow_cd = 1e200\n",
+            "damping.crossflow_cd = 1e+200: expected float >= 0 and <= 100",
+        ),
+        (
+            "[tailcone]\ntravel_deg = 0.26\n",
+            "tailcone.travel_deg = 0.26: expected float >= 1 and <= 45",
+        ),
+        (
+            "[water]\ndensity_kgpm3 = 1.025\n",
+            "water.density_kgpm3 = 1.025: expected float >= 900 and <= 1100",
+        ),
+        (
+            "[linear]\nM_de_nmprad = 1e300\n",
+            "linear.M_de_nmprad = 1e+300: expected float >= -1e+09 and <= 1e+09",
+        ),
+    ],
+)
+def test_value_that_no_vehicle_has_rejected_with_range(
+    part: str, message: str, tmp_path: Path
+) -> None:
+    assert refused(f"{FINNED}\n{part}", tmp_path).endswith(f"mine.toml: {message}")
+
+
+def test_wrong_derived_key_names_its_derivation(tmp_path: Path) -> None:
+    """The file has no mass: it is derived from the net buoyancy."""
+    message = refused(f"{FINNED}\n[ballast]\nnet_buoyancy_n = 5000.0\n", tmp_path)
+    assert re.search(r"ballast\.mass_kg = -\d+.*; derived, as .*B_net/g.*B_net 5000 N", message)
+
+
+@given(
+    changed=st.fixed_dictionaries(
+        {},
+        optional={
+            "operating_point.speed_mps": st.sampled_from([1e-9, 0.1, 15.0]),
+            "operating_point.thrust_n": st.sampled_from([1e-9, 1e6]),
+            "damping.crossflow_cd": st.sampled_from([0.0, 100.0]),
+            "ballast.x_cm_m": st.floats(-1.0, 1.0),
+            "ballast.mass_kg": st.floats(1e-6, 1e6),
+            "linear.M_de_nmprad": st.sampled_from([-1e9, 0.0, 1e9]),
+            "linear.Y_v_kgps": st.sampled_from([-1e9, 0.0, 1e9]),
+            "linear.N_r_kgm2ps": st.sampled_from([-1e9, 0.0, 1e9]),
+            "fins.tip_chord_m": st.sampled_from([1e-9, 30.0]),
+            "fins.lift_slope_per_rad": st.sampled_from([1e-9, 100.0]),
+        },
+    )
+)
+@pytest.mark.filterwarnings("error")
+def test_values_in_range_give_finite_report_or_one_line(changed: dict[str, float]) -> None:
+    tables = tomllib.loads(FINNED)
+    for name, value in changed.items():
+        table, key = name.split(".")
+        tables.setdefault(table, {})[key] = value
+    try:
+        vehicle = config.parse(toml_text(tables), "mine.toml")
+        report = check.check_config(vehicle, "mine.toml")
+    except config.VehicleFileError as error:
+        assert str(error).startswith("mine.toml: ")
+        assert "\n" not in str(error)
+    else:
+        assert "nan" not in check.format_text(report)
+
+
+def toml_text(tables: dict[str, Any]) -> str:
+    """Return tables of numbers and texts as TOML."""
+    top = [f"{key} = {value!r}" for key, value in tables.items() if not isinstance(value, dict)]
+    parts = [
+        "\n".join([f"[{name}]", *(f"{key} = {value!r}" for key, value in table.items())])
+        for name, table in tables.items()
+        if isinstance(table, dict)
+    ]
+    return "\n".join([*top, *parts])

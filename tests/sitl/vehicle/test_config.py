@@ -40,7 +40,7 @@ def test_unknown_name_is_read_as_path(tmp_path: Path) -> None:
     ("key", "value", "message"),
     [
         ("diameter_m", "-0.5", r"hull\.diameter_m = -0\.5: expected float > 0"),
-        ("prismatic", "1.5", r"hull\.prismatic = 1\.5: expected float < 1"),
+        ("prismatic", "1.5", r"hull\.prismatic = 1\.5: expected float > 0 and < 1"),
         ("mass_kg", '"heavy"', r"ballast\.mass_kg = 'heavy': expected float, got str"),
         ("mass_kg", "true", r"ballast\.mass_kg = True: expected float, got bool"),
         ("mass_kg", "nan", r"ballast\.mass_kg = nan: expected a finite number"),
