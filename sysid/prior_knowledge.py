@@ -149,6 +149,23 @@ def vehicle_file(prior: str | Path) -> VehicleConfig:
     return config
 
 
+def check_vehicle(vehicle: str | Path) -> None:
+    """Check a vehicle file as ``ground vehicle check`` does.
+
+    Parameters
+    ----------
+    vehicle : str or Path
+        Name of a shipped vehicle or path of a vehicle file (TOML).
+
+    Raises
+    ------
+    VehicleFileError
+        The file is missing or invalid, or the vehicle is physically impossible.
+    """
+    if str(vehicle) not in vehicle_files.SHIPPED:
+        vehicle_check.check(vehicle)
+
+
 def check_flown_vehicle(vehicle: str | Path) -> tuple[str, ...]:
     """Check the vehicle file of a simulated flight with Caribou's autopilot.
 

@@ -4,6 +4,7 @@ from functools import cache
 from typing import Any
 
 import msgspec
+from numpy.linalg import LinAlgError
 
 from mavlink_io.errors import InputError
 from sysid import prior_knowledge
@@ -161,11 +162,15 @@ def design(vehicle: Any) -> InitialDesign:
             "vehicle 'caribou_truth': is the simulated truth; "
             "give caribou_nominal, or a vehicle file"
         )
+    if isinstance(vehicle, str):
+        prior_knowledge.check_vehicle(vehicle)
+    name = getattr(vehicle, "name", vehicle)
     try:
         return initial.design_initial_gains(vehicle)
     except DesignInfeasibleError as error:
-        name = getattr(vehicle, "name", vehicle)
         raise DesignInfeasibleError(f"{name}: {error}") from None
+    except LinAlgError as error:
+        raise DesignInfeasibleError(f"{name}: its linear model is singular ({error})") from None
 
 
 def format_text(initial_design: InitialDesign) -> str:

@@ -23,6 +23,11 @@ from sitl.vehicle.water import STILL
 
 TRIANGLE_SLACK = 1e-9
 """Relative tolerance of the triangle inequality between principal moments of inertia."""
+MASS_RATIO = (0.5, 2.0)
+"""Range of the mass over that of the water that the hull displaces: beyond it a unit is wrong."""
+BUOYANCY_RATIO = (0.5, 1.25)
+"""Range of the buoyancy over that of the hull: parts of a hull may be flooded, and duct, fins and
+masts displace water besides."""
 STEP = 1e-6
 """Step of the central differences and tolerance of Newton's method, SI units and radians."""
 
@@ -150,6 +155,7 @@ def _numbers(value: object) -> Iterator[float]:
 
 def _check_physics(config: VehicleConfig, source: str) -> Report:
     """Return the report of `check_config`, in which a number may be nan."""
+    _check_displacement(config, source)
     model = build_model.build(config, source)
     warnings = check_consistency(config, model, source)
     point = config.operating_point
@@ -161,6 +167,28 @@ def _check_physics(config: VehicleConfig, source: str) -> Report:
             f" {model.hydrostatics.buoyancy_n - model.hydrostatics.weight_n:.3g} N"
         )
     return _report(config, model, level_rad, warnings)
+
+
+def _check_displacement(config: VehicleConfig, source: str) -> None:
+    """Raise ``VehicleFileError`` for a mass or buoyancy that the hull cannot have."""
+    ballast, water = config.ballast, config.water
+    hull_kg = water.density_kgpm3 * hull.integrals(config.hull).volume_m3
+    weight_n, hull_n = ballast.mass_kg * water.gravity_mps2, hull_kg * water.gravity_mps2
+    displaced = f"the hull displaces {hull_kg:.4g} kg of water"
+    low, high = MASS_RATIO
+    if not low <= ballast.mass_kg / hull_kg <= high:
+        raise VehicleFileError(
+            f"{source}: ballast.mass_kg = {ballast.mass_kg:.6g} with net_buoyancy_n ="
+            f" {ballast.net_buoyancy_n:.6g}: expected {low * hull_kg:.4g} to {high * hull_kg:.4g}"
+            f" kg: {displaced}"
+        )
+    low, high = BUOYANCY_RATIO
+    if not low <= (weight_n + ballast.net_buoyancy_n) / hull_n <= high:
+        raise VehicleFileError(
+            f"{source}: ballast.net_buoyancy_n = {ballast.net_buoyancy_n:.6g} with mass_kg ="
+            f" {ballast.mass_kg:.6g}: expected {low * hull_n - weight_n:.4g} to"
+            f" {high * hull_n - weight_n:.4g} N: {displaced}"
+        )
 
 
 def check_consistency(config: VehicleConfig, model: VehicleModel, source: str) -> list[str]:

@@ -294,11 +294,18 @@ def check(config: VehicleConfig, source: str) -> None:
     """
     _check_shape(config.hull, source)
     duct, fins, propeller, tail = config.duct, config.fins, config.propeller, config.tailcone
+    for key in ("rudder_bias_deg", "elevator_bias_deg", "step_deg", "backlash_deg"):
+        if abs(angle_deg := getattr(tail, key)) >= tail.travel_deg:
+            raise VehicleFileError(
+                f"{source}: tailcone.{key} = {angle_deg}: expected less than"
+                f" tailcone.travel_deg = {tail.travel_deg}"
+            )
     if tail.lost_step_chance > 0.0 and tail.step_deg == 0.0:
         raise VehicleFileError(
             f"{source}: tailcone.lost_step_chance = {tail.lost_step_chance}: "
             "expected tailcone.step_deg above 0 with it, or there is no step to lose"
         )
+    _check_sizes(config, source)
     for name, wing in (("duct", duct), ("fins", fins)):
         if wing is not None and wing.separated_deg <= wing.stall_deg:
             raise VehicleFileError(
@@ -325,6 +332,21 @@ def check(config: VehicleConfig, source: str) -> None:
             " than minus the weight"
         )
     check_drop_weight(config, source)
+
+
+def _check_sizes(config: VehicleConfig, source: str) -> None:
+    """Raise ``VehicleFileError`` for a duct or fins that are longer than the hull."""
+    length_m = hull.length_m(config.hull)
+    sizes = {"duct": ("diameter_m", "chord_m"), "fins": ("span_m", "root_chord_m", "tip_chord_m")}
+    for table, keys in sizes.items():
+        if (wing := getattr(config, table)) is None:
+            continue
+        for key in keys:
+            if (size_m := getattr(wing, key)) >= length_m:
+                raise VehicleFileError(
+                    f"{source}: {table}.{key} = {size_m}: expected less than the hull's length of"
+                    f" {length_m:.4g} m"
+                )
 
 
 def check_drop_weight(config: VehicleConfig, source: str) -> None:

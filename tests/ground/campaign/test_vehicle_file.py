@@ -63,3 +63,22 @@ def test_campaign_truth_is_checked_first(text: str, expected: str, tmp_path: Pat
     )
     assert message.startswith(f"{truth}: ")
     assert expected in message
+
+
+HEAVY = f"{FINNED}\n[ballast]\nmass_kg = 58190.0\n"
+
+
+def test_every_command_names_the_wrong_key_of_a_vehicle_file(tmp_path: Path) -> None:
+    """All commands make the check of `vehicle check` first."""
+    vehicle = written(tmp_path, HEAVY)
+    messages = [
+        refused("vehicle", "check", vehicle),
+        refused("vehicle", "gains", vehicle, "--out", str(tmp_path / "gains.param")),
+        refused("design-test", "--prior", vehicle, "--out", str(tmp_path / "test.toml")),
+        refused("fly", "trim", "--sitl", "--vehicle", vehicle, "--log", str(tmp_path / "a.mcap")),
+        campaign_refused(tmp_path, "--vehicle", vehicle),
+        campaign_refused(tmp_path, "--vehicle", vehicle, "--truth", written(tmp_path, FINNED, "t")),
+        campaign_refused(tmp_path, "--truth", vehicle),
+    ]
+    assert len(set(messages)) == 1
+    assert messages[0].startswith(f"{vehicle}: ballast.mass_kg = 58190 with net_buoyancy_n = ")

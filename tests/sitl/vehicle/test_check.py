@@ -234,14 +234,17 @@ def test_values_in_range_give_finite_report_or_one_line(changed: dict[str, float
     for name, value in changed.items():
         table, key = name.split(".")
         tables.setdefault(table, {})[key] = value
+    text = report_or_error(toml_text(tables))
+    assert "nan" not in text
+    assert text.startswith("finned: ") or re.fullmatch(r"mine\.toml: .*", text)
+
+
+def report_or_error(text: str) -> str:
+    """Return the report of a vehicle file, or why it is refused."""
     try:
-        vehicle = config.parse(toml_text(tables), "mine.toml")
-        report = check.check_config(vehicle, "mine.toml")
+        return check.format_text(check.check_config(config.parse(text, "mine.toml"), "mine.toml"))
     except config.VehicleFileError as error:
-        assert str(error).startswith("mine.toml: ")
-        assert "\n" not in str(error)
-    else:
-        assert "nan" not in check.format_text(report)
+        return str(error)
 
 
 def toml_text(tables: dict[str, Any]) -> str:
@@ -253,3 +256,33 @@ def toml_text(tables: dict[str, Any]) -> str:
         if isinstance(table, dict)
     ]
     return "\n".join([*top, *parts])
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        ("[ballast]\nmass_kg = 58190.0\n", r"ballast\.mass_kg = 58190 .*: expected 31\.\d+ to 12"),
+        ("[ballast]\nnet_buoyancy_n = -900.0\n", r"mass_kg = 154\.\d+ with net_buoyancy_n = -900"),
+        (
+            "[ballast]\nmass_kg = 58.0\nnet_buoyancy_n = 300.0\n",
+            r"ballast\.net_buoyancy_n = 300 with mass_kg = 58: expected -\d+.* to \d+.* N: the",
+        ),
+        ("[tailcone]\nbacklash_deg = 20.0\n", r"backlash_deg = 20\.0: expected less than tailcone"),
+        ("[tailcone]\nelevator_bias_deg = -40.0\n", r"elevator_bias_deg = -40\.0: expected less"),
+        ("[tailcone]\nstep_deg = 16.0\n", r"step_deg = 16\.0: expected less than tailcone\.travel"),
+    ],
+)
+def test_contradiction_names_the_wrong_key(part: str, message: str, tmp_path: Path) -> None:
+    """Before, a wrong mass, length or travel was reported as a wrong speed, or not at all."""
+    assert re.search(message, refused(f"{FINNED}\n{part}", tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("root_chord_m = 0.10", "root_chord_m = 10.0", r"root_chord_m = 10\.0: expected less than"),
+        ("span_m = 0.12", "span_m = 12.0", r"span_m = 12\.0: .* than the hull's length of 2 m"),
+    ],
+)
+def test_fin_longer_than_hull_rejected(old: str, new: str, message: str, tmp_path: Path) -> None:
+    assert re.search(message, refused(FINNED.replace(old, new), tmp_path))
