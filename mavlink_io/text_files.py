@@ -13,6 +13,8 @@ MAX_LOG_BYTES = 1_000_000_000
 """Largest log that is read into memory at once: weeks of a tlog, hours of a .bin or .ulg."""
 _PIECE_BYTES = 1 << 20
 """Number of bytes that are read at once."""
+_BYTE_ORDER_MARK = "\ufeff"
+"""First character of text files that some editors of Windows write."""
 TOO_NESTED = "nested too deeply"
 """Text of an error."""
 MAX_INTEGER_BITS = 1023
@@ -105,7 +107,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     Parameters
     ----------
     text : str
-        TOML.
+        TOML; a byte-order mark before it is ignored.
 
     Returns
     -------
@@ -118,7 +120,7 @@ def parse_toml(text: str) -> dict[str, Any]:
         The text is no TOML, is nested too deeply, or has a number of too many digits.
     """
     try:
-        tables = tomllib.loads(text)
+        tables = tomllib.loads(text.removeprefix(_BYTE_ORDER_MARK))
         _refuse_large_integers(tables)
         return tables
     except RecursionError:

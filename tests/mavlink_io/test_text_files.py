@@ -1,12 +1,30 @@
-"""Files from outside: only regular files are opened."""
+"""Files from outside: only regular files are opened; a byte-order mark is no text."""
 
 import errno
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from mavlink_io.text_files import open_regular, read_limited
+from ground.bench_tests import incline
+from ground.campaign import specification
+from ground.missions import script
+from ground.sweep import plan_file
+from mavlink_io.errors import CaribouError
+from mavlink_io.text_files import open_regular, parse_toml, read_limited
+from sitl import scenario
+from sitl.vehicle import config
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "vehicle": config.load,
+    "scenario": lambda path: scenario.load(str(path)),
+    "mission": lambda path: script.load(str(path)),
+    "sweep plan": plan_file.load,
+    "moves": incline.load,
+    "specification": lambda path: specification.read(path, {}),
+}
+"""Readers of the TOML files that users give."""
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
@@ -17,6 +35,17 @@ def test_pipe_without_a_writer_is_refused_at_once(tmp_path: Path) -> None:
         with pytest.raises(OSError, match="is no regular file") as refused:
             read(path)
         assert refused.value.errno == errno.EINVAL
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+@pytest.mark.parametrize("kind", READERS)
+@pytest.mark.timeout(20)
+def test_pipe_in_place_of_a_toml_file_is_refused(kind: str, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.toml"
+    os.mkfifo(pipe)
+    with pytest.raises(CaribouError, match=r"pipe\.toml") as refusal:
+        READERS[kind](pipe)
+    assert kind == "mission" or "is no regular file" in str(refusal.value)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the system has no /dev/null")
@@ -31,3 +60,15 @@ def test_directory_and_missing_file_keep_their_errors(tmp_path: Path) -> None:
         with pytest.raises(OSError, match=r"\[Errno \d+\]") as refused:
             open_regular(path)
         assert refused.value.errno != errno.EINVAL
+
+
+def test_byte_order_mark_before_toml_is_ignored() -> None:
+    assert parse_toml("\ufeffa = 1") == {"a": 1}
+
+
+def test_vehicle_file_with_byte_order_mark_is_read(tmp_path: Path) -> None:
+    """Editors of Windows write the mark."""
+    shipped = Path(config.__file__).with_name("remus100.toml")
+    marked = tmp_path / "marked.toml"
+    marked.write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert config.load(marked) == config.load("remus100")
