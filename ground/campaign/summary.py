@@ -114,7 +114,8 @@ def format_text(summary: CampaignSummary, out: Path) -> str:
     """Return the result of a campaign as text."""
     steady = summary.steady_error
     with_paper = summary.vehicle == PAPER_VEHICLE
-    head = f"{'steady error, 95 %':20s}{''.join(f'{name:>12s}' for name in steady)}"
+    names = [summary.design.final_set if name == "redesigned" else name for name in steady]
+    head = f"{'steady error, 95 %':20s}{''.join(f'{name:>12s}' for name in names)}"
     lines = [f"{head}   the paper" if with_paper else head]
     for e, paper in PAPER_ERRORS.items():
         figures = "".join(f"{getattr(errors, e):12.3f}" for errors in steady.values())
@@ -134,7 +135,7 @@ def format_text(summary: CampaignSummary, out: Path) -> str:
         lines.append(selection.reason)
     lines += [
         f"gains {gains}",
-        *describe_performance(summary.monitoring),
+        *describe_performance(summary.monitoring, summary.design.final_set),
         (
             f"{summary.vehicle_s:.0f} s of vehicle time in {summary.wall_s:.1f} s,"
             f" {summary.messages} messages, {summary.lost_frames} lost"
@@ -193,13 +194,15 @@ def minimum_lines(ours: Response, least: MinimumVariance | None) -> list[str]:
     return lines
 
 
-def describe_performance(monitoring: Mapping[str, MonitorReport]) -> list[str]:
-    """Return how the performance of the redesigned gains compares with the predicted one.
+def describe_performance(monitoring: Mapping[str, MonitorReport], final_set: str) -> list[str]:
+    """Return how the performance of the last dives compares with the predicted one.
 
     Parameters
     ----------
     monitoring : Mapping
         Result of monitoring by mission.
+    final_set : str
+        Word for the gains of these dives, as in `DesignSummary`.
 
     Returns
     -------
@@ -217,7 +220,7 @@ def describe_performance(monitoring: Mapping[str, MonitorReport]) -> list[str]:
         for mission, report in monitoring.items()
         if (agreement := describe_agreement(report.rms)) not in ("", AS_PREDICTED)
     ]
-    return causes or calmer or ["the redesigned gains perform as predicted"]
+    return causes or calmer or [f"the {final_set} gains perform as predicted"]
 
 
 def _held_out_lines(errors: Mapping[Plane, RateErrors]) -> list[str]:

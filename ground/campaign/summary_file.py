@@ -132,6 +132,16 @@ class DesignSummary(JsonRecord, frozen=True):
     selection: GainSelection | None = None
     """Null for a redesign without rehearsal."""
 
+    @property
+    def kept_first(self) -> bool:
+        """Whether no redesigned gains were better, so that both sets of gains are the first one."""
+        return self.selection is not None and self.selection.kept_first
+
+    @property
+    def final_set(self) -> str:
+        """Word for the gains of the last dives: ``redesigned``, or ``kept`` for the first gains."""
+        return "kept" if self.kept_first else "redesigned"
+
 
 class SteadyError(JsonRecord, frozen=True):
     """95 % bounds of the errors of straight runs, as in the paper's Table 5."""

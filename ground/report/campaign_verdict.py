@@ -25,11 +25,14 @@ def card(summary: CampaignSummary) -> str:
     str
         A section with outcome, sizes, and the next step.
     """
-    problems = list(_problems(summary))
-    outcome = Outcome.ATTENTION if problems else Outcome.GOOD
-    title = "Needs attention" if problems else "The redesign worked"
-    performance = describe_performance(summary.monitoring)
-    remarks = "".join(f"<p>{as_sentence(text)}</p>" for text in (*problems, *performance))
+    problems, design = list(_problems(summary)), summary.design
+    outcome = Outcome.ATTENTION if problems or design.kept_first else Outcome.GOOD
+    good_title = "The first gains are kept" if design.kept_first else "The redesign worked"
+    title = "Needs attention" if problems else good_title
+    selected = [design.selection.reason] if design.selection and design.selection.reason else []
+    performance = describe_performance(summary.monitoring, design.final_set)
+    texts = (*selected, *problems, *performance)
+    remarks = "".join(f"<p>{as_sentence(text)}</p>" for text in texts)
     return (
         f'<section class="verdict {outcome.name.lower()}">'
         f'<p class="outcome"><span class="sign">{SIGNS[outcome]}</span> {title}</p>'
@@ -39,10 +42,10 @@ def card(summary: CampaignSummary) -> str:
 
 
 def _problems(summary: CampaignSummary) -> Iterator[str]:
-    """Yield each reason why the redesigned gains should not be used as they are."""
+    """Yield each reason why the gains of the last dives should not be used as they are."""
     before, after = summary.steady_error["initial"], summary.steady_error["redesigned"]
     for key, (name, *_) in _ERRORS.items():
-        if getattr(after, key) > getattr(before, key):
+        if not summary.design.kept_first and getattr(after, key) > getattr(before, key):
             yield f"the {name} error has grown"
     assessment = summary.model.assessment
     if assessment is not None and not assessment.fit_for_redesign:
@@ -52,11 +55,17 @@ def _problems(summary: CampaignSummary) -> Iterator[str]:
 
 
 def _changes(summary: CampaignSummary) -> str:
-    """Return the errors before and after the redesign in one sentence."""
+    """Return the errors before and after the redesign in one sentence.
+
+    Kept gains have one error: their two dives are repetitions.
+    """
     before, after = summary.steady_error["initial"], summary.steady_error["redesigned"]
     parts = []
     for key, (name, factor, unit, digits) in _ERRORS.items():
         was, now = getattr(before, key), getattr(after, key)
+        if summary.design.kept_first:
+            parts.append(f"{name} error {factor * now:.{digits}f}{unit}")
+            continue
         change = f"{100.0 * abs(1.0 - now / was):.0f} % {'smaller' if now <= was else 'larger'}"
         shown = f"{factor * was:.{digits}f} → {factor * now:.{digits}f}{unit}"
         parts.append(f"{name} error {shown}" + (f" ({change})" if was > 0.0 else ""))
@@ -75,6 +84,12 @@ def _next_step(summary: CampaignSummary, problems: list[str]) -> str:
         return f"fly this test and refit: {assessment.next_test}"
     if problems:
         return "compare the dives below before you use the gains"
+    if summary.design.kept_first:
+        return (
+            "fly on with the first gains, which `gains.param` holds with their predicted"
+            " performance; a redesign can be better only within other limits"
+            " (`ground redesign --spec`)"
+        )
     return (
         "set the gains on the vehicle with `ground params load gains.param`, and fly with"
         " `ground fly MISSION --gains gains.param`, which compares each dive with the prediction"

@@ -150,24 +150,30 @@ def step_figure(folder: CampaignFolder, run: Run, note: str) -> Figure:
 
 def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
     """Draw the motion and the surfaces in a mission with every set of gains."""
-    flown = folder.summary.tracking[mission]
+    flown, final_set = folder.summary.tracking[mission], folder.summary.design.final_set
     logs = {name: folder.log(stage, mission) for name, stage in STAGES.items() if name in flown}
     ends = {name: end_s(log) for name, log in logs.items()}
     reference = logs["redesigned"]
     span = ends["redesigned"]
-    depth = [_curve(n, n, log.depth.time_s, log.depth.depth_m, ends[n]) for n, log in logs.items()]
+
+    def curve(role: str, time_s: Array, values: Array) -> Curve:
+        """Return the curve of a set of gains."""
+        name = final_set if role == "redesigned" else role
+        return _curve(name, role, time_s, values, ends[role])
+
+    depth = [curve(role, log.depth.time_s, log.depth.depth_m) for role, log in logs.items()]
     heading = [
-        _curve(n, n, log.attitude.time_s, np.degrees(log.attitude.yaw_rad), ends[n])
-        for n, log in logs.items()
+        curve(role, log.attitude.time_s, np.degrees(log.attitude.yaw_rad))
+        for role, log in logs.items()
     ]
     pitch = [
-        _curve(n, n, log.attitude.time_s, np.degrees(log.attitude.pitch_rad), ends[n])
-        for n, log in logs.items()
+        curve(role, log.attitude.time_s, np.degrees(log.attitude.pitch_rad))
+        for role, log in logs.items()
     ]
     surfaces = {
         name: [
-            _curve(n, n, log.actuators.time_s, np.degrees(getattr(log.actuators, field)), ends[n])
-            for n, log in logs.items()
+            curve(role, log.actuators.time_s, np.degrees(getattr(log.actuators, field)))
+            for role, log in logs.items()
         ]
         for name, field in (("rudder", "rudder_rad"), ("elevator", "elevator_rad"))
     }

@@ -128,7 +128,7 @@ def _page(
     """Return the HTML of the report."""
     summary, model = campaign.summary, campaign.model
     of_model = prepared or model_figures(campaign)
-    with_paper = summary.vehicle == PAPER_VEHICLE
+    with_paper, final_set = summary.vehicle == PAPER_VEHICLE, summary.design.final_set
     missions = figures.mission_figures(campaign, list(summary.tracking))
     steps, responses, whiteness, predictions = of_model
     analyses = loop_analyses(summary.design)
@@ -144,6 +144,7 @@ def _page(
     parts = {
         **(NOTES if with_paper else OTHER_NOTES),
         "title": escape(TITLE if with_paper else f"{Path(summary.vehicle).stem}: {SUBTITLE}"),
+        "final_set": final_set,
         "lead": _lead(summary),
         "verdict": campaign_verdict.card(summary),
         "headline": _headline(summary.steady_error, with_paper=with_paper),
@@ -161,17 +162,18 @@ def _page(
         "second_opinion": second_opinion.html(model),
         "predictions": "".join(map(place_figure, predictions)),
         "whiteness": "".join(map(place_figure, whiteness)),
-        "table_3": tables.table_3(summary.gains, with_paper=with_paper),
+        "table_3": tables.table_3(summary.gains, with_paper=with_paper, final_set=final_set),
         "table_4": tables.table_4(
             {role: analysis.visible_modes_radps for role, analysis in analyses.items()},
             with_paper=with_paper,
+            final_set=final_set,
         ),
-        "table_5": tables.table_5(summary.steady_error, with_paper=with_paper),
+        "table_5": tables.table_5(summary.steady_error, with_paper=with_paper, final_set=final_set),
         "tracking": tables.tracking(summary.tracking),
         "small_signal": tables.small_signal(model),
         "screening": tables.screening(model),
         "specification": specification(summary.design),
-        "margins": tables.margins(analyses, comparisons),
+        "margins": tables.margins(analyses, comparisons, final_set),
         "reasons": reasons(summary.design),
         "bode": places(loops.bode),
         "nyquist": places(loops.nyquist),
@@ -183,7 +185,22 @@ def _page(
         "asked": escape(campaign.asked),
         "footer": _footer(summary),
     }
-    return render(parts, drawn)
+    return render(parts, _name_final_set(drawn, final_set))
+
+
+def _name_final_set(drawn: Mapping[str, charts.Chart], final_set: str) -> dict[str, charts.Chart]:
+    """Return the charts of loops with the word for the gains of the last dives in their legends."""
+    names = {"redesigned gains": f"{final_set} gains"}
+    return {
+        key: {
+            **chart,
+            "data": [
+                {**trace, "name": names.get(trace.get("name", ""), trace.get("name"))}
+                for trace in chart["data"]
+            ],
+        }
+        for key, chart in drawn.items()
+    }
 
 
 def loop_analyses(design: DesignSummary) -> dict[str, LoopAnalysis]:
@@ -267,9 +284,10 @@ def render(
 def _lead(summary: CampaignSummary) -> str:
     """Return the summary of a campaign in one sentence."""
     model = summary.model
+    result = "first gains were kept" if summary.design.kept_first else "gains were redesigned"
     return (
         f"A prototype controller was flown, {model.runs_accepted} tests were run, the model was"
-        " refitted to them, the gains were redesigned, and the missions were flown again:"
+        f" refitted to them, the {result}, and the missions were flown again:"
         f" {summary.vehicle_s / 60:.0f} minutes at sea, {summary.wall_s:.0f} seconds of"
         " computing."
     )

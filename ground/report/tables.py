@@ -29,7 +29,6 @@ _METHOD_NAMES = {"paper": "the paper's method"}
 _GAIN_SET_NAMES = {
     "initial": "initial gains",
     "improved": "the paper's improved gains",
-    "redesigned": "redesigned",
 }
 PAPER = "paper"
 """Begin of the head of a column with the paper's values."""
@@ -200,12 +199,12 @@ def runs_table(model: IdentifiedModel) -> str:
     return table(head, rows, "named")
 
 
-def table_3(gains: Mapping[str, Mapping[str, float]], *, with_paper: bool = True) -> str:
-    """Return the controller gains: initial, the paper's improved, redesigned."""
+def table_3(gains: Mapping[str, Mapping[str, float]], *, with_paper: bool, final_set: str) -> str:
+    """Return the controller gains: initial, the paper's improved, redesigned or kept."""
     sets = {
         "initial": gains["initial"],
         **({"paper, improved": TABLE_3_IMPROVED} if with_paper else {}),
-        "redesigned": gains["redesigned"],
+        final_set: gains["redesigned"],
     }
     rows = []
     for loop, prefix in _GAIN_PREFIX.items():
@@ -215,13 +214,13 @@ def table_3(gains: Mapping[str, Mapping[str, float]], *, with_paper: bool = True
                 [
                     _LOOP_OF[loop] if number == 0 else "",
                     name,
-                    *_strong(numbers, name == "redesigned"),
+                    *_strong(numbers, name == final_set),
                 ]
             )
     return table(["loop", "gains", "Kp", "Kd", "Ki", "Ki limit"], rows, "named")
 
 
-def table_4(poles: Mapping[str, Any], *, with_paper: bool = True) -> str:
+def table_4(poles: Mapping[str, Any], *, with_paper: bool, final_set: str) -> str:
     """Return the dominant closed-loop poles (rad/s): printed, computed, and of our vehicle.
 
     Parameters
@@ -230,6 +229,8 @@ def table_4(poles: Mapping[str, Any], *, with_paper: bool = True) -> str:
         Visible poles of our vehicle as (real, imaginary), by set of gains and loop.
     with_paper : bool
         Whether to show the paper's poles.
+    final_set : str
+        Word for the gains of the last dives, as in `DesignSummary`.
     """
     rows = [
         [
@@ -245,7 +246,7 @@ def table_4(poles: Mapping[str, Any], *, with_paper: bool = True) -> str:
     for role in ("initial", "redesigned"):
         for loop, found in poles[role].items():
             pole = dominant(tuple(complex(*p) for p in found))
-            name = f"identified, {role}"
+            name = f"identified, {final_set if role == 'redesigned' else role}"
             rows.append(
                 [
                     loop.capitalize(),
@@ -260,7 +261,7 @@ def table_4(poles: Mapping[str, Any], *, with_paper: bool = True) -> str:
     return table(*((head, rows) if with_paper else _without_paper(head, rows)), "named")
 
 
-def table_5(steady: Mapping[str, SteadyError], *, with_paper: bool = True) -> str:
+def table_5(steady: Mapping[str, SteadyError], *, with_paper: bool, final_set: str) -> str:
     """Return the steady errors of the straight run, 95 % bounds."""
     units = {"heading_deg": "°", "pitch_deg": "°", "depth_m": " m"}
     rows = [
@@ -275,7 +276,7 @@ def table_5(steady: Mapping[str, SteadyError], *, with_paper: bool = True) -> st
         ]
         for key, unit in units.items()
     ]
-    sets = (_GAIN_SET_NAMES[name] for name in steady)
+    sets = (final_set if name == "redesigned" else _GAIN_SET_NAMES[name] for name in steady)
     head = ["error", "paper, initial", "paper, improved", *sets]
     return table(head, rows) if with_paper else table(*_without_paper(head, rows))
 
@@ -293,7 +294,11 @@ def small_signal(model: IdentifiedModel) -> str:
     return table(["plane", "quantity", "value", "1 sd", "unit"], rows, "named")
 
 
-def margins(analyses: Mapping[str, LoopAnalysis], second: Mapping[str, MarginsComparison]) -> str:
+def margins(
+    analyses: Mapping[str, LoopAnalysis],
+    second: Mapping[str, MarginsComparison],
+    final_set: str = "redesigned",
+) -> str:
     """Return the stability margins at each cut.
 
     Parameters
@@ -302,6 +307,8 @@ def margins(analyses: Mapping[str, LoopAnalysis], second: Mapping[str, MarginsCo
         Analysis of the initial and of the redesigned gains.
     second : Mapping
         Margins by python-control, by set of gains.
+    final_set : str
+        Word for the gains of the last dives, as in `DesignSummary`.
     """
     rows = []
     for cut in analyses["redesigned"].margins:
@@ -318,7 +325,8 @@ def margins(analyses: Mapping[str, LoopAnalysis], second: Mapping[str, MarginsCo
             control = f"{own.gm_db:.1f} dB, {own.pm_deg:.0f}°, {own.max_sensitivity:.2f}"
             if cut in second[role].differences:
                 control = f'<span class="tag prior">differs</span> {control}'
-            rows.append([cut if role == "initial" else "", role, *cells, control])
+            name = final_set if role == "redesigned" else role
+            rows.append([cut if role == "initial" else "", name, *cells, control])
     head = ["loop opened at", "gains", "gain margin, dB", "phase margin, °", "Ms"]
     return table([*head, "crossover, rad/s", "python-control"], rows, "named")
 

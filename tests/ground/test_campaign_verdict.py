@@ -1,0 +1,88 @@
+"""Verdict of a campaign: it states what was done with the gains and what was measured."""
+
+import re
+from html import unescape
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from ground.campaign import summary
+from ground.campaign.summary_file import CampaignSummary, SteadyError
+from ground.report import campaign_verdict
+from sysid.monitor import MonitorReport
+from sysid.monitor.sequential import RmsComparison
+from sysid.monte_carlo.gain_selection import GainSelection
+from tests.ground.campaign.test_summary_file import SUMMARY
+
+KEPT = GainSelection(
+    kept_first=True,
+    heading_ratio=1.0,
+    depth_ratio=1.0,
+    reason="the first gains are kept; redesigned ones hold depth (2.11 times) worse",
+)
+RELAXED = GainSelection(
+    kept_first=False,
+    heading_ratio=0.6,
+    depth_ratio=0.2,
+    reason="limits GM 7 dB, PM 45 deg: no gains within stricter ones hold heading",
+)
+BEFORE = SteadyError(heading_deg=1.2, pitch_deg=0.8, depth_m=0.3)
+AFTER = SteadyError(heading_deg=0.6, pitch_deg=0.7, depth_m=0.05)
+
+
+def monitored(**ratios: float) -> MonitorReport:
+    """Return a report without alarm whose rms errors are these multiples of the predicted ones."""
+    rms = {name: RmsComparison(measured=ratio, predicted=1.0) for name, ratio in ratios.items()}
+    return replace(SUMMARY.monitoring["straight_run"], rms=rms, causes=())
+
+
+def campaign(
+    selection: GainSelection | None = None,
+    initial: SteadyError = BEFORE,
+    redesigned: SteadyError = AFTER,
+) -> CampaignSummary:
+    """Return the summary of a campaign that performs as predicted."""
+    return replace(
+        SUMMARY,
+        design=replace(SUMMARY.design, selection=selection),
+        monitoring={"straight_run": monitored(heading_deg=1.0)},
+        steady_error={"initial": initial, "redesigned": redesigned},
+    )
+
+
+def card(found: CampaignSummary) -> str:
+    """Return the text of the verdict without its markup."""
+    return unescape(re.sub("<[^>]+>", " ", campaign_verdict.card(found)))
+
+
+def test_verdict_redesigned_gains_better_than_first_worked() -> None:
+    text = card(campaign())
+    assert "✓  The redesign worked" in text
+    assert "redesigned gains perform as predicted" in text
+
+
+def test_verdict_first_gains_kept_names_the_reason() -> None:
+    same = SteadyError(heading_deg=0.3, pitch_deg=0.5, depth_m=0.07)
+    found = campaign(KEPT, same, same)
+    text, console = card(found), summary.format_text(found, Path())
+    assert "The first gains are kept" in text
+    assert "hold depth (2.11 times) worse" in text
+    for said in (text, console):
+        assert "kept gains perform as predicted" in said
+        assert "redesigned gains" not in said
+    assert "✓" not in text
+    assert "smaller" not in text
+    assert re.match(r"steady error, 95 % +initial +kept\b", console)
+
+
+def test_verdict_first_gains_kept_are_no_larger_error() -> None:
+    """Two dives with the same gains differ by chance."""
+    before = SteadyError(heading_deg=0.3, pitch_deg=0.5, depth_m=0.07)
+    after = SteadyError(heading_deg=0.31, pitch_deg=0.5, depth_m=0.08)
+    assert "grown" not in card(campaign(KEPT, before, after))
+
+
+def test_verdict_relaxed_limits_are_named() -> None:
+    text = card(campaign(RELAXED))
+    assert "The redesign worked" in text
+    assert "GM 7 dB, PM 45 deg" in text
