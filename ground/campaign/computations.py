@@ -104,7 +104,11 @@ def design(out: Path, first: Mapping[str, float]) -> DesignSummary:
     `first` are the parameters of the first dives, without trims.
     """
     folder = _folder(out)
-    refit.check_converged(folder.model)
+    refit.check_converged(
+        folder.model,
+        f"the failed model is {out / 'model.json'}; with a corrected vehicle file run the campaign"
+        " again",
+    )
     items = script.compile_items(script.load(folder.mission_file(REHEARSED)))
     design, selection = refit.redesign_for_campaign(folder.model, folder.prior, first, items)
     design.write_params(out / "gains.param")

@@ -126,7 +126,7 @@ def refit(
     with _singular_model_reported():
         model = fitting.refit(request, progress)
     if not force:
-        check_converged(model)
+        check_converged(model, "`ground refit --force` writes it all the same")
     return model
 
 
@@ -154,17 +154,15 @@ def refit_logs(
     with _singular_model_reported():
         model = fitting.refit_logs(request, logs, held_out_logs)
     if not force:
-        check_converged(model)
+        check_converged(model, "`ground refit --force` writes it all the same")
     return model
 
 
-def check_converged(model: IdentifiedModel) -> None:
-    """Raise OperationError if the fit failed."""
+def check_converged(model: IdentifiedModel, remedy: str) -> None:
+    """Raise OperationError, which ends with `remedy`, if the fit failed."""
     if model.convergence.failures:
         reasons = "; ".join(model.convergence.failures)
-        raise OperationError(
-            f"the fit failed: {reasons}; `ground refit --force` writes it all the same"
-        )
+        raise OperationError(f"the fit failed: {reasons}; {remedy}")
 
 
 def parse_segment(text: str) -> MarkedInterval:

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.data.events import TestWave
+from sysid.estimation.map.convergence import MENDED_BY_TESTS
 from sysid.models.model_file import IdentifiedModel, PlaneModel
 from sysid.planes import PLANES, Plane
 from sysid.validation.results import (
@@ -106,10 +107,7 @@ def assess(model: IdentifiedModel, validation: Mapping[Plane, PlaneValidation]) 
     obstacle = _obstacle(model, validation, failed_checks)
     return ModelAssessment(
         fit_for_redesign=not failed_checks,
-        reasons=(
-            *model.convergence.failures,
-            *(format_check(check) for check in failed_checks if check.name != FAILURES_CHECK),
-        ),
+        reasons=_describe_failures(model, failed_checks),
         checks=checks,
         next_test=None if obstacle else _next_test(model, failed_checks, checks),
         planes={plane: _verdict(plane, model, checks) for plane in Plane},
@@ -124,9 +122,16 @@ def _obstacle(
 ) -> str:
     """Return why no test can make the model fit, and what can; empty otherwise.
 
-    The error of the model structure does not become smaller with the number of tests. Where it
-    alone exceeds a limit, further tests are of no use.
+    No test mends a wrong prior or logs of two vehicles. The error of the model structure does not
+    become smaller with the number of tests: where it alone exceeds a limit, they are of no use.
     """
+    unmended = [
+        failure
+        for failure in model.convergence.failures
+        if not any(part in failure for part in MENDED_BY_TESTS)
+    ]
+    if unmended:
+        return "; ".join(unmended)
     for check in failed_checks:
         plane_validation = validation.get(check.plane) if check.plane else None
         error = plane_validation.model_error if plane_validation else None
@@ -176,10 +181,17 @@ def _verdict(
     return PlaneVerdict(
         tested=True,
         fit_for_redesign=not failed_checks,
-        reasons=(
-            *model.convergence.failures,
-            *(format_check(check) for check in failed_checks if check.name != FAILURES_CHECK),
-        ),
+        reasons=_describe_failures(model, failed_checks),
+    )
+
+
+def _describe_failures(
+    model: IdentifiedModel, failed_checks: Sequence[AcceptanceCheck]
+) -> tuple[str, ...]:
+    """Return the failures of the fit, and each failed criterion in one line."""
+    return (
+        *model.convergence.failures,
+        *(format_check(check) for check in failed_checks if check.name != FAILURES_CHECK),
     )
 
 
@@ -402,9 +414,10 @@ def _next_test(
     failed_checks: Sequence[AcceptanceCheck],
     checks: Sequence[AcceptanceCheck],
 ) -> NextTest | None:
-    """Recommend a test for the worst criterion that is not met.
+    """Recommend a test for the worst criterion of a plane that is not met.
 
-    Else for the one nearest to its limit.
+    Else for the one nearest to its limit; the reason is then the failed criterion of the whole
+    fit, if there is one.
 
     Unmet criteria that are not required come before met ones, without whiteness: a remaining error
     of the disturbance model is not less with another test.
@@ -424,11 +437,12 @@ def _next_test(
     if worst.plane is None:
         return None
     signal, duration_s = _recommended_signal(worst, checks, model)
-    reason = (
-        format_check(worst)
-        if not worst.passed
-        else f"every check is passed; closest to its limit: {format_check(worst)}"
-    )
+    if failed_checks and not failed_of_planes:
+        reason = "; ".join(_describe_failures(model, failed_checks))
+    elif worst.passed:
+        reason = f"every check is passed; closest to its limit: {format_check(worst)}"
+    else:
+        reason = format_check(worst)
     return NextTest(
         plane=worst.plane,
         signal=signal,

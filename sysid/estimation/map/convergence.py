@@ -16,6 +16,11 @@ MAX_PRIOR_SHARE = 0.95
 """Ratio of posterior to prior standard deviation above which a design number was not measured."""
 DRAG = "axial_drag"
 """Parameter that sets the loss of speed in a turn; without effect where the speed is measured."""
+MORE_THAN_ONE = "the tests admit more than one vehicle"
+PRIOR_UNCERTAINTY = "tests leave the prior's uncertainty"
+MENDED_BY_TESTS = (MORE_THAN_ONE, PRIOR_UNCERTAINTY)
+"""Parts of the failures that further tests can mend. The others are errors of the prior or of the
+logs."""
 DESIGN_NUMBERS = ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s", "delay_s")
 """Numbers of a plane that control design uses, by their names in ``model.json``."""
 
@@ -53,8 +58,8 @@ def failures(
         other_minima = sum(difference > START_COST_TOLERANCE for difference in cost_differences)
         reasons.append(
             f"{other_minima} of {len(cost_differences)} other starts end elsewhere, their costs up"
-            f" to {max(cost_differences):.1%} away, at most {START_COST_TOLERANCE:.0%}: "
-            "the tests admit more than one vehicle"
+            f" to {max(cost_differences):.1%} away, at most {START_COST_TOLERANCE:.0%}:"
+            f" {MORE_THAN_ONE}"
         )
     if at_edge:
         reasons.append(
@@ -78,8 +83,11 @@ def _remedy(at_bounds: Sequence[str]) -> str:
     """Return what to do about parameters at a bound: of the body, of the tailcone, or of both."""
     parts = {PARAMETERS[NAMES.index(name)].part for name in at_bounds}
     remedies = {
-        "body": "give the vehicle's own file (--prior)",
-        "tailcone": "measure the tailcone with `ground bench-test` and give --bench-result",
+        "body": "give the vehicle's own file (--prior, or --vehicle of a campaign)",
+        "tailcone": (
+            "measure the tailcone with `ground bench-test`, and give the result to `ground refit`"
+            " (--bench-result) or its values in the vehicle file"
+        ),
         "sensors": "check the time stamps of attitude and depth",
     }
     advice = [text for part, text in remedies.items() if part in parts]
@@ -111,8 +119,4 @@ def _uninformed_numbers(plane: Plane, prior_covariance: Array, posterior_covaria
         for name, ratio in zip(DESIGN_NUMBERS, sd_ratios, strict=True)
         if ratio > MAX_PRIOR_SHARE
     ]
-    return (
-        f"the {plane} tests leave the prior's uncertainty of {', '.join(uninformed)}"
-        if uninformed
-        else ""
-    )
+    return f"the {plane} {PRIOR_UNCERTAINTY} of {', '.join(uninformed)}" if uninformed else ""

@@ -616,7 +616,7 @@ def test_campaign_prior_is_the_vehicles_own_file(
 
     monkeypatch.setattr(refit, "refit_logs", refit_logs)
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
-    monkeypatch.setattr(refit, "check_converged", lambda model: None)
+    monkeypatch.setattr(refit, "check_converged", lambda model, remedy: None)
     monkeypatch.setattr(refit, "redesign_for_campaign", redesign)
     folder_setup.prepare_folder(CampaignRequest(tmp_path, vehicle=vehicle))
     computations.identify(tmp_path)
@@ -624,6 +624,20 @@ def test_campaign_prior_is_the_vehicles_own_file(
     with pytest.raises(OperationError, match="no gains"):
         computations.design(tmp_path, {})
     assert handed == [prior, prior]
+
+
+def test_campaign_failed_fit_names_no_option_of_refit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`ground campaign` has neither --force nor --bench-result."""
+    folder_setup.prepare_folder(CampaignRequest(tmp_path, vehicle="xfin_auv"))
+    failed = SimpleNamespace(convergence=SimpleNamespace(failures=("delay at a bound",)))
+    computations._folder(tmp_path).__dict__["model"] = failed
+    with pytest.raises(OperationError) as error:
+        computations.design(tmp_path, {})
+    assert str(error.value).startswith("the fit failed: delay at a bound; the failed model is ")
+    assert "run the campaign again" in str(error.value)
+    assert "--force" not in str(error.value)
 
 
 def test_campaign_reads_each_log_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

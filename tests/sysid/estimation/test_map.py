@@ -310,9 +310,9 @@ def test_duct_along_cut_run_keeps_its_history(campaign: list[Run]) -> None:
         ((100.0, 100.5), (), 0.5, ""),
         ((100.0, 103.0), (), 0.5, "1 of 2 other starts end elsewhere"),
         ((100.0,), ("N_v",), 0.5, "N_v at a bound"),
-        ((100.0,), ("N_v",), 0.5, "the prior is wrong: give the vehicle's own file (--prior)"),
+        ((100.0,), ("N_v",), 0.5, "the prior is wrong: give the vehicle's own file (--prior, or"),
         ((100.0,), ("rate_limit",), 0.5, "wrong: measure the tailcone with `ground bench-test`"),
-        ((100.0,), ("axial_drag",), 0.5, "(--prior); log the speed through the water"),
+        ((100.0,), ("axial_drag",), 0.5, "campaign); log the speed through the water"),
         ((100.0,), (), 0.99, "the yaw tests leave the prior's uncertainty of b1_per_s2"),
     ],
 )

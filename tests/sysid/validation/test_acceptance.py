@@ -252,6 +252,35 @@ def test_assess_next_test_is_not_for_whiteness(good_model: IdentifiedModel) -> N
     assert "whiteness" not in next_test.reason
 
 
+PRIOR_IS_WRONG = "N_v at a bound, four prior standard deviations away: the prior is wrong"
+ADMIT_TWO = "1 of 2 other starts end elsewhere: the tests admit more than one vehicle"
+
+
+def test_assess_wrong_prior_recommends_no_test(good_model: IdentifiedModel) -> None:
+    """A campaign of micro_3kg flew four tests for "every check is passed", and failed."""
+    convergence = replace(
+        good_model.convergence, at_bounds=("N_v",), failures=(PRIOR_IS_WRONG, ADMIT_TWO)
+    )
+    failed = replace(good_model, convergence=convergence)
+    assessment = assess(failed, failed.validation)
+    assert assessment.next_test is None
+    assert assessment.obstacle == PRIOR_IS_WRONG
+
+
+def test_assess_failure_that_tests_mend_is_the_reason_of_the_test(
+    good_model: IdentifiedModel,
+) -> None:
+    failed = replace(good_model, convergence=replace(good_model.convergence, failures=(ADMIT_TWO,)))
+    assessment = assess(failed, failed.validation)
+    assert assessment.obstacle == ""
+    assert assessment.next_test is not None
+    assert assessment.next_test.reason == ADMIT_TWO
+    dispersed = CHANGES["costs of other starts"](good_model)
+    next_test = assess(dispersed, dispersed.validation).next_test
+    assert next_test is not None
+    assert next_test.reason == "costs of other starts apart by 2 %, at most 1 %"
+
+
 def test_assess_next_test_addresses_worst_criterion(good_model: IdentifiedModel) -> None:
     without_coherence = of_yaw(coherence_at_crossover=None)(good_model)
     next_test = assess(without_coherence, without_coherence.validation).next_test
