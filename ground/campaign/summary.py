@@ -25,7 +25,12 @@ from sysid.control_analysis.margins import Analysis, damping
 from sysid.design.pid import Design, Response
 from sysid.design.specification import MinimumVariance
 from sysid.monitor import MonitorReport
-from sysid.monitor.sequential import AS_PREDICTED, describe_agreement
+from sysid.monitor.sequential import (
+    AS_PREDICTED,
+    MIN_WINDOWS,
+    describe_agreement,
+    rms_ratios,
+)
 from sysid.monitor.tracking_metrics import SETTLING_S, TrackingMetrics
 from sysid.planes import Plane
 
@@ -208,19 +213,35 @@ def describe_performance(monitoring: Mapping[str, MonitorReport], final_set: str
     -------
     list of str
         One line per mission and likely cause of a deviation; without any, one line per mission
-        with smaller errors than predicted, which do not confirm the prediction; else one line.
+        with other errors than predicted; else one line with the range of the errors.
     """
     causes = [
         f"{mission}: {'REFIT RECOMMENDED: ' if cause.refit_recommended else ''}{cause.message}"
         for mission, report in monitoring.items()
         for cause in report.causes
     ]
-    calmer = [
+    others = [
         f"{mission}: {agreement}"
         for mission, report in monitoring.items()
-        if (agreement := describe_agreement(report.rms)) not in ("", AS_PREDICTED)
+        if (agreement := describe_agreement(report.rms, report.windows)) not in ("", AS_PREDICTED)
     ]
-    return causes or calmer or [f"the {final_set} gains perform as predicted"]
+    return causes or others or [_describe_range(monitoring, final_set)]
+
+
+def _describe_range(monitoring: Mapping[str, MonitorReport], final_set: str) -> str:
+    """Return the range of the errors over the predicted ones."""
+    ratios = [
+        ratio
+        for report in monitoring.values()
+        if report.windows >= MIN_WINDOWS
+        for ratio in rms_ratios(report.rms).values()
+    ]
+    if not ratios:
+        return "no dive had enough steady flight to compare with the prediction"
+    return (
+        f"the {final_set} gains perform as predicted: errors and surfaces {min(ratios):.1f} to"
+        f" {max(ratios):.1f} times the predicted rms"
+    )
 
 
 def _held_out_lines(errors: Mapping[Plane, RateErrors]) -> list[str]:

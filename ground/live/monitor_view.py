@@ -36,7 +36,7 @@ def table(report: "MonitorReport") -> RenderableType:
         output.add_row(
             Text(label, style=LABEL_STYLE), f"{rms.measured:.3f}", f"{rms.predicted:.3f}"
         )
-    agreement = describe_agreement(report.rms)
+    agreement = describe_agreement(report.rms, report.windows)
     good = Text(f"  {agreement}, {report.steady_s:.0f} s of steady flight", style=GOOD_STYLE)
     causes = [
         Text(f"  {line(cause)}", style=BAD_STYLE if cause.refit_recommended else "")
@@ -58,7 +58,8 @@ def format_text(report: "MonitorReport") -> str:
     for name, label in ROWS.items():
         rms = report.rms[name]
         lines.append(f"  {label:16s}{rms.measured:8.3f}   predicted {rms.predicted:.3f}")
-    lines += [line(cause) for cause in report.causes] or [describe_agreement(report.rms)]
+    agreement = describe_agreement(report.rms, report.windows)
+    lines += [line(cause) for cause in report.causes] or [agreement]
     lines += (
         [f"first detected at {report.detected_at_s:.0f} s of vehicle time"]
         if report.detected_at_s is not None

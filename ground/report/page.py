@@ -377,7 +377,7 @@ def monitoring(missions: Mapping[str, MonitorReport]) -> str:
     for mission, result in missions.items():
         cells = [_measured_and_predicted(result.rms.get(name)) for name in ROWS]
         causes = "; ".join(cause.message for cause in result.causes) or describe_agreement(
-            result.rms
+            result.rms, result.windows
         )
         rows.append([mission.replace("_", " "), f"{result.steady_s:.0f} s", *cells, escape(causes)])
     return tables.table(["mission", "steady flight", *ROWS.values(), ""], rows, "named prose")

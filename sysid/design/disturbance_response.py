@@ -245,8 +245,18 @@ def command_noise_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> float
     """
     density, shaped, closed = _noise_command(vehicle, plane, gains)
     on_grid = float(np.trapezoid(np.abs(closed) ** 2, GRID_RADPS))
-    above_grid = abs(shaped[-1]) ** 2 * (math.pi / loop_transfer.TICK_S - GRID_RADPS[-1])
-    return math.sqrt(density * (on_grid + above_grid) / math.pi)
+    return math.sqrt(density * (on_grid + _above_grid(shaped)) / math.pi)
+
+
+def noise_above_grid_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> float:
+    """Return the part of `command_noise_rad` above the frequencies of the grid (rad)."""
+    density, shaped, _ = _noise_command(vehicle, plane, gains)
+    return math.sqrt(density * _above_grid(shaped) / math.pi)
+
+
+def _above_grid(shaped: ComplexArray) -> float:
+    """Return the integral of |K F|^2 from the end of the grid up to half the sample rate."""
+    return float(abs(shaped[-1]) ** 2 * (math.pi / loop_transfer.TICK_S - GRID_RADPS[-1]))
 
 
 def noise_rms(vehicle: DesignModel, plane: Plane, gains: Gains) -> Array:

@@ -98,7 +98,9 @@ class Monitor:
                 window.stop_s if self._detected_at_s is None else self._detected_at_s
             )
         if self._detected_at_s is not None:
-            self._causes = causes.likely_causes(self._baseline, self._sums) or self._causes
+            self._causes = (
+                causes.likely_causes(self._baseline, self._sums, self._windows) or self._causes
+            )
 
 
 def monitor_log(log: Log, baseline: PerformanceBaseline) -> MonitorReport:

@@ -54,39 +54,76 @@ CALMER_RATIO = 0.7
 """Measured over predicted rms below which the sea was calmer than in the identification tests.
 
 The variance is then half the predicted one, the inverse of `ALLOWED_RATIO`."""
+MIN_WINDOWS = 3
+"""Minimum number of windows for a statement on larger errors: the rms of one scatters by half."""
 AS_PREDICTED = "as predicted"
 """Text for errors that are neither larger nor much smaller than predicted."""
 _MOVED_BY_SEA = ("heading_deg", "depth_m")
 """Quantities that the loops hold, by which the sea is judged."""
 
 
-def describe_agreement(rms: Mapping[str, RmsComparison]) -> str:
+def describe_agreement(rms: Mapping[str, RmsComparison], windows: int) -> str:
     """Return how the errors of a dive without an alarm compare with the predicted ones.
 
     Parameters
     ----------
     rms : Mapping
         Measured and predicted rms by quantity; empty without steady flight.
+    windows : int
+        Number of windows of steady flight.
 
     Returns
     -------
     str
-        ``as predicted``, or that errors were smaller because the sea was calmer; empty without
-        steady flight. A beaten prediction is no proof of it.
+        ``as predicted``; or that errors were larger, which is less than an alarm; or that they
+        were smaller because the sea was calmer; empty without steady flight. A beaten prediction
+        is no proof of it.
     """
-    ratios = {
-        name: rms[name].measured / rms[name].predicted
-        for name in _MOVED_BY_SEA
-        if name in rms and rms[name].predicted > 0.0
-    }
+    larger = [
+        _format_ratio(name, ratio)
+        for name, ratio in rms_ratios(rms).items()
+        if ratio**2 > ALLOWED_RATIO
+    ]
+    if larger and windows >= MIN_WINDOWS:
+        return f"larger than predicted, without an alarm: {_join(larger)} the predicted rms"
     smaller = [
-        f"{name.split('_')[0]} {ratio:.1f} times"
-        for name, ratio in ratios.items()
-        if ratio < CALMER_RATIO
+        _format_ratio(name, ratio)
+        for name, ratio in rms_ratios(rms).items()
+        if ratio < CALMER_RATIO and name in _MOVED_BY_SEA
     ]
     if smaller:
-        return f"a calmer sea than in the tests: {' and '.join(smaller)} the predicted rms"
+        return f"a calmer sea than in the tests: {_join(smaller)} the predicted rms"
     return AS_PREDICTED if rms else ""
+
+
+def rms_ratios(rms: Mapping[str, RmsComparison]) -> dict[str, float]:
+    """Return measured over predicted rms of heading, pitch, depth and surfaces.
+
+    Parameters
+    ----------
+    rms : Mapping
+        Measured and predicted rms by quantity.
+
+    Returns
+    -------
+    dict
+        Ratio by quantity, without the resonance bands.
+    """
+    return {
+        name: comparison.measured / comparison.predicted
+        for name, comparison in rms.items()
+        if name in MIN_SHIFT and comparison.predicted > 0.0
+    }
+
+
+def _format_ratio(name: str, ratio: float) -> str:
+    """Return a quantity and its ratio as text."""
+    return f"{name.split('_')[0]} {ratio:.1f} times"
+
+
+def _join(parts: Sequence[str]) -> str:
+    """Return parts of a list as text: "a, b and c"."""
+    return " and ".join((*([", ".join(parts[:-1])] if parts[1:] else []), *parts[-1:]))
 
 
 class Sum(NamedTuple):
@@ -176,6 +213,11 @@ def rms(
     }
 
 
+def window_variance(expected: PredictedStatistic) -> float:
+    """Return the predicted variance about the mean of a window."""
+    return expected.rms**2 - expected.mean_sd_20s**2
+
+
 def _update_sum(
     name: str, kind: ChangeKind, expected: PredictedStatistic, test: Sum, window: MonitorWindow
 ) -> Sum:
@@ -186,7 +228,7 @@ def _update_sum(
         sigma_window^2 = rms^2 - mean_sd_20s^2
     """
     if kind == "variance":
-        statistic = window.variances[name] / (expected.rms**2 - expected.mean_sd_20s**2)
+        statistic = window.variances[name] / window_variance(expected)
         gain = _variance_log_likelihood_ratio(statistic, AVERAGED_S / expected.correlation_time_s)
     else:
         statistic = window.means[name] - expected.mean

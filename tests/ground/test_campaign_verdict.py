@@ -58,7 +58,22 @@ def card(found: CampaignSummary) -> str:
 def test_verdict_redesigned_gains_better_than_first_worked() -> None:
     text = card(campaign())
     assert "✓  The redesign worked" in text
-    assert "redesigned gains perform as predicted" in text
+    assert "redesigned gains perform as predicted: errors and surfaces 1.0 to 1.0 times" in text
+
+
+def test_verdict_larger_errors_without_alarm_are_measured() -> None:
+    """Heading 1.7 times the prediction was reported as "perform as predicted"."""
+    larger = {"straight_run": monitored(heading_deg=1.7, rudder_deg=1.6, pitch_deg=1.2)}
+    text = card(replace(campaign(), monitoring=larger))
+    assert "heading 1.7 times and rudder 1.6 times the predicted rms" in text
+    assert "perform as predicted" not in text
+
+
+def test_verdict_without_steady_flight_confirms_no_prediction() -> None:
+    shallow = replace(monitored(), windows=0)
+    text = card(replace(campaign(), monitoring={"shallow_1m": shallow}))
+    assert "perform as predicted" not in text
+    assert "No dive had enough steady flight" in text
 
 
 def test_verdict_first_gains_kept_names_the_reason() -> None:

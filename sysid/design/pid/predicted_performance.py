@@ -27,6 +27,7 @@ from sysid.design.disturbance_response import (
     disturbances,
     heading_responses,
     loop_at_surface,
+    noise_above_grid_rad,
     spectrum,
 )
 from sysid.design.specification import DesignRobustness, Spec
@@ -57,6 +58,8 @@ class _MeasuredQuantity(NamedTuple):
     """Two-sided power spectral density on the grid, in the quantity's unit squared per rad/s."""
     mean: float
     mean_sd: float
+    variance_above_grid: float = 0.0
+    """Variance at frequencies above those of the grid."""
 
 
 def performance_baseline(
@@ -141,6 +144,7 @@ def _yaw_quantities(
             _psd_deg2(rudder, disturbance) + _gyro_noise_psd(vehicle, Plane.YAW, gains),
             -bias.value,
             bias.sd or 0.0,
+            math.degrees(noise_above_grid_rad(vehicle, Plane.YAW, gains)) ** 2,
         ),
     }
 
@@ -170,6 +174,7 @@ def _pitch_quantities(
             elevator_psd,
             level.level_elevator_deg - bias.value,
             bias.sd or 0.0,
+            math.degrees(noise_above_grid_rad(vehicle, Plane.PITCH, gains)) ** 2,
         ),
     }
 
@@ -200,7 +205,7 @@ def _gyro_noise_psd(vehicle: DesignModel, plane: Plane, gains: Gains) -> Array:
 
 def _predict_statistic(quantity: _MeasuredQuantity) -> PredictedStatistic:
     """Return mean, rms, standard deviation of means and correlation time of a quantity."""
-    variance = _integral(quantity.density)
+    variance = _integral(quantity.density) + quantity.variance_above_grid
     averaging_gain = np.sinc(GRID_RADPS * AVERAGED_S / (2.0 * math.pi)) ** 2
     density_about_mean = quantity.density * (1.0 - averaging_gain)
     return PredictedStatistic(

@@ -10,6 +10,7 @@ from scipy.signal import iirpeak, lfilter
 
 from sysid.control_analysis import loop_state_space
 from sysid.design import design_model
+from sysid.design.disturbance_response import predict_response
 from sysid.design.pid import DesignRobustness, Spec, predicted_performance
 from sysid.models.model_file import IdentifiedModel, NoiseModel, sha256_of_model
 from sysid.monitor.performance_spec import AVERAGED_S, RESONANCE_BANDWIDTH, PerformanceBaseline
@@ -89,6 +90,14 @@ def test_resonance_rms_simulation_equals_prediction(
     assert np.std(lfilter(*band, heading_deg)) == pytest.approx(
         baseline.predicted["heading_resonance_deg"].rms, rel=0.1
     )
+
+
+def test_predicted_surface_rms_contains_the_gyro_noise_above_the_grid(
+    baseline: PerformanceBaseline, model: IdentifiedModel
+) -> None:
+    response = predict_response(design_model.from_model(model), TABLE_3_IMPROVED)
+    assert baseline.predicted["rudder_deg"].rms == pytest.approx(response.rudder_deg, rel=1e-6)
+    assert baseline.predicted["elevator_deg"].rms == pytest.approx(response.elevator_deg, rel=1e-6)
 
 
 def test_predicted_means_are_those_of_level_flight(
