@@ -32,10 +32,14 @@ from sysid.monitor.sequential import (
     rms_ratios,
 )
 from sysid.monitor.tracking_metrics import SETTLING_S, TrackingMetrics
+from sysid.monitor.windows import SETTLED_M, SETTLED_RAD
 from sysid.planes import Plane
 
 PAPER_ERRORS = {"heading_deg": "2.5 -> 2.0", "pitch_deg": "10 -> 2.5", "depth_m": "0.50 -> 0.10"}
 """Errors of the paper's Table 5."""
+
+SETTLED = {"heading_deg": math.degrees(SETTLED_RAD), "depth_m": SETTLED_M}
+"""Largest 95 % error of a leg that has settled."""
 
 
 class Totals(NamedTuple):
@@ -140,6 +144,7 @@ def format_text(summary: CampaignSummary, out: Path) -> str:
         lines.append(selection.reason)
     lines += [
         f"gains {gains}",
+        *describe_unsettled(summary),
         *describe_performance(summary.monitoring, summary.design.final_set),
         (
             f"{summary.vehicle_s:.0f} s of vehicle time in {summary.wall_s:.1f} s,"
@@ -226,6 +231,63 @@ def describe_performance(monitoring: Mapping[str, MonitorReport], final_set: str
         if (agreement := describe_agreement(report.rms, report.windows)) not in ("", AS_PREDICTED)
     ]
     return causes or others or [_describe_range(monitoring, final_set)]
+
+
+def describe_unsettled(summary: CampaignSummary) -> list[str]:
+    """Return the legs of the missions that do not settle with the gains of the last dives.
+
+    Parameters
+    ----------
+    summary : CampaignSummary
+        Summary of a campaign.
+
+    Returns
+    -------
+    list of str
+        One line per mission and quantity, with the errors of the initial gains for comparison.
+
+    Notes
+    -----
+    A leg has not settled if its 95 % error, without the settling time, is above `SETTLED`.
+    """
+    return [
+        line
+        for mission, sets in summary.tracking.items()
+        if "redesigned" in sets
+        for name in SETTLED
+        if (line := _unsettled_line(mission, name, sets, summary.design))
+    ]
+
+
+def _unsettled_line(
+    mission: str, name: str, sets: Mapping[str, TrackingMetrics], design: DesignSummary
+) -> str:
+    """Return the errors of a quantity on the legs where it does not settle; empty without any."""
+    limit = SETTLED[name]
+    errors = [getattr(window, name).p95 for window in sets["redesigned"].windows]
+    unsettled = [index for index, error in enumerate(errors) if error > limit]
+    if not unsettled:
+        return ""
+    quantity, _, unit = name.partition("_")
+
+    def listed(values: Sequence[float]) -> str:
+        return ", ".join(map(format_significant, values))
+
+    first = [getattr(window, name).p95 for window in sets["initial"].windows]
+    before = (
+        f", with the initial gains {listed([first[k] for k in unsettled if k < len(first)])} {unit}"
+        if not design.kept_first
+        else ""
+    )
+    return (
+        f"{mission}: {quantity} does not settle on {len(unsettled)} of {len(errors)} legs: 95 %"
+        f" error {listed([errors[k] for k in unsettled])} {unit}, at most {limit:g} {unit}{before}"
+    )
+
+
+def format_significant(value: float) -> str:
+    """Return a value with two significant digits, and without an exponent above 0.0001."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def _describe_range(monitoring: Mapping[str, MonitorReport], final_set: str) -> str:

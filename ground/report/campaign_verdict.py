@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from html import escape
 
-from ground.campaign.summary import describe_performance
+from ground.campaign.summary import describe_performance, describe_unsettled
 from ground.campaign.summary_file import CampaignSummary
 from ground.client.assessment import Outcome
 from ground.report.verdict_words import SIGNS, as_sentence
@@ -47,6 +47,7 @@ def _problems(summary: CampaignSummary) -> Iterator[str]:
     for key, (name, *_) in _ERRORS.items():
         if not summary.design.kept_first and getattr(after, key) > getattr(before, key):
             yield f"the {name} error has grown"
+    yield from describe_unsettled(summary)
     assessment = summary.model.assessment
     if assessment is not None and not assessment.fit_for_redesign:
         yield "the model is not fit for redesign: " + "; ".join(assessment.reasons)

@@ -11,8 +11,9 @@ from ground.campaign.summary_file import CampaignSummary, SteadyError
 from ground.report import campaign_verdict
 from sysid.monitor import MonitorReport
 from sysid.monitor.sequential import RmsComparison
+from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.monte_carlo.gain_selection import GainSelection
-from tests.ground.campaign.test_summary_file import SUMMARY
+from tests.ground.campaign.test_summary_file import SPREAD, SUMMARY
 
 KEPT = GainSelection(
     kept_first=True,
@@ -67,6 +68,29 @@ def test_verdict_larger_errors_without_alarm_are_measured() -> None:
     text = card(replace(campaign(), monitoring=larger))
     assert "heading 1.7 times and rudder 1.6 times the predicted rms" in text
     assert "perform as predicted" not in text
+
+
+def tracked(*depth_errors_m: float) -> TrackingMetrics:
+    """Return tracking errors of legs with these 95 % errors of depth."""
+    metrics = SUMMARY.tracking["straight_run"]["initial"]
+    (window,) = metrics.windows
+    windows = [
+        replace(window, heading_deg=SPREAD, depth_m=replace(SPREAD, p95=error))
+        for error in depth_errors_m
+    ]
+    return replace(metrics, windows=tuple(windows))
+
+
+def test_verdict_unsettled_legs_are_named_beside_the_first_gains() -> None:
+    """A campaign of slow_survey missed 3 m on every leg of `combined`, and had worked."""
+    sets = {"initial": tracked(1.4, 0.6, 123.4), "redesigned": tracked(0.1, 0.2, 0.79)}
+    found = replace(campaign(), tracking={"combined": sets})
+    said = "depth does not settle on 1 of 3 legs: 95 % error 0.79 m, at most 0.5 m"
+    for text in (card(found), summary.format_text(found, Path())):
+        assert f"ombined: {said}, with the initial gains 120 m" in text
+    assert "✓" not in card(found)
+    settled = {"initial": tracked(1.4, 0.6, 1.7), "redesigned": tracked(0.1, 0.2, 0.3)}
+    assert "settle" not in card(replace(found, tracking={"combined": settled}))
 
 
 def test_verdict_without_steady_flight_confirms_no_prediction() -> None:
