@@ -14,6 +14,7 @@ from sysid.data.segments import MarkedInterval
 from sysid.models.model_file import AnomalyTest, ScreenedRun
 from sysid.prior_knowledge import PriorKnowledge, RefitError
 from sysid.screening import RunScreening, Screening, ScreeningLimits, proposals, screen, wiring
+from sysid.screening.excitation import NO_EXCITATION
 from sysid.screening.wiring import LogOfRuns
 
 
@@ -117,8 +118,26 @@ def select(
     accepted_runs = [s.run for s in screenings if s.accepted]
     if not accepted_runs:
         rejections = "; ".join(f"{s.run.name} {s.reasons[0]}" for s in screenings)
-        raise RefitError(f"{names}: every test was screened out: {rejections}")
+        moving = _moving_outputs(logs) if all(map(_is_held, screenings)) else ""
+        raise RefitError(f"{names}: every test was screened out: {rejections}{moving}")
     return accepted_runs, screenings
+
+
+def _is_held(screening: Screening) -> bool:
+    """Return whether a run is rejected because its surface did not move."""
+    return any(reason.startswith(NO_EXCITATION) for reason in screening.reasons)
+
+
+def _moving_outputs(logs: Sequence[LogOfRuns]) -> str:
+    """Return the outputs that move and are read as none of the surfaces, with the remedy."""
+    numbers = sorted({number for log, _ in logs for number in log.actuators.other_outputs})
+    if not numbers:
+        return ""
+    outputs = ", ".join(map(str, numbers))
+    return (
+        f"; outputs that move and are not read: {outputs}; give those of rudder, elevator and"
+        " thrust with --servo-channels"
+    )
 
 
 def screened_run(screening: Screening, outlier_test: RunScreening | None = None) -> ScreenedRun:

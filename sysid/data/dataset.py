@@ -52,6 +52,8 @@ class Actuators:
     """Fraction of full thrust, -1..1."""
     travel_rad: float = math.radians(DEFAULT_TRAVEL_DEG)
     """Surface angle at an output of 1."""
+    other_outputs: tuple[int, ...] = ()
+    """Numbers of further outputs that move, counted from 1."""
 
 
 @dataclass(frozen=True)

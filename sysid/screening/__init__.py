@@ -54,6 +54,8 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
             rules.clock(run, limits),
             rules.no_depth(run),
             rules.too_short(run, limits),
+            rules.attitude_rate_mismatch(run, limits),
+            rules.depth_pitch_mismatch(run, limits),
             excitation.no_deflection(run),
             excitation.feedback_only(run),
             rules.saturation(run, limits),
@@ -61,8 +63,6 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
             rules.disturbance(run, limits, roughness_radps[run.plane]),
             rules.thrust_change(run, limits),
             cross_plane(run, limits, before),
-            rules.attitude_rate_mismatch(run, limits),
-            rules.depth_pitch_mismatch(run, limits),
         )
         reasons = tuple(reason for reason in findings if reason)
         screenings.append(Screening(run, not reasons, reasons))

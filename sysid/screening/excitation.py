@@ -22,8 +22,12 @@ from sysid.signal_processing import moving_mean
 
 Array = NDArray[np.float64]
 
+NO_EXCITATION = "no excitation"
+"""Rule of a reason."""
 MIN_DEFLECTION_DEG = 0.1
 """Largest deflection from the mean before the test below which a surface counts as held."""
+MIN_DEFLECTION_RAD = math.radians(1.0)
+"""Smallest deflection that may be a test in rad, taken for degrees."""
 SWAPPED_RATIO, SWAPPED_DEG = 5.0, 1.0
 """Deflection of the other surface, over that of the tested one and absolute, at which the two
 outputs are named as swapped."""
@@ -57,12 +61,18 @@ def no_deflection(run: Run) -> str:
         return ""
     surface, other = PLANES[run.plane].surface, PLANES[_other(run.plane)].surface
     reason = (
-        f"no excitation: the {surface} moved by {own_deg:.2f} deg, at least {MIN_DEFLECTION_DEG:g}"
+        f"{NO_EXCITATION}: the {surface} moved by {own_deg:.2f} deg, at least"
+        f" {MIN_DEFLECTION_DEG:g}"
     )
     if other_deg >= max(SWAPPED_DEG, SWAPPED_RATIO * own_deg):
         reason += (
             f", and the {other} by {other_deg:.1f} deg: swapped planes or outputs, give the order"
             " with --servo-channels"
+        )
+    elif own_deg > MIN_DEFLECTION_RAD:
+        reason += (
+            f"; if these are rad, it moved by {math.degrees(own_deg):.1f} deg: name the CSV column"
+            f" {surface}_rad"
         )
     return reason
 
@@ -93,7 +103,7 @@ def no_response(plane: Plane, runs: Sequence[Run]) -> str:
     if math.isfinite(effect.sd):
         measured = f"effect {effect.value:.2g} +- {effect.sd:.2g} 1/s2 over the {plane} tests"
     return (
-        f"no excitation: the {surface} does not move the {plane} rate, {measured}; fly larger or"
+        f"{NO_EXCITATION}: the {surface} does not move the {plane} rate, {measured}; fly larger or"
         " longer tests, or check the outputs"
     )
 

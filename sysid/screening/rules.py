@@ -14,10 +14,14 @@ from sysid.screening.preroll import UsualPreroll
 
 RATIO_TOLERANCE = 0.2
 """Relative tolerance of the ratios of `MISMATCH_CAUSES`."""
+MAX_SPEED_MPS = 60.0
+"""Speed that no vehicle exceeds; one from a depth in mm is 1000 times too high."""
 MISMATCH_CAUSES = {
     -1.0: "one of them has the wrong sign",
-    math.degrees(1.0): "one of them is in the wrong unit (the angle changes 57 times as much)",
-    math.radians(1.0): "one of them is in the wrong unit (the rate changes 57 times as much)",
+    math.degrees(1.0): "one of them is in the wrong unit (the angle changes 57 times as much): name"
+    " the CSV column of an angle in degrees _deg, that of a rate in rad/s _radps",
+    math.radians(1.0): "one of them is in the wrong unit (the rate changes 57 times as much): name"
+    " the CSV column of a rate in deg/s _degps, that of an angle in rad _rad",
 }
 """Cause of a mismatch by the change of the angle over that of the integrated rate."""
 
@@ -179,8 +183,17 @@ def depth_pitch_mismatch(run: Run, limits: ScreeningLimits) -> str:
     if mismatch.rms_m > allowed:
         return (
             f"kinematics: depth and pitch disagree by {mismatch.rms_m:.2f} m rms, at most"
-            f" {allowed:.2f}"
+            f" {allowed:.2f}{_speed_cause(mismatch.speed_mps)}"
         )
+    if cause := _speed_cause(mismatch.speed_mps):
+        return f"kinematics: depth and pitch disagree{cause}"
     if mismatch.speed_mps < 0.0 and mismatch.excursion_m > limits.depth_rms_m:
         return "kinematics: depth grows where the nose is up, or pitch has the wrong sign"
     return ""
+
+
+def _speed_cause(speed_mps: float) -> str:
+    """Return the cause if depth and pitch give a speed that no vehicle has."""
+    if abs(speed_mps) <= MAX_SPEED_MPS:
+        return ""
+    return f"; they give {abs(speed_mps):.0f} m/s: the depth is in the wrong unit, give metres"

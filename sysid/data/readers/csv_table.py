@@ -108,6 +108,10 @@ UNIT_QUANTILE = 0.95
 A few spikes do not refuse a file; a twentieth of its values in another unit does."""
 MAX_STEP_S = 2.0
 """Largest step of the time, in s: such a column holds milliseconds, or no tests can be seen."""
+MAX_DEPTH_JUMP_M = 0.5
+"""Largest noise of a depth in metres; that of a depth in mm is 1000 times as large."""
+MIN_TEST_RANGE_DEG = 0.5
+"""Smallest range of a surface in its tests: a command in rad has less, one in deg has more."""
 MAX_NAMED_LINES = 3
 """Number of left out rows whose line is named."""
 TIME = "time_s"
@@ -161,6 +165,8 @@ def read(path: Path, options: OutputOptions) -> Log:
             f" rudder_deg, or pitch_deg, elevator_deg and depth_m; it has"
             f" {', '.join(sorted(table.quantities)) or 'none of them'}"
         )
+    if options.channels is None:
+        _check_tested_surfaces(path, table)
     return foreign_log(
         path,
         _attitude(path, table),
@@ -311,6 +317,11 @@ def _check_unit(path: Path, name: str, quantity: str, values: Array, factor: flo
             f"{path}: column {name}: values of {high_m / factor:.6g}; depth is positive down, and"
             f" at least {MIN_DEPTH_M / factor:g} at the surface"
         )
+    if quantity == "depth" and (jump_m := _median_jump_m(values)) > MAX_DEPTH_JUMP_M:
+        raise LogError(
+            f"{path}: column {name}: changes by {jump_m / factor:.3g} from value to value in the"
+            " median; give metres, not millimetres"
+        )
     if quantity == "u" and not np.any(known > 0.0):
         raise LogError(
             f"{path}: column {name}: no value above 0; give the speed forward as positive, or leave"
@@ -330,6 +341,34 @@ def _check_unit(path: Path, name: str, quantity: str, values: Array, factor: flo
             f"{path}: column {name}: values of {large / factor:.6g}; give percent of full thrust,"
             " not a fraction"
         )
+
+
+def _median_jump_m(depth_m: Array) -> float:
+    """Return the median size of the noise in a depth: of second differences over sqrt(6)."""
+    known = depth_m[np.isfinite(depth_m)]
+    return float(np.median(np.abs(np.diff(known, 2)))) / math.sqrt(6.0) if known.size > 2 else 0.0
+
+
+def _check_tested_surfaces(path: Path, table: _Table) -> None:
+    """Raise LogError for a test whose surface has no column, or one in radians named degrees."""
+    tests = np.array(table.tests)
+    for surface in ("rudder", "elevator"):
+        tested = (tests == surface) | (tests == "both")
+        if not tested.any():
+            continue
+        if surface not in table.quantities:
+            raise LogError(
+                f"{path}: column {TEST} marks tests of the {surface}, and there is no column"
+                f" {surface}_deg or {surface}_rad"
+            )
+        commands_deg = np.degrees(table.quantities[surface][tested])
+        known = commands_deg[np.isfinite(commands_deg)]
+        range_deg = float(np.ptp(known)) if known.size else 0.0
+        if math.radians(1.0) < range_deg < MIN_TEST_RANGE_DEG:
+            raise LogError(
+                f"{path}: the {surface} changes by {range_deg:.2g} deg in its tests; if these are"
+                f" rad ({math.degrees(range_deg):.2g} deg), name the column {surface}_rad"
+            )
 
 
 def _check_range(
@@ -433,6 +472,11 @@ def _actuators(path: Path, table: _Table, options: OutputOptions) -> Actuators:
     rudder, elevator, thrust = (
         math.copysign(1.0, number) * columns[abs(number) - 1] for number in channels
     )
+    if not np.any(thrust > 0.0):
+        raise LogError(
+            f"{path}: column thrust_pct: no value above 0; give percent of full thrust, positive"
+            " ahead, and a constant if it is not known"
+        )
     return Actuators(
         time_s=time_s,
         rudder_rad=rudder,

@@ -19,6 +19,8 @@ PULSE_CENTRE_US = 1500.0
 """Servo pulse at zero deflection."""
 PULSE_HALF_US = 400.0
 """Difference of the servo pulse at full travel from the centre."""
+MIN_MOTION = 0.02
+"""Range of an output, as a fraction of the full travel to one side, from which on it moves."""
 MAX_FRACTION = 2.0
 """Output above which the values are servo pulses in microseconds, not fractions of the travel."""
 
@@ -206,7 +208,19 @@ def actuator_commands(
         elevator_rad=elevator * travel,
         thrust=thrust,
         travel_rad=travel,
+        other_outputs=_other_outputs(values, channels),
     )
+
+
+def _other_outputs(values: NDArray[np.float64], channels: ServoChannels) -> tuple[int, ...]:
+    """Return the numbers of the outputs that move and are not chosen."""
+    if not values.size:
+        return ()
+    known = np.where(np.isfinite(values), values, 0.0)
+    is_pulse = np.max(np.abs(known), axis=0) > MAX_FRACTION
+    full = np.where(is_pulse, PULSE_HALF_US, 1.0)
+    moving = np.flatnonzero(np.ptp(known, axis=0) > MIN_MOTION * full) + 1
+    return tuple(number for number in moving.tolist() if number not in set(map(abs, channels)))
 
 
 def _fractions(

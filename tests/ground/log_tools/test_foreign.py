@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 from typer.testing import CliRunner
 
 from ground.__main__ import app
@@ -102,3 +103,15 @@ def test_pipe_is_refused(tmp_path: Path, command: list[str]) -> None:
     os.mkfifo(path)
     with pytest.raises(InputError, match=r"fifo\.csv: is no regular file"):
         CliRunner().invoke(app, [*command, str(path)], catch_exceptions=False)
+
+
+def test_refit_names_the_outputs_that_move(tmp_path: Path) -> None:
+    """Rudder and thrust on outputs 5 and 8, without parameters that say so."""
+
+    def commands(s: files.Sample) -> object:
+        pulses = [1500, 1500, 1740, 1500, files.pulse(s.rudder), 1500, 1500, 1500]
+        return mavlink.MAVLink_servo_output_raw_message(round(1e6 * s.time_s), 0, *pulses)
+
+    path = files.tlog(tmp_path / "other.tlog", commands)
+    with pytest.raises(InputError, match=r"no excitation.*not read: 5; give .* --servo-channels"):
+        CliRunner().invoke(app, ["refit", str(path)], catch_exceptions=False)

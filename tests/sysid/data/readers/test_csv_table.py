@@ -405,3 +405,46 @@ def test_column_without_values_counts_as_missing(tmp_path: Path, cell: str) -> N
     log, expected = readers.read(path), readers.read(write(tmp_path / "without.csv"))
     assert log.sha256 == expected.sha256
     assert log.velocity.source == VelocitySource.NONE
+
+
+@pytest.mark.parametrize("value", ["0", "-58"])
+def test_thrust_that_is_never_positive_is_named(tmp_path: Path, value: str) -> None:
+    path = write(tmp_path / "dive.csv", lines=with_cells(7, value))
+    with pytest.raises(
+        LogError, match=r"column thrust_pct: no value above 0; give percent of full"
+    ):
+        readers.read(path)
+    readers.read(write(tmp_path / "reversed.csv", lines=with_cells(7, "-58")), REVERSED_THRUST)
+
+
+REVERSED_THRUST = OutputOptions(ServoChannels(1, 2, -3))
+
+
+def test_depth_in_millimetres_is_named(tmp_path: Path) -> None:
+    lines = [line.split(",") for line in rows()]
+    for k, cells in enumerate(lines):
+        cells[8] = f"{1000.0 * (4.0 + 0.005 * (k % 3)):.0f}"
+    path = write(tmp_path / "mm.csv", lines=[",".join(cells) for cells in lines])
+    with pytest.raises(LogError, match=r"column depth_m: changes by .* give metres, not millim"):
+        readers.read(path)
+
+
+def test_tested_surface_in_radians_is_named(tmp_path: Path) -> None:
+    lines = [line.split(",") for line in rows()]
+    for k, cells in enumerate(lines):
+        cells[5] = f"{math.radians(float(cells[5]) * (-1) ** (k // 50)):.5f}"
+    path = write(tmp_path / "rad.csv", lines=[",".join(cells) for cells in lines])
+    with pytest.raises(LogError, match=r"the rudder changes by 0\.14 deg .* column rudder_rad"):
+        readers.read(path)
+
+
+def test_tested_surface_without_a_column_is_named(tmp_path: Path) -> None:
+    path = write(tmp_path / "dive.csv", COLUMNS.replace("rudder_deg", "rud"))
+    with pytest.raises(LogError, match=r"tests of the rudder, and there is no column rudder_deg"):
+        readers.read(path)
+
+
+def test_rate_in_another_unit_is_the_first_reason(tmp_path: Path) -> None:
+    path = write(tmp_path / "dive.csv", COLUMNS.replace("r_degps", "r_radps"))
+    (screening,) = screen([the_run(path)])
+    assert "name the CSV column of a rate in deg/s _degps" in screening.reasons[0]
