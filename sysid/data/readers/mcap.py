@@ -28,6 +28,7 @@ from sysid.data.readers.messages import (
     Messages,
     assemble,
     messages_to_read,
+    refuse_several,
 )
 from sysid.data.readers.samples import FileDamage, MessageColumns
 from sysid.data.readers.servo_channels import OutputOptions
@@ -173,10 +174,8 @@ def _vehicle_topics(channels: dict[str, McapChannel], path: Path) -> dict[str, s
     topics = sorted(channels)
     parts = [(topic, topic.split("/")) for topic in topics if topic.startswith("/mavlink/")]
     vehicles = sorted({(p[2], p[3]) for _, p in parts if len(p) == 5 and p[4] in ATTITUDES})
-    if len(vehicles) > 1:
-        raise LogError(
-            f"{path}: {len(vehicles)} vehicles send an attitude; a log for identification has one"
-        )
+    one = f"mcap filter {path.name} -y '/mavlink/SYSTEM/.*' --include-attachments"
+    refuse_several(path, vehicles, f"{one} -o vehicle_SYSTEM.mcap")
     sent = {t: p[4] for t, p in parts if len(p) == 5 and (p[2], p[3]) in vehicles}
     names = messages_to_read(set(sent.values()))
     devices = {

@@ -4,7 +4,7 @@ Attitude, depth and commands are read from the first message of a list that the 
 """
 
 import re
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -218,6 +218,37 @@ def assemble(
         position=_position(messages),
         current=_current(messages),
         home_deg=_home_deg(messages),
+    )
+
+
+def refuse_several(path: Path, vehicles: Sequence[tuple[str, str]], remedy: str) -> None:
+    """Refuse a log in which several vehicles send an attitude.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    vehicles : sequence of (str, str)
+        System and component of each sender of an attitude.
+    remedy : str
+        Command that writes the messages of SYSTEM to a file.
+
+    Raises
+    ------
+    LogError
+        There are several.
+    """
+    if len(vehicles) < 2:
+        return
+    systems = list(dict.fromkeys(system for system, _ in vehicles))
+    named = f"systems {', '.join(systems)}"
+    advice = f", for example with `{remedy.replace('SYSTEM', systems[0])}`"
+    if len(systems) == 1:
+        named = f"components {', '.join('/'.join(vehicle) for vehicle in vehicles)}"
+        advice = ""
+    raise LogError(
+        f"{path}: {len(vehicles)} vehicles send an attitude ({named}); a log for identification has"
+        f" one: write one file per vehicle{advice}"
     )
 
 

@@ -23,6 +23,7 @@ from sysid.data.readers.messages import (
     Messages,
     assemble,
     messages_to_read,
+    refuse_several,
 )
 from sysid.data.readers.samples import FileDamage, MessageColumns
 from sysid.data.readers.servo_channels import OutputOptions
@@ -53,10 +54,8 @@ def read(path: Path, options: OutputOptions) -> Log:
     vehicles = sorted({(s.system, s.component) for s in streams if s.message.name in ATTITUDES})
     # A camera or a companion computer of the vehicle may send its attitude too.
     vehicles = [v for v in vehicles if v[1] == AUTOPILOT_COMPONENT] or vehicles
-    if len(vehicles) > 1:
-        raise LogError(
-            f"{path}: {len(vehicles)} vehicles send an attitude; a log for identification has one"
-        )
+    one = f"mavlogdump.py --source-system SYSTEM -o vehicle_SYSTEM.tlog {path.name}"
+    refuse_several(path, [(str(system), str(part)) for system, part in vehicles], one)
     # Without any attitude all messages count, so that the refusal names only what is missing.
     senders = vehicles or [(s.system, s.component) for s in streams]
     own = {s.message.name: s for s in streams if (s.system, s.component) in senders}

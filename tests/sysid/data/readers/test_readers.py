@@ -2,6 +2,7 @@
 
 import math
 import re
+import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,11 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from sysid.data import readers, segments
 from sysid.data.dataset import LogError
 from sysid.data.events import StopReason
-from sysid.data.readers import servo_channels, ulog_recovery
+from sysid.data.readers import messages, servo_channels, ulog_recovery
 from sysid.data.readers.samples import FileDamage
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, ServoChannels
 from sysid.data.runs import Run
@@ -419,3 +421,26 @@ def test_samples_that_are_not_finite_are_a_gap(tmp_path: Path) -> None:
     assert np.all(np.isfinite(run.heading_rad))
     (screening,) = screen([run])
     assert screening.reasons == ("gap: 1.02 s without data, at most 0.2",)
+
+
+def test_tlog_of_two_vehicles_names_systems_and_remedy(
+    tmp_path: Path, written: dict[str, Path]
+) -> None:
+    other = mavlink.MAVLink(None, 7, 1)
+    frame = mavlink.MAVLink_attitude_message(100_000, 0, 0, 0, 0, 0, 0).pack(other)
+    path = tmp_path / "two.tlog"
+    path.write_bytes(written["tlog"].read_bytes() + struct.pack(">Q", 10**15) + bytes(frame))
+    with pytest.raises(LogError) as refused:
+        readers.read(path)
+    assert str(refused.value) == (
+        f"{path}: 2 vehicles send an attitude (systems 1, 7); a log for identification has one:"
+        " write one file per vehicle, for example with"
+        " `mavlogdump.py --source-system 1 -o vehicle_1.tlog two.tlog`"
+    )
+
+
+def test_several_senders_of_one_system_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "two.mcap"
+    with pytest.raises(LogError, match=r"\(components 1/2, 1/3\); .* one file per vehicle$"):
+        messages.refuse_several(path, [("1", "2"), ("1", "3")], "x")
+    messages.refuse_several(path, [("1", "1")], "x")
