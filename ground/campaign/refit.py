@@ -35,6 +35,9 @@ from sysid.refit import RefitRequest
 from sysid.reproduction import paper_tables
 from sysid.screening import proposals
 
+_NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
+"""A decimal number."""
+
 
 def initial_gains() -> dict[str, float]:
     """Return the prototype gains: the initial column of the paper's Table 3."""
@@ -167,15 +170,20 @@ def check_converged(model: IdentifiedModel, remedy: str) -> None:
 
 def parse_segment(text: str) -> MarkedInterval:
     """Parse a test that a user marks, in seconds of the log's time. Raises InputError."""
-    match = re.fullmatch(r"(?:(.+):)?(\d+\.?\d*)\.\.(\d+\.?\d*):(rudder|elevator)", text)
+    match = re.fullmatch(rf"(?:(.+):)?({_NUMBER})\.\.({_NUMBER}):(rudder|elevator)", text)
     if match is None:
         raise InputError(
             f"--segment {text}: give [LOG:]START..STOP:rudder or :elevator, in seconds of the log's"
             " time"
         )
+    start_s, stop_s = float(match[2]), float(match[3])
+    if not start_s < stop_s:
+        raise InputError(
+            f"--segment {text}: the start, {start_s:g} s, must be before the stop, {stop_s:g} s"
+        )
     return MarkedInterval(
-        start_s=float(match[2]),
-        stop_s=float(match[3]),
+        start_s=start_s,
+        stop_s=stop_s,
         plane=PLANE_OF_SURFACE[match[4]],
         log=match[1] or "",
     )

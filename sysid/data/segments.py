@@ -223,6 +223,10 @@ def _interval(
 def _interval_of_mark(log: Log, mark: MarkedInterval) -> TestInterval:
     """Return the interval of a mark; raise LogError outside the log."""
     first_s, last_s = float(log.attitude.time_s[0]), float(log.attitude.time_s[-1])
+    if not mark.start_s < mark.stop_s:
+        raise LogError(
+            f"{log.name}: run {mark.start_s:g}..{mark.stop_s:g}: its start must be before its stop"
+        )
     if not first_s <= mark.start_s < mark.stop_s <= last_s:
         raise LogError(
             f"{log.name}: run {mark.start_s:g}..{mark.stop_s:g} must lie within the log,"

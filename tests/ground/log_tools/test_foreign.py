@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from typer.testing import CliRunner
 
 from ground.__main__ import app
+from ground.campaign import refit
 from mavlink_io.errors import InputError
 from tests.sysid.data.readers import files
 
@@ -57,6 +58,12 @@ def test_other_log_is_inspected_and_exported(tmp_path: Path, name: str, attitude
         (
             ["--segment", "10..500:rudder"],
             r"a\.ulg: run 10\.\.500 must lie within the log, 100\.0\.\.140\.0 s",
+        ),
+        (["--segment", "-5..3:rudder"], r"a\.ulg: run -5\.\.3 must lie within the log, 100\.0\.\."),
+        (["--segment", "0..1e9:rudder"], r"run 0\.\.1e\+09 must lie within the log, 100\.0\.\."),
+        (
+            ["--segment", "125..120.5:rudder"],
+            r"--segment 125\.\.120\.5:rudder: the start, 125 s, must be before the stop, 120\.5 s",
         ),
         (["--servo-channels", "1,2"], "--servo-channels 1,2: give RUDDER,ELEVATOR,THRUST"),
         ([], r"a\.ulg: no test found"),
@@ -115,3 +122,12 @@ def test_refit_names_the_outputs_that_move(tmp_path: Path) -> None:
     path = files.tlog(tmp_path / "other.tlog", commands)
     with pytest.raises(InputError, match=r"no excitation.*not read: 5; give .* --servo-channels"):
         CliRunner().invoke(app, ["refit", str(path)], catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    ("text", "start_s", "stop_s"),
+    [("120.5..150:rudder", 120.5, 150.0), ("a:b.csv:1...2.5:elevator", 1.0, 2.5)],
+)
+def test_segment_is_parsed(text: str, start_s: float, stop_s: float) -> None:
+    mark = refit.parse_segment(text)
+    assert (mark.start_s, mark.stop_s) == (start_s, stop_s)
