@@ -10,17 +10,29 @@ the data is ``null`` or has the status ``prior``.
 import hashlib
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
+from msgspec import Meta
 
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
 from mavlink_io.user_data_dir import write_output
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
-from sysid.models.json_record import JsonRecord, decode, encode, format_of, schema_of
+from sysid.models import model_check
+from sysid.models.json_record import (
+    Fraction,
+    JsonRecord,
+    NonNegative,
+    decode,
+    encode,
+    explain,
+    format_of,
+    schema_of,
+)
 from sysid.planes import Plane
+from sysid.reproduction.paper_tables import Table1Column
 from sysid.validation.results import ModelAssessment, PlaneValidation
 
 FORMAT = 5
@@ -28,6 +40,19 @@ Method = Literal["map", "paper", "output-error", "filter-error"]
 Status = Literal["measured", "prior", "unidentifiable"]
 MAX_POSTERIOR_TO_PRIOR_SD = 0.8
 """Posterior over prior standard deviation above which a coefficient counts as not measured."""
+
+
+Angle = Annotated[float, Meta(ge=-90.0, le=90.0)]
+"""Bias of an actuator, or angle of level motion, deg."""
+Level = Annotated[float, Meta(ge=0.0, le=1e4)]
+"""Standard deviation of a disturbance."""
+SensorNoise = Annotated[float, Meta(ge=1e-9, le=1e4)]
+"""Standard deviation of a measurement, which is never exact."""
+Deviation = Annotated[float, Meta(ge=-10.0, le=10.0)]
+"""Distance from the prior in its standard deviations; the search ends at 4."""
+Covariance = Annotated[float, Meta(ge=-100.0, le=100.0)]
+"""Element of the covariance of z, whose prior variances are 1."""
+Correlation = Annotated[float, Meta(ge=-1.000001, le=1.000001)]
 
 
 class ModelError(InputError):
@@ -40,7 +65,7 @@ class ParameterEstimate(JsonRecord, frozen=True):
     """Estimated value with its standard deviation."""
 
     value: float
-    sd: float | None
+    sd: NonNegative | None
     """Standard deviation; null where the data do not determine the value."""
 
 
@@ -48,12 +73,12 @@ class Coefficient(JsonRecord, frozen=True):
     """Physical coefficient in the paper's axes (x forward, y port, z up), SI units and radians."""
 
     value: float
-    sd: float | None
+    sd: NonNegative | None
     """Standard deviation; null where the data do not determine the value."""
     prior: float
     """Prior value."""
-    prior_sd: float
-    posterior_to_prior_sd: float | None
+    prior_sd: NonNegative
+    posterior_to_prior_sd: NonNegative | None
     """Posterior over prior standard deviation; 1 means that the data give no information."""
     status: Status
     unit: str
@@ -89,18 +114,18 @@ class ParameterCovariance(JsonRecord, frozen=True):
 class NoiseModel(JsonRecord, frozen=True):
     """Disturbance and sensor noise of one plane; standard deviations."""
 
-    slow_accel_degps2: float
-    slow_time_s: float
-    wave_accel_degps2: float
-    wave_frequency_hz: float
-    wave_damping: float
-    rate_noise_degps: float
-    angle_noise_deg: float
-    depth_noise_m: float
-    force_noise_mps15: float
-    wave_depth_m: float = 0.0
+    slow_accel_degps2: Level
+    slow_time_s: Annotated[float, Meta(ge=0.01, le=1e5)]
+    wave_accel_degps2: Level
+    wave_frequency_hz: Annotated[float, Meta(ge=1e-3, le=100.0)]
+    wave_damping: Annotated[float, Meta(ge=1e-3, le=10.0)]
+    rate_noise_degps: SensorNoise
+    angle_noise_deg: SensorNoise
+    depth_noise_m: SensorNoise
+    force_noise_mps15: Level
+    wave_depth_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
     """Measured depth by the pressure of waves; 0 where the tests do not show it."""
-    test_depth_m: float = 0.0
+    test_depth_m: Annotated[float, Meta(ge=-100.0, le=12000.0)] = 0.0
     """Depth of the tests at which the waves were measured; 0 without pressure of waves."""
 
 
@@ -139,19 +164,19 @@ class ScreenedRun(JsonRecord, frozen=True):
     plane: Plane
     wave: str
     magnitude_deg: float
-    duration_s: float
+    duration_s: NonNegative
     accepted: bool
     """True if the run is used for the estimate."""
     reasons: tuple[str, ...]
     """Reasons for the rejection of the run."""
     warnings: tuple[str, ...] = ()
     """Anomalies in a run that is used."""
-    p_value: float | None = None
+    p_value: Fraction | None = None
     """Probability of an anomaly at least as significant in a run without anomalies.
 
     It is over all kinds and times. Null for a run rejected by the hard rules, and for a method
     without a noise model."""
-    repeat_p_value: float | None = None
+    repeat_p_value: Fraction | None = None
     """Probability of a difference from repeated runs as significant; null without any."""
     anomalies: tuple[AnomalyTest, ...] = ()
     """Anomalies, the most likely first."""
@@ -195,10 +220,10 @@ class Joint(JsonRecord, frozen=True):
 
     names: tuple[str, ...]
     """Names of the parameters, in the order of ``z``."""
-    z: tuple[float, ...]
-    covariance: tuple[tuple[float, ...], ...]
+    z: tuple[Deviation, ...]
+    covariance: tuple[tuple[Covariance, ...], ...]
     """Posterior covariance of z."""
-    correlation: tuple[tuple[float, ...], ...]
+    correlation: tuple[tuple[Correlation, ...], ...]
     """Posterior correlation of z."""
     rank: int
     """Numerical rank of the data's information matrix, without the prior."""
@@ -206,14 +231,14 @@ class Joint(JsonRecord, frozen=True):
     """Number of directions in which the data give more information than the prior."""
     condition_number: float | None
     """Condition number of the data's information matrix; null where it is singular."""
-    run_scatter: float = 0.0
+    run_scatter: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
     """Scatter of the parameters between tests beyond noise, in prior standard deviations: the error
     of the model structure."""
     deviating_run: str = ""
     """Test without which the scatter is smallest; empty without scatter."""
-    run_scatter_without: float = 0.0
+    run_scatter_without: NonNegative = 0.0
     """Scatter without that test."""
-    prior_conflict: float = 0.0
+    prior_conflict: Fraction = 0.0
     """How far the estimate contradicts the prior, from 0 to 1: the error of the model structure
     that is common to all tests."""
 
@@ -240,16 +265,16 @@ class VehicleRecord(JsonRecord, frozen=True):
 
     prior: str
     """Name or path of the prior vehicle file."""
-    mass_kg: float
-    prior_biases_deg: dict[Plane, float]
+    mass_kg: Annotated[float, Meta(gt=0.0, le=1e9)]
+    prior_biases_deg: dict[Plane, Angle]
     """Prior mean of the actuator bias."""
     net_buoyancy_n: ParameterEstimate
     crossflow_cd: ParameterEstimate
     natural_frequency_radps: ParameterEstimate
     damping_ratio: ParameterEstimate
-    level_elevator_deg: float
+    level_elevator_deg: Angle
     """Elevator angle of level motion."""
-    level_pitch_deg: float
+    level_pitch_deg: Angle
     """Pitch of level motion, positive nose up."""
     file: VehicleConfig | None = None
     """Content of the prior vehicle file; null in models of earlier versions."""
@@ -271,9 +296,9 @@ class IdentifiedModel(JsonRecord, frozen=True):
 
     format: int
     method: Method
-    speed_mps: float
+    speed_mps: Annotated[float, Meta(ge=0.01, le=50.0)]
     """Speed at which the coefficients are valid."""
-    thrust_fraction: float
+    thrust_fraction: Annotated[float, Meta(gt=0.0, le=1.0)]
     """Thrust command at that speed, 0 to 1."""
     planes: dict[Plane, PlaneModel]
     coefficients: dict[str, Coefficient]
@@ -300,6 +325,39 @@ class IdentifiedModel(JsonRecord, frozen=True):
     """Fits by other methods, for comparison."""
     versions: dict[str, str] = msgspec.field(default_factory=dict)
     """Versions of the packages; the same logs and versions give the same bytes."""
+
+
+PLANE_RANGES = {
+    "static_gain_per_s": (-1e9, 1e9),
+    "b1_per_s2": (1e-6, 1e4),
+    "p_fast_per_s": (-1e4, 1e4),
+    "p_slow_per_s": (-1e4, 1e4),
+    "restoring_per_s2": (-1e4, 1e4),
+    "delay_s": (0.0, 10.0),
+    "actuator_bias_deg": (-90.0, 90.0),
+}
+"""Physical range of each number of a plane, far wider than that of any vehicle."""
+VEHICLE_RANGES = {
+    "net_buoyancy_n": (-1e9, 1e9),
+    "crossflow_cd": (0.0, 100.0),
+    "natural_frequency_radps": (0.01, 1e4),
+    "damping_ratio": (0.01, 100.0),
+}
+"""Physical range of each estimate in `VehicleRecord`."""
+MAX_COEFFICIENT_RATIO = 1e3
+"""Largest ratio of a coefficient to its prior; those of the paper's method are within 10."""
+RESPONSE_LISTS = frozenset(
+    (
+        "coherence",
+        "gain_db",
+        "phase_deg",
+        "gain_sd_db",
+        "phase_sd_deg",
+        "model_gain_db",
+        "model_phase_deg",
+    )
+)
+"""Lists with one entry for each frequency."""
 
 
 def sha256_of_model(model: IdentifiedModel) -> str:
@@ -352,10 +410,11 @@ def read(path: str | Path) -> IdentifiedModel:
     Raises
     ------
     ModelError
-        The file is missing, is not a model, or has another format.
+        The file is missing, is not a model, has another format, or holds an impossible value.
     VehicleFileError
         The vehicle file in it is impossible.
     """
+    text = b""
     try:
         text = read_limited(Path(path), MAX_TEXT_BYTES)
         file_format = format_of(text)
@@ -370,6 +429,8 @@ def read(path: str | Path) -> IdentifiedModel:
                 " logs"
             )
         model = decode(text, IdentifiedModel)
+        if reason := _contradiction(model):
+            raise ModelError(f"{path}: {reason}; give a model.json that `ground refit` wrote")
         if model.vehicle.file is not None:
             vehicle_files.check(model.vehicle.file, f"{path}: vehicle.file")
         return model
@@ -378,7 +439,80 @@ def read(path: str | Path) -> IdentifiedModel:
             f"{path}: {error.strerror}; give a model.json that `ground refit` wrote"
         ) from None
     except msgspec.MsgspecError as error:
-        raise ModelError(f"{path}: {error}; give a model.json that `ground refit` wrote") from None
+        reason = explain(text, IdentifiedModel) or str(error)
+        raise ModelError(f"{path}: {reason}; give a model.json that `ground refit` wrote") from None
+
+
+def _contradiction(model: IdentifiedModel) -> str:
+    """Return key, value and expectation of the first impossible value that no type excludes."""
+    joint = model.joint
+    checks = [
+        model_check.table_error("planes", model.planes, Plane),
+        model_check.table_error("vehicle.prior_biases_deg", model.vehicle.prior_biases_deg, Plane),
+        model_check.table_error("coefficients", model.coefficients, Table1Column._fields),
+        *(
+            model_check.range_error(f"planes.{plane}.{name}.value", estimate.value, limits)
+            for plane, numbers in model.planes.items()
+            for name, limits in PLANE_RANGES.items()
+            if (estimate := getattr(numbers, name)) is not None
+        ),
+        *(
+            model_check.range_error(
+                f"vehicle.{name}.value", getattr(model.vehicle, name).value, limits
+            )
+            for name, limits in VEHICLE_RANGES.items()
+        ),
+        *(_coefficient_error(name, known) for name, known in model.coefficients.items()),
+        model_check.names_error("joint.names", joint.names, ()),
+        model_check.length_error("joint.z", joint.z, len(joint.names)),
+        model_check.covariance_error("joint.covariance", joint.covariance, len(joint.names)),
+        model_check.covariance_error("joint.correlation", joint.correlation, len(joint.names)),
+        *(_design_error(f"design.{plane}", known) for plane, known in model.design.items()),
+        *(
+            _validation_error(f"validation.{plane}", validation)
+            for plane, validation in model.validation.items()
+        ),
+    ]
+    return next(filter(None, checks), "")
+
+
+def _coefficient_error(name: str, known: Coefficient) -> str:
+    """Return that a coefficient is far from its prior; empty if it is not."""
+    if abs(known.value) <= MAX_COEFFICIENT_RATIO * (abs(known.prior) or 1e9):
+        return ""
+    return (
+        f"coefficients.{name}.value = {known.value:g}: expected at most"
+        f" {MAX_COEFFICIENT_RATIO:g} times its prior, {known.prior:g}"
+    )
+
+
+def _design_error(key: str, known: ParameterCovariance) -> str:
+    """Return what is wrong with the covariance of the numbers of a plane; empty for nothing."""
+    return model_check.names_error(
+        f"{key}.names", known.names, PlaneModel.__struct_fields__
+    ) or model_check.covariance_error(f"{key}.matrix", known.matrix, len(known.names))
+
+
+def _validation_error(key: str, validation: PlaneValidation) -> str:
+    """Return the first list of another length than its frequencies; empty for none."""
+    response, second = validation.frequency_response, validation.second_opinion
+    lists: list[tuple[str, JsonRecord, int]] = []
+    if response is not None:
+        lists.append((f"{key}.frequency_response", response, len(response.frequency_radps)))
+    if second is not None:
+        count = len(second.frequency_radps)
+        lists.append((f"{key}.second_opinion", second, count))
+        lists += [
+            (f"{key}.second_opinion.opinions[{i}]", opinion, count)
+            for i, opinion in enumerate(second.opinions)
+        ]
+    errors = (
+        model_check.length_error(f"{name}.{field}", values, count)
+        for name, record, count in lists
+        for field in record.__struct_fields__
+        if field in RESPONSE_LISTS and (values := getattr(record, field)) is not None
+    )
+    return next(filter(None, errors), "")
 
 
 def schema() -> bytes:
