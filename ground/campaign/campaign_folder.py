@@ -89,8 +89,12 @@ class CampaignFolder:
 
     @cached_property
     def prior_config(self) -> Any:
-        """Content of the vehicle file `prior`. Raises InputError."""
-        return refit.read_vehicle(self.prior)
+        """Content of the vehicle file from which the model was fitted. Raises InputError.
+
+        It is in the model: the file itself may be gone or changed since. A model of an earlier
+        version does not contain it; then the file `prior` is read.
+        """
+        return self.model.vehicle.file or refit.read_vehicle(self.prior)
 
     def log_path(self, stage: str, mission: str) -> Path:
         """Return the path of the log of a dive."""

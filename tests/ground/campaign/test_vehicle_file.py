@@ -6,8 +6,13 @@ import pytest
 from typer.testing import CliRunner
 
 from ground.__main__ import app
+from ground.campaign.campaign_folder import CampaignFolder
 from mavlink_io.errors import InputError
+from sitl.vehicle import config
+from sysid.models import model_file
+from sysid.test_design import prior
 from tests.sitl.vehicle.test_fill_missing import FINNED
+from tests.sysid.monte_carlo.files import model_of
 
 WITHOUT_COMPASS = f'{FINNED}\n[instruments]\nmagnetometer = "none"\n'
 
@@ -82,3 +87,13 @@ def test_every_command_names_the_wrong_key_of_a_vehicle_file(tmp_path: Path) -> 
     ]
     assert len(set(messages)) == 1
     assert messages[0].startswith(f"{vehicle}: ballast.mass_kg = 58190 with net_buoyancy_n = ")
+
+
+def test_report_reads_the_vehicle_in_the_model(tmp_path: Path) -> None:
+    """The path in campaign.toml is relative to the folder in which the campaign was begun."""
+    known = config.load(written(tmp_path, FINNED))
+    model_file.write(model_of(prior.from_file(known)), tmp_path / "model.json")
+    (tmp_path / "campaign.toml").write_text('vehicle = "gone.toml"\n')
+    folder = CampaignFolder(tmp_path)
+    assert folder.prior == "gone.toml"
+    assert folder.prior_config == known
