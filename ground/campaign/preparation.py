@@ -43,6 +43,8 @@ class Preparation(NamedTuple):
     """Text by path in the folder of the campaign: scenario, missions and flown vehicle."""
     notes: tuple[str, ...]
     """What was scaled, one line each; empty for Caribou."""
+    warnings: tuple[str, ...] = ()
+    """Unusual properties of the flown vehicle, one line each; empty for a shipped one."""
 
 
 class PreparationRequest(NamedTuple):
@@ -75,13 +77,13 @@ def prepare(request: PreparationRequest) -> Preparation:
         The scenario or the vehicle file cannot be used, no gains meet the specification, or a
         mission cannot be completed.
     """
-    prototype.check_flown(flown_file(request))
+    warnings = prototype.check_flown(flown_file(request))
     content = readiness.scenario_content(request.scenario)
     scripts = {name: script.load(name) for name in request.missions}
     truth = _truth(request)
     if prototype.is_caribou(request.vehicle):
         readiness.check_scenario(request.scenario, content, scripts)
-        return Preparation(refit.initial_gains(), truth.files, truth.notes)
+        return Preparation(refit.initial_gains(), truth.files, truth.notes, warnings)
     config = prior_knowledge.vehicle_file(request.vehicle)
     scale = vehicle_scale(config, prior_knowledge.vehicle_file(REFERENCE))
     scripts = {
@@ -108,6 +110,7 @@ def prepare(request: PreparationRequest) -> Preparation:
         parameters,
         {**({SCENARIO_FILE: sea.text} if sea.text else {}), **missions, **truth.files},
         (sea.note, _describe(scale), *_describe_gains(design), *adapted.notes, *truth.notes),
+        warnings,
     )
 
 

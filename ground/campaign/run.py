@@ -33,7 +33,7 @@ from ground.campaign.failsafe_limits import (
     limit_tests,
 )
 from ground.campaign.folder_setup import RESULTS, is_finished, prepare_folder, refuse_folder
-from ground.campaign.preparation import Preparation, PreparationRequest, prepare
+from ground.campaign.preparation import Preparation, PreparationRequest, flown_file, prepare
 from ground.campaign.request import ALL_MISSIONS, IDENTIFICATION, TRIM_MISSION, CampaignRequest
 from ground.campaign.summary_file import CampaignSummary, DesignSummary, RetestSummary
 from ground.campaign.worker import Worker
@@ -198,6 +198,8 @@ class Campaign:
         self._write_folder(preparation)
         for note in preparation.notes:
             self.announce(note)
+        for warning in preparation.warnings:
+            self.announce(f"warning: {flown_file(asked)}: {warning}")
         return preparation
 
     def _write_folder(self, preparation: Preparation) -> None:

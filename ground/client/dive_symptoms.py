@@ -70,6 +70,12 @@ _SURFACE_REMEDIES = {
     SymptomKind.REVERSED: "reverse the {0} (output or wiring); `ground bench-test` shows its sign",
     SymptomKind.STUCK: "check the {0} and its linkage with `ground bench-test`",
 }
+_TRIM_REMEDY = (
+    "check that the vehicle floats level and move ballast if it does not (`ground vehicle check`"
+    " predicts it); then check the elevator's linkage, output and wiring (`ground bench-test` shows"
+    " its sign)"
+)
+"""Remedy for an elevator that does not win on one side: weight at one end has the same effect."""
 
 
 class Symptom(NamedTuple):
@@ -160,6 +166,13 @@ def _surfaces(log: Log) -> Iterator[Symptom]:
                 f"the {surface} acts in the wrong direction: hard over to one side, the vehicle"
                 f" {motion} to the other"
             )
+        elif surface == "elevator":
+            kind = SymptomKind.STUCK if len(means) == 2 else SymptomKind.REVERSED
+            end = "nose" if 1 in wrong else "tail"
+            cause = (
+                f"the vehicle pitches against its elevator: it is {end}-heavy, or the elevator is"
+                " stuck or acts in the wrong direction"
+            )
         elif len(means) == 2 or since:
             kind = SymptomKind.STUCK
             cause = (
@@ -171,7 +184,9 @@ def _surfaces(log: Log) -> Iterator[Symptom]:
                 f"the {surface} acts in the wrong direction or is stuck: the vehicle {motion}"
                 " against its command"
             )
-        yield Symptom(kind, axis, cause, _SURFACE_REMEDIES[kind].format(surface))
+        is_trim = surface == "elevator" and len(wrong) < 2
+        remedy = _TRIM_REMEDY if is_trim else _SURFACE_REMEDIES[kind].format(surface)
+        yield Symptom(kind, axis, cause, remedy)
 
 
 def _responses_when_hard_over(log: Log, command_rad: Array, response: Array) -> dict[int, float]:

@@ -17,7 +17,7 @@ from sitl.vehicle import build_model, dynamics, hull
 from sitl.vehicle import config as files
 from sitl.vehicle.file_schema import VehicleConfig, VehicleFileError
 from sitl.vehicle.linearise import DEPTH_M, LinearisedPlane, linearise
-from sitl.vehicle.model import Inertia, VehicleModel
+from sitl.vehicle.model import Hydrostatics, Inertia, VehicleModel
 from sitl.vehicle.vectors import Vector
 from sitl.vehicle.water import STILL
 
@@ -28,6 +28,12 @@ MASS_RATIO = (0.5, 2.0)
 BUOYANCY_RATIO = (0.5, 1.25)
 """Range of the buoyancy over that of the hull: parts of a hull may be flooded, and duct, fins and
 masts displace water besides."""
+MAX_FLOAT_ANGLE_DEG = 20.0
+"""Pitch or heel at rest above which there is a warning: ballast is far from its place."""
+MAX_TRIM_SHARE = 0.4
+"""Share of the elevator's travel for level motion above which there is a warning.
+
+The design of tests reserves as much for an unknown trim; the paper's vehicle needed 6 of 15 deg."""
 STEP = 1e-6
 """Step of the central differences and tolerance of Newton's method, SI units and radians."""
 
@@ -164,7 +170,8 @@ def _check_physics(config: VehicleConfig, source: str) -> Report:
         raise VehicleFileError(
             f"{source}: operating_point.speed_mps = {point.speed_mps:g}: expected a speed at"
             " which level motion is possible with a net buoyancy of"
-            f" {model.hydrostatics.buoyancy_n - model.hydrostatics.weight_n:.3g} N"
+            f" {model.hydrostatics.buoyancy_n - model.hydrostatics.weight_n:.3g} N and"
+            f" ballast.x_cm_m = {config.ballast.x_cm_m:.4g}, x_cb_m = {config.ballast.x_cb_m:.4g}"
         )
     return _report(config, model, level_rad, warnings)
 
@@ -251,11 +258,7 @@ def _report(
     h, U = model.hydrostatics, config.operating_point.speed_mps
     height_of_cb = h.z_cb_m - h.z_cm_m
     pitch, elevator = level_rad
-    if abs(degrees(elevator)) > config.tailcone.travel_deg:
-        warnings = [
-            *warnings,
-            f"level motion needs {degrees(elevator):.0f} deg of elevator, beyond its travel",
-        ]
+    warnings = [*warnings, *_trim_warnings(config, h, degrees(elevator))]
     stiffness = h.weight_n * height_of_cb
     roll = sqrt(stiffness / model.inertia.M[3, 3])
     planes = linearise(model, U)
@@ -274,8 +277,8 @@ def _report(
         length_m=hull.length_m(config.hull),
         mass_kg=model.inertia.mass_kg,
         net_buoyancy_n=h.buoyancy_n - h.weight_n,
-        float_pitch_deg=degrees(atan2(h.x_cb_m - h.x_cm_m, height_of_cb)),
-        float_heel_deg=degrees(atan2(-h.y_cm_m, height_of_cb)),
+        float_pitch_deg=_float_pitch_deg(h),
+        float_heel_deg=_float_heel_deg(h),
         speed_mps=U,
         level_pitch_deg=degrees(pitch),
         level_elevator_deg=degrees(elevator),
@@ -288,6 +291,38 @@ def _report(
         pitch=pitch_plane,
         warnings=warnings,
     )
+
+
+def _float_pitch_deg(h: Hydrostatics) -> float:
+    """Return the pitch at rest under water (deg), positive nose up."""
+    return degrees(atan2(h.x_cb_m - h.x_cm_m, h.z_cb_m - h.z_cm_m))
+
+
+def _float_heel_deg(h: Hydrostatics) -> float:
+    """Return the roll angle at rest under water (deg)."""
+    return degrees(atan2(-h.y_cm_m, h.z_cb_m - h.z_cm_m))
+
+
+def _trim_warnings(config: VehicleConfig, h: Hydrostatics, elevator_deg: float) -> list[str]:
+    """Return warnings about a vehicle that floats far from level, or is hard to trim."""
+    warnings, travel_deg = [], config.tailcone.travel_deg
+    if abs(pitch_deg := _float_pitch_deg(h)) > MAX_FLOAT_ANGLE_DEG:
+        warnings.append(
+            f"floats at pitch {pitch_deg:+.0f} deg: ballast.x_cm_m = {h.x_cm_m:.4g}: expected near"
+            f" ballast.x_cb_m = {h.x_cb_m:.4g}"
+        )
+    if abs(heel_deg := _float_heel_deg(h)) > MAX_FLOAT_ANGLE_DEG:
+        warnings.append(
+            f"floats at heel {heel_deg:+.0f} deg: ballast.y_cm_m = {h.y_cm_m:.4g}: expected near 0"
+        )
+    if abs(elevator_deg) > travel_deg:
+        warnings.append(f"level motion needs {elevator_deg:.0f} deg of elevator, beyond its travel")
+    elif abs(elevator_deg) > MAX_TRIM_SHARE * travel_deg:
+        warnings.append(
+            f"level motion needs {elevator_deg:.1f} of {travel_deg:g} deg of elevator: trim the"
+            " vehicle by ballast"
+        )
+    return warnings
 
 
 _PITCH = ("w", "q", "theta", "depth")

@@ -6,7 +6,9 @@ import pytest
 from typer.testing import CliRunner
 
 from ground.__main__ import app
+from ground.campaign import run
 from ground.campaign.campaign_folder import CampaignFolder
+from ground.campaign.request import CampaignRequest
 from mavlink_io.errors import InputError
 from sitl.vehicle import config
 from sysid.models import model_file
@@ -97,3 +99,21 @@ def test_report_reads_the_vehicle_in_the_model(tmp_path: Path) -> None:
     folder = CampaignFolder(tmp_path)
     assert folder.prior == "gone.toml"
     assert folder.prior_config == known
+
+
+def test_preparation_warns_of_a_vehicle_that_floats_nose_down(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle = written(tmp_path, f"{FINNED}\n[ballast]\nx_cm_m = 0.01\n")
+    announced: list[str] = []
+
+    def end(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run.Campaign, "_measure_trims", end)
+    request = CampaignRequest(tmp_path / "out", vehicle="caribou_nominal", truth=vehicle)
+    with pytest.raises(KeyboardInterrupt):
+        run.Campaign(request, lambda name, at: None, announced.append).run()
+    assert any(text.startswith(f"warning: {vehicle}: floats at pitch -") for text in announced), (
+        announced
+    )

@@ -253,3 +253,28 @@ def test_outputs_that_may_be_motors_are_not_judged() -> None:
     rate = np.full(command_deg.size, math.radians(5.0))
     unknown = replace(with_rudder(flown, command_deg, rate), parameters={})
     assert assessment.assess_log(unknown).symptoms == ()
+
+
+@pytest.mark.parametrize(
+    ("command_deg", "pitch_deg", "end"), [(15.0, -12.0, "nose"), (-15.0, 12.0, "tail")]
+)
+def test_vehicle_that_pitches_against_its_elevator_is_advised_on_ballast(
+    command_deg: float, pitch_deg: float, end: str
+) -> None:
+    """Weight at one end has the effect of an elevator that acts in the wrong direction."""
+    flown = dive(pitch_deg=pitch_deg)
+    count = flown.actuators.time_s.size
+    commands = replace(flown.actuators, elevator_rad=np.full(count, math.radians(command_deg)))
+    symptom = assessment.assess_log(replace(flown, actuators=commands)).symptoms[0]
+    assert f"{end}-heavy, or the elevator is stuck or acts in the wrong" in symptom.message
+    assert symptom.remedy.startswith("check that the vehicle floats level and move ballast")
+    assert "wiring" in symptom.remedy
+
+
+def test_elevator_wrong_on_both_sides_is_reversed() -> None:
+    flown = dive()
+    command_deg = hard_over()(flown.actuators.time_s)
+    commands = replace(flown.actuators, elevator_rad=np.radians(command_deg))
+    attitude = replace(flown.attitude, pitch_rad=np.radians(-np.sign(command_deg) * 12.0))
+    found = assessment.assess_log(replace(flown, actuators=commands, attitude=attitude))
+    assert found.symptoms[0].remedy.startswith("reverse the elevator")

@@ -286,3 +286,20 @@ def test_contradiction_names_the_wrong_key(part: str, message: str, tmp_path: Pa
 )
 def test_fin_longer_than_hull_rejected(old: str, new: str, message: str, tmp_path: Path) -> None:
     assert re.search(message, refused(FINNED.replace(old, new), tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("part", "warning"),
+    [
+        (
+            "[ballast]\nx_cm_m = 0.01\n",
+            r"floats at pitch -\d+ deg: ballast\.x_cm_m = 0\.01: expected near ballast\.x_cb_m",
+        ),
+        ("[ballast]\ny_cm_m = -0.01\n", r"floats at heel \+\d+ deg: ballast\.y_cm_m = -0\.01"),
+        ("[ballast]\nnet_buoyancy_n = 38.0\n", r"level motion needs .* of 15 deg of elevator"),
+    ],
+)
+def test_vehicle_far_from_trim_is_warned_of(part: str, warning: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(f"{FINNED}\n{part}")
+    assert any(re.match(warning, text) for text in check.check(file).warnings)
