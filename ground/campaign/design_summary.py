@@ -6,6 +6,9 @@ from typing import NamedTuple
 from ground.campaign.summary_file import DesignSummary, LoopAnalysis
 from sysid.design.specification import Spec
 
+INNER_LOOP = "pitch"
+"""Loop inside the depth loop. Alone it is never flown, and a design does not limit its damping."""
+
 
 class LimitRow(NamedTuple):
     """One limit, and the value that the design reaches."""
@@ -49,10 +52,18 @@ def describe_other_limits(spec: Spec) -> str:
 
 def _nominal_rows(spec: Spec, reached: LoopAnalysis) -> Iterator[LimitRow]:
     """Yield the limits on the identified model."""
-    loop, damping = min(reached.damping.items(), key=lambda item: item[1])
+    flown = {loop: ratio for loop, ratio in reached.damping.items() if loop != INNER_LOOP}
+    loop, damping = min(flown.items(), key=lambda item: item[1])
     yield LimitRow(
         limit="damping", asked=f">= {spec.damping:g}", reached=f"{damping:.2f}", where=loop
     )
+    if INNER_LOOP in reached.damping:
+        yield LimitRow(
+            limit="damping of pitch alone",
+            asked="",
+            reached=f"{reached.damping[INNER_LOOP]:.2f}",
+            where="not limited: the depth loop, whose damping is, always acts on pitch",
+        )
     margins = reached.margins
     gains = {cut: m.gm_db for cut, m in margins.items() if m.gm_db is not None}
     if gains:

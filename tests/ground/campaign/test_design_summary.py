@@ -2,6 +2,7 @@
 
 from html.parser import HTMLParser
 
+import msgspec
 import pytest
 
 from ground.campaign import design_summary
@@ -59,6 +60,20 @@ def test_rows_show_worst_loop_and_point() -> None:
     assert rows["largest sensitivity"][1:] == ("<= 1.6", "1.60", "rudder")
     assert rows["vehicles that meet it"].reached == "83 %"
     assert "most others miss the damping of the heading loop" in rows["vehicles that meet it"].where
+
+
+def test_rows_count_the_damping_that_the_design_limits() -> None:
+    """The pitch loop without the depth loop was counted: ">= 0.6  0.43 pitch" of a sound design."""
+    analysis = design().redesigned
+    damping = {**analysis.damping, "pitch": 0.43}
+    alone = msgspec.structs.replace(analysis, damping=damping)
+    rows = {
+        row.limit: row
+        for row in design_summary.rows(msgspec.structs.replace(design(), redesigned=alone))
+    }
+    assert rows["damping"][1:] == (">= 0.6", "0.61", "depth")
+    assert rows["damping of pitch alone"][1:3] == ("", "0.43")
+    assert rows["damping of pitch alone"].where.startswith("not limited")
 
 
 def test_rows_contain_pitch_point() -> None:
