@@ -48,8 +48,12 @@ Level = Annotated[float, Meta(ge=0.0, le=1e4)]
 """Standard deviation of a disturbance."""
 SensorNoise = Annotated[float, Meta(ge=1e-9, le=1e4)]
 """Standard deviation of a measurement, which is never exact."""
-Deviation = Annotated[float, Meta(ge=-10.0, le=10.0)]
-"""Distance from the prior in its standard deviations; the search ends at 4."""
+Deviation = Annotated[float, Meta(ge=-50.0, le=50.0)]
+"""Distance from the prior in its standard deviations.
+
+The method ``map`` ends at 4; linear methods give the nearest vehicle in 20 steps of at most 1."""
+MAX_DEVIATION = 10.0
+"""Largest element of z of the method ``map``."""
 Covariance = Annotated[float, Meta(ge=-100.0, le=100.0)]
 """Element of the covariance of z, whose prior variances are 1."""
 Correlation = Annotated[float, Meta(ge=-1.000001, le=1.000001)]
@@ -344,8 +348,8 @@ VEHICLE_RANGES = {
     "damping_ratio": (0.01, 100.0),
 }
 """Physical range of each estimate in `VehicleRecord`."""
-MAX_COEFFICIENT_RATIO = 1e3
-"""Largest ratio of a coefficient to its prior; those of the paper's method are within 10."""
+MAX_COEFFICIENT_RATIO = 1e4
+"""Largest ratio of a coefficient to its prior; 20 standard deviations of 0.4 are exp(8) = 3000."""
 RESPONSE_LISTS = frozenset(
     (
         "coherence",
@@ -465,6 +469,11 @@ def _contradiction(model: IdentifiedModel) -> str:
         *(_coefficient_error(name, known) for name, known in model.coefficients.items()),
         model_check.names_error("joint.names", joint.names, ()),
         model_check.length_error("joint.z", joint.z, len(joint.names)),
+        *(
+            model_check.range_error(f"joint.z[{i}]", z, (-MAX_DEVIATION, MAX_DEVIATION))
+            for i, z in enumerate(joint.z)
+            if model.method == "map"
+        ),
         model_check.covariance_error("joint.covariance", joint.covariance, len(joint.names)),
         model_check.covariance_error("joint.correlation", joint.correlation, len(joint.names)),
         *(_design_error(f"design.{plane}", known) for plane, known in model.design.items()),

@@ -220,7 +220,8 @@ COVARIANCE = ("joint", "covariance")
             _set("noise", "yaw", "slow_time_s", value=0),
             r"noise\.yaw\.slow_time_s = 0: expected float >= 0\.01",
         ),
-        (_set("joint", "z", 0, value=1e6), r"joint\.z\[0\] = 1000000\.0: expected float <= 10"),
+        (_set("joint", "z", 0, value=1e6), r"joint\.z\[0\] = 1000000\.0: expected float <= 50"),
+        (_set("joint", "z", 0, value=20.0), r"joint\.z\[0\] = 20: expected -10 to 10"),
         (_remove("joint", "z", 0), r"joint\.z: has 36 entries; expected 37"),
         (_set("joint", "names", 1, value="Y_v"), r"joint\.names: 'Y_v' stands twice"),
         (
@@ -274,6 +275,13 @@ def test_model_of_each_method_is_read(method: model_file.Method, tmp_path: Path)
     model = msgspec.structs.replace(MODEL, method=method)
     model_file.write(model, tmp_path / "model.json")
     assert model_file.read(tmp_path / "model.json") == model
+
+
+def test_distant_z_of_a_linear_method_is_read(tmp_path: Path) -> None:
+    """Output error of one plane has stepped 20 standard deviations to the nearest vehicle."""
+    model = msgspec.structs.replace(MODEL, method="output-error")
+    path = _write(tmp_path / "model.json", _set("joint", "z", 0, value=-20.0), model)
+    assert model_file.read(path).joint.z[0] == -20.0
 
 
 def test_model_of_yaw_alone_and_without_covariance_is_read(tmp_path: Path) -> None:
