@@ -7,7 +7,16 @@ from typing import Annotated
 import typer
 
 from ground.cli.live import Live, page_process
-from ground.cli.options import Jobs, Json, ScenarioName, Seed, Speed, VehicleName, print_result
+from ground.cli.options import (
+    Jobs,
+    Json,
+    ScenarioName,
+    Seed,
+    Speed,
+    VehicleName,
+    print_result,
+    refuse_empty,
+)
 
 
 def campaign(
@@ -15,6 +24,7 @@ def campaign(
     truth: Annotated[
         str | None,
         typer.Option(
+            callback=refuse_empty,
             metavar="FILE|perturbed",
             help="Vehicle that is flown and that identification does not know; `perturbed`: a"
             " random change of --vehicle within its uncertainty. Default: perturbed; for Caribou"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import Json, Seed, print_result
+from ground.cli.options import Json, Seed, print_result, refuse_empty
 from ground.output_files import new_file
 from mavlink_io.errors import InputError
 
@@ -27,8 +27,9 @@ def design_test(
     prior: Annotated[
         str | None,
         typer.Option(
+            callback=refuse_empty,
             help="Vehicle file, with a model in place of the one in it. Default without a model:"
-            " caribou_nominal."
+            " caribou_nominal.",
         ),
     ] = None,
     duration: Annotated[

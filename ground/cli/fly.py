@@ -19,6 +19,7 @@ from ground.cli.options import (
     VehicleId,
     VehicleName,
     print_result,
+    refuse_empty,
 )
 from ground.errors import UnsuccessfulError
 from ground.output_files import new_file, refuse_same_file
@@ -70,6 +71,7 @@ def fly(
     prior: Annotated[
         str | None,
         typer.Option(
+            callback=refuse_empty,
             metavar="NAME|FILE|MODEL.json",
             help=(
                 "Prior of the live estimate during tests: caribou_nominal, a vehicle file, or a"

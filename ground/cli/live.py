@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Sign, remark
+from ground.cli.options import GROUND_LINK, Address, Sign, refuse_empty, remark
 
 if TYPE_CHECKING:
     from ground.live.page.feed import PageProcess
@@ -31,6 +31,7 @@ def live(
     prior: Annotated[
         str | None,
         typer.Option(
+            callback=refuse_empty,
             metavar="NAME|FILE|MODEL.json",
             help=(
                 "Show the estimate of the vehicle's dynamics during tests, from this prior:"

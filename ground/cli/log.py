@@ -127,7 +127,7 @@ def segments(
     from ground.campaign import refit
     from sysid.data.readers.servo_channels import OutputOptions, parse
 
-    options = OutputOptions(parse(servo_channels) if servo_channels else None)
+    options = OutputOptions(parse(servo_channels) if servo_channels is not None else None)
     marks = refit.propose_segments(file, options)
     rows = [{"start_s": mark.start_s, "stop_s": mark.stop_s, "plane": mark.plane} for mark in marks]
     print_result(

@@ -10,7 +10,16 @@ import typer
 from typer.core import TyperGroup
 
 from ground.rendered import Rendered
+from mavlink_io.errors import InputError
 from mavlink_io.printable import printable, printable_lines
+
+
+def refuse_empty(param: typer.CallbackParam, value: str | None) -> str | None:
+    """Return the value of an option that may be left out. Raises InputError if it is empty."""
+    if value == "":
+        raise InputError(f"{param.opts[0]} '': is empty; give a value, or leave the option out")
+    return value
+
 
 Address = Annotated[
     str,
@@ -86,6 +95,7 @@ ModelFile = Annotated[
 Prior = Annotated[
     str | None,
     typer.Option(
+        callback=refuse_empty,
         metavar="FILE",
         help="Vehicle file of the refit, in place of the one in the model; needed for a model of an"
         " earlier version whose vehicle is not shipped.",

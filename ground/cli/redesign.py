@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ground.cli import params
-from ground.cli.options import Force, Json, ModelFile, Prior, Sign, SpecFile, print_result
+from ground.cli.options import (
+    Force,
+    Json,
+    ModelFile,
+    Prior,
+    Sign,
+    SpecFile,
+    print_result,
+    refuse_empty,
+)
 from ground.output_files import check_output
 from mavlink_io.errors import InputError
 
@@ -43,7 +52,11 @@ def redesign(
     ] = DesignMethod.PID,
     upload: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Also set the gains on the vehicle at this address."),
+        typer.Option(
+            callback=refuse_empty,
+            metavar="ADDRESS",
+            help="Also set the gains on the vehicle at this address.",
+        ),
     ] = None,
     export: Annotated[
         Path | None,

@@ -101,7 +101,7 @@ def refit(
         method=method.value,
         alternative_methods=[other.value for other in compare_method or ()],
         marks=[refitting.parse_segment(text) for text in segment or ()],
-        outputs=parse_channels(servo_channels) if servo_channels else None,
+        outputs=parse_channels(servo_channels) if servo_channels is not None else None,
         tailcone=bench_result,
         inclining=inclining_result,
     )

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import Json, Prior, print_result
+from ground.cli.options import Json, Prior, print_result, refuse_empty
 from ground.errors import UnsuccessfulError
 from ground.output_files import new_file
 from mavlink_io.errors import InputError
@@ -34,7 +34,11 @@ def replay(
     prior: Prior = None,
     mission: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="Mission of the dive, if the log has none."),
+        typer.Option(
+            callback=refuse_empty,
+            metavar="NAME|FILE",
+            help="Mission of the dive, if the log has none.",
+        ),
     ] = None,
     out: Annotated[
         Path | None,

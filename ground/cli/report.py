@@ -60,7 +60,7 @@ def report(
         from sysid.data.readers.servo_channels import OutputOptions, parse
 
         target = check_output("--out", out or dives.default_target(paths[0]), paths)
-        options = OutputOptions(parse(servo_channels) if servo_channels else None)
+        options = OutputOptions(parse(servo_channels) if servo_channels is not None else None)
         say(str(dives.write(paths, target, options)))
     elif out is not None or servo_channels is not None:
         option = "--out" if out is not None else "--servo-channels"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Sign
+from ground.cli.options import GROUND_LINK, Address, Json, Sign, refuse_empty
 
 if TYPE_CHECKING:
     from ground.live.listeners import Listeners
@@ -23,6 +23,7 @@ def watch(
     prior: Annotated[
         str | None,
         typer.Option(
+            callback=refuse_empty,
             metavar="NAME|FILE|MODEL.json",
             help=(
                 "Show the estimate of the vehicle's dynamics during tests, from this prior:"

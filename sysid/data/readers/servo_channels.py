@@ -93,7 +93,7 @@ def parse(text: str) -> ServoChannels:
     """
     if not re.fullmatch(r"-?[1-9]\d?,(0|-?[1-9]\d?),-?[1-9]\d?", text):
         raise LogError(
-            f"--servo-channels {text}: give RUDDER,ELEVATOR,THRUST counted from 1, "
+            f"--servo-channels {text or repr(text)}: give RUDDER,ELEVATOR,THRUST counted from 1, "
             "with a minus for a reversed output, and 0 for no elevator"
         )
     return ServoChannels(*(int(part) for part in text.split(",")))
