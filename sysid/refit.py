@@ -283,9 +283,9 @@ def _alternative_fit(
 
 
 def _logged_gains(logs: Sequence[Log]) -> dict[str, float] | None:
-    """Return the gains of the first log that holds all of them; None if no log does."""
+    """Return the gains of the first log that holds all of them, possible ones; None without."""
     for log in logs:
-        if set(TABLE_3_INITIAL) <= set(log.parameters):
+        if set(TABLE_3_INITIAL) <= set(log.parameters) and not usable_runs.gains_error(log):
             return {name: log.parameters[name] for name in TABLE_3_INITIAL}
     return None
 

@@ -12,10 +12,15 @@ from sysid.data.readers.servo_channels import OutputOptions
 from sysid.data.runs import Run
 from sysid.data.segments import MarkedInterval
 from sysid.models.model_file import AnomalyTest, ScreenedRun
+from sysid.planes import PLANES
 from sysid.prior_knowledge import PriorKnowledge, RefitError
+from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.screening import RunScreening, Screening, ScreeningLimits, proposals, screen, wiring
 from sysid.screening.excitation import NO_EXCITATION
 from sysid.screening.wiring import LogOfRuns
+
+MAX_GAIN = 1e3
+"""Largest gain that a log may hold: a radian of duct for a milliradian, or for a millimetre."""
 
 
 def read_logs(
@@ -63,10 +68,15 @@ def refuse_duplicates(
 
 
 def log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
-    """Return notes on damaged logs, on another travel than the prior's, and on held commands."""
+    """Return notes on damage, impossible gains, another travel, and how commands were held."""
     travel_deg = knowledge.config.tailcone.travel_deg
     return [
         *(f"{log.name} is damaged: {log.damage}" for log in logs if log.damage),
+        *(
+            f"{log.name}: {error}; the gains of this log are not used"
+            for log in logs
+            if (error := gains_error(log))
+        ),
         *(
             f"{log.name}: ACT_TRAVEL_DEG = {log.parameters['ACT_TRAVEL_DEG']:g}, and the travel of"
             f" prior {knowledge.name} is {travel_deg:g} deg: a wrong prior or another tailcone"
@@ -80,6 +90,30 @@ def log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
             if segments.hold_of(log).sd_s
         ),
     ]
+
+
+def gains_error(log: Log) -> str:
+    """Return why the gains in a log cannot be those of the dive; empty if they can.
+
+    Parameters
+    ----------
+    log : Log
+        A log; without gains nothing is wrong.
+
+    Returns
+    -------
+    str
+        Name, value and what is possible.
+    """
+    gains = {name: log.parameters[name] for name in TABLE_3_INITIAL if name in log.parameters}
+    for name, gain in gains.items():
+        if not abs(gain) <= MAX_GAIN:
+            return f"{name} = {gain:g}: expected a gain of at most {MAX_GAIN:g}"
+    for prefix in (traits.gain_prefix for traits in PLANES.values()):
+        loop = [f"{prefix}_{term}" for term in "PDI"]
+        if all(gains.get(name) == 0.0 for name in loop):
+            return f"{', '.join(loop)} = 0: expected gains that close the loop"
+    return ""
 
 
 def cut_logs(logs: Iterable[Log], marks: Sequence[MarkedInterval]) -> list[LogOfRuns]:

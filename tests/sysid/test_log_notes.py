@@ -1,12 +1,17 @@
-"""Notes of a model on its logs: damage with the time lost, and a travel unlike the prior's."""
+"""Notes of a model on its logs: damage, impossible gains, and a travel unlike the prior's."""
 
+import dataclasses
+import math
 from pathlib import Path
+
+import pytest
 
 from sysid import prior_knowledge, refit, usable_runs
 from sysid.data import readers
 from sysid.data.dataset import Log
 from sysid.planes import Plane
 from sysid.refit import RefitRequest
+from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from tests.sysid import dives, sea
 from tests.sysid.data.readers import files
 from tests.sysid.dives import DiveTest
@@ -43,3 +48,27 @@ def test_refit_records_notes_on_logs(tmp_path: Path) -> None:
     assert any("a wrong prior or another tailcone" in note for note in model.notes)
     assert model.assessment is not None
     assert not model.assessment.planes[Plane.PITCH].tested
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"HDG_P": 1e308}, "HDG_P = 1e+308: expected a gain of at most 1000"),
+        ({"PTCH_D": math.nan}, "PTCH_D = nan: expected a gain of at most 1000"),
+        ({"DPT_I": -math.inf}, "DPT_I = -inf: expected a gain of at most 1000"),
+        (
+            {"HDG_P": 0.0, "HDG_D": 0.0, "HDG_I": 0.0},
+            "HDG_P, HDG_D, HDG_I = 0: expected gains that close the loop",
+        ),
+    ],
+)
+def test_impossible_gains_of_a_log_are_noted_and_not_used(
+    changes: dict[str, float], said: str, tmp_path: Path
+) -> None:
+    log = readers.read(files.dataflash(tmp_path / "dive.bin", parameters={"ACT_TRAVEL_DEG": 15.0}))
+    possible = dataclasses.replace(log, parameters={**log.parameters, **TABLE_3_INITIAL})
+    impossible = dataclasses.replace(possible, parameters={**possible.parameters, **changes})
+    assert notes(possible) == []
+    assert notes(impossible) == [f"dive.bin: {said}; the gains of this log are not used"]
+    assert refit._logged_gains([impossible]) is None
+    assert refit._logged_gains([impossible, possible]) == TABLE_3_INITIAL
