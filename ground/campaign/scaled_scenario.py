@@ -53,7 +53,7 @@ def scale(scenario: str, content: dict[str, Any], ratios: Mapping[str, float]) -
         return ScaledScenario(content, "", f"sea: {scenario} as it is, without moments")
     for table, key, ratio in moments:
         table[key] = float(f"{ratio * table[key]:.{SIGNIFICANT_DIGITS}g}")
-    by_plane = ", ".join(f"{ratio:.3g} in {plane}" for plane, ratio in ratios.items())
+    by_plane = ", ".join(f"{ratio:.3g} times in {plane}" for plane, ratio in ratios.items())
     note = f"ratio of the moments of inertia to Caribou's, less where surfaces are weak: {by_plane}"
     head = f"# Scenario {scenario} with its disturbance moments times the {note}\n"
     return ScaledScenario(

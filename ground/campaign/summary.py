@@ -19,6 +19,7 @@ from ground.campaign.summary_file import (
     RateErrors,
     SteadyError,
 )
+from ground.client.assessment import format_value
 from ground.live import monitor_view
 from ground.missions import script
 from sysid.control_analysis.margins import Analysis, damping
@@ -271,7 +272,7 @@ def _unsettled_line(
     quantity, _, unit = name.partition("_")
 
     def listed(values: Sequence[float]) -> str:
-        return ", ".join(map(format_significant, values))
+        return ", ".join(map(format_value, values))
 
     first = [getattr(window, name).p95 for window in sets["initial"].windows]
     before = (
@@ -283,11 +284,6 @@ def _unsettled_line(
         f"{mission}: {quantity} does not settle on {len(unsettled)} of {len(errors)} legs: 95 %"
         f" error {listed([errors[k] for k in unsettled])} {unit}, at most {limit:g} {unit}{before}"
     )
-
-
-def format_significant(value: float) -> str:
-    """Return a value with two significant digits, and without an exponent above 0.0001."""
-    return f"{float(f'{value:.2g}'):g}"
 
 
 def _describe_range(monitoring: Mapping[str, MonitorReport], final_set: str) -> str:

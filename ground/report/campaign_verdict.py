@@ -5,11 +5,11 @@ from html import escape
 
 from ground.campaign.summary import describe_performance, describe_unsettled
 from ground.campaign.summary_file import CampaignSummary
-from ground.client.assessment import Outcome
+from ground.client.assessment import Outcome, format_value
 from ground.report.verdict_words import SIGNS, as_sentence
 
-_ERRORS = {"heading_deg": ("heading", 1.0, "°", 1), "depth_m": ("depth", 100.0, " cm", 0)}
-"""Name, factor, unit and digits of each error by which a redesign is judged."""
+_ERRORS = {"heading_deg": ("heading", 1.0, "°"), "depth_m": ("depth", 100.0, " cm")}
+"""Name, factor and unit of each error by which a redesign is judged."""
 
 
 def card(summary: CampaignSummary) -> str:
@@ -62,13 +62,13 @@ def _changes(summary: CampaignSummary) -> str:
     """
     before, after = summary.steady_error["initial"], summary.steady_error["redesigned"]
     parts = []
-    for key, (name, factor, unit, digits) in _ERRORS.items():
+    for key, (name, factor, unit) in _ERRORS.items():
         was, now = getattr(before, key), getattr(after, key)
         if summary.design.kept_first:
-            parts.append(f"{name} error {factor * now:.{digits}f}{unit}")
+            parts.append(f"{name} error {format_value(factor * now)}{unit}")
             continue
         change = f"{100.0 * abs(1.0 - now / was):.0f} % {'smaller' if now <= was else 'larger'}"
-        shown = f"{factor * was:.{digits}f} → {factor * now:.{digits}f}{unit}"
+        shown = f"{format_value(factor * was)} → {format_value(factor * now)}{unit}"
         parts.append(f"{name} error {shown}" + (f" ({change})" if was > 0.0 else ""))
     text = " and ".join(parts)
     return escape(f"{text[:1].upper()}{text[1:]}, for 95 % of the straight run.")

@@ -20,6 +20,7 @@ from ground.campaign.summary_file import (
     MarginsSummary,
     SteadyError,
 )
+from ground.client.assessment import format_value
 from ground.live.monitor_view import ROWS
 from ground.report import (
     campaign_verdict,
@@ -143,7 +144,7 @@ def _page(
     drawn["posterior"] = charts.posterior_chart(summary.model.coefficients)
     parts = {
         **(NOTES if with_paper else OTHER_NOTES),
-        "title": escape(TITLE if with_paper else f"{Path(summary.vehicle).stem}: {SUBTITLE}"),
+        "title": escape(TITLE if with_paper else f"{campaign.prior_config.name}: {SUBTITLE}"),
         "final_set": final_set,
         "lead": _lead(summary),
         "verdict": campaign_verdict.card(summary),
@@ -306,9 +307,9 @@ def _headline(steady: Mapping[str, SteadyError], *, with_paper: bool) -> str:
         )
 
     return (
-        box("Heading error", "heading_deg", lambda v: f"{v:.1f}°")
-        + box("Depth error", "depth_m", lambda v: f"{100 * v:.0f} cm")
-        + box("Pitch about its mean", "pitch_deg", lambda v: f"{v:.1f}°")
+        box("Heading error", "heading_deg", lambda v: f"{format_value(v)}°")
+        + box("Depth error", "depth_m", lambda v: f"{format_value(100 * v)} cm")
+        + box("Pitch about its mean", "pitch_deg", lambda v: f"{format_value(v)}°")
     )
 
 

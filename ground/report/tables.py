@@ -6,6 +6,7 @@ from typing import Any
 
 from ground.campaign.identification import assessment_lines, initial_error, refitted_error
 from ground.campaign.summary_file import LoopAnalysis, ModelSummary, SteadyError
+from ground.client.assessment import format_value
 from sysid.control_analysis.control_systems import MarginsComparison
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor.tracking_metrics import TrackingMetrics
@@ -270,7 +271,7 @@ def table_5(steady: Mapping[str, SteadyError], *, with_paper: bool, final_set: s
             f"± {getattr(TABLE_5_INITIAL, key):g}{unit}",
             f"± {getattr(TABLE_5_IMPROVED, key):g}{unit}",
             *(
-                _strong([f"± {getattr(errors, key):.2f}{unit}"], name == "redesigned")[0]
+                _strong([f"± {format_value(getattr(errors, key))}{unit}"], name == "redesigned")[0]
                 for name, errors in steady.items()
             ),
         ]

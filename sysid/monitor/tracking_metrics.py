@@ -305,7 +305,7 @@ def _window(interval: Interval, errors: TrackingErrors) -> SteadyWindow:
         start_s=interval.start_s,
         stop_s=interval.stop_s,
         heading_setpoint_deg=interval.heading_setpoint_deg,
-        depth_setpoint_m=interval.depth_setpoint_m,
+        depth_setpoint_m=round(interval.depth_setpoint_m, 3),  # telemetry has single precision
         heading_deg=spread(errors.heading_deg),
         pitch_deg=spread(errors.pitch_deg),
         depth_m=spread(errors.depth_m),

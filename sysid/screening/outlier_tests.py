@@ -419,12 +419,17 @@ def _explain(run_scores: Scores, plane: Plane) -> str:
     return " or ".join(describe(anomaly, plane) for anomaly in (likeliest, *alternatives[:1]))
 
 
+def _percent(value: float) -> str:
+    """Return a percentage with whole percent from 10 on, two significant digits below."""
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+
+
 def describe(anomaly: Anomaly, plane: Plane) -> str:
     """Describe an anomaly with its size, one standard deviation and its time."""
     surface = PLANES[plane].surface
     size, sd = abs(anomaly.size), anomaly.sd
     offset_text = f"{size:.2f} +- {sd:.2f} deg"
-    percent_text = f"{size:.0f} +- {sd:.0f} %"
+    percent_text = f"{_percent(size)} +- {_percent(sd)} %"
     is_positive = anomaly.size > 0.0
     match anomaly.kind:
         case "actuator slip":

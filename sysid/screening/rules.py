@@ -59,8 +59,9 @@ def too_short(run: Run, limits: ScreeningLimits) -> str:
     lasted = float(run.time_s[-1])
     if lasted >= limits.shortest_s:
         return ""
+    shown_s = math.floor(100.0 * lasted) / 100.0  # rounded, it may read as the limit
     return (
-        f"aborted too soon: {lasted:.1f} s of at least {limits.shortest_s:g}"
+        f"aborted too soon: {shown_s:g} s of at least {limits.shortest_s:g}"
         f" ({run.stop_detail or 'as planned'})"
     )
 

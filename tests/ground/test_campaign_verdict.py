@@ -87,7 +87,7 @@ def test_verdict_unsettled_legs_are_named_beside_the_first_gains() -> None:
     found = replace(campaign(), tracking={"combined": sets})
     said = "depth does not settle on 1 of 3 legs: 95 % error 0.79 m, at most 0.5 m"
     for text in (card(found), summary.format_text(found, Path())):
-        assert f"ombined: {said}, with the initial gains 120 m" in text
+        assert f"ombined: {said}, with the initial gains 123 m" in text
     assert "✓" not in card(found)
     settled = {"initial": tracked(1.4, 0.6, 1.7), "redesigned": tracked(0.1, 0.2, 0.3)}
     assert "settle" not in card(replace(found, tracking={"combined": settled}))
@@ -98,6 +98,15 @@ def test_verdict_without_steady_flight_confirms_no_prediction() -> None:
     text = card(replace(campaign(), monitoring={"shallow_1m": shallow}))
     assert "perform as predicted" not in text
     assert "No dive had enough steady flight" in text
+
+
+def test_verdict_small_errors_have_significant_digits() -> None:
+    """The fixed digits gave "0.1 → 0.0°" and "2 → 0 cm" for a vehicle of 3 kg."""
+    before = SteadyError(heading_deg=0.12, pitch_deg=0.5, depth_m=0.0248)
+    after = SteadyError(heading_deg=0.042, pitch_deg=0.5, depth_m=0.004)
+    text = card(campaign(initial=before, redesigned=after))
+    assert "Heading error 0.12 → 0.042°" in text
+    assert "depth error 2.5 → 0.4 cm" in text
 
 
 def test_verdict_first_gains_kept_names_the_reason() -> None:
