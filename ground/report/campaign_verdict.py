@@ -81,6 +81,8 @@ def _next_step(summary: CampaignSummary, problems: list[str]) -> str:
     assessment = summary.model.assessment
     if problems and assessment is not None and assessment.obstacle:
         return f"no test can make the model fit: {assessment.obstacle}"
+    if describe_unsettled(summary) and (assessment is None or assessment.fit_for_redesign):
+        return "give the legs that do not settle more time, or smaller changes of depth and heading"
     if problems and assessment is not None and assessment.next_test is not None:
         return f"fly this test and refit: {assessment.next_test}"
     if problems:

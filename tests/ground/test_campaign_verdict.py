@@ -89,6 +89,7 @@ def test_verdict_unsettled_legs_are_named_beside_the_first_gains() -> None:
     for text in (card(found), summary.format_text(found, Path())):
         assert f"ombined: {said}, with the initial gains 123 m" in text
     assert "✓" not in card(found)
+    assert "Next:  Give the legs that do not settle more time" in card(found)
     settled = {"initial": tracked(1.4, 0.6, 1.7), "redesigned": tracked(0.1, 0.2, 0.3)}
     assert "settle" not in card(replace(found, tracking={"combined": settled}))
 
