@@ -87,5 +87,6 @@ def _number(where: str, name: str, value: object) -> float:
     """Return a limit as a number. Raises InputError."""
     low, high = BOUNDS[name]
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise InputError(f"{where} {value}: must be a number from {low:g} to {high:g}")
+        shown = repr(value) if isinstance(value, str) else value
+        raise InputError(f"{where} {shown}: must be a number from {low:g} to {high:g}")
     return float(value)

@@ -38,7 +38,7 @@ def test_read_option_overrides_file_overrides_vehicle(file: Path) -> None:
             "max_sensitivity = 0.5",
             r"spec\.toml: max_sensitivity = 0\.5: must be a number from 1\.05 to 10",
         ),
-        ("max_sensitivity = 'low'", r"spec\.toml: max_sensitivity = low: must be a number"),
+        ("max_sensitivity = 'low'", r"spec\.toml: max_sensitivity = 'low': must be a number"),
         ("max_sensitivity = true", r"spec\.toml: max_sensitivity = True: must be a number"),
         ("max_sensitivity = nan", r"spec\.toml: max_sensitivity = nan: must be a number"),
         ("max_sensitivity 2", r"spec\.toml: not TOML"),
