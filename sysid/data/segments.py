@@ -330,10 +330,9 @@ def hold_of(log: Log) -> Hold:
     Hold
         The time.
     """
-    step_s = 1.0 / RATE_HZ
-    sample_s = float(np.median(np.diff(log.actuators.time_s)))
-    if sample_s < MAX_HOLD_STEPS * step_s:
-        return Hold(sample_s, 0.0)
+    step_s, intervals_s = 1.0 / RATE_HZ, np.diff(log.actuators.time_s)
+    if intervals_s.size and np.median(intervals_s) < MAX_HOLD_STEPS * step_s:
+        return Hold(float(np.median(intervals_s)), 0.0)
     loop_hz = log.parameters.get(LOOP_RATE, RATE_HZ if OWN_PARAMETER in log.parameters else 0.0)
     if loop_hz > 0.0:
         return Hold(min(1.0 / loop_hz, step_s), 0.0)

@@ -143,7 +143,7 @@ def telemetry(path: Path) -> list[tuple[str, bytes]]:
         (("fly", "short.toml", "--connect", "carrier:pigeon"), "carrier:pigeon"),
         (("fly", "short.toml", "--sitl", "--params", "wrong.param"), "wrong.param: line 2"),
         (("log", "info", "absent.mcap"), "absent.mcap: No such file"),
-        (("log", "info", "short.toml"), "short.toml: not a finished MCAP log"),
+        (("log", "info", "short.toml"), "short.toml: not a log of a known format"),
         (("refit", "short.toml"), "short.toml"),
         (("redesign", "absent.json"), "absent.json"),
         (("report", "."), "holds no summary.json"),

@@ -16,13 +16,15 @@ from tests.sysid import dives, sea
 from tests.sysid.data.readers import files
 from tests.sysid.dives import DiveTest
 
+PARAMETERS = {"ACT_TRAVEL_DEG": 15.0, "SCHED_LOOP_RATE": 50.0}
+
 
 def notes(*logs: Log, prior: str = "caribou_nominal") -> list[str]:
     return usable_runs.log_notes(logs, prior_knowledge.prior_knowledge(prior))
 
 
 def test_note_names_damaged_log(tmp_path: Path) -> None:
-    path = files.dataflash(tmp_path / "cut.bin", parameters={"ACT_TRAVEL_DEG": 15.0})
+    path = files.dataflash(tmp_path / "cut.bin", parameters=PARAMETERS)
     assert notes(readers.read(path)) == []
     path.write_bytes(path.read_bytes()[:-303])
     (note,) = notes(readers.read(path))
@@ -30,8 +32,14 @@ def test_note_names_damaged_log(tmp_path: Path) -> None:
     assert note.endswith("what followed is lost")
 
 
+def test_note_says_that_the_hold_of_commands_is_not_known(tmp_path: Path) -> None:
+    log = readers.read(files.dataflash(tmp_path / "a.bin", parameters={"ACT_TRAVEL_DEG": 15.0}))
+    (note,) = notes(log)
+    assert note.startswith("a.bin: it is not known how long the autopilot held a command")
+
+
 def test_note_names_travel_unlike_the_prior(tmp_path: Path) -> None:
-    log = readers.read(files.dataflash(tmp_path / "dive.bin", parameters={"ACT_TRAVEL_DEG": 15.0}))
+    log = readers.read(files.dataflash(tmp_path / "dive.bin", parameters=PARAMETERS))
     assert notes(log, prior="remus100") == [
         "dive.bin: ACT_TRAVEL_DEG = 15, and the travel of prior remus100 is 13.6 deg: a wrong prior"
         " or another tailcone"
@@ -65,7 +73,7 @@ def test_refit_records_notes_on_logs(tmp_path: Path) -> None:
 def test_impossible_gains_of_a_log_are_noted_and_not_used(
     changes: dict[str, float], said: str, tmp_path: Path
 ) -> None:
-    log = readers.read(files.dataflash(tmp_path / "dive.bin", parameters={"ACT_TRAVEL_DEG": 15.0}))
+    log = readers.read(files.dataflash(tmp_path / "dive.bin", parameters=PARAMETERS))
     possible = dataclasses.replace(log, parameters={**log.parameters, **TABLE_3_INITIAL})
     impossible = dataclasses.replace(possible, parameters={**possible.parameters, **changes})
     assert notes(possible) == []

@@ -151,7 +151,9 @@ def test_modes_and_arming_are_read_from_heartbeat(tmp_path: Path) -> None:
 
 
 def test_run_is_cut_on_uniform_grid(path: Path) -> None:
-    (run,) = segments.cut_runs(readers.read(path))
+    log = readers.read(path)
+    own = replace(log, parameters={**log.parameters, segments.OWN_PARAMETER: 5.0})
+    (run,) = segments.cut_runs(own)
     assert (run.name, run.plane, run.wave, run.magnitude_deg) == ("dive/1", "yaw", "step", -5.25)
     assert run.time_s[0] == pytest.approx(-segments.PREROLL_S)
     assert run.time_s[-1] == pytest.approx(10.0)

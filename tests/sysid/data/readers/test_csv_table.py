@@ -49,7 +49,9 @@ def write(path: Path, header: str = COLUMNS, lines: list[str] | None = None) -> 
 
 
 def the_run(path: Path, options: OutputOptions | None = None) -> Run:
-    (run,) = segments.cut_runs(readers.read(path, options or OutputOptions()))
+    log = readers.read(path, options or OutputOptions())
+    known = replace(log, parameters={**log.parameters, segments.LOOP_RATE: RATE_HZ})
+    (run,) = segments.cut_runs(known)
     return run
 
 

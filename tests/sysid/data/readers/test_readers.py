@@ -19,7 +19,7 @@ from sysid.data.events import StopReason
 from sysid.data.readers import messages, servo_channels, ulog_recovery
 from sysid.data.readers.samples import FileDamage
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, ServoChannels
-from sysid.data.runs import Run
+from sysid.data.runs import RATE_HZ, Run
 from sysid.data.segments import MarkedInterval
 from sysid.planes import Plane
 from sysid.screening import screen
@@ -41,7 +41,9 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def the_run(
     path: Path, marks: tuple[MarkedInterval, ...] = (), chosen: ServoChannels | None = None
 ) -> Run:
-    (run,) = segments.cut_runs(readers.read(path, FROM_LOG._replace(channels=chosen)), marks)
+    log = readers.read(path, FROM_LOG._replace(channels=chosen))
+    known = replace(log, parameters={**log.parameters, segments.LOOP_RATE: RATE_HZ})
+    (run,) = segments.cut_runs(known, marks)
     return run
 
 
