@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import atan2, cos, degrees, inf, isnan, pi, sin, sqrt
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from sitl.vehicle import build_model, dynamics, hull
-from sitl.vehicle import config as files
 from sitl.vehicle.file_schema import VehicleConfig, VehicleFileError
 from sitl.vehicle.linearise import DEPTH_M, LinearisedPlane, linearise
 from sitl.vehicle.model import Hydrostatics, Inertia, VehicleModel
@@ -96,29 +94,8 @@ class Report(NamedTuple):
     warnings: list[str]
 
 
-def check(name_or_path: str | Path) -> Report:
-    """Check a vehicle file and predict the behaviour of the vehicle.
-
-    Parameters
-    ----------
-    name_or_path : str or Path
-        Name of a shipped vehicle, or path of a vehicle file.
-
-    Returns
-    -------
-    Report
-        Trim, speeds, periods, linear planes and warnings.
-
-    Raises
-    ------
-    VehicleFileError
-        The file is invalid or the vehicle is physically impossible.
-    """
-    return check_config(files.load(name_or_path), str(name_or_path))
-
-
 def check_config(config: VehicleConfig, source: str) -> Report:
-    """Check the content of a vehicle file as `check` does.
+    """Check the physics of a vehicle and predict its behaviour.
 
     Parameters
     ----------

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sitl import vehicle_check
 from sitl.vehicle import check, config
 from tests.sitl.vehicle.test_fill_missing import FINNED
 
@@ -23,7 +24,7 @@ def refused(text: str, tmp_path: Path) -> str:
     file = tmp_path / "mine.toml"
     file.write_text(text)
     with pytest.raises(config.VehicleFileError) as refusal:
-        check.check(file)
+        vehicle_check.check(file)
     assert "\n" not in str(refusal.value)
     return str(refusal.value)
 
@@ -86,21 +87,21 @@ def test_profile_read_from_csv_file(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     inner = 'shape = "profile"\nfile = "hull.csv"\n'
     file.write_text(FINNED.replace('shape = "cylinder"\nlength_m = 2.0\ndiameter_m = 0.2\n', inner))
-    assert check.check(file).length_m == pytest.approx(2.0)
+    assert vehicle_check.check(file).length_m == pytest.approx(2.0)
     (tmp_path / "hull.csv").write_text("x_m,radius_m\n0.0;0.0\n")
     with pytest.raises(
         config.VehicleFileError, match=r"hull\.file = 'hull\.csv'.*expected a CSV file"
     ):
-        check.check(file)
+        vehicle_check.check(file)
 
 
 def test_caribou_truth_warns_of_effective_coefficients() -> None:
-    assert any("effective" in text for text in check.check("caribou_truth").warnings)
-    assert check.check("caribou_nominal").warnings == []
+    assert any("effective" in text for text in vehicle_check.check("caribou_truth").warnings)
+    assert vehicle_check.check("caribou_nominal").warnings == []
 
 
 def test_caribou_nominal_periods_and_speeds() -> None:
-    found = check.check("caribou_nominal")
+    found = vehicle_check.check("caribou_nominal")
     stiffness = 640.0 * 9.80665 * 0.021
     assert found.pitch_period_s == pytest.approx(
         2 * pi * sqrt((469.0 + 458.0) / stiffness), rel=1e-9
@@ -121,7 +122,7 @@ def test_level_trim_equals_identification_solver() -> None:
     from sysid.estimation.map import fit
 
     vehicle = config.load("xfin_auv")
-    model, found = build_model.build(vehicle), check.check("xfin_auv")
+    model, found = build_model.build(vehicle), vehicle_check.check("xfin_auv")
     assert found.level_pitch_deg == pytest.approx(
         fit.level_pitch_rad(vehicle, model) * 180 / pi, rel=1e-6
     )
@@ -302,4 +303,4 @@ def test_fin_longer_than_hull_rejected(old: str, new: str, message: str, tmp_pat
 def test_vehicle_far_from_trim_is_warned_of(part: str, warning: str, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(f"{FINNED}\n{part}")
-    assert any(re.match(warning, text) for text in check.check(file).warnings)
+    assert any(re.match(warning, text) for text in vehicle_check.check(file).warnings)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sitl import vehicle_check
 from sitl.vehicle import build_model, check, config, hull
 from sitl.vehicle.__main__ import Kind, Steering, starter_tables
 from sitl.vehicle.export import write
@@ -35,7 +36,7 @@ def described(text: str = FINNED) -> config.VehicleConfig:
 
 def test_minimal_vehicle_file_is_short() -> None:
     assert len(SHORTEST.read_text().splitlines()) < 30
-    assert check.check(SHORTEST).yaw.straight_line_index > 0
+    assert vehicle_check.check(SHORTEST).yaw.straight_line_index > 0
 
 
 def test_complete_file_is_unchanged() -> None:
