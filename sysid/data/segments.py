@@ -105,8 +105,8 @@ def cut_runs(log: Log, marks: Sequence[MarkedInterval] = ()) -> list[Run]:
         A mark is outside the log.
     """
     stem = log.name.removesuffix(".mcap")
-    numbered = enumerate(_tests(log, marks), start=1)
-    runs = [_run(log, span, f"{stem}/{number}") for number, span in numbered]
+    numbered, hold = enumerate(_tests(log, marks), start=1), hold_of(log)
+    runs = [_run(log, span, f"{stem}/{number}", hold) for number, span in numbered]
     return [replace(run, straight_speed_mps=_straight_speed_mps(run, runs)) for run in runs]
 
 
@@ -253,14 +253,14 @@ def _size_deg(log: Log, axis: TestAxis, start_s: float, stop_s: float) -> float:
     return float(np.degrees(deviation[np.argmax(np.abs(deviation))]))
 
 
-def _run(log: Log, span: TestInterval, name: str) -> Run:
+def _run(log: Log, span: TestInterval, name: str, hold: Hold) -> Run:
     """Return a test on the grid: measurements and commands interpolated linearly.
 
     A log has the command at its own samples. Between two of them it changed at an unknown time;
     half way, in the mean. A command held from the earlier sample would be late by half the interval
-    of the log, which the fit would subtract from the delay of the surface. For the same reason the
-    command of an autopilot that renews it more often than the grid is that of a little later: the
-    fit holds a command for a step of the grid, and the autopilot for less.
+    of the log, which the fit would subtract from the delay of the surface. The fit holds a command
+    for a step of the grid. Where the autopilot held it for less, the command of half the difference
+    later is taken: in the mean over the step it is the one that acted.
     """
     attitude, actuators, depth = log.attitude, log.actuators, log.depth
     first_s = max(attitude.time_s[0], actuators.time_s[0], depth.time_s[0])
@@ -269,15 +269,14 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
     after = int(np.floor((last_s - span.start_s) * RATE_HZ))
     time_s = np.arange(-max(before, 0), max(after, 1) + 1) / RATE_HZ
     grid_s = span.start_s + time_s
-    hold = hold_of(log)
-    earlier_s = 0.5 * (1.0 / RATE_HZ - hold.mean_s)
+    later_s = 0.5 * (1.0 / RATE_HZ - hold.mean_s)
     end_s = float(grid_s[-1]) if last_s == span.stop_s else span.stop_s
 
     def smooth(values: Array) -> Array:
         return np.interp(grid_s, attitude.time_s, values)
 
     def command(values: Array) -> Array:
-        return np.interp(grid_s + earlier_s, actuators.time_s, values)
+        return np.interp(grid_s + later_s, actuators.time_s, values)
 
     run = Run(
         name=name,
@@ -412,14 +411,18 @@ def _clock_drift_s(log: Log, grid_s: Array) -> float:
 
 def _max_gap_s(time_s: Array, start_s: float, end_s: float) -> float:
     """Return the largest step of ``time_s`` between two times, including both of them."""
-    within_run = time_s[(time_s > start_s) & (time_s < end_s)]
-    return float(np.max(np.diff(np.concatenate(([start_s], within_run, [end_s])))))
+    return float(np.max(np.diff(_with_ends(time_s, start_s, end_s))))
+
+
+def _with_ends(time_s: Array, start_s: float, end_s: float) -> Array:
+    """Return the times between two times, and these."""
+    within = time_s[(time_s > start_s) & (time_s < end_s)]
+    return np.concatenate(([start_s], within, [end_s]))
 
 
 def _data_until_s(time_s: Array, start_s: float, stop_s: float) -> float:
     """Return the end of a test, or the beginning of its first gap above LONGEST_GAP_S."""
-    within_run = time_s[(time_s > start_s) & (time_s < stop_s)]
-    edges_s = np.concatenate(([start_s], within_run, [stop_s]))
+    edges_s = _with_ends(time_s, start_s, stop_s)
     gaps = np.flatnonzero(np.diff(edges_s) > LONGEST_GAP_S)
     return float(edges_s[gaps[0]]) if gaps.size else stop_s
 
@@ -441,7 +444,7 @@ def grid_without_gaps(time_s: Array, first_s: float, last_s: float, step_s: floa
     ndarray
         Times, s; after each gap they begin again at the next sample.
     """
-    edges_s = np.concatenate(([first_s], time_s[(time_s > first_s) & (time_s < last_s)], [last_s]))
+    edges_s = _with_ends(time_s, first_s, last_s)
     gaps = np.flatnonzero(np.diff(edges_s) > LONGEST_GAP_S)
     starts_s = [first_s, *edges_s[gaps + 1].tolist()]
     ends_s = [*edges_s[gaps].tolist(), last_s]

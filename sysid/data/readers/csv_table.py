@@ -32,6 +32,7 @@ from sysid.data.dataset import (
 )
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
 from sysid.data.readers.samples import (
+    NO_DAMAGE,
     FileDamage,
     MessageColumns,
     body_rates,
@@ -238,7 +239,7 @@ def _parse(path: Path) -> _Table:
         )
     wrong = out_of_order(time_s)
     if not wrong.any():
-        return _Table(columns, time_s, tests, parameters, FileDamage())
+        return _Table(columns, time_s, tests, parameters, NO_DAMAGE)
     lines_of_rows = np.array([number for number, _ in numbered[1:]])
     return _Table(
         quantities={name: values[~wrong] for name, values in columns.items()},
@@ -475,7 +476,7 @@ def _actuators(path: Path, table: _Table, options: OutputOptions) -> Actuators:
     if not np.any(thrust > 0.0):
         raise LogError(
             f"{path}: column thrust_pct: no value above 0; give percent of full thrust, positive"
-            " ahead, and a constant if it is not known"
+            " ahead, as it was in the tests"
         )
     return Actuators(
         time_s=time_s,

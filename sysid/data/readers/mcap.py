@@ -30,7 +30,7 @@ from sysid.data.readers.messages import (
     messages_to_read,
     refuse_several,
 )
-from sysid.data.readers.samples import FileDamage, MessageColumns
+from sysid.data.readers.samples import NO_DAMAGE, FileDamage, MessageColumns
 from sysid.data.readers.servo_channels import OutputOptions
 
 
@@ -89,7 +89,7 @@ def load(path: Path) -> tuple[dict[str, MessageColumns], FileDamage]:
         )
         for topic, record in records.items()
     }
-    return tables, FileDamage()
+    return tables, NO_DAMAGE
 
 
 def _streams(path: Path, wanted: Callable[[McapChannel], bool]) -> "_Streams":
