@@ -85,7 +85,7 @@ def log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
         ),
         *(
             f"{log.name}: it is not known how long the autopilot held a command (0 to 20 ms), which"
-            f" the intervals contain; {segments.LOOP_RATE} gives the rate of its loops"
+            f" the intervals contain; give the rate of its loops in Hz as {segments.LOOP_RATE}"
             for log in logs
             if segments.hold_of(log).sd_s
         ),
