@@ -127,7 +127,14 @@ def runs_of(logs: Iterable[LogOfRuns]) -> list[Run]:
 
 
 def refuse_miswired(logs: Sequence[LogOfRuns]) -> None:
-    """Raise RefitError for swapped planes, a reversed sign, or logs of different vehicles."""
+    """Raise RefitError for mixed or swapped planes, a reversed sign, or different vehicles."""
+    for log, _ in logs:
+        if mixed := log.actuators.mixed_surfaces:
+            raise RefitError(
+                f"{log.name}: {mixed} act in both planes; identification needs a rudder and an"
+                " elevator: write their commands to a CSV file, or name other outputs with"
+                " --servo-channels"
+            )
     reason = wiring.refusal(logs)
     if reason:
         raise RefitError(reason)

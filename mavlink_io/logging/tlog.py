@@ -5,7 +5,7 @@ Planner, MAVProxy (``mav.tlog``) and pymavlink's tools use the same format.
 """
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -75,7 +75,8 @@ class MessageSeries(NamedTuple):
     times_us: list[int]
     """Vehicle time of each message, in microseconds.
 
-    A message without a time field has the latest earlier time of its sender."""
+    A message without a time field has the latest earlier time of its sender, plus the time since
+    that message was received."""
     payloads: list[bytes]
     """Payloads at full length."""
 
@@ -95,10 +96,13 @@ def read(data: bytes) -> list[MessageSeries]:
         One series per sender and message type.
     """
     all_series: dict[tuple[int, int, int], MessageSeries] = {}
-    latest_us: dict[tuple[int, int], int] = {}
+    senders: dict[tuple[int, int], list[_Arrival]] = {}
+    offset = 0
     for frame in Framer().feed(data + bytes(LARGEST_FRAME)):
         message = dialect.by_id(frame.message_id)
         assert message is not None, "a framer without senders rejects undefined messages"
+        start = data.index(frame.raw, offset)
+        offset = start + len(frame.raw)
         key = frame.system, frame.component, frame.message_id
         series = all_series.setdefault(
             key,
@@ -111,13 +115,45 @@ def read(data: bytes) -> list[MessageSeries]:
             ),
         )
         payload = frame.payload[: message.struct.size].ljust(message.struct.size, b"\0")
-        previous_us = latest_us.get(key[:2], 0)
         read_time_us = _time_reader(frame.message_id)
-        own_us = read_time_us(payload) if read_time_us else None
-        latest_us[key[:2]] = max(previous_us, own_us or 0)
-        series.times_us.append(previous_us if own_us is None else own_us)
+        senders.setdefault(key[:2], []).append(
+            _Arrival(
+                series,
+                _STAMP.unpack_from(data, start - _STAMP.size)[0] if start >= _STAMP.size else 0,
+                read_time_us(payload) if read_time_us else None,
+            )
+        )
         series.payloads.append(payload)
+    for arrivals in senders.values():
+        _set_times(arrivals)
     return list(all_series.values())
+
+
+class _Arrival(NamedTuple):
+    """Message of a sender, when it was received, and its own time, in microseconds."""
+
+    series: MessageSeries
+    received_us: int
+    own_us: int | None
+
+
+def _set_times(arrivals: Sequence[_Arrival]) -> None:
+    """Append the vehicle time of each message of one sender to its series.
+
+    Messages before the first with a time have that time minus the time until it was received.
+    """
+    first = next((a for a in arrivals if a.own_us is not None), arrivals[0])
+    time_us, received_us = first.own_us or 0, first.received_us
+    shortest_us = -time_us
+    for arrival in arrivals:
+        own_us = arrival.own_us
+        if own_us is None:
+            own_us = time_us + max(shortest_us, arrival.received_us - received_us)
+        else:
+            shortest_us = 0
+            if own_us >= time_us:
+                time_us, received_us = own_us, arrival.received_us
+        arrival.series.times_us.append(own_us)
 
 
 class TlogDamage(NamedTuple):

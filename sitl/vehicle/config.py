@@ -65,6 +65,8 @@ __all__ = [
 
 SHIPPED = ("caribou_nominal", "caribou_truth", "remus100", "xfin_auv")
 """Names of the vehicle files that are part of this package."""
+MAX_SLENDERNESS = 100.0
+"""Length over diameter that no vehicle reaches: Caribou 7, gliders and torpedoes up to 25."""
 
 
 def load(name_or_path: str | Path) -> VehicleConfig:
@@ -259,10 +261,10 @@ def _check_shape(shape: HullGeometry, source: str) -> None:
                 " width"
             )
     length = hull.length_m(shape)
-    if length <= shape.diameter_m:
+    if not 1.0 < length / shape.diameter_m <= MAX_SLENDERNESS:
         raise VehicleFileError(
             f"{source}: hull: {length:.4g} m long and {shape.diameter_m:.4g} m wide: expected"
-            " longer than wide"
+            f" longer than wide, and at most {MAX_SLENDERNESS:g} times as long as wide"
         )
 
 

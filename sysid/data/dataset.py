@@ -54,6 +54,8 @@ class Actuators:
     """Surface angle at an output of 1."""
     other_outputs: tuple[int, ...] = ()
     """Numbers of further outputs that move, counted from 1."""
+    mixed_surfaces: str = ""
+    """Outputs whose surfaces act in both planes, with the parameters that say so."""
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,10 @@ CANDIDATES = frozenset(
 """All messages that ``messages_to_read`` can return, and those of devices."""
 _NOT_HASHED = {_HEARTBEAT, _CURRENT, _HOME, DVL, *_ACCELEROMETERS}
 """Messages that do not count as data of the dive (``Log.sha256``)."""
+WRAP_S = 1e-6 * 2**32
+"""Time after which a ``time_usec`` of 32 bits starts again."""
+MAX_LATENCY_S = 2.0
+"""Largest time by which such a message comes after its own time."""
 _COPY_S = 0.5
 """Time within which an equal text is a copy, in s: no test starts again so soon."""
 _MILLIG_MPS2 = 9.80665e-3
@@ -299,8 +303,24 @@ def _actuators(
     where: str,
 ) -> Actuators:
     """Return the commands in radians and fractions of thrust."""
+    time_s = _with_wrapped_times(time_s, record)
     keep = strictly_increasing(time_s)
     return actuator_commands(time_s[keep], _outputs(record[keep]), options, parameters, where)
+
+
+def _with_wrapped_times(time_s: Array, record: NDArray[Any]) -> Array:
+    """Return the times in a message whose ``time_usec`` has 32 bits, which wrap after 72 minutes.
+
+    ``time_s`` is when the message came. A sender whose field is further from it than
+    MAX_LATENCY_S uses another clock.
+    """
+    types: Mapping[str, Any] = record.dtype.fields or {}
+    if "time_usec" not in types or types["time_usec"][0] != np.uint32:
+        return time_s
+    if not np.any(record["time_usec"]):  # the sender does not fill it
+        return time_s
+    late_s = np.mod(time_s - 1e-6 * record["time_usec"] + 0.5 * WRAP_S, WRAP_S) - 0.5 * WRAP_S
+    return np.where(np.abs(late_s) <= MAX_LATENCY_S, time_s - late_s, time_s)
 
 
 def _outputs(record: NDArray[Any]) -> Array:

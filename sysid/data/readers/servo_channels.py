@@ -41,7 +41,8 @@ FIRST_THREE = ServoChannels(1, 2, 3)
 _FUNCTIONS = ((21, 26), (19,), (70, 73))
 """SERVOn_FUNCTION of rudder (rudder, ground steering), elevator and thrust (throttle, throttle
 left), the preferred first (ArduPilot, SRV_Channel.h)."""
-
+_MIXED = {77: "an elevon", 78: "an elevon", 79: "a V-tail", 80: "a V-tail"}
+"""SERVOn_FUNCTION of surfaces that act in both planes."""
 
 MAX_OUTPUTS = 16
 """Number of outputs with parameters of their own."""
@@ -99,13 +100,17 @@ def parse(text: str) -> ServoChannels:
     return ServoChannels(*(int(part) for part in text.split(",")))
 
 
-def find_channels(parameters: Mapping[str, float]) -> ServoChannels:
-    """Return the outputs by their SERVOn_FUNCTION; `FIRST_THREE` unless they are found.
+def find_channels(
+    parameters: Mapping[str, float], usual: ServoChannels = FIRST_THREE
+) -> ServoChannels:
+    """Return the outputs by their SERVOn_FUNCTION.
 
     Parameters
     ----------
     parameters : mapping of str to float
         Parameters of the autopilot.
+    usual : ServoChannels
+        Outputs if no parameters name a rudder and a throttle.
 
     Returns
     -------
@@ -121,13 +126,38 @@ def find_channels(parameters: Mapping[str, float]) -> ServoChannels:
         next((number_of_function[f] for f in functions if f in number_of_function), None)
         for functions in _FUNCTIONS
     ]
-    rudder, elevator, thrust = (
-        None if n is None else n * (-1 if parameters.get(f"SERVO{n}_REVERSED") == 1.0 else 1)
-        for n in numbers
+    rudder, elevator, thrust = numbers
+    found = usual
+    if rudder is not None and thrust is not None:
+        found = ServoChannels(rudder, elevator or 0, thrust)
+    return ServoChannels(
+        *(n * (-1 if parameters.get(f"SERVO{n}_REVERSED") == 1.0 else 1) for n in found)
     )
-    if rudder is None or thrust is None:
-        return FIRST_THREE
-    return ServoChannels(rudder, elevator or 0, thrust)
+
+
+def mixed_surfaces(parameters: Mapping[str, float]) -> str:
+    """Return the outputs whose surfaces act in both planes; empty without any.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        Parameters of the autopilot.
+
+    Returns
+    -------
+    str
+        Name, value and meaning of each SERVOn_FUNCTION.
+    """
+    functions = {
+        name: int(parameters[name])
+        for number in range(1, MAX_OUTPUTS + 1)
+        if (name := f"SERVO{number}_FUNCTION") in parameters
+    }
+    return ", ".join(
+        f"{name} = {function} ({_MIXED[function]})"
+        for name, function in functions.items()
+        if function in _MIXED
+    )
 
 
 def names_surfaces(parameters: Mapping[str, float]) -> bool:
@@ -144,7 +174,8 @@ def names_surfaces(parameters: Mapping[str, float]) -> bool:
         True for Caribou's autopilot (ACT_TRAVEL_DEG), and where SERVOn_FUNCTION names a rudder and
         a throttle. The outputs of other logs may belong to motors.
     """
-    return TRAVEL in parameters or find_channels(parameters) != FIRST_THREE
+    numbers = tuple(map(abs, find_channels(parameters)))
+    return TRAVEL in parameters or numbers != FIRST_THREE
 
 
 def travel_rad(parameters: Mapping[str, float], options: OutputOptions) -> float:
@@ -172,6 +203,8 @@ def actuator_commands(
     options: OutputOptions,
     parameters: Mapping[str, float],
     where: str,
+    *,
+    usual: ServoChannels = FIRST_THREE,
 ) -> Actuators:
     """Return the commands of the surfaces and of the thrust.
 
@@ -188,6 +221,8 @@ def actuator_commands(
         Parameters of the autopilot.
     where : str
         File and message, for the error.
+    usual : ServoChannels
+        Output numbers if neither options nor parameters name them.
 
     Returns
     -------
@@ -199,7 +234,7 @@ def actuator_commands(
     LogError
         The log does not have one of the outputs.
     """
-    channels = options.channels or find_channels(parameters)
+    channels = options.channels or find_channels(parameters, usual)
     rudder, elevator, thrust = _fractions(values, channels, parameters, where)
     travel = travel_rad(parameters, options)
     return Actuators(
@@ -209,6 +244,7 @@ def actuator_commands(
         thrust=thrust,
         travel_rad=travel,
         other_outputs=_other_outputs(values, channels),
+        mixed_surfaces="" if options.channels else mixed_surfaces(parameters),
     )
 
 

@@ -24,6 +24,8 @@ from sysid.data.dataset import (
     Velocity,
 )
 from sysid.data.events import is_damaged, parse_text
+from sysid.data.readers import px4_outputs
+from sysid.data.readers.px4_outputs import SERVOS
 from sysid.data.readers.samples import (
     FileDamage,
     MessageColumns,
@@ -42,6 +44,7 @@ from sysid.data.readers.samples import (
     zero_depth,
 )
 from sysid.data.readers.servo_channels import (
+    FIRST_THREE,
     READ_PARAMETERS,
     OutputOptions,
     ServoChannels,
@@ -60,10 +63,10 @@ _OUTPUTS = (
 fractions to servos (PX4 1.14), fractions of the mixer (before 1.14)."""
 _MOTORS = "actuator_motors"
 """Topic whose controls count as outputs 9 and following where actuator_servos is read."""
-_SERVOS = 8
-"""Number of controls of actuator_servos."""
-SERVOS_AND_MOTOR = ServoChannels(1, 2, _SERVOS + 1)
+SERVOS_AND_MOTOR = ServoChannels(1, 2, SERVOS + 1)
 """Outputs of a log with actuator_servos and actuator_motors: two servos and the first motor."""
+_MIXER_INPUTS = ServoChannels(rudder=3, elevator=2, thrust=4)
+"""Yaw, pitch and thrust of actuator_controls_0, whose first value is roll."""
 _RATES = (
     ("vehicle_angular_velocity", ("xyz[0]", "xyz[1]", "xyz[2]")),
     ("vehicle_attitude", ("rollspeed", "pitchspeed", "yawspeed")),
@@ -285,13 +288,21 @@ def _actuators(
     field = "control" if name in ("actuator_servos", "actuator_controls_0") else "output"
     time_s, columns = _table(path, topic_tables, name, f"{field}[0]")
     values = _outputs(columns, field)
+    names, usual = dict[str, float](), FIRST_THREE
+    if name == "actuator_outputs":
+        names = px4_outputs.servo_parameters(parameters)
+    elif name == "actuator_servos":
+        names = px4_outputs.surface_parameters(parameters)
+    elif name == "actuator_controls_0":
+        usual = _MIXER_INPUTS
     if name == "actuator_servos" and _MOTORS in topic_tables:
         motors = _table(path, topic_tables, _MOTORS, "control[0]")
         latest = np.searchsorted(motors.time_s, time_s, side="right") - 1
         held = _outputs(motors.columns, "control")[np.clip(latest, 0, None)]
-        values = np.concatenate([values[:, :_SERVOS], held], axis=1)
-        options = options._replace(channels=options.channels or SERVOS_AND_MOTOR)
-    return actuator_commands(time_s, values, options, parameters, f"{path}: {name}")
+        values, usual = np.concatenate([values[:, :SERVOS], held], axis=1), SERVOS_AND_MOTOR
+    return actuator_commands(
+        time_s, values, options, parameters | names, f"{path}: {name}", usual=usual
+    )
 
 
 def _outputs(columns: Mapping[str, NDArray[Any]], field: str) -> Array:

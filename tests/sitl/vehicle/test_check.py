@@ -73,6 +73,7 @@ def test_vehicle_without_duct_and_fins_rejected(tmp_path: Path) -> None:
             "hull.points_m: expected finite distances",
         ),
         ("[[0.0, 0.0], [0.5, 0.6], [1.0, 0.0]]", "expected longer than wide"),
+        ("[[0.0, 0.0], [0.5, 0.001], [1.0, 0.0]]", "at most 100 times as long as wide"),
         ("[[0.0, 0.0], [1.0, 0.0]]", "hull.points_m = "),
     ],
 )

@@ -62,8 +62,11 @@ def tlog(
     attitude: Callable[[Sample], object] | None = None,
     position: Callable[[Sample], object] | None = None,
     links: int = 1,
+    clock: bool = True,
 ) -> Path:
     """Write the messages of the dive, as a ground station with a number of links receives them.
+
+    With ``clock`` SYSTEM_TIME has the time of messages that may have none.
 
     ``commands`` makes the message with the commands, ``attitude`` that with the attitude and
     ``position`` that with the depth; the defaults are ACTUATOR_OUTPUT_STATUS, ATTITUDE and
@@ -74,7 +77,11 @@ def tlog(
         sender.seq = 100 * number
     data = b""
     for entry in _messages(
-        commands or _output_status, texts, attitude or _attitude, position or _local_position
+        commands or _output_status,
+        texts,
+        attitude or _attitude,
+        position or _local_position,
+        clock=clock and attitude is not None,
     ):
         stamp = struct.pack(">Q", 1_700_000_000_000_000 + round(1e6 * entry[0]) + 250_000)
         data += b"".join(stamp + bytes(entry[1].pack(sender)) for sender in senders)
@@ -87,10 +94,12 @@ def _messages(
     texts: bool,
     attitude: Callable[[Sample], object],
     position: Callable[[Sample], object],
+    *,
+    clock: bool,
 ) -> Iterator[recording.Entry]:
     yield BOOTED_S, mavlink.MAVLink_param_value_message(b"ACT_TRAVEL_DEG", 12.0, 9, 1, 0)
     for k, s in enumerate(samples()):
-        if attitude is not _attitude:  # a message with time, for those without
+        if clock:
             yield s.time_s, mavlink.MAVLink_system_time_message(0, round(1e3 * s.time_s))
         yield s.time_s, commands(s)
         yield s.time_s, attitude(s)
@@ -364,7 +373,9 @@ ULOG_VARIANTS = {
 """Topics that versions of PX4 log."""
 
 
-def _ulog_topics(variant: UlogVariant, s: Sample, k: int) -> bytes:
+def _ulog_topics(
+    variant: UlogVariant, s: Sample, k: int, pulse_of: Callable[[float], int]
+) -> bytes:
     us, late = round(1e6 * s.time_s), round(1e6 * (s.time_s + LATENCY_S))
     quaternion = _quaternion(s.pitch_rad, s.yaw_rad)
     data = b""
@@ -377,7 +388,7 @@ def _ulog_topics(variant: UlogVariant, s: Sample, k: int) -> bytes:
         data += _topic(variant.rates, us, 0.0, 0.0, s.yaw_rate_radps, *force)
     elif variant.rates:
         data += _topic(variant.rates, late, us, 0.0, 0.0, s.yaw_rate_radps)
-    data += b"".join(_outputs(name, us, s) for name in reversed(variant.outputs))
+    data += b"".join(_outputs(name, us, s, pulse_of) for name in reversed(variant.outputs))
     if k % 5 == 0 and variant.depth == "vehicle_local_position":
         data += _topic(variant.depth, us, s.depth_m, *velocity_ned_mps(s))
     elif k % 5 == 0:
@@ -385,34 +396,42 @@ def _ulog_topics(variant: UlogVariant, s: Sample, k: int) -> bytes:
     return data
 
 
-def _outputs(name: str, us: int, s: Sample) -> bytes:
+def _outputs(name: str, us: int, s: Sample, pulse_of: Callable[[float], int]) -> bytes:
     fractions = (s.rudder, s.elevator, s.thrust)
     match name:
         case "actuator_outputs":
-            return _topic(name, us, *(float(pulse(v)) for v in fractions), *[0.0] * 13)
+            return _topic(name, us, *(float(pulse_of(v)) for v in fractions), *[0.0] * 13)
         case "actuator_servos":
             return _topic(name, us, *fractions[:2], *[math.nan] * 6)
         case "actuator_motors":
             return _topic(name, us, s.thrust, *[math.nan] * 11)
-        case _:
-            return _topic(name, us, *fractions, *[0.0] * 5)
+        case _:  # roll, pitch, yaw, thrust
+            return _topic(name, us, 0.0, s.elevator, s.rudder, s.thrust, *[0.0] * 4)
 
 
-def ulog(path: Path, texts: bool = True, variant: str = "1.10 to 1.13") -> Path:
+def ulog(
+    path: Path,
+    texts: bool = True,
+    variant: str = "1.10 to 1.13",
+    parameters: dict[str, float] | None = None,
+    pulse_of: Callable[[float], int] = pulse,
+) -> Path:
+    """Write the dive as PX4 logs it; ``pulse_of`` makes the pulse of a fraction of the travel."""
     topics = ULOG_VARIANTS[variant]
     names = [n for n in (topics.attitude, topics.rates, topics.depth, *topics.outputs) if n]
     data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", round(1e6 * BOOTED_S))
     data += _block("B", bytes(40))
     for name in names:
         data += _block("F", f"{name.partition('/')[0]}:{_ULOG[name][2]}".encode())
-    key = b"float ACT_TRAVEL_DEG"
-    data += _block("P", bytes((len(key),)) + key + struct.pack("<f", 12.0))
+    for name, value in ({"ACT_TRAVEL_DEG": 12.0} | (parameters or {})).items():
+        key = f"float {name}".encode()
+        data += _block("P", bytes((len(key),)) + key + struct.pack("<f", value))
     for name in names:
         body = struct.pack("<BH", 0, _ULOG[name][0]) + name.partition("/")[0].encode()
         data += _block("A", body)
     for k, s in enumerate(samples()):
         us = round(1e6 * s.time_s)
-        data += _ulog_topics(topics, s, k)
+        data += _ulog_topics(topics, s, k, pulse_of)
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[0]):
             data += _block("L", struct.pack("<BQ", ord("6"), us) + b"SystemID Starting: axis=12")
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[1]):

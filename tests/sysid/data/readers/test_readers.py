@@ -12,7 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
+from scipy.spatial.transform import Rotation
 
+from sysid import usable_runs
 from sysid.data import readers, segments
 from sysid.data.dataset import LogError
 from sysid.data.events import StopReason
@@ -22,6 +24,7 @@ from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, ServoChan
 from sysid.data.runs import RATE_HZ, Run
 from sysid.data.segments import MarkedInterval
 from sysid.planes import Plane
+from sysid.prior_knowledge import RefitError
 from sysid.screening import screen
 from tests.sysid.data.readers import files
 
@@ -342,6 +345,40 @@ def test_tlog_alternative_messages_give_the_same_run(
     assert screening.reasons == ()
 
 
+def test_late_servo_pulses_have_their_own_time(tmp_path: Path) -> None:
+    """SERVO_OUTPUT_RAW comes 80 ms late; its time of 32 bits wrapped before the dive."""
+    earlier = [*files.samples()][:4]
+
+    def late(s: files.Sample) -> object:
+        earlier.append(s)
+        message = files.servo_pulses(earlier.pop(0))
+        assert isinstance(message, mavlink.MAVLink_servo_output_raw_message)
+        message.time_usec = (message.time_usec - round(1e6 * (files.BOOTED_S + 10.0))) % 2**32
+        return message
+
+    def shifted(s: files.Sample) -> object:
+        wrapped_s = s.time_s + 2**32 * 1e-6 - files.BOOTED_S - 10.0
+        q = Rotation.from_euler("ZYX", [s.yaw_rad, s.pitch_rad, 0.0]).as_quat(scalar_first=True)
+        ms = round(1e3 * wrapped_s)
+        return mavlink.MAVLink_attitude_quaternion_message(ms, *q, 0, 0, s.yaw_rate_radps)
+
+    path = files.tlog(
+        tmp_path / "late.tlog", late, attitude=shifted, position=files.vfr_hud, clock=False
+    )
+    chosen = ServoChannels(3, -1, 2)
+    run = the_run(path, chosen=chosen)
+    in_time = the_run(files.tlog(tmp_path / "pulses.tlog", files.servo_pulses), chosen=chosen)
+    starts = [r.time_s[np.argmax(r.rudder_rad > 0.01)] for r in (run, in_time)]
+    assert starts[0] == pytest.approx(starts[1], abs=0.002)
+
+
+def test_tlog_without_any_time_has_that_of_reception(tmp_path: Path) -> None:
+    path = files.tlog(tmp_path / "rx.tlog", attitude=files.ahrs2, position=files.ahrs2, clock=False)
+    log = readers.read(path)
+    assert log.attitude.time_s.size == files.SECONDS * files.RATE_HZ
+    assert np.ptp(log.attitude.time_s) == pytest.approx(files.SECONDS, abs=0.05)
+
+
 def test_tlog_without_attitude_names_what_is_missing(tmp_path: Path) -> None:
     path = files.tlog(tmp_path / "still.tlog", attitude=files.vfr_hud)
     with pytest.raises(
@@ -399,6 +436,43 @@ def test_ardupilot_vehicles_give_the_same_run(tmp_path: Path, variant: str) -> N
 def test_px4_versions_give_the_same_run(tmp_path: Path, variant: str) -> None:
     """From 1.14 the thrust is a motor, which is output 9."""
     check_run(the_run(files.ulog(tmp_path / "dive.ulg", variant=variant)))
+
+
+def test_px4_pulses_have_the_range_of_its_parameters(tmp_path: Path) -> None:
+    """An output of -1 to 1 has a pulse of PWM_MAIN_MINn to MAXn (PX4, Actuator Configuration).
+
+    The motor turns forwards only, 0 to 1; the elevator's servo is reversed.
+    """
+    surfaces = {"CA_SV_CS0_TYPE": 3.0, "CA_SV_CS1_TYPE": 4.0}
+    outputs = {"PWM_MAIN_FUNC1": 202.0, "PWM_MAIN_FUNC2": 201.0, "PWM_MAIN_FUNC3": 101.0}
+    ranges = {
+        f"PWM_MAIN_{name}{n}": us
+        for n in (1, 2, 3)
+        for name, us in (("MIN", 1000.0), ("MAX", 2000.0))
+    }
+    path = files.ulog(
+        tmp_path / "wide.ulg",
+        parameters=surfaces | outputs | ranges | {"PWM_MAIN_REV": 0b10},
+        pulse_of=lambda fraction: round(1500 + 500 * fraction),
+    )
+    run = the_run(path)
+    testing = (run.time_s >= 0.0) & (run.time_s < 9.99)
+    np.testing.assert_allclose(np.degrees(run.rudder_rad[testing]), 4.0, atol=0.02)
+    np.testing.assert_allclose(np.degrees(run.elevator_rad), -1.2, atol=0.02)
+    np.testing.assert_allclose(run.thrust, (500 + 500 * 0.58) / 1000, atol=0.002)
+
+
+def test_v_tail_is_refused_with_its_outputs(tmp_path: Path) -> None:
+    """ArduPilot, Plane: SERVOn_FUNCTION 79 and 80 are V-tail left and right."""
+    functions = {"SERVO1_FUNCTION": 79.0, "SERVO2_FUNCTION": 80.0, "SERVO3_FUNCTION": 70.0}
+    path = files.dataflash(tmp_path / "vtail.bin", parameters=functions)
+    log = readers.read(path)
+    with pytest.raises(
+        RefitError, match=r"SERVO1_FUNCTION = 79 \(a V-tail\), SERVO2_FUNCTION = 80"
+    ):
+        usable_runs.refuse_miswired(usable_runs.cut_logs([log], []))
+    chosen = OutputOptions(ServoChannels(1, 2, 3))
+    usable_runs.refuse_miswired(usable_runs.cut_logs([readers.read(path, chosen)], []))
 
 
 def test_boat_without_elevator(tmp_path: Path) -> None:
