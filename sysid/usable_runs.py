@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid.data import duplicates, readers, segments
 from sysid.data.dataset import Log
+from sysid.data.readers.csv_table import MIN_THRUST
 from sysid.data.readers.servo_channels import OutputOptions
 from sysid.data.runs import Run
 from sysid.data.segments import MarkedInterval
@@ -127,13 +128,19 @@ def runs_of(logs: Iterable[LogOfRuns]) -> list[Run]:
 
 
 def refuse_miswired(logs: Sequence[LogOfRuns]) -> None:
-    """Raise RefitError for mixed or swapped planes, a reversed sign, or different vehicles."""
-    for log, _ in logs:
+    """Raise RefitError for mixed or swapped planes, a wrong sign or thrust, or two vehicles."""
+    for log, log_runs in logs:
         if mixed := log.actuators.mixed_surfaces:
             raise RefitError(
                 f"{log.name}: {mixed} act in both planes; identification needs a rudder and an"
                 " elevator: write their commands to a CSV file, or name other outputs with"
                 " --servo-channels"
+            )
+        if log_runs and all(np.mean(run.thrust) <= MIN_THRUST for run in log_runs):
+            raise RefitError(
+                f"{log.name}: the thrust in its tests is {100.0 * np.mean(log_runs[0].thrust):.0f}"
+                " %, and a vehicle steers by its speed: name the output, or reverse it, with"
+                " --servo-channels; of a motor that turns forwards only, SERVOn_TRIM is SERVOn_MIN"
             )
     reason = wiring.refusal(logs)
     if reason:

@@ -28,6 +28,8 @@ earlier (`sysid.screening.limits`).
 MAX_VELOCITY_AGE_S = 1.0
 """Distance in time to the next sample of velocity or acceleration from which on it is unknown."""
 
+MAX_OVERLAP = 0.1
+"""Fraction of a marked test that may belong to another one: its quiet end."""
 PLANE_OF_AXIS = {TestAxis(traits.sid_axis): plane for plane, traits in PLANES.items()}
 """Plane by axis."""
 MEASURED_SPEED = (
@@ -151,11 +153,29 @@ def without_tests(log: Log) -> Log:
 
 
 def _tests(log: Log, marks: Sequence[MarkedInterval]) -> list[TestInterval]:
-    """Return the tests of rudder or elevator in the order of their start."""
-    known = [part for span in intervals_of_tests(log) for part in _by_plane(span)]
-    return sorted(
-        [*known, *(_interval_of_mark(log, mark) for mark in marks)], key=lambda span: span.start_s
-    )
+    """Return the tests of rudder or elevator in the order of their start.
+
+    Raises LogError for a mark that overlaps another test of its surface.
+    """
+    tests = [part for span in intervals_of_tests(log) for part in _by_plane(span)]
+    for mark in marks:
+        marked = _interval_of_mark(log, mark)
+        for test in tests:
+            if test.axis == marked.axis and _overlap(test, marked) > MAX_OVERLAP:
+                raise LogError(
+                    f"{log.name}: run {mark.start_s:g}..{mark.stop_s:g} overlaps the test of the"
+                    f" {PLANES[mark.plane].surface} at {test.start_s:.1f}..{test.stop_s:.1f} s,"
+                    " whose data would count twice; mark other times"
+                )
+        tests.append(marked)
+    return sorted(tests, key=lambda span: span.start_s)
+
+
+def _overlap(one: TestInterval, other: TestInterval) -> float:
+    """Return the time that two intervals share, as a fraction of the shorter; negative without."""
+    shared_s = min(one.stop_s, other.stop_s) - max(one.start_s, other.start_s)
+    shorter_s = min(one.stop_s - one.start_s, other.stop_s - other.start_s)
+    return shared_s / max(shorter_s, 1.0 / RATE_HZ)
 
 
 def _by_plane(span: TestInterval) -> list[TestInterval]:

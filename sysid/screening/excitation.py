@@ -71,7 +71,7 @@ def no_deflection(run: Run) -> str:
         )
     elif own_deg > MIN_DEFLECTION_RAD:
         reason += (
-            f"; if these are rad, it moved by {math.degrees(own_deg):.1f} deg: name the CSV column"
+            f"; if these are rad, it moved by {math.degrees(own_deg):.1f} deg: name a CSV column"
             f" {surface}_rad"
         )
     return reason

@@ -19,18 +19,20 @@ MAX_SPEED_MPS = 60.0
 MISMATCH_CAUSES = {
     -1.0: "one of them has the wrong sign",
     math.degrees(1.0): "one of them is in the wrong unit (the angle changes 57 times as much): name"
-    " the CSV column of an angle in degrees _deg, that of a rate in rad/s _radps",
+    " a CSV column of an angle in degrees _deg, that of a rate in rad/s _radps",
     math.radians(1.0): "one of them is in the wrong unit (the rate changes 57 times as much): name"
-    " the CSV column of a rate in deg/s _degps, that of an angle in rad _rad",
+    " a CSV column of a rate in deg/s _degps, that of an angle in rad _rad",
 }
 """Cause of a mismatch by the change of the angle over that of the integrated rate."""
+STAMP_RESOLUTION_S = 2e-3
+"""Rounding of two time stamps to whole milliseconds."""
 
 
 def gap(run: Run, limits: ScreeningLimits) -> str:
     """Reject a run with a long gap between samples."""
-    if run.longest_gap_s > limits.gap_s:
+    if run.longest_gap_s > limits.gap_s + STAMP_RESOLUTION_S:
         return f"gap: {run.longest_gap_s:.2f} s without data, at most {limits.gap_s:g}"
-    if run.longest_depth_gap_s > limits.depth_gap_s:
+    if run.longest_depth_gap_s > limits.depth_gap_s + STAMP_RESOLUTION_S:
         return f"gap: {run.longest_depth_gap_s:.2f} s without depth, at most {limits.depth_gap_s:g}"
     return ""
 

@@ -9,15 +9,12 @@ import numpy as np
 from mavlink_io.text_files import open_regular
 from sysid.data.dataset import DEFAULT_TRAVEL_DEG, Log, LogError
 from sysid.data.readers.samples import FileDamage, MessageColumns, format_damage, without_ahead
-from sysid.data.readers.servo_channels import FROM_LOG, TRAVEL, OutputOptions
+from sysid.data.readers.servo_channels import FROM_LOG, TRAVEL, TRIMS, OutputOptions
 
 FORMATS = "an MCAP log, a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"
 
 MAX_TRAVEL_DEG = 90.0
 """Largest travel of a surface to either side."""
-
-TRIMS = ("TRIM_RUD_DEG", "TRIM_ELE_DEG")
-"""Parameters with the command of a surface for straight and level motion."""
 
 _FORMAT_BY_MAGIC = {b"\x89MCAP0\r\n": "mcap", b"ULog\x01\x12\x35": "ulog", b"\xa3\x95": "dataflash"}
 _FORMAT_BY_SUFFIX = {

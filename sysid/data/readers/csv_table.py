@@ -47,9 +47,11 @@ from sysid.data.readers.samples import (
 from sysid.data.readers.servo_channels import (
     FIRST_THREE,
     READ_PARAMETERS,
+    TRIMS,
     OutputOptions,
     travel_rad,
 )
+from sysid.data.segments import LOOP_RATE
 
 _UNITS = {
     "heading": {"_deg": math.radians(1.0), "_rad": 1.0},
@@ -115,6 +117,8 @@ MIN_TEST_RANGE_DEG = 0.5
 """Smallest range of a surface in its tests: a command in rad has less, one in deg has more."""
 MAX_NAMED_LINES = 3
 """Number of left out rows whose line is named."""
+_PARAMETERS = READ_PARAMETERS | {LOOP_RATE, *TRIMS}
+"""Parameters that a line before the header may give."""
 TIME = "time_s"
 TEST = "test"
 """Column with the surface under test: ``rudder``, ``elevator``, ``both``, or empty."""
@@ -410,14 +414,22 @@ def _parameters(path: Path, lines: Sequence[str]) -> dict[str, float]:
     """Return the parameters in lines ``# NAME = VALUE``; a remark may have an equals sign too."""
     parameters = {}
     for number, line in enumerate(lines, start=1):
+        if not line.startswith("#"):
+            continue
         name, found, value = line.lstrip("# ").partition("=")
         name = name.strip()
-        if not (found and line.startswith("#")):
+        if not found:
+            words = name.split()
+            if words and words[0].rstrip(":") in _PARAMETERS:
+                raise LogError(
+                    f"{path}: line {number}: {line.strip()!r} has no '='; write a parameter as"
+                    f" '# {words[0].rstrip(':')} = VALUE'"
+                )
             continue
         try:
             parameters[name] = float(value)
         except ValueError:
-            if name in READ_PARAMETERS:
+            if name in _PARAMETERS:
                 raise LogError(
                     f"{path}: line {number}, {name}: {value.strip()!r} is no number"
                 ) from None

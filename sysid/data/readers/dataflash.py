@@ -131,6 +131,8 @@ _SIMILAR = {"IMT"}
 _EARLIER, _EVENT_AHEAD_S, _EVENT_BEHIND_S = 10, 0.1, 1.0
 """Number of regular messages written before an event, and the largest times by which it may be
 later and earlier than they are."""
+_SPANS_AHEAD = 1.5
+"""Span of these messages by which an event may be later, too: some logs have 10 Hz."""
 _MESSAGE_NAME, _COLUMN_NAME = re.compile(r"[A-Za-z0-9_]{1,4}"), re.compile(r"[\w\[\]]*", re.ASCII)
 _INSTANCES = ("I", "C")
 """Columns with the number of a sensor or of an estimator; the first is read."""
@@ -235,14 +237,17 @@ def _drop_misplaced(
         time_s, columns = tables[name]
         ends = np.searchsorted(places[order], offsets[name])
         before = [np.sort(times_s[max(0, end - _EARLIER) : end]) for end in ends]
-        latest_s = [
-            float(recent[-2]) if recent.size == _EARLIER else t
+        known = [
+            (recent[-2], recent[-2] - recent[1]) if recent.size == _EARLIER else (t, 0.0)
             for recent, t in zip(before, time_s, strict=True)
         ]
+        latest_s, span_s = np.array(known).reshape(-1, 2).T
         ahead_s = time_s - latest_s
-        good = (ahead_s >= -_EVENT_BEHIND_S) & (ahead_s <= _EVENT_AHEAD_S)
+        good = (ahead_s >= -_EVENT_BEHIND_S) & (
+            ahead_s <= np.maximum(_EVENT_AHEAD_S, _SPANS_AHEAD * span_s)
+        )
         kept[name] = MessageColumns(time_s[good], {k: v[good] for k, v in columns.items()})
-        dropped_s += [t for t, sound in zip(latest_s, good, strict=True) if not sound]
+        dropped_s += latest_s[~good].tolist()
     return kept, damage._replace(contradicted_s=tuple(dropped_s))
 
 

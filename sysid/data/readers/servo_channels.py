@@ -48,6 +48,8 @@ MAX_OUTPUTS = 16
 """Number of outputs with parameters of their own."""
 TRAVEL = "ACT_TRAVEL_DEG"
 """Parameter with the travel of the surfaces."""
+TRIMS = ("TRIM_RUD_DEG", "TRIM_ELE_DEG")
+"""Parameters with the command of a surface for straight and level motion."""
 READ_PARAMETERS = frozenset(
     (
         TRAVEL,

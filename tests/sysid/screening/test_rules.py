@@ -42,6 +42,12 @@ def during(run: Run, values: np.ndarray, change: float) -> np.ndarray:
     return np.asarray(values + change * (run.time_s > 2.0))
 
 
+def test_rows_at_five_hertz_are_no_gap(yaw: Run) -> None:
+    """0.2 s are allowed, and time stamps are whole milliseconds."""
+    assert screen([replace(yaw, longest_gap_s=0.201)])[0].reasons == ()
+    assert "gap" in screen([replace(yaw, longest_gap_s=0.21)])[0].reasons[0]
+
+
 def test_screen_names_each_fault(yaw: Run, pitch: Run) -> None:
     faults = {
         "gap": replace(yaw, longest_gap_s=0.5),

@@ -270,8 +270,12 @@ def dataflash(
     sids: bool = True,
     parameters: dict[str, float] | None = None,
     variant: str = "ArduSub",
+    every: int = 1,
 ) -> Path:
-    """Write a .bin; ``ending`` is the text that ends the test, or MODE for a change of mode."""
+    """Write a .bin; ``ending`` is the text that ends the test, or MODE for a change of mode.
+
+    Of the regular messages one in ``every`` is logged, and each event just before the next.
+    """
     messages = VARIANTS[variant]
     data = b"".join(_format(name) for name in _DATAFLASH)
     for name, value in (parameters or {"ACT_TRAVEL_DEG": 12.0}).items():
@@ -282,12 +286,13 @@ def dataflash(
             round(math.degrees(s.yaw_rad) % 360.0 * 100),
             round(math.degrees(s.pitch_rad) * 100),
         )
-        data += _record("ATT", us, 0, 0, 0, pitch, 9000, yaw, 0, 0, 3)
-        data += _rates(messages, us, s.yaw_rate_radps)
-        data += _record(
-            messages.outputs, us, pulse(s.rudder), pulse(s.elevator), pulse(s.thrust), 0
-        )
-        if k % 5 == 0:
+        if k % every == (1 if every > 1 else 0):
+            data += _record("ATT", us, 0, 0, 0, pitch, 9000, yaw, 0, 0, 3)
+            data += _rates(messages, us, s.yaw_rate_radps)
+            data += _record(
+                messages.outputs, us, pulse(s.rudder), pulse(s.elevator), pulse(s.thrust), 0
+            )
+        if k % max(5, every) == (1 if every > 1 else 0):
             data += _depth(messages, us, s)
         if sids and math.isclose(s.time_s, BOOTED_S + TEST[0]):
             data += _record("MSG", us, b"SystemID Starting: axis=12")

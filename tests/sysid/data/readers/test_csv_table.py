@@ -449,4 +449,11 @@ def test_tested_surface_without_a_column_is_named(tmp_path: Path) -> None:
 def test_rate_in_another_unit_is_the_first_reason(tmp_path: Path) -> None:
     path = write(tmp_path / "dive.csv", COLUMNS.replace("r_degps", "r_radps"))
     (screening,) = screen([the_run(path)])
-    assert "name the CSV column of a rate in deg/s _degps" in screening.reasons[0]
+    assert "name a CSV column of a rate in deg/s _degps" in screening.reasons[0]
+
+
+def test_parameter_without_equals_sign_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "dive.csv")
+    path.write_text("# ACT_TRAVEL_DEG: 20\n" + path.read_text())
+    with pytest.raises(LogError, match=r"line 1: .* has no '='; write .*# ACT_TRAVEL_DEG = VALUE"):
+        readers.read(path)

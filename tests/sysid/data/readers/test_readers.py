@@ -475,6 +475,32 @@ def test_v_tail_is_refused_with_its_outputs(tmp_path: Path) -> None:
     usable_runs.refuse_miswired(usable_runs.cut_logs([readers.read(path, chosen)], []))
 
 
+def test_marked_test_that_overlaps_another_is_refused(written: dict[str, Path]) -> None:
+    log = readers.read(written["tlog"])
+    overlapping = MarkedInterval(125.0, 135.0, Plane.YAW)
+    with pytest.raises(LogError, match=r"125\.\.135 overlaps the test of the rudder at 120\.0\.\."):
+        segments.cut_runs(log, [overlapping])
+    behind = MarkedInterval(132.0, 139.0, Plane.YAW)
+    assert len(segments.cut_runs(log, [behind])) == 2
+    with pytest.raises(LogError, match=r"132\.\.139 overlaps the test"):
+        segments.cut_runs(log, [behind, behind])
+
+
+def test_events_of_a_slow_log_are_kept(tmp_path: Path) -> None:
+    """All regular messages at 5 Hz: an event is up to 0.18 s after them."""
+    log = readers.read(files.dataflash(tmp_path / "slow.bin", every=10))
+    assert log.damage == ""
+    assert len(segments.cut_runs(log)) == 1
+
+
+def test_motor_that_turns_backwards_is_refused(tmp_path: Path) -> None:
+    """Pulses of 1100 to 1900 us for a motor that turns forwards only: 30 % have 1340 us."""
+    path = files.ulog(tmp_path / "motor.ulg", pulse_of=lambda _: 1340)
+    logs = usable_runs.cut_logs([readers.read(path)], [])
+    with pytest.raises(RefitError, match=r"motor\.ulg: the thrust in its tests is -40 %"):
+        usable_runs.refuse_miswired(logs)
+
+
 def test_boat_without_elevator(tmp_path: Path) -> None:
     """ArduRover: ground steering and throttle; the elevator is zero."""
     parameters = {"SERVO1_FUNCTION": 26.0, "SERVO3_FUNCTION": 70.0, "ACT_TRAVEL_DEG": 12.0}
