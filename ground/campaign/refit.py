@@ -327,7 +327,7 @@ def _reasons(model: IdentifiedModel) -> str:
     """Return why a model is not fit for redesign."""
     if model.assessment is None:
         return "it has no assessment"
-    first, *others = model.assessment.reasons
+    first, *others = model.assessment.reasons or ("its assessment gives no reason",)
     return f"{first} (and {len(others)} more)" if others else first
 
 

@@ -73,6 +73,7 @@ def open_loops(
     heading, depth = _heading_controller(gains), _depth_controller(gains)
     error = control.summing_junction(inputs=["-psi"], output="heading_error")
     to_rudder, to_elevator = named(yaw, "rudder_command"), named(pitch, "elevator_command")
+    attitude = named(plant(without_depth(planes[1]), lags[1], gains, order), "elevator")
     tracking = _pitch_controller(gains, "pitch_demand")
     free = _pitch_controller(gains, "pitch_reference")
     cuts = {
@@ -85,7 +86,7 @@ def open_loops(
             "elevator_command",
         ),
         "depth": (-1.0, [to_elevator, free, depth], "pitch_reference", "pitch_demand"),
-        "pitch": (-1.0, [named(pitch, "elevator"), free], "elevator", "elevator_command"),
+        "pitch": (-1.0, [attitude, free], "elevator", "elevator_command"),
     }
     return {
         name: loop(
@@ -139,19 +140,18 @@ def plant(plane: LinearPlane, lag: Lag, gains: Gains, order: int = PADE_ORDER) -
     Returns
     -------
     control.StateSpace
-        Outputs r, psi in yaw; q, theta, depth and depth rate in pitch.
+        Outputs r, psi in yaw; q, theta, depth and depth rate in pitch, or q, theta without depth.
     """
-    outputs = np.eye(len(plane.B))[1:]
-    names = ["r", "psi"]
+    outputs, names = np.eye(len(plane.B))[1:], list(plane.states[1:])
     if "depth" in plane.states:
-        outputs, names = np.vstack([outputs, plane.A[3]]), ["q", "theta", "depth", "depth_rate"]
+        outputs, names = np.vstack([outputs, plane.A[3]]), [*names, "depth_rate"]
     body = control.ss(plane.A, plane.B[:, None], outputs, np.zeros((len(names), 1)))
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
     duct = control.tf2ss(control.tf([wn**2], [1.0, 2.0 * zeta * wn, wn**2]))
     delay = control.tf2ss(control.tf(*control.pade(lag.delay_s, order)))
     parts = [delay, duct, body]
     peak, lead = loop_transfer.command_filters(
-        Plane.PITCH if "depth" in plane.states else Plane.YAW, gains
+        Plane.PITCH if "theta" in plane.states else Plane.YAW, gains
     )
     if lead is not None:
         w, wl = lead.lag_radps, lead.lead_radps
@@ -163,6 +163,22 @@ def plant(plane: LinearPlane, lag: Lag, gains: Gains, order: int = PADE_ORDER) -
         shape = control.tf([1.0, peak.gain * narrow, w * w], [1.0, narrow, w * w])
         parts.insert(0, control.tf2ss(shape))
     return control.ss(control.series(*parts), inputs=["command"], outputs=names)
+
+
+def without_depth(plane: LinearPlane) -> LinearPlane:
+    """Return the pitch plane without depth, which no other state depends on.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Linear pitch plane.
+
+    Returns
+    -------
+    LinearPlane
+        Plane with the states w, q, theta.
+    """
+    return LinearPlane(plane.A[:3, :3], plane.B[:3], plane.states[:3], plane.moment[:3])
 
 
 def named(system: Any, command: str) -> Any:
@@ -185,38 +201,46 @@ def named(system: Any, command: str) -> Any:
 
 def _heading_controller(gains: Gains) -> Any:
     """Return u = P e + I int e - D r."""
-    return control.ss(
-        [[0.0]],
-        [[1.0, 0.0]],
-        [[gains["HDG_I"]]],
-        [[gains["HDG_P"], -gains["HDG_D"]]],
-        inputs=["heading_error", "r"],
-        outputs=["rudder_command"],
+    return _controller(
+        gains["HDG_I"],
+        {"heading_error": (1.0, gains["HDG_P"]), "r": (0.0, -gains["HDG_D"])},
+        "rudder_command",
     )
 
 
 def _pitch_controller(gains: Gains, reference: str) -> Any:
     """Return u = P e + I int e - D q, with e the reference minus theta."""
-    p, i, d = gains["PTCH_P"], gains["PTCH_I"], gains["PTCH_D"]
-    return control.ss(
-        [[0.0]],
-        [[1.0, -1.0, 0.0]],
-        [[i]],
-        [[p, -p, -d]],
-        inputs=[reference, "theta", "q"],
-        outputs=["elevator_command"],
+    p = gains["PTCH_P"]
+    return _controller(
+        gains["PTCH_I"],
+        {reference: (1.0, p), "theta": (-1.0, -p), "q": (0.0, -gains["PTCH_D"])},
+        "elevator_command",
     )
 
 
 def _depth_controller(gains: Gains) -> Any:
     """Return the pitch demand P z + I int z + D z' for a set-point of zero, z the depth."""
+    return _controller(
+        gains["DPT_I"],
+        {"depth": (1.0, gains["DPT_P"]), "depth_rate": (0.0, gains["DPT_D"])},
+        "pitch_demand",
+    )
+
+
+def _controller(integral: float, inputs: dict[str, tuple[float, float]], output: str) -> Any:
+    """Return I int (w . x) + d . x; ``inputs`` has w and d of each entry of x.
+
+    Without integral gain there is no state, which would be a pole at zero that no output shows.
+    """
+    weights = np.array([list(inputs.values())])
+    states = 1 if integral else 0
     return control.ss(
-        [[0.0]],
-        [[1.0, 0.0]],
-        [[gains["DPT_I"]]],
-        [[gains["DPT_P"], gains["DPT_D"]]],
-        inputs=["depth", "depth_rate"],
-        outputs=["pitch_demand"],
+        np.zeros((states, states)),
+        weights[:states, :, 0],
+        np.full((1, states), integral),
+        weights[:, :, 1],
+        inputs=list(inputs),
+        outputs=[output],
     )
 
 

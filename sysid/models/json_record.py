@@ -1,5 +1,6 @@
 """Base class of the records that are written to JSON files, and the schemas of such files."""
 
+import codecs
 import json
 from math import isfinite
 from typing import Annotated, Any, TypeVar, get_args, get_origin
@@ -65,7 +66,7 @@ def decode(text: bytes, kind: type[T]) -> T:
         The content is no JSON of this type, or is nested too deeply.
     """
     try:
-        return msgspec.json.decode(text, type=kind)
+        return msgspec.json.decode(text.removeprefix(codecs.BOM_UTF8), type=kind)
     except RecursionError:
         raise msgspec.DecodeError(TOO_NESTED) from None
     except UnicodeDecodeError as error:
