@@ -85,6 +85,12 @@ def log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
             if not np.isclose(log.parameters.get("ACT_TRAVEL_DEG", travel_deg), travel_deg, 1e-3)
         ),
         *(
+            f"{log.name}: it is not known which pulses are full travel; assumed: {pulses}; record"
+            " the parameters SERVOn_MIN, SERVOn_TRIM and SERVOn_MAX"
+            for log in logs
+            if (pulses := log.actuators.assumed_pulses)
+        ),
+        *(
             f"{log.name}: it is not known how long the autopilot held a command (0 to 20 ms), which"
             f" the intervals contain; give the rate of its loops in Hz as {segments.LOOP_RATE}"
             for log in logs

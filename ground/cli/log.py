@@ -129,7 +129,15 @@ def segments(
 
     options = OutputOptions(parse(servo_channels) if servo_channels is not None else None)
     marks = refit.propose_segments(file, options)
-    rows = [{"start_s": mark.start_s, "stop_s": mark.stop_s, "plane": mark.plane} for mark in marks]
+    rows = [
+        {
+            "start_s": mark.start_s,
+            "stop_s": mark.stop_s,
+            "plane": mark.plane,
+            "segment": mark.text,
+        }
+        for mark in marks
+    ]
     print_result(
         {"file": str(file), "segments": rows}, f"{file}: {refit.format_segments(marks)}", json
     )

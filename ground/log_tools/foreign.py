@@ -7,7 +7,7 @@ import numpy as np
 
 from ground.log_tools.mcap import LONGEST_GAP_S
 from sysid.data import readers
-from sysid.data.readers.samples import MessageColumns
+from sysid.data.readers.samples import MessageColumns, clock_steps
 
 
 def is_foreign(path: Path) -> bool:
@@ -32,6 +32,12 @@ def info(path: Path) -> dict[str, Any]:
         The log cannot be read.
     """
     tables, damage = readers.load(path)
+    regular, most_frequent = max(tables.items(), key=lambda item: item[1].time_s.size)
+    restarts = [
+        f"the time of {regular} went back by {step.back_s:.1f} s at {step.time_s:.1f} s: a restart"
+        " of the autopilot, or several logs in one"
+        for step in clock_steps(regular, most_frequent.time_s)
+    ]
     first_s = min(float(table.time_s.min()) for table in tables.values())
     last_s = max(float(table.time_s.max()) for table in tables.values())
     return {
@@ -44,8 +50,8 @@ def info(path: Path) -> dict[str, Any]:
         "topics": {name: table.time_s.size for name, table in sorted(tables.items())},
         "attachments": [],
         "metadata": {},
-        "damage": [damage] if damage else [],
-        "gaps": _gaps(max(tables.values(), key=lambda table: table.time_s.size)),
+        "damage": [*([damage] if damage else []), *restarts],
+        "gaps": _gaps(most_frequent),
     }
 
 

@@ -4,6 +4,7 @@ Each frame follows its UNIX time in microseconds (8 bytes, big-endian). QGroundC
 Planner, MAVProxy (``mav.tlog``) and pymavlink's tools use the same format.
 """
 
+import itertools
 import struct
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -124,8 +125,11 @@ def read(data: bytes) -> list[MessageSeries]:
             )
         )
         series.payloads.append(payload)
+    everything = itertools.chain.from_iterable(senders.values())
+    timed = next((a for a in everything if a.own_us is not None), None)
     for arrivals in senders.values():
-        _set_times(arrivals)
+        first = next((a for a in arrivals if a.own_us is not None), timed or arrivals[0])
+        _set_times(arrivals, first)
     return list(all_series.values())
 
 
@@ -137,12 +141,12 @@ class _Arrival(NamedTuple):
     own_us: int | None
 
 
-def _set_times(arrivals: Sequence[_Arrival]) -> None:
+def _set_times(arrivals: Sequence[_Arrival], first: _Arrival) -> None:
     """Append the vehicle time of each message of one sender to its series.
 
-    Messages before the first with a time have that time minus the time until it was received.
+    ``first`` is the first message with a time, of this sender or, if it sends none, of another.
+    Messages before it have its time minus the time until it was received.
     """
-    first = next((a for a in arrivals if a.own_us is not None), arrivals[0])
     time_us, received_us = first.own_us or 0, first.received_us
     shortest_us = -time_us
     for arrival in arrivals:

@@ -84,6 +84,11 @@ class MarkedInterval(NamedTuple):
     log: str = ""
     """Name of the log; empty if there is only one."""
 
+    @property
+    def text(self) -> str:
+        """The interval as ``--segment`` takes it, without the log."""
+        return f"{self.start_s:.1f}..{self.stop_s:.1f}:{PLANES[self.plane].surface}"
+
 
 def cut_runs(log: Log, marks: Sequence[MarkedInterval] = ()) -> list[Run]:
     """Cut the tests from a log.
@@ -415,7 +420,12 @@ def _interpolate_near(grid_s: Array, time_s: Array, values: Array) -> Array:
 def _clock_step_reason(log: Log, grid_s: Array) -> str:
     """Return a text on the first clock step within the run; empty without one."""
     steps = [step for step in log.clock.steps if grid_s[0] <= step.time_s <= grid_s[-1] + STEADY_S]
-    return f"the time of {steps[0].message} went back by {steps[0].back_s:.1f} s" if steps else ""
+    if not steps:
+        return ""
+    return (
+        f"the time of {steps[0].message} went back by {steps[0].back_s:.1f} s (a restart?); give"
+        " what follows as a log of its own"
+    )
 
 
 def _clock_drift_s(log: Log, grid_s: Array) -> float:

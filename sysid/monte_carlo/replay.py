@@ -154,6 +154,12 @@ def replay(
     if not log.parameters:
         raise LogError(f"{log.name}: has no parameters; replay a log of `ground fly`")
     own = dict(log.parameters)
+    try:
+        params.config(own)
+    except params.ParamError as error:
+        raise LogError(
+            f"{log.name}: {error} in Caribou's autopilot; replay a log of `ground fly`"
+        ) from None
     table = _at_ticks(log)
     wrenches, through_water_m = disturbance(vehicle, table)
     navigation = _navigation(log, table, through_water_m)

@@ -87,7 +87,7 @@ def format_marks(marks: Sequence[MarkedInterval]) -> str:
     if not marks:
         return "no usable segment found"
     count = "1 usable segment" if len(marks) == 1 else f"{len(marks)} usable segments"
-    texts = [f"{m.start_s:.1f}..{m.stop_s:.1f}:{PLANES[m.plane].surface}" for m in marks]
+    texts = [mark.text for mark in marks]
     if len({m.log for m in marks}) > 1:
         texts = [f"{m.log}:{text}" for m, text in zip(marks, texts, strict=True)]
     return f"{count} found: {', '.join(texts)}"

@@ -16,7 +16,8 @@ from tests.sysid import dives, sea
 from tests.sysid.data.readers import files
 from tests.sysid.dives import DiveTest
 
-PARAMETERS = {"ACT_TRAVEL_DEG": 15.0, "SCHED_LOOP_RATE": 50.0}
+PULSES = {f"SERVO{n}_MAX": 1900.0 for n in (1, 2, 3)}
+PARAMETERS = {"ACT_TRAVEL_DEG": 15.0, "SCHED_LOOP_RATE": 50.0} | PULSES
 
 
 def notes(*logs: Log, prior: str = "caribou_nominal") -> list[str]:
@@ -32,8 +33,16 @@ def test_note_names_damaged_log(tmp_path: Path) -> None:
     assert note.endswith("what followed is lost")
 
 
+def test_note_says_that_the_range_of_pulses_is_not_known(tmp_path: Path) -> None:
+    known = {name: value for name, value in PARAMETERS.items() if name != "SERVO2_MAX"}
+    (note,) = notes(readers.read(files.dataflash(tmp_path / "b.bin", parameters=known)))
+    assert "assumed: 1500 +- 400 us for the outputs 2;" in note
+
+
 def test_note_says_that_the_hold_of_commands_is_not_known(tmp_path: Path) -> None:
-    log = readers.read(files.dataflash(tmp_path / "a.bin", parameters={"ACT_TRAVEL_DEG": 15.0}))
+    log = readers.read(
+        files.dataflash(tmp_path / "a.bin", parameters={"ACT_TRAVEL_DEG": 15.0} | PULSES)
+    )
     (note,) = notes(log)
     assert note.startswith("a.bin: it is not known how long the autopilot held a command")
 

@@ -111,6 +111,8 @@ UNIT_QUANTILE = 0.95
 A few spikes do not refuse a file; a twentieth of its values in another unit does."""
 MAX_STEP_S = 2.0
 """Largest step of the time, in s: such a column holds milliseconds, or no tests can be seen."""
+MAX_REPEATED = 0.2
+"""Largest fraction of rows with the time of the row before: more of them are rounded times."""
 MAX_DEPTH_JUMP_M = 0.5
 """Largest noise of a depth in metres; that of a depth in mm is 1000 times as large."""
 MIN_TEST_RANGE_DEG = 0.5
@@ -445,6 +447,12 @@ def _samples(path: Path, table: _Table, names: Sequence[str]) -> tuple[Array, di
     """Return times and values of the rows in which all of ``names`` have a value."""
     values = np.stack([table.quantities[name] for name in names], axis=1)
     filled = np.all(np.isfinite(values), axis=1)
+    repeated = int(np.count_nonzero(np.diff(table.time_s[filled]) == 0.0))
+    if repeated > MAX_REPEATED * np.count_nonzero(filled):
+        raise LogError(
+            f"{path}: column {TIME}: {repeated} of {np.count_nonzero(filled)} rows with values of"
+            f" {', '.join(names)} have the time of the row before; give times to 1 ms"
+        )
     filled[filled] = strictly_increasing(table.time_s[filled])
     if np.count_nonzero(filled) < 2:
         raise LogError(f"{path}: fewer than two rows have values of {', '.join(names)}")

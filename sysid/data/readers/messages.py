@@ -303,6 +303,9 @@ def _actuators(
     where: str,
 ) -> Actuators:
     """Return the commands in radians and fractions of thrust."""
+    if "port" in (record.dtype.names or ()):  # outputs 1 to 16, and 17 to 32
+        lowest = record["port"] == np.min(record["port"])
+        time_s, record = time_s[lowest], record[lowest]
     time_s = _with_wrapped_times(time_s, record)
     keep = strictly_increasing(time_s)
     return actuator_commands(time_s[keep], _outputs(record[keep]), options, parameters, where)

@@ -246,6 +246,7 @@ def actuator_commands(
         thrust=thrust,
         travel_rad=travel,
         other_outputs=_other_outputs(values, channels),
+        assumed_pulses=_assumed_pulses(values, channels, parameters),
         mixed_surfaces="" if options.channels else mixed_surfaces(parameters),
     )
 
@@ -259,6 +260,19 @@ def _other_outputs(values: NDArray[np.float64], channels: ServoChannels) -> tupl
     full = np.where(is_pulse, PULSE_HALF_US, 1.0)
     moving = np.flatnonzero(np.ptp(known, axis=0) > MIN_MOTION * full) + 1
     return tuple(number for number in moving.tolist() if number not in set(map(abs, channels)))
+
+
+def _assumed_pulses(
+    values: NDArray[np.float64], channels: ServoChannels, parameters: Mapping[str, float]
+) -> str:
+    """Return the outputs whose range is not known, and the one taken; empty without any."""
+    numbers = [abs(n) for n in channels if n]
+    chosen = values[:, [number - 1 for number in numbers]]
+    if np.nanmax(np.abs(chosen), initial=0.0) <= MAX_FRACTION:
+        return ""
+    unknown = [str(n) for n in numbers if f"SERVO{n}_MAX" not in parameters]
+    taken = f"{PULSE_CENTRE_US:g} +- {PULSE_HALF_US:g} us"
+    return f"{taken} for the outputs {', '.join(unknown)}" if unknown else ""
 
 
 def _fractions(

@@ -457,3 +457,11 @@ def test_parameter_without_equals_sign_is_refused(tmp_path: Path) -> None:
     path.write_text("# ACT_TRAVEL_DEG: 20\n" + path.read_text())
     with pytest.raises(LogError, match=r"line 1: .* has no '='; write .*# ACT_TRAVEL_DEG = VALUE"):
         readers.read(path)
+
+
+def test_times_that_are_rounded_to_several_rows_are_refused(tmp_path: Path) -> None:
+    cells = [line.split(",") for line in rows()]
+    lines = [",".join([f"{float(row[0]):.1f}", *row[1:]]) for row in cells]
+    path = write(tmp_path / "rounded.csv", lines=lines)
+    with pytest.raises(LogError, match=r"column time_s: \d+ of \d+ rows .* give times to 1 ms"):
+        readers.read(path)

@@ -6,6 +6,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -499,6 +500,29 @@ def test_motor_that_turns_backwards_is_refused(tmp_path: Path) -> None:
     logs = usable_runs.cut_logs([readers.read(path)], [])
     with pytest.raises(RefitError, match=r"motor\.ulg: the thrust in its tests is -40 %"):
         usable_runs.refuse_miswired(logs)
+
+
+def test_outputs_of_a_second_port_are_left_out(tmp_path: Path) -> None:
+    """Port 1 has the outputs 17 to 32; its messages come before those of port 0."""
+    now = mavlink.MAVLink(None, 1, 1)
+
+    class Both(NamedTuple):
+        pulses: mavlink.MAVLink_servo_output_raw_message
+
+        def pack(self, sender: mavlink.MAVLink) -> bytes:
+            other = mavlink.MAVLink_servo_output_raw_message(self.pulses.time_usec, 1, *[1500] * 8)
+            stamp = bytes(8)
+            return bytes(other.pack(now)) + stamp + bytes(self.pulses.pack(sender))
+
+    def pulses(s: files.Sample) -> object:
+        message = files.servo_pulses(s)
+        assert isinstance(message, mavlink.MAVLink_servo_output_raw_message)
+        return Both(message)
+
+    chosen = ServoChannels(3, -1, 2)
+    run = the_run(files.tlog(tmp_path / "ports.tlog", pulses), chosen=chosen)
+    one = the_run(files.tlog(tmp_path / "port.tlog", files.servo_pulses), chosen=chosen)
+    np.testing.assert_allclose(run.rudder_rad, one.rudder_rad, atol=1e-9)
 
 
 def test_boat_without_elevator(tmp_path: Path) -> None:
