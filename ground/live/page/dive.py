@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from ground.client.commands import listed_mode_name
 from ground.client.vehicle import StatusText
+from ground.live import plausible
 from ground.live.page import plan
 from ground.live.page.history import History, Row
 from ground.live.watch import rows
@@ -126,7 +127,7 @@ class ShownDive:
 
     def _make_panel(self, now_s: float) -> dict[str, Any]:
         self.latest = {
-            name: LatestMessage(kept.message.decode(), kept.at_s, kept.period_s)
+            name: LatestMessage(plausible.decode(kept.message), kept.at_s, kept.period_s)
             for name, kept in self._frames.items()
         }
         every = rows.rows(self, now_s)
@@ -192,7 +193,9 @@ class ShownDive:
 
     def _current_item(self) -> int | None:
         current = self.latest.get("MISSION_CURRENT")
-        return None if current is None else int(current.message.seq)
+        if current is None or not math.isfinite(current.message.seq):
+            return None
+        return int(current.message.seq)
 
     def _has_surfaces(self) -> bool:
         """Return whether outputs 1 to 3 are rudder, elevator and thrust, as of our autopilot."""
@@ -204,7 +207,7 @@ class ShownDive:
         kept = self._frames.get(name)
         if kept is None or wall_s() - kept.at_s > timeout_s:
             return None
-        return kept.message.decode()
+        return plausible.decode(kept.message)
 
     def _sample(self, time_s: float) -> None:
         """Add a row to the history if one is due; start again after a restart of the clock."""
@@ -238,11 +241,14 @@ class ShownDive:
     def _position(self) -> tuple[float | None, float | None, float | None]:
         """Return north, east and depth (m); and learn the place of the local frame's zero."""
         local, place = self._message("LOCAL_POSITION_NED"), self._message("GLOBAL_POSITION_INT")
-        if place is not None and self._origin is None and (place.lat or place.lon):
+        if place is not None and not rows.has_position(place):
+            place = None
+        is_located = local is not None and math.isfinite(local.x) and math.isfinite(local.y)
+        if place is not None and self._origin is None and (local is None or is_located):
             here = plan.Origin(place.lat / GLOBAL_SCALE, place.lon / GLOBAL_SCALE)
             self._origin = here.moved(-local.x, -local.y) if local else here
         if local is not None:
-            return local.x, local.y, local.z
+            return (local.x, local.y, local.z) if is_located else (None, None, local.z)
         if place is not None and self._origin is not None:
             north_m, east_m = self._origin.local_m(
                 place.lat / GLOBAL_SCALE, place.lon / GLOBAL_SCALE
@@ -271,6 +277,8 @@ class ShownDive:
         attitude = self._message("ATTITUDE_TARGET", SETPOINT_TIMEOUT_S)
         depth_m = None if target is None or target.type_mask & _IGNORE_DEPTH else target.z
         if attitude is None or attitude.type_mask & _IGNORE_ATTITUDE:
+            return [depth_m, None, None]
+        if not all(map(math.isfinite, attitude.q)):
             return [depth_m, None, None]
         _, pitch_rad, yaw_rad = euler_from_quaternion(*attitude.q)
         return [depth_m, math.degrees(yaw_rad) % 360.0, math.degrees(pitch_rad)]

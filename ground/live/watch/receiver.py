@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from ground.client import commands, connection_diagnosis
 from ground.client.flight import TelemetryListener
 from ground.client.vehicle import StatusText
+from ground.live import plausible
 from mavlink_io import dialect
 from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
@@ -207,7 +208,7 @@ class Receiver:
             self.vehicle_id = sender
         if message is None or sender != self.vehicle_id:
             return
-        self.latest[frame.name] = after(self.latest.get(frame.name), message, now_s)
+        self.latest[frame.name] = after(self.latest.get(frame.name), plausible.decode(frame), now_s)
         if self.listener is not None:
             self.listener.on_frame(frame)
         if (

@@ -22,7 +22,7 @@ _CRITICAL = constant("MAV_STATE_CRITICAL")
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _EXTENSION_USED = constant("MAV_SYS_STATUS_EXTENSION_USED")
 _GEOFENCE, _PREARM = constant("MAV_SYS_STATUS_GEOFENCE"), constant("MAV_SYS_STATUS_PREARM_CHECK")
-_UNKNOWN_U16, _UNKNOWN_HEADING = 65_535, 65_535
+_UNKNOWN_U16 = 65_535
 _FIX_3D = 3
 
 
@@ -93,50 +93,67 @@ def under_way(m: Any, context: RowContext) -> Cell:
     return Cell(words, words)
 
 
-def _height(up_m: float, context: RowContext) -> Cell:
+def _words(value: float, spec: str) -> str:
+    """Return a number as text, or the word for an unknown one."""
+    return format(value, spec) if math.isfinite(value) else "unknown"
+
+
+def _cell(text: str, **values: float) -> Cell | None:
+    """Return a cell with None for unknown numbers; None if all are unknown."""
+    known = {name: value if math.isfinite(value) else None for name, value in values.items()}
+    return Cell(text, known) if any(value is not None for value in known.values()) else None
+
+
+def _height(up_m: float, context: RowContext) -> Cell | None:
     """Return depth (m, under water) or altitude (m) of a height ``up_m``, positive up."""
+    if not math.isfinite(up_m):
+        return None
     if context.under_water:
         return Cell(f"{-up_m:.2f} m deep", {"depth_m": -up_m})
     return Cell(f"{up_m:.1f} m up", {"altitude_m": up_m})
 
 
-def height_of_global_position(m: Any, context: RowContext) -> Cell:
+def height_of_global_position(m: Any, context: RowContext) -> Cell | None:
     """Return depth or altitude (m) of a GLOBAL_POSITION_INT, relative to home."""
     return _height(m.relative_alt / 1000.0, context)
 
 
-def height_of_local_position(m: Any, context: RowContext) -> Cell:
+def height_of_local_position(m: Any, context: RowContext) -> Cell | None:
     """Return depth or altitude (m) of a LOCAL_POSITION_NED."""
     return _height(-m.z, context)
 
 
-def height_of_hud(m: Any, context: RowContext) -> Cell:
+def height_of_hud(m: Any, context: RowContext) -> Cell | None:
     """Return depth or altitude (m) of a VFR_HUD."""
     return _height(m.alt, context)
 
 
-def _attitude(roll_rad: float, pitch_rad: float) -> Cell:
+def _attitude(roll_rad: float, pitch_rad: float) -> Cell | None:
     """Return roll and pitch in degrees."""
     roll_deg, pitch_deg = math.degrees(roll_rad), math.degrees(pitch_rad)
-    return Cell(
-        f"roll {roll_deg:+.1f}, pitch {pitch_deg:+.1f} deg",
-        {"roll_deg": roll_deg, "pitch_deg": pitch_deg},
+    return _cell(
+        f"roll {_words(roll_deg, '+.1f')}, pitch {_words(pitch_deg, '+.1f')} deg",
+        roll_deg=roll_deg,
+        pitch_deg=pitch_deg,
     )
 
 
-def attitude(m: Any, context: RowContext) -> Cell:
+def attitude(m: Any, context: RowContext) -> Cell | None:
     """Return roll and pitch (deg) of an ATTITUDE."""
     return _attitude(m.roll, m.pitch)
 
 
-def attitude_of_quaternion(m: Any, context: RowContext) -> Cell:
-    """Return roll and pitch (deg) of an ATTITUDE_QUATERNION."""
-    roll_rad, pitch_rad, _ = euler_from_quaternion(m.q1, m.q2, m.q3, m.q4)
+def attitude_of_quaternion(m: Any, context: RowContext) -> Cell | None:
+    """Return roll and pitch (deg) of an ATTITUDE_QUATERNION; None if it is unknown."""
+    quaternion = m.q1, m.q2, m.q3, m.q4
+    if not all(map(math.isfinite, quaternion)):
+        return None
+    roll_rad, pitch_rad, _ = euler_from_quaternion(*quaternion)
     return _attitude(roll_rad, pitch_rad)
 
 
 def _heading(deg: float) -> Cell | None:
-    """Return a heading in [0, 360) degrees; None for infinity and NaN."""
+    """Return a heading in [0, 360) degrees; None if it is unknown."""
     if not math.isfinite(deg):
         return None
     return Cell(f"{round(deg) % 360:03d} deg", deg % 360.0)
@@ -149,37 +166,50 @@ def heading_of_attitude(m: Any, context: RowContext) -> Cell | None:
 
 def heading_of_global_position(m: Any, context: RowContext) -> Cell | None:
     """Return the heading (deg) of a GLOBAL_POSITION_INT; None if it is unknown."""
-    return None if m.hdg == _UNKNOWN_HEADING else _heading(m.hdg / 100.0)
+    return _heading(m.hdg / 100.0)
 
 
-def speed(m: Any, context: RowContext) -> Cell:
+def speed(m: Any, context: RowContext) -> Cell | None:
     """Return the speeds through the water and over ground (m/s) of a VFR_HUD."""
-    words = f"{m.airspeed:.2f} m/s, {m.groundspeed:.2f} over ground"
-    return Cell(words, {"through_mps": m.airspeed, "over_ground_mps": m.groundspeed})
+    through, over_ground = _words(m.airspeed, ".2f"), _words(m.groundspeed, ".2f")
+    unit = " m/s" if math.isfinite(m.airspeed) else ""
+    return _cell(
+        f"{through}{unit}, {over_ground} over ground",
+        through_mps=m.airspeed,
+        over_ground_mps=m.groundspeed,
+    )
 
 
-def vertical_speed(m: Any, context: RowContext) -> Cell:
-    """Return the vertical speed (m/s, positive up) of a VFR_HUD."""
+def vertical_speed(m: Any, context: RowContext) -> Cell | None:
+    """Return the vertical speed (m/s, positive up) of a VFR_HUD; None if it is unknown."""
     direction = "" if abs(m.climb) < LEVEL_MPS else " up" if m.climb > 0 else " down"
-    return Cell(f"{abs(m.climb):.2f} m/s{direction}", {"climb_mps": m.climb})
+    return _cell(f"{abs(m.climb):.2f} m/s{direction}", climb_mps=m.climb)
+
+
+def has_position(m: Any) -> bool:
+    """Return whether latitude and longitude of a GLOBAL_POSITION_INT are known."""
+    return math.isfinite(m.lat) and math.isfinite(m.lon) and bool(m.lat or m.lon)
 
 
 def position(m: Any, context: RowContext) -> Cell | None:
     """Return latitude and longitude (deg) of a GLOBAL_POSITION_INT; None if it has none."""
-    if not m.lat and not m.lon:
+    if not has_position(m):
         return None
     return Cell(
         f"{m.lat / 1e7:.6f}, {m.lon / 1e7:.6f}", {"lat_deg": m.lat / 1e7, "lon_deg": m.lon / 1e7}
     )
 
 
-def offset(m: Any, context: RowContext) -> Cell:
+def offset(m: Any, context: RowContext) -> Cell | None:
     """Return the position north and east of the origin (m) of a LOCAL_POSITION_NED."""
-    return Cell(f"{m.x:+.1f} m north, {m.y:+.1f} m east", {"north_m": m.x, "east_m": m.y})
+    text = f"{_words(m.x, '+.1f')} m north, {_words(m.y, '+.1f')} m east"
+    return _cell(text, north_m=m.x, east_m=m.y)
 
 
-def gps(m: Any, context: RowContext) -> Cell:
-    """Return fix type and number of satellites of a GPS_RAW_INT."""
+def gps(m: Any, context: RowContext) -> Cell | None:
+    """Return fix type and number of satellites of a GPS_RAW_INT; None if the fix is unknown."""
+    if not math.isfinite(m.fix_type):
+        return None
     fix = readable_name(m.fix_type, "GPS_FIX_TYPE")
     satellites = "" if m.satellites_visible in (0, 255) else f", {m.satellites_visible} satellites"
     return Cell(fix + satellites, {"fix": fix, "good": m.fix_type >= _FIX_3D})
@@ -211,7 +241,7 @@ def battery_of_status(m: Any, context: RowContext) -> Cell | None:
 def _battery(volts: float | None, centiamperes: int, percent: int) -> Cell | None:
     """Return the known values of a battery, with an alarm below 20 % of charge."""
     amperes = None if centiamperes == -1 else centiamperes / 100.0
-    remaining_pct = None if percent == -1 else percent
+    remaining_pct = percent if 0 <= percent <= 100 else None
     parts = [
         f"{volts:.2f} V" if volts is not None else "",
         f"{amperes:.1f} A" if amperes is not None else "",
@@ -225,8 +255,13 @@ def _battery(volts: float | None, centiamperes: int, percent: int) -> Cell | Non
     )
 
 
-def mission(m: Any, context: RowContext) -> Cell:
-    """Return the current mission item, counted from 1, and the state of a MISSION_CURRENT."""
+def mission(m: Any, context: RowContext) -> Cell | None:
+    """Return the current mission item, counted from 1, and the state of a MISSION_CURRENT.
+
+    None if the item is unknown.
+    """
+    if not math.isfinite(m.seq):
+        return None
     stage = readable_name(m.mission_state, "MISSION_STATE") if m.mission_state else ""
     total = m.total if m.total not in (0, _UNKNOWN_U16) else None
     words = (
@@ -240,10 +275,11 @@ def mission(m: Any, context: RowContext) -> Cell:
     return Cell(words, {"item": m.seq, "items": total, "state": stage or None})
 
 
-def aim(m: Any, context: RowContext) -> Cell:
+def aim(m: Any, context: RowContext) -> Cell | None:
     """Return bearing (deg) and distance (m) to the target of a NAV_CONTROLLER_OUTPUT."""
-    words = f"{m.target_bearing % 360:03d} deg, {m.wp_dist} m to go"
-    return Cell(words, {"bearing_deg": m.target_bearing % 360, "distance_m": m.wp_dist})
+    bearing_deg = m.target_bearing % 360
+    text = f"{_words(bearing_deg, '03.0f')} deg, {_words(m.wp_dist, '.0f')} m to go"
+    return _cell(text, bearing_deg=bearing_deg, distance_m=m.wp_dist)
 
 
 def health(m: Any, context: RowContext) -> Cell:

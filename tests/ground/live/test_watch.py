@@ -20,10 +20,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from ground.live import plausible
 from ground.live.watch import mode_names, view
 from ground.live.watch import rows as reading
 from ground.live.watch.receiver import LatestMessage, Receiver
 from mavlink_io import dialect
+from mavlink_io.codec import Frame
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.transport import open_transport
 from tests.helpers.subprocesses import autopilot, free_port
@@ -210,10 +212,12 @@ def test_view_accepts_messages_with_arbitrary_bytes(name: str, payload: bytes) -
     with closing(Sea()) as sea:
         sea.heartbeat()
         sea.receiver.latest[name] = LatestMessage(
-            dialect.by_name(name).unpack(payload), time.monotonic(), 0.0
+            plausible.decode(Frame(1, 1, dialect.by_name(name).message_id, 0, payload, payload)),
+            time.monotonic(),
+            0.0,
         )
         assert "system 1" in sea.screen()
-        json.dumps(reading.as_json(sea.receiver, time.monotonic()))
+        json.dumps(reading.as_json(sea.receiver, time.monotonic()), allow_nan=False)
 
 
 def test_heading_that_is_no_number_is_not_shown(sea: Sea) -> None:
@@ -221,6 +225,50 @@ def test_heading_that_is_no_number_is_not_shown(sea: Sea) -> None:
     for yaw in (math.inf, math.nan):
         sea.send("ATTITUDE", yaw=yaw)
         assert sea.rows()["heading"].cell is None
+
+
+UNKNOWN_I32, UNKNOWN_U16 = 2**31 - 1, 2**16 - 1
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "label"),
+    [
+        ("VFR_HUD", {"climb": math.nan}, "climb"),
+        ("VFR_HUD", {"airspeed": math.nan, "groundspeed": math.inf}, "speed"),
+        ("GLOBAL_POSITION_INT", {"relative_alt": UNKNOWN_I32}, "height"),
+        ("GLOBAL_POSITION_INT", {"relative_alt": -UNKNOWN_I32 - 1}, "height"),
+        ("GLOBAL_POSITION_INT", {"lat": UNKNOWN_I32, "lon": -UNKNOWN_I32}, "position"),
+        ("GLOBAL_POSITION_INT", {"hdg": UNKNOWN_U16}, "heading"),
+        ("LOCAL_POSITION_NED", {"z": 1e30}, "height"),
+        ("ATTITUDE_QUATERNION", {"q1": math.nan}, "attitude"),
+        ("MISSION_CURRENT", {"seq": UNKNOWN_U16}, "mission"),
+        ("NAV_CONTROLLER_OUTPUT", {"target_bearing": 999, "wp_dist": UNKNOWN_U16}, "aim"),
+        ("GPS_RAW_INT", {"fix_type": 9}, "gps"),
+    ],
+)
+def test_unknown_or_impossible_value_is_not_shown(
+    sea: Sea, name: str, fields: dict[str, Any], label: str
+) -> None:
+    sea.heartbeat()
+    sea.send(name, **fields)
+    assert sea.rows()[label].cell is None
+
+
+def test_known_value_beside_an_unknown_one_is_shown(sea: Sea) -> None:
+    sea.heartbeat()
+    sea.send("VFR_HUD", airspeed=math.nan, groundspeed=0.5)
+    sea.send("ATTITUDE", roll=math.inf, pitch=0.1)
+    assert sea.text("speed") == "unknown, 0.50 over ground"
+    assert sea.text("attitude") == "roll unknown, pitch +5.7 deg"
+    snapshot = json.dumps(reading.as_json(sea.receiver, time.monotonic()), allow_nan=False)
+    assert json.loads(snapshot)["speed"]["value"] == {"through_mps": None, "over_ground_mps": 0.5}
+
+
+def test_unknown_height_is_taken_from_the_next_message(sea: Sea) -> None:
+    sea.heartbeat()
+    sea.send("GLOBAL_POSITION_INT", relative_alt=UNKNOWN_I32)
+    sea.send("LOCAL_POSITION_NED", z=4.2)
+    assert sea.text("height") == "4.20 m deep"
 
 
 def command(*words: str) -> list[str]:

@@ -51,6 +51,47 @@ def test_outputs_of_another_autopilot_are_percent() -> None:
     assert not dive.panel()["has_surfaces"]
 
 
+@pytest.mark.parametrize(
+    ("name", "fields", "columns"),
+    [
+        ("LOCAL_POSITION_NED", {"x": 1e30}, ["north_m", "east_m"]),
+        ("LOCAL_POSITION_NED", {"z": -3.4e38}, ["depth_m"]),
+        ("ATTITUDE", {"yaw": 1e30}, ["heading_deg"]),
+        ("ATTITUDE_TARGET", {"q": (math.nan,) * 4}, ["heading_setpoint_deg", "pitch_setpoint_deg"]),
+        ("ACTUATOR_OUTPUT_STATUS", {"actuator": (0.0, 0.0, 1e30, *[0.0] * 29)}, ["thrust"]),
+    ],
+)
+def test_impossible_value_leaves_a_gap_in_its_columns_only(
+    name: str, fields: dict[str, object], columns: list[str]
+) -> None:
+    dive = ShownDive("a")
+    dive.on_frame(heartbeat())
+    kinds = {received.name: received for received in motion(10.0)}
+    bad = frame(name, **{**kinds[name].decode()._asdict(), **fields})
+    for received in {**kinds, name: bad}.values():
+        dive.on_frame(received)
+    assert [column for column, value in row(dive).items() if value is None] == columns
+
+
+def test_pulse_of_65535_us_is_no_output() -> None:
+    dive = ShownDive("a")
+    dive.on_frame(heartbeat(ARDUPILOT))
+    dive.on_frame(frame("SERVO_OUTPUT_RAW", servo1_raw=1700, servo2_raw=0, servo3_raw=65535))
+    dive.on_frame(frame("ATTITUDE", time_boot_ms=100))
+    assert [row(dive)[name] for name in ("rudder", "elevator", "thrust")] == [50.0, 0.0, None]
+
+
+def test_unknown_place_is_not_taken_for_the_origin() -> None:
+    dive = ShownDive("a")
+    unknown = 2**31 - 1
+    for time_ms, lat, lon in ((1000, unknown, unknown), (2000, 420_000_000, -710_000_000)):
+        dive.on_frame(frame("GLOBAL_POSITION_INT", time_boot_ms=time_ms, lat=lat, lon=lon))
+        dive.on_frame(frame("ATTITUDE", time_boot_ms=time_ms))
+    dive.on_frame(frame("MISSION_CURRENT", seq=65535))
+    assert [line[COLUMNS.index("north_m")] for line in dive.history.since(0)] == [None, 0.0]
+    assert dive.panel()["sequence"] is None
+
+
 def test_ignored_setpoints_are_not_shown() -> None:
     dive = ShownDive("a")
     dive.on_frame(frame("POSITION_TARGET_LOCAL_NED", z=4.0, type_mask=1 << 2))
