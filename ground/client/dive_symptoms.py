@@ -64,6 +64,7 @@ class SymptomKind(StrEnum):
     CURRENT = "strong current"
     FAILSAFE = "failsafe"
     REPORTED = "reported by the vehicle"
+    CUT_OFF = "log ends under way"
 
 
 _SURFACE_REMEDIES = {
@@ -131,14 +132,33 @@ def find_symptoms(log: Log, windows: Sequence[SteadyWindow]) -> tuple[Symptom, .
     Returns
     -------
     tuple of Symptom
-        Surfaces first, then weight, current, failsafes and other reports.
+        Surfaces first, then weight, current, failsafes and other reports, and a log that ends
+        under way.
     """
     return (
         *_surfaces(log),
         *_weight(log, windows),
         *_current(log, windows),
         *_reports(log),
+        *_end_under_way(log),
     )
+
+
+def _end_under_way(log: Log) -> Iterator[Symptom]:
+    """Yield a symptom if the log of an armed vehicle ends under water with running thruster."""
+    if not names_surfaces(log.parameters) or _armed_s(log) is None:
+        return
+    depth_m, thrust = log.depth.depth_m, log.actuators.thrust
+    if depth_m.size and thrust.size and depth_m[-1] > SUBMERGED_M and thrust[-1] > MIN_THRUST:
+        end_s = float(log.attitude.time_s[-1])
+        yield Symptom(
+            SymptomKind.CUT_OFF,
+            "",
+            f"the log ends at {depth_m[-1]:.1f} m depth while the vehicle is armed,"
+            f" {_when(log, end_s)}",
+            "find out why the link, the simulator or the autopilot ended; the vehicle's own log"
+            " shows more (`ground log download`)",
+        )
 
 
 def _surfaces(log: Log) -> Iterator[Symptom]:

@@ -17,7 +17,7 @@ from sysid.monitor import tracking_metrics
 
 _FINDING_RANK = {ErrorCause.SYMPTOM: -1, ErrorCause.LATE: 3}
 """Order of the findings: causes that are symptoms first; others have rank 2."""
-_SYMPTOM_RANK = {SymptomKind.FAILSAFE: 1, SymptomKind.REPORTED: 4}
+_SYMPTOM_RANK = {SymptomKind.FAILSAFE: 1, SymptomKind.CUT_OFF: 1, SymptomKind.REPORTED: 4}
 """Order of the symptoms; others have rank 0."""
 
 
@@ -60,7 +60,9 @@ def reasons(assessment: Assessment) -> list[Reason]:
             rank = _SYMPTOM_RANK.get(symptom.kind, 0)
             ranked.append((rank, Reason(symptom.message, symptom.remedy)))
     if assessment.outcome is Outcome.UNKNOWN:
-        ranked.append((-2, _why_not_assessed(assessment)))
+        # a leg that the end of the log cut short needs no longer mission
+        is_cut_off = any(symptom.kind is SymptomKind.CUT_OFF for symptom in assessment.symptoms)
+        ranked.append((5 if is_cut_off else -2, _why_not_assessed(assessment)))
     return [reason for _, reason in sorted(ranked, key=lambda pair: pair[0])]
 
 

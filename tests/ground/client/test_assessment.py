@@ -15,7 +15,7 @@ from ground.client.assessment import ErrorCause, Outcome
 from ground.client.dive_symptoms import SymptomKind
 from sysid.data import dataset as logs
 from sysid.data.dataset import Log, VelocitySource
-from sysid.data.events import Failsafe, FailsafeCause
+from sysid.data.events import Armed, Failsafe, FailsafeCause
 from tests.helpers.synthetic_dive import EMPTY, constant, decay, dive, swing
 
 Array = NDArray[np.float64]
@@ -85,6 +85,33 @@ def test_short_dive_is_not_assessed() -> None:
     found = assessment.assess_log(dive(length_s=20.0, heading_error_deg=constant(-8.4)))
     assert (found.legs, found.findings, found.short_legs) == ((), (), 1)
     assert "not assessed: too short: no leg under water lasted 30 s" in verdict.format_text(found)
+
+
+def test_log_that_ends_under_way_says_so_first() -> None:
+    armed = logs.LogEvent(5.0, Armed())
+    found = assessment.assess_log(replace(dive(length_s=20.0), events=(armed,)))
+    assert verdict.headline(found) == (
+        "the log ends at 3.0 m depth while the vehicle is armed, 15 s after arming"
+    )
+    assert "ended" in verdict.next_step(found)
+    assert "too short" in verdict.format_text(found)
+
+
+@pytest.mark.parametrize(
+    ("depth_error_m", "thrust", "armed_s"),
+    [(-2.9, 0.58, [5.0]), (0.0, 0.0, [5.0]), (0.0, 0.58, [])],
+)
+def test_log_that_ends_at_the_surface_or_unarmed_is_complete(
+    depth_error_m: float, thrust: float, armed_s: list[float]
+) -> None:
+    flown = dive(depth_error_m=constant(depth_error_m))
+    log = replace(
+        flown,
+        actuators=replace(flown.actuators, thrust=np.full(t_of(flown).size, thrust)),
+        events=tuple(logs.LogEvent(time_s, Armed()) for time_s in armed_s),
+    )
+    kinds = [symptom.kind for symptom in assessment.assess_log(log).symptoms]
+    assert SymptomKind.CUT_OFF not in kinds
 
 
 def test_log_without_setpoints_is_not_assessed() -> None:
