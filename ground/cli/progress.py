@@ -42,6 +42,8 @@ class ProgressDisplay:
         self._tasks: dict[str, TaskID] = {}
         self._lines: dict[str, Interval] | None = None if bars.console.is_terminal else {}
         """Time of the last line by task; None if a terminal shows the bars."""
+        self._warnings: dict[str, str] = {}
+        """Last warning by task."""
         self._lock = Lock()
         self._below: RenderableType | None = None
         self.dive = "dive"
@@ -66,6 +68,9 @@ class ProgressDisplay:
             f"item {progress.item + 1} of {progress.items}, {progress.depth_m:.1f} m deep, heading"
             f" {heading_deg:.0f} deg, {progress.vehicle_s:.0f} s at {speed:.0f}x",
         )
+        if progress.warning and progress.warning != self._warnings.get(name):
+            self.print_line(f"{name}: {progress.warning}")
+        self._warnings[name] = progress.warning
 
     def show_text(self, text: StatusText) -> None:
         """Print a text of the vehicle if it is urgent or about a test."""

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 from ground.client.recorder import Recorder
 from ground.client.signing import open_signing
 from ground.client.stopping import left_behind
-from ground.client.vehicle import StatusText, VehicleClient, VehicleClientError
+from ground.client.vehicle import MAX_PUMP_S, StatusText, VehicleClient, VehicleClientError
 from ground.errors import Interrupted
 from ground.missions import plans
 from ground.simulation import affinity
@@ -38,6 +38,11 @@ of the vehicle."""
 _MISSION_COMPLETE = constant("MISSION_STATE_COMPLETE")
 PROGRESS_PERIOD_S = 0.1
 """Wall time between reports of progress."""
+STALL_WARNING_S, STALL_TIMEOUT_S = 30.0, 60.0
+"""Wall time without advance of vehicle time after which `fly` warns, and after which it gives up.
+
+A debugger or a paused simulator also stops vehicle time, usually for less."""
+STALL_REASON = "no sensor data reach the autopilot: is the simulator still running?"
 
 
 class FlightProgress(NamedTuple):
@@ -48,9 +53,13 @@ class FlightProgress(NamedTuple):
     items: int
     """Number of mission items."""
     vehicle_s: float
+    """Vehicle time since the start of the dive."""
     wall_s: float
+    """Wall time since the start of the dive."""
     depth_m: float
     heading_deg: float
+    warning: str = ""
+    """What the user should look at; empty without any trouble."""
 
 
 @dataclass(frozen=True)
@@ -345,14 +354,15 @@ def _fly(
     recorder.attach_parameters(parameters)
     if follower is not None:
         follower.begin(parameters)
-    start_s, vehicle_start_s = wall_s(), recorder.vehicle_s
+    assert vehicle.vehicle_id is not None, "connect has found the vehicle"
+    clock = DiveClock(recorder, vehicle.vehicle_id.system)
     vehicle.arm()
     vehicle.on_text = _call_both(hear, follower.on_text if follower else None)
-    _until_disarmed(vehicle, recorder, len(dive.items), start_s, watch, follower)
+    _until_disarmed(vehicle, clock, len(dive.items), watch, follower)
     return FlightResult(
         log=dive.log,
-        vehicle_s=recorder.vehicle_s - vehicle_start_s,
-        wall_s=wall_s() - start_s,
+        vehicle_s=clock.vehicle_s,
+        wall_s=clock.wall_s,
         messages=recorder.message_count,
         lost_frames=vehicle.lost_frames,
         texts=tuple(text.text for text in vehicle.texts),
@@ -389,27 +399,82 @@ def _call_both(first: TextCallback | None, second: TextCallback | None) -> TextC
 
 def _until_disarmed(
     vehicle: VehicleClient,
-    recorder: Recorder,
+    clock: "DiveClock",
     items: int,
-    start_s: float,
     watch: WatchCallback | None,
     follower: TelemetryListener | None,
 ) -> None:
-    """Receive until the vehicle has disarmed."""
+    """Receive until the vehicle has disarmed. Raises VehicleClientError if vehicle time stalls."""
     report = Interval(PROGRESS_PERIOD_S)
     while not vehicle.disarmings:
         vehicle.pump(0.05)
+        clock.update()
         if watch is not None and report.due():
-            watch(_progress(vehicle, recorder, items, wall_s() - start_s))
+            watch(_progress(vehicle, clock, items))
         if follower is not None:
             follower.poll()
     if follower is not None:
         follower.poll(last=True)
 
 
-def _progress(
-    vehicle: VehicleClient, recorder: Recorder, items: int, wall: float
-) -> FlightProgress:
+class DiveClock:
+    """Vehicle time and wall time since the start of a dive.
+
+    Parameters
+    ----------
+    recorder : Recorder
+        Recorder of the vehicle's frames.
+    system : int
+        System id of the vehicle.
+    """
+
+    def __init__(self, recorder: Recorder, system: int) -> None:
+        self._recorder, self._system = recorder, system
+        self._start_s = self._updated_s = wall_s()
+        self._vehicle_start_s = self._newest_s = recorder.system_s(system)
+        self._stalled_s = 0.0
+
+    @property
+    def vehicle_s(self) -> float:
+        """Vehicle time since the start."""
+        return self._recorder.system_s(self._system) - self._vehicle_start_s
+
+    @property
+    def wall_s(self) -> float:
+        """Wall time since the start."""
+        return wall_s() - self._start_s
+
+    @property
+    def warning(self) -> str:
+        """Reason why vehicle time stands still; empty while it advances."""
+        if self._stalled_s < STALL_WARNING_S:
+            return ""
+        return f"vehicle time has not advanced for {STALL_WARNING_S:g} s: {STALL_REASON}"
+
+    def update(self) -> None:
+        """Compare vehicle time with that of the last call.
+
+        A pause of this program counts as `MAX_PUMP_S`, as for the heartbeats.
+
+        Raises
+        ------
+        VehicleClientError
+            Vehicle time has not advanced for `STALL_TIMEOUT_S`.
+        """
+        now_s, newest_s = wall_s(), self._recorder.system_s(self._system)
+        if newest_s != self._newest_s:
+            self._newest_s, self._stalled_s = newest_s, 0.0
+        else:
+            self._stalled_s += min(now_s - self._updated_s, MAX_PUMP_S)
+        self._updated_s = now_s
+        if self._stalled_s > STALL_TIMEOUT_S:
+            raise VehicleClientError(
+                f"vehicle time has not advanced for {STALL_TIMEOUT_S:g} s: {STALL_REASON}"
+                f" What was recorded is kept in {self._recorder.path}"
+            )
+
+
+def _progress(vehicle: VehicleClient, clock: DiveClock, items: int) -> FlightProgress:
     """Return the progress according to the last messages."""
     current = vehicle.latest("MISSION_CURRENT")
     position = vehicle.latest("LOCAL_POSITION_NED")
@@ -417,8 +482,9 @@ def _progress(
     return FlightProgress(
         item=current.seq if current else 0,
         items=items,
-        vehicle_s=recorder.vehicle_s,
-        wall_s=wall,
+        vehicle_s=clock.vehicle_s,
+        wall_s=clock.wall_s,
         depth_m=position.z if position else 0.0,
         heading_deg=math.degrees(attitude.yaw) % 360.0 if attitude else 0.0,
+        warning=clock.warning,
     )

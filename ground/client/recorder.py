@@ -77,6 +77,22 @@ class Recorder:
         """Vehicle time of the newest message, over all systems."""
         return max((clock.vehicle_us for clock in self._clocks.values()), default=0) / 1e6
 
+    def system_s(self, system: int) -> float:
+        """Return the vehicle time of the newest message of a system.
+
+        Parameters
+        ----------
+        system : int
+            System id.
+
+        Returns
+        -------
+        float
+            Vehicle time (s); 0 before the first time stamp.
+        """
+        clock = self._clocks.get(system)
+        return 0.0 if clock is None else clock.vehicle_us / 1e6
+
     def heard(self, component: int, name: str) -> bool:
         """Return whether a component has sent a message.
 

@@ -108,6 +108,14 @@ def test_progress_without_a_terminal_is_one_line_per_period() -> None:
     ]
 
 
+def test_warning_of_a_dive_is_printed_once() -> None:
+    page = io.StringIO()
+    shown = shown_on(page)
+    for warning in ("", "look", "look", "", "look"):
+        shown.watch_named("square", FlightProgress(0, 3, 1.0, 1.0, 2.0, 90.0, warning))
+    assert page.getvalue().splitlines()[1:] == ["square: look", "square: look"]
+
+
 @pytest.mark.parametrize(
     ("heading_deg", "shown_deg"), [(359.7, "0 deg"), (359.4, "359 deg"), (math.nan, "nan deg")]
 )

@@ -1,0 +1,99 @@
+"""Progress of a dive, and a vehicle time that stands still."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.client import flight
+from ground.client.flight import STALL_TIMEOUT_S, STALL_WARNING_S, DiveClock, FlightProgress
+from ground.client.recorder import Recorder
+from ground.client.vehicle import VehicleClientError
+from mavlink_io.codec import Frame
+from tests.ground.live.page.telemetry import frame
+
+HOUR_MS = 3_600_000
+"""Vehicle time at the start of a dive, of a vehicle that was switched on an hour before."""
+PUMP_S = 0.5
+"""Wall time that each call of `pump` takes."""
+
+
+class Vehicle:
+    """Stands in for the client: sends attitudes until its sensors stop, and never disarms."""
+
+    disarmings = 0
+
+    def __init__(self, recorder: Recorder, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.recorder, self.now_s = recorder, 100.0
+        self.stopped_s, self.resumed_s = 1e9, 1e9
+        monkeypatch.setattr(flight, "wall_s", lambda: self.now_s)
+        monkeypatch.setattr(flight.Interval, "due", lambda _: True)
+        self.send(0)
+
+    def send(self, time_ms: int, system: int = 1) -> None:
+        sent: Frame = frame("ATTITUDE", time_boot_ms=HOUR_MS + time_ms)
+        self.recorder.record(sent._replace(system=system))
+
+    def pump(self, timeout_s: float) -> None:
+        self.now_s += PUMP_S
+        flown_s = self.now_s - 100.0
+        self.send(int(10_000 * flown_s), system=2)
+        if not self.stopped_s <= flown_s < self.resumed_s:
+            self.send(int(2000 * flown_s))
+
+    def latest(self, name: str) -> Any:
+        return None
+
+
+@pytest.fixture
+def vehicle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Vehicle]:
+    recorder = Recorder(tmp_path / "dive.mcap")
+    yield Vehicle(recorder, monkeypatch)
+    recorder.finish()
+
+
+class EndedError(Exception):
+    """Ends the dive of a test."""
+
+
+def progress_of(vehicle: Vehicle, duration_s: float) -> list[FlightProgress]:
+    """Progress of a dive of this wall time."""
+    reports = list[FlightProgress]()
+
+    def watch(progress: FlightProgress) -> None:
+        reports.append(progress)
+        if progress.wall_s >= duration_s:
+            raise EndedError
+
+    clock = DiveClock(vehicle.recorder, 1)
+    with pytest.raises(EndedError):
+        flight._until_disarmed(vehicle, clock, 3, watch, None)  # type: ignore[arg-type]
+    return reports
+
+
+def test_progress_counts_vehicle_time_from_the_start_of_the_dive(vehicle: Vehicle) -> None:
+    last = progress_of(vehicle, 10.0)[-1]
+    assert (last.vehicle_s, last.wall_s, last.warning) == (20.0, 10.0, "")
+
+
+def test_stalled_vehicle_time_gives_a_warning_and_then_an_error(vehicle: Vehicle) -> None:
+    vehicle.stopped_s = 10.0
+    reports = progress_of(vehicle, 10.0 + STALL_WARNING_S)
+    assert [bool(report.warning) for report in reports[-3:]] == [False, True, True]
+    with pytest.raises(VehicleClientError, match=r"60 s: no sensor data .*kept in .*dive\.mcap"):
+        progress_of(vehicle, 2.0 * STALL_TIMEOUT_S)
+
+
+def test_warning_ends_when_vehicle_time_advances_again(vehicle: Vehicle) -> None:
+    vehicle.stopped_s, vehicle.resumed_s = 10.0, 60.0
+    reports = progress_of(vehicle, 200.0)
+    warned_s = [report.wall_s for report in reports if report.warning]
+    assert (warned_s[0], warned_s[-1]) == (39.5, 59.5)
+
+
+def test_pause_of_the_program_is_no_stall(vehicle: Vehicle) -> None:
+    clock = DiveClock(vehicle.recorder, 1)
+    vehicle.now_s += 10.0 * STALL_TIMEOUT_S
+    clock.update()
+    assert not clock.warning
