@@ -253,6 +253,8 @@ def open_recorded_vehicle(
 ) -> Iterator[tuple[VehicleClient, Recorder]]:
     """Open a link to a vehicle and record all its frames; close both at the end.
 
+    Log files in which no dive was recorded are removed.
+
     Parameters
     ----------
     target : str or SimulatedVehicle
@@ -277,6 +279,7 @@ def open_recorded_vehicle(
             stack.enter_context(affinity.restrict_to_free_cores())
         signature = stack.enter_context(open_signing(key_file))
         recorder = Recorder(log, tlog)
+        stack.callback(recorder.remove_if_empty)
         stack.callback(recorder.finish)
         try:
             yield (

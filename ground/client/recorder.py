@@ -19,6 +19,7 @@ from mavlink_io.logging.tlog import TelemetryLog
 
 FLUSH_PERIOD_S = 0.2
 """Wall time between flushes."""
+_HEARTBEAT = dialect.by_name("HEARTBEAT").message_id
 RESTART_US = 10_000_000
 """Step back of vehicle time that counts as a restart of the autopilot; a smaller step is an old
 sample, such as a satellite fix."""
@@ -56,7 +57,7 @@ class Recorder:
     def __init__(
         self, path: Path, tlog: Path | None = None, now_unix_ns: Callable[[], int] = time.time_ns
     ) -> None:
-        self.path = path
+        self.path, self._tlog_path = path, tlog
         self._now_unix_ns = now_unix_ns
         self._opened_unix_ns = now_unix_ns()
         self._streams: dict[tuple[int, int, int], _Stream] = {}
@@ -190,6 +191,15 @@ class Recorder:
         self._file.close()
         if self._tlog is not None:
             self._tlog.close()
+
+    def remove_if_empty(self) -> None:
+        """Remove the files if they hold heartbeats at most: no dive was recorded.
+
+        Call it after `finish`; a repeated command then finds its file names free.
+        """
+        if all(message_id == _HEARTBEAT for _, _, message_id in self._streams):
+            for path in filter(None, (self.path, self._tlog_path)):
+                path.unlink(missing_ok=True)
 
     def _set_clock(self, system: int, clock: _Clock, vehicle_us: int) -> None:
         """Update the vehicle time of a system; its first time stamp fixes the UNIX time at zero."""

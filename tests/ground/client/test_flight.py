@@ -10,8 +10,9 @@ from ground.client import flight
 from ground.client.flight import STALL_TIMEOUT_S, STALL_WARNING_S, DiveClock, FlightProgress
 from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClientError
+from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
-from tests.ground.live.page.telemetry import frame
+from tests.ground.live.page.telemetry import frame, heartbeat
 
 HOUR_MS = 3_600_000
 """Vehicle time at the start of a dive, of a vehicle that was switched on an hour before."""
@@ -28,7 +29,7 @@ class Vehicle:
         self.recorder, self.now_s = recorder, 100.0
         self.stopped_s, self.resumed_s = 1e9, 1e9
         monkeypatch.setattr(flight, "wall_s", lambda: self.now_s)
-        monkeypatch.setattr(flight.Interval, "due", lambda _: True)
+        monkeypatch.setattr(Interval, "due", lambda _: True)
         self.send(0)
 
     def send(self, time_ms: int, system: int = 1) -> None:
@@ -90,6 +91,20 @@ def test_warning_ends_when_vehicle_time_advances_again(vehicle: Vehicle) -> None
     reports = progress_of(vehicle, 200.0)
     warned_s = [report.wall_s for report in reports if report.warning]
     assert (warned_s[0], warned_s[-1]) == (39.5, 59.5)
+
+
+def test_log_with_heartbeats_at_most_is_removed(tmp_path: Path) -> None:
+    log, tlog = tmp_path / "dive.mcap", tmp_path / "dive.tlog"
+    with flight.open_recorded_vehicle("memory:nobody", log, tlog) as (_, recorder):
+        recorder.record(heartbeat())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_log_with_a_text_is_kept(tmp_path: Path) -> None:
+    log = tmp_path / "dive.mcap"
+    with flight.open_recorded_vehicle("memory:text", log) as (_, recorder):
+        recorder.record(frame("STATUSTEXT", severity=3, text="no depth sensor"))
+    assert log.exists()
 
 
 def test_pause_of_the_program_is_no_stall(vehicle: Vehicle) -> None:
