@@ -1,9 +1,14 @@
 """Directory for data that a program keeps until its next start, and safe replacement of files."""
 
+import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 
 def user_data_dir() -> Path:
@@ -62,6 +67,36 @@ def write_output(path: str | Path, content: str | bytes) -> None:
             Path(path).write_bytes(data)
         else:
             _replace(target, data, target.stat().st_mode & 0o777 if exists else None, durable=True)
+
+
+def open_output(path: Path) -> io.BufferedWriter:
+    """Open a file that is written during the work of a program; a failed write names the file.
+
+    Parameters
+    ----------
+    path : Path
+        The file; an old one is overwritten.
+
+    Returns
+    -------
+    file object
+        The file, in binary mode.
+
+    Raises
+    ------
+    OSError
+        The file cannot be opened.
+    """
+    return io.BufferedWriter(_NamedFile(path, "wb"))
+
+
+class _NamedFile(io.FileIO):
+    """File that names itself in the OSError of a failed write, which the system does not."""
+
+    def write(self, data: "ReadableBuffer", /) -> int:  # FileIO returns None if non-blocking
+        """Write bytes and return their number."""
+        with errors_named(str(self.name)):
+            return super().write(data) or 0
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from mavlink_io.codec import Frame
 from mavlink_io.logging import ros1
 from mavlink_io.logging.mavlink_log import Channel, MavlinkLog
 from mavlink_io.logging.tlog import TelemetryLog
+from mavlink_io.user_data_dir import open_output
 
 FLUSH_PERIOD_S = 0.2
 """Wall time between flushes."""
@@ -62,7 +63,7 @@ class Recorder:
         self._opened_unix_ns = now_unix_ns()
         self._streams: dict[tuple[int, int, int], _Stream] = {}
         self._clocks: dict[int, _Clock] = {}
-        self._file = path.open("wb")
+        self._file = open_output(path)
         self._tlog = TelemetryLog(tlog) if tlog else None
         self._log = MavlinkLog(self._file)
         self._flush = Interval(FLUSH_PERIOD_S, wall_s)

@@ -15,6 +15,7 @@ from mavlink_io import dialect
 from mavlink_io.codec import LARGEST_FRAME, MAGIC_V1, MAGIC_V2, Framer, is_intact
 from mavlink_io.dialect import MessageType
 from mavlink_io.logging.ros1 import vehicle_time_reader
+from mavlink_io.user_data_dir import open_output
 
 _STAMP = struct.Struct(">Q")
 _OVERHEAD = {MAGIC_V2: 12, MAGIC_V1: 8}
@@ -42,7 +43,7 @@ class TelemetryLog:
     """
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open("wb")
+        self._file = open_output(path)
         self._time_us = 0
 
     def write(self, time_us: int, raw: bytes) -> None:

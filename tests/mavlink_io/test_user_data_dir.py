@@ -2,11 +2,12 @@
 
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from mavlink_io.user_data_dir import write_output
+from mavlink_io.user_data_dir import open_output, write_output
 
 OLD, NEW = b"old result", "new result, 1 \N{DEGREE SIGN}\n"
 needs_full_device = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
@@ -43,6 +44,17 @@ def test_full_device_is_named() -> None:
     with pytest.raises(OSError, match="No space left") as failure:
         write_output("/dev/full", NEW)
     assert failure.value.filename == "/dev/full"
+
+
+@needs_full_device
+def test_open_output_on_full_device_is_named() -> None:
+    file = open_output(Path("/dev/full"))
+    file.write(NEW.encode())
+    with pytest.raises(OSError, match="No space left") as failure:
+        file.flush()
+    assert failure.value.filename == "/dev/full"
+    with suppress(OSError):
+        file.close()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="modes of POSIX")
