@@ -250,11 +250,17 @@ def read_plan(text: str, where: str) -> tuple[MissionItem, ...]:
     The items of a survey that trigger a camera are left out. Raises ScriptError.
     """
     with _errors_named(where, "mission.items"):
-        entries = [
-            entry for outer in parse_json(text)["mission"]["items"] for entry in _simple(outer)
-        ]
-        places = {entry.get("doJumpId"): n for n, entry in enumerate(entries)}
-        return _renumber([_from_plan(entry, places) for entry in entries])
+        entries: list[tuple[str, dict[str, Any]]] = []
+        for number, outer in enumerate(parse_json(text)["mission"]["items"]):
+            part = f"mission.items[{number}]"
+            with _errors_named(where, part):
+                entries += [(part, entry) for entry in _simple(outer)]
+        places = {entry.get("doJumpId"): n for n, (_, entry) in enumerate(entries)}
+        items: list[MissionItem] = []
+        for part, entry in entries:
+            with _errors_named(where, part):
+                items.append(_from_plan(entry, places))
+        return _renumber(items)
 
 
 def read_fence(text: str, where: str) -> tuple[MissionItem, ...]:
@@ -290,8 +296,11 @@ def _errors_named(where: str, part: str) -> Iterator[None]:
         raise
     except json.JSONDecodeError as error:
         raise ScriptError(f"{where}: not JSON: {error}") from None
+    except KeyError as error:
+        reason = f"the key {error} is missing"
+        raise ScriptError(f"{where}: {part}: not a QGroundControl plan: {reason}") from None
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise ScriptError(f"{where}: {part}: not a QGroundControl plan ({error!r})") from None
+        raise ScriptError(f"{where}: {part}: not a QGroundControl plan: {error}") from None
 
 
 def _simple(entry: dict[str, Any]) -> list[dict[str, Any]]:
@@ -368,16 +377,30 @@ def _from_plan(entry: dict[str, Any], places: Mapping[Any, int]) -> MissionItem:
 
     Raises KeyError, TypeError, ValueError.
     """
-    p1, p2, p3, p4, x, y, z = (
-        math.nan if value is None else float(value) for value in entry["params"]
-    )
+    try:
+        p1, p2, p3, p4, x, y, z = (
+            math.nan if value is None else float(value) for value in entry["params"]
+        )
+    except (TypeError, ValueError):
+        raise ValueError(f"params = {entry['params']!r:.80}: must be 7 numbers or null") from None
     autocontinue = int(entry.get("autoContinue", True))
-    item = _item(int(entry["frame"]), int(entry["command"]), autocontinue, (p1, p2, p3, p4, z))
+    frame, command = _integer(entry, "frame"), _integer(entry, "command")
+    item = _item(frame, command, autocontinue, (p1, p2, p3, p4, z))
     if item.command == MavCmd.DO_JUMP:
+        if int(p1) not in places:
+            raise ValueError(f"no item has the doJumpId {int(p1)}, the target of DO_JUMP")
         item = item._replace(p1=float(places[int(p1)]))
     if _has_global_position(item) and math.isnan(x) and math.isnan(y):
         return item._replace(x=NOT_GIVEN, y=NOT_GIVEN)
     return _with_location(item, 0.0 if math.isnan(x) else x, 0.0 if math.isnan(y) else y)
+
+
+def _integer(entry: dict[str, Any], key: str) -> int:
+    """Return the integer of a key. Raises KeyError, or ValueError that names the key."""
+    try:
+        return int(entry[key])
+    except (TypeError, ValueError):
+        raise ValueError(f"{key} = {entry[key]!r:.80}: must be an integer") from None
 
 
 def _location(item: MissionItem) -> tuple[float, float]:

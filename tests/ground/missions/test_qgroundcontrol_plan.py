@@ -91,7 +91,7 @@ def test_wrong_part_of_plan_is_named(tmp_path: Path, part: str, value: Any, mess
 def test_jump_to_missing_item_is_refused(tmp_path: Path) -> None:
     content = plan(HOME)
     content["mission"]["items"][2]["params"][0] = 99
-    with pytest.raises(ScriptError, match=r"mission\.items"):
+    with pytest.raises(ScriptError, match=r"mission\.items\[2\]: .* no item has the doJumpId 99"):
         load(tmp_path, content)
 
 

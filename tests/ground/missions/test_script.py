@@ -210,6 +210,23 @@ def test_a_plan_may_leave_numbers_out() -> None:
         ),
         ("m.plan", '{"mission": {"items": [{"type": "ComplexItem"}]}}', "without its items"),
         ("m.plan", "{broken", "not JSON"),
+        ("m.plan", '{"mission": {}}', "mission.items: .* the key 'items' is missing"),
+        (
+            "m.plan",
+            '{"mission": {"items": [{"command": 9999}]}}',
+            r"m\.plan: mission\.items\[0\]: .* the key 'type' is missing",
+        ),
+        (
+            "m.plan",
+            '{"mission": {"items": [{"type": "SimpleItem", "params": [0, 1], "frame": 3}]}}',
+            r"params = \[0, 1\]: must be 7 numbers or null",
+        ),
+        (
+            "m.plan",
+            '{"mission": {"items": [{"type": "SimpleItem", "params": [0, 0, 0, 0, 0, 0, 0],'
+            ' "frame": "down"}]}}',
+            "frame = 'down': must be an integer",
+        ),
         ("m.plan", '{"mission": 3}', "not a QGroundControl plan"),
         ("m.txt", "hello", "neither"),
     ],
