@@ -301,8 +301,11 @@ def format_text(result: Mapping[str, Any], folder: Path) -> str:
                 lines.append(f"  {key:24s} {value['value']:9.4f} +- {sd:10s} {paper}")
             else:
                 lines.append(f"  {key:24s} {value:9.4f}")
-        lines += ["  rate limit at            triangle Hz   sine Hz   -3 dB Hz    the paper Hz"]
-        lines += [_format_limit(limit) for limit in axis["limits"]]
+        if axis["model"]["rate_degps"]["sd"] is None:
+            lines += ["  rate limit: not shown by the data; it takes a larger --amplitude"]
+        else:
+            lines += ["  rate limit at            triangle Hz   sine Hz   -3 dB Hz    the paper Hz"]
+            lines += [_format_limit(limit) for limit in axis["limits"]]
         lines += [""]
     return "\n".join([*lines, f"{folder}: bench.mcap, bench.json, figure4.png"])
 

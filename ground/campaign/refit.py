@@ -20,7 +20,7 @@ from sysid.data.dataset import Log
 from sysid.data.events import ModeChanged
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
 from sysid.data.segments import MarkedInterval
-from sysid.design import lqg, pid
+from sysid.design import design_model, lqg, pid
 from sysid.design.lqg import LqgDesign
 from sysid.design.pid import Design, Spec
 from sysid.models import model_file, prediction
@@ -370,9 +370,13 @@ def read_model(path: Path) -> IdentifiedModel:
     Raises
     ------
     InputError
-        The file is missing or is no model.
+        The file is missing, is no model, or contradicts itself.
     """
-    return model_file.read(path)
+    model = model_file.read(path)
+    with _singular_model_reported():
+        if edited := design_model.edited_plane(model):
+            raise InputError(f"{path}: {edited}")
+    return model
 
 
 def read_vehicle(prior: str | None) -> Any:

@@ -1,6 +1,7 @@
 """`ground design-test`: choose identification tests and write them as missions and parameters."""
 
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -111,6 +112,17 @@ def design_test(
 
     Each test is simulated on vehicles sampled from the prior.
     """
+    _refuse_nan(
+        depth=depth,
+        min_depth=min_depth,
+        water_depth=water_depth,
+        min_altitude=min_altitude,
+        max_depth_change=max_depth_change,
+        heading=heading,
+        pitch=pitch,
+        yaw_rate=yaw_rate,
+        pitch_rate=pitch_rate,
+    )
     from ground.cli import progress
     from ground.client import param_file
     from ground.test_design import files, format, session
@@ -160,10 +172,17 @@ def design_test(
     written = {name: str(path) for name, path in paths._asdict().items()}
     notes = [
         f"{plan.test_time_s / 60.0:.1f} min of test time in two dives",
-        f"ground fly {paths.tests} --params {paths.envelope}",
-        f"ground fly {paths.held_out} --params {paths.envelope}",
+        shlex.join(["ground", "fly", str(paths.tests), "--params", str(paths.envelope)]),
+        shlex.join(["ground", "fly", str(paths.held_out), "--params", str(paths.envelope)]),
     ]
     print_result(format.as_json(plan, written, parameters), format.format_text(plan, notes), json)
+
+
+def _refuse_nan(**options: float | None) -> None:
+    """Raise InputError for an option that is not a number, which lies within any limits."""
+    for name, value in options.items():
+        if value is not None and math.isnan(value):
+            raise InputError(f"--{name.replace('_', '-')} nan: give a number")
 
 
 def _limits(

@@ -1,6 +1,6 @@
 """Replay of a log with other parameters, and its result as text and JSON."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,18 +53,33 @@ def replay_log(request: ReplayRequest, prior: DesignPrior) -> Replayed:
     InputError
         The log, the mission or a parameter cannot be used.
     """
-    items = plans.load_items(request.mission) if request.mission else _mission_of(request.log)
+    items = _items(request)
     log = readers.read(request.log)
     controllers = replay.load_controllers(request.controller, request.new_controller)
     return replay.replay(log, prior.vehicle(prior.mean), items, request.parameters, controllers)
 
 
-def _mission_of(path: Path) -> tuple[MissionItem, ...]:
-    """Return the mission in a log."""
+def _items(request: ReplayRequest) -> tuple[MissionItem, ...]:
+    """Return the mission of the dive; a given one must be that in the log, if it has one."""
+    path = request.log
     plan = mcap.attachment(path, MISSION) if readers.format_of(path) == "mcap" else None
-    if plan is None:
+    if plan is None and request.mission is None:
         raise InputError(f"{path}: holds no mission; give that of the dive with --mission")
-    return plans.read_plan(plan.decode("utf-8", "replace"), f"{path}: {MISSION}")
+    if plan is None:
+        return plans.load_items(request.mission or "")
+    recorded = plans.read_plan(plan.decode("utf-8", "replace"), f"{path}: {MISSION}")
+    if request.mission and not _is_same(plans.load_items(request.mission), recorded):
+        raise InputError(
+            f"--mission {request.mission}: {path} holds another mission; a replay flies that of the"
+            " dive: leave out --mission, or use `ground simulate` for another one"
+        )
+    return recorded
+
+
+def _is_same(one: Sequence[MissionItem], other: Sequence[MissionItem]) -> bool:
+    """Return whether two missions are the same in a plan file."""
+    stored = plans.read_plan(plans.write_plan(one), MISSION)
+    return plans.write_plan(stored) == plans.write_plan(other)
 
 
 def comparison(replayed: Replayed) -> Comparison:

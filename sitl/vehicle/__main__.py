@@ -98,9 +98,12 @@ def _start(
     ):
         if value not in get_args(known):
             raise VehicleFileError(f"{option} {value}: expected {', '.join(get_args(known))}")
-    if length_m is None or diameter_m is None or not 0.0 < diameter_m < length_m:
+    if length_m is None or diameter_m is None:
+        missing = "--length-m" if length_m is None else "--diameter-m"
+        raise VehicleFileError(f"{missing}: is missing; --hull needs --length-m and --diameter-m")
+    if not 0.0 < diameter_m < length_m:
         raise VehicleFileError(
-            f"--length-m {length_m} --diameter-m {diameter_m}: expected both, longer than wide"
+            f"--length-m {length_m} --diameter-m {diameter_m}: expected longer than wide"
         )
     tables = starter_tables(name, hull, tail, length_m, diameter_m)  # type: ignore[arg-type]
     return config.finish(tables, name)

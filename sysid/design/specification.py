@@ -109,6 +109,16 @@ class Spec(JsonRecord, frozen=True):
     It limits how far the lag of the tailcone is compensated.
     """
 
+    def lower_limits(self) -> str:
+        """Return the advice to ask for less; tests do not change what a vehicle permits."""
+        options = " ".join(
+            f"--{name.replace('_', '-')} {value:g}" for name, value in RELAXED_LIMITS[0].items()
+        )
+        return (
+            f"ask for less, as a campaign would: {options}, or give constant loads more time:"
+            f" --integral-settling-s {2.0 * self.integral_settling_s:g}"
+        )
+
 
 class Response(JsonRecord, frozen=True):
     """Predicted response to the identified disturbance, one standard deviation of each signal."""

@@ -18,6 +18,7 @@ from msgspec import Meta
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
 from mavlink_io.user_data_dir import write_output
+from sitl.vehicle import check as vehicle_check
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid.models import model_check
@@ -437,6 +438,7 @@ def read(path: str | Path) -> IdentifiedModel:
             raise ModelError(f"{path}: {reason}; give a model.json that `ground refit` wrote")
         if model.vehicle.file is not None:
             vehicle_files.check(model.vehicle.file, f"{path}: vehicle.file")
+            vehicle_check.check_config(model.vehicle.file, f"{path}: vehicle.file")
         return model
     except OSError as error:
         raise ModelError(

@@ -106,8 +106,13 @@ def design_lqg(
     )
     in_waves = disturbance_response.assume_waves(vehicle, initial, spec)
     reference = _reference_errors(in_waves, initial)
-    heading = _tune(in_waves, vehicles, Plane.YAW, spec, reference)
-    depth = _tune(in_waves, vehicles, Plane.PITCH, spec, reference)
+    try:
+        heading = _tune(in_waves, vehicles, Plane.YAW, spec, reference)
+        depth = _tune(in_waves, vehicles, Plane.PITCH, spec, reference)
+    except DesignInfeasibleError as error:
+        raise DesignInfeasibleError(
+            f"{error}; {spec.lower_limits()}; PID loops (--method pid) may meet these limits"
+        ) from None
     robust = robustness(vehicles, heading.controller, depth.controller, spec)
     check_robustness(robust, model, spec)
     predicted = predict_response(vehicle, heading.controller, depth.controller)

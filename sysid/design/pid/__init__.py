@@ -18,7 +18,6 @@ from sysid.design.pid.plane_search import PlaneSearch, Samples
 from sysid.design.pid.rationale import explain
 from sysid.design.robustness import robustness, violations
 from sysid.design.specification import (
-    RELAXED_LIMITS,
     Design,
     DesignInfeasibleError,
     DesignRobustness,
@@ -126,7 +125,7 @@ def redesign(
     try:
         gains = _gains(in_waves, samples, reference, spec)
     except DesignInfeasibleError as error:
-        raise DesignInfeasibleError(f"{error}; {_lower_limits(spec)}") from None
+        raise DesignInfeasibleError(f"{error}; {spec.lower_limits()}") from None
     robust = robustness(samples.vehicles, gains, spec)
     check_robustness(robust, model, spec)
     gains |= integrator_limits(loads, gains)
@@ -278,28 +277,20 @@ def check_robustness(robust: DesignRobustness | None, model: IdentifiedModel, sp
     raise DesignInfeasibleError(
         f"only {100 * robust.specification:.0f} % of the vehicles sampled from the model meet the"
         f" specification, at least {100 * spec.robust_fraction:.0f} % required; most violate the"
-        f" {robust.worst}; {_recommended_test(model)}, and refit"
+        f" {robust.worst}; {_recommended_test(model, robust.worst)}, and refit"
     )
 
 
-def _lower_limits(spec: Spec) -> str:
-    """Return the advice to ask for less; tests do not change what a vehicle permits."""
-    options = " ".join(
-        f"--{name.replace('_', '-')} {value:g}" for name, value in RELAXED_LIMITS[0].items()
-    )
-    return (
-        f"ask for less, as a campaign would: {options}, or give constant loads more time:"
-        f" --integral-settling-s {2.0 * spec.integral_settling_s:g}"
-    )
-
-
-def _recommended_test(model: IdentifiedModel) -> str:
-    """Return the test that the model's assessment recommends, or a general one."""
+def _recommended_test(model: IdentifiedModel, worst: str) -> str:
+    """Return the test that the assessment recommends, if it moves the plane of the worst limit."""
     next_test = model.assessment.next_test if model.assessment else None
+    in_yaw = any(cut in worst for cut in ("rudder", "heading", "yaw"))
+    plane = Plane.YAW if in_yaw else Plane.PITCH
+    if next_test and next_test.plane == plane:
+        return f"fly {next_test}"
     return (
-        f"fly {next_test}"
-        if next_test
-        else "record more tests, or sweep the tailcone by `ground bench-test`"
+        f"record more tests of the {PLANES[plane].surface}, or sweep the tailcone by"
+        " `ground bench-test`"
     )
 
 
