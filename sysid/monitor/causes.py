@@ -179,7 +179,7 @@ def _causes_from_spreads(
         )
         yield Cause(
             "sea",
-            f"disturbance larger than identified: {message}; slightly reduced damping has the same"
-            " effect",
+            f"disturbance larger than identified: {message}; slightly reduced damping, and backlash"
+            " of the tailcone, which is not predicted, have the same effect",
             refit_recommended=False,
         )

@@ -286,7 +286,8 @@ def find_obstacle(check: Readiness, missions: Mapping[str, Items]) -> Obstacle |
             return Obstacle(
                 f"{PLANES[plane].surface} tests",
                 f"the disturbance masks them: coherence about crossover {coherence:.2f}, "
-                f"at least {COHERENCE:g} needed; {check.describe_disturbance()}",
+                f"at least {COHERENCE:g} needed; {check.describe_disturbance()}; a calmer scenario"
+                " may do",
             )
     return None
 

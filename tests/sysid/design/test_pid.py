@@ -10,15 +10,26 @@ from scipy.linalg import expm
 
 from autopilot.control import reference_model
 from autopilot.control.reference_model import NO_REFERENCE, ActuatorLead
+from ground.campaign import refit
+from mavlink_io.errors import OperationError
+from sitl.vehicle import config as vehicle_files
 from sysid.control_analysis import loop_state_space
-from sysid.design import constraints, pid
+from sysid.design import constraints, design_model, pid
 from sysid.design.design_model import DesignModel, analyse_loops, from_model, sample_models
 from sysid.design.disturbance_response import command_noise_rad, predict_response
-from sysid.design.pid import Design, DesignInfeasibleError, Spec, heading, step_response
+from sysid.design.pid import (
+    Design,
+    DesignInfeasibleError,
+    DesignRobustness,
+    Spec,
+    heading,
+    step_response,
+)
 from sysid.design.robustness import robustness
 from sysid.models.model_file import IdentifiedModel, sha256_of_model
 from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
+from sysid.validation.results import ModelAssessment, NextTest
 
 
 @pytest.fixture(scope="module")
@@ -270,6 +281,43 @@ def test_redesign_low_robustness_raises_with_advice(
         match=r"of the vehicles sampled from the model .* most violate the .*refit",
     ):
         pid.redesign(model, Spec(robust_fraction=0.999, robust_pm_deg=55.0))
+
+
+@pytest.mark.parametrize(
+    ("worst", "advice"),
+    [
+        ("phase margin at the rudder", "fly chirp of 5 deg on the rudder for 30 s"),
+        ("damping of the pitch loop", "record more tests of the elevator, or sweep the tailcone"),
+    ],
+)
+def test_advice_is_for_the_plane_of_the_worst_limit(
+    model: IdentifiedModel, worst: str, advice: str
+) -> None:
+    test = NextTest(
+        plane=Plane.YAW, signal="chirp", magnitude_deg=5.0, duration_s=30.0, reason="coherence"
+    )
+    assessed = msgspec.structs.replace(model, assessment=ModelAssessment(True, (), (), test))
+    few = DesignRobustness(specification=0.4, relaxed=1.0, worst=worst, vehicles=20)
+    with pytest.raises(DesignInfeasibleError, match=f"{worst}; {advice}"):
+        pid.check_robustness(few, assessed, Spec())
+
+
+def test_edited_plane_is_named(model: IdentifiedModel) -> None:
+    vehicle = msgspec.structs.replace(model.vehicle, file=vehicle_files.load(model.vehicle.prior))
+    own = msgspec.structs.replace(model, vehicle=vehicle)
+    assert design_model.edited_plane(own) == ""
+    pitch = own.planes[Plane.PITCH]
+    delayed = msgspec.structs.replace(
+        pitch, delay_s=msgspec.structs.replace(pitch.delay_s, value=9.0)
+    )
+    edited = msgspec.structs.replace(own, planes=own.planes | {Plane.PITCH: delayed})
+    assert design_model.edited_plane(edited).startswith("planes.pitch.delay_s.value = 9: vehicle")
+
+
+def test_assessment_without_reasons_is_a_reason(model: IdentifiedModel) -> None:
+    silent = ModelAssessment(fit_for_redesign=False, reasons=(), checks=(), next_test=None)
+    with pytest.raises(OperationError, match="not fit for redesign: its assessment gives no reas"):
+        refit.redesign(msgspec.structs.replace(model, assessment=silent))
 
 
 def test_redesign_ambiguous_fit_raises(model: IdentifiedModel) -> None:

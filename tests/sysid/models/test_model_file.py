@@ -1,5 +1,6 @@
 """Format of ``model.json``: published schema, writing and reading, and errors for other formats."""
 
+import codecs
 import json
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,13 @@ def test_every_field_is_described() -> None:
 def test_model_written_and_read_is_equal(model: IdentifiedModel, tmp_path: Path) -> None:
     models.write(model, tmp_path / "model.json")
     assert models.read(tmp_path / "model.json") == model
+
+
+def test_model_with_byte_order_mark_is_read(model: IdentifiedModel, tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    models.write(model, path)
+    path.write_bytes(codecs.BOM_UTF8 + path.read_bytes())
+    assert models.read(path) == model
 
 
 @pytest.mark.parametrize("name", [*SHIPPED, *VEHICLE_FILES], ids=lambda name: Path(name).stem)
