@@ -106,7 +106,8 @@ class Run:
     specific_force_z_mps2: Array = field(default_factory=lambda: np.empty(0))
     velocity_source: VelocitySource = VelocitySource.NONE
     delay_sd_s: float = 0.0
-    """Standard deviation of the delay by the time for which a command was held, if not known."""
+    """Standard deviation of the delay, because the log does not show when a command changed, or for
+    how long the autopilot held it."""
     straight_speed_mps: float = math.nan
     """Measured speed of straight flight with the thrust of the run; NaN if it is not measured."""
 

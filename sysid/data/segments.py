@@ -332,7 +332,7 @@ def _run(log: Log, span: TestInterval, name: str, hold: Hold) -> Run:
         stop_detail=span.stop_detail,
         travel_rad=actuators.travel_rad,
         velocity_source=log.velocity.source,
-        delay_sd_s=0.5 * hold.sd_s,
+        delay_sd_s=math.hypot(0.5 * hold.sd_s, _command_time_sd_s(actuators.time_s)),
     )
     return replace(run, **_optional_series(log, grid_s))
 
@@ -361,6 +361,16 @@ def hold_of(log: Log) -> Hold:
     if loop_hz > 0.0:
         return Hold(min(1.0 / loop_hz, step_s), 0.0)
     return Hold(0.5 * step_s, step_s / math.sqrt(12.0))
+
+
+def _command_time_sd_s(time_s: Array) -> float:
+    """Return the standard deviation of the time at which a command changed, s.
+
+    Between two rows of a log it may be any, and it is common to tests that switch in step with the
+    rows. A log with the rate of the grid shows it.
+    """
+    interval_s = float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
+    return math.sqrt(max(0.0, interval_s**2 - 1.0 / RATE_HZ**2) / 12.0)
 
 
 def _straight_speed_mps(run: Run, runs: Sequence[Run]) -> float:

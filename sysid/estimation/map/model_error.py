@@ -187,7 +187,7 @@ def covariance(
 
 
 def hold_covariance(delay_sds_s: Mapping[Plane, float]) -> Array:
-    """Return the part of the covariance by the unknown time for which commands were held, (p, p).
+    """Return the part of the covariance by the unknown times of the commands, (p, p).
 
     The fit cannot tell it from the delay, and it is the same in both planes.
 

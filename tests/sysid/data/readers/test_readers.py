@@ -546,7 +546,7 @@ def test_samples_that_are_not_finite_are_a_gap(tmp_path: Path) -> None:
     assert np.all(np.isfinite(run.r_radps))
     assert np.all(np.isfinite(run.heading_rad))
     (screening,) = screen([run])
-    assert screening.reasons == ("gap: 1.02 s without data, at most 0.2",)
+    assert screening.reasons == ("gap: 1.02 s without data, less than 0.2 needed",)
 
 
 def test_tlog_of_two_vehicles_names_systems_and_remedy(
