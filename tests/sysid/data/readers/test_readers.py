@@ -494,6 +494,13 @@ def test_events_of_a_slow_log_are_kept(tmp_path: Path) -> None:
     assert len(segments.cut_runs(log)) == 1
 
 
+def test_time_of_a_command_is_uncertain_by_the_rows(tmp_path: Path) -> None:
+    """Uniform over the interval of the rows, of which the grid of 20 ms is known."""
+    slow = the_run(files.dataflash(tmp_path / "slow.bin", every=5))
+    assert slow.delay_sd_s == pytest.approx(math.sqrt((0.1**2 - 0.02**2) / 12.0), rel=1e-3)
+    assert the_run(files.dataflash(tmp_path / "fast.bin")).delay_sd_s == 0.0
+
+
 def test_motor_that_turns_backwards_is_refused(tmp_path: Path) -> None:
     """Pulses of 1100 to 1900 us for a motor that turns forwards only: 30 % have 1340 us."""
     path = files.ulog(tmp_path / "motor.ulg", pulse_of=lambda _: 1340)
