@@ -16,6 +16,8 @@ RATIO_TOLERANCE = 0.2
 """Relative tolerance of the ratios of `MISMATCH_CAUSES`."""
 MAX_SPEED_MPS = 60.0
 """Speed that no vehicle exceeds; one from a depth in mm is 1000 times too high."""
+MAX_SPEED_RATIO = 2.0
+"""Largest speed by depth and pitch over the measured one; with a depth in feet it is 3.3."""
 MISMATCH_CAUSES = {
     -1.0: "one of them has the wrong sign",
     math.degrees(1.0): "one of them is in the wrong unit (the angle changes 57 times as much): name"
@@ -186,17 +188,23 @@ def depth_pitch_mismatch(run: Run, limits: ScreeningLimits) -> str:
     if mismatch.rms_m > allowed:
         return (
             f"kinematics: depth and pitch disagree by {mismatch.rms_m:.2f} m rms, at most"
-            f" {allowed:.2f}{_speed_cause(mismatch.speed_mps)}"
+            f" {allowed:.2f}{_speed_cause(mismatch.speed_mps, run)}"
         )
-    if cause := _speed_cause(mismatch.speed_mps):
+    if cause := _speed_cause(mismatch.speed_mps, run):
         return f"kinematics: depth and pitch disagree{cause}"
     if mismatch.speed_mps < 0.0 and mismatch.excursion_m > limits.depth_rms_m:
         return "kinematics: depth grows where the nose is up, or pitch has the wrong sign"
     return ""
 
 
-def _speed_cause(speed_mps: float) -> str:
-    """Return the cause if depth and pitch give a speed that no vehicle has."""
-    if abs(speed_mps) <= MAX_SPEED_MPS:
+def _speed_cause(speed_mps: float, run: Run) -> str:
+    """Return the cause if depth and pitch give a speed that no vehicle has, or that it had not."""
+    measured = ""
+    if abs(speed_mps) > MAX_SPEED_RATIO * run.straight_speed_mps:  # nan: it is not measured
+        measured = f" where {run.straight_speed_mps:.1f} are measured"
+    elif abs(speed_mps) <= MAX_SPEED_MPS:
         return ""
-    return f"; they give {abs(speed_mps):.0f} m/s: the depth is in the wrong unit, give metres"
+    return (
+        f"; they give {abs(speed_mps):.1f} m/s{measured}: the depth is in the wrong unit, give"
+        " metres"
+    )

@@ -107,7 +107,10 @@ def test_backward_clock_step_is_reported(tmp_path: Path) -> None:
         recording.write(tmp_path / "reborn.mcap", [*entries[:at], *reborn, *entries[at:]], {})
     )
     (run,) = segments.cut_runs(broken)
-    assert named(run, "clock") == ["clock: the time of ATTITUDE went back by 2.0 s"]
+    assert named(run, "clock") == [
+        "clock: the time of ATTITUDE went back by 2.0 s (a restart?); give what follows as a log"
+        " of its own"
+    ]
     late = [*entries[:at], reborn[0], *entries[at:]]
     (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "late.mcap", late, {})))
     assert named(run, "clock") == []

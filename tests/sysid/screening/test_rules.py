@@ -105,6 +105,16 @@ def test_gap_of_depth_may_be_longer(yaw: Run) -> None:
     )
 
 
+def test_depth_in_feet_is_named_where_the_speed_is_measured(field: config.VehicleConfig) -> None:
+    turned = (math.radians(6.0), 0.0)
+    dive = sea.fly(field, Plane.PITCH, sea.step(4.0, 20.0), level=sea.CALM, trim_rad=turned)
+    feet = replace(dive, depth_m=dive.depth_m / 0.3048)
+    assert "wrong unit" not in str(reasons(feet))
+    named = "m/s where 1.3 are measured: the depth is in the wrong unit, give metres"
+    assert named in str(reasons(replace(feet, straight_speed_mps=1.3)))
+    assert "wrong unit" not in str(reasons(replace(dive, straight_speed_mps=1.3)))
+
+
 def test_saturation_uses_travel_of_the_vehicle(yaw: Run) -> None:
     """An elevator at 9 deg is at its stops on a vehicle with 9 deg of travel, not with 15 deg."""
     held = replace(yaw, elevator_rad=during(yaw, 0.0 * yaw.elevator_rad, math.radians(9.0)))
