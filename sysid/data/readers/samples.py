@@ -299,7 +299,17 @@ def usable(time_s: Array, *columns: NDArray[Any]) -> NDArray[np.bool_]:
 def clock_steps(message: str, time_s: Array) -> list[ClockStep]:
     """Return the backward steps of a clock, e.g. by a restart of the autopilot.
 
-    ``message`` is the name of the message and ``time_s`` its time stamps.
+    Parameters
+    ----------
+    message : str
+        Name of the message.
+    time_s : ndarray, shape (n,)
+        Its times in the order of the file.
+
+    Returns
+    -------
+    list of ClockStep
+        Steps after which at least CLOCK_STEP_SAMPLES samples are earlier.
     """
     time_s = time_s[~ahead_of_others(time_s)]
     stale = ~strictly_increasing(time_s)
