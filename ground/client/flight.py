@@ -38,10 +38,10 @@ of the vehicle."""
 _MISSION_COMPLETE = constant("MISSION_STATE_COMPLETE")
 PROGRESS_PERIOD_S = 0.1
 """Wall time between reports of progress."""
-STALL_WARNING_S, STALL_TIMEOUT_S = 30.0, 60.0
-"""Wall time without advance of vehicle time after which `fly` warns, and after which it gives up.
+STALL_TIMEOUT_S = 120.0
+"""Wall time without advance of vehicle time after which `fly` gives up; it warns after half of it.
 
-A debugger or a paused simulator also stops vehicle time, usually for less."""
+A debugger, a paused simulator and one that compiles also stop vehicle time, usually for less."""
 STALL_REASON = "no sensor data reach the autopilot: is the simulator still running?"
 
 
@@ -358,7 +358,9 @@ def _fly(
     if follower is not None:
         follower.begin(parameters)
     assert vehicle.vehicle_id is not None, "connect has found the vehicle"
-    clock = DiveClock(recorder, vehicle.vehicle_id.system)
+    clock = DiveClock(
+        recorder, vehicle.vehicle_id.system, timeout_s=vehicle.patience_s(STALL_TIMEOUT_S)
+    )
     vehicle.arm()
     vehicle.on_text = _call_both(hear, follower.on_text if follower else None)
     _until_disarmed(vehicle, clock, len(dive.items), watch, follower)
@@ -429,10 +431,12 @@ class DiveClock:
         Recorder of the vehicle's frames.
     system : int
         System id of the vehicle.
+    timeout_s : float
+        Wall time without advance of vehicle time after which `update` raises.
     """
 
-    def __init__(self, recorder: Recorder, system: int) -> None:
-        self._recorder, self._system = recorder, system
+    def __init__(self, recorder: Recorder, system: int, timeout_s: float = STALL_TIMEOUT_S) -> None:
+        self._recorder, self._system, self._timeout_s = recorder, system, timeout_s
         self._start_s = self._updated_s = wall_s()
         self._vehicle_start_s = self._newest_s = recorder.system_s(system)
         self._stalled_s = 0.0
@@ -450,9 +454,9 @@ class DiveClock:
     @property
     def warning(self) -> str:
         """Reason why vehicle time stands still; empty while it advances."""
-        if self._stalled_s < STALL_WARNING_S:
+        if self._stalled_s < 0.5 * self._timeout_s:
             return ""
-        return f"vehicle time has not advanced for {STALL_WARNING_S:g} s: {STALL_REASON}"
+        return f"vehicle time has not advanced for {0.5 * self._timeout_s:g} s: {STALL_REASON}"
 
     def update(self) -> None:
         """Compare vehicle time with that of the last call.
@@ -462,7 +466,7 @@ class DiveClock:
         Raises
         ------
         VehicleClientError
-            Vehicle time has not advanced for `STALL_TIMEOUT_S`.
+            Vehicle time has not advanced for the timeout.
         """
         now_s, newest_s = wall_s(), self._recorder.system_s(self._system)
         if newest_s != self._newest_s:
@@ -470,9 +474,9 @@ class DiveClock:
         else:
             self._stalled_s += min(now_s - self._updated_s, MAX_PUMP_S)
         self._updated_s = now_s
-        if self._stalled_s > STALL_TIMEOUT_S:
+        if self._stalled_s > self._timeout_s:
             raise VehicleClientError(
-                f"vehicle time has not advanced for {STALL_TIMEOUT_S:g} s: {STALL_REASON}"
+                f"vehicle time has not advanced for {self._timeout_s:g} s: {STALL_REASON}"
                 f" What was recorded is kept in {self._recorder.path}"
             )
 

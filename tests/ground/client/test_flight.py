@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from ground.client import flight
-from ground.client.flight import STALL_TIMEOUT_S, STALL_WARNING_S, DiveClock, FlightProgress
+from ground.client.flight import STALL_TIMEOUT_S, DiveClock, FlightProgress
 from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClientError
 from mavlink_io.clock import Interval
@@ -80,17 +80,17 @@ def test_progress_counts_vehicle_time_from_the_start_of_the_dive(vehicle: Vehicl
 
 def test_stalled_vehicle_time_gives_a_warning_and_then_an_error(vehicle: Vehicle) -> None:
     vehicle.stopped_s = 10.0
-    reports = progress_of(vehicle, 10.0 + STALL_WARNING_S)
+    reports = progress_of(vehicle, 10.0 + 0.5 * STALL_TIMEOUT_S)
     assert [bool(report.warning) for report in reports[-3:]] == [False, True, True]
-    with pytest.raises(VehicleClientError, match=r"60 s: no sensor data .*kept in .*dive\.mcap"):
+    with pytest.raises(VehicleClientError, match=r"120 s: no sensor data .*kept in .*dive\.mcap"):
         progress_of(vehicle, 2.0 * STALL_TIMEOUT_S)
 
 
 def test_warning_ends_when_vehicle_time_advances_again(vehicle: Vehicle) -> None:
-    vehicle.stopped_s, vehicle.resumed_s = 10.0, 60.0
+    vehicle.stopped_s, vehicle.resumed_s = 10.0, 90.0
     reports = progress_of(vehicle, 200.0)
     warned_s = [report.wall_s for report in reports if report.warning]
-    assert (warned_s[0], warned_s[-1]) == (39.5, 59.5)
+    assert (warned_s[0], warned_s[-1]) == (69.5, 89.5)
 
 
 def test_log_with_heartbeats_at_most_is_removed(tmp_path: Path) -> None:
