@@ -4,6 +4,7 @@
 ``CA_SV_CSk_TYPE``. Versions before 1.13 have the pulses only (PX4 parameter reference).
 """
 
+import math
 from collections.abc import Iterator, Mapping
 
 from sysid.data.readers.servo_channels import MAX_OUTPUTS
@@ -66,18 +67,18 @@ def surface_parameters(parameters: Mapping[str, float]) -> dict[str, float]:
 
 def _output(parameters: Mapping[str, float], number: int) -> Iterator[tuple[str, float]]:
     """Yield the words of one output, counted from 1."""
-    code = int(parameters.get(f"PWM_MAIN_FUNC{number}", 0))
+    code = _whole(parameters, f"PWM_MAIN_FUNC{number}")
     function = _function(parameters, code)
     if function is not None:
         yield "FUNCTION", function
     low, high = (_pulse(parameters, name, number) for name in ("MIN", "MAX"))
     if low is not None and high is not None and low < high:
         is_forward_only = function == _THROTTLE and not (
-            int(parameters.get("CA_R_REV", 0)) >> (code - _FIRST_MOTOR) & 1
+            _whole(parameters, "CA_R_REV") >> (code - _FIRST_MOTOR) & 1
         )
         yield from (("MIN", low), ("MAX", high))
         yield "TRIM", low if is_forward_only else (low + high) / 2.0
-    mask = int(parameters.get("PWM_MAIN_REV", 0))
+    mask = _whole(parameters, "PWM_MAIN_REV")
     yield "REVERSED", parameters.get(f"PWM_MAIN_REV{number}", mask >> (number - 1) & 1)
 
 
@@ -85,10 +86,16 @@ def _function(parameters: Mapping[str, float], code: int) -> float | None:
     """Return the SERVOn_FUNCTION of a PWM_MAIN_FUNCn; None if it has none."""
     if _FIRST_MOTOR <= code < _FIRST_MOTOR + _COUNT:
         return _THROTTLE
-    return _SURFACES.get(int(parameters.get(f"CA_SV_CS{code - _FIRST_SURFACE}_TYPE", 0)))
+    return _SURFACES.get(_whole(parameters, f"CA_SV_CS{code - _FIRST_SURFACE}_TYPE"))
+
+
+def _whole(parameters: Mapping[str, float], name: str) -> int:
+    """Return an integer parameter; 0 if it is missing, or not finite in a damaged log."""
+    value = parameters.get(name, 0.0)
+    return int(value) if math.isfinite(value) else 0
 
 
 def _pulse(parameters: Mapping[str, float], name: str, number: int) -> float | None:
     """Return the smallest or largest pulse of an output, us; None if no parameter says it."""
     names = (f"PWM_MAIN_{name}{number}", f"PWM_MAIN_{name}", f"PWM_{name}")
-    return next((parameters[n] for n in names if parameters.get(n, -1.0) > 0.0), None)
+    return next((parameters[n] for n in names if 0.0 < parameters.get(n, 0.0) < math.inf), None)

@@ -41,7 +41,7 @@ FIRST_THREE = ServoChannels(1, 2, 3)
 _FUNCTIONS = ((21, 26), (19,), (70, 73))
 """SERVOn_FUNCTION of rudder (rudder, ground steering), elevator and thrust (throttle, throttle
 left), the preferred first (ArduPilot, SRV_Channel.h)."""
-_MIXED = {77: "an elevon", 78: "an elevon", 79: "a V-tail", 80: "a V-tail"}
+_MIXED = {77.0: "an elevon", 78.0: "an elevon", 79.0: "a V-tail", 80.0: "a V-tail"}
 """SERVOn_FUNCTION of surfaces that act in both planes."""
 
 MAX_OUTPUTS = 16
@@ -150,15 +150,11 @@ def mixed_surfaces(parameters: Mapping[str, float]) -> str:
     str
         Name, value and meaning of each SERVOn_FUNCTION.
     """
-    functions = {
-        name: int(parameters[name])
-        for number in range(1, MAX_OUTPUTS + 1)
-        if (name := f"SERVO{number}_FUNCTION") in parameters
-    }
+    names = [f"SERVO{number}_FUNCTION" for number in range(1, MAX_OUTPUTS + 1)]
     return ", ".join(
-        f"{name} = {function} ({_MIXED[function]})"
-        for name, function in functions.items()
-        if function in _MIXED
+        f"{name} = {function:g} ({_MIXED[function]})"
+        for name in names
+        if (function := parameters.get(name)) in _MIXED
     )
 
 

@@ -19,7 +19,7 @@ from sysid import usable_runs
 from sysid.data import readers, segments
 from sysid.data.dataset import LogError
 from sysid.data.events import StopReason
-from sysid.data.readers import messages, servo_channels, ulog_recovery
+from sysid.data.readers import messages, px4_outputs, servo_channels, ulog_recovery
 from sysid.data.readers.samples import FileDamage
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, ServoChannels
 from sysid.data.runs import RATE_HZ, Run
@@ -461,6 +461,15 @@ def test_px4_pulses_have_the_range_of_its_parameters(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.degrees(run.rudder_rad[testing]), 4.0, atol=0.02)
     np.testing.assert_allclose(np.degrees(run.elevator_rad), -1.2, atol=0.02)
     np.testing.assert_allclose(run.thrust, (500 + 500 * 0.58) / 1000, atol=0.002)
+
+
+def test_damaged_parameters_of_outputs_are_none() -> None:
+    names = ("PWM_MAIN_FUNC1", "PWM_MAIN_MIN1", "PWM_MAIN_REV", "CA_R_REV", "CA_SV_CS0_TYPE")
+    for value in (math.nan, math.inf, -1e30):
+        damaged = dict.fromkeys(names, value)
+        assert "SERVO1_FUNCTION" not in px4_outputs.servo_parameters(damaged)
+        assert px4_outputs.surface_parameters(damaged) == {"SERVO9_FUNCTION": 70}
+        assert servo_channels.mixed_surfaces({"SERVO1_FUNCTION": value}) == ""
 
 
 def test_v_tail_is_refused_with_its_outputs(tmp_path: Path) -> None:
