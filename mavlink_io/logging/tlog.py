@@ -99,11 +99,11 @@ def read(data: bytes) -> list[MessageSeries]:
     """
     all_series: dict[tuple[int, int, int], MessageSeries] = {}
     senders: dict[tuple[int, int], list[_Arrival]] = {}
-    offset = 0
-    for frame in Framer().feed(data + bytes(LARGEST_FRAME)):
+    offset, padded = 0, data + bytes(LARGEST_FRAME)
+    for frame in Framer().feed(padded):
         message = dialect.by_id(frame.message_id)
         assert message is not None, "a framer without senders rejects undefined messages"
-        start = data.index(frame.raw, offset)
+        start = padded.index(frame.raw, offset)
         offset = start + len(frame.raw)
         key = frame.system, frame.component, frame.message_id
         series = all_series.setdefault(
@@ -121,7 +121,7 @@ def read(data: bytes) -> list[MessageSeries]:
         senders.setdefault(key[:2], []).append(
             _Arrival(
                 series,
-                _STAMP.unpack_from(data, start - _STAMP.size)[0] if start >= _STAMP.size else 0,
+                _STAMP.unpack_from(padded, start - _STAMP.size)[0] if start >= _STAMP.size else 0,
                 read_time_us(payload) if read_time_us else None,
             )
         )

@@ -6,6 +6,7 @@ candidate is then judged as a test is: by the screening rules for a single run, 
 the surface on its plane, which must be significant.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 
@@ -110,11 +111,12 @@ def _candidates(log: Log, plane: Plane) -> Iterator[MarkedInterval]:
     usual = float(np.percentile(change, USUAL_PERCENTILE))
     large = change > max(USUAL_CHANGES * usual, math.radians(MIN_CHANGE_DEG))
     times_s = grid_s[span:][large]
-    for start_s, stop_s in _clusters(times_s):
+    clusters = [*_clusters(times_s), (math.inf, math.inf)]
+    for (start_s, stop_s), (next_s, _) in itertools.pairwise(clusters):
         begin_s = start_s - MARGIN_S
         end_s = max(stop_s + QUIET_S - CHANGE_S, _held_until_s(grid_s, held, stop_s))
         gap_s = next((t for t in gaps_s if t > begin_s), last_s)
-        end_s = min(end_s, begin_s + MAX_S, gap_s)
+        end_s = min(end_s, begin_s + MAX_S, gap_s, next_s - MARGIN_S)
         if begin_s >= first_s + BEFORE_S and end_s - begin_s >= MIN_S:
             stop_s = math.floor(10.0 * end_s) / 10.0
             yield MarkedInterval(round(begin_s, 1), stop_s, plane, log.name)

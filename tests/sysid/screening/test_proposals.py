@@ -1,5 +1,6 @@
 """Segments are proposed where tests are, with their plane; course keeping gives none."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,16 @@ def test_proposed_segments_are_the_tests(unmarked: Path) -> None:
         assert mark.start_s == pytest.approx(begin_s, abs=0.5)
         end_s = begin_s + test.signal_rad.size * sea.DT
         assert end_s - 0.5 < mark.stop_s < end_s + proposals.QUIET_S + 2.0
+
+
+def test_segments_of_long_excitation_do_not_overlap(tmp_path: Path) -> None:
+    """Doublets without a pause for 110 s are two segments of at most MAX_S."""
+    moving = [DiveTest(Plane.YAW, np.tile(sea.doublet(5.0), 10)[: round(110.0 / sea.DT)])]
+    messages = dives.entries(config.load("caribou_truth"), moving, texts=False)
+    path = recording.write(tmp_path / "long.mcap", messages, {"ACT_TRAVEL_DEG": 15.0})
+    marks = [mark for mark in proposals.propose(readers.read(path)) if mark.plane == Plane.YAW]
+    assert len(marks) > 1
+    assert all(one.stop_s <= other.start_s for one, other in itertools.pairwise(marks))
 
 
 def test_course_keeping_gives_no_segment(tmp_path: Path) -> None:
