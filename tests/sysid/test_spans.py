@@ -73,15 +73,24 @@ def test_cut_runs_dual_test_has_own_commands() -> None:
     assert yaw.name != pitch.name
 
 
+ROWS_AT_10_HZ_SD_S = math.sqrt((0.1**2 - 0.02**2) / 12.0)
+"""A command changed at any time between two rows, of which a step of the grid is known."""
+
+
 @pytest.mark.parametrize(
     ("log_hz", "parameters", "hold_s", "delay_sd_s"),
     [
         (50, {"HDG_REF_RATE": 5.0}, 0.02, 0.0),
         (50, {"SCHED_LOOP_RATE": 25.0}, 0.02, 0.0),
-        (10, {"SCHED_LOOP_RATE": 400.0}, 0.0025, 0.0),
+        (10, {"SCHED_LOOP_RATE": 400.0}, 0.0025, ROWS_AT_10_HZ_SD_S),
         (100, {}, 0.01, 0.0),
         (50, {}, 0.01, 0.01 / math.sqrt(12.0)),
-        (10, {"SCHED_LOOP_RATE": 0.0}, 0.01, 0.01 / math.sqrt(12.0)),
+        (
+            10,
+            {"SCHED_LOOP_RATE": 0.0},
+            0.01,
+            math.hypot(0.01 / math.sqrt(12.0), ROWS_AT_10_HZ_SD_S),
+        ),
     ],
 )
 def test_command_is_held_for_the_time_that_the_log_tells(
