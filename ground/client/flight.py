@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+from ground.client.dive_clock import STALL_TIMEOUT_S, DiveClock
 from ground.client.recorder import Recorder
 from ground.client.signing import open_signing
 from ground.client.stopping import left_behind
-from ground.client.vehicle import MAX_PUMP_S, StatusText, VehicleClient, VehicleClientError
+from ground.client.vehicle import StatusText, VehicleClient, VehicleClientError
 from ground.errors import Interrupted
 from ground.missions import plans
 from ground.simulation import affinity
@@ -38,11 +39,6 @@ of the vehicle."""
 _MISSION_COMPLETE = constant("MISSION_STATE_COMPLETE")
 PROGRESS_PERIOD_S = 0.1
 """Wall time between reports of progress."""
-STALL_TIMEOUT_S = 120.0
-"""Wall time without advance of vehicle time after which `fly` gives up; it warns after half of it.
-
-A debugger, a paused simulator and one that compiles also stop vehicle time, usually for less."""
-STALL_REASON = "no sensor data reach the autopilot: is the simulator still running?"
 
 
 class FlightProgress(NamedTuple):
@@ -404,7 +400,7 @@ def _call_both(first: TextCallback | None, second: TextCallback | None) -> TextC
 
 def _until_disarmed(
     vehicle: VehicleClient,
-    clock: "DiveClock",
+    clock: DiveClock,
     items: int,
     watch: WatchCallback | None,
     follower: TelemetryListener | None,
@@ -420,65 +416,6 @@ def _until_disarmed(
             follower.poll()
     if follower is not None:
         follower.poll(last=True)
-
-
-class DiveClock:
-    """Vehicle time and wall time since the start of a dive.
-
-    Parameters
-    ----------
-    recorder : Recorder
-        Recorder of the vehicle's frames.
-    system : int
-        System id of the vehicle.
-    timeout_s : float
-        Wall time without advance of vehicle time after which `update` raises.
-    """
-
-    def __init__(self, recorder: Recorder, system: int, timeout_s: float = STALL_TIMEOUT_S) -> None:
-        self._recorder, self._system, self._timeout_s = recorder, system, timeout_s
-        self._start_s = self._updated_s = wall_s()
-        self._vehicle_start_s = self._newest_s = recorder.system_s(system)
-        self._stalled_s = 0.0
-
-    @property
-    def vehicle_s(self) -> float:
-        """Vehicle time since the start."""
-        return self._recorder.system_s(self._system) - self._vehicle_start_s
-
-    @property
-    def wall_s(self) -> float:
-        """Wall time since the start."""
-        return wall_s() - self._start_s
-
-    @property
-    def warning(self) -> str:
-        """Reason why vehicle time stands still; empty while it advances."""
-        if self._stalled_s < 0.5 * self._timeout_s:
-            return ""
-        return f"vehicle time has not advanced for {0.5 * self._timeout_s:g} s: {STALL_REASON}"
-
-    def update(self) -> None:
-        """Compare vehicle time with that of the last call.
-
-        A pause of this program counts as `MAX_PUMP_S`, as for the heartbeats.
-
-        Raises
-        ------
-        VehicleClientError
-            Vehicle time has not advanced for the timeout.
-        """
-        now_s, newest_s = wall_s(), self._recorder.system_s(self._system)
-        if newest_s != self._newest_s:
-            self._newest_s, self._stalled_s = newest_s, 0.0
-        else:
-            self._stalled_s += min(now_s - self._updated_s, MAX_PUMP_S)
-        self._updated_s = now_s
-        if self._stalled_s > self._timeout_s:
-            raise VehicleClientError(
-                f"vehicle time has not advanced for {self._timeout_s:g} s: {STALL_REASON}"
-                f" What was recorded is kept in {self._recorder.path}"
-            )
 
 
 def _progress(vehicle: VehicleClient, clock: DiveClock, items: int) -> FlightProgress:

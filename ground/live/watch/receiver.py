@@ -199,7 +199,7 @@ class Receiver:
         self._arrivals.append((now_s, len(frame.raw)))
         self.frames += 1
         self.received_bytes += len(frame.raw)
-        message = frame.decode() if not frame.name.startswith("UNKNOWN") else None
+        message = plausible.decode(frame) if not frame.name.startswith("UNKNOWN") else None
         if (
             self.vehicle_id is None
             and frame.name == "HEARTBEAT"
@@ -208,7 +208,7 @@ class Receiver:
             self.vehicle_id = sender
         if message is None or sender != self.vehicle_id:
             return
-        self.latest[frame.name] = after(self.latest.get(frame.name), plausible.decode(frame), now_s)
+        self.latest[frame.name] = after(self.latest.get(frame.name), message, now_s)
         if self.listener is not None:
             self.listener.on_frame(frame)
         if (

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from ground.client import flight
-from ground.client.flight import STALL_TIMEOUT_S, DiveClock, FlightProgress
+from ground.client import dive_clock, flight
+from ground.client.dive_clock import STALL_TIMEOUT_S, DiveClock
+from ground.client.flight import FlightProgress
 from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClientError
 from mavlink_io.clock import Interval
@@ -28,7 +29,7 @@ class Vehicle:
     def __init__(self, recorder: Recorder, monkeypatch: pytest.MonkeyPatch) -> None:
         self.recorder, self.now_s = recorder, 100.0
         self.stopped_s, self.resumed_s = 1e9, 1e9
-        monkeypatch.setattr(flight, "wall_s", lambda: self.now_s)
+        monkeypatch.setattr(dive_clock, "wall_s", lambda: self.now_s)
         monkeypatch.setattr(Interval, "due", lambda _: True)
         self.send(0)
 
@@ -59,7 +60,7 @@ class EndedError(Exception):
 
 
 def progress_of(vehicle: Vehicle, duration_s: float) -> list[FlightProgress]:
-    """Progress of a dive of this wall time."""
+    """Return the progress reports of a dive of this wall time."""
     reports = list[FlightProgress]()
 
     def watch(progress: FlightProgress) -> None:
