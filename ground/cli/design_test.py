@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import Json, Seed, print_result, refuse_empty
+from ground.cli.options import Json, Seed, print_result, refuse_empty, refuse_nan
 from ground.output_files import new_file
 from mavlink_io.errors import InputError
 
@@ -47,14 +47,20 @@ def design_test(
         float, typer.Option(metavar="M", min=0.5, max=6000.0, help="Depth where tests begin, m.")
     ] = 6.0,
     min_depth: Annotated[
-        float, typer.Option(metavar="M", help="Smallest depth allowed in a test, m.")
+        float,
+        typer.Option(callback=refuse_nan, metavar="M", help="Smallest depth allowed in a test, m."),
     ] = 1.0,
     water_depth: Annotated[
-        float | None, typer.Option(metavar="M", help="Depth of the water, m, if known.")
+        float | None,
+        typer.Option(callback=refuse_nan, metavar="M", help="Depth of the water, m, if known."),
     ] = None,
     min_altitude: Annotated[
         float,
-        typer.Option(metavar="M", help="Smallest height above the floor allowed in a test, m."),
+        typer.Option(
+            callback=refuse_nan,
+            metavar="M",
+            help="Smallest height above the floor allowed in a test, m.",
+        ),
     ] = 3.0,
     max_depth_change: Annotated[
         float,
@@ -112,17 +118,6 @@ def design_test(
 
     Each test is simulated on vehicles sampled from the prior.
     """
-    _refuse_nan(
-        depth=depth,
-        min_depth=min_depth,
-        water_depth=water_depth,
-        min_altitude=min_altitude,
-        max_depth_change=max_depth_change,
-        heading=heading,
-        pitch=pitch,
-        yaw_rate=yaw_rate,
-        pitch_rate=pitch_rate,
-    )
     from ground.cli import progress
     from ground.client import param_file
     from ground.test_design import files, format, session
@@ -176,13 +171,6 @@ def design_test(
         shlex.join(["ground", "fly", str(paths.held_out), "--params", str(paths.envelope)]),
     ]
     print_result(format.as_json(plan, written, parameters), format.format_text(plan, notes), json)
-
-
-def _refuse_nan(**options: float | None) -> None:
-    """Raise InputError for an option that is not a number, which lies within any limits."""
-    for name, value in options.items():
-        if value is not None and math.isnan(value):
-            raise InputError(f"--{name.replace('_', '-')} nan: give a number")
 
 
 def _limits(

@@ -1,6 +1,7 @@
 """Options that several commands share, and functions that print results."""
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,6 +19,13 @@ def refuse_empty(param: typer.CallbackParam, value: str | None) -> str | None:
     """Return the value of an option that may be left out. Raises InputError if it is empty."""
     if value == "":
         raise InputError(f"{param.opts[0]} '': is empty; give a value, or leave the option out")
+    return value
+
+
+def refuse_nan(param: typer.CallbackParam, value: float | None) -> float | None:
+    """Return the value of an option without limits. Raises InputError for NaN."""
+    if value is not None and math.isnan(value):
+        raise InputError(f"{param.opts[0]} nan: give a number")
     return value
 
 

@@ -33,3 +33,16 @@ def test_empty_option_is_refused(
     option = arguments.split()[-1]
     with pytest.raises(InputError, match=f"^{option} '': "):
         CliRunner().invoke(app, [*arguments.split(), ""], catch_exceptions=False)
+
+
+@pytest.mark.parametrize("option", ["--min-depth", "--water-depth", "--min-altitude"])
+def test_option_without_limits_refuses_nan(option: str) -> None:
+    with pytest.raises(InputError, match=f"^{option} nan: give a number"):
+        CliRunner().invoke(app, ["design-test", option, "nan"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize("arguments", ["design-test --depth", "surface --modem"])
+def test_option_with_limits_refuses_nan(arguments: str) -> None:
+    done = CliRunner().invoke(app, [*arguments.split(), "nan"])
+    assert done.exit_code == 2
+    assert f"Invalid value for '{arguments.split()[-1]}'" in done.output
