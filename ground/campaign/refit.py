@@ -20,10 +20,10 @@ from sysid.data.dataset import Log
 from sysid.data.events import ModeChanged
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions
 from sysid.data.segments import MarkedInterval
-from sysid.design import design_model, lqg, pid
+from sysid.design import lqg, pid
 from sysid.design.lqg import LqgDesign
 from sysid.design.pid import Design, Spec
-from sysid.models import model_file, prediction
+from sysid.models import model_export, model_file, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.monitor import MonitorReport, tracking_metrics
 from sysid.monitor.performance_spec import PerformanceBaseline
@@ -374,7 +374,7 @@ def read_model(path: Path) -> IdentifiedModel:
     """
     model = model_file.read(path)
     with _singular_model_reported():
-        if edited := design_model.edited_plane(model):
+        if edited := model_export.edited_number(model):
             raise InputError(f"{path}: {edited}")
     return model
 

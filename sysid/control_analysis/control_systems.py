@@ -16,7 +16,7 @@ from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains, Lag, Margins
 from sysid.control_analysis.margins import Planes
-from sysid.models.linear_planes import LinearPlane
+from sysid.models.linear_planes import LinearPlane, without_depth
 from sysid.planes import Plane
 
 Array = NDArray[np.float64]
@@ -163,22 +163,6 @@ def plant(plane: LinearPlane, lag: Lag, gains: Gains, order: int = PADE_ORDER) -
         shape = control.tf([1.0, peak.gain * narrow, w * w], [1.0, narrow, w * w])
         parts.insert(0, control.tf2ss(shape))
     return control.ss(control.series(*parts), inputs=["command"], outputs=names)
-
-
-def without_depth(plane: LinearPlane) -> LinearPlane:
-    """Return the pitch plane without depth, which no other state depends on.
-
-    Parameters
-    ----------
-    plane : LinearPlane
-        Linear pitch plane.
-
-    Returns
-    -------
-    LinearPlane
-        Plane with the states w, q, theta.
-    """
-    return LinearPlane(plane.A[:3, :3], plane.B[:3], plane.states[:3], plane.moment[:3])
 
 
 def named(system: Any, command: str) -> Any:

@@ -20,7 +20,7 @@ from sysid.control_analysis.loop_transfer import (
     Peak,
     command_filters,
 )
-from sysid.models.linear_planes import LinearPlane
+from sysid.models.linear_planes import LinearPlane, without_depth
 from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
@@ -187,14 +187,8 @@ def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation
     ClosedLoop
         The integrator is the last state; it is left out if PTCH_I is zero.
     """
-    A, B = plane_with_tailcone(
-        LinearPlane(
-            A=plane.A[:3, :3], B=plane.B[:3], states=plane.states[:3], moment=plane.moment[:3]
-        ),
-        lag,
-        order,
-        command_filters(Plane.PITCH, gains),
-    )
+    filters = command_filters(Plane.PITCH, gains)
+    A, B = plane_with_tailcone(without_depth(plane), lag, order, filters)
     error = _row(A, {2: -1.0})
     feedback = gains["PTCH_P"] * error + _row(A, {1: -gains["PTCH_D"]})
     return _close(

@@ -16,13 +16,7 @@ from sysid.estimation.map import model_error
 from sysid.estimation.map.fit import linear_plane
 from sysid.models import noise, prediction
 from sysid.models.greybox import Actuator
-from sysid.models.linear_planes import (
-    LinearPlane,
-    SmallSignal,
-    pitch_plane,
-    small_signal,
-    yaw_plane,
-)
+from sysid.models.linear_planes import LinearPlane, pitch_plane, yaw_plane
 from sysid.models.model_file import IdentifiedModel, NoiseModel
 from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle, feasible_samples
 from sysid.planes import PLANES, Plane
@@ -97,10 +91,6 @@ class DesignModel(NamedTuple):
             Responses on `GRID_RADPS`.
         """
         return (self.yaw, self.pitch)[PLANES[plane].index]
-
-
-MAX_ROUNDING = 1e-4
-"""Relative difference of a number in a model file that versions of libraries may cause."""
 
 
 def build(
@@ -217,34 +207,6 @@ def from_model(
         )
 
     return build(planes, lag(Plane.YAW), lag(Plane.PITCH), _disturbance_of(model, depth_m))
-
-
-def edited_plane(model: IdentifiedModel) -> str:
-    """Return which number of a plane is not that of the vehicle in the model file.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-        Content of a model file. With another method than map the planes are the fit itself.
-
-    Returns
-    -------
-    str
-        Key, value and the number of the vehicle; empty if all agree.
-    """
-    if model.method != "map" or model.vehicle.file is None:
-        return ""
-    vehicle = prediction.vehicles(model)[0]
-    for plane, linear in zip(Plane, from_model(model).planes, strict=True):
-        derived = small_signal(linear)._asdict() | {"delay_s": vehicle.actuators[plane].delay_s}
-        for name in (*SmallSignal._fields[:-1], "delay_s"):
-            value, right = getattr(model.planes[plane], name).value, derived[name]
-            if not math.isclose(value, right, rel_tol=MAX_ROUNDING):
-                return (
-                    f"planes.{plane}.{name}.value = {value:g}: vehicle.file and joint.z give"
-                    f" {right:g}; give a model.json that `ground refit` wrote, without changes"
-                )
-    return ""
 
 
 def sample_models(

@@ -180,6 +180,22 @@ def linear_plane(
     return pitch_plane(c, speed_mps, mass_kg, gravity_mps2)
 
 
+def without_depth(plane: LinearPlane) -> LinearPlane:
+    """Return the pitch plane without depth, which no other state depends on.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Linear pitch plane.
+
+    Returns
+    -------
+    LinearPlane
+        Plane with the states w, q, theta.
+    """
+    return LinearPlane(plane.A[:3, :3], plane.B[:3], plane.states[:3], plane.moment[:3])
+
+
 def small_signal_names(plane: Plane) -> tuple[str, ...]:
     """Return the fields of ``SmallSignal`` that a plane has: no restoring moment in yaw."""
     return SmallSignal._fields[:-1] if PLANES[plane].is_yaw else SmallSignal._fields

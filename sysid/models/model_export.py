@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sysid.estimation.map import fit as fits
 from sysid.estimation.map.convergence import DESIGN_NUMBERS, START_COST_TOLERANCE, failures
 from sysid.estimation.map.fit import Fit, Prior
-from sysid.models import delta_method, linear_planes, noise, parameters
+from sysid.models import delta_method, linear_planes, noise, parameters, prediction
 from sysid.models.linear_planes import SmallSignal
 from sysid.models.model_file import (
     FORMAT,
@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 
 RANK_TOLERANCE = 1e-6
 """Relative eigenvalue of the information matrix below which a direction counts as unobserved."""
+MAX_ROUNDING = 1e-4
+"""Relative difference of a number in a model file that versions of libraries may cause."""
 
 
 def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
@@ -124,6 +126,47 @@ def _derived(vehicle: parameters.CandidateVehicle) -> Array:
         rows += linear_planes.small_signal(fits.linear_plane(vehicle, plane))
         rows += [actuator.delay_s, math.degrees(actuator.bias_rad)]
     return np.array(rows)
+
+
+def derived_numbers(vehicle: parameters.CandidateVehicle) -> dict[tuple[Plane, str], float]:
+    """Return the numbers of both planes that follow from a vehicle.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        The vehicle.
+
+    Returns
+    -------
+    dict
+        Fields of `SmallSignal`, delay (s) and bias (deg), by plane and name.
+    """
+    return dict(zip(_derived_names(), _derived(vehicle).tolist(), strict=True))
+
+
+def edited_number(model: IdentifiedModel) -> str:
+    """Return which number of a plane is not that of the vehicle in the model file.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Content of a model file. With another method than map the planes are the fit itself.
+
+    Returns
+    -------
+    str
+        Key, value and the number of the vehicle; empty if all agree.
+    """
+    if model.method != "map" or model.vehicle.file is None:
+        return ""
+    for (plane, name), right in derived_numbers(prediction.vehicles(model)[0]).items():
+        known = getattr(model.planes[plane], name)
+        if known is not None and not math.isclose(known.value, right, rel_tol=MAX_ROUNDING):
+            return (
+                f"planes.{plane}.{name}.value = {known.value:g}: vehicle.file and joint.z give"
+                f" {right:g}; give a model.json that `ground refit` wrote, without changes"
+            )
+    return ""
 
 
 def _at_limits(sds: Array) -> list[str]:

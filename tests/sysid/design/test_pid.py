@@ -14,7 +14,7 @@ from ground.campaign import refit
 from mavlink_io.errors import OperationError
 from sitl.vehicle import config as vehicle_files
 from sysid.control_analysis import loop_state_space
-from sysid.design import constraints, design_model, pid
+from sysid.design import constraints, pid
 from sysid.design.design_model import DesignModel, analyse_loops, from_model, sample_models
 from sysid.design.disturbance_response import command_noise_rad, predict_response
 from sysid.design.pid import (
@@ -26,6 +26,7 @@ from sysid.design.pid import (
     step_response,
 )
 from sysid.design.robustness import robustness
+from sysid.models import model_export
 from sysid.models.model_file import IdentifiedModel, sha256_of_model
 from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
@@ -302,16 +303,16 @@ def test_advice_is_for_the_plane_of_the_worst_limit(
         pid.check_robustness(few, assessed, Spec())
 
 
-def test_edited_plane_is_named(model: IdentifiedModel) -> None:
+def test_edited_number_is_named(model: IdentifiedModel) -> None:
     vehicle = msgspec.structs.replace(model.vehicle, file=vehicle_files.load(model.vehicle.prior))
     own = msgspec.structs.replace(model, vehicle=vehicle)
-    assert design_model.edited_plane(own) == ""
+    assert model_export.edited_number(own) == ""
     pitch = own.planes[Plane.PITCH]
     delayed = msgspec.structs.replace(
         pitch, delay_s=msgspec.structs.replace(pitch.delay_s, value=9.0)
     )
     edited = msgspec.structs.replace(own, planes=own.planes | {Plane.PITCH: delayed})
-    assert design_model.edited_plane(edited).startswith("planes.pitch.delay_s.value = 9: vehicle")
+    assert model_export.edited_number(edited).startswith("planes.pitch.delay_s.value = 9: vehicle")
 
 
 def test_assessment_without_reasons_is_a_reason(model: IdentifiedModel) -> None:

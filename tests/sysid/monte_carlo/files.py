@@ -2,12 +2,9 @@
 
 import msgspec
 
-from sysid.design import design_model
 from sysid.estimation.map.problem import Prior
 from sysid.models import model_export, prediction
-from sysid.models.linear_planes import SmallSignal, small_signal
 from sysid.models.model_file import IdentifiedModel, ParameterEstimate
-from sysid.planes import Plane
 from sysid.test_design.prior import DesignPrior
 
 
@@ -26,10 +23,9 @@ def model_of(prior: DesignPrior) -> IdentifiedModel:
 def with_planes_of_vehicle(model: IdentifiedModel) -> IdentifiedModel:
     """Return a model whose planes are those of its vehicle, as in a fit."""
     planes = dict(model.planes)
-    actuators = prediction.vehicles(model)[0].actuators
-    for plane, linear in zip(Plane, design_model.from_model(model).planes, strict=True):
-        numbers = {name: getattr(small_signal(linear), name) for name in SmallSignal._fields[:-1]}
-        numbers["delay_s"] = actuators[plane].delay_s
-        estimates = {name: ParameterEstimate(value, None) for name, value in numbers.items()}
-        planes[plane] = msgspec.structs.replace(planes[plane], **estimates)
+    derived = model_export.derived_numbers(prediction.vehicles(model)[0])
+    for (plane, name), value in derived.items():
+        if getattr(planes[plane], name) is not None:
+            estimate = ParameterEstimate(value, None)
+            planes[plane] = msgspec.structs.replace(planes[plane], **{name: estimate})
     return msgspec.structs.replace(model, planes=planes)
