@@ -31,7 +31,10 @@ STAMP_RESOLUTION_S = 2e-3
 
 
 def gap(run: Run, limits: ScreeningLimits) -> str:
-    """Reject a run with a long gap between samples."""
+    """Reject a run with a long gap between samples.
+
+    However time stamps are rounded, rows at 5 Hz are too slow and depths at 2 Hz are not.
+    """
     if run.longest_gap_s > limits.gap_s - STAMP_RESOLUTION_S:
         return f"gap: {run.longest_gap_s:.2f} s without data, less than {limits.gap_s:g} needed"
     if run.longest_depth_gap_s > limits.depth_gap_s + STAMP_RESOLUTION_S:

@@ -421,11 +421,11 @@ def _parameters(path: Path, lines: Sequence[str]) -> dict[str, float]:
         name, found, value = line.lstrip("# ").partition("=")
         name = name.strip()
         if not found:
-            words = name.split()
-            if words and words[0].rstrip(":") in _PARAMETERS:
+            first = name.replace(":", " ").partition(" ")[0]
+            if first in _PARAMETERS:
                 raise LogError(
                     f"{path}: line {number}: {line.strip()!r} has no '='; write a parameter as"
-                    f" '# {words[0].rstrip(':')} = VALUE'"
+                    f" '# {first} = VALUE'"
                 )
             continue
         try:

@@ -1,4 +1,4 @@
-"""Outputs of PX4 in ArduPilot's words: functions and pulses of servos and motors.
+"""Parameters of PX4's outputs as ArduPilot's: functions and pulses of servos and motors.
 
 ``PWM_MAIN_FUNCn`` is 101 to 112 for a motor and 201 to 208 for a control surface, whose kind is
 ``CA_SV_CSk_TYPE``. Versions before 1.13 have the pulses only (PX4 parameter reference).
@@ -66,7 +66,7 @@ def surface_parameters(parameters: Mapping[str, float]) -> dict[str, float]:
 
 
 def _output(parameters: Mapping[str, float], number: int) -> Iterator[tuple[str, float]]:
-    """Yield the words of one output, counted from 1."""
+    """Yield name and value of the parameters of one output, counted from 1."""
     code = _whole(parameters, f"PWM_MAIN_FUNC{number}")
     function = _function(parameters, code)
     if function is not None:

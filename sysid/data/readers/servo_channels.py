@@ -258,13 +258,18 @@ def _other_outputs(values: NDArray[np.float64], channels: ServoChannels) -> tupl
     return tuple(number for number in moving.tolist() if number not in set(map(abs, channels)))
 
 
+def _are_pulses(outputs: NDArray[np.float64]) -> bool:
+    """Return whether outputs are pulses in microseconds, not fractions of the travel."""
+    return bool(np.nanmax(np.abs(outputs), initial=0.0) > MAX_FRACTION)
+
+
 def _assumed_pulses(
     values: NDArray[np.float64], channels: ServoChannels, parameters: Mapping[str, float]
 ) -> str:
     """Return the outputs whose range is not known, and the one taken; empty without any."""
     numbers = [abs(n) for n in channels if n]
     chosen = values[:, [number - 1 for number in numbers]]
-    if np.nanmax(np.abs(chosen), initial=0.0) <= MAX_FRACTION:
+    if not _are_pulses(chosen):
         return ""
     unknown = [str(n) for n in numbers if f"SERVO{n}_MAX" not in parameters]
     taken = f"{PULSE_CENTRE_US:g} +- {PULSE_HALF_US:g} us"
@@ -285,7 +290,7 @@ def _fractions(
             " with --servo-channels"
         )
     chosen = values[:, [abs(number) - 1 for number in outputs]]
-    if np.nanmax(np.abs(chosen), initial=0.0) > MAX_FRACTION:
+    if _are_pulses(chosen):
         chosen = np.stack(
             [
                 _fraction_of_pulse(pulses, abs(number), parameters)

@@ -224,7 +224,7 @@ def fit(
         covariance=model_error.covariance(
             optimum.score.information, prior_precision, run_scatter.value, conflict
         )
-        + model_error.hold_covariance(
+        + model_error.command_time_covariance(
             {plane: max(data.run.delay_sd_s for data in group) for plane, group in datasets.items()}
         ),
         data_information=optimum.score.information,

@@ -186,7 +186,7 @@ def covariance(
     return np.asarray(likelihood + structure_covariance(scatter, conflict))
 
 
-def hold_covariance(delay_sds_s: Mapping[Plane, float]) -> Array:
+def command_time_covariance(delay_sds_s: Mapping[Plane, float]) -> Array:
     """Return the part of the covariance by the unknown times of the commands, (p, p).
 
     The fit cannot tell it from the delay, and it is the same in both planes.

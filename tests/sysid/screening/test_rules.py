@@ -44,7 +44,7 @@ def during(run: Run, values: np.ndarray, change: float) -> np.ndarray:
 
 @pytest.mark.parametrize("gap_s", [0.199, 0.201])
 def test_rows_at_five_hertz_are_a_gap(yaw: Run, gap_s: float) -> None:
-    """Whichever way the time stamps are rounded to whole milliseconds."""
+    """Time stamps are rounded to whole milliseconds, up or down."""
     assert "less than 0.2 needed" in screen([replace(yaw, longest_gap_s=gap_s)])[0].reasons[0]
     assert screen([replace(yaw, longest_gap_s=0.19)])[0].reasons == ()
 

@@ -504,7 +504,7 @@ def test_events_of_a_slow_log_are_kept(tmp_path: Path) -> None:
 
 
 def test_time_of_a_command_is_uncertain_by_the_rows(tmp_path: Path) -> None:
-    """Uniform over the interval of the rows, of which the grid of 20 ms is known."""
+    """It is uniform over the interval of the rows, less the step of the grid of 20 ms."""
     slow = the_run(files.dataflash(tmp_path / "slow.bin", every=5))
     assert slow.delay_sd_s == pytest.approx(math.sqrt((0.1**2 - 0.02**2) / 12.0), rel=1e-3)
     assert the_run(files.dataflash(tmp_path / "fast.bin")).delay_sd_s == 0.0
