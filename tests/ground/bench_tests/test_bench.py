@@ -134,3 +134,15 @@ def test_shipped_moves_equal_shipped_scenario() -> None:
         mass_kg, _, y_m, _ = fault.sizes if fault else (0.0,) * 4
         assert mass_kg * y_m == pytest.approx(move.moment_kgm)
     assert not done
+
+
+def test_rate_limit_that_is_not_shown_gives_no_frequencies() -> None:
+    limit: dict[str, Any] = {"amplitude_deg": 4.0, "half_power_hz": None, "paper_hz": None}
+    limit |= {name: {"value": 8.0, "sd": None} for name in ("triangle_hz", "sine_hz")}
+    texts = []
+    for sd in (None, 0.5):
+        axis = {"model": {"rate_degps": {"value": 64.0, "sd": sd}}, "limits": [limit]}
+        texts.append(bench.format_text({"rudder": axis}, Path("bench")))
+    assert "rate limit: not shown by the data" in texts[0]
+    assert "triangle" not in texts[0]
+    assert "4.0 deg peak to peak     8.000" in texts[1]

@@ -83,6 +83,13 @@ def test_info_reports_truncated_log(tmp_path: Path) -> None:
     assert any("damaged" in line and "it ends within a message" in line for line in lines), lines
 
 
+def test_info_reports_a_restart(tmp_path: Path) -> None:
+    path = files.dataflash(tmp_path / "two.bin")
+    path.write_bytes(2 * path.read_bytes())
+    lines = CliRunner().invoke(app, ["log", "info", str(path)]).stdout.splitlines()
+    assert any("went back by 40.0 s" in line and "a restart" in line for line in lines), lines
+
+
 def test_info_reports_a_jump_of_the_clock_as_a_gap(tmp_path: Path) -> None:
     lines = ["time_s,heading_deg,rudder_deg,thrust_pct"]
     lines += [f"{100 + 0.1 * k + 1.7e9 * (k >= 300):.2f},10,0,50" for k in range(600)]

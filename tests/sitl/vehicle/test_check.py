@@ -168,6 +168,13 @@ def test_command_line_writes_once_and_checks(tmp_path: Path) -> None:
     assert (again.returncode, again.stderr) == (2, f"vehicle: {out}: exists; give a new name\n")
 
 
+def test_missing_diameter_is_named(tmp_path: Path) -> None:
+    out = str(tmp_path / "mine.toml")
+    refusal = run("new", "--hull", "myring", "--tail", "x", "--length-m", "2", "--out", out)
+    assert refusal.returncode == 2
+    assert "--diameter-m: is missing" in refusal.stderr
+
+
 def test_command_line_errors_are_one_line(tmp_path: Path) -> None:
     for arguments in (["check", "nowhere"], ["new", "--out", str(tmp_path / "x.toml")]):
         refusal = run(*arguments)

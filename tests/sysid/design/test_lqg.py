@@ -20,8 +20,10 @@ from sysid.design.lqg import controller as lqg_controller
 from sysid.design.lqg import loop_analysis, synthesis, weights
 from sysid.design.lqg.controller import DiscreteController
 from sysid.design.lqg.synthesis import AugmentedModel
+from sysid.design.specification import DesignInfeasibleError
 from sysid.models import noise
 from sysid.models.linear_planes import linear_plane, pitch_plane, yaw_plane
+from sysid.models.model_file import IdentifiedModel
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 
@@ -198,3 +200,15 @@ def growth(vehicle: DesignModel, controller: DiscreteController, factor: float) 
         sizes.append(abs(x[2]))
     third = len(sizes) // 3
     return float(max(sizes[-third:]) / max(sizes[third : 2 * third]))
+
+
+def test_infeasible_design_names_limits_and_the_other_method(
+    model: IdentifiedModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise DesignInfeasibleError("no gains meet the specification")
+
+    monkeypatch.setattr(optimal, "_tune", fail)
+    advice = r"--damping 0\.5 .*; PID loops \(--method pid\)"
+    with pytest.raises(DesignInfeasibleError, match=advice):
+        optimal.design_lqg(model)

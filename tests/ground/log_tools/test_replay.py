@@ -1,0 +1,24 @@
+"""A replay flies the mission of its dive."""
+
+from pathlib import Path
+
+import pytest
+
+from ground.client.recorder import Recorder
+from ground.log_tools.replay import ReplayRequest, replay_log
+from ground.missions import plans
+from mavlink_io.errors import InputError
+from sysid.data.dataset import LogError
+from sysid.test_design import prior
+
+
+def test_replay_of_another_mission_is_refused(tmp_path: Path) -> None:
+    log, model = tmp_path / "dive.mcap", prior.read("caribou_nominal")
+    recorder = Recorder(log)
+    plan = plans.write_plan(plans.load_items("straight_run"))
+    recorder.attach("mission.plan", plan.encode(), "application/json")
+    recorder.finish()
+    with pytest.raises(InputError, match=r"--mission combined: .* holds another mission"):
+        replay_log(ReplayRequest(log, {}, "combined"), model)
+    with pytest.raises(LogError, match="no ATTITUDE"):  # the mission is that of the dive
+        replay_log(ReplayRequest(log, {}, "straight_run"), model)
