@@ -39,6 +39,7 @@ from sysid.data.events import (
     is_damaged,
     parse_text,
 )
+from sysid.data.readers.parameter_history import ParameterHistory, history_of
 from sysid.data.readers.samples import (
     FileDamage,
     MessageColumns,
@@ -172,14 +173,15 @@ def read(path: Path, options: OutputOptions) -> Log:
     }
     checked, spikes = drop_contradicted(checked, _PLAUSIBLE)
     message_tables |= checked
-    parameters = _parameters(message_tables)
+    history = _parameters(message_tables)
+    parameters = history.latest()
     damage = damage._replace(
         contradicted_s=(*damage.contradicted_s, *spikes.contradicted_s),
         impossible_names=damage.impossible_names + _damaged_names(message_tables, parameters),
     )
     attitude, actuators = (
         _attitude(path, message_tables),
-        _actuators(path, message_tables, options, parameters),
+        _actuators(path, message_tables, options, history),
     )
     depth = _depth(path, message_tables, attitude.time_s)
     steps = [
@@ -431,7 +433,7 @@ def _attitude(path: Path, message_tables: Tables) -> Attitude:
 
 
 def _actuators(
-    path: Path, message_tables: Tables, options: OutputOptions, parameters: dict[str, float]
+    path: Path, message_tables: Tables, options: OutputOptions, history: ParameterHistory
 ) -> Actuators:
     """Return the commands from the pulses in RCOU; old logs name its columns Ch1 or Chan1."""
     known = message_tables["RCOU"].columns if "RCOU" in message_tables else {}
@@ -439,7 +441,7 @@ def _actuators(
     names = [numbers[number] for number in sorted(numbers)] or ["C1"]
     time_s, columns = _table(path, message_tables, "RCOU", *names)
     pulses = np.stack([columns[name].astype(np.float64) for name in names], axis=1)
-    return actuator_commands(time_s, pulses, options, parameters, f"{path}: RCOU")
+    return actuator_commands(time_s, pulses, options, history, f"{path}: RCOU")
 
 
 def _depth(path: Path, message_tables: Tables, attitude_s: Array) -> Depth:
@@ -551,13 +553,13 @@ def _mode_changes(message_tables: Tables, starts_s: Array) -> list[LogEvent]:
     ]
 
 
-def _parameters(message_tables: Tables) -> dict[str, float]:
+def _parameters(message_tables: Tables) -> ParameterHistory:
     """Return the parameters from PARM; empty without it."""
     if (
         "PARM" not in message_tables
         or not {"Name", "Value"} <= message_tables["PARM"].columns.keys()
     ):
-        return {}
-    columns = message_tables["PARM"].columns
+        return ParameterHistory({})
+    time_s, columns = message_tables["PARM"]
     names = (bytes(name).decode("ascii", "replace") for name in columns["Name"])
-    return dict(zip(names, map(float, columns["Value"]), strict=True))
+    return history_of(zip(time_s.tolist(), names, map(float, columns["Value"]), strict=True))

@@ -30,6 +30,7 @@ from sysid.data.readers.messages import (
     messages_to_read,
     refuse_several,
 )
+from sysid.data.readers.parameter_history import ParameterHistory
 from sysid.data.readers.samples import NO_DAMAGE, FileDamage, MessageColumns
 from sysid.data.readers.servo_channels import OutputOptions
 
@@ -57,7 +58,8 @@ def read(path: Path, options: OutputOptions) -> Log:
     streams = _streams(path, _may_be_needed)
     messages, zero_unix_ns = _decoded(streams, path)
     parameters = _parameters(streams.parameters, path)
-    log = assemble(path, messages, parameters, options, _clock_lead(messages))
+    history = ParameterHistory(parameters)
+    log = assemble(path, messages, history, options, _clock_lead(messages))
     return replace(log, clock=replace(log.clock, zero_unix_ns=zero_unix_ns))
 
 

@@ -32,6 +32,7 @@ from sysid.data.dataset import (
     VelocitySource,
 )
 from sysid.data.events import Armed, ModeChanged, parse_text
+from sysid.data.readers.parameter_history import ParameterHistory
 from sysid.data.readers.samples import (
     NO_DAMAGE,
     FileDamage,
@@ -146,7 +147,7 @@ def _first(names: Iterable[str], sent: Container[str]) -> str:
 def assemble(
     path: Path,
     messages: Messages,
-    parameters: dict[str, float],
+    history: ParameterHistory,
     options: OutputOptions,
     ahead: tuple[Array, Array],
     damage: FileDamage = NO_DAMAGE,
@@ -159,7 +160,7 @@ def assemble(
         The file, for the name and for messages.
     messages : dict
         Vehicle times (s) and records by message name.
-    parameters : dict
+    history : ParameterHistory
         Parameters of the autopilot.
     options : OutputOptions
         Output numbers of rudder, elevator and thrust, and the travel.
@@ -186,6 +187,7 @@ def assemble(
             f"{path}: holds no {', no '.join(missing)} of a vehicle; identification needs attitude"
             " and commands, and depth for tests of the elevator"
         )
+    parameters = history.latest()
     used = dict.fromkeys(name for name in (attitude, commanded, depth) if name)
     _refuse_other_definitions(path, messages)
     steps = [step for name in used for step in clock_steps(name, messages[name][0])]
@@ -207,7 +209,7 @@ def assemble(
             parameters,
         ),
         attitude=motion,
-        actuators=_actuators(*messages[commanded], options, parameters, f"{path}: {commanded}"),
+        actuators=_actuators(*messages[commanded], options, history, f"{path}: {commanded}"),
         depth=_depth(depth, *messages[depth]) if depth else zero_depth(motion.time_s),
         setpoints=_setpoints(messages),
         events=_events(messages),
@@ -299,7 +301,7 @@ def _actuators(
     time_s: Array,
     record: NDArray[Any],
     options: OutputOptions,
-    parameters: Mapping[str, float],
+    history: ParameterHistory,
     where: str,
 ) -> Actuators:
     """Return the commands in radians and fractions of thrust."""
@@ -308,7 +310,7 @@ def _actuators(
         time_s, record = time_s[lowest], record[lowest]
     time_s = _with_wrapped_times(time_s, record)
     keep = strictly_increasing(time_s)
-    return actuator_commands(time_s[keep], _outputs(record[keep]), options, parameters, where)
+    return actuator_commands(time_s[keep], _outputs(record[keep]), options, history, where)
 
 
 def _with_wrapped_times(time_s: Array, record: NDArray[Any]) -> Array:

@@ -7,13 +7,14 @@ ArduPilot's parameters the outputs are found by ``SERVOn_FUNCTION`` and scaled b
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.dataset import DEFAULT_TRAVEL_DEG, Actuators, Array, LogError
+from sysid.data.readers.parameter_history import ParameterHistory
 
 PULSE_CENTRE_US = 1500.0
 """Servo pulse at zero deflection."""
@@ -61,6 +62,8 @@ READ_PARAMETERS = frozenset(
     )
 )
 """Names of the parameters that scale the outputs."""
+_OUTPUT_PARAMETERS = (TRAVEL, "SERVO", "PWM_", "CA_")
+"""Beginnings of the names of parameters by which outputs are read, those of PX4 included."""
 
 
 class OutputOptions(NamedTuple):
@@ -199,10 +202,11 @@ def actuator_commands(
     time_s: Array,
     values: NDArray[np.float64],
     options: OutputOptions,
-    parameters: Mapping[str, float],
+    history: ParameterHistory,
     where: str,
     *,
     usual: ServoChannels = FIRST_THREE,
+    convert: Callable[[Mapping[str, float]], dict[str, float]] = dict,
 ) -> Actuators:
     """Return the commands of the surfaces and of the thrust.
 
@@ -215,12 +219,14 @@ def actuator_commands(
         deflection.
     options : OutputOptions
         Output numbers and travel.
-    parameters : mapping of str to float
-        Parameters of the autopilot.
+    history : ParameterHistory
+        Parameters of the autopilot; each value counts for the rows of its time.
     where : str
         File and message, for the error.
     usual : ServoChannels
         Output numbers if neither options nor parameters name them.
+    convert : callable
+        Returns ArduPilot's parameters of the outputs for those of the autopilot.
 
     Returns
     -------
@@ -232,18 +238,26 @@ def actuator_commands(
     LogError
         The log does not have one of the outputs.
     """
-    channels = options.channels or find_channels(parameters, usual)
-    rudder, elevator, thrust = _fractions(values, channels, parameters, where)
-    travel = travel_rad(parameters, options)
+    commands = np.zeros((3, time_s.size))
+    others, assumed, mixed = set[int](), dict[str, None](), dict[str, None]()
+    for rows, own_parameters in history.epochs(time_s, _OUTPUT_PARAMETERS):
+        parameters = own_parameters | convert(own_parameters)
+        channels = options.channels or find_channels(parameters, usual)
+        commands[:, rows] = _fractions(values[rows], channels, parameters, where)
+        others.update(_other_outputs(values[rows], channels))
+        assumed[_assumed_pulses(values[rows], channels, parameters)] = None
+        mixed["" if options.channels else mixed_surfaces(parameters)] = None
+        travel = travel_rad(parameters, options)
+        commands[:2, rows] *= travel
     return Actuators(
         time_s=time_s,
-        rudder_rad=rudder * travel,
-        elevator_rad=elevator * travel,
-        thrust=thrust,
+        rudder_rad=commands[0],
+        elevator_rad=commands[1],
+        thrust=commands[2],
         travel_rad=travel,
-        other_outputs=_other_outputs(values, channels),
-        assumed_pulses=_assumed_pulses(values, channels, parameters),
-        mixed_surfaces="" if options.channels else mixed_surfaces(parameters),
+        other_outputs=tuple(sorted(others)),
+        assumed_pulses="; ".join(filter(None, assumed)),
+        mixed_surfaces="; ".join(filter(None, mixed)),
     )
 
 

@@ -25,6 +25,7 @@ from sysid.data.readers.messages import (
     messages_to_read,
     refuse_several,
 )
+from sysid.data.readers.parameter_history import ParameterHistory, history_of
 from sysid.data.readers.samples import FileDamage, MessageColumns
 from sysid.data.readers.servo_channels import OutputOptions
 
@@ -66,8 +67,8 @@ def read(path: Path, options: OutputOptions) -> Log:
             messages[device] = _decode(stream)
     nothing = np.empty(0)
     damage = FileDamage(*tlog.find_damage(data))
-    parameters = _parameters(own.get("PARAM_VALUE"))
-    return assemble(path, messages, parameters, options, (nothing, nothing), damage)
+    history = _parameters(own.get("PARAM_VALUE"))
+    return assemble(path, messages, history, options, (nothing, nothing), damage)
 
 
 def load(path: Path) -> tuple[dict[str, MessageColumns], FileDamage]:
@@ -108,15 +109,15 @@ def _decode(stream: MessageSeries) -> tuple[Array, NDArray[Any]]:
     return np.array(stream.times_us, np.float64) * 1e-6, record
 
 
-def _parameters(stream: MessageSeries | None) -> dict[str, float]:
-    """Return the latest value of each parameter from PARAM_VALUE.
+def _parameters(stream: MessageSeries | None) -> ParameterHistory:
+    """Return the parameters from PARAM_VALUE.
 
     All parameters are REAL32, as in this autopilot and ArduPilot.
     """
     if stream is None:
-        return {}
-    _, record = _decode(stream)
+        return ParameterHistory({})
+    time_s, record = _decode(stream)
     names = (
         row.tobytes().split(b"\0", 1)[0].decode("ascii", "replace") for row in record["param_id"]
     )
-    return dict(zip(names, map(float, record["param_value"]), strict=True))
+    return history_of(zip(time_s.tolist(), names, record["param_value"].tolist(), strict=True))

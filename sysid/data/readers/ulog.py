@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from sysid.data.dataset import (
 )
 from sysid.data.events import is_damaged, parse_text
 from sysid.data.readers import px4_outputs
+from sysid.data.readers.parameter_history import ParameterHistory, history_of
 from sysid.data.readers.px4_outputs import SERVOS
 from sysid.data.readers.samples import (
     FileDamage,
@@ -61,6 +63,11 @@ _OUTPUTS = (
 )
 """Topics of the outputs, the preferred first: fractions to the simulator, pulses to the servos,
 fractions to servos (PX4 1.14), fractions of the mixer (before 1.14)."""
+_CONVERT = {
+    "actuator_outputs": px4_outputs.servo_parameters,
+    "actuator_servos": px4_outputs.surface_parameters,
+}
+"""Parameters of the outputs by topic; the others have no pulses."""
 _MOTORS = "actuator_motors"
 """Topic whose controls count as outputs 9 and following where actuator_servos is read."""
 SERVOS_AND_MOTOR = ServoChannels(1, 2, SERVOS + 1)
@@ -150,14 +157,11 @@ def read(path: Path, options: OutputOptions) -> Log:
     damage = damage._replace(
         contradicted_s=spikes.contradicted_s, impossible_names=_damaged_names(log, tables)
     )
-    parameters = {  # a damaged parameter has a type that pyulog does not convert
-        str(name): float(value)
-        for name, value in log.initial_parameters.items()
-        if isinstance(value, int | float)
-    }
+    history = _parameters(log)
+    parameters = history.latest()
     attitude, actuators = (
         _attitude(path, topic_tables),
-        _actuators(path, topic_tables, options, parameters),
+        _actuators(path, topic_tables, options, history),
     )
     depth = _depth(path, topic_tables, attitude.time_s)
     steps = [
@@ -182,6 +186,17 @@ def read(path: Path, options: OutputOptions) -> Log:
         format_damage(damage, attitude.time_s),
         _velocity(path, topic_tables, attitude),
         _specific_force(path, topic_tables),
+    )
+
+
+def _parameters(log: Any) -> ParameterHistory:
+    """Return the parameters at the start, and their changes in flight."""
+    initial = ((-math.inf, name, value) for name, value in log.initial_parameters.items())
+    changed = ((stamp * 1e-6, name, value) for stamp, name, value in log.changed_parameters)
+    return history_of(
+        (time_s, str(name), float(value))
+        for time_s, name, value in (*initial, *changed)
+        if isinstance(value, int | float)  # pyulog does not convert the type of a damaged parameter
     )
 
 
@@ -281,19 +296,15 @@ def _attitude(path: Path, topic_tables: Tables) -> Attitude:
 
 
 def _actuators(
-    path: Path, topic_tables: Tables, options: OutputOptions, parameters: dict[str, float]
+    path: Path, topic_tables: Tables, options: OutputOptions, history: ParameterHistory
 ) -> Actuators:
     """Return the commands from the outputs."""
     name = next((topic for topic in _OUTPUTS if topic in topic_tables), _OUTPUTS[1])
     field = "control" if name in ("actuator_servos", "actuator_controls_0") else "output"
     time_s, columns = _table(path, topic_tables, name, f"{field}[0]")
     values = _outputs(columns, field)
-    names, usual = dict[str, float](), FIRST_THREE
-    if name == "actuator_outputs":
-        names = px4_outputs.servo_parameters(parameters)
-    elif name == "actuator_servos":
-        names = px4_outputs.surface_parameters(parameters)
-    elif name == "actuator_controls_0":
+    usual, convert = FIRST_THREE, _CONVERT.get(name, dict)
+    if name == "actuator_controls_0":
         usual = _MIXER_INPUTS
     if name == "actuator_servos" and _MOTORS in topic_tables:
         motors = _table(path, topic_tables, _MOTORS, "control[0]")
@@ -301,7 +312,7 @@ def _actuators(
         held = _outputs(motors.columns, "control")[np.clip(latest, 0, None)]
         values, usual = np.concatenate([values[:, :SERVOS], held], axis=1), SERVOS_AND_MOTOR
     return actuator_commands(
-        time_s, values, options, parameters | names, f"{path}: {name}", usual=usual
+        time_s, values, options, history, f"{path}: {name}", usual=usual, convert=convert
     )
 
 

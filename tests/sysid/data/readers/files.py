@@ -271,9 +271,11 @@ def dataflash(
     parameters: dict[str, float] | None = None,
     variant: str = "ArduSub",
     every: int = 1,
+    last_parameters: dict[str, float] | None = None,
 ) -> Path:
     """Write a .bin; ``ending`` is the text that ends the test, or MODE for a change of mode.
 
+    ``last_parameters`` are set after the dive.
     Of the regular messages one in ``every`` is logged, and each event just before the next.
     """
     messages = VARIANTS[variant]
@@ -304,6 +306,8 @@ def dataflash(
                 if ending == "MODE"
                 else _record("MSG", us, ending.encode())
             )
+    for name, value in (last_parameters or {}).items():
+        data += _record("PARM", us + 1000, name.encode(), value, value)
     path.write_bytes(data)
     return path
 
@@ -420,8 +424,12 @@ def ulog(
     variant: str = "1.10 to 1.13",
     parameters: dict[str, float] | None = None,
     pulse_of: Callable[[float], int] = pulse,
+    last_parameters: dict[str, float] | None = None,
 ) -> Path:
-    """Write the dive as PX4 logs it; ``pulse_of`` makes the pulse of a fraction of the travel."""
+    """Write the dive as PX4 logs it; ``pulse_of`` makes the pulse of a fraction of the travel.
+
+    ``last_parameters`` are set after the dive.
+    """
     topics = ULOG_VARIANTS[variant]
     names = [n for n in (topics.attitude, topics.rates, topics.depth, *topics.outputs) if n]
     data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", round(1e6 * BOOTED_S))
@@ -429,8 +437,7 @@ def ulog(
     for name in names:
         data += _block("F", f"{name.partition('/')[0]}:{_ULOG[name][2]}".encode())
     for name, value in ({"ACT_TRAVEL_DEG": 12.0} | (parameters or {})).items():
-        key = f"float {name}".encode()
-        data += _block("P", bytes((len(key),)) + key + struct.pack("<f", value))
+        data += _parameter(name, value)
     for name in names:
         body = struct.pack("<BH", 0, _ULOG[name][0]) + name.partition("/")[0].encode()
         data += _block("A", body)
@@ -441,8 +448,15 @@ def ulog(
             data += _block("L", struct.pack("<BQ", ord("6"), us) + b"SystemID Starting: axis=12")
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[1]):
             data += _block("L", struct.pack("<BQ", ord("6"), us) + b"SystemID Finished")
+    for name, value in (last_parameters or {}).items():
+        data += _parameter(name, value)
     path.write_bytes(data)
     return path
+
+
+def _parameter(name: str, value: float) -> bytes:
+    key = f"float {name}".encode()
+    return _block("P", bytes((len(key),)) + key + struct.pack("<f", value))
 
 
 def _block(kind: str, body: bytes) -> bytes:

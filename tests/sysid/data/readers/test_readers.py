@@ -20,6 +20,7 @@ from sysid.data import readers, segments
 from sysid.data.dataset import LogError
 from sysid.data.events import StopReason
 from sysid.data.readers import messages, px4_outputs, servo_channels, ulog_recovery
+from sysid.data.readers.parameter_history import history_of
 from sysid.data.readers.samples import FileDamage
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, ServoChannels
 from sysid.data.runs import RATE_HZ, Run
@@ -307,6 +308,48 @@ def test_ardupilot_outputs_found_by_function(tmp_path: Path) -> None:
     np.testing.assert_allclose(run.thrust, 0.58, atol=0.002)
     chosen = the_run(path, chosen=ServoChannels(1, 2, 3))
     assert np.degrees(chosen.elevator_rad[0]) == pytest.approx(0.2 * 15.0, abs=0.05)
+
+
+def test_read_servo_reversed_after_the_dive_counts_from_then_on(tmp_path: Path) -> None:
+    servos = {"SERVO1_FUNCTION": 21.0, "SERVO3_FUNCTION": 70.0, "SERVO1_REVERSED": 0.0}
+    last = {"SERVO1_REVERSED": 1.0}
+    same = the_run(files.dataflash(tmp_path / "same.bin", parameters=servos))
+    path = files.dataflash(tmp_path / "later.bin", parameters=servos, last_parameters=last)
+    np.testing.assert_array_equal(the_run(path).rudder_rad, same.rudder_rad)
+    assert readers.read(path).parameters["SERVO1_REVERSED"] == 1.0
+    px4 = [
+        files.ulog(
+            tmp_path / f"{len(later)}.ulg",
+            parameters={"PWM_MAIN_REV1": 0.0},
+            last_parameters=later,
+        )
+        for later in ({}, {"PWM_MAIN_REV1": 1.0})
+    ]
+    np.testing.assert_array_equal(the_run(px4[0]).rudder_rad, the_run(px4[1]).rudder_rad)
+    assert readers.read(px4[1]).parameters["PWM_MAIN_REV1"] == 1.0
+
+
+def test_actuator_commands_follow_changes_of_parameters() -> None:
+    """Reversed from 2.0 s on, twice the range from 3.0 s on; a gain of a loop is none of it."""
+    history = history_of(
+        [
+            (0.0, "SERVO1_REVERSED", 0.0),
+            (0.0, "SERVO1_MAX", 1900.0),
+            (0.0, "SERVO1_MIN", 1100.0),
+            (1.0, "YAW_RATE_P", 1.0),
+            (1.5, "YAW_RATE_P", 2.0),
+            (2.0, "SERVO1_REVERSED", 1.0),
+            (3.0, "SERVO1_MAX", 2300.0),
+            (9.0, "SERVO1_MAX", 1600.0),
+        ]
+    )
+    time_s = np.arange(5.0)
+    values = np.full((5, 3), 1700.0)
+    commands = servo_channels.actuator_commands(
+        time_s, values, OutputOptions(travel_deg=10.0), history, "log"
+    )
+    np.testing.assert_allclose(np.degrees(commands.rudder_rad), [5.0, 5.0, -5.0, -2.5, -2.5])
+    assert history.latest()["SERVO1_MAX"] == 1600.0
 
 
 @pytest.mark.parametrize(
