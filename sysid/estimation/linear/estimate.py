@@ -53,7 +53,8 @@ class PlaneEstimate(NamedTuple):
     model: LinearModel
     """Estimated values."""
     covariance: Array
-    """(p, p), covariance of the values: the inverse of their information."""
+    """(p, p), covariance of the values: the inverse of their information, and for the delay the
+    unknown times of the commands."""
     level: Noise | None
     """Levels of disturbance and sensor noise.
 
@@ -118,7 +119,7 @@ def estimate(
         weighted_objective, prior, solution, others
     )
     failures = multistart.uniqueness_failures(weighted_objective, prior, best_solution, start_costs)
-    return _estimate(best_solution, weighted_objective, level, sensors, prior)._replace(
+    return _estimate(records, best_solution, weighted_objective, level, sensors, prior)._replace(
         start_costs=tuple(start_costs), failures=failures
     )
 
@@ -144,10 +145,11 @@ def descend(
     PlaneEstimate
         Estimate at the local minimum.
     """
-    return _estimate(*_passes(method)(records, prior, start), prior)
+    return _estimate(records, *_passes(method)(records, prior, start), prior)
 
 
 def _estimate(
+    records: Sequence[LinearRun],
     solution: SearchResult,
     weighted_objective: Objective,
     level: Noise | None,
@@ -157,13 +159,14 @@ def _estimate(
     """Return the estimate with the covariance at the solution."""
     values = solution.values.copy()
     information = multistart.information_at(weighted_objective, values)
+    i = linear_model.names(prior.model.frame.plane).index(multistart.DELAY)
     if multistart.is_delay_zero(prior, values):
         # The others' covariance is that with the delay held at zero.
-        i = linear_model.names(prior.model.frame.plane).index(multistart.DELAY)
         values[i] = information[i, :] = information[:, i] = 0.0
         information[i, i] = ZERO_DELAY_SD_S**-2
     model = LinearModel(prior.model.frame, values)
     covariance = cramer_rao.of_information(model, information).covariance
+    covariance[i, i] += max(record.delay_sd_s for record in records) ** 2
     return PlaneEstimate(
         model=model,
         covariance=covariance,

@@ -41,6 +41,8 @@ class LinearRun(NamedTuple):
 
     Heading and depth are relative to their first value.
     """
+    delay_sd_s: float = 0.0
+    """Standard deviation of the delay by the unknown times of the commands, s."""
 
 
 class LinearPrior(NamedTuple):
@@ -94,6 +96,7 @@ def linear_run(run: Run, lead_s: float) -> LinearRun:
     return LinearRun(
         SurfaceCommand(run.command_rad, run.time_s.size - data.run.time_s.size),
         data.measured - origin,
+        run.delay_sd_s,
     )
 
 

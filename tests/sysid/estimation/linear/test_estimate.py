@@ -47,6 +47,20 @@ def test_descend_stated_errors_match_actual_errors() -> None:
     assert 0.6 < np.mean(squared) < 1.5
 
 
+def test_descend_unknown_command_times_widen_the_delay() -> None:
+    """Their variance adds to that of the delay; the values stay."""
+    truth, prior = true_model(Plane.YAW), wide_prior(Plane.YAW)
+    runs = simulate_runs(truth, commands(), SDS, np.random.default_rng(9))
+    sharp = estimate.descend(runs, prior, "output-error", prior.model.values)
+    late = [runs[0]._replace(delay_sd_s=0.03), *runs[1:]]
+    wide = estimate.descend(late, prior, "output-error", prior.model.values)
+    added = np.zeros_like(sharp.covariance)
+    i = linear_model.names(Plane.YAW).index("delay_s")
+    added[i, i] = 0.03**2
+    np.testing.assert_allclose(wide.covariance, sharp.covariance + added, atol=1e-15)
+    np.testing.assert_array_equal(wide.model.values, sharp.model.values)
+
+
 def test_estimate_constant_commands_are_rejected(plane: Plane) -> None:
     """Constant commands without noise determine nothing: the error names a value."""
     surface_commands = [SurfaceCommand(sea.step(0.0, 20.0))] * 2
