@@ -138,7 +138,7 @@ def main() -> None:
         exit_with_error("ground", error)
     except Interrupted as interruption:
         notes = getattr(interruption, "__notes__", [])
-        remark("; ".join(["interrupted; what was recorded is kept", *notes]))
+        remark("; ".join(["interrupted; what was written is kept", *notes]))
         sys.exit(interruption.status)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from threading import Lock
@@ -55,9 +56,10 @@ class ProgressDisplay:
     def watch_named(self, name: str, progress: DiveProgress) -> None:
         """Show the progress of a dive by its name."""
         speed = progress.vehicle_s / progress.wall_s if progress.wall_s > 0 else 0.0
-        heading_deg = (progress.heading_deg + 0.5) // 1.0 % 360.0  # whole degrees
+        heading_deg = _known((progress.heading_deg + 0.5) // 1.0 % 360.0, 0)
+        depth_m = _known(progress.depth_m, 1)
         text = (
-            f"{progress.depth_m:5.1f} m {heading_deg:4.0f} deg "
+            f"{depth_m:>5s} m {heading_deg:>4s} deg "
             f"{progress.vehicle_s:6.0f} s {speed:4.0f}x"
         )
         self._bars.update(
@@ -65,8 +67,8 @@ class ProgressDisplay:
         )
         self._print_progress(
             name,
-            f"item {progress.item + 1} of {progress.items}, {progress.depth_m:.1f} m deep, heading"
-            f" {heading_deg:.0f} deg, {progress.vehicle_s:.0f} s at {speed:.0f}x",
+            f"item {progress.item + 1} of {progress.items}, {depth_m} m deep, heading"
+            f" {heading_deg} deg, {progress.vehicle_s:.0f} s at {speed:.0f}x",
         )
         if progress.warning and progress.warning != self._warnings.get(name):
             self.print_line(f"{name}: {progress.warning}")
@@ -122,6 +124,11 @@ class ProgressDisplay:
             if name not in self._tasks:
                 self._tasks[name] = self._bars.add_task(name, total=None, words="")
             return self._tasks[name]
+
+
+def _known(value: float, digits: int) -> str:
+    """Return a number with these decimal places, and a dash for an unknown one."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
 def columns() -> tuple[ProgressColumn, ...]:

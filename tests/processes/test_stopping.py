@@ -65,7 +65,7 @@ def test_interrupted_dive_is_held_and_ended_by_commands(address: str, tmp_path: 
     assert flown.status == 130, flown
     assert (
         flown.stderr.splitlines()[-1]
-        == "ground: interrupted; what was recorded is kept; the vehicle is still under way in mode"
+        == "ground: interrupted; what was written is kept; the vehicle is still under way in mode"
         f" MISSION: `ground surface --connect {address}` ends the dive, `ground hold --connect"
         f" {address}` keeps depth, heading and thrust"
     )
