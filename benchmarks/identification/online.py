@@ -15,10 +15,11 @@ from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.estimation.recursive import (
     estimator,
+    intervals,
     prediction,
     report,
-    square_root_information,
 )
+from sysid.estimation.recursive.intervals import Estimate
 from sysid.estimation.recursive.report import PlaneReport
 from sysid.models import parameters
 from sysid.models.linear_planes import QUANTILE
@@ -84,11 +85,11 @@ def trial(vehicle: str, seed: int) -> list[float]:
     differences, errors = [], []
     for plane in Plane:
         at = report.crossover_radps(prior, plane)
-        online = _figures(report.read(known.prior, known.information, plane, at))
+        online = _figures(report.read(known.prior, intervals.estimate(known), plane, at))
         beside = np.full_like(online, math.nan)
         if batch is not None:
-            batch_information = square_root_information.from_normal(batch.z, batch.covariance)
-            beside = _figures(report.read(together, batch_information, plane, at))
+            joint = Estimate(batch.z, batch.covariance)
+            beside = _figures(report.read(together, joint, plane, at))
         differences += ((online[0] - beside[0]) / beside[1]).tolist()
         errors += ((online[0] - _truth(case, plane, at)) / online[1]).tolist()
     flown_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in runs)

@@ -13,10 +13,10 @@ from sysid.data.dataset import LogError
 from sysid.data.events import StopReason, TestEnded, TestStarted
 from sysid.data.runs import Run
 from sysid.data.segments import PREROLL_S
-from sysid.estimation.recursive import estimator, prediction, report
+from sysid.estimation.recursive import estimator, intervals, prediction, report
 from sysid.estimation.recursive.estimator import Knowledge, TestState
+from sysid.estimation.recursive.intervals import Estimate
 from sysid.estimation.recursive.report import PlaneReport
-from sysid.estimation.recursive.square_root_information import Information
 from sysid.planes import Plane
 
 MIN_RUN_TICKS = 60
@@ -53,8 +53,8 @@ class LiveEstimate:
         self._knowledge = knowledge
         self._telemetry = Telemetry(parameters)
         self._states: dict[Plane, TestState] = {}
-        self._updated: dict[Plane, Information] = {}
-        """Information that was updated since the last evaluation, by plane."""
+        self._updated: dict[Plane, Estimate] = {}
+        """Estimate that was updated since the last evaluation, by plane."""
         self._readings: dict[Plane, PlaneReport] = {}
         self._trouble = ""
         gains = parameters if "HDG_P" in parameters else None
@@ -130,13 +130,13 @@ class LiveEstimate:
     def _advance(self, run: Run) -> None:
         """Update the estimate with the present samples of a run; end a run that has stopped."""
         if run.time_s.size > MIN_RUN_TICKS:
-            state = self._states.get(run.plane) or estimator.begin(
-                self._knowledge, run.plane, _held_rad(run)
-            )
-            self._knowledge = state.knowledge
+            state = self._states.get(run.plane)
+            if state is None:
+                state = estimator.begin(self._knowledge, run.plane, _held_rad(run))
+                self._knowledge = state.knowledge
             state = estimator.update(state, prediction.steps(run, len(state.steps.thrust)))
             self._states[run.plane] = state
-            self._updated[run.plane] = estimator.information_with_test(state)
+            self._updated[run.plane] = intervals.estimate(self._knowledge, state)
         if run.stop_reason != StopReason.LOG_ENDED:
             self._end([run.plane])
 
@@ -146,14 +146,14 @@ class LiveEstimate:
             state = self._states.pop(plane, None)
             if state is not None:
                 self._knowledge = estimator.finish(state._replace(knowledge=self._knowledge))
-                self._updated[plane] = self._knowledge.information
+                self._updated[plane] = intervals.estimate(self._knowledge)
 
     def _read(self) -> None:
         """Compute the report of each plane with new information."""
         prior = self._knowledge.prior
-        for plane, information in self._updated.items():
+        for plane, estimate in self._updated.items():
             self._readings[plane] = report.read(
-                prior, information, plane, self._crossover_radps[plane]
+                prior, estimate, plane, self._crossover_radps[plane]
             )
         self._updated = {}
 

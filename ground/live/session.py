@@ -13,7 +13,7 @@ from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 from mavlink_io.errors import InputError
 from sysid.estimation.map.fit import STRIDE
-from sysid.estimation.recursive import estimator, prior, report
+from sysid.estimation.recursive import estimator, intervals, prior, report
 from sysid.estimation.recursive.estimator import Knowledge
 from sysid.estimation.recursive.prediction import START_STEPS, TestSamples
 from sysid.planes import PLANES
@@ -121,4 +121,4 @@ def _compile_kernels(knowledge: Knowledge) -> None:
         knowledge_after = estimator.finish(
             estimator.update(estimator.begin(knowledge, plane, 0.0), steps)
         )
-        report.read(knowledge_after.prior, knowledge_after.information, plane, 1.0)
+        report.read(knowledge_after.prior, intervals.estimate(knowledge_after), plane, 1.0)

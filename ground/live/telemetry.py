@@ -20,6 +20,7 @@ from sysid.data.dataset import Log, LogEvent
 from sysid.data.events import VehicleEvent
 from sysid.data.readers import messages
 from sysid.data.readers.messages import Messages
+from sysid.data.readers.parameter_history import ParameterHistory
 from sysid.data.readers.servo_channels import FROM_LOG
 
 MAX_GAP_S = {
@@ -51,7 +52,7 @@ class Telemetry:
     """Recent telemetry of one vehicle: motion, commands and events."""
 
     def __init__(self, parameters: Mapping[str, float]) -> None:
-        self._parameters = dict(parameters)
+        self._parameters = ParameterHistory(dict(parameters))
         self._stored: dict[str, list[tuple[float, bytes]]] = {}
         self.events: list[LogEvent] = []
         self.now_s = 0.0
@@ -100,7 +101,11 @@ class Telemetry:
                 record = ros1.decode([raw for _, raw in samples], _decoder(name)[0])
                 messages_by_name[name] = np.array([time_s for time_s, _ in samples]), record
         log = messages.assemble(
-            _NAME, messages_by_name, self._parameters, FROM_LOG, (np.empty(0), np.empty(0))
+            _NAME,
+            messages_by_name,
+            self._parameters,
+            FROM_LOG,
+            (np.empty(0), np.empty(0)),
         )
         return replace(log, events=tuple(event for event in self.events if event.time_s <= until_s))
 

@@ -205,27 +205,6 @@ def update(state: TestState, steps: TestSamples) -> TestState:
     return state._replace(steps=samples, tracking=tracking)
 
 
-def information_with_test(state: TestState) -> Information:
-    """Return the information about z during a test, this test included.
-
-    Parameters
-    ----------
-    state : TestState
-        State of the estimator during the test.
-
-    Returns
-    -------
-    Information
-        Square root information of the normalised parameters z.
-    """
-    information = state.knowledge.information
-    return (
-        square_root_information.combine(information, state.tracking.information)
-        if state.tracking
-        else information
-    )
-
-
 def finish(state: TestState) -> Knowledge:
     """Finish a test and return the knowledge with it.
 

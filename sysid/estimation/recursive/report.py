@@ -13,8 +13,7 @@ from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import DIFFERENCE, Prior
-from sysid.estimation.recursive import square_root_information
-from sysid.estimation.recursive.square_root_information import Information
+from sysid.estimation.recursive.intervals import Estimate
 from sysid.models import linear_planes, parameters
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import Plane
@@ -69,17 +68,15 @@ class PlaneReport(NamedTuple):
         return self.phase_deg.sd <= ENOUGH_PHASE_SD_DEG and self.gain_db.sd <= ENOUGH_GAIN_SD_DB
 
 
-def read(
-    prior: Prior, information: Information, plane: Plane, crossover_radps: float
-) -> PlaneReport:
+def read(prior: Prior, estimate: Estimate, plane: Plane, crossover_radps: float) -> PlaneReport:
     """Report the present estimate of a plane.
 
     Parameters
     ----------
     prior : Prior
         Prior of the parameters.
-    information : Information
-        Information about z from the prior and the tests.
+    estimate : Estimate
+        Estimate of z from the prior and the tests.
     plane : Plane
         Plane.
     crossover_radps : float
@@ -94,11 +91,7 @@ def read(
     -----
     Delta method: a number g(z) with the gradient c has the variance c'P c, P the covariance of z.
     """
-    z, covariance = (
-        square_root_information.mean(information),
-        square_root_information.covariance(information),
-    )
-    values, sds = _with_sds(prior, z, covariance, plane, crossover_radps)
+    values, sds = _with_sds(prior, *estimate, plane, crossover_radps)
     prior_sds = _with_sds(prior, prior.mean, prior.covariance, plane, crossover_radps)[1]
     numbers = [Number(*map(float, row)) for row in zip(values, sds, prior_sds, strict=True)]
     return PlaneReport(

@@ -21,6 +21,7 @@ from tests.sysid import sea
 
 TRAVEL_RAD = math.radians(15.0)
 START = StatusText(6, "SystemID Starting: axis=12 wave=doublet magnitude=5.00")
+START_BOTH = StatusText(6, "SystemID Starting: axis=23 wave=doublet magnitude=5.00")
 FINISHED = StatusText(6, "SystemID Finished")
 
 
@@ -159,3 +160,18 @@ def test_slow_actuator_stream_is_named_and_not_estimated(known: Knowledge, run: 
     status = estimate.poll()
     assert not status.readings
     assert "ACTUATOR_OUTPUT_STATUS, at most 0.12" in status.trouble
+
+
+def test_test_of_both_surfaces_counts_for_both_planes(known: Knowledge, run: Run) -> None:
+    """The test of one plane ends before that of the other; both stay known in the next test."""
+    estimate = LiveEstimate(known, {})
+    sds = []
+    for start, shift_s in ((START_BOTH, 100.0), (START, 150.0)):
+        feed(estimate, frames(run, -15.0, 0.0, shift_s))
+        estimate.on_text(start)
+        feed(estimate, frames(run, 0.0, 12.0, shift_s))
+        estimate.poll()
+        estimate.on_text(FINISHED)
+        feed(estimate, frames(run, 12.0, 13.0, shift_s + 0.02))
+        sds.append(estimate.poll().readings[Plane.YAW].numbers["b1_per_s2"].sd)
+    assert sds[1] < 0.9 * sds[0]

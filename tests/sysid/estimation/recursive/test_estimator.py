@@ -15,11 +15,12 @@ from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Prior
 from sysid.estimation.recursive import (
     estimator,
+    intervals,
     prediction,
     report,
-    square_root_information,
 )
 from sysid.estimation.recursive.estimator import Knowledge
+from sysid.estimation.recursive.intervals import Estimate
 from sysid.estimation.recursive.prediction import STEP_S, TestSamples
 from sysid.models import noise, parameters
 from sysid.models.parameters import NAMES
@@ -76,10 +77,9 @@ def test_finish_all_tests_matches_batch_estimate(flown: list[Run], prior: Prior)
     batch_prior = prior._replace(biases_rad=fit.trim_biases(prior.config, model, flown))
     batch = fit.fit(flown, batch_prior)
     for plane in PLANES:
-        recursive_report = report.read(knowledge.prior, knowledge.information, plane, 0.8)
-        batch_report = report.read(
-            batch_prior, square_root_information.from_normal(batch.z, batch.covariance), plane, 0.8
-        )
+        recursive_report = report.read(knowledge.prior, intervals.estimate(knowledge), plane, 0.8)
+        batch_estimate = Estimate(batch.z, batch.covariance)
+        batch_report = report.read(batch_prior, batch_estimate, plane, 0.8)
         for name, number in recursive_report.numbers.items():
             batch_number = batch_report.numbers[name]
             assert abs(number.value - batch_number.value) < 1.5 * batch_number.sd, name
@@ -89,11 +89,10 @@ def test_finish_all_tests_matches_batch_estimate(flown: list[Run], prior: Prior)
 def test_finish_reduces_standard_deviations(flown: list[Run], prior: Prior) -> None:
     before = estimator.prior_knowledge(prior)
     after = learn(before, flown[:2])
-    for name, number in report.read(after.prior, after.information, Plane.YAW, 0.8).numbers.items():
+    numbers = report.read(after.prior, intervals.estimate(after), Plane.YAW, 0.8).numbers
+    for name, number in numbers.items():
         assert number.sd < number.prior_sd, name
-    assert (
-        report.read(after.prior, after.information, Plane.YAW, 0.8).numbers["b1_per_s2"].sd < 0.05
-    )
+    assert numbers["b1_per_s2"].sd < 0.05
 
 
 @pytest.mark.parametrize("size", [1, 7, 1000])
@@ -106,22 +105,10 @@ def test_update_division_into_steps_does_not_matter(
     state = estimator.begin(knowledge, Plane.YAW, -0.1)
     for first in range(0, 90, size):
         state = estimator.update(state, part(steps, first, first + size))
-    information, expected = (
-        estimator.information_with_test(state),
-        estimator.information_with_test(at_once),
-    )
-    np.testing.assert_allclose(
-        square_root_information.mean(information),
-        square_root_information.mean(expected),
-        rtol=1e-5,
-        atol=1e-6,
-    )
-    np.testing.assert_allclose(
-        square_root_information.covariance(information),
-        square_root_information.covariance(expected),
-        rtol=1e-5,
-        atol=1e-8,
-    )
+    estimate = intervals.estimate(knowledge, state)
+    expected = intervals.estimate(knowledge, at_once)
+    np.testing.assert_allclose(estimate.z, expected.z, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(estimate.covariance, expected.covariance, rtol=1e-5, atol=1e-8)
 
 
 def test_advance_stable_plane_matches_whitened_simulation(flown: list[Run], prior: Prior) -> None:
@@ -188,7 +175,7 @@ def test_finish_unstable_plane_is_recovered() -> None:
         > 0.0
     )
     knowledge = learn(estimator.prior_knowledge(prior), runs)
-    numbers = report.read(knowledge.prior, knowledge.information, Plane.YAW, 0.8).numbers
+    numbers = report.read(knowledge.prior, intervals.estimate(knowledge), Plane.YAW, 0.8).numbers
     truth = report.numbers(
         parameters.candidate_vehicle(remus, prior.biases_rad, prior.mean), Plane.YAW, 0.8
     )
