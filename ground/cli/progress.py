@@ -58,10 +58,7 @@ class ProgressDisplay:
         speed = progress.vehicle_s / progress.wall_s if progress.wall_s > 0 else 0.0
         heading_deg = _known((progress.heading_deg + 0.5) // 1.0 % 360.0, 0)
         depth_m = _known(progress.depth_m, 1)
-        text = (
-            f"{depth_m:>5s} m {heading_deg:>4s} deg "
-            f"{progress.vehicle_s:6.0f} s {speed:4.0f}x"
-        )
+        text = f"{depth_m:>5s} m {heading_deg:>4s} deg {progress.vehicle_s:6.0f} s {speed:4.0f}x"
         self._bars.update(
             self._task(name), completed=progress.item + 1, total=progress.items, words=text
         )

@@ -68,6 +68,11 @@ OVERSHOOT_FACTORS = (1.0, 2.0, 4.0, 8.0)
 """Allowed overshoot of a change of depth over that of the limits, tried in this order."""
 TRIM_UNCERTAINTY_RAD = math.radians(2.0)
 """Assumed rudder bias and elevator trim before any measurement (rad)."""
+PITCH_LIMIT_RAD = math.radians(20.0)
+"""Largest pitch that the depth loop asks for (PTCH_LIM_DEG of the autopilot)."""
+WEAKEST_PITCH_GAIN = 2.0 * TRIM_UNCERTAINTY_RAD / PITCH_LIMIT_RAD
+"""Smallest PTCH_P of a pitch loop without integrator: half of the largest pitch holds the elevator
+against an unmeasured trim. A hull of 1.2 m with 0.06 sank in the dive that should measure it."""
 
 
 class InitialDesign(NamedTuple):
@@ -127,7 +132,7 @@ def design_initial_gains(vehicle_file: str | Path | VehicleConfig) -> InitialDes
     spec = replace(limits, travel_deg=tailcone.travel_deg, rate_degps=tailcone.rate_degps)
     loads = Loads(fit.level_pitch_rad(config, model), TRIM_UNCERTAINTY_RAD, TRIM_UNCERTAINTY_RAD)
     gains = {**TABLE_3_INITIAL, **points["heading"].gains, **points["depth"].gains}
-    gains |= pid.integrator_limits(loads, gains)
+    gains |= _integrator_limits(loads, gains)
     gains |= reference_models.heading(
         vehicle,
         gains,
@@ -149,7 +154,7 @@ def design_initial_gains(vehicle_file: str | Path | VehicleConfig) -> InitialDes
     return InitialDesign(
         parameters={**gains, **{name: value for name, (value, _) in vehicle_values.items()}},
         reasons={
-            **{name: _reason(name, nominal, over_prior, comparison) for name in gains},
+            **{name: _reason(name, gains, nominal, over_prior, comparison) for name in gains},
             **{name: reason for name, (_, reason) in vehicle_values.items()},
         },
         analysis=analyse_loops(vehicle, gains),
@@ -158,6 +163,14 @@ def design_initial_gains(vehicle_file: str | Path | VehicleConfig) -> InitialDes
         comparison=comparison,
         spec=limits,
     )
+
+
+def _integrator_limits(loads: Loads, gains: dict[str, float]) -> dict[str, float]:
+    """Return the integrator limits; that of the pitch loop carries the trim, where it has one."""
+    if not gains["PTCH_I"]:
+        return pid.integrator_limits(loads, gains)
+    limits = pid.integrator_limits(loads._replace(elevator_rad=0.0), gains)
+    return {**limits, "PTCH_IMAX": loads.elevator_rad}
 
 
 def _depth_reference(
@@ -227,7 +240,7 @@ def design_on_root_loci(
     tail_ratio = min(1.0, config.tailcone.damping_ratio / REFERENCE_DAMPING)
     bounds = bounds._replace(damping=tail_ratio * bounds.damping)
     pitch, depth = root_locus.depth(
-        vehicle, samples, bounds, math.radians(spec.pitch_per_metre_deg)
+        vehicle, samples, bounds, math.radians(spec.pitch_per_metre_deg), WEAKEST_PITCH_GAIN
     )
     heading = root_locus.heading(vehicle, samples, bounds)
     return RootLocusDesign(vehicle, samples, {"heading": heading, "pitch": pitch, "depth": depth})
@@ -243,15 +256,24 @@ _INTEGRATOR_REASONS = {
     "DPT_REF_W": "changes of depth with little overshoot settle soonest",
     **reference_models.REASONS,
 }
+_PITCH_INTEGRATOR_REASONS = {
+    "PTCH_I": "half of the largest pitch would not hold the elevator against an unmeasured trim",
+    "PTCH_IMAX": "an unmeasured elevator trim of 2 deg",
+    "DPT_IMAX": "the level-flight pitch and a fourth",
+}
+"""Reasons that differ for a pitch loop with an integrator."""
 
 
 def _reason(
     name: str,
+    gains: dict[str, float],
     nominal: dict[str, LoopMargins],
     over_prior: dict[str, LoopRobustness],
     comparison: dict[str, GainComparison],
 ) -> str:
     """Return the reason for one parameter, for the parameter file."""
+    if gains["PTCH_I"] and name in _PITCH_INTEGRATOR_REASONS:
+        return _PITCH_INTEGRATOR_REASONS[name]
     if name in _INTEGRATOR_REASONS:
         return _INTEGRATOR_REASONS[name]
     ratio_to_table_3 = f"{comparison[name].times} times Table 3's"

@@ -31,8 +31,8 @@ CUTS = {
     "depth": {"elevator": "elevator", "depth": "depth"},
 }
 """Places where each loop is opened, with the names of their transfer functions."""
-INTEGRAL_S = {"heading": 25.0, "depth": 30.0}
-"""Ratio of proportional to integral gain (s).
+INTEGRAL_S = {"heading": 25.0, "pitch": 30.0, "depth": 30.0}
+"""Ratio of proportional to integral gain (s), of a pitch loop with an integrator.
 
 After this time a third of a load's largest error is left.
 """
@@ -84,12 +84,13 @@ def heading(zero_radps: float) -> LoopStructure:
     return LoopStructure("heading", {"HDG_P": zero_radps, "HDG_D": 1.0, "HDG_I": integral}, {})
 
 
-def pitch(zero_radps: float) -> LoopStructure:
-    """Return the pitch loop, without an integrator: the depth loop's compensates constant loads."""
+def pitch(zero_radps: float, *, integral: bool = False) -> LoopStructure:
+    """Return the pitch loop, by default without integrator: that of the depth loop suffices."""
+    per_second = 1.0 / INTEGRAL_S["pitch"] if integral else 0.0
     return LoopStructure(
         "pitch",
-        {"PTCH_P": zero_radps, "PTCH_D": 1.0},
-        {"PTCH_I": 0.0, "DPT_P": 0.0, "DPT_D": 0.0, "DPT_I": 0.0},
+        {"PTCH_P": zero_radps, "PTCH_D": 1.0, "PTCH_I": zero_radps * per_second},
+        {"DPT_P": 0.0, "DPT_D": 0.0, "DPT_I": 0.0},
     )
 
 

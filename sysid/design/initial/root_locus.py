@@ -27,6 +27,9 @@ The factor is one where a pure turn-rate integrator crosses unit gain at half th
 """
 DEPTH_FACTORS = STEP ** np.arange(-80.0, 1.0)
 """DPT_P relative to the largest permitted pitch per metre."""
+PITCH_SHARES = (1.0, 0.85, 0.7)
+"""Gains of the pitch loop inside the depth loop, over the largest ones of the pitch loop alone."""
+PITCH_GAINS = ("PTCH_P", "PTCH_D", "PTCH_I")
 
 
 class LocusPoint(NamedTuple):
@@ -55,16 +58,65 @@ def heading(vehicle: DesignModel, samples: Sequence[DesignModel], bounds: Bounds
 
 
 def depth(
-    vehicle: DesignModel, samples: Sequence[DesignModel], bounds: Bounds, steepest_rad: float
+    vehicle: DesignModel,
+    samples: Sequence[DesignModel],
+    bounds: Bounds,
+    steepest_rad: float,
+    weakest: float,
 ) -> tuple[LocusPoint, LocusPoint]:
-    """Return the points of PTCH_P and PTCH_D and of DPT_P and DPT_I.
+    """Return the points of the pitch loop and of the depth loop around it.
 
-    DPT_P is at most `steepest_rad` per metre. Raises DesignInfeasibleError.
+    The largest pitch gain can leave the depth loop without margins, so smaller ones are tried. The
+    product of PTCH_P and DPT_P, the elevator per metre, is the largest.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Nominal vehicle.
+    samples : sequence of DesignModel
+        Vehicles sampled from the prior.
+    bounds : Bounds
+        Limits of the loops.
+    steepest_rad : float
+        Largest DPT_P, rad/m.
+    weakest : float
+        Smallest PTCH_P of a pitch loop without integrator.
+
+    Returns
+    -------
+    tuple of two LocusPoint
+        Pitch and depth.
+
+    Raises
+    ------
+    DesignInfeasibleError
+        No gains meet the limits.
     """
+    inner = _pitch(vehicle, samples, bounds, integral=False)
+    if inner.gains["PTCH_P"] < weakest:
+        inner = _pitch(vehicle, samples, bounds, integral=True)
+    pairs, problems = [], []
+    for share in PITCH_SHARES:
+        reduced = inner._replace(gains={name: share * g for name, g in inner.gains.items()})
+        loop = shape.depth({name: reduced.gains[name] for name in PITCH_GAINS})
+        outer = points(loop, vehicle, steepest_rad * DEPTH_FACTORS, bounds)
+        try:
+            pairs.append((reduced, _select_max_gain("DPT_P", outer, samples)))
+        except DesignInfeasibleError as error:
+            problems.append(error)
+    if not pairs:
+        raise problems[0]
+    return max(pairs, key=lambda pair: pair[0].gains["PTCH_P"] * pair[1].gains["DPT_P"])
+
+
+def _pitch(
+    vehicle: DesignModel, samples: Sequence[DesignModel], bounds: Bounds, *, integral: bool
+) -> LocusPoint:
+    """Return the point of the pitch loop alone. Raises DesignInfeasibleError."""
     bandwidth = shape.bandwidth_radps(vehicle.pitch_lag)
     loop_gains = 0.5 * bandwidth / abs(float(vehicle.planes.pitch.B[1])) * TURN_FACTORS
-    structures = [shape.pitch(bandwidth / ratio) for ratio in shape.ZEROS]
-    inner = _select_max_gain(
+    structures = [shape.pitch(bandwidth / ratio, integral=integral) for ratio in shape.ZEROS]
+    return _select_max_gain(
         "PTCH_P",
         [
             point
@@ -73,9 +125,6 @@ def depth(
         ],
         samples,
     )
-    pitch_gains = {name: inner.gains[name] for name in ("PTCH_P", "PTCH_D", "PTCH_I")}
-    outer = points(shape.depth(pitch_gains), vehicle, steepest_rad * DEPTH_FACTORS, bounds)
-    return inner, _select_max_gain("DPT_P", outer, samples)
 
 
 def points(

@@ -6,6 +6,7 @@ import numpy as np
 
 from sitl.vehicle import build_model, hull
 from sitl.vehicle.config import VehicleConfig
+from sitl.vehicle.linearise import linearise
 from sitl.vehicle.model import VehicleModel
 from sysid.design.constrained_search import within_range
 from sysid.estimation.map import fit, steady_state
@@ -28,6 +29,10 @@ DIVE_TRANSITS, MIN_DIVE_S, MAX_DIVE_S = 1.1, 3.0, 60.0
 """Time FS_DIVE_S in which the elevator must end a descent, in hull lengths travelled, and its range
 (s). The default of 3 s is 1.1 lengths of Caribou. A hull of 6 m at 0.9 m/s sank for 4.5 s at the
 end of a change of depth until its elevator had raised the nose."""
+NOSE_UP_RAD, ELEVATOR_UP, MIN_ELEVATOR_LEFT = math.radians(15.0), 0.5, 0.1
+"""Change of pitch that ends a descent, which the elevator of `ELEVATOR_UP` of the travel, the
+threshold of the check, makes in FS_DIVE_S. Caribou needs 3 s. Of the elevator, that of level flight
+is subtracted, and at least the last fraction of the travel is left."""
 
 
 def autopilot_parameters(
@@ -50,7 +55,7 @@ def autopilot_parameters(
     operating_point = config.operating_point
     length_m = -2.0 * operating_point.speed_mps / _surge_slope_per_s(config, model)
     turn_m = min(1000.0, turn_radius_m(config, model))
-    return _slow_response(config) | {
+    return _slow_response(config, model) | {
         "ACT_TRAVEL_DEG": (config.tailcone.travel_deg, "travel of the tailcone"),
         "ACT_RATE_DEGPS": (
             within_range("ACT_RATE_DEGPS", config.tailcone.rate_degps),
@@ -105,12 +110,27 @@ def values(config: VehicleConfig) -> dict[str, float]:
     return {name: value for name, (value, _) in described.items()}
 
 
-def _slow_response(config: VehicleConfig) -> dict[str, tuple[float, str]]:
-    """Return value and reason of FS_DIVE_S, if the vehicle is slower than its default allows."""
-    seconds = DIVE_TRANSITS * hull.length_m(config.hull) / config.operating_point.speed_mps
-    if seconds <= MIN_DIVE_S:
+def _slow_response(config: VehicleConfig, model: VehicleModel) -> dict[str, tuple[float, str]]:
+    """Return value and reason of FS_DIVE_S, if the vehicle is slower than its default allows.
+
+    With q' the acceleration by the elevator that level flight leaves, the nose comes up by theta in
+    sqrt(2 theta / q').
+    """
+    tail, cruise_mps = config.tailcone, config.operating_point.speed_mps
+    transit_s = DIVE_TRANSITS * hull.length_m(config.hull) / cruise_mps
+    travel_rad = math.radians(tail.travel_deg)
+    left_rad = ELEVATOR_UP * travel_rad - abs(fit.level_elevator_rad(config, model))
+    per_rad = abs(float(linearise(model, cruise_mps).pitch.B[1, 0]))
+    acceleration = per_rad * max(left_rad, MIN_ELEVATOR_LEFT * travel_rad)
+    turn_s = math.sqrt(2.0 * NOSE_UP_RAD / acceleration) if acceleration else MAX_DIVE_S
+    seconds = max(transit_s, turn_s)
+    if seconds <= MIN_DIVE_S + 0.05:
         return {}
-    reason = f"time for {DIVE_TRANSITS:g} lengths of the hull"
+    reason = (
+        f"time for {DIVE_TRANSITS:g} lengths of the hull"
+        if seconds == transit_s
+        else f"time in which the elevator raises the nose by {math.degrees(NOSE_UP_RAD):.0f} deg"
+    )
     return {"FS_DIVE_S": (min(MAX_DIVE_S, round(seconds, 1)), reason)}
 
 
