@@ -181,11 +181,11 @@ def _wrong_inside(table: dict[str, Any], annotation: Any, prefix: str) -> str:
     if len(kinds) > 1:
         field = kinds[0].__struct_config__.tag_field
         tags = {kind.__struct_config__.tag: kind for kind in kinds}
-        if table.get(field) not in tags:
-            given = table.get(field)
+        given = table.get(field)
+        if not isinstance(given, str) or given not in tags:
             suggestion = did_you_mean(str(given), map(str, tags))
             return f"{prefix}{field} = {given!r}: expected {', '.join(tags)}{suggestion}"
-        kinds = [tags[table[field]]]
+        kinds = [tags[given]]
     return _unknown_or_not_finite(table, kinds[0], prefix) if kinds else ""
 
 

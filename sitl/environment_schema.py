@@ -21,6 +21,8 @@ from sitl.scenario_types import (
     ScenarioTable,
     Speed,
     Temperature,
+    TimeConstant,
+    WaterDensity,
 )
 
 MAX_WAVE_STEEPNESS = 1.0 / 7.0
@@ -30,10 +32,10 @@ MAX_WAVE_STEEPNESS = 1.0 / 7.0
 class WaterTable(ScenarioTable, frozen=True):
     """Properties of the water."""
 
-    density_kgpm3: Positive = 1025.0
+    density_kgpm3: WaterDensity = 1025.0
     """Density of the water unless [density] has layers; always the pressure sensor's assumption."""
-    surface_pressure_hpa: Positive = 1013.25
-    """Air pressure at the surface."""
+    surface_pressure_hpa: Annotated[float, Meta(ge=400.0, le=1100.0)] = 1013.25
+    """Air pressure at the surface; lakes in mountains have 600 hPa."""
     temperature_degc: Temperature = 10.0
 
 
@@ -53,7 +55,7 @@ class Variation(ScenarioTable, frozen=True):
 
     rms_mps: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.0
     """Root mean square of each component."""
-    time_constant_s: Positive = 60.0
+    time_constant_s: TimeConstant = 60.0
     """Lag at which the autocorrelation has fallen to 1/e."""
 
 
@@ -90,7 +92,7 @@ class DensityLayer(ScenarioTable, frozen=True):
     """Density at one depth."""
 
     depth_m: NotNegative
-    density_kgpm3: Annotated[float, Meta(ge=900.0, le=1300.0)]
+    density_kgpm3: WaterDensity
 
 
 class Density(ScenarioTable, frozen=True):

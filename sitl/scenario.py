@@ -28,6 +28,7 @@ from sitl.scenario_types import (
     ScenarioError,
     ScenarioTable,
     Speed,
+    TimeConstant,
 )
 
 Latitude = Annotated[float, Meta(ge=-89.0, le=89.0)]
@@ -81,7 +82,7 @@ class MagneticField(ScenarioTable, frozen=True):
 class SlowDisturbance(ScenarioTable, frozen=True):
     """First-order Gauss-Markov disturbance moments."""
 
-    time_constant_s: Positive = 3.0
+    time_constant_s: TimeConstant = 3.0
     yaw_rms_nm: NotNegative = 0.0
     pitch_rms_nm: NotNegative = 0.0
 
@@ -89,7 +90,7 @@ class SlowDisturbance(ScenarioTable, frozen=True):
 class WaveDisturbance(ScenarioTable, frozen=True):
     """Narrow-band disturbance moments at the wave frequency."""
 
-    frequency_hz: Positive = 0.15
+    frequency_hz: Annotated[float, Meta(ge=0.001, le=10.0)] = 0.15
     damping: Damping = 0.1
     yaw_rms_nm: NotNegative = 0.0
     pitch_rms_nm: NotNegative = 0.0

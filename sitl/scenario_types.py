@@ -11,6 +11,8 @@ from mavlink_io.errors import ErrorCode, InputError
 
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
+TimeConstant = Annotated[float, Meta(ge=0.05, le=1e6)]
+WaterDensity = Annotated[float, Meta(ge=900.0, le=1300.0)]
 Speed = Annotated[float, Meta(ge=-5.0, le=5.0)]
 Temperature = Annotated[float, Meta(ge=-2.0, le=40.0)]
 Angle = Annotated[float, Meta(ge=-360.0, le=360.0)]

@@ -36,7 +36,19 @@ def test_scenario_file_overrides_defaults(tmp_path: Path) -> None:
     [
         (
             "[water]\ndensity_kgpm3 = -3.0",
-            "water.density_kgpm3 = -3.0: expected float > 0 and <= 1e+06",
+            "water.density_kgpm3 = -3.0: expected float >= 900 and <= 1300",
+        ),
+        (
+            "[water]\nsurface_pressure_hpa = 1.013",
+            "water.surface_pressure_hpa = 1.013: expected float >= 400 and <= 1100",
+        ),
+        (
+            "[current.variation]\ntime_constant_s = 1e-6",
+            "current.variation.time_constant_s = 1e-06: expected float >= 0.05 and <= 1e+06",
+        ),
+        (
+            "[disturbance.waves]\nfrequency_hz = 150.0",
+            "disturbance.waves.frequency_hz = 150.0: expected float >= 0.001 and <= 10",
         ),
         ("[start]\nheading_deg = 'north'", "start.heading_deg = 'north': expected float, got str"),
         (

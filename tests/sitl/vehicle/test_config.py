@@ -52,6 +52,11 @@ def test_unknown_name_is_read_as_path(tmp_path: Path) -> None:
             r"duct\.separated_deg = 15\.0: expected more than duct\.stall_deg = 20\.0",
         ),
         (
+            "base_length_m",
+            '1.0\nshape = ["cylinder"]',
+            r"hull\.shape = \['cylinder'\]: expected series58, ",
+        ),
+        (
             "max_section",
             "0.4\nmax_sektion = 0.4",
             r"hull\.max_sektion = 0\.4: unknown key; known here: base_length_m, ",
