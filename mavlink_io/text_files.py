@@ -37,8 +37,10 @@ def open_regular(path: Path | Traversable) -> BinaryIO:
     Raises
     ------
     OSError
-        The file cannot be read, or is no regular file (EINVAL).
+        The file cannot be read, is no regular file, or its name has a NUL (EINVAL).
     """
+    if "\0" in str(path):
+        raise OSError(errno.EINVAL, "a name with a NUL character is no file name", str(path))
     if isinstance(path, Path) and path.exists() and not (path.is_file() or path.is_dir()):
         raise OSError(errno.EINVAL, "is no regular file (a pipe, socket or device)", str(path))
     return cast("BinaryIO", path.open("rb"))

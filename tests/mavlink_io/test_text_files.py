@@ -62,6 +62,12 @@ def test_directory_and_missing_file_keep_their_errors(tmp_path: Path) -> None:
         assert refused.value.errno != errno.EINVAL
 
 
+def test_name_with_a_nul_is_an_error_of_the_file(tmp_path: Path) -> None:
+    """TOML and JSON hold such names, and `open` raises ValueError for them."""
+    with pytest.raises(OSError, match="NUL character"):
+        read_limited(tmp_path / "model\0.json")
+
+
 def test_byte_order_mark_before_toml_is_ignored() -> None:
     assert parse_toml("\ufeffa = 1") == {"a": 1}
 
