@@ -13,7 +13,8 @@ Pure, part of the tick. The stages (``AscentStage``) are tried in this order:
    SURF_ASTERN_S of the first time, because an estimate of speed or sinking may be wrong for good.
    Without power it brakes only if its nose is down.
 3. No rise for SURF_DROP_S without power: the drop weight is released, if fitted.
-4. Without a drop weight, a vehicle that sinks without power tries power again.
+4. Without a drop weight, a vehicle that sinks without power tries power again. After MAX_ATTEMPTS
+   stops power stays: without it the vehicle would sink to the floor.
 
 SURFACE ends in one of four ways, each with disarming:
 
@@ -24,7 +25,8 @@ SURFACE ends in one of four ways, each with disarming:
 - depth is not measured, or its sensor has a fault, and a satellite fix arrives;
 - the measured depth stays, and a satellite fix holds for SURF_FIX_S: satellites are received at the
   surface only, so a depth reading above SURF_DEPTH_M is wrong, which the text says;
-- the vehicle has not risen for SURF_TIME_S.
+- the vehicle has not risen for SURF_TIME_S, and is not held just below the surface by the power
+  that stays.
 """
 
 import math
@@ -74,7 +76,7 @@ A vehicle that floats up and still has way may dip by half of it before it stops
 AFLOAT_MARGIN_M = 0.5
 """Depth below SURF_DEPTH_M at which a vehicle is no longer at the surface: waves cover it."""
 MAX_ATTEMPTS = 3
-"""Number of times that power is stopped before the vehicle stays without power."""
+"""Number of times that power is stopped before a vehicle that sinks without it keeps it."""
 NOT_RISING = "not rising"
 """Cause of the failsafe of a vehicle that does not rise."""
 
@@ -97,7 +99,7 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
     events: Events = ()
     if reason:
         state, ascent, events = _enter(state, ascent, stage, reason)
-    elif 0.0 < config.surface_time_s < still_s:
+    elif 0.0 < config.surface_time_s < still_s and not _held_by_power(state, ascent, config):
         text = f"Failsafe: surface not reached, no rise for {config.surface_time_s:g} s -> disarmed"
         state = modes.disarm(_give_up(state))._replace(rest=Rest())
         return state, (Event(Severity.CRITICAL, text),)
@@ -196,7 +198,7 @@ def _next_stage(
         sunk_m = estimate.depth_m - ascent.depth_m
         if (
             not blind
-            and ascent.attempts < MAX_ATTEMPTS
+            and ascent.attempts <= MAX_ATTEMPTS
             and sunk_m > SUNK_M
             and 0.0 < config.surface_rise_s < still_s
             and estimate.depth_rate_mps > 0.0
@@ -401,6 +403,12 @@ def _fix_holds(state: AutopilotState, ascent: Ascent, hold_us: int) -> bool:
     if now_us - gps.record.time_us > sensor_checks.SILENT_US:
         return False
     return gps.changed_us - max(ascent.fix_us, ascent.risen_us) >= hold_us
+
+
+def _held_by_power(state: AutopilotState, ascent: Ascent, config: Config) -> bool:
+    """Return whether the power that stays holds the vehicle just below the surface."""
+    stays = ascent.stage == AscentStage.POWERED and ascent.attempts >= MAX_ATTEMPTS
+    return stays and state.estimate.depth_m < config.surfaced_depth_m + AFLOAT_MARGIN_M
 
 
 def _give_up(state: AutopilotState) -> AutopilotState:

@@ -249,6 +249,35 @@ def test_surface_sinking_without_power_tries_power_again() -> None:
     assert "Failsafe: sank 1.1 m without power -> power" in flight.texts()
 
 
+def without_buoyancy(flight: Flight) -> None:
+    """Stop the propeller for the third time: it does not raise the vehicle, which sinks without."""
+    for attempt in range(1, 4):
+        hold_down(flight, 22.0)
+        assert flight.trace.thrust == 0.0, attempt
+        hold_down(flight, 22.0, lambda t_s: 5.0 + 0.06 * t_s)
+
+
+def test_surface_power_stays_after_the_third_attempt() -> None:
+    """Without it a vehicle that its propeller holds at 0.75 m went to the floor at 30 m."""
+    flight = surfacing()
+    without_buoyancy(flight)
+    assert flight.trace.thrust == pytest.approx(0.58)
+    hold_down(flight, 60.0)
+    assert flight.trace.thrust == pytest.approx(0.58)
+    assert sum(text.endswith("propeller stopped") for text in flight.texts()) == 3
+
+
+@pytest.mark.parametrize(("depth_m", "seconds"), [(0.75, 150.0), (5.0, 60.0)])
+def test_surface_power_that_stays_just_below_the_surface_has_no_time_limit(
+    depth_m: float, seconds: float
+) -> None:
+    flight = surfacing(surface_time_s=60.0)
+    without_buoyancy(flight)
+    hold_down(flight, 30.0, lambda t_s: max(depth_m, 5.0 - 0.3 * t_s))
+    assert hold_down(flight, 150.0, constant(depth_m)) == pytest.approx(seconds, abs=35.0)
+    assert flight.state.armed == (depth_m < 1.0)
+
+
 def test_surface_without_power_keeps_nose_up() -> None:
     """A propeller that does not stop gives the elevator way to raise the vehicle."""
     flight = surfacing()
