@@ -135,6 +135,8 @@ def main() -> None:
         error = problem if isinstance(problem, CaribouError) else _classify(problem)
         if "--json" in sys.argv and not isinstance(error, UnsuccessfulError):
             say(to_json({"error": {"code": error.code, "message": str(error)}}))
+        for note in getattr(problem, "__notes__", ()):
+            remark(note)
         exit_with_error("ground", error)
     except Interrupted as interruption:
         notes = getattr(interruption, "__notes__", [])

@@ -26,6 +26,20 @@ def on_end_signals(
             signal.signal(number, handler)
 
 
+def start_fork_server() -> None:
+    """Start the fork server of `multiprocessing`, without the signals of this process.
+
+    It loads modules before it ignores Ctrl-C by itself, and would print a traceback.
+    """
+    from multiprocessing import forkserver
+
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def end_with_stdin() -> None:
     """Raise SIGTERM in this process when its standard input ends: its parent has then ended."""
     Thread(target=_raise_sigterm_at_end_of_stdin, name="parent-watch", daemon=True).start()

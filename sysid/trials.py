@@ -29,6 +29,7 @@ import msgspec
 import numpy as np
 
 from mavlink_io.errors import ErrorCode, InputError, OperationError
+from mavlink_io.parent_watch import start_fork_server
 from mavlink_io.user_data_dir import errors_named
 
 T = TypeVar("T")
@@ -327,6 +328,7 @@ def _local_processes(module: str, jobs: int) -> Iterator[Executor]:
     """
     context = get_context("forkserver")
     context.set_forkserver_preload([module])
+    start_fork_server()
     executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin)
     try:
         yield executor

@@ -162,7 +162,8 @@ def fly(
 ) -> FlightResult:
     """Fly the vehicle at an address and record the dive.
 
-    If the user interrupts, the state of the vehicle is added to the exception as a note.
+    If the dive ends otherwise than at the surface, because the user interrupts, the link is lost or
+    the log cannot be written, the state of the vehicle is added to the exception as a note.
 
     Parameters
     ----------
@@ -196,10 +197,11 @@ def fly(
     ):
         try:
             return _fly(dive, vehicle, recorder, watch, hear, follower)
-        except Interrupted as interruption:
+        except (Interrupted, OperationError, OSError) as end:
             if state := left_behind(vehicle, address, key_file):
-                interruption.add_note(state)
-            interruption.under_way = vehicle.armed or vehicle.arm_requested
+                end.add_note(state)
+            if isinstance(end, Interrupted):
+                end.under_way = vehicle.armed or vehicle.arm_requested
             raise
 
 
@@ -357,7 +359,7 @@ def _fly(
     clock = DiveClock(
         recorder, vehicle.vehicle_id.system, timeout_s=vehicle.patience_s(STALL_TIMEOUT_S)
     )
-    vehicle.arm()
+    vehicle.arm(patience_s=0.0)  # it has been waited for above
     vehicle.on_text = _call_both(hear, follower.on_text if follower else None)
     _until_disarmed(vehicle, clock, len(dive.items), watch, follower)
     return FlightResult(

@@ -10,12 +10,13 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from multiprocessing import forkserver, get_context, parent_process
+from multiprocessing import get_context, parent_process
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
 from typing import Protocol
 
 from ground.simulation import affinity
+from mavlink_io import parent_watch
 
 PRELOADED_MODULES = ("__main__", "autopilot.__main__", "autopilot.preload", "sitl.preload")
 """Modules that the fork server loads before it forks. `__main__` is the running command, which
@@ -138,7 +139,7 @@ class SpawnedProcess(CommandProcess):
 def start_fork_server() -> None:
     """Start the process from which `ForkedProcess` forks, which takes a second to load modules."""
     _fork_context()
-    forkserver.ensure_running()
+    parent_watch.start_fork_server()
 
 
 def _fork_context() -> ForkServerContext:
