@@ -28,7 +28,7 @@ from sysid.design.initial import (
 from sysid.design.initial.loop_structure import loop_of
 from sysid.design.initial.paper_comparison import GainComparison
 from sysid.design.initial.prior import LoopMargins, LoopRobustness
-from sysid.design.initial.root_locus import LocusPoint
+from sysid.design.initial.root_locus import LocusPoint, SampledVehicles
 from sysid.design.pid import DesignInfeasibleError, Loads, Spec, reference_models
 from sysid.estimation.map import fit, steady_state
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
@@ -56,7 +56,8 @@ RELAXED_SPECS = (
 """Limits that are tried in this order for a vehicle on which no gains meet `SPEC`.
 
 An unstable hull or a slow tailcone bounds the margins that any gains reach. The gains of the first
-dive need margins until the redesign; the check on vehicles sampled from the prior is not relaxed.
+dive need margins until the redesign. Where the last limits are too strict, fewer of the vehicles
+sampled from the prior need margins.
 """
 REFERENCE_DAMPING = 0.6
 """Damping ratio of the tailcone from which on the damping of the limits is asked for.
@@ -204,14 +205,17 @@ def _config_of(vehicle: str | Path | VehicleConfig) -> VehicleConfig:
 
 def _design_within_limits(config: VehicleConfig) -> tuple[RootLocusDesign, Spec]:
     """Return the loop gains with the strictest limits that can be met, and these limits."""
-    for spec in (SPEC, *RELAXED_SPECS[:-1]):
+    for spec in (SPEC, *RELAXED_SPECS):
         with contextlib.suppress(DesignInfeasibleError):
             return design_on_root_loci(config, spec), spec
-    return design_on_root_loci(config, RELAXED_SPECS[-1]), RELAXED_SPECS[-1]
+    loosest = RELAXED_SPECS[-1]
+    return design_on_root_loci(config, loosest, prior.MIN_STABLE_FRACTION), loosest
 
 
 def design_on_root_loci(
-    vehicle_file: str | Path | VehicleConfig, spec: Spec = SPEC
+    vehicle_file: str | Path | VehicleConfig,
+    spec: Spec = SPEC,
+    stable_fraction: float = prior.STABLE_FRACTION,
 ) -> RootLocusDesign:
     """Return the loop gains of a vehicle file, without integrator limits and reference models.
 
@@ -221,6 +225,8 @@ def design_on_root_loci(
         Name of a shipped vehicle, path of a vehicle file, or its content.
     spec : Spec
         Limits of the loops.
+    stable_fraction : float
+        Smallest fraction of the vehicles of the prior that have the minimum margins.
 
     Returns
     -------
@@ -235,7 +241,8 @@ def design_on_root_loci(
         No gains meet the specification, or too few vehicles of the prior are stable.
     """
     config = _config_of(vehicle_file)
-    vehicle, samples = prior.nominal_model(config), list(prior.sample_models(config))
+    vehicle, vehicles = prior.nominal_model(config), list(prior.sample_models(config))
+    samples = SampledVehicles(vehicles, stable_fraction)
     bounds = constraints.nominal(spec)
     tail_ratio = min(1.0, config.tailcone.damping_ratio / REFERENCE_DAMPING)
     bounds = bounds._replace(damping=tail_ratio * bounds.damping)
@@ -243,7 +250,7 @@ def design_on_root_loci(
         vehicle, samples, bounds, math.radians(spec.pitch_per_metre_deg), WEAKEST_PITCH_GAIN
     )
     heading = root_locus.heading(vehicle, samples, bounds)
-    return RootLocusDesign(vehicle, samples, {"heading": heading, "pitch": pitch, "depth": depth})
+    return RootLocusDesign(vehicle, vehicles, {"heading": heading, "pitch": pitch, "depth": depth})
 
 
 _INTEGRATOR_REASONS = {

@@ -41,7 +41,15 @@ class LocusPoint(NamedTuple):
     """Relative constraint violations."""
 
 
-def heading(vehicle: DesignModel, samples: Sequence[DesignModel], bounds: Bounds) -> LocusPoint:
+class SampledVehicles(NamedTuple):
+    """Vehicles sampled from the prior, and how many of them need the minimum margins."""
+
+    vehicles: Sequence[DesignModel]
+    fraction: float = prior.STABLE_FRACTION
+    """Smallest fraction with the margins of `prior`."""
+
+
+def heading(vehicle: DesignModel, samples: SampledVehicles, bounds: Bounds) -> LocusPoint:
     """Return the point of HDG_P, HDG_D and HDG_I. Raises DesignInfeasibleError."""
     bandwidth = shape.bandwidth_radps(vehicle.yaw_lag)
     loop_gains = 0.5 * bandwidth / abs(float(vehicle.planes.yaw.B[1])) * TURN_FACTORS
@@ -59,7 +67,7 @@ def heading(vehicle: DesignModel, samples: Sequence[DesignModel], bounds: Bounds
 
 def depth(
     vehicle: DesignModel,
-    samples: Sequence[DesignModel],
+    samples: SampledVehicles,
     bounds: Bounds,
     steepest_rad: float,
     weakest: float,
@@ -73,7 +81,7 @@ def depth(
     ----------
     vehicle : DesignModel
         Nominal vehicle.
-    samples : sequence of DesignModel
+    samples : SampledVehicles
         Vehicles sampled from the prior.
     bounds : Bounds
         Limits of the loops.
@@ -110,7 +118,7 @@ def depth(
 
 
 def _pitch(
-    vehicle: DesignModel, samples: Sequence[DesignModel], bounds: Bounds, *, integral: bool
+    vehicle: DesignModel, samples: SampledVehicles, bounds: Bounds, *, integral: bool
 ) -> LocusPoint:
     """Return the point of the pitch loop alone. Raises DesignInfeasibleError."""
     bandwidth = shape.bandwidth_radps(vehicle.pitch_lag)
@@ -156,7 +164,7 @@ def _point(
 
 
 def _select_max_gain(
-    gain: str, candidates: Sequence[LocusPoint], samples: Sequence[DesignModel]
+    gain: str, candidates: Sequence[LocusPoint], samples: SampledVehicles
 ) -> LocusPoint:
     """Return the feasible point with the largest `gain` that is robust over the prior."""
     feasible = [
@@ -181,10 +189,10 @@ def _select_max_gain(
             f" {100 * violation:.1f} %"
         )
     for point in sorted(feasible, key=lambda point: -point.gains[gain]):
-        if prior.is_robust(point.shape, point.gains, samples):
+        if prior.is_robust(point.shape, point.gains, *samples):
             return point
     raise DesignInfeasibleError(
         f"no gains of the {feasible[0].shape.loop} loop stabilise "
-        f"{100 * prior.MIN_STABLE_FRACTION:.0f} % of the vehicles "
+        f"{100 * samples.fraction:.0f} % of the vehicles "
         "sampled from the prior; measure the tailcone by `ground bench-test`"
     )

@@ -175,7 +175,10 @@ def _evaluation(
     whitened = {
         plane: _whiten(problem, plane, candidate, runs) for plane, runs in trajectories.items()
     }
-    residual_sum = sum(float(np.sum(white**2)) for group in whitened.values() for white in group)
+    with np.errstate(over="ignore"):  # the cost of a candidate that diverges is infinite
+        residual_sum = sum(
+            float(np.sum(white**2)) for group in whitened.values() for white in group
+        )
     departure = z - problem.prior.mean
     total = residual_sum + float(departure @ np.linalg.solve(problem.prior.covariance, departure))
     return Evaluation(
