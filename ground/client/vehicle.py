@@ -136,6 +136,8 @@ class VehicleClient:
         self._system, self._modem_s = system, modem_s
         self._others: set[int] = set()
         """Other systems that were received before the vehicle was found."""
+        self._unassigned: list[Frame] = []
+        """Frames that were received before a vehicle was selected, of all systems."""
         self._endpoint = Endpoint(transport, *GROUND, signing)
         self._recorder = recorder
         self._watchdog = watchdog
@@ -472,6 +474,8 @@ class VehicleClient:
 
     def _process(self, frames: Sequence[Frame]) -> None:
         """Record the frames, update the state and call the listeners."""
+        if self._system is None:
+            frames = self._select_vehicle(frames)
         recorder, latest, listener = self._recorder, self._latest, self._listener
         for frame in frames:
             if self._is_other_vehicle(frame):
@@ -495,9 +499,21 @@ class VehicleClient:
             if self.on_frame is not None and (frame.system, frame.component) == self.vehicle_id:
                 self.on_frame(frame)
 
+    def _select_vehicle(self, frames: Sequence[Frame]) -> Sequence[Frame]:
+        """Select the vehicle whose HEARTBEAT is the first; return all frames received so far.
+
+        Returns nothing before that: the frames may be those of another vehicle.
+        """
+        self._unassigned += frames
+        self._system = next((frame.system for frame in frames if _is_vehicle(frame)), None)
+        if self._system is None:
+            return ()
+        selected, self._unassigned = self._unassigned, []
+        return selected
+
     def _is_other_vehicle(self, frame: Frame) -> bool:
         """Return whether a frame is from another vehicle than the selected one."""
-        if self._system is None or frame.system == self._system:
+        if frame.system == self._system:
             return False
         if self.vehicle_id is None:
             self._others.add(frame.system)
@@ -537,7 +553,8 @@ class VehicleClient:
     def _not_found(self, timeout_s: float) -> str:
         """Return why no vehicle was found."""
         address = self._endpoint.transport.address
-        senders = {MavlinkId(frame.system, frame.component) for frame in self._latest.values()}
+        received = (*self._latest.values(), *self._unassigned)
+        senders = {MavlinkId(frame.system, frame.component) for frame in received}
         if self._system is not None and not senders:
             others = ", ".join(map(str, sorted(self._others))) or "none"
             return (
@@ -558,6 +575,12 @@ class VehicleClient:
             system_status=0,
             mavlink_version=3,
         )
+
+
+def _is_vehicle(frame: Frame) -> bool:
+    """Return whether a frame is the HEARTBEAT or HIGH_LATENCY2 of a vehicle."""
+    is_heartbeat = frame.message_id in (_HEARTBEAT, _HIGH_LATENCY.message_id)
+    return is_heartbeat and connection_diagnosis.is_vehicle(frame.decode())
 
 
 def _heartbeat_of(message: Any) -> Any:

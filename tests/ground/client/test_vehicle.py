@@ -386,8 +386,9 @@ def test_last_words_before_a_broken_link_are_received() -> None:
         ground_end = open_transport(f"tcp:127.0.0.1:{server.getsockname()[1]}")
         connection, _ = server.accept()
     with closing(ground_end), closing(connection):
-        text = by_name("STATUSTEXT")
-        connection.sendall(encode(text, (2, b"Leak", 0, 0), 0, 1, 1))
+        text, heartbeat = by_name("STATUSTEXT"), by_name("HEARTBEAT")
+        connection.sendall(encode(heartbeat, (0, 12, 0, 1, 4, 3), 0, 1, 1))
+        connection.sendall(encode(text, (2, b"Leak", 0, 0), 1, 1, 1))
         connection.close()
         vehicle = VehicleClient(ground_end)
         with pytest.raises(VehicleClientError, match="gone"):

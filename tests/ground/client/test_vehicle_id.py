@@ -54,6 +54,24 @@ def test_selected_vehicle_is_followed_and_others_are_not(
     assert [text.text for text in client.texts] == ["from 2"]
 
 
+def test_first_vehicle_is_followed_without_vehicle_id() -> None:
+    far, near = open_transport(LINK), open_transport(LINK)
+    client = VehicleClient(near)
+    Endpoint(far, 3, 1).send("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=0)
+    for system in (1, 2):
+        send(Endpoint(far, 1, 1), system, float(system))
+    client.connect(5.0)
+    client.pump(0.0)
+    assert client.vehicle_id == MavlinkId(1, 1)
+    position = client.latest("LOCAL_POSITION_NED")
+    assert position is not None
+    assert (position.z, client.custom_mode) == (1.0, 1 << 16)
+    assert [text.text for text in client.texts] == ["from 1"]
+    assert client.latest("SYSTEM_TIME") is None
+    client.close()
+    far.close()
+
+
 def test_missing_vehicle_is_reported_with_those_received(
     fleet: tuple[Endpoint, VehicleClient],
 ) -> None:
