@@ -89,14 +89,19 @@ class EventPublisher:
         self._publish_chunks(publish, event)
 
     def _publish_chunks(self, publish: Publish, event: Event) -> None:
-        """Publish a text in as many STATUSTEXTs as it needs."""
-        text = event.text.encode()
+        """Publish a text in as many STATUSTEXTs as it needs.
+
+        Characters outside ASCII are escaped: a chunk could end within the bytes of one.
+        """
+        text = event.text.encode("ascii", "backslashreplace")
         starts = range(0, len(text), STATUSTEXT_BYTES)
         chunks = [text[start : start + STATUSTEXT_BYTES] for start in starts]
         number = 0
         if len(chunks) > 1:
             self._long_texts = self._long_texts % 0xFFFF + 1
             number = self._long_texts
+            if len(chunks[-1]) == STATUSTEXT_BYTES:
+                chunks.append(b"")  # a chunk with a NUL ends the text
         for position, chunk in enumerate(chunks):
             publish(_STATUSTEXT, (int(event.severity), chunk, number, position))
 

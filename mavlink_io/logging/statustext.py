@@ -3,7 +3,7 @@
 from mavlink_io.dialect import Message
 
 CHUNK_LENGTH = 50
-"""Number of characters of a chunk that another one follows."""
+"""Number of bytes of a chunk that another one follows; of characters, as texts are ASCII."""
 
 
 class TextJoiner:
