@@ -1,5 +1,7 @@
 """Log folder: numbered files; the oldest are removed to make room for the newest."""
 
+import contextlib
+import fcntl
 import os
 import re
 import shutil
@@ -57,7 +59,10 @@ class LogStore:
         return sorted(logs, key=lambda log: log.number)
 
     def create(self, unix_s: float, limits: StorageLimits) -> tuple[Path, BinaryIO]:
-        """Make room and open the next log; return its path and file. Raises OSError."""
+        """Make room and open the next log; return its path and file. Raises OSError.
+
+        The file is locked until it is closed, so that no other autopilot removes it.
+        """
         self.folder.mkdir(parents=True, exist_ok=True)
         self.make_room(limits)
         number = max((log.number for log in self.files()), default=0) + 1
@@ -65,14 +70,24 @@ class LogStore:
         while True:
             path = self.folder / f"{number:05d}-{stamp}.mcap"
             try:
-                return path, path.open("xb")
+                file = path.open("xb")
             except FileExistsError:  # another autopilot uses the same folder
                 number += 1
+                continue
+            with contextlib.suppress(OSError):  # a file system without locks
+                fcntl.flock(file, fcntl.LOCK_SH)
+            return path, file
 
     def make_room(self, limits: StorageLimits) -> None:
-        """Remove the oldest logs until the limits are met. Raises OSError when they cannot be."""
-        removable = [log for log in self.files() if log.path != self._in_use()]
+        """Remove the oldest logs until the limits are met. Raises OSError when they cannot be.
+
+        Nothing is removed if the free space would still be too small without all logs.
+        """
+        removable = self._removable()
         used = sum(log.bytes for log in self.files())
+        missing_bytes = limits.min_free_mb * BYTES_PER_MB - self._free_bytes()
+        if missing_bytes > sum(log.bytes for log in removable):  # other data fill the disk
+            raise OSError(ENOSPC, f"no room left for logs in {self.folder}")
         while (
             used > limits.max_mb * BYTES_PER_MB
             or self._free_bytes() < limits.min_free_mb * BYTES_PER_MB
@@ -84,18 +99,34 @@ class LogStore:
             used -= oldest.bytes
 
     def erase(self) -> str:
-        """Remove all logs except the open one; return the error text, "" for success."""
+        """Remove all logs except open ones; return the error text, "" for success."""
         try:
-            for log in self.files():
-                if log.path != self._in_use():
-                    log.path.unlink(missing_ok=True)
+            for log in self._removable():
+                log.path.unlink(missing_ok=True)
         except OSError as error:
             return f"Logs not erased: {error.strerror}"
         return ""
 
+    def _removable(self) -> list[LogFile]:
+        """Return the logs that no autopilot writes, the oldest first."""
+        in_use = self._in_use()
+        return [log for log in self.files() if log.path != in_use and not _is_locked(log.path)]
+
     def _free_bytes(self) -> int:
         """Return the free space of the disk."""
         return shutil.disk_usage(self.folder).free
+
+
+def _is_locked(path: Path) -> bool:
+    """Return whether an autopilot holds the lock of its open log."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # removed by another autopilot, or a file system without locks
+        return False
+    return False
 
 
 def _unix_s(stamp: str) -> int:

@@ -63,12 +63,37 @@ def test_oldest_logs_are_removed_above_size_limit(tmp_path: Path) -> None:
 def test_oldest_logs_are_removed_below_free_space_limit(tmp_path: Path, monkeypatch: Any) -> None:
     store = LogStore(tmp_path)
     paths = fill(store, 400, 400, 400)
-    free_bytes = [700_000, 700_000, 1_100_000]
+    free_bytes = [700_000, 700_000, 700_000, 1_100_000]
     monkeypatch.setattr(
         "shutil.disk_usage", lambda folder: type("Usage", (), {"free": free_bytes.pop(0)})
     )
     store.make_room(StorageLimits(1000.0, 1.0))
     assert [path.exists() for path in paths] == [False, False, True]
+
+
+def test_no_log_is_removed_if_other_data_fill_the_disk(tmp_path: Path, monkeypatch: Any) -> None:
+    store = LogStore(tmp_path)
+    paths = fill(store, 400, 400)
+    monkeypatch.setattr(
+        "shutil.disk_usage", lambda folder: type("Usage", (), {"free": 100_000_000})
+    )
+    with pytest.raises(OSError, match="no room left for logs"):
+        store.create(START_S, StorageLimits(10_000.0, 500.0))
+    assert [path.exists() for path in paths] == [True, True]
+
+
+def test_open_log_of_another_vehicle_is_kept(tmp_path: Path) -> None:
+    path, file = LogStore(tmp_path).create(START_S, PLENTY)
+    other = LogStore(tmp_path)
+    with file:
+        file.write(bytes(1000))
+        file.flush()
+        assert other.erase() == ""
+        with pytest.raises(OSError, match="no room left for logs"):
+            other.make_room(StorageLimits(0.0, 0.0))
+        assert path.exists()
+    assert other.erase() == ""
+    assert not path.exists()
 
 
 def test_erase_keeps_open_log(tmp_path: Path) -> None:
