@@ -202,9 +202,9 @@ def _depth_m(item: MissionItem) -> float:
 
 
 def read_wpl(text: str, where: str) -> tuple[MissionItem, ...]:
-    """Return the items of a `QGC WPL 110` text without line 0, the home position.
+    """Return the items of a `QGC WPL 110` text without item 0, the home position.
 
-    Raises ScriptError.
+    The target of a DO_JUMP counts from the first item after it. Raises ScriptError.
     """
     rows = [line.split() for line in text.splitlines()[1:] if line.strip()]
     items = []
@@ -330,6 +330,10 @@ def _wpl_item(row: list[str]) -> MissionItem:
     """Parse one line of the text format. Raises ValueError."""
     frame, command, autocontinue = int(row[2]), int(row[3]), int(row[11])
     p1, p2, p3, p4, x, y, z = (float(column) for column in row[4:11])
+    if command == MavCmd.DO_JUMP:
+        if p1 == 0.0:
+            raise ValueError("DO_JUMP to item 0, the home position")
+        p1 -= 1.0  # the file numbers the home position too
     return _with_location(_item(frame, command, autocontinue, (p1, p2, p3, p4, z)), x, y)
 
 

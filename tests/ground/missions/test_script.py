@@ -37,7 +37,8 @@ def write_wpl(items: Sequence[MissionItem]) -> str:
     rows = ["QGC WPL 110"]
     for number, item in enumerate((MissionItem(0, 0, 16), *items)):
         scale = {FRAME_MISSION: 1, FRAME_LOCAL_NED: LOCAL_SCALE}.get(item.frame, GLOBAL_SCALE)
-        parameters = item.p1, item.p2, item.p3, item.p4, item.x / scale, item.y / scale, item.z
+        p1 = item.p1 + 1.0 if item.command == MavCmd.DO_JUMP else item.p1  # item 0 is the home
+        parameters = p1, item.p2, item.p3, item.p4, item.x / scale, item.y / scale, item.z
         row = number, int(number == 0), item.frame, item.command, *parameters, item.autocontinue
         rows.append("\t".join(str(column) for column in row))
     return "\n".join(rows) + "\n"
@@ -175,6 +176,21 @@ def test_both_file_formats_keep_every_item(items: list[MissionItem]) -> None:
     numbered = tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))
     assert plans.read_wpl(write_wpl(numbered), "m.waypoints") == numbered
     assert plans.read_plan(plans.write_plan(numbered), "m.plan") == numbered
+
+
+def test_jump_of_a_waypoint_file_counts_the_home_position() -> None:
+    rows = [
+        "QGC WPL 110",
+        "0\t1\t0\t16\t0\t0\t0\t0\t42\t-71\t0\t1",
+        "1\t0\t3\t16\t0\t0\t0\t0\t42.001\t-71\t-3\t1",
+        "2\t0\t3\t16\t0\t0\t0\t0\t42.002\t-71\t-3\t1",
+        "3\t0\t3\t177\t1\t2\t0\t0\t0\t0\t0\t1",
+    ]
+    first, _, jump = plans.read_wpl("\n".join(rows), "m.waypoints")
+    assert (jump.command, jump.p1, jump.p2) == (MavCmd.DO_JUMP, first.sequence, 2.0)
+    rows[4] = rows[4].replace("177\t1", "177\t0")
+    with pytest.raises(ScriptError, match=r"m\.waypoints: line 5: DO_JUMP to item 0, the home"):
+        plans.read_wpl("\n".join(rows), "m.waypoints")
 
 
 def test_a_plan_may_leave_numbers_out() -> None:
