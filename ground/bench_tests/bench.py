@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from ground.client import flight
 from ground.client.flight import FlightProgress
 from ground.client.recorder import Recorder
-from ground.client.vehicle import CommandRefusedError, VehicleClient
+from ground.client.vehicle import CommandRefusedError, VehicleClient, VehicleClientError
 from ground.missions.signals import AXES, SIGNALS
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import wall_s
@@ -159,6 +159,10 @@ def armed_without_thrust(vehicle: VehicleClient) -> Iterator[dict[str, float]]:
     before = vehicle.parameters()
     if vehicle.armed:
         raise OperationError("the vehicle is armed; a bench test begins with a vehicle at rest")
+    if missing := [name for name in PARAMETERS if name not in before]:
+        raise OperationError(
+            f"the vehicle has no parameter {missing[0]}; this test needs the Caribou autopilot"
+        )
     for name, rate_hz in RATES_HZ.items():
         vehicle.set_interval(name, rate_hz)
     try:
@@ -168,10 +172,27 @@ def armed_without_thrust(vehicle: VehicleClient) -> Iterator[dict[str, float]]:
         vehicle.arm()
         yield before
     finally:
+        _restore(vehicle, before)
+
+
+def _restore(vehicle: VehicleClient, before: Mapping[str, float]) -> None:
+    """Disarm, and restore each parameter. Raises OperationError with those that remain changed."""
+    try:
         if vehicle.armed:
             vehicle.disarm(force=True)
+    finally:
+        failed: list[str] = []
+        reason = ""
         for name in PARAMETERS:
-            vehicle.set_parameter(name, before[name])
+            try:
+                vehicle.set_parameter(name, before[name])
+            except VehicleClientError as error:
+                failed.append(f"{name} = {before[name]:g}")
+                reason = reason or str(error)
+        if failed:
+            raise OperationError(
+                f"{reason}; not restored: {', '.join(failed)}: set them before the next dive"
+            )
 
 
 def _sweep(

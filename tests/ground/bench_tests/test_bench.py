@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,10 @@ import pytest
 from ground.bench_tests import bench, incline
 from ground.client import vehicle as client
 from ground.client.recorder import Recorder
-from ground.client.vehicle import VehicleClient
+from ground.client.vehicle import VehicleClient, VehicleClientError
 from mavlink_io.errors import InputError, OperationError
 from mavlink_io.mission_items import MavCmd
-from tests.ground.fake import FakeVehicle, step_while_waiting
+from tests.ground.fake import ACCEPTED, DENIED, FakeVehicle, step_while_waiting
 
 
 def ground(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -88,6 +89,61 @@ def test_stopped_sweep_ends_the_bench_test(
     assert vehicle.on_frame is None
     recorder.finish()
     fake.close()
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
+    """Return a fake vehicle that has the parameters of a bench test, each with the value 7."""
+    fake = FakeVehicle(parameters=dict.fromkeys(bench.PARAMETERS, 7.0))
+    fake.modes = (*fake.modes, ("HOLD", 0, 0))
+    monkeypatch.setattr(client, "wait", step_while_waiting(fake))
+    fake.heartbeat()
+    yield fake
+    fake.close()
+
+
+def test_vehicle_without_test_parameters_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake = FakeVehicle()
+    monkeypatch.setattr(client, "wait", step_while_waiting(fake))
+    fake.heartbeat()
+    vehicle = VehicleClient(fake.ground_end)
+    vehicle.connect()
+    with (
+        pytest.raises(OperationError, match="no parameter SID_DEPTH_MIN; this test needs"),
+        bench.armed_without_thrust(vehicle),
+    ):
+        pass
+    assert not fake.commands
+    fake.close()
+
+
+def test_failed_disarming_restores_parameters(fake: FakeVehicle) -> None:
+    vehicle = VehicleClient(fake.ground_end)
+    vehicle.connect()
+    fake.answers[MavCmd.COMPONENT_ARM_DISARM] = [ACCEPTED, DENIED]
+    fake.after[MavCmd.COMPONENT_ARM_DISARM] = lambda: fake.heartbeat(armed=True)
+    with pytest.raises(VehicleClientError, match="disarm"), bench.armed_without_thrust(vehicle):
+        assert fake.table.values["FS_TIME_S"] == 0.0
+    assert fake.table.values["FS_TIME_S"] == 7.0
+
+
+def test_parameter_that_is_not_restored_is_named(fake: FakeVehicle) -> None:
+    vehicle, store = VehicleClient(fake.ground_end), fake.table.set
+    vehicle.connect()
+
+    def refuse_depth(name: str, value: float) -> float:
+        if (name, value) == ("SID_DEPTH_MIN", 7.0):
+            raise ValueError("refused")
+        return store(name, value)
+
+    fake.table.set = refuse_depth  # type: ignore[method-assign]
+    with (
+        pytest.raises(OperationError, match=r"; not restored: SID_DEPTH_MIN = 7: set them before"),
+        bench.armed_without_thrust(vehicle),
+    ):
+        pass
+    changed = [name for name in bench.PARAMETERS if fake.table.values[name] != 7.0]
+    assert changed == ["SID_DEPTH_MIN"]
 
 
 @pytest.mark.parametrize(
