@@ -37,6 +37,9 @@ class LogOnVehicle(NamedTuple):
     bytes: int
     path: str
     """Path on the file server; empty without a file server."""
+    can_resume: bool = True
+    """Whether the name belongs to this log only. LOG_* without a start time gives only a number,
+    which a vehicle uses again after its logs were erased."""
 
 
 class Download(NamedTuple):
@@ -49,7 +52,7 @@ class Download(NamedTuple):
     checked: bool
     """True if the checksum of the vehicle matches."""
     finished: bool
-    """True if the log has an end. After a loss of power it has none; `ground log recover` repairs
+    """False for an MCAP log without an end, after a loss of power; `ground log recover` repairs
     it."""
 
 
@@ -113,10 +116,12 @@ def fetch(
             file=target,
             bytes=log.bytes,
             resumed_at=log.bytes,
-            checked=True,
+            checked=bool(log.path),
             finished=_is_finished(target),
         )
     part = folder / f"{log.name}.part"
+    if not log.can_resume:
+        part.unlink(missing_ok=True)
     resumed_at = part.stat().st_size if part.exists() else 0
     checked = (
         _fetch_file(vehicle, log, part, watch)
@@ -220,7 +225,9 @@ def _unused_path(target: Path) -> Path:
 
 
 def _is_finished(file: Path) -> bool:
-    """Return whether an MCAP file ends with the magic bytes."""
+    """Return whether a file is no MCAP, or ends with the magic bytes."""
+    if file.suffix != ".mcap":
+        return True
     with file.open("rb") as data:
         data.seek(max(0, file.stat().st_size - len(MAGIC)))
         return data.read() == MAGIC
@@ -234,7 +241,11 @@ def _from_listing(log: ListedLog) -> LogOnVehicle:
         else ""
     )
     return LogOnVehicle(
-        number=log.number, name=f"log-{log.number:05d}{start}.bin", bytes=log.bytes, path=""
+        number=log.number,
+        name=f"log-{log.number:05d}{start}.bin",
+        bytes=log.bytes,
+        path="",
+        can_resume=bool(start),
     )
 
 

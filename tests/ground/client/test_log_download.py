@@ -1,4 +1,4 @@
-"""Local names of downloaded files stay inside the folder."""
+"""Downloads of logs: local names stay inside the folder, and logs are not mixed."""
 
 import csv
 from collections.abc import Callable
@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from ground.client import log_download
 from ground.client.file_names import MAX_BYTES, safe_file_name
+from ground.client.vehicle import VehicleClientError
 from ground.log_tools import export
 from mavlink_io.dialect import by_name
 from mavlink_io.logging import ros1
@@ -19,6 +20,8 @@ from mavlink_io.request import ExchangeError, MavlinkId
 from mavlink_io.services.ftp.client import FileClient
 from mavlink_io.services.ftp.payload import crc32
 from mavlink_io.services.ftp.tree import ListingEntry
+from mavlink_io.services.log_transfer.client import RemoteLog as ListedLog
+from mavlink_io.services.log_transfer.server import DATA_BYTES
 
 CONTENT = b"what the vehicle sent"
 HOSTILE = (
@@ -79,6 +82,49 @@ def test_download_two_names_alike_overwrites_nothing(tmp_path: Path) -> None:
     (log,) = log_download.list_logs(vehicle)
     assert log_download.fetch(vehicle, log, tmp_path).file.name == "x-2.mcap"
     assert (tmp_path / "x.mcap").read_bytes() == b"here before"
+
+
+class StubWithoutFiles:
+    """Answers the LOG_* service with one log; the file service is missing."""
+
+    def __init__(self, began_unix_s: int) -> None:
+        self.began_unix_s = began_unix_s
+
+    def use(self, kind: Any, ask: Callable[[Any], Any]) -> Any:
+        if kind is FileClient:
+            raise VehicleClientError("no answer")
+        return ask(self)
+
+    def list(self) -> list[ListedLog]:
+        return [ListedLog(1, len(LOG), self.began_unix_s)]
+
+    def download(self, log: ListedLog, sink: Any, start: int, watch: object) -> int:
+        sink.write(LOG[start:])
+        return len(LOG)
+
+
+LOG = bytes(range(256))
+"""Content of a log without MCAP's magic bytes, as of ArduPilot."""
+
+
+def test_download_existing_file_is_not_checked_without_checksum(tmp_path: Path) -> None:
+    vehicle: Any = StubWithoutFiles(1_700_000_000)
+    (log,) = log_download.list_logs(vehicle)
+    first, second = (log_download.fetch(vehicle, log, tmp_path) for _ in range(2))
+    assert first.file == second.file
+    assert (first.checked, second.checked) == (False, False)
+    assert first.finished
+
+
+@pytest.mark.parametrize("began_unix_s", [0, 1_700_000_000])
+def test_download_continues_only_logs_with_start_time(tmp_path: Path, began_unix_s: int) -> None:
+    vehicle: Any = StubWithoutFiles(began_unix_s)
+    (log,) = log_download.list_logs(vehicle)
+    beginning = LOG[:DATA_BYTES] if began_unix_s else bytes(DATA_BYTES)
+    (tmp_path / f"{log.name}.part").write_bytes(beginning)
+    download = log_download.fetch(vehicle, log, tmp_path)
+    assert download.file.read_bytes() == LOG
+    assert download.resumed_at == (DATA_BYTES if began_unix_s else 0)
 
 
 @given(st.text())
