@@ -183,6 +183,9 @@ class _DirectoryList(_FtpExchange[list[ListingEntry]]):
             return
         if packet.opcode == ACK and packet.data:
             lines = packet.data.split(b"\0")[:-1]
+            if not lines:  # the next request would be the same one
+                self._fail(f"{self._describe()}: the answer has no complete entry")
+                return
             self._line_count += len(lines)
             self._entries += [_entry(line) for line in lines if line[:1] in (b"F", b"D")]
             self._current = self._next_request()
@@ -293,7 +296,12 @@ class _FtpDownload(_FtpExchange[int]):
         self._request_rest()
 
     def _handle_data(self, packet: Packet) -> None:
-        """Process bytes of the file and request the pieces that were lost before them."""
+        """Process bytes of the file and request the pieces that were lost before them.
+
+        Bytes after the end are ignored: they are of another file, or the file has grown.
+        """
+        if packet.offset >= self._size:
+            return
         self._note_progress()
         self._pending[packet.offset] = packet.data
         if packet.offset > self._frontier:

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from mavlink_io.codec import Frame
 from mavlink_io.request import Exchange, ExchangeError
+from mavlink_io.services.ftp import payload
 from mavlink_io.services.ftp.client import FileClient
-from mavlink_io.services.ftp.payload import crc32
+from mavlink_io.services.ftp.payload import Packet, crc32
 from mavlink_io.services.ftp.server import FileServer
 from mavlink_io.services.ftp.tree import FileTree, ListingEntry
 from tests.helpers.lossy_link import GROUND, VEHICLE, Wire, insist, settle
@@ -117,3 +118,57 @@ def test_ftp_resume_of_shorter_file_raises_error() -> None:
     rig = Rig({"/logs/a": b"short"})
     with pytest.raises(ExchangeError, match="holds 5 bytes, fewer than the 9 that are here"):
         rig.settle(rig.client.download("/logs/a", io.BytesIO(), 9))
+
+
+class Script:
+    """A client whose answers are written by the test."""
+
+    def __init__(self) -> None:
+        self.requests: list[Packet] = []
+        self._wire = Wire(VEHICLE)
+        self.client = FileClient(self._record, GROUND, VEHICLE)
+
+    def _record(self, name: str, **fields: Any) -> None:
+        self.requests.append(payload.decode(fields["payload"]))
+
+    def answer(self, exchange: Exchange[Any], data: bytes, offset: int = 0) -> None:
+        """Acknowledge the last request."""
+        request = self.requests[-1]
+        packet = Packet(
+            sequence=payload.next_sequence(request.sequence),
+            session=0,
+            opcode=payload.ACK,
+            size=len(data),
+            requested=request.opcode,
+            offset=offset,
+            data=data,
+        )
+        target = {"target_network": 0, "target_system": 250, "target_component": 190}
+        self._wire.send("FILE_TRANSFER_PROTOCOL", payload=packet.encode(), **target)
+        for frame in self._wire.take():
+            exchange.feed(frame)
+
+
+def test_ftp_data_after_the_end_of_the_file_are_ignored() -> None:
+    """Before, a packet at 20 MB of a file of 300 bytes caused 83,683 requests."""
+    script, sink = Script(), io.BytesIO()
+    download = script.client.download("/a", sink)
+    download.poll(0.0)
+    script.answer(download, (300).to_bytes(4, "little"))
+    before = len(script.requests)
+    script.answer(download, b"x" * 239, offset=20_000_000)
+    assert len(script.requests) == before
+    script.answer(download, b"a" * 239)
+    script.answer(download, b"b" * 61, offset=239)
+    assert download.result() == 300
+    assert sink.getvalue() == b"a" * 239 + b"b" * 61
+
+
+def test_ftp_list_without_complete_entry_fails() -> None:
+    """Before, the same request was repeated at once and without end."""
+    script = Script()
+    listing = script.client.list("/logs")
+    listing.poll(0.0)
+    script.answer(listing, b"Fincomplete")
+    with pytest.raises(ExchangeError, match="the list of /logs: the answer has no complete entry"):
+        listing.result()
