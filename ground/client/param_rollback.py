@@ -5,6 +5,7 @@ Before the first value is sent, the old values are stored in the user's state di
 even if the link was lost during the upload.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -49,7 +50,7 @@ def upload(
     Raises
     ------
     InputError
-        The vehicle lacks a parameter; nothing was set.
+        The vehicle lacks a parameter or reports no finite value; nothing was set.
     OperationError
         A value was refused, or the link was lost; the message names which parameters were set.
     """
@@ -80,10 +81,12 @@ def rollback(
     Raises
     ------
     InputError
-        There is no change to undo.
+        The file does not exist, or there is no change to undo.
     OperationError
         The link was lost; or, without `force`, a value was changed after the upload.
     """
+    if file and not file.exists():
+        raise InputError(f"{file}: does not exist")
     history = History(file) if file else History.of(vehicle)
     record = history.last()
     present = _current_values(vehicle, record.before, str(history.path))
@@ -135,13 +138,20 @@ class History:
     def _read(self) -> list[ParamUpload]:
         """Read the stored uploads. Raises InputError."""
         try:
-            return decode(read_limited(self.path, MAX_TEXT_BYTES), list[ParamUpload])
+            changes = decode(read_limited(self.path, MAX_TEXT_BYTES), list[ParamUpload])
         except FileNotFoundError:
             return []
         except msgspec.MsgspecError as error:
             raise InputError(
                 f"{self.path}: {error}; expected a list of changes: repair or move it"
             ) from None
+        for change in changes:
+            if missing := sorted(change.before.keys() - change.after.keys()):
+                raise InputError(
+                    f"{self.path}: {missing[0]}: is in `before` and not in `after`: repair or"
+                    " move it"
+                )
+        return changes
 
     def _write(self, changes: list[ParamUpload]) -> None:
         """Store the uploads. Raises OSError."""
@@ -153,7 +163,10 @@ class History:
 def _current_values(
     vehicle: VehicleClient, wanted: Mapping[str, float], source: str
 ) -> dict[str, float]:
-    """Return the present values of the parameters in `wanted`. Raises InputError."""
+    """Return the present values of the parameters in `wanted`. Raises InputError.
+
+    A value that is not finite could not be stored: JSON has no such numbers.
+    """
     present = vehicle.parameters()
     unknown = [name for name in wanted if name not in present]
     if unknown:
@@ -161,7 +174,11 @@ def _current_values(
             f"{source}: {', '.join(unknown)}: the vehicle has no such parameter; nothing was set"
             f"{did_you_mean(unknown[0], present)}"
         )
-    return {name: present[name] for name in wanted}
+    values = {name: present[name] for name in wanted}
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise InputError(f"{source}: {name}: the vehicle reports {value:g}; nothing was set")
+    return values
 
 
 def _restore(

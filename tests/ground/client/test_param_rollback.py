@@ -1,5 +1,6 @@
 """Upload of parameters as one change, and its rollback."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -150,3 +151,27 @@ def test_rollback_invalid_file_is_named(vehicle: VehicleClient, tmp_path: Path) 
     (tmp_path / "mine.json").write_text("{}")
     with pytest.raises(InputError, match=r"mine\.json: Expected `array`"):
         param_rollback.rollback(vehicle, tmp_path / "mine.json")
+
+
+def test_upload_value_that_is_not_finite_is_not_stored(
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path
+) -> None:
+    param_rollback.upload(vehicle, NEW, "first.param")
+    fake.table.values["HDG_P"] = math.nan
+    with pytest.raises(InputError, match=r"gains\.param: HDG_P: the vehicle reports nan; nothing"):
+        param_rollback.upload(vehicle, NEW, "gains.param")
+    assert History(state).last().source == "first.param"
+
+
+def test_rollback_record_without_new_value_is_refused(
+    vehicle: VehicleClient, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.json"
+    file.write_text('[{"source": "x", "before": {"HDG_P": 1.0}, "after": {}}]')
+    with pytest.raises(InputError, match=r"mine\.json: HDG_P: is in `before` and not in `after`"):
+        param_rollback.rollback(vehicle, file)
+
+
+def test_rollback_missing_file_is_named(vehicle: VehicleClient, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.json: does not exist$"):
+        param_rollback.rollback(vehicle, tmp_path / "none.json")
