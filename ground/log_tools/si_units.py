@@ -89,6 +89,19 @@ A field with another unit, such as bytes or pixels, keeps its value and its name
 _UNIT_SUFFIXES = ("_ms", "_usec", "_us", "_mm", "_cm", "_deg", "_mps")
 """Endings of MAVLink's field names that name a unit; the unit of the column replaces them."""
 
+_UNKNOWN_IS_MINUS_ONE = frozenset(
+    (
+        "battery",
+        "battery_remaining",
+        "capacity_full",
+        "capacity_full_specification",
+        "current_battery",
+        "current_consumed",
+        "energy_consumed",
+    )
+)
+"""Signed fields of battery messages in which MAVLink defines -1 as unknown."""
+
 
 def si_columns(topic: str, columns: Mapping[str, Column]) -> dict[str, Column]:
     """Return the fields of a message in SI units, with the unit at the end of each name.
@@ -103,9 +116,9 @@ def si_columns(topic: str, columns: Mapping[str, Column]) -> dict[str, Column]:
     Returns
     -------
     dict
-        Columns by name. An integer that MAVLink defines as unknown, the largest one of its type,
-        is NaN. A text is an array of bytes. Messages that are not of the dialect, and fields
-        without a unit, are unchanged.
+        Columns by name. An integer that MAVLink defines as unknown, the largest one of its type
+        or -1 of a battery, is NaN. A text is an array of bytes. Messages that are not of the
+        dialect, and fields without a unit, are unchanged.
     """
     name = topic.rsplit("/", 1)[-1]
     if not topic.startswith("/mavlink/") or name not in dialect.names():
@@ -127,6 +140,8 @@ def _si_column(field: MessageField, values: Column) -> tuple[str, Column]:
     scaled = unit.factor * values.astype(np.float64) + unit.offset
     if values.dtype.kind in "iu" and values.dtype.itemsize > 1:
         scaled = np.where(values == np.iinfo(values.dtype).max, np.nan, scaled)
+    if field.name in _UNKNOWN_IS_MINUS_ONE:
+        scaled = np.where(values == -1, np.nan, scaled)
     return _with_unit(field.name, unit.suffix), scaled
 
 

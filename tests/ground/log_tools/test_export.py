@@ -66,6 +66,16 @@ def test_csv_of_messages_is_in_si_units() -> None:
     assert np.isnan(si["hdg_rad"][0])  # MAVLink: UINT16_MAX if unknown
 
 
+def test_csv_of_battery_has_nan_for_unknown_values() -> None:
+    columns: dict[str, NDArray[np.integer[Any]]] = {
+        "battery_remaining": np.array([-1, 50], np.int8),
+        "current_battery": np.array([-1, 250], np.int16),
+    }
+    si = si_columns("/mavlink/1/1/BATTERY_STATUS", columns)
+    np.testing.assert_allclose(si["battery_remaining_fraction"], [np.nan, 0.5])
+    np.testing.assert_allclose(si["current_battery_a"], [np.nan, 2.5])
+
+
 def test_pandas_reads_every_csv(log: Path, tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     tables = {Path(f).name: pandas.read_csv(f) for f in run("export", str(log))["files"]}
