@@ -65,6 +65,7 @@ MAX_PUMP_S = 1.0
 this program or of the whole machine, which may have paused the vehicle's link too."""
 _STANDBY = constant("MAV_STATE_STANDBY")
 _CRITICAL = constant("MAV_STATE_CRITICAL"), constant("MAV_STATE_EMERGENCY")
+_PX4 = constant("MAV_AUTOPILOT_PX4")
 _PREARM = constant("MAV_SYS_STATUS_PREARM_CHECK")
 _HEARTBEAT, _STATUSTEXT = (
     constant("MAVLINK_MSG_ID_HEARTBEAT"),
@@ -441,7 +442,9 @@ class VehicleClient:
     @cached_property
     def _params(self) -> ParamClient:
         """The client of parameters: one, because it recognises late values of earlier requests."""
-        return self._client(ParamClient)
+        peer = self._peer
+        is_px4 = self._last_heartbeat.autopilot == _PX4
+        return ParamClient(self._endpoint.send, GROUND, peer, bytewise=is_px4)
 
     def _client(self, kind: Callable[..., T]) -> T:
         """Return a client of one MAVLink service."""

@@ -2,8 +2,9 @@
 
 Source: https://mavlink.io/en/services/parameter.html.
 
-Every parameter is sent as MAV_PARAM_TYPE_REAL32; an integer is a float with the integer's value.
-Clients that convert numbers and clients that copy bytes then read the same number.
+The server sends every parameter as MAV_PARAM_TYPE_REAL32; an integer is a float with the integer's
+value. Clients that convert numbers and clients that copy bytes then read the same number. The
+client also reads and sets the integers of PX4, whose bytes are in the field param_value.
 """
 
 import math
@@ -23,6 +24,7 @@ REAL32 = constant("MAV_PARAM_TYPE_REAL32")
 DOES_NOT_EXIST = constant("MAV_PARAM_ERROR_DOES_NOT_EXIST")
 OUT_OF_RANGE = constant("MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE")
 _INTEGERS = range(constant("MAV_PARAM_TYPE_UINT8"), REAL32)
+_REAL32 = struct.Struct("<f")
 _BYTEWISE = {
     constant(f"MAV_PARAM_TYPE_{name}"): code
     for name, code in {
@@ -129,6 +131,99 @@ class ValueOrder:
         return False
 
 
+class ValueCoding:
+    """Coding of param_value, and the types that a vehicle has reported.
+
+    Parameters
+    ----------
+    bytewise : bool
+        Whether param_value has the bytes of an integer (PARAM_ENCODE_BYTEWISE).
+    """
+
+    def __init__(self, *, bytewise: bool) -> None:
+        self._bytewise = bytewise
+        self._types: dict[str, int] = {}
+        """MAV_PARAM_TYPE of the last PARAM_VALUE by name."""
+
+    def decode(self, frame: Frame) -> float:
+        """Return the value of a PARAM_VALUE and note its type.
+
+        Parameters
+        ----------
+        frame : Frame
+            The PARAM_VALUE. The integer is read from its payload: as a float, the bytes of some
+            integers would change.
+
+        Returns
+        -------
+        float
+            The value.
+        """
+        message = frame.decode()
+        self._types[message.param_id] = message.param_type
+        code = self._integer_format(message.param_id)
+        if code is None:
+            return float(message.param_value)
+        return float(struct.unpack_from(code, frame.payload.ljust(_REAL32.size, b"\0"))[0])
+
+    def is_known(self, name: str) -> bool:
+        """Return whether a value can be encoded.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter.
+
+        Returns
+        -------
+        bool
+            False if integers are sent as bytes and the type of the parameter is not known yet.
+        """
+        return not self._bytewise or name in self._types
+
+    def encode(self, name: str, value: float) -> tuple[float, int]:
+        """Return param_value and param_type of a PARAM_SET.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter.
+        value : float
+            Finite value.
+
+        Returns
+        -------
+        tuple of (float, int)
+            The fields.
+
+        Raises
+        ------
+        ValueError
+            The value is out of the range of the type. Or the parameter is an integer, and the value
+            is not one, or its bytes change in a float.
+        """
+        code = self._integer_format(name)
+        if code is None:
+            try:
+                return as_real32(value), REAL32
+            except OverflowError:
+                raise ValueError(f"{value:g} is out of the range of its type") from None
+        if value != round(value):
+            raise ValueError(f"{value:g} is not a whole number, as its type says")
+        try:
+            data = struct.pack(code, round(value)).ljust(_REAL32.size, b"\0")
+        except struct.error:
+            raise ValueError(f"{value:g} is out of the range of its type") from None
+        (copied,) = _REAL32.unpack(data)
+        if _REAL32.pack(copied) != data:
+            raise ValueError(f"{value:g} cannot be sent: its bytes change in a float")
+        return copied, self._types[name]
+
+    def _integer_format(self, name: str) -> str | None:
+        """Return the format of the bytes of an integer; None for a float or a plain number."""
+        return _BYTEWISE.get(self._types.get(name, REAL32)) if self._bytewise else None
+
+
 class ParamClient:
     """Client of the parameter protocol; each method returns an exchange that has not started.
 
@@ -140,11 +235,15 @@ class ParamClient:
         Function that sends a message to the vehicle.
     own, peer : MavlinkId
         Ids of this program and of the vehicle.
+    bytewise : bool
+        Whether the vehicle sends integers as bytes (PARAM_ENCODE_BYTEWISE), as PX4 does.
     """
 
-    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
+    def __init__(
+        self, send: Send, own: MavlinkId, peer: MavlinkId, *, bytewise: bool = False
+    ) -> None:
         self._participants = send, own, peer
-        self._order = ValueOrder()
+        self._order, self._coding = ValueOrder(), ValueCoding(bytewise=bytewise)
 
     def list(self) -> Exchange[dict[str, float]]:
         """Read every parameter; lost ones are requested again by index.
@@ -154,7 +253,7 @@ class ParamClient:
         Exchange
             Its result is a dict of values by name, sorted by name.
         """
-        return _ParamList(*self._participants, self._order)
+        return _ParamList(*self._participants, self._order, self._coding)
 
     def get(self, name: str) -> "ParamRequest":
         """Read one parameter.
@@ -169,7 +268,7 @@ class ParamClient:
         ParamRequest
             Its result is the value. It fails if the vehicle has no such parameter.
         """
-        return ParamRequest(*self._participants, self._order, name)
+        return ParamRequest(*self._participants, self._order, self._coding, name)
 
     def set(self, name: str, value: float) -> "ParamRequest":
         """Set one parameter.
@@ -192,18 +291,26 @@ class ParamClient:
         ValueError
             The value is NaN or infinite.
         """
-        return _Set(*self._participants, self._order, name, value)
+        return _Set(*self._participants, self._order, self._coding, name, value)
 
 
 class _OrderedExchange(Exchange[T]):
-    """Exchange that ignores an old value of a parameter."""
+    """Exchange that ignores an old value of a parameter, and decodes the others."""
 
-    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, order: ValueOrder) -> None:
+    def __init__(
+        self, send: Send, own: MavlinkId, peer: MavlinkId, order: ValueOrder, coding: ValueCoding
+    ) -> None:
         super().__init__(send, own, peer)
-        self._values_order = order
+        self._values_order, self._coding = order, coding
+        self._received = math.nan
+        """Value of the last PARAM_VALUE."""
 
     def _is_late(self, frame: Frame) -> bool:
-        return self._values_order.is_old(frame, self._now_s)
+        if self._values_order.is_old(frame, self._now_s):
+            return True
+        if frame.name == "PARAM_VALUE":
+            self._received = self._coding.decode(frame)
+        return False
 
 
 class _ParamList(_OrderedExchange[dict[str, float]]):
@@ -211,8 +318,10 @@ class _ParamList(_OrderedExchange[dict[str, float]]):
 
     message_names = frozenset(("PARAM_VALUE",))
 
-    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, order: ValueOrder) -> None:
-        super().__init__(send, own, peer, order)
+    def __init__(
+        self, send: Send, own: MavlinkId, peer: MavlinkId, order: ValueOrder, coding: ValueCoding
+    ) -> None:
+        super().__init__(send, own, peer, order, coding)
         self._values: dict[str, float] = {}
         self._missing: set[int] | None = None
 
@@ -225,7 +334,7 @@ class _ParamList(_OrderedExchange[dict[str, float]]):
 
     def _handle_message(self, name: str, message: Any) -> None:
         """Store the value of a PARAM_VALUE; finish when none is missing."""
-        self._values[message.param_id] = message.param_value
+        self._values[message.param_id] = self._received
         if message.param_index == NO_INDEX:
             return
         if self._missing is None:
@@ -250,6 +359,8 @@ class ParamRequest(_OrderedExchange[float]):
         Ids of this program and of the vehicle.
     order : ValueOrder
         Order of the values, of the client.
+    coding : ValueCoding
+        Coding of the values, of the client.
     name : str
         Name of the parameter.
     """
@@ -257,9 +368,15 @@ class ParamRequest(_OrderedExchange[float]):
     message_names = frozenset(("PARAM_VALUE", "PARAM_ERROR"))
 
     def __init__(
-        self, send: Send, own: MavlinkId, peer: MavlinkId, order: ValueOrder, name: str
+        self,
+        send: Send,
+        own: MavlinkId,
+        peer: MavlinkId,
+        order: ValueOrder,
+        coding: ValueCoding,
+        name: str,
     ) -> None:
-        super().__init__(send, own, peer, order)
+        super().__init__(send, own, peer, order, coding)
         self._name = name
         self.does_not_exist = False
         """Whether the vehicle has answered that it has no such parameter."""
@@ -277,7 +394,7 @@ class ParamRequest(_OrderedExchange[float]):
                 f"parameter {self._name}: {_REASONS.get(message.error, f'error {message.error}')}"
             )
         else:
-            self._handle_value(message.param_value)
+            self._handle_value(self._received)
 
     def _handle_value(self, value: float) -> None:
         """Process the value that the vehicle has reported."""
@@ -290,6 +407,8 @@ class ParamRequest(_OrderedExchange[float]):
 class _Set(ParamRequest):
     """Set one parameter and compare the reported value.
 
+    If the type is needed and not known, the parameter is read first.
+
     Another value counts as a refusal when it has come after MAX_REFUSALS requests: a link can
     deliver reports of an earlier value late. A set that ended by one of them would still have its
     own request on the way, which changes the parameter later. PARAM_ERROR counts at once.
@@ -301,25 +420,39 @@ class _Set(ParamRequest):
         own: MavlinkId,
         peer: MavlinkId,
         order: ValueOrder,
+        coding: ValueCoding,
         name: str,
         value: float,
     ) -> None:
-        super().__init__(send, own, peer, order, name)
+        super().__init__(send, own, peer, order, coding, name)
         if not math.isfinite(value):
             raise ValueError(f"parameter {name}: {value} is no finite number")
-        self._value = as_real32(value)
+        self._value = value
         self._requests = 0
         self._refused: set[int] = set()
         """Numbers of the requests after which another value has come."""
 
     def _send_request(self) -> None:
+        """Send PARAM_SET, or the request for the value whose type is needed."""
+        if not self._coding.is_known(self._name):
+            super()._send_request()
+            return
+        try:
+            field, kind = self._coding.encode(self._name, self._value)
+        except ValueError as error:
+            self._fail(f"parameter {self._name}: {error}")
+            return
+        if kind == REAL32:
+            self._value = field
         self._requests += 1
-        self._send_to_peer(
-            "PARAM_SET", param_id=self._name, param_value=self._value, param_type=REAL32
-        )
+        self._send_to_peer("PARAM_SET", param_id=self._name, param_value=field, param_type=kind)
 
     def _handle_value(self, value: float) -> None:
         """Finish if the vehicle reports the new value, and fail if it keeps another one."""
+        if not self._requests:  # the answer that has the type
+            self._note_progress()
+            self._send_request()
+            return
         if value == self._value:
             self._finish(value)
             return

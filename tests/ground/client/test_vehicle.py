@@ -19,6 +19,7 @@ from mavlink_io.endpoint import Endpoint
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.transport import open_transport
 from tests.ground.fake import ACCEPTED, DENIED, REJECTED, FakeVehicle, step_while_waiting
+from tests.helpers.px4_params import Px4Params
 
 ARM, SET_MODE, SET_INTERVAL = 400, 176, 511
 BOOT, STANDBY, ACTIVE, CRITICAL = 1, 3, 4, 5
@@ -282,6 +283,19 @@ def clock(
 
     monkeypatch.setattr(client, "wall_s", lambda: now_s)
     return advance
+
+
+def test_parameters_of_px4_are_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The HEARTBEAT of PX4 selects the reading of integers as bytes."""
+    fake = FakeVehicle()
+    fake._params = Px4Params()  # type: ignore[assignment]
+    monkeypatch.setattr(client, "wait", step_while_waiting(fake))
+    fake.heartbeat(autopilot=12)
+    with closing(fake):
+        vehicle = VehicleClient(fake.ground_end)
+        vehicle.connect()
+        assert vehicle.parameters() == {"BAT_N": -1.0, "MPC_XY_P": 0.5, "SYS_AUTOSTART": 4001.0}
+        assert vehicle.set_parameter("SYS_AUTOSTART", 60500.0) == 60500.0
 
 
 class Backlog:

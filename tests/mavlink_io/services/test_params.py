@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_io import dialect
-from mavlink_io.codec import Frame, Framer, encode
+from mavlink_io.codec import Frame, Framer, encode, encode_payload
 from mavlink_io.frame_order import MAX_LATE_S
 from mavlink_io.request import ExchangeError
 from mavlink_io.services.params import (
@@ -24,9 +24,7 @@ from mavlink_io.services.params import (
     requested_value,
 )
 from tests.helpers.lossy_link import GROUND, VEHICLE, Lost, Wire, nothing, settle
-
-INT32 = 6
-"""MAV_PARAM_TYPE_INT32."""
+from tests.helpers.px4_params import INT32, Px4Params
 
 
 class Table:
@@ -322,3 +320,68 @@ def test_param_set_that_arrives_late_is_ignored() -> None:
     for frame in (*old, *new, *old):
         server.feed(frame, send, lambda: 1000)
     assert table.values[name] == 2.0
+
+
+class Px4Sea:
+    """A client of a fake PX4 vehicle."""
+
+    def __init__(self) -> None:
+        self.up, self.down = Wire(GROUND), Wire(VEHICLE)
+        self.vehicle = Px4Params()
+        self.client = ParamClient(self.up.send, GROUND, VEHICLE, bytewise=True)
+
+    def run(self, exchange: Any) -> Any:
+        return settle(exchange, self.up, self.down, self._serve, lambda _: None)
+
+    def _serve(self, frame: Frame, now_s: float) -> None:
+        self.vehicle.feed(frame, self.down.send, lambda: 1000)
+
+
+def test_px4_integers_are_listed_as_numbers() -> None:
+    sea = Px4Sea()
+    listed = sea.run(sea.client.list())
+    assert listed == {"BAT_N": -1.0, "MPC_XY_P": 0.5, "SYS_AUTOSTART": 4001.0}
+    assert sea.run(sea.client.get("SYS_AUTOSTART")) == 4001.0
+
+
+@pytest.mark.parametrize("value", [60_500, -3, 0, 16_777_217, -(2**31)])
+def test_px4_integer_is_set_with_its_type(value: int) -> None:
+    """The type is read first; 16,777,217 is no float32."""
+    sea = Px4Sea()
+    assert sea.run(sea.client.set("SYS_AUTOSTART", value)) == value
+    assert sea.vehicle.values["SYS_AUTOSTART"] == value
+    assert sea.up.names == ["PARAM_REQUEST_READ", "PARAM_SET"]
+    assert sea.run(sea.client.set("SYS_AUTOSTART", 4001)) == 4001
+    assert sea.up.names[2:] == ["PARAM_SET"]
+
+
+def test_px4_float_is_set() -> None:
+    sea = Px4Sea()
+    assert sea.run(sea.client.set("MPC_XY_P", 0.95)) == as_real32(0.95)
+    assert sea.vehicle.values["MPC_XY_P"] == as_real32(0.95)
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        (2.5, "2.5 is not a whole number"),
+        (2.0**31, "out of the range of its type"),
+        (0x7F800001, "its bytes change in a float"),
+    ],
+)
+def test_px4_integer_that_cannot_be_sent_is_refused(value: float, reason: str) -> None:
+    sea = Px4Sea()
+    with pytest.raises(ExchangeError, match=f"parameter BAT_N: .*{reason}"):
+        sea.run(sea.client.set("BAT_N", value))
+    assert sea.vehicle.values["BAT_N"] == -1
+
+
+def test_px4_integer_with_bytes_of_a_signalling_nan_is_read() -> None:
+    """A float changes these bytes, so that they are taken from the payload."""
+    sea, message = Px4Sea(), dialect.by_name("PARAM_VALUE")
+    payload = struct.pack("<iHH16sB", 0x7F800001, 3, 0, b"BAT_N", INT32)
+    (frame,) = Framer().feed(encode_payload(message, payload, 0, *VEHICLE))
+    request = sea.client.get("BAT_N")
+    request.poll(0.0)
+    request.feed(frame)
+    assert request.result() == 0x7F800001
