@@ -496,13 +496,10 @@ def _specific_force(path: Path, message_tables: Tables) -> SpecificForce:
 
 def _setpoints(message_tables: Tables) -> Setpoints:
     """Return heading, pitch and depth setpoints from ATT and CTUN."""
-    (heading_s, heading), (_, pitch) = (
-        _setpoint_column(message_tables, "ATT", "DesYaw"),
-        _setpoint_column(message_tables, "ATT", "DesPitch"),
-    )
-    depth_s, depth_m = _setpoint_column(message_tables, "CTUN", "DAlt")
+    attitude_s, heading, pitch = _setpoint_columns(message_tables, "ATT", "DesYaw", "DesPitch")
+    depth_s, depth_m = _setpoint_columns(message_tables, "CTUN", "DAlt")
     return Setpoints(
-        attitude_time_s=heading_s,
+        attitude_time_s=attitude_s,
         heading_rad=np.unwrap(np.radians(heading)),
         pitch_rad=np.radians(pitch),
         depth_time_s=depth_s,
@@ -510,13 +507,14 @@ def _setpoints(message_tables: Tables) -> Setpoints:
     )
 
 
-def _setpoint_column(message_tables: Tables, name: str, column: str) -> tuple[Array, Array]:
-    """Return times and values of a column; empty arrays without it."""
-    if name not in message_tables or column not in message_tables[name].columns:
-        return np.empty(0), np.empty(0)
-    time_s, columns = message_tables[name]
-    keep = strictly_increasing(time_s)
-    return time_s[keep], columns[column][keep].astype(np.float64)
+def _setpoint_columns(message_tables: Tables, name: str, *columns: str) -> list[Array]:
+    """Return times and finite values of columns; empty arrays without them."""
+    if not _has(message_tables, name, *columns):
+        return [np.empty(0)] * (1 + len(columns))
+    table = message_tables[name]
+    values = _floats(table, *columns)
+    keep = usable(table.time_s, *values)
+    return [array[keep] for array in (table.time_s, *values)]
 
 
 def _events(message_tables: Tables, travel_deg: float) -> tuple[LogEvent, ...]:

@@ -436,7 +436,7 @@ def _setpoints(messages: Messages) -> Setpoints:
     attitude_time, heading, pitch, depth_time, depth = nothing, nothing, nothing, nothing, nothing
     if "ATTITUDE_TARGET" in messages:
         time_s, record = messages["ATTITUDE_TARGET"]
-        keep = strictly_increasing(time_s)
+        keep = usable(time_s, *record["q"][:, :4].T)
         _, pitch, heading = euler_rad(*record["q"][keep, :4].astype(np.float64).T)
         attitude_time, heading = time_s[keep], np.unwrap(heading)
     if "POSITION_TARGET_LOCAL_NED" in messages:

@@ -122,11 +122,13 @@ def find_channels(
     ServoChannels
         The output numbers; their signs are those of SERVOn_REVERSED. Without an elevator, 0.
     """
-    number_of_function = {
-        parameters[name]: int(match[1])
-        for name in sorted(parameters, reverse=True)
+    functions = {
+        int(match[1]): function
+        for name, function in parameters.items()
         if (match := re.fullmatch(r"SERVO(\d+)_FUNCTION", name))
     }
+    # of several outputs with one function, the lowest number remains
+    number_of_function = {functions[number]: number for number in sorted(functions, reverse=True)}
     numbers = [
         next((number_of_function[f] for f in functions if f in number_of_function), None)
         for functions in _FUNCTIONS

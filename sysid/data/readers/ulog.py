@@ -374,12 +374,10 @@ def _setpoints(topic_tables: Tables) -> Setpoints:
     attitude_s, heading, pitch, depth_s, depth_m = nothing, nothing, nothing, nothing, nothing
     attitude, position = (topic_tables.get(name) for name in _SETPOINTS)
     if attitude and "q_d[3]" in attitude.columns:
-        keep = strictly_increasing(attitude.time_s)
+        quaternion = [attitude.columns[f"q_d{part}"].astype(np.float64) for part in _QUATERNION]
+        keep = usable(attitude.time_s, *quaternion)
         attitude_s = attitude.time_s[keep]
-        quaternion = (
-            attitude.columns[f"q_d{part}"][keep].astype(np.float64) for part in _QUATERNION
-        )
-        _, pitch, heading = euler_rad(*quaternion)
+        _, pitch, heading = euler_rad(*(part[keep] for part in quaternion))
     if position and "z" in position.columns:
         keep = strictly_increasing(position.time_s)
         depth_s, depth_m = position.time_s[keep], position.columns["z"][keep].astype(np.float64)

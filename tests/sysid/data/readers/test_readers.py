@@ -19,9 +19,16 @@ from sysid import usable_runs
 from sysid.data import readers, segments
 from sysid.data.dataset import LogError
 from sysid.data.events import StopReason
-from sysid.data.readers import messages, px4_outputs, servo_channels, ulog_recovery
+from sysid.data.readers import (
+    dataflash,
+    messages,
+    px4_outputs,
+    servo_channels,
+    ulog,
+    ulog_recovery,
+)
 from sysid.data.readers.parameter_history import history_of
-from sysid.data.readers.samples import FileDamage
+from sysid.data.readers.samples import FileDamage, MessageColumns
 from sysid.data.readers.servo_channels import FROM_LOG, OutputOptions, ServoChannels
 from sysid.data.runs import RATE_HZ, Run
 from sysid.data.segments import MarkedInterval
@@ -308,6 +315,12 @@ def test_ardupilot_outputs_found_by_function(tmp_path: Path) -> None:
     np.testing.assert_allclose(run.thrust, 0.58, atol=0.002)
     chosen = the_run(path, chosen=ServoChannels(1, 2, 3))
     assert np.degrees(chosen.elevator_rad[0]) == pytest.approx(0.2 * 15.0, abs=0.05)
+
+
+def test_lowest_of_outputs_with_one_function_is_found() -> None:
+    numbers = {"SERVO1": 21.0, "SERVO2": 19.0, "SERVO3": 70.0, "SERVO10": 19.0, "SERVO16": 21.0}
+    parameters = {f"{output}_FUNCTION": function for output, function in numbers.items()}
+    assert servo_channels.find_channels(parameters) == ServoChannels(1, 2, 3)
 
 
 def test_read_servo_reversed_after_the_dive_counts_from_then_on(tmp_path: Path) -> None:
@@ -606,6 +619,28 @@ def test_samples_that_are_not_finite_are_a_gap(tmp_path: Path) -> None:
     assert np.all(np.isfinite(run.heading_rad))
     (screening,) = screen([run])
     assert screening.reasons == ("gap: 1.02 s without data, less than 0.2 needed",)
+
+
+def test_setpoint_without_a_number_leaves_the_later_ones() -> None:
+    """One ATTITUDE_TARGET, vehicle_attitude_setpoint or ATT of five holds NaN."""
+    time_s = np.arange(5.0)
+    heading_rad = np.array([3.0, np.nan, 3.1, 3.2, -3.0])
+    half = 0.5 * heading_rad
+    q = np.column_stack([np.cos(half), np.zeros(5), np.zeros(5), np.sin(half)])
+    record = np.zeros(5, [("q", "f4", 4)])
+    record["q"] = q
+    topic = MessageColumns(time_s, {f"q_d[{part}]": q[:, part] for part in range(4)})
+    att = MessageColumns(time_s, {"DesYaw": np.degrees(heading_rad), "DesPitch": np.zeros(5)})
+    for setpoints in (
+        messages._setpoints({"ATTITUDE_TARGET": (time_s, record)}),
+        ulog._setpoints({"vehicle_attitude_setpoint": topic}),
+        dataflash._setpoints({"ATT": att}),
+    ):
+        np.testing.assert_array_equal(setpoints.attitude_time_s, [0.0, 2.0, 3.0, 4.0])
+        np.testing.assert_allclose(
+            setpoints.heading_rad, [3.0, 3.1, 3.2, math.tau - 3.0], atol=1e-6
+        )
+        np.testing.assert_allclose(setpoints.pitch_rad, np.zeros(4), atol=1e-6)
 
 
 def test_tlog_of_two_vehicles_names_systems_and_remedy(
