@@ -28,7 +28,7 @@ PORTS = range(20_000, 32_000)
 """Ports for the processes: below the range of automatically assigned ports, so that a free port
 stays free until the process binds it."""
 _given_ports: set[int] = set()
-"""Ports that `free_port` has returned."""
+"""Ports that `free_port` has returned, without those of dives that have ended."""
 
 
 class Simulation(NamedTuple):
@@ -74,6 +74,7 @@ class SimulatedVehicle:
     ) -> None:
         self._notify = notify
         hil, ground = free_port(), free_port(socket.SOCK_STREAM)
+        self._ports: tuple[int, ...] = (hil, ground)
         self.address = f"tcp:127.0.0.1:{ground}"
         sitl = ["--vehicle", simulation.vehicle, "--scenario", simulation.scenario]
         sitl += [
@@ -93,8 +94,12 @@ class SimulatedVehicle:
         if parameters is not None:
             autopilot += ["--params", str(parameters)]
         self._core = affinity.take_core()
-        self._autopilot = _Program("autopilot", autopilot, start)
-        self._sitl = _Program("sitl", [*sitl, "--hil", f"udpout:127.0.0.1:{hil}"], start)
+        try:
+            self._autopilot = _Program("autopilot", autopilot, start)
+            self._sitl = _Program("sitl", [*sitl, "--hil", f"udpout:127.0.0.1:{hil}"], start)
+        except BaseException:
+            self._release()
+            raise
 
     def __enter__(self) -> Self:
         """Return the vehicle."""
@@ -148,9 +153,15 @@ class SimulatedVehicle:
             child.terminate()
         for child in (self._sitl, self._autopilot):
             child.wait()
+        self._release()
+
+    def _release(self) -> None:
+        """Give back the core and the ports, once."""
         core, self._core = self._core, None
         if core is not None:
             affinity.release_core(core)
+        ports, self._ports = self._ports, ()
+        _given_ports.difference_update(ports)
 
     def _pin(self) -> None:
         """Restrict both processes to one core, if the system can."""
@@ -203,7 +214,10 @@ class _Program:
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    """Return an unused UDP or TCP port of the loopback; each port is returned only once."""
+    """Return an unused UDP or TCP port of the loopback.
+
+    A port is not returned again until the dive that uses it has ended.
+    """
     while True:
         port = secrets.choice(PORTS)
         with socket.socket(socket.AF_INET, kind) as probe, contextlib.suppress(OSError):

@@ -3,6 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import pytest
+
+from ground.simulation import affinity, processes
 from ground.simulation.processes import SimulatedVehicle, Simulation
 
 
@@ -41,3 +44,28 @@ def test_compilation_is_reported_once_and_an_error_is_left_to_the_end() -> None:
         vehicle.check()
         vehicle.check()
         assert lines == ["sitl: compiling the physics"]
+
+
+def start_child(module: str, arguments: Sequence[str], stderr_file: Path) -> RunningChild:
+    return RunningChild()
+
+
+def test_ports_of_an_ended_dive_are_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without ports left, the next dive waited for ever."""
+    monkeypatch.setattr(processes, "_given_ports", set())
+    vehicle = SimulatedVehicle(Simulation(), start=start_child)
+    assert len(processes._given_ports) == 2
+    vehicle.stop()
+    assert not processes._given_ports
+    vehicle.stop()
+
+
+def test_program_that_cannot_start_occupies_no_core_and_no_port() -> None:
+    def refuse(module: str, arguments: Sequence[str], stderr_file: Path) -> RunningChild:
+        raise OSError("no such program")
+
+    dives, ports = affinity._dives_on.total(), set(processes._given_ports)
+    with pytest.raises(OSError, match="no such program"):
+        SimulatedVehicle(Simulation(), start=refuse)
+    assert affinity._dives_on.total() == dives
+    assert processes._given_ports == ports
