@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from errno import EACCES, EDQUOT, EFBIG, ENOSPC, EPERM, EROFS
+from itertools import count
+from pathlib import Path
 
 from mavlink_io.clock import Interval
 
@@ -19,6 +21,17 @@ def disk_error_text(error: BaseException) -> str:
         return f"internal error: {type(error).__name__} {error}"
     file = f": {error.filename}" if error.filename else ""
     return f"{error.strerror or error}{file}; {_REMEDIES.get(error.errno or 0, _OTHER_REMEDY)}"
+
+
+def rename_broken(path: Path) -> str:
+    """Rename a file with errors to the first free ``NAME.broken-N``; return what was done."""
+    names = (path.with_name(f"{path.name}.broken-{number}") for number in count(1))
+    try:
+        backup = next(name for name in names if not name.exists())
+        path.replace(backup)
+    except OSError as error:
+        return f"cannot be renamed: {error.strerror}"
+    return f"renamed to {backup.name}"
 
 
 class BackgroundWriter:

@@ -5,11 +5,10 @@ file that cannot be read is reported and renamed; the autopilot starts without i
 """
 
 from collections.abc import Callable
-from itertools import count
 from pathlib import Path
 
 from autopilot.control.params import ParamError, ParamTable
-from autopilot.disk import BackgroundWriter, disk_error_text
+from autopilot.disk import BackgroundWriter, disk_error_text, rename_broken
 from autopilot.param_file import lines, to_text
 from mavlink_io.text_files import read_text
 from mavlink_io.user_data_dir import replace_file
@@ -45,7 +44,7 @@ class ParamStore:
             return {}
         except (OSError, UnicodeDecodeError) as error:
             self.problems.append(f"{self._path}: {getattr(error, 'strerror', None) or 'no text'}")
-            self._rename_broken(self._path)
+            self.problems.append(rename_broken(self._path))
             return {}
         values: dict[str, float] = {}
         for number, name, value in lines(text):
@@ -54,7 +53,7 @@ class ParamStore:
             else:
                 values[name] = value
         if self.problems:
-            self._rename_broken(self._path)
+            self.problems.append(rename_broken(self._path))
             self._written = _UNSAVED
         return values
 
@@ -83,13 +82,3 @@ class ParamStore:
         self._path.parent.mkdir(parents=True, exist_ok=True)
         replace_file(self._path, text)
         self._written = revision
-
-    def _rename_broken(self, path: Path) -> None:
-        """Rename a file with errors to ``NAME.broken-N``."""
-        names = (path.with_name(f"{path.name}.broken-{n}") for n in count(1))
-        try:
-            backup = next(name for name in names if not name.exists())
-            path.replace(backup)
-            self.problems.append(f"renamed to {backup}")
-        except OSError as error:
-            self.problems.append(f"cannot be renamed: {error.strerror}")

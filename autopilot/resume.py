@@ -19,7 +19,7 @@ from autopilot.comms.sensor_clock import SensorClock
 from autopilot.control.fence import Fence, Rally
 from autopilot.control.sensor_health.types import Ahrs, Health
 from autopilot.control.types import AutopilotState, MissionState
-from autopilot.disk import BackgroundWriter, disk_error_text
+from autopilot.disk import BackgroundWriter, disk_error_text, rename_broken
 from autopilot.record_json import RecordError, from_json, to_json
 from mavlink_io.mission_items import FENCE_TYPE, MISSION_TYPE, RALLY_TYPE, MissionItem
 from mavlink_io.text_files import read_text
@@ -82,7 +82,7 @@ class StateFiles:
         """Return the stored plan of a kind; no items without one.
 
         Raises RecordError with the file and the reason if it cannot be read; a damaged file is
-        then renamed to ``NAME.broken``.
+        then renamed to ``NAME.broken-N``.
         """
         path = self._path(PLAN_NAMES[kind])
         if path is None:
@@ -94,8 +94,7 @@ class StateFiles:
         except (FileNotFoundError, NotADirectoryError):
             return ()
         except (OSError, UnicodeDecodeError, RecordError) as error:
-            renamed = _rename_broken(path)
-            raise RecordError(f"{path}: {_reason(error)}{renamed}") from None
+            raise RecordError(f"{path}: {_reason(error)}; {rename_broken(path)}") from None
         self._stored[kind] = items
         return items
 
@@ -231,16 +230,6 @@ def continued_state(checkpoint: Checkpoint, loaded: AutopilotState) -> Autopilot
         fence=loaded.fence,
         rally=loaded.rally,
     )
-
-
-def _rename_broken(path: Path) -> str:
-    """Rename a file that cannot be read; return what was done."""
-    backup = path.with_name(f"{path.name}.broken")
-    try:
-        path.replace(backup)
-    except OSError as error:
-        return f"; cannot be renamed: {error.strerror}"
-    return f"; renamed to {backup.name}"
 
 
 def _reason(error: BaseException) -> str:

@@ -224,10 +224,13 @@ def test_damaged_plan_is_named_and_kept_aside(
     tmp_path: Path, kind: int, text: str, reason: str
 ) -> None:
     name = f"{PLAN_NAMES[kind]}-1.json"
-    (tmp_path / name).write_text(text)
-    with pytest.raises(RecordError, match=rf"{name}: .*{reason}.*renamed to {name}\.broken"):
-        StateFiles(tmp_path, 1, "udpin:a:1").load_plan(kind)
-    assert (tmp_path / f"{name}.broken").exists()
+    for turn in (1, 2):
+        (tmp_path / name).write_text(text + " " * turn)
+        renamed = rf"{name}: .*{reason}.*renamed to {name}\.broken-{turn}"
+        with pytest.raises(RecordError, match=renamed):
+            StateFiles(tmp_path, 1, "udpin:a:1").load_plan(kind)
+    for turn in (1, 2):
+        assert (tmp_path / f"{name}.broken-{turn}").read_text() == text + " " * turn
     assert StateFiles(tmp_path, 1, "udpin:a:1").load_plan(kind) == ()
 
 
