@@ -116,7 +116,7 @@ def fly(
     dive = Dive.load(str(mission), log_file, parameters=dict(parameters or {}))
     if connect is not None:
         return _flight(flight.fly(dive, connect))
-    if autopilot is None:
+    if not autopilot:
         prototype.check_flown(str(vehicle))
     if parameters is None:
         dive = _with_first_parameters(dive, str(vehicle))

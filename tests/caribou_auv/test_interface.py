@@ -13,6 +13,7 @@ import caribou_auv as auv
 from caribou_auv import flying
 from caribou_auv.pytest_plugin import CaribouVehicle
 from sitl import scenario
+from tests.ground.campaign.test_vehicle_file import WITHOUT_COMPASS
 from tests.sysid.data.readers import files
 from tests.sysid.data.readers import test_damage as damaged
 
@@ -117,6 +118,16 @@ def test_options_of_a_dive_replace_those_of_the_marker(
     vehicle.fly("trim", seed=5)
     assert flown[0] == ("trim", tmp_path / "1-trim.mcap", {"seed": 1, "speed": "max"})
     assert flown[1] == ("trim", tmp_path / "2-trim.mcap", {"seed": 5, "speed": "max"})
+
+
+def test_simulated_vehicle_is_checked_before_the_dive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(flying, "SimulatedVehicle", lambda *_, **__: pytest.fail("was started"))
+    vehicle = tmp_path / "blind.toml"
+    vehicle.write_text(WITHOUT_COMPASS)
+    with pytest.raises(auv.CaribouError, match="does not arm without it"):
+        auv.fly("straight_run", tmp_path / "a.mcap", vehicle=vehicle, parameters={})
 
 
 def test_autopilot_that_cannot_start_is_reported(tmp_path: Path) -> None:
