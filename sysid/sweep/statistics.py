@@ -26,6 +26,10 @@ BINS = 8
 """Number of bins of an input that has more values than this."""
 SIGNIFICANCE = 0.01
 """Probability of naming any input that has no influence."""
+_OUTSIDE_LIMITS = "outside the limits"
+"""Reason of a dive that was held to its end."""
+_NOT_REDESIGNED = "; gains not redesigned"
+"""End of the reason of a dive whose gains could not be redesigned."""
 
 
 class Interval(NamedTuple):
@@ -224,9 +228,9 @@ def failures(table: Table) -> list[str]:
         else (
             (failsafe and f"surfaced: {failsafe}")
             or (diverged and f"did not hold {diverged}")
-            or ("broached" if broached else "outside the limits")
+            or ("broached" if broached else _OUTSIDE_LIMITS)
         )
-        + ("; gains not redesigned" if unchanged and not passed else "")
+        + (_NOT_REDESIGNED if unchanged else "")
         for failsafe, diverged, unchanged, broached, passed in columns
     ]
 
@@ -253,7 +257,8 @@ def worst(table: Table, count: int) -> list[int]:
         if (known := _finite(values)).size and (median := float(np.median(known))) > 0.0:
             ratios.append(np.nan_to_num(values / median))
     reasons = failures(table)
-    lost = np.array([reason not in ("", "outside the limits") for reason in reasons])
+    held = ("", _OUTSIDE_LIMITS, f"{_OUTSIDE_LIMITS}{_NOT_REDESIGNED}")
+    lost = np.array([reason not in held for reason in reasons])
     order = np.lexsort((np.arange(len(table)), -np.max(ratios, axis=0), ~lost))
     return [int(row) for row in order[:count]]
 

@@ -84,8 +84,9 @@ def test_worst_lost_dives_first_then_largest_error() -> None:
         {"passed": 0, "failsafe": "leak"},
         {"heading_deg": ""},
         {"passed": 0, "broached": 1},
+        {"passed": 0, "not_redesigned": "no gains meet the limits", "heading_deg": 2.0},
     )
-    assert statistics.worst(table, 4) == [3, 5, 2, 1]
+    assert statistics.worst(table, 5) == [3, 5, 2, 1, 6]
 
 
 def sampled_table(samples: int, effect: float) -> Table:
