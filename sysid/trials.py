@@ -223,7 +223,7 @@ class KeptResults(Generic[R]):
             try:
                 key, result = json.loads(line)
                 self._results[str(key)] = msgspec.convert(result, result_type)
-            except ValueError:  # the last line of a process that was killed
+            except (ValueError, TypeError):  # the last line of a process that was killed
                 continue
         if text and not text.endswith(b"\n"):
             self._append(b"\n")

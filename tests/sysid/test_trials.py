@@ -98,6 +98,16 @@ def test_kept_results_are_not_computed_again(tmp_path: Path, runs: Path) -> None
     assert seen == [2, 3]
 
 
+@pytest.mark.parametrize("line", ["5", "null", "[1]", '{"a": 1}', "[1, 2"])
+def test_damaged_line_is_ignored(tmp_path: Path, runs: Path, line: str) -> None:
+    trial, keep = partial(counted, runs), tmp_path / "kept"
+    first = map_trials(trial, [1], list[float], keep=keep)
+    with keep.open("a") as file:
+        file.write(f"{line}\n")
+    assert map_trials(trial, [1], list[float], keep=keep) == first
+    assert times_run(runs) == [1]
+
+
 def test_torn_last_line_is_computed_again(tmp_path: Path, runs: Path) -> None:
     trial, keep = partial(counted, runs), tmp_path / "kept"
     whole = map_trials(trial, [1, 2, 3], list[float], keep=keep)
