@@ -218,7 +218,7 @@ def _parse(path: Path) -> _Table:
     if len(rows) != len(numbered) - 1:
         raise LogError(f"{path}: a quotation mark is not closed; write one row per line")
     names = [name.strip() for name in header]
-    duplicates = sorted({name for name in names if names.count(name) > 1})
+    duplicates = sorted({name for name in names if name and names.count(name) > 1})
     if duplicates:
         raise LogError(f"{path}: line {numbered[0][0]}: two columns {duplicates[0]!r}")
     if TIME not in names:

@@ -256,6 +256,13 @@ def test_csv_decimal_commas_do_not_shift_columns(tmp_path: Path) -> None:
         readers.read(write(tmp_path / "dive.csv", lines=lines), OutputOptions())
 
 
+def test_csv_columns_without_a_name_are_ignored(tmp_path: Path) -> None:
+    """As a spreadsheet writes columns that were emptied."""
+    expected = the_run(write(tmp_path / "dive.csv"))
+    run = the_run(write(tmp_path / "wide.csv", f"{COLUMNS},,", [f"{row},," for row in rows()]))
+    np.testing.assert_array_equal(run.heading_rad, expected.heading_rad)
+
+
 def test_csv_empty_cells_after_the_last_column_are_ignored(tmp_path: Path) -> None:
     path = write(tmp_path / "dive.csv", lines=[f"{line},," for line in rows()])
     assert the_run(path).plane == Plane.YAW
