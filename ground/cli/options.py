@@ -151,8 +151,10 @@ def remark(message: object) -> None:
 
 
 def to_json(result: dict[str, Any] | msgspec.Struct) -> str:
-    """Return a result as JSON in ASCII, with every control character escaped."""
-    return json.dumps(result, indent=1, default=_to_plain).replace("\x7f", "\\u007f")
+    """Return a result as JSON in ASCII: control characters escaped, null for NaN and infinity."""
+    text = json.dumps(result, default=_to_plain)
+    plain = json.loads(text, parse_constant=lambda _: None)
+    return json.dumps(plain, indent=1).replace("\x7f", "\\u007f")
 
 
 def _to_plain(value: object) -> object:

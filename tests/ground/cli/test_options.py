@@ -1,9 +1,13 @@
 """Options of several commands."""
 
+import json
+import math
+
 import pytest
 from typer.testing import CliRunner
 
 from ground.__main__ import app
+from ground.cli.options import to_json
 from mavlink_io.errors import InputError
 
 
@@ -46,3 +50,16 @@ def test_option_with_limits_refuses_nan(arguments: str) -> None:
     done = CliRunner().invoke(app, [*arguments.split(), "nan"])
     assert done.exit_code == 2
     assert f"Invalid value for '{arguments.split()[-1]}'" in done.output
+
+
+def test_json_of_values_that_are_no_numbers_is_null() -> None:
+    """NaN and Infinity are no JSON (RFC 8259): jq and browsers refuse them."""
+    values = {"a": math.nan, "b": [-math.inf, 1.5], "c": "NaN\x7f\x1b"}
+    text = to_json(values)
+    assert text.isascii()
+    assert "\x7f" not in text
+    assert json.loads(text, parse_constant=pytest.fail) == {
+        "a": None,
+        "b": [None, 1.5],
+        "c": "NaN\x7f\x1b",
+    }
