@@ -51,8 +51,8 @@ def load_lines(path: Path) -> dict[str, ParamLine]:
     Raises
     ------
     InputError
-        The file cannot be read, or a line is not a parameter; the message names file, line and
-        text.
+        The file cannot be read, a line is not a parameter, or a parameter is given twice; the
+        message names file, line and text.
     """
     parameters: dict[str, ParamLine] = {}
     for number, line in enumerate(_text(path).splitlines(), start=1):
@@ -64,7 +64,10 @@ def load_lines(path: Path) -> dict[str, ParamLine]:
             raise InputError(
                 f"{path}: line {number}: {line.strip()!r} is no parameter; expected NAME,VALUE"
             )
-        parameters[parsed[0]] = ParamLine(parsed[1], comment.strip())
+        name, value = parsed
+        if name in parameters:
+            raise InputError(f"{path}: line {number}: {name} is given twice; keep one line")
+        parameters[name] = ParamLine(value, comment.strip())
     return parameters
 
 
@@ -169,7 +172,7 @@ def _parse(line: str) -> tuple[str, float] | None:
     columns = line.replace(",", " ").split()
     if len(columns) == 5:
         columns = columns[2:4]
-    if len(columns) != 2:
+    if len(columns) != 2 or "_" in columns[1]:  # float() reads 1_000
         return None
     try:
         value = float(columns[1])

@@ -779,11 +779,18 @@ def test_save_and_load_parameters_round_trip(tmp_path: Path) -> None:
     assert param_file.load(tmp_path / "p.param") == values
 
 
-@pytest.mark.parametrize("line", ["HDG_P", "HDG_P,nan", "HDG_P,x", "a,b,c"])
+@pytest.mark.parametrize("line", ["HDG_P", "HDG_P,nan", "HDG_P,x", "a,b,c", "HDG_P,1_000"])
 def test_load_invalid_line_is_named(line: str, tmp_path: Path) -> None:
     path = tmp_path / "gains.param"
     path.write_text(f"HDG_D,1\n{line}\n")
     with pytest.raises(InputError, match=r"gains\.param: line 2: .* expected NAME,VALUE"):
+        param_file.load(path)
+
+
+def test_load_parameter_given_twice_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "gains.param"
+    path.write_text("HDG_P,1\nHDG_D,1\nHDG_P,2\n")
+    with pytest.raises(InputError, match=r"gains\.param: line 3: HDG_P is given twice; keep one"):
         param_file.load(path)
 
 
