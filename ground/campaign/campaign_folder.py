@@ -10,7 +10,7 @@ from ground.campaign import prototype, refit, summary_file
 from ground.campaign.summary_file import CampaignSummary
 from ground.client import param_file
 from mavlink_io.errors import InputError
-from mavlink_io.text_files import parse_toml
+from mavlink_io.text_files import parse_toml, read_text
 from sysid.data import segments
 from sysid.data.dataset import Log
 from sysid.data.runs import Run
@@ -59,11 +59,13 @@ class CampaignFolder:
     def asked(self) -> str:
         """Text of `campaign.toml`."""
         try:
-            return (self.path / CAMPAIGN_FILE).read_text(encoding="utf-8")
+            return read_text(self.path / CAMPAIGN_FILE)
         except OSError:
             raise InputError(
                 f"{self.path}: holds no {CAMPAIGN_FILE}; give the folder of a campaign"
             ) from None
+        except UnicodeDecodeError:
+            raise InputError(f"{self.path / CAMPAIGN_FILE}: is no text in UTF-8") from None
 
     @cached_property
     def prior(self) -> str:
@@ -85,7 +87,7 @@ class CampaignFolder:
         try:
             return parse_toml(self.asked)
         except tomllib.TOMLDecodeError as error:
-            raise InputError(f"{self.path / CAMPAIGN_FILE}: names no vehicle ({error})") from None
+            raise InputError(f"{self.path / CAMPAIGN_FILE}: is no valid TOML: {error}") from None
 
     @cached_property
     def prior_config(self) -> Any:

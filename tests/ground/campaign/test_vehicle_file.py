@@ -101,6 +101,20 @@ def test_report_reads_the_vehicle_in_the_model(tmp_path: Path) -> None:
     assert folder.prior_config == known
 
 
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b'vehicle = "\xff"\n', "is no text in UTF-8"),
+        (b"vehicle == 3\n", "is no valid TOML: Invalid value"),
+        (b"seed = 1\n", "names no vehicle"),
+    ],
+)
+def test_damaged_campaign_file_is_named(content: bytes, expected: str, tmp_path: Path) -> None:
+    (tmp_path / "campaign.toml").write_bytes(content)
+    with pytest.raises(InputError, match=rf"campaign\.toml: {expected}"):
+        CampaignFolder(tmp_path).prior  # noqa: B018
+
+
 def test_preparation_warns_of_a_vehicle_that_floats_nose_down(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
