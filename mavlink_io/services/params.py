@@ -38,6 +38,8 @@ _BYTEWISE = {
 }
 """Format of the first bytes of param_value by MAV_PARAM_TYPE."""
 
+MAX_NAME_BYTES = 16
+"""Length of param_id."""
 NO_INDEX = 65_535
 """param_index of a PARAM_VALUE that was requested by name."""
 MAX_RE_REQUESTS = 20
@@ -379,7 +381,9 @@ class ParamRequest(_OrderedExchange[float]):
         super().__init__(send, own, peer, order, coding)
         self._name = name
         self.does_not_exist = False
-        """Whether the vehicle has answered that it has no such parameter."""
+        """Whether the vehicle has no such parameter."""
+        if len(name.encode()) > MAX_NAME_BYTES:  # the message would hold another name
+            self._refuse(DOES_NOT_EXIST)
 
     def _send_request(self) -> None:
         self._send_to_peer("PARAM_REQUEST_READ", param_id=self._name, param_index=-1)
@@ -389,12 +393,14 @@ class ParamRequest(_OrderedExchange[float]):
         if message.param_id != self._name:
             return
         if name == "PARAM_ERROR":
-            self.does_not_exist = message.error == DOES_NOT_EXIST
-            self._fail(
-                f"parameter {self._name}: {_REASONS.get(message.error, f'error {message.error}')}"
-            )
+            self._refuse(message.error)
         else:
             self._handle_value(self._received)
+
+    def _refuse(self, error: int) -> None:
+        """Fail with the reason of a MAV_PARAM_ERROR."""
+        self.does_not_exist = error == DOES_NOT_EXIST
+        self._fail(f"parameter {self._name}: {_REASONS.get(error, f'error {error}')}")
 
     def _handle_value(self, value: float) -> None:
         """Process the value that the vehicle has reported."""

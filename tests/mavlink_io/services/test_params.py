@@ -219,6 +219,16 @@ def test_param_set_fails_if_the_vehicle_keeps_its_value() -> None:
         setting.result()
 
 
+def test_param_name_longer_than_the_field_does_not_exist() -> None:
+    """The message has 16 bytes for a name; the answer to a shortened one is that of another."""
+    sea = Sea()
+    for exchange in (sea.client.get("P_03" + "x" * 13), sea.client.set("P_03" + "x" * 13, 1.0)):
+        assert exchange.does_not_exist
+        with pytest.raises(ExchangeError, match=r"^parameter P_03x+: there is no such parameter$"):
+            sea.run(exchange)
+    assert not sea.up.names
+
+
 def test_param_unknown_name_raises_error() -> None:
     sea = Sea()
     with pytest.raises(ExchangeError, match=r"^parameter P_99: there is no such parameter$"):
