@@ -12,7 +12,7 @@ from mavlink_io.errors import OperationError
 SURFACE, HOLD = "SURFACE", "HOLD"
 CONFIRM_TIMEOUT_S = 5.0
 """Wall time in which a HEARTBEAT must report the mode that the vehicle has accepted; it sends one
-per second."""
+per second. Over a modem it is longer (`VehicleClient.patience_s`)."""
 
 
 class State(NamedTuple):
@@ -67,9 +67,10 @@ def enter(vehicle: VehicleClient, mode: str) -> State:
         ended = was_armed and not vehicle.armed
         return vehicle.heartbeats > heartbeats and (vehicle.custom_mode == offered[name] or ended)
 
-    if not vehicle.pump_until(is_confirmed, vehicle.patience_s(CONFIRM_TIMEOUT_S)):
+    timeout_s = vehicle.patience_s(CONFIRM_TIMEOUT_S)
+    if not vehicle.pump_until(is_confirmed, timeout_s):
         raise OperationError(
-            f"mode {name}: the vehicle accepted it, but {CONFIRM_TIMEOUT_S:g} s later reports"
+            f"mode {name}: the vehicle accepted it, but {timeout_s:g} s later reports"
             f" {vehicle.mode}"
         )
     return state(vehicle)
@@ -105,10 +106,10 @@ def disarm(vehicle: VehicleClient) -> State:
 
 def _confirm(vehicle: VehicleClient, wanted: str, is_reached: Callable[[], bool]) -> State:
     """Wait until a HEARTBEAT reports the wanted state."""
-    if not vehicle.pump_until(is_reached, vehicle.patience_s(CONFIRM_TIMEOUT_S)):
+    timeout_s = vehicle.patience_s(CONFIRM_TIMEOUT_S)
+    if not vehicle.pump_until(is_reached, timeout_s):
         raise OperationError(
-            f"the vehicle accepted the command, but {CONFIRM_TIMEOUT_S:g} s later it is not"
-            f" {wanted}"
+            f"the vehicle accepted the command, but {timeout_s:g} s later it is not {wanted}"
         )
     with suppress(VehicleClientError):  # the state shows the number of a mode without a name
         vehicle.offered_modes()

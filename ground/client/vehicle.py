@@ -229,7 +229,8 @@ class VehicleClient:
         Raises
         ------
         VehicleClientError
-            The link is closed, or no HEARTBEAT came within `HEARTBEAT_TIMEOUT_S`.
+            The link is closed, or no HEARTBEAT came within `HEARTBEAT_TIMEOUT_S`, or the longer
+            time of `patience_s`.
         """
         transport = self._endpoint.transport
         try:

@@ -76,6 +76,18 @@ def test_stop_not_confirmed_is_an_error(fake: FakeVehicle) -> None:
     assert "0.2 s later it is not disarmed" in str(done.exception)
 
 
+@pytest.mark.parametrize("command", ["stop", "hold"])
+def test_unconfirmed_command_names_the_time_that_was_waited(
+    command: str, fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Over a modem the wait is longer than the default."""
+    monkeypatch.setattr(VehicleClient, "patience_s", lambda vehicle, default_s: 2.0 * default_s)
+    fake.enters_modes = False
+    done = ground(command)
+    assert isinstance(done.exception, OperationError)
+    assert "but 0.4 s later" in str(done.exception)
+
+
 def test_mode_of_similar_name_is_suggested(fake: FakeVehicle) -> None:
     done = ground("mode", "surfce")
     assert isinstance(done.exception, VehicleClientError)
