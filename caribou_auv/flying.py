@@ -1,5 +1,6 @@
 """Dives with the simulator and the autopilot as processes, or with a real vehicle."""
 
+import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -191,6 +192,8 @@ def _scenario_with_faults(name: str, faults: Sequence[Fault]) -> Iterator[str]:
             text = read_text(Path(name))
         except OSError as error:
             raise InputError(f"scenario {name}: {error.strerror}; give a name or a file") from None
+        except UnicodeDecodeError:
+            raise InputError(f"scenario {name}: is no text in UTF-8; give a TOML file") from None
     folder = None if shipped else Path(name).parent
     with tempfile.NamedTemporaryFile("w", suffix=".toml", dir=folder, encoding="utf-8") as file:
         file.write(text + "".join(map(_fault_table, faults)))
@@ -208,5 +211,5 @@ def _fault_table(fault: Fault) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a text as a TOML string."""
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    """Return a text as a TOML string: as in JSON, but DEL is escaped too."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -55,6 +55,7 @@ def test_frame_has_the_columns_of_the_arrays(tmp_path: Path) -> None:
 
 def test_errors_of_input_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"")
+    (tmp_path / "latin.toml").write_bytes(b'title = "\xe9"\n')
     cases = (
         lambda: auv.load_log(tmp_path / "none.mcap"),
         lambda: auv.load_model(tmp_path / "none.json"),
@@ -64,6 +65,9 @@ def test_errors_of_input_are_one_line(tmp_path: Path) -> None:
         lambda: auv.simulate("straight_run", vehicle="no_such_vehicle"),
         lambda: auv.fly("straight_run", tmp_path / "a.mcap"),
         lambda: auv.fly("straight_run", tmp_path / "b.mcap", scenario="none", faults=[{}]),
+        lambda: auv.fly(
+            "straight_run", tmp_path / "b.mcap", scenario=tmp_path / "latin.toml", faults=[{}]
+        ),
     )
     for case in cases:
         with pytest.raises(auv.CaribouError) as caught:
@@ -106,6 +110,11 @@ def test_faults_are_added_to_a_scenario(tmp_path: Path) -> None:
             assert read == fault
             assert scenario.load(file).disturbance == scenario.load(name).disturbance
         assert not Path(file).exists()
+
+
+def test_text_of_a_fault_is_a_toml_string() -> None:
+    text = "".join(map(chr, range(128))) + "\\u0041 \u00e9\U0001f600"
+    assert tomllib.loads(flying._fault_table({"unit": text}))["fault"] == [{"unit": text}]
 
 
 def test_options_of_a_dive_replace_those_of_the_marker(
