@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mavlink_io import dialect
-from mavlink_io.clock import Interval, wall_s
+from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 from mavlink_io.logging import ros1
 from mavlink_io.logging.mavlink_log import Channel, MavlinkLog
@@ -53,6 +53,11 @@ class Recorder:
         Telemetry log to write beside it.
     now_unix_ns : callable
         Return the UNIX time (ns).
+
+    Raises
+    ------
+    OSError
+        A file cannot be opened; none is left behind.
     """
 
     def __init__(
@@ -64,9 +69,14 @@ class Recorder:
         self._streams: dict[tuple[int, int, int], _Stream] = {}
         self._clocks: dict[int, _Clock] = {}
         self._file = open_output(path)
-        self._tlog = TelemetryLog(tlog) if tlog else None
+        try:
+            self._tlog = TelemetryLog(tlog) if tlog else None
+        except OSError:
+            self._file.close()
+            path.unlink(missing_ok=True)
+            raise
         self._log = MavlinkLog(self._file)
-        self._flush = Interval(FLUSH_PERIOD_S, wall_s)
+        self._flush = Interval(FLUSH_PERIOD_S)
         self._finished = False
 
     @property

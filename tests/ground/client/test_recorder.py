@@ -113,6 +113,12 @@ def read_json(path: Path, topic: str) -> list[tuple[str, dict[str, Any]]]:
     ]
 
 
+def test_telemetry_log_that_cannot_be_opened_leaves_no_file(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        Recorder(tmp_path / "a.mcap", tmp_path / "none" / "a.tlog")
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("name", dialect.names())
 def test_every_message_of_the_dialect_reads_back_equal(name: str, tmp_path: Path) -> None:
     message = dialect.by_name(name)
