@@ -5,13 +5,13 @@ vehicle type in this file, pymavlink ignores its built-in mode names.
 """
 
 import json
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from mavlink_io.errors import InputError
 from mavlink_io.text_files import parse_json, read_text
+from mavlink_io.user_data_dir import write_output
 
 ModeMap = dict[str, dict[str, str]]
 
@@ -95,16 +95,9 @@ def merge(
 
 def write(path: Path, modes: ModeMap) -> None:
     """Replace the file by a map in one atomic step. Raises InputError."""
-    target = path.resolve()
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            "w", dir=target.parent, encoding="utf-8", delete=False
-        ) as file:
-            json.dump(modes, file, indent=2)
-            file.write("\n")
-        Path(file.name).chmod(target.stat().st_mode & 0o777 if target.exists() else 0o644)
-        Path(file.name).replace(target)
+        path.resolve().parent.mkdir(parents=True, exist_ok=True)
+        write_output(path, json.dumps(modes, indent=2) + "\n")
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 

@@ -289,7 +289,7 @@ def _mat_values(values: NDArray[Any]) -> NDArray[Any]:
 
 def _write_csv(target: Path, columns: Mapping[str, list[Any]]) -> Path:
     """Write columns as a new CSV file and return its path."""
-    with target.open("x", newline="") as file:
+    with target.open("x", encoding="utf-8", newline="") as file:
         rows = zip(*columns.values(), strict=True)
         csv.writer(file, lineterminator="\n").writerows([list(columns), *rows])
     return target

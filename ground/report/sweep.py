@@ -1,6 +1,7 @@
 """Report of a sweep: text, CSV and an HTML page that needs no network."""
 
 import csv
+import io
 import math
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -18,6 +19,7 @@ from ground.report.figures import Curve, Figure, Panel
 from ground.sweep import run
 from ground.terminal import heading, literal, render
 from mavlink_io.errors import InputError
+from mavlink_io.user_data_dir import write_output
 from sysid.sweep import parts, statistics
 from sysid.sweep.statistics import CellSummary, Distribution, Influence, Table
 
@@ -83,8 +85,8 @@ def write(folder: Path) -> SweepReport:
         influences={name: statistics.influences(table, name) for name in RESULTS},
         worst=_worst(table),
     )
-    _write_cells(report, folder / CELLS)
-    (folder / PAGE).write_text(_page(report), encoding="utf-8")
+    write_output(folder / CELLS, _csv(report.cells))
+    write_output(folder / PAGE, _page(report))
     return report
 
 
@@ -105,13 +107,14 @@ def _worst(table: Table) -> list[dict[str, Any]]:
     ]
 
 
-def _write_cells(report: SweepReport, path: Path) -> None:
-    """Write one row for each combination."""
-    rows = [_cell_row(cell) for cell in report.cells]
-    with path.open("w", encoding="utf-8", newline="") as file:
-        lines = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
-        lines.writeheader()
-        lines.writerows(rows)
+def _csv(cells: Sequence[CellSummary]) -> str:
+    """Return a table as CSV with one row for each combination."""
+    rows = [_cell_row(cell) for cell in cells]
+    text = io.StringIO()
+    lines = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+    lines.writeheader()
+    lines.writerows(rows)
+    return text.getvalue()
 
 
 def _cell_row(cell: CellSummary) -> dict[str, object]:

@@ -1,6 +1,7 @@
 """Export of mode names for pymavlink programs; existing names are kept."""
 
 import contextlib
+import errno
 import json
 import os
 import subprocess
@@ -89,6 +90,21 @@ def test_write_through_symlink_is_atomic(tmp_path: Path) -> None:
     assert mode_map.read(real) == {"12": {"65536": "MANUAL"}}
     assert real.stat().st_mode & 0o777 == 0o600
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["deep", "map.json", "real.json"]
+
+
+def test_write_that_fails_leaves_the_old_file_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    path = tmp_path / "map.json"
+    path.write_text("{}")
+    monkeypatch.setattr(Path, "replace", refuse)
+    with pytest.raises(InputError, match=r"map\.json: cannot be written: No space left"):
+        mode_map.write(path, {"12": {"65536": "MANUAL"}})
+    assert [file.name for file in tmp_path.iterdir()] == ["map.json"]
+    assert path.read_text() == "{}"
 
 
 def test_pymavlink_reads_the_default_file(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Exports of logs, read by readers that this project did not write."""
 
 import json
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from pathlib import Path
@@ -48,6 +50,18 @@ def decoded(path: Path, topic: str) -> list[Any]:
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=factories)
         return [message for _, _, _, message in reader.iter_decoded_messages([topic])]
+
+
+def test_csv_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:
+    """Texts hold U+FFFD in place of damaged bytes, and the reader of CSV logs expects UTF-8."""
+    script = (
+        "import sys, warnings; from pathlib import Path; from ground.log_tools import export;"
+        "warnings.simplefilter('error', EncodingWarning);"
+        "export._write_csv(Path(sys.argv[1]), {'text': ['\\ufffd']})"
+    )
+    command = [sys.executable, "-X", "warn_default_encoding", "-c", script]
+    subprocess.run([*command, str(tmp_path / "a.csv")], check=True)
+    assert (tmp_path / "a.csv").read_text(encoding="utf-8") == "text\n\ufffd\n"
 
 
 def test_csv_of_messages_is_in_si_units() -> None:
