@@ -546,7 +546,7 @@ class VehicleClient:
     def _on_statustext(self, frame: Frame) -> None:
         """Assemble a text, store it and call the listener."""
         message = frame.decode()
-        complete = self._joiner.add(frame.system, message)
+        complete = self._joiner.add((frame.system, frame.component), message)
         if complete is None:
             return
         text = StatusText(message.severity, complete)

@@ -213,7 +213,7 @@ class Receiver:
             self.listener.on_frame(frame)
         if (
             frame.name == "STATUSTEXT"
-            and (text := self._joiner.add(frame.system, message)) is not None
+            and (text := self._joiner.add(sender, message)) is not None
         ):
             self.texts.append(ReceivedText(now_s, message.severity, text))
             if self.listener is not None:
