@@ -19,7 +19,7 @@ from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
-from mavlink_io.errors import InputError
+from mavlink_io.errors import InputError, OperationError
 from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MissionItem
 from mavlink_io.transport import open_transport, wait
 from sysid.data.events import Failsafe, TrimLearned
