@@ -48,7 +48,7 @@ class NativeType(types.StructRef):
 
     @property
     def key(self) -> object:
-        """Return what tells two types apart.
+        """Return a key that differs between two types.
 
         Numba takes the name, which is the same for two records of one name in two modules: one
         record's reference is then taken for the other's.

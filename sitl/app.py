@@ -126,7 +126,7 @@ def _simulate(
 
 
 def _stop_on_signals() -> Callable[[], bool]:
-    """Return a function that tells whether an end signal has come.
+    """Return a function that returns whether an end signal has come.
 
     The present tick then ends, and the log is closed.
     """

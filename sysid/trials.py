@@ -51,14 +51,14 @@ Engine = Callable[[int], AbstractContextManager[Executor]]
 
 @runtime_checkable
 class HasIdentity(Protocol):
-    """Input of a trial that says what identifies it, without what many inputs share."""
+    """Input of a trial that contains its own key, without what many inputs share."""
 
     def identity(self) -> object:
         """Return a value that is equal for equal inputs only."""
 
 
 class TrialsError(OperationError):
-    """The processes of a study die; the message says how many results are kept."""
+    """The processes of a study die; the message gives the number of kept results."""
 
     code = ErrorCode.STUDY_STOPPED
 

@@ -252,7 +252,7 @@ class Services:
         self._missions.feed(received.frame, received.send, wall_s(), re_request_s)
 
     def _on_setpoint(self, name: str, received: ReceivedMessage) -> None:
-        """Apply an offboard set-point, and begin to follow it where the identity says so.
+        """Apply an offboard set-point, and switch to mode OFFBOARD where the identity does so.
 
         A set-point that is only a depth becomes that of HOLD: some tools send it once.
         """

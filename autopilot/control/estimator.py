@@ -386,13 +386,13 @@ def _attitude(
 def _attitude_without_gyro(
     old: VehicleEstimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
 ) -> tuple[Quaternion, Vector, Vector, Vector]:
-    """Return attitude, rates, bias and no e without the gyro; the bias keeps its value.
+    """Return attitude, rates, bias and an unknown error, without the gyro; the bias is unchanged.
 
     Second-order observer with a double pole a = RATE_OBSERVER_RADPS and e = e_a + e_m::
 
         R' = R [w + 2 a e]_x        w' = a^2 e
 
-    Above ATTITUDE_RESTART_RAD the attitude is turned by e, and w is 0.
+    Above ATTITUDE_RESTART_RAD the attitude is rotated by e, and w is set to 0.
     """
     p, q, r = old.p_radps, old.q_radps, old.r_radps
     (ex, ey, ez), (mx, my, mz) = attitude_errors(old.attitude, sensors, speed_mps, q, r, config)

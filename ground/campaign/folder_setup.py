@@ -98,7 +98,7 @@ def _refuse_removed_inputs(request: CampaignRequest) -> None:
 def prepare_folder(request: CampaignRequest, scaled: Sequence[str] = ()) -> None:
     """Create the campaign folder, remove an old campaign from it, and write the options.
 
-    `scaled` says what was scaled to the vehicle.
+    `scaled` lists what was scaled to the vehicle.
 
     A campaign that is resumed keeps its files. Files that no campaign writes are kept too. Raises
     InputError, as `refuse_folder`, and for a campaign that other versions of the programs began.

@@ -27,7 +27,7 @@ PANEL_PX, STRIP_PX = 150, 60
 """Height of a panel, and of the row of events of one dive."""
 GAP_PX = 26
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
-"""Line style of each dive, so that colour is not needed to tell them apart."""
+"""Line style of each dive, so that colour is not needed to distinguish them."""
 PATTERNS = ("", "/", ".", "x", "-", "|")
 """Fill of each dive's bars."""
 SYMBOLS = {"mode": "diamond", "test": "square", "failsafe": "x", "text": "circle"}

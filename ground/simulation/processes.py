@@ -21,7 +21,7 @@ START_TIMEOUT_S = 300.0
 """Wall time in which the autopilot must open its port. A process that fails ends, which is reported
 at once; on two cores with 14 running programs a sound autopilot needed more than 60 s."""
 _COMPILES = "sitl: compiling"
-"""Begin of the line by which a simulator says that it compiles its physics."""
+"""Begin of the line by which a simulator reports that it compiles its physics."""
 STOP_TIMEOUT_S = 5.0
 """Wall time after which a process that does not end is killed."""
 PORTS = range(20_000, 32_000)

@@ -55,7 +55,7 @@ class Actuators:
     other_outputs: tuple[int, ...] = ()
     """Numbers of further outputs that move, counted from 1."""
     assumed_pulses: str = ""
-    """Pulses that were taken for the range of an output, because the log does not tell it."""
+    """Pulses that were taken for the range of an output, because the log does not contain it."""
     mixed_surfaces: str = ""
     """Outputs whose surfaces act in both planes, with the parameters that say so."""
 

@@ -26,7 +26,7 @@ RESONANCE_BANDWIDTH = 0.5
 
 
 class BaselineError(InputError):
-    """The header cannot be read; the message says what is wrong."""
+    """The header cannot be read; the message gives the error."""
 
     code = ErrorCode.PERFORMANCE_BASELINE
 

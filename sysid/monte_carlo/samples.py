@@ -22,7 +22,7 @@ MAX_DRAWS_PER_SAMPLE = 10
 
 
 class NoCovarianceError(InputError):
-    """The model has no usable covariance; the message says what to do."""
+    """The model has no usable covariance; the message gives the remedy."""
 
     code = ErrorCode.NO_COVARIANCE
 

@@ -33,7 +33,7 @@ EXTRA_TIME_S = 300.0
 
 
 class MissionRejectedError(InputError):
-    """The autopilot rejects the mission; the message says why."""
+    """The autopilot rejects the mission; the message gives the reason."""
 
     code = ErrorCode.MISSION_REJECTED
 

@@ -90,7 +90,7 @@ def no_response(plane: Plane, runs: Sequence[Run]) -> str:
     Returns
     -------
     str
-        Reason; empty if the plane is excited, or if no run is long enough to tell.
+        Reason; empty if the plane is excited, or if no run is long enough to decide.
     """
     effect = control_effect(runs, plane, plane)
     gain = static_gain(runs, plane)

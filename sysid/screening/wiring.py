@@ -39,7 +39,7 @@ log. Long steps of an unstable hull, which turns on whatever its rudder does, do
 MAX_START_SHARE = 0.25
 """Largest mean rate before a test, over the largest rate in it, of a test that is compared.
 
-A vehicle that turns on and on has lost its speed, and hardly obeys its surfaces.
+A vehicle that turns on and on has lost its speed, and responds little to its surfaces.
 """
 HARDWARE_PARAMETERS = ("ACT_TRAVEL_DEG",)
 """Parameters that describe the vehicle and do not change between its dives."""

@@ -35,7 +35,7 @@ Z_DIGITS = 4
 
 
 class OtherSourcesError(OperationError):
-    """A process of the sweep runs other source code; the message says what to do."""
+    """A process of the sweep runs other source code; the message gives the remedy."""
 
     code = ErrorCode.OTHER_SOURCES
 

@@ -96,6 +96,6 @@ def _whole(parameters: Mapping[str, float], name: str) -> int:
 
 
 def _pulse(parameters: Mapping[str, float], name: str, number: int) -> float | None:
-    """Return the smallest or largest pulse of an output, us; None if no parameter says it."""
+    """Return the smallest or largest pulse of an output, us; None if no parameter defines it."""
     names = (f"PWM_MAIN_{name}{number}", f"PWM_MAIN_{name}", f"PWM_{name}")
     return next((parameters[n] for n in names if 0.0 < parameters.get(n, 0.0) < math.inf), None)

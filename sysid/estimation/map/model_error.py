@@ -189,7 +189,7 @@ def covariance(
 def command_time_covariance(delay_sds_s: Mapping[Plane, float]) -> Array:
     """Return the part of the covariance by the unknown times of the commands, (p, p).
 
-    The fit cannot tell it from the delay, and it is the same in both planes.
+    The fit cannot distinguish it from the delay, and it is the same in both planes.
 
     Parameters
     ----------
