@@ -176,14 +176,14 @@ def read(path: Path, options: OutputOptions) -> Log:
         _check_tested_surfaces(path, table)
     return foreign_log(
         path,
-        _attitude(path, table),
-        _actuators(path, table, options),
-        _depth(path, table),
-        Setpoints(*(np.empty(0),) * 5),
-        tuple(_events(table)),
-        table.parameters,
-        clock_steps(TIME, table.time_s),
-        format_damage(table.damage, table.time_s),
+        attitude=_attitude(path, table),
+        actuators=_actuators(path, table, options),
+        depth=_depth(path, table),
+        setpoints=Setpoints(*(np.empty(0),) * 5),
+        events=tuple(_events(table)),
+        parameters=table.parameters,
+        steps=clock_steps(TIME, table.time_s),
+        damage=format_damage(table.damage, table.time_s),
         velocity=_velocity(path, table),
         specific_force=_specific_force(path, table),
     )

@@ -193,16 +193,16 @@ def read(path: Path, options: OutputOptions) -> Log:
     events = _events(message_tables, float(np.degrees(travel_rad(parameters, options))))
     return foreign_log(
         path,
-        attitude,
-        actuators,
-        depth,
-        _setpoints(message_tables),
-        events,
-        parameters,
-        steps,
-        format_damage(damage, attitude.time_s),
-        _velocity(path, message_tables, attitude),
-        _specific_force(path, message_tables),
+        attitude=attitude,
+        actuators=actuators,
+        depth=depth,
+        setpoints=_setpoints(message_tables),
+        events=events,
+        parameters=parameters,
+        steps=steps,
+        damage=format_damage(damage, attitude.time_s),
+        velocity=_velocity(path, message_tables, attitude),
+        specific_force=_specific_force(path, message_tables),
     )
 
 

@@ -441,6 +441,7 @@ def content_sha256(parts: Mapping[str, bytes], parameters: Mapping[str, float]) 
 
 def foreign_log(
     path: Path,
+    *,
     attitude: Attitude,
     actuators: Actuators,
     depth: Depth,

@@ -176,16 +176,16 @@ def read(path: Path, options: OutputOptions) -> Log:
     )
     return foreign_log(
         path,
-        attitude,
-        actuators,
-        depth,
-        _setpoints(topic_tables),
-        events,
-        parameters,
-        steps,
-        format_damage(damage, attitude.time_s),
-        _velocity(path, topic_tables, attitude),
-        _specific_force(path, topic_tables),
+        attitude=attitude,
+        actuators=actuators,
+        depth=depth,
+        setpoints=_setpoints(topic_tables),
+        events=events,
+        parameters=parameters,
+        steps=steps,
+        damage=format_damage(damage, attitude.time_s),
+        velocity=_velocity(path, topic_tables, attitude),
+        specific_force=_specific_force(path, topic_tables),
     )
 
 
