@@ -25,10 +25,10 @@ from sysid.design.initial import (
     root_locus,
     vehicle_parameters,
 )
-from sysid.design.initial.loop_structure import loop_of
+from sysid.design.initial.loop_structure import LOW_ZEROS, ZEROS, loop_of
 from sysid.design.initial.paper_comparison import GainComparison
 from sysid.design.initial.prior import LoopMargins, LoopRobustness
-from sysid.design.initial.root_locus import LocusPoint, SampledVehicles
+from sysid.design.initial.root_locus import Demands, LocusPoint
 from sysid.design.pid import DesignInfeasibleError, Loads, Spec, reference_models
 from sysid.estimation.map import fit, steady_state
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
@@ -208,14 +208,14 @@ def _design_within_limits(config: VehicleConfig) -> tuple[RootLocusDesign, Spec]
     for spec in (SPEC, *RELAXED_SPECS):
         with contextlib.suppress(DesignInfeasibleError):
             return design_on_root_loci(config, spec), spec
-    loosest = RELAXED_SPECS[-1]
-    return design_on_root_loci(config, loosest, prior.MIN_STABLE_FRACTION), loosest
+    return design_on_root_loci(config, RELAXED_SPECS[-1], last=True), RELAXED_SPECS[-1]
 
 
 def design_on_root_loci(
     vehicle_file: str | Path | VehicleConfig,
     spec: Spec = SPEC,
-    stable_fraction: float = prior.STABLE_FRACTION,
+    *,
+    last: bool = False,
 ) -> RootLocusDesign:
     """Return the loop gains of a vehicle file, without integrator limits and reference models.
 
@@ -225,8 +225,9 @@ def design_on_root_loci(
         Name of a shipped vehicle, path of a vehicle file, or its content.
     spec : Spec
         Limits of the loops.
-    stable_fraction : float
-        Smallest fraction of the vehicles of the prior that have the minimum margins.
+    last : bool
+        Whether this is the last attempt: with lower zeros too, and with fewer vehicles of the prior
+        that have the minimum margins.
 
     Returns
     -------
@@ -242,14 +243,15 @@ def design_on_root_loci(
     """
     config = _config_of(vehicle_file)
     vehicle, vehicles = prior.nominal_model(config), list(prior.sample_models(config))
-    samples = SampledVehicles(vehicles, stable_fraction)
     bounds = constraints.nominal(spec)
     tail_ratio = min(1.0, config.tailcone.damping_ratio / REFERENCE_DAMPING)
-    bounds = bounds._replace(damping=tail_ratio * bounds.damping)
+    demands = Demands(bounds._replace(damping=tail_ratio * bounds.damping), vehicles)
+    if last:
+        demands = demands._replace(fraction=prior.MIN_STABLE_FRACTION, zeros=(*ZEROS, *LOW_ZEROS))
     pitch, depth = root_locus.depth(
-        vehicle, samples, bounds, math.radians(spec.pitch_per_metre_deg), WEAKEST_PITCH_GAIN
+        vehicle, demands, math.radians(spec.pitch_per_metre_deg), WEAKEST_PITCH_GAIN
     )
-    heading = root_locus.heading(vehicle, samples, bounds)
+    heading = root_locus.heading(vehicle, demands)
     return RootLocusDesign(vehicle, vehicles, {"heading": heading, "pitch": pitch, "depth": depth})
 
 

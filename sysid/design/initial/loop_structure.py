@@ -18,8 +18,8 @@ from sysid.design.design_model import DesignModel
 
 PADE = 2
 """Order of the Pade delay in root loci, as in the paper; margins use the true delay."""
-ZEROS = (4.5, 5.5, 6.8, 8.3, 10.2, 12.5, 15.3, 18.8, 23.0)
-"""Candidate ratios of the tailcone's bandwidth to the zero.
+ZEROS, LOW_ZEROS = (4.5, 5.5, 6.8, 8.3, 10.2, 12.5), (15.3, 18.8, 23.0)
+"""Candidate ratios of the tailcone's bandwidth to the zero, and those of the last attempt.
 
 With the first ratio the lead is 66 deg at half the bandwidth, where the loop crosses unit gain. The
 larger ratios suit vehicles that are slow compared with their tailcone, or unstable, and need phase

@@ -41,36 +41,37 @@ class LocusPoint(NamedTuple):
     """Relative constraint violations."""
 
 
-class SampledVehicles(NamedTuple):
-    """Vehicles sampled from the prior, and how many of them need the minimum margins."""
+class Demands(NamedTuple):
+    """What the search demands of the gains of a loop."""
 
-    vehicles: Sequence[DesignModel]
+    bounds: Bounds
+    """Limits on the nominal vehicle."""
+    vehicles: Sequence[DesignModel] = ()
+    """Vehicles sampled from the prior."""
     fraction: float = prior.STABLE_FRACTION
-    """Smallest fraction with the margins of `prior`."""
+    """Smallest fraction of them with the margins of `prior`."""
+    zeros: Sequence[float] = shape.ZEROS
+    """Candidate ratios of the tailcone's bandwidth to the zero."""
 
 
-def heading(vehicle: DesignModel, samples: SampledVehicles, bounds: Bounds) -> LocusPoint:
+def heading(vehicle: DesignModel, demands: Demands) -> LocusPoint:
     """Return the point of HDG_P, HDG_D and HDG_I. Raises DesignInfeasibleError."""
     bandwidth = shape.bandwidth_radps(vehicle.yaw_lag)
     loop_gains = 0.5 * bandwidth / abs(float(vehicle.planes.yaw.B[1])) * TURN_FACTORS
-    structures = [shape.heading(bandwidth / ratio) for ratio in shape.ZEROS]
+    structures = [shape.heading(bandwidth / ratio) for ratio in demands.zeros]
     return _select_max_gain(
         "HDG_P",
         [
             point
             for structure in structures
-            for point in points(structure, vehicle, loop_gains, bounds)
+            for point in points(structure, vehicle, loop_gains, demands.bounds)
         ],
-        samples,
+        demands,
     )
 
 
 def depth(
-    vehicle: DesignModel,
-    samples: SampledVehicles,
-    bounds: Bounds,
-    steepest_rad: float,
-    weakest: float,
+    vehicle: DesignModel, demands: Demands, steepest_rad: float, weakest: float
 ) -> tuple[LocusPoint, LocusPoint]:
     """Return the points of the pitch loop and of the depth loop around it.
 
@@ -81,10 +82,8 @@ def depth(
     ----------
     vehicle : DesignModel
         Nominal vehicle.
-    samples : SampledVehicles
-        Vehicles sampled from the prior.
-    bounds : Bounds
-        Limits of the loops.
+    demands : Demands
+        Limits and robustness.
     steepest_rad : float
         Largest DPT_P, rad/m.
     weakest : float
@@ -100,16 +99,16 @@ def depth(
     DesignInfeasibleError
         No gains meet the limits.
     """
-    inner = _pitch(vehicle, samples, bounds, integral=False)
+    inner = _pitch(vehicle, demands, integral=False)
     if inner.gains["PTCH_P"] < weakest:
-        inner = _pitch(vehicle, samples, bounds, integral=True)
+        inner = _pitch(vehicle, demands, integral=True)
     pairs, problems = [], []
     for share in PITCH_SHARES:
         reduced = inner._replace(gains={name: share * g for name, g in inner.gains.items()})
         loop = shape.depth({name: reduced.gains[name] for name in PITCH_GAINS})
-        outer = points(loop, vehicle, steepest_rad * DEPTH_FACTORS, bounds)
+        outer = points(loop, vehicle, steepest_rad * DEPTH_FACTORS, demands.bounds)
         try:
-            pairs.append((reduced, _select_max_gain("DPT_P", outer, samples)))
+            pairs.append((reduced, _select_max_gain("DPT_P", outer, demands)))
         except DesignInfeasibleError as error:
             problems.append(error)
     if not pairs:
@@ -117,21 +116,19 @@ def depth(
     return max(pairs, key=lambda pair: pair[0].gains["PTCH_P"] * pair[1].gains["DPT_P"])
 
 
-def _pitch(
-    vehicle: DesignModel, samples: SampledVehicles, bounds: Bounds, *, integral: bool
-) -> LocusPoint:
+def _pitch(vehicle: DesignModel, demands: Demands, *, integral: bool) -> LocusPoint:
     """Return the point of the pitch loop alone. Raises DesignInfeasibleError."""
     bandwidth = shape.bandwidth_radps(vehicle.pitch_lag)
     loop_gains = 0.5 * bandwidth / abs(float(vehicle.planes.pitch.B[1])) * TURN_FACTORS
-    structures = [shape.pitch(bandwidth / ratio, integral=integral) for ratio in shape.ZEROS]
+    structures = [shape.pitch(bandwidth / ratio, integral=integral) for ratio in demands.zeros]
     return _select_max_gain(
         "PTCH_P",
         [
             point
             for structure in structures
-            for point in points(structure, vehicle, loop_gains, bounds)
+            for point in points(structure, vehicle, loop_gains, demands.bounds)
         ],
-        samples,
+        demands,
     )
 
 
@@ -163,9 +160,7 @@ def _point(
     return LocusPoint(loop, gains, violations)
 
 
-def _select_max_gain(
-    gain: str, candidates: Sequence[LocusPoint], samples: SampledVehicles
-) -> LocusPoint:
+def _select_max_gain(gain: str, candidates: Sequence[LocusPoint], demands: Demands) -> LocusPoint:
     """Return the feasible point with the largest `gain` that is robust over the prior."""
     feasible = [
         point
@@ -189,10 +184,10 @@ def _select_max_gain(
             f" {100 * violation:.1f} %"
         )
     for point in sorted(feasible, key=lambda point: -point.gains[gain]):
-        if prior.is_robust(point.shape, point.gains, *samples):
+        if prior.is_robust(point.shape, point.gains, demands.vehicles, demands.fraction):
             return point
     raise DesignInfeasibleError(
         f"no gains of the {feasible[0].shape.loop} loop stabilise "
-        f"{100 * samples.fraction:.0f} % of the vehicles "
+        f"{100 * demands.fraction:.0f} % of the vehicles "
         "sampled from the prior; measure the tailcone by `ground bench-test`"
     )
