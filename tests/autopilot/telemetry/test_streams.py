@@ -268,6 +268,7 @@ ESTIMATES = st.builds(
 
 @given(ESTIMATES)
 def test_extreme_estimates_fit_every_field(estimate: VehicleEstimate) -> None:
+    """Packing raises struct.error for a number outside the range of its field."""
     plain = snapshot()
     s = plain._replace(state=plain.state._replace(estimate=estimate))
     for stream in STREAMS:
