@@ -14,8 +14,9 @@ from sysid.models.model_file import IdentifiedModel
 from sysid.models.prediction import predict, vehicles
 from sysid.planes import PLANES, Plane
 from sysid.validation import crossover
+from sysid.validation.frequency_response import DT_S
 from sysid.validation.prediction_bands import innovations, rate_band
-from sysid.validation.validate import DT_S, uncertain_vehicle
+from sysid.validation.validate import uncertain_vehicle
 from sysid.validation.whiteness import cumulative_periodogram
 
 Array = NDArray[np.float64]

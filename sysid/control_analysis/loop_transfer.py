@@ -34,6 +34,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink_io.frames import wrap_pi
 from mavlink_io.jit import entry_point
 from sysid.models.linear_planes import LinearPlane
 from sysid.planes import PLANES, Plane
@@ -354,7 +355,7 @@ def margins(loop: ComplexArray) -> Margins:
     """
     log_gain = np.log(np.abs(loop))
     unit_crossings = _crossings(log_gain)
-    phase_margins_rad = [abs(_wrap(_phase(loop, index) + math.pi)) for index in unit_crossings]
+    phase_margins_rad = [abs(wrap_pi(_phase(loop, index) + math.pi)) for index in unit_crossings]
     # Phase crossings of any odd multiple of -180 degrees are zeros of the imaginary part on the
     # negative real axis.
     phase_crossings = [
@@ -420,9 +421,4 @@ def _phase(loop: ComplexArray, index: float) -> float:
     """Return the phase (rad) at a fractional index, interpolated along the shorter arc."""
     i = min(int(index), loop.size - 2)
     lower_phase = cmath.phase(loop[i])
-    return lower_phase + (index - i) * _wrap(cmath.phase(loop[i + 1]) - lower_phase)
-
-
-def _wrap(angle_rad: float) -> float:
-    """Wrap an angle (rad) to [-pi, pi)."""
-    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+    return lower_phase + (index - i) * wrap_pi(cmath.phase(loop[i + 1]) - lower_phase)

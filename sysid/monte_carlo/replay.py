@@ -17,6 +17,7 @@ import numpy as np
 from autopilot.control import lqg_file, params
 from autopilot.control.lqg import LqgControllers
 from autopilot.control.types import Home
+from mavlink_io.frames import wrap_pi
 from mavlink_io.mission_items import MissionItem
 from sitl.vehicle.water import drifting
 from sysid.control_analysis.loop_transfer import TICK_S
@@ -248,7 +249,7 @@ def disturbance(
             array[:] = saved
         observed = dynamics.advance(craft, *command, wrenches[k])
         depth_m = float(observed[DEPTH])
-        psi += _wrapped(_heading_rad(craft) - psi)
+        psi += wrap_pi(_heading_rad(craft) - psi)
         through_water_m[k + 1] = dynamics.horizontal_m(craft)
     return wrenches, through_water_m
 
@@ -327,11 +328,6 @@ def _heading_rad(craft: SimulatedVehicleState) -> float:
     """Return the heading, clockwise from north."""
     w, x, y, z = craft.state[3:7]
     return float(-math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
-
-
-def _wrapped(angle_rad: float) -> float:
-    """Return an angle in -pi to pi."""
-    return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 
 def _continued(wrenches: Array) -> Iterator[Array]:

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 DT_S = STRIDE / RATE_HZ
-"""Step of the spectra, s."""
+"""Step of the spectra and of the innovations, s."""
 POINTS = 20
 """Number of frequencies, in a geometric series; the mismatch cost is defined for 20."""
 BAND = 0.3, 3.0
@@ -40,7 +40,7 @@ SMOOTHING_HALF_WIDTH, MIN_HALF_WIDTH_HZ = 0.15, 0.03
 MIN_COHERENCE = 0.6
 """Smallest coherence of a frequency that counts (Tischler and Remple 2006, section 7.5)."""
 NARROWBAND_WAVES = ("step",)
-"""Signals with constant parts, which excite few frequencies."""
+"""Signals with constant parts, which excite few frequencies; all others count as sweeps."""
 _PADDED = 4096
 """Length of the Fourier transform, samples."""
 

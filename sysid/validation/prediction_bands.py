@@ -12,7 +12,8 @@ from sysid.estimation.map.fit import STRIDE
 from sysid.models import delta_method, noise, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation import noise_floor
-from sysid.validation.validate import DT_S, rate_innovations, uncertain_vehicle
+from sysid.validation.frequency_response import DT_S
+from sysid.validation.validate import rate_innovations, uncertain_vehicle
 
 Array = NDArray[np.float64]
 

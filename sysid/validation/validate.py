@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import GRID_RADPS
-from sysid.data.runs import RATE_HZ, Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit, model_error
 from sysid.estimation.map.fit import STRIDE
 from sysid.models import delta_method, linear_planes, noise, parameters
@@ -24,7 +24,7 @@ from sysid.planes import Plane
 from sysid.validation import crossover, frequency_response, noise_floor, second_opinion
 from sysid.validation.crossover import LoopAtCrossover, UncertainVehicle
 from sysid.validation.crossover_correction import corrections
-from sysid.validation.frequency_response import Pair
+from sysid.validation.frequency_response import DT_S, NARROWBAND_WAVES, Pair
 from sysid.validation.noise_floor import NoiseFloor
 from sysid.validation.results import (
     Excess,
@@ -40,10 +40,6 @@ from sysid.validation.whiteness import combined_p, whiteness
 
 Array = NDArray[np.float64]
 
-DT_S = STRIDE / RATE_HZ
-"""Step of the innovations, s."""
-NARROWBAND_WAVES = ("step",)
-"""Signals with constant parts, which excite few frequencies; all others count as sweeps."""
 OCTAVE = 0.5, 2.0
 """Band in which runs must be coherent, relative to the crossover."""
 
