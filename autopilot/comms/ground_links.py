@@ -159,7 +159,7 @@ class GroundLink:
 
     def stream(self, message: MessageType, values: Values, part: int = 0) -> None:
         """Queue telemetry; on a slow line only the newest of each message and part is sent."""
-        self._outbox.append(_queue_entry(self.endpoint, message, pack_payload(message, values)))
+        self.write(message, values)  # only a `BandwidthLimitedLink` drops telemetry
 
     def publish(self, group: StreamGroup, report: TickReport | SteadyReport) -> None:
         """Queue the messages of streams that a report is enough for, as ``stream`` does."""
