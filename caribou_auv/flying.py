@@ -22,8 +22,6 @@ from sitl import scenario as scenarios
 from sysid.data import readers
 from sysid.data.dataset import Log
 
-TRIM_WINDOW_S = 60.0
-"""Time before surfacing over which trims are measured (s), as in a campaign."""
 Fault = Mapping[str, float | str]
 """One row ``[[fault]]`` of a scenario file (docs/faults.md), such as
 ``{"at_s": 60.0, "unit": "rudder", "kind": "stuck"}``."""
@@ -55,7 +53,7 @@ class Flight:
     @property
     def trims(self) -> dict[str, float]:
         """TRIM_RUD_DEG and TRIM_ELE_DEG: mean commands in the last 60 s of a straight mission."""
-        return refit.measure_trims(self.log_file, TRIM_WINDOW_S)
+        return refit.measure_trims(self.log_file)
 
 
 def fly(

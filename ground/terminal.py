@@ -12,6 +12,9 @@ from rich.text import Text
 from ground.rendered import Rendered
 from mavlink_io.printable import printable, printable_lines
 
+WIDTH = 118
+"""Width of the tables of most commands, in characters."""
+
 
 class Escaped:
     """A renderable whose text is escaped when it is drawn."""
@@ -47,7 +50,7 @@ def heading(text: object) -> Text:
     return literal(text, "bold")
 
 
-def render(parts: Sequence[RenderableType], width: int) -> Rendered:
+def render(parts: Sequence[RenderableType], width: int = WIDTH) -> Rendered:
     """Draw parts one below the other, in colour if stdout is a terminal."""
     output = StringIO()
     drawing = Console(

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ground.campaign.computations import FITTED, HELD_OUT
+from ground.campaign.refit import TRIM_WINDOW_S
 from ground.campaign.request import TRIM_MISSION, dive_seed
-from ground.campaign.run import TRIM_WINDOW_S
 from ground.missions import script
 from sitl.vehicle import config
 from sysid import prior_knowledge, refit

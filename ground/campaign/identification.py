@@ -22,9 +22,6 @@ from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 from sysid.validation.results import AcceptanceCheck, PlaneVerdict
 
-WIDTH = 118
-"""Width of the tables in characters."""
-
 
 def summarise_model(model: IdentifiedModel) -> ModelSummary:
     """Return the summary of a model for `--json` and `summary.json`."""
@@ -293,7 +290,7 @@ def _table(*heads: str) -> Table:
 
 def _render(parts: Sequence[RenderableType]) -> Rendered:
     """Return the parts as text, in colour if stdout is a terminal."""
-    return Rendered("\n".join(_without_blanks(render(parts, WIDTH).split("\n"))))
+    return Rendered("\n".join(_without_blanks(render(parts).split("\n"))))
 
 
 def _without_blanks(lines: Sequence[str]) -> Iterator[str]:

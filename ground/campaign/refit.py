@@ -35,6 +35,8 @@ from sysid.refit import RefitRequest
 from sysid.reproduction import paper_tables
 from sysid.screening import proposals
 
+TRIM_WINDOW_S = 60.0
+"""Time before surfacing over which the surface commands of the trim mission are averaged, s."""
 _NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
 """A decimal number."""
 
@@ -49,7 +51,7 @@ def improved_gains() -> dict[str, float]:
     return dict(paper_tables.TABLE_3_IMPROVED)
 
 
-def measure_trims(path: Path, window_s: float) -> dict[str, float]:
+def measure_trims(path: Path, window_s: float = TRIM_WINDOW_S) -> dict[str, float]:
     """Return the trim parameters: mean surface commands at the end of a straight, level mission.
 
     Parameters
@@ -57,7 +59,7 @@ def measure_trims(path: Path, window_s: float) -> dict[str, float]:
     path : Path
         Log of the mission.
     window_s : float
-        Time before surfacing over which the commands are averaged.
+        Time before surfacing over which the commands are averaged, s.
 
     Returns
     -------

@@ -41,8 +41,6 @@ from ground.simulation.subprocesses import start_fork_server
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import InputError
 
-TRIM_WINDOW_S = 60.0
-"""Time at the end of the trim mission over which the surface commands are averaged."""
 PRELOADED_MODULES = (
     "sysid.refit",
     "sysid.design.pid",
@@ -241,7 +239,7 @@ class Campaign:
         self.announce("prototype flight: measuring the trims")
         _finish_dives(self._begin(executors.slots, "prototype", (TRIM_MISSION,), first))
         log = CampaignFolder(self.request.out).log_path("prototype", TRIM_MISSION)
-        return executors.worker.call(refit.measure_trims, log, TRIM_WINDOW_S)
+        return executors.worker.call(refit.measure_trims, log)
 
     def _redesign(
         self, worker: Worker, first: Mapping[str, float], flown: Mapping[str, float]

@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from sysid.test_design.safety_margins import ExcursionLimits
 
 CRITERIA = ("d", "crossover")
-TRIM_WINDOW_S = 60.0
-"""Time at the end of the trim flight over which the surface commands are averaged, s; the same as
-in a campaign."""
 MIN_DURATION_MIN, MAX_DURATION_MIN = 5.0, 600.0
 
 
@@ -133,7 +130,7 @@ def design_test(
             f"--duration {duration:g}: must be {MIN_DURATION_MIN:g} to {MAX_DURATION_MIN:g} min"
         )
     paths = files.Files(*map(new_file, files.paths_beside(out)))
-    design_prior = session.design_prior(model, prior, trim, TRIM_WINDOW_S)
+    design_prior = session.design_prior(model, prior, trim)
     vehicle_gains = param_file.load(gains) if gains else session.first_gains(design_prior)
     limits = _limits(
         depth,

@@ -13,8 +13,6 @@ from ground.terminal import heading, render
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation.results import Opinion, SecondOpinion
 
-WIDTH = 118
-"""Width of the table in characters."""
 HEAD = ("plane", "rad/s", "quantity", "model ± 1 sd")
 METHODS = ("frequency response", "ARX", "python-control")
 CONFIRMED = "no method differs from the model by more than their common 95 % interval"
@@ -41,7 +39,7 @@ def format_text(model: IdentifiedModel) -> Rendered:
         table.add_column(name, justify="left" if number in (0, 2) else "right")
     for row in rows:
         table.add_row(*row)
-    page = render([heading("second opinion: rate over command"), table, *differences(model)], WIDTH)
+    page = render([heading("second opinion: rate over command"), table, *differences(model)])
     return Rendered("\n".join(line.rstrip() for line in page.split("\n") if line.strip()))
 
 

@@ -12,9 +12,6 @@ from ground.rendered import Rendered
 from ground.terminal import heading, render
 from sysid.monte_carlo.study import LegSummary, Range, SimulationSummary
 
-WIDTH = 118
-"""Width of the tables in characters."""
-
 
 def as_json(summaries: Sequence[SimulationSummary], mission: str, seed: int) -> dict[str, Any]:
     """Return the summaries as plain numbers.
@@ -83,8 +80,7 @@ def format_text(summaries: Sequence[SimulationSummary], mission: str) -> Rendere
             _steady(summaries),
             *legs,
             *map(describe_outcome, summaries),
-        ],
-        WIDTH,
+        ]
     )
     return Rendered("\n".join(line.rstrip() for line in page.split("\n") if line.strip()))
 

@@ -23,8 +23,6 @@ from mavlink_io.user_data_dir import write_output
 from sysid.sweep import parts, statistics
 from sysid.sweep.statistics import CellSummary, Distribution, Influence, Table
 
-WIDTH = 118
-"""Width of the tables in characters."""
 N_WORST, N_WORST_TEXT = 20, 5
 """Number of worst dives on the page and in the text."""
 CURVE_POINTS = 200
@@ -218,8 +216,7 @@ def format_text(report: SweepReport, folder: Path) -> Rendered:
             heading("worst dives"),
             *worst,
             literal(f"{folder / PAGE}, {folder / CELLS}"),
-        ],
-        WIDTH,
+        ]
     )
     return Rendered("\n".join(line.rstrip() for line in text.split("\n") if line.strip()))
 

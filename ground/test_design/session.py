@@ -17,9 +17,7 @@ DEFAULT_VEHICLE = "caribou_nominal"
 """Vehicle file of a design without a model."""
 
 
-def design_prior(
-    model: Path | None, vehicle: str | None, trim: Path | None, window_s: float
-) -> DesignPrior:
+def design_prior(model: Path | None, vehicle: str | None, trim: Path | None) -> DesignPrior:
     """Return the prior of a test design.
 
     Parameters
@@ -30,8 +28,6 @@ def design_prior(
         Name or path of the vehicle file; with a model, in place of the one in it.
     trim : Path, optional
         Log of a straight and level flight, from which the trims are measured.
-    window_s : float
-        Time at the end of that flight over which the surface commands are averaged.
 
     Raises
     ------
@@ -47,7 +43,7 @@ def design_prior(
     )
     if trim is None:
         return design_prior
-    trims_deg = refit.measure_trims(trim, window_s)
+    trims_deg = refit.measure_trims(trim)
     return design_priors.with_trim(
         design_prior,
         math.radians(trims_deg["TRIM_RUD_DEG"]),

@@ -211,10 +211,7 @@ class Receiver:
         self.latest[frame.name] = after(self.latest.get(frame.name), message, now_s)
         if self.listener is not None:
             self.listener.on_frame(frame)
-        if (
-            frame.name == "STATUSTEXT"
-            and (text := self._joiner.add(sender, message)) is not None
-        ):
+        if frame.name == "STATUSTEXT" and (text := self._joiner.add(sender, message)) is not None:
             self.texts.append(ReceivedText(now_s, message.severity, text))
             if self.listener is not None:
                 self.listener.on_text(StatusText(message.severity, text))
