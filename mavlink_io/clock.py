@@ -37,7 +37,7 @@ class Interval:
         return True
 
     def hasten(self) -> None:
-        """Make the next call of ``due`` return True."""
+        """Make the next call of ``due`` return True; for tests."""
         self._next_s = self._now()
 
 
