@@ -117,7 +117,7 @@ def test_warning_of_a_dive_is_printed_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("heading_deg", "shown_deg"), [(359.7, "0 deg"), (359.4, "359 deg"), (math.nan, "nan deg")]
+    ("heading_deg", "shown_deg"), [(359.7, "0 deg"), (359.4, "359 deg"), (math.nan, "– deg")]
 )
 def test_progress_heading_stays_below_a_turn(heading_deg: float, shown_deg: str) -> None:
     page = io.StringIO()
