@@ -2,10 +2,10 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from ground.missions import script
 from ground.missions.script import ScriptError
@@ -24,6 +24,8 @@ from mavlink_io.mission_items import (
     place_fault,
 )
 from mavlink_io.text_files import parse_json, read_text
+
+N = TypeVar("N", int, float)
 
 _INCLUSION, _EXCLUSION = (
     MavCmd.NAV_FENCE_POLYGON_VERTEX_INCLUSION,
@@ -101,7 +103,7 @@ def load(name_or_path: str) -> Plan:
     Raises
     ------
     ScriptError
-        The file is missing or invalid; the message names the place.
+        The file is missing, invalid or without an item; the message names the place.
     """
     path = Path(name_or_path)
     if not path.is_file() or path.suffix == ".toml":
@@ -123,6 +125,10 @@ def load(name_or_path: str) -> Plan:
     for item in items:
         if has_location(item.command) and (reason := place_fault(item)[1]):
             raise ScriptError(f"{name_or_path}: item {item.sequence}: {reason}")
+    if not items:
+        raise ScriptError(
+            f"{name_or_path}: holds no mission item; give a mission with at least one"
+        )
     return Plan(items, tuple(f"item {item.sequence}" for item in items), fence, rally)
 
 
@@ -202,24 +208,30 @@ def _depth_m(item: MissionItem) -> float:
 
 
 def read_wpl(text: str, where: str) -> tuple[MissionItem, ...]:
-    """Return the items of a `QGC WPL 110` text without item 0, the home position.
+    """Return the items of a `QGC WPL 110` text, without the home position if line 0 holds it.
 
-    The target of a DO_JUMP counts from the first item after it. Raises ScriptError.
+    Tools of ArduPilot write home as item 0: a waypoint (command 16) in frame 0. The files of a
+    vehicle whose item 0 is the first waypoint, and of some scripts, have no such line. The target
+    of a DO_JUMP is an index in the file. Raises ScriptError.
     """
     rows = [line.split() for line in text.splitlines()[1:] if line.strip()]
-    items = []
+    items: list[MissionItem] = []
+    first_index = 0
+    """Index in the file of the first item that is returned."""
     for number, row in enumerate(rows):
-        if len(row) != 12:
-            raise ScriptError(
-                f"{where}: line {number + 2}: has {len(row)} columns; a waypoint line has 12"
-            )
+        place = f"{where}: line {number + 2}"
+        if len(row) != len(_WPL_COLUMNS):
+            raise ScriptError(f"{place}: has {len(row)} columns; a waypoint line has 12")
         try:
-            items.append(_wpl_item(row))
+            if number == 0:
+                is_home = _is_home_row(row)
+                first_index = 1 if is_home else _wpl_number(row, "index", int)
+                if is_home:
+                    continue
+            items.append(_wpl_item(row, first_index))
         except ValueError as error:
-            raise ScriptError(
-                f"{where}: line {number + 2}: {error}; expected numbers that an item can hold"
-            ) from None
-    return _renumber(items[1:])
+            raise ScriptError(f"{place}: {error}; expected numbers that an item can hold") from None
+    return _renumber(items)
 
 
 def write_plan(items: Sequence[MissionItem]) -> str:
@@ -255,7 +267,11 @@ def read_plan(text: str, where: str) -> tuple[MissionItem, ...]:
             part = f"mission.items[{number}]"
             with _errors_named(where, part):
                 entries += [(part, entry) for entry in _simple(outer)]
-        places = {entry.get("doJumpId"): n for n, (_, entry) in enumerate(entries)}
+        places: dict[float, int] = {}
+        for n, (part, entry) in enumerate(entries):
+            if entry.get("doJumpId") is not None:
+                with _errors_named(where, part):
+                    places[_integer(entry, "doJumpId")] = n
         items: list[MissionItem] = []
         for part, entry in entries:
             with _errors_named(where, part):
@@ -268,11 +284,11 @@ def read_fence(text: str, where: str) -> tuple[MissionItem, ...]:
     with _errors_named(where, "geoFence"):
         fence = parse_json(text).get("geoFence") or {}
         items: list[MissionItem] = []
-        for polygon in fence.get("polygons", ()):
+        for polygon in _objects(fence, "polygons"):
             command = _INCLUSION if polygon.get("inclusion", True) else _EXCLUSION
             corners = polygon["polygon"]
             items += [_place_item(command, corner, float(len(corners))) for corner in corners]
-        for entry in fence.get("circles", ()):
+        for entry in _objects(fence, "circles"):
             command = _CIRCLE_INCLUSION if entry.get("inclusion", True) else _CIRCLE_EXCLUSION
             circle = entry["circle"]
             items.append(_place_item(command, circle["center"], float(circle["radius"])))
@@ -299,7 +315,10 @@ def _errors_named(where: str, part: str) -> Iterator[None]:
     except KeyError as error:
         reason = f"the key {error} is missing"
         raise ScriptError(f"{where}: {part}: not a QGroundControl plan: {reason}") from None
-    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
+    except (LookupError, TypeError, AttributeError):
+        reason = "a value has another type than QGroundControl writes"
+        raise ScriptError(f"{where}: {part}: not a QGroundControl plan: {reason}") from None
+    except (ValueError, OverflowError) as error:
         raise ScriptError(f"{where}: {part}: not a QGroundControl plan: {error}") from None
 
 
@@ -326,14 +345,52 @@ def _numbered(items: Sequence[MissionItem], mission_type: int) -> tuple[MissionI
     )
 
 
-def _wpl_item(row: list[str]) -> MissionItem:
-    """Parse one line of the text format. Raises ValueError."""
-    frame, command, autocontinue = int(row[2]), int(row[3]), int(row[11])
-    p1, p2, p3, p4, x, y, z = (float(column) for column in row[4:11])
+_WPL_COLUMNS = (
+    "index",
+    "current",
+    "frame",
+    "command",
+    "param1",
+    "param2",
+    "param3",
+    "param4",
+    "x",
+    "y",
+    "z",
+    "autocontinue",
+)
+"""Columns of the text format."""
+
+
+def _wpl_number(row: list[str], column: str, kind: Callable[[str], N]) -> N:
+    """Return the number of a column. Raises ValueError that names the column."""
+    text = row[_WPL_COLUMNS.index(column)]
+    try:
+        return kind(text)
+    except ValueError:
+        raise ValueError(f"{column} = {text!r:.80}: is no {_KIND_NAMES[kind]}") from None
+
+
+_KIND_NAMES: Mapping[Any, str] = {int: "integer", float: "number"}
+
+
+def _is_home_row(row: list[str]) -> bool:
+    """Return whether the first line of the text format is the home position."""
+    index, frame, command = (_wpl_number(row, name, int) for name in ("index", "frame", "command"))
+    return (index, frame, command) == (0, 0, MavCmd.NAV_WAYPOINT)
+
+
+def _wpl_item(row: list[str], first_index: int) -> MissionItem:
+    """Parse one line of the text format; ``first_index`` is that of item 0. Raises ValueError."""
+    frame, command, autocontinue = (
+        _wpl_number(row, name, int) for name in ("frame", "command", "autocontinue")
+    )
+    p1, p2, p3, p4, x, y, z = (_wpl_number(row, name, float) for name in _WPL_COLUMNS[4:11])
     if command == MavCmd.DO_JUMP:
-        if p1 == 0.0:
-            raise ValueError("DO_JUMP to item 0, the home position")
-        p1 -= 1.0  # the file numbers the home position too
+        if p1 < first_index:
+            home = ", the home position" if p1 == 0.0 else ""
+            raise ValueError(f"DO_JUMP to item {p1:g}{home}")
+        p1 -= first_index
     return _with_location(_item(frame, command, autocontinue, (p1, p2, p3, p4, z)), x, y)
 
 
@@ -376,7 +433,7 @@ def _plan_item(number: int, item: MissionItem) -> dict[str, Any]:
     }
 
 
-def _from_plan(entry: dict[str, Any], places: Mapping[Any, int]) -> MissionItem:
+def _from_plan(entry: dict[str, Any], places: Mapping[float, int]) -> MissionItem:
     """Parse one entry of a plan file; ``places`` are the positions of the items by doJumpId.
 
     Raises KeyError, TypeError, ValueError.
@@ -391,12 +448,22 @@ def _from_plan(entry: dict[str, Any], places: Mapping[Any, int]) -> MissionItem:
     frame, command = _integer(entry, "frame"), _integer(entry, "command")
     item = _item(frame, command, autocontinue, (p1, p2, p3, p4, z))
     if item.command == MavCmd.DO_JUMP:
-        if int(p1) not in places:
-            raise ValueError(f"no item has the doJumpId {int(p1)}, the target of DO_JUMP")
-        item = item._replace(p1=float(places[int(p1)]))
+        if p1 not in places:
+            raise ValueError(f"no item has the doJumpId {p1:g}, the target of DO_JUMP")
+        item = item._replace(p1=float(places[p1]))
     if _has_global_position(item) and math.isnan(x) and math.isnan(y):
         return item._replace(x=NOT_GIVEN, y=NOT_GIVEN)
     return _with_location(item, 0.0 if math.isnan(x) else x, 0.0 if math.isnan(y) else y)
+
+
+def _objects(container: Any, key: str) -> list[dict[str, Any]]:
+    """Return the list of objects of a key, [] without it. Raises ValueError that names the key."""
+    if not isinstance(container, dict):
+        raise ValueError(f"{container!r:.80}: must be an object")
+    entries = container.get(key, [])
+    if not (isinstance(entries, list) and all(isinstance(entry, dict) for entry in entries)):
+        raise ValueError(f"{key} = {entries!r:.80}: must be a list of objects")
+    return entries
 
 
 def _integer(entry: dict[str, Any], key: str) -> int:

@@ -193,11 +193,29 @@ def test_jump_of_a_waypoint_file_counts_the_home_position() -> None:
         plans.read_wpl("\n".join(rows), "m.waypoints")
 
 
+@pytest.mark.parametrize(
+    ("first_row", "first_index"),
+    [("0 1 3 16 0 0 0 0 42 -71 -3 1", 0), ("1 0 3 16 0 0 0 0 42 -71 -3 1", 1)],
+)
+def test_waypoint_file_without_home_keeps_all_items(first_row: str, first_index: int) -> None:
+    second = f"{first_index + 1} 0 3 16 0 0 0 0 42.001 -71 -3 1"
+    jump = f"{first_index + 2} 0 3 177 {first_index + 1} 2 0 0 0 0 0 1"
+    items = plans.read_wpl(f"QGC WPL 110\n{first_row}\n{second}\n{jump}\n", "m.waypoints")
+    assert [item.command for item in items] == [16, 16, 177]
+    assert (items[0].x, items[2].p1) == (420_000_000, 1.0)
+
+
 def test_a_plan_may_leave_numbers_out() -> None:
     item = MissionItem(0, 2, 93, 1, 1, 5.0, math.nan, math.nan, math.nan)
     (read,) = plans.read_plan(plans.write_plan([item]), "m.plan")
     assert read.p1 == 5.0
     assert math.isnan(read.p2)
+
+
+_ONE_ITEM = (
+    '{"items": [{"type": "SimpleItem", "command": 21, "frame": 3,'
+    ' "params": [0, 0, 0, 0, 1, 1, 0]}]}'
+)
 
 
 @pytest.mark.parametrize(
@@ -245,6 +263,29 @@ def test_a_plan_may_leave_numbers_out() -> None:
         ),
         ("m.plan", '{"mission": 3}', "not a QGroundControl plan"),
         ("m.txt", "hello", "neither"),
+        ("m.plan", '{"mission": {"items": []}}', r"m\.plan: holds no mission item"),
+        ("m.waypoints", "QGC WPL 110\n", r"m\.waypoints: holds no mission item"),
+        ("m.waypoints", "QGC WPL 110\n0 1 0 16 0 0 0 0 42 -71 0 1\n", "holds no mission item"),
+        (
+            "m.waypoints",
+            "QGC WPL 110\n0 1 3 16.0 0 0 0 0 42 -71 0 1\n",
+            "line 2: command = '16.0': is no integer",
+        ),
+        (
+            "m.plan",
+            '{"mission": {"items": [{"type": "SimpleItem", "doJumpId": {"a": 1}}]}}',
+            r"mission\.items\[0\]: .* doJumpId = {'a': 1}: must be an integer",
+        ),
+        (
+            "m.plan",
+            f'{{"mission": {_ONE_ITEM}, "geoFence": {{"circles": "x"}}}}',
+            "geoFence: .* circles = 'x': must be a list of objects",
+        ),
+        (
+            "m.plan",
+            f'{{"mission": {_ONE_ITEM}, "rallyPoints": {{"points": [3]}}}}',
+            "rallyPoints: .* a value has another type",
+        ),
     ],
 )
 def test_a_wrong_file_is_named(
