@@ -306,26 +306,28 @@ def raise_process_error(simulated: SimulatedVehicle, patience_s: float = 1.0) ->
 def prepare(vehicle: VehicleClient, dive: Dive) -> dict[str, float]:
     """Set parameters, message rates, plans and mode; return the parameters of the vehicle.
 
-    A geofence and rally points of the file come first: the vehicle checks the mission with them.
-    Without any in the file those of the vehicle stay.
+    Nothing is set if the vehicle is armed or the mission exceeds a limit. A geofence and rally
+    points of the file come first: the vehicle checks the mission with them. Without any in the file
+    those of the vehicle stay.
 
     Raises
     ------
     InputError
-        The mission exceeds limits of the vehicle, or the vehicle would not fly its first step;
-        nothing was uploaded.
+        The mission exceeds limits of the vehicle, or the vehicle would not fly its first step.
     VehicleClientError
-        The vehicle refused.
+        The vehicle is armed, or refused.
     """
-    for name, value in dive.parameters.items():
-        vehicle.set_parameter(name, value)
-    parameters = vehicle.parameters()
+    if vehicle.armed:
+        raise VehicleClientError(f"the vehicle is already armed, in mode {vehicle.mode}")
+    parameters = {**vehicle.parameters(), **dive.parameters}
     if parameters.get(HOME_FIRST):
         raise InputError(
             f"{HOME_FIRST} = 1 on the vehicle: it takes the first step for home and skips it;"
             f" for missions of ground: ground params set {HOME_FIRST} 0"
         )
     plans.check_limits(dive.mission, dive.plan, plans.Limits.from_parameters(parameters))
+    for name, value in dive.parameters.items():
+        parameters[name] = vehicle.set_parameter(name, value)
     for name, rate_hz in RATES_HZ.items():
         vehicle.set_interval(name, rate_hz)
     for items, kind in ((dive.plan.fence, FENCE_TYPE), (dive.plan.rally, RALLY_TYPE)):

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -155,6 +156,26 @@ def test_script_that_names_zero_zero_is_not_taken_for_here() -> None:
     text = f'name = "m"\n{START}[[step]]\nlat_deg = 0.0\nlon_deg = 0.0\n{END}'
     place = script.compile_items(script.parse(text, "m"))[-2]
     assert (place.command, place.x, place.y) == (16, 1, 0)
+
+
+def test_armed_vehicle_keeps_parameters_and_mission(
+    vehicle: VehicleClient, fake: FakeVehicle, tmp_path: Path
+) -> None:
+    fake.heartbeat(armed=True)
+    vehicle.pump(0.0)
+    other = replace(dive(tmp_path, START + END), parameters={"HDG_P": 0.5})
+    with pytest.raises(VehicleClientError, match="the vehicle is already armed, in mode "):
+        flight.prepare(vehicle, other)
+    assert (fake.table.values["HDG_P"], fake.store.items, fake.commands) == (0.65, (), [])
+
+
+def test_mission_beyond_limits_leaves_parameters(
+    vehicle: VehicleClient, fake: FakeVehicle, tmp_path: Path
+) -> None:
+    deep = replace(dive(tmp_path, DEEP), parameters={"HDG_P": 0.5})
+    with pytest.raises(ScriptError, match="FS_DEPTH_M"):
+        flight.prepare(vehicle, deep)
+    assert fake.table.values["HDG_P"] == 0.65
 
 
 @pytest.mark.parametrize("fake", [{**LIMITS, "MIS_SEQ0_HOME": 1.0}], indirect=True)

@@ -1,5 +1,6 @@
-"""Progress of a dive, and a vehicle time that stands still."""
+"""Progress and end of a dive, and a vehicle time that stands still."""
 
+import errno
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -7,12 +8,16 @@ from typing import Any
 import pytest
 
 from ground.client import dive_clock, flight
+from ground.client import vehicle as client
 from ground.client.dive_clock import STALL_TIMEOUT_S, DiveClock
 from ground.client.flight import FlightProgress
 from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClientError
 from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
+from mavlink_io.errors import OperationError
+from mavlink_io.mission_items import MavCmd, MissionItem
+from tests.ground.fake import FakeVehicle, step_while_waiting
 from tests.ground.live.page.telemetry import frame, heartbeat
 
 HOUR_MS = 3_600_000
@@ -113,3 +118,53 @@ def test_pause_of_the_program_is_no_stall(vehicle: Vehicle) -> None:
     vehicle.now_s += 10.0 * STALL_TIMEOUT_S
     clock.update()
     assert not clock.warning
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
+    """A vehicle that `flight.fly` finds at every address and that stays armed."""
+    fake = FakeVehicle()
+    fake.modes = (("MISSION", 0, 7),)
+    monkeypatch.setattr(client, "wait", step_while_waiting(fake))
+    monkeypatch.setattr(flight, "open_transport", lambda _: fake.ground_end)
+    fake.heartbeat()
+    yield fake
+    fake.close()
+
+
+def error_of_a_dive(folder: Path) -> BaseException:
+    """Return the error that ends a dive of one item."""
+    dive = flight.Dive("m", (MissionItem(0, 2, MavCmd.NAV_LAND),), folder / "dive.mcap")
+    with pytest.raises((OSError, OperationError)) as raised:
+        flight.fly(dive, "udpin:127.0.0.1:14550")
+    return raised.value
+
+
+STILL_UNDER_WAY = (
+    "the vehicle is still under way in mode MISSION:"
+    " `ground surface --connect udpin:127.0.0.1:14550` ends the dive"
+)
+
+
+def test_fly_full_disk_notes_the_state_of_the_vehicle(
+    fake: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: Recorder) -> None:
+        if fake.armed:
+            raise OSError(errno.ENOSPC, "No space left on device", "dive.mcap")
+
+    monkeypatch.setattr(Recorder, "flush_when_due", fail)
+    fake.after[MavCmd.COMPONENT_ARM_DISARM] = lambda: fake.heartbeat(armed=True)
+    error = error_of_a_dive(tmp_path)
+    assert isinstance(error, OSError)
+    assert error.__notes__[0].startswith(STILL_UNDER_WAY)
+
+
+def test_fly_lost_link_notes_the_state_of_the_vehicle(
+    fake: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "HEARTBEAT_TIMEOUT_S", 0.3)
+    fake.after[MavCmd.COMPONENT_ARM_DISARM] = lambda: fake.heartbeat(armed=True)
+    error = error_of_a_dive(tmp_path)
+    assert "no heartbeat" in str(error)
+    assert error.__notes__[0].startswith(STILL_UNDER_WAY)

@@ -44,7 +44,7 @@ def test_dive_of_a_plan_uploads_mission_fence_and_rally(tmp_path: Path) -> None:
     dive = Dive.load(str(path), tmp_path / "dive.mcap")
     uploaded: dict[int, tuple[MissionItem, ...]] = {}
     vehicle = create_autospec(VehicleClient, instance=True)
-    vehicle.parameters.return_value = {}
+    vehicle.parameters.return_value, vehicle.armed = {}, False
     vehicle.upload.side_effect = lambda items, kind=MISSION_TYPE: uploaded.update({kind: items})
     prepare(vehicle, dive)
     read = plans.load(str(path))
