@@ -1526,9 +1526,14 @@ class ParamTable:
         return float(getattr(self.config, _BY_NAME[name].field))
 
     def set(self, name: str, value: float) -> float:
-        """Set a value and return it as stored. Raises ParamError without any change."""
+        """Set a value and return it. Raises ParamError without any change.
+
+        A fraction of an integer parameter, which a file may have, is refused.
+        """
         stored_value = validate(name, value)
         row = _BY_NAME[name]
+        if row.integer and stored_value != value:
+            raise ParamError(f"{name} = {value:g}: must be a whole number, {row.range}")
         if self.armed and name in LOCKED_WHILE_ARMED and stored_value != self.get(name):
             raise ParamError(f"{name} = {value:g}: locked while armed; disarm first")
         self.config = replace(

@@ -134,3 +134,11 @@ def test_parameter_with_zero_as_off_names_both_ranges() -> None:
     with pytest.raises(ParamError) as error:
         validate("TRIM_RUD_DEG", 1e-40)
     assert str(error.value) == "TRIM_RUD_DEG = 1e-40: must be -15 to 15 deg, not a denormal number"
+
+
+def test_fraction_of_an_integer_parameter_is_refused() -> None:
+    table = ParamTable()
+    with pytest.raises(ParamError, match=r"MAV_SYS_ID = 2\.5: must be a whole number, 1 to 255"):
+        table.set("MAV_SYS_ID", 2.5)
+    assert (table.get("MAV_SYS_ID"), table.revision) == (1.0, 0)
+    assert table.set("MAV_SYS_ID", 2.0) == 2.0
