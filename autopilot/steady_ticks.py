@@ -24,7 +24,7 @@ from autopilot.control.types import (
     Trace,
 )
 from mavlink_io import device_records, jit, lockstep_frames
-from mavlink_io.codec import LARGEST_FRAME, Frame, Framer
+from mavlink_io.codec import MAX_FRAME_BYTES, Frame, Framer
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.lockstep_frames import frame_memory
 from mavlink_io.records import Altimeter, Battery, GpsFix, Leak, SensorFrame
@@ -42,7 +42,7 @@ _MOTION = _SETPOINT - len(Motion._fields)
 """Indices of the results of ``steady_kernel``, from the end."""
 _SENSORS = len(SensorFrame._fields)
 """Length of the sensor frame, with which the array begins."""
-_LONGEST_ANSWER = lockstep_frames.CONTROLS.length + lockstep_frames.OVERHEAD
+_MAX_ANSWER_BYTES = lockstep_frames.CONTROLS.length + lockstep_frames.OVERHEAD
 _KERNEL, _EXCHANGE = "autopilot.control.steady_kernel", "autopilot.compiled_exchange"
 _SOCKET, TELEMETRY = "mavlink_io.lockstep_socket", "autopilot.telemetry.compiled_streams"
 """Modules that are imported by name: they load the compiler, which only simulated flights need."""
@@ -202,9 +202,9 @@ class SteadyTicks:
         exchange = self._exchange
         frames = exchange.Frames(
             datagram=jit.octets(MAX_DATAGRAM),
-            frame=frame_memory(LARGEST_FRAME),
-            answer=frame_memory(_LONGEST_ANSWER),
-            relay=jit.octets(exchange.MAX_TICKS * LARGEST_FRAME),
+            frame=frame_memory(MAX_FRAME_BYTES),
+            answer=frame_memory(_MAX_ANSWER_BYTES),
+            relay=jit.octets(exchange.MAX_TICKS * MAX_FRAME_BYTES),
         )
         self._frames = jit.native(frames)
         self._datagram, self._relay = memoryview(frames.datagram), memoryview(frames.relay)

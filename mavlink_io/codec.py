@@ -26,10 +26,10 @@ SIGNATURE_LENGTH = 13
 """Bytes of a signature."""
 OVERHEAD = 12
 """Bytes of a MAVLink 2 frame around its payload, without a signature."""
-LARGEST_FRAME = OVERHEAD + 255 + SIGNATURE_LENGTH
+MAX_FRAME_BYTES = OVERHEAD + 255 + SIGNATURE_LENGTH
 """Bytes of the longest MAVLink 2 frame."""
 MAX_PARTIAL_STREAMS = 64
-"""Maximum number of streams with an incomplete frame in memory, <= LARGEST_FRAME bytes each."""
+"""Maximum number of streams with an incomplete frame in memory, <= MAX_FRAME_BYTES bytes each."""
 
 _HEAD = struct.Struct("<BBBBBBHB")
 """Bytes between the magic byte and the payload: six fields and the 24-bit message number."""

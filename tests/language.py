@@ -11,7 +11,8 @@ from pathlib import Path
 PATTERN = re.compile(
     r"\b(she|her|hers|herself|foretold|foretells?|reckon(s|ed)?|whoever|ashore|aboard|likewise"
     r"|beforehand|awash|lively|livelier|liveliest|(told|tells?) (of|apart)|believed|anew|amiss"
-    r"|whence|wherein|thereof|forthwith|last words|costs? nothing|stands? in the)\b",
+    r"|whence|wherein|thereof|forthwith|last words|costs? nothing|stands? in the"
+    r"|hears?|heard|obeys?|obeyed|says so|the message says|taught|patience)\b",
     re.IGNORECASE,
 )
 CHECKED = ("*.py", "*.md", "*.toml", "Makefile")

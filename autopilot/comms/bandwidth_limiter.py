@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from typing import NamedTuple
 
-from mavlink_io.codec import LARGEST_FRAME
+from mavlink_io.codec import MAX_FRAME_BYTES
 
 MAX_LINE_SHARE = 0.7
 """Share of the bytes per second of a line that is used.
@@ -36,7 +36,7 @@ class TokenBucket:
 
     def __init__(self, bytes_per_s: float) -> None:
         self.bytes_per_s = bytes_per_s
-        self.burst_bytes = max(LARGEST_FRAME, BURST_S * bytes_per_s)
+        self.burst_bytes = max(MAX_FRAME_BYTES, BURST_S * bytes_per_s)
         self._available_bytes = self.burst_bytes
         self._time_s: float | None = None
 
@@ -115,11 +115,11 @@ class SendQueue:
     def _pop_bulk(self) -> bytes:
         """Encode the first bulk frame and count its bytes."""
         frame = self._pop_committed(self._bulk)
-        self._bulk_excess_bytes = min(LARGEST_FRAME, self._bulk_excess_bytes + len(frame))
+        self._bulk_excess_bytes = min(MAX_FRAME_BYTES, self._bulk_excess_bytes + len(frame))
         return frame
 
     def _pop_telemetry(self, kind: Hashable) -> bytes:
         """Encode the telemetry frame of a kind and count its bytes."""
         frame = self._telemetry.pop(kind).encode()
-        self._bulk_excess_bytes = max(-LARGEST_FRAME, self._bulk_excess_bytes - len(frame))
+        self._bulk_excess_bytes = max(-MAX_FRAME_BYTES, self._bulk_excess_bytes - len(frame))
         return frame

@@ -19,7 +19,7 @@ from autopilot.telemetry.identity import COMPONENT
 from autopilot.telemetry.streams import STREAMS, StreamGroup, TelemetryStream
 from mavlink_io import dialect
 from mavlink_io.clock import wall_s
-from mavlink_io.codec import LARGEST_FRAME, Frame, largest_frame
+from mavlink_io.codec import MAX_FRAME_BYTES, Frame, largest_frame
 from mavlink_io.dialect import MessageType, Values
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.request import MavlinkId
@@ -319,7 +319,7 @@ class BandwidthLimitedLink(GroundLink):
 
     def room_bytes(self) -> int:
         """Return how many bytes of bulk data may be queued now."""
-        limit_bytes = max(LARGEST_FRAME, BULK_BACKLOG_S * self._budget.bytes_per_s)
+        limit_bytes = max(MAX_FRAME_BYTES, BULK_BACKLOG_S * self._budget.bytes_per_s)
         return max(0, round(limit_bytes) - self._queue.committed_bytes)
 
     def flush(self, now_s: float, discard: bool = False) -> None:

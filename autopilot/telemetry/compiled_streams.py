@@ -17,7 +17,7 @@ from autopilot.control.types import Home
 from autopilot.reports import TickReport
 from autopilot.telemetry import tick_messages
 from mavlink_io import jit
-from mavlink_io.codec import LARGEST_FRAME
+from mavlink_io.codec import MAX_FRAME_BYTES
 from mavlink_io.jit import Native, Numbers, entry_point, kernel, numeric
 from mavlink_io.lockstep_frames import HEAD, message_layout, seal_at
 from mavlink_io.records import Altimeter
@@ -164,7 +164,7 @@ class FrameEncoder:
     """Encodes groups of streams whose builders are all numeric, as batches of ticks."""
 
     def __init__(self) -> None:
-        self._octets = jit.octets(MAX_BYTES + LARGEST_FRAME)
+        self._octets = jit.octets(MAX_BYTES + MAX_FRAME_BYTES)
         self._memory = memoryview(self._octets)
         self._first: SteadyReport | None = None
         """First report of the batch."""

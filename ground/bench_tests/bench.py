@@ -203,7 +203,7 @@ def _sweep(
 ) -> list[TestInterval]:
     """Run the sines. Raises OperationError if no encoder reports, or a test is stopped."""
     listen_until(vehicle, recorder, recorder.vehicle_s + LISTEN_S)
-    if not recorder.heard(_SERVO, "ACTUATOR_OUTPUT_STATUS"):
+    if not recorder.has_received(_SERVO, "ACTUATOR_OUTPUT_STATUS"):
         raise OperationError(
             "the angle of the duct is not measured: fit an encoder that sends"
             " ACTUATOR_OUTPUT_STATUS as SERVO1"

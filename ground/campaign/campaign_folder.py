@@ -56,7 +56,7 @@ class CampaignFolder:
         return param_file.require_baseline(self.path / "gains.param")
 
     @cached_property
-    def asked(self) -> str:
+    def request_text(self) -> str:
         """Text of `campaign.toml`."""
         try:
             return read_text(self.path / CAMPAIGN_FILE)
@@ -85,7 +85,7 @@ class CampaignFolder:
     def options(self) -> dict[str, Any]:
         """Content of `campaign.toml`."""
         try:
-            return parse_toml(self.asked)
+            return parse_toml(self.request_text)
         except tomllib.TOMLDecodeError as error:
             raise InputError(f"{self.path / CAMPAIGN_FILE}: is no valid TOML: {error}") from None
 

@@ -116,16 +116,16 @@ def design(out: Path, first: Mapping[str, float]) -> DesignSummary:
 
 
 def add_parameters(
-    out: Path, summary: DesignSummary, taught: Mapping[str, float], reasons: Mapping[str, str]
+    out: Path, summary: DesignSummary, limits: Mapping[str, float], reasons: Mapping[str, str]
 ) -> DesignSummary:
-    """Add the parameters that failsafes have taught to a design and to `gains.param`.
+    """Add the parameters that failsafes have limited to a design and to `gains.param`.
 
     The logs of the missions are read again, because the missions were repeated with them.
     """
     folder = _folder(out)
     limited = replace(
         summary,
-        gains={**summary.gains, **taught},
+        gains={**summary.gains, **limits},
         reasons={**summary.reasons, **reasons},
     )
     text = performance_spec.encode(folder.baseline, limited.gains, limited.reasons)

@@ -74,7 +74,7 @@ class CampaignDives:
     _cancelled: bool = False
 
     def open_records(self) -> None:
-        """Read the records of a prepared folder, and change its missions as they have taught."""
+        """Read the records of a prepared folder, and change its missions by these records."""
         self.records = DiveRecords(self.request.out)
         for mission in IDENTIFICATION:
             self.repeat_reductions(mission)
@@ -124,7 +124,7 @@ class CampaignDives:
         for _ in range(min(len(attempts), MAX_REPETITIONS)):
             self._shrink_tests(mission)
 
-    def taught_repetitions(self) -> int:
+    def failsafe_repetitions(self) -> int:
         """Return the largest number of failed attempts of a dive with planned tests."""
         attempts = (self.records.failed_attempts(f"identification/{m}") for m in IDENTIFICATION)
         return min(MAX_REPETITIONS, max(len(failed) for failed in attempts))
@@ -139,7 +139,7 @@ class CampaignDives:
         return next((symptom for symptom in symptoms if symptom.remedy), None)
 
     def speed_up_descents(self) -> bool:
-        """Write missions with a descent at full thrust, as far as dives have taught that.
+        """Write missions with a descent at full thrust, where dives did not leave the surface.
 
         A first dive that did not leave the surface changes all missions; another dive its own one
         and those of all sets of gains. Returns whether a mission was changed.
@@ -148,10 +148,10 @@ class CampaignDives:
         changed = False
         with self._lock:
             afloat = {key.removesuffix(AFLOAT) for key in self.records.afloat_attempts()}
-            taught = {dive.split("/")[1] for dive in afloat}
+            affected = {dive.split("/")[1] for dive in afloat}
             if afloat:
-                taught |= set(ALL_MISSIONS if TRIM_MISSION in taught else MISSIONS)
-            for mission in taught:
+                affected |= set(ALL_MISSIONS if TRIM_MISSION in affected else MISSIONS)
+            for mission in affected:
                 flown = script.load(folder.mission_file(mission))
                 if not scaling.descends_at_full_thrust(flown):
                     self.write_mission(mission, scaling.descend_at_full_thrust(flown))
@@ -194,7 +194,7 @@ class CampaignDives:
             dive,
             self._launch(mission),
             lambda progress: self.watch(name, progress),
-            follower=listener,
+            listener=listener,
         )
         if outcome.failsafes:
             symptom = self._symptom(stage, mission)

@@ -19,7 +19,7 @@ DIVE_RATE = "DPT_REF_RATE"
 TURN_RATE, MIN_TURN_RATE_DEGPS = "HDG_REF_RATE", 3.0
 """Parameter of the largest rate of the heading reference, and its smallest value in a repetition
 (deg/s): a turn of 80 deg then takes half of the shortest legs."""
-TAUGHT_REASONS = {
+LIMIT_REASONS = {
     DIVE_PITCH: "with a larger one a dive of the campaign ended with a failsafe",
     DIVE_RATE: f"slower in proportion to the smaller {DIVE_PITCH}",
     TURN_RATE: "at a larger one the rudder did not end a turn of a mission of the campaign",

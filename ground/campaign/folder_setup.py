@@ -107,7 +107,7 @@ def prepare_folder(request: CampaignRequest, scaled: Sequence[str] = ()) -> None
     out = request.out
     text = _campaign_toml(request, scaled)
     if request.resume and (out / CAMPAIGN_FILE).is_file():
-        if CampaignFolder(out).asked != text:
+        if CampaignFolder(out).request_text != text:
             raise InputError(
                 f"--resume: {out / CAMPAIGN_FILE} was written by other versions of Python or of the"
                 " packages, which may give another model; use them, or --force to start again"

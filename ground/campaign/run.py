@@ -26,7 +26,7 @@ from ground.campaign.dives import (
     WatchCallback,
 )
 from ground.campaign.failsafe_limits import (
-    TAUGHT_REASONS,
+    LIMIT_REASONS,
     AfloatError,
     FailsafeError,
     limit_dives,
@@ -125,39 +125,39 @@ class Campaign:
             early = self.request.jobs - 1
             missions = self._begin_missions(slots, baseline[:early], gains)
             _finish_dives(tests)
-            untaught, gains = gains, self._limit_as_taught(gains)
-            if self.dives.records.afloat_attempts() or gains != untaught:
+            unlimited, gains = gains, self._apply_failsafe_limits(gains)
+            if self.dives.records.afloat_attempts() or gains != unlimited:
                 wait(missions)
                 missions = self._begin_missions(slots, baseline[:early], gains)
             self.announce(
                 f"refitting the model; flying the missions with the {' and the '.join(gains)} gains"
             )
             untrimmed = {name: value for name, value in first.items() if name not in trims}
-            redesigning = slots.submit(self._redesign, worker, untrimmed, untaught["initial"])
+            redesigning = slots.submit(self._redesign, worker, untrimmed, unlimited["initial"])
             missions += self._begin_missions(slots, baseline[early:], gains)
             design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
             redesigned = {
                 **design.gains,
-                **_not_designed(design.gains, untaught["initial"]),
+                **_not_designed(design.gains, unlimited["initial"]),
                 **trims,
             }
-            gains |= self._limit_as_taught({"redesigned": redesigned})
+            gains |= self._apply_failsafe_limits({"redesigned": redesigned})
             verification = [("redesigned", mission) for mission in MISSIONS]
             missions += self._begin_missions(slots, verification, gains)
             executors.call_ahead(computations.prepare_report, self.request.out, design, gains)
             for (name, mission), dive in zip([*baseline, *verification], missions, strict=True):
                 self._read_ahead(executors, STAGES[name], (mission,), (dive,))
             gains = self._finish_missions(slots, missions, gains)
-            taught = {
+            limited = {
                 name: value
                 for name, value in gains["redesigned"].items()
-                if name in TAUGHT_REASONS and value != redesigned.get(name)
+                if name in LIMIT_REASONS and value != redesigned.get(name)
             }
-            if taught:
-                reasons = {name: TAUGHT_REASONS[name] for name in taught}
+            if limited:
+                reasons = {name: LIMIT_REASONS[name] for name in limited}
                 design = worker.call(
-                    computations.add_parameters, self.request.out, design, taught, reasons
+                    computations.add_parameters, self.request.out, design, limited, reasons
                 )
             self.announce("comparing")
             result = worker.call(
@@ -277,8 +277,8 @@ class Campaign:
             self.dives.repeat_reductions(mission)
             self.announce(f"not fit: {recommended.reason}; flying {recommended}")
             failures = len(self.dives.records.failed_attempts(f"identification/{dive.base}"))
-            taught = limit_dives(flown, self.dives.taught_repetitions())
-            self.dives.fly("identification", mission, limit_tests(taught, failures))
+            limited = limit_dives(flown, self.dives.failsafe_repetitions())
+            self.dives.fly("identification", mission, limit_tests(limited, failures))
             flown_s = self.dives.outcomes[f"identification/{mission}"].vehicle_s
             left_s -= flown_s
             records.append(RetestRecord(mission, dive.held_out))
@@ -359,11 +359,11 @@ class Campaign:
             else:
                 return gains
 
-    def _limit_as_taught(
+    def _apply_failsafe_limits(
         self, gains: Mapping[str, Mapping[str, float]]
     ) -> dict[str, dict[str, float]]:
-        """Return the sets of gains with the largest pitch that failsafes so far have taught."""
-        repetitions = self.dives.taught_repetitions()
+        """Return the sets of gains with the largest pitch that the failsafes so far permit."""
+        repetitions = self.dives.failsafe_repetitions()
         return {name: limit_dives(flown, repetitions) for name, flown in gains.items()}
 
     def _begin(

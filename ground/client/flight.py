@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 from ground.client.dive_clock import STALL_TIMEOUT_S, DiveClock
 from ground.client.recorder import Recorder
 from ground.client.signing import open_signing
-from ground.client.stopping import left_behind
+from ground.client.stopping import describe_remaining_state
 from ground.client.vehicle import StatusText, VehicleClient, VehicleClientError
 from ground.errors import Interrupted
 from ground.missions import plans
@@ -155,10 +155,10 @@ class TelemetryListener(Protocol):
 def fly(
     dive: Dive,
     address: str,
-    watch: WatchCallback | None = None,
-    hear: TextCallback | None = None,
+    on_progress: WatchCallback | None = None,
+    on_text: TextCallback | None = None,
     key_file: Path | None = None,
-    follower: TelemetryListener | None = None,
+    listener: TelemetryListener | None = None,
 ) -> FlightResult:
     """Fly the vehicle at an address and record the dive.
 
@@ -171,13 +171,13 @@ def fly(
         Mission, parameters and log files of the dive.
     address : str
         Address of the vehicle.
-    watch : WatchCallback, optional
+    on_progress : WatchCallback, optional
         Receives the progress of the mission.
-    hear : TextCallback, optional
+    on_text : TextCallback, optional
         Receives the texts of the vehicle.
     key_file : Path, optional
         Key with which the link is signed.
-    follower : TelemetryListener, optional
+    listener : TelemetryListener, optional
         Receives the telemetry.
 
     Returns
@@ -196,9 +196,9 @@ def fly(
         recorder,
     ):
         try:
-            return _fly(dive, vehicle, recorder, watch, hear, follower)
+            return _fly(dive, vehicle, recorder, on_progress, on_text, listener)
         except (Interrupted, OperationError, OSError) as end:
-            if state := left_behind(vehicle, address, key_file):
+            if state := describe_remaining_state(vehicle, address, key_file):
                 end.add_note(state)
             if isinstance(end, Interrupted):
                 end.under_way = vehicle.armed or vehicle.arm_requested
@@ -208,9 +208,9 @@ def fly(
 def fly_simulated(
     dive: Dive,
     simulated: SimulatedVehicle,
-    watch: WatchCallback | None = None,
-    hear: TextCallback | None = None,
-    follower: TelemetryListener | None = None,
+    on_progress: WatchCallback | None = None,
+    on_text: TextCallback | None = None,
+    listener: TelemetryListener | None = None,
 ) -> FlightResult:
     """Fly a simulated vehicle, record the dive and stop the simulation.
 
@@ -220,11 +220,11 @@ def fly_simulated(
         Mission, parameters and log files of the dive.
     simulated : SimulatedVehicle
         Simulator and autopilot that are to be started.
-    watch : WatchCallback, optional
+    on_progress : WatchCallback, optional
         Receives the progress of the mission.
-    hear : TextCallback, optional
+    on_text : TextCallback, optional
         Receives the texts of the vehicle.
-    follower : TelemetryListener, optional
+    listener : TelemetryListener, optional
         Receives the telemetry.
 
     Returns
@@ -238,7 +238,7 @@ def fly_simulated(
         With the error message of the simulator or the autopilot, if one of them failed.
     """
     with open_recorded_vehicle(simulated, dive.log, dive.tlog) as (vehicle, recorder):
-        return _fly(dive, vehicle, recorder, watch, hear, follower)
+        return _fly(dive, vehicle, recorder, on_progress, on_text, listener)
 
 
 @contextmanager
@@ -292,12 +292,12 @@ def open_recorded_vehicle(
             raise
 
 
-def raise_process_error(simulated: SimulatedVehicle, patience_s: float = 1.0) -> None:
-    """Raise the error of a simulation process that ends within `patience_s` (wall time).
+def raise_process_error(simulated: SimulatedVehicle, timeout_s: float = 1.0) -> None:
+    """Raise the error of a simulation process that ends within `timeout_s` (wall time).
 
     It replaces the less useful error of the link that was lost because the process ended.
     """
-    deadline_s = wall_s() + patience_s
+    deadline_s = wall_s() + timeout_s
     while wall_s() < deadline_s:
         wait([], 0.05)
         simulated.check()
@@ -342,28 +342,28 @@ def _fly(
     dive: Dive,
     vehicle: VehicleClient,
     recorder: Recorder,
-    watch: WatchCallback | None,
-    hear: TextCallback | None,
-    follower: TelemetryListener | None,
+    on_progress: WatchCallback | None,
+    on_text: TextCallback | None,
+    listener: TelemetryListener | None,
 ) -> FlightResult:
     """Fly a dive with an open link."""
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
     recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
     vehicle.connect()
-    if follower is not None:
-        vehicle.on_frame = follower.on_frame
+    if listener is not None:
+        vehicle.on_frame = listener.on_frame
     vehicle.wait_until_started()
     parameters = prepare(vehicle, dive)
     recorder.attach_parameters(parameters)
-    if follower is not None:
-        follower.begin(parameters)
+    if listener is not None:
+        listener.begin(parameters)
     assert vehicle.vehicle_id is not None, "connect has found the vehicle"
     clock = DiveClock(
-        recorder, vehicle.vehicle_id.system, timeout_s=vehicle.patience_s(STALL_TIMEOUT_S)
+        recorder, vehicle.vehicle_id.system, timeout_s=vehicle.link_timeout_s(STALL_TIMEOUT_S)
     )
-    vehicle.arm(patience_s=0.0)  # it has been waited for above
-    vehicle.on_text = _call_both(hear, follower.on_text if follower else None)
-    _until_disarmed(vehicle, clock, len(dive.items), watch, follower)
+    vehicle.arm(timeout_s=0.0)  # it has been waited for above
+    vehicle.on_text = _call_both(on_text, listener.on_text if listener else None)
+    _until_disarmed(vehicle, clock, len(dive.items), on_progress, listener)
     return FlightResult(
         log=dive.log,
         vehicle_s=clock.vehicle_s,
@@ -406,20 +406,20 @@ def _until_disarmed(
     vehicle: VehicleClient,
     clock: DiveClock,
     items: int,
-    watch: WatchCallback | None,
-    follower: TelemetryListener | None,
+    on_progress: WatchCallback | None,
+    listener: TelemetryListener | None,
 ) -> None:
     """Receive until the vehicle has disarmed. Raises VehicleClientError if vehicle time stalls."""
     report = Interval(PROGRESS_PERIOD_S)
     while not vehicle.disarmings:
         vehicle.pump(0.05)
         clock.update()
-        if watch is not None and report.due():
-            watch(_progress(vehicle, clock, items))
-        if follower is not None:
-            follower.poll()
-    if follower is not None:
-        follower.poll(last=True)
+        if on_progress is not None and report.due():
+            on_progress(_progress(vehicle, clock, items))
+        if listener is not None:
+            listener.poll()
+    if listener is not None:
+        listener.poll(last=True)
 
 
 def _progress(vehicle: VehicleClient, clock: DiveClock, items: int) -> FlightProgress:

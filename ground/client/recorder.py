@@ -105,7 +105,7 @@ class Recorder:
         clock = self._clocks.get(system)
         return 0.0 if clock is None else clock.vehicle_us / 1e6
 
-    def heard(self, component: int, name: str) -> bool:
+    def has_received(self, component: int, name: str) -> bool:
         """Return whether a component has sent a message.
 
         Parameters

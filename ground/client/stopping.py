@@ -12,7 +12,7 @@ from mavlink_io.errors import OperationError
 SURFACE, HOLD = "SURFACE", "HOLD"
 CONFIRM_TIMEOUT_S = 5.0
 """Wall time in which a HEARTBEAT must report the mode that the vehicle has accepted; it sends one
-per second. Over a modem it is longer (`VehicleClient.patience_s`)."""
+per second. Over a modem it is longer (`VehicleClient.link_timeout_s`)."""
 
 
 class State(NamedTuple):
@@ -67,7 +67,7 @@ def enter(vehicle: VehicleClient, mode: str) -> State:
         ended = was_armed and not vehicle.armed
         return vehicle.heartbeats > heartbeats and (vehicle.custom_mode == offered[name] or ended)
 
-    timeout_s = vehicle.patience_s(CONFIRM_TIMEOUT_S)
+    timeout_s = vehicle.link_timeout_s(CONFIRM_TIMEOUT_S)
     if not vehicle.pump_until(is_confirmed, timeout_s):
         raise OperationError(
             f"mode {name}: the vehicle accepted it, but {timeout_s:g} s later reports"
@@ -106,7 +106,7 @@ def disarm(vehicle: VehicleClient) -> State:
 
 def _confirm(vehicle: VehicleClient, wanted: str, is_reached: Callable[[], bool]) -> State:
     """Wait until a HEARTBEAT reports the wanted state."""
-    timeout_s = vehicle.patience_s(CONFIRM_TIMEOUT_S)
+    timeout_s = vehicle.link_timeout_s(CONFIRM_TIMEOUT_S)
     if not vehicle.pump_until(is_reached, timeout_s):
         raise OperationError(
             f"the vehicle accepted the command, but {timeout_s:g} s later it is not {wanted}"
@@ -137,7 +137,7 @@ def wait_until_disarmed(vehicle: VehicleClient, watch: Callable[[State], None]) 
     return state(vehicle)
 
 
-def left_behind(vehicle: VehicleClient, address: str, key_file: Path | None) -> str:
+def describe_remaining_state(vehicle: VehicleClient, address: str, key_file: Path | None) -> str:
     """Return in which state a program leaves the vehicle, and which commands stop it.
 
     Parameters

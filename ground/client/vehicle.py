@@ -199,9 +199,9 @@ class VehicleClient:
     def connect(self, timeout_s: float = 30.0) -> None:
         """Wait for the HEARTBEAT of an autopilot, for at most `timeout_s` of wall time.
 
-        Over a modem HIGH_LATENCY2 is awaited, at least as long as `patience_s` says.
+        Over a modem HIGH_LATENCY2 is awaited, at least for `link_timeout_s`.
         """
-        timeout_s = self.patience_s(timeout_s)
+        timeout_s = self.link_timeout_s(timeout_s)
         deadline_s = wall_s() + timeout_s
         while True:
             self._heartbeat_received_s = wall_s()
@@ -230,7 +230,7 @@ class VehicleClient:
         ------
         VehicleClientError
             The link is closed, or no HEARTBEAT came within `HEARTBEAT_TIMEOUT_S`, or the longer
-            time of `patience_s`.
+            time of `link_timeout_s`.
         """
         transport = self._endpoint.transport
         try:
@@ -246,14 +246,14 @@ class VehicleClient:
             self._watchdog()
         if self._recorder is not None:
             self._recorder.flush_when_due()
-        timeout_s = self.patience_s(HEARTBEAT_TIMEOUT_S)
+        timeout_s = self.link_timeout_s(HEARTBEAT_TIMEOUT_S)
         if is_all and wall_s() - self._heartbeat_received_s > timeout_s:
             raise VehicleClientError(
                 f"the vehicle is gone: no heartbeat on {transport.address} for {timeout_s:g} s"
             )
         return is_all
 
-    def patience_s(self, default_s: float) -> float:
+    def link_timeout_s(self, default_s: float) -> float:
         """Return a time limit: at least the default.
 
         Over a modem it is at least ten times its retry time, for a simulated vehicle at least
@@ -326,26 +326,26 @@ class VehicleClient:
         """Request a message at `rate_hz` (vehicle time)."""
         self.command(MavCmd.SET_MESSAGE_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
 
-    def wait_until_started(self, patience_s: float | None = None) -> None:
+    def wait_until_started(self, timeout_s: float | None = None) -> None:
         """Wait until the vehicle has reached MAV_STATE_STANDBY: its sensors are read.
 
         Parameters
         ----------
-        patience_s : float, optional
+        timeout_s : float, optional
             Maximum wall time (s). The default is `READY_TIMEOUT_S`, for a simulated vehicle
             `SIMULATED_READY_TIMEOUT_S`. When it has passed, the vehicle gives the reason itself:
             it refuses to arm.
         """
-        if patience_s is None:
-            patience_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_TIMEOUT_S
-        self.pump_until(lambda: self._status >= _STANDBY, patience_s)
+        if timeout_s is None:
+            timeout_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_TIMEOUT_S
+        self.pump_until(lambda: self._status >= _STANDBY, timeout_s)
 
-    def arm(self, patience_s: float | None = None) -> None:
+    def arm(self, timeout_s: float | None = None) -> None:
         """Arm as soon as the vehicle is ready.
 
         Parameters
         ----------
-        patience_s : float, optional
+        timeout_s : float, optional
             Maximum wall time (s) of `wait_until_started`.
 
         Raises
@@ -354,7 +354,7 @@ class VehicleClient:
             The refusal is permanent; or the vehicle refused twice while it reported that its
             pre-arm checks pass; or a temporary refusal lasted for `ARM_RETRY_S`.
         """
-        self.wait_until_started(patience_s)
+        self.wait_until_started(timeout_s)
         deadline_s, passed = wall_s() + ARM_RETRY_S, False
         while True:
             self.arm_requested = True

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ground.log_tools.mcap import LONGEST_GAP_S
+from ground.log_tools.mcap import MAX_GAP_S
 from sysid.data import readers
 from sysid.data.readers.samples import MessageColumns, clock_steps
 
@@ -60,5 +60,5 @@ def _gaps(regular: MessageColumns) -> list[dict[str, float]]:
     intervals_s = np.diff(regular.time_s)
     return [
         {"start_s": float(regular.time_s[index]), "length_s": float(intervals_s[index])}
-        for index in np.flatnonzero(intervals_s > LONGEST_GAP_S)
+        for index in np.flatnonzero(intervals_s > MAX_GAP_S)
     ]

@@ -19,7 +19,7 @@ from mavlink_io.logging.mcap_reader import (
 )
 from mavlink_io.text_files import open_regular
 
-LONGEST_GAP_S = 10.0
+MAX_GAP_S = 10.0
 """Time without data from which on `info` reports a gap, s."""
 
 
@@ -62,7 +62,7 @@ def info(path: Path) -> dict[str, Any]:
                 case McapMessage():
                     topic = names[item.channel]
                     topics[topic] = topics.get(topic, 0) + 1
-                    if first_ns is not None and item.time_ns - last_ns > LONGEST_GAP_S * 1e9:
+                    if first_ns is not None and item.time_ns - last_ns > MAX_GAP_S * 1e9:
                         silences.append((last_ns, item.time_ns))
                     first_ns = item.time_ns if first_ns is None else min(first_ns, item.time_ns)
                     last_ns = max(last_ns, item.time_ns)

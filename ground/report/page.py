@@ -183,7 +183,7 @@ def _page(
         "monitoring": monitoring(summary.monitoring),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary.trims.items()),
         "speed": f"{model.speed_mps:g}",
-        "asked": escape(campaign.asked),
+        "asked": escape(campaign.request_text),
         "footer": _footer(summary),
     }
     return render(parts, _name_final_set(drawn, final_set))

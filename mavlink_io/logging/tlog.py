@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mavlink_io import dialect
-from mavlink_io.codec import LARGEST_FRAME, MAGIC_V1, MAGIC_V2, Framer, is_intact
+from mavlink_io.codec import MAGIC_V1, MAGIC_V2, MAX_FRAME_BYTES, Framer, is_intact
 from mavlink_io.dialect import MessageType
 from mavlink_io.logging.ros1 import vehicle_time_reader
 from mavlink_io.user_data_dir import open_output
@@ -99,7 +99,7 @@ def read(data: bytes) -> list[MessageSeries]:
     """
     all_series: dict[tuple[int, int, int], MessageSeries] = {}
     senders: dict[tuple[int, int], list[_Arrival]] = {}
-    offset, padded = 0, data + bytes(LARGEST_FRAME)
+    offset, padded = 0, data + bytes(MAX_FRAME_BYTES)
     for frame in Framer().feed(padded):
         message = dialect.by_id(frame.message_id)
         assert message is not None, "a framer without senders rejects undefined messages"

@@ -131,9 +131,9 @@ class _UploadSession:
         A sender that does not answer for the first item may know only the deprecated messages.
         """
         self.due_s = now_s + self.re_request_s
-        deaf = not self.items and self.attempts_left < OLD_REQUESTS
+        needs_old_request = not self.items and self.attempts_left < OLD_REQUESTS
         self.client.send(
-            "MISSION_REQUEST" if self.sends_floats or deaf else self.item_request,
+            "MISSION_REQUEST" if self.sends_floats or needs_old_request else self.item_request,
             target_system=self.client.mavlink_id.system,
             target_component=self.client.mavlink_id.component,
             seq=self.next_sequence,

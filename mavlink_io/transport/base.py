@@ -243,7 +243,7 @@ def _ready(handles: Iterable[Handle], timeout_s: float) -> list[Handle]:
     return [by_number[number] for number, _ in _cache.poller.poll(timeout_s * _MS_PER_S)]
 
 
-def set_patience(datagrams: socket.socket) -> None:
+def set_receive_timeout(datagrams: socket.socket) -> None:
     """Make a blocking read of a socket give up after `SPIN_S`, where the system can do that."""
     with contextlib.suppress(OSError):
         limit = struct.pack("ll", 0, round(SPIN_S * 1e6))  # struct timeval
@@ -253,7 +253,8 @@ def set_patience(datagrams: socket.socket) -> None:
 def read_eagerly(read: Callable[[int, int], T]) -> T:
     """Return what ``recv`` or ``recvfrom`` of a socket reads within `SPIN_S`.
 
-    The socket must be a blocking one with `set_patience`. Raises BlockingIOError after the time.
+    The socket must be a blocking one with `set_receive_timeout`. Raises BlockingIOError after the
+    time.
     """
     polling_s = spin_s()
     if not polling_s:

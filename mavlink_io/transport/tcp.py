@@ -66,7 +66,7 @@ class TcpClient:
         self, address: str, host: str, port: int, *, send_timeout_s: float = SEND_TIMEOUT_S
     ) -> None:
         self.address = address
-        self._patience_s = send_timeout_s
+        self._send_timeout_s = send_timeout_s
         self._socket = open_or_raise(
             address, lambda: socket.create_connection((host, port), timeout=SEND_TIMEOUT_S)
         )
@@ -80,7 +80,7 @@ class TcpClient:
     def send(self, data: bytes) -> None:
         """Send whole frames. Raises LinkLostError."""
         try:
-            _send(self._socket, data, self._patience_s)
+            _send(self._socket, data, self._send_timeout_s)
         except OSError as error:
             raise LinkLostError(f"{self.address}: {error}") from None
 
@@ -126,7 +126,7 @@ class TcpServer:
         self, address: str, host: str, port: int, *, send_timeout_s: float = SEND_TIMEOUT_S
     ) -> None:
         self.address = address
-        self._patience_s = send_timeout_s
+        self._send_timeout_s = send_timeout_s
         self._clients: list[socket.socket] = []
         self._received_s: dict[socket.socket, float] = {}
         """Wall time at which each client connected or sent last."""
@@ -159,7 +159,7 @@ class TcpServer:
         data : bytes
             One or more complete frames.
         """
-        until_s = wall_s() + self._patience_s
+        until_s = wall_s() + self._send_timeout_s
         for client in list(self._clients):
             try:
                 _send(client, data, max(0.0, until_s - wall_s()))

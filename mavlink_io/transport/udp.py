@@ -14,7 +14,7 @@ from mavlink_io.transport.base import (
     Piece,
     open_or_raise,
     read_eagerly,
-    set_patience,
+    set_receive_timeout,
 )
 
 PEER_IDLE_S = 10.0
@@ -237,7 +237,7 @@ def _udp_socket() -> socket.socket:
     Its reads and sends do not block, except those of ``read_eagerly``.
     """
     udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    set_patience(udp)
+    set_receive_timeout(udp)
     with contextlib.suppress(OSError):
         udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
     return udp

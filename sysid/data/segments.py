@@ -19,7 +19,7 @@ from sysid.signal_processing import without_spikes
 
 PREROLL_S = 15.0
 """Duration of the pre-roll, which gives the commands, actuator bias and initial state of a test."""
-LONGEST_GAP_S = 10.0
+MAX_GAP_S = 10.0
 """Longest time without attitude over which samples are interpolated, s.
 
 A longer one, such as a clock that jumps to UTC, has no samples; screening rejects a test much
@@ -461,14 +461,14 @@ def _with_ends(time_s: Array, start_s: float, end_s: float) -> Array:
 
 
 def _data_until_s(time_s: Array, start_s: float, stop_s: float) -> float:
-    """Return the end of a test, or the beginning of its first gap above LONGEST_GAP_S."""
+    """Return the end of a test, or the beginning of its first gap above MAX_GAP_S."""
     edges_s = _with_ends(time_s, start_s, stop_s)
-    gaps = np.flatnonzero(np.diff(edges_s) > LONGEST_GAP_S)
+    gaps = np.flatnonzero(np.diff(edges_s) > MAX_GAP_S)
     return float(edges_s[gaps[0]]) if gaps.size else stop_s
 
 
 def grid_without_gaps(time_s: Array, first_s: float, last_s: float, step_s: float) -> Array:
-    """Return times at a constant step, without those in gaps above LONGEST_GAP_S.
+    """Return times at a constant step, without those in gaps above MAX_GAP_S.
 
     Parameters
     ----------
@@ -485,7 +485,7 @@ def grid_without_gaps(time_s: Array, first_s: float, last_s: float, step_s: floa
         Times, s; after each gap they begin again at the next sample.
     """
     edges_s = _with_ends(time_s, first_s, last_s)
-    gaps = np.flatnonzero(np.diff(edges_s) > LONGEST_GAP_S)
+    gaps = np.flatnonzero(np.diff(edges_s) > MAX_GAP_S)
     starts_s = [first_s, *edges_s[gaps + 1].tolist()]
     ends_s = [*edges_s[gaps].tolist(), last_s]
     pieces = zip(starts_s, ends_s, strict=True)

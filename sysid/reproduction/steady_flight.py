@@ -26,9 +26,9 @@ SETTLED_TIME_CONSTANTS = 3.0
 """Time constants of the slowest pole after which a loop has settled: 5 % of a transient is left."""
 ADJUSTED = "A"
 """Key of the adjusted model in `paper_poles.models`."""
-LONGEST_PERIOD_S = 300.0
+MAX_PERIOD_S = 300.0
 """Longest period of a disturbance (s): the length of our straight run. Slower ones are loads."""
-SHORTEST_PERIOD_S = 0.6
+MIN_PERIOD_S = 0.6
 """Shortest period (s): above 10 rad/s no gains move the vehicle."""
 
 
@@ -62,7 +62,7 @@ def smallest_ratios() -> SteadyError:
     Returns
     -------
     SteadyError
-        Without unit. No stationary disturbing moment with periods of up to `LONGEST_PERIOD_S`
+        Without unit. No stationary disturbing moment with periods of up to `MAX_PERIOD_S`
         gives a smaller ratio of standard deviations on the adjusted model, because the ratio of
         two integrals is at least the least ratio of the integrands.
     """
@@ -81,7 +81,7 @@ def smallest_ratios() -> SteadyError:
         for gains in (TABLE_3_INITIAL, TABLE_3_IMPROVED)
     )
     period_s = 2.0 * np.pi / GRID_RADPS
-    band = (period_s <= LONGEST_PERIOD_S) & (period_s >= SHORTEST_PERIOD_S)
+    band = (period_s <= MAX_PERIOD_S) & (period_s >= MIN_PERIOD_S)
     return SteadyError(
         *(_least(new, old, band) for new, old in zip(improved, initial, strict=True))
     )
@@ -114,5 +114,5 @@ def contradiction(name: str) -> str:
     return (
         f"the printed errors fall to {printed:.2f} of the initial ones; on the adjusted model of"
         f" Table 1 the gains of Table 3 leave at least {least:.2f} of them in any disturbance with"
-        f" periods up to {LONGEST_PERIOD_S:g} s, and the paper gives neither sea nor constant load"
+        f" periods up to {MAX_PERIOD_S:g} s, and the paper gives neither sea nor constant load"
     )

@@ -16,7 +16,7 @@ from mavsdk.plugins.mission_raw import MissionItem
 
 from tests.clients.telemetry_recorder import Client, connected
 
-PATIENCE_S = 40.0
+TIMEOUT_S = 40.0
 POLL_S = 0.02
 DELAY = 93
 
@@ -82,7 +82,7 @@ async def serve(address: str) -> None:
     while line := await asyncio.to_thread(sys.stdin.readline):
         name, *words = line.split()
         try:
-            answer = {"result": await asyncio.wait_for(COMMANDS[name](client, *words), PATIENCE_S)}
+            answer = {"result": await asyncio.wait_for(COMMANDS[name](client, *words), TIMEOUT_S)}
         except MavsdkError as error:
             answer = {"result": error.result.name}
         except TimeoutError:

@@ -15,7 +15,7 @@ from pymavlink import mavutil
 from autopilot.control.params import PARAMETERS
 from tests.clients.checklist import close, equal, name_of, report, require, verdict
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 REPEAT_S = 4.0
 """Time until a user repeats what DroneKit does not."""
 BAUD = 57_600
@@ -31,7 +31,7 @@ def until(
 
     Raises RefutedError with ``what`` after the time limit.
     """
-    deadline_s, repeat_s = time.monotonic() + PATIENCE_S, 0.0
+    deadline_s, repeat_s = time.monotonic() + TIMEOUT_S, 0.0
     while not wanted():
         require(time.monotonic() < deadline_s, what)
         if attempt is not None and time.monotonic() > repeat_s:
@@ -142,7 +142,7 @@ def download(v: Any) -> None:
     a message of its own starts the download again.
     """
     v.commands.download()
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while not v.commands.wait_ready(timeout=REPEAT_S, raise_exception=False):
         require(time.monotonic() < deadline_s, "the mission is not downloaded")
         v.send_mavlink(v.message_factory.mission_request_list_encode(0, 0))
@@ -162,7 +162,7 @@ def upload(v: Any, integer: bool) -> None:
         place = (home.lat + 1e-4, home.lon, -3) if frame == RELATIVE else (0, 0, 0)
         item = dronekit.Command(0, 0, 0, frame, command, 0, 0, p1, 0, 0, 0, *place)
         commands.add(dronekit.CommandInt.from_command(item) if integer else item)
-    commands.upload(timeout=PATIENCE_S)
+    commands.upload(timeout=TIMEOUT_S)
 
 
 def exchange_mission(v: Any, integer: bool) -> None:
@@ -171,7 +171,7 @@ def exchange_mission(v: Any, integer: bool) -> None:
     DroneKit sends the number of items once, and calls an upload whose last item is lost a success:
     it is repeated until the download shows the mission.
     """
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while True:
         with contextlib.suppress(dronekit.TimeoutError):
             upload(v, integer)

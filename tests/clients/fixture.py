@@ -20,8 +20,8 @@ from tests.helpers import node
 from tests.helpers.pty_pair import Line, Noise, line
 from tests.helpers.subprocesses import (
     BACKGROUND_NICENESS,
-    PATIENCE_S,
     REAL_TIME_NICENESS,
+    TIMEOUT_S,
     Process,
     autopilot,
     free_port,
@@ -178,7 +178,7 @@ def mavproxy_command_results(folder: Path) -> Verdicts:
 
 def _outcomes(program: Process) -> Verdicts:
     """Return what a program prints in its last line."""
-    finished = program.finish(patience_s=400.0)
+    finished = program.finish(timeout_s=400.0)
     assert finished.status == 0, finished.stderr[-3000:]
     results: Verdicts = json.loads(finished.stdout.splitlines()[-1])
     return results
@@ -304,4 +304,4 @@ def install_modes(home: Path, vehicle: Afloat) -> None:
         "--connect",
         vehicle.spare,
     ]
-    subprocess.run(command, check=True, capture_output=True, timeout=PATIENCE_S)
+    subprocess.run(command, check=True, capture_output=True, timeout=TIMEOUT_S)

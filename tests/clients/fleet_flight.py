@@ -16,7 +16,7 @@ from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.plugins.mission_raw import MissionItem
 
-PATIENCE_S = 180.0
+TIMEOUT_S = 180.0
 THRUST, DEPTH, DELAY = 178, 186, 93
 FRAME_MISSION = 2
 
@@ -36,7 +36,7 @@ def mission(depth_m: float) -> list[MissionItem]:
 
 async def insist(attempt: Any) -> None:
     """Repeat a request until it succeeds: a vehicle that starts is not ready at once."""
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while True:
         try:
             await attempt()
@@ -73,7 +73,7 @@ async def fly(system: Any, depth_m: float) -> dict[str, Any]:
 async def main(address: str, count: int) -> None:
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await mavsdk.add_any_connection(address)
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     systems: dict[int, Any] = {}
     while len(systems) < count and time.monotonic() < deadline_s:
         for system in await mavsdk.get_systems():
@@ -81,7 +81,7 @@ async def main(address: str, count: int) -> None:
                 systems[await system.get_system_id()] = system
         await asyncio.sleep(0.2)
     flights = [fly(system, 1.0 + number) for number, system in sorted(systems.items())]
-    results = await asyncio.wait_for(asyncio.gather(*flights), PATIENCE_S)
+    results = await asyncio.wait_for(asyncio.gather(*flights), TIMEOUT_S)
     print(json.dumps(dict(zip(sorted(systems), results, strict=True))), flush=True)
 
 

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-PATIENCE_S = 15.0
+TIMEOUT_S = 15.0
 POLL_S = 0.02
 END = "end-of-list"
 """Not a command: MAVProxy's error for it shows that all commands before it were executed."""
@@ -62,7 +62,7 @@ class Console:
         self._process.stdin.write(line.encode() + b"\n")
         self._process.stdin.flush()
 
-    def wait_for(self, pattern: str, within_s: float = PATIENCE_S) -> re.Match[str]:
+    def wait_for(self, pattern: str, within_s: float = TIMEOUT_S) -> re.Match[str]:
         """Return the next match in the output. Raises TimeoutError with the output."""
         deadline_s = time.monotonic() + within_s
         while (match := re.compile(pattern, re.MULTILINE).search(self.output, self._mark)) is None:
@@ -76,7 +76,7 @@ class Console:
         return match
 
     def ask(
-        self, line: str, pattern: str, *, attempts: int = 1, within_s: float = PATIENCE_S
+        self, line: str, pattern: str, *, attempts: int = 1, within_s: float = TIMEOUT_S
     ) -> re.Match[str]:
         """Type a line and return the match in the answer; repeat it on a lossy line.
 

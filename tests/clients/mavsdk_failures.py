@@ -16,7 +16,7 @@ from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.plugins.failure.failure import FailureError, FailureType, FailureUnit
 
-PATIENCE_S, DIVE_S = 20.0, 50.0
+TIMEOUT_S, DIVE_S = 20.0, 50.0
 FAILURES = [
     (FailureUnit.SENSOR_GYRO, FailureType.OFF),
     (FailureUnit.SENSOR_MAG, FailureType.STUCK),
@@ -67,8 +67,8 @@ class Receiver:
         }
 
 
-async def until(condition: Any, patience_s: float = PATIENCE_S) -> bool:
-    deadline_s = time.monotonic() + patience_s
+async def until(condition: Any, timeout_s: float = TIMEOUT_S) -> bool:
+    deadline_s = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > deadline_s:
             return False
@@ -118,7 +118,7 @@ async def inject_and_clear(failure: Any, params: Any, receiver: Receiver) -> dic
 async def main(address: str, plan: str) -> dict[str, Any]:
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await mavsdk.add_any_connection(address)
-    system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
+    system = await mavsdk.first_autopilot(timeout_s=TIMEOUT_S)
     failure, params, receiver = (
         FailureAsync(system),
         ParamAsync(system),

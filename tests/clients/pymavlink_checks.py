@@ -33,7 +33,7 @@ from tests.clients.checklist import (
 from tests.clients.vehicle import DEFAULTS, FRAME_MISSION, leg_items
 
 MODES = ("MANUAL", "DEPTH", "STATION", "HOLD", "SURFACE", "STABILIZE", "MISSION")
-PATIENCE_S, RETRY_S, ATTEMPTS = 60.0, 1.5, 10
+TIMEOUT_S, RETRY_S, ATTEMPTS = 60.0, 1.5, 10
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
 BAUD = 57_600
 TOOL_S = 120.0
@@ -81,7 +81,7 @@ class Session:
 
     def until(self, wanted: Callable[[], object], what: str) -> None:
         """Receive until a condition is met. Raises RefutedError with ``what`` after a time."""
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while not wanted():
             require(time.monotonic() < deadline_s, what)
             self.receive()
@@ -114,7 +114,7 @@ Check = Callable[[Session], None]
 
 
 def waits_for_the_heartbeat(s: Session) -> None:
-    beat = s.link.wait_heartbeat(timeout=PATIENCE_S)
+    beat = s.link.wait_heartbeat(timeout=TIMEOUT_S)
     require(beat is not None, "wait_heartbeat returned nothing")
     equal((s.link.target_system, beat.type, beat.autopilot), (1, 12, 0), "system and type")
 
@@ -144,7 +144,7 @@ def number_of_another_autopilot_is_refused(s: Session) -> None:
 
 def fetches_all_parameters(s: Session) -> None:
     s.link.param_fetch_all()
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while len(s.link.params) < len(DEFAULTS) and time.monotonic() < deadline_s:
         quiet = s.receive("PARAM_VALUE", RETRY_S) is None
         for name in [n for n in DEFAULTS if n not in s.link.params][:5] if quiet and s.slow else []:
@@ -197,7 +197,7 @@ def write_mission(s: Session, items: list[Any]) -> int:
         s.link.waypoint_count_send(len(items))
 
     request = s.ask(count, "MISSION_REQUEST_INT", lambda m: m.seq == 0)
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while time.monotonic() < deadline_s:
         name = "" if request is None else request.get_type()
         if name == "MISSION_ACK":
@@ -286,7 +286,7 @@ def starts_the_mission(s: Session) -> None:
 def dives(s: Session) -> None:
     """Check conditions over fields, as pymavlink's scripts use them."""
     condition = "GLOBAL_POSITION_INT.relative_alt < -1500"
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while s.receive("GLOBAL_POSITION_INT", 1.0, condition=condition) is None:
         require(time.monotonic() < deadline_s, "is never 1.5 m down")
     s.until(lambda: s.link.field("VFR_HUD", "alt", 0.0) < -1.0, "alt is not up")
@@ -309,7 +309,7 @@ def pauses_and_returns(s: Session) -> None:
 
 def reboot_while_armed_is_refused(s: Session) -> None:
     """Check ``reboot_autopilot``, and the reason of its refusal."""
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while "Reboot refused: armed" not in " ".join(s.texts):
         require(s.result(246, s.link.reboot_autopilot) not in (ACCEPTED, UNSUPPORTED), "accepted")
         s.receive("STATUSTEXT", 1.0)

@@ -21,7 +21,7 @@ from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.plugins.mavlink_direct import MavlinkMessage
 
-PATIENCE_S = 15.0
+TIMEOUT_S = 15.0
 RETRY_S = 1.0
 """Repeat a request on a lossy line, because MAVSDK does not."""
 AUTOPILOT = 1
@@ -30,7 +30,7 @@ Fields = dict[str, Any]
 
 
 async def first(
-    stream: Any, condition: Callable[[Any], bool] = lambda value: True, within_s: float = PATIENCE_S
+    stream: Any, condition: Callable[[Any], bool] = lambda value: True, within_s: float = TIMEOUT_S
 ) -> Any:
     """Return the first value of a subscription that meets a condition. Raises TimeoutError."""
 
@@ -114,7 +114,7 @@ class Client:
         self,
         name: str,
         condition: Callable[[Fields], bool] = lambda fields: True,
-        within_s: float = PATIENCE_S,
+        within_s: float = TIMEOUT_S,
     ) -> Fields:
         """Return the next message of a name. Raises TimeoutError."""
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
@@ -205,7 +205,7 @@ class Client:
 
     async def becomes(self, *, mode: str = "", armed: bool | None = None) -> None:
         """Wait until MAVSDK reports a flight mode, or the vehicle as armed. Raises TimeoutError."""
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while mode not in ("", self.flight_mode) or armed not in (None, self.armed):
             if time.monotonic() > deadline_s:
                 raise TimeoutError(f"mode is {self.flight_mode}, armed is {self.armed}")
@@ -216,7 +216,7 @@ async def connected(address: str, *, speed: float = 1.0, slow: bool = False) -> 
     """Connect to the first autopilot at an address. Raises TimeoutError."""
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await mavsdk.add_any_connection(address)
-    system = await mavsdk.first_autopilot(timeout_s=2 * PATIENCE_S)
+    system = await mavsdk.first_autopilot(timeout_s=2 * TIMEOUT_S)
     if system is None:
         raise TimeoutError(f"no autopilot on {address}")
     if address.startswith("serial://"):

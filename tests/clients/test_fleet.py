@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from tests.clients.fixture import STANDBY, wait_for_heartbeat
-from tests.helpers.subprocesses import PATIENCE_S, autopilot, free_port, process
+from tests.helpers.subprocesses import TIMEOUT_S, autopilot, free_port, process
 
 pytestmark = [pytest.mark.process, pytest.mark.client, pytest.mark.timeout(500)]
 SYSTEMS = (1, 2, 3)
@@ -49,7 +49,7 @@ def test_mavsdk_flies_three_vehicles_at_once_and_ground_reaches_each(
             run_ground(*set_radius, *arguments)
         arguments = ("--connect", address, "--vehicle-id", str(SYSTEMS[0]))
         assert float(run_ground("params", "get", "STN_RADIUS_M", *arguments)) == 20 + SYSTEMS[0]
-        finished = client.finish(patience_s=400.0)
+        finished = client.finish(timeout_s=400.0)
     assert finished.status == 0, finished.stderr[-3000:]
     flights = json.loads(finished.stdout.splitlines()[-1])
     with capsys.disabled():
@@ -63,6 +63,6 @@ def test_mavsdk_flies_three_vehicles_at_once_and_ground_reaches_each(
 def run_ground(*arguments: str) -> str:
     """Run a command of ``ground``; return its output."""
     command = [sys.executable, "-m", "ground", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -205,7 +205,7 @@ def test_campaign_with_a_live_page_is_interrupted(folder: Path) -> None:
         while "prototype flight" not in child.wait_for_line():
             pass
         child.signal(signal.SIGINT)
-        assert child.finish(patience_s=300.0).status == 130
+        assert child.finish(timeout_s=300.0).status == 130
 
 
 def test_commands_that_use_a_vehicle_run(folder: Path) -> None:

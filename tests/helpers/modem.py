@@ -66,7 +66,7 @@ class ModemEnd:
 
 
 class ModemChannel:
-    """Two modems, of which each hears nothing while it sends."""
+    """Two modems, of which each receives nothing while it sends."""
 
     def __init__(
         self, seed: int, *, delay_s: float = 3.0, loss: float = 0.3, bit_per_s: float = 1200.0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from ground.simulation import affinity
 from ground.simulation.processes import free_port as free_port
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 REAL_TIME_NICENESS, BACKGROUND_NICENESS = -5, 5
 """Niceness for three times and a third of the processor time of a normal program (sched(7)).
 
@@ -84,9 +84,9 @@ class Process:
     def signal(self, number: signal.Signals) -> None:
         self._popen.send_signal(number)
 
-    def finish(self, text: str = "", patience_s: float = PATIENCE_S) -> Finished:
+    def finish(self, text: str = "", timeout_s: float = TIMEOUT_S) -> Finished:
         """Write the rest of its input and wait for its end."""
-        stdout, stderr = self._popen.communicate(text, timeout=patience_s)
+        stdout, stderr = self._popen.communicate(text, timeout=timeout_s)
         return Finished(self._popen.returncode, stdout, stderr)
 
     def kill(self) -> None:

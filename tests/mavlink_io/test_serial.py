@@ -15,7 +15,7 @@ from mavlink_io.transport.serial_line import BACKLOG_BYTES, REOPEN_S
 from tests.helpers.pty_pair import Line, line
 
 BAUD = 115_200
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def opened(
 
 def until(happened: Callable[[], bool], transport: SerialTransport) -> None:
     """Wait on a transport, as its user does, until a condition holds."""
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while not happened():
         assert time.monotonic() < deadline_s
         if wait([transport], 0.02):
@@ -63,7 +63,7 @@ def test_serial_unplugged_line_reopens(cable: Line) -> None:
             "serial:vehicle: back",
         ]
         vehicle.send(b"here again")
-        assert wait([ground], PATIENCE_S) == [ground]
+        assert wait([ground], TIMEOUT_S) == [ground]
         assert ground.receive().startswith(b"here")
 
 
@@ -71,7 +71,7 @@ def test_serial_loss_during_write_is_reported_once(cable: Line) -> None:
     texts: list[str] = []
     with closing(opened(cable, "vehicle", texts)) as vehicle:
         cable.unplug("vehicle")
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while not texts:
             assert time.monotonic() < deadline_s
             vehicle.send(b"anybody there")

@@ -34,7 +34,7 @@ from mavlink_io.transport import (
 )
 from mavlink_io.transport.tcp import ACCEPT_PAUSE_S, CLIENT_IDLE_S, MAX_CLIENTS, READ_BYTES
 
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 SELECT_LIMIT = 1024
 """FD_SETSIZE of Linux: `select` accepts file descriptors below it."""
 
@@ -46,12 +46,12 @@ def free_port(kind: int = socket.SOCK_STREAM) -> int:
 
 
 def receive(transport: Transport) -> bytes:
-    assert wait([transport], PATIENCE_S) == [transport]
+    assert wait([transport], TIMEOUT_S) == [transport]
     return transport.receive()
 
 
 def receive_from(server: TcpServer) -> Sequence[Piece]:
-    assert wait([server], PATIENCE_S) == [server]
+    assert wait([server], TIMEOUT_S) == [server]
     return server.receive_from()
 
 
@@ -98,9 +98,9 @@ def test_wait_returns_ready_transports() -> None:
         closing(open_transport("memory:b")) as far_b,
     ):
         far_b.send(b"x")
-        assert wait([a, b], PATIENCE_S) == [b]
+        assert wait([a, b], TIMEOUT_S) == [b]
         far_a.send(b"y")
-        assert wait([a, b], PATIENCE_S) == [a, b]
+        assert wait([a, b], TIMEOUT_S) == [a, b]
 
 
 @pytest.fixture
@@ -139,7 +139,7 @@ def test_eager_wait_on_one_core_receives() -> None:
     ):
         timer = threading.Timer(0.02, far.send, [b"x"])
         timer.start()
-        assert wait([near], PATIENCE_S, eager=True) == [near]
+        assert wait([near], TIMEOUT_S, eager=True) == [near]
         timer.join()
 
 
@@ -216,7 +216,7 @@ def test_tcp_slow_reader_loses_nothing(server: TcpServer) -> None:
         reader.start()
         for block in blocks:
             server.send(block)
-        reader.join(PATIENCE_S)
+        reader.join(TIMEOUT_S)
     assert bytes(received) == b"".join(blocks)
 
 
@@ -235,7 +235,7 @@ def test_tcp_client_that_reads_late_is_at_most_two_megabytes_behind() -> None:
         closing(TcpServer("tcpin:127.0.0.1:0", "127.0.0.1", 0, send_timeout_s=0.1)) as server,
         socket.create_connection(("127.0.0.1", server.port)),
     ):
-        wait([server], PATIENCE_S)
+        wait([server], TIMEOUT_S)
         server.receive()
         accepted = 0
         while server.newest is not None and accepted < 20_000_000:
@@ -247,7 +247,7 @@ def test_tcp_client_that_reads_late_is_at_most_two_megabytes_behind() -> None:
 def test_tcp_closed_server_raises_link_lost(server: TcpServer) -> None:
     with client(server) as ground:
         server.close()
-        assert wait([ground], PATIENCE_S) == [ground]
+        assert wait([ground], TIMEOUT_S) == [ground]
         with pytest.raises(LinkLostError, match=r"^tcp:127.0.0.1:\d+: closed by the other end$"):
             ground.receive()
 
@@ -351,13 +351,13 @@ def test_wait_handle_number_above_1023_is_ready_with_data() -> None:
         with closing(HighHandle(number)) as high:
             assert wait([high], 0.0) == []
             near.send(b"data")
-            assert wait([high], PATIENCE_S, eager=True) == [high]
+            assert wait([high], TIMEOUT_S, eager=True) == [high]
 
 
 def connected(server: TcpServer, count: int) -> list[socket.socket]:
     sockets = [socket.create_connection(("127.0.0.1", server.port)) for _ in range(count)]
     for connection in sockets:
-        connection.settimeout(PATIENCE_S)
+        connection.settimeout(TIMEOUT_S)
     return sockets
 
 
@@ -412,7 +412,7 @@ def test_tcp_server_without_files_pauses_and_serves_its_clients(
     server.receive()
     assert len(server.handles()) == 1  # the listener is not watched: it would be ready for ever
     first.send(b"still here")
-    assert wait([server], PATIENCE_S) == [server]
+    assert wait([server], TIMEOUT_S) == [server]
     assert server.receive() == b"still here"
     monkeypatch.setattr(server, "_listener", real)
     now_s[0] = ACCEPT_PAUSE_S
@@ -429,7 +429,7 @@ def test_tcp_server_partial_frame_keeps_other_client(server: TcpServer) -> None:
     framer, counts = Framer(), []
     for sender, data in ((slow, heartbeat[:7]), (quick, heartbeat), (slow, heartbeat[7:])):
         sender.send(data)
-        assert wait([server], PATIENCE_S) == [server]
+        assert wait([server], TIMEOUT_S) == [server]
         counts.append(sum(len(framer.feed(part, peer)) for peer, part in server.receive_from()))
     assert (counts, framer.rejected_frames) == ([0, 1, 1], 0)
     slow.close()
@@ -445,7 +445,7 @@ def test_tcp_server_reads_a_bounded_amount_and_loses_nothing(server: TcpServer) 
         sender.sendall(count * heartbeat)
     framer, frames = Framer(), 0
     while frames < 2 * count:
-        assert wait([server], PATIENCE_S) == [server]
+        assert wait([server], TIMEOUT_S) == [server]
         pieces = server.receive_from()
         assert sum(len(data) for _, data in pieces) <= READ_BYTES
         frames += sum(len(framer.feed(data, peer)) for peer, data in pieces)

@@ -10,7 +10,7 @@ import pytest
 from mavlink_io.transport import Transport, UdpTransport, open_transport, wait
 from mavlink_io.transport.udp import MAX_PEERS
 
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 SILENCE_S = 0.1
 """Loopback delivers within microseconds; a datagram that is missing after it was dropped."""
 
@@ -18,7 +18,7 @@ SILENCE_S = 0.1
 def udp_socket(port: int = 0) -> socket.socket:
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     bound.bind(("127.0.0.1", port))
-    bound.settimeout(PATIENCE_S)
+    bound.settimeout(TIMEOUT_S)
     return bound
 
 
@@ -26,7 +26,7 @@ def port_of(bound: socket.socket) -> int:
     return int(bound.getsockname()[1])
 
 
-def receive(transport: Transport, within_s: float = PATIENCE_S) -> bytes:
+def receive(transport: Transport, within_s: float = TIMEOUT_S) -> bytes:
     """Return the data received within the time; a socket may be ready for an error alone."""
     deadline_s = time.monotonic() + within_s
     while (left_s := deadline_s - time.monotonic()) > 0.0:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 START_S = 180.0
 """Time for the simulator's first answer; on a busy machine it may compile its physics first."""
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 RESEND_S = 1.0
 NEUTRAL = 1500
 
@@ -62,12 +62,12 @@ class ArduPilot:
     def send(self, datagram: bytes) -> None:
         self._socket.sendto(datagram, self._simulator)
 
-    def receive(self, patience_s: float = PATIENCE_S) -> bytes:
+    def receive(self, timeout_s: float = TIMEOUT_S) -> bytes:
         """Return one datagram.
 
         Raises TimeoutError: none has arrived.
         """
-        self._socket.settimeout(patience_s)
+        self._socket.settimeout(timeout_s)
         return self._socket.recv(65536)
 
     def step(self, pulses_us: Sequence[int] = ()) -> Motion:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 START_S = 180.0
 """Time to connect; on a busy machine the simulator may compile its physics first."""
 TRUTH_INTERVAL_US = 5000
@@ -45,7 +45,7 @@ class Px4:
         self._begin(("127.0.0.1", port))
 
     def _begin(self, simulator: tuple[str, int]) -> None:
-        self._socket.settimeout(PATIENCE_S)
+        self._socket.settimeout(TIMEOUT_S)
         self._simulator = simulator
         self._mavlink = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         self._waiting: list[Any] = []
@@ -66,13 +66,13 @@ class Px4:
             self._mavlink.command_long_encode(0, 0, command, 0, wanted, interval_us, 0, 0, 0, 0, 0)
         )
 
-    def receive(self, patience_s: float = PATIENCE_S) -> Instant:
+    def receive(self, timeout_s: float = TIMEOUT_S) -> Instant:
         """Wait for HIL_SENSOR, as PX4 does.
 
         Raises TimeoutError: none has arrived.
         """
         messages: list[Any] = []
-        until_s = time.monotonic() + patience_s
+        until_s = time.monotonic() + timeout_s
         while True:
             while self._waiting:
                 message = self._waiting.pop(0)

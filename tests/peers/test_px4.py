@@ -57,7 +57,7 @@ def is_waited_for(px4: Px4, nth: int = 1) -> bool:
         for _ in range(nth):
             px4.receive()
         try:
-            px4.receive(patience_s=NOTHING_S)
+            px4.receive(timeout_s=NOTHING_S)
         except TimeoutError:
             return True
         finally:

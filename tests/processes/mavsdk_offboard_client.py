@@ -20,7 +20,7 @@ from mavsdk.plugins.offboard import Attitude, PositionNedYaw
 
 from tests.helpers.docs_blocks import python_of
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 async def until(stream: Any, condition: Any) -> Any:
@@ -29,7 +29,7 @@ async def until(stream: Any, condition: Any) -> Any:
             if condition(value):
                 return value
 
-    return await asyncio.wait_for(take(), PATIENCE_S)
+    return await asyncio.wait_for(take(), TIMEOUT_S)
 
 
 async def run_snippet(offboard: OffboardAsync) -> None:
@@ -43,7 +43,7 @@ async def run_snippet(offboard: OffboardAsync) -> None:
 async def steer(address: str) -> dict[str, Any]:
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await mavsdk.add_any_connection(address)
-    system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
+    system = await mavsdk.first_autopilot(timeout_s=TIMEOUT_S)
     action, offboard, telemetry = ActionAsync(system), OffboardAsync(system), TelemetryAsync(system)
     results: dict[str, Any] = {}
     await until(telemetry.subscribe_health_all_ok(), lambda healthy: healthy)

@@ -20,7 +20,7 @@ from mavlink_io.transport.tcp import MAX_CLIENTS
 from tests.helpers.exchange import run
 from tests.helpers.fake_hil import TICK_US
 from tests.helpers.subprocesses import (
-    PATIENCE_S,
+    TIMEOUT_S,
     Process,
     autopilot,
     free_port,
@@ -65,9 +65,9 @@ def connect_many(port: int, count: int, stack: ExitStack) -> list[socket.socket]
     return sockets
 
 
-def closed_by_peer(sockets: list[socket.socket], patience_s: float) -> int:
+def closed_by_peer(sockets: list[socket.socket], timeout_s: float) -> int:
     """Return how many connections the other end closes within a time."""
-    closed, deadline_s = 0, time.monotonic() + patience_s
+    closed, deadline_s = 0, time.monotonic() + timeout_s
     with selectors.DefaultSelector() as selector:
         for connection in sockets:
             selector.register(connection, selectors.EVENT_READ)
@@ -119,7 +119,7 @@ def test_connection_flood_leaves_the_first_client_served(flood_harness: FloodHar
             time.sleep(2.0 * BURST_S)
             assert harness.simulator.ask(tick * TICK_US).time_usec == tick * TICK_US
         assert harness.ground.command(512, 148) == 0
-        assert closed_by_peer(sockets, PATIENCE_S) >= FLOOD - MAX_CLIENTS
+        assert closed_by_peer(sockets, TIMEOUT_S) >= FLOOD - MAX_CLIENTS
         assert harness.ground.command(512, 148) == 0
     harness.process.signal(signal.SIGTERM)
     assert harness.process.finish() == (0, "", "")

@@ -20,7 +20,7 @@ from mavlink_io.transport import Transport, open_transport, wait
 from tests.helpers.exchange import run
 from tests.helpers.fake_hil import TICK_US, sensors
 from tests.helpers.subprocesses import (
-    PATIENCE_S,
+    TIMEOUT_S,
     Process,
     autopilot,
     free_port,
@@ -47,7 +47,7 @@ class Simulator:
 
     def answer(self) -> Any:
         while True:
-            assert wait([self._transport], PATIENCE_S)
+            assert wait([self._transport], TIMEOUT_S)
             for frame in self._endpoint.receive():
                 assert frame.name == "HIL_ACTUATOR_CONTROLS"
                 return frame.decode()
@@ -80,7 +80,7 @@ class Ground:
         return int(self.wait_for("COMMAND_ACK").result)
 
     def frames(self) -> list[Frame]:
-        return self.endpoint.receive() if wait([self.transport], PATIENCE_S) else []
+        return self.endpoint.receive() if wait([self.transport], TIMEOUT_S) else []
 
     def wait_for(self, name: str) -> Any:
         while True:

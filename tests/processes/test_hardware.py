@@ -146,7 +146,7 @@ def fly(folder: Path, hil_baud: int, ground_baud: int) -> Flown:
             "--json",
         ) as ground,
     ):
-        finished = ground.finish(patience_s=120.0)
+        finished = ground.finish(timeout_s=120.0)
         stderr = vehicle_rig.stop()
     wall_s = time.monotonic() - start_s
     return Flown(finished, stderr, Truth.read(vehicle_rig.truth), log, wall_s)

@@ -37,7 +37,7 @@ def test_arm_before_first_sensor_sample_waits_for_it(monkeypatch: pytest.MonkeyP
         later = Timer(DELAY_S, lambda: stack.enter_context(process(*simulator)))
         later.start()
         stack.callback(later.join)
-        vehicle.arm(patience_s=STANDBY_S)
+        vehicle.arm(timeout_s=STANDBY_S)
         texts = [text.text for text in vehicle.texts]
     assert "Not armed: no sensors" in texts
     assert texts[-1] == "Armed: HOLD"

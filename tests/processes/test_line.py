@@ -15,10 +15,10 @@ BAUD = 57_600
 TEXT = bytes(range(256)) * 16
 
 
-PATIENCE_S, QUIET_S = 30.0, 0.2
+TIMEOUT_S, QUIET_S = 30.0, 0.2
 
 
-def opened(device: str, timeout_s: float = PATIENCE_S) -> serial.Serial:
+def opened(device: str, timeout_s: float = TIMEOUT_S) -> serial.Serial:
     return serial.Serial(device, BAUD, timeout=timeout_s, exclusive=True)
 
 
@@ -36,7 +36,7 @@ def through(
 
 def wait_until_carried(cable: Line, count: int) -> None:
     """Wait until this number of bytes has left the vehicle's end."""
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while cable.carried("vehicle") < count:
         assert time.monotonic() < deadline_s
         time.sleep(QUANTUM_S)

@@ -57,7 +57,7 @@ class Modem:
         start_s = time.monotonic()
         link = ("--connect", f"udpin:127.0.0.1:{self.ground_port}", "--modem", str(RETRY_S))
         with process("-m", "ground", *arguments, *link) as child:
-            finished = child.finish(patience_s=2.0 * BUDGET_S + OTHER_S)
+            finished = child.finish(timeout_s=2.0 * BUDGET_S + OTHER_S)
         took_s = time.monotonic() - start_s
         print(f"ground {' '.join(arguments)}: {took_s:.0f} s; {finished.stdout.strip()}")
         assert took_s > 2.0 * DELAY_S, "there and back"
@@ -131,7 +131,7 @@ def test_mavsdk_commands_a_vehicle_over_a_modem(
         tcp_server(modem.ground_port) as port,
         process(*client, f"tcpout://127.0.0.1:{port}", str(RETRY_S)) as program,
     ):
-        finished = program.finish(patience_s=5.0 * BUDGET_S)
+        finished = program.finish(timeout_s=5.0 * BUDGET_S)
     assert finished.status == 0, finished.stderr[-3000:]
     calls = json.loads(finished.stdout.splitlines()[-1])
     with capsys.disabled():

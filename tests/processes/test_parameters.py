@@ -12,7 +12,7 @@ from mavlink_io.services import params
 from mavlink_io.transport import open_transport
 from tests.clients.mavproxy_console import Console
 from tests.helpers.exchange import run
-from tests.helpers.subprocesses import PATIENCE_S, autopilot, free_port, process
+from tests.helpers.subprocesses import TIMEOUT_S, autopilot, free_port, process
 
 pytestmark = [pytest.mark.process, pytest.mark.client]
 
@@ -25,7 +25,7 @@ def test_mavproxy_downloads_parameter_file(tmp_path: Path) -> None:
     with autopilot(f"udpin:127.0.0.1:{free_port()}", f"udpout:127.0.0.1:{port}"):
         console = Console(tmp_path, f"udp:127.0.0.1:{port}")
         try:
-            console.wait_for(rf"Received {len(PARAMETERS)} parameters \(ftp\)", PATIENCE_S)
+            console.wait_for(rf"Received {len(PARAMETERS)} parameters \(ftp\)", TIMEOUT_S)
             console.ask("param show HDG_P", r"HDG_P\s+0\.64999")
             console.type_line("param set HDG_P 0.75")
             console.ask("param diff", r"HDG_P\s+0\.750000 +0\.650000", attempts=5)

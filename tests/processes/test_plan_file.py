@@ -34,7 +34,7 @@ def fly(folder: Path, content: dict[str, Any]) -> Finished:
     files = (word if word.startswith("--") else str(folder / word) for word in names)
     command = ("-m", "ground", "fly", str(folder / "area.plan"), "--sitl", *files)
     with process(*command) as child:
-        return child.finish(patience_s=LONGEST_S)
+        return child.finish(timeout_s=LONGEST_S)
 
 
 def telemetry(path: Path, *names: str) -> list[Any]:

@@ -17,7 +17,7 @@ from mcap.stream_reader import StreamReader
 
 from mavlink_io import dialect
 from mavlink_io.codec import Framer, encode
-from tests.helpers.subprocesses import PATIENCE_S
+from tests.helpers.subprocesses import TIMEOUT_S
 
 pytestmark = pytest.mark.process
 
@@ -166,7 +166,7 @@ def test_without_wait_for_arm_time_runs_disarmed(sitl: Start, peer: Peer) -> Non
 def test_silent_autopilot_ends_run_with_reason(sitl: Start, peer: Peer) -> None:
     process = sitl("--hil", peer.address, "--speed", "max")
     peer.fly(50)
-    _, message = process.communicate(timeout=PATIENCE_S)
+    _, message = process.communicate(timeout=TIMEOUT_S)
     assert process.returncode == 1
     assert message == "sitl: the autopilot stopped answering at vehicle time 1.00 s\n"
 
@@ -179,7 +179,7 @@ def test_stop_signal_ends_run_cleanly(
     process = sitl("--hil", peer.address, "--speed", "max", "--truth", str(log))
     peer.fly(100)
     process.send_signal(number)
-    assert process.communicate(timeout=PATIENCE_S) == ("", "")
+    assert process.communicate(timeout=TIMEOUT_S) == ("", "")
     assert process.returncode == 0
     assert truth_times(log) == [tick * TICK_US for tick in range(101)]
 
@@ -191,7 +191,7 @@ def test_burst_of_end_signals_ends_run(sitl: Start, peer: Peer, attempt: int) ->
     peer.fly(10 + attempt)
     for count in range(4000):
         process.send_signal(signal.SIGINT if count % 2 else signal.SIGTERM)
-    _, message = process.communicate(timeout=PATIENCE_S)
+    _, message = process.communicate(timeout=TIMEOUT_S)
     assert "Traceback" not in message
 
 
@@ -201,7 +201,7 @@ def test_killed_run_keeps_truth_to_last_flush(sitl: Start, peer: Peer, tmp_path:
     process = sitl("--hil", peer.address, "--speed", "1", "--truth", str(log))
     peer.fly(150)
     os.kill(process.pid, signal.SIGKILL)
-    process.wait(PATIENCE_S)
+    process.wait(TIMEOUT_S)
     times = truth_times(log)
     assert times == [tick * TICK_US for tick in range(len(times))]
     assert len(times) > 100
@@ -235,7 +235,7 @@ def test_bad_input_gets_one_line_and_status_2(
     sitl: Start, arguments: tuple[str, str], named: str
 ) -> None:
     process = sitl(*arguments)
-    output, message = process.communicate(timeout=PATIENCE_S)
+    output, message = process.communicate(timeout=TIMEOUT_S)
     assert (process.returncode, output) == (2, "")
     assert named in message
     assert message.count("\n") == 1

@@ -33,7 +33,7 @@ surface = true
 
 def ground(*words: str) -> Finished:
     with process("-m", "ground", *words) as child:
-        return child.finish(patience_s=LONGEST_S)
+        return child.finish(timeout_s=LONGEST_S)
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def interrupted_dive(address: str, folder: Path) -> Finished:
             assert time.monotonic() < deadline
             time.sleep(0.05)
         child.signal(signal.SIGINT)
-        return child.finish(patience_s=LONGEST_S)
+        return child.finish(timeout_s=LONGEST_S)
 
 
 def test_interrupted_dive_is_held_and_ended_by_commands(address: str, tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def fly(folder: Path, faults: str) -> Finished:
     (folder / "sea.toml").write_text(SEA + faults, encoding="utf-8")
     files = "--scenario", str(folder / "sea.toml"), "--log", str(folder / "dive.mcap")
     with process("-m", "ground", "fly", str(folder / "down.toml"), "--sitl", *files) as ground:
-        return ground.finish(patience_s=240.0)
+        return ground.finish(timeout_s=240.0)
 
 
 def test_fly_elevator_stuck_down_ends_with_reason(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ import pytest
 from mavlink_io.errors import InputError
 from sysid import trials
 from sysid.trials import TrialsError, key_of, map_trials
-from tests.helpers.subprocesses import PATIENCE_S
+from tests.helpers.subprocesses import TIMEOUT_S
 
 ROOT = Path(__file__).parents[2]
 
@@ -231,7 +231,7 @@ def test_killed_study_continues_and_leaves_no_process(tmp_path: Path, runs: Path
     script.write_text(program, encoding="utf-8")
     source = str(Path(__file__).parents[2])
     study = subprocess.Popen([sys.executable, str(script)], env=os.environ | {"PYTHONPATH": source})
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while not (keep.exists() and keep.read_bytes().count(b"\n") > 5):
         assert time.monotonic() < deadline_s
         time.sleep(0.01)

@@ -73,7 +73,7 @@ _UNITS = {
     "az": {"_mps2": 1.0},
 }
 """Factor to SI units by suffix, for each quantity."""
-_LARGEST = {
+_MAX_ABS = {
     "pitch": 0.5 * math.pi,
     "rudder": 0.5 * math.pi,
     "elevator": 0.5 * math.pi,
@@ -334,10 +334,10 @@ def _check_unit(path: Path, name: str, quantity: str, values: Array, factor: flo
             f"{path}: column {name}: no value above 0; give the speed forward as positive, or leave"
             " the column out"
         )
-    if quantity not in _LARGEST:
+    if quantity not in _MAX_ABS:
         return
     finite = np.abs(known)
-    large, limit = float(np.quantile(finite, UNIT_QUANTILE)), _LARGEST[quantity]
+    large, limit = float(np.quantile(finite, UNIT_QUANTILE)), _MAX_ABS[quantity]
     if large > limit * (1.0 + 1e-9):
         raise LogError(
             f"{path}: column {name}: values of {large / factor:.6g}; at most {limit / factor:.4g}"

@@ -34,7 +34,7 @@ Fewer such samples are late datagrams."""
 _PARAMETER_NAME = re.compile(r"[A-Z0-9_]+")
 GAP_INTERVALS = 1.9
 """Interval of two samples, in usual intervals, from which on samples are lost."""
-LARGEST_VALUE = 1e9
+MAX_ABS_VALUE = 1e9
 """Largest value of a measurement in any unit that logs use (mm, cm/s, deg, rad)."""
 MAX_TIME_DIFFERENCE_S = 0.1
 """Maximum time difference of corresponding samples of two streams."""
@@ -287,11 +287,11 @@ def _series(mask: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
 def usable(time_s: Array, *columns: NDArray[Any]) -> NDArray[np.bool_]:
     """Return a mask of samples with finite values, each later than all usable ones before it.
 
-    Values beyond LARGEST_VALUE are no measurements.
+    Values beyond MAX_ABS_VALUE are no measurements.
     """
     finite = np.isfinite(time_s)
     for column in columns:
-        finite &= np.isfinite(column) & (np.abs(column) <= LARGEST_VALUE)
+        finite &= np.isfinite(column) & (np.abs(column) <= MAX_ABS_VALUE)
     finite[finite] = strictly_increasing(time_s[finite])
     return finite
 

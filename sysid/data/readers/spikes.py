@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sysid.data.dataset import Array
 from sysid.data.readers.samples import (
     GAP_INTERVALS,
-    LARGEST_VALUE,
+    MAX_ABS_VALUE,
     FileDamage,
     MessageColumns,
     ahead_of_others,
@@ -30,7 +30,7 @@ AGREEMENT = 0.5
 """Largest difference of the two neighbours, as a fraction of the spike."""
 MIN_SAMPLES = 8
 """Number of samples below which the noise is not estimated."""
-LONGEST_GAP = 1000.0
+MAX_GAP_PERIODS = 1000.0
 """Longest time between an outermost sample and the next one, in intervals of the samples."""
 END_SAMPLES = 5
 """Samples at an end of a column by which the outermost one is judged."""
@@ -127,7 +127,7 @@ def contradicted(values: Array, plausible: Plausible) -> NDArray[np.bool_]:
     mask = np.zeros(values.size, bool)
     if values.size < MIN_SAMPLES:
         return mask
-    measured = np.isfinite(values) & (np.abs(values) <= LARGEST_VALUE)
+    measured = np.isfinite(values) & (np.abs(values) <= MAX_ABS_VALUE)
     before = _wrapped(values[1:-1] - values[:-2], plausible.period)
     after = _wrapped(values[1:-1] - values[2:], plausible.period)
     across = _wrapped(values[2:] - values[:-2], plausible.period)
@@ -159,7 +159,7 @@ def _out_of_order(time_s: Array) -> NDArray[np.bool_]:
     mask = np.zeros(time_s.size, bool)
     before, now, after = time_s[:-2], time_s[1:-1], time_s[2:]
     mask[1:-1] = (before < after) & ((now < before) | (now > after) | ~np.isfinite(now))
-    longest_s = LONGEST_GAP * float(np.median(np.diff(time_s)))
+    longest_s = MAX_GAP_PERIODS * float(np.median(np.diff(time_s)))
     mask[0] = not 0.0 <= time_s[1] - time_s[0] <= longest_s
     mask[-1] = not 0.0 <= time_s[-1] - time_s[-2] <= longest_s
     return mask

@@ -14,7 +14,7 @@ from autopilot.comms.ground_links import (
     ground_link,
 )
 from mavlink_io import dialect
-from mavlink_io.codec import LARGEST_FRAME, Frame, Framer, encode
+from mavlink_io.codec import MAX_FRAME_BYTES, Frame, Framer, encode
 
 BAUDS = st.sampled_from((1200, 9600, 38_400, 57_600, 115_200, 921_600))
 
@@ -118,7 +118,8 @@ def test_limited_link_never_exceeds_rate(baud: int, step_list: list[Step]) -> No
         for time_s, data in written[first:]:
             sent += len(data)
             assert (
-                sent <= max(LARGEST_FRAME, 0.1 * rate) + rate * (time_s - written[first][0]) + 1e-6
+                sent
+                <= max(MAX_FRAME_BYTES, 0.1 * rate) + rate * (time_s - written[first][0]) + 1e-6
             )
 
 
@@ -169,7 +170,7 @@ def test_limited_link_shares_rate_between_bulk_and_telemetry() -> None:
     link = ground_link(line, 1)
     for stamp in range(3000):
         line.now_s = stamp * BATCH_S
-        while link.room_bytes() >= LARGEST_FRAME:
+        while link.room_bytes() >= MAX_FRAME_BYTES:
             send_step(link, Step("bulk", 0, 0.0), stamp)
         for number in range(3):
             send_step(link, Step("telemetry", number, 0.0), stamp)
@@ -191,7 +192,7 @@ def test_room_bytes_limits_delay_of_replies(address: str) -> None:
     link = ground_link(line, 1)
     for tick in range(200):
         line.now_s = tick * 0.05
-        while link.room_bytes() >= LARGEST_FRAME:
+        while link.room_bytes() >= MAX_FRAME_BYTES:
             send_step(link, Step("bulk", 0, 0.0), tick)
         link.flush(line.now_s)
     line.now_s += 0.05

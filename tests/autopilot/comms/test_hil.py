@@ -59,13 +59,13 @@ def only_sample(link: hil.HilLink) -> HilSample:
     return sample
 
 
-def heard(line: Line, sent: Sensors) -> HilSample:
+def received(line: Line, sent: Sensors) -> HilSample:
     line.near.send(line.sitl.datagram(sent, None))
     return only_sample(line.autopilot)
 
 
 def test_sample_contains_all_device_records(line: Line) -> None:
-    sample = heard(line, FULL)
+    sample = received(line, FULL)
     assert sample.sensors.fields_updated == SENSORS_ALL
     for name in ("gps", "altimeter", "dvl", "battery"):
         reported = getattr(sample, name)
@@ -74,8 +74,8 @@ def test_sample_contains_all_device_records(line: Line) -> None:
 
 
 def test_device_records_are_in_one_sample_only(line: Line) -> None:
-    heard(line, FULL)
-    sample = heard(line, Sensors(sensors(40_000), None, None))
+    received(line, FULL)
+    sample = received(line, Sensors(sensors(40_000), None, None))
     assert sample._replace(frames=()) == HilSample(sensors=_again(40_000))
     assert [frame.name for frame in sample.frames] == ["HIL_SENSOR"]
 
@@ -110,7 +110,7 @@ def test_relay_sends_dvl_and_encoders_but_not_battery(
     line: Line,
 ) -> None:
     harness = Harness(Station(), Station(254))
-    harness.server.relay(heard(line, FULL).relayed)
+    harness.server.relay(received(line, FULL).relayed)
     harness.server.flush()
     for station in harness.stations:
         reported = [

@@ -197,7 +197,7 @@ def results(out: Path) -> dict[str, Any]:
 @pytest.mark.timeout(600)
 def test_campaign_killed_at_any_stage_and_resumed_is_identical(tmp_path: Path) -> None:
     with process("-m", __name__, str(tmp_path)) as checks:  # one thread, so that it may fork
-        ended = checks.finish(patience_s=580.0)
+        ended = checks.finish(timeout_s=580.0)
     assert ended.status == 0, ended.stderr
 
 

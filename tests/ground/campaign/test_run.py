@@ -492,10 +492,10 @@ def test_pitch_limit_of_repeated_tests_is_kept_for_all_gains(
 ) -> None:
     campaign, _ = _without_simulation(tmp_path, monkeypatch, 12.0)
     gains = {"initial": {"HDG_P": 1.0}, "improved": {"HDG_P": 2.0}}
-    assert campaign._limit_as_taught(gains) == gains
+    assert campaign._apply_failsafe_limits(gains) == gains
     campaign.dives.fly("identification", "elevator_steps", {})
     campaign.dives.fly("identification", "rudder_steps", {"PTCH_LIM_DEG": 12.0})
-    limited = campaign._limit_as_taught(gains)
+    limited = campaign._apply_failsafe_limits(gains)
     assert limited == {name: {**values, "PTCH_LIM_DEG": 12.0} for name, values in gains.items()}
 
 

@@ -17,7 +17,7 @@ from ground.__main__ import app
 from mavlink_io.errors import InputError
 from tests.browser import check_layout, needs_chromium, opened
 from tests.ground.sweep.conftest import folder as folder
-from tests.helpers.subprocesses import PATIENCE_S
+from tests.helpers.subprocesses import TIMEOUT_S
 
 ROOT = Path(__file__).parents[3]
 
@@ -45,7 +45,7 @@ def start(plan: Path, out: str) -> "subprocess.Popen[bytes]":
 
 def until(condition: Callable[[], object]) -> None:
     """Wait for a condition."""
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while not condition():
         assert time.monotonic() < deadline_s
         time.sleep(0.01)

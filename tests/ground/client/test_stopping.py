@@ -81,7 +81,7 @@ def test_unconfirmed_command_names_the_time_that_was_waited(
     command: str, fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Over a modem the wait is longer than the default."""
-    monkeypatch.setattr(VehicleClient, "patience_s", lambda vehicle, default_s: 2.0 * default_s)
+    monkeypatch.setattr(VehicleClient, "link_timeout_s", lambda vehicle, default_s: 2.0 * default_s)
     fake.enters_modes = False
     done = ground(command)
     assert isinstance(done.exception, OperationError)
@@ -257,28 +257,34 @@ def connected(fake: FakeVehicle) -> VehicleClient:
     return vehicle
 
 
-def test_left_behind_under_way_names_mode_and_commands(fake: FakeVehicle) -> None:
-    said = stopping.left_behind(connected(fake), ADDRESS, None)
+def test_remaining_state_under_way_names_mode_and_commands(fake: FakeVehicle) -> None:
+    said = stopping.describe_remaining_state(connected(fake), ADDRESS, None)
     assert said == f"the vehicle is still under way in mode MISSION: {STOP}"
 
 
-def test_left_behind_signed_link_repeats_its_key(fake: FakeVehicle) -> None:
-    said = stopping.left_behind(connected(fake), ADDRESS, Path("my key"))
+def test_remaining_state_signed_link_repeats_its_key(fake: FakeVehicle) -> None:
+    said = stopping.describe_remaining_state(connected(fake), ADDRESS, Path("my key"))
     assert said.count(f"--connect {ADDRESS} --sign 'my key'`") == 2
 
 
-def test_left_behind_disarmed(fake: FakeVehicle) -> None:
+def test_remaining_state_disarmed(fake: FakeVehicle) -> None:
     fake.heartbeat(armed=False)
-    assert stopping.left_behind(connected(fake), ADDRESS, None) == "the vehicle is disarmed"
+    assert (
+        stopping.describe_remaining_state(connected(fake), ADDRESS, None)
+        == "the vehicle is disarmed"
+    )
 
 
-def test_left_behind_while_arming_is_not_disarmed(fake: FakeVehicle) -> None:
+def test_remaining_state_while_arming_is_not_disarmed(fake: FakeVehicle) -> None:
     fake.heartbeat(armed=False)
     vehicle = connected(fake)
     vehicle.arm()
     assert not vehicle.armed, "no heartbeat has come yet"
-    assert stopping.left_behind(vehicle, ADDRESS, None) == f"the vehicle was about to arm: {STOP}"
+    assert (
+        stopping.describe_remaining_state(vehicle, ADDRESS, None)
+        == f"the vehicle was about to arm: {STOP}"
+    )
 
 
-def test_left_behind_before_any_vehicle_says_nothing(fake: FakeVehicle) -> None:
-    assert stopping.left_behind(VehicleClient(fake.ground_end), ADDRESS, None) == ""
+def test_remaining_state_before_any_vehicle_says_nothing(fake: FakeVehicle) -> None:
+    assert stopping.describe_remaining_state(VehicleClient(fake.ground_end), ADDRESS, None) == ""

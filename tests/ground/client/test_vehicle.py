@@ -119,7 +119,7 @@ def test_arm_never_ready_vehicle_reports_its_reason(
     fake.heartbeat(status=BOOT)
     vehicle.pump(0.0)
     with pytest.raises(VehicleClientError, match=r"temporarily rejected \(Not armed: no sensors"):
-        vehicle.arm(patience_s=0.1)
+        vehicle.arm(timeout_s=0.1)
 
 
 @pytest.fixture
@@ -208,8 +208,11 @@ def test_a_long_text_is_one_text(fake: FakeVehicle) -> None:
     vehicle.pump(0.0)
     vehicle.pump(0.0)
     vehicle.pump(0.0)
-    heard = [text.text for text in vehicle.texts]
-    assert heard == ["SystemID Starting: axis=12 wave=doublet magnitude=4.00", "SystemID Finished"]
+    received = [text.text for text in vehicle.texts]
+    assert received == [
+        "SystemID Starting: axis=12 wave=doublet magnitude=4.00",
+        "SystemID Finished",
+    ]
 
 
 def test_arming_and_disarming_in_one_read_is_counted(fake: FakeVehicle) -> None:

@@ -15,7 +15,7 @@ import pytest
 from ground.sweep import engine, plan_file, run
 from mavlink_io.errors import InputError
 from sysid.trials import TrialsError, map_trials
-from tests.helpers.subprocesses import PATIENCE_S, Process, process
+from tests.helpers.subprocesses import TIMEOUT_S, Process, process
 
 
 def half(value: int) -> float:
@@ -122,7 +122,7 @@ def started_cluster() -> Iterator[tuple[str, Process]]:
 
 
 @pytest.mark.process
-@pytest.mark.timeout(4.0 * PATIENCE_S)
+@pytest.mark.timeout(4.0 * TIMEOUT_S)
 def test_killed_scheduler_is_one_line_and_the_sweep_continues(folder: Path) -> None:
     pytest.importorskip("distributed")
     plan = folder / "plan.toml"

@@ -11,15 +11,15 @@ TICK_US = 4000
 
 def fly(answer_rate: AnswerRate, frames: range, nth: int = 1, behind_us: int = 0) -> list[float]:
     """Answer every nth frame with a clock that is ``behind_us`` behind; return the wait times."""
-    patience = []
+    timeouts = []
     for number in frames:
         asked_us = number * TICK_US
-        patience.append(answer_rate.wait_timeout_s(asked_us))
+        timeouts.append(answer_rate.wait_timeout_s(asked_us))
         if number % nth == 0:
             assert answer_rate.record_answer(asked_us - behind_us, asked_us, lockstep=True)
         else:
             answer_rate.record_timeout(asked_us)
-    return patience
+    return timeouts
 
 
 def test_before_first_answer_wait_is_one_step() -> None:
@@ -40,8 +40,8 @@ def test_after_answer_every_frame_is_due(behind_us: int) -> None:
 def test_periodic_answers_only_due_frames_are_waited_for(nth: int) -> None:
     answer_rate = AnswerRate(TICK_US)
     fly(answer_rate, range(1, 3 * nth + 1), nth)
-    patience = fly(answer_rate, range(3 * nth + 1, 8 * nth + 1), nth)
-    assert patience == ([0.0] * (nth - 1) + [ANSWER_TIMEOUT_S]) * 5
+    timeouts = fly(answer_rate, range(3 * nth + 1, 8 * nth + 1), nth)
+    assert timeouts == ([0.0] * (nth - 1) + [ANSWER_TIMEOUT_S]) * 5
     fly(answer_rate, range(8 * nth + 1, 8 * nth + 3))
     assert set(fly(answer_rate, range(8 * nth + 3, 8 * nth + 20))) == {ANSWER_TIMEOUT_S}, (
         "back to every frame"
@@ -94,12 +94,12 @@ def test_any_history_never_waits_twice_without_answer(
     """After one wait without an answer there is no further wait until the next answer."""
     answer_rate, in_vain = AnswerRate(TICK_US), False
     for number, (is_answered, late, lockstep) in enumerate(history, 1):
-        patience_s = answer_rate.wait_timeout_s(number * TICK_US)
-        assert 0.0 <= patience_s <= ANSWER_TIMEOUT_S
-        assert not (in_vain and patience_s > 0.004 + 1e-9)
+        timeout_s = answer_rate.wait_timeout_s(number * TICK_US)
+        assert 0.0 <= timeout_s <= ANSWER_TIMEOUT_S
+        assert not (in_vain and timeout_s > 0.004 + 1e-9)
         if is_answered:
             answer_rate.record_answer(max(0, number - late) * TICK_US, number * TICK_US, lockstep)
             in_vain = False
         else:
             answer_rate.record_timeout(number * TICK_US)
-            in_vain = patience_s == ANSWER_TIMEOUT_S or (in_vain and patience_s < ANSWER_TIMEOUT_S)
+            in_vain = timeout_s == ANSWER_TIMEOUT_S or (in_vain and timeout_s < ANSWER_TIMEOUT_S)

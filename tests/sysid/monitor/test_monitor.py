@@ -152,8 +152,8 @@ def test_windows_identification_tests_are_excluded() -> None:
 
 def test_windows_telemetry_gap_restarts_settling() -> None:
     log = made.flight(200.0, seed=1)
-    heard = (log.attitude.time_s < 100.0) | (log.attitude.time_s > 104.0)
-    thin = log.attitude.__class__(*(values[heard] for values in vars(log.attitude).values()))
+    received = (log.attitude.time_s < 100.0) | (log.attitude.time_s > 104.0)
+    thin = log.attitude.__class__(*(values[received] for values in vars(log.attitude).values()))
     cause = windows(replace(log, attitude=thin))
     assert not [
         window

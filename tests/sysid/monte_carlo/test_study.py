@@ -61,11 +61,11 @@ def test_draw_spread_equals_posterior(uncertain: DesignPrior) -> None:
 
 
 def test_study_progress_ends_at_one(known: DesignPrior) -> None:
-    heard: list[float] = []
+    received: list[float] = []
     simulate_samples(
-        known, StudyRequest(mission(2.0, 10.0, 5.0), {"held": HELD}, vehicles=2), heard.append
+        known, StudyRequest(mission(2.0, 10.0, 5.0), {"held": HELD}, vehicles=2), received.append
     )
-    assert heard == [0.5, 1.0]
+    assert received == [0.5, 1.0]
 
 
 def test_kept_dives_give_the_same_summary(known: DesignPrior, tmp_path: Path) -> None:
