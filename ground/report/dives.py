@@ -175,15 +175,15 @@ def _comparison(dives: Sequence[ReportedDive]) -> str:
     used = [dive.assessment.legs if dive.names_surfaces else () for dive in dives]
     rows = [
         ["verdict", *(f"<b>{dive.assessment.outcome}</b>" for dive in dives)],
-        ["legs assessed", *(str(len(each)) for each in legs)],
-        ["heading error, largest 95 %, °", *(worst(each, "heading_deg") for each in legs)],
-        ["depth error, largest 95 %, m", *(worst(each, "depth_m") for each in legs)],
-        ["mean rudder, °", *(mean(each, "rudder_deg") for each in used)],
-        ["rudder activity, sd, °", *(mean(each, "rudder_sd_deg") for each in used)],
-        ["mean elevator, °", *(mean(each, "elevator_deg") for each in used)],
-        ["elevator activity, sd, °", *(mean(each, "elevator_sd_deg") for each in used)],
-        ["mean pitch, °", *(mean(each, "pitch_deg") for each in legs)],
-        ["at a stop, % of the time", *(mean(each, "at_stop_pct") for each in used)],
+        ["legs assessed", *(str(len(leg_set)) for leg_set in legs)],
+        ["heading error, largest 95 %, °", *(worst(leg_set, "heading_deg") for leg_set in legs)],
+        ["depth error, largest 95 %, m", *(worst(leg_set, "depth_m") for leg_set in legs)],
+        ["mean rudder, °", *(mean(leg_set, "rudder_deg") for leg_set in used)],
+        ["rudder activity, sd, °", *(mean(leg_set, "rudder_sd_deg") for leg_set in used)],
+        ["mean elevator, °", *(mean(leg_set, "elevator_deg") for leg_set in used)],
+        ["elevator activity, sd, °", *(mean(leg_set, "elevator_sd_deg") for leg_set in used)],
+        ["mean pitch, °", *(mean(leg_set, "pitch_deg") for leg_set in legs)],
+        ["at a stop, % of the time", *(mean(leg_set, "at_stop_pct") for leg_set in used)],
     ]
     heads = ["", *(escape(dive.label) for dive in dives)]
     return f"<h2>Side by side</h2>{table(heads, rows)}"

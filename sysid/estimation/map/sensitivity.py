@@ -140,8 +140,10 @@ def sensitivities(
     """
     # Forward differences of the derivative f(x, u; theta) of the states at all rows, u duct angle:
     # by each state (f(x + d e_i, u) - f(x, u)) / d, and so by u and each parameter of the body.
-    of_body = [each for each in perturbations if each.part == "body"]
-    of_tailcone = [each for each in perturbations if each.part == "tailcone"]
+    of_body = [perturbation for perturbation in perturbations if perturbation.part == "body"]
+    of_tailcone = [
+        perturbation for perturbation in perturbations if perturbation.part == "tailcone"
+    ]
     tracks = np.concatenate([trajectory.track for trajectory in trajectories])
     ducts = np.concatenate(
         [trajectory.duct_rad[::stride][: len(trajectory.track)] for trajectory in trajectories]
@@ -160,11 +162,11 @@ def sensitivities(
     df_dx = np.zeros((len(tracks), STATES, STATES))
     for i in range(STATES):
         if FD_STEP[i] > 0.0:
-            moved = motion._replace(track=tracks + FD_STEP[i] * (np.arange(STATES) == i))
-            slopes = moved.evaluate(model, base, STATE_CHANGES[i]).slopes
+            perturbed = motion._replace(track=tracks + FD_STEP[i] * (np.arange(STATES) == i))
+            slopes = perturbed.evaluate(model, base, STATE_CHANGES[i]).slopes
             df_dx[:, :, i] = (slopes - base.slopes) / FD_STEP[i]
-    turned = motion._replace(duct_rad=ducts + FD_DUCT_STEP_RAD)
-    df_du = (turned.evaluate(model, base, DUCT_CHANGES).slopes - base.slopes) / FD_DUCT_STEP_RAD
+    rotated = motion._replace(duct_rad=ducts + FD_DUCT_STEP_RAD)
+    df_du = (rotated.evaluate(model, base, DUCT_CHANGES).slopes - base.slopes) / FD_DUCT_STEP_RAD
     df_dtheta = np.empty((len(tracks), ACCELERATIONS, len(of_body)))
     for column, perturbation in enumerate(of_body):
         changed = perturbation.vehicle.model
