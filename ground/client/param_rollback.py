@@ -13,6 +13,7 @@ from typing import NamedTuple
 import msgspec
 
 from ground.client.vehicle import VehicleClient, VehicleClientError
+from ground.errors import Interrupted
 from mavlink_io.errors import InputError, OperationError
 from mavlink_io.suggestions import did_you_mean
 from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
@@ -47,13 +48,18 @@ def upload(
 ) -> tuple[ParamChange, ...]:
     """Set parameters and store the old values; if one cannot be set, restore the others.
 
+    After Ctrl-C nothing is restored; the exception has a note that names which parameters were set.
+
     Raises
     ------
     InputError
-        The vehicle lacks a parameter or reports no finite value; nothing was set.
+        There is no value, or the vehicle lacks a parameter or reports no finite value; nothing was
+        set.
     OperationError
         A value was refused, or the link was lost; the message names which parameters were set.
     """
+    if not values:
+        raise InputError(f"{source}: holds no parameter")
     before = _current_values(vehicle, values, source)
     history = History.of(vehicle)
     history.push(
@@ -65,6 +71,13 @@ def upload(
             changes.append(ParamChange(name, before[name], vehicle.set_parameter(name, value)))
         except VehicleClientError as error:
             _restore(vehicle, history, changes, list(values)[len(changes) :], error)
+        except Interrupted as interruption:
+            names = [change.name for change in changes]
+            interruption.add_note(
+                f"{_progress_text(names, list(values)[len(changes) :])}."
+                " `ground params rollback` restores the old values"
+            )
+            raise
     return tuple(changes)
 
 
@@ -103,6 +116,12 @@ def rollback(
             raise OperationError(
                 f"{error}; not restored yet: {remaining}. Run `ground params rollback` again"
             ) from None
+        except Interrupted as interruption:
+            remaining = ", ".join(list(record.before)[len(changes) :])
+            interruption.add_note(
+                f"not restored yet: {remaining}. Run `ground params rollback` again"
+            )
+            raise
     history.pop()
     return record, tuple(changes)
 
@@ -193,19 +212,24 @@ def _restore(
     The first of the `remaining` parameters is restored too: it failed, but may have been set.
     """
     before, names = history.last().before, [change.name for change in changes]
-    set_names = ", ".join(names) or "nothing"
     try:
         for name in (remaining[0], *reversed(names)):
             vehicle.set_parameter(name, before[name])
     except VehicleClientError:
         raise OperationError(
-            f"{error}; set: {set_names}; not set: {', '.join(remaining)}. "
+            f"{error}; {_progress_text(names, remaining)}. "
             "When the vehicle answers again, `ground params rollback` restores the old values"
         ) from None
     history.pop()
+    set_names = ", ".join(names) or "nothing"
     raise OperationError(
         f"{error}; set and restored: {set_names}. The vehicle has its old values"
     ) from None
+
+
+def _progress_text(set_names: list[str], remaining: list[str]) -> str:
+    """Return which parameters of an incomplete upload are set, and which are not."""
+    return f"set: {', '.join(set_names) or 'nothing'}; not set: {', '.join(remaining)}"
 
 
 def _unexpected_value(upload: ParamUpload, present: Mapping[str, float]) -> str:

@@ -10,6 +10,7 @@ from ground.client import param_rollback
 from ground.client import vehicle as client
 from ground.client.param_rollback import History, ParamUpload
 from ground.client.vehicle import VehicleClient
+from ground.errors import INTERRUPTED, Interrupted
 from mavlink_io.errors import InputError, OperationError
 from tests.ground.fake import FakeVehicle, step_while_waiting
 
@@ -175,3 +176,43 @@ def test_rollback_record_without_new_value_is_refused(
 def test_rollback_missing_file_is_named(vehicle: VehicleClient, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.json: does not exist$"):
         param_rollback.rollback(vehicle, tmp_path / "none.json")
+
+
+def interrupt(vehicle: VehicleClient, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while a parameter is set."""
+    set_parameter = vehicle.set_parameter
+
+    def interrupted(asked: str, value: float) -> float:
+        if asked == name:
+            raise Interrupted(INTERRUPTED)
+        return set_parameter(asked, value)
+
+    monkeypatch.setattr(vehicle, "set_parameter", interrupted)
+
+
+def test_upload_interrupted_names_parameters_and_keeps_record(
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interrupt(vehicle, "DPT_P", monkeypatch)
+    with pytest.raises(Interrupted) as raised:
+        param_rollback.upload(vehicle, NEW, "gains.param")
+    (note,) = raised.value.__notes__
+    assert note == ("set: HDG_P; not set: DPT_P. `ground params rollback` restores the old values")
+    assert History(state).last().before == OLD
+
+
+def test_rollback_interrupted_names_remaining_parameters(
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    param_rollback.upload(vehicle, NEW, "gains.param")
+    interrupt(vehicle, "DPT_P", monkeypatch)
+    with pytest.raises(Interrupted) as raised:
+        param_rollback.rollback(vehicle)
+    assert raised.value.__notes__[0].startswith("not restored yet: DPT_P")
+    assert History(state).last().after == NEW
+
+
+def test_upload_without_values_is_refused(vehicle: VehicleClient, state: Path) -> None:
+    with pytest.raises(InputError, match=r"empty\.param: holds no parameter"):
+        param_rollback.upload(vehicle, {}, "empty.param")
+    assert not state.exists()
