@@ -1,5 +1,6 @@
 """`ground bench-test`: measure the frequency response of the tailcone on the bench."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -61,8 +62,13 @@ def bench_test(
         Simulation(vehicle=vehicle, scenario="bench", seed=seed, speed=speed)
     )
     out.mkdir()
-    with progress.display("bench", quiet=json) as display:
-        measured = procedure.measure(session, target, display.watch, sign)
+    try:
+        with progress.display("bench", quiet=json) as display:
+            measured = procedure.measure(session, target, display.watch, sign)
+    except BaseException:
+        with suppress(OSError):  # not empty: what was recorded is kept
+            out.rmdir()
+        raise
     result = procedure.as_json(measured)
     (out / "bench.json").write_text(to_json(result), encoding="utf-8")
 

@@ -13,6 +13,7 @@ from ground.cli.options import (
     Speed,
     VehicleName,
     print_result,
+    refuse_empty,
 )
 from ground.output_files import new_file
 
@@ -28,11 +29,14 @@ def inclining_test(
         ),
     ] = None,
     prior: Annotated[
-        str,
+        str | None,
         typer.Option(
+            callback=refuse_empty,
+            metavar="NAME|FILE",
             help="Source of mass and centre of buoyancy: caribou_nominal, or a vehicle file."
+            " Default: the simulated vehicle, else caribou_nominal.",
         ),
-    ] = "caribou_nominal",
+    ] = None,
     seed: Seed = 1,
     speed: Speed = "max",
     log: Annotated[Path, typer.Option(metavar="FILE.mcap", help="Log to write.")] = Path(
@@ -52,6 +56,8 @@ def inclining_test(
     plan = procedure.load(moves)
     if connect is None:
         prototype.check_flown(vehicle)
+    if prior is None:
+        prior = "caribou_nominal" if connect else prototype.prior_file_of(vehicle)
     target = connect or SimulatedVehicle(
         Simulation(vehicle=vehicle, scenario="inclining", seed=seed, speed=speed)
     )

@@ -251,7 +251,8 @@ def open_recorded_vehicle(
 ) -> Iterator[tuple[VehicleClient, Recorder]]:
     """Open a link to a vehicle and record all its frames; close both at the end.
 
-    Log files in which no dive was recorded are removed.
+    Log files in which no dive was recorded are removed, also after bad input if the vehicle was not
+    armed. A corrected command then finds their names free.
 
     Parameters
     ----------
@@ -279,13 +280,15 @@ def open_recorded_vehicle(
         recorder = Recorder(log, tlog)
         stack.callback(recorder.remove_if_empty)
         stack.callback(recorder.finish)
+        vehicle = VehicleClient(
+            transport, recorder, simulated.check if simulated else None, signature, system
+        )
         try:
-            yield (
-                VehicleClient(
-                    transport, recorder, simulated.check if simulated else None, signature, system
-                ),
-                recorder,
-            )
+            yield vehicle, recorder
+        except InputError:
+            if not (vehicle.armed or vehicle.arm_requested or vehicle.disarmings):
+                recorder.remove()
+            raise
         except VehicleClientError:
             if simulated:
                 raise_process_error(simulated)

@@ -20,7 +20,7 @@ from mavlink_io.user_data_dir import open_output
 
 FLUSH_PERIOD_S = 0.2
 """Wall time between flushes."""
-_HEARTBEAT = dialect.by_name("HEARTBEAT").message_id
+_NO_TELEMETRY = {dialect.by_name(name).message_id for name in ("HEARTBEAT", "PARAM_VALUE")}
 RESTART_US = 10_000_000
 """Step back of vehicle time that counts as a restart of the autopilot; a smaller step is an old
 sample, such as a satellite fix."""
@@ -204,13 +204,17 @@ class Recorder:
             self._tlog.close()
 
     def remove_if_empty(self) -> None:
-        """Remove the files if they hold heartbeats at most: no dive was recorded.
+        """Remove the files if they hold heartbeats and parameters at most: no dive was recorded.
 
         Call it after `finish`; a repeated command then finds its file names free.
         """
-        if all(message_id == _HEARTBEAT for _, _, message_id in self._streams):
-            for path in filter(None, (self.path, self._tlog_path)):
-                path.unlink(missing_ok=True)
+        if all(message_id in _NO_TELEMETRY for _, _, message_id in self._streams):
+            self.remove()
+
+    def remove(self) -> None:
+        """Remove the files; what is recorded later is lost."""
+        for path in filter(None, (self.path, self._tlog_path)):
+            path.unlink(missing_ok=True)
 
     def _set_clock(self, system: int, clock: _Clock, vehicle_us: int) -> None:
         """Update the vehicle time of a system; its first time stamp fixes the UNIX time at zero."""

@@ -10,9 +10,13 @@ from typing import Any
 import pytest
 
 from ground.bench_tests import bench, incline
+from ground.cli.bench_test import bench_test
+from ground.cli.inclining_test import inclining_test
+from ground.client import flight
 from ground.client import vehicle as client
 from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClient, VehicleClientError
+from ground.simulation import processes
 from mavlink_io.errors import InputError, OperationError
 from mavlink_io.mission_items import MavCmd
 from tests.ground.fake import ACCEPTED, DENIED, FakeVehicle, step_while_waiting
@@ -94,7 +98,8 @@ def test_stopped_sweep_ends_the_bench_test(
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
     """Return a fake vehicle that has the parameters of a bench test, each with the value 7."""
-    fake = FakeVehicle(parameters=dict.fromkeys(bench.PARAMETERS, 7.0))
+    parameters = {**dict.fromkeys(bench.PARAMETERS, 7.0), "ACT_TRAVEL_DEG": 15.0}
+    fake = FakeVehicle(parameters=parameters)
     fake.modes = (*fake.modes, ("HOLD", 0, 0))
     monkeypatch.setattr(client, "wait", step_while_waiting(fake))
     fake.heartbeat()
@@ -144,6 +149,53 @@ def test_parameter_that_is_not_restored_is_named(fake: FakeVehicle) -> None:
         pass
     changed = [name for name in bench.PARAMETERS if fake.table.values[name] != 7.0]
     assert changed == ["SID_DEPTH_MIN"]
+
+
+def test_bench_test_above_the_travel_leaves_no_folder(
+    fake: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The corrected command finds the name free."""
+    fake.send_text("ready")
+    monkeypatch.setattr(flight, "open_transport", lambda _: fake.ground_end)
+    with pytest.raises(InputError, match="--amplitude 100: this duct's travel is 30 deg"):
+        bench_test("memory:fake", amplitude=[100.0], out=tmp_path / "bench")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_inclining_test_parameters_alone_are_no_log(
+    fake: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As with a wrong --speed: the simulator ends after the parameters were received."""
+    monkeypatch.setattr(flight, "open_transport", lambda _: fake.ground_end)
+    log = tmp_path / "incline.mcap"
+    with flight.open_recorded_vehicle("memory:fake", log) as (vehicle, _):
+        vehicle.connect()
+        vehicle.parameters()
+    assert not log.exists()
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "connect", "prior"),
+    [
+        ("remus100", None, "remus100"),
+        ("caribou_truth", None, "caribou_nominal"),
+        ("caribou_truth", "memory:fake", "caribou_nominal"),
+    ],
+)
+def test_inclining_test_takes_the_mass_of_the_simulated_vehicle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, vehicle: str, connect: str | None, prior: str
+) -> None:
+    priors = list[str]()
+
+    def measure(session: incline.IncliningSession, *_: object) -> None:
+        priors.append(session.prior)
+        raise OperationError("measured")
+
+    monkeypatch.setattr(incline, "measure", measure)
+    monkeypatch.setattr(processes, "SimulatedVehicle", lambda _: "memory:simulated")
+    with pytest.raises(OperationError, match="measured"):
+        inclining_test(connect, vehicle=vehicle, log=tmp_path / "incline.mcap")
+    assert priors == [prior]
 
 
 @pytest.mark.parametrize(
