@@ -91,6 +91,8 @@ class Exchange(ABC, Generic[T]):
         self._error = ""
         self.done = False
         """Whether the exchange has ended, with a result or an error."""
+        self.timed_out = False
+        """Whether the peer has not answered any attempt of a request."""
 
     def repeat_every(self, retry_s: float, attempts: int) -> None:
         """Repeat the request less often than its default but more times, over a slow, lossy link.
@@ -126,6 +128,7 @@ class Exchange(ABC, Generic[T]):
             self._due_s = now_s + self._retry_s
             self._send_request()
         else:
+            self.timed_out = True
             self._fail(f"no answer to {self._describe()} after {self._attempts} attempts")
 
     def feed(self, frame: Frame) -> None:

@@ -215,6 +215,9 @@ class Signing:
         assert len(key) == KEY_BYTES
         self._key, self._link_id, self._timestamp = key, link_id, timestamp
         self._streams: dict[Stream, int] = dict(streams or {})
+        self.unsigned_frames = self.refused_signatures = 0
+        """Number of received frames without a signature, and with another key or an old timestamp.
+        """
 
     def sign(self, frame: bytes) -> bytes:
         """Append a signature to a frame.
@@ -246,7 +249,13 @@ class Signing:
             True for a correct signature with a new timestamp, and for an unsigned RADIO_STATUS.
         """
         unsigned_radio = frame.message_id == _RADIO_STATUS and not frame.signature
-        return unsigned_radio or self._verify(frame)
+        if unsigned_radio or self._verify(frame):
+            return True
+        if frame.signature:
+            self.refused_signatures += 1
+        else:
+            self.unsigned_frames += 1
+        return False
 
     def recent_streams(self) -> dict[Stream, int]:
         """Return the last timestamp of each stream that a replay could still follow.

@@ -54,28 +54,30 @@ def is_vehicle(heartbeat: Any) -> bool:
     return bool(heartbeat.type != GROUND_STATION and heartbeat.autopilot != NO_AUTOPILOT)
 
 
-def explain(address: str, senders: Collection[MavlinkId], skipped_bytes: int) -> str:
+def explain(endpoint: Endpoint, senders: Collection[MavlinkId]) -> str:
     """Return why no vehicle was found on a link.
 
     Parameters
     ----------
-    address : str
-        Address of the link; the text names the baud rate of a serial one.
+    endpoint : Endpoint
+        This end of the link; the text names the baud rate of a serial one.
     senders : Collection
         Systems and components from which MAVLink frames were received.
-    skipped_bytes : int
-        Number of received bytes that were not MAVLink.
     """
-    baud = baud_rate(address)
+    baud = baud_rate(endpoint.transport.address)
     if senders:
         named = ", ".join(f"{system}/{component}" for system, component in sorted(senders))
         return (
             f"MAVLink was received from {named} (system/component), "
             "but no HEARTBEAT of an autopilot"
         )
-    if skipped_bytes:
+    if endpoint.signing is not None and endpoint.signing.refused_signatures:
+        return "messages with another signature were received: is the key of --sign the vehicle's?"
+    if endpoint.signing is not None and endpoint.signing.unsigned_frames:
+        return "messages without a signature were received: leave --sign out for an unsigned link"
+    if endpoint.skipped_bytes:
         question = f": is {baud} the vehicle's baud rate?" if baud else ""
-        return f"{skipped_bytes} bytes were received and no MAVLink in them{question}"
+        return f"{endpoint.skipped_bytes} bytes were received and no MAVLink in them{question}"
     advice = (
         ": is the vehicle switched on, TX wired to RX and RX to TX, and no other program on the"
         " line?"

@@ -465,16 +465,23 @@ class VehicleClient:
                 self.pump(0.02)
             return exchange.result()
         except ExchangeError as error:
-            raise VehicleClientError(self._with_reason(error, first_text)) from None
+            raise VehicleClientError(self._with_reason(exchange, error, first_text)) from None
         except LinkLostError as error:
             raise VehicleClientError(f"the vehicle is gone: {error}") from None
         finally:
             self._listener = None
 
-    def _with_reason(self, error: ExchangeError, first_text: int) -> str:
-        """Return the error with the texts that the vehicle sent during the request."""
+    def _with_reason(self, exchange: Exchange[T], error: ExchangeError, first_text: int) -> str:
+        """Return the error with its likely reason: texts of the vehicle, or a missing key."""
         texts = [text.text for text in self.texts[first_text:]]
+        if exchange.timed_out and self._is_signed_by_vehicle():
+            texts.append("the vehicle signs its messages: give the key of the link by --sign")
         return f"{error}" + (f" ({'; '.join(texts)})" if texts else "")
+
+    def _is_signed_by_vehicle(self) -> bool:
+        """Return whether the vehicle signs its messages and this program does not."""
+        newest = self._latest.get(_HEARTBEAT)
+        return self._endpoint.signing is None and newest is not None and bool(newest.signature)
 
     def _process(self, frames: Sequence[Frame]) -> None:
         """Record the frames, update the state and call the listeners."""
@@ -565,7 +572,7 @@ class VehicleClient:
                 f"no vehicle {self._system} on {address} within {timeout_s:g} s: received systems:"
                 f" {others}"
             )
-        reason = connection_diagnosis.explain(address, senders, self._endpoint.skipped_bytes)
+        reason = connection_diagnosis.explain(self._endpoint, senders)
         return f"no vehicle on {address} within {timeout_s:g} s: {reason}"
 
     def _send_heartbeat(self) -> None:

@@ -120,9 +120,7 @@ class Receiver:
 
     def diagnosis(self) -> str:
         """Return the likely reason why no vehicle was found."""
-        return connection_diagnosis.explain(
-            self.address, self._senders, self._endpoint.skipped_bytes
-        )
+        return connection_diagnosis.explain(self._endpoint, self._senders)
 
     def listen(self, timeout_s: float) -> None:
         """Process frames that arrive within a time, and send requests."""

@@ -9,6 +9,7 @@ import pytest
 
 from ground.client.vehicle import VehicleClient, VehicleClientError
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.signing import Signing, Timestamp, key_from_passphrase
 from mavlink_io.transport import Transport, open_transport
 
 CHATTER = bytes(range(256)) * 8
@@ -30,9 +31,9 @@ def line() -> Iterator[Line]:
     os.close(device)
 
 
-def complaint(transport: Transport) -> str:
+def complaint(transport: Transport, signing: Signing | None = None) -> str:
     with pytest.raises(VehicleClientError) as refusal:
-        VehicleClient(transport).connect(timeout_s=0.3)
+        VehicleClient(transport, signing=signing).connect(timeout_s=0.3)
     return str(refusal.value)
 
 
@@ -68,3 +69,48 @@ def test_senders_without_autopilot_are_named() -> None:
 def test_silent_udp_link_has_no_wiring_hint() -> None:
     with closing(open_transport("memory:nobody")) as near:
         assert complaint(near).endswith(": nothing was received")
+
+
+def signing(passphrase: str) -> Signing:
+    return Signing(key_from_passphrase(passphrase), 1, Timestamp())
+
+
+@pytest.mark.parametrize(
+    ("vehicle_key", "reason"),
+    [
+        (signing("other"), "messages with another signature were received: is the key of --sign"),
+        (None, "messages without a signature were received: leave --sign out"),
+    ],
+)
+def test_frames_of_another_or_no_key_are_named(vehicle_key: Signing | None, reason: str) -> None:
+    with (
+        closing(open_transport("memory:keys")) as near,
+        closing(open_transport("memory:keys")) as far,
+    ):
+        vehicle = Endpoint(far, 1, 1, vehicle_key)
+        vehicle.send("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=0)
+        assert reason in complaint(near, signing("own"))
+
+
+def test_request_without_key_on_a_signed_link_names_sign() -> None:
+    with (
+        closing(open_transport("memory:signed")) as near,
+        closing(open_transport("memory:signed")) as far,
+    ):
+        vehicle = Endpoint(far, 1, 1, signing("own"))
+        client = VehicleClient(near)
+        vehicle.send(
+            "HEARTBEAT",
+            type=12,
+            autopilot=0,
+            base_mode=0,
+            custom_mode=0,
+            system_status=4,
+            mavlink_version=3,
+        )
+        client.connect()
+        exchange = client._params.get("HDG_P")
+        exchange.repeat_every(0.0, 1)
+        exchange._retry_s = 0.1
+        with pytest.raises(VehicleClientError, match=r"no answer .*give the key of .* by --sign"):
+            client._run(exchange)
