@@ -246,6 +246,7 @@ def view(octets: Any, code: str) -> Any:
 def _callable(function: StoredFunction, code: ObjectCode) -> Callable[..., Any]:
     """Return the function of C that converts arguments and calls the machine code."""
     addresses = object_file.place(code.content, _address_of)
+    _unpickle_objects(code.content, addresses)
     dynfunc = _extension("_dynfunc")
     special = {entry.symbol: entry.constants for entry in code.environments}
     environments = []
@@ -268,6 +269,19 @@ def _callable(function: StoredFunction, code: ObjectCode) -> Callable[..., Any]:
     )
 
 
+def _unpickle_objects(content: bytes, addresses: dict[bytes, int]) -> None:
+    """Unpickle the objects of Python in machine code, so that its calls of `_unpickle` find them.
+
+    Ctrl-C during an unpickling that compiled code has called gives it NULL in place of an object.
+    """
+    sizes = object_file.symbol_sizes(content) if _PICKLED in content else {}
+    for name, size in sizes.items():
+        if name.startswith(_PICKLED) and b".sha1" not in name:
+            _unpickle(addresses[name], size)
+
+
+_PICKLED = b".const.pickledata."
+"""Start of the names of pickled objects; their hashes have ``.sha1`` in the name."""
 _ENVIRONMENT = b"_ZN08NumbaEnv"
 """Start of the names of variables that hold the address of an environment."""
 
@@ -305,18 +319,17 @@ def _helpers() -> dict[str, int]:
 
 
 @cache
-def _unpickle(address: int, size: int, _: int) -> Any:
+def _unpickle(address: int, size: int) -> Any:
     """Return an object of Python in compiled code; numba's own function would import numba.
 
     An object at an address does not change. The cache is a function of C, which no signal
-    interrupts: compiled code does not expect an exception here.
+    interrupts: compiled code does not expect an exception here. `_unpickle_objects` fills it.
     """
     return pickle.loads(ctypes.string_at(address, size))
 
 
-_UNPICKLE = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p)(
-    _unpickle
-)
+_UNPICKLE = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.c_int)(_unpickle)
+"""Function of C. Callers pass a hash as third argument, which the calling convention ignores."""
 
 
 @cache

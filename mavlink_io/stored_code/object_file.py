@@ -127,6 +127,22 @@ def place(content: bytes, address_of: Callable[[bytes], int]) -> dict[bytes, int
     }
 
 
+def symbol_sizes(content: bytes) -> dict[bytes, int]:
+    """Return the size in bytes of each symbol of an object file.
+
+    Parameters
+    ----------
+    content : bytes
+        Object file.
+
+    Returns
+    -------
+    dict
+        Size by name; 0 where the file does not give one.
+    """
+    return {name: symbol.size for name, symbol in _symbols(content, _sections(content))}
+
+
 class _Memory:
     """Pages of memory that are reserved piece by piece and then allocated, for ever.
 

@@ -117,6 +117,42 @@ def test_stored_code_raises_the_exceptions_of_its_source(package: Path) -> None:
     assert all(error.endswith("ValueError: negative\n") for error in errors)
 
 
+INTERRUPTED = """
+import pickle, signal
+from mavlink_io import jit_stored
+
+class CtrlC(BaseException): pass
+
+class Pickle:
+    @staticmethod
+    def loads(data):
+        signal.raise_signal(signal.SIGINT)
+        return pickle.loads(data)
+
+def interrupt(*_):
+    raise CtrlC
+
+signal.signal(signal.SIGINT, interrupt)
+jit_stored.pickle = Pickle
+given = Pair(1.0, 2), numpy.arange(3.0), numpy.random.default_rng(1)
+try:
+    swapped(*given)
+except CtrlC:
+    jit_stored.pickle = pickle
+    print("interrupted", swapped(*given)[0], 'numba' in sys.modules)
+"""
+
+
+def test_signal_at_the_first_call_of_stored_code_is_raised(package: Path) -> None:
+    """An exception in a call by compiled code would be lost, and the result NULL."""
+    (package / "records.py").write_text(RECORDS)
+    imports = CALL.partition("from sitl")[0] + WITH_A_FLOAT_AND_A_RECORD
+    for code in (imports, imports.partition("pair, row")[0] + INTERRUPTED):
+        command = [sys.executable, "-c", code.format(folder=package.name), str(package.parent)]
+        output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert output.strip() == "interrupted Pair(a=1.0, b=3) False"
+
+
 def test_damaged_store_is_compiled_again(package: Path) -> None:
     call(package)
     (stored,) = (package / "__pycache__").glob("outer.doubled.*.kernel")
