@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -69,13 +69,16 @@ def write_output(path: str | Path, content: str | bytes) -> None:
             _replace(target, data, target.stat().st_mode & 0o777 if exists else None, durable=True)
 
 
-def open_output(path: Path) -> io.BufferedWriter:
+def open_output(path: Path, mode: Literal["wb", "ab", "xb"] = "wb") -> io.BufferedWriter:
     """Open a file that is written during the work of a program; a failed write names the file.
 
     Parameters
     ----------
     path : Path
-        The file; an old one is overwritten.
+        The file.
+    mode : str
+        What is done with an old file: it is overwritten ("wb"), continued ("ab") or an error
+        ("xb").
 
     Returns
     -------
@@ -87,7 +90,7 @@ def open_output(path: Path) -> io.BufferedWriter:
     OSError
         The file cannot be opened.
     """
-    return io.BufferedWriter(_NamedFile(path, "wb"))
+    return io.BufferedWriter(_NamedFile(path, mode))
 
 
 class _NamedFile(io.FileIO):

@@ -10,6 +10,7 @@ from typing import Any
 from mcap.writer import Writer
 
 from mavlink_io.clock import Interval
+from mavlink_io.user_data_dir import open_output
 from sitl.core.truth import Truth
 
 TOPIC = "/auv/truth"
@@ -64,7 +65,7 @@ class TruthLog:
 
         Raises OSError, also when it exists: a log is never overwritten.
         """
-        self._file = path.open("xb")
+        self._file = open_output(path, "xb")
         self._launch_ns = self._newest_ns = time.time_ns()
         self._flush = Interval(FLUSH_PERIOD_S)
         self._writer: Any = Writer(self._file, chunk_size=CHUNK_BYTES)

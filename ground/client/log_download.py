@@ -4,8 +4,9 @@ MAVLink FTP is tried first. A vehicle without it, or without the folder `FOLDER`
 the LOG_* messages, which have no checksums.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
+from itertools import count, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from mavlink_io.services.ftp.client import FileClient
 from mavlink_io.services.log_transfer.client import LogClient
 from mavlink_io.services.log_transfer.client import RemoteLog as ListedLog
 from mavlink_io.services.log_transfer.server import DATA_BYTES
+from mavlink_io.user_data_dir import open_output
 
 FOLDER = "/logs"
 """Folder of the logs on the file server of the vehicle."""
@@ -111,14 +113,15 @@ def fetch(
     """
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / log.name
-    if target.is_file() and _is_same(vehicle, log, target):
-        return Download(
-            file=target,
-            bytes=log.bytes,
-            resumed_at=log.bytes,
-            checked=bool(log.path),
-            finished=_is_finished(target),
-        )
+    for file in _existing_copies(target):
+        if _is_same(vehicle, log, file):
+            return Download(
+                file=file,
+                bytes=log.bytes,
+                resumed_at=log.bytes,
+                checked=bool(log.path),
+                finished=_is_finished(file),
+            )
     part = folder / f"{log.name}.part"
     if not log.can_resume:
         part.unlink(missing_ok=True)
@@ -162,7 +165,7 @@ def _append(
     """Download the rest of a file."""
     if _size(part) > _size_on_vehicle(vehicle, log):
         part.unlink()
-    with part.open("ab") as sink:
+    with open_output(part, "ab") as sink:
         start = sink.tell()
         vehicle.use(
             FileClient,
@@ -176,7 +179,7 @@ def _fetch_log(
     """Download by LOG_* messages; return False, as they have no checksum."""
     if _size(part) > log.bytes:
         part.unlink()
-    with part.open("ab") as sink:
+    with open_output(part, "ab") as sink:
         start = sink.truncate(sink.tell() // DATA_BYTES * DATA_BYTES)
         listed = ListedLog(log.number, log.bytes, 0)
         if start < log.bytes:
@@ -218,10 +221,21 @@ def _as_fraction(
     )
 
 
+def _names(target: Path) -> Iterator[Path]:
+    """Yield the path, and then the path with the numbers 2, 3, ... appended."""
+    yield target
+    for n in count(2):
+        yield target.with_name(f"{target.stem}-{n}{target.suffix}")
+
+
+def _existing_copies(target: Path) -> Iterator[Path]:
+    """Yield the files of earlier downloads under the names of `_names`."""
+    return takewhile(Path.is_file, _names(target))
+
+
 def _unused_path(target: Path) -> Path:
     """Return the path, with a number appended if it exists."""
-    names = (target.with_name(f"{target.stem}-{n}{target.suffix}") for n in range(2, 1_000_000))
-    return target if not target.exists() else next(name for name in names if not name.exists())
+    return next(name for name in _names(target) if not name.exists())
 
 
 def _is_finished(file: Path) -> bool:

@@ -1,6 +1,7 @@
 """The truth log, read with a standard MCAP reader."""
 
 import json
+import resource
 from pathlib import Path
 
 import pytest
@@ -44,3 +45,17 @@ def test_existing_log_is_not_overwritten(tmp_path: Path) -> None:
     with pytest.raises(FileExistsError):
         TruthLog(file)
     assert file.read_bytes() == b"precious"
+
+
+def test_failed_write_names_the_file(tmp_path: Path) -> None:
+    """A limit of the file size stands in for a full disk."""
+    log = TruthLog(tmp_path / "truth.mcap")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1, limits[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as failure:
+            log.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    log._file.close()
+    assert failure.value.filename == str(tmp_path / "truth.mcap")

@@ -84,6 +84,26 @@ def test_download_two_names_alike_overwrites_nothing(tmp_path: Path) -> None:
     assert (tmp_path / "x.mcap").read_bytes() == b"here before"
 
 
+def test_download_beside_a_changed_copy_is_found_again(tmp_path: Path) -> None:
+    (tmp_path / "x.mcap").write_bytes(b"here before")
+    vehicle: Any = StubVehicle("x.mcap")
+    (log,) = log_download.list_logs(vehicle)
+    first, second = (log_download.fetch(vehicle, log, tmp_path) for _ in range(2))
+    assert (first.file.name, second.file.name) == ("x-2.mcap", "x-2.mcap")
+    assert second.resumed_at == len(CONTENT)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["x-2.mcap", "x.mcap"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+def test_download_on_full_disk_names_the_file(tmp_path: Path) -> None:
+    (tmp_path / "x.mcap.part").symlink_to("/dev/full")
+    vehicle: Any = StubVehicle("x.mcap")
+    (log,) = log_download.list_logs(vehicle)
+    with pytest.raises(OSError, match="No space left") as failure:
+        log_download.fetch(vehicle, log, tmp_path)
+    assert failure.value.filename == str(tmp_path / "x.mcap.part")
+
+
 class StubWithoutFiles:
     """Answers the LOG_* service with one log; the file service is missing."""
 
