@@ -80,6 +80,8 @@ def read_limited(path: Path | Traversable, max_bytes: int = MAX_LOG_BYTES) -> by
 def read_text(path: Path | Traversable, encoding: str = "utf-8", errors: str = "strict") -> str:
     """Return the content of a text file of at most `MAX_TEXT_BYTES`, with Unix line ends.
 
+    A byte-order mark at its start, which editors of Windows write, is left out.
+
     Parameters
     ----------
     path : Path or Traversable
@@ -100,7 +102,7 @@ def read_text(path: Path | Traversable, encoding: str = "utf-8", errors: str = "
         The file is no text in this encoding.
     """
     text = read_limited(path, MAX_TEXT_BYTES).decode(encoding, errors)
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return text.removeprefix(_BYTE_ORDER_MARK).replace("\r\n", "\n").replace("\r", "\n")
 
 
 def parse_toml(text: str) -> dict[str, Any]:

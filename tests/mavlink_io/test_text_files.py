@@ -9,10 +9,11 @@ import pytest
 
 from ground.bench_tests import incline
 from ground.campaign import specification
+from ground.client import param_file
 from ground.missions import script
 from ground.sweep import plan_file
 from mavlink_io.errors import CaribouError
-from mavlink_io.text_files import open_regular, parse_toml, read_limited
+from mavlink_io.text_files import open_regular, parse_toml, read_limited, read_text
 from sitl import scenario
 from sitl.vehicle import config
 
@@ -78,3 +79,10 @@ def test_vehicle_file_with_byte_order_mark_is_read(tmp_path: Path) -> None:
     marked = tmp_path / "marked.toml"
     marked.write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8-sig")
     assert config.load(marked) == config.load("remus100")
+
+
+def test_read_text_leaves_out_the_byte_order_mark(tmp_path: Path) -> None:
+    path = tmp_path / "bom.param"
+    path.write_bytes(b"\xef\xbb\xbfHDG_P,0.5\r\n")
+    assert read_text(path) == "HDG_P,0.5\n"
+    assert param_file.load(path) == {"HDG_P": 0.5}
