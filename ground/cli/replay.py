@@ -8,7 +8,7 @@ import typer
 from ground.cli.options import Json, Prior, print_result, refuse_empty
 from ground.errors import UnsuccessfulError
 from ground.output_files import new_file
-from mavlink_io.errors import InputError
+from mavlink_io.errors import ErrorCode, InputError
 
 
 def replay(
@@ -74,7 +74,12 @@ def replay(
         out.mkdir(parents=True, exist_ok=True)
         targets = {name: new_file(out / f"{name}.csv") for name in dives}
     request = replays.ReplayRequest(log, parameters, mission, controller, new_controller)
-    result = replays.replay_log(request, posterior)
+    try:
+        result = replays.replay_log(request, posterior)
+    except InputError as error:
+        if error.code == ErrorCode.PARAMETER:  # of this file: those of the log are a LogError
+            raise type(error)(f"{params}: {error}") from None
+        raise
     if targets:
         logs = (result.recorded, result.unchanged.log, result.changed.log)
         for name, dive in zip(dives, logs, strict=True):

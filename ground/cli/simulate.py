@@ -91,12 +91,13 @@ def simulate(
     scales = _parse_scales(disturbance_scale)
     seas = tuple(Sea(scale, current, math.radians(bias_shift)) for scale in scales)
     loaded = {name: param_file.load(path) for name, path in files.items()}
-    items, start_s = plans.load_items(mission), wall_s()
+    plan, start_s = plans.load(mission), wall_s()
+    plans.check_local(mission, plan)
     with progress.display("simulate", quiet=json) as display:
         posterior = vehicle_samples.read(model, refit.read_vehicle(prior))
         known = prototype.parameters_of(posterior)
         request = study.StudyRequest(
-            items=items,
+            items=plan.items,
             gains={name: {**known, **values} for name, values in loaded.items()},
             seas=seas,
             vehicles=samples,

@@ -198,6 +198,30 @@ def check_limits(where: str, plan: Plan, limits: Limits) -> None:
                 )
 
 
+def check_local(where: str, plan: Plan) -> None:
+    """Check that no waypoint is in latitude and longitude, for a simulation without a home.
+
+    Parameters
+    ----------
+    where : str
+        Name of the mission in error messages.
+    plan : Plan
+        The mission.
+
+    Raises
+    ------
+    ScriptError
+        The message names the step or item.
+    """
+    for item, label in zip(plan.items, plan.labels, strict=True):
+        is_given = (item.x, item.y) not in ((0, 0), (NOT_GIVEN, NOT_GIVEN))
+        if item.command != MavCmd.NAV_LAND and _has_global_position(item) and is_given:
+            raise ScriptError(
+                f"{where}: {label}: latitude and longitude cannot be simulated; give metres from"
+                " home, as `to` in a .toml mission"
+            )
+
+
 def _depth_m(item: MissionItem) -> float:
     """Return the depth (m) that an item commands; NaN for none."""
     if item.command == MavCmd.DO_CHANGE_ALTITUDE:

@@ -13,6 +13,7 @@ from ground.client import param_file
 from ground.missions import plans
 from ground.report import simulation
 from mavlink_io.errors import InputError, OperationError
+from mavlink_io.mission_items import MavCmd, MissionItem
 from sitl.vehicle import config
 from sysid.models import model_file as models
 from sysid.monte_carlo import samples, study
@@ -34,6 +35,8 @@ duration_s = 42.0
 surface = true
 """
 
+PLACE = MissionItem(0, 3, MavCmd.NAV_WAYPOINT, x=423_505_000, y=-710_000_000, z=-3.0)
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
@@ -47,6 +50,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "held.param").write_text("HDG_P,0.6\nHDG_D,1.5\n")
     (tmp_path / "wild.param").write_text("HDG_P,4.0\nHDG_D,1.5\n")
     (tmp_path / "short.toml").write_text(SHORT)
+    (tmp_path / "place.plan").write_text(plans.write_plan([PLACE]))
     return tmp_path
 
 
@@ -87,6 +91,7 @@ def test_simulate_json_compares_sets_names_unstable_one(folder: Path) -> None:
         (("--disturbance-scale", "11"), "--disturbance-scale 11: must be"),
         (("--compare", "held.param"), "held.param: is given twice"),
         (("--mission", "nowhere"), "nowhere: no readable mission"),
+        (("--mission", "place.plan"), "item 0: latitude and longitude cannot be simulated"),
         (("--prior", "caribou_truth"), "is the simulated truth"),
         (("--keep", "."), "Is a directory"),
     ],
@@ -95,7 +100,7 @@ def test_simulate_invalid_option_is_one_line(
     folder: Path, options: tuple[str, str], said: str
 ) -> None:
     option, value = options
-    given = str(folder / value) if value.endswith(".param") else value
+    given = str(folder / value) if value.endswith((".param", ".plan")) else value
     out, failure = simulate(folder, "--gains", str(folder / "held.param"), option, given)
     assert out == ""
     assert isinstance(failure, InputError)

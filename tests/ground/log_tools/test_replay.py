@@ -4,7 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from autopilot.control.params import ParamError
+from ground.cli.replay import replay
 from ground.client.recorder import Recorder
+from ground.log_tools import replay as replays
 from ground.log_tools.replay import ReplayRequest, replay_log
 from ground.missions import plans
 from mavlink_io.errors import InputError
@@ -22,3 +25,16 @@ def test_replay_of_another_mission_is_refused(tmp_path: Path) -> None:
         replay_log(ReplayRequest(log, {}, "combined"), model)
     with pytest.raises(LogError, match="no ATTITUDE"):  # the mission is that of the dive
         replay_log(ReplayRequest(log, {}, "straight_run"), model)
+
+
+def test_replay_refused_parameter_names_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise ParamError("HDG_D = 9999: must be 0 to 10 s")
+
+    monkeypatch.setattr(replays, "replay_log", refuse)
+    params = tmp_path / "oor.param"
+    params.write_text("HDG_D,9999\n")
+    with pytest.raises(ParamError, match=r"oor\.param: HDG_D = 9999: must be 0 to 10 s"):
+        replay(tmp_path / "dive.mcap", params)
