@@ -2,7 +2,7 @@
 
 Each command writes progress and remarks to stderr and its result to stdout. With --json the result
 is one JSON object, and so is the code and message of an error. Exit status: 0 done, 1 the work
-failed, 2 bad input, 130 interrupted by Ctrl-C.
+failed, 2 bad input, 130 interrupted by Ctrl-C. Ctrl-C is the normal end of `watch` and `live`: 0.
 """
 
 from __future__ import annotations
@@ -61,7 +61,8 @@ them again and again takes 18 % of the time to load them."""
 HELP = """Fly vehicles, record their telemetry, identify models, redesign gains and report.
 
 Progress goes to stderr and the result to stdout; --json prints the result, or an error, as one JSON
-object. Exit status: 0 done, 1 the work failed, 2 bad input, 130 interrupted by Ctrl-C."""
+object. Exit status: 0 done, 1 the work failed, 2 bad input, 130 interrupted by Ctrl-C, which ends
+watch and live with 0."""
 
 app = typer.Typer(
     cls=CommandGroup,

@@ -8,6 +8,7 @@ from rich.live import Live
 
 from ground.cli.options import print_result
 from ground.client.signing import open_signing
+from ground.errors import INTERRUPTED, Interrupted
 from ground.live.listeners import Listeners
 from ground.live.watch import rows, view
 from ground.live.watch.receiver import Receiver
@@ -55,6 +56,8 @@ def watch(
         The key cannot be read.
     OperationError
         No vehicle was received for a snapshot.
+    Interrupted
+        The user ended the program before a vehicle was received for a snapshot.
     """
     stopped = Stopped()
     page = console()
@@ -91,11 +94,13 @@ class Stopped:
 
 
 def _listen_once(receiver: Receiver, stopped: Stopped) -> None:
-    """Receive from a vehicle for `LISTEN_S`. Raises OperationError without a vehicle."""
+    """Receive from a vehicle for `LISTEN_S`. Raises OperationError, Interrupted without one."""
     until_s = wall_s() + VEHICLE_TIMEOUT_S
     receiver.listen(REFRESH_S)
     while receiver.vehicle_id is None and wall_s() < until_s and not stopped():
         receiver.listen(REFRESH_S)
+    if receiver.vehicle_id is None and stopped():
+        raise Interrupted(INTERRUPTED)
     if receiver.vehicle_id is None:
         raise OperationError(
             f"no vehicle on {receiver.address}: {receiver.trouble or receiver.diagnosis()}"

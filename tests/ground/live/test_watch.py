@@ -20,8 +20,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from ground.errors import INTERRUPTED, Interrupted
 from ground.live import plausible
-from ground.live.watch import mode_names, view
+from ground.live.watch import mode_names, session, view
 from ground.live.watch import rows as reading
 from ground.live.watch.receiver import LatestMessage, Receiver
 from mavlink_io import dialect
@@ -329,3 +330,9 @@ def test_snapshot_without_vehicle_gives_one_error_line(monkeypatch: pytest.Monke
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("ground: no vehicle on udpin:127.0.0.1:")
     assert done.stderr.count("\n") == 1
+
+
+def test_snapshot_interrupted_before_a_vehicle_is_no_failure(sea: Sea) -> None:
+    with pytest.raises(Interrupted) as raised:
+        session._listen_once(sea.receiver, lambda: True)  # type: ignore[arg-type]
+    assert raised.value.status == INTERRUPTED
