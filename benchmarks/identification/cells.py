@@ -7,6 +7,7 @@ from benchmarks.identification.joint_time import JOINT_TIME
 from benchmarks.identification.judging import JUDGING
 from benchmarks.identification.linear_time import TIME as LINEAR_TIME
 from benchmarks.identification.online import ONLINE
+from benchmarks.identification.online_outside import ONLINE_OUTSIDE
 from benchmarks.identification.outside import OUTSIDE
 from benchmarks.identification.prediction import PREDICTION
 from benchmarks.identification.verdicts import VERDICTS
@@ -25,6 +26,7 @@ CELLS: dict[str, Cell] = {
         EXCITATION,
         JUDGING,
         ONLINE,
+        ONLINE_OUTSIDE,
         *screening.CELLS,
     )
 }
