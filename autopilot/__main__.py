@@ -124,10 +124,10 @@ def fly(
 ) -> None:
     """Fly the vehicle: read sensors, command actuators and serve ground stations over MAVLink."""
     from autopilot.onboard_log.storage import default_folder
-    from autopilot.start import Options, run
-    from autopilot.supervisor import Start, supervise
+    from autopilot.start import AutopilotOptions, run
+    from autopilot.supervisor import ProcessStart, supervise
 
-    options = Options(
+    options = AutopilotOptions(
         hil=hil,
         ground=gcs or DEFAULT_GROUND,
         params=params,
@@ -145,7 +145,7 @@ def fly(
         run(options)
         return
 
-    def run_once(start: Start) -> None:
+    def run_once(start: ProcessStart) -> None:
         """Fly in a child process; end it with the exit status of an error."""
         try:
             run(options, start)

@@ -24,7 +24,7 @@ from autopilot.param_file import load
 from autopilot.param_store import ParamStore
 from autopilot.record_json import RecordError
 from autopilot.resume import PLAN_NAMES, Items, StateFiles, continued_state, plans_of
-from autopilot.supervisor import Beat, Start
+from autopilot.supervisor import Beat, ProcessStart
 from autopilot.telemetry.autopilot_id import AutopilotId
 from autopilot.telemetry.identity import version
 from autopilot.vehicle import Vehicle
@@ -45,7 +45,7 @@ _LOAD_REQUESTS: dict[int, Callable[[Items], Request]] = {
 """Request that loads each kind of plan."""
 
 
-class Options(NamedTuple):
+class AutopilotOptions(NamedTuple):
     """Options of the command line."""
 
     hil: str
@@ -73,14 +73,14 @@ class Options(NamedTuple):
     """Whether the process ends when standard input is closed."""
 
 
-def run(options: Options, start: Start | None = None) -> None:
+def run(options: AutopilotOptions, start: ProcessStart | None = None) -> None:
     """Fly until an end signal.
 
     Parameters
     ----------
-    options : Options
+    options : AutopilotOptions
         Options of the command line.
-    start : Start or None
+    start : ProcessStart or None
         Start by a supervisor, which continues a dive; None for a start by hand.
 
     Raises
@@ -167,7 +167,7 @@ def _load_plans(vehicle: Vehicle, files: StateFiles) -> None:
             vehicle.handle_request(load_request(items))
 
 
-def _continue_dive(vehicle: Vehicle, app: App, files: StateFiles, start: Start) -> None:
+def _continue_dive(vehicle: Vehicle, app: App, files: StateFiles, start: ProcessStart) -> None:
     """Continue the dive of a process that has ended without an order."""
     try:
         checkpoint = files.load_checkpoint()

@@ -38,7 +38,7 @@ PAUSE_S = 0.5
 """Pause before a start after ``FAILED_STARTS``."""
 
 
-class Start(NamedTuple):
+class ProcessStart(NamedTuple):
     """What the autopilot has to know of its start."""
 
     beat: "Beat"
@@ -73,7 +73,7 @@ class Beat:
                 self.orphaned = True
 
 
-def supervise(run: Callable[[Start], None]) -> NoReturn:
+def supervise(run: Callable[[ProcessStart], None]) -> NoReturn:
     """Run the autopilot until it ends by itself or by an end signal, and start it again otherwise.
 
     Parameters
@@ -99,7 +99,9 @@ def supervise(run: Callable[[Start], None]) -> NoReturn:
             time.sleep(PAUSE_S)
 
 
-def _fork(run: Callable[[Start], None], restarts: int, failed_starts: int) -> tuple[int, int]:
+def _fork(
+    run: Callable[[ProcessStart], None], restarts: int, failed_starts: int
+) -> tuple[int, int]:
     """Start a child that runs the autopilot; return its process id and the pipe of its beats."""
     reading, writing = os.pipe()
     signal.pthread_sigmask(signal.SIG_BLOCK, END_SIGNALS)
@@ -113,7 +115,7 @@ def _fork(run: Callable[[Start], None], restarts: int, failed_starts: int) -> tu
         on_end_signals(signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, END_SIGNALS)
         os.close(reading)
-        run(Start(Beat(writing), restarts, failed_starts))
+        run(ProcessStart(Beat(writing), restarts, failed_starts))
         status = 0
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 1

@@ -37,7 +37,7 @@ from sysid.sweep import dives, gains
 from sysid.sweep.campaigns import SweepMission
 from sysid.sweep.dives import Part, SweepDive, fly_chunk
 from sysid.sweep.parts import PartStore
-from sysid.sweep.points import Range
+from sysid.sweep.points import ParameterRange
 from sysid.sweep.sweep_request import Chunks, SweepRequest, SweepVehicle
 from sysid.test_design import prior as design_priors
 from sysid.trials import Engine, key_of, map_trials
@@ -77,7 +77,10 @@ def request_of(count: int, chunk: int) -> SweepRequest:
         name="plan.toml",
         vehicles=(SweepVehicle("caribou", prior, SPREAD, (gains.read("default", {}, trims),)),),
         missions=(SweepMission("combined", plans.load_items("combined")),),
-        conditions={"disturbance_scale": Range(0.5, 2.0), "current_mps": Range(0.0, 0.3)},
+        conditions={
+            "disturbance_scale": ParameterRange(0.5, 2.0),
+            "current_mps": ParameterRange(0.0, 0.3),
+        },
         samples=count,
         chunk=chunk,
     )

@@ -135,7 +135,7 @@ def simulate(
     ] = False,
 ) -> None:
     """Simulate the vehicle, its sensors and the sea in lockstep with an autopilot."""
-    from sitl.app import Options, needs_compiler, run
+    from sitl.app import SimulatorOptions, needs_compiler, run
     from sitl.backends.factory import BackendOptions, check_options, defaults_of
 
     if no_compile and needs_compiler():
@@ -159,7 +159,7 @@ def simulate(
     check_options(backend)
     defaults = defaults_of(autopilot)
     run(
-        Options(
+        SimulatorOptions(
             vehicle=vehicle,
             scenario=scenario,
             hil=hil or defaults.address,

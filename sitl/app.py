@@ -34,7 +34,7 @@ class TruthFileError(InputError):
     code = ErrorCode.TRUTH_FILE
 
 
-class Options(NamedTuple):
+class SimulatorOptions(NamedTuple):
     """Options of the command line."""
 
     vehicle: str
@@ -63,7 +63,7 @@ def needs_compiler() -> bool:
     return jit.COMPILED and not jit.is_stored(tick.advance)
 
 
-def run(options: Options) -> None:
+def run(options: SimulatorOptions) -> None:
     """Simulate until SIGINT, SIGTERM or SIGHUP.
 
     Raises
@@ -102,7 +102,10 @@ def warm_up(simulated: Plant) -> None:
 
 
 def _simulate(
-    build: Callable[[Timestep], Plant], options: Options, backend: Backend, record: RecordTruth
+    build: Callable[[Timestep], Plant],
+    options: SimulatorOptions,
+    backend: Backend,
+    record: RecordTruth,
 ) -> None:
     """Simulate one run per connection; start from the initial state when the autopilot restarts."""
     is_observed = options.speed is not None or options.truth is not None

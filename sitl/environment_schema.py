@@ -59,7 +59,7 @@ class Variation(ScenarioTable, frozen=True):
     """Lag at which the autocorrelation has fallen to 1/e."""
 
 
-class Current(ScenarioTable, frozen=True):
+class CurrentConfig(ScenarioTable, frozen=True):
     """Steady current: uniform, or in layers.
 
     Between layers the velocity is interpolated linearly; above the first and below the last layer
@@ -124,7 +124,7 @@ class Ice(ScenarioTable, frozen=True):
 
 
 def check_consistency(
-    current: Current, waves: Waves, density: Density, floor: FloorTable, ice: Ice
+    current: CurrentConfig, waves: Waves, density: Density, floor: FloorTable, ice: Ice
 ) -> None:
     """Check combinations of values that are valid on their own.
 

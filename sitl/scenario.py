@@ -16,9 +16,9 @@ from mavlink_io import toml_io
 from mavlink_io.suggestions import did_you_mean
 from mavlink_io.text_files import read_text
 from sitl import bathymetry, environment_schema
-from sitl.environment_schema import Current, Density, FloorTable, Ice, WaterTable, Waves
+from sitl.environment_schema import CurrentConfig, Density, FloorTable, Ice, WaterTable, Waves
 from sitl.faults import catalogue
-from sitl.faults.catalogue import Fault, FaultError
+from sitl.faults.catalogue import FaultError, ScheduledFault
 from sitl.scenario_types import (
     MAX_OFFSET_M,
     Angle,
@@ -111,7 +111,7 @@ class Scenario(ScenarioTable, frozen=True):
     start: StartTable = StartTable()
     rig: Rig = Rig()
     water: WaterTable = WaterTable()
-    current: Current = Current()
+    current: CurrentConfig = CurrentConfig()
     waves: Waves = Waves()
     density: Density = Density()
     floor: FloorTable = FloorTable()
@@ -122,7 +122,7 @@ class Scenario(ScenarioTable, frozen=True):
     """Scheduled faults; ``sitl.faults.catalogue`` defines the keys."""
 
     @property
-    def faults(self) -> list[Fault]:
+    def faults(self) -> list[ScheduledFault]:
         """Scheduled faults, parsed.
 
         Raises FaultError.

@@ -22,7 +22,7 @@ _NO_TIME = frozenset((MavCmd.DO_CHANGE_ALTITUDE, MavCmd.CONDITION_YAW))
 _PLACE_PARAMETER, _DEPTH_PARAMETER, _TIME_PARAMETER, _RADIUS_PARAMETER = 5, 7, 1, 3
 
 
-class Start(NamedTuple):
+class MissionStart(NamedTuple):
     """Place at which a mission starts or resumes."""
 
     position_m: complex
@@ -45,7 +45,10 @@ class _Progress(NamedTuple):
 
 
 def find_fault(
-    state: AutopilotState, items: tuple[MissionItem, ...], config: Config, start: Start | None
+    state: AutopilotState,
+    items: tuple[MissionItem, ...],
+    config: Config,
+    start: MissionStart | None,
 ) -> MissionFault | None:
     """Return the first fault of a mission, None if it can be flown.
 
@@ -57,7 +60,7 @@ def find_fault(
         Items of the mission.
     config : Config
         Parameters.
-    start : Start or None
+    start : MissionStart or None
         Where the mission starts at its current item; None for an upload.
 
     Returns
@@ -75,10 +78,10 @@ def find_fault(
     return _follow(progress, state, config, start)
 
 
-def start_of(state: AutopilotState) -> Start:
+def start_of(state: AutopilotState) -> MissionStart:
     """Return the present place, and the floor under it that the altimeter measures."""
     estimate = state.estimate
-    return Start(guidance.position_of(estimate), estimate.depth_m + estimate.altitude_m)
+    return MissionStart(guidance.position_of(estimate), estimate.depth_m + estimate.altitude_m)
 
 
 def find_fence_fault(
@@ -119,7 +122,7 @@ def find_fence_fault(
 
 
 def _follow(
-    plan: MissionState, state: AutopilotState, config: Config, start: Start | None
+    plan: MissionState, state: AutopilotState, config: Config, start: MissionStart | None
 ) -> MissionFault | None:
     """Follow the items from the current one; return the first that cannot be reached."""
     place = None if start is None else start.position_m
@@ -258,7 +261,7 @@ def _circle_fault(
 
 
 def _floor_fault(
-    item: MissionItem, after: _Progress, start: Start, config: Config
+    item: MissionItem, after: _Progress, start: MissionStart, config: Config
 ) -> MissionFault | None:
     """Return the fault of a depth below the floor, at the place where the floor is measured."""
     lowest_m = start.floor_m - config.fs_altitude_m

@@ -12,7 +12,7 @@ from benchmarks.redesign.campaign import Values
 from benchmarks.redesign.holding import ANYTHING, CALM, TrackingError
 from benchmarks.study import Cell, Figure
 from sitl import scenario
-from sitl.environment_schema import Current, Variation
+from sitl.environment_schema import CurrentConfig, Variation
 from sitl.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ WORST = {"calm": TrackingError(0.3, inf, inf, 0.0)}
 """Largest value of one dive."""
 ROUGHER = 2.0
 """Ratio of the moments of the rough sea to those of the disturbed one."""
-CURRENT = Current(
+CURRENT = CurrentConfig(
     speed_mps=0.3, towards_deg=110.0, variation=Variation(rms_mps=0.1, time_constant_s=60.0)
 )
 

@@ -17,7 +17,7 @@ from ground.campaign.summary_file import (
     Pole,
     PredictedError,
     RateErrors,
-    SteadyError,
+    SteadyErrorEntry,
 )
 from ground.client.assessment import format_value
 from ground.live import monitor_view
@@ -90,7 +90,7 @@ def build(
         tracking=tracking,
         monitoring={mission: _monitoring(folder, mission) for mission in missions},
         steady_error={
-            name: SteadyError(
+            name: SteadyErrorEntry(
                 heading_deg=errors.heading_deg.p95,
                 pitch_deg=errors.pitch_deg.p95,
                 depth_m=errors.depth_m.p95,

@@ -143,7 +143,7 @@ class DesignSummary(JsonRecord, frozen=True):
         return "kept" if self.kept_first else "redesigned"
 
 
-class SteadyError(JsonRecord, frozen=True):
+class SteadyErrorEntry(JsonRecord, frozen=True):
     """95 % bounds of the errors of straight runs, as in the paper's Table 5."""
 
     heading_deg: float
@@ -187,7 +187,7 @@ class CampaignSummary(JsonRecord, frozen=True):
     """Errors by mission and set of gains."""
     monitoring: dict[str, MonitorReport]
     """Comparison of the redesigned gains with their predicted performance, by mission."""
-    steady_error: dict[str, SteadyError]
+    steady_error: dict[str, SteadyErrorEntry]
     """Errors of straight runs by set of gains."""
     vehicle: str = PAPER_VEHICLE
     """Vehicle file from which the identification starts."""

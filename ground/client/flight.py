@@ -328,7 +328,7 @@ def prepare(vehicle: VehicleClient, dive: Dive) -> dict[str, float]:
             f"{HOME_FIRST} = 1 on the vehicle: it takes the first step for home and skips it;"
             f" for missions of ground: ground params set {HOME_FIRST} 0"
         )
-    plans.check_limits(dive.mission, dive.plan, plans.Limits.from_parameters(parameters))
+    plans.check_limits(dive.mission, dive.plan, plans.MissionLimits.from_parameters(parameters))
     for name, value in dive.parameters.items():
         parameters[name] = vehicle.set_parameter(name, value)
     for name, rate_hz in RATES_HZ.items():

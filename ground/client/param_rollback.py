@@ -61,7 +61,7 @@ def upload(
     if not values:
         raise InputError(f"{source}: holds no parameter")
     before = _current_values(vehicle, values, source)
-    history = History.of(vehicle)
+    history = UploadHistory.of(vehicle)
     history.push(
         ParamUpload(source=source, before=before, after=dict(values), model_sha256=model_sha256)
     )
@@ -100,7 +100,7 @@ def rollback(
     """
     if file and not file.exists():
         raise InputError(f"{file}: does not exist")
-    history = History(file) if file else History.of(vehicle)
+    history = UploadHistory(file) if file else UploadHistory.of(vehicle)
     record = history.last()
     present = _current_values(vehicle, record.before, str(history.path))
     if (unexpected := _unexpected_value(record, present)) and not force:
@@ -126,14 +126,14 @@ def rollback(
     return record, tuple(changes)
 
 
-class History:
+class UploadHistory:
     """Stored uploads to one vehicle, oldest first."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     @classmethod
-    def of(cls, vehicle: VehicleClient) -> "History":
+    def of(cls, vehicle: VehicleClient) -> "UploadHistory":
         """Return the history of a connected vehicle."""
         system = vehicle.vehicle_id.system if vehicle.vehicle_id else 0
         return cls(user_data_dir() / "changes" / f"system-{system}.json")
@@ -202,7 +202,7 @@ def _current_values(
 
 def _restore(
     vehicle: VehicleClient,
-    history: History,
+    history: UploadHistory,
     changes: list[ParamChange],
     remaining: list[str],
     error: VehicleClientError,

@@ -59,7 +59,7 @@ class Plan(NamedTuple):
     """Rally points in the file."""
 
 
-class Limits(NamedTuple):
+class MissionLimits(NamedTuple):
     """Limits of a vehicle for missions; infinite if it has no such parameter."""
 
     depth_m: float = math.inf
@@ -70,7 +70,7 @@ class Limits(NamedTuple):
     """Speed through the water at full thrust, by SPD_CRUISE_MPS and THR_CRUISE_PCT."""
 
     @classmethod
-    def from_parameters(cls, parameters: Mapping[str, float]) -> "Limits":
+    def from_parameters(cls, parameters: Mapping[str, float]) -> "MissionLimits":
         """Read the limits from the parameters of a vehicle."""
         thrust_pct = parameters.get("THR_CRUISE_PCT", 0.0)
         cruise_mps = parameters.get("SPD_CRUISE_MPS", math.inf)
@@ -153,7 +153,7 @@ def load_items(name_or_path: str) -> tuple[MissionItem, ...]:
     return load(name_or_path).items
 
 
-def check_limits(where: str, plan: Plan, limits: Limits) -> None:
+def check_limits(where: str, plan: Plan, limits: MissionLimits) -> None:
     """Check depths, distances and speeds of a mission against the limits of a vehicle.
 
     Positions in latitude and longitude are not checked here: the vehicle checks them, as it knows
@@ -165,7 +165,7 @@ def check_limits(where: str, plan: Plan, limits: Limits) -> None:
         Name of the mission in error messages.
     plan : Plan
         The mission.
-    limits : Limits
+    limits : MissionLimits
         Limits of the vehicle.
 
     Raises

@@ -17,7 +17,7 @@ from sysid.estimation.bench_test import AxisBench
 from sysid.models import actuator
 from sysid.planes import Plane
 from sysid.reproduction import fit_loop, paper_poles, steady_flight
-from sysid.reproduction.comparison import Comparison, at_most, statement, within
+from sysid.reproduction.comparison import PublishedComparison, at_most, statement, within
 from sysid.reproduction.paper_method import PlaneFit
 from sysid.reproduction.paper_tables import TABLE_3_IMPROVED, TABLE_3_INITIAL, TABLE_5_IMPROVED
 
@@ -47,7 +47,7 @@ FIGURE_14_LEGS = ((4.0, -80.0, 30.0), (7.0, -40.0, 60.0), (1.0, -100.0, 60.0))
 """Depth (m), heading (deg) and duration (s) of the legs of figure 14."""
 
 
-def figure_4(bench: AxisBench) -> list[Comparison]:
+def figure_4(bench: AxisBench) -> list[PublishedComparison]:
     """Compare the elevator's bench test with the paper's model and limits.
 
     Parameters
@@ -57,7 +57,7 @@ def figure_4(bench: AxisBench) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         Model parameters, rate limits, cut-off frequencies and phase lag.
     """
     paper, fitted = actuator.PAPER, bench.model
@@ -104,7 +104,7 @@ def figure_4(bench: AxisBench) -> list[Comparison]:
     return [*rows, _phase_lag(bench)]
 
 
-def _phase_lag(bench: AxisBench) -> Comparison:
+def _phase_lag(bench: AxisBench) -> PublishedComparison:
     """Compare the measured phase with that of the second-order lag alone."""
     point = min(
         (p for p in bench.points if p.amplitude_deg == min(q.amplitude_deg for q in bench.points)),
@@ -123,7 +123,7 @@ def _phase_lag(bench: AxisBench) -> Comparison:
     )
 
 
-def figure_5(campaign: CampaignFolder) -> list[Comparison]:
+def figure_5(campaign: CampaignFolder) -> list[PublishedComparison]:
     """Compare the process: each of its boxes with its result in the campaign.
 
     Parameters
@@ -133,7 +133,7 @@ def figure_5(campaign: CampaignFolder) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         One statement per box, and the time of the tests.
     """
     summary, model = campaign.summary, campaign.model
@@ -199,7 +199,7 @@ def adjust_model(campaign: CampaignFolder) -> dict[Plane, PlaneFit]:
     return fit_loop.adjust(runs, campaign.prior_config)
 
 
-def figure_6(fits: dict[Plane, PlaneFit]) -> list[Comparison]:
+def figure_6(fits: dict[Plane, PlaneFit]) -> list[PublishedComparison]:
     """Compare the adjustment loop: all runs at once, rate error minimised, yaw before pitch.
 
     Parameters
@@ -209,7 +209,7 @@ def figure_6(fits: dict[Plane, PlaneFit]) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         One statement per plane.
     """
     rows = [
@@ -237,7 +237,7 @@ def figure_6(fits: dict[Plane, PlaneFit]) -> list[Comparison]:
     ]
 
 
-def figure_7(steps: BiasSteps) -> list[Comparison]:
+def figure_7(steps: BiasSteps) -> list[PublishedComparison]:
     """Compare the rudder steps of 5 and 7 deg with a bias of -6 deg.
 
     Parameters
@@ -247,7 +247,7 @@ def figure_7(steps: BiasSteps) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         Command, duct angle, direction of the turn, and responses of pitch and depth.
     """
     rows = []
@@ -292,7 +292,7 @@ def figure_7(steps: BiasSteps) -> list[Comparison]:
     return rows
 
 
-def figures_8_and_9(campaign: CampaignFolder) -> list[Comparison]:
+def figures_8_and_9(campaign: CampaignFolder) -> list[PublishedComparison]:
     """Compare the responses of both models to the largest steps.
 
     Parameters
@@ -302,7 +302,7 @@ def figures_8_and_9(campaign: CampaignFolder) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         One statement per figure.
     """
     rows = []
@@ -323,7 +323,7 @@ def figures_8_and_9(campaign: CampaignFolder) -> list[Comparison]:
     return rows
 
 
-def figures_10_and_11(flights: PaperFlights) -> list[Comparison]:
+def figures_10_and_11(flights: PaperFlights) -> list[PublishedComparison]:
     """Compare the straight runs.
 
     Parameters
@@ -333,7 +333,7 @@ def figures_10_and_11(flights: PaperFlights) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         Statements on heading, pitch and depth for the paper's and for our improved gains.
     """
     initial = flights.steady("initial")
@@ -350,7 +350,7 @@ def figures_10_and_11(flights: PaperFlights) -> list[Comparison]:
     ]
 
 
-def figures_12_and_13(campaign: CampaignFolder) -> list[Comparison]:
+def figures_12_and_13(campaign: CampaignFolder) -> list[PublishedComparison]:
     """Compare the depth changes.
 
     Parameters
@@ -360,7 +360,7 @@ def figures_12_and_13(campaign: CampaignFolder) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         Statements on three measures of the depth error after the changes.
     """
     initial = _change_errors(campaign.log(STAGES["initial"], "depth_change"))
@@ -449,7 +449,7 @@ def _linear_evidence() -> dict[str, str]:
     }
 
 
-def figure_14(campaign: CampaignFolder) -> list[Comparison]:
+def figure_14(campaign: CampaignFolder) -> list[PublishedComparison]:
     """Compare depth and heading at the end of each leg of the combined mission.
 
     Parameters
@@ -459,7 +459,7 @@ def figure_14(campaign: CampaignFolder) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         One statement per leg and set of gains.
     """
     ends = np.cumsum([0.0, *(leg[2] for leg in FIGURE_14_LEGS)])
@@ -498,7 +498,7 @@ def _before(time_s: np.ndarray, end_s: float) -> np.ndarray:
     return np.asarray((time_s >= end_s - LEG_END_S) & (time_s < end_s))
 
 
-def figure_15(flights: PaperFlights) -> list[Comparison]:
+def figure_15(flights: PaperFlights) -> list[PublishedComparison]:
     """Compare the run at a depth of one metre.
 
     Parameters
@@ -508,7 +508,7 @@ def figure_15(flights: PaperFlights) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         Overshoot and steady depth error for both sets of improved gains.
     """
     rows = []
@@ -538,7 +538,9 @@ def figure_15(flights: PaperFlights) -> list[Comparison]:
     return rows
 
 
-def all_figures(flights: PaperFlights, fits: dict[Plane, PlaneFit]) -> Sequence[Comparison]:
+def all_figures(
+    flights: PaperFlights, fits: dict[Plane, PlaneFit]
+) -> Sequence[PublishedComparison]:
     """Return the comparisons of Figures 4 to 15.
 
     Parameters

@@ -9,7 +9,7 @@ from ground.paper import reproduction
 from ground.paper.reproduction import ITEMS, Reproduction
 from ground.report import charts, page, tables
 from ground.report.figures import Figure
-from sysid.reproduction.comparison import Comparison, Verdict
+from sysid.reproduction.comparison import PublishedComparison, Verdict
 
 TITLE = "Caribou: the paper, rebuilt"
 _TAGS = {Verdict.REPRODUCED: "measured", Verdict.NOT_REPRODUCED: "prior"}
@@ -66,7 +66,7 @@ def _item(item: str, result: Reproduction, figure: Figure | None) -> str:
     return f"<h2>{item}: {escape(result.verdict(item))}</h2>{chart}{body}"
 
 
-def _row(row: Comparison) -> list[str]:
+def _row(row: PublishedComparison) -> list[str]:
     """Return one comparison as HTML cells."""
     texts = (
         row.quantity,

@@ -16,7 +16,7 @@ from ground.terminal import heading, render
 from sysid.design import initial
 from sysid.planes import Plane
 from sysid.reproduction import discrepancies, table_comparisons
-from sysid.reproduction.comparison import Comparison, Value, Verdict
+from sysid.reproduction.comparison import PublishedComparison, Value, Verdict
 from sysid.reproduction.discrepancies import Discrepancy, Sources
 from sysid.reproduction.paper_method import PlaneFit
 
@@ -33,7 +33,7 @@ NOT_FLOWN = "not flown"
 class Reproduction(NamedTuple):
     """Result of `ground paper`."""
 
-    comparisons: list[Comparison]
+    comparisons: list[PublishedComparison]
     discrepancies: list[Discrepancy]
     poles: PolesComparison
     derivation: str
@@ -104,7 +104,7 @@ def reproduce(
 
 def _from_flights(
     flights: PaperFlights | None, fits: dict[Plane, PlaneFit] | None
-) -> tuple[Sequence[Comparison], ...]:
+) -> tuple[Sequence[PublishedComparison], ...]:
     """Return the comparisons of Tables 2, 3 (improved) and 5 and of the figures."""
     if flights is None or fits is None:
         return (), (), (), ()
@@ -185,7 +185,7 @@ def format_value(value: Value, unit: str) -> str:
     return value if isinstance(value, str) else f"{value:.5g} {unit}".rstrip()
 
 
-def format_difference(row: Comparison) -> str:
+def format_difference(row: PublishedComparison) -> str:
     """Return the difference with its sign; a relative one where the published value is not 0."""
     if isinstance(row.difference, str):
         return row.difference
@@ -194,7 +194,7 @@ def format_difference(row: Comparison) -> str:
     return f"{100.0 * row.difference / abs(row.published):+.1f} %"
 
 
-def _table(rows: Sequence[Comparison]) -> Table:
+def _table(rows: Sequence[PublishedComparison]) -> Table:
     """Return the comparisons of one item as a table."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("quantity", "published", "ours", "diff.", "verdict", "criterion, reason"):

@@ -12,7 +12,7 @@ from sysid.models.prediction import predict
 from sysid.monitor.tracking_metrics import SteadyWindow
 from sysid.planes import PLANES, Plane
 from sysid.reproduction import steady_flight
-from sysid.reproduction.comparison import Comparison, at_most, judge, statement, within
+from sysid.reproduction.comparison import PublishedComparison, at_most, judge, statement, within
 from sysid.reproduction.paper_tables import (
     ACCELERATION_PER_S2,
     TABLE_1_ADJUSTED,
@@ -56,7 +56,7 @@ def joint_sds(count: int) -> float:
     return NormalDist().inv_cdf(1.0 - (1.0 - JOINT_LEVEL) / (2.0 * count))
 
 
-def table_1_adjusted(campaign: CampaignFolder) -> list[Comparison]:
+def table_1_adjusted(campaign: CampaignFolder) -> list[PublishedComparison]:
     """Compare the identified coefficients and accelerations with the adjusted column.
 
     Parameters
@@ -66,7 +66,7 @@ def table_1_adjusted(campaign: CampaignFolder) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         One comparison per coefficient, and one per measured acceleration.
     """
     published, model = TABLE_1_ADJUSTED._asdict(), campaign.model
@@ -98,10 +98,10 @@ def table_1_adjusted(campaign: CampaignFolder) -> list[Comparison]:
 
 def _identified(
     quantity: str, unit: str, published: float, ours: float, sd: float | None, width: float
-) -> Comparison:
+) -> PublishedComparison:
     """Compare an estimate with a printed value by the estimate's own interval."""
     half = width * (sd or 0.0)
-    return Comparison(
+    return PublishedComparison(
         item="Table 1",
         quantity=quantity,
         unit=unit,
@@ -155,7 +155,7 @@ def rate_errors(campaign: CampaignFolder, run: Run) -> tuple[float, float]:
     return initial, refitted
 
 
-def table_2(campaign: CampaignFolder) -> list[Comparison]:
+def table_2(campaign: CampaignFolder) -> list[PublishedComparison]:
     """Compare the squared rate errors of both models on the largest steps.
 
     Parameters
@@ -165,7 +165,7 @@ def table_2(campaign: CampaignFolder) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         Four errors, and one statement per step.
     """
     rows = []
@@ -197,7 +197,7 @@ def table_2(campaign: CampaignFolder) -> list[Comparison]:
 
 def _improvement(
     item: str, name: str, published: tuple[float, float], ours: tuple[float, float]
-) -> Comparison:
+) -> PublishedComparison:
     """Compare the statement that the improved model is closer to the data."""
     printed, found = (100.0 * (after / before - 1.0) for before, after in (published, ours))
     return statement(
@@ -210,7 +210,7 @@ def _improvement(
     )
 
 
-def table_3_improved(campaign: CampaignFolder) -> list[Comparison]:
+def table_3_improved(campaign: CampaignFolder) -> list[PublishedComparison]:
     """Compare the redesigned gains with Table 3's improved gains.
 
     Parameters
@@ -220,7 +220,7 @@ def table_3_improved(campaign: CampaignFolder) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         One comparison per gain; the paper's loops have no other parameters.
     """
     ours = campaign.summary.gains["redesigned"]
@@ -240,7 +240,7 @@ def table_3_improved(campaign: CampaignFolder) -> list[Comparison]:
     ]
 
 
-def table_5(flights: PaperFlights) -> list[Comparison]:
+def table_5(flights: PaperFlights) -> list[PublishedComparison]:
     """Compare the steady errors of the straight run, and their change by the redesign.
 
     Parameters
@@ -250,7 +250,7 @@ def table_5(flights: PaperFlights) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         Errors with the initial, the paper's improved and the redesigned gains.
     """
     steady = {role: flights.steady(role) for role in ("initial", *GAIN_SETS)}
@@ -283,7 +283,7 @@ def table_5(flights: PaperFlights) -> list[Comparison]:
     return [*rows, *improvements(flights, "Table 5")]
 
 
-def improvements(flights: PaperFlights, item: str) -> list[Comparison]:
+def improvements(flights: PaperFlights, item: str) -> list[PublishedComparison]:
     """Compare the statements that pitch and depth improve much and heading hardly changes.
 
     Parameters
@@ -295,7 +295,7 @@ def improvements(flights: PaperFlights, item: str) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         One statement per error and set of gains.
     """
     before = flights.steady("initial")

@@ -18,7 +18,7 @@ from ground.campaign.summary_file import (
     DesignSummary,
     LoopAnalysis,
     MarginsSummary,
-    SteadyError,
+    SteadyErrorEntry,
 )
 from ground.client.assessment import format_value
 from ground.live.monitor_view import ROWS
@@ -294,7 +294,7 @@ def _lead(summary: CampaignSummary) -> str:
     )
 
 
-def _headline(steady: Mapping[str, SteadyError], *, with_paper: bool) -> str:
+def _headline(steady: Mapping[str, SteadyErrorEntry], *, with_paper: bool) -> str:
     """Return the boxes with the steady errors before and after the redesign."""
 
     def box(what: str, key: str, show: Callable[[float], str]) -> str:

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from ground.rendered import Rendered
 from ground.terminal import heading, render
-from sysid.monte_carlo.study import LegSummary, Range, SimulationSummary
+from sysid.monte_carlo.study import LegSummary, ResultRange, SimulationSummary
 
 
 def as_json(summaries: Sequence[SimulationSummary], mission: str, seed: int) -> dict[str, Any]:
@@ -65,7 +65,7 @@ def _summary_json(summary: SimulationSummary) -> dict[str, Any]:
     }
 
 
-def _range(values: Range | None) -> dict[str, float] | None:
+def _range(values: ResultRange | None) -> dict[str, float] | None:
     return values and values._asdict()
 
 

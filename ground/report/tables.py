@@ -5,7 +5,7 @@ from html import escape
 from typing import Any
 
 from ground.campaign.identification import assessment_lines, initial_error, refitted_error
-from ground.campaign.summary_file import LoopAnalysis, ModelSummary, SteadyError
+from ground.campaign.summary_file import LoopAnalysis, ModelSummary, SteadyErrorEntry
 from ground.client.assessment import format_value
 from sysid.control_analysis.control_systems import MarginsComparison
 from sysid.models.model_file import IdentifiedModel
@@ -262,7 +262,7 @@ def table_4(poles: Mapping[str, Any], *, with_paper: bool, final_set: str) -> st
     return table(*((head, rows) if with_paper else _without_paper(head, rows)), "named")
 
 
-def table_5(steady: Mapping[str, SteadyError], *, with_paper: bool, final_set: str) -> str:
+def table_5(steady: Mapping[str, SteadyErrorEntry], *, with_paper: bool, final_set: str) -> str:
     """Return the steady errors of the straight run, 95 % bounds."""
     units = {"heading_deg": "°", "pitch_deg": "°", "depth_m": " m"}
     rows = [

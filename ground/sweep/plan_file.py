@@ -62,8 +62,8 @@ from sysid.design.specification import Spec
 from sysid.monte_carlo import samples
 from sysid.sweep import gains as gain_sets
 from sysid.sweep.campaigns import CampaignPlan, SweepMission
-from sysid.sweep.dives import Limits, SweepGains
-from sysid.sweep.points import Range, Sampler
+from sysid.sweep.dives import DiveLimits, SweepGains
+from sysid.sweep.points import ParameterRange, Sampler
 from sysid.sweep.sweep_request import Levels, SweepRequest, SweepVehicle
 from sysid.test_design import prior as design_priors
 from sysid.test_design.prior import DesignPrior
@@ -316,7 +316,7 @@ def _levels(
         if isinstance(values, RangeTable):
             if values.min >= values.max:
                 raise InputError(f"{path}: {table}.{key}: min must be less than max")
-            levels[key] = Range(values.min, values.max)
+            levels[key] = ParameterRange(values.min, values.max)
         elif not listed or len(set(listed)) < len(listed):
             raise InputError(f"{path}: {table}.{key} = {listed}: must be different numbers")
         else:
@@ -324,10 +324,12 @@ def _levels(
     return levels
 
 
-def _limits(path: Path, table: PassTable) -> Limits:
+def _limits(path: Path, table: PassTable) -> DiveLimits:
     """Return the limits of a dive. Raises InputError."""
-    given = {key: getattr(table, key) for key in Limits._fields if getattr(table, key) is not None}
+    given = {
+        key: getattr(table, key) for key in DiveLimits._fields if getattr(table, key) is not None
+    }
     wrong = next((key for key, value in given.items() if not value > 0.0), None)
     if wrong:
         raise InputError(f"{path}: pass.{wrong} = {given[wrong]:g}: must be greater than 0")
-    return Limits(**given)
+    return DiveLimits(**given)

@@ -13,7 +13,7 @@ from mavlink_io.errors import InputError
 from mavlink_io.text_files import parse_json, read_text
 from sysid.sweep import dives, parts
 from sysid.sweep.dives import COLUMNS, Part
-from sysid.sweep.points import Range
+from sysid.sweep.points import ParameterRange
 from sysid.sweep.sweep_request import Chunks, SweepRequest
 from sysid.trials import Engine, map_trials, source_hash
 
@@ -126,7 +126,9 @@ def format_row(row: dict[str, str]) -> str:
 
 def _description(request: SweepRequest, chunks: Chunks) -> dict[str, Any]:
     """Return what the sweep flies and with which versions."""
-    listed = [n for n, levels in request.conditions.items() if not isinstance(levels, Range)]
+    listed = [
+        n for n, levels in request.conditions.items() if not isinstance(levels, ParameterRange)
+    ]
     return {
         "plan": request.name,
         "dives": chunks.dives,

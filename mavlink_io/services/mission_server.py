@@ -67,7 +67,7 @@ class MissionResult(NamedTuple):
     """Reason of a refusal, for the operator; "" if accepted."""
 
 
-class Plan(Protocol):
+class StoredPlan(Protocol):
     """A plan of a vehicle: mission, geofence or rally points."""
 
     @property
@@ -80,7 +80,7 @@ class Plan(Protocol):
         ...
 
 
-class MissionStore(Plan, Protocol):
+class MissionStore(StoredPlan, Protocol):
     """The mission of a vehicle, as the autopilot implements it."""
 
     @property
@@ -183,12 +183,12 @@ class MissionServer:
         self,
         store: MissionStore,
         capacity: int = 1000,
-        plans: Mapping[int, Plan] | None = None,
+        plans: Mapping[int, StoredPlan] | None = None,
         item_request: str = "MISSION_REQUEST_INT",
     ) -> None:
         self._item_request, self._re_request_s = item_request, RE_REQUEST_S
         self._store, self._capacity = store, capacity
-        self._plans: dict[int, Plan] = {MISSION_TYPE: store, **(plans or {})}
+        self._plans: dict[int, StoredPlan] = {MISSION_TYPE: store, **(plans or {})}
         self._session: _UploadSession | None = None
         self._finished: tuple[_UploadSession, int] | None = None
         self._orders = FrameOrders()

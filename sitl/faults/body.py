@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sitl.faults.catalogue import Fault, FaultError
+from sitl.faults.catalogue import FaultError, ScheduledFault
 from sitl.vehicle.model import VehicleModel
 
 
-def check_feasible(model: VehicleModel, faults: Sequence[Fault]) -> None:
+def check_feasible(model: VehicleModel, faults: Sequence[ScheduledFault]) -> None:
     """Check that ballast faults, singly and together, leave inertia positive.
 
     Raises FaultError.
@@ -28,7 +28,7 @@ def check_feasible(model: VehicleModel, faults: Sequence[Fault]) -> None:
             )
 
 
-def apply(model: VehicleModel, faults: Sequence[Fault]) -> VehicleModel | None:
+def apply(model: VehicleModel, faults: Sequence[ScheduledFault]) -> VehicleModel | None:
     """Return the model under ``faults``; None if they do not change it."""
     faulted = model
     for fault in faults:

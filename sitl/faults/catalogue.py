@@ -23,7 +23,7 @@ class Size(NamedTuple):
     """Factor from the key's unit to SI."""
 
 
-class Fault(NamedTuple):
+class ScheduledFault(NamedTuple):
     """One fault with start and end."""
 
     unit: str
@@ -128,7 +128,7 @@ once. Wrong and drifting: error of every component; for the encoder in percent o
 """
 
 
-def read(row: Mapping[str, float | str]) -> Fault:
+def read(row: Mapping[str, float | str]) -> ScheduledFault:
     """Parse a table ``[[fault]]`` of a scenario file.
 
     Raises FaultError.
@@ -152,7 +152,7 @@ def read(row: Mapping[str, float | str]) -> Fault:
 
 def make(
     unit: str, kind: str, from_us: int, until_us: int | None, given: Mapping[str, float]
-) -> Fault:
+) -> ScheduledFault:
     """Build a fault with the parameters ``given`` by key, else defaults.
 
     Raises FaultError.
@@ -169,7 +169,7 @@ def make(
         raise FaultError(
             f"until_s = {until_us * 1e-6:g}: expected more than at_s = {from_us * 1e-6:g}"
         )
-    return Fault(
+    return ScheduledFault(
         unit=unit,
         kind=kind,
         from_us=from_us,

@@ -15,7 +15,7 @@ from mavlink_io import dialect
 from mavlink_io.dialect import constant
 from mavlink_io.mission_items import MavCmd
 from sitl.faults import timeline
-from sitl.faults.catalogue import CATALOGUE, Fault, FaultError, make
+from sitl.faults.catalogue import CATALOGUE, FaultError, ScheduledFault, make
 from sitl.faults.timeline import Timeline
 
 _COMMAND, _AUTOPILOT = dialect.by_name("COMMAND_LONG"), constant("MAV_COMP_ID_AUTOPILOT1")
@@ -137,7 +137,7 @@ def _names(table: dict[int, tuple[str, ...]], number: float) -> tuple[str, ...]:
     return table.get(int(number), ()) if isfinite(number) else ()
 
 
-def _fault(injection: InjectionResult, unit: str, time_us: int) -> Fault:
+def _fault(injection: InjectionResult, unit: str, time_us: int) -> ScheduledFault:
     """Build the fault of one unit, starting at ``time_us``.
 
     Raises FaultError.

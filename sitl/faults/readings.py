@@ -23,7 +23,7 @@ from mavlink_io.records import (
     SensorFrame,
 )
 from sitl.core.sensors import Sensors
-from sitl.faults.catalogue import Fault
+from sitl.faults.catalogue import ScheduledFault
 from sitl.faults.timeline import FaultState, Running
 
 MEAN_OUTAGE_S = 1.0
@@ -169,7 +169,7 @@ def _replace_record(
 
 
 def _apply_to_record(
-    fault: Fault,
+    fault: ScheduledFault,
     memory: FaultState,
     record: SensorRecord | None,
     instrument: Instrument,
@@ -207,7 +207,7 @@ def _apply_to_record(
 
 
 def _delay(
-    fault: Fault, memory: FaultState, record: SensorRecord | None, time_us: int
+    fault: ScheduledFault, memory: FaultState, record: SensorRecord | None, time_us: int
 ) -> tuple[SensorRecord | None, FaultState]:
     """Return the newest record whose delay is over, with its original time stamp."""
     queue = (

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from sitl.faults import body
-from sitl.faults.catalogue import Fault
+from sitl.faults.catalogue import ScheduledFault
 from sitl.vehicle.model import VehicleModel
 
 NEVER_US = 1 << 62
@@ -29,14 +29,14 @@ class FaultState(NamedTuple):
 class Running(NamedTuple):
     """A fault in force and its state."""
 
-    fault: Fault
+    fault: ScheduledFault
     memory: FaultState = FaultState()
 
 
 class FaultChange(NamedTuple):
     """Start or end of a fault."""
 
-    fault: Fault
+    fault: ScheduledFault
     began: bool
 
     @property
@@ -48,7 +48,7 @@ class FaultChange(NamedTuple):
 class Timeline(NamedTuple):
     """All faults of a run at one instant."""
 
-    waiting: tuple[Fault, ...] = ()
+    waiting: tuple[ScheduledFault, ...] = ()
     """Faults that have not started."""
     running: tuple[Running, ...] = ()
     """Faults in force."""
@@ -65,12 +65,12 @@ class Timeline(NamedTuple):
         return tuple(running.fault.name for running in self.running)
 
 
-def schedule(faults: Iterable[Fault]) -> Timeline:
+def schedule(faults: Iterable[ScheduledFault]) -> Timeline:
     """Return the timeline of a run that has not started."""
     return _with_next_time(Timeline(waiting=tuple(faults)))
 
 
-def add_fault(timeline: Timeline, fault: Fault) -> Timeline:
+def add_fault(timeline: Timeline, fault: ScheduledFault) -> Timeline:
     """Add a fault during a run, unless an equal fault is pending or in force at its start."""
     present = [
         *timeline.waiting,
@@ -130,6 +130,6 @@ def _with_next_time(timeline: Timeline) -> Timeline:
     return timeline._replace(next_us=min((*starts, *ends), default=NEVER_US))
 
 
-def _until_us(fault: Fault) -> int:
+def _until_us(fault: ScheduledFault) -> int:
     """Return the end of a fault, or a time that is never reached."""
     return NEVER_US if fault.until_us is None else fault.until_us

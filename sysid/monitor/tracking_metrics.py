@@ -66,7 +66,7 @@ class TrackingMetrics(JsonRecord, frozen=True):
     settling_s: float
 
 
-class Interval(NamedTuple):
+class SteadyInterval(NamedTuple):
     """Interval of constant set-points."""
 
     start_s: float
@@ -120,7 +120,7 @@ def tracking(
 
 def intervals(
     log: Log, settling_s: float = SETTLING_S, shortest_s: float = MIN_WINDOW_S
-) -> list[Interval]:
+) -> list[SteadyInterval]:
     """Return the intervals of constant set-points that have samples.
 
     Parameters
@@ -134,7 +134,7 @@ def intervals(
 
     Returns
     -------
-    list of Interval
+    list of SteadyInterval
         The windows of ``tracking``, without their errors.
     """
     return [
@@ -291,15 +291,15 @@ def errors_in(log: Log, start_s: float, stop_s: float) -> TrackingErrors:
     )
 
 
-def _interval(log: Log, start_s: float, stop_s: float) -> Interval:
+def _interval(log: Log, start_s: float, stop_s: float) -> SteadyInterval:
     """Return an interval with the set-points at its start."""
     points = log.setpoints
     heading_rad = _value_at(points.attitude_time_s, points.heading_rad, start_s)
     depth_m = _value_at(points.depth_time_s, points.depth_m, start_s)
-    return Interval(start_s, stop_s, math.degrees(heading_rad) % 360.0, depth_m)
+    return SteadyInterval(start_s, stop_s, math.degrees(heading_rad) % 360.0, depth_m)
 
 
-def _window(interval: Interval, errors: TrackingErrors) -> SteadyWindow:
+def _window(interval: SteadyInterval, errors: TrackingErrors) -> SteadyWindow:
     """Return the statistics of a window."""
     return SteadyWindow(
         start_s=interval.start_s,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from autopilot.control import deflection_limit
 from sysid.data.dataset import Log
 from sysid.monitor import tracking_metrics
-from sysid.monitor.tracking_metrics import Interval, TrackingErrors
+from sysid.monitor.tracking_metrics import SteadyInterval, TrackingErrors
 from sysid.monte_carlo.simulate import SimulatedDive
 from sysid.test_design.safety_margins import HOLDING_LIMITS
 
@@ -103,7 +103,7 @@ def of_dive(dive: SimulatedDive, travel_rad: float, hull_radius_m: float) -> Div
     )
 
 
-def _in_window(log: Log, window: Interval) -> NDArray[np.bool_]:
+def _in_window(log: Log, window: SteadyInterval) -> NDArray[np.bool_]:
     """Return a mask of the samples in a window; a simulated log has one time base."""
     time_s = log.attitude.time_s
     return (time_s >= window.start_s) & (time_s < window.stop_s)
@@ -129,7 +129,7 @@ def _steady(log: Log) -> Steady | None:
     )
 
 
-def _errors(log: Log, window: Interval) -> TrackingErrors:
+def _errors(log: Log, window: SteadyInterval) -> TrackingErrors:
     """Return the errors in a window."""
     return tracking_metrics.errors_in(log, window.start_s, window.stop_s)
 
@@ -139,7 +139,7 @@ def _p95(error: Array) -> float:
     return tracking_metrics.spread(error).p95
 
 
-def _leg(log: Log, window: Interval) -> Leg:
+def _leg(log: Log, window: SteadyInterval) -> Leg:
     """Return the settling of one leg."""
     unsettled = np.abs(_heading_error_rad(log)) > SETTLED_RAD
     unsettled |= np.abs(log.depth.depth_m - window.depth_setpoint_m) > SETTLED_M

@@ -45,7 +45,7 @@ class StudyRequest(NamedTuple):
     """File of finished dives, to which each new one is appended; None keeps none."""
 
 
-class Range(NamedTuple):
+class ResultRange(NamedTuple):
     """Statistics over the vehicles."""
 
     median: float
@@ -57,7 +57,7 @@ class LegSummary(NamedTuple):
 
     heading_deg: float
     depth_m: float
-    settling_s: Range | None
+    settling_s: ResultRange | None
     """Settling time (s) of the vehicles that settled."""
     unsettled: int
     """Number of vehicles that did not settle."""
@@ -69,15 +69,15 @@ class SimulationSummary(NamedTuple):
     gains: str
     sea: Sea
     vehicles: int
-    heading_deg: Range | None
+    heading_deg: ResultRange | None
     """95 % of the steady error (deg)."""
-    pitch_deg: Range | None
-    depth_m: Range | None
+    pitch_deg: ResultRange | None
+    depth_m: ResultRange | None
     legs: tuple[LegSummary, ...]
-    rudder_deg: Range
-    elevator_deg: Range
-    at_stops_pct: Range
-    shallowest_m: Range | None
+    rudder_deg: ResultRange
+    elevator_deg: ResultRange
+    at_stops_pct: ResultRange
+    shallowest_m: ResultRange | None
     broached: int
     diverged: dict[str, int]
     """Number of vehicles by the quantity that was not held."""
@@ -199,7 +199,9 @@ def _summarise(name: str, sea: Sea, results: Sequence[DiveMetrics]) -> Simulatio
         rudder_deg=_range_of([dive.rudder_deg for dive in results]),
         elevator_deg=_range_of([dive.elevator_deg for dive in results]),
         at_stops_pct=_range_of([100.0 * dive.stopped for dive in results]),
-        shallowest_m=Range(float(np.median(shallowest)), min(shallowest)) if shallowest else None,
+        shallowest_m=ResultRange(float(np.median(shallowest)), min(shallowest))
+        if shallowest
+        else None,
         broached=sum(dive.broached for dive in results),
         diverged=dict(sorted(Counter(dive.diverged for dive in results if dive.diverged).items())),
         failsafes=dict(sorted(Counter(dive.failsafe for dive in results if dive.failsafe).items())),
@@ -225,11 +227,11 @@ def _leg(results: Sequence[DiveMetrics], number: int) -> LegSummary:
     )
 
 
-def _range(values: Sequence[float]) -> Range | None:
+def _range(values: Sequence[float]) -> ResultRange | None:
     """Return the range of the values, or None without values."""
     return _range_of(values) if values else None
 
 
-def _range_of(values: Sequence[float]) -> Range:
+def _range_of(values: Sequence[float]) -> ResultRange:
     """Return median and maximum."""
-    return Range(float(np.median(values)), max(values))
+    return ResultRange(float(np.median(values)), max(values))

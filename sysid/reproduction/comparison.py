@@ -15,7 +15,7 @@ class Verdict(StrEnum):
     """The paper lacks a necessary number, or contradicts itself; the reason gives the evidence."""
 
 
-class Comparison(NamedTuple):
+class PublishedComparison(NamedTuple):
     """One quantity of a table or a figure."""
 
     item: str
@@ -64,13 +64,13 @@ def within(
     share: float,
     reason: str = "",
     impossible: str = "",
-) -> Comparison:
+) -> PublishedComparison:
     """Compare two numbers with a relative tolerance.
 
     Parameters
     ----------
     item, quantity, unit : str
-        As in `Comparison`.
+        As in `PublishedComparison`.
     published, ours : float
         Values in `unit`.
     share : float
@@ -82,11 +82,11 @@ def within(
 
     Returns
     -------
-    Comparison
+    PublishedComparison
         Numbers with the verdict.
     """
     holds = abs(ours - published) <= share * abs(published)
-    row = Comparison(
+    row = PublishedComparison(
         item=item,
         quantity=quantity,
         unit=unit,
@@ -109,13 +109,13 @@ def at_most(
     *,
     reason: str = "",
     impossible: str = "",
-) -> Comparison:
+) -> PublishedComparison:
     """Compare two numbers of which the own one must not exceed the published one.
 
     Parameters
     ----------
     item, quantity, unit : str
-        As in `Comparison`.
+        As in `PublishedComparison`.
     published, ours : float
         Values in `unit`.
     reason : str
@@ -125,7 +125,7 @@ def at_most(
 
     Returns
     -------
-    Comparison
+    PublishedComparison
         Numbers with the verdict.
     """
     row = within(item, quantity, unit, published, ours, share=0.0, reason=reason)
@@ -144,13 +144,13 @@ def statement(
     *,
     reason: str = "",
     impossible: str = "",
-) -> Comparison:
+) -> PublishedComparison:
     """Compare a statement of the paper's text with what was found.
 
     Parameters
     ----------
     item, quantity : str
-        As in `Comparison`.
+        As in `PublishedComparison`.
     published, ours : str
         Statement of the paper, and the finding with its numbers.
     holds : bool
@@ -162,10 +162,10 @@ def statement(
 
     Returns
     -------
-    Comparison
+    PublishedComparison
         Statements with the verdict.
     """
-    row = Comparison(
+    row = PublishedComparison(
         item=item,
         quantity=quantity,
         unit="",
@@ -179,6 +179,6 @@ def statement(
     return _with_evidence(row, impossible)
 
 
-def _with_evidence(row: Comparison, impossible: str) -> Comparison:
+def _with_evidence(row: PublishedComparison, impossible: str) -> PublishedComparison:
     """Return a comparison with the evidence as reason if it cannot be reproduced."""
     return row._replace(reason=impossible) if row.verdict is Verdict.NOT_REPRODUCIBLE else row

@@ -7,7 +7,7 @@ from sitl.vehicle import first_principles
 from sitl.vehicle.slender_body import Derivation
 from sysid.control_analysis import margins
 from sysid.design.initial import InitialDesign
-from sysid.reproduction.comparison import Comparison, Verdict, judge, statement, within
+from sysid.reproduction.comparison import PublishedComparison, Verdict, judge, statement, within
 from sysid.reproduction.paper_poles import PoleRow, SinglePoleCondition, TransferReading
 from sysid.reproduction.paper_tables import (
     TABLE_1_ADJUSTED,
@@ -53,7 +53,7 @@ def derivation_text() -> str:
     return first_principles.report(vehicle_files.load(NOMINAL_VEHICLE))
 
 
-def table_1_initial(steps: Sequence[Derivation]) -> list[Comparison]:
+def table_1_initial(steps: Sequence[Derivation]) -> list[PublishedComparison]:
     """Compare the initial column of Table 1 with its derivation.
 
     Parameters
@@ -63,7 +63,7 @@ def table_1_initial(steps: Sequence[Derivation]) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         One comparison per coefficient, in the order of the table. Y_v and Z_w are those with the
         paper's slip; the entry of Y_v in `discrepancies` has the evidence.
     """
@@ -83,10 +83,12 @@ def table_1_initial(steps: Sequence[Derivation]) -> list[Comparison]:
     ]
 
 
-def _derived(name: str, step: Derivation | None, published: float, unit: str) -> Comparison:
+def _derived(
+    name: str, step: Derivation | None, published: float, unit: str
+) -> PublishedComparison:
     """Compare one coefficient; without a derivation it is an input."""
     if step is None:
-        return Comparison(
+        return PublishedComparison(
             item="Table 1",
             quantity=f"{name}, initial",
             unit=unit,
@@ -108,7 +110,7 @@ def _derived(name: str, step: Derivation | None, published: float, unit: str) ->
     )
 
 
-def table_1_changes() -> Comparison:
+def table_1_changes() -> PublishedComparison:
     """Compare the printed percentages of Table 1 with those of its two columns."""
     computed = {
         name: 100.0 * (getattr(TABLE_1_ADJUSTED, name) / initial - 1.0)
@@ -128,7 +130,7 @@ def table_1_changes() -> Comparison:
     )
 
 
-def table_3_initial(design: InitialDesign) -> list[Comparison]:
+def table_3_initial(design: InitialDesign) -> list[PublishedComparison]:
     """Compare Table 3's initial gains with a root-locus design on the first-principles vehicle.
 
     Parameters
@@ -138,13 +140,13 @@ def table_3_initial(design: InitialDesign) -> list[Comparison]:
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         One comparison per gain of the table.
     """
     return [_initial_gain(name, design) for name in TABLE_3_INITIAL]
 
 
-def _initial_gain(name: str, design: InitialDesign) -> Comparison:
+def _initial_gain(name: str, design: InitialDesign) -> PublishedComparison:
     """Compare one initial gain."""
     why = design.comparison[name].why if name in design.comparison else design.reasons[name]
     return within(
@@ -163,7 +165,7 @@ def table_4(
     rows: Sequence[PoleRow],
     readings: Sequence[TransferReading],
     alone: Sequence[SinglePoleCondition],
-) -> list[Comparison]:
+) -> list[PublishedComparison]:
     """Compare the nine printed pole pairs with those of Tables 1 and 3, and their order.
 
     Parameters
@@ -177,7 +179,7 @@ def table_4(
 
     Returns
     -------
-    list of Comparison
+    list of PublishedComparison
         Nine poles, and one statement per loop on the damping.
     """
     explained = any(not reading.remain for reading in readings)
@@ -186,7 +188,7 @@ def table_4(
     return [*poles, *_damping_order(rows)]
 
 
-def _pole(row: PoleRow, alone: SinglePoleCondition, explained: bool) -> Comparison:
+def _pole(row: PoleRow, alone: SinglePoleCondition, explained: bool) -> PublishedComparison:
     """Compare one pole pair; `explained`: some tailcone explains all nine."""
     share = abs(row.ours - row.paper) / abs(row.paper)
     evidence = (
@@ -194,7 +196,7 @@ def _pole(row: PoleRow, alone: SinglePoleCondition, explained: bool) -> Comparis
         " loop gain, and no tailcone explains all nine pairs"
     )
     verdict = judge(share <= POLE_SHARE, "" if explained else evidence)
-    return Comparison(
+    return PublishedComparison(
         item="Table 4",
         quantity=f"{row.loop}, {CASE_NAMES[row.case]}",
         unit="",
@@ -209,7 +211,7 @@ def _pole(row: PoleRow, alone: SinglePoleCondition, explained: bool) -> Comparis
     )
 
 
-def _damping_order(rows: Sequence[PoleRow]) -> list[Comparison]:
+def _damping_order(rows: Sequence[PoleRow]) -> list[PublishedComparison]:
     """Compare, for each loop, the statement that the improved model and gains add damping."""
     by_case = {(row.loop, row.case): row for row in rows}
     order = []

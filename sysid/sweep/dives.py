@@ -65,7 +65,7 @@ class SweepGains(NamedTuple):
     """Campaign on each vehicle, whose redesigned gains are flown instead of `config`."""
 
 
-class Limits(NamedTuple):
+class DiveLimits(NamedTuple):
     """Limits that a dive must meet to pass, besides being held to its end; infinite for none."""
 
     heading_deg: float = math.inf
@@ -108,11 +108,11 @@ class SweepDive(NamedTuple):
         )
 
 
-class Chunk(NamedTuple):
+class DiveChunk(NamedTuple):
     """Dives that one process flies in turn."""
 
     plan: str
-    limits: Limits
+    limits: DiveLimits
     source: str
     """Hash of the source code that the dives are to be flown with."""
     dives: tuple[SweepDive, ...]
@@ -185,12 +185,12 @@ def root(prior: DesignPrior, spread: float) -> Array:
     return np.asarray(spread * np.linalg.cholesky(regular))
 
 
-def fly_chunk(chunk: Chunk) -> Part:
+def fly_chunk(chunk: DiveChunk) -> Part:
     """Fly the dives of a chunk.
 
     Parameters
     ----------
-    chunk : Chunk
+    chunk : DiveChunk
         Inputs of the dives.
 
     Returns
@@ -294,7 +294,7 @@ def _with_faults(vehicle: CandidateVehicle, conditions: Conditions) -> Candidate
 
 def _row(
     dive: SweepDive,
-    chunk: Chunk,
+    chunk: DiveChunk,
     result: DiveMetrics,
     campaign: CampaignResult | None,
     z: Array,
@@ -334,7 +334,7 @@ def _row(
     ]
 
 
-def _passes(result: DiveMetrics, limits: Limits) -> bool:
+def _passes(result: DiveMetrics, limits: DiveLimits) -> bool:
     """Return whether a dive was held to its end, did not broach and met the limits."""
     if result.diverged or result.failsafe or result.broached:
         return False

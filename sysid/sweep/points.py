@@ -29,7 +29,7 @@ class Sampler(StrEnum):
     RANDOM = "random"
 
 
-class Range(NamedTuple):
+class ParameterRange(NamedTuple):
     """Uniform distribution of a sampled input."""
 
     min: float
@@ -89,14 +89,14 @@ def to_normal(coordinates: Array) -> Array:
     return np.asarray(ndtri(np.clip(coordinates, EDGE, 1.0 - EDGE)))
 
 
-def to_ranges(coordinates: Sequence[float], ranges: Sequence[Range]) -> list[float]:
+def to_ranges(coordinates: Sequence[float], ranges: Sequence[ParameterRange]) -> list[float]:
     """Return the values of the sampled inputs.
 
     Parameters
     ----------
     coordinates : sequence of float
         One coordinate for each range.
-    ranges : sequence of Range
+    ranges : sequence of ParameterRange
         Uniform distributions.
 
     Returns

@@ -32,7 +32,7 @@ _NOT_REDESIGNED = "; gains not redesigned"
 """End of the reason of a dive whose gains could not be redesigned."""
 
 
-class Interval(NamedTuple):
+class ConfidenceInterval(NamedTuple):
     """Probability with its confidence interval."""
 
     estimate: float
@@ -56,7 +56,7 @@ class CellSummary(NamedTuple):
     """Value of each input of the combination, as text."""
     dives: int
     passed: int
-    probability: Interval
+    probability: ConfidenceInterval
     failures: dict[str, int]
     """Number of dives that did not pass, by reason."""
     errors: dict[str, Distribution]
@@ -112,7 +112,7 @@ def read(parts: Iterable[str]) -> Table:
     )
 
 
-def pass_probability(passed: int, count: int) -> Interval:
+def pass_probability(passed: int, count: int) -> ConfidenceInterval:
     """Return the probability of passing with its Clopper-Pearson interval.
 
     Parameters
@@ -122,7 +122,7 @@ def pass_probability(passed: int, count: int) -> Interval:
 
     Returns
     -------
-    Interval
+    ConfidenceInterval
         Estimate and limits of the 95 % interval.
 
     Notes
@@ -134,7 +134,7 @@ def pass_probability(passed: int, count: int) -> Interval:
     tail, failed = 0.5 * (1.0 - CONFIDENCE), count - passed
     low = float(beta.ppf(tail, passed, failed + 1)) if passed else 0.0
     high = float(beta.ppf(1.0 - tail, passed + 1, failed)) if failed else 1.0
-    return Interval(passed / count, low, high)
+    return ConfidenceInterval(passed / count, low, high)
 
 
 def cells(table: Table, listed: Sequence[str]) -> list[CellSummary]:

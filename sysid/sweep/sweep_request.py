@@ -11,12 +11,12 @@ from typing import NamedTuple, overload
 from sysid.models.parameters import NAMES
 from sysid.sweep import dives, points
 from sysid.sweep.campaigns import SweepMission
-from sysid.sweep.dives import Chunk, Conditions, Limits, SweepDive, SweepGains
-from sysid.sweep.points import Range, Sampler
+from sysid.sweep.dives import Conditions, DiveChunk, DiveLimits, SweepDive, SweepGains
+from sysid.sweep.points import ParameterRange, Sampler
 from sysid.test_design.prior import DesignPrior
 from sysid.trials import hash_of, source_hash
 
-Levels = tuple[float, ...] | Range
+Levels = tuple[float, ...] | ParameterRange
 """Values of an input: each of them is flown, or samples of a range are."""
 
 
@@ -39,7 +39,7 @@ class SweepRequest(NamedTuple):
     missions: tuple[SweepMission, ...]
     conditions: Mapping[str, Levels]
     """Values of the fields of `Conditions`; a field that is missing has its default."""
-    limits: Limits = Limits()
+    limits: DiveLimits = DiveLimits()
     sampler: Sampler = Sampler.SOBOL
     samples: int = 64
     repeats: int = 1
@@ -49,7 +49,7 @@ class SweepRequest(NamedTuple):
     """Number of dives that a process flies at a time, and of rows of a part."""
 
 
-class Chunks(Sequence[Chunk]):
+class Chunks(Sequence[DiveChunk]):
     """The chunks of a sweep, each made when it is read: a sweep may have a million dives.
 
     Parameters
@@ -61,12 +61,14 @@ class Chunks(Sequence[Chunk]):
     def __init__(self, request: SweepRequest) -> None:
         self._request = request
         self._ranges = {
-            name: levels for name, levels in request.conditions.items() if isinstance(levels, Range)
+            name: levels
+            for name, levels in request.conditions.items()
+            if isinstance(levels, ParameterRange)
         }
         grid = {
             name: levels
             for name, levels in request.conditions.items()
-            if not isinstance(levels, Range)
+            if not isinstance(levels, ParameterRange)
         }
         self._combinations = [
             (vehicle, gains, mission, key, dict(zip(grid, values, strict=True)))
@@ -93,10 +95,10 @@ class Chunks(Sequence[Chunk]):
         return -(-self.dives // self._request.chunk)
 
     @overload
-    def __getitem__(self, index: int) -> Chunk: ...
+    def __getitem__(self, index: int) -> DiveChunk: ...
     @overload
-    def __getitem__(self, index: slice) -> list[Chunk]: ...
-    def __getitem__(self, index: int | slice) -> Chunk | list[Chunk]:
+    def __getitem__(self, index: slice) -> list[DiveChunk]: ...
+    def __getitem__(self, index: int | slice) -> DiveChunk | list[DiveChunk]:
         """Return one chunk or several."""
         if isinstance(index, slice):
             return [self[n] for n in range(*index.indices(len(self)))]
@@ -105,7 +107,7 @@ class Chunks(Sequence[Chunk]):
         first = index * self._request.chunk
         return self.of_dives(range(first, min(first + self._request.chunk, self.dives)))
 
-    def of_dives(self, numbers: Sequence[int]) -> Chunk:
+    def of_dives(self, numbers: Sequence[int]) -> DiveChunk:
         """Return a chunk with these dives.
 
         Parameters
@@ -115,10 +117,10 @@ class Chunks(Sequence[Chunk]):
 
         Returns
         -------
-        Chunk
+        DiveChunk
             Inputs of the dives.
         """
-        return Chunk(
+        return DiveChunk(
             plan=self._request.name,
             limits=self._request.limits,
             source=source_hash(),

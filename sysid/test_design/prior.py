@@ -16,7 +16,7 @@ from sysid.models.model_file import IdentifiedModel
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES, CandidateVehicle
 from sysid.planes import PLANES, Plane
-from sysid.test_design.simulate import LevelFlight
+from sysid.test_design.simulate import SimulatedLevelFlight
 
 Array = NDArray[np.float64]
 
@@ -174,7 +174,7 @@ def with_trim(prior: DesignPrior, rudder_rad: float, elevator_rad: float) -> Des
     return prior._replace(biases_rad=biases, trims_known=True)
 
 
-def level_flight(vehicle: CandidateVehicle, plane: Plane) -> LevelFlight:
+def level_flight(vehicle: CandidateVehicle, plane: Plane) -> SimulatedLevelFlight:
     """Return the straight level flight of a candidate at its operating point.
 
     Parameters
@@ -186,14 +186,14 @@ def level_flight(vehicle: CandidateVehicle, plane: Plane) -> LevelFlight:
 
     Returns
     -------
-    LevelFlight
+    SimulatedLevelFlight
         Trim of the surface (rad), thrust, speed (m/s) and pitch (rad).
     """
     thrust = vehicle.config.operating_point.thrust_fraction
     speed_mps = fit.cruise_speed_mps(vehicle, thrust)
     bias_rad = vehicle.actuators[plane].bias_rad
     is_yaw = PLANES[plane].is_yaw
-    return LevelFlight(
+    return SimulatedLevelFlight(
         trim_rad=fit.level_surface_rad(vehicle, plane) - bias_rad,
         thrust=thrust,
         speed_mps=speed_mps,

@@ -21,7 +21,7 @@ from sysid.test_design import closed_loop as loops
 from sysid.test_design import prior as design_priors
 from sysid.test_design.closed_loop import Loop
 from sysid.test_design.prior import DesignPrior
-from sysid.test_design.simulate import LevelFlight, Manoeuvre, as_run, signal_rad
+from sysid.test_design.simulate import Manoeuvre, SimulatedLevelFlight, as_run, signal_rad
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ class VehicleSample(NamedTuple):
     """
 
     vehicle: CandidateVehicle
-    still: LevelFlight
+    still: SimulatedLevelFlight
     loop: Loop
     free_motion: Array
     """Disturbance motion with the loop off."""

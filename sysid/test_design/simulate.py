@@ -67,7 +67,7 @@ class Manoeuvre(NamedTuple):
         return self._replace(size_deg=-self.size_deg, elevator_deg=-self.elevator_deg)
 
 
-class LevelFlight(NamedTuple):
+class SimulatedLevelFlight(NamedTuple):
     """Straight level flight: surface, propeller and attitude."""
 
     trim_rad: float
@@ -123,14 +123,14 @@ def _value(m: Manoeuvre, t_s: float) -> float:
     return 1.0
 
 
-def as_run(manoeuvre: Manoeuvre, trim: LevelFlight, command_from_trim_rad: Array) -> Run:
+def as_run(manoeuvre: Manoeuvre, trim: SimulatedLevelFlight, command_from_trim_rad: Array) -> Run:
     """Return the run of a test from straight level flight; measurements are those of level flight.
 
     Parameters
     ----------
     manoeuvre : Manoeuvre
         Test.
-    trim : LevelFlight
+    trim : SimulatedLevelFlight
         Level flight before the test.
     command_from_trim_rad : ndarray
         Command relative to trim (rad): the signal, with the loop on plus its feedback.

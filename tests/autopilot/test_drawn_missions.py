@@ -96,7 +96,7 @@ def place(
 def fault_of(
     *items: MissionItem,
     state: AutopilotState | None = None,
-    start: feasibility.Start | None = None,
+    start: feasibility.MissionStart | None = None,
     **changes: float,
 ) -> tuple[int, str, int]:
     """Return the first fault of a mission; (-1, "", 0) without one."""
@@ -187,7 +187,7 @@ def test_drawn_depths_below_the_floor_are_refused_at_the_start() -> None:
         floor_m, altitude_m = rng.uniform(4.0, 17.0), rng.uniform(0.5, 3.0)
         over_m = rng.uniform(0.01, 3.0) * rng.choice((-1.0, 1.0))
         item = place(rng.uniform(-19.0, 19.0))._replace(z=max(0.0, floor_m - altitude_m + over_m))
-        start = feasibility.Start(0j, floor_m)
+        start = feasibility.MissionStart(0j, floor_m)
         sequence, reason, parameter = fault_of(item, start=start, fs_altitude_m=altitude_m)
         assert (sequence, parameter) == ((0, 7) if over_m > 0.0 else (-1, 0)), reason
 
@@ -195,11 +195,11 @@ def test_drawn_depths_below_the_floor_are_refused_at_the_start() -> None:
 def test_way_from_the_start_counts_for_the_rest_of_the_mission() -> None:
     state = AutopilotState(home=HOME, charge=0.3)
     state = state._replace(mission=state.mission._replace(current=1))
-    start = feasibility.Start(9000.0 + 0j)
+    start = feasibility.MissionStart(9000.0 + 0j)
     items = place(0.0, command=19, p1=50_000.0), place(8000.0)
     assert fault_of(*items, state=state)[:1] == (0,), "an upload begins with item 0"
     assert fault_of(*items, state=state, start=start) == (-1, "", 0), "item 0 has been flown"
-    far = feasibility.Start(-9000.0 + 0j)
+    far = feasibility.MissionStart(-9000.0 + 0j)
     assert fault_of(*items, state=state, start=far)[0] == 1
 
 
@@ -211,7 +211,7 @@ def test_way_home_of_rtl_counts() -> None:
 
 
 def test_floor_under_the_vehicle_limits_the_depth_there() -> None:
-    start = feasibility.Start(0j, floor_m=5.0)
+    start = feasibility.MissionStart(0j, floor_m=5.0)
     here, away = place(5.0)._replace(z=4.0), place(200.0)._replace(z=12.0)
     assert fault_of(here, away, start=start, fs_altitude_m=1.0) == (-1, "", 0)
     sequence, reason, parameter = fault_of(here, start=start, fs_altitude_m=2.0)
@@ -220,7 +220,7 @@ def test_floor_under_the_vehicle_limits_the_depth_there() -> None:
     dive = MissionItem(0, 2, 186, p1=-4.0)
     assert fault_of(dive, start=start, fs_altitude_m=2.0)[::2] == (0, 1)
     assert fault_of(away, dive, start=start, fs_altitude_m=2.0) == (-1, "", 0)
-    unknown = feasibility.Start(0j, floor_m=math.nan)
+    unknown = feasibility.MissionStart(0j, floor_m=math.nan)
     assert fault_of(here, start=unknown, fs_altitude_m=2.0) == (-1, "", 0)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from ground.campaign import summary
-from ground.campaign.summary_file import CampaignSummary, SteadyError
+from ground.campaign.summary_file import CampaignSummary, SteadyErrorEntry
 from ground.report import campaign_verdict
 from sysid.monitor import MonitorReport
 from sysid.monitor.sequential import RmsComparison
@@ -27,8 +27,8 @@ RELAXED = GainSelection(
     depth_ratio=0.2,
     reason="limits GM 7 dB, PM 45 deg: no gains within stricter ones hold heading",
 )
-BEFORE = SteadyError(heading_deg=1.2, pitch_deg=0.8, depth_m=0.3)
-AFTER = SteadyError(heading_deg=0.6, pitch_deg=0.7, depth_m=0.05)
+BEFORE = SteadyErrorEntry(heading_deg=1.2, pitch_deg=0.8, depth_m=0.3)
+AFTER = SteadyErrorEntry(heading_deg=0.6, pitch_deg=0.7, depth_m=0.05)
 
 
 def monitored(**ratios: float) -> MonitorReport:
@@ -39,8 +39,8 @@ def monitored(**ratios: float) -> MonitorReport:
 
 def campaign(
     selection: GainSelection | None = None,
-    initial: SteadyError = BEFORE,
-    redesigned: SteadyError = AFTER,
+    initial: SteadyErrorEntry = BEFORE,
+    redesigned: SteadyErrorEntry = AFTER,
 ) -> CampaignSummary:
     """Return the summary of a campaign that performs as predicted."""
     return replace(
@@ -103,15 +103,15 @@ def test_verdict_without_steady_flight_confirms_no_prediction() -> None:
 
 def test_verdict_small_errors_have_significant_digits() -> None:
     """The fixed digits gave "0.1 → 0.0°" and "2 → 0 cm" for a vehicle of 3 kg."""
-    before = SteadyError(heading_deg=0.12, pitch_deg=0.5, depth_m=0.0248)
-    after = SteadyError(heading_deg=0.042, pitch_deg=0.5, depth_m=0.004)
+    before = SteadyErrorEntry(heading_deg=0.12, pitch_deg=0.5, depth_m=0.0248)
+    after = SteadyErrorEntry(heading_deg=0.042, pitch_deg=0.5, depth_m=0.004)
     text = card(campaign(initial=before, redesigned=after))
     assert "Heading error 0.12 → 0.042°" in text
     assert "depth error 2.5 → 0.4 cm" in text
 
 
 def test_verdict_first_gains_kept_names_the_reason() -> None:
-    same = SteadyError(heading_deg=0.3, pitch_deg=0.5, depth_m=0.07)
+    same = SteadyErrorEntry(heading_deg=0.3, pitch_deg=0.5, depth_m=0.07)
     found = campaign(KEPT, same, same)
     text, console = card(found), summary.format_text(found, Path())
     assert "The first gains are kept" in text
@@ -126,8 +126,8 @@ def test_verdict_first_gains_kept_names_the_reason() -> None:
 
 def test_verdict_first_gains_kept_are_no_larger_error() -> None:
     """Two dives with the same gains differ by chance."""
-    before = SteadyError(heading_deg=0.3, pitch_deg=0.5, depth_m=0.07)
-    after = SteadyError(heading_deg=0.31, pitch_deg=0.5, depth_m=0.08)
+    before = SteadyErrorEntry(heading_deg=0.3, pitch_deg=0.5, depth_m=0.07)
+    after = SteadyErrorEntry(heading_deg=0.31, pitch_deg=0.5, depth_m=0.08)
     assert "grown" not in card(campaign(KEPT, before, after))
 
 

@@ -11,7 +11,7 @@ from ground.client import flight
 from ground.client import vehicle as client
 from ground.client.vehicle import VehicleClient, VehicleClientError
 from ground.missions import plans, script
-from ground.missions.plans import Limits
+from ground.missions.plans import MissionLimits
 from ground.missions.script import ScriptError
 from mavlink_io.errors import InputError
 from mavlink_io.mission_items import NOT_GIVEN, MissionItem
@@ -110,7 +110,9 @@ def test_vehicle_without_such_parameters_sets_no_limit(
     vehicle: VehicleClient, tmp_path: Path
 ) -> None:
     flight.prepare(vehicle, dive(tmp_path, FAR))
-    assert Limits.from_parameters({"MIS_DIST_MAX": 0.0}) == Limits(math.inf, math.inf, math.inf)
+    assert MissionLimits.from_parameters({"MIS_DIST_MAX": 0.0}) == MissionLimits(
+        math.inf, math.inf, math.inf
+    )
 
 
 def test_refusal_of_the_vehicle_is_reported_in_its_words(

@@ -13,7 +13,7 @@ from mavlink_io.frames import euler_from_quaternion, geodetic_to_offset
 from mavlink_io.mission_items import MissionItem
 from sitl import scenario
 from sitl.core import plant, timestep
-from sitl.environment_schema import Current, Variation
+from sitl.environment_schema import CurrentConfig, Variation
 from sitl.vehicle import config as vehicles
 
 TRIM = {"TRIM_RUD_DEG": 6.0, "TRIM_ELE_DEG": 0.4}
@@ -42,7 +42,7 @@ def water(
         float(np.hypot(north_mps, east_mps)),
         float(np.degrees(np.arctan2(east_mps, north_mps))),
     )
-    current = Current(
+    current = CurrentConfig(
         speed_mps=speed,
         towards_deg=towards,
         variation=Variation(rms_mps=rms_mps, time_constant_s=120.0),

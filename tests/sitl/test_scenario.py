@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from sitl import scenario
-from sitl.environment_schema import Current
+from sitl.environment_schema import CurrentConfig
 from sitl.scenario_types import ScenarioError
 
 
@@ -26,7 +26,7 @@ def test_scenario_file_overrides_defaults(tmp_path: Path) -> None:
     file = tmp_path / "current.toml"
     file.write_text("[current]\nspeed_mps = 0.2\ntowards_deg = 30\n[start]\ndepth_m = 4.0\n")
     loaded = scenario.load(str(file))
-    assert loaded.current == Current(speed_mps=0.2, towards_deg=30.0)
+    assert loaded.current == CurrentConfig(speed_mps=0.2, towards_deg=30.0)
     assert loaded.start.depth_m == 4.0
     assert loaded.site == scenario.Site()
 

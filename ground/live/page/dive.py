@@ -85,7 +85,7 @@ class ShownDive:
         self._rates = 0.0, 0.0
         self._panel: dict[str, Any] | None = None
         self._time_s = -math.inf
-        self._drawn: tuple[object, plan.Plan] | None = None
+        self._drawn: tuple[object, plan.DrawnPlan] | None = None
 
     def on_frame(self, frame: Frame) -> None:
         """Store a frame of the vehicle's autopilot; add a row when one is due."""
@@ -111,7 +111,7 @@ class ShownDive:
         """Show that the dive or its link has ended."""
         self.ended, self._panel = reason, None
 
-    def plan(self) -> plan.Plan:
+    def plan(self) -> plan.DrawnPlan:
         """Return waypoints and fence in metres."""
         key = self.items, self._origin
         if self._drawn is None or self._drawn[0] != key:

@@ -9,7 +9,7 @@ import msgspec
 
 from ground.live.page.dive import ShownDive
 from ground.live.page.history import COLUMNS
-from ground.live.page.plan import Plan
+from ground.live.page.plan import DrawnPlan
 
 MAX_DIVES = 200
 """Number of dives that are kept; the oldest is dropped."""
@@ -96,5 +96,5 @@ class Browser:
         self.dive: ShownDive | None = None
         self.next_row = 0
         self.names: list[str] | None = None
-        self.plan: Plan | None = None
+        self.plan: DrawnPlan | None = None
         self.panel: dict[str, Any] | None = None

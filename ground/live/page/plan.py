@@ -67,7 +67,7 @@ class Waypoint(msgspec.Struct, frozen=True):
     east_m: float
 
 
-class Zone(msgspec.Struct, frozen=True):
+class DrawnZone(msgspec.Struct, frozen=True):
     """A zone of the fence: a polygon, or a circle about its only point (m)."""
 
     inclusion: bool
@@ -75,14 +75,14 @@ class Zone(msgspec.Struct, frozen=True):
     radius_m: float = 0.0
 
 
-class Plan(msgspec.Struct, frozen=True):
+class DrawnPlan(msgspec.Struct, frozen=True):
     """What the map shows of the plans on the vehicle."""
 
     waypoints: list[Waypoint]
-    zones: list[Zone]
+    zones: list[DrawnZone]
 
 
-def draw(items: Iterable[MissionItem], origin: Origin | None) -> Plan:
+def draw(items: Iterable[MissionItem], origin: Origin | None) -> DrawnPlan:
     """Return the waypoints and zones of mission and fence; items without a place are left out.
 
     Parameters
@@ -94,10 +94,10 @@ def draw(items: Iterable[MissionItem], origin: Origin | None) -> Plan:
 
     Returns
     -------
-    Plan
+    DrawnPlan
         Waypoints and zones in metres.
     """
-    waypoints, zones = list[Waypoint](), list[Zone]()
+    waypoints, zones = list[Waypoint](), list[DrawnZone]()
     vertices, inclusion = list[tuple[float, float]](), True
     for item in items:
         place_m = _place_m(item, origin)
@@ -106,14 +106,14 @@ def draw(items: Iterable[MissionItem], origin: Origin | None) -> Plan:
         if item.command in _WAYPOINTS:
             waypoints.append(Waypoint(item.sequence, *place_m))
         elif item.command in _CIRCLES:
-            zones.append(Zone(_CIRCLES[MavCmd(item.command)], [place_m], item.p1))
+            zones.append(DrawnZone(_CIRCLES[MavCmd(item.command)], [place_m], item.p1))
         elif item.command in _POLYGONS:
             inclusion = _POLYGONS[MavCmd(item.command)]
             vertices.append(place_m)
             if len(vertices) >= item.p1:
-                zones.append(Zone(inclusion, vertices))
+                zones.append(DrawnZone(inclusion, vertices))
                 vertices = []
-    return Plan(waypoints, zones)
+    return DrawnPlan(waypoints, zones)
 
 
 def _place_m(item: MissionItem, origin: Origin | None) -> tuple[float, float] | None:

@@ -10,7 +10,7 @@ import numpy as np
 from mavlink_io.jit import kernel, numeric
 from sitl.core.draws import DRIFT, Draws, DrawTable, draw
 from sitl.core.environment.moments import SecondOrder, second_order, step_second_order
-from sitl.environment_schema import Current, Variation
+from sitl.environment_schema import CurrentConfig, Variation
 from sitl.vehicle.vectors import Vector, Vector3
 
 _CORRELATION_TIMES = 2.1461932
@@ -37,7 +37,7 @@ STEADY = Drift(SecondOrder((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 0.0, 0.0)
 """No variation."""
 
 
-def profile(current: Current) -> Vector:
+def profile(current: CurrentConfig) -> Vector:
     """Return the velocity over depth, shape (layers, 3): depth (m), north and west (m/s).
 
     The velocity is linear between rows. A layer with speed v towards bearing b has the components

@@ -29,7 +29,7 @@ from sysid.design.design_model import DesignModel
 from sysid.design.lqg import loop_analysis, synthesis
 from sysid.design.lqg import weights as tuning
 from sysid.design.lqg.controller import DiscreteController, discretise
-from sysid.design.lqg.weights import Reference, Task
+from sysid.design.lqg.weights import PlaneRequirements, Reference
 from sysid.design.pid import VEHICLES, check_robustness
 from sysid.design.pid.plane_search import DAMPING_FACTORS, ROBUST_ENOUGH
 from sysid.design.robustness import RELAXED, summarise
@@ -144,7 +144,7 @@ def _tune(
     reference: Reference,
 ) -> _TunedController:
     """Increase the nominal damping until enough sampled vehicles meet the limits."""
-    task = Task(
+    task = PlaneRequirements(
         plane=loop_analysis.measured_plane(vehicle, plane),
         disturbance=noise.from_model(vehicle.disturbance[plane]),
         reference=reference,

@@ -46,7 +46,7 @@ class Reference(NamedTuple):
     depth_m: float
 
 
-class Task(NamedTuple):
+class PlaneRequirements(NamedTuple):
     """One plane and its requirements."""
 
     plane: MeasuredPlane
@@ -57,7 +57,7 @@ class Task(NamedTuple):
     spec: Spec
 
 
-def starts(task: Task) -> tuple[dict[str, float], ...]:
+def starts(task: PlaneRequirements) -> tuple[dict[str, float], ...]:
     """Return the starting weights, scaled with the vehicle's control effectiveness."""
     in_pitch = task.plane.names[1] == "depth"
     names = Weights._fields if in_pitch else Weights._fields[:6]
@@ -69,7 +69,9 @@ def starts(task: Task) -> tuple[dict[str, float], ...]:
     )
 
 
-def tune(task: Task, bounds: Bounds, first: Sequence[Mapping[str, float]]) -> dict[str, float]:
+def tune(
+    task: PlaneRequirements, bounds: Bounds, first: Sequence[Mapping[str, float]]
+) -> dict[str, float]:
     """Return the weights of the first start that ends within the limits, by name.
 
     Raises DesignInfeasibleError.
@@ -86,14 +88,16 @@ def tune(task: Task, bounds: Bounds, first: Sequence[Mapping[str, float]]) -> di
     return constrained_search.solve(ConstrainedProblem({}, first, evaluate_weights))
 
 
-def controller_of(task: Task, weights: Mapping[str, float]) -> DiscreteController:
+def controller_of(task: PlaneRequirements, weights: Mapping[str, float]) -> DiscreteController:
     """Return the controller of given weights."""
     return synthesis.controller(
         task.plane.plane, task.plane.lag, task.disturbance, Weights(**weights)
     )
 
 
-def evaluate(task: Task, controller: DiscreteController, bounds: Bounds) -> CostAndConstraints:
+def evaluate(
+    task: PlaneRequirements, controller: DiscreteController, bounds: Bounds
+) -> CostAndConstraints:
     """Return the relative error and the constraint violations of a controller."""
     spec, errors = task.spec, loop_analysis.disturbance_response(task.plane, controller)
     violations = {

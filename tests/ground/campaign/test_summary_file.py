@@ -15,7 +15,7 @@ from ground.campaign.summary_file import (
     LoopAnalysis,
     MarginsSummary,
     ModelSummary,
-    SteadyError,
+    SteadyErrorEntry,
 )
 from mavlink_io.errors import InputError
 from sysid.design.specification import DesignRobustness, MinimumVariance, Response, Spec
@@ -91,7 +91,7 @@ SUMMARY = CampaignSummary(
             refit_recommended=False,
         )
     },
-    steady_error={"initial": SteadyError(heading_deg=1.2, pitch_deg=0.8, depth_m=0.3)},
+    steady_error={"initial": SteadyErrorEntry(heading_deg=1.2, pitch_deg=0.8, depth_m=0.3)},
 )
 
 

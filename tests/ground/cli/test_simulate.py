@@ -18,7 +18,7 @@ from sitl.vehicle import config
 from sysid.models import model_file as models
 from sysid.monte_carlo import samples, study
 from sysid.monte_carlo.simulate import Sea
-from sysid.monte_carlo.study import LegSummary, Range, SimulationSummary
+from sysid.monte_carlo.study import LegSummary, ResultRange, SimulationSummary
 from sysid.test_design import prior
 from tests.sysid.monte_carlo.files import model_of
 
@@ -124,15 +124,15 @@ def test_simulate_model_without_covariance_refused(folder: Path) -> None:
 
 
 def test_format_text_holds_values_legs_and_failures() -> None:
-    two = Range(1.0, 2.0)
-    leg = LegSummary(340.0, 3.0, Range(21.0, 25.0), 1)
+    two = ResultRange(1.0, 2.0)
+    leg = LegSummary(340.0, 3.0, ResultRange(21.0, 25.0), 1)
     told = SimulationSummary(
         "new.param",
         Sea(1.5),
         9,
         two,
         two,
-        Range(0.05, 0.07),
+        ResultRange(0.05, 0.07),
         (leg,),
         two,
         two,

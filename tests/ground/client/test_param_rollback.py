@@ -8,7 +8,7 @@ import pytest
 
 from ground.client import param_rollback
 from ground.client import vehicle as client
-from ground.client.param_rollback import History, ParamUpload
+from ground.client.param_rollback import ParamUpload, UploadHistory
 from ground.client.vehicle import VehicleClient
 from ground.errors import INTERRUPTED, Interrupted
 from mavlink_io.errors import InputError, OperationError
@@ -71,8 +71,8 @@ def test_upload_returns_old_and_new_values(
     steps = param_rollback.upload(vehicle, NEW, "gains.param", "ab")
     assert {step.name: step.after for step in steps} == NEW == fake.table.values
     assert {step.name: step.before for step in steps} == OLD
-    assert History(state).last() == ParamUpload(
-        "gains.param", History(state).last().before, NEW, "ab"
+    assert UploadHistory(state).last() == ParamUpload(
+        "gains.param", UploadHistory(state).last().before, NEW, "ab"
     )
 
 
@@ -114,7 +114,7 @@ def test_upload_refused_value_restores_the_others(
         param_rollback.upload(vehicle, NEW, "gains.param")
     assert fake.table.values == OLD
     with pytest.raises(InputError, match="holds no change"):
-        History(state).last()
+        UploadHistory(state).last()
 
 
 def test_upload_lost_link_keeps_record_and_advises(
@@ -126,7 +126,7 @@ def test_upload_lost_link_keeps_record_and_advises(
         OperationError, match=r"set: nothing; not set: HDG_P, DPT_P\. .*`ground params rollback`"
     ):
         param_rollback.upload(vehicle, NEW, "gains.param")
-    assert History(state).last().before == OLD
+    assert UploadHistory(state).last().before == OLD
 
 
 def test_rollback_changed_value_needs_force(vehicle: VehicleClient, fake: FakeVehicle) -> None:
@@ -142,7 +142,7 @@ def test_rollback_changed_value_needs_force(vehicle: VehicleClient, fake: FakeVe
 def test_rollback_of_incomplete_upload(
     vehicle: VehicleClient, fake: FakeVehicle, state: Path
 ) -> None:
-    History(state).push(ParamUpload("gains.param", dict(fake.table.values), NEW))
+    UploadHistory(state).push(ParamUpload("gains.param", dict(fake.table.values), NEW))
     vehicle.set_parameter("HDG_P", NEW["HDG_P"])
     param_rollback.rollback(vehicle)
     assert fake.table.values == OLD
@@ -161,7 +161,7 @@ def test_upload_value_that_is_not_finite_is_not_stored(
     fake.table.values["HDG_P"] = math.nan
     with pytest.raises(InputError, match=r"gains\.param: HDG_P: the vehicle reports nan; nothing"):
         param_rollback.upload(vehicle, NEW, "gains.param")
-    assert History(state).last().source == "first.param"
+    assert UploadHistory(state).last().source == "first.param"
 
 
 def test_rollback_record_without_new_value_is_refused(
@@ -198,7 +198,7 @@ def test_upload_interrupted_names_parameters_and_keeps_record(
         param_rollback.upload(vehicle, NEW, "gains.param")
     (note,) = raised.value.__notes__
     assert note == ("set: HDG_P; not set: DPT_P. `ground params rollback` restores the old values")
-    assert History(state).last().before == OLD
+    assert UploadHistory(state).last().before == OLD
 
 
 def test_rollback_interrupted_names_remaining_parameters(
@@ -209,7 +209,7 @@ def test_rollback_interrupted_names_remaining_parameters(
     with pytest.raises(Interrupted) as raised:
         param_rollback.rollback(vehicle)
     assert raised.value.__notes__[0].startswith("not restored yet: DPT_P")
-    assert History(state).last().after == NEW
+    assert UploadHistory(state).last().after == NEW
 
 
 def test_upload_without_values_is_refused(vehicle: VehicleClient, state: Path) -> None:

@@ -16,11 +16,11 @@ from mavlink_io.vehicle_modes import VehicleMode
 from sysid.data.events import ModeChanged
 from sysid.monitor.tracking_metrics import Spread, SteadyWindow
 from sysid.planes import Plane
-from sysid.reproduction.comparison import Comparison, Verdict, statement, within
+from sysid.reproduction.comparison import PublishedComparison, Verdict, statement, within
 from sysid.reproduction.discrepancies import Discrepancy
 
 
-def result(*rows: Comparison, confirmed: bool = True) -> Reproduction:
+def result(*rows: PublishedComparison, confirmed: bool = True) -> Reproduction:
     entry = Discrepancy("a place", "printed", "reading", "evidence", {"x": 1.0}, confirmed)
     return Reproduction(list(rows), [entry], None, "derivation", True)  # type: ignore[arg-type]
 

@@ -8,8 +8,8 @@ import pytest
 from ground.missions import plans
 from ground.sweep import plan_file
 from mavlink_io.errors import InputError
-from sysid.sweep.dives import Limits
-from sysid.sweep.points import Range, Sampler
+from sysid.sweep.dives import DiveLimits
+from sysid.sweep.points import ParameterRange, Sampler
 
 
 def changed(folder: Path, old: str, new: str) -> Path:
@@ -34,11 +34,11 @@ def test_load_reads_plan_and_its_files(folder: Path) -> None:
     assert vehicle.gains[0].config.rudder_trim_deg != 0.0, "the trims of the mean vehicle"
     assert (mission.name, mission.items) == ("short", plans.load_items(str(folder / "short.toml")))
     assert request.conditions == {
-        "current_mps": Range(0.0, 0.2),
+        "current_mps": ParameterRange(0.0, 0.2),
         "rudder_bias_deg": (0.0, 2.0),
         "actuator_delay_s": (0.1,),
     }
-    assert request.limits == Limits(depth_m=0.5)
+    assert request.limits == DiveLimits(depth_m=0.5)
     assert (request.sampler, request.samples, request.repeats) == (Sampler.HALTON, 6, 2)
     assert (request.seed, request.chunk, request.name) == (9, 1, "plan.toml")
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sitl.core.environment import current, density, field, floor, waves
 from sitl.core.environment.field import WaterField
 from sitl.core.environment.waves import WaveKinematics
-from sitl.environment_schema import Current, Density, FloorTable, WaterTable, Waves
+from sitl.environment_schema import CurrentConfig, Density, FloorTable, WaterTable, Waves
 from sitl.vehicle import dynamics
 from tests.reference import bodies
 from tests.reference.check import Check, relative, worst
@@ -182,7 +182,7 @@ def _suction_n(sea: Array) -> float:
     )
     water = WaterField(
         sea=sea,
-        profile=current.profile(Current()),
+        profile=current.profile(CurrentConfig()),
         column=density.column(Density(), WaterTable(), G),
         floor=floor.build(FloorTable(depth_m=DEEP_M)),
         ceiling_m=inf,

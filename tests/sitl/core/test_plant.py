@@ -13,7 +13,7 @@ from sitl import scenario
 from sitl.core import plant, timestep
 from sitl.core.plant import Plant, PlantState
 from sitl.core.sensors import Sensors
-from sitl.environment_schema import Current
+from sitl.environment_schema import CurrentConfig
 from sitl.scenario import Scenario, StartTable
 from sitl.vehicle import config
 
@@ -121,7 +121,7 @@ def test_initial_floating_trim_is_an_equilibrium(vehicle: str) -> None:
 
 def test_drifting_vehicle_moves_with_current() -> None:
     current = (0.3 * math.cos(0.4), 0.3 * math.sin(0.4), 0.0)
-    flowing = Current(speed_mps=0.3, towards_deg=math.degrees(0.4))
+    flowing = CurrentConfig(speed_mps=0.3, towards_deg=math.degrees(0.4))
     adrift = Scenario(start=StartTable(depth_m=10.0, heading_deg=40.0), current=flowing)
     carried = [state.truth for state, _ in fly(put("caribou_nominal", adrift), actuators(), 20.0)]
     still = Scenario(start=StartTable(depth_m=10.0, heading_deg=40.0))

@@ -8,14 +8,14 @@ import pytest
 from sitl import scenario
 from sitl.core import plant
 from sitl.faults import failure_injection, timeline
-from sitl.faults.catalogue import CATALOGUE, Fault, make
+from sitl.faults.catalogue import CATALOGUE, ScheduledFault, make
 from sitl.scenario_types import ScenarioError
 from sitl.vehicle import build_model, config
 
 ALL_FAULTS = [(unit, kind) for unit, kinds in CATALOGUE.items() for kind in kinds]
 
 
-def load(folder: Path, text: str) -> list[Fault]:
+def load(folder: Path, text: str) -> list[ScheduledFault]:
     file = folder / "faults.toml"
     file.write_text(text)
     return scenario.load(str(file)).faults
@@ -30,8 +30,8 @@ def test_fault_parameters_are_converted_to_si(tmp_path: Path) -> None:
         at_s=0, unit="gps", kind="off"
     )
     first, second = load(tmp_path, text)
-    assert first == Fault("rudder", "stuck", 2_500_000, 9_000_000, (radians(-4.0),))
-    assert second == Fault("gps", "off", 0, None, ())
+    assert first == ScheduledFault("rudder", "stuck", 2_500_000, 9_000_000, (radians(-4.0),))
+    assert second == ScheduledFault("gps", "off", 0, None, ())
 
 
 @pytest.mark.parametrize(("unit", "kind"), ALL_FAULTS)

@@ -11,7 +11,7 @@ from sysid.models import json_record
 from sysid.monte_carlo import gain_selection, study
 from sysid.monte_carlo.gain_selection import GainSelection, SelectionRequest
 from sysid.monte_carlo.simulate import Sea
-from sysid.monte_carlo.study import Range, SimulationSummary
+from sysid.monte_carlo.study import ResultRange, SimulationSummary
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.test_design import prior as design_priors
 
@@ -94,13 +94,13 @@ def summary(**changes: Any) -> SimulationSummary:
         gains="",
         sea=Sea(),
         vehicles=8,
-        heading_deg=Range(1.0, 1.0),
-        pitch_deg=Range(1.0, 1.0),
-        depth_m=Range(0.1, 0.1),
+        heading_deg=ResultRange(1.0, 1.0),
+        pitch_deg=ResultRange(1.0, 1.0),
+        depth_m=ResultRange(0.1, 0.1),
         legs=(),
-        rudder_deg=Range(5.0, 5.0),
-        elevator_deg=Range(5.0, 5.0),
-        at_stops_pct=Range(0.0, 0.0),
+        rudder_deg=ResultRange(5.0, 5.0),
+        elevator_deg=ResultRange(5.0, 5.0),
+        at_stops_pct=ResultRange(0.0, 0.0),
         shallowest_m=None,
         broached=0,
         diverged={},

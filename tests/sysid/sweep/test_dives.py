@@ -22,14 +22,14 @@ from sysid.sweep.campaigns import SweepMission
 from sysid.sweep.dives import (
     COLUMNS,
     Conditions,
-    Limits,
+    DiveLimits,
     OtherSourcesError,
     Part,
     fly_chunk,
     rows_of,
 )
 from sysid.sweep.parts import PartStore, digest
-from sysid.sweep.points import Range
+from sysid.sweep.points import ParameterRange
 from sysid.sweep.sweep_request import Chunks
 from sysid.trials import map_trials
 from tests.helpers.missions import leg
@@ -51,7 +51,7 @@ HELD_DIVE = DiveMetrics(
 
 
 def test_numbers_of_dives_stay_when_samples_are_added(request_of: Sweep) -> None:
-    sea = {"disturbance_scale": (1.0, 2.0), "current_mps": Range(0.0, 0.4)}
+    sea = {"disturbance_scale": (1.0, 2.0), "current_mps": ParameterRange(0.0, 0.4)}
     few, many = (Chunks(request_of(conditions=sea, samples=n, repeats=2)) for n in (3, 7))
     assert (few.dives, many.dives, few.combinations) == (24, 56, 4)
     for ours, theirs in zip(few, many, strict=False):
@@ -61,7 +61,7 @@ def test_numbers_of_dives_stay_when_samples_are_added(request_of: Sweep) -> None
 
 
 def test_combinations_are_flown_with_same_samples_and_noise(request_of: Sweep) -> None:
-    chunks = Chunks(request_of(conditions={"current_mps": Range(0.0, 0.4)}, samples=3))
+    chunks = Chunks(request_of(conditions={"current_mps": ParameterRange(0.0, 0.4)}, samples=3))
     flown = [dive for chunk in chunks for dive in chunk.dives]
     assert [(d.sample, d.gains.name) for d in flown] == [
         (n, name) for n in range(3) for name in ("held", "wild")
@@ -160,20 +160,20 @@ def test_impossible_vehicle_is_drawn_again(request_of: Sweep) -> None:
 @pytest.mark.parametrize(
     ("change", "limits", "passes"),
     [
-        ({}, Limits(), True),
-        ({"diverged": "depth"}, Limits(), False),
-        ({"failsafe": "leak"}, Limits(), False),
-        ({"broached": True}, Limits(), False),
-        ({}, Limits(heading_deg=1.0, pitch_deg=2.0, depth_m=0.1, settling_s=30.0), True),
-        ({}, Limits(depth_m=0.09), False),
-        ({}, Limits(settling_s=29.0), False),
-        ({"legs": (Leg(10.0, 2.0, None),)}, Limits(settling_s=60.0), False),
-        ({"steady": None}, Limits(), True),
-        ({"steady": None}, Limits(pitch_deg=60.0), False),
+        ({}, DiveLimits(), True),
+        ({"diverged": "depth"}, DiveLimits(), False),
+        ({"failsafe": "leak"}, DiveLimits(), False),
+        ({"broached": True}, DiveLimits(), False),
+        ({}, DiveLimits(heading_deg=1.0, pitch_deg=2.0, depth_m=0.1, settling_s=30.0), True),
+        ({}, DiveLimits(depth_m=0.09), False),
+        ({}, DiveLimits(settling_s=29.0), False),
+        ({"legs": (Leg(10.0, 2.0, None),)}, DiveLimits(settling_s=60.0), False),
+        ({"steady": None}, DiveLimits(), True),
+        ({"steady": None}, DiveLimits(pitch_deg=60.0), False),
     ],
 )
 def test_passes_held_to_end_and_within_limits(
-    change: dict[str, Any], limits: Limits, passes: bool
+    change: dict[str, Any], limits: DiveLimits, passes: bool
 ) -> None:
     assert dives._passes(HELD_DIVE._replace(**change), limits) is passes
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sysid.sweep import points
-from sysid.sweep.points import Range, Sampler
+from sysid.sweep.points import ParameterRange, Sampler
 
 
 @pytest.mark.parametrize("sampler", list(Sampler))
@@ -39,4 +39,7 @@ def test_to_normal_maps_median_and_stays_finite_at_the_edges() -> None:
 
 
 def test_to_ranges_is_linear() -> None:
-    assert points.to_ranges([0.25, 1.0], [Range(-2.0, 2.0), Range(3.0, 5.0)]) == [-1.0, 5.0]
+    assert points.to_ranges([0.25, 1.0], [ParameterRange(-2.0, 2.0), ParameterRange(3.0, 5.0)]) == [
+        -1.0,
+        5.0,
+    ]

@@ -9,7 +9,7 @@ from autopilot.control.types import AutopilotState
 from sysid.data.runs import RATE_HZ
 from sysid.planes import PLANES, Plane
 from sysid.test_design import simulate
-from sysid.test_design.simulate import LevelFlight, Manoeuvre
+from sysid.test_design.simulate import Manoeuvre, SimulatedLevelFlight
 
 WAVES = [
     Manoeuvre(Plane.YAW, "step", 4.0, 6),
@@ -62,7 +62,7 @@ def test_signal_dual_axis_equals_autopilot_excitation() -> None:
 
 
 def test_as_run_starts_in_level_flight() -> None:
-    still = LevelFlight(trim_rad=0.1, thrust=0.58, speed_mps=1.3, pitch_rad=0.02)
+    still = SimulatedLevelFlight(trim_rad=0.1, thrust=0.58, speed_mps=1.3, pitch_rad=0.02)
     run = simulate.as_run(WAVES[1], still, simulate.signal_rad(WAVES[1]))
     before = run.preroll
     assert np.all(run.elevator_rad[before] == 0.1)

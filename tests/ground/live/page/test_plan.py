@@ -5,7 +5,7 @@ from contextlib import closing
 import pytest
 
 from ground.live.page import plan
-from ground.live.page.plan import Origin, PlanReader, Waypoint, Zone
+from ground.live.page.plan import DrawnZone, Origin, PlanReader, Waypoint
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.mission_items import FENCE_TYPE, MavCmd, MissionItem
 from mavlink_io.request import MavlinkId
@@ -61,7 +61,7 @@ def test_fence_has_polygons_and_circles() -> None:
     )
     triangle = [vertex(0, 42.0, -71.0), vertex(1, 42.001, -71.0), vertex(2, 42.0, -70.999)]
     polygon, zone = plan.draw([*triangle, circle], HOME).zones
-    assert zone == Zone(True, [(0.0, 0.0)], 80.0)
+    assert zone == DrawnZone(True, [(0.0, 0.0)], 80.0)
     assert not polygon.inclusion
     assert polygon.points[1] == pytest.approx((0.001 * METRES_PER_DEGREE, 0.0), abs=1e-6)
 
@@ -108,4 +108,4 @@ def test_plan_reader_reads_mission_and_fence() -> None:
                 reader.feed(answer)
     drawn = plan.draw(reader.items, None)
     assert drawn.waypoints == [Waypoint(0, 1.0, 0.0)]
-    assert drawn.zones == [Zone(True, [(1.0, 0.0)], 50.0)]
+    assert drawn.zones == [DrawnZone(True, [(1.0, 0.0)], 50.0)]

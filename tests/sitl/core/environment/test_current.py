@@ -8,7 +8,7 @@ import pytest
 from sitl.core import plant
 from sitl.core.draws import AT_START, PER_TICK
 from sitl.core.environment import current
-from sitl.environment_schema import Current, CurrentLayer, Variation
+from sitl.environment_schema import CurrentConfig, CurrentLayer, Variation
 
 TICK_S = 0.02
 LAYERS = (
@@ -31,13 +31,13 @@ LAYERS = (
 def test_current_layers_are_interpolated_linearly(
     depth_m: float, north: float, west: float
 ) -> None:
-    profile = current.profile(Current(layer=LAYERS))
+    profile = current.profile(CurrentConfig(layer=LAYERS))
     assert current.steady_current(profile, -depth_m)[:2] == pytest.approx((north, west), abs=1e-15)
 
 
 @pytest.mark.parametrize("depth_m", [1.0, 3.0, 5.5, 8.0])
 def test_shear_is_derivative_of_velocity_by_height(depth_m: float) -> None:
-    profile = current.profile(Current(layer=LAYERS))
+    profile = current.profile(CurrentConfig(layer=LAYERS))
     north, west = (
         (above - below) / 2e-3
         for above, below in zip(
@@ -50,7 +50,7 @@ def test_shear_is_derivative_of_velocity_by_height(depth_m: float) -> None:
 
 
 def test_steady_current_has_direction_at_every_depth() -> None:
-    profile = current.profile(Current(speed_mps=0.5, towards_deg=30.0))
+    profile = current.profile(CurrentConfig(speed_mps=0.5, towards_deg=30.0))
     for z_m in (0.0, -5.0, -500.0):
         north, west, *shear = current.steady_current(profile, z_m)
         assert (north, west) == pytest.approx((0.5 * math.cos(math.pi / 6), -0.25))

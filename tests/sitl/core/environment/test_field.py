@@ -17,7 +17,7 @@ from sitl.core.draws import BLOCK, DRIFT
 from sitl.core.environment import current, field
 from sitl.core.environment.field import WaterField
 from sitl.environment_schema import (
-    Current,
+    CurrentConfig,
     CurrentLayer,
     FloorTable,
     Ice,
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 NOTHING = (0.0, 0.0, 0.0)
 STEADY = np.zeros(current.VARIATION)
 ROUGH = Scenario(
-    current=Current(
+    current=CurrentConfig(
         layer=(
             CurrentLayer(depth_m=0.0, speed_mps=0.6, towards_deg=30.0),
             CurrentLayer(depth_m=10.0, speed_mps=0.1, towards_deg=150.0),
@@ -78,7 +78,7 @@ def test_acceleration_is_material_derivative(north: float, west: float, depth_m:
 def test_waves_in_drifting_frame_ignore_current() -> None:
     waves = Waves(significant_height_m=1.0, peak_period_s=5.0, from_deg=70.0)
     still = sea_of(Scenario(waves=waves))
-    flowing = sea_of(Scenario(waves=waves, current=Current(speed_mps=0.8, towards_deg=0.0)))
+    flowing = sea_of(Scenario(waves=waves, current=CurrentConfig(speed_mps=0.8, towards_deg=0.0)))
     for time_s in (0.0, 2.0, 30.0):
         at_rest = field.flow(still, (3.0, 4.0, -2.0), time_s, NOTHING, NOTHING)
         adrift = field.flow(flowing, (3.0 + 0.8 * time_s, 4.0, -2.0), time_s, NOTHING, NOTHING)
@@ -91,7 +91,10 @@ def test_pitched_hull_in_shear_has_velocity_slope() -> None:
     layers = tuple(
         CurrentLayer(depth_m=z, speed_mps=v, towards_deg=0.0) for z, v in ((0.0, 0.5), (10.0, 0.0))
     )
-    sea, body = sea_of(Scenario(current=Current(layer=layers)), 1.7), dynamics.state_at_rest(-4.0)
+    sea, body = (
+        sea_of(Scenario(current=CurrentConfig(layer=layers)), 1.7),
+        dynamics.state_at_rest(-4.0),
+    )
     body[3:7] = math.cos(math.radians(10.0)), 0.0, -math.sin(math.radians(10.0)), 0.0
     water, _ = field.sample(sea, body, 0.0, 0.0, NOTHING, NOTHING)
     assert water.velocity_mps == pytest.approx((0.3, 0.0, 0.0))
@@ -196,7 +199,7 @@ def test_uniform_water_draws_no_random_numbers(name: str) -> None:
 
 def test_uniform_water_equals_sampled_field() -> None:
     what = Scenario(
-        current=Current(speed_mps=0.4, towards_deg=50.0),
+        current=CurrentConfig(speed_mps=0.4, towards_deg=50.0),
         ice=Ice(draft_m=0.5),
         floor=FloorTable(depth_m=12.0),
     )
@@ -213,7 +216,7 @@ def test_uniform_water_equals_sampled_field() -> None:
 
 
 def test_waves_and_variation_use_separate_streams() -> None:
-    restless = Scenario(current=Current(variation=Variation(rms_mps=0.1)))
+    restless = Scenario(current=CurrentConfig(variation=Variation(rms_mps=0.1)))
     for what, drawn in ((restless, (False, True)), (Scenario(waves=LONG_WAVE), (True, False))):
         vehicle = plant.build(config.load("caribou_nominal"), what)
         used, fresh = plant.random_streams(3), plant.random_streams(3)
