@@ -11,6 +11,7 @@ operations as written.
 from __future__ import annotations
 
 import inspect
+import pickle
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
@@ -169,6 +170,11 @@ numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]
 )
 
 
+_STALE = (AttributeError, ImportError, EOFError, pickle.UnpicklingError)
+"""Errors of an index that names a class which the present source has under another name, or that is
+damaged. Numba reads the index before it compares the stamps."""
+
+
 class _MachineCodeCache(FunctionCache):
     """Machine code of a function on disk, for numba and for processes without it.
 
@@ -186,7 +192,7 @@ class _MachineCodeCache(FunctionCache):
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             key = self._index_key(sig, target_context.codegen())
-            data = self._cache_file.load(key)
+            data = self._load(key)
             if data is None:
                 return None
             result = self._impl.rebuild(target_context, data)
@@ -203,7 +209,18 @@ class _MachineCodeCache(FunctionCache):
 
     def is_empty(self) -> bool:
         """Return whether the disk has no machine code of the present source."""
-        return not self._cache_file._load_index()
+        try:
+            return not self._cache_file._load_index()
+        except _STALE:
+            return True
+
+    def _load(self, key: Any) -> Any:
+        """Return the data of a key; None if there is none, or the index is of another version."""
+        try:
+            return self._cache_file.load(key)
+        except _STALE:
+            self._cache_file.flush()
+            return None
 
     def _store(self, result: Any, environments: Iterable[Any], content: bytes) -> None:
         """Store the object code for processes without numba."""

@@ -163,6 +163,37 @@ def test_damaged_store_is_compiled_again(package: Path) -> None:
         assert call(package) == "6.0 False"
 
 
+RECORD_KERNEL = """
+from typing import NamedTuple
+from mavlink_io import jit
+
+class {name}(NamedTuple):
+    value: float
+
+@jit.entry_point
+def half(record):
+    return 0.5 * record.value
+
+print(half({name}(3.0)))
+"""
+
+
+def test_index_of_a_class_with_another_name_now_is_left_out(tmp_path: Path) -> None:
+    """As after an update of the program: pickle finds no class of the name in the index."""
+    (tmp_path / "halves").mkdir()
+    for name in ("Old", "New", "New"):
+        path = tmp_path / "halves" / "__init__.py"
+        path.write_text(RECORD_KERNEL.format(name=name))
+        printed = subprocess.run(
+            [sys.executable, "-c", "import halves"],
+            check=True,
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
+        )
+        assert printed.stdout.strip() == "1.5", name
+
+
 @pytest.mark.skipif(not store.is_supported(), reason="numba loads its own files here")
 def test_kernel_with_a_default_is_stored_for_each_way_to_call_it() -> None:
     assert [shifted(1.0), shifted(1.0, 2.0), shifted(1.0, offset=3.0)] == [1.5, 3.0, 4.0]
