@@ -331,7 +331,7 @@ class SteadyTicks:
     def _flight(self, state: AutopilotState, task: Task) -> jit.Native:
         """Return the state in memory of compiled code."""
         devices = steady.begin_devices(state.health.devices)
-        return jit.native(self._kernel.Flight(steady.begin(state), devices, task))
+        return jit.native(self._kernel.TickRun(steady.begin(state), devices, task))
 
     def _store(self, part: int, record: Iterable[float]) -> None:
         """Store a record of the inputs."""

@@ -40,7 +40,7 @@ from numba.np.numpy_support import as_dtype
 from mavlink_io.jit import NUMERIC
 from mavlink_io.jit_stored import Native
 from mavlink_io.stored_code import argument_types, store
-from mavlink_io.stored_code.store import Environment, ObjectCode, Source
+from mavlink_io.stored_code.store import CompilerEnvironment, ObjectCode, Source
 
 
 @structref.register
@@ -241,7 +241,9 @@ class _MachineCodeCache(FunctionCache):
             content=content,
             symbol=result.fndesc.llvm_cpython_wrapper_name.encode(),
             environments=tuple(
-                Environment(name.encode(), values) for name, values in constants.items() if values
+                CompilerEnvironment(name.encode(), values)
+                for name, values in constants.items()
+                if values
             ),
         )
         store.save(self._source, types_name, code)

@@ -31,7 +31,7 @@ _SETPOINT = RESULTS + len(Motion._fields)
 _TRACE = _SETPOINT + len(Setpoint._fields)
 
 
-class Flight(NamedTuple):
+class TickRun(NamedTuple):
     """Steady ticks in progress: what they change, and what stays the same."""
 
     state: SteadyState
@@ -46,7 +46,7 @@ def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
     Parameters
     ----------
     flight : Native
-        ``Flight``; it changes if the tick is a steady one.
+        ``TickRun``; it changes if the tick is a steady one.
     config : Native
         Parameters, from ``params.flat``.
     values : Numbers
@@ -76,7 +76,7 @@ def advance(flight: Native, config: Native, values: Numbers, new: int) -> bool:
     )
     if not done:
         return False
-    flight.value = Flight(state, devices, before.task)
+    flight.value = TickRun(state, devices, before.task)
     motion = estimator.motion_of(state.estimate, state.time_us)
     for i in range(len(motion)):
         values[RESULTS + i] = motion[i]

@@ -58,7 +58,7 @@ class Source(NamedTuple):
         return self.file.parent / "__pycache__" / name
 
 
-class Environment(NamedTuple):
+class CompilerEnvironment(NamedTuple):
     """Objects of Python that compiled code refers to."""
 
     symbol: bytes
@@ -73,12 +73,21 @@ class ObjectCode(NamedTuple):
     """Object file."""
     symbol: bytes
     """Name of the function that Python calls."""
-    environments: tuple[Environment, ...]
+    environments: tuple[CompilerEnvironment, ...]
 
 
 _STARTED_S = time.time()
 """Time of the import of this module: sources that changed later are not those of the process."""
-_DAMAGED = (OSError, EOFError, ValueError, TypeError, pickle.UnpicklingError, IndexError, KeyError)
+_DAMAGED = (
+    OSError,
+    EOFError,
+    ValueError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    ImportError,
+    pickle.UnpicklingError,
+)
 """Errors of reading a damaged or missing file."""
 
 
@@ -109,7 +118,9 @@ def find(source: Source, types: str) -> ObjectCode | None:
         with source.path.open("rb") as file:
             file.seek(place)
             content, symbol, environments = pickle.load(file)
-        return ObjectCode(content, symbol, tuple(Environment(*entry) for entry in environments))
+        return ObjectCode(
+            content, symbol, tuple(CompilerEnvironment(*entry) for entry in environments)
+        )
     except _DAMAGED:
         return None
 

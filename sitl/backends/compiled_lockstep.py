@@ -44,7 +44,7 @@ from sitl.vehicle.vectors import Vector, Vector3
 _NOTHING = Fresh(0, 0)
 
 
-class Frames(NamedTuple):
+class LockstepFrames(NamedTuple):
     """Memory of the frames of a tick."""
 
     received: Any
@@ -78,7 +78,7 @@ def exchange(
     Parameters
     ----------
     frames : Native
-        ``Frames`` with the received octets; the datagram is written.
+        ``LockstepFrames`` with the received octets; the datagram is written.
     vessel, run, numbers, used, streams, values
         As in ``core.tick.advance``.
     tick_us : int
@@ -185,7 +185,7 @@ def exchange_many(
 
 
 @kernel
-def _encode(frames: Frames, run: Native, values: Vector, time_us: int, fresh: Fresh) -> int:
+def _encode(frames: LockstepFrames, run: Native, values: Vector, time_us: int, fresh: Fresh) -> int:
     """Encode the datagram of a tick, HIL_SENSOR last; return its length."""
     end, fixed = 0, run.value
     if time_us % TRUTH_PERIOD_US == 0:
@@ -202,7 +202,7 @@ def _encode(frames: Frames, run: Native, values: Vector, time_us: int, fresh: Fr
 
 
 @kernel
-def _append(frames: Frames, memory: FrameMemory, layout: MessageLayout, end: int) -> int:
+def _append(frames: LockstepFrames, memory: FrameMemory, layout: MessageLayout, end: int) -> int:
     """Copy a payload into the datagram and seal the frame; return the first free octet after it."""
     octets = frames.datagram[end:]
     for i in range(lockstep_frames.HEAD, lockstep_frames.HEAD + layout.length):
@@ -253,7 +253,7 @@ class CompiledLockstep:
             frame_memory(kind.length + lockstep_frames.OVERHEAD)
             for kind in (CONTROLS, SENSOR, TRUTH)
         )
-        self._frames = Frames(
+        self._frames = LockstepFrames(
             received=jit.octets(MAX_DATAGRAM),
             answer=answer,
             sensors=sensors,

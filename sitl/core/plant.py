@@ -92,7 +92,7 @@ class PlantState(NamedTuple):
     """Numeric state, see ``core.state``."""
     layout: Layout
     run: Native
-    """The ``tick.Run``."""
+    """The ``tick.SimulationRun``."""
     advance: Callable[..., tuple[int, int]]
     """Machine code of ``tick.advance``."""
     faults: Timeline
@@ -271,7 +271,7 @@ def initial_state(plant: Plant, rng: RandomStreams) -> tuple[PlantState, Sensors
     errors, parts.biases[:] = inertial.initial_errors(suite.imu, rng.draws)
     iron = magnetic.initial_errors(suite.magnetometer, rng.draws)
     offset_hpa = pressure.initial_offset_hpa(suite.pressure, rng.draws)
-    run = native(tick.Run(plant.constants, sea, errors, iron, offset_hpa))
+    run = native(tick.SimulationRun(plant.constants, sea, errors, iron, offset_hpa))
     devices.parts(parts.devices).battery[battery.CHARGE] = plant.start.battery_pct / 100.0
     flown = plant.native, run, *rng.draws.table, rng.devices, values
     fresh = tick.start(*flown)

@@ -23,7 +23,7 @@ from sitl.core.draws import DrawTable
 from sitl.core.environment import Surroundings, current, local_water, moments
 from sitl.core.environment.field import LocalWater
 from sitl.core.sensors import devices, inertial, magnetic, pressure
-from sitl.core.sensors.devices import Devices
+from sitl.core.sensors.devices import SimulatedDevices
 from sitl.core.sensors.true_motion import TrueMotion
 from sitl.core.state import Layout, StateParts
 from sitl.core.tailcone import TailconeAxis
@@ -41,9 +41,9 @@ class Constants(NamedTuple):
     imu: inertial.Imu
     magnetometer: magnetic.Magnetometer
     pressure: pressure.PressureSensor
-    devices: Devices
+    devices: SimulatedDevices
     devices_us: int
-    """``Devices.common_us``."""
+    """``SimulatedDevices.common_us``."""
     clamped: bool
     """Whether the body is held in its initial state."""
     tick_s: float
@@ -60,7 +60,7 @@ class Fresh(NamedTuple):
     """Bits of the slower sensors, ``device_records.GPS_NEW`` and so on."""
 
 
-class Run(NamedTuple):
+class SimulationRun(NamedTuple):
     """Everything that is constant during a run, other than the body."""
 
     constants: Constants
@@ -84,7 +84,7 @@ def start(
     Parameters
     ----------
     vessel, run : Native
-        ``body.Body`` and ``Run``.
+        ``body.Body`` and ``SimulationRun``.
     numbers, used : ndarray
         The ``draws.DrawTable``; its counters advance.
     streams : Native
@@ -126,7 +126,7 @@ def advance(
     Parameters
     ----------
     vessel, run : Native
-        ``body.Body`` and ``Run``.
+        ``body.Body`` and ``SimulationRun``.
     numbers, used : ndarray
         The ``draws.DrawTable``; its counters advance.
     streams : Native
@@ -255,7 +255,9 @@ def _wrench(sea: Surroundings, processes: Vector) -> Vector:
 
 
 @kernel
-def _sense(run: Run, table: DrawTable, streams: Native, parts: StateParts, time_us: int) -> Fresh:
+def _sense(
+    run: SimulationRun, table: DrawTable, streams: Native, parts: StateParts, time_us: int
+) -> Fresh:
     """Sample all sensors that are due; return which readings are new."""
     fixed, force, motion, flu = run.constants, state.FORCE, parts.motion, parts.body
     fresh = 0

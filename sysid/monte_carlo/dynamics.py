@@ -35,7 +35,7 @@ FORCE, RATES, FIELD, DEPTH = slice(0, 3), slice(3, 6), slice(6, 9), 9
 """Indices of specific force, rates, magnetic field and depth in the measurements."""
 
 
-class Surroundings(NamedTuple):
+class SampledSurroundings(NamedTuple):
     """Water and magnetic field."""
 
     water: Water
@@ -74,7 +74,7 @@ def initial_state(
     )
     craft = SimulatedVehicleState(
         body=native(body),
-        surroundings=native(Surroundings(water=water, field_nwu=field_nwu)),
+        surroundings=native(SampledSurroundings(water=water, field_nwu=field_nwu)),
         state=dynamics.state_at_rest(-vehicle.model.hydrostatics.radius_m),
         rudder=tailcone.at_rest(body.rudder),
         elevator=tailcone.at_rest(body.elevator),
@@ -143,7 +143,7 @@ def step(
 @kernel
 def move(
     body: Body,
-    surroundings: Surroundings,
+    surroundings: SampledSurroundings,
     state: Array,
     rudder: Array,
     elevator: Array,

@@ -29,7 +29,7 @@ from sitl.core.sensors import (
     noise,
     sample_timing,
 )
-from sitl.core.sensors.devices import Devices, DeviceStreams
+from sitl.core.sensors.devices import DeviceStreams, SimulatedDevices
 from sitl.core.sensors.noise import NoiseStream
 from sitl.core.sensors.sample_timing import Timing
 from sitl.core.sensors.true_motion import TrueMotion
@@ -57,7 +57,7 @@ class Fitted:
     def __init__(
         self, *, sea: Environment = SEA, seed: int = 1, charge: float = 1.0, **sensors: Any
     ) -> None:
-        fitted = Devices(**sensors)
+        fitted = SimulatedDevices(**sensors)
         layout = devices.device_slots(fitted)
         self.values = np.zeros(devices.size(layout))
         self.parts = devices.parts(self.values)

@@ -35,7 +35,7 @@ from sitl.core.sensors import (
     magnetic,
     pressure,
 )
-from sitl.core.sensors.devices import Devices
+from sitl.core.sensors.devices import SimulatedDevices
 from sitl.core.sensors.sample_timing import NOT_FITTED
 from sitl.vehicle.config import VehicleConfig
 
@@ -48,7 +48,7 @@ class SensorSuite(NamedTuple):
     imu: inertial.Imu
     magnetometer: magnetic.Magnetometer
     pressure: pressure.PressureSensor
-    devices: Devices
+    devices: SimulatedDevices
 
 
 class Sensors(NamedTuple):
@@ -104,7 +104,7 @@ def build(
     encoders = datasheets.find("encoder", catalogue.encoder, fitted, name)
     if imu and imu_every_tick:
         imu = replace(imu, rate_hz=1e6 / tick_us)
-    devices = Devices(
+    devices = SimulatedDevices(
         gps=gps.build(receiver, tick_us) if receiver else gps.GpsReceiver(),
         dvl=dvl.build(log, tick_us) if log else dvl.DvlSensor(),
         altimeter=altimeter.build(sounder, tick_us) if sounder else altimeter.AltimeterSensor(),

@@ -31,7 +31,7 @@ from sitl.vehicle.vectors import Vector
 DAY_US = 86_400_000_000
 
 
-class Devices(NamedTuple):
+class SimulatedDevices(NamedTuple):
     """Parameters of the slower sensors; ``timing.period_us`` is 0 for one that is not fitted."""
 
     gps: gps.GpsReceiver = gps.GpsReceiver()
@@ -108,7 +108,7 @@ def streams(generators: list[Generator]) -> Native:
     return native(DeviceStreams(*map(noise_stream, generators)))
 
 
-def device_slots(fitted: Devices) -> DeviceSlots:
+def device_slots(fitted: SimulatedDevices) -> DeviceSlots:
     """Return the sizes of the array that depend on the vehicle."""
     return DeviceSlots(*map(slots, fitted.timings))
 
@@ -138,12 +138,12 @@ def parts(values: Vector) -> DeviceParts:
 
 
 @entry_point
-def begin(fitted: Devices, drawn: Native, values: Vector) -> None:
+def begin(fitted: SimulatedDevices, drawn: Native, values: Vector) -> None:
     """Draw the errors of a run.
 
     Parameters
     ----------
-    fitted : Devices
+    fitted : SimulatedDevices
         Parameters of the sensors.
     drawn : Native
         ``DeviceStreams``; they advance.
@@ -161,7 +161,7 @@ def begin(fitted: Devices, drawn: Native, values: Vector) -> None:
 
 @entry_point
 def sample(
-    fitted: Devices,
+    fitted: SimulatedDevices,
     layout: DeviceSlots,
     truth: TrueMotion,
     sea: Surroundings,
@@ -172,7 +172,7 @@ def sample(
 
     Parameters
     ----------
-    fitted : Devices
+    fitted : SimulatedDevices
         Parameters of the sensors.
     layout : DeviceSlots
         Readings in transit of each sensor.
