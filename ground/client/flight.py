@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -321,6 +321,8 @@ def prepare(vehicle: VehicleClient, dive: Dive) -> dict[str, float]:
         The vehicle is armed, or refused.
     """
     if vehicle.armed:
+        with suppress(VehicleClientError):  # the error then shows the number of the mode
+            vehicle.offered_modes()
         raise VehicleClientError(f"the vehicle is already armed, in mode {vehicle.mode}")
     parameters = {**vehicle.parameters(), **dive.parameters}
     if parameters.get(HOME_FIRST):

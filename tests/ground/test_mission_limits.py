@@ -14,7 +14,7 @@ from ground.missions import plans, script
 from ground.missions.plans import MissionLimits
 from ground.missions.script import ScriptError
 from mavlink_io.errors import InputError
-from mavlink_io.mission_items import NOT_GIVEN, MissionItem
+from mavlink_io.mission_items import NOT_GIVEN, MavCmd, MissionItem
 from mavlink_io.services import missions
 from mavlink_io.services.mission_server import MissionResult
 from tests.ground.fake import FakeVehicle, step_while_waiting
@@ -163,12 +163,14 @@ def test_script_that_names_zero_zero_is_not_taken_for_here() -> None:
 def test_armed_vehicle_keeps_parameters_and_mission(
     vehicle: VehicleClient, fake: FakeVehicle, tmp_path: Path
 ) -> None:
+    fake.modes, fake.custom_mode = (("MISSION", 0, 7),), 7
     fake.heartbeat(armed=True)
     vehicle.pump(0.0)
     other = replace(dive(tmp_path, START + END), parameters={"HDG_P": 0.5})
-    with pytest.raises(VehicleClientError, match="the vehicle is already armed, in mode "):
+    with pytest.raises(VehicleClientError, match="the vehicle is already armed, in mode MISSION"):
         flight.prepare(vehicle, other)
-    assert (fake.table.values["HDG_P"], fake.store.items, fake.commands) == (0.65, (), [])
+    assert (fake.table.values["HDG_P"], fake.store.items) == (0.65, ())
+    assert {message.command for message in fake.commands} == {MavCmd.REQUEST_MESSAGE}
 
 
 def test_mission_beyond_limits_leaves_parameters(
