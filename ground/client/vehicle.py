@@ -4,6 +4,7 @@ There is one receive loop, `VehicleClient.pump`. Every request calls it while it
 answer, so that all frames are recorded at all times.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
@@ -63,6 +64,9 @@ heartbeats, silence means that the machine is overloaded."""
 MAX_PUMP_S = 1.0
 """Longest time between two calls of `pump` that counts as listening. A longer one is a pause of
 this program or of the whole machine, which may have paused the vehicle's link too."""
+MAX_UNASSIGNED = 5000
+"""Largest number of frames that are kept until a vehicle is selected: ten seconds of one at full
+rate."""
 _STANDBY = constant("MAV_STATE_STANDBY")
 _CRITICAL = constant("MAV_STATE_CRITICAL"), constant("MAV_STATE_EMERGENCY")
 _PX4 = constant("MAV_AUTOPILOT_PX4")
@@ -137,8 +141,8 @@ class VehicleClient:
         self._system, self._modem_s = system, modem_s
         self._others: set[int] = set()
         """Other systems that were received before the vehicle was found."""
-        self._unassigned: list[Frame] = []
-        """Frames that were received before a vehicle was selected, of all systems."""
+        self._unassigned: deque[Frame] = deque(maxlen=MAX_UNASSIGNED)
+        """Last frames that were received before a vehicle was selected, of all systems."""
         self._endpoint = Endpoint(transport, *GROUND, signing)
         self._recorder = recorder
         self._watchdog = watchdog
@@ -519,7 +523,8 @@ class VehicleClient:
         self._system = next((frame.system for frame in frames if _is_vehicle(frame)), None)
         if self._system is None:
             return ()
-        selected, self._unassigned = self._unassigned, []
+        selected = list(self._unassigned)
+        self._unassigned.clear()
         return selected
 
     def _is_other_vehicle(self, frame: Frame) -> bool:
