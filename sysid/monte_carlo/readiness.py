@@ -43,9 +43,9 @@ FREQUENCIES = 20
 """Number of frequencies about crossover for the coherence, as in the model assessment."""
 UNSTEADY, SATURATION = "unsteady start", "saturation"
 """Rules of the screening: the test began in a manoeuvre; a surface was at its stops."""
-MIN_DEPTH_SHARE, AT_STOP = 0.5, 0.99
-"""Smallest share of the commanded depth that a dive reaches, and share of the largest elevator
-angle from which on it counts as such."""
+MIN_DEPTH_SHARE, MIN_LIMIT_SHARE = 0.5, 0.95
+"""Smallest share of the commanded depth that a dive reaches, and share of the largest pitch and of
+the travel from which on a command counts as the largest."""
 MIN_STEP_S = 4.5
 """Duration (s) after which a limit may end a step; screening rejects tests of less than 3 s."""
 
@@ -148,18 +148,32 @@ class Readiness:
             for depth_m in (dive.log.setpoints.depth_m, dive.true_depth_m)
         )
         if reached_m < MIN_DEPTH_SHARE * asked_m:
-            elevator = np.abs(dive.log.actuators.elevator_rad)
-            at_stop = float(np.mean(elevator > AT_STOP * np.max(elevator)))
             return Obstacle(
-                name,
-                f"it reaches {reached_m:.1f} of {asked_m:.1f} m, with the elevator at its largest"
-                f" angle for {at_stop:.0%} of the time: the vehicle cannot dive against its"
-                f" buoyancy of {self._vehicle.config.ballast.net_buoyancy_n:.3g} N; less buoyancy,"
-                " more speed or a larger elevator is needed",
+                name, f"it reaches {reached_m:.1f} of {asked_m:.1f} m: {self._too_weak(dive)}"
             )
         if not dive.finished:
             return Obstacle(name, f"it does not end within its time; {self.describe_disturbance()}")
         return None
+
+    def _too_weak(self, dive: SimulatedDive) -> str:
+        """Return why a vehicle stays at the surface: it is too buoyant, or its gains are small.
+
+        Gains that suffice command the largest pitch or elevator.
+        """
+        pitch_rad = -float(np.min(dive.log.setpoints.pitch_rad, initial=0.0))
+        elevator_rad = float(np.max(np.abs(dive.log.actuators.elevator_rad), initial=0.0))
+        shares = pitch_rad / self._config.pitch_limit_rad, elevator_rad / self._config.travel_rad
+        if max(shares) >= MIN_LIMIT_SHARE:
+            buoyancy_n = self._vehicle.config.ballast.net_buoyancy_n
+            return (
+                f"the vehicle cannot dive against its buoyancy of {buoyancy_n:.3g} N; less"
+                " buoyancy, more speed or a larger elevator is needed"
+            )
+        return (
+            f"the gains of the first dive command {math.degrees(pitch_rad):.1f} deg of pitch for"
+            " it; a faster tailcone, or one that is known better (`ground bench-test`), permits"
+            " larger ones"
+        )
 
     def coherence(
         self, plane: Plane, missions: Mapping[str, Items], dives: Mapping[str, SimulatedDive]

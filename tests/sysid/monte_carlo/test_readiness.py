@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from msgspec import structs
 
 from ground.missions import plans
 from ground.missions.script import Script, compile_items
@@ -30,18 +31,12 @@ GAINS = {
     "docs/my_vehicle.toml": (0.647, 0.758, 0.0259, 0.673, 0.788, 0.248, 0.0083, 15.0),
 }
 """`ground vehicle gains`, rounded; the last is the travel, deg."""
+OTHERS = {"PTCH_I": 0.0, "DPT_D": 0.0, "HDG_IMAX": 0.05, "PTCH_IMAX": 0.0, "DPT_IMAX": 0.1}
 NAMES = ("HDG_P", "HDG_D", "HDG_I", "PTCH_P", "PTCH_D", "DPT_P", "DPT_I", "ACT_TRAVEL_DEG")
 
 
 def obstacle(vehicle: str, moments: Moments, *missions: str) -> Obstacle | None:
-    gains = {
-        **dict(zip(NAMES, GAINS[vehicle], strict=True)),
-        "PTCH_I": 0.0,
-        "DPT_D": 0.0,
-        "HDG_IMAX": 0.05,
-        "PTCH_IMAX": 0.0,
-        "DPT_IMAX": 0.1,
-    }
+    gains = dict(zip(NAMES, GAINS[vehicle], strict=True)) | OTHERS
     items = {name: plans.load_items(name) for name in missions}
     return readiness.find_obstacle(Readiness(config.load(vehicle), gains, moments, seed=1), items)
 
@@ -73,6 +68,27 @@ def test_obstacle_masked_tests_is_low_coherence() -> None:
 
 def test_obstacle_heavy_vehicle_same_disturbance_is_none() -> None:
     assert obstacle("xfin_auv", DISTURBED, "trim", "rudder_sweeps") is None
+
+
+@pytest.mark.parametrize(
+    ("buoyancy_n", "elevator_gain", "reason"),
+    [
+        (30.0, 1.0, "cannot dive against its buoyancy of 30 N"),
+        (3.0, 0.02, "gains of the first dive command"),
+    ],
+)
+def test_obstacle_vehicle_that_stays_at_the_surface(
+    buoyancy_n: float, elevator_gain: float, reason: str
+) -> None:
+    """It is commanded to its largest pitch against 30 N, and with small gains to a small one."""
+    known = config.load("remus100")
+    ballast = structs.replace(known.ballast, net_buoyancy_n=buoyancy_n)
+    gains = dict(zip(NAMES, GAINS["remus100"], strict=True)) | OTHERS
+    gains |= {name: elevator_gain * gains[name] for name in ("PTCH_P", "DPT_P", "DPT_I")}
+    check = Readiness(structs.replace(known, ballast=ballast), gains, CALM, seed=1)
+    reported = readiness.find_obstacle(check, {"trim": plans.load_items("trim")})
+    assert reported is not None
+    assert reason in reported.reason
 
 
 @pytest.mark.slow
