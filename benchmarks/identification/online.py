@@ -1,6 +1,7 @@
 """Cell: the recursive estimate compared with the batch estimate of the same runs and truth."""
 
 import math
+from collections.abc import Iterable
 from time import process_time
 
 import numpy as np
@@ -19,6 +20,7 @@ from sysid.estimation.recursive import (
     prediction,
     report,
 )
+from sysid.estimation.recursive.estimator import Knowledge
 from sysid.estimation.recursive.intervals import Estimate
 from sysid.estimation.recursive.report import PlaneReport
 from sysid.models import parameters
@@ -72,10 +74,8 @@ def trial(vehicle: str, seed: int) -> list[float]:
     estimator.update(
         estimator.begin(estimator.prior_knowledge(prior), Plane.YAW, 0.0), prediction.steps(runs[0])
     )  # compiles the code
-    began_s, known = process_time(), estimator.prior_knowledge(prior)
-    for run in runs:
-        state = estimator.begin(known, run.plane, float(np.mean(run.command_rad[run.preroll])))
-        known = estimator.finish(estimator.update(state, prediction.steps(run)))
+    began_s = process_time()
+    known = learn(estimator.prior_knowledge(prior), runs)
     spent_s = process_time() - began_s
     together = prior._replace(biases_rad=fit.trim_biases(case.prior, first.model, runs))
     try:  # without other starts: those of all 800 fits of the cell led to the same optimum
@@ -94,6 +94,15 @@ def trial(vehicle: str, seed: int) -> list[float]:
         errors += ((online[0] - _truth(case, plane, at)) / online[1]).tolist()
     flown_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in runs)
     return [*differences, *errors, spent_s / flown_s]
+
+
+def learn(knowledge: Knowledge, runs: Iterable[Run]) -> Knowledge:
+    """Return the knowledge after all tests, in their order."""
+    for run in runs:
+        held_rad = float(np.mean(run.command_rad[run.preroll]))
+        test = estimator.begin(knowledge, run.plane, held_rad)
+        knowledge = estimator.finish(estimator.update(test, prediction.steps(run)))
+    return knowledge
 
 
 def _figures(found: PlaneReport) -> Array:

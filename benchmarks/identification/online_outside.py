@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.identification import outside
+from benchmarks.identification import online, outside
 from benchmarks.identification.outside import PRIORS, QUANTILE, Truth
 from benchmarks.plants import catalogue, logs
 from benchmarks.plants.flight import Gains
 from benchmarks.study import Cell, Figure
 from sysid.data import readers, segments
-from sysid.estimation.recursive import estimator, intervals, prediction, prior, report
-from sysid.estimation.recursive.estimator import Knowledge
+from sysid.estimation.recursive import intervals, prior, report
 from sysid.estimation.recursive.report import PlaneReport
 from sysid.planes import Plane
 
@@ -35,22 +34,14 @@ def trial(name: str, seed: int) -> list[float]:
             gains=Gains(*case.hold),
             seed=seed,
         )
-        knowledge = _learn(prior.knowledge(case.prior_file), fitted)
+        runs = [run for path in fitted for run in segments.cut_runs(readers.read(path))]
+    knowledge = online.learn(prior.knowledge(case.prior_file), runs)
     true, estimate = outside.truth(plant, case), intervals.estimate(knowledge)
     errors = list[float]()
     for plane in Plane:
         found = report.read(knowledge.prior, estimate, plane, true.crossover_radps[plane])
         errors += _errors(found, true)
     return errors
-
-
-def _learn(knowledge: Knowledge, paths: list[Path]) -> Knowledge:
-    """Return the knowledge after all tests of the logs, in their order."""
-    for run in (run for path in paths for run in segments.cut_runs(readers.read(path))):
-        held_rad = float(np.mean(run.command_rad[run.preroll]))
-        test = estimator.begin(knowledge, run.plane, held_rad)
-        knowledge = estimator.finish(estimator.update(test, prediction.steps(run)))
-    return knowledge
 
 
 def _errors(found: PlaneReport, true: Truth) -> list[float]:

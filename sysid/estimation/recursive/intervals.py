@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.map import model_error
-from sysid.estimation.map.model_error import RunScore
 from sysid.estimation.recursive import square_root_information
 from sysid.estimation.recursive.estimator import Knowledge, TestState
-from sysid.estimation.recursive.square_root_information import Information
 
 Array = NDArray[np.float64]
 
@@ -50,15 +48,9 @@ def estimate(knowledge: Knowledge, test: TestState | None = None) -> Estimate:
     if not tests:
         return Estimate(prior.mean, prior.covariance)
     z = square_root_information.mean(total)
-    scores = [_score(information, z) for information in tests]
+    scores = [model_error.score_of(root @ z - rhs, root) for root, rhs in tests]
     data = np.sum([score.information for score in scores], axis=0)
     precision = np.asarray(np.linalg.inv(prior.covariance))
     conflict = model_error.prior_conflict(z - prior.mean, data, precision)
     scatter = model_error.scatter(scores).value
     return Estimate(z, model_error.covariance(data, precision, scatter, conflict))
-
-
-def _score(information: Information, z: Array) -> RunScore:
-    """Return the information of a test and the gradient of its cost at z."""
-    root, rhs = information
-    return RunScore(root.T @ root, root.T @ (root @ z - rhs))

@@ -81,12 +81,3 @@ def combine(first: Information, second: Information) -> Information:
 def mean(information: Information) -> Array:
     """Return the mean R^-1 d, (n,). Raise LinAlgError if a parameter is not determined."""
     return np.asarray(np.linalg.solve(information.root, information.rhs))
-
-
-def covariance(information: Information) -> Array:
-    """Return the covariance (R'R)^-1, (n, n).
-
-    Raise LinAlgError if a parameter is not determined.
-    """
-    inverse = np.linalg.inv(information.root)
-    return np.asarray(inverse @ inverse.T)

@@ -5,8 +5,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sysid.estimation.recursive import square_root_information
+from sysid.estimation.recursive.square_root_information import Information
 
 SIZE = 4
+
+
+def covariance_of(information: Information) -> np.ndarray:
+    inverse = np.linalg.inv(information.root)
+    return np.asarray(inverse @ inverse.T)
 
 
 def random_prior(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -28,9 +34,7 @@ def test_absorb_blocks_of_rows_matches_least_squares(seed: int, blocks: list[int
         row += block
     precision = np.linalg.inv(covariance)
     expected = np.linalg.inv(rows.T @ rows + precision)
-    np.testing.assert_allclose(
-        square_root_information.covariance(information), expected, rtol=1e-8, atol=1e-10
-    )
+    np.testing.assert_allclose(covariance_of(information), expected, rtol=1e-8, atol=1e-10)
     expected_mean = expected @ (rows.T @ values + precision @ mean)
     np.testing.assert_allclose(
         square_root_information.mean(information), expected_mean, rtol=1e-8, atol=1e-8
@@ -53,7 +57,7 @@ def test_absorb_repeated_rows_keeps_covariance_positive(
     row = scale * rng.standard_normal((1, SIZE))
     for _ in range(copies):
         information = square_root_information.absorb(information, row, rng.standard_normal(1))
-    posterior = square_root_information.covariance(information)
+    posterior = covariance_of(information)
     prior = (row @ covariance @ row.T).item()
     row_variance = float(np.sum(np.linalg.solve(information.root.T, row[0]) ** 2))
     assert (
@@ -84,7 +88,7 @@ def test_combine_matches_all_rows_at_once() -> None:
         square_root_information.mean(together), square_root_information.mean(at_once), rtol=1e-10
     )
     np.testing.assert_allclose(
-        square_root_information.covariance(together),
-        square_root_information.covariance(at_once),
+        covariance_of(together),
+        covariance_of(at_once),
         rtol=1e-10,
     )
