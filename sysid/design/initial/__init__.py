@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
+from autopilot.control.params import Config
 from mavlink_io.user_data_dir import write_output
 from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
@@ -28,7 +29,7 @@ from sysid.design.initial import (
 from sysid.design.initial.loop_structure import LOW_ZEROS, ZEROS, loop_of
 from sysid.design.initial.paper_comparison import GainComparison
 from sysid.design.initial.prior import LoopMargins, LoopRobustness
-from sysid.design.initial.root_locus import Demands, LocusPoint
+from sysid.design.initial.root_locus import LocusPoint, SearchLimits
 from sysid.design.pid import DesignInfeasibleError, Loads, Spec, reference_models
 from sysid.estimation.map import fit, steady_state
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
@@ -69,11 +70,12 @@ OVERSHOOT_FACTORS = (1.0, 2.0, 4.0, 8.0)
 """Allowed overshoot of a change of depth over that of the limits, tried in this order."""
 TRIM_UNCERTAINTY_RAD = math.radians(2.0)
 """Assumed rudder bias and elevator trim before any measurement (rad)."""
-PITCH_LIMIT_RAD = math.radians(20.0)
-"""Largest pitch that the depth loop asks for (PTCH_LIM_DEG of the autopilot)."""
-WEAKEST_PITCH_GAIN = 2.0 * TRIM_UNCERTAINTY_RAD / PITCH_LIMIT_RAD
-"""Smallest PTCH_P of a pitch loop without integrator: half of the largest pitch holds the elevator
-against an unmeasured trim. A hull of 1.2 m with 0.06 sank in the dive that should measure it."""
+MIN_PITCH_GAIN = 2.0 * TRIM_UNCERTAINTY_RAD / Config().pitch_limit_rad
+"""Minimum PTCH_P of a pitch loop without integrator.
+
+With it, half of the largest pitch (PTCH_LIM_DEG) commands the elevator that an unmeasured trim
+needs. With 0.06 a hull of 1.2 m sank in the dive that measures the trim.
+"""
 
 
 class InitialDesign(NamedTuple):
@@ -245,13 +247,15 @@ def design_on_root_loci(
     vehicle, vehicles = prior.nominal_model(config), list(prior.sample_models(config))
     bounds = constraints.nominal(spec)
     tail_ratio = min(1.0, config.tailcone.damping_ratio / REFERENCE_DAMPING)
-    demands = Demands(bounds._replace(damping=tail_ratio * bounds.damping), vehicles)
+    search_limits = SearchLimits(bounds._replace(damping=tail_ratio * bounds.damping), vehicles)
     if last:
-        demands = demands._replace(fraction=prior.MIN_STABLE_FRACTION, zeros=(*ZEROS, *LOW_ZEROS))
+        search_limits = search_limits._replace(
+            fraction=prior.MIN_STABLE_FRACTION, zeros=(*ZEROS, *LOW_ZEROS)
+        )
     pitch, depth = root_locus.depth(
-        vehicle, demands, math.radians(spec.pitch_per_metre_deg), WEAKEST_PITCH_GAIN
+        vehicle, search_limits, math.radians(spec.pitch_per_metre_deg), MIN_PITCH_GAIN
     )
-    heading = root_locus.heading(vehicle, demands)
+    heading = root_locus.heading(vehicle, search_limits)
     return RootLocusDesign(vehicle, vehicles, {"heading": heading, "pitch": pitch, "depth": depth})
 
 

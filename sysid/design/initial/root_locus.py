@@ -41,37 +41,37 @@ class LocusPoint(NamedTuple):
     """Relative constraint violations."""
 
 
-class Demands(NamedTuple):
-    """What the search demands of the gains of a loop."""
+class SearchLimits(NamedTuple):
+    """Limits and candidates of the search for the gains of a loop."""
 
     bounds: Bounds
     """Limits on the nominal vehicle."""
     vehicles: Sequence[DesignModel] = ()
     """Vehicles sampled from the prior."""
     fraction: float = prior.STABLE_FRACTION
-    """Smallest fraction of them with the margins of `prior`."""
+    """Minimum fraction of them with the margins of `prior`."""
     zeros: Sequence[float] = shape.ZEROS
     """Candidate ratios of the tailcone's bandwidth to the zero."""
 
 
-def heading(vehicle: DesignModel, demands: Demands) -> LocusPoint:
+def heading(vehicle: DesignModel, limits: SearchLimits) -> LocusPoint:
     """Return the point of HDG_P, HDG_D and HDG_I. Raises DesignInfeasibleError."""
     bandwidth = shape.bandwidth_radps(vehicle.yaw_lag)
     loop_gains = 0.5 * bandwidth / abs(float(vehicle.planes.yaw.B[1])) * TURN_FACTORS
-    structures = [shape.heading(bandwidth / ratio) for ratio in demands.zeros]
+    structures = [shape.heading(bandwidth / ratio) for ratio in limits.zeros]
     return _select_max_gain(
         "HDG_P",
         [
             point
             for structure in structures
-            for point in points(structure, vehicle, loop_gains, demands.bounds)
+            for point in points(structure, vehicle, loop_gains, limits.bounds)
         ],
-        demands,
+        limits,
     )
 
 
 def depth(
-    vehicle: DesignModel, demands: Demands, steepest_rad: float, weakest: float
+    vehicle: DesignModel, limits: SearchLimits, steepest_rad: float, min_pitch_gain: float
 ) -> tuple[LocusPoint, LocusPoint]:
     """Return the points of the pitch loop and of the depth loop around it.
 
@@ -82,12 +82,12 @@ def depth(
     ----------
     vehicle : DesignModel
         Nominal vehicle.
-    demands : Demands
+    limits : SearchLimits
         Limits and robustness.
     steepest_rad : float
         Largest DPT_P, rad/m.
-    weakest : float
-        Smallest PTCH_P of a pitch loop without integrator.
+    min_pitch_gain : float
+        Minimum PTCH_P of a pitch loop without integrator.
 
     Returns
     -------
@@ -99,16 +99,17 @@ def depth(
     DesignInfeasibleError
         No gains meet the limits.
     """
-    inner = _pitch(vehicle, demands, integral=False)
-    if inner.gains["PTCH_P"] < weakest:
-        inner = _pitch(vehicle, demands, integral=True)
+    inner = _pitch(vehicle, limits, integral=False)
+    if inner.gains["PTCH_P"] < min_pitch_gain:
+        inner = _pitch(vehicle, limits, integral=True)
     pairs, problems = [], []
     for share in PITCH_SHARES:
-        reduced = inner._replace(gains={name: share * g for name, g in inner.gains.items()})
+        factor = share * inner.gains["PTCH_D"]  # PTCH_D is one at a factor of one
+        (reduced,) = points(inner.shape, vehicle, np.array([factor]), limits.bounds)
         loop = shape.depth({name: reduced.gains[name] for name in PITCH_GAINS})
-        outer = points(loop, vehicle, steepest_rad * DEPTH_FACTORS, demands.bounds)
+        outer = points(loop, vehicle, steepest_rad * DEPTH_FACTORS, limits.bounds)
         try:
-            pairs.append((reduced, _select_max_gain("DPT_P", outer, demands)))
+            pairs.append((reduced, _select_max_gain("DPT_P", outer, limits)))
         except DesignInfeasibleError as error:
             problems.append(error)
     if not pairs:
@@ -116,19 +117,19 @@ def depth(
     return max(pairs, key=lambda pair: pair[0].gains["PTCH_P"] * pair[1].gains["DPT_P"])
 
 
-def _pitch(vehicle: DesignModel, demands: Demands, *, integral: bool) -> LocusPoint:
+def _pitch(vehicle: DesignModel, limits: SearchLimits, *, integral: bool) -> LocusPoint:
     """Return the point of the pitch loop alone. Raises DesignInfeasibleError."""
     bandwidth = shape.bandwidth_radps(vehicle.pitch_lag)
     loop_gains = 0.5 * bandwidth / abs(float(vehicle.planes.pitch.B[1])) * TURN_FACTORS
-    structures = [shape.pitch(bandwidth / ratio, integral=integral) for ratio in demands.zeros]
+    structures = [shape.pitch(bandwidth / ratio, integral=integral) for ratio in limits.zeros]
     return _select_max_gain(
         "PTCH_P",
         [
             point
             for structure in structures
-            for point in points(structure, vehicle, loop_gains, demands.bounds)
+            for point in points(structure, vehicle, loop_gains, limits.bounds)
         ],
-        demands,
+        limits,
     )
 
 
@@ -160,7 +161,9 @@ def _point(
     return LocusPoint(loop, gains, violations)
 
 
-def _select_max_gain(gain: str, candidates: Sequence[LocusPoint], demands: Demands) -> LocusPoint:
+def _select_max_gain(
+    gain: str, candidates: Sequence[LocusPoint], limits: SearchLimits
+) -> LocusPoint:
     """Return the feasible point with the largest `gain` that is robust over the prior."""
     feasible = [
         point
@@ -184,10 +187,10 @@ def _select_max_gain(gain: str, candidates: Sequence[LocusPoint], demands: Deman
             f" {100 * violation:.1f} %"
         )
     for point in sorted(feasible, key=lambda point: -point.gains[gain]):
-        if prior.is_robust(point.shape, point.gains, demands.vehicles, demands.fraction):
+        if prior.is_robust(point.shape, point.gains, limits.vehicles, limits.fraction):
             return point
     raise DesignInfeasibleError(
         f"no gains of the {feasible[0].shape.loop} loop stabilise "
-        f"{100 * demands.fraction:.0f} % of the vehicles "
+        f"{100 * limits.fraction:.0f} % of the vehicles "
         "sampled from the prior; measure the tailcone by `ground bench-test`"
     )

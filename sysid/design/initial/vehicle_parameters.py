@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from autopilot.control.sensor_health.monitor import ELEVATOR_UP
 from sitl.vehicle import build_model, hull
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.linearise import linearise
@@ -29,10 +30,9 @@ DIVE_TRANSITS, MIN_DIVE_S, MAX_DIVE_S = 1.1, 3.0, 60.0
 """Time FS_DIVE_S in which the elevator must end a descent, in hull lengths travelled, and its range
 (s). The default of 3 s is 1.1 lengths of Caribou. A hull of 6 m at 0.9 m/s sank for 4.5 s at the
 end of a change of depth until its elevator had raised the nose."""
-NOSE_UP_RAD, ELEVATOR_UP, MIN_ELEVATOR_LEFT = math.radians(15.0), 0.5, 0.1
-"""Change of pitch that ends a descent, which the elevator of `ELEVATOR_UP` of the travel, the
-threshold of the check, makes in FS_DIVE_S. Caribou needs 3 s. Of the elevator, that of level flight
-is subtracted, and at least the last fraction of the travel is left."""
+NOSE_UP_RAD, MIN_ELEVATOR_LEFT = math.radians(15.0), 0.1
+"""Change of pitch that ends a descent, and minimum elevator that is assumed for it (fraction of the
+travel). Caribou makes this change in 3 s with half of its travel."""
 
 
 def autopilot_parameters(
@@ -113,8 +113,8 @@ def values(config: VehicleConfig) -> dict[str, float]:
 def _slow_response(config: VehicleConfig, model: VehicleModel) -> dict[str, tuple[float, str]]:
     """Return value and reason of FS_DIVE_S, if the vehicle is slower than its default allows.
 
-    With q' the acceleration by the elevator that level flight leaves, the nose comes up by theta in
-    sqrt(2 theta / q').
+    The check begins at an elevator of ELEVATOR_UP of the travel. With q' the acceleration by this
+    elevator less that of level flight, the nose comes up by theta in sqrt(2 theta / q').
     """
     tail, cruise_mps = config.tailcone, config.operating_point.speed_mps
     transit_s = DIVE_TRANSITS * hull.length_m(config.hull) / cruise_mps

@@ -19,7 +19,7 @@ from sysid.design.initial import (
     root_locus,
     vehicle_parameters,
 )
-from sysid.design.initial.root_locus import Demands
+from sysid.design.initial.root_locus import SearchLimits
 from sysid.design.pid import DesignInfeasibleError
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from tests.reference import trials
@@ -149,8 +149,8 @@ def test_gain_uncertain_delay_is_smaller(caribou: DesignModel) -> None:
         )
         for delay in (0.35, 1.2, 1.4)
     ]
-    certain = root_locus.heading(caribou, Demands(BOUNDS))
-    uncertain = root_locus.heading(caribou, Demands(BOUNDS, late))
+    certain = root_locus.heading(caribou, SearchLimits(BOUNDS))
+    uncertain = root_locus.heading(caribou, SearchLimits(BOUNDS, late))
     assert uncertain.gains["HDG_P"] < 0.9 * certain.gains["HDG_P"]
     for vehicle in late:
         margins = loop_transfer.margins(
@@ -164,7 +164,7 @@ def test_gain_doubled_effectiveness_is_half(caribou: DesignModel) -> None:
     planes = caribou.planes._replace(yaw=yaw._replace(B=2.0 * yaw.B))
     effective = build(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.disturbance)
     single, doubled = (
-        root_locus.heading(vehicle, Demands(BOUNDS)).gains for vehicle in (caribou, effective)
+        root_locus.heading(vehicle, SearchLimits(BOUNDS)).gains for vehicle in (caribou, effective)
     )
     assert doubled == pytest.approx({name: gain / 2.0 for name, gain in single.items()}, rel=1e-6)
 
@@ -186,8 +186,8 @@ def test_initial_gains_shipped_vehicles_are_feasible(name: str) -> None:
     known = config.load(name)
     vehicle, drawn = prior.nominal_model(known), list(prior.sample_models(known, 20))
     heading, (pitch, depth) = (
-        root_locus.heading(vehicle, Demands(BOUNDS, drawn)),
-        root_locus.depth(vehicle, Demands(BOUNDS, drawn), STEEPEST_RAD, weakest=0.0),
+        root_locus.heading(vehicle, SearchLimits(BOUNDS, drawn)),
+        root_locus.depth(vehicle, SearchLimits(BOUNDS, drawn), STEEPEST_RAD, min_pitch_gain=0.0),
     )
     assert max(heading.violations.values()) < 0.01
     assert 0.05 < depth.gains["DPT_P"] <= STEEPEST_RAD
@@ -247,7 +247,7 @@ def new_vehicle(
 def test_initial_gains_of_a_weak_pitch_loop_have_an_integrator() -> None:
     """On the tailcone of a large vehicle, PTCH_P holds 1.2 deg of elevator with 20 deg of pitch."""
     gains = initial.design_initial_gains(new_vehicle("myring", "duct", 1.2, 0.2)).parameters
-    assert gains["PTCH_P"] < initial.WEAKEST_PITCH_GAIN
+    assert gains["PTCH_P"] < initial.MIN_PITCH_GAIN
     assert gains["PTCH_I"] == pytest.approx(gains["PTCH_P"] / 30.0)
     assert math.degrees(gains["PTCH_IMAX"]) == pytest.approx(2.0)
     usual = initial.design_initial_gains("caribou_nominal").parameters
@@ -269,7 +269,7 @@ def test_heading_long_delay_raises_infeasible(caribou: DesignModel) -> None:
     ):
         root_locus.heading(
             build(caribou.planes, late, caribou.pitch_lag, caribou.disturbance),
-            Demands(BOUNDS),
+            SearchLimits(BOUNDS),
         )
 
 
@@ -282,7 +282,7 @@ def test_heading_unstable_samples_raise_infeasible(caribou: DesignModel) -> None
         DesignInfeasibleError,
         match=r"no gains of the heading loop stabilise 90 % .*`ground bench-test`",
     ):
-        root_locus.heading(caribou, Demands(BOUNDS, [wrong]))
+        root_locus.heading(caribou, SearchLimits(BOUNDS, [wrong]))
 
 
 def test_write_params_contains_reasons(bench: InitialDesign, tmp_path: Path) -> None:
