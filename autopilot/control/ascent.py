@@ -14,7 +14,7 @@ Pure, part of the tick. The stages (``AscentStage``) are tried in this order:
    Without power it brakes only if its nose is down.
 3. No rise for SURF_DROP_S without power: the drop weight is released, if fitted.
 4. Without a drop weight, a vehicle that sinks without power tries power again. After MAX_ATTEMPTS
-   stops power stays: without it the vehicle would sink to the floor.
+   stops the propeller is not stopped again: without it the vehicle would sink to the floor.
 
 SURFACE ends in one of four ways, each with disarming:
 
@@ -25,8 +25,8 @@ SURFACE ends in one of four ways, each with disarming:
 - depth is not measured, or its sensor has a fault, and a satellite fix arrives;
 - the measured depth stays, and a satellite fix holds for SURF_FIX_S: satellites are received at the
   surface only, so a depth reading above SURF_DEPTH_M is wrong, which the text says;
-- the vehicle has not risen for SURF_TIME_S, and is not held just below the surface by the power
-  that stays.
+- the vehicle has not risen for SURF_TIME_S. A propeller that is not stopped again, and that holds
+  the vehicle just below the surface, runs on.
 """
 
 import math
@@ -76,7 +76,7 @@ A vehicle that floats up and still has way may dip by half of it before it stops
 AFLOAT_MARGIN_M = 0.5
 """Depth below SURF_DEPTH_M at which a vehicle is no longer at the surface: waves cover it."""
 MAX_ATTEMPTS = 3
-"""Number of times that power is stopped before a vehicle that sinks without it keeps it."""
+"""Maximum number of times that the propeller is stopped."""
 NOT_RISING = "not rising"
 """Cause of the failsafe of a vehicle that does not rise."""
 
@@ -406,9 +406,9 @@ def _fix_holds(state: AutopilotState, ascent: Ascent, hold_us: int) -> bool:
 
 
 def _held_by_power(state: AutopilotState, ascent: Ascent, config: Config) -> bool:
-    """Return whether the power that stays holds the vehicle just below the surface."""
-    stays = ascent.stage == AscentStage.POWERED and ascent.attempts >= MAX_ATTEMPTS
-    return stays and state.estimate.depth_m < config.surfaced_depth_m + AFLOAT_MARGIN_M
+    """Return whether a propeller that is not stopped again holds the vehicle below the surface."""
+    is_last = ascent.stage == AscentStage.POWERED and ascent.attempts >= MAX_ATTEMPTS
+    return is_last and state.estimate.depth_m < config.surfaced_depth_m + AFLOAT_MARGIN_M
 
 
 def _give_up(state: AutopilotState) -> AutopilotState:

@@ -170,9 +170,9 @@ class Readiness:
                 " buoyancy, more speed or a larger elevator is needed"
             )
         return (
-            f"the gains of the first dive command {math.degrees(pitch_rad):.1f} deg of pitch for"
-            " it; a faster tailcone, or one that is known better (`ground bench-test`), permits"
-            " larger ones"
+            f"the gains of the first dive command {math.degrees(pitch_rad):.1f} deg of pitch at"
+            " most; a faster tailcone, or one that was measured (`ground bench-test`), permits"
+            " larger gains"
         )
 
     def coherence(
