@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ground.missions import scaling
 from ground.missions.script import Script, compile_items
+from ground.missions.signals import TestSignal
 from sysid.monte_carlo import simulate
 from sysid.monte_carlo.readiness import Readiness
 from sysid.monte_carlo.simulate import MissionRejectedError, SimulatedDive
@@ -79,7 +80,7 @@ def _fit_envelope(check: Readiness, script: Script, max_deg: Mapping[str, float]
             dive = check.fly(compile_items(script))
         except MissionRejectedError:
             return script
-        changed = scaling.scale_tests(script, _corrections(check, dive), max_deg)
+        changed = scaling.scale_tests(script, _corrections(check, dive, script), max_deg)
         if _unsettled(check, dive, script):
             changed = scaling.lengthen_legs(changed, LONGER)
         if changed == script:
@@ -88,13 +89,26 @@ def _fit_envelope(check: Readiness, script: Script, max_deg: Mapping[str, float]
     return script
 
 
-def _corrections(check: Readiness, dive: SimulatedDive) -> dict[int, float]:
+def _corrections(check: Readiness, dive: SimulatedDive, script: Script) -> dict[int, float]:
     """Return the factor on the size by number of the test."""
     outcomes = check.outcomes_of_tests(dive)
     factors = {number: SMALLER for number, outcome in enumerate(outcomes) if outcome.too_large}
     if dive.failsafe and outcomes:
-        factors[len(outcomes) - 1] = AFTER_FAILSAFE
+        # also the tests after the failsafe that are not smaller: each would end the dive in turn
+        last = len(outcomes) - 1
+        signals = [step.test for step in script.step if step.test is not None]
+        factors |= {
+            number: AFTER_FAILSAFE
+            for number, signal in enumerate(signals)
+            if number >= last and _is_as_large(signal, signals[last])
+        }
     return factors
+
+
+def _is_as_large(signal: TestSignal, other: TestSignal) -> bool:
+    """Return whether a test moves the surface of another by at least the same angle."""
+    size_deg, other_deg = signal.magnitude_deg or 0.0, other.magnitude_deg or 0.0
+    return signal.axis == other.axis and abs(size_deg) >= abs(other_deg)
 
 
 def _unsettled(check: Readiness, dive: SimulatedDive, script: Script) -> bool:

@@ -46,7 +46,10 @@ from ground.simulation.subprocesses import ForkedProcess
 from mavlink_io.errors import CaribouError, OperationError
 from mavlink_io.mission_items import MissionItem
 from sysid.data import readers
+from sysid.data.events import Failsafe, FailsafeCause, parse_text
 
+_CRITICAL = 2
+"""MAV_SEVERITY_CRITICAL, the severity of texts of failsafes."""
 MAX_ANGLE_DEG = 90.0
 """Largest size of a test (deg): without effect, because tests are only made smaller."""
 WatchCallback = Callable[[str, FlightProgress], None]
@@ -205,9 +208,11 @@ class CampaignDives:
                 if scaling.descends_at_full_thrust(script.load(mission_file)):
                     remedy = "add ballast; a descent at full thrust is not enough"
                 raise AfloatError(f"{name}: {symptom.message}: {remedy}")
-            failed = f"{name}, attempt {len(self.records.failed_attempts(name)) + 1}"
-            self.outcomes[failed] = self.records.add(failed, request_sha256, outcome)
-            return outcome.failsafes[0]
+            if not _only_floated_up(outcome.failsafes):
+                failed = f"{name}, attempt {len(self.records.failed_attempts(name)) + 1}"
+                self.outcomes[failed] = self.records.add(failed, request_sha256, outcome)
+                return outcome.failsafes[0]
+            self.announce(f"{name}: all steps flown; then {outcome.failsafes[0]}")
         self.outcomes[name] = self.records.add(name, request_sha256, outcome)
         return ""
 
@@ -234,3 +239,11 @@ class CampaignDives:
             self._cancelled = True
             for simulated in self._simulated:
                 simulated.stop()
+
+
+def _only_floated_up(failsafes: Sequence[str]) -> bool:
+    """Return whether the only failsafe stopped the propeller of the ascent after the last step."""
+    events = [parse_text(_CRITICAL, text) for text in failsafes]
+    return all(
+        isinstance(event, Failsafe) and event.cause is FailsafeCause.NO_RISE for event in events
+    )

@@ -173,11 +173,10 @@ def _different_effects(logs: Sequence[LogOfRuns]) -> str:
     runs_by_log = [(log.log.name, _runs_by_plane(log.runs)) for log in logs]
     for (name, runs), (other_name, other_runs) in combinations(runs_by_log, 2):
         for plane in Plane:
-            if not _are_comparable(runs[plane], other_runs[plane]):
+            explained = [_explained(runs[plane]), _explained(other_runs[plane])]
+            if not _are_comparable(*explained):
                 continue
-            effects = [
-                control_effect(part, plane, plane) for part in (runs[plane], other_runs[plane])
-            ]
+            effects = [control_effect(part, plane, plane) for part in explained]
             if effects[0] and effects[1] and _differ(effects[0], effects[1]):
                 return (
                     f"{name} and {other_name}: two different vehicles, or another speed: the"
@@ -186,6 +185,12 @@ def _different_effects(logs: Sequence[LogOfRuns]) -> str:
                     f" {effects[1].sd:.1g} 1/s2; fit the logs of one vehicle"
                 )
     return ""
+
+
+def _explained(runs: Sequence[Run]) -> list[Run]:
+    """Return the runs in which the surface explains enough of the rate to be compared."""
+    effects = [(run, control_effect([run], run.plane, run.plane)) for run in runs]
+    return [run for run, effect in effects if effect and effect.share >= MIN_COMPARED_SHARE]
 
 
 def _are_comparable(runs: Sequence[Run], others: Sequence[Run]) -> bool:

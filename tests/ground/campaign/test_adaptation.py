@@ -34,14 +34,19 @@ class FakeCheck:
         wait_s: float = 0.0,
         heard_deg: float = 0.0,
         rough: bool = False,
+        failsafe_deg: float = math.inf,
     ):
         self.largest_deg, self.wait_s, self.heard_deg = largest_deg, wait_s, heard_deg
-        self.rough = rough
+        self.rough, self.failsafe_deg = rough, failsafe_deg
 
     def fly(self, items: Any, disturbance: float = 1.0) -> FakeDive:
         sizes = [item.p2 for item in items if item.command == MavCmd.USER_1]
         leg_s = next(i.p1 for i in items if i.command == MavCmd.NAV_DELAY)
-        return FakeDive(sizes, leg_s, calm=disturbance == 0.0)
+        calm = disturbance == 0.0
+        for number, size in enumerate(sizes):
+            if abs(size) > self.failsafe_deg:
+                return FakeDive(sizes[: number + 1], leg_s, calm, "Elevator has no effect")
+        return FakeDive(sizes, leg_s, calm)
 
     def outcomes_of_tests(self, dive: FakeDive) -> list[SimulatedTest]:
         return [
@@ -82,6 +87,14 @@ def test_adapt_large_tests_become_smaller() -> None:
     assert [new for new, old in zip(after, before, strict=True) if old <= 6.0] == [
         old for old in before if old <= 6.0
     ]
+
+
+def test_adapt_tests_after_a_failsafe_become_smaller_with_it() -> None:
+    """One after the other they took more rounds than there are, and the vehicle was refused."""
+    check = FakeCheck(failsafe_deg=2.0)
+    mission = adapt(check, "elevator_steps")
+    assert max(sizes_deg(mission)) <= 2.0
+    assert check.fly(script.compile_items(mission)).failsafe == ""
 
 
 def test_adapt_unsettled_vehicle_waits_longer() -> None:

@@ -267,6 +267,36 @@ def test_dive_with_tests_is_repeated_with_smaller_ones_after_a_failsafe(
     assert campaign._totals().vehicle_s == 10.0 * attempts
 
 
+@pytest.mark.parametrize(
+    ("failsafes", "ended"),
+    [
+        (("Failsafe: no rise for 20 s -> propeller stopped",), ""),
+        (("Failsafe: no rise for 20 s -> propeller stopped", "Failsafe: pitch 60 deg"), "no rise"),
+        (("Failsafe: surface not reached, no rise for 600 s -> disarmed",), "surface not reached"),
+    ],
+)
+def test_dive_that_floats_up_after_its_last_step_is_complete(
+    failsafes: tuple[str, ...], ended: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Weak first gains held a hull of 1.35 m at 0.7 m, below SURF_DEPTH_M.
+
+    The campaign ended there, although every leg of the mission was recorded.
+    """
+
+    def fly(dive: Any, *_: object, **__: object) -> FlightResult:
+        dive.log.write_bytes(b"")
+        return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
+
+    monkeypatch.setattr(dives, "fly_simulated", fly)
+    monkeypatch.setattr(CampaignDives, "_launch", lambda *_: None)
+    said: list[str] = []
+    campaign = Campaign(CampaignRequest(tmp_path), lambda name, at: None, said.append)
+    campaign.dives.records = DiveRecords(tmp_path)
+    with pytest.raises(OperationError, match=ended) if ended else nullcontext():
+        campaign.dives.fly("baseline", "combined", {})
+    assert said == ([] if ended else [f"baseline/combined: all steps flown; then {failsafes[0]}"])
+
+
 def test_resumed_dive_continues_with_the_pitch_of_its_repetition(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,6 +6,7 @@ the check.
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from sitl.vehicle import config
 from sysid import refit
 from sysid.data import readers, segments
 from sysid.data.readers.servo_channels import OutputOptions, ServoChannels
-from sysid.data.runs import RATE_HZ
+from sysid.data.runs import RATE_HZ, Run
 from sysid.planes import Plane
 from sysid.refit import RefitRequest
 from sysid.screening import wiring
@@ -137,6 +138,39 @@ def test_logs_of_one_unstable_vehicle_are_accepted(seed: int, tmp_path: Path) ->
         seed=seed,
     )
     assert refusal(*fitted, *held_out) == ""
+
+
+def test_tests_that_the_surface_does_not_explain_are_not_compared(
+    sound: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Values of a campaign: in its last test an unstable hull of 5.4 m turned by itself.
+
+    It was refused as another vehicle.
+    """
+    step, sweep, doublet = (
+        replace(segments.cut_runs(readers.read(sound))[0], name=name)
+        for name in ("step", "sweep", "doublet")
+    )
+
+    def effect(runs: Sequence[Run], plane: Plane, surface: Plane) -> ControlEffect:
+        """Return what the estimate from these runs was."""
+        values = {
+            "step": ControlEffect(0.424, 0.036, 0.86),
+            "sweep": ControlEffect(0.253, 0.011, 0.93),
+            "doublet": ControlEffect(0.034, 0.013, 0.19),
+            "sweep doublet": ControlEffect(0.14, 0.01, 0.45),
+        }
+        return values[" ".join(run.name for run in runs)]
+
+    log = readers.read(sound)
+    monkeypatch.setattr(wiring, "control_effect", effect)
+    logs = [wiring.LogOfRuns(log, [step]), wiring.LogOfRuns(log, [sweep, doublet])]
+    assert wiring._different_effects(logs) == ""
+    weaker = ControlEffect(0.1, 0.01, 0.9)
+    monkeypatch.setattr(
+        wiring, "control_effect", lambda runs, *_: weaker if runs[0] is sweep else effect(runs, *_)
+    )
+    assert "two different vehicles" in wiring._different_effects(logs)
 
 
 def test_logs_with_different_travel_are_two_vehicles(
