@@ -96,20 +96,26 @@ def prepare(request: PreparationRequest) -> Preparation:
     parameters = {**design.parameters, "SID_RATE_MAX": _rate_limit_degps(scale)}
     check = Readiness(config, parameters, readiness.moments(sea.content), SEED)
     untested = {name: s for name, s in scripts.items() if not any(step.test for step in s.step)}
-    _check_obstacle(request, check, untested)
+    scripts |= _completable(request, check, untested)
     max_deg: dict[str, float] = {
         PLANES[plane].surface: part.max_size_deg for plane, part in scale.planes.items()
     }
     adapted = adaptation.adapt(check, scripts, max_deg)
-    _check_obstacle(request, check, adapted.scripts)
+    flown = _completable(request, check, adapted.scripts)
     missions = {
-        f"{MISSIONS_FOLDER}/{name}.toml": scaling.encode(mission)
-        for name, mission in adapted.scripts.items()
+        f"{MISSIONS_FOLDER}/{name}.toml": scaling.encode(mission) for name, mission in flown.items()
     }
     return Preparation(
         parameters,
         {**({SCENARIO_FILE: sea.text} if sea.text else {}), **missions, **truth.files},
-        (sea.note, _describe(scale), *_describe_gains(design), *adapted.notes, *truth.notes),
+        (
+            sea.note,
+            _describe(scale),
+            *_describe_gains(design),
+            *adapted.notes,
+            *_describe_descents(flown),
+            *truth.notes,
+        ),
         warnings,
     )
 
@@ -183,18 +189,38 @@ def _describe_gains(design: InitialDesign) -> tuple[str, ...]:
     )
 
 
-def _check_obstacle(
+def _completable(
     request: PreparationRequest, check: Readiness, scripts: Mapping[str, script.Script]
-) -> None:
-    """Raise InputError if a simulated mission cannot be completed."""
-    items = {name: script.compile_items(mission) for name, mission in scripts.items()}
-    obstacle = find_obstacle(check, items)
-    if obstacle is not None:
-        raise InputError(
-            f"--vehicle {request.vehicle}: cannot complete a campaign in scenario"
-            f" {request.scenario}: {obstacle.where}, simulated with the vehicle file:"
-            f" {obstacle.reason}"
-        )
+) -> dict[str, script.Script]:
+    """Return missions that the simulated vehicle completes.
+
+    Those in which it would stay at the surface begin with a descent at full thrust. Raises
+    InputError for another obstacle.
+    """
+    changed = dict(scripts)
+    while obstacle := find_obstacle(
+        check, {name: script.compile_items(mission) for name, mission in changed.items()}
+    ):
+        where = obstacle.where
+        if not obstacle.is_afloat or scaling.descends_at_full_thrust(changed[where]):
+            raise InputError(
+                f"--vehicle {request.vehicle}: cannot complete a campaign in scenario"
+                f" {request.scenario}: {where}, simulated with the vehicle file:"
+                f" {obstacle.reason}"
+            )
+        changed[where] = scaling.descend_at_full_thrust(changed[where])
+    return changed
+
+
+def _describe_descents(scripts: Mapping[str, script.Script]) -> tuple[str, ...]:
+    """Return a note with the missions that begin with a descent at full thrust."""
+    names = [name for name, mission in scripts.items() if scaling.descends_at_full_thrust(mission)]
+    if not names:
+        return ()
+    return (
+        f"descent at full thrust, without which the vehicle stays at the surface in simulation:"
+        f" {', '.join(names)}",
+    )
 
 
 def _describe(scale: VehicleScale) -> str:

@@ -66,6 +66,8 @@ class Obstacle(NamedTuple):
     where: str
     """Mission, or kind of test, that cannot be completed."""
     reason: str
+    is_afloat: bool = False
+    """Whether the vehicle stays at the surface in this mission."""
 
 
 class SimulatedTest(NamedTuple):
@@ -148,9 +150,8 @@ class Readiness:
             for depth_m in (dive.log.setpoints.depth_m, dive.true_depth_m)
         )
         if reached_m < MIN_DEPTH_SHARE * asked_m:
-            return Obstacle(
-                name, f"it reaches {reached_m:.1f} of {asked_m:.1f} m: {self._too_weak(dive)}"
-            )
+            depths = f"it reaches {reached_m:.1f} of {asked_m:.1f} m"
+            return Obstacle(name, f"{depths}: {self._too_weak(dive)}", is_afloat=True)
         if not dive.finished:
             return Obstacle(name, f"it does not end within its time; {self.describe_disturbance()}")
         return None
