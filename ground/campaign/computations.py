@@ -109,8 +109,14 @@ def design(out: Path, first: Mapping[str, float]) -> DesignSummary:
         f"the failed model is {out / 'model.json'}; with a corrected vehicle file run the campaign"
         " again",
     )
-    items = script.compile_items(script.load(folder.mission_file(REHEARSED)))
-    design, selection = refit.redesign_for_campaign(folder.model, folder.prior, first, items)
+    mission = folder.mission_file(REHEARSED)
+    design, selection = refit.redesign_for_campaign(
+        folder.model,
+        folder.prior,
+        first,
+        script.compile_items(script.load(mission)),
+        summary.settling_s(mission),
+    )
     design.write_params(out / "gains.param")
     return replace(summary.summarise_design(design), selection=selection)
 

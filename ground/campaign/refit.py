@@ -240,7 +240,11 @@ def redesign(
 
 
 def redesign_for_campaign(
-    model: IdentifiedModel, prior: str, first: Mapping[str, float], items: tuple[MissionItem, ...]
+    model: IdentifiedModel,
+    prior: str,
+    first: Mapping[str, float],
+    items: tuple[MissionItem, ...],
+    settling_s: float,
 ) -> tuple[Design, GainSelection]:
     """Design PID gains for a model, and compare them with the first gains in simulation.
 
@@ -254,6 +258,8 @@ def redesign_for_campaign(
         Parameters of the first dives, without trims.
     items : tuple of MissionItem
         Mission that is rehearsed.
+    settling_s : float
+        Time (s) after a change of set-point from which on its errors count.
 
     Returns
     -------
@@ -272,7 +278,7 @@ def redesign_for_campaign(
     _check_fit_for_redesign(model, "redesign", force=False)
     with _singular_model_reported():
         request = SelectionRequest(
-            model, specification(model, prior), read_vehicle(prior), first, items
+            model, specification(model, prior), read_vehicle(prior), first, items, settling_s
         )
         return gain_selection.select(request)
 

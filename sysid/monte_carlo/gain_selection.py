@@ -19,6 +19,7 @@ from sysid.design.pid import Design, DesignInfeasibleError, Spec
 from sysid.design.specification import RELAXED_LIMITS
 from sysid.models.json_record import JsonRecord
 from sysid.models.model_file import IdentifiedModel
+from sysid.monitor import tracking_metrics
 from sysid.monte_carlo import study
 from sysid.monte_carlo.study import SimulationSummary, StudyRequest
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
@@ -62,6 +63,8 @@ class SelectionRequest(NamedTuple):
     """All parameters of the first dives, without trims."""
     items: tuple[MissionItem, ...]
     """Mission that is rehearsed."""
+    settling_s: float = tracking_metrics.SETTLING_S
+    """Time (s) after a change of set-point from which on its errors count."""
 
 
 class _Candidate(NamedTuple):
@@ -195,6 +198,7 @@ def _rehearse(request: SelectionRequest, design: Design) -> _Candidate:
             gains={FIRST: request.first, CANDIDATE: {**request.first, **design.gains}},
             vehicles=REHEARSED_VEHICLES,
             seed=SEED,
+            settling_s=request.settling_s,
         ),
     )
     return _compare(design, first, redesigned)

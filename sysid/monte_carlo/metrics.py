@@ -69,7 +69,12 @@ class DiveMetrics(NamedTuple):
     seconds: float
 
 
-def of_dive(dive: SimulatedDive, travel_rad: float, hull_radius_m: float) -> DiveMetrics:
+def of_dive(
+    dive: SimulatedDive,
+    travel_rad: float,
+    hull_radius_m: float,
+    settling_s: float = tracking_metrics.SETTLING_S,
+) -> DiveMetrics:
     """Return the metrics of a dive.
 
     Parameters
@@ -80,6 +85,8 @@ def of_dive(dive: SimulatedDive, travel_rad: float, hull_radius_m: float) -> Div
         Travel of the surfaces (rad).
     hull_radius_m : float
         Radius of the hull (m).
+    settling_s : float
+        Time excluded after each change of set-point (s).
 
     Returns
     -------
@@ -90,14 +97,14 @@ def of_dive(dive: SimulatedDive, travel_rad: float, hull_radius_m: float) -> Div
     rudder, elevator = np.abs(log.actuators.rudder_rad), np.abs(log.actuators.elevator_rad)
     shallowest_m = _shallowest_m(dive)
     return DiveMetrics(
-        steady=_steady(log),
+        steady=_steady(log, settling_s),
         legs=tuple(_leg(log, leg) for leg in tracking_metrics.intervals(log, settling_s=0.0)),
         rudder_deg=math.degrees(float(np.max(rudder))),
         elevator_deg=math.degrees(float(np.max(elevator))),
         stopped=float(np.mean(np.maximum(rudder, elevator) > SATURATED_SHARE * travel_rad)),
         shallowest_m=shallowest_m,
         broached=shallowest_m is not None and shallowest_m < hull_radius_m,
-        diverged=_divergence(dive, travel_rad),
+        diverged=_divergence(dive, travel_rad, settling_s),
         failsafe=re.sub(r" -?\d.*", "", dive.failsafe),
         seconds=dive.seconds,
     )
@@ -115,9 +122,9 @@ def _heading_error_rad(log: Log) -> Array:
     return np.asarray((error + math.pi) % (2.0 * math.pi) - math.pi)
 
 
-def _steady(log: Log) -> Steady | None:
+def _steady(log: Log, settling_s: float) -> Steady | None:
     """Return the steady errors, or None."""
-    windows = tracking_metrics.intervals(log)
+    windows = tracking_metrics.intervals(log, settling_s)
     if not windows:
         return None
     errors = [_errors(log, window) for window in windows]
@@ -164,10 +171,10 @@ def _shallowest_m(dive: SimulatedDive) -> float | None:
     return float(np.min(dive.true_depth_m[int(np.argmax(dived)) :]))
 
 
-def _divergence(dive: SimulatedDive, travel_rad: float) -> str:
+def _divergence(dive: SimulatedDive, travel_rad: float, settling_s: float) -> str:
     """Return the first quantity that was not held after settling."""
     log, limit_rad = dive.log, SATURATED_SHARE * deflection_limit.REDUCED * travel_rad
-    for window in tracking_metrics.intervals(log, shortest_s=MIN_STEADY_S):
+    for window in tracking_metrics.intervals(log, settling_s, MIN_STEADY_S):
         in_window, errors = _in_window(log, window), _errors(log, window)
         rudder, elevator = (
             float(np.mean(np.abs(command[in_window]) > limit_rad))

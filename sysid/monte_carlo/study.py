@@ -13,6 +13,7 @@ from autopilot.control.params import Config
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.mission_items import MissionItem
 from sysid.models import noise
+from sysid.monitor import tracking_metrics
 from sysid.monte_carlo import metrics, samples, simulate
 from sysid.monte_carlo.metrics import DiveMetrics
 from sysid.monte_carlo.simulate import Sea
@@ -43,6 +44,8 @@ class StudyRequest(NamedTuple):
     """Number of processes."""
     keep: Path | None = None
     """File of finished dives, to which each new one is appended; None keeps none."""
+    settling_s: float = tracking_metrics.SETTLING_S
+    """Time (s) after a change of set-point from which on its errors count."""
 
 
 class ResultRange(NamedTuple):
@@ -104,6 +107,7 @@ class _Trial(NamedTuple):
     sea: Sea
     z: Array
     seed: tuple[int, int]
+    settling_s: float
 
 
 def simulate_samples(
@@ -149,6 +153,7 @@ def simulate_samples(
             sea=sea,
             z=z,
             seed=(request.seed, number),
+            settling_s=request.settling_s,
         )
         for name, sea in sets
         for number, z in enumerate(samples_of_z)
@@ -181,7 +186,8 @@ def _fly(job: _Trial) -> DiveMetrics:
     vehicle = job.posterior.vehicle(job.z)
     levels = noise.at_depth(job.posterior.noise, simulate.mean_depth_m(job.items))
     dive = simulate.fly(vehicle, levels, job.items, job.config, job.sea, job.seed)
-    return metrics.of_dive(dive, job.config.travel_rad, vehicle.model.hydrostatics.radius_m)
+    hull_radius_m = vehicle.model.hydrostatics.radius_m
+    return metrics.of_dive(dive, job.config.travel_rad, hull_radius_m, job.settling_s)
 
 
 def _summarise(name: str, sea: Sea, results: Sequence[DiveMetrics]) -> SimulationSummary:

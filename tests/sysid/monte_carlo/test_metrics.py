@@ -22,6 +22,7 @@ def dive_metrics(
     failsafe: str = "",
     finished: bool = True,
     course_deg: NDArray[np.float64] | float = 0.0,
+    settling_s: float = 25.0,
 ) -> DiveMetrics:
     """Return a dive of one minute at 3 m with heading 0 unless a course is given."""
     none, heading, depth = (
@@ -40,7 +41,8 @@ def dive_metrics(
         {},
         DuctAngles(none, none, none),
     )
-    return metrics.of_dive(SimulatedDive(log, depth, failsafe, finished), TRAVEL_RAD, RADIUS_M)
+    dive = SimulatedDive(log, depth, failsafe, finished)
+    return metrics.of_dive(dive, TRAVEL_RAD, RADIUS_M, settling_s)
 
 
 def test_leg_settles_after_last_excursion() -> None:
@@ -81,6 +83,16 @@ def test_steady_error_on_path_uses_current_setpoint() -> None:
 )
 def test_divergence_names_quantity(dive: DiveMetrics, diverged: str) -> None:
     assert dive.diverged == diverged
+
+
+def test_slow_vehicle_is_given_its_own_settling_time() -> None:
+    """A hull of 6 m still dived after 25 s: redesigned gains with less error were refused."""
+    diving_m = np.minimum(3.0, 0.075 * TIME_S)
+    assert dive_metrics(depth_m=diving_m).diverged == "depth"
+    slow = dive_metrics(depth_m=diving_m, settling_s=41.0)
+    assert slow.diverged == ""
+    assert slow.steady is not None
+    assert slow.steady.depth_m == pytest.approx(0.0)
 
 
 def test_failsafe_text_has_no_number() -> None:
