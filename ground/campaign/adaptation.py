@@ -2,7 +2,8 @@
 
 A test that its envelope ends early, or that the screening would reject, is made smaller. Sweeps
 whose response the disturbance masks are made larger. Legs are made longer if the vehicle has not
-settled before a test, in the sea and in calm water: the motion of the sea alone does not end.
+settled before a test, in the sea and in calm water: the motion of the sea alone does not end. A
+vehicle that does not leave the surface begins with a descent at full thrust.
 """
 
 from collections.abc import Mapping
@@ -63,7 +64,7 @@ def adapt(
     notes = [
         f"{name}: tests made smaller, or legs longer, in simulation"
         for name, script in adapted.items()
-        if script != scripts[name]
+        if script not in (scripts[name], scaling.descend_at_full_thrust(scripts[name]))
     ]
     for plane in Plane:
         larger = _raise_sweeps(check, adapted, max_deg, plane)
@@ -80,6 +81,11 @@ def _fit_envelope(check: Readiness, script: Script, max_deg: Mapping[str, float]
             dive = check.fly(compile_items(script))
         except MissionRejectedError:
             return script
+        if check.stays_afloat(dive):
+            if scaling.descends_at_full_thrust(script):
+                return script
+            script = scaling.descend_at_full_thrust(script)
+            continue
         changed = scaling.scale_tests(script, _corrections(check, dive, script), max_deg)
         if _unsettled(check, dive, script):
             changed = scaling.lengthen_legs(changed, LONGER)

@@ -145,16 +145,24 @@ class Readiness:
         if dive.failsafe:
             outcome = f"it ends with the failsafe {dive.failsafe!r}"
             return Obstacle(name, f"{outcome}; {self.describe_disturbance()}")
-        asked_m, reached_m = (
-            float(np.max(depth_m, initial=0.0))
-            for depth_m in (dive.log.setpoints.depth_m, dive.true_depth_m)
-        )
-        if reached_m < MIN_DEPTH_SHARE * asked_m:
+        if self.stays_afloat(dive):
+            reached_m, asked_m = _depths_m(dive)
             depths = f"it reaches {reached_m:.1f} of {asked_m:.1f} m"
             return Obstacle(name, f"{depths}: {self._too_weak(dive)}", is_afloat=True)
         if not dive.finished:
             return Obstacle(name, f"it does not end within its time; {self.describe_disturbance()}")
         return None
+
+    def stays_afloat(self, dive: SimulatedDive) -> bool:
+        """Return whether the vehicle does not leave the surface for its depth.
+
+        Parameters
+        ----------
+        dive : SimulatedDive
+            Simulated mission.
+        """
+        reached_m, asked_m = _depths_m(dive)
+        return reached_m < MIN_DEPTH_SHARE * asked_m
 
     def _too_weak(self, dive: SimulatedDive) -> str:
         """Return why a vehicle stays at the surface: it is too buoyant, or its gains are small.
@@ -238,6 +246,14 @@ class Readiness:
         yaw = self._levels[Plane.YAW]
         rms = math.degrees(math.hypot(yaw.slow_radps2, yaw.wave_radps2))
         return f"the scenario's moments accelerate this vehicle by {rms:.2g} deg/s² rms in yaw"
+
+
+def _depths_m(dive: SimulatedDive) -> tuple[float, float]:
+    """Return the largest true depth and the largest commanded one."""
+    return (
+        float(np.max(dive.true_depth_m, initial=0.0)),
+        float(np.max(dive.log.setpoints.depth_m, initial=0.0)),
+    )
 
 
 def noise_levels(vehicle: CandidateVehicle, moments: Moments) -> dict[Plane, Noise]:

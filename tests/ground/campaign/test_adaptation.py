@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from ground.campaign import adaptation
-from ground.missions import script
+from ground.missions import scaling, script
 from ground.missions.script import Script
 from mavlink_io.mission_items import MavCmd
 from sysid.monte_carlo import simulate
@@ -23,6 +23,8 @@ class FakeDive(NamedTuple):
     leg_s: float
     calm: bool
     failsafe: str = ""
+    thrust_pct: float = 0.0
+    """Thrust of the first step."""
 
 
 class FakeCheck:
@@ -35,18 +37,23 @@ class FakeCheck:
         heard_deg: float = 0.0,
         rough: bool = False,
         failsafe_deg: float = math.inf,
+        diving_pct: float = 0.0,
     ):
         self.largest_deg, self.wait_s, self.heard_deg = largest_deg, wait_s, heard_deg
-        self.rough, self.failsafe_deg = rough, failsafe_deg
+        self.rough, self.failsafe_deg, self.diving_pct = rough, failsafe_deg, diving_pct
 
     def fly(self, items: Any, disturbance: float = 1.0) -> FakeDive:
         sizes = [item.p2 for item in items if item.command == MavCmd.USER_1]
         leg_s = next(i.p1 for i in items if i.command == MavCmd.NAV_DELAY)
         calm = disturbance == 0.0
+        thrust_pct = next(i.p3 for i in items if i.command == MavCmd.DO_CHANGE_SPEED)
         for number, size in enumerate(sizes):
             if abs(size) > self.failsafe_deg:
-                return FakeDive(sizes[: number + 1], leg_s, calm, "Elevator has no effect")
-        return FakeDive(sizes, leg_s, calm)
+                return FakeDive(sizes[: number + 1], leg_s, calm, "no effect", thrust_pct)
+        return FakeDive(sizes, leg_s, calm, "", thrust_pct)
+
+    def stays_afloat(self, dive: FakeDive) -> bool:
+        return dive.thrust_pct < self.diving_pct
 
     def outcomes_of_tests(self, dive: FakeDive) -> list[SimulatedTest]:
         return [
@@ -95,6 +102,17 @@ def test_adapt_tests_after_a_failsafe_become_smaller_with_it() -> None:
     mission = adapt(check, "elevator_steps")
     assert max(sizes_deg(mission)) <= 2.0
     assert check.fly(script.compile_items(mission)).failsafe == ""
+
+
+def test_adapt_vehicle_that_stays_afloat_descends_at_full_thrust() -> None:
+    """Its tests were made smaller and its legs longer in 100 simulated dives at the surface."""
+    unchanged = script.load("rudder_steps")
+    assert adapt(FakeCheck(largest_deg=6.0, diving_pct=101.0), "rudder_steps") == (
+        scaling.descend_at_full_thrust(unchanged)
+    )
+    mission = adapt(FakeCheck(largest_deg=6.0, diving_pct=90.0), "rudder_steps")
+    assert scaling.descends_at_full_thrust(mission)
+    assert max(sizes_deg(mission)) <= 6.0
 
 
 def test_adapt_unsettled_vehicle_waits_longer() -> None:
