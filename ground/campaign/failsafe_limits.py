@@ -1,6 +1,6 @@
 """What a campaign changes after a failsafe: smaller tests, less pitch, slower turns."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from ground.client.dive_symptoms import Symptom, SymptomKind
 from mavlink_io.errors import ErrorCode, OperationError
@@ -19,6 +19,9 @@ DIVE_RATE = "DPT_REF_RATE"
 TURN_RATE, MIN_TURN_RATE_DEGPS = "HDG_REF_RATE", 3.0
 """Parameter of the largest rate of the heading reference, and its smallest value in a repetition
 (deg/s): a turn of 80 deg then takes half of the shortest legs."""
+SIMULATED_REDUCTIONS = ((1, 0), (2, 0), (1, 1))
+"""Number of reductions of the rate of turns, and of pitch, that are tried one after the other for a
+vehicle whose simulated missions end with a failsafe."""
 LIMIT_REASONS = {
     DIVE_PITCH: "with a larger one a dive of the campaign ended with a failsafe",
     DIVE_RATE: f"slower in proportion to the smaller {DIVE_PITCH}",
@@ -83,6 +86,16 @@ def limit_dives(parameters: Mapping[str, float], repetition: int) -> dict[str, f
     if DIVE_RATE in limited:
         limited[DIVE_RATE] *= limited[DIVE_PITCH] / first_deg
     return limited
+
+
+def with_reductions(parameters: Mapping[str, float]) -> Iterator[dict[str, float]]:
+    """Yield the parameters of a first dive, then those with slower turns and less pitch."""
+    yield dict(parameters)
+    for turns, pitch in SIMULATED_REDUCTIONS:
+        reduced = limit_dives(parameters, pitch)
+        for _ in range(turns):
+            reduced = _limit_turns(reduced)
+        yield reduced
 
 
 def _limit_turns(parameters: Mapping[str, float]) -> dict[str, float]:

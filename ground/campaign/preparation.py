@@ -6,10 +6,17 @@ tests are adapted in simulated dives of the vehicle file. The result is written 
 the campaign and flown from there. Caribou flies the shipped files.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from ground.campaign import adaptation, prototype, readiness, refit, scaled_scenario
+from ground.campaign import (
+    adaptation,
+    failsafe_limits,
+    prototype,
+    readiness,
+    refit,
+    scaled_scenario,
+)
 from ground.campaign.campaign_folder import MISSIONS_FOLDER, SCENARIO_FILE, TRUTH_FILE
 from ground.missions import scaling, script
 from ground.missions.scaling import AxisScaling, MissionScaling
@@ -18,7 +25,7 @@ from sysid import prior_knowledge
 from sysid.design import initial
 from sysid.design.initial import InitialDesign
 from sysid.monte_carlo import perturbed_vehicle
-from sysid.monte_carlo.readiness import Readiness, find_obstacle
+from sysid.monte_carlo.readiness import Obstacle, Readiness, find_obstacle
 from sysid.planes import PLANES
 from sysid.test_design.vehicle_scale import VehicleScale, vehicle_scale
 
@@ -93,15 +100,21 @@ def prepare(request: PreparationRequest) -> Preparation:
     readiness.check_scenario(request.scenario, content, scripts)
     sea = scaled_scenario.scale(request.scenario, content, moment_ratios(scale))
     design = _first_design(request.vehicle)
-    parameters = {**design.parameters, "SID_RATE_MAX": _rate_limit_degps(scale)}
-    check = Readiness(config, parameters, readiness.moments(sea.content), SEED)
-    untested = {name: s for name, s in scripts.items() if not any(step.test for step in s.step)}
-    scripts |= _completable(request, check, untested)
+    untested = {n: s for n, s in scripts.items() if not any(step.test for step in s.step)}
+    parameters, check, completed = _first_dives(
+        request,
+        {**design.parameters, "SID_RATE_MAX": _rate_limit_degps(scale)},
+        lambda reduced: Readiness(config, reduced, readiness.moments(sea.content), SEED),
+        untested,
+    )
+    scripts |= completed
     max_deg: dict[str, float] = {
         PLANES[plane].surface: part.max_size_deg for plane, part in scale.planes.items()
     }
     adapted = adaptation.adapt(check, scripts, max_deg)
-    flown = _completable(request, check, adapted.scripts)
+    flown, obstacle = _completable(check, adapted.scripts)
+    if obstacle:
+        raise _refusal(request, obstacle)
     missions = {
         f"{MISSIONS_FOLDER}/{name}.toml": scaling.encode(mission) for name, mission in flown.items()
     }
@@ -112,6 +125,7 @@ def prepare(request: PreparationRequest) -> Preparation:
             sea.note,
             _describe(scale),
             *_describe_gains(design),
+            *_describe_reductions(design.parameters, parameters),
             *adapted.notes,
             *_describe_descents(flown),
             *truth.notes,
@@ -189,13 +203,36 @@ def _describe_gains(design: InitialDesign) -> tuple[str, ...]:
     )
 
 
-def _completable(
-    request: PreparationRequest, check: Readiness, scripts: Mapping[str, script.Script]
-) -> dict[str, script.Script]:
-    """Return missions that the simulated vehicle completes.
+def _first_dives(
+    request: PreparationRequest,
+    parameters: Mapping[str, float],
+    vehicle: Callable[[Mapping[str, float]], Readiness],
+    scripts: Mapping[str, script.Script],
+) -> tuple[dict[str, float], Readiness, dict[str, script.Script]]:
+    """Return parameters with which the vehicle completes missions without tests, and the missions.
 
-    Those in which it would stay at the surface begin with a descent at full thrust. Raises
-    InputError for another obstacle.
+    An unstable hull may lose its pitch in a fast turn; slower turns and less pitch are tried.
+    Raises InputError with the obstacle of the first parameters if those do not help.
+    """
+    first: Obstacle | None = None
+    for reduced in failsafe_limits.with_reductions(parameters):
+        check = vehicle(reduced)
+        completed, obstacle = _completable(check, scripts)
+        if obstacle is None:
+            return reduced, check, completed
+        first = first or obstacle
+        if not first.is_failsafe:
+            break
+    assert first is not None, "the loop ends with an obstacle"
+    raise _refusal(request, first)
+
+
+def _completable(
+    check: Readiness, scripts: Mapping[str, script.Script]
+) -> tuple[dict[str, script.Script], Obstacle | None]:
+    """Return missions that the simulated vehicle completes, and the obstacle that remains.
+
+    Missions in which it would stay at the surface begin with a descent at full thrust.
     """
     changed = dict(scripts)
     while obstacle := find_obstacle(
@@ -203,13 +240,31 @@ def _completable(
     ):
         where = obstacle.where
         if not obstacle.is_afloat or scaling.descends_at_full_thrust(changed[where]):
-            raise InputError(
-                f"--vehicle {request.vehicle}: cannot complete a campaign in scenario"
-                f" {request.scenario}: {where}, simulated with the vehicle file:"
-                f" {obstacle.reason}"
-            )
+            return changed, obstacle
         changed[where] = scaling.descend_at_full_thrust(changed[where])
-    return changed
+    return changed, None
+
+
+def _refusal(request: PreparationRequest, obstacle: Obstacle) -> InputError:
+    """Return the refusal of a vehicle that cannot complete its missions."""
+    return InputError(
+        f"--vehicle {request.vehicle}: cannot complete a campaign in scenario {request.scenario}:"
+        f" {obstacle.where}, simulated with the vehicle file: {obstacle.reason}"
+    )
+
+
+def _describe_reductions(
+    designed: Mapping[str, float], flown: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Return a note with the parameters of the first dives that were reduced."""
+    reduced = [
+        f"{name} = {value:.3g}"
+        for name, value in flown.items()
+        if name in failsafe_limits.LIMIT_REASONS and value != designed.get(name)
+    ]
+    if not reduced:
+        return ()
+    return (f"{', '.join(reduced)}: with larger ones a simulated mission ends with a failsafe",)
 
 
 def _describe_descents(scripts: Mapping[str, script.Script]) -> tuple[str, ...]:

@@ -68,6 +68,8 @@ class Obstacle(NamedTuple):
     reason: str
     is_afloat: bool = False
     """Whether the vehicle stays at the surface in this mission."""
+    is_failsafe: bool = False
+    """Whether a failsafe ends this mission."""
 
 
 class SimulatedTest(NamedTuple):
@@ -144,7 +146,8 @@ class Readiness:
         """
         if dive.failsafe:
             outcome = f"it ends with the failsafe {dive.failsafe!r}"
-            return Obstacle(name, f"{outcome}; {self.describe_disturbance()}")
+            reason = f"{outcome}; {self.describe_disturbance()}"
+            return Obstacle(name, reason, is_failsafe=True)
         if self.stays_afloat(dive):
             reached_m, asked_m = _depths_m(dive)
             depths = f"it reaches {reached_m:.1f} of {asked_m:.1f} m"
