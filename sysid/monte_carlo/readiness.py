@@ -204,7 +204,7 @@ class Readiness:
         Returns
         -------
         float or None
-            None without a sweep of the plane.
+            None without a sweep of the plane in both dives.
         """
         sweeps_of = {name: _sweeps(dive) for name, dive in dives.items()}
         tested_missions = [
@@ -219,6 +219,8 @@ class Readiness:
         for name in tested_missions:
             calm = self.fly(missions[name], disturbance=0.0)
             pairs += _pairs(_sweeps(calm), sweeps_of[name], plane)
+        if not pairs:
+            return None
         low, high = (share * loop.margins.crossover_radps for share in OCTAVE)
         response = frequency_response.spectra(pairs, np.geomspace(low, high, FREQUENCIES))
         return float(np.min(response.coherence))
@@ -353,8 +355,11 @@ def _sweeps(dive: SimulatedDive) -> list[Run]:
 
 
 def _pairs(calm: Sequence[Run], disturbed: Sequence[Run], plane: Plane) -> Iterator[Pair]:
-    """Yield the rates of the same tests without and with disturbance, from LEAD_S before each."""
-    for calm_run, disturbed_run in zip(calm, disturbed, strict=True):
+    """Yield the rates of the same tests without and with disturbance, from LEAD_S before each.
+
+    A dive that ended with a failsafe has fewer tests than the other one.
+    """
+    for calm_run, disturbed_run in zip(calm, disturbed, strict=False):
         if calm_run.plane == plane:
             simulated, measured = (
                 run.since(-prediction.LEAD_S).rate_radps for run in (calm_run, disturbed_run)

@@ -15,6 +15,7 @@ from sysid.design import initial
 from sysid.monte_carlo import readiness
 from sysid.monte_carlo.readiness import Moments, Obstacle, Readiness
 from sysid.planes import PLANES, Plane
+from tests.sysid import sea
 
 DISTURBED = Moments(
     slow_nm={Plane.YAW: 2.81, Plane.PITCH: 2.24},
@@ -64,6 +65,18 @@ def test_obstacle_masked_tests_is_low_coherence() -> None:
     assert reported.where == "rudder tests"
     assert "the disturbance masks them: coherence about crossover" in reported.reason
     assert obstacle("docs/my_vehicle.toml", CALM, "rudder_sweeps") is None
+
+
+def test_pairs_leave_out_the_tests_after_a_failsafe() -> None:
+    """A calm dive ended after two of three sweeps: ValueError in place of a refusal."""
+    caribou = config.load("caribou_nominal")
+    runs = [
+        sea.fly(caribou, Plane.YAW, sea.doublet(3.0), name=f"sweep/{n}", wave="doublet", seed=n)
+        for n in range(3)
+    ]
+    for calm, disturbed in ((runs[:2], runs), (runs, runs[:2])):
+        pairs = readiness._pairs(calm, disturbed, Plane.YAW)
+        assert [pair.run for pair in pairs] == ["sweep/0", "sweep/1"]
 
 
 def test_obstacle_heavy_vehicle_same_disturbance_is_none() -> None:
