@@ -19,17 +19,15 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from functools import cache, partial
 from itertools import islice
-from multiprocessing import get_context, parent_process
 from pathlib import Path
 from queue import SimpleQueue
-from threading import Thread
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import msgspec
 import numpy as np
 
 from mavlink_io.errors import ErrorCode, InputError, OperationError
-from mavlink_io.parent_watch import start_fork_server
+from mavlink_io.parent_watch import end_with_parent, start_fork_server
 from mavlink_io.user_data_dir import errors_named
 
 T = TypeVar("T")
@@ -326,9 +324,7 @@ def _local_processes(module: str, jobs: int) -> Iterator[Executor]:
     They are forked from a process that imports the module once: the imports of a dive take as long
     as forty dives, and their memory is shared.
     """
-    context = get_context("forkserver")
-    context.set_forkserver_preload([module])
-    start_fork_server()
+    context = start_fork_server([module])
     executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin)
     try:
         yield executor
@@ -345,12 +341,4 @@ def _local_processes(module: str, jobs: int) -> Iterator[Executor]:
 def _begin() -> None:
     """Prepare a process: Ctrl-C is the parent's, and the end of the parent ends this one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=_end_with_parent, name="parent-watch", daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """End this process when its parent has ended."""
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    end_with_parent()

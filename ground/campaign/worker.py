@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
 from mavlink_io.errors import OperationError
+from mavlink_io.parent_watch import end_with_parent
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -75,6 +76,7 @@ def _serve(connection: Connection, modules: Sequence[str]) -> None:
     signal.signal(
         signal.SIGINT, signal.SIG_IGN
     )  # the parent is interrupted too, and stops this process
+    end_with_parent()
     for name in modules:
         importlib.import_module(name)
     while True:

@@ -10,8 +10,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from multiprocessing import get_context, parent_process
-from multiprocessing.context import ForkServerContext
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Protocol
 
@@ -138,15 +137,7 @@ class SpawnedProcess(CommandProcess):
 
 def start_fork_server() -> None:
     """Start the process from which `ForkedProcess` forks, which takes a second to load modules."""
-    _fork_context()
-    parent_watch.start_fork_server()
-
-
-def _fork_context() -> ForkServerContext:
-    """Return the context whose server process has loaded `PRELOADED_MODULES`."""
-    context = get_context("forkserver")
-    context.set_forkserver_preload(list(PRELOADED_MODULES))
-    return context
+    parent_watch.start_fork_server(PRELOADED_MODULES)
 
 
 class ForkedProcess:
@@ -165,7 +156,7 @@ class ForkedProcess:
     """
 
     def __init__(self, module: str, arguments: Sequence[str], stderr_file: Path) -> None:
-        self._process = _fork_context().Process(
+        self._process = parent_watch.fork_context(PRELOADED_MODULES).Process(
             target=_run, args=(module, list(arguments), stderr_file), daemon=True
         )
         self._process.start()

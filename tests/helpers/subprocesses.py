@@ -6,8 +6,12 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import NamedTuple
+
+import pytest
 
 from ground.simulation import affinity
 from ground.simulation.processes import free_port as free_port
@@ -17,6 +21,27 @@ REAL_TIME_NICENESS, BACKGROUND_NICENESS = -5, 5
 """Niceness for three times and a third of the processor time of a normal program (sched(7)).
 
 Programs that must follow the wall clock come first; programs in lockstep wait for each other."""
+
+READS_PROC = pytest.mark.skipif(
+    not Path("/proc/self/stat").exists(), reason="reads processes from /proc"
+)
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    """Wait until a condition is met; fail after 30 s."""
+    deadline_s = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+
+
+def is_running(pid: int) -> bool:
+    """Return whether a process has not ended; one that nobody waited for has."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return status.rsplit(")", 1)[1].split()[0] != "Z"
 
 
 class Finished(NamedTuple):

@@ -5,8 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,6 +18,7 @@ from ground.simulation.subprocesses import (
     ProcessFactory,
     SpawnedProcess,
 )
+from tests.helpers.subprocesses import READS_PROC, is_running, wait_for
 
 PARENT = """
 import sys, time
@@ -53,13 +52,6 @@ def arguments() -> list[str]:
     return [*links, "--lifeline", "--state", "off", "--logs", "off"]
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + 30.0
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
-
-
 def afloat(start: ProcessFactory, said: Path) -> ChildProcess:
     """An autopilot that has opened its links."""
     child = start("autopilot", arguments(), said)
@@ -90,7 +82,7 @@ def test_process_bad_input_status_and_message(start: ProcessFactory, said: Path)
     child.end(0.0)
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads processes from /proc")
+@READS_PROC
 @pytest.mark.parametrize("way", ["SpawnedProcess", "ForkedProcess"])
 def test_process_ends_with_killed_parent(way: str, said: Path, tmp_path: Path) -> None:
     script = tmp_path / "parent.py"
@@ -100,9 +92,9 @@ def test_process_ends_with_killed_parent(way: str, said: Path, tmp_path: Path) -
         assert parent.stdout is not None
         pid = int(parent.stdout.readline())
         wait_for(lambda: "autopilot: system 1" in said.read_text())
-        assert Path(f"/proc/{pid}").exists()
+        assert is_running(pid)
         parent.kill()
-    wait_for(lambda: not Path(f"/proc/{pid}").exists() or _is_zombie(pid))
+    wait_for(lambda: not is_running(pid))
 
 
 @pytest.mark.skipif(not cores(), reason="the system does not list its cores")
@@ -123,7 +115,3 @@ def test_preloaded_modules_exist(module: str) -> None:
     take longer.
     """
     importlib.import_module(module)
-
-
-def _is_zombie(pid: int) -> bool:
-    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
