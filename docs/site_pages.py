@@ -8,10 +8,10 @@ import typer
 from reference_pages import files_page, messages_page, python_page
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
-from autopilot.__main__ import fly
+from autopilot.cli import fly
 from autopilot.control.params import LOCKED_WHILE_ARMED, PARAMETERS, ParamInfo
-from ground.__main__ import app as ground_app
-from sitl.__main__ import simulate
+from ground.cli.main import app as ground_app
+from sitl.cli import simulate
 
 Command = TyperCommand | TyperGroup
 ROOT = Path(__file__).parents[1]

@@ -3,8 +3,8 @@
 For a process from which simulator processes are forked.
 """
 
-from sitl import __main__ as _command  # noqa: F401 - imported to load what the command needs
 from sitl import app, scenario
+from sitl import cli as _command  # noqa: F401 - imported to load what the command needs
 from sitl.backends import factory as _factory  # noqa: F401 - the same
 from sitl.core import plant
 from sitl.vehicle import config

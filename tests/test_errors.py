@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-import autopilot.__main__
-import sitl.__main__
+import autopilot.cli
 import sitl.app
+import sitl.cli
 from mavlink_io.errors import (
     BAD_INPUT,
     FAILED,
@@ -83,7 +83,7 @@ def test_autopilot_bad_address_ends_with_status_2(
     options = ("--hil", "nowhere", "--state", "off", "--logs", "off")
     monkeypatch.setattr(sys, "argv", ["autopilot", *options])
     with pytest.raises(SystemExit) as end:
-        autopilot.__main__.main()
+        autopilot.cli.main()
     assert end.value.code == BAD_INPUT
     printed = capsys.readouterr()
     assert printed.err.startswith("autopilot: address 'nowhere'")
@@ -107,5 +107,5 @@ def test_sitl_exit_status_follows_error_class(
     monkeypatch.setattr(sitl.app, "run", fail)
     monkeypatch.setattr(sys, "argv", ["sitl"])
     with pytest.raises(SystemExit) as end:
-        sitl.__main__.main()
+        sitl.cli.main()
     assert end.value.code == status

@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import pytest
 
-from autopilot.__main__ import main as autopilot
-from ground.__main__ import main as ground
-from sitl.__main__ import main as sitl
+from autopilot.cli import main as autopilot
+from ground.cli.main import main as ground
+from sitl.cli import main as sitl
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from typing import Protocol
 from ground.simulation import affinity
 from mavlink_io import parent_watch
 
-PRELOADED_MODULES = ("__main__", "autopilot.__main__", "autopilot.preload", "sitl.preload")
+PRELOADED_MODULES = ("__main__", "autopilot.cli", "autopilot.preload", "sitl.preload")
 """Modules that the fork server loads before it forks. `__main__` is the running command, which
 multiprocessing would otherwise load in each child."""
 _SOURCES = str(Path(__file__).parents[2])

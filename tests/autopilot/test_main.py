@@ -5,7 +5,7 @@ from importlib import metadata
 
 import pytest
 
-from autopilot.__main__ import main
+from autopilot.cli import main
 
 
 def test_version_option_prints_package_version_and_exits(

@@ -54,7 +54,7 @@ FOREIGN = (
 )
 """Beginnings of lines for the shell or for programs of others."""
 OUTPUT = {
-    "docs/errors.md": (("ground/__main__.py", '"error"', '"code"', '"message"'),),
+    "docs/errors.md": (("ground/cli/main.py", '"error"', '"code"', '"message"'),),
     "docs/identification.md": (
         ("ground/live/estimate_view.py", "static gain, 1/s", "crossover, rad/s", "go on: "),
     ),

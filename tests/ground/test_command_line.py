@@ -251,7 +251,7 @@ def test_fly_killed_ends_processes_log_recoverable(
 
 def test_help_loads_no_numerical_library(tmp_path: Path) -> None:
     probe = (
-        "import sys; import ground.__main__; print([m for m in ('numpy', 'scipy', 'numba') if m in"
+        "import sys; import ground.cli.main; print([m for m in ('numpy', 'scipy', 'numba') if m in"
         " sys.modules])"
     )
     words = [sys.executable, "-c", probe]

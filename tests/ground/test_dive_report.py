@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from ground.__main__ import app
+from ground.cli.main import app
 from ground.client import assessment, verdict
 from ground.report import dive_charts, dive_data, dives
 from ground.report.dive_data import ReportedDive

@@ -1,15 +1,17 @@
 """Options of `ground` before the name of a command, and exit status and output of errors."""
 
 import json
+import signal
 import sys
 from importlib import metadata
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
-import ground.__main__ as command
-from ground.__main__ import app
-from ground.errors import UnsuccessfulError
+from ground.cli import main as command
+from ground.cli.main import app
+from ground.errors import INTERRUPTED, UnsuccessfulError
 from mavlink_io.errors import BAD_INPUT, FAILED, InputError, OperationError
 from mavlink_io.transport import AddressError, LinkLostError
 
@@ -93,3 +95,23 @@ def test_json_option_prints_no_second_object_after_a_result(
 ) -> None:
     assert run_failing(UnsuccessfulError("failsafe"), monkeypatch, "--json") == FAILED
     assert capsys.readouterr() == ("", "ground: failsafe\n")
+
+
+def test_interrupt_that_an_extension_turns_into_import_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """matplotlib's and scipy's extensions raise ImportError for any exception while they load."""
+    handlers: list[Any] = []
+
+    def load() -> None:
+        try:
+            handlers[0](signal.SIGINT, None)
+        except BaseException as error:
+            raise ImportError("initialization failed") from error
+
+    monkeypatch.setattr(command, "_run", load)
+    monkeypatch.setattr(command, "on_end_signals", handlers.append)
+    with pytest.raises(SystemExit) as end:
+        command.main()
+    assert end.value.code == INTERRUPTED
+    assert capsys.readouterr() == ("", "ground: interrupted; what was written is kept\n")

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from ground.__main__ import app
 from ground.campaign.campaign_folder import CAMPAIGN_FILE
+from ground.cli.main import app
 from ground.output_files import check_output
 from mavlink_io.errors import InputError
 

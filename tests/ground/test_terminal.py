@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 from typer.testing import CliRunner
 
-from ground import __main__ as command_line
 from ground import terminal
+from ground.cli import main as command_line
 from ground.cli import options
 from ground.client.flight import FlightProgress
 from ground.client.vehicle import StatusText

@@ -1,7 +1,10 @@
-"""Help is light: it loads none of the libraries that only the work needs."""
+"""Start of the programs: help is light, and Ctrl-C while they load leaves no traceback."""
 
+import os
+import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -42,3 +45,21 @@ def test_refit_loads_no_library_that_it_does_not_use() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "loaded"
+
+
+@pytest.mark.parametrize("name", ["ground", "sitl", "autopilot"])
+def test_interrupt_while_modules_load_prints_nothing(name: str, tmp_path: Path) -> None:
+    """The stand-in for a module that all programs load blocks, so that the signal comes then."""
+    (tmp_path / "typer.py").write_text("import time\nprint(1, flush=True)\ntime.sleep(60.0)\n")
+    with subprocess.Popen(
+        [sys.executable, "-m", name],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as program:
+        assert program.stdout is not None
+        program.stdout.readline()
+        program.send_signal(signal.SIGINT)
+        assert program.communicate(timeout=30.0) == ("", "")
+    assert program.returncode == -signal.SIGINT

@@ -7,7 +7,7 @@ import pytest
 from mavlink_io.errors import InputError
 from mavlink_io.records import ActuatorFrame
 from sitl import scenario
-from sitl.__main__ import _parse_place
+from sitl.cli import _parse_place
 from sitl.core import plant
 from sitl.core.draws import AT_START, DRIFT, SLOW
 from sitl.core.plant import RandomStreams

@@ -7,7 +7,7 @@ from importlib.metadata import version
 import pytest
 
 from mavlink_io.errors import BAD_INPUT
-from sitl import __main__ as command
+from sitl import cli as command
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int | str | None:

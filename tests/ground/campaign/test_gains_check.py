@@ -6,9 +6,9 @@ import pytest
 from msgspec.structs import replace
 from typer.testing import CliRunner
 
-from ground.__main__ import app
 from ground.campaign import refit
 from ground.campaign.gains_check import UnsafeGainsError, check_gains
+from ground.cli.main import app
 from ground.client import param_file
 from mavlink_io.errors import InputError
 from sitl.vehicle import config

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from ground.__main__ import app
 from ground.campaign import identification, refit
+from ground.cli.main import app
 from mavlink_io.errors import InputError, OperationError
 from sitl.vehicle import config
 from sitl.vehicle.config import VehicleFileError

@@ -17,7 +17,6 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from ground.__main__ import app
 from ground.campaign import (
     computations,
     dives,
@@ -41,6 +40,7 @@ from ground.campaign.request import (
 )
 from ground.campaign.run import Campaign
 from ground.campaign.summary_file import CampaignSummary
+from ground.cli.main import app
 from ground.client import param_file
 from ground.client.dive_symptoms import Symptom, SymptomKind
 from ground.client.flight import FlightResult

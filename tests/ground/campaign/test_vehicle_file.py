@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from ground.__main__ import app
 from ground.campaign import run
 from ground.campaign.campaign_folder import CampaignFolder
 from ground.campaign.request import CampaignRequest
+from ground.cli.main import app
 from mavlink_io.errors import InputError
 from sitl.vehicle import config
 from sysid.models import model_file

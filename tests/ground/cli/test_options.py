@@ -6,7 +6,7 @@ import math
 import pytest
 from typer.testing import CliRunner
 
-from ground.__main__ import app
+from ground.cli.main import app
 from ground.cli.options import to_json
 from mavlink_io.errors import InputError
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from ground.__main__ import app
+from ground.cli.main import app
 from ground.cli.redesign import DEFAULT_OUT, DesignMethod
 from mavlink_io.errors import InputError
 

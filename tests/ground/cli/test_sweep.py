@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from ground.__main__ import app
+from ground.cli.main import app
 from mavlink_io.errors import InputError
 from tests.browser import check_layout, needs_chromium, opened
 from tests.ground.sweep.conftest import folder as folder

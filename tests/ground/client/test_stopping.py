@@ -9,8 +9,8 @@ from threading import Timer
 import pytest
 from typer.testing import CliRunner, Result
 
-from ground.__main__ import app
 from ground.cli.interrupt import OnInterrupt, interruptible
+from ground.cli.main import app
 from ground.client import mode_map, stopping
 from ground.client import vehicle as client
 from ground.client.vehicle import CommandRefusedError, VehicleClient, VehicleClientError

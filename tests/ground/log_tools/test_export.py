@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 from typer.testing import CliRunner
 
-from ground.__main__ import app
+from ground.cli.main import app
 from ground.log_tools import export, mcap, viewer_log
 from ground.log_tools.formats import ExportFormat
 from ground.log_tools.si_units import si_columns

@@ -11,8 +11,8 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 from typer.testing import CliRunner
 
-from ground.__main__ import app
 from ground.campaign import refit
+from ground.cli.main import app
 from mavlink_io.errors import InputError
 from tests.sysid.data.readers import files
 

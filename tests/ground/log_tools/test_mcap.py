@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from ground.__main__ import app
+from ground.cli.main import app
 from ground.log_tools import export, mcap
 from sysid.data import readers as identification
 from sysid.data.dataset import LogError

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from ground.__main__ import app
+from ground.cli.main import app
 from sitl.vehicle import config
 from sysid import refit
 from sysid.data import readers
