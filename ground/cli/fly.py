@@ -153,7 +153,15 @@ def fly(
                 dive, simulated, display.watch, display.show_text, listeners
             )
         else:
-            result = flight.fly(dive, connect, display.watch, display.show_text, sign, listeners)
+            result = flight.fly(
+                dive,
+                connect,
+                display.watch,
+                display.show_text,
+                sign,
+                listeners,
+                on_wait=display.print_line,
+            )
     assessed = assessment.assess_dive(result.log, result.trims_learned)
     print_result(
         {

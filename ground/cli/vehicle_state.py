@@ -4,7 +4,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Modem, Sign, VehicleId, print_result
+from ground.cli.options import (
+    GROUND_LINK,
+    Address,
+    Json,
+    Modem,
+    Sign,
+    VehicleId,
+    print_result,
+    remark,
+)
 
 if TYPE_CHECKING:
     from ground.client.stopping import State
@@ -88,7 +97,7 @@ def arm(
     from ground.client import stopping
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         state = stopping.arm(vehicle)
     _print_state(state, json)
 

@@ -159,6 +159,7 @@ def fly(
     on_text: TextCallback | None = None,
     key_file: Path | None = None,
     listener: TelemetryListener | None = None,
+    on_wait: Callable[[str], None] | None = None,
 ) -> FlightResult:
     """Fly the vehicle at an address and record the dive.
 
@@ -179,6 +180,8 @@ def fly(
         Key with which the link is signed.
     listener : TelemetryListener, optional
         Receives the telemetry.
+    on_wait : Callable, optional
+        Receives what is awaited before the dive: the vehicle, or its sensors.
 
     Returns
     -------
@@ -195,6 +198,7 @@ def fly(
         vehicle,
         recorder,
     ):
+        vehicle.on_wait = on_wait
         try:
             return _fly(dive, vehicle, recorder, on_progress, on_text, listener)
         except (Interrupted, OperationError, OSError) as end:

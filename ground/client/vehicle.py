@@ -4,6 +4,7 @@ There is one receive loop, `VehicleClient.pump`. Every request calls it while it
 answer, so that all frames are recorded at all times.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -48,6 +49,8 @@ READY_TIMEOUT_S = 60.0
 SIMULATED_READY_TIMEOUT_S = 300.0
 """The same limit for a simulated vehicle, whose processes are monitored: on a new or busy machine
 the simulator may compile its numeric code for minutes before the first sensor sample."""
+WAIT_NOTICE_S = 2.0
+"""Wall time (s) after which the client reports what it waits for."""
 ARM_RETRY_S, ARM_RETRY_PERIOD_S = 15.0, 1.0
 """Wall time in which arming is retried after a temporary refusal, and the time between retries."""
 MODEM_ATTEMPTS = 10
@@ -155,6 +158,8 @@ class VehicleClient:
         self.on_text: Callable[[StatusText], None] | None = None
         self.on_frame: Callable[[Frame], None] | None = None
         """Called with each frame that the autopilot itself sends."""
+        self.on_wait: Callable[[str], None] | None = None
+        """Called with what is awaited, when it has not come within `WAIT_NOTICE_S`."""
         self.vehicle_id: MavlinkId | None = None
         """System and component of the autopilot; None until it is found."""
         self._status = 0
@@ -207,6 +212,7 @@ class VehicleClient:
         """
         timeout_s = self.link_timeout_s(timeout_s)
         deadline_s = wall_s() + timeout_s
+        notice_s = wall_s() + WAIT_NOTICE_S
         while True:
             self._heartbeat_received_s = wall_s()
             is_all = self.pump(0.05)
@@ -214,6 +220,10 @@ class VehicleClient:
                 return
             if is_all and wall_s() > deadline_s:
                 raise VehicleClientError(self._not_found(timeout_s))
+            if wall_s() > notice_s:
+                notice_s = math.inf
+                address = self._endpoint.transport.address
+                self._report_wait(f"a vehicle on {address}", timeout_s)
 
     def pump(self, timeout_s: float) -> bool:
         """Receive and record the frames that have arrived; send our heartbeat if it is due.
@@ -342,7 +352,16 @@ class VehicleClient:
         """
         if timeout_s is None:
             timeout_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_TIMEOUT_S
-        self.pump_until(lambda: self._status >= _STANDBY, timeout_s)
+
+        def has_started() -> bool:
+            """Return whether the vehicle reads its sensors."""
+            return self._status >= _STANDBY
+
+        if timeout_s <= WAIT_NOTICE_S:
+            self.pump_until(has_started, timeout_s)
+        elif not self.pump_until(has_started, WAIT_NOTICE_S):
+            self._report_wait("the vehicle to read its sensors", timeout_s)
+            self.pump_until(has_started, timeout_s - WAIT_NOTICE_S)
 
     def arm(self, timeout_s: float | None = None) -> None:
         """Arm as soon as the vehicle is ready.
@@ -406,6 +425,11 @@ class VehicleClient:
                 raise
             suggestion = did_you_mean(name, self.parameters())
             raise VehicleClientError(f"{error}{suggestion}") from None
+
+    def _report_wait(self, subject: str, timeout_s: float) -> None:
+        """Report what is awaited, and for how long at most."""
+        if self.on_wait is not None:
+            self.on_wait(f"waiting up to {timeout_s:g} s for {subject}")
 
     def _wait_for_prearm(self, deadline_s: float) -> None:
         """Wait until the pre-arm checks pass; one period if the vehicle does not report them."""
@@ -620,6 +644,7 @@ def connected(
     key_file: Path | None = None,
     system: int | None = None,
     modem_s: float | None = None,
+    on_wait: Callable[[str], None] | None = None,
 ) -> Iterator[VehicleClient]:
     """Connect to the vehicle at an address, and close the link at the end.
 
@@ -633,6 +658,8 @@ def connected(
         System id of the vehicle, where several are on the link.
     modem_s : float, optional
         Time after which requests are repeated (s), for a link over a modem.
+    on_wait : Callable, optional
+        Receives what is awaited, when it has not come within `WAIT_NOTICE_S`.
 
     Raises
     ------
@@ -643,6 +670,7 @@ def connected(
         vehicle = VehicleClient(
             open_transport(address), signing=signature, system=system, modem_s=modem_s
         )
+        vehicle.on_wait = on_wait
         try:
             vehicle.connect()
             yield vehicle

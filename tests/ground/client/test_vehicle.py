@@ -194,6 +194,23 @@ def test_arm_simulated_vehicle_may_start_for_longer(
     assert asked_to_arm(fake) == 1
 
 
+def test_long_waits_are_reported_once(meet: Meet, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "WAIT_NOTICE_S", 0.05)
+    fake, reports = meet(), list[str]()
+    fake.ground_end.receive()
+    vehicle = VehicleClient(fake.ground_end)
+    vehicle.on_wait = reports.append
+    with pytest.raises(VehicleClientError, match="no vehicle"):
+        vehicle.connect(0.2)
+    fake.heartbeat(status=BOOT)
+    vehicle.connect(0.2)
+    vehicle.arm(timeout_s=0.2)
+    assert reports == [
+        f"waiting up to 0.2 s for a vehicle on {fake.ground_end.address}",
+        "waiting up to 0.2 s for the vehicle to read its sensors",
+    ]
+
+
 def test_a_denial_is_final(meet: Meet) -> None:
     fake = meet({ARM: [DENIED, ACCEPTED]})
     with pytest.raises(VehicleClientError, match="denied"):
