@@ -25,6 +25,7 @@ from mavlink_io.endpoint import Endpoint
 from mavlink_io.errors import ErrorCode, OperationError
 from mavlink_io.logging.statustext import TextJoiner
 from mavlink_io.mission_items import MISSION_TYPE, MavCmd, MissionItem
+from mavlink_io.param_bytes import PX4
 from mavlink_io.records import ARMED_FLAG, CUSTOM_MODE_FLAG
 from mavlink_io.request import Exchange, ExchangeError, MavlinkId
 from mavlink_io.services.missions import MissionClient
@@ -72,7 +73,6 @@ MAX_UNASSIGNED = 5000
 rate."""
 _STANDBY = constant("MAV_STATE_STANDBY")
 _CRITICAL = constant("MAV_STATE_CRITICAL"), constant("MAV_STATE_EMERGENCY")
-_PX4 = constant("MAV_AUTOPILOT_PX4")
 _PREARM = constant("MAV_SYS_STATUS_PREARM_CHECK")
 _HEARTBEAT, _STATUSTEXT = (
     constant("MAVLINK_MSG_ID_HEARTBEAT"),
@@ -472,7 +472,7 @@ class VehicleClient:
     def _params(self) -> ParamClient:
         """The client of parameters: one, because it recognises late values of earlier requests."""
         peer = self._peer
-        is_px4 = self._last_heartbeat.autopilot == _PX4
+        is_px4 = self._last_heartbeat.autopilot == PX4
         return ParamClient(self._endpoint.send, GROUND, peer, bytewise=is_px4)
 
     def _client(self, kind: Callable[..., T]) -> T:

@@ -16,6 +16,7 @@ from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame, largest_frame
 from mavlink_io.dialect import by_name, constant
 from mavlink_io.frame_order import MAX_LATE_S, FrameCounter, FrameOrders
+from mavlink_io.param_bytes import INTEGER_FORMATS, decode_bytewise
 from mavlink_io.request import Client, Exchange, MavlinkId, RoomBytes, Send
 
 T = TypeVar("T")
@@ -25,18 +26,6 @@ DOES_NOT_EXIST = constant("MAV_PARAM_ERROR_DOES_NOT_EXIST")
 OUT_OF_RANGE = constant("MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE")
 _INTEGERS = range(constant("MAV_PARAM_TYPE_UINT8"), REAL32)
 _REAL32 = struct.Struct("<f")
-_BYTEWISE = {
-    constant(f"MAV_PARAM_TYPE_{name}"): code
-    for name, code in {
-        "UINT8": "<B",
-        "INT8": "<b",
-        "UINT16": "<H",
-        "INT16": "<h",
-        "UINT32": "<I",
-        "INT32": "<i",
-    }.items()
-}
-"""Format of the first bytes of param_value by MAV_PARAM_TYPE."""
 
 MAX_NAME_BYTES = 16
 """Length of param_id."""
@@ -153,8 +142,7 @@ class ValueCoding:
         Parameters
         ----------
         frame : Frame
-            The PARAM_VALUE. The integer is read from its payload: as a float, the bytes of some
-            integers would change.
+            The PARAM_VALUE.
 
         Returns
         -------
@@ -163,10 +151,9 @@ class ValueCoding:
         """
         message = frame.decode()
         self._types[message.param_id] = message.param_type
-        code = self._integer_format(message.param_id)
-        if code is None:
+        if not self._bytewise:
             return float(message.param_value)
-        return float(struct.unpack_from(code, frame.payload.ljust(_REAL32.size, b"\0"))[0])
+        return decode_bytewise(frame.payload.ljust(_REAL32.size, b"\0"), message.param_type)
 
     def is_known(self, name: str) -> bool:
         """Return whether a value can be encoded.
@@ -223,7 +210,7 @@ class ValueCoding:
 
     def _integer_format(self, name: str) -> str | None:
         """Return the format of the bytes of an integer; None for a float or a plain number."""
-        return _BYTEWISE.get(self._types.get(name, REAL32)) if self._bytewise else None
+        return INTEGER_FORMATS.get(self._types.get(name, REAL32)) if self._bytewise else None
 
 
 class ParamClient:
@@ -628,9 +615,9 @@ def requested_value(name: str, value: float, param_type: int, *, bytewise: bool)
     """
     is_integer = param_type in _INTEGERS
     if is_integer and bytewise:
-        if param_type not in _BYTEWISE:
+        if param_type not in INTEGER_FORMATS:
             raise ValueError(f"Parameter {name}: an integer of 64 bits does not fit into PARAM_SET")
-        code = _BYTEWISE[param_type]
+        code = INTEGER_FORMATS[param_type]
         return float(struct.unpack(code, struct.pack("<f", value)[: struct.calcsize(code)])[0])
     if not math.isfinite(value):
         raise ValueError(f"Parameter {name}: {value} is not finite")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mavlink_io.logging import tlog
 from mavlink_io.logging.ros1 import schema_text
 from mavlink_io.logging.tlog import MessageSeries
+from mavlink_io.param_bytes import PX4, decode_bytewise
 from mavlink_io.text_files import read_limited
 from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
@@ -67,7 +68,7 @@ def read(path: Path, options: OutputOptions) -> Log:
             messages[device] = _decode(stream)
     nothing = np.empty(0)
     damage = FileDamage(*tlog.find_damage(data))
-    history = _parameters(own.get("PARAM_VALUE"))
+    history = _parameters(own.get("PARAM_VALUE"), bytewise=_is_px4(own.get("HEARTBEAT")))
     return assemble(path, messages, history, options, (nothing, nothing), damage)
 
 
@@ -109,15 +110,22 @@ def _decode(stream: MessageSeries) -> tuple[Array, NDArray[Any]]:
     return np.array(stream.times_us, np.float64) * 1e-6, record
 
 
-def _parameters(stream: MessageSeries | None) -> ParameterHistory:
-    """Return the parameters from PARAM_VALUE.
+def _is_px4(heartbeats: MessageSeries | None) -> bool:
+    """Return whether the autopilot is PX4."""
+    return heartbeats is not None and PX4 in _decode(heartbeats)[1]["autopilot"]
 
-    All parameters are REAL32, as in this autopilot and ArduPilot.
-    """
+
+def _parameters(stream: MessageSeries | None, *, bytewise: bool) -> ParameterHistory:
+    """Return the parameters from PARAM_VALUE; with `bytewise` integers have their bytes in it."""
     if stream is None:
         return ParameterHistory({})
     time_s, record = _decode(stream)
     names = (
         row.tobytes().split(b"\0", 1)[0].decode("ascii", "replace") for row in record["param_id"]
     )
-    return history_of(zip(time_s.tolist(), names, record["param_value"].tolist(), strict=True))
+    values = record["param_value"].tolist()
+    if bytewise:
+        values = [
+            decode_bytewise(row["param_value"].tobytes(), int(row["param_type"])) for row in record
+        ]
+    return history_of(zip(time_s.tolist(), names, values, strict=True))

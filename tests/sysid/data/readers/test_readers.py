@@ -664,3 +664,20 @@ def test_several_senders_of_one_system_are_named(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"\(components 1/2, 1/3\); .* one file per vehicle$"):
         messages.refuse_several(path, [("1", "2"), ("1", "3")], "x")
     messages.refuse_several(path, [("1", "1")], "x")
+
+
+@pytest.mark.parametrize(("autopilot", "value"), [(12, 4_000.0), (3, 4.0)])
+def test_tlog_integer_parameter_of_px4_has_its_bytes(
+    autopilot: int, value: float, tmp_path: Path
+) -> None:
+    """PX4 sends PARAM_ENCODE_BYTEWISE, ArduPilot (3) the number; both name the type INT32 (6)."""
+    path, sender = files.tlog(tmp_path / "px4.tlog"), mavlink.MAVLink(None, 1, 1)
+    field = struct.unpack("<f", struct.pack("<i", 4_000))[0] if autopilot == 12 else value
+    stamp = struct.pack(">Q", 1_700_000_100_000_000)
+    for message in (
+        mavlink.MAVLink_heartbeat_message(12, autopilot, 0, 0, 3, 3),
+        mavlink.MAVLink_param_value_message(b"PWM_MAIN_MAX1", field, 6, 1, 0),
+    ):
+        path.write_bytes(path.read_bytes() + stamp + bytes(message.pack(sender)))
+    parameters = readers.read(path, FROM_LOG).parameters
+    assert parameters == {"ACT_TRAVEL_DEG": 12.0, "PWM_MAIN_MAX1": value}
