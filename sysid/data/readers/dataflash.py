@@ -44,6 +44,7 @@ from sysid.data.readers.samples import (
     FileDamage,
     MessageColumns,
     accelerometer,
+    ahead_of_others,
     body_velocity,
     clock_steps,
     foreign_log,
@@ -231,6 +232,8 @@ def _drop_misplaced(
     messages are not compared.
     """
     regular = [name for name in tables if name in _PLAUSIBLE]
+    if not regular:
+        return tables, damage
     places = np.concatenate([np.empty(0), *(np.array(offsets[name], float) for name in regular)])
     order = np.argsort(places)
     times_s = np.concatenate([np.empty(0), *(tables[name].time_s for name in regular)])[order]
@@ -248,9 +251,26 @@ def _drop_misplaced(
         good = (ahead_s >= -_EVENT_BEHIND_S) & (
             ahead_s <= np.maximum(_EVENT_AHEAD_S, _SPANS_AHEAD * span_s)
         )
-        kept[name] = MessageColumns(time_s[good], {k: v[good] for k, v in columns.items()})
+        kept[name] = MessageColumns(
+            _times_after_restart(tables, offsets, name)[good],
+            {k: v[good] for k, v in columns.items()},
+        )
         dropped_s += latest_s[~good].tolist()
     return kept, damage._replace(contradicted_s=tuple(dropped_s))
+
+
+def _times_after_restart(tables: Tables, offsets: dict[str, list[int]], name: str) -> Array:
+    """Return the times of events; those after a restart have the latest time before it.
+
+    Samples after the restart are left out until they are later than that. Their times would be
+    those of other samples, or of none.
+    """
+    regular = max(_PLAUSIBLE.keys() & tables.keys(), key=lambda n: tables[n].time_s.size)
+    time_s = tables[regular].time_s
+    latest_s = np.maximum.accumulate(np.where(ahead_of_others(time_s), -np.inf, time_s))
+    latest_s = np.where(latest_s - time_s > _EVENT_BEHIND_S, latest_s, -np.inf)
+    last = np.searchsorted(offsets[regular], offsets[name]) - 1
+    return np.maximum(tables[name].time_s, np.where(last < 0, -np.inf, latest_s[last]))
 
 
 def _damaged_names(tables: Tables, parameters: Collection[str]) -> int:

@@ -681,3 +681,20 @@ def test_tlog_integer_parameter_of_px4_has_its_bytes(
         path.write_bytes(path.read_bytes() + stamp + bytes(message.pack(sender)))
     parameters = readers.read(path, FROM_LOG).parameters
     assert parameters == {"ACT_TRAVEL_DEG": 12.0, "PWM_MAIN_MAX1": value}
+
+
+@pytest.mark.parametrize("suffix", ["tlog", "bin"])
+@pytest.mark.parametrize("booted_s", [3.0, 110.0])
+def test_test_after_a_restart_is_refused_by_its_clock(
+    suffix: str, booted_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The times of the second part are before those of the first, or overlap them."""
+    path = tmp_path / f"dive.{suffix}"
+    content = WRITERS[suffix](path).read_bytes()
+    monkeypatch.setattr(files, "BOOTED_S", booted_s)
+    path.write_bytes(content + WRITERS[suffix](path).read_bytes())
+    log = readers.read(path, FROM_LOG)
+    known = replace(log, parameters={**log.parameters, segments.LOOP_RATE: RATE_HZ})
+    before, after = segments.cut_runs(known, ())
+    assert before.clock_back == ""
+    assert re.search(r"went back by \d+.0 s \(a restart\?\)", after.clock_back)
