@@ -17,6 +17,7 @@ from mavlink_io.logging import ros1
 from mavlink_io.logging.mavlink_log import Channel, MavlinkLog
 from mavlink_io.logging.tlog import TelemetryLog
 from mavlink_io.user_data_dir import open_output
+from mavlink_io.vehicle_clock import unwrap_us
 
 FLUSH_PERIOD_S = 0.2
 """Wall time between flushes."""
@@ -140,6 +141,8 @@ class Recorder:
         if stream.read_time_us is not None:
             stamp_us = stream.read_time_us(frame.payload.ljust(stream.channel.length, b"\0"))
         if stamp_us is not None:
+            if clock.known:
+                stamp_us = unwrap_us(stamp_us, clock.vehicle_us)
             self._set_clock(frame.system, clock, stamp_us)
         time_ns = clock.start_unix_ns + (clock.vehicle_us if stamp_us is None else stamp_us) * 1000
         self._log.write(stream.channel, time_ns, frame.payload, frame.sequence)

@@ -21,8 +21,6 @@ from sysid.planes import Plane
 
 MIN_RUN_TICKS = 60
 """Minimum length of a test segment that is evaluated (ticks)."""
-CLOCK_RESTART_S = 1.0
-"""Backward step of the vehicle clock that means a restart (s); a smaller one is a late datagram."""
 
 
 class EstimateStatus(NamedTuple):
@@ -63,10 +61,11 @@ class LiveEstimate:
         }
 
     def on_frame(self, frame: Frame) -> None:
-        """Store a frame of the vehicle's autopilot."""
-        before_s = self._telemetry.now_s
-        if self._telemetry.on_frame(frame) < before_s - CLOCK_RESTART_S:
-            self._restart(frame)
+        """Store a frame of the vehicle's autopilot.
+
+        A restart of the vehicle's clock ends the current test; its information is kept.
+        """
+        self._telemetry.on_frame(frame, on_restart=self._end)
 
     def on_text(self, text: StatusText) -> None:
         """Store a text of the vehicle if it marks the start or the end of a test."""
@@ -83,12 +82,6 @@ class LiveEstimate:
             self._telemetry.forget(self._telemetry.now_s - PREROLL_S - 1.0)
         self._read()
         return EstimateStatus(dict(self._readings), tuple(self._states), self._trouble)
-
-    def _restart(self, frame: Frame) -> None:
-        """End the current test after a restart of the vehicle clock; its information is kept."""
-        self._end()
-        self._telemetry.restart()
-        self._telemetry.on_frame(frame)
 
     def _pass_over(self, gap: Gap) -> None:
         """Split a test at a gap in the telemetry.

@@ -6,7 +6,6 @@ from rich.console import RenderableType
 
 from ground.client.vehicle import StatusText
 from ground.live import monitor_view
-from ground.live.estimate import CLOCK_RESTART_S
 from ground.live.telemetry import Telemetry
 from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
@@ -49,11 +48,7 @@ class PerformanceMonitor:
 
     def on_frame(self, frame: Frame) -> None:
         """Add a frame to the telemetry; restart the monitor if the vehicle's clock was reset."""
-        before_s = self._telemetry.now_s
-        if self._telemetry.on_frame(frame) < before_s - CLOCK_RESTART_S:
-            self._telemetry.restart()
-            self._monitor.interrupt()
-            self._telemetry.on_frame(frame)
+        self._telemetry.on_frame(frame, on_restart=self._monitor.interrupt)
 
     def on_text(self, text: StatusText) -> None:
         """Add an event of the vehicle to the telemetry."""

@@ -15,6 +15,7 @@ import numpy as np
 from mavlink_io import dialect
 from mavlink_io.codec import Frame
 from mavlink_io.logging import ros1 as schemas
+from mavlink_io.vehicle_clock import VehicleClock
 from sysid.data import ros1
 from sysid.data.dataset import Log, LogEvent
 from sysid.data.events import VehicleEvent
@@ -54,25 +55,33 @@ class Telemetry:
     def __init__(self, parameters: Mapping[str, float]) -> None:
         self._parameters = ParameterHistory(dict(parameters))
         self._stored: dict[str, list[tuple[float, bytes]]] = {}
+        self._clock = VehicleClock()
         self.events: list[LogEvent] = []
         self.now_s = 0.0
         """Vehicle time of the newest message."""
 
-    def on_frame(self, frame: Frame) -> float:
-        """Store a frame and return its vehicle time (s).
+    def on_frame(self, frame: Frame, on_restart: Callable[[], None]) -> None:
+        """Store a frame; leave out one with an impossible time.
 
-        A frame without a time stamp gets the time of the newest frame.
+        A frame without a time stamp gets the time of the newest frame. When the vehicle's clock has
+        restarted, `on_restart` is called, and everything that was stored before is deleted.
         """
         name = _STORED_MESSAGES.get(frame.message_id)
         if name is None:
-            return self.now_s
+            return
         record, read_time_us = _decoder(name)
         payload = frame.payload.ljust(record.itemsize, b"\0")
-        time_us = read_time_us(payload) if read_time_us else None
-        time_s = self.now_s if time_us is None else time_us * 1e-6
+        time_us, time_s = read_time_us(payload) if read_time_us else None, self.now_s
+        if time_us is not None:
+            reading = self._clock.read(time_us)
+            if not reading.valid:
+                return
+            if reading.restarted:
+                on_restart()
+                self._stored, self.events, self.now_s = {}, [], 0.0
+            time_s = reading.time_us * 1e-6
         self._stored.setdefault(name, []).append((time_s, payload))
         self.now_s = max(self.now_s, time_s)
-        return time_s
 
     def on_event(self, event: VehicleEvent) -> None:
         """Store an event with the vehicle time of the newest message."""
@@ -113,10 +122,6 @@ class Telemetry:
         """Delete the messages before a vehicle time (s)."""
         for name, stored in self._stored.items():
             self._stored[name] = [sample for sample in stored if sample[0] >= before_s]
-
-    def restart(self) -> None:
-        """Delete everything, because the vehicle has restarted."""
-        self._stored, self.events, self.now_s = {}, [], 0.0
 
     def gap(self) -> Gap | None:
         """Return the first gap in a required message, or None."""

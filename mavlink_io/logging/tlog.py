@@ -16,6 +16,7 @@ from mavlink_io.codec import MAGIC_V1, MAGIC_V2, MAX_FRAME_BYTES, Framer, is_int
 from mavlink_io.dialect import MessageType
 from mavlink_io.logging.ros1 import vehicle_time_reader
 from mavlink_io.user_data_dir import open_output
+from mavlink_io.vehicle_clock import unwrap_us
 
 _STAMP = struct.Struct(">Q")
 _OVERHEAD = {MAGIC_V2: 12, MAGIC_V1: 8}
@@ -155,7 +156,7 @@ def _set_times(arrivals: Sequence[_Arrival], first: _Arrival) -> None:
         if own_us is None:
             own_us = time_us + max(shortest_us, arrival.received_us - received_us)
         else:
-            shortest_us = 0
+            shortest_us, own_us = 0, unwrap_us(own_us, time_us)
             if own_us >= time_us:
                 time_us, received_us = own_us, arrival.received_us
         arrival.series.times_us.append(own_us)

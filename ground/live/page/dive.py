@@ -18,13 +18,12 @@ from mavlink_io.codec import Frame
 from mavlink_io.dialect import by_name, constant
 from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.mission_items import GLOBAL_SCALE, MissionItem
+from mavlink_io.vehicle_clock import VehicleClock
 from sysid.data.dataset import DEFAULT_TRAVEL_DEG
 from sysid.data.readers.servo_channels import FIRST_THREE, PULSE_CENTRE_US, PULSE_HALF_US
 
 ROW_PERIOD_S = 0.1
 """Vehicle time between two rows of the history."""
-RESTART_S = 1.0
-"""Backward step of the vehicle clock that starts a new history."""
 PANEL_PERIOD_S = 0.5
 """Wall time for which a panel is reused: texts and ages change more slowly than the picture."""
 SETPOINT_TIMEOUT_S = 5.0
@@ -84,7 +83,7 @@ class ShownDive:
         self._rated = self._began_s, LinkCounts()
         self._rates = 0.0, 0.0
         self._panel: dict[str, Any] | None = None
-        self._time_s = -math.inf
+        self._clock, self._time_s = VehicleClock(), -math.inf
         self._drawn: tuple[object, plan.DrawnPlan] | None = None
 
     def on_frame(self, frame: Frame) -> None:
@@ -100,7 +99,7 @@ class ShownDive:
         self._frames[name] = after(before, frame, wall_s())
         has_no_attitude = "ATTITUDE" not in self._frames and before is not None
         if name == "ATTITUDE" or (name in _POSITIONS and has_no_attitude):
-            self._sample(int.from_bytes(frame.payload[:4].ljust(4, b"\0"), "little") / 1e3)
+            self._sample(int.from_bytes(frame.payload[:4].ljust(4, b"\0"), "little"))
 
     def on_text(self, text: StatusText) -> None:
         """Store a text of the vehicle."""
@@ -209,12 +208,14 @@ class ShownDive:
             return None
         return plausible.decode(kept.message)
 
-    def _sample(self, time_s: float) -> None:
+    def _sample(self, time_boot_ms: int) -> None:
         """Add a row to the history if one is due; start again after a restart of the clock."""
-        if time_s < self._time_s - RESTART_S:
+        reading = self._clock.read(1000 * time_boot_ms)
+        time_s = reading.time_us * 1e-6
+        if reading.restarted:
             self.history.clear()
             self._origin = None
-        elif time_s < self._time_s + ROW_PERIOD_S - 1e-6:
+        elif not reading.valid or time_s < self._time_s + ROW_PERIOD_S - 1e-6:
             return
         self._time_s = time_s
         north_m, east_m, depth_m = self._position()

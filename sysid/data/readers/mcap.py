@@ -18,6 +18,7 @@ from mavlink_io.logging.mcap_reader import (
     format_damage,
 )
 from mavlink_io.text_files import open_regular, parse_json
+from mavlink_io.vehicle_clock import WRAP_US
 from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
 from sysid.data.readers.messages import (
@@ -215,7 +216,9 @@ def _clock_lead(messages: Messages) -> tuple[Array, Array]:
     if not name:
         return np.empty(0), np.empty(0)
     time_s, record = messages[name]
-    return time_s, time_s - record["time_boot_ms"] * 1e-3
+    ahead_s = time_s - record["time_boot_ms"] * 1e-3
+    wrap_s = 1e-6 * WRAP_US
+    return time_s, ahead_s - wrap_s * np.round((ahead_s - ahead_s[0]) / wrap_s)
 
 
 def _parameters(data: bytes | None, path: Path) -> dict[str, float]:

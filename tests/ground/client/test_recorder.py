@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -24,6 +25,7 @@ from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.dialect import MessageField, MessageType
 from mavlink_io.frames import rotate
+from mavlink_io.logging import tlog
 from tests.mavlink_io.logging import decoding
 
 START_NS = 1_700_000_000_000_000_000
@@ -150,6 +152,15 @@ def test_log_time_is_the_start_plus_vehicle_time(tmp_path: Path) -> None:
     assert [time_ns - zero_ns for _, time_ns, _ in read(path)] == [500_000_000] * 2 + [
         1_234_567_000
     ] * 2
+
+
+def test_log_time_continues_where_the_time_in_messages_wraps(tmp_path: Path) -> None:
+    """`time_boot_ms` has 32 bits."""
+    path, stamps = tmp_path / "log.mcap", (2**32 - 100, 2**32 - 20, 60)
+    record(path, [attitude(ms) for ms in stamps], tmp_path / "log.tlog")
+    assert [time_ns - START_NS for _, time_ns, _ in read(path)] == [0, 80_000_000, 160_000_000]
+    (series,) = tlog.read((tmp_path / "log.tlog").read_bytes())
+    assert np.diff(series.times_us).tolist() == [80_000, 80_000]
 
 
 def test_a_unix_time_in_a_message_does_not_set_the_vehicle_clock(tmp_path: Path) -> None:

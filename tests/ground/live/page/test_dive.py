@@ -121,9 +121,11 @@ def test_rows_follow_vehicle_time_and_a_restart_begins_again() -> None:
     dive = ShownDive("a")
     fly(dive, *(ROW_PERIOD_S / 4.0 * n for n in range(400, 480)))
     assert len(dive.history.since(0)) == 20
-    fly(dive, 1.0)
+    fly(dive, 1.0, 12.0, 0.0, 12.1)
+    assert len(dive.history.since(0)) == 22
+    fly(dive, 1.0, 1.02, 1.04)
     assert len(dive.history.since(0)) == 1
-    assert dive.history.count == 21
+    assert dive.history.count == 23
 
 
 def test_history_is_bounded_and_keeps_the_newest_rows() -> None:
@@ -149,7 +151,8 @@ def test_panel_of_arbitrary_messages_is_json(name: str, payload: bytes) -> None:
     dive = ShownDive("a")
     dive.on_frame(heartbeat())
     dive.on_frame(Frame(1, 1, by_name(name).message_id, 0, payload, b""))
-    dive.on_frame(frame("ATTITUDE", time_boot_ms=(1 << 32) - 1, yaw=math.inf))
+    for time_ms in (1 << 31, (1 << 31) + 200, (1 << 31) + 400):  # one alone may be impossible
+        dive.on_frame(frame("ATTITUDE", time_boot_ms=time_ms, yaw=math.inf))
     assert msgspec.json.decode(msgspec.json.encode(dive.panel()))["known"]
     assert row(dive)["heading_deg"] is None
 
