@@ -5,7 +5,7 @@ events the user gives the time ranges (``MarkedInterval``).
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -337,6 +337,22 @@ def _run(log: Log, span: TestInterval, name: str, hold: Hold) -> Run:
     return replace(run, **_optional_series(log, grid_s))
 
 
+def loop_rate_hz(parameters: Mapping[str, float]) -> float:
+    """Return the rate at which an autopilot renews its commands.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        Parameters of the autopilot.
+
+    Returns
+    -------
+    float
+        Rate in Hz, of Caribou's autopilot by a parameter that no other has; 0 if it is unknown.
+    """
+    return parameters.get(LOOP_RATE, RATE_HZ if OWN_PARAMETER in parameters else 0.0)
+
+
 def hold_of(log: Log) -> Hold:
     """Return the time for which the autopilot held a command, at most a step of the grid.
 
@@ -357,7 +373,7 @@ def hold_of(log: Log) -> Hold:
     step_s, intervals_s = 1.0 / RATE_HZ, np.diff(log.actuators.time_s)
     if intervals_s.size and np.median(intervals_s) < MAX_HOLD_STEPS * step_s:
         return Hold(float(np.median(intervals_s)), 0.0)
-    loop_hz = log.parameters.get(LOOP_RATE, RATE_HZ if OWN_PARAMETER in log.parameters else 0.0)
+    loop_hz = loop_rate_hz(log.parameters)
     if loop_hz > 0.0:
         return Hold(min(1.0 / loop_hz, step_s), 0.0)
     return Hold(0.5 * step_s, step_s / math.sqrt(12.0))

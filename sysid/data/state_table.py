@@ -53,8 +53,9 @@ def state_table(log: Log) -> dict[str, Array]:
     dict
         Arrays of equal length by the names of `COLUMNS`. Measured values are interpolated;
         commands and set-points are the latest ones. NaN where the log has no value: before the
-        first sample, and for signals that it lacks. ``heading_rad`` lies in 0 to 2 pi. Without a
-        recorded position, north and east are integrated from velocity and attitude.
+        first sample, and for signals that it lacks. Attitude and depth that are zero throughout
+        are lacking. ``heading_rad`` lies in 0 to 2 pi. Without a recorded position, north and east
+        are integrated from velocity and attitude.
     """
     attitude, time_s = log.attitude, log.attitude.time_s
     depth, actuators, setpoints, velocity = log.depth, log.actuators, log.setpoints, log.velocity
@@ -67,14 +68,14 @@ def state_table(log: Log) -> dict[str, Array]:
         time_s,
         _interpolated(time_s, position.time_s, position.north_m),
         _interpolated(time_s, position.time_s, position.east_m),
-        _interpolated(time_s, depth.time_s, depth.depth_m),
-        _interpolated(time_s, depth.time_s, depth.rate_mps),
-        attitude.roll_rad,
-        attitude.pitch_rad,
-        np.mod(attitude.yaw_rad, 2 * np.pi),
-        attitude.p_radps,
-        attitude.q_radps,
-        attitude.r_radps,
+        _interpolated(time_s, depth.time_s, _nan_if_zero(depth.depth_m)),
+        _interpolated(time_s, depth.time_s, _nan_if_zero(depth.rate_mps)),
+        _nan_if_zero(attitude.roll_rad),
+        _nan_if_zero(attitude.pitch_rad),
+        np.mod(_nan_if_zero(attitude.yaw_rad), 2 * np.pi),
+        _nan_if_zero(attitude.p_radps),
+        _nan_if_zero(attitude.q_radps),
+        _nan_if_zero(attitude.r_radps),
         *body,
         _latest(time_s, actuators.time_s, actuators.rudder_rad),
         _latest(time_s, actuators.time_s, actuators.elevator_rad),
@@ -110,6 +111,11 @@ def tested_surfaces(log: Log) -> list[str]:
         elif isinstance(event.value, TestEnded):
             surfaces[time_s >= event.time_s] = ""
     return [str(surface) for surface in surfaces]
+
+
+def _nan_if_zero(samples: Array) -> Array:
+    """Return samples; NaN for zeros throughout, by which readers replace a missing signal."""
+    return samples if np.any(samples) else np.full(samples.size, np.nan)
 
 
 def _interpolated(time_s: Array, sample_s: Array, samples: Array) -> Array:

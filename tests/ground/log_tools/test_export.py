@@ -21,7 +21,7 @@ from ground.log_tools import export, mcap, viewer_log
 from ground.log_tools.formats import ExportFormat
 from ground.log_tools.si_units import si_columns
 from mavlink_io.errors import InputError
-from sysid.data import readers, state_table
+from sysid.data import readers, segments, state_table
 from tests.helpers import node
 from tests.mavlink_io.logging import decoding
 from tests.sysid.data.readers import files
@@ -92,7 +92,10 @@ def test_csv_of_battery_has_nan_for_unknown_values() -> None:
 
 def test_pandas_reads_every_csv(log: Path, tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
-    tables = {Path(f).name: pandas.read_csv(f) for f in run("export", str(log))["files"]}
+    tables = {
+        Path(f).name: pandas.read_csv(f, comment="#" if f.endswith("state.csv") else None)
+        for f in run("export", str(log))["files"]
+    }
     expected = readers.load(log).tables
     assert {f"{topic.removeprefix('/mavlink/').replace('/', '-')}.csv" for topic in expected} == (
         set(tables) - {"state.csv", "parameters.csv"}
@@ -116,6 +119,20 @@ def test_state_csv_is_a_log_for_identification(log: Path, tmp_path: Path) -> Non
     assert again.attitude.r_radps == pytest.approx(original.attitude.r_radps, abs=0)
     tests = [type(event.value).__name__ for event in again.events]
     assert tests == ["TestStarted", "TestEnded"]
+
+
+def test_state_csv_has_the_loop_rate_and_no_unknown_values(tmp_path: Path) -> None:
+    """A fit takes the time for which commands are held from the rate of the loops."""
+    path = tmp_path / "dive.csv"
+    rows = [f"{k / 25},{0.01 * k},{k % 7},58" for k in range(50)]
+    header = "time_s,heading_rad,rudder_deg,thrust_pct"
+    path.write_text("\n".join(["# SCHED_LOOP_RATE = 400", header, *rows, ""]))
+    original, state = readers.read(path), tmp_path / "state.csv"
+    export.write_state(original, state)
+    lines = state.read_text().splitlines()
+    assert lines[0] == "# SCHED_LOOP_RATE = 400"
+    assert not {"depth_m", "depth_rate_mps", "pitch_rad", "q_radps"} & set(lines[1].split(","))
+    assert segments.hold_of(readers.read(state)) == segments.hold_of(original)
 
 
 def test_scipy_reads_every_structure_of_the_mat(log: Path, tmp_path: Path) -> None:
