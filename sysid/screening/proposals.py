@@ -2,8 +2,8 @@
 
 A segment begins where a surface departs from quiet motion: its change over CHANGE_S exceeds the
 usual change in this log several times. It ends after the command has been quiet for QUIET_S. Each
-candidate is then judged as a test is: by the screening rules for a single run, and by the effect of
-the surface on its plane, which must be significant.
+candidate is then judged as a test is: by the screening rules for a single run, by the effect of the
+surface on its plane, which must be significant, and by the screening rules for all tests together.
 """
 
 import itertools
@@ -18,7 +18,7 @@ from sysid.data.dataset import Log
 from sysid.data.runs import Run
 from sysid.data.segments import MarkedInterval
 from sysid.planes import PLANES, Plane
-from sysid.screening import excitation, rules
+from sysid.screening import excitation, rules, screen
 from sysid.screening.control_effect import control_effect
 from sysid.screening.limits import ScreeningLimits
 from sysid.screening.preroll import UsualPreroll
@@ -69,7 +69,16 @@ def propose(log: Log) -> list[MarkedInterval]:
     unmarked = segments.without_tests(log)
     ordered = sorted(candidates, key=lambda mark: (mark.start_s, mark.plane))
     runs = segments.cut_runs(unmarked, ordered)
-    return [mark for mark, run in zip(ordered, runs, strict=True) if _is_usable(run)]
+    return _accepted([(m, run) for m, run in zip(ordered, runs, strict=True) if _is_usable(run)])
+
+
+def _accepted(proposed: Sequence[tuple[MarkedInterval, Run]]) -> list[MarkedInterval]:
+    """Return the segments that a refit accepts together: its limits depend on all its tests."""
+    screenings = screen([run for _, run in proposed])
+    accepted = [pair for pair, s in zip(proposed, screenings, strict=True) if s.accepted]
+    if len(accepted) < len(proposed):
+        return _accepted(accepted)
+    return [mark for mark, _ in accepted]
 
 
 def format_marks(marks: Sequence[MarkedInterval]) -> str:
