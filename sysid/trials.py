@@ -205,15 +205,16 @@ def _pickled(value: object) -> bytes:
 class KeptResults(Generic[R]):
     """Results in a file of JSON lines, each a key and a result; damaged lines are ignored.
 
-    Raises InputError if the file holds something else.
+    The file and its folder are created with the first result: an input that a trial refuses leaves
+    neither. Raises InputError if the file holds something else.
     """
 
     def __init__(self, path: Path, result_type: type[R]) -> None:
         self._path, self._type = path, result_type
         self._results: dict[str, R] = {}
         text = _read(path) if path.exists() else b""
+        self._is_empty = not text
         if not text:
-            self._append(HEADER)
             return
         if not text.startswith(HEADER):
             raise InputError(f"{path}: holds no results of trials; give a new file")
@@ -240,7 +241,9 @@ class KeptResults(Generic[R]):
         return msgspec.convert(json.loads(line)[1], self._type)
 
     def _append(self, data: bytes) -> None:
-        """Append bytes in one write."""
+        """Append bytes in one write, to an empty file after the header."""
+        if self._is_empty:
+            data, self._is_empty = HEADER + data, False
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with errors_named(self._path), self._path.open("ab", buffering=0) as file:
             file.write(data)

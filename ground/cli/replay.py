@@ -69,10 +69,10 @@ def replay(
     else:
         posterior = priors.read(model)
     dives = ("recorded", "unchanged", "changed")
-    targets = {}
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        targets = {name: new_file(out / f"{name}.csv") for name in dives}
+    targets = {} if out is None else {name: out / f"{name}.csv" for name in dives}
+    if out is not None and out.exists():
+        for target in targets.values():
+            new_file(target)
     request = replays.ReplayRequest(log, parameters, mission, controller, new_controller)
     try:
         result = replays.replay_log(request, posterior)
@@ -80,7 +80,8 @@ def replay(
         if error.code == ErrorCode.PARAMETER:  # of this file: those of the log are a LogError
             raise type(error)(f"{params}: {error}") from None
         raise
-    if targets:
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
         logs = (result.recorded, result.unchanged.log, result.changed.log)
         for name, dive in zip(dives, logs, strict=True):
             export.write_state(dive, targets[name])

@@ -154,6 +154,13 @@ def test_processes_that_always_die_end_the_study(tmp_path: Path, runs: Path) -> 
 
 
 @pytest.mark.slow
+def test_refused_input_creates_no_file(tmp_path: Path) -> None:
+    keep = tmp_path / "new" / "kept"
+    with pytest.raises(ValueError, match="domain"):
+        map_trials(math.sqrt, [-1.0], float, keep=keep)
+    assert not keep.parent.exists()
+
+
 def test_processes_are_forked_with_the_module_loaded() -> None:
     program = (
         "from sysid.trials import map_trials\n"

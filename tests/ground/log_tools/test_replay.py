@@ -38,3 +38,11 @@ def test_replay_refused_parameter_names_the_file(
     params.write_text("HDG_D,9999\n")
     with pytest.raises(ParamError, match=r"oor\.param: HDG_D = 9999: must be 0 to 10 s"):
         replay(tmp_path / "dive.mcap", params)
+
+
+def test_replay_of_a_refused_log_creates_no_folder(tmp_path: Path) -> None:
+    gains, out = tmp_path / "held.param", tmp_path / "out"
+    gains.write_text("HDG_P,0.6\n")
+    with pytest.raises(LogError, match=r"none\.mcap"):
+        replay(tmp_path / "none.mcap", gains, out=out)
+    assert not out.exists()
