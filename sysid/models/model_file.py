@@ -18,7 +18,7 @@ from msgspec import Meta
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.text_files import MAX_TEXT_BYTES, read_limited
 from mavlink_io.user_data_dir import write_output
-from sitl.vehicle import check as vehicle_check
+from sitl import vehicle_check
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid.models import model_check

@@ -68,6 +68,20 @@ def test_model_contains_its_vehicle_file(
     assert prediction.prior_vehicle(read) == config
 
 
+def test_model_with_an_unknown_instrument_is_refused(
+    model: IdentifiedModel, tmp_path: Path
+) -> None:
+    config = vehicle_files.load("remus100")
+    instruments = msgspec.structs.replace(config.instruments, imu="nonsense")
+    file = msgspec.structs.replace(config, instruments=instruments)
+    models.write(_with_vehicle(model, file=file), tmp_path / "model.json")
+    expected = (
+        r"model\.json: vehicle\.file: instruments\.imu = 'nonsense': unknown; known here: mti"
+    )
+    with pytest.raises(VehicleFileError, match=expected):
+        models.read(tmp_path / "model.json")
+
+
 def test_model_is_a_prior_where_its_vehicle_file_is_missing(
     model: IdentifiedModel, tmp_path: Path
 ) -> None:
