@@ -1,6 +1,7 @@
 """The ground's side of MAVLink FTP: lists, checksums and downloads over a lossy link."""
 
 from abc import abstractmethod
+from collections import deque
 from collections.abc import Callable, Iterator
 from itertools import count
 from typing import Any, BinaryIO, TypeVar
@@ -18,6 +19,8 @@ CRC_TIMEOUT_S = 5.0
 """Wall time before a checksum request is repeated, in seconds: the vehicle reads the whole file."""
 MAX_REPAIRS = 32
 """Maximum number of lost pieces that are requested at once."""
+MAX_REQUESTS = 256
+"""Number of the last requests whose answers count: more than can be under way."""
 
 ProgressCallback = Callable[[int, int], None]
 """Receive the number of bytes written so far and the size of the file."""
@@ -256,6 +259,7 @@ class _FtpDownload(_FtpExchange[int]):
         self._sink, self._on_progress = sink, on_progress
         self._written = self._frontier = start
         self._pending: dict[int, bytes] = {}
+        self._requests: deque[Packet] = deque(maxlen=MAX_REQUESTS)
         self._session: int | None = None
         self._size = 0
         self._current = _path_request(sequences, payload.OPEN, path)
@@ -298,9 +302,10 @@ class _FtpDownload(_FtpExchange[int]):
     def _handle_data(self, packet: Packet) -> None:
         """Process bytes of the file and request the pieces that were lost before them.
 
-        Bytes after the end are ignored: they are of another file, or the file has grown.
+        Bytes that no request explains are ignored: they are late ones of an earlier transfer, whose
+        session may have had the same number. So are bytes after the end: the file has grown.
         """
-        if packet.offset >= self._size:
+        if packet.offset >= self._size or not self._is_requested(packet):
             return
         self._note_progress()
         self._pending[packet.offset] = packet.data
@@ -313,6 +318,19 @@ class _FtpDownload(_FtpExchange[int]):
             packet.requested == payload.BURST and packet.burst_complete
         ):
             self._request_rest()
+
+    def _is_requested(self, packet: Packet) -> bool:
+        """Return whether data answer a request, by their number and their place in the file.
+
+        Packet k of a burst, from 0, has the number of the request plus 1 + k. It begins k requested
+        lengths after the requested place. Source: https://mavlink.io/en/services/ftp.html.
+        """
+        return any(
+            request.opcode == packet.requested
+            and packet.offset - request.offset
+            == request.size * (packet.sequence - payload.next_sequence(request.sequence) & 0xFFFF)
+            for request in reversed(self._requests)
+        )
 
     def _handle_read_error(self, packet: Packet) -> None:
         """Process the end of a burst at the end of the file, or an error."""
@@ -336,11 +354,16 @@ class _FtpDownload(_FtpExchange[int]):
         for offset, length in self._gaps()[:MAX_REPAIRS]:
             self._read(offset, length)
         if self._frontier < self._size:
-            self._request(payload.BURST, self._frontier, MAX_DATA, session=self._session or 0)
+            self._request_data(payload.BURST, self._frontier, MAX_DATA)
 
     def _read(self, offset: int, length: int) -> None:
         """Request one piece."""
-        self._request(payload.READ, offset, length, session=self._session or 0)
+        self._request_data(payload.READ, offset, length)
+
+    def _request_data(self, opcode: int, offset: int, length: int) -> None:
+        """Request bytes of the file, and keep the request to recognise the answers."""
+        request = self._request(opcode, offset, length, session=self._session or 0)
+        self._requests.append(request)
 
     def _gaps(self) -> list[tuple[int, int]]:
         """Return offset and length of every piece that is missing before the frontier."""

@@ -131,11 +131,13 @@ class Script:
     def _record(self, name: str, **fields: Any) -> None:
         self.requests.append(payload.decode(fields["payload"]))
 
-    def answer(self, exchange: Exchange[Any], data: bytes, offset: int = 0) -> None:
-        """Acknowledge the last request."""
+    def answer(
+        self, exchange: Exchange[Any], data: bytes, offset: int = 0, number: int = 0
+    ) -> None:
+        """Acknowledge the last request; ``number`` counts the packets of a burst."""
         request = self.requests[-1]
         packet = Packet(
-            sequence=payload.next_sequence(request.sequence),
+            sequence=payload.next_sequence(request.sequence + number),
             session=0,
             opcode=payload.ACK,
             size=len(data),
@@ -159,9 +161,24 @@ def test_ftp_data_after_the_end_of_the_file_are_ignored() -> None:
     script.answer(download, b"x" * 239, offset=20_000_000)
     assert len(script.requests) == before
     script.answer(download, b"a" * 239)
-    script.answer(download, b"b" * 61, offset=239)
+    script.answer(download, b"b" * 61, offset=239, number=1)
     assert download.result() == 300
     assert sink.getvalue() == b"a" * 239 + b"b" * 61
+
+
+@pytest.mark.parametrize(("offset", "number"), [(0, 7), (23_900, 50), (239, 0)])
+def test_ftp_data_that_no_request_explains_are_ignored(offset: int, number: int) -> None:
+    """Late data of an earlier transfer; at 23,900 bytes they caused 101 requests for pieces."""
+    script, sink = Script(), io.BytesIO()
+    download = script.client.download("/a", sink)
+    download.poll(0.0)
+    script.answer(download, (30_000).to_bytes(4, "little"))
+    before = len(script.requests)
+    script.answer(download, b"x" * 239, offset, number)
+    assert len(script.requests) == before
+    assert sink.getvalue() == b""
+    script.answer(download, b"a" * 239)
+    assert sink.getvalue() == b"a" * 239
 
 
 def test_ftp_list_without_complete_entry_fails() -> None:
