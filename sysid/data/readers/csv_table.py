@@ -537,9 +537,12 @@ def _specific_force(path: Path, table: _Table) -> SpecificForce:
 
 
 def _events(table: _Table) -> Iterable[LogEvent]:
-    """Yield start and end of each range of rows with the same surface under test."""
-    previous = ""
-    for time_s, test in zip(table.time_s.tolist(), table.tests, strict=True):
+    """Yield start and end of each range of rows with the same surface under test.
+
+    After a restart they have the latest time before it, as the samples are left out until then.
+    """
+    previous, times_s = "", np.maximum.accumulate(table.time_s)
+    for time_s, test in zip(times_s.tolist(), table.tests, strict=True):
         if test != previous and previous:
             yield LogEvent(time_s, TestEnded(StopReason.COMPLETE))
         if test != previous and test:

@@ -472,3 +472,15 @@ def test_times_that_are_rounded_to_several_rows_are_refused(tmp_path: Path) -> N
     path = write(tmp_path / "rounded.csv", lines=lines)
     with pytest.raises(LogError, match=r"column time_s: \d+ of \d+ rows .* give times to 1 ms"):
         readers.read(path)
+
+
+def test_test_after_a_restart_is_refused_by_its_clock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = rows()
+    monkeypatch.setattr(files, "BOOTED_S", 3.0)
+    log = readers.read(write(tmp_path / "dive.csv", lines=[*first, *rows()]))
+    known = replace(log, parameters={**log.parameters, segments.LOOP_RATE: RATE_HZ})
+    before, after = segments.cut_runs(known)
+    assert before.clock_back == ""
+    assert "went back by 137.0 s (a restart?)" in after.clock_back
