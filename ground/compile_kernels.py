@@ -23,6 +23,7 @@ from ground.campaign import prototype, refit
 from ground.campaign.preparation import PreparationRequest, prepare
 from ground.campaign.request import CampaignRequest, dive_seed
 from ground.client.flight import Dive, fly_simulated
+from ground.errors import INTERRUPTED
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess
 from mavlink_io.clock import wall_s
@@ -84,13 +85,18 @@ def _fly(request: CampaignRequest, mission: str) -> Path:
 
 
 def main() -> None:
-    """Compile the kernels; print the time that it took, or the reason of a failure."""
+    """Compile the kernels; print the time that it took, or the reason of a failure.
+
+    Exit status 130 after Ctrl-C.
+    """
     start_s = wall_s()
     try:
         with tempfile.TemporaryDirectory() as folder:
             compile_kernels(Path(folder))
     except CaribouError as error:
         sys.exit(f"compile_kernels: {error}; each kernel is compiled at its first use instead")
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
     sys.stdout.write(f"kernels of a campaign compiled in {wall_s() - start_s:.0f} s\n")
 
 

@@ -14,6 +14,7 @@ from ground.cli.options import (
     Sign,
     VehicleId,
     print_result,
+    remark,
 )
 from ground.log_tools.formats import ExportFormat, Viewer
 from ground.output_files import new_file
@@ -41,7 +42,7 @@ def list_logs(
     from ground.client import log_download
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         logs = log_download.list_logs(vehicle)
     rows = [{"number": log.number, "name": log.name, "bytes": log.bytes} for log in logs]
     lines = [f"{log.number:6d} {log.bytes / 1e6:9.2f} MB  {log.name}" for log in logs]
@@ -71,7 +72,7 @@ def download(
     from ground.client.vehicle import connected
 
     with (
-        connected(connect, sign, vehicle_id, modem) as vehicle,
+        connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle,
         progress.display("logs", quiet=json) as display,
     ):
         selected = log_download.select_logs(log_download.list_logs(vehicle), which)

@@ -15,6 +15,7 @@ from ground.cli.options import (
     Sign,
     VehicleId,
     print_result,
+    remark,
 )
 from mavlink_io.printable import printable
 
@@ -39,7 +40,7 @@ def modes(
         return
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         offered = vehicle.modes()
     print_result(
         offered,
@@ -75,7 +76,7 @@ def export_mavproxy(
     """
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         offered, kind = (
             {printable(name): number for name, number in vehicle.modes().items()},
             vehicle.kind,

@@ -58,7 +58,6 @@ def paper(
             curves, result = [], reproduction.reproduce()
         else:
             folder = out or Path(stack.enter_context(TemporaryDirectory(prefix="paper-")))
-            folder.mkdir(parents=True, exist_ok=True)
             request = PaperRequest(folder, campaign, seed, jobs or usable_cores())
             flights = fly(request, display.watch_named, display.announce)
             display.announce("comparing")

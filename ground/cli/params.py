@@ -45,7 +45,7 @@ def list_all(
     """List all parameters with their values."""
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         values = vehicle.parameters()
     print_result(
         values,
@@ -66,7 +66,7 @@ def get(
     """Print one parameter."""
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         value = vehicle.parameter(name)
     print_result({name: value}, f"{value:g}", json)
 
@@ -86,7 +86,7 @@ def set_one(
         raise InputError(f"{name} = {value:g}: expected a number")
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         stored = vehicle.set_parameter(name, value)
     print_result({name: stored}, f"{name} = {stored:g}", json)
 
@@ -105,7 +105,7 @@ def save(
     from ground.client.vehicle import connected
 
     target = new_file(file)
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         values = vehicle.parameters()
     param_file.save(target, values)
     print_result(
@@ -174,7 +174,7 @@ def rollback(
     from ground.client import param_rollback
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         record, changes = param_rollback.rollback(vehicle, file, force=force)
     _print_changes(
         changes, {}, f"{record.source}: undone, {len(changes)} parameters restored", json

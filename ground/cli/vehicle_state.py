@@ -35,7 +35,7 @@ def surface(
     from ground.client.vehicle import connected
 
     with (
-        connected(connect, sign, vehicle_id, modem) as vehicle,
+        connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle,
         progress.display("surface", quiet=json) as display,
     ):
         state = stopping.enter(vehicle, stopping.SURFACE)
@@ -58,7 +58,7 @@ def hold(
     from ground.client import stopping
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         state = stopping.enter(vehicle, stopping.HOLD)
     _print_state(state, json)
 
@@ -77,7 +77,7 @@ def stop(
     from ground.client import stopping
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         state = stopping.disarm(vehicle)
     _print_state(state, json)
 
@@ -117,7 +117,7 @@ def mode(
     from ground.client import stopping
     from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem) as vehicle:
+    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
         if name is not None:
             _print_state(stopping.enter(vehicle, name), json)
             return
