@@ -19,6 +19,7 @@ from sysid.data.dataset import (
     Array,
     Attitude,
     Clock,
+    ClockStep,
     Current,
     Depth,
     DuctAngles,
@@ -212,7 +213,7 @@ def assemble(
         actuators=_actuators(*messages[commanded], options, history, f"{path}: {commanded}"),
         depth=_depth(depth, *messages[depth]) if depth else zero_depth(motion.time_s),
         setpoints=_setpoints(messages),
-        events=_events(messages),
+        events=_events(messages, steps),
         parameters=parameters,
         duct=_duct(*messages[DUCT], travel_rad(parameters, options))
         if DUCT in messages
@@ -452,13 +453,30 @@ def _setpoints(messages: Messages) -> Setpoints:
     )
 
 
-def _events(messages: Messages) -> tuple[LogEvent, ...]:
+def _events(messages: Messages, steps: Sequence[ClockStep]) -> tuple[LogEvent, ...]:
     """Return the events. Modes and arming come from HEARTBEAT; in a log without it, from texts."""
-    events = _text_events(*messages["STATUSTEXT"]) if "STATUSTEXT" in messages else []
-    if _HEARTBEAT in messages:
+    sources = {
+        name: (_times_after_restart(messages[name][0], steps), messages[name][1])
+        for name in ("STATUSTEXT", _HEARTBEAT)
+        if name in messages
+    }
+    events = _text_events(*sources["STATUSTEXT"]) if "STATUSTEXT" in sources else []
+    if _HEARTBEAT in sources:
         events = [event for event in events if not isinstance(event.value, ModeChanged | Armed)]
-        events += _state_events(*messages[_HEARTBEAT])
+        events += _state_events(*sources[_HEARTBEAT])
     return tuple(sorted(events, key=lambda event: event.time_s))
+
+
+def _times_after_restart(time_s: Array, steps: Sequence[ClockStep]) -> Array:
+    """Return the times of messages; those after a restart are at least the latest before it.
+
+    Samples after the restart are left out until then: a test there would get other samples.
+    """
+    behind = np.maximum.accumulate(time_s) - time_s > MAX_LATENCY_S
+    if not steps or not behind.any():
+        return time_s
+    first = int(np.argmax(behind))
+    return np.concatenate((time_s[:first], np.maximum(time_s[first:], steps[0].time_s)))
 
 
 def _text_events(time_s: Array, record: NDArray[Any]) -> list[LogEvent]:

@@ -89,6 +89,12 @@ def tlog(
     return path
 
 
+def entries() -> list[recording.Entry]:
+    """Return the messages of the dive, without parameters, for a log of a recorder."""
+    dive = _messages(_output_status, True, _attitude, _local_position, clock=False)
+    return [entry for entry in dive if entry[1].msgname != "PARAM_VALUE"]
+
+
 def _messages(
     commands: Callable[[Sample], object],
     texts: bool,

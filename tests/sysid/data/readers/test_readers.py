@@ -35,6 +35,7 @@ from sysid.data.segments import MarkedInterval
 from sysid.planes import Plane
 from sysid.prior_knowledge import RefitError
 from sysid.screening import screen
+from tests.sysid import recording
 from tests.sysid.data.readers import files
 
 WRITERS: dict[str, Callable[[Path], Path]] = {
@@ -698,3 +699,18 @@ def test_test_after_a_restart_is_refused_by_its_clock(
     before, after = segments.cut_runs(known, ())
     assert before.clock_back == ""
     assert re.search(r"went back by \d+.0 s \(a restart\?\)", after.clock_back)
+
+
+def test_test_after_a_restart_in_an_mcap_is_refused_by_its_clock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entries = files.entries()
+    monkeypatch.setattr(files, "BOOTED_S", 3.0)
+    path = recording.write(
+        tmp_path / "dive.mcap", [*entries, *files.entries()], {"ACT_TRAVEL_DEG": 12.0}
+    )
+    log = readers.read(path, FROM_LOG)
+    known = replace(log, parameters={**log.parameters, segments.LOOP_RATE: RATE_HZ})
+    before, after = segments.cut_runs(known, ())
+    assert before.clock_back == ""
+    assert "went back by 137.0 s (a restart?)" in after.clock_back
