@@ -15,6 +15,8 @@ import socket
 import subprocess
 import sys
 import urllib.request
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from statistics import mean
 from typing import NamedTuple
@@ -150,13 +152,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("name", TUTORIALS)
-def test_tutorial_runs_as_written(name: str, folder: Path) -> None:
+@cache
+def run_tutorial(name: str, folder: Path) -> None:
+    """Run the commands of a tutorial, once."""
     for words in commands_of_tutorial(name):
         run(words, folder)
 
 
-def test_commands_that_use_files_run(folder: Path) -> None:
+@cache
+def run_commands_that_use_files(folder: Path) -> None:
+    """Run FILES, once, after the tutorials."""
+    for name in TUTORIALS:
+        run_tutorial(name, folder)
     # Files of a campaign for the sweep; the last command here writes the model of another vehicle.
     (folder / "campaign").mkdir()
     for name in ("model.json", "gains.param"):
@@ -173,23 +180,50 @@ def test_commands_that_use_files_run(folder: Path) -> None:
         run(tuple(command.split()), folder)
 
 
-def test_sweep_of_the_docs_is_flown_and_reported(folder: Path) -> None:
-    """The plan as documented, with fewer samples; the report has the documented headings."""
-    blocks = blocks_of(DOCS / "sweep.md")
-    plan, *_ = (b.text for b in blocks if b.first_line == "# class.toml")
-    shown, *_ = (b.text for b in blocks if b.first_line.startswith("$ ground sweep class.toml"))
+@cache
+def run_sweep(folder: Path) -> str:
+    """Fly the plan as documented with fewer samples, once; return the report."""
+    run_commands_that_use_files(folder)
+    plan, *_ = (b.text for b in blocks_of(DOCS / "sweep.md") if b.first_line == "# class.toml")
     fewer, count = re.subn(r"^samples = \d+", "samples = 2", plan, flags=re.M)
     assert count == 1
     (folder / "class.toml").write_text(fewer, encoding="utf-8")
     run(("ground", "sweep", "class.toml"), folder)
-    report = run_python("-m", "ground", "sweep", "report", "class", folder=folder)
+    return run_python("-m", "ground", "sweep", "report", "class", folder=folder)
+
+
+@pytest.mark.parametrize("name", TUTORIALS)
+def test_tutorial_runs_as_written(name: str, folder: Path) -> None:
+    run_tutorial(name, folder)
+
+
+def test_commands_that_use_files_run(folder: Path) -> None:
+    run_commands_that_use_files(folder)
+
+
+def test_sweep_of_the_docs_is_flown_and_reported(folder: Path) -> None:
+    """The report has the documented headings."""
+    blocks = blocks_of(DOCS / "sweep.md")
+    shown, *_ = (b.text for b in blocks if b.first_line.startswith("$ ground sweep class.toml"))
+    report = run_sweep(folder)
     headings = [line.split() for line in shown.splitlines() if line.startswith(" vehicle")]
     assert headings
     assert all(words in [line.split() for line in report.splitlines()] for words in headings)
 
 
-@pytest.mark.parametrize("page", ["gains.md", "logs.md", "sweep.md"])
-def test_python_of_page_runs(page: str, folder: Path) -> None:
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize(
+    ("page", "make_files"),
+    [
+        ("gains.md", run_commands_that_use_files),
+        ("logs.md", partial(run_tutorial, TUTORIALS[0])),
+        ("sweep.md", run_sweep),
+    ],
+    ids=["gains", "logs", "sweep"],
+)
+def test_python_of_page_runs(page: str, make_files: Callable[[Path], object], folder: Path) -> None:
+    """The programs use files that commands of the documentation make."""
+    make_files(folder)
     shutil.copy(folder / "run.mcap", folder / "dive.mcap")
     (folder / "page.py").write_text(python_of(page), encoding="utf-8")
     assert run_python("page.py", folder=folder)
