@@ -135,8 +135,8 @@ def export_csv(path: Path, out: Path) -> list[Path]:
 def write_state(log: Log, target: Path) -> Path:
     """Write the state of the vehicle as a new CSV file, which `ground refit` reads.
 
-    A line before the header, which begins with #, gives the rate of the autopilot's loops if it is
-    known: a fit needs it for the delay.
+    The column ``loop_hz`` gives the rate of the autopilot's loops in every row, if it is known: a
+    fit needs it for the delay.
 
     Parameters
     ----------
@@ -157,8 +157,9 @@ def write_state(log: Log, target: Path) -> Path:
     """
     state: dict[str, list[Any]] = dict(_flatten(_without_empty(state_table.state_table(log))))
     state["test"] = state_table.tested_surfaces(log)
-    loop_hz = segments.loop_rate_hz(log.parameters)
-    return _write_csv(target, state, f"# {segments.LOOP_RATE} = {loop_hz:g}\n" if loop_hz else "")
+    if loop_hz := segments.loop_rate_hz(log.parameters):
+        state["loop_hz"] = [loop_hz] * len(state["test"])
+    return _write_csv(target, state)
 
 
 def export_mat(path: Path, target: Path) -> None:
@@ -291,10 +292,9 @@ def _mat_values(values: NDArray[Any]) -> NDArray[Any]:
     return np.array([bytes(value).decode("utf-8", "replace") for value in values], dtype=object)
 
 
-def _write_csv(target: Path, columns: Mapping[str, list[Any]], comment: str = "") -> Path:
-    """Write columns as a new CSV file, after a comment, and return its path."""
+def _write_csv(target: Path, columns: Mapping[str, list[Any]]) -> Path:
+    """Write columns as a new CSV file, and return its path."""
     with target.open("x", encoding="utf-8", newline="") as file:
-        file.write(comment)
         rows = zip(*columns.values(), strict=True)
         csv.writer(file, lineterminator="\n").writerows([list(columns), *rows])
     return target

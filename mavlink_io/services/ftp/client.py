@@ -19,6 +19,8 @@ CRC_TIMEOUT_S = 5.0
 """Wall time before a checksum request is repeated, in seconds: the vehicle reads the whole file."""
 MAX_REPAIRS = 32
 """Maximum number of lost pieces that are requested at once."""
+MAX_BURST = 0x7FFF
+"""Maximum number of packets of a burst; numbers further ahead are of requests before it."""
 MAX_REQUESTS = 256
 """Number of the last requests whose answers count: more than can be under way."""
 
@@ -322,15 +324,20 @@ class _FtpDownload(_FtpExchange[int]):
     def _is_requested(self, packet: Packet) -> bool:
         """Return whether data answer a request, by their number and their place in the file.
 
-        Packet k of a burst, from 0, has the number of the request plus 1 + k. It begins k requested
-        lengths after the requested place. Source: https://mavlink.io/en/services/ftp.html.
+        Packet k of a burst, from 0, has the number of the request plus 1 + k. It begins at most k
+        requested lengths after the requested place: a vehicle may send fewer bytes in each.
+        Source: https://mavlink.io/en/services/ftp.html.
         """
-        return any(
-            request.opcode == packet.requested
-            and packet.offset - request.offset
-            == request.size * (packet.sequence - payload.next_sequence(request.sequence) & 0xFFFF)
-            for request in reversed(self._requests)
-        )
+        for request in self._requests:
+            number = packet.sequence - payload.next_sequence(request.sequence) & 0xFFFF
+            ahead = packet.offset - request.offset
+            if (
+                request.opcode == packet.requested
+                and number <= MAX_BURST
+                and number <= ahead <= request.size * number
+            ):
+                return True
+        return False
 
     def _handle_read_error(self, packet: Packet) -> None:
         """Process the end of a burst at the end of the file, or an error."""

@@ -53,6 +53,8 @@ from sysid.data.readers.servo_channels import (
 )
 from sysid.data.segments import LOOP_RATE
 
+LOOP = "loop"
+"""Quantity of the column ``loop_hz``, the rate of the autopilot's loops in every row."""
 _UNITS = {
     "heading": {"_deg": math.radians(1.0), "_rad": 1.0},
     "pitch": {"_deg": math.radians(1.0), "_rad": 1.0},
@@ -71,6 +73,7 @@ _UNITS = {
     "ax": {"_mps2": 1.0},
     "ay": {"_mps2": 1.0},
     "az": {"_mps2": 1.0},
+    LOOP: {"_hz": 1.0},
 }
 """Factor to SI units by suffix, for each quantity."""
 _MAX_ABS = {
@@ -99,6 +102,7 @@ _RANGES = {
     "ax": (-1000.0, 1000.0),
     "ay": (-1000.0, 1000.0),
     "az": (-1000.0, 1000.0),
+    LOOP: (1.0, 10_000.0),
 }
 """Smallest and largest value of a single cell in SI units, which no vehicle exceeds."""
 MIN_DEPTH_M = -1.0
@@ -231,7 +235,9 @@ def _parse(path: Path) -> _Table:
         raise LogError(
             f"{path}: column {TEST}: {unknown[0]!r}; give rudder, elevator, both or nothing"
         )
-    time_s = columns.pop(TIME)
+    loop_hz, time_s = columns.pop(LOOP, np.array([])), columns.pop(TIME)
+    if (known_hz := loop_hz[np.isfinite(loop_hz)]).size:
+        parameters[LOOP_RATE] = float(known_hz[0])
     if not np.all(np.isfinite(time_s)):
         line = numbered[1 + int(np.argmin(np.isfinite(time_s)))][0]
         raise LogError(f"{path}: line {line}: no {TIME}; every row needs its time")
