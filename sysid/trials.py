@@ -331,9 +331,10 @@ def _local_processes(module: str, jobs: int) -> Iterator[Executor]:
     executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin)
     try:
         yield executor
-    except BrokenProcessPool:
-        # The executor does not end a process that it started while another one died, and would
-        # wait for it forever (seen with Python 3.11).
+    except BaseException:
+        # After an interruption the executor would wait for the trials that run. After the death of
+        # a process it does not end one that it started meanwhile, and would wait for it forever
+        # (seen with Python 3.11).
         for process in list((executor._processes or {}).values()):
             process.kill()
         raise

@@ -42,7 +42,7 @@ from ground.client.dive_symptoms import Symptom, SymptomKind
 from ground.client.flight import Dive, FlightProgress, TelemetryListener, fly_simulated
 from ground.missions import scaling, script
 from ground.simulation.processes import SimulatedVehicle, Simulation
-from ground.simulation.subprocesses import ForkedProcess
+from ground.simulation.subprocesses import ForkedProcess, stop_loading_fork_server
 from mavlink_io.errors import CaribouError, OperationError
 from mavlink_io.mission_items import MissionItem
 from sysid.data import readers
@@ -235,8 +235,9 @@ class CampaignDives:
 
     def stop_all(self) -> None:
         """Stop all simulations, and start no more."""
+        self._cancelled = True
+        stop_loading_fork_server()  # a start that waits for it holds the lock
         with self._lock:
-            self._cancelled = True
             for simulated in self._simulated:
                 simulated.stop()
 

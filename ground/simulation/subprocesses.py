@@ -7,20 +7,25 @@ this process.
 
 import importlib
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
-from multiprocessing import parent_process
+from multiprocessing import forkserver, parent_process
 from pathlib import Path
+from threading import Event
 from typing import Protocol
 
 from ground.simulation import affinity
 from mavlink_io import parent_watch
+from mavlink_io.errors import OperationError
 
 PRELOADED_MODULES = ("__main__", "autopilot.cli", "autopilot.preload", "sitl.preload")
 """Modules that the fork server loads before it forks. `__main__` is the running command, which
 multiprocessing would otherwise load in each child."""
 _SOURCES = str(Path(__file__).parents[2])
+_fork_server_is_loaded = Event()
+"""Set when the fork server has forked a process: it has loaded `PRELOADED_MODULES`."""
 
 
 class ChildProcess(Protocol):
@@ -140,6 +145,17 @@ def start_fork_server() -> None:
     parent_watch.start_fork_server(PRELOADED_MODULES)
 
 
+def stop_loading_fork_server() -> None:
+    """Kill the fork server if it still loads modules; starts that wait for it fail.
+
+    To compile the simulator takes it up to four minutes. A fork server that has loaded is kept:
+    without it the exit status of its processes is unknown.
+    """
+    pid = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+    if pid is not None and not _fork_server_is_loaded.is_set():
+        os.kill(pid, signal.SIGKILL)
+
+
 class ForkedProcess:
     """A child forked from a server process that has loaded `PRELOADED_MODULES`.
 
@@ -153,13 +169,24 @@ class ForkedProcess:
         Arguments of its command line.
     stderr_file : Path
         File to which its standard error is appended.
+
+    Raises
+    ------
+    OperationError
+        The server ended before it forked the process.
     """
 
     def __init__(self, module: str, arguments: Sequence[str], stderr_file: Path) -> None:
         self._process = parent_watch.fork_context(PRELOADED_MODULES).Process(
             target=_run, args=(module, list(arguments), stderr_file), daemon=True
         )
-        self._process.start()
+        try:
+            self._process.start()
+        except EOFError:
+            raise OperationError(
+                f"{module}: the process that loads the programs ended: is there enough memory?"
+            ) from None
+        _fork_server_is_loaded.set()
 
     def poll(self) -> int | None:
         """Return the exit status, None while the process runs."""

@@ -225,6 +225,21 @@ def test_store_gets_keys_first_and_replaces_results(runs: Path) -> None:
 
 
 @pytest.mark.process
+@pytest.mark.timeout(60)
+def test_interrupted_study_ends_running_trials() -> None:
+    def interrupt() -> None:
+        """Interrupt this process while a trial runs in another one."""
+        with trials._local_processes(__name__, 1) as executor:
+            running = executor.submit(time.sleep, 600.0)
+            while not running.running():
+                time.sleep(0.01)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupt()
+
+
+@pytest.mark.process
 def test_killed_study_continues_and_leaves_no_process(tmp_path: Path, runs: Path) -> None:
     keep, count = tmp_path / "kept", 40
     program = (

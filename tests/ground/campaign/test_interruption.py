@@ -1,0 +1,53 @@
+"""A campaign that is interrupted while the simulator loads or compiles."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TIMEOUT_S = 60.0
+"""Wall time in which the command must load its libraries and end."""
+SLOW_MODULE = """
+import sys, time
+print("loading", file=sys.stderr, flush=True)
+time.sleep(600.0)  # longer than any compilation
+"""
+CAMPAIGN = """
+import sys
+from ground.simulation import subprocesses
+
+if __name__ == "__main__":
+    subprocesses.PRELOADED_MODULES = ("slow_module",)
+    from ground.__main__ import main
+
+    sys.argv = ["ground", "campaign", "--jobs", "2", "--out", sys.argv[1]]
+    main()
+"""
+
+
+@pytest.mark.process
+@pytest.mark.timeout(2 * TIMEOUT_S)
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 1)])
+def test_campaign_signal_while_simulator_loads_ends_it(
+    number: signal.Signals, status: int, tmp_path: Path
+) -> None:
+    (tmp_path / "slow_module.py").write_text(SLOW_MODULE)
+    script = tmp_path / "interrupted.py"
+    script.write_text(CAMPAIGN)
+    sources = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[3])])
+    command = [sys.executable, str(script), str(tmp_path / "out")]
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": sources}
+    ) as campaign:
+        assert campaign.stderr is not None
+        lines = list[str]()
+        while "loading\n" not in lines or not any("trims" in line for line in lines):
+            lines.append(campaign.stderr.readline())
+            assert lines[-1], "the campaign ended"
+        campaign.send_signal(number)
+        rest = campaign.stderr.read()  # also the fork server has closed it
+        assert campaign.wait(TIMEOUT_S) == status
+    assert rest == "ground: interrupted; what was written is kept\n"
