@@ -53,14 +53,18 @@ class SimulatorOptions(NamedTuple):
     """Autopilot options that ``backends.factory.check_options`` has accepted."""
 
 
-_COMPILER_NOTICE = (
-    "sitl: compiling the physics, once, for up to 4 minutes; --no-compile begins in Python"
-)
+_COMPILER_NOTICE = "sitl: compiling the physics, once, for up to 4 minutes"
 
 
 def needs_compiler() -> bool:
     """Return whether the physics have to be compiled before the first tick."""
     return jit.COMPILED and not jit.is_stored(tick.advance)
+
+
+def report_compilation(alternative: str = "") -> None:
+    """Print one line on stderr if the physics have to be compiled; it ends with an alternative."""
+    if needs_compiler():
+        print(_COMPILER_NOTICE + alternative, file=sys.stderr, flush=True)
 
 
 def run(options: SimulatorOptions) -> None:
@@ -77,8 +81,7 @@ def run(options: SimulatorOptions) -> None:
     if options.place_m is not None:
         site = scenario.with_place(site, *options.place_m)
     build = cache(partial(plant.build, config.load(options.vehicle), site))
-    if needs_compiler():
-        print(_COMPILER_NOTICE, file=sys.stderr, flush=True)
+    report_compilation("; --no-compile begins in Python")
     # Report bad input and compile the physics before an autopilot waits for the first frame.
     warm_up(build(DEFAULT_TIMESTEP))
     # What is loaded now lives until the end of the process. Visiting it then, to collect garbage,

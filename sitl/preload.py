@@ -9,4 +9,5 @@ from sitl.backends import factory as _factory  # noqa: F401 - the same
 from sitl.core import plant
 from sitl.vehicle import config
 
+app.report_compilation()
 app.warm_up(plant.build(config.load("caribou_truth"), scenario.load("calm")))
