@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from ground.rendered import Rendered
-from mavlink_io.errors import InputError
+from mavlink_io.errors import FAILED, InputError, OperationError, exit_with_error
 from mavlink_io.printable import printable, printable_lines
 
 
@@ -141,8 +142,24 @@ def print_result(result: dict[str, Any] | msgspec.Struct, text: str, as_json: bo
 
 
 def say(text: str) -> None:
-    """Print text on stdout with control characters escaped, unless it is escaped already."""
-    print(text if isinstance(text, Rendered) else printable_lines(text))
+    """Print text on stdout with control characters escaped, unless it is escaped already.
+
+    Exits if stdout cannot be written: without a message if its reader has ended, as `head` does.
+    """
+    try:
+        print(text if isinstance(text, Rendered) else printable_lines(text), flush=True)
+    except BrokenPipeError:
+        _discard_stdout()
+        sys.exit(FAILED)
+    except OSError as error:
+        _discard_stdout()
+        exit_with_error("ground", OperationError(f"stdout: {error.strerror}"))
+
+
+def _discard_stdout() -> None:
+    """Send stdout to nowhere: Python writes the rest of its buffer at exit."""
+    with Path(os.devnull).open("wb") as null:
+        os.dup2(null.fileno(), sys.stdout.fileno())
 
 
 def remark(message: object) -> None:

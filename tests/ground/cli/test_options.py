@@ -2,6 +2,10 @@
 
 import json
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -63,3 +67,32 @@ def test_json_of_values_that_are_no_numbers_is_null() -> None:
         "b": [None, 1.5],
         "c": "NaN\x7f\x1b",
     }
+
+
+@pytest.mark.process
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+@pytest.mark.parametrize("arguments", ["missions", "log info missing.mcap --json"])
+def test_full_stdout_is_one_line(arguments: str) -> None:
+    """With --json the error itself is also printed on stdout."""
+    with Path("/dev/full").open("wb") as full:
+        done = _run_ground(arguments, stdout=full.fileno())
+    assert done.stderr == "ground: stdout: No space left on device\n"
+    assert done.returncode == 1
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("arguments", ["missions", "log info missing.mcap --json"])
+def test_closed_pipe_on_stdout_is_quiet(arguments: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = _run_ground(arguments, stdout=writer)
+    os.close(writer)
+    assert done.stderr == ""
+    assert done.returncode == 1
+
+
+def _run_ground(arguments: str, stdout: int) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "ground", *arguments.split()]
+    return subprocess.run(
+        command, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, timeout=60.0
+    )
