@@ -9,7 +9,7 @@ import pytest
 
 from ground.paper import figure_rows, flights, page, table_rows
 from ground.paper.flights import PaperFlights, PaperRequest
-from ground.paper.reproduction import NOT_FLOWN, PARTLY, Reproduction
+from ground.paper.reproduction import NOT_FLOWN, PARTLY, Reproduction, reproduce
 from ground.report.figures import Curve, Figure, Panel
 from mavlink_io.errors import InputError
 from mavlink_io.vehicle_modes import VehicleMode
@@ -18,6 +18,7 @@ from sysid.monitor.tracking_metrics import Spread, SteadyWindow
 from sysid.planes import Plane
 from sysid.reproduction.comparison import PublishedComparison, Verdict, statement, within
 from sysid.reproduction.discrepancies import Discrepancy
+from tests.browser import needs_chromium, opened
 
 
 def result(*rows: PublishedComparison, confirmed: bool = True) -> Reproduction:
@@ -53,6 +54,21 @@ def test_page_shows_figure_and_escapes_text(tmp_path: Path) -> None:
     assert 'id="figure-7"' in html
     assert "&lt;step&gt;" in html
     assert "<step>" not in html
+
+
+@needs_chromium
+@pytest.mark.process
+def test_tables_fit_a_wide_window(tmp_path: Path) -> None:
+    """The last column contains the reason of a verdict."""
+    target = page.write(reproduce(), [], tmp_path / "paper.html")
+    with opened(target, tmp_path / "profile") as shown:
+        shown.resize(1600, 1200)
+        cut = shown.run(
+            "return [...document.querySelectorAll('.scroll')]"
+            ".filter(e => e.scrollWidth > e.clientWidth)"
+            ".map(e => e.previousElementSibling.innerText)"
+        )
+    assert cut == []
 
 
 def window(heading_deg: float, pitch_deg: float, depth_m: float) -> SteadyWindow:
