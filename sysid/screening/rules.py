@@ -111,8 +111,8 @@ def unsteady_start(run: Run, usual: UsualPreroll) -> str:
     depth_rate_mps = abs(window.climb_mps)
     if depth_rate_mps > usual.climb_allowed_mps:
         return (
-            f"unsteady start: depth changing at {depth_rate_mps:.2f} m/s, at most"
-            f" {usual.climb_allowed_mps:.2f} in this sea"
+            f"unsteady start: depth changing at {depth_rate_mps:.3g} m/s, at most"
+            f" {usual.climb_allowed_mps:.3g} in this sea"
         )
     return ""
 

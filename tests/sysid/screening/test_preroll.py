@@ -10,6 +10,8 @@ from sitl.vehicle import config
 from sysid.data.runs import Run
 from sysid.planes import Plane
 from sysid.screening import screen
+from sysid.screening.preroll import UsualPreroll
+from sysid.screening.rules import unsteady_start
 from tests.sysid import sea
 
 
@@ -65,3 +67,12 @@ def test_unsteady_start_limit_is_robust_to_one_run(calm: list[Run]) -> None:
         r_radps=calm[1].r_radps + math.radians(5.0) * np.sin(calm[1].time_s) * calm[1].preroll,
     )
     assert unsteady([calm[0], wild, *calm[2:]], 0.7)
+
+
+def test_unsteady_start_reason_shows_excess_over_limit(calm: list[Run]) -> None:
+    """Two decimals read as the limit."""
+    sinking = replace(calm[0], depth_m=0.0512 * calm[0].time_s)
+    usual = UsualPreroll(rate_radps=0.0, rate_allowed_radps=1.0, climb_allowed_mps=0.05)
+    assert unsteady_start(sinking, usual) == (
+        "unsteady start: depth changing at 0.0512 m/s, at most 0.05 in this sea"
+    )
