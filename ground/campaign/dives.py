@@ -192,6 +192,7 @@ class CampaignDives:
         if record := self.records.find(name, log, request_sha256):
             self.outcomes[name] = record
             return ""
+        log.unlink(missing_ok=True)  # of a dive that was interrupted or is repeated
         listener = self.listen(name, dive.items) if self.listen else None
         outcome = fly_simulated(
             dive,

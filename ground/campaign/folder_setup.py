@@ -3,11 +3,15 @@
 Files that no campaign writes are never removed.
 """
 
+import fcntl
 import importlib.metadata
 import json
+import os
 import platform
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 from ground.campaign.campaign_folder import (
     CAMPAIGN_FILE,
@@ -55,6 +59,47 @@ def is_finished(out: Path) -> bool:
     """
     results = all((out / name).is_file() for name in RESULTS)
     return results and not (out / RECORDS_FILE).exists()
+
+
+class FolderLock:
+    """Lock of a folder against other campaigns, until the end of a `with` block or the process."""
+
+    def __init__(self, out: Path) -> None:
+        self._out = out
+        self._descriptor: int | None = None
+
+    def __enter__(self) -> Self:
+        """Lock the folder if it exists, and return this object. Raises InputError as `take`."""
+        self.take()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
+    ) -> None:
+        """Release the folder."""
+        descriptor, self._descriptor = self._descriptor, None
+        if descriptor is not None:
+            os.close(descriptor)
+
+    def take(self) -> None:
+        """Lock the folder if it exists. Raises InputError if another campaign has locked it."""
+        if self._descriptor is not None or not self._out.is_dir():
+            return
+        descriptor = os.open(self._out, os.O_RDONLY)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(descriptor)
+            raise InputError(
+                f"--out {self._out}: another campaign is running in this folder; wait for its end,"
+                " or give another folder"
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+        self._descriptor = descriptor
 
 
 def refuse_folder(request: CampaignRequest) -> None:

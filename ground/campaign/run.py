@@ -32,7 +32,13 @@ from ground.campaign.failsafe_limits import (
     limit_dives,
     limit_tests,
 )
-from ground.campaign.folder_setup import RESULTS, is_finished, prepare_folder, refuse_folder
+from ground.campaign.folder_setup import (
+    RESULTS,
+    FolderLock,
+    is_finished,
+    prepare_folder,
+    refuse_folder,
+)
 from ground.campaign.preparation import Preparation, PreparationRequest, flown_file, prepare
 from ground.campaign.request import ALL_MISSIONS, IDENTIFICATION, TRIM_MISSION, CampaignRequest
 from ground.campaign.summary_file import CampaignSummary, DesignSummary, RetestSummary
@@ -91,9 +97,15 @@ class Campaign:
         self.dives = CampaignDives(request, watch, announce, listen)
         self.retests: list[RetestSummary] = []
         self._prepared = False
+        self._lock = FolderLock(request.out)
 
     def run(self) -> CampaignSummary:
         """Run the campaign; write and return the summary. Raises InputError, OperationError."""
+        with self._lock:
+            return self._run_locked()
+
+    def _run_locked(self) -> CampaignSummary:
+        """Run the campaign in its folder."""
         refuse_folder(self.request)
         if self.request.resume and is_finished(self.request.out):
             return summary_file.read(self.request.out / "summary.json")
@@ -203,6 +215,7 @@ class Campaign:
     def _write_folder(self, preparation: Preparation) -> None:
         """Prepare the folder and write the files of a preparation."""
         prepare_folder(self.request, preparation.notes)
+        self._lock.take()  # the folder may be new
         self._prepared = True
         for name, text in preparation.files.items():
             path = self.request.out / name

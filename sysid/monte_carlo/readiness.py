@@ -163,6 +163,11 @@ class Readiness:
         ----------
         dive : SimulatedDive
             Simulated mission.
+
+        Returns
+        -------
+        bool
+            Whether the largest true depth is below MIN_DEPTH_SHARE of the largest set-point.
         """
         reached_m, asked_m = _depths_m(dive)
         return reached_m < MIN_DEPTH_SHARE * asked_m

@@ -39,6 +39,7 @@ def test_dive_with_tests_is_repeated_with_smaller_ones_after_a_failsafe(
     pitches: list[float] = []
 
     def fly(dive: Any, *_: object, **__: object) -> FlightResult:
+        assert not dive.log.exists(), "the log of the attempt before"
         sizes.append(next(item.p2 for item in dive.items if item.command == MavCmd.USER_1))
         pitches.append(dive.parameters.get("SID_PITCH_MAX", 35.0))
         dive.log.write_bytes(b"")

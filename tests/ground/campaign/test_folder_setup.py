@@ -17,6 +17,24 @@ from ground.cli.main import app
 from mavlink_io.errors import InputError
 
 
+@pytest.mark.parametrize(("resume", "force"), [(False, False), (True, False), (False, True)])
+def test_campaign_folder_of_running_campaign_refused(
+    resume: bool, force: bool, tmp_path: Path
+) -> None:
+    folder_setup.prepare_folder(CampaignRequest(tmp_path))
+    (log := tmp_path / "identification" / "rudder_steps.mcap").parent.mkdir()
+    log.write_bytes(b"being written")
+    request = CampaignRequest(tmp_path, resume=resume, force=force)
+    second = Campaign(request, lambda name, at: None, lambda words: None)
+    with folder_setup.FolderLock(tmp_path):
+        for _ in range(2):
+            with pytest.raises(InputError, match="another campaign is running in this folder"):
+                second.run()
+    assert log.read_bytes() == b"being written"
+    with second._lock:  # the first one has ended
+        pass
+
+
 def test_campaign_folder_with_other_files_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(InputError, match="no campaign"):
