@@ -124,6 +124,7 @@ def _ramp(message: MessageType, value: float) -> dict[str, float | tuple[float, 
 
 def _record_us(frames: list[Frame], path: Path) -> float:
     """Return the processor time of the recorder per message (us), with the index at the end."""
+    path.unlink(missing_ok=True)
     recorder = Recorder(path)
     began_s = time.process_time()
     for frame in frames:

@@ -49,16 +49,16 @@ class Recorder:
     Parameters
     ----------
     path : Path
-        MCAP file to write.
+        New MCAP file to write.
     tlog : Path, optional
-        Telemetry log to write beside it.
+        New telemetry log to write beside it.
     now_unix_ns : callable
         Return the UNIX time (ns).
 
     Raises
     ------
     OSError
-        A file cannot be opened; none is left behind.
+        A file exists or cannot be opened; none is left behind.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Recorder:
         self._opened_unix_ns = now_unix_ns()
         self._streams: dict[tuple[int, int, int], _Stream] = {}
         self._clocks: dict[int, _Clock] = {}
-        self._file = open_output(path)
+        self._file = open_output(path, "xb")
         try:
             self._tlog = TelemetryLog(tlog) if tlog else None
         except OSError:

@@ -35,16 +35,16 @@ class TelemetryLog:
     Parameters
     ----------
     path : Path
-        The file; an old one is overwritten.
+        New file.
 
     Raises
     ------
     OSError
-        The file cannot be opened.
+        The file exists or cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
-        self._file = open_output(path)
+        self._file = open_output(path, "xb")
         self._time_us = 0
 
     def write(self, time_us: int, raw: bytes) -> None:

@@ -121,6 +121,15 @@ def test_telemetry_log_that_cannot_be_opened_leaves_no_file(tmp_path: Path) -> N
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", ["a.mcap", "a.tlog"])
+def test_log_of_another_recorder_is_kept(name: str, tmp_path: Path) -> None:
+    """Two commands that began at once both found the name free."""
+    (tmp_path / name).write_bytes(b"other")
+    with pytest.raises(FileExistsError):
+        Recorder(tmp_path / "a.mcap", tmp_path / "a.tlog")
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"other"]
+
+
 @pytest.mark.parametrize("name", dialect.names())
 def test_every_message_of_the_dialect_reads_back_equal(name: str, tmp_path: Path) -> None:
     message = dialect.by_name(name)
@@ -129,6 +138,7 @@ def test_every_message_of_the_dialect_reads_back_equal(name: str, tmp_path: Path
     @given(st.tuples(*(value_of(field) for field in message.fields)))
     def check(values: tuple[Any, ...]) -> None:
         path = tmp_path / "log.mcap"
+        path.unlink(missing_ok=True)
         record(path, [frame_from(message, values)])
         ((topic, _, decoded),) = read(path)
         assert topic == f"/mavlink/1/1/{name}"
