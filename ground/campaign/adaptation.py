@@ -58,7 +58,9 @@ def adapt(
         gives the reason.
     """
     adapted = {
-        name: _fit_envelope(check, script, max_deg) if _tests(script) else script
+        name: _fit_envelope(check, _leave_surface(check, script), max_deg)
+        if _tests(script)
+        else script
         for name, script in scripts.items()
     }
     notes = [
@@ -82,10 +84,7 @@ def _fit_envelope(check: Readiness, script: Script, max_deg: Mapping[str, float]
         except MissionRejectedError:
             return script
         if check.stays_afloat(dive):
-            if scaling.descends_at_full_thrust(script):
-                return script
-            script = scaling.descend_at_full_thrust(script)
-            continue
+            return script
         changed = scaling.scale_tests(script, _corrections(check, dive, script), max_deg)
         if _unsettled(check, dive, script):
             changed = scaling.lengthen_legs(changed, LONGER)
@@ -93,6 +92,20 @@ def _fit_envelope(check: Readiness, script: Script, max_deg: Mapping[str, float]
             return script
         script = changed
     return script
+
+
+def _leave_surface(check: Readiness, script: Script) -> Script:
+    """Return a mission with a descent at full thrust if the vehicle does not dive without.
+
+    Waves can help it down, so it must dive in calm water too: the coherence compares both.
+    """
+    items = compile_items(script)
+    try:
+        dives = (check.fly(items, disturbance) for disturbance in (1.0, 0.0))
+        is_afloat = any(map(check.stays_afloat, dives))
+    except MissionRejectedError:
+        return script
+    return scaling.descend_at_full_thrust(script) if is_afloat else script
 
 
 def _corrections(check: Readiness, dive: SimulatedDive, script: Script) -> dict[int, float]:

@@ -38,9 +38,11 @@ class FakeCheck:
         rough: bool = False,
         failsafe_deg: float = math.inf,
         diving_pct: float = 0.0,
+        calm_diving_pct: float = 0.0,
     ):
         self.largest_deg, self.wait_s, self.heard_deg = largest_deg, wait_s, heard_deg
-        self.rough, self.failsafe_deg, self.diving_pct = rough, failsafe_deg, diving_pct
+        self.rough, self.failsafe_deg = rough, failsafe_deg
+        self.diving_pct, self.calm_diving_pct = diving_pct, calm_diving_pct
 
     def fly(self, items: Any, disturbance: float = 1.0) -> FakeDive:
         sizes = [item.p2 for item in items if item.command == MavCmd.USER_1]
@@ -53,7 +55,7 @@ class FakeCheck:
         return FakeDive(sizes, leg_s, calm, "", thrust_pct)
 
     def stays_afloat(self, dive: FakeDive) -> bool:
-        return dive.thrust_pct < self.diving_pct
+        return dive.thrust_pct < (self.calm_diving_pct if dive.calm else self.diving_pct)
 
     def outcomes_of_tests(self, dive: FakeDive) -> list[SimulatedTest]:
         return [
@@ -113,6 +115,14 @@ def test_adapt_vehicle_that_stays_afloat_descends_at_full_thrust() -> None:
     mission = adapt(FakeCheck(largest_deg=6.0, diving_pct=90.0), "rudder_steps")
     assert scaling.descends_at_full_thrust(mission)
     assert max(sizes_deg(mission)) <= 6.0
+
+
+def test_adapt_vehicle_that_only_waves_help_down_descends_at_full_thrust() -> None:
+    """Its tests in calm water ended at the surface: coherence 0.00 with those in the sea."""
+    unchanged = script.load("rudder_steps")
+    assert adapt(FakeCheck(calm_diving_pct=90.0), "rudder_steps") == (
+        scaling.descend_at_full_thrust(unchanged)
+    )
 
 
 def test_adapt_unsettled_vehicle_waits_longer() -> None:
