@@ -86,9 +86,9 @@ def campaign(
 
 
 def white(linear: LinearPlane, steps: list[int], rng: np.random.Generator) -> list[Array]:
-    """Draw sensor noise only, with initial states and gyro biases of the noise model."""
+    """Draw white sensor noise, with initial states and gyro biases of the noise model."""
     silent = WHITE._replace(slow_radps2=0.0, wave_radps2=0.0, force_mps15=0.0)
-    return _drawn(linear, silent, steps, rng)
+    return _drawn(linear, silent, steps, rng, drifts=False)
 
 
 def coloured(linear: LinearPlane, steps: list[int], rng: np.random.Generator) -> list[Array]:
@@ -104,14 +104,21 @@ def misspecified(linear: LinearPlane, steps: list[int], rng: np.random.Generator
 
 
 def _drawn(
-    linear: LinearPlane, level: Noise, steps: list[int], rng: np.random.Generator
+    linear: LinearPlane,
+    level: Noise,
+    steps: list[int],
+    rng: np.random.Generator,
+    *,
+    drifts: bool = True,
 ) -> list[Array]:
     """Simulate the noise model's state-space system, all runs in parallel.
 
     x(k+1) = Phi x(k) + w, w ~ N(0, Q);  y = C x + v, v ~ N(0, R);  x(0) ~ N(0, P0), where the
-    vehicle's states are scaled by STEADY.
+    vehicle's states are scaled by STEADY. Without ``drifts`` the measured angle does not drift.
     """
     A, density, C, R, P0 = noise.system(linear, level)
+    if not drifts:
+        C[1, 3:] = 0.0  # the angle is state 2
     Phi, Q = noise.discrete(A, density, DT)
     runs, n = len(steps), len(A)
     values, vectors = np.linalg.eigh(Q)
