@@ -1,4 +1,4 @@
-"""Noise of the linear study: white where the cell says so."""
+"""Noise of the linear study: white for the cells of white noise."""
 
 import math
 
