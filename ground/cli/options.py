@@ -157,7 +157,7 @@ def say(text: str) -> None:
 
 
 def _discard_stdout() -> None:
-    """Send stdout to nowhere: Python writes the rest of its buffer at exit."""
+    """Redirect stdout to the null device: Python writes the rest of its buffer at exit."""
     with Path(os.devnull).open("wb") as null:
         os.dup2(null.fileno(), sys.stdout.fileno())
 

@@ -11,6 +11,7 @@ section 7.5).
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -46,6 +47,8 @@ UNSTEADY, SATURATION = "unsteady start", "saturation"
 MIN_DEPTH_SHARE, MIN_LIMIT_SHARE = 0.5, 0.95
 """Smallest share of the commanded depth that a dive reaches, and share of the largest pitch and of
 the travel from which on a command counts as the largest."""
+KEPT_DIVES = 24
+"""Number of the latest dives that are kept: several checks use the same ones."""
 MIN_STEP_S = 4.5
 """Duration (s) after which a limit may end a step; screening rejects tests of less than 3 s."""
 
@@ -103,6 +106,7 @@ class Readiness:
         self._config = params.config({**gains, **samples.trims_deg(vehicle)})
         self._gains, self._seed = gains, seed
         self._limits = ScreeningLimits(travel_deg=prior.tailcone.travel_deg)
+        self._fly = lru_cache(KEPT_DIVES)(self._simulate)
 
     def fly(self, items: Items, disturbance: float = 1.0) -> SimulatedDive:
         """Simulate one mission.
@@ -124,6 +128,10 @@ class Readiness:
         MissionRejectedError
             The autopilot rejects the mission.
         """
+        return self._fly(items, disturbance)
+
+    def _simulate(self, items: Items, disturbance: float) -> SimulatedDive:
+        """Simulate one mission: the same items and disturbance give the same dive."""
         condition = Sea(disturbance)
         return simulate.fly(
             self._vehicle, self._levels, items, self._config, condition, (self._seed,)

@@ -5,13 +5,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from ground.campaign import (
-    folder_setup,
-)
+from ground.campaign import folder_setup
 from ground.campaign.preparation import Preparation
-from ground.campaign.request import (
-    CampaignRequest,
-)
+from ground.campaign.request import CampaignRequest
 from ground.campaign.run import Campaign
 from ground.cli.main import app
 from mavlink_io.errors import InputError
