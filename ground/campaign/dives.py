@@ -52,6 +52,8 @@ _CRITICAL = 2
 """MAV_SEVERITY_CRITICAL, the severity of texts of failsafes."""
 MAX_ANGLE_DEG = 90.0
 """Largest size of a test (deg): without effect, because tests are only made smaller."""
+LOCK_TIMEOUT_S = 0.05
+"""Wall time (s) for which a start may hold the lock before the fork server is killed."""
 WatchCallback = Callable[[str, FlightProgress], None]
 """Called with the name and the progress of a dive."""
 AnnounceCallback = Callable[[str], None]
@@ -237,10 +239,15 @@ class CampaignDives:
     def stop_all(self) -> None:
         """Stop all simulations, and start no more."""
         self._cancelled = True
-        stop_loading_fork_server()  # a start that waits for it holds the lock
-        with self._lock:
+        stop_loading_fork_server()
+        # a start that waits for the fork server holds the lock, and may have begun another server
+        while not self._lock.acquire(timeout=LOCK_TIMEOUT_S):
+            stop_loading_fork_server()
+        try:
             for simulated in self._simulated:
                 simulated.stop()
+        finally:
+            self._lock.release()
 
 
 def _only_floated_up(failsafes: Sequence[str]) -> bool:

@@ -182,7 +182,7 @@ class ForkedProcess:
         )
         try:
             self._process.start()
-        except EOFError:
+        except (EOFError, ConnectionError):
             raise OperationError(
                 f"{module}: the process that loads the programs ended: is there enough memory?"
             ) from None

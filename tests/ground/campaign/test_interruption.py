@@ -15,12 +15,22 @@ import sys, time
 print("loading", file=sys.stderr, flush=True)
 time.sleep(600.0)  # longer than any compilation
 """
+SERVER_LINES = ("loading\n", "starting\n")
+"""Lines of processes that the campaign was about to start when the signal came."""
 CAMPAIGN = """
-import sys
+import sys, time
+from ground.campaign import dives
 from ground.simulation import subprocesses
+
+def start_after_signal(*arguments):
+    print("starting", file=sys.stderr, flush=True)
+    time.sleep(1.0)
+    return subprocesses.ForkedProcess(*arguments)
 
 if __name__ == "__main__":
     subprocesses.PRELOADED_MODULES = ("slow_module",)
+    if sys.argv[2] == "starting":
+        dives.ForkedProcess = start_after_signal
     from ground.__main__ import main
 
     sys.argv = ["ground", "campaign", "--jobs", "2", "--out", sys.argv[1]]
@@ -30,24 +40,26 @@ if __name__ == "__main__":
 
 @pytest.mark.process
 @pytest.mark.timeout(2 * TIMEOUT_S)
+@pytest.mark.parametrize("moment", ["trims", "starting"])
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 1)])
 def test_campaign_signal_while_simulator_loads_ends_it(
-    number: signal.Signals, status: int, tmp_path: Path
+    moment: str, number: signal.Signals, status: int, tmp_path: Path
 ) -> None:
     (tmp_path / "slow_module.py").write_text(SLOW_MODULE)
     script = tmp_path / "interrupted.py"
     script.write_text(CAMPAIGN)
     sources = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[3])])
-    command = [sys.executable, str(script), str(tmp_path / "out")]
+    command = [sys.executable, str(script), str(tmp_path / "out"), moment]
     with subprocess.Popen(
         command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": sources}
     ) as campaign:
         assert campaign.stderr is not None
         lines = list[str]()
-        while "loading\n" not in lines or not any("trims" in line for line in lines):
+        while "loading\n" not in lines or not any(moment in line for line in lines):
             lines.append(campaign.stderr.readline())
             assert lines[-1], "the campaign ended"
         campaign.send_signal(number)
         rest = campaign.stderr.read()  # also the fork server has closed it
         assert campaign.wait(TIMEOUT_S) == status
+    rest = "".join(line for line in rest.splitlines(keepends=True) if line not in SERVER_LINES)
     assert rest == "ground: interrupted; what was written is kept\n"
