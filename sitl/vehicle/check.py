@@ -235,7 +235,11 @@ def _report(
     h, U = model.hydrostatics, config.operating_point.speed_mps
     height_of_cb = h.z_cb_m - h.z_cm_m
     pitch, elevator = level_rad
-    warnings = [*warnings, *_trim_warnings(config, h, degrees(elevator))]
+    warnings = [
+        *warnings,
+        *_trim_warnings(config, h, degrees(elevator)),
+        *_stall_warnings(config),
+    ]
     stiffness = h.weight_n * height_of_cb
     roll = sqrt(stiffness / model.inertia.M[3, 3])
     planes = linearise(model, U)
@@ -300,6 +304,18 @@ def _trim_warnings(config: VehicleConfig, h: Hydrostatics, elevator_deg: float) 
             " vehicle by ballast"
         )
     return warnings
+
+
+def _stall_warnings(config: VehicleConfig) -> list[str]:
+    """Return a warning about fins that turn beyond stall, where they lose force."""
+    fins, travel_deg = config.fins, config.tailcone.travel_deg
+    if fins is None or travel_deg <= fins.stall_deg:
+        return []
+    return [
+        f"tailcone.travel_deg = {travel_deg:g}: fins lose force beyond fins.stall_deg ="
+        f" {fins.stall_deg:g}, and at slow speed full rudder and elevator may spin the vehicle:"
+        " limit the travel"
+    ]
 
 
 _PITCH = ("w", "q", "theta", "depth")

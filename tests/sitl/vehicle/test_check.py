@@ -96,6 +96,14 @@ def test_profile_read_from_csv_file(tmp_path: Path) -> None:
         vehicle_check.check(file)
 
 
+def test_travel_beyond_stall_of_fins_warned(tmp_path: Path) -> None:
+    file = tmp_path / "fins.toml"
+    for travel_deg, warned in ((20.0, False), (25.0, True)):
+        file.write_text(f"{FINNED}\n[tailcone]\ntravel_deg = {travel_deg}\n")
+        found = vehicle_check.check(file).warnings
+        assert any("stall" in text for text in found) == warned
+
+
 def test_caribou_truth_warns_of_effective_coefficients() -> None:
     assert any("effective" in text for text in vehicle_check.check("caribou_truth").warnings)
     assert vehicle_check.check("caribou_nominal").warnings == []
