@@ -6,6 +6,7 @@ Each dive has its own simulator and autopilot process and its own log. Any threa
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from threading import Lock
 
 from ground.campaign.campaign_folder import (
@@ -47,11 +48,15 @@ from mavlink_io.errors import CaribouError, OperationError
 from mavlink_io.mission_items import MissionItem
 from sysid.data import readers
 from sysid.data.events import Failsafe, FailsafeCause, parse_text
+from sysid.monte_carlo.simulate import limit_s
 
 _CRITICAL = 2
 """MAV_SEVERITY_CRITICAL, the severity of texts of failsafes."""
 MAX_ANGLE_DEG = 90.0
 """Largest size of a test (deg): without effect, because tests are only made smaller."""
+ASCENT_S = 1800.0
+"""Vehicle time for the ascent after a mission. A vehicle that is too heavy would be held near the
+surface by its propeller until its battery is weak."""
 LOCK_TIMEOUT_S = 0.05
 """Wall time (s) for which a start may hold the lock before the fork server is killed."""
 WatchCallback = Callable[[str, FlightProgress], None]
@@ -199,7 +204,7 @@ class CampaignDives:
         outcome = fly_simulated(
             dive,
             self._launch(mission),
-            lambda progress: self.watch(name, progress),
+            partial(self._watch, name, limit_s(dive.items) + ASCENT_S),
             listener=listener,
         )
         if outcome.failsafes:
@@ -218,6 +223,15 @@ class CampaignDives:
             self.announce(f"{name}: all steps flown; then {outcome.failsafes[0]}")
         self.outcomes[name] = self.records.add(name, request_sha256, outcome)
         return ""
+
+    def _watch(self, name: str, longest_s: float, progress: FlightProgress) -> None:
+        """Pass on the progress of a dive. Raises OperationError if it takes too long."""
+        if progress.vehicle_s > longest_s:
+            raise OperationError(
+                f"{name}: {progress.depth_m:.1f} m deep {progress.vehicle_s:.0f} s after its start,"
+                " and has not ended: does the vehicle float up by itself?"
+            )
+        self.watch(name, progress)
 
     def _launch(self, mission: str) -> SimulatedVehicle:
         """Start the processes of a dive. Raises OperationError after a cancellation."""

@@ -87,11 +87,13 @@ def prepare(request: PreparationRequest) -> Preparation:
     warnings = prototype.check_flown(flown_file(request))
     content = readiness.scenario_content(request.scenario)
     scripts = {name: script.load(name) for name in request.missions}
+    is_caribou = prototype.is_caribou(request.vehicle)
+    config = prior_knowledge.vehicle_file(REFERENCE if is_caribou else request.vehicle)
+    readiness.check_buoyancy(request.scenario, content, config)
     truth = _truth(request)
-    if prototype.is_caribou(request.vehicle):
+    if is_caribou:
         readiness.check_scenario(request.scenario, content, scripts)
         return Preparation(refit.initial_gains(), truth.files, truth.notes, warnings)
-    config = prior_knowledge.vehicle_file(request.vehicle)
     scale = vehicle_scale(config, prior_knowledge.vehicle_file(REFERENCE))
     scripts = {
         name: scaling.scale_script(mission, mission_scaling(scale))

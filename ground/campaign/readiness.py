@@ -43,6 +43,23 @@ def check_scenario(
         )
 
 
+def check_buoyancy(scenario: str, content: Mapping[str, Any], vehicle: Any) -> None:
+    """Raise InputError if the vehicle is heavier than the water of the scenario at the surface."""
+    layers = content["density"]["layer"]
+    density_kgpm3 = (layers[0] if layers else content["water"])["density_kgpm3"]
+    ballast, water = vehicle.ballast, vehicle.water
+    weight_n = ballast.mass_kg * water.gravity_mps2
+    lift_n = (weight_n + ballast.net_buoyancy_n) * density_kgpm3 / water.density_kgpm3 - weight_n
+    enough_n = weight_n * (water.density_kgpm3 / density_kgpm3 - 1.0)
+    if lift_n <= 0.0:
+        raise InputError(
+            f"--scenario {scenario}: water of {density_kgpm3:g} kg/m3 at the surface, in which"
+            f" {vehicle.name} is {-lift_n:.3g} N too heavy and would not come up after a dive:"
+            f" expected ballast.net_buoyancy_n above {enough_n:.3g} in the"
+            " vehicle file, or another scenario"
+        )
+
+
 def moments(content: Mapping[str, Any]) -> Moments:
     """Return the disturbance moments of a scenario."""
     slow, waves = content["disturbance"]["slow"], content["disturbance"]["waves"]

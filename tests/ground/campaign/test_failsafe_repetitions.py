@@ -24,7 +24,7 @@ from ground.campaign.request import (
 )
 from ground.campaign.run import Campaign
 from ground.client.dive_symptoms import Symptom, SymptomKind
-from ground.client.flight import FlightResult
+from ground.client.flight import FlightProgress, FlightResult
 from ground.missions import scaling, script
 from mavlink_io.errors import OperationError
 from mavlink_io.mission_items import MavCmd
@@ -317,3 +317,25 @@ def test_pitch_limit_of_repeated_tests_is_kept_for_all_gains(
     campaign.dives.fly("identification", "rudder_steps", {"PTCH_LIM_DEG": 12.0})
     limited = campaign._apply_failsafe_limits(gains)
     assert limited == {name: {**values, "PTCH_LIM_DEG": 12.0} for name, values in gains.items()}
+
+
+def test_dive_that_does_not_end_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A vehicle that power holds below the surface would be flown until its battery is weak."""
+    seen: list[float] = []
+
+    def fly(dive: Any, simulated: Any, on_progress: Any, **_: object) -> FlightResult:
+        for vehicle_s in range(0, 100_000, 100):
+            on_progress(FlightProgress(4, 5, float(vehicle_s), 1.0, 0.5, 0.0))
+        raise AssertionError("the dive was not given up")
+
+    monkeypatch.setattr(dives, "fly_simulated", fly)
+    monkeypatch.setattr(CampaignDives, "_launch", lambda *_: None)
+    campaign = Campaign(
+        CampaignRequest(tmp_path), lambda name, at: seen.append(at.vehicle_s), lambda words: None
+    )
+    campaign.dives.records = DiveRecords(tmp_path)
+    with pytest.raises(OperationError, match=r"prototype/trim: 0\.5 m deep \d+ s after"):
+        campaign.dives.fly("prototype", "trim", {})
+    assert 1000.0 < seen[-1] < 5000.0
