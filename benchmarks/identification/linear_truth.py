@@ -187,8 +187,9 @@ def _bench_tested(belief: LinearPrior, truth: LinearModel, rng: np.random.Genera
     """Return the prior with the lag of a simulated bench test."""
     lag = plants.lag(truth.frame.plane)
     values = belief.model.values.copy()
-    values[lag] = truth.values[lag] * (1.0 + plants.LAG_SD * rng.standard_normal(2))
-    return records.with_bounds(LinearModel(belief.model.frame, values), belief.covariance)
+    frame = belief.model.frame
+    values[lag] = truth.values[lag] * (1.0 + frame.lag_relative_sd * rng.standard_normal(2))
+    return records.with_bounds(LinearModel(frame, values), belief.covariance)
 
 
 @cache

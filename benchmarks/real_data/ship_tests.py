@@ -254,8 +254,6 @@ def _prior(runs: Sequence[Run]) -> LinearPrior:
     """Return the Mariner's yaw plane with wide standard deviations."""
     numbers = _mariner(_speed_mps(runs))
     values = np.array([*numbers, 0.0, 0.0, SURFACE_RADPS, SURFACE_DAMPING])
-    lag_sd = linear_model.LAG_SD * values[linear_model.lag(Plane.YAW)]
-    spread = np.array([*numbers, DELAY_SD_S, BIAS_SD_RAD, *lag_sd])
     structure = LinearModelStructure(
         plane=Plane.YAW,
         speed_mps=_speed_mps(runs),
@@ -263,6 +261,8 @@ def _prior(runs: Sequence[Run]) -> LinearPrior:
         travel_rad=math.radians(35.0),
         rate_radps=math.radians(90.0),
     )
+    lag_sd = structure.lag_relative_sd * values[linear_model.lag(Plane.YAW)]
+    spread = np.array([*numbers, DELAY_SD_S, BIAS_SD_RAD, *lag_sd])
     return records.with_bounds(LinearModel(structure, values), np.diag(spread**2))
 
 

@@ -297,6 +297,8 @@ class Tailcone(VehicleTable, frozen=True):
     """Probability that a motor step is lost at a rate above ``lost_step_above_degps``."""
     lost_step_above_degps: Annotated[float, Meta(ge=0.0, le=1e5)] = 0.0
     """Duct rate above which motor steps can be lost."""
+    lag_relative_sd: Annotated[float, Meta(ge=0.001, le=1.0)] = 0.05
+    """Relative standard deviation of natural frequency and damping; 0.05 as by a bench test."""
 
 
 class Power(VehicleTable, frozen=True):

@@ -7,7 +7,7 @@ hull axis at mid-length.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import pi, sqrt
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -70,7 +70,7 @@ def complete(given: Tables, shape: HullGeometry) -> Completed:
     linear = _linear(draft, water, ballast, point, ring, fins)
     draft.fill("propeller", _propeller(shape, ring))
     draft.fill("damping", _damping(shape, water, ballast, linear))
-    draft.fill("tailcone", _tailcone(ring))
+    draft.fill("tailcone", _tailcone(ring, tables.get("tailcone", {})))
     return Completed(tables, draft.steps)
 
 
@@ -576,7 +576,12 @@ def _damping(shape: HullGeometry, water: Any, ballast: Any, linear: Any) -> list
     ]
 
 
-def _tailcone(ring: DuctGeometry | None) -> list[Derivation]:
+ASSUMED_LAG_SD = 0.3
+"""Relative standard deviation of an assumed lag of the tailcone: servos differ by a factor of two.
+"""
+
+
+def _tailcone(ring: DuctGeometry | None, given: Mapping[str, Any]) -> list[Derivation]:
     """Return the actuators: Caribou's steppers for a vectored duct, geared servos for fins."""
     if ring is not None and ring.vectored:
         values, source = (3.0, 0.6, 0.3, 15.0, 15.0), "as Caribou's"
@@ -596,6 +601,15 @@ def _tailcone(ring: DuctGeometry | None) -> list[Derivation]:
         for name in ("rudder", "elevator")
     ]
     rows = zip(keys, units, values, strict=True)
+    is_lag_assumed = not {"natural_frequency_radps", "damping_ratio"} & given.keys()
+    uncertainty = Derivation(
+        symbol="lag_relative_sd",
+        unit="-",
+        formula=f"{ASSUMED_LAG_SD:g}",
+        inputs="",
+        value=ASSUMED_LAG_SD,
+        source="of frequency and damping, which are assumed",
+    )
     return [
         *(
             Derivation(
@@ -604,4 +618,5 @@ def _tailcone(ring: DuctGeometry | None) -> list[Derivation]:
             for key, unit, value in rows
         ),
         *biases,
+        *([uncertainty] if is_lag_assumed else []),
     ]

@@ -14,11 +14,11 @@ from sysid.control_analysis.margins import Analysis, Planes, analyse
 from sysid.design.specification import OPERATING_DEPTH_M
 from sysid.estimation.map import model_error
 from sysid.estimation.map.fit import linear_plane
-from sysid.models import noise, prediction
+from sysid.models import noise, parameters, prediction
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, pitch_plane, yaw_plane
 from sysid.models.model_file import IdentifiedModel, NoiseModel
-from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle, feasible_samples
+from sysid.models.parameters import NAMES, CandidateVehicle, feasible_samples
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, Table1Column
 
@@ -239,7 +239,9 @@ def sample_models(
     if not np.any(model.joint.covariance) or not prediction.find_prior_vehicle(model, prior):
         return
     covariance = (
-        np.array(model.joint.covariance) if drive_known else uncertain_drive_covariance(model)
+        np.array(model.joint.covariance)
+        if drive_known
+        else uncertain_drive_covariance(model, prior)
     )
     draws = np.random.default_rng(SEED).standard_normal((count, len(covariance)))
     for sample in feasible_samples(
@@ -289,13 +291,15 @@ def _first_order(lag: Lag) -> Lag:
     )
 
 
-def uncertain_drive_covariance(model: IdentifiedModel) -> Array:
+def uncertain_drive_covariance(model: IdentifiedModel, prior: VehicleConfig | None = None) -> Array:
     """Return the posterior covariance of z without the prior's knowledge of the drive.
 
     Parameters
     ----------
     model : IdentifiedModel
         Identified model with the covariance of z.
+    prior : VehicleConfig, optional
+        Vehicle file of the refit; by default the one in the model.
 
     Returns
     -------
@@ -316,9 +320,10 @@ def uncertain_drive_covariance(model: IdentifiedModel) -> Array:
         model.joint.run_scatter, model.joint.prior_conflict
     )
     precision = np.linalg.inv(np.array(model.joint.covariance) - structure)
+    vehicle = prediction.prior_vehicle(model, prior)
     for name in DRIVE:
-        i = NAMES.index(name)
-        precision[i, i] -= 1.0 - (PARAMETERS[i].prior_sd / UNMEASURED_DRIVE_SD) ** 2
+        i, sd = NAMES.index(name), parameters.prior_sd(vehicle, name)
+        precision[i, i] -= max(0.0, 1.0 - (sd / UNMEASURED_DRIVE_SD) ** 2)
     return np.asarray(np.linalg.inv(precision) + structure)
 
 

@@ -141,7 +141,7 @@ def update_prior(prior: Prior, readings: Sequence[BenchMeasurement]) -> Prior:
         value, sd = _distance_from_prior(prior.config, reading)
         scale = np.zeros(len(PARAMETERS))
         for name in filter(None, (reading.parameter, reading.ratio)):
-            scale[NAMES.index(name)] = PARAMETERS[NAMES.index(name)].prior_sd
+            scale[NAMES.index(name)] = parameters.prior_sd(prior.config, name)
         gain = prior.covariance @ scale / (scale @ prior.covariance @ scale + sd**2)
         prior = prior._replace(
             mean=prior.mean + gain * (value - scale @ prior.mean),

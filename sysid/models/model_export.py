@@ -280,7 +280,7 @@ def _vehicle(fit: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
         return ParameterEstimate(value, prior_sd * math.sqrt(fit.covariance[i, i]))
 
     def ratio(name: str, value: float) -> ParameterEstimate:
-        return estimate(name, value, value * PARAMETERS[NAMES.index(name)].prior_sd)
+        return estimate(name, value, value * parameters.prior_sd(prior.config, name))
 
     return VehicleRecord(
         prior=prior_name,
@@ -349,6 +349,12 @@ def _notes(fit: Fit, prior: Prior, measured: set[Plane]) -> tuple[str, ...]:
     ]
     if fit.at_bounds:
         notes.append(f"at a bound of four prior standard deviations: {', '.join(fit.at_bounds)}")
+    if fits.drag_at_bound(fit.z):
+        notes.append(
+            "axial_drag at a bound of four prior standard deviations: the loss of speed in turns is"
+            " not that of the prior's propeller, and slow motion (static gain, slow pole) may"
+            " differ by more than stated: log the speed through the water (docs/logs.md)"
+        )
     if fit.run_scatter.value > 0.0:
         notes.append(
             f"the tests disagree by {fit.run_scatter.value:.2g} prior standard deviations beyond"

@@ -239,6 +239,24 @@ def net_buoyancy_sd_n(prior: VehicleConfig) -> float:
     return CARIBOU_NET_BUOYANCY_SD_N * max(mass_ratio, buoyancy_ratio)
 
 
+def prior_sd(prior: VehicleConfig, name: str) -> float:
+    """Return the prior standard deviation of a ratio for a vehicle.
+
+    Parameters
+    ----------
+    prior : VehicleConfig
+        The prior vehicle.
+    name : str
+        Name of the parameter.
+
+    Returns
+    -------
+    float
+        That of the vehicle file for the lag of the tailcone, else that of ``PARAMETERS``.
+    """
+    return prior.tailcone.lag_relative_sd if name in ELEVATOR_RATIOS else _PRIOR_SDS[name]
+
+
 def delays_of_zero(prior: VehicleConfig) -> dict[int, float]:
     """Return the z of each delay at which it is zero, by index; below, nothing changes.
 
@@ -373,6 +391,7 @@ def actuators(
     """Return the two actuator axes at z; arguments as for ``candidate_vehicle``."""
     ratios, offsets = _ratios_and_offsets(z)
     tailcone = prior.tailcone
+    ratios |= {name: math.exp(prior_sd(prior, name) * float(z[i])) for i, name in _LAG}
 
     def actuator(plane: Plane) -> Actuator:
         """Return the actuator of a plane."""
@@ -410,6 +429,8 @@ _CROSSFLOW_SHAPE = tuple(
     NAMES.index(name) for name in ("crossflow_slope", "crossflow_ends", "crossflow_uncoupled")
 )
 _NET_BUOYANCY = NAMES.index("net_buoyancy")
+_LAG = tuple((NAMES.index(name), name) for name in ELEVATOR_RATIOS)
+_PRIOR_SDS = {parameter.name: parameter.prior_sd for parameter in PARAMETERS}
 _SENSOR_LAGS = tuple(NAMES.index(name) for name in ("angle_lag", "depth_lag"))
 _RATIOS, _OFFSETS = (
     tuple((i, p.name, p.prior_sd) for i, p in enumerate(PARAMETERS) if p.kind == kind)

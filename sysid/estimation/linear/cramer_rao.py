@@ -135,7 +135,7 @@ def bench_information(model: LinearModel) -> Array:
     """Information of the tailcone's bench test about its lag, (p, p)."""
     lag = linear_model.lag(model.frame.plane)
     information = np.zeros((model.values.size, model.values.size))
-    information[lag, lag] = np.diag(1.0 / (linear_model.LAG_SD * model.values[lag]) ** 2)
+    information[lag, lag] = np.diag(1.0 / (model.frame.lag_relative_sd * model.values[lag]) ** 2)
     return information
 
 

@@ -25,7 +25,7 @@ from sysid.estimation.map import fit
 from sysid.models import linear_planes
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, SmallSignal
-from sysid.models.parameters import PARAMETERS, CandidateVehicle
+from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
@@ -43,15 +43,6 @@ the duct angle at a command of zero minus the duct angle in level flight.
 """
 TAIL = ("delay_s", "bias_rad", "natural_frequency_radps", "damping_ratio")
 """Names of the values of the tailcone."""
-LAG_SD = np.array(
-    [p.prior_sd for p in PARAMETERS if p.name in ("natural_frequency", "damping_ratio")]
-)
-"""Relative standard deviations of the tailcone's frequency and damping after its bench test.
-
-Tests in water hardly distinguish lag and delay. The estimators therefore use the bench test as one
-more measurement, instead of a known lag.
-"""
-
 MIN_COUPLING = 1e-6
 """Smallest coefficient of sway in yaw acceleration, 1/(m s).
 
@@ -74,6 +65,12 @@ class LinearModelStructure(NamedTuple):
     """Travel of the duct to either side, rad."""
     rate_radps: float
     """Rate limit of the duct, rad/s."""
+    lag_relative_sd: float = 0.05
+    """Relative standard deviation of the tailcone's frequency and damping, as by a bench test.
+
+    Tests in water hardly distinguish lag and delay. The estimators therefore use the bench test as
+    one more measurement, instead of a known lag.
+    """
 
 
 class LinearModel(NamedTuple):

@@ -71,7 +71,7 @@ class LinearPrior(NamedTuple):
         plane, sds = self.model.frame.plane, np.full(self.model.values.size, np.inf)
         lag, count = linear_model.lag(plane), len(linear_model.NUMBERS[plane])
         sds[:count] = COEFFICIENT_SD_FACTOR * self.spread[:count]
-        sds[lag] = linear_model.LAG_SD * self.model.values[lag]
+        sds[lag] = self.model.frame.lag_relative_sd * self.model.values[lag]
         return sds
 
 
@@ -133,7 +133,8 @@ def linear_prior(prior: fit.Prior, plane: Plane) -> LinearPrior:
     covariance = slopes @ prior.covariance @ slopes.T
     if linear_model.OFFSETS[plane]:
         covariance[-1, -1] = LEVEL_SD_RAD**2
-    return with_bounds(model, covariance)
+    frame = model.frame._replace(lag_relative_sd=prior.config.tailcone.lag_relative_sd)
+    return with_bounds(model._replace(frame=frame), covariance)
 
 
 def with_bounds(model: LinearModel, covariance: Array) -> LinearPrior:

@@ -14,8 +14,6 @@ START_COST_TOLERANCE = 0.01
 """Relative cost difference up to which another start counts as having reached the same minimum."""
 MAX_PRIOR_SHARE = 0.95
 """Ratio of posterior to prior standard deviation above which a design number was not measured."""
-DRAG = "axial_drag"
-"""Parameter that sets the loss of speed in a turn; without effect where the speed is measured."""
 MORE_THAN_ONE = "the tests admit more than one vehicle"
 PRIOR_UNCERTAINTY = "tests leave the prior's uncertainty"
 MENDED_BY_TESTS = (MORE_THAN_ONE, PRIOR_UNCERTAINTY)
@@ -86,16 +84,12 @@ def _remedy(at_bounds: Sequence[str]) -> str:
         "body": "give the vehicle's own file (--prior, or --vehicle of a campaign)",
         "tailcone": (
             "measure the tailcone with `ground bench-test`, and give the result to `ground refit`"
-            " (--bench-result) or its values in the vehicle file"
+            " (--bench-result) or its values in the vehicle file; if it cannot be measured, state"
+            " there how uncertain its lag is (tailcone.lag_relative_sd = 0.3)"
         ),
         "sensors": "check the time stamps of attitude and depth",
     }
     advice = [text for part, text in remedies.items() if part in parts]
-    if DRAG in at_bounds:
-        advice.append(
-            "log the speed through the water (docs/logs.md): its loss in turns is not that of the"
-            " prior's propeller"
-        )
     return "; ".join(advice)
 
 

@@ -50,6 +50,21 @@ def test_given_key_is_not_derived() -> None:
     assert ("linear", "N_v_kgmps") in steps
 
 
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, 0.3),
+        ({"natural_frequency_radps": 6.0}, 0.05),
+        ({"damping_ratio": 0.7}, 0.05),
+        ({"lag_relative_sd": 0.2}, 0.2),
+    ],
+)
+def test_assumed_lag_of_the_tailcone_is_uncertain(given: dict[str, float], expected: float) -> None:
+    lines = [f"{key} = {value}" for key, value in given.items()]
+    text = "\n".join([FINNED, "[tailcone]", *lines])
+    assert described(text).tailcone.lag_relative_sd == expected
+
+
 @pytest.mark.parametrize("name", ["remus100", "xfin_auv"])
 def test_linearised_model_equals_derived_coefficients(name: str) -> None:
     whole, vehicle = config.describe(name), config.load(name)

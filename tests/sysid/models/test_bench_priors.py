@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from sitl.vehicle import config
 from sysid.estimation.map.fit import Prior
 from sysid.models import bench_priors, parameters
 from sysid.models.parameters import NAMES, PARAMETERS
-from sysid.planes import PLANE_OF_SURFACE, PLANES
+from sysid.planes import PLANE_OF_SURFACE, PLANES, Plane
 
 AXIS = {
     "natural_frequency_radps": {"value": 3.3, "sd": 0.03},
@@ -36,6 +37,19 @@ def prior(bench: config.VehicleConfig) -> Prior:
 def written(path: Path, value: object) -> Path:
     path.write_text(json.dumps(value), encoding="utf-8")
     return path
+
+
+def test_bench_measurement_of_an_assumed_lag_decides(prior: Prior, tmp_path: Path) -> None:
+    """A lag that is known to 30 % in the vehicle file takes the value of the bench test."""
+    tail = replace(prior.config.tailcone, lag_relative_sd=0.3)
+    assumed = prior._replace(config=replace(prior.config, tailcone=tail))
+    bench = written(tmp_path / "bench.json", {"rudder": {"model": AXIS, "points": []}})
+    after = bench_priors.update_prior(assumed, bench_priors.read(bench))
+    vehicle = parameters.candidate_vehicle(after.config, after.biases_rad, after.mean)
+    found = vehicle.actuators[Plane.YAW].natural_frequency_radps
+    assert found == pytest.approx(3.3, rel=1e-3)
+    i = NAMES.index("natural_frequency")
+    assert 0.3 * math.sqrt(after.covariance[i, i]) == pytest.approx(0.03 / 3.3, rel=1e-2)
 
 
 def test_bench_measurement_updates_prior(prior: Prior, tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def wide_prior(plane: Plane) -> LinearPrior:
     mean = true_model(plane, adjusted=False)
     spread = np.maximum(0.35 * np.abs(mean.values), 0.03)
     lag = linear_model.lag(plane)
-    spread[lag] = linear_model.LAG_SD * mean.values[lag]
+    spread[lag] = mean.frame.lag_relative_sd * mean.values[lag]
     return records.with_bounds(mean, np.diag(spread**2))
 
 

@@ -49,7 +49,7 @@ def test_objective_matches_joint_least_squares(plane: Plane) -> None:
         return np.concatenate(
             [
                 *errors,
-                offset[lag] / (linear_model.LAG_SD * bench),
+                offset[lag] / (prior.model.frame.lag_relative_sd * bench),
                 offset[:count_of_numbers] / file_sds,
             ]
         )
