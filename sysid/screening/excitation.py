@@ -50,6 +50,10 @@ Simulated closed-loop data of four vehicles: 0.08 to 0.7; tests, with the loop o
 MAX_TONE_SHARE = 0.996
 """Share of the command's power in one tone from which on cause and effect are not distinguishable.
 """
+LEVELS, LEVEL_WIDTH, MIN_LEVEL_SHARE = 5, 0.01, 0.9
+"""Number and width (fraction of the range) of the levels of a step, doublet or 3-2-1-1, and the
+least share of the command on them. Feedback of a noisy motion stays on no level: of 30 s of course
+keeping the five fullest levels have 0.1 to 0.2."""
 MIN_SPREAD_RAD = math.radians(0.02)
 """Standard deviation of the command below which nothing is compared."""
 
@@ -110,6 +114,8 @@ def no_response(plane: Plane, runs: Sequence[Run]) -> str:
 
 def feedback_only(run: Run) -> str:
     """Reject a run whose command is feedback of the measured motion, without a test signal."""
+    if _is_on_levels(run):
+        return ""
     shares = _shares_by_shift(run)
     if shares is None:
         return ""
@@ -135,6 +141,13 @@ def _deflection_deg(run: Run, plane: Plane) -> float:
     during = command[run.under_test]
     held = float(np.mean(command[run.approach])) if run.approach.any() else float(during[0])
     return math.degrees(float(np.max(np.abs(during - held))))
+
+
+def _is_on_levels(run: Run) -> bool:
+    """Return whether the command of the test steps between a few levels."""
+    command = run.in_plane(run.plane).command_rad[run.under_test]
+    counts, _ = np.histogram(command, int(1.0 / LEVEL_WIDTH))
+    return bool(np.sort(counts)[-LEVELS:].sum() >= MIN_LEVEL_SHARE * command.size)
 
 
 def _shares_by_shift(run: Run) -> tuple[Array, Array] | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from sitl.vehicle import config
 from sysid import refit
@@ -37,6 +38,15 @@ def test_course_keeping_is_named_closed_loop(
 ) -> None:
     (reason,) = [r for r in reasons(still(field, plane, seed)) if r.startswith("closed loop")]
     assert "command is feedback of the motion, and no test signal is added" in reason
+
+
+def test_doublet_of_a_fast_hull_is_no_closed_loop_data(field: config.VehicleConfig) -> None:
+    """Where the rate follows the rudder in 0.1 s, the motion explains the command well."""
+    run = sea.fly(field, Plane.YAW, sea.doublet(8.0), trim_rad=TRIM_RAD)
+    deflection = np.where(run.time_s < 0.0, 0.0, run.rudder_rad - TRIM_RAD[0])
+    rate = lfilter([0.2], [1.0, -0.8], 1.2 * deflection)
+    fast = replace(run, r_radps=rate, heading_rad=np.cumsum(rate) / RATE_HZ)
+    assert not [reason for reason in reasons(fast) if reason.startswith("closed loop")]
 
 
 def multisine(seconds: float, degrees: float, loop_gain: float = 1.0) -> np.ndarray:
