@@ -107,6 +107,7 @@ def measure(
     target: str | SimulatedVehicle,
     watch: Callable[[FlightProgress], None],
     key_file: Path | None = None,
+    on_wait: Callable[[str], None] | None = None,
 ) -> dict[AxisName, AxisBench]:
     """Run a bench test and return the identified actuator of each axis.
 
@@ -120,6 +121,8 @@ def measure(
         Called with the progress before each sine.
     key_file : Path, optional
         Key with which the link is signed.
+    on_wait : Callable, optional
+        Receives what is awaited before the test: the vehicle, or its sensors.
 
     Raises
     ------
@@ -127,7 +130,10 @@ def measure(
         The vehicle was not found or refused, has no encoder, or the data allow no fit.
     """
     path = session.folder / "bench.mcap"
-    with flight.open_recorded_vehicle(target, path, key_file=key_file) as (vehicle, recorder):
+    with flight.open_recorded_vehicle(target, path, key_file=key_file, on_wait=on_wait) as (
+        vehicle,
+        recorder,
+    ):
         vehicle.connect()
         _check_travel(session, vehicle.parameter("ACT_TRAVEL_DEG"))
         with armed_without_thrust(vehicle) as before:

@@ -99,6 +99,7 @@ def measure(
     watch: Callable[[FlightProgress], None],
     announce: Callable[[str], None],
     key_file: Path | None = None,
+    on_wait: Callable[[str], None] | None = None,
 ) -> Inclining:
     """Run the test and return the height of the centre of mass.
 
@@ -112,6 +113,8 @@ def measure(
         Called with the progress, and with the instruction for each move.
     key_file : Path, optional
         Key with which the link is signed.
+    on_wait : Callable, optional
+        Receives what is awaited before the test: the vehicle, or its sensors.
 
     Raises
     ------
@@ -119,7 +122,7 @@ def measure(
         The vehicle was not found or refused, or the data allow no estimate.
     """
     plan, vehicle_file = session.plan, refit.read_vehicle(session.prior)
-    with flight.open_recorded_vehicle(target, session.log, key_file=key_file) as (
+    with flight.open_recorded_vehicle(target, session.log, key_file=key_file, on_wait=on_wait) as (
         vehicle,
         recorder,
     ):

@@ -58,13 +58,16 @@ def bench_test(
     procedure.check(session)
     if connect is None:
         prototype.check_flown(vehicle)
-    target = connect or SimulatedVehicle(
-        Simulation(vehicle=vehicle, scenario="bench", seed=seed, speed=speed)
-    )
     out.mkdir()
     try:
         with progress.display("bench", quiet=json) as display:
-            measured = procedure.measure(session, target, display.watch, sign)
+            target = connect or SimulatedVehicle(
+                Simulation(vehicle=vehicle, scenario="bench", seed=seed, speed=speed),
+                notify=display.print_line,
+            )
+            measured = procedure.measure(
+                session, target, display.watch, key_file=sign, on_wait=display.print_line
+            )
     except BaseException:
         with suppress(OSError):  # not empty: what was recorded is kept
             out.rmdir()

@@ -58,16 +58,19 @@ def inclining_test(
         prototype.check_flown(vehicle)
     if prior is None:
         prior = "caribou_nominal" if connect else prototype.prior_file_of(vehicle)
-    target = connect or SimulatedVehicle(
-        Simulation(vehicle=vehicle, scenario="inclining", seed=seed, speed=speed)
-    )
+    session = procedure.IncliningSession(plan=plan, log=new_file(log), prior=prior)
     with progress.display("incline", quiet=json) as display:
+        target = connect or SimulatedVehicle(
+            Simulation(vehicle=vehicle, scenario="inclining", seed=seed, speed=speed),
+            notify=display.print_line,
+        )
         measured = procedure.measure(
-            procedure.IncliningSession(plan=plan, log=new_file(log), prior=prior),
+            session,
             target,
             display.watch,
             display.announce,
-            sign,
+            key_file=sign,
+            on_wait=display.print_line,
         )
     result = procedure.as_json(measured, prior, refit.read_vehicle(prior).linear.z_CM_m)
     print_result(result, procedure.format_text(result, log), json)

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 
+from ground.cli.connection import connected
 from ground.cli.options import remark
 from ground.errors import Interrupted
 from mavlink_io.errors import CaribouError
@@ -77,7 +78,6 @@ def _enter(
 ) -> None:
     """Set the mode over a new link, and replace the notes; add the reason if it fails."""
     from ground.client import stopping
-    from ground.client.vehicle import connected
 
     modes = {OnInterrupt.HOLD: stopping.HOLD, OnInterrupt.SURFACE: stopping.SURFACE}
     try:

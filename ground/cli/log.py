@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ground.cli.connection import connected
 from ground.cli.options import (
     GROUND_LINK,
     Address,
@@ -14,7 +15,6 @@ from ground.cli.options import (
     Sign,
     VehicleId,
     print_result,
-    remark,
 )
 from ground.log_tools.formats import ExportFormat, Viewer
 from ground.output_files import new_file
@@ -40,9 +40,8 @@ def list_logs(
 ) -> None:
     """List the logs on the vehicle."""
     from ground.client import log_download
-    from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         logs = log_download.list_logs(vehicle)
     rows = [{"number": log.number, "name": log.name, "bytes": log.bytes} for log in logs]
     lines = [f"{log.number:6d} {log.bytes / 1e6:9.2f} MB  {log.name}" for log in logs]
@@ -69,10 +68,9 @@ def download(
     """Download logs from the vehicle and compare checksums; resumes an interrupted download."""
     from ground.cli import progress
     from ground.client import log_download
-    from ground.client.vehicle import connected
 
     with (
-        connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle,
+        connected(connect, sign, vehicle_id, modem) as vehicle,
         progress.display("logs", quiet=json) as display,
     ):
         selected = log_download.select_logs(log_download.list_logs(vehicle), which)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from ground.cli.connection import connected
 from ground.cli.options import (
     GROUND_LINK,
     Address,
@@ -15,7 +16,6 @@ from ground.cli.options import (
     Sign,
     VehicleId,
     print_result,
-    remark,
 )
 from mavlink_io.printable import printable
 
@@ -38,9 +38,7 @@ def modes(
     """List each mode that the vehicle reports, with its number (custom_mode)."""
     if context.invoked_subcommand is not None:
         return
-    from ground.client.vehicle import connected
-
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         offered = vehicle.modes()
     print_result(
         offered,
@@ -74,9 +72,7 @@ def export_mavproxy(
 
     Names that are in the file already are kept.
     """
-    from ground.client.vehicle import connected
-
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         offered, kind = (
             {printable(name): number for name, number in vehicle.modes().items()},
             vehicle.kind,

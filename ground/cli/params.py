@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ground.cli.connection import connected
 from ground.cli.options import (
     GROUND_LINK,
     Address,
@@ -43,9 +44,7 @@ def list_all(
     json: Json = False,
 ) -> None:
     """List all parameters with their values."""
-    from ground.client.vehicle import connected
-
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         values = vehicle.parameters()
     print_result(
         values,
@@ -64,9 +63,7 @@ def get(
     json: Json = False,
 ) -> None:
     """Print one parameter."""
-    from ground.client.vehicle import connected
-
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         value = vehicle.parameter(name)
     print_result({name: value}, f"{value:g}", json)
 
@@ -84,9 +81,8 @@ def set_one(
     """Set one parameter and read it back."""
     if not math.isfinite(value):
         raise InputError(f"{name} = {value:g}: expected a number")
-    from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         stored = vehicle.set_parameter(name, value)
     print_result({name: stored}, f"{name} = {stored:g}", json)
 
@@ -102,10 +98,9 @@ def save(
 ) -> None:
     """Write all parameters to a file."""
     from ground.client import param_file
-    from ground.client.vehicle import connected
 
     target = new_file(file)
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         values = vehicle.parameters()
     param_file.save(target, values)
     print_result(
@@ -172,9 +167,8 @@ def rollback(
 ) -> None:
     """Restore the values that the last `params load` or `redesign --upload` replaced."""
     from ground.client import param_rollback
-    from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         record, changes = param_rollback.rollback(vehicle, file, force=force)
     _print_changes(
         changes, {}, f"{record.source}: undone, {len(changes)} parameters restored", json
@@ -193,7 +187,6 @@ def upload(
     Raises as `param_rollback.upload`.
     """
     from ground.client import param_rollback
-    from ground.client.vehicle import connected
 
     with connected(address, key_file) as vehicle:
         if vehicle.armed:

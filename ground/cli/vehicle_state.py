@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ground.cli.connection import connected
 from ground.cli.options import (
     GROUND_LINK,
     Address,
@@ -12,7 +13,6 @@ from ground.cli.options import (
     Sign,
     VehicleId,
     print_result,
-    remark,
 )
 
 if TYPE_CHECKING:
@@ -32,10 +32,9 @@ def surface(
     """End a dive: set mode SURFACE and wait for confirmation; the vehicle rises and disarms."""
     from ground.cli import progress
     from ground.client import stopping
-    from ground.client.vehicle import connected
 
     with (
-        connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle,
+        connected(connect, sign, vehicle_id, modem) as vehicle,
         progress.display("surface", quiet=json) as display,
     ):
         state = stopping.enter(vehicle, stopping.SURFACE)
@@ -56,9 +55,8 @@ def hold(
 ) -> None:
     """Set mode HOLD and wait for confirmation; the vehicle keeps depth, heading and thrust."""
     from ground.client import stopping
-    from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         state = stopping.enter(vehicle, stopping.HOLD)
     _print_state(state, json)
 
@@ -75,9 +73,8 @@ def stop(
     Only a buoyant vehicle comes up then. `ground surface` drives it to the surface.
     """
     from ground.client import stopping
-    from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         state = stopping.disarm(vehicle)
     _print_state(state, json)
 
@@ -95,9 +92,8 @@ def arm(
     arms and records.
     """
     from ground.client import stopping
-    from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         state = stopping.arm(vehicle)
     _print_state(state, json)
 
@@ -115,9 +111,8 @@ def mode(
 ) -> None:
     """Set a mode by its name and wait for confirmation; or print the mode of the vehicle."""
     from ground.client import stopping
-    from ground.client.vehicle import connected
 
-    with connected(connect, sign, vehicle_id, modem, on_wait=remark) as vehicle:
+    with connected(connect, sign, vehicle_id, modem) as vehicle:
         if name is not None:
             _print_state(stopping.enter(vehicle, name), json)
             return

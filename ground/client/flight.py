@@ -194,11 +194,9 @@ def fly(
         The address, key or mission cannot be used; or the vehicle was not found, refused or was
         lost.
     """
-    with open_recorded_vehicle(address, dive.log, dive.tlog, key_file, dive.system) as (
-        vehicle,
-        recorder,
-    ):
-        vehicle.on_wait = on_wait
+    with open_recorded_vehicle(
+        address, dive.log, dive.tlog, key_file, dive.system, on_wait=on_wait
+    ) as (vehicle, recorder):
         try:
             return _fly(dive, vehicle, recorder, on_progress, on_text, listener)
         except (Interrupted, OperationError, OSError) as end:
@@ -252,6 +250,7 @@ def open_recorded_vehicle(
     tlog: Path | None = None,
     key_file: Path | None = None,
     system: int | None = None,
+    on_wait: Callable[[str], None] | None = None,
 ) -> Iterator[tuple[VehicleClient, Recorder]]:
     """Open a link to a vehicle and record all its frames; close both at the end.
 
@@ -268,6 +267,8 @@ def open_recorded_vehicle(
         Key with which the link is signed.
     system : int, optional
         System id of the vehicle, where several are on the link.
+    on_wait : Callable, optional
+        Receives what is awaited before the dive: the vehicle, or its sensors.
 
     Raises
     ------
@@ -287,6 +288,7 @@ def open_recorded_vehicle(
         vehicle = VehicleClient(
             transport, recorder, simulated.check if simulated else None, signature, system
         )
+        vehicle.on_wait = on_wait
         try:
             yield vehicle, recorder
         except InputError:

@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -162,6 +162,29 @@ def test_bench_test_above_the_travel_leaves_no_folder(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("command", "files"),
+    [(bench_test, {"out": Path("bench")}), (inclining_test, {"log": Path("incline.mcap")})],
+)
+def test_long_wait_for_the_sensors_is_reported(
+    command: Callable[..., None],
+    files: dict[str, Path],
+    fake: FakeVehicle,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(flight, "open_transport", lambda _: fake.ground_end)
+    monkeypatch.setattr(client, "WAIT_NOTICE_S", 0.05)
+    monkeypatch.setattr(client, "READY_TIMEOUT_S", 0.2)
+    fake.answers[MavCmd.COMPONENT_ARM_DISARM] = [DENIED]
+    fake.after[MavCmd.DO_SET_MODE] = lambda: fake.heartbeat(status=1)  # MAV_STATE_BOOT
+    with pytest.raises(VehicleClientError, match="denied"):
+        command("memory:fake", **files)
+    assert "waiting up to 0.2 s for the vehicle to read its sensors\n" in capsys.readouterr().err
+
+
 def test_inclining_test_parameters_alone_are_no_log(
     fake: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -187,12 +210,12 @@ def test_inclining_test_takes_the_mass_of_the_simulated_vehicle(
 ) -> None:
     priors = list[str]()
 
-    def measure(session: incline.IncliningSession, *_: object) -> None:
+    def measure(session: incline.IncliningSession, *_: object, **__: object) -> None:
         priors.append(session.prior)
         raise OperationError("measured")
 
     monkeypatch.setattr(incline, "measure", measure)
-    monkeypatch.setattr(processes, "SimulatedVehicle", lambda _: "memory:simulated")
+    monkeypatch.setattr(processes, "SimulatedVehicle", lambda _, **__: "memory:simulated")
     with pytest.raises(OperationError, match="measured"):
         inclining_test(connect, vehicle=vehicle, log=tmp_path / "incline.mcap")
     assert priors == [prior]
