@@ -24,6 +24,7 @@ from autopilot.control.types import (
     Severity,
 )
 from autopilot.telemetry import tick_messages
+from mavlink_io import dialect
 from mavlink_io.frames import wrap_pi
 from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
@@ -40,6 +41,10 @@ _FORCE, _FORCE_ARM = 21_196, 2_989
 and QGroundControl send, when arming only."""
 _PAUSE, _CONTINUE = 0, 1
 """Values of DO_PAUSE_CONTINUE.param1."""
+_CURRENT_ITEM = -1
+"""Value of DO_SET_MISSION_CURRENT.param1 for the current item."""
+_NO_ITEM = -2
+"""Number of no item, for a param1 that is not given or no number of an item."""
 _CHANGE_MODE, _COUNTER_CLOCKWISE = 1, 1
 """Bit of DO_REPOSITION.param2: change the mode; value of its param4 for a vehicle that circles."""
 _HEADING_ALONG_CIRCLE = (3, 5)
@@ -100,8 +105,24 @@ def start_mission(
 def set_mission_item(
     context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
-    """DO_SET_MISSION_CURRENT: continue the mission at the item of param1."""
-    return context.ask(requests.SetMissionItem(integer_parameter(command.p1, -1)))
+    """DO_SET_MISSION_CURRENT: continue at the item of param1, and send MISSION_CURRENT.
+
+    param1 = -1: the current item, which is not started again; param2 = 1: reset the mission.
+    """
+    if not math.isnan(command.p2) and command.p2 not in (0.0, 1.0):
+        return context.refuse(
+            DENIED, f"DO_SET_MISSION_CURRENT: param2 is {command.p2:g}, must be 0 or 1"
+        )
+    sequence = integer_parameter(command.p1, _NO_ITEM)
+    outcome = context.ask(
+        requests.SetMissionItem(
+            None if sequence == _CURRENT_ITEM else sequence, reset=command.p2 == 1.0
+        )
+    )
+    if outcome.result != ACCEPTED:
+        return outcome
+    message = dialect.by_name("MISSION_CURRENT")
+    return outcome._replace(messages=tuple((message, v) for v in context.build(message)))
 
 
 def pause(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:

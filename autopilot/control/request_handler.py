@@ -22,6 +22,7 @@ from autopilot.control.setpoints import AttitudeTarget, Circle, TrackLine
 from autopilot.control.types import (
     ACCEPTED,
     DENIED,
+    FAILED,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     Answer,
@@ -77,11 +78,8 @@ def handle_request(
             return load_fence(state, items, config)
         case requests.LoadRally(items):
             return load_rally(state, items)
-        case requests.SetMissionItem(sequence):
-            if not 0 <= sequence < max(1, len(state.mission.items)):
-                return state, Answer(DENIED, f"Mission item {sequence} does not exist"), ()
-            mission_state = state.mission._replace(current=sequence, entered_us=None)
-            return state._replace(mission=mission_state, test=None, path=None), Answer(ACCEPTED), ()
+        case requests.SetMissionItem():
+            return set_mission_item(state, request, config)
         case requests.ChangeTarget():
             return change_target(state, request), Answer(ACCEPTED), ()
         case requests.TestActuator():
@@ -218,6 +216,26 @@ def set_mode(
 def _end_ground_loss(state: AutopilotState) -> AutopilotState:
     """Return the state without the failsafe of a lost ground: its requests arrive again."""
     return state._replace(failsafe="") if state.failsafe == failsafe.GCS_LOST else state
+
+
+def set_mission_item(
+    state: AutopilotState, request: requests.SetMissionItem, config: Config
+) -> tuple[AutopilotState, Answer, Events]:
+    """Continue the mission at an item, with a reset if requested.
+
+    The reset of a completed mission without an item selects its first item to fly.
+    """
+    plan, sequence = state.mission, request.sequence
+    if sequence is not None and not 0 <= sequence < max(1, len(plan.items)):
+        return state, Answer(FAILED, f"Mission item {sequence} does not exist"), ()
+    if request.reset:
+        if sequence is None and plan.current >= len(plan.items):
+            sequence = mission.restart(plan, config).current
+        plan = plan._replace(jumps=())
+    if sequence is None:
+        return state._replace(mission=plan), Answer(ACCEPTED), ()
+    plan = plan._replace(current=sequence, entered_us=None)
+    return state._replace(mission=plan, test=None, path=None), Answer(ACCEPTED), ()
 
 
 def set_target(

@@ -91,7 +91,11 @@ class GoTo(NamedTuple):
 class SetMissionItem(NamedTuple):
     """Set the current mission item."""
 
-    sequence: int
+    sequence: int | None
+    """Number of the item; None for the current one, which is not started again."""
+    reset: bool = False
+    """Whether each jump may be taken again as often as the mission says, and a completed mission is
+    no longer complete."""
 
 
 class ChangeTarget(NamedTuple):

@@ -11,6 +11,7 @@ from autopilot.control.params import Config
 from autopilot.control.types import (
     ACCEPTED,
     DENIED,
+    FAILED,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     ItemReached,
@@ -127,7 +128,7 @@ def test_paused_mission_continues_with_its_setpoints() -> None:
         (requests.SetMode(12345), UNSUPPORTED),
         (requests.SetMode(modes.SYSID.number), DENIED),
         (requests.StartTest(12, 5.0, 0.0, 0.0, 4.0, 1, 0.0), TEMPORARILY_REJECTED),
-        (requests.SetMissionItem(3), DENIED),
+        (requests.SetMissionItem(3), FAILED),
         (requests.LoadMission((MissionItem(0, 3, 22),)), UNSUPPORTED),
         (requests.LoadMission((MissionItem(0, 2, 186, p1=4.0),)), DENIED),
         (requests.LoadMission((MissionItem(0, 2, 113, z=4.0),)), DENIED),
