@@ -10,14 +10,18 @@ is compiled too; no list of kernels has to be kept.
 """
 
 import os
+import signal
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
-# As in the ``ground`` command: one thread of linear algebra.
+# As in the ``ground`` command: one thread of linear algebra, and no traceback of Ctrl-C during the
+# imports.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 from ground.campaign import prototype, refit
 from ground.campaign.preparation import PreparationRequest, prepare
@@ -91,6 +95,7 @@ def main() -> None:
     """
     start_s = wall_s()
     try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         with tempfile.TemporaryDirectory() as folder:
             compile_kernels(Path(folder))
     except CaribouError as error:

@@ -47,10 +47,20 @@ def test_refit_loads_no_library_that_it_does_not_use() -> None:
     assert done.stdout.strip() == "loaded"
 
 
-@pytest.mark.parametrize("name", ["ground", "sitl", "autopilot"])
-def test_interrupt_while_modules_load_prints_nothing(name: str, tmp_path: Path) -> None:
-    """The stand-in for a module that all programs load blocks, so that the signal comes then."""
-    (tmp_path / "typer.py").write_text("import time\nprint(1, flush=True)\ntime.sleep(60.0)\n")
+@pytest.mark.parametrize(
+    ("name", "library"),
+    [
+        ("ground", "typer"),
+        ("sitl", "typer"),
+        ("autopilot", "typer"),
+        ("ground.compile_kernels", "numpy"),
+    ],
+)
+def test_interrupt_while_modules_load_prints_nothing(
+    name: str, library: str, tmp_path: Path
+) -> None:
+    """The stand-in for a library that the program loads blocks, so that the signal comes then."""
+    (tmp_path / f"{library}.py").write_text("import time\nprint(1, flush=True)\ntime.sleep(60.0)\n")
     with subprocess.Popen(
         [sys.executable, "-m", name],
         env={**os.environ, "PYTHONPATH": str(tmp_path)},
