@@ -41,6 +41,8 @@ MAX_START_SHARE = 0.25
 
 A vehicle that turns on and on has lost its speed, and responds little to its surfaces.
 """
+MAX_UNIT_RATIO_ERROR = 2.0
+"""Largest factor between the ratio of two effects and 57.3 at which a unit is named as cause."""
 HARDWARE_PARAMETERS = ("ACT_TRAVEL_DEG",)
 """Parameters that describe the vehicle and do not change between its dives."""
 
@@ -183,8 +185,20 @@ def _different_effects(logs: Sequence[LogOfRuns]) -> str:
                     f" {PLANES[plane].surface} gives {effects[0].value:.2g} +-"
                     f" {effects[0].sd:.1g} and {effects[1].value:.2g} +-"
                     f" {effects[1].sd:.1g} 1/s2; fit the logs of one vehicle"
+                    f"{_unit_hint(effects[0].value / effects[1].value)}"
                 )
     return ""
+
+
+def _unit_hint(ratio: float) -> str:
+    """Return the hint at radians in place of degrees, if the ratio of two effects is about 57."""
+    error = abs(abs(math.log(ratio)) - math.log(math.degrees(1.0)))
+    if error > math.log(MAX_UNIT_RATIO_ERROR):
+        return ""
+    return (
+        f", or give both in the same units: a ratio of {max(ratio, 1.0 / ratio):.0f} is that of"
+        " degrees to radians, about 57"
+    )
 
 
 def _explained(runs: Sequence[Run]) -> list[Run]:

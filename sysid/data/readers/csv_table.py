@@ -121,6 +121,10 @@ MAX_DEPTH_JUMP_M = 0.5
 """Largest noise of a depth in metres; that of a depth in mm is 1000 times as large."""
 MIN_TEST_RANGE_DEG = 0.5
 """Smallest range of a surface in its tests: a command in rad has less, one in deg has more."""
+MIN_WRAPS, MAX_WRAP_ERROR = 2, 0.02
+"""Number of wraps of a heading that show its unit, and largest change of the heading in one row, in
+turns. Radians in a column in degrees wrap by 6.28, span no more, and change by less than 0.13
+otherwise; degrees also change by a value between."""
 MAX_NAMED_LINES = 3
 """Number of left out rows whose line is named."""
 _PARAMETERS = READ_PARAMETERS | {LOOP_RATE, *TRIMS}
@@ -340,6 +344,8 @@ def _check_unit(path: Path, name: str, quantity: str, values: Array, factor: flo
             f"{path}: column {name}: no value above 0; give the speed forward as positive, or leave"
             " the column out"
         )
+    if quantity == "heading":
+        _check_wraps(path, name, known / factor, factor)
     if quantity not in _MAX_ABS:
         return
     finite = np.abs(known)
@@ -353,6 +359,19 @@ def _check_unit(path: Path, name: str, quantity: str, values: Array, factor: flo
         raise LogError(
             f"{path}: column {name}: values of {large / factor:.6g}; give percent of full thrust,"
             " not a fraction"
+        )
+
+
+def _check_wraps(path: Path, name: str, heading: Array, factor: float) -> None:
+    """Raise LogError if a heading wraps as one in the other unit does, by 2 pi or 360."""
+    turn, other = (2.0 * math.pi, "rad") if factor != 1.0 else (360.0, "deg")
+    steps = np.abs(np.diff(heading)) / turn
+    wraps = np.count_nonzero(np.abs(steps - 1.0) <= MAX_WRAP_ERROR)
+    is_other = wraps == np.count_nonzero(steps > MAX_WRAP_ERROR) and np.ptp(heading) <= turn
+    if is_other and wraps >= MIN_WRAPS:
+        raise LogError(
+            f"{path}: column {name}: wraps {wraps} times between {np.min(heading):.4g} and"
+            f" {np.max(heading):.4g}: its values are in {other}; name it heading_{other}"
         )
 
 

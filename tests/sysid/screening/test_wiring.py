@@ -122,6 +122,25 @@ def test_logs_of_two_vehicles_are_refused(sound: Path, tmp_path: Path) -> None:
         refit.refit(RefitRequest(paths=[one], held_out=[other]))
 
 
+@pytest.mark.parametrize(
+    ("factor", "hint"),
+    [(math.degrees(1.0), True), (math.radians(1.0) / 1.8, True), (6.0, False), (200.0, False)],
+)
+def test_effects_with_the_ratio_of_degrees_to_radians_name_the_unit(
+    sound: Path, monkeypatch: pytest.MonkeyPatch, factor: float, hint: bool
+) -> None:
+    log, runs = readers.read(sound), segments.cut_runs(readers.read(sound))
+    own, other = (replace(runs[0], name=name) for name in ("one", "other"))
+    effects = {
+        "one": ControlEffect(0.1 * factor, 0.001 * factor, 0.9),
+        "other": ControlEffect(0.1, 0.001, 0.9),
+    }
+    monkeypatch.setattr(wiring, "control_effect", lambda runs, *_: effects[runs[0].name])
+    reason = wiring._different_effects([wiring.LogOfRuns(log, [one]) for one in (own, other)])
+    assert "two different vehicles" in reason
+    assert ("is that of degrees to radians, about 57" in reason) is hint
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [11, 368, 370])
 def test_logs_of_one_unstable_vehicle_are_accepted(seed: int, tmp_path: Path) -> None:

@@ -447,6 +447,47 @@ def test_tested_surface_in_radians_is_named(tmp_path: Path) -> None:
         readers.read(path)
 
 
+def with_headings(path: Path, unit: str, values: np.ndarray) -> Path:
+    """Write the dive with these headings, and without rates."""
+    lines = [line.split(",") for line in rows()]
+    for cells, value in zip(lines, values, strict=True):
+        cells[1] = f"{value:.5f}"
+    header = COLUMNS.replace("heading_deg", f"heading_{unit}").replace("r_degps", "x")
+    return write(path, header, [",".join(cells) for cells in lines])
+
+
+TURNING_RAD = 4.0 * np.sin(np.arange(len(rows())) / 300.0)
+"""Heading that passes north and south several times, at up to 38 deg/s."""
+
+
+@pytest.mark.parametrize("start_rad", [0.0, np.pi])
+@pytest.mark.parametrize(
+    ("unit", "other", "turn"), [("deg", "rad", 2.0 * math.pi), ("rad", "deg", 360.0)]
+)
+def test_heading_that_wraps_in_another_unit_is_named(
+    tmp_path: Path, unit: str, other: str, turn: float, start_rad: float
+) -> None:
+    values = turn * ((TURNING_RAD / (2.0 * math.pi)) % 1.0)
+    values = np.where(values > 0.5 * turn, values - start_rad / math.pi * turn, values)
+    path = with_headings(tmp_path / "wrong.csv", unit, values)
+    with pytest.raises(LogError, match=rf"column heading_{unit}: wraps .* name it heading_{other}"):
+        readers.read(path)
+
+
+@pytest.mark.parametrize(
+    ("unit", "values"),
+    [
+        ("deg", np.degrees(TURNING_RAD) % 360.0),
+        ("rad", TURNING_RAD % (2.0 * math.pi)),
+        ("deg", np.where(np.arange(len(rows())) < 50, 0.0, 6.28)),  # no estimate at first
+        ("deg", 3.0 + 3.14 * np.random.default_rng(1).uniform(-1.0, 1.0, len(rows()))),
+        ("deg", 6.0 * (np.arange(len(rows())) // 50 % 2)),  # resolution of 6 deg
+    ],
+)
+def test_heading_in_its_unit_is_read(tmp_path: Path, unit: str, values: np.ndarray) -> None:
+    assert readers.read(with_headings(tmp_path / "right.csv", unit, values)).attitude.time_s.size
+
+
 def test_tested_surface_without_a_column_is_named(tmp_path: Path) -> None:
     path = write(tmp_path / "dive.csv", COLUMNS.replace("rudder_deg", "rud"))
     with pytest.raises(LogError, match=r"tests of the rudder, and there is no column rudder_deg"):
