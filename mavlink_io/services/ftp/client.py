@@ -324,23 +324,35 @@ class _FtpDownload(_FtpExchange[int]):
     def _is_requested(self, packet: Packet) -> bool:
         """Return whether data answer a request, by their number and their place in the file.
 
-        Packet k of a burst, from 0, has the number of the request plus 1 + k. It begins at most k
-        requested lengths after the requested place: a vehicle may send fewer bytes in each.
+        Each packet of a burst has as many bytes as the others, fewer than requested if the vehicle
+        chooses so; the packet with the end of the file has fewer.
+        """
+        is_last = packet.offset + len(packet.data) >= self._size
+        for request, number in self._numbered(packet):
+            ahead = packet.offset - request.offset
+            if ahead == number * len(packet.data):
+                return True
+            if is_last and number <= ahead <= number * request.size:
+                return True
+        return False
+
+    def _numbered(self, packet: Packet) -> Iterator[tuple[Packet, int]]:
+        """Yield the requests that an answer can belong to, and its number in each answer.
+
+        Packet k of a burst, from 0, has the number of the request plus 1 + k.
         Source: https://mavlink.io/en/services/ftp.html.
         """
         for request in self._requests:
             number = packet.sequence - payload.next_sequence(request.sequence) & 0xFFFF
-            ahead = packet.offset - request.offset
-            if (
-                request.opcode == packet.requested
-                and number <= MAX_BURST
-                and number <= ahead <= request.size * number
-            ):
-                return True
-        return False
+            largest = MAX_BURST if request.opcode == payload.BURST else 0
+            if request.opcode == packet.requested and number <= largest:
+                yield request, number
 
     def _handle_read_error(self, packet: Packet) -> None:
-        """Process the end of a burst at the end of the file, or an error."""
+        """Process the end of a burst at the end of the file, or an error; ignore late ones."""
+        requests = list(self._numbered(packet))
+        if not requests:
+            return
         error = packet.data[0] if packet.data else payload.FAIL
         if error == payload.INVALID_SESSION:  # the vehicle has restarted: open the file again
             self._session = None
@@ -348,7 +360,11 @@ class _FtpDownload(_FtpExchange[int]):
             self._send_packet(self._current)
         elif error != payload.END_OF_FILE:
             self._fail_with_error(packet)
-        elif packet.requested == payload.BURST:
+        elif packet.requested == payload.BURST and any(
+            # with fewer packets the burst has not reached the end: an earlier transfer has
+            request.offset + number * request.size >= self._size
+            for request, number in requests
+        ):
             self._frontier = self._size
             self._request_rest()
 

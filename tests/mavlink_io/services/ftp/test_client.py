@@ -132,14 +132,21 @@ class Script:
         self.requests.append(payload.decode(fields["payload"]))
 
     def answer(
-        self, exchange: Exchange[Any], data: bytes, offset: int = 0, number: int = 0
+        self,
+        exchange: Exchange[Any],
+        data: bytes,
+        offset: int = 0,
+        number: int = 0,
+        *,
+        opcode: int = payload.ACK,
+        request: Packet | None = None,
     ) -> None:
-        """Acknowledge the last request; ``number`` counts the packets of a burst."""
-        request = self.requests[-1]
+        """Answer a request, by default the last one; ``number`` counts the packets of a burst."""
+        request = request or self.requests[-1]
         packet = Packet(
             sequence=payload.next_sequence(request.sequence + number),
             session=0,
-            opcode=payload.ACK,
+            opcode=opcode,
             size=len(data),
             requested=request.opcode,
             offset=offset,
@@ -179,6 +186,70 @@ def test_ftp_data_that_no_request_explains_are_ignored(offset: int, number: int)
     assert sink.getvalue() == b""
     script.answer(download, b"a" * 239)
     assert sink.getvalue() == b"a" * 239
+
+
+OLD_LENGTH, NEW_LENGTH = 200, 239
+"""Bytes in each packet of a vehicle that sends fewer than requested; bytes that are requested."""
+
+
+def second_download(size: int) -> tuple[Script, Exchange[int], io.BytesIO, Packet]:
+    """Return a download with an open burst, and the burst of the download before it.
+
+    The vehicle gave both files the same session.
+    """
+    script, sink = Script(), io.BytesIO()
+    first = script.client.download("/old", io.BytesIO())
+    first.poll(0.0)
+    script.answer(first, (10 * OLD_LENGTH).to_bytes(4, "little"))
+    old_burst = script.requests[-1]
+    for number in range(10):
+        script.answer(first, b"o" * OLD_LENGTH, number * OLD_LENGTH, number)
+    assert first.result() == 10 * OLD_LENGTH
+    download = script.client.download("/new", sink)
+    download.poll(0.0)
+    script.answer(download, size.to_bytes(4, "little"))
+    return script, download, sink, old_burst
+
+
+@pytest.mark.parametrize("number", [20, 60, 200])
+def test_ftp_late_data_of_the_burst_before_are_ignored(number: int) -> None:
+    """With packets of 200 bytes they lie within the 239 bytes per packet that are requested."""
+    script, download, sink, old_burst = second_download(100_000)
+    before = len(script.requests)
+    offset = number * OLD_LENGTH
+    script.answer(download, b"o" * OLD_LENGTH, offset, number, request=old_burst)
+    assert len(script.requests) == before
+    script.answer(download, b"n" * OLD_LENGTH)
+    script.answer(download, b"n" * OLD_LENGTH, OLD_LENGTH, number=1)
+    assert sink.getvalue() == b"n" * 2 * OLD_LENGTH
+
+
+def test_ftp_late_end_of_the_burst_before_is_ignored() -> None:
+    """It caused requests for 32 pieces, and then for 32 pieces a second instead of bursts."""
+    script, download, _, old_burst = second_download(100_000)
+    before, end = len(script.requests), bytes((payload.END_OF_FILE,))
+    script.answer(download, end, number=10, opcode=payload.NAK, request=old_burst)
+    assert len(script.requests) == before
+
+
+def test_ftp_late_error_of_the_download_before_is_ignored() -> None:
+    script, download, sink, old_burst = second_download(100)
+    error = bytes((payload.INVALID_SESSION,))
+    script.answer(download, error, opcode=payload.NAK, request=old_burst)
+    script.answer(download, b"n" * 100)
+    assert download.result() == 100
+    assert sink.getvalue() == b"n" * 100
+
+
+@pytest.mark.parametrize("length", [OLD_LENGTH, NEW_LENGTH])
+def test_ftp_end_of_the_own_burst_requests_the_lost_pieces(length: int) -> None:
+    size = 10 * NEW_LENGTH
+    script, download, _, _ = second_download(size)
+    before, burst = len(script.requests), script.requests[-1]
+    packets = -(-size // length)
+    end = bytes((payload.END_OF_FILE,))
+    script.answer(download, end, number=packets, opcode=payload.NAK, request=burst)
+    assert [r.opcode for r in script.requests[before:]] == [payload.READ] * 10
 
 
 def test_ftp_list_without_complete_entry_fails() -> None:
