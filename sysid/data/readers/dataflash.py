@@ -9,9 +9,9 @@ import math
 import re
 import struct
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,6 +128,8 @@ _READ = {
     for name, columns in {**_PLAUSIBLE, **_EVENTS, "PARM": ("Name", "Value")}.items()
 }
 """Columns that are read, by message."""
+_UNTIMED = {"PARM": ("Name", "Value"), "MSG": ("Message",), "MODE": ("Mode",)}
+"""Messages that have no time in versions before 2015, with the columns that are read."""
 _SIMILAR = {"IMT"}
 """ArduPilot's messages whose names differ in one bit from one of `_READ`."""
 _EARLIER, _EVENT_AHEAD_S, _EVENT_BEHIND_S = 10, 0.1, 1.0
@@ -214,13 +216,25 @@ def load(path: Path) -> tuple[Tables, FileDamage]:
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give an ArduPilot .bin") from None
     index, damage = _index(data)
-    decoded = {
-        kind.name: _decode(np.frombuffer(data, np.uint8), kind, offsets) for kind, offsets in index
-    }
-    tables = {name: table for name, table in decoded.items() if table is not None}
+    tables, untimed = Tables(), dict[str, dict[str, NDArray[Any]]]()
+    offsets_by_name = dict[str, list[int]]()
+    for kind, offsets in index:
+        columns = _decode(np.frombuffer(data, np.uint8), kind, offsets)
+        if columns is None:
+            continue
+        offsets_by_name[kind.name] = offsets
+        time_s = _times_s(columns)
+        if time_s is not None:
+            tables[kind.name] = MessageColumns(time_s, columns)
+        elif kind.name in _UNTIMED and set(_UNTIMED[kind.name]) <= columns.keys():
+            untimed[kind.name] = columns
+    for name, columns in untimed.items():
+        time_s = _times_before(offsets_by_name[name], tables, offsets_by_name)
+        if time_s is not None:
+            tables[name] = MessageColumns(time_s, columns)
     if not tables:
         raise LogError(f"{path}: holds no message of an ArduPilot log")
-    return _drop_misplaced(tables, {kind.name: offsets for kind, offsets in index}, damage)
+    return _drop_misplaced(tables, offsets_by_name, damage)
 
 
 def _drop_misplaced(
@@ -359,35 +373,55 @@ def _is_consistent(kind: _MessageFormat) -> bool:
 
 
 def _decode(
-    data: NDArray[np.uint8], kind: _MessageFormat, offsets_by_kind: list[int]
-) -> MessageColumns | None:
-    """Return all messages of one type; None without a time or with a length unlike the FMT."""
+    data: NDArray[np.uint8], kind: _MessageFormat, offsets: list[int]
+) -> dict[str, NDArray[Any]] | None:
+    """Return the columns of all messages of one type; None with a length unlike the FMT."""
     from pymavlink.DFReader import FORMAT_TO_STRUCT
 
     codes = [FORMAT_TO_STRUCT[code] for code in kind.codes if code in FORMAT_TO_STRUCT]
-    time_column = next((name for name in ("TimeUS", "TimeMS") if name in kind.columns), None)
-    if not all(kind.columns):
+    names = kind.columns
+    if not (all(names) and len(kind.codes) == len(codes) == len(set(names)) == len(names)):
         return None
-    if time_column is None or not len(kind.codes) == len(codes) == len(set(kind.columns)) == len(
-        kind.columns
-    ):
-        return None
-    record = np.dtype(
-        [(name, _scalar(code[0])) for name, code in zip(kind.columns, codes, strict=True)]
-    )
+    record = np.dtype([(name, _scalar(code[0])) for name, code in zip(names, codes, strict=True)])
     if record.itemsize != kind.length - _HEAD_LENGTH:
         return None
     windows = np.lib.stride_tricks.sliding_window_view(data, record.itemsize)
-    rows = windows[np.array(offsets_by_kind) + _HEAD_LENGTH].view(record)[:, 0]
-    columns = {
+    rows = windows[np.array(offsets) + _HEAD_LENGTH].view(record)[:, 0]
+    return {
         name: rows[name] * code[1] if code[1] else rows[name]
-        for name, code in zip(kind.columns, codes, strict=True)
+        for name, code in zip(names, codes, strict=True)
     }
-    if columns[time_column].dtype.kind not in "iuf":
+
+
+def _times_s(columns: Mapping[str, NDArray[Any]]) -> Array | None:
+    """Return the times of messages; None without a column of them.
+
+    Versions before 2015 have milliseconds. In their GPS, TimeMS is the time of the week, and T the
+    time since boot.
+    """
+    name = "T" if "Week" in columns and "T" in columns else "TimeMS"
+    for column, factor in (("TimeUS", 1e-6), (name, 1e-3)):
+        if column in columns:
+            is_number = columns[column].dtype.kind in "iuf"
+            return columns[column] * factor if is_number else None
+    return None
+
+
+def _times_before(
+    offsets: Collection[int], tables: Tables, offsets_by_name: Mapping[str, list[int]]
+) -> Array | None:
+    """Return the times of the regular messages written before others, which have no time.
+
+    Those before the first regular message have its time. None without regular messages.
+    """
+    regular = [name for name in tables if name in _PLAUSIBLE]
+    if not regular:
         return None
-    return MessageColumns(
-        columns[time_column] * (1e-6 if time_column == "TimeUS" else 1e-3), columns
-    )
+    places = np.concatenate([offsets_by_name[name] for name in regular])
+    order = np.argsort(places)
+    times_s = np.concatenate([tables[name].time_s for name in regular])[order]
+    before = np.searchsorted(places[order], np.array([*offsets])) - 1
+    return times_s[np.maximum(before, 0)]
 
 
 def _scalar(code: str) -> str:

@@ -213,6 +213,18 @@ _DATAFLASH: dict[str, tuple[int, str, str]] = {
     "XKF1": (13, "QBffff", "TimeUS,C,VN,VE,VD,PD"),
     "RCOU_OLD": (14, "QHHHH", "TimeUS,Chan1,Chan2,Chan3,Chan4"),
 }
+_DATAFLASH_2014: dict[str, tuple[int, str, str]] = {
+    "PARM_2014": (20, "Nf", "Name,Value"),
+    "MSG_2014": (21, "Z", "Message"),
+    "ATT_2014": (22, "IccccCC", "TimeMS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw"),
+    "IMU_2014": (23, "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
+    "RCOU_2014": (24, "Ihhhh", "TimeMS,Chan1,Chan2,Chan3,Chan4"),
+    "BARO_2014": (25, "Iffc", "TimeMS,Alt,Press,Temp"),
+    "GPS_2014": (26, "BIHfI", "Status,TimeMS,Week,Spd,T"),
+}
+"""Messages of versions with milliseconds; in GPS, TimeMS is the time of the week and T that since
+boot. GPS has more columns there."""
+_RECORDS = _DATAFLASH | _DATAFLASH_2014
 _DATAFLASH_CODES = {
     "Q": "Q",
     "N": "16s",
@@ -222,6 +234,8 @@ _DATAFLASH_CODES = {
     "C": "H",
     "B": "B",
     "H": "H",
+    "h": "h",
+    "I": "I",
     "L": "i",
     "M": "B",
 }
@@ -318,8 +332,35 @@ def dataflash(
     return path
 
 
+def dataflash_2014(path: Path) -> Path:
+    """Write a .bin of a version with milliseconds, whose parameters and texts have no time.
+
+    The last parameter is set at the end of the test.
+    """
+    data = b"".join(_format(name) for name in _DATAFLASH_2014)
+    data += _record("PARM_2014", b"ACT_TRAVEL_DEG", 12.0)
+    for k, s in enumerate(samples()):
+        ms, pitch = round(1e3 * s.time_s), round(math.degrees(s.pitch_rad) * 100)
+        yaw = round(math.degrees(s.yaw_rad) % 360.0 * 100)
+        outputs = pulse(s.rudder), pulse(s.elevator), pulse(s.thrust), 0
+        force = specific_force_mps2(s.yaw_rate_radps)
+        data += _record("ATT_2014", ms, 0, 0, 0, pitch, 9000, yaw)
+        data += _record("IMU_2014", ms, 0.0, 0.0, s.yaw_rate_radps, *force)
+        data += _record("RCOU_2014", ms, *outputs)
+        if k % 5 == 0:
+            data += _record("BARO_2014", ms, -s.depth_m, 1e5, 1000)
+            data += _record("GPS_2014", 3, 400_000_000 + ms, 1800, 1.3, ms)
+        if math.isclose(s.time_s, BOOTED_S + TEST[0]):
+            data += _record("MSG_2014", b"SystemID Starting: axis=12")
+        if math.isclose(s.time_s, BOOTED_S + TEST[1]):
+            data += _record("MSG_2014", b"SystemID Finished")
+            data += _record("PARM_2014", b"INS_FILTER", 20.0)
+    path.write_bytes(data)
+    return path
+
+
 def _format(name: str) -> bytes:
-    number, codes, columns = _DATAFLASH[name]
+    number, codes, columns = _RECORDS[name]
     length = 3 + struct.calcsize("<" + "".join(_DATAFLASH_CODES[c] for c in codes))
     body = struct.pack(
         "<BB4s16s64s", number, length, name.split("_")[0].encode(), codes.encode(), columns.encode()
@@ -328,7 +369,7 @@ def _format(name: str) -> bytes:
 
 
 def _record(name: str, *values: object) -> bytes:
-    number, codes, _ = _DATAFLASH[name]
+    number, codes, _ = _RECORDS[name]
     layout = "<" + "".join(_DATAFLASH_CODES[c] for c in codes)
     return bytes((0xA3, 0x95, number)) + struct.pack(layout, *values)
 

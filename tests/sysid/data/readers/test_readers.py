@@ -490,6 +490,20 @@ def test_ardupilot_vehicles_give_the_same_run(tmp_path: Path, variant: str) -> N
     check_run(the_run(files.dataflash(tmp_path / "dive.bin", variant=variant)))
 
 
+def test_ardupilot_log_with_milliseconds_gives_the_same_run(tmp_path: Path) -> None:
+    """Versions before 2015: PARM and MSG have no time, and GPS has that of the week first."""
+    path = files.dataflash_2014(tmp_path / "old.bin")
+    log = readers.read(path)
+    assert log.parameters == {"ACT_TRAVEL_DEG": 12.0, "INS_FILTER": 20.0}
+    check_run(the_run(path))
+    tables, damage = dataflash.load(path)
+    assert not damage.impossible_names
+    assert tables["GPS"].time_s[0] == pytest.approx(files.BOOTED_S)
+    ends_s = files.BOOTED_S + files.TEST[0], files.BOOTED_S + files.TEST[1]
+    assert [event.time_s for event in log.events] == pytest.approx(ends_s)
+    assert tables["PARM"].time_s == pytest.approx((files.BOOTED_S, ends_s[1]))
+
+
 @pytest.mark.parametrize("variant", files.ULOG_VARIANTS)
 def test_px4_versions_give_the_same_run(tmp_path: Path, variant: str) -> None:
     """From 1.14 the thrust is a motor, which is output 9."""
