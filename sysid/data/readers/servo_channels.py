@@ -42,6 +42,8 @@ FIRST_THREE = ServoChannels(1, 2, 3)
 _FUNCTIONS = ((21, 26), (19,), (70, 73))
 """SERVOn_FUNCTION of rudder (rudder, ground steering), elevator and thrust (throttle, throttle
 left), the preferred first (ArduPilot, SRV_Channel.h)."""
+_V_TAIL = (79, 80)
+"""SERVOn_FUNCTION of the left and right half of a V-tail."""
 _MIXED = {77.0: "an elevon", 78.0: "an elevon", 79.0: "a V-tail", 80.0: "a V-tail"}
 """SERVOn_FUNCTION of surfaces that act in both planes."""
 
@@ -122,23 +124,64 @@ def find_channels(
     ServoChannels
         The output numbers; their signs are those of SERVOn_REVERSED. Without an elevator, 0.
     """
-    functions = {
+    rudder, elevator, thrust = _numbers(parameters)
+    found = usual
+    if rudder is not None and thrust is not None:
+        found = ServoChannels(rudder, elevator or 0, thrust)
+    return _signed(found, parameters)
+
+
+def find_v_tail(parameters: Mapping[str, float]) -> ServoChannels | None:
+    """Return the outputs of the left and right half of a V-tail, and of the thrust.
+
+    None without one, and where other outputs act as rudder, elevator or elevons, too.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        ArduPilot's parameters.
+
+    Returns
+    -------
+    ServoChannels or None
+        The output numbers, left and right in place of rudder and elevator; their signs are those of
+        SERVOn_REVERSED.
+    """
+    of_mixed = [f for f in _functions(parameters).values() if f in _MIXED]
+    rudder, elevator, thrust = _numbers(parameters)
+    others = rudder is not None or elevator is not None
+    if sorted(of_mixed) != [*_V_TAIL] or others or thrust is None:
+        return None
+    left, right = (
+        next(n for n, f in _functions(parameters).items() if f == half) for half in _V_TAIL
+    )
+    return _signed(ServoChannels(left, right, thrust), parameters)
+
+
+def _functions(parameters: Mapping[str, float]) -> dict[int, float]:
+    """Return the SERVOn_FUNCTION by the number of the output."""
+    return {
         int(match[1]): function
         for name, function in parameters.items()
         if (match := re.fullmatch(r"SERVO(\d+)_FUNCTION", name))
     }
+
+
+def _numbers(parameters: Mapping[str, float]) -> list[int | None]:
+    """Return the outputs of rudder, elevator and thrust; None without SERVOn_FUNCTION."""
+    functions = _functions(parameters)
     # of several outputs with one function, the lowest number remains
     number_of_function = {functions[number]: number for number in sorted(functions, reverse=True)}
-    numbers = [
-        next((number_of_function[f] for f in functions if f in number_of_function), None)
-        for functions in _FUNCTIONS
+    return [
+        next((number_of_function[f] for f in choices if f in number_of_function), None)
+        for choices in _FUNCTIONS
     ]
-    rudder, elevator, thrust = numbers
-    found = usual
-    if rudder is not None and thrust is not None:
-        found = ServoChannels(rudder, elevator or 0, thrust)
+
+
+def _signed(channels: ServoChannels, parameters: Mapping[str, float]) -> ServoChannels:
+    """Return output numbers with the signs of SERVOn_REVERSED."""
     return ServoChannels(
-        *(n * (-1 if parameters.get(f"SERVO{n}_REVERSED") == 1.0 else 1) for n in found)
+        *(n * (-1 if parameters.get(f"SERVO{n}_REVERSED") == 1.0 else 1) for n in channels)
     )
 
 
@@ -174,11 +217,12 @@ def names_surfaces(parameters: Mapping[str, float]) -> bool:
     Returns
     -------
     bool
-        True for Caribou's autopilot (ACT_TRAVEL_DEG), and where SERVOn_FUNCTION names a rudder and
-        a throttle. The outputs of other logs may belong to motors.
+        True for Caribou's autopilot (ACT_TRAVEL_DEG), and where SERVOn_FUNCTION names a rudder or a
+        V-tail, and a throttle. The outputs of other logs may belong to motors.
     """
     numbers = tuple(map(abs, find_channels(parameters)))
-    return TRAVEL in parameters or numbers != FIRST_THREE
+    is_known = numbers != FIRST_THREE or find_v_tail(parameters) is not None
+    return TRAVEL in parameters or is_known
 
 
 def travel_rad(parameters: Mapping[str, float], options: OutputOptions) -> float:
@@ -244,11 +288,14 @@ def actuator_commands(
     others, assumed, mixed = set[int](), dict[str, None](), dict[str, None]()
     for rows, own_parameters in history.epochs(time_s, _OUTPUT_PARAMETERS):
         parameters = own_parameters | convert(own_parameters)
-        channels = options.channels or find_channels(parameters, usual)
+        v_tail = None if options.channels else find_v_tail(own_parameters)
+        channels = options.channels or v_tail or find_channels(parameters, usual)
         commands[:, rows] = _fractions(values[rows], channels, parameters, where)
+        if v_tail:
+            commands[:2, rows] = _unmixed(*commands[:2, rows])
         others.update(_other_outputs(values[rows], channels))
         assumed[_assumed_pulses(values[rows], channels, parameters)] = None
-        mixed["" if options.channels else mixed_surfaces(parameters)] = None
+        mixed["" if options.channels or v_tail else mixed_surfaces(parameters)] = None
         travel = travel_rad(parameters, options)
         commands[:2, rows] *= travel
     return Actuators(
@@ -261,6 +308,16 @@ def actuator_commands(
         assumed_pulses="; ".join(filter(None, assumed)),
         mixed_surfaces="; ".join(filter(None, mixed)),
     )
+
+
+def _unmixed(left: Array, right: Array) -> tuple[Array, Array]:
+    """Return rudder and elevator of the halves of a V-tail, all as fractions of the travel.
+
+    Positive halves are deflected upwards: left = elevator + rudder, right = elevator - rudder, each
+    times a gain (ArduPilot, Plane, `channel_function_mixer`). The gain is left out: a rudder of 1
+    is both halves at their full travel.
+    """
+    return (left - right) / 2.0, (left + right) / 2.0
 
 
 def _other_outputs(values: NDArray[np.float64], channels: ServoChannels) -> tuple[int, ...]:

@@ -292,10 +292,11 @@ def dataflash(
     variant: str = "ArduSub",
     every: int = 1,
     last_parameters: dict[str, float] | None = None,
+    surfaces: Callable[[Sample], tuple[float, float]] = lambda s: (s.rudder, s.elevator),
 ) -> Path:
     """Write a .bin; ``ending`` is the text that ends the test, or MODE for a change of mode.
 
-    ``last_parameters`` are set after the dive.
+    ``last_parameters`` are set after the dive. ``surfaces`` gives outputs 1 and 2.
     Of the regular messages one in ``every`` is logged, and each event just before the next.
     """
     messages = VARIANTS[variant]
@@ -311,9 +312,8 @@ def dataflash(
         if k % every == (1 if every > 1 else 0):
             data += _record("ATT", us, 0, 0, 0, pitch, 9000, yaw, 0, 0, 3)
             data += _rates(messages, us, s.yaw_rate_radps)
-            data += _record(
-                messages.outputs, us, pulse(s.rudder), pulse(s.elevator), pulse(s.thrust), 0
-            )
+            first, second = map(pulse, surfaces(s))
+            data += _record(messages.outputs, us, first, second, pulse(s.thrust), 0)
         if k % max(5, every) == (1 if every > 1 else 0):
             data += _depth(messages, us, s)
         if sids and math.isclose(s.time_s, BOOTED_S + TEST[0]):

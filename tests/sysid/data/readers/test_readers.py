@@ -543,14 +543,39 @@ def test_damaged_parameters_of_outputs_are_none() -> None:
         assert servo_channels.mixed_surfaces({"SERVO1_FUNCTION": value}) == ""
 
 
-def test_v_tail_is_refused_with_its_outputs(tmp_path: Path) -> None:
-    """ArduPilot, Plane: SERVOn_FUNCTION 79 and 80 are V-tail left and right."""
-    functions = {"SERVO1_FUNCTION": 79.0, "SERVO2_FUNCTION": 80.0, "SERVO3_FUNCTION": 70.0}
-    path = files.dataflash(tmp_path / "vtail.bin", parameters=functions)
+V_TAIL = {"SERVO1_FUNCTION": 79.0, "SERVO2_FUNCTION": 80.0, "SERVO3_FUNCTION": 70.0}
+"""ArduPilot, Plane: SERVOn_FUNCTION 79 and 80 are V-tail left and right."""
+
+
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_v_tail_gives_the_same_run(tmp_path: Path, is_reversed: bool) -> None:
+    """left = elevator + rudder, right = elevator - rudder (ArduPilot, Plane: servos.cpp)."""
+    parameters = V_TAIL | {"ACT_TRAVEL_DEG": 12.0, "SERVO2_REVERSED": float(is_reversed)}
+
+    def halves(s: files.Sample) -> tuple[float, float]:
+        right = s.elevator - s.rudder
+        return s.elevator + s.rudder, -right if is_reversed else right
+
+    path = files.dataflash(tmp_path / "vtail.bin", parameters=parameters, surfaces=halves)
+    check_run(the_run(path))
+    usable_runs.refuse_miswired(usable_runs.cut_logs([readers.read(path)], []))
+    assert servo_channels.names_surfaces(V_TAIL)
+
+
+@pytest.mark.parametrize(
+    ("functions", "reason"),
+    [
+        (V_TAIL | {"SERVO4_FUNCTION": 21.0}, r"SERVO1_FUNCTION = 79 \(a V-tail\), SERVO2_FUNCTION"),
+        (V_TAIL | {"SERVO2_FUNCTION": 79.0}, r"SERVO1_FUNCTION = 79 \(a V-tail\), SERVO2_FUNCTION"),
+        (V_TAIL | {"SERVO1_FUNCTION": 77.0, "SERVO2_FUNCTION": 78.0}, r"77 \(an elevon\)"),
+    ],
+)
+def test_surfaces_of_both_planes_are_refused_with_their_outputs(
+    tmp_path: Path, functions: dict[str, float], reason: str
+) -> None:
+    path = files.dataflash(tmp_path / "mixed.bin", parameters=functions)
     log = readers.read(path)
-    with pytest.raises(
-        RefitError, match=r"SERVO1_FUNCTION = 79 \(a V-tail\), SERVO2_FUNCTION = 80"
-    ):
+    with pytest.raises(RefitError, match=reason):
         usable_runs.refuse_miswired(usable_runs.cut_logs([log], []))
     chosen = OutputOptions(ServoChannels(1, 2, 3))
     usable_runs.refuse_miswired(usable_runs.cut_logs([readers.read(path, chosen)], []))
