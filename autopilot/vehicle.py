@@ -353,12 +353,12 @@ class VehicleMission:
 
     def go_to(self, item: MissionItem) -> MissionResult:
         """Circle the place of an item in STATION; without a place change the depth."""
-        wanted = (
+        command = (
             MavCmd.CONDITION_CHANGE_ALT
             if NOT_GIVEN in (item.x, item.y)
             else MavCmd.NAV_LOITER_UNLIM
         )
-        answer = self._vehicle.handle_request(requests.GoTo(item._replace(command=wanted, p3=0.0)))
+        answer = self._vehicle.handle_request(requests.GoTo(item._replace(command=command, p3=0.0)))
         return MissionResult(_MISSION_RESULTS.get(answer.result, missions.DENIED))
 
     def explain(self, text: str) -> None:

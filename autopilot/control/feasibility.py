@@ -20,6 +20,9 @@ MAX_ITEMS = 10_000
 _NO_TIME = frozenset((MavCmd.DO_CHANGE_ALTITUDE, MavCmd.CONDITION_YAW))
 """Commands that end at once and leave the vehicle where it is."""
 _PLACE_PARAMETER, _DEPTH_PARAMETER, _TIME_PARAMETER, _RADIUS_PARAMETER = 5, 7, 1, 3
+"""Numbers of the parameters with these quantities in MAV_MISSION_RESULT."""
+_ALTITUDE_PARAMETER = 1
+"""The same for the altitude of DO_CHANGE_ALTITUDE."""
 
 
 class MissionStart(NamedTuple):
@@ -102,7 +105,7 @@ def find_fence_fault(
     """
     for item in mission.items_to_fly(items, config):
         if (depth_m := mission.wanted_depth_m(item)) is not None:
-            parameter = _TIME_PARAMETER if item.command == MavCmd.DO_CHANGE_ALTITUDE else 7
+            parameter = _depth_parameter(item)
             limit = ""
             if 0.0 < config.fence_max_m < depth_m - mission.LENGTH_ROUNDING_M:
                 limit = f"at most FENCE_DPT_MAX = {config.fence_max_m:g} m"
@@ -271,9 +274,14 @@ def _floor_fault(
     depth_m = mission.wanted_depth_m(item)
     if depth_m is None or not here or not after.on_place or not depth_m > lowest_m:
         return None  # an unknown floor is NaN
-    parameter = _TIME_PARAMETER if item.command == MavCmd.DO_CHANGE_ALTITUDE else _DEPTH_PARAMETER
     reason = f"depth {depth_m:g} m: the floor is at {start.floor_m:.1f} m, keep FS_ALT_M above it"
-    return MissionFault(item.sequence, reason, parameter)
+    return MissionFault(item.sequence, reason, _depth_parameter(item))
+
+
+def _depth_parameter(item: MissionItem) -> int:
+    """Return the number of the parameter that holds the depth of an item."""
+    is_altitude = item.command == MavCmd.DO_CHANGE_ALTITUDE
+    return _ALTITUDE_PARAMETER if is_altitude else _DEPTH_PARAMETER
 
 
 def _battery_s(state: AutopilotState, config: Config) -> float:

@@ -132,11 +132,11 @@ class OnboardLog:
         if armed != self._armed or time_us < self._newest_us:
             self._on_arming_change(armed, time_us < self._newest_us)
         self._newest_us = time_us
-        wanted = config.log_enabled and (armed or config.log_disarmed)
+        is_on = config.log_enabled and (armed or config.log_disarmed)
         if self._session is None:
-            if wanted and wall_s() >= self._retry_s:
+            if is_on and wall_s() >= self._retry_s:
                 self._begin()
-        elif not wanted and not self._within_tail():
+        elif not is_on and not self._within_tail():
             self._finish()
         return self._session
 

@@ -140,11 +140,11 @@ def enumeration(row: ParamInfo) -> dict[int, str]:
         return {}
     if switch := re.match("1: (.*)", row.doc):
         return {0: "Off", 1: switch[1]}
-    found = {int(number): meaning.strip() for number, meaning in _VALUE.findall(row.doc)}
+    meanings = {int(number): meaning.strip() for number, meaning in _VALUE.findall(row.doc)}
     if row.name == "SID_AXIS":
-        names = {number: found[number % 100] for number in excitation.AXES if number >= 100}
-        found |= {number: f"{name}, loop on" for number, name in names.items()}
-    return found
+        names = {number: meanings[number % 100] for number in excitation.AXES if number >= 100}
+        meanings |= {number: f"{name}, loop on" for number, name in names.items()}
+    return meanings
 
 
 def _json(content: Any) -> bytes:

@@ -85,8 +85,8 @@ def headline(assessment: Assessment) -> str:
     str
         The errors if all are within the limits, else the cause of the gravest reason.
     """
-    if found := reasons(assessment):
-        return found[0].cause
+    if ranked := reasons(assessment):
+        return ranked[0].cause
     return _errors(assessment)
 
 

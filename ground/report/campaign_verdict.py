@@ -68,8 +68,8 @@ def _changes(summary: CampaignSummary) -> str:
             parts.append(f"{name} error {format_value(factor * now)}{unit}")
             continue
         change = f"{100.0 * abs(1.0 - now / was):.0f} % {'smaller' if now <= was else 'larger'}"
-        shown = f"{format_value(factor * was)} → {format_value(factor * now)}{unit}"
-        parts.append(f"{name} error {shown}" + (f" ({change})" if was > 0.0 else ""))
+        errors = f"{format_value(factor * was)} → {format_value(factor * now)}{unit}"
+        parts.append(f"{name} error {errors}" + (f" ({change})" if was > 0.0 else ""))
     text = " and ".join(parts)
     return escape(f"{text[:1].upper()}{text[1:]}, for 95 % of the straight run.")
 

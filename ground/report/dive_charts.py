@@ -198,7 +198,7 @@ def _stacked(
     layout: dict[str, Any] = {"height": inner_px + 100, "shapes": [], "annotations": []}
     data: list[dict[str, Any]] = []
     top_px = inner_px
-    for row, (label, measured, wanted) in enumerate(panels):
+    for row, (label, measured, setpoint) in enumerate(panels):
         if row == 0 and events:
             top_px -= strip_px + GAP_PX
         suffix = "" if row == 0 else str(row + 1)
@@ -208,7 +208,7 @@ def _stacked(
             layout[f"yaxis{suffix}"]["autorange"] = "reversed"
         top_px -= PANEL_PX + GAP_PX
         for number, dive in enumerate(dives):
-            data += _curves(dive, number, len(dives), f"y{suffix}", measured, wanted, row == 0)
+            data += _curves(dive, number, len(dives), f"y{suffix}", measured, setpoint, row == 0)
     if events:
         strip = f"axis{len(panels) + 1}"
         layout[f"y{strip}"] = {
@@ -258,15 +258,15 @@ def _curves(
     count: int,
     axis: str,
     measured: Series,
-    wanted: Series | None,
+    setpoint: Series | None,
     first: bool,
 ) -> Iterator[dict[str, Any]]:
     """Yield the set-point and the measurement of one dive in one panel."""
     limit = max(600, MAX_POINTS // count)
     alone = count == 1
-    setpoint_s, setpoint = wanted(dive.log) if wanted else (np.empty(0), np.empty(0))
+    setpoint_s, setpoints = setpoint(dive.log) if setpoint else (np.empty(0), np.empty(0))
     if setpoint_s.size:
-        x, y = thin(setpoint_s - dive.start_s, setpoint, limit // 4)
+        x, y = thin(setpoint_s - dive.start_s, setpoints, limit // 4)
         yield {
             **_line(f"set-point{'' if alone else ' of ' + dive.label}", x, y, axis),
             "role": "set_point" if alone else role(number),
@@ -277,7 +277,7 @@ def _curves(
     time_s, values = measured(dive.log)
     x, y = thin(time_s - dive.start_s, values, limit)
     yield {
-        **_line("measured" if alone and wanted else dive.label, x, y, axis),
+        **_line("measured" if alone and setpoint else dive.label, x, y, axis),
         "role": role(number),
         "legendgroup": dive.label,
         "showlegend": first,
@@ -320,17 +320,17 @@ def thin(time_s: Array, values: Array, limit: int) -> tuple[Array, Array]:
     starts = np.arange(0, whole, size)
     rows = [starts + np.argmin(finite, axis=1), starts + np.argmax(finite, axis=1)]
     breaks = np.flatnonzero(~np.isfinite(values))
-    kept = np.unique(np.concatenate([[0], *rows, breaks, [time_s.size - 1]]))
-    return time_s[kept], values[kept]
+    indexes = np.unique(np.concatenate([[0], *rows, breaks, [time_s.size - 1]]))
+    return time_s[indexes], values[indexes]
 
 
 def _event_traces(
     dive: ReportedDive, number: int, height: int, axis: str
 ) -> Iterator[dict[str, Any]]:
     """Yield one trace of marks per kind of event."""
-    shown = _shown_events(dive)
+    all_events = _shown_events(dive)
     for kind, symbol in SYMBOLS.items():
-        events = [event for event in shown if event.kind == kind]
+        events = [event for event in all_events if event.kind == kind]
         if events:
             yield {
                 "type": "scatter",

@@ -80,13 +80,13 @@ def render(dives: Sequence[ReportedDive]) -> str:
     str
         HTML.
     """
-    drawn = {
+    charts_by_id = {
         "motion": dive_charts.motion_chart(dives),
         "actuators": dive_charts.actuator_chart(dives),
     }
     known = all(dive.names_surfaces for dive in dives)
     if has_legs := any(dive.assessment.legs for dive in dives):
-        drawn["errors"] = dive_charts.error_chart(dives)
+        charts_by_id["errors"] = dive_charts.error_chart(dives)
     names = " and ".join(dive.label for dive in dives) if len(dives) < 3 else f"{len(dives)} dives"
     track = json.dumps(dive_charts.track_data(dives), separators=(",", ":"))
     parts = {
@@ -109,7 +109,7 @@ def render(dives: Sequence[ReportedDive]) -> str:
         "events": "".join(map(_events, dives)),
         "footer": "<br>".join(map(_source, dives)),
     }
-    return page.render(parts, drawn, _HERE / "dives.html")
+    return page.render(parts, charts_by_id, _HERE / "dives.html")
 
 
 _ERRORS = (
@@ -131,18 +131,22 @@ _OUTPUTS = (
 
 def _card(number: int, dive: ReportedDive) -> str:
     """Return the verdict of a dive."""
-    found = dive.assessment
-    others = verdict.reasons(found)[1:]
+    assessment = dive.assessment
+    others = verdict.reasons(assessment)[1:]
     more = "".join(f"<li>{as_sentence(reason.message)}</li>" for reason in others)
-    learned = f"<p>Trims learned: {escape(found.trims_learned)}.</p>" if found.trims_learned else ""
+    learned = (
+        f"<p>Trims learned: {escape(assessment.trims_learned)}.</p>"
+        if assessment.trims_learned
+        else ""
+    )
     return (
-        f'<section class="verdict {found.outcome.name.lower()}">'
+        f'<section class="verdict {assessment.outcome.name.lower()}">'
         f'<p class="dive"><span class="swatch {dive_charts.role(number)}"></span>'
         f"{escape(dive.label)}</p>"
-        f'<p class="outcome"><span class="sign">{SIGNS[found.outcome]}</span>'
-        f" {found.outcome.capitalize()}</p>"
-        f"<p>{as_sentence(verdict.headline(found))}</p>"
-        f"<p><b>Next:</b> {as_sentence(verdict.next_step(found))}</p>"
+        f'<p class="outcome"><span class="sign">{SIGNS[assessment.outcome]}</span>'
+        f" {assessment.outcome.capitalize()}</p>"
+        f"<p>{as_sentence(verdict.headline(assessment))}</p>"
+        f"<p><b>Next:</b> {as_sentence(verdict.next_step(assessment))}</p>"
         + (f"<ul>{more}</ul>" if more else "")
         + learned
         + f'<p class="note">{_figures(dive)}</p></section>'

@@ -163,13 +163,13 @@ def _steps(loop: str, vehicle: DesignModel, gains: Mapping[str, Gains]) -> Figur
         )
         for role in ROLES
     ]
-    wanted = Curve("set-point", "set_point", time_s[[0, -1]], np.ones(2))
+    setpoint = Curve("set-point", "set_point", time_s[[0, -1]], np.ones(2))
     return Figure(
         key=f"closed-{loop}",
         title=loop,
         note="",
         x_label="seconds",
-        panels=(Panel(loop, "per unit", (wanted, *curves)),),
+        panels=(Panel(loop, "per unit", (setpoint, *curves)),),
     )
 
 

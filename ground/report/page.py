@@ -135,13 +135,13 @@ def _page(
     analyses = loop_analyses(summary.design)
     comparisons = compared or compare_margins(campaign, analyses, summary.gains)
     poles = {role: analysis.poles_radps for role, analysis in analyses.items()}
-    shown = (*missions, *steps, *responses, *predictions, *whiteness)
-    drawn = {figure.key: charts.figure_chart(figure) for figure in shown}
-    drawn |= {f"poles-{loop}": charts.poles_chart(poles, loop) for loop in poles["initial"]}
+    placed_figures = (*missions, *steps, *responses, *predictions, *whiteness)
+    charts_by_id = {figure.key: charts.figure_chart(figure) for figure in placed_figures}
+    charts_by_id |= {f"poles-{loop}": charts.poles_chart(poles, loop) for loop in poles["initial"]}
     loops = loop_charts.loop_charts(_design_model(campaign), summary.gains)
-    drawn |= loops.charts
-    drawn["estimates"] = charts.estimates_chart(summary.model.coefficients)
-    drawn["posterior"] = charts.posterior_chart(summary.model.coefficients)
+    charts_by_id |= loops.charts
+    charts_by_id["estimates"] = charts.estimates_chart(summary.model.coefficients)
+    charts_by_id["posterior"] = charts.posterior_chart(summary.model.coefficients)
     parts = {
         **(NOTES if with_paper else OTHER_NOTES),
         "title": escape(TITLE if with_paper else f"{campaign.prior_config.name}: {SUBTITLE}"),
@@ -186,10 +186,12 @@ def _page(
         "asked": escape(campaign.request_text),
         "footer": _footer(summary),
     }
-    return render(parts, _name_final_set(drawn, final_set))
+    return render(parts, _name_final_set(charts_by_id, final_set))
 
 
-def _name_final_set(drawn: Mapping[str, charts.Chart], final_set: str) -> dict[str, charts.Chart]:
+def _name_final_set(
+    charts_by_id: Mapping[str, charts.Chart], final_set: str
+) -> dict[str, charts.Chart]:
     """Return the charts of loops with the word for the gains of the last dives in their legends."""
     names = {"redesigned gains": f"{final_set} gains"}
     return {
@@ -200,7 +202,7 @@ def _name_final_set(drawn: Mapping[str, charts.Chart], final_set: str) -> dict[s
                 for trace in chart["data"]
             ],
         }
-        for key, chart in drawn.items()
+        for key, chart in charts_by_id.items()
     }
 
 
@@ -258,7 +260,7 @@ def _margins(summary: MarginsSummary) -> Margins:
 
 def render(
     parts: Mapping[str, str],
-    drawn: Mapping[str, charts.Chart],
+    charts_by_id: Mapping[str, charts.Chart],
     template: Traversable = _HERE / "page.html",
 ) -> str:
     """Return a whole page: the shell with style, scripts and charts around a filled template.
@@ -267,7 +269,7 @@ def render(
     ----------
     parts : Mapping
         HTML of each place of the template, by its name, and the page's `title`.
-    drawn : Mapping
+    charts_by_id : Mapping
         Charts by the id of the element that shows each.
     template : Traversable
         File with the page's content.
@@ -278,7 +280,7 @@ def render(
         style=_text("style.css"),
         script=_text("charts.js"),
         plotly=_plotly(),
-        charts=json.dumps(drawn, separators=(",", ":")).replace("</", "<\\/"),
+        charts=json.dumps(charts_by_id, separators=(",", ":")).replace("</", "<\\/"),
     )
 
 

@@ -77,12 +77,12 @@ def _locus(panel: Any, loop: str, case: Case) -> None:
 
 def _marks(panel: Any, poles: Any, marker: str, color: str, label: str, size: float) -> None:
     """Draw poles or zeros that lie within the axes."""
-    shown = poles[
+    inside = poles[
         (poles.imag >= -1e-9) & (poles.real > LEFT) & (poles.real < RIGHT) & (poles.imag < TOP)
     ]
     panel.plot(
-        shown.real,
-        shown.imag,
+        inside.real,
+        inside.imag,
         marker,
         color=color,
         markersize=size,

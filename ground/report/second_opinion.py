@@ -76,12 +76,12 @@ def differences(model: IdentifiedModel) -> list[str]:
     list of str
         One line per difference, with its plane.
     """
-    found = [
+    lines = [
         f"{plane}, {difference}"
         for plane, opinion in _opinions(model)
         for difference in opinion.differences
     ]
-    return found or [CONFIRMED]
+    return lines or [CONFIRMED]
 
 
 def _opinions(model: IdentifiedModel) -> Iterator[tuple[str, SecondOpinion]]:

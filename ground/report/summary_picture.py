@@ -41,10 +41,10 @@ def draw(folder: Path, target: Path) -> Path:
     """
     check_picture_format(target)
     campaign = CampaignFolder(folder)
-    shown = figures.mission_figures(campaign, ["straight_run", "combined"])
+    mission_figures = figures.mission_figures(campaign, ["straight_run", "combined"])
     with mpl_canvas.new_figure(target, (11.0, 5.6)) as canvas:
         axes = canvas.subplots(2, 2, sharex="col")
-        for column, figure in enumerate(shown):
+        for column, figure in enumerate(mission_figures):
             _column(axes[:, column], figure)
         handles, names = axes[0, 0].get_legend_handles_labels()
         canvas.legend(handles, names, loc="outside upper left", ncols=len(names), frameon=False)

@@ -237,8 +237,8 @@ def _shown_inputs(report: SweepReport) -> list[str]:
 
 def _format_influences(entries: Sequence[Influence]) -> str:
     """Return the influences in one line."""
-    shown = [f"{entry.input} {100.0 * entry.share:.0f} %{_sign(entry)}" for entry in entries]
-    return ", ".join(shown) or "no input"
+    texts = [f"{entry.input} {100.0 * entry.share:.0f} %{_sign(entry)}" for entry in entries]
+    return ", ".join(texts) or "no input"
 
 
 def _sign(entry: Influence) -> str:
@@ -289,8 +289,8 @@ def _page(report: SweepReport) -> str:
         ),
         "footer": escape(f"Digest of all rows: {report.description['digest'] or 'not finished'}."),
     }
-    drawn = {figure.key: charts.figure_chart(figure) for figure in figures}
-    return page.render(parts_of_page, drawn, files("ground.report") / "sweep.html")
+    charts_by_id = {figure.key: charts.figure_chart(figure) for figure in figures}
+    return page.render(parts_of_page, charts_by_id, files("ground.report") / "sweep.html")
 
 
 def _plain(value: object) -> str:

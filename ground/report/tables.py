@@ -159,8 +159,8 @@ def runs_table(model: IdentifiedModel) -> str:
     """Return each run's rate error, noise floor, Theil coefficient and whiteness p-values."""
     errors = {q.run: q.model_mse_deg2ps2 for q in (*model.fit_quality, *model.held_out)}
     rows = []
-    for found in model.validation.values():
-        for run in found.runs:
+    for validation in model.validation.values():
+        for run in validation.runs:
             floor = (
                 ""
                 if run.floor_deg2ps2 is None
@@ -245,8 +245,8 @@ def table_4(poles: Mapping[str, Any], *, with_paper: bool, final_set: str) -> st
         for r in (computed_rows() if with_paper else ())
     ]
     for role in ("initial", "redesigned"):
-        for loop, found in poles[role].items():
-            pole = dominant(tuple(complex(*p) for p in found))
+        for loop, visible in poles[role].items():
+            pole = dominant(tuple(complex(*p) for p in visible))
             name = f"identified, {final_set if role == 'redesigned' else role}"
             rows.append(
                 [
@@ -285,9 +285,9 @@ def table_5(steady: Mapping[str, SteadyErrorEntry], *, with_paper: bool, final_s
 def small_signal(model: IdentifiedModel) -> str:
     """Return the small-signal parameters of each plane that the control design uses."""
     rows = []
-    for plane, found in model.planes.items():
-        for name in found.__struct_fields__:
-            estimate = getattr(found, name)
+    for plane, estimates in model.planes.items():
+        for name in estimates.__struct_fields__:
+            estimate = getattr(estimates, name)
             if estimate is not None:
                 quantity, unit = _split_unit(name)
                 sd = "not known" if estimate.sd is None else f"± {estimate.sd:.2g}"
@@ -335,7 +335,9 @@ def margins(
 def screening(model: IdentifiedModel) -> str:
     """Return every run with its screening result, the reason, and the rate error of both models."""
     quality = {q.run: q for q in (*model.fit_quality, *model.held_out)}
-    waves = {run.run: run.wave for found in model.validation.values() for run in found.runs}
+    waves = {
+        run.run: run.wave for validation in model.validation.values() for run in validation.runs
+    }
     rows = []
     for run in model.screening:
         q = quality.get(run.run)

@@ -63,15 +63,15 @@ def _response(model: IdentifiedModel, plane: Plane, prior: Any) -> Figure:
     measurement, crossing = validation.frequency_response, validation.crossover
     assert measurement is not None
     w, points = GRID_RADPS, np.array(measurement.frequency_radps)
-    shown = (w >= points[0] / 1.3) & (w <= points[-1] * 1.3)
+    in_range = (w >= points[0] / 1.3) & (w <= points[-1] * 1.3)
     estimate = uncertain_vehicle(model, prior)
-    refitted = crossover.response(estimate.vehicle(estimate.z), plane)[shown]
-    initial = crossover.response(vehicles(model, prior)[1], plane)[shown]
-    gain_sd, phase_sd = (NORMAL_95 * sd[shown] for sd in crossover.response_sd(estimate, plane))
+    refitted = crossover.response(estimate.vehicle(estimate.z), plane)[in_range]
+    initial = crossover.response(vehicles(model, prior)[1], plane)[in_range]
+    gain_sd, phase_sd = (NORMAL_95 * sd[in_range] for sd in crossover.response_sd(estimate, plane))
 
     def line(name: str, role: str, values: Array, sd: Array | None = None) -> Curve:
         low, high = (None, None) if sd is None else (values - sd, values + sd)
-        return Curve(name=name, role=role, x=w[shown], y=values, low=low, high=high)
+        return Curve(name=name, role=role, x=w[in_range], y=values, low=low, high=high)
 
     def measured(values: Sequence[float], sds: Sequence[float]) -> Curve:
         y, sd = np.array(values), NORMAL_95 * np.array(sds)

@@ -92,11 +92,11 @@ def two_vehicles(screenings: Mapping[str, RunScreening], runs: Sequence[Run]) ->
     errors: dict[Plane, dict[str, _GainErrors]] = {plane: {} for plane in Plane}
     for run in runs:
         log = run.name.rpartition("/")[0]
-        found = errors[run.plane].setdefault(log, _GainErrors([], []))
+        gain_errors = errors[run.plane].setdefault(log, _GainErrors([], []))
         for anomaly in screenings[run.name].scores.anomalies:
             if anomaly.kind == "gain error":
-                found.sizes_percent.append(abs(anomaly.size))
-                found.significances.append(abs(anomaly.statistic))
+                gain_errors.sizes_percent.append(abs(anomaly.size))
+                gain_errors.significances.append(abs(anomaly.statistic))
     for plane, by_log in errors.items():
         for log, own in by_log.items():
             others = [e for other, e in by_log.items() if other != log]

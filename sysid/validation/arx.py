@@ -109,8 +109,8 @@ def fit_without_each(records: Sequence[Record], order: int) -> list[ArxFit]:
         One fit per test; fewer if the other tests do not determine the model.
     """
     blocks = _reduce(records, order, order + EXTRA_INPUTS)
-    fits = [_solve(blocks[:j] + blocks[j + 1 :], order) for j in range(len(blocks))]
-    return [found[1] for found in fits if found is not None]
+    solutions = [_solve(blocks[:j] + blocks[j + 1 :], order) for j in range(len(blocks))]
+    return [solution[1] for solution in solutions if solution is not None]
 
 
 def response(model: ArxFit, frequency_radps: Array) -> ArxResponse:

@@ -107,8 +107,10 @@ def spectra(pairs: Sequence[Pair], frequency_radps: Array) -> Spectra:
     for pair in pairs:
         simulated, measured = _decimate(pair.simulated_radps), _decimate(pair.measured_radps)
         seconds += measured.size * DT_S
-        found = record_spectra(simulated, measured, 1.0 / DT_S, _PADDED)
-        total += measured.size * np.array([found.x, found.y, found.cross])
+        spectra_of_record = record_spectra(simulated, measured, 1.0 / DT_S, _PADDED)
+        total += measured.size * np.array(
+            [spectra_of_record.x, spectra_of_record.y, spectra_of_record.cross]
+        )
     grid_hz = np.fft.rfftfreq(_PADDED, DT_S)
     centre_hz = frequency_radps / (2.0 * math.pi)
     half_width_hz = np.maximum(SMOOTHING_HALF_WIDTH * centre_hz, MIN_HALF_WIDTH_HZ)

@@ -87,12 +87,12 @@ def compare(
     """
     reference = _reference(uncertain, plane, crossover_radps)
     with np.errstate(all="ignore"):  # rates of zero; such opinions are left out below
-        found = (
+        all_opinions = (
             _by_frequency_response(reference, swept),
             _by_arx(reference, tests),
             _by_python_control(reference, uncertain, plane),
         )
-    opinions = [opinion for opinion in found if opinion is not None and _is_finite(opinion)]
+    opinions = [opinion for opinion in all_opinions if opinion is not None and _is_finite(opinion)]
     known = uncertain.covariance is not None
     return SecondOpinion(
         frequency_radps=_tuple(reference.frequency_radps),
@@ -160,8 +160,8 @@ def _by_arx(reference: _Reference, tests: Sequence[ComparedTest]) -> Opinion | N
     def ratio(numerator: ArxFit, denominator: ArxFit) -> ComplexArray:
         """Return the quotient of two responses."""
         first, second = (
-            arx.response(found, reference.frequency_radps).response
-            for found in (numerator, denominator)
+            arx.response(model, reference.frequency_radps).response
+            for model in (numerator, denominator)
         )
         return np.asarray(first / second)
 
@@ -173,8 +173,8 @@ def _by_arx(reference: _Reference, tests: Sequence[ComparedTest]) -> Opinion | N
             strict=False,
         )
     ]
-    found = arx.response(ours, reference.frequency_radps)
-    sds = found.magnitude_sd, found.phase_sd_rad
+    own_response = arx.response(ours, reference.frequency_radps)
+    sds = own_response.magnitude_sd, own_response.phase_sd_rad
     if len(without_each) >= MIN_TESTS:
         sds = _jackknife(np.array(without_each) / ratio(ours, model))
     return _opinion(reference, ratio(ours, model), sds, method="ARX", order=ours.order)
@@ -227,7 +227,7 @@ def _differences(reference: _Reference, opinions: Sequence[Opinion]) -> list[str
     estimates = sum(opinion.gain_sd_db is not None for opinion in opinions)
     comparisons = max(1, 2 * len(FREQUENCIES) * estimates)
     width = NormalDist().inv_cdf(1.0 - (1.0 - JOINT_LEVEL) / (2.0 * comparisons))
-    found = []
+    texts = []
     for opinion in opinions:
         for quantity, unit, values, sds, own, own_sds, exact in (
             (
@@ -251,7 +251,7 @@ def _differences(reference: _Reference, opinions: Sequence[Opinion]) -> list[str
         ):
             limits = exact if sds is None else width * np.hypot(np.array(sds), own_sds)
             errors = np.array(values) - own
-            found += [
+            texts += [
                 f"{opinion.method}: {quantity} at {frequency:.2f} rad/s differs by {error:+.2f}"
                 f" {unit}, interval {limit:.2f}"
                 for frequency, error, limit in zip(
@@ -262,7 +262,7 @@ def _differences(reference: _Reference, opinions: Sequence[Opinion]) -> list[str
                 )
                 if not abs(error) <= limit
             ]
-    return found
+    return texts
 
 
 def _tuple(values: Array) -> tuple[float, ...]:

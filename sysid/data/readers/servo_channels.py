@@ -125,10 +125,10 @@ def find_channels(
         The output numbers; their signs are those of SERVOn_REVERSED. Without an elevator, 0.
     """
     rudder, elevator, thrust = _numbers(parameters)
-    found = usual
+    channels = usual
     if rudder is not None and thrust is not None:
-        found = ServoChannels(rudder, elevator or 0, thrust)
-    return _signed(found, parameters)
+        channels = ServoChannels(rudder, elevator or 0, thrust)
+    return _signed(channels, parameters)
 
 
 def find_v_tail(parameters: Mapping[str, float]) -> ServoChannels | None:
