@@ -82,7 +82,7 @@ def scale_tests(
     """
     numbers = iter(range(len(script.step)))
 
-    def changed(step: MissionStep) -> MissionStep:
+    def resize(step: MissionStep) -> MissionStep:
         """Return a step with its test resized."""
         if step.test is None:
             return step
@@ -92,19 +92,19 @@ def scale_tests(
         size_deg = limited_deg(factor * step.test.magnitude_deg, max_deg[step.test.axis])
         return replace(step, test=replace(step.test, magnitude_deg=size_deg))
 
-    return replace(script, step=tuple(map(changed, script.step)))
+    return replace(script, step=tuple(map(resize, script.step)))
 
 
 def lengthen_legs(script: Script, factor: float) -> Script:
     """Return a mission with legs of `factor` times the duration, in whole seconds."""
 
-    def changed(step: MissionStep) -> MissionStep:
+    def lengthen(step: MissionStep) -> MissionStep:
         """Return a step with a longer leg."""
         if step.duration_s is None:
             return step
         return replace(step, duration_s=float(round(factor * step.duration_s)))
 
-    return replace(script, step=tuple(map(changed, script.step)))
+    return replace(script, step=tuple(map(lengthen, script.step)))
 
 
 def descend_at_full_thrust(script: Script) -> Script:

@@ -162,26 +162,23 @@ def validate(
     for plane in Plane:
         fitted_runs = [run for run in fitted if run.plane == plane]
         held_out_runs = [run for run in held_out if run.plane == plane]
-        if fitted_runs or held_out_runs:
-            level = model.noise.get(plane)
-            noise_reference = (
-                _noise_reference(
-                    fit.linear_plane(vehicle, plane),
-                    noise.from_model(level),
-                    [*fitted_runs, *held_out_runs],
-                )
-                if level
-                else None
+        if not (fitted_runs or held_out_runs):
+            continue
+        noise_reference = None
+        if level := model.noise.get(plane):
+            linear = fit.linear_plane(vehicle, plane)
+            noise_reference = _noise_reference(
+                linear, noise.from_model(level), [*fitted_runs, *held_out_runs]
             )
-            plane_model = _PlaneModel(
-                model=model,
-                uncertain=uncertain,
-                prior_vehicle=prior_vehicle,
-                plane=plane,
-                vehicle=vehicle,
-                noise_reference=noise_reference,
-            )
-            validations[plane] = _plane(plane_model, fitted_runs, held_out_runs, loop_gains)
+        plane_model = _PlaneModel(
+            model=model,
+            uncertain=uncertain,
+            prior_vehicle=prior_vehicle,
+            plane=plane,
+            vehicle=vehicle,
+            noise_reference=noise_reference,
+        )
+        validations[plane] = _validate_plane(plane_model, fitted_runs, held_out_runs, loop_gains)
     crossovers_radps = {
         plane: validation.crossover.crossover_radps
         for plane, validation in validations.items()
@@ -194,7 +191,7 @@ def validate(
     }
 
 
-def _plane(
+def _validate_plane(
     plane_model: _PlaneModel,
     fitted: Sequence[Run],
     held_out: Sequence[Run],
@@ -207,40 +204,32 @@ def _plane(
         _compare(plane_model, run, held_out=True, new_type=run.wave not in waves)
         for run in held_out
     ]
+    compared = [*fitted_compared, *held_out_compared]
+    swept_pairs = [item.pair for item in compared if item.run.wave not in NARROWBAND_WAVES]
+    excess = None
+    if held_out_compared:
+        repeats = noise_floor.floor_from_repeats_deg2ps2([*fitted, *held_out])
+        excess = _excess(held_out_compared, repeats)
     loop = crossover.at_crossover(plane_model.uncertain, plane_model.plane, gains)
     plane_crossover = loop and loop.record(plane_model.uncertain.covariance)
-    swept_pairs = [
-        compared_run.pair
-        for compared_run in (*fitted_compared, *held_out_compared)
-        if compared_run.run.wave not in NARROWBAND_WAVES
-    ]
-    comparison = None
-    if plane_crossover and swept_pairs:
-        response = crossover.response(plane_model.vehicle, plane_model.plane)
-        comparison = frequency_response.compare_responses(
-            swept_pairs, response, GRID_RADPS, plane_crossover.crossover_radps
-        )
+    comparison = coherence = opinion = None
+    if plane_crossover:
+        crossover_radps = plane_crossover.crossover_radps
+        opinion = _second_opinion(plane_model, compared, swept_pairs, crossover_radps)
+        if swept_pairs:
+            response = crossover.response(plane_model.vehicle, plane_model.plane)
+            comparison = frequency_response.compare_responses(
+                swept_pairs, response, GRID_RADPS, crossover_radps
+            )
+            coherence = _coherence(comparison, crossover_radps)
     return PlaneValidation(
-        runs=tuple(compared_run.record for compared_run in (*fitted_compared, *held_out_compared)),
-        held_out=_excess(
-            held_out_compared, noise_floor.floor_from_repeats_deg2ps2([*fitted, *held_out])
-        )
-        if held_out_compared
-        else None,
+        runs=tuple(item.record for item in compared),
+        held_out=excess,
         frequency_response=comparison,
-        coherence_at_crossover=_coherence(comparison, plane_crossover.crossover_radps)
-        if comparison and plane_crossover
-        else None,
+        coherence_at_crossover=coherence,
         crossover=plane_crossover,
         correction=None,
-        second_opinion=_second_opinion(
-            plane_model,
-            [*fitted_compared, *held_out_compared],
-            swept_pairs,
-            plane_crossover.crossover_radps,
-        )
-        if plane_crossover
-        else None,
+        second_opinion=opinion,
         model_error=_model_error(plane_model, loop),
     )
 
@@ -391,43 +380,27 @@ def _excess(compared_runs: Sequence[_ComparedRun], repeats_deg2ps2: float | None
 
     def mse(predictor: str) -> float:
         """Return the mean square error of a predictor over all runs."""
-        return float(
-            np.mean(
-                [
-                    np.mean((compared_run.measured - getattr(compared_run, predictor)) ** 2)
-                    for compared_run in compared_runs
-                ]
-            )
-        )
+        errors = (item.measured - getattr(item, predictor) for item in compared_runs)
+        return float(np.mean([np.mean(error**2) for error in errors]))
 
-    floors = [
-        compared_run.record.floor_deg2ps2
-        for compared_run in compared_runs
-        if compared_run.record.floor_deg2ps2 is not None
-    ]
-    floor_sds = [
-        compared_run.record.floor_sd_deg2ps2
-        for compared_run in compared_runs
-        if compared_run.record.floor_sd_deg2ps2 is not None
-    ]
+    records = [item.record for item in compared_runs]
+    floors = [r.floor_deg2ps2 for r in records if r.floor_deg2ps2 is not None]
+    floor_sds = [r.floor_sd_deg2ps2 for r in records if r.floor_sd_deg2ps2 is not None]
     floor = float(np.mean(floors)) if floors else None
-    ps = [
-        compared_run.record.whiteness.periodogram_p
-        for compared_run in compared_runs
-        if compared_run.record.whiteness
-    ]
+    ps = [r.whiteness.periodogram_p for r in records if r.whiteness]
+    model_mse, prior_mse = mse("model"), mse("prior")
     return Excess(
-        prior_mse_deg2ps2=mse("prior"),
-        model_mse_deg2ps2=mse("model"),
+        prior_mse_deg2ps2=prior_mse,
+        model_mse_deg2ps2=model_mse,
         floor_deg2ps2=floor,
         repeats_deg2ps2=repeats_deg2ps2,
-        prior_excess_deg2ps2=None if floor is None else mse("prior") - floor,
-        model_excess_deg2ps2=None if floor is None else mse("model") - floor,
+        prior_excess_deg2ps2=None if floor is None else prior_mse - floor,
+        model_excess_deg2ps2=None if floor is None else model_mse - floor,
         excess_sd_deg2ps2=float(np.linalg.norm(floor_sds)) / len(floor_sds) if floor_sds else None,
         theil=noise_floor.theil(
-            np.concatenate([compared_run.measured for compared_run in compared_runs]),
-            np.concatenate([compared_run.model for compared_run in compared_runs]),
+            np.concatenate([item.measured for item in compared_runs]),
+            np.concatenate([item.model for item in compared_runs]),
         ),
         whiteness_p=combined_p(ps) if ps else None,
-        new_types=sum(compared_run.record.new_type for compared_run in compared_runs),
+        new_types=sum(record.new_type for record in records),
     )
