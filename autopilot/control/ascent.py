@@ -8,10 +8,10 @@ Pure, part of the tick. The stages (``AscentStage``) are tried in this order:
    floats up (SURF_BUOY_N, or a drop weight) stops its propeller: an elevator that is stuck or off
    can hold it down for as long as the propeller turns. If it sinks nose down, the propeller runs
    astern first, for SURF_ASTERN_S at most.
-   While the vehicle waits at the surface, the propeller brakes whenever it sinks with way: with its
-   elevator centred it dips by that way, and one that is heavy at the nose dives. It brakes within
-   SURF_ASTERN_S of the first time, because an estimate of speed or sinking may be wrong for good.
-   Without power it brakes only if its nose is down.
+   While the vehicle waits at the surface, the propeller brakes whenever it sinks and still moves
+   ahead: with its elevator centred such a vehicle dips below the surface, and one that is heavy at
+   the nose dives. It brakes only within SURF_ASTERN_S of the first time, because an estimate of
+   speed or sinking may be wrong without end. Without power it brakes only if its nose is down.
 3. No rise for SURF_DROP_S without power: the drop weight is released, if fitted.
 4. Without a drop weight, a vehicle that sinks without power tries power again. After MAX_ATTEMPTS
    stops the propeller is not stopped again: without it the vehicle would sink to the floor.
@@ -20,8 +20,8 @@ SURFACE ends in one of four ways, each with disarming:
 
 - the measured depth is less than SURF_DEPTH_M, not above the water, and has not decreased further
   for SURF_HOLD_S. Meanwhile a vehicle that floats up has its propeller stopped, or braking, and its
-  elevator centred, as after disarming. It may dip by its way, and must not drop its nose at the
-  end;
+  elevator centred, as after disarming. It may dip while it moves ahead, and must not drop its nose
+  at the end;
 - depth is not measured, or its sensor has a fault, and a satellite fix arrives;
 - the measured depth stays, and a satellite fix holds for SURF_FIX_S: satellites are received at the
   surface only, so a depth reading above SURF_DEPTH_M is wrong, which the text says;
@@ -56,7 +56,7 @@ the sea floor, does so a few times at most.
 NOSE_DOWN_RAD = math.radians(-10.0)
 """Pitch below which the propeller astern lifts the vehicle."""
 LEVEL_RAD = math.radians(-5.0)
-"""Pitch above which a vehicle with way stays at the surface with its elevator centred."""
+"""Pitch above which a vehicle that moves ahead stays at the surface, its elevator centred."""
 MIN_ASTERN_S = 2.0
 """Shortest time astern, so that heave while the vehicle pitches does not change the stage often."""
 ASTERN_EFFECT_S = 6.0
@@ -64,14 +64,14 @@ ASTERN_EFFECT_S = 6.0
 PITCH_AHEAD_S = 2.0
 """Time for which the pitch is predicted."""
 MIN_WAY_MPS = 0.3
-"""Speed through the water below which a vehicle has no way to dive with."""
+"""Speed through the water below which a vehicle is too slow to dive."""
 RECOVERIES = 2.0
 """Multiple of FS_LOOK_S, the time of a recovery, after which a vehicle that sinks does not recover.
 """
 SUNK_M = 1.0
 """Increase of depth without power after which power is tried again.
 
-A vehicle that floats up and still has way may dip by half of it before it stops.
+A vehicle that floats up and still moves ahead may dip by half of it before it stops.
 """
 AFLOAT_MARGIN_M = 0.5
 """Depth below SURF_DEPTH_M at which a vehicle is no longer at the surface: waves cover it."""
@@ -112,7 +112,7 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
     if brakes or ascent.stage == AscentStage.ASTERN:
         setpoint = setpoint._replace(thrust=-cruise)
     elif not (blind or afloat):
-        # without power too: the nose goes up, in case the vehicle has way or a stuck propeller
+        # without power too: the nose goes up, in case the vehicle moves or its propeller is stuck
         thrust = cruise if powered else 0.0
         setpoint = state.setpoint._replace(depth_m=0.0, thrust=thrust, pitch_rad=math.nan)
     return state._replace(setpoint=setpoint, ascent=ascent), events
@@ -242,7 +242,7 @@ def sinks_with_way(estimate: VehicleEstimate, config: Config) -> bool:
 
 
 def _brakes(state: AutopilotState, ascent: Ascent, config: Config) -> bool:
-    """Return whether a vehicle at the surface brakes: it sinks with way, and has time left."""
+    """Return whether a vehicle at the surface brakes: it sinks, moves ahead and has time left."""
     first_us = state.time_us if ascent.braked_us is None else ascent.braked_us
     in_time = state.time_us - first_us <= config.surface_astern_s * US_PER_S
     return in_time and sinks_with_way(state.estimate, config)
@@ -379,7 +379,7 @@ def _reached_surface(
 
 @numeric
 def stays_level(estimate: VehicleEstimate) -> bool:
-    """Return whether a vehicle at the surface does not drop its nose, or has no way.
+    """Return whether a vehicle at the surface does not drop its nose, or is too slow to dive.
 
     Parameters
     ----------

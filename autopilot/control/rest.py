@@ -1,8 +1,9 @@
 """A vehicle that SURFACE has disarmed: neutral, but its elevator raises it if it sinks. Pure.
 
 Part of the tick. Without power a vehicle that floats up stays at the surface. One whose propeller
-does not stop has way and sinks with a neutral elevator; as long as it has way, the depth loop holds
-it at the surface. The propeller is not commanded. Arming, or another request to disarm, ends this.
+does not stop moves ahead and sinks with a neutral elevator; as long as it moves, the depth loop
+holds it at the surface. The propeller is not commanded. Arming, or another request to disarm, ends
+this.
 """
 
 import math
