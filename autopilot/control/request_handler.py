@@ -68,10 +68,7 @@ def handle_request(
         case requests.StartTest():
             return start_test(state, request, config)
         case requests.StopTest():
-            events: Events = (
-                (Event(Severity.NOTICE, "SystemID Stopped: by ground"),) if state.test else ()
-            )
-            return state._replace(test=None), Answer(ACCEPTED), events
+            return state._replace(test=None), Answer(ACCEPTED), _test_stopped(state)
         case requests.LoadMission(items):
             return load_mission(state, items, config)
         case requests.LoadFence(items):
@@ -218,12 +215,18 @@ def _end_ground_loss(state: AutopilotState) -> AutopilotState:
     return state._replace(failsafe="") if state.failsafe == failsafe.GCS_LOST else state
 
 
+def _test_stopped(state: AutopilotState) -> Events:
+    """Return the event of a test that a request ends; none without a test."""
+    return (Event(Severity.NOTICE, "SystemID Stopped: by ground"),) if state.test else ()
+
+
 def set_mission_item(
     state: AutopilotState, request: requests.SetMissionItem, config: Config
 ) -> tuple[AutopilotState, Answer, Events]:
     """Continue the mission at an item, with a reset if requested.
 
-    The reset of a completed mission without an item selects its first item to fly.
+    The reset of a completed mission without an item selects its first item to fly. Path and test
+    of another mode are none of the mission's.
     """
     plan, sequence = state.mission, request.sequence
     if sequence is not None and not 0 <= sequence < max(1, len(plan.items)):
@@ -234,8 +237,10 @@ def set_mission_item(
         plan = plan._replace(jumps=())
     if sequence is None:
         return state._replace(mission=plan), Answer(ACCEPTED), ()
-    plan = plan._replace(current=sequence, entered_us=None)
-    return state._replace(mission=plan, test=None, path=None), Answer(ACCEPTED), ()
+    state = state._replace(mission=plan._replace(current=sequence, entered_us=None))
+    if state.mode != modes.MISSION.number:
+        return state, Answer(ACCEPTED), ()
+    return state._replace(test=None, path=None), Answer(ACCEPTED), _test_stopped(state)
 
 
 def set_target(

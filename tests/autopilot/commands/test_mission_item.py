@@ -4,10 +4,11 @@ from typing import Any
 
 import pytest
 
-from autopilot.control import modes, requests
+from autopilot.control import mission, modes, requests
+from autopilot.control.setpoints import TrackLine
 from mavlink_io.mission_items import MavCmd, MissionItem
-from tests.helpers.commands import ACCEPTED, DENIED, FAILED, NAN, results
-from tests.helpers.fake_hil import Harness, only
+from tests.helpers.commands import ACCEPTED, DENIED, FAILED, FIX, NAN, results
+from tests.helpers.fake_hil import Harness, only, texts
 
 SET_CURRENT = 224
 DELAY_S = 60.0
@@ -80,6 +81,34 @@ def test_completed_mission_begins_again_after_a_reset(
     assert only(received, "MISSION_CURRENT").mission_state == stage
     assert harness.vehicle.state.mission.current == current
     assert harness.vehicle.state.mode == modes.HOLD.number
+
+
+@pytest.mark.parametrize("mode", [modes.RTL, modes.STATION])
+def test_item_changes_no_path_of_another_mode(harness: Harness, mode: modes.Mode) -> None:
+    """Before, RTL took itself for home and surfaced, and STATION went straight on."""
+    harness.tick(3, depth_m=3.0, fix=FIX)
+    assert results(harness.command(176, 1, float(mode.number))) == [ACCEPTED]
+    path = harness.vehicle.state.path
+    if mode == modes.RTL:
+        path = TrackLine(0j, 500.0 + 0j)
+        harness.vehicle.state = harness.vehicle.state._replace(path=path)
+    assert path is not None
+    assert results(harness.command(SET_CURRENT, 0, 0)) == [ACCEPTED]
+    assert harness.vehicle.state.path == path
+    harness.tick(3, depth_m=3.0)
+    assert harness.vehicle.state.mode == mode.number
+
+
+def test_test_of_the_mission_that_an_item_ends_is_reported(harness: Harness) -> None:
+    """Before, the log had no end of the test."""
+    vehicle = harness.vehicle
+    excitation_item = MissionItem(0, 2, MavCmd.USER_1, p1=12.0, p2=2.0, x=30, y=1)
+    config = vehicle.params.config
+    vehicle.state = mission.begin_item(excitation_item, vehicle.state, config)[0]
+    assert vehicle.state.test is not None
+    received = harness.command(SET_CURRENT, 0, 0)
+    assert "SystemID Stopped: by ground" in texts(received)
+    assert vehicle.state.test is None
 
 
 @pytest.mark.parametrize(
