@@ -348,8 +348,12 @@ class VehicleMission:
         return _mission_result(self._vehicle.handle_request(requests.LoadMission(items)))
 
     def set_current(self, sequence: int) -> bool:
-        """Continue the mission at an item; return whether this was accepted."""
-        return self._vehicle.handle_request(requests.SetMissionItem(sequence)).result == ACCEPTED
+        """Continue the mission at an item; return whether this was accepted.
+
+        The mission protocol sends the reason of a refusal.
+        """
+        request = requests.SetMissionItem(sequence)
+        return self._vehicle.handle_request(request, quiet=True).result == ACCEPTED
 
     def go_to(self, item: MissionItem) -> MissionResult:
         """Circle the place of an item in STATION; without a place change the depth."""

@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.control import mission, modes, requests
 from autopilot.control.setpoints import TrackLine
@@ -81,6 +82,12 @@ def test_completed_mission_begins_again_after_a_reset(
     assert only(received, "MISSION_CURRENT").mission_state == stage
     assert harness.vehicle.state.mission.current == current
     assert harness.vehicle.state.mode == modes.HOLD.number
+
+
+def test_refusal_of_the_message_is_one_text(harness: Harness) -> None:
+    received = harness.ask(mavlink.MAVLink_mission_set_current_message(1, 1, 7))
+    assert texts(received) == ["No mission item 7: the mission has 3"]
+    assert only(received, "MISSION_CURRENT").seq == 1
 
 
 @pytest.mark.parametrize("mode", [modes.RTL, modes.STATION])
