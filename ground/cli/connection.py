@@ -18,5 +18,7 @@ def connected(
     """Connect as `ground.client.vehicle.connected`, and remark what the command waits for."""
     from ground.client import vehicle as client
 
-    with client.connected(address, key_file, system, modem_s, on_wait=remark) as vehicle:
+    with client.connected(
+        address, key_file=key_file, system=system, modem_s=modem_s, on_wait=remark
+    ) as vehicle:
         yield vehicle

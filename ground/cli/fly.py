@@ -150,16 +150,20 @@ def fly(
                 notify=display.print_line,
             )
             result = flight.fly_simulated(
-                dive, simulated, display.watch, display.show_text, listeners
+                dive,
+                simulated,
+                on_progress=display.watch,
+                on_text=display.show_text,
+                listener=listeners,
             )
         else:
             result = flight.fly(
                 dive,
                 connect,
-                display.watch,
-                display.show_text,
-                sign,
-                listeners,
+                on_progress=display.watch,
+                on_text=display.show_text,
+                key_file=sign,
+                listener=listeners,
                 on_wait=display.print_line,
             )
     assessed = assessment.assess_dive(result.log, result.trims_learned)

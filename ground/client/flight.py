@@ -195,7 +195,12 @@ def fly(
         lost.
     """
     with open_recorded_vehicle(
-        address, dive.log, dive.tlog, key_file, dive.system, on_wait=on_wait
+        address,
+        dive.log,
+        tlog=dive.tlog,
+        key_file=key_file,
+        system=dive.system,
+        on_wait=on_wait,
     ) as (vehicle, recorder):
         try:
             return _fly(dive, vehicle, recorder, on_progress, on_text, listener)
