@@ -13,8 +13,8 @@ import os
 import signal
 import sys
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
 
 # As in the ``ground`` command: one thread of linear algebra, and no traceback of Ctrl-C during the
@@ -29,7 +29,7 @@ from ground.campaign.request import CampaignRequest, dive_seed
 from ground.client.flight import Dive, fly_simulated
 from ground.errors import INTERRUPTED
 from ground.simulation.processes import SimulatedVehicle, Simulation
-from ground.simulation.subprocesses import ForkedProcess
+from ground.simulation.subprocesses import ForkedProcess, stop_loading_fork_server
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import CaribouError
 from sysid.refit import RefitRequest
@@ -42,6 +42,10 @@ OTHER_VEHICLE = "xfin_auv"
 """Vehicle whose missions are simulated without processes; those of Caribou are not."""
 MISSIONS = ("shallow_1m", "rudder_sweeps")
 """Missions of that simulation: the shortest one, and the shortest with tests."""
+
+
+STOP_PERIOD_S = 0.2
+"""Wall time after which dives that still run are stopped again: one may have started meanwhile."""
 
 
 def compile_kernels(folder: Path) -> None:
@@ -58,8 +62,14 @@ def compile_kernels(folder: Path) -> None:
         A step fails.
     """
     request = CampaignRequest(folder)
+    simulated: list[SimulatedVehicle] = []
     with ThreadPoolExecutor(len(TESTS)) as pool:
-        *logs, steady_log = pool.map(partial(_fly, request), (*TESTS, STEADY))
+        dives = [pool.submit(_fly, request, mission, simulated) for mission in (*TESTS, STEADY)]
+        try:
+            *logs, steady_log = [dive.result() for dive in dives]
+        except BaseException:
+            _stop(dives, simulated)
+            raise
     prior = prototype.prior_file_of(request.vehicle)
     prepare(
         PreparationRequest(
@@ -78,14 +88,29 @@ def compile_kernels(folder: Path) -> None:
     refit.monitor_log(refit.read_log(steady_log), design.baseline)
 
 
-def _fly(request: CampaignRequest, mission: str) -> Path:
-    """Fly a mission with the vehicle and the scenario of a campaign; return the log."""
+def _fly(request: CampaignRequest, mission: str, simulated: list[SimulatedVehicle]) -> Path:
+    """Fly a mission with the vehicle and the scenario of a campaign; return the log.
+
+    The vehicle is added to `simulated`.
+    """
     simulation = Simulation(
         vehicle=request.vehicle, scenario=request.scenario, seed=dive_seed(request.seed, mission)
     )
     parameters = {**refit.initial_gains(), **prototype.trim_learning_for(request.vehicle)}
     dive = Dive.load(mission, request.out / f"{mission}.mcap", parameters=parameters)
-    return fly_simulated(dive, SimulatedVehicle(simulation, start=ForkedProcess)).log
+    vehicle = SimulatedVehicle(simulation, start=ForkedProcess)
+    simulated.append(vehicle)
+    return fly_simulated(dive, vehicle).log
+
+
+def _stop(dives: Sequence[Future[Path]], simulated: Sequence[SimulatedVehicle]) -> None:
+    """Stop the dives, also those whose start waits for the compilation of the simulator."""
+    for dive in dives:
+        dive.cancel()
+    while wait(dives, timeout=STOP_PERIOD_S).not_done:
+        stop_loading_fork_server()
+        for vehicle in simulated:
+            vehicle.stop()
 
 
 def main() -> None:

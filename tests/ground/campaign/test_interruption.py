@@ -1,4 +1,4 @@
-"""A campaign that is interrupted while the simulator loads or compiles."""
+"""Programs that are interrupted while the simulator loads or compiles."""
 
 import os
 import signal
@@ -37,6 +37,30 @@ if __name__ == "__main__":
     main()
 """
 
+COMPILE = """
+from ground.simulation import subprocesses
+
+if __name__ == "__main__":
+    subprocesses.PRELOADED_MODULES = ("slow_module",)
+    from ground import compile_kernels
+
+    compile_kernels.main()
+"""
+
+
+def start(program: str, folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    """Start a program whose fork server loads the slow module."""
+    (folder / "slow_module.py").write_text(SLOW_MODULE)
+    script = folder / "interrupted.py"
+    script.write_text(program)
+    sources = os.pathsep.join([str(folder), str(Path(__file__).parents[3])])
+    return subprocess.Popen(
+        [sys.executable, str(script), *arguments],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": sources},
+    )
+
 
 @pytest.mark.process
 @pytest.mark.timeout(2 * TIMEOUT_S)
@@ -45,14 +69,7 @@ if __name__ == "__main__":
 def test_campaign_signal_while_simulator_loads_ends_it(
     moment: str, number: signal.Signals, status: int, tmp_path: Path
 ) -> None:
-    (tmp_path / "slow_module.py").write_text(SLOW_MODULE)
-    script = tmp_path / "interrupted.py"
-    script.write_text(CAMPAIGN)
-    sources = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[3])])
-    command = [sys.executable, str(script), str(tmp_path / "out"), moment]
-    with subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": sources}
-    ) as campaign:
+    with start(CAMPAIGN, tmp_path, str(tmp_path / "out"), moment) as campaign:
         assert campaign.stderr is not None
         lines = list[str]()
         while "loading\n" not in lines or not any(moment in line for line in lines):
@@ -63,3 +80,16 @@ def test_campaign_signal_while_simulator_loads_ends_it(
         assert campaign.wait(TIMEOUT_S) == status
     rest = "".join(line for line in rest.splitlines(keepends=True) if line not in SERVER_LINES)
     assert rest == "ground: interrupted; what was written is kept\n"
+
+
+@pytest.mark.process
+@pytest.mark.timeout(2 * TIMEOUT_S)
+def test_compile_kernels_signal_while_simulator_loads_ends_it(tmp_path: Path) -> None:
+    """It waited for the compilation of the simulator, up to four minutes, and for the dives."""
+    with start(COMPILE, tmp_path) as program:
+        assert program.stderr is not None
+        assert program.stderr.readline() == "loading\n"
+        program.send_signal(signal.SIGINT)
+        rest = program.stderr.read()
+        assert program.wait(TIMEOUT_S) == 130
+    assert rest.replace("loading\n", "") == ""
