@@ -136,7 +136,7 @@ def _prediction(model: IdentifiedModel, run: Run, prior: Any) -> Figure:
     t = run.time_s[thin]
     inside = slice(None, None, int(50.0 / SHOWN_HZ))
     estimate_band = np.degrees(NORMAL_95 * band.estimate_radps[inside])
-    total_band = np.degrees(NORMAL_95 * np.hypot(band.estimate_radps, band.sea_radps)[inside])
+    total_band = np.degrees(NORMAL_95 * np.hypot(band.estimate_radps, band.noise_radps)[inside])
     predicted_degps = np.degrees(predicted.rate_radps[thin])
     outside = np.mean(
         np.abs(np.degrees(run.rate_radps[thin]) - predicted_degps)[t >= 0.0] > total_band[t >= 0.0]

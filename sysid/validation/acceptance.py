@@ -414,13 +414,11 @@ def _next_test(
     failed_checks: Sequence[AcceptanceCheck],
     checks: Sequence[AcceptanceCheck],
 ) -> NextTest | None:
-    """Recommend a test for the worst criterion of a plane that is not met.
+    """Recommend the test that improves the worst criterion of a plane.
 
-    Else for the one nearest to its limit; the reason is then the failed criterion of the whole
-    fit, if there is one.
-
-    Unmet criteria that are not required come before met ones, without whiteness: a remaining error
-    of the disturbance model is not less with another test.
+    Failed criteria come first, then unmet ones that are not required, then the met one nearest to
+    its limit. Unmet whiteness does not count: another test does not reduce an error of the
+    disturbance model. If only criteria of the whole fit failed, they are the reason.
     """
     failed_of_planes = [check for check in failed_checks if check.plane]
     unmet_optional = [
@@ -465,11 +463,11 @@ def _relative_violation(check: AcceptanceCheck) -> float:
 def _recommended_signal(
     check: AcceptanceCheck, checks: Sequence[AcceptanceCheck], model: IdentifiedModel
 ) -> tuple[str, float]:
-    """Signal and duration (s).
+    """Return the recommended signal and its duration (s).
 
-    A chirp for the dynamics about crossover, long steps for slow numbers. Held-out tests that
-    contradict the model ask for tests to be fitted; those that know too little for more of them,
-    and so do contradictions that remain when more chirps are fitted than tests held out.
+    A chirp is for the dynamics about crossover, long steps are for slow numbers. If held-out tests
+    contradict the model, a chirp is to be fitted. If they are too few to decide, or contradict it
+    although more chirps were fitted than tests held out, another test is to be held out.
     """
     if "held" in check.name and (
         not _contradicted(check, checks) or _has_more_chirps(model, check.plane)

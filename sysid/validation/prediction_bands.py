@@ -27,7 +27,7 @@ class Band(NamedTuple):
 
     Zero if it is unknown.
     """
-    sea_radps: Array
+    noise_radps: Array
     """Standard deviation of the measured rate about a perfect prediction."""
 
 
@@ -57,10 +57,10 @@ def rate_band(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = No
             uncertain.z,
         )
         estimate_sd = delta_method.propagate_sd(slopes, uncertain.covariance)
-    return Band(predicted_run.time_s, estimate_sd, _sea(model, predicted_run, prior))
+    return Band(predicted_run.time_s, estimate_sd, _noise_sd_radps(model, predicted_run, prior))
 
 
-def _sea(model: IdentifiedModel, run: Run, prior: VehicleConfig | None) -> Array:
+def _noise_sd_radps(model: IdentifiedModel, run: Run, prior: VehicleConfig | None) -> Array:
     """Return the standard deviation of the rate from disturbance and sensor noise, rad/s."""
     if run.plane not in model.noise:
         return np.zeros(run.time_s.size)
