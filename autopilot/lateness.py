@@ -33,7 +33,7 @@ class Lateness(NamedTuple):
     overruns: int
     """Ticks since the start of the program that were late by more than a sample interval."""
     new_overruns: int
-    """Those of this window."""
+    """Ticks of this window that were late by more than a sample interval."""
     interval_ms: float
     """Usual interval of the samples."""
 

@@ -4,7 +4,7 @@ The result is deterministic: the same logs and package versions give the same by
 ``model.json``.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -34,6 +34,7 @@ from sysid.prior_knowledge import RefitError as RefitError
 from sysid.reproduction import paper_method
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.screening import ScreeningLimits, log_consistency, screen
+from sysid.screening.outlier_tests import RunScreening
 from sysid.screening.refit_loop import RefitResult, refit_until_clean, shifts
 from sysid.validation.assess import with_assessment
 
@@ -182,13 +183,13 @@ def _refit(
     accepted_runs, screenings = usable_runs.select(tests, request.limits)
     held_out_screenings = screen(usable_runs.runs_of(held_out_tests), request.limits)
     held_out_runs = [s.run for s in held_out_screenings if s.accepted]
-    with _failing(knowledge.name):
+    with _fit_errors_named(knowledge.name):
         model, refitted = _identify(
             accepted_runs, knowledge, request.method, lambda w, s: report(w, 0.1 + 0.85 * s)
         )
-    accepted_runs, tested_runs = (
-        (list(refitted.accepted_runs), refitted.screenings) if refitted else (accepted_runs, {})
-    )
+    tested_runs: Mapping[str, RunScreening] = {}
+    if refitted is not None:
+        accepted_runs, tested_runs = list(refitted.accepted_runs), refitted.screenings
     model = msgspec.structs.replace(
         model,
         data=tuple(DataFile(log.name, log.sha256) for log in logs),
@@ -199,7 +200,7 @@ def _refit(
         ),
         held_out_screening=tuple(usable_runs.screened_run(s) for s in held_out_screenings),
     )
-    with _failing(knowledge.name):
+    with _fit_errors_named(knowledge.name):
         model = _with_alternative_fits(
             model, accepted_runs, held_out_runs, knowledge, request.alternative_methods
         )
@@ -212,7 +213,7 @@ def _refit(
 
 
 @contextmanager
-def _failing(prior_name: str) -> Iterator[None]:
+def _fit_errors_named(prior_name: str) -> Iterator[None]:
     """Convert errors of a fit from the prior ``prior_name`` to FitFailedError."""
     try:
         yield

@@ -507,7 +507,7 @@ def _last_waypoint_m(item: MissionItem, state: AutopilotState) -> complex | None
 
 
 def _complete(state: AutopilotState, config: Config) -> tuple[AutopilotState, tuple[Event, ...]]:
-    """End a mission as MIS_END_ACT says."""
+    """End a mission with the action of MIS_END_ACT."""
     event = Event(Severity.INFO, "Mission complete")
     if config.mission_end == 2:
         return modes.disarm(state), (event, Event(Severity.INFO, "Disarmed"))

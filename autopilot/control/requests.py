@@ -94,8 +94,8 @@ class SetMissionItem(NamedTuple):
     sequence: int | None
     """Number of the item; None for the current one, which is not started again."""
     reset: bool = False
-    """Whether each jump may be taken again as often as the mission says, and a completed mission is
-    no longer complete."""
+    """Whether the counts of jumps begin again at zero, and a completed mission is no longer
+    complete."""
 
 
 class ChangeTarget(NamedTuple):

@@ -4,7 +4,7 @@ ArduPilot's .bin and PX4's .ulg have no checksums, so a flipped bit shows in its
 sample is contradicted if it differs from both neighbours, in the same direction, by more than the
 floor of its unit and more than NOISE_RATIO standard deviations of the noise, while the neighbours
 agree. The first and the last sample have one neighbour, and are judged by END_SAMPLES. A flipped
-bit below these limits cannot be told from noise and stays.
+bit below these limits cannot be distinguished from noise and stays.
 """
 
 import math
