@@ -141,7 +141,15 @@ def load(
     lines = param_file.load_lines(file)
     values = {name: line.value for name, line in lines.items()}
     _check_gains(file, values, model, prior, force=force)
-    changes = upload(connect, sign, values, str(file), param_file.model_sha256_of(file))
+    changes = upload(
+        connect,
+        sign,
+        values,
+        source=str(file),
+        model_sha256=param_file.model_sha256_of(file),
+        system=vehicle_id,
+        modem_s=modem,
+    )
     _print_changes(
         changes,
         {name: line.reason for name, line in lines.items()},
@@ -179,8 +187,11 @@ def upload(
     address: str,
     key_file: Path | None,
     values: Mapping[str, float],
+    *,
     source: str,
     model_sha256: str = "",
+    system: int | None = None,
+    modem_s: float | None = None,
 ) -> "tuple[ParamChange, ...]":
     """Set parameters on the vehicle at an address as one change that can be undone.
 
@@ -188,7 +199,7 @@ def upload(
     """
     from ground.client import param_rollback
 
-    with connected(address, key_file) as vehicle:
+    with connected(address, key_file, system, modem_s) as vehicle:
         if vehicle.armed:
             remark("the vehicle is armed: new gains apply without a bump, new trims at once")
         return param_rollback.upload(vehicle, values, source, model_sha256)

@@ -179,7 +179,13 @@ def _redesign_pid(
     design.write_params(out)
     text = "\n".join([summary.format_design(design, out), *_format_loops(loops, export)])
     if upload:
-        changes = params.upload(upload, sign, design.gains, str(out), design.baseline.model_sha256)
+        changes = params.upload(
+            upload,
+            sign,
+            design.gains,
+            source=str(out),
+            model_sha256=design.baseline.model_sha256,
+        )
         text = "\n".join([text, f"{upload}, {params.UNDO}:", *params.format_changes(changes, {})])
     return summary.summarise_design(design), text
 

@@ -116,7 +116,7 @@ def test_gains_without_a_loop_gain_are_refused(model: Path) -> None:
 def test_unreadable_header_is_reported_and_gains_are_loaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ground.cli.params.upload", lambda *args: ())
+    monkeypatch.setattr("ground.cli.params.upload", lambda *args, **options: ())
     (tmp_path / "old.param").write_text("# caribou gains 1\nHDG_P,0.5\n")
     done = CliRunner().invoke(app, ["params", "load", str(tmp_path / "old.param")])
     assert done.exit_code == 0
@@ -130,7 +130,7 @@ def test_params_load_refuses_before_it_connects_unless_forced(
 ) -> None:
     uploaded: list[object] = []
 
-    def upload(*arguments: object) -> tuple[()]:
+    def upload(*arguments: object, **options: object) -> tuple[()]:
         uploaded.append(arguments)
         return ()
 
