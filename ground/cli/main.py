@@ -171,7 +171,7 @@ def _run() -> None:
         sys.exit(error.exit_code)
 
 
-def _interrupt(interruptions: list[Interrupted], number: int, frame: object) -> None:
+def _interrupt(interruptions: list[Interrupted], number: int, _frame: object) -> None:
     """Append and raise Interrupted; handler of SIGINT, SIGTERM and SIGHUP."""
     if number == signal.SIGHUP:
         # A closing terminal may send SIGHUP twice: the second must not interrupt the cleanup.

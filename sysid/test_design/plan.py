@@ -171,7 +171,7 @@ def plan(prior: DesignPrior, request: PlanRequest, progress: Progress | None = N
     selected = selection.select_tests(candidates, prior_information, free_s, criterion)
     _check_time(selected, candidates, request, free_s)
     report("done", 1.0)
-    return _plan(prior, request, planes, prior_information, selected, held_out)
+    return _plan(prior, planes, prior_information, selected, held_out)
 
 
 def _plane_knowledge(prior: DesignPrior, plane: Plane, request: PlanRequest) -> _PlaneKnowledge:
@@ -413,7 +413,6 @@ def _check_time(
 
 def _plan(
     prior: DesignPrior,
-    request: PlanRequest,
     planes: dict[Plane, _PlaneKnowledge],
     prior_information: Array,
     selected: list[SizedTest],
