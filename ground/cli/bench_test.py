@@ -60,7 +60,7 @@ def bench_test(
         prototype.check_flown(vehicle)
     out.mkdir()
     try:
-        with progress.display("bench", quiet=json) as display:
+        with progress.display("bench") as display:
             target = connect or SimulatedVehicle(
                 Simulation(vehicle=vehicle, scenario="bench", seed=seed, speed=speed),
                 notify=display.print_line,

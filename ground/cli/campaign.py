@@ -91,7 +91,7 @@ def campaign(
         jobs=jobs or usable_cores(),
         extra_water_s=extra_water_time,
     )
-    with page_process(live=live) as page, progress.display("campaign", quiet=json) as display:
+    with page_process(live=live) as page, progress.display("campaign") as display:
         listen = partial(DiveFeed, page) if page else None
         result = Campaign(request, display.watch_named, display.announce, listen).run()
     print_result(result, summary.format_text(result, out), json)

@@ -39,7 +39,7 @@ def demo(
         simulation = Simulation(
             vehicle=VEHICLE, scenario=SCENARIO, seed=seed, speed=speed, no_compile=True
         )
-        with progress.display("demo", quiet=False) as display:
+        with progress.display("demo") as display:
             result = flight.fly_simulated(
                 dive,
                 SimulatedVehicle(simulation),

@@ -148,7 +148,7 @@ def design_test(
         seed=seed,
         gains=session.loop_gains(vehicle_gains),
     )
-    with progress.display("design-test", quiet=json) as display:
+    with progress.display("design-test") as display:
         plan = session.plan_tests(design_prior, request, display.show_fraction)
     dive = TestDive(depth, 100.0 * design_prior.config.operating_point.thrust_fraction)
     about = f"Tests designed on {design_prior.name} for a test time of {duration:g} min"

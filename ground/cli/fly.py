@@ -136,7 +136,7 @@ def fly(
     with (
         interruptible(on_interrupt, connect, sign, vehicle_id),
         page_process(live=live) as page,
-        progress.display(Path(mission).stem, quiet=json) as display,
+        progress.display(Path(mission).stem) as display,
     ):
         estimate = _live_estimate(dive, prior or _prior_file(vehicle if sitl else None), display)
         monitor = _performance_monitor(gains, display) if gains else None

@@ -59,7 +59,7 @@ def inclining_test(
     if prior is None:
         prior = "caribou_nominal" if connect else prototype.prior_file_of(vehicle)
     session = procedure.IncliningSession(plan=plan, log=new_file(log), prior=prior)
-    with progress.display("incline", quiet=json) as display:
+    with progress.display("incline") as display:
         target = connect or SimulatedVehicle(
             Simulation(vehicle=vehicle, scenario="inclining", seed=seed, speed=speed),
             notify=display.print_line,

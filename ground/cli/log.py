@@ -71,7 +71,7 @@ def download(
 
     with (
         connected(connect, sign, vehicle_id, modem) as vehicle,
-        progress.display("logs", quiet=json) as display,
+        progress.display("logs") as display,
     ):
         selected = log_download.select_logs(log_download.list_logs(vehicle), which)
         downloads = [

@@ -53,7 +53,7 @@ def paper(
     if no_flights and campaign is not None:
         raise InputError("--no-flights: cannot be combined with --campaign")
     with ExitStack() as stack:
-        display = stack.enter_context(progress.display("paper", quiet=json))
+        display = stack.enter_context(progress.display("paper"))
         if no_flights:
             curves, result = [], reproduction.reproduce()
         else:

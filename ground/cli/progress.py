@@ -38,8 +38,8 @@ LINE_PERIOD_S = 5.0
 class ProgressDisplay:
     """Messages, one progress bar per dive, and a picture below; without a terminal, lines."""
 
-    def __init__(self, bars: Progress, *, quiet: bool) -> None:
-        self._bars, self._quiet = bars, quiet
+    def __init__(self, bars: Progress) -> None:
+        self._bars = bars
         self._tasks: dict[str, TaskID] = {}
         self._lines: dict[str, Interval] | None = None if bars.console.is_terminal else {}
         """Time of the last line by task; None if a terminal shows the bars."""
@@ -73,9 +73,7 @@ class ProgressDisplay:
 
     def show_text(self, text: StatusText) -> None:
         """Print a text of the vehicle if it is urgent or about a test."""
-        if not self._quiet and (
-            text.severity <= URGENT_SEVERITY or isinstance(text.event, TestStarted | TestEnded)
-        ):
+        if text.severity <= URGENT_SEVERITY or isinstance(text.event, TestStarted | TestEnded):
             self._print(literal(text.text))
 
     def show(self, picture: RenderableType) -> None:
@@ -88,13 +86,11 @@ class ProgressDisplay:
 
     def print_line(self, text: str) -> None:
         """Print a line."""
-        if not self._quiet:
-            self._print(literal(text))
+        self._print(literal(text))
 
     def announce(self, text: str) -> None:
         """Print what begins, in bold."""
-        if not self._quiet:
-            self._print(heading(text))
+        self._print(heading(text))
 
     def show_fraction(self, text: str, fraction: float) -> None:
         """Show the completed fraction of a computation."""
@@ -104,7 +100,7 @@ class ProgressDisplay:
 
     def _print_progress(self, name: str, text: str) -> None:
         """Print a line about a dive or computation if no terminal shows its bar, and it is due."""
-        if self._lines is None or self._quiet:
+        if self._lines is None:
             return
         with self._lock:
             is_due = self._lines.setdefault(name, Interval(LINE_PERIOD_S)).due()
@@ -140,22 +136,20 @@ def columns() -> tuple[ProgressColumn, ...]:
 
 
 @contextmanager
-def display(name: str, *, quiet: bool) -> Iterator[ProgressDisplay]:
+def display(name: str) -> Iterator[ProgressDisplay]:
     """Show a display while the work lasts.
 
     Parameters
     ----------
     name : str
         Name of the dive or computation, if there is only one.
-    quiet : bool
-        Print no messages, and no bars.
     """
     page = console(stderr=True)
     bars = Progress(*columns(), console=page)
-    shown = ProgressDisplay(bars, quiet=quiet)
+    shown = ProgressDisplay(bars)
     shown.dive = name
     with ExitStack() as stack:
-        if page.is_terminal and not quiet:
+        if page.is_terminal:
             stack.enter_context(
                 Live(get_renderable=shown.picture, console=page, refresh_per_second=10.0)
             )

@@ -105,7 +105,7 @@ def refit(
         tailcone=bench_result,
         inclining=inclining_result,
     )
-    with progress.display("refit", quiet=json) as display:
+    with progress.display("refit") as display:
         model = refitting.refit(request, display.show_fraction, force=force)
     refitting.write_model(model, out)
     text = Rendered(

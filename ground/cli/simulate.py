@@ -1,14 +1,13 @@
 """`ground simulate`: Monte-Carlo simulation of a mission on vehicles sampled from a model."""
 
 import math
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import Jobs, Json, ModelFile, Prior, Seed, print_result
+from ground.cli.options import Jobs, Json, ModelFile, Prior, Seed, print_result, remark
 from ground.errors import UnsuccessfulError
 from ground.output_files import refuse_same_file
 from mavlink_io.errors import InputError
@@ -93,7 +92,7 @@ def simulate(
     loaded = {name: param_file.load(path) for name, path in files.items()}
     plan, start_s = plans.load(mission), wall_s()
     plans.check_local(mission, plan)
-    with progress.display("simulate", quiet=json) as display:
+    with progress.display("simulate") as display:
         posterior = vehicle_samples.read(model, refit.read_vehicle(prior))
         known = prototype.parameters_of(posterior)
         request = study.StudyRequest(
@@ -114,12 +113,9 @@ def simulate(
             summaries = study.simulate_samples(posterior, request, report)
         except MissionRejectedError as error:
             raise MissionRejectedError(f"{mission}: {error}") from None
-    if not json:
-        vehicle_s = sum(summary.vehicle_s for summary in summaries)
-        rate = vehicle_s / (wall_s() - start_s)
-        print(
-            f"{vehicle_s:.0f} vehicle seconds, {rate:.0f} per second of wall time", file=sys.stderr
-        )
+    vehicle_s = sum(summary.vehicle_s for summary in summaries)
+    rate = vehicle_s / (wall_s() - start_s)
+    remark(f"{vehicle_s:.0f} vehicle seconds, {rate:.0f} per second of wall time")
     print_result(
         simulation.as_json(summaries, Path(mission).stem, seed),
         simulation.format_text(summaries, Path(mission).stem),

@@ -64,7 +64,7 @@ def run(
         say(to_json(row) if json else sweeps.format_row(row))
         return
     start_s = wall_s()
-    with progress.display("sweep", quiet=json) as display:
+    with progress.display("sweep") as display:
 
         def report(done: int, total: int) -> None:
             display.show_fraction(f"{done} of {total} dives", done / total)

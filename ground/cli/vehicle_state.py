@@ -35,7 +35,7 @@ def surface(
 
     with (
         connected(connect, sign, vehicle_id, modem) as vehicle,
-        progress.display("surface", quiet=json) as display,
+        progress.display("surface") as display,
     ):
         state = stopping.enter(vehicle, stopping.SURFACE)
         if wait:
