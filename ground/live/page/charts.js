@@ -23,8 +23,8 @@ export function step(span, count) {
   return [1, 2, 5, 10].map((factor) => factor * power).find((value) => value >= raw);
 }
 
-// Return a step in degrees that divides a quarter of a turn, or is a multiple of one.
-const turnStep = (span) => [1, 2, 5, 10, 15, 30, 45, 90, 180, 360].find((value) => value >= span / 4) || 720;
+// Return a step in degrees that divides a quarter of a turn, or is a multiple of a turn.
+export const turnStep = (span) => [1, 2, 5, 10, 15, 30, 45, 90, 180].find((value) => value >= span / 4) || 360 * Math.ceil(span / 4 / 360);
 
 const format = (value, size) => value.toFixed(Math.max(0, -Math.floor(Math.log10(size) + 1e-9)));
 
@@ -156,14 +156,29 @@ function drawWaypoints(context, waypoints, x, y, sequence) {
   context.beginPath();
   waypoints.forEach((point, index) => context[index ? 'lineTo' : 'moveTo'](x(point.east_m), y(point.north_m)));
   context.stroke(); context.setLineDash([]);
-  const next = waypoints.find((point) => sequence !== null && point.sequence >= sequence);
-  waypoints.forEach((point, index) => {
+  const next = waypoints.findIndex((point) => sequence !== null && point.sequence >= sequence);
+  const drawPoint = (point, name, fill) => {
     context.beginPath(); context.arc(x(point.east_m), y(point.north_m), 5, 0, 2 * Math.PI);
-    context.fillStyle = point === next ? colour('two') : colour('panel'); context.fill();
-    context.strokeStyle = point === next ? colour('two') : colour('set'); context.lineWidth = 1.6; context.stroke();
-    context.fillStyle = colour('ink'); context.textAlign = 'left';
-    context.fillText(String(index + 1), x(point.east_m) + 8, y(point.north_m) - 7);
-  });
+    context.fillStyle = colour(fill); context.fill();
+    context.strokeStyle = colour(name); context.lineWidth = 1.6; context.stroke();
+  };
+  waypoints.forEach((point) => drawPoint(point, 'set', 'panel'));
+  if (next >= 0) drawPoint(waypoints[next], 'two', 'two');
+  context.fillStyle = colour('ink'); context.textAlign = 'left';
+  for (const { text, left, base } of readable(waypoints, x, y, next)) context.fillText(text, left, base);
+}
+
+// Return the numbers of waypoints that do not cover each other, with their places; the next waypoint has precedence.
+export function readable(waypoints, x, y, next) {
+  const order = [...waypoints.keys()].sort((a, b) => (b === next) - (a === next));
+  const numbers = [];
+  for (const index of order) {
+    const text = String(index + 1);
+    const [left, base] = [x(waypoints[index].east_m) + 8, y(waypoints[index].north_m) - 7];
+    const right = left + 7 * text.length + 4;
+    if (numbers.every((other) => Math.abs(other.base - base) > 12 || other.left > right || other.right < left)) numbers.push({ text, left, right, base });
+  }
+  return numbers;
 }
 
 function drawArrow(context, x, y, headingDeg) {

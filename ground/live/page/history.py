@@ -1,5 +1,6 @@
 """Bounded history of one dive for the live page."""
 
+import math
 from typing import NamedTuple
 
 Row = tuple[float | None, ...]
@@ -20,8 +21,10 @@ COLUMNS = (
     "east_m",
 )
 MAX_ROWS = 4000
-"""Number of rows at which the older half is thinned: every second row of it is dropped. An hour is
-then kept at about a row a second, and the last minutes completely."""
+"""Number of rows at which the older half is thinned; the newer half is complete."""
+MAX_OLD_ROWS = 1500
+"""Number of rows to which the older half is thinned, evenly in time: of an hour they are at most
+5 s apart."""
 
 
 class _Numbered(NamedTuple):
@@ -43,7 +46,7 @@ class History:
         self.count += 1
         if len(self._rows) > MAX_ROWS:
             half = len(self._rows) // 2
-            self._rows[:half] = self._rows[:half:2]
+            self._rows[:half] = _thinned(self._rows[:half])
 
     def since(self, number: int) -> list[Row]:
         """Return the rows that are kept of those numbered ``number`` and later."""
@@ -58,3 +61,15 @@ class History:
     def clear(self) -> None:
         """Drop all rows; the numbers continue."""
         self._rows = []
+
+
+def _thinned(rows: list[_Numbered]) -> list[_Numbered]:
+    """Return at most `MAX_OLD_ROWS` of the rows, at nearly even intervals of time."""
+    times_s = [numbered.row[0] or 0.0 for numbered in rows]
+    period_s = (times_s[-1] - times_s[0]) / (MAX_OLD_ROWS - 1)
+    chosen, due_s = list[_Numbered](), -math.inf
+    for numbered, time_s in zip(rows, times_s, strict=True):
+        if time_s >= due_s:
+            chosen.append(numbered)
+            due_s = time_s + period_s
+    return chosen

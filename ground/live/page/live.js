@@ -4,6 +4,8 @@ import { drawMap, drawStrip } from './charts.js';
 import { HullView } from './hull.js';
 
 const MAX_ROWS = 8000;
+const MAX_OLD_ROWS = 3000;
+const SILENT_MS = 5000;
 const STRIPS = [
   { key: 'depth', title: 'depth, m', down: true, span: 1, digits: 2,
     series: [['depth_m', 'one', 'depth'], ['depth_setpoint_m', 'set', 'set-point']] },
@@ -25,7 +27,7 @@ const made = (tag, text, kind) => {
   return element;
 };
 
-let [columns, rows, plan, panel, followed, ended, source] = [{}, [], EMPTY_PLAN, null, '', false, null];
+let [columns, rows, plan, panel, followed, ended, source, receivedMs] = [{}, [], EMPTY_PLAN, null, '', false, null, null];
 const hull = new HullView(find('hull').querySelector('canvas'));
 const map = find('map').querySelector('canvas');
 const strips = STRIPS.map((strip) => {
@@ -60,6 +62,17 @@ function near(value, reference) {
   return value === null || reference === null ? value : reference + ((value - reference + 540) % 360 + 360) % 360 - 180;
 }
 
+// Return at most MAX_OLD_ROWS rows at nearly even intervals of time.
+function thinned(old) {
+  const period = (old[old.length - 1][0] - old[0][0]) / (MAX_OLD_ROWS - 1);
+  let due = -Infinity;
+  return old.filter(([time]) => {
+    if (time < due) return false;
+    due = time + period;
+    return true;
+  });
+}
+
 function add(fresh) {
   const [heading, setpoint] = [columns.heading_deg, columns.heading_setpoint_deg];
   for (const row of fresh) {
@@ -72,7 +85,7 @@ function add(fresh) {
   }
   if (rows.length > MAX_ROWS) {
     const half = rows.length >> 1;
-    rows = rows.filter((_, index) => index >= half || index % 2 === 0);
+    rows = [...thinned(rows.slice(0, half)), ...rows.slice(half)];
   }
 }
 
@@ -160,6 +173,7 @@ function showDives(names) {
 }
 
 function receive(event) {
+  receivedMs = performance.now();
   const news = JSON.parse(event.data);
   if (news.columns) {
     columns = Object.fromEntries(news.columns.map((name, index) => [name, index]));
@@ -189,7 +203,20 @@ function connect() {
     source.close();
     banner('ground has ended; the page shows its last state', true);
   });
-  source.onerror = () => { if (!ended) banner('no connection to ground on this machine; trying again'); };
+  source.onerror = () => { if (!ended) showLoss('no connection to ground; trying again'); };
+}
+
+function showLoss(text) {
+  banner(text);
+  find('link').textContent = 'link unknown';
+  find('link').className = 'chip bad';
+}
+
+// Show that nothing arrives on an open connection: ground sends twice a second unless it hangs or its network fails.
+function checkSilence() {
+  const silentMs = performance.now() - receivedMs;
+  if (receivedMs === null || ended || silentMs < SILENT_MS || source.readyState !== EventSource.OPEN) return;
+  showLoss(`nothing received from ground for ${Math.round(silentMs / 1000)} s; the page shows an old state`);
 }
 
 find('dive').addEventListener('change', (event) => { followed = event.target.value; connect(); });
@@ -199,3 +226,4 @@ window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', dra
 const resized = new ResizeObserver(() => draw());
 document.querySelectorAll('.chart').forEach((chart) => resized.observe(chart));
 connect();
+setInterval(checkSilence, 1000);

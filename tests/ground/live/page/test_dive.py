@@ -1,6 +1,7 @@
 """Rows, panel and history of one dive on the live page."""
 
 import math
+from itertools import pairwise
 
 import msgspec
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from ground.client.vehicle import StatusText
 from ground.live.page.dive import ROW_PERIOD_S, ShownDive
-from ground.live.page.history import COLUMNS, MAX_ROWS, History
+from ground.live.page.history import COLUMNS, MAX_OLD_ROWS, MAX_ROWS, History
 from ground.live.page.page_state import Browser, PageState
 from ground.live.watch import rows
 from mavlink_io.codec import Frame
@@ -141,6 +142,16 @@ def test_history_is_bounded_and_keeps_the_newest_rows() -> None:
     newest = 5 * MAX_ROWS - MAX_ROWS // 4
     assert kept[-MAX_ROWS // 4 :] == [float(number) for number in range(newest, 5 * MAX_ROWS)]
     assert history.since(5 * MAX_ROWS - 2) == [(5.0 * MAX_ROWS - 2,), (5.0 * MAX_ROWS - 1,)]
+
+
+def test_history_of_a_long_dive_is_even_and_complete_at_its_end() -> None:
+    history, duration_s = History(), 4 * 3600
+    for number in range(round(duration_s / ROW_PERIOD_S)):
+        history.add((number * ROW_PERIOD_S,))
+    times_s = [time_s for (time_s,) in history.since(0) if time_s is not None]
+    gaps_s = [after - before for before, after in pairwise(times_s)]
+    assert max(gaps_s) < 3.0 * duration_s / MAX_OLD_ROWS
+    assert max(gaps_s[-MAX_ROWS // 4 :]) == pytest.approx(ROW_PERIOD_S)
 
 
 @given(

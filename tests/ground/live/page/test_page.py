@@ -3,6 +3,8 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -122,6 +124,25 @@ class LivePageTestCase:
             assert heights == pytest.approx(first, abs=HEIGHT_TOLERANCE_PX)
             assert min(heights.values()) > 90.0
 
+    def test_heading_of_many_turns_has_few_lines(self, shown: Page) -> None:
+        steps = shown.run_async(
+            "const done = arguments[arguments.length - 1];"
+            "import('/charts.js').then(({turnStep}) => done([10, 300, 5400, 1e6].map(turnStep)));"
+        )
+        assert steps == [5, 90, 1440, 250_200]
+
+    def test_numbers_of_close_waypoints_do_not_cover_each_other(self, shown: Page) -> None:
+        numbers = shown.run_async(
+            "const done = arguments[arguments.length - 1];"
+            "const points = Array.from({length: 300}, (_, n) => ({north_m: 0, east_m: n}));"
+            "import('/charts.js').then(({readable}) =>"
+            " done(readable(points, (east) => east, (north) => -north, 100)));"
+        )
+        assert numbers[0]["text"] == "101"
+        lefts = sorted((number["left"], number["right"]) for number in numbers)
+        assert 5 < len(lefts) < 30
+        assert all(after[0] > before[1] for before, after in pairwise(lefts))
+
     def test_page_asks_its_own_server_only_and_logs_no_error(
         self, shown: Page, flight: Flight
     ) -> None:
@@ -130,6 +151,18 @@ class LivePageTestCase:
         own = server.url(flight.listener)
         assert [request for request in requests if not request.startswith(own)] == []
         assert shown.errors() == []
+
+
+@needs_chromium
+@pytest.mark.process
+@pytest.mark.timeout(240)
+def test_page_shows_that_its_server_hangs(tmp_path: Path) -> None:
+    with Flight() as flight, opened(server.url(flight.listener), tmp_path / "profile") as page:
+        until(lambda: page.text("link") == "link good")
+        with flight.state.dive("circle"):  # the server waits for the dive
+            until(lambda: page.text("banner").startswith("nothing received from ground for"))
+            assert page.text("link") == "link unknown"
+        until(lambda: page.text("link") == "link good" and not page.text("banner"))
 
 
 @needs_chromium
