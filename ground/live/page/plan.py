@@ -8,6 +8,7 @@ import msgspec
 
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
+from mavlink_io.frames import geodetic_to_offset, offset_to_geodetic
 from mavlink_io.mission_items import (
     FENCE_TYPE,
     GLOBAL_FRAMES,
@@ -21,8 +22,6 @@ from mavlink_io.mission_items import (
 from mavlink_io.request import Exchange, ExchangeError, MavlinkId, Send
 from mavlink_io.services.missions import MissionClient
 
-EARTH_RADIUS_M = 6_378_137.0
-"""Equatorial radius of WGS 84; the map is flat, and no larger than a few kilometres."""
 READ_PERIOD_S = 60.0
 """Wall time after which the plans are read again, as MAVLink does not report every change."""
 _WAYPOINTS = frozenset(
@@ -48,15 +47,11 @@ class Origin(NamedTuple):
 
     def local_m(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
         """Return metres north and east of the origin."""
-        north_m = math.radians(lat_deg - self.lat_deg) * EARTH_RADIUS_M
-        east_m = math.radians(lon_deg - self.lon_deg) * EARTH_RADIUS_M
-        return north_m, east_m * math.cos(math.radians(self.lat_deg))
+        return geodetic_to_offset(lat_deg, lon_deg, *self)
 
     def moved(self, north_m: float, east_m: float) -> "Origin":
         """Return the place that lies this far north and east."""
-        lat_deg = self.lat_deg + math.degrees(north_m / EARTH_RADIUS_M)
-        scale_m = EARTH_RADIUS_M * math.cos(math.radians(self.lat_deg))
-        return Origin(lat_deg, self.lon_deg + math.degrees(east_m / scale_m))
+        return Origin(*offset_to_geodetic(north_m, east_m, *self))
 
 
 class Waypoint(msgspec.Struct, frozen=True):

@@ -13,8 +13,8 @@ from mavlink_io.transport import open_transport
 
 LOCAL, GLOBAL = 1, 3
 HOME = Origin(42.0, -71.0)
-METRES_PER_DEGREE = 6_378_137.0 * 3.141592653589793 / 180.0
-"""Length of a degree of latitude on a sphere of the equatorial radius of WGS 84."""
+METRES_PER_DEGREE = 6_371_000.0 * 3.141592653589793 / 180.0
+"""Length of a degree of latitude on the sphere of the vehicle's LOCAL_POSITION_NED."""
 
 
 def vertex(index: int, lat_deg: float, lon_deg: float, count: float = 3.0) -> MissionItem:
@@ -53,6 +53,12 @@ def test_waypoint_at_the_present_position_is_left_out() -> None:
 def test_origin_moved_and_measured_agree() -> None:
     moved = HOME.moved(120.0, -40.0)
     assert HOME.local_m(*moved) == pytest.approx((120.0, -40.0), rel=1e-9)
+
+
+def test_place_across_the_antimeridian_is_near() -> None:
+    origin = Origin(0.0, 179.9999)
+    _, east_m = origin.local_m(0.0, -179.9999)
+    assert east_m == pytest.approx(0.0002 * METRES_PER_DEGREE, rel=1e-6)
 
 
 def test_fence_has_polygons_and_circles() -> None:
