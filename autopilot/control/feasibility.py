@@ -307,8 +307,8 @@ def _battery_fault(
     if math.isinf(used_s):
         return MissionFault(item.sequence, "it is never reached: the thrust is 0", parameter)
     reason = (
-        f"needs {used_s / 3600.0:.1f} h of the battery at cruise: must be at most"
-        f" {available_s / 3600.0:.1f} h ({100.0 * state.charge:.0f} % of BAT_CRUISE_H, less the"
+        f"needs {used_s / 3600.0:.3g} h of the battery at cruise: must be at most"
+        f" {available_s / 3600.0:.3g} h ({100.0 * state.charge:.0f} % of BAT_CRUISE_H, less the"
         " reserve)"
     )
     return MissionFault(item.sequence, reason, parameter)

@@ -113,9 +113,15 @@ def test_length_of_lines_counts_against_charge() -> None:
     assert fault_of(*lines) == (-1, "", 0)
     sequence, reason, parameter = fault_of(*lines, state=half)
     assert (sequence, parameter) == (2, 5)
-    assert reason.startswith("needs 3.8 h of the battery at cruise: must be at most 3.5 h (50 %")
+    assert reason.startswith("needs 3.85 h of the battery at cruise: must be at most 3.5 h (50 %")
     assert fault_of(*lines, state=half, battery_cruise_h=0.0) == (-1, "", 0)
     assert fault_of(*lines, state=half, fs_battery_action=0) == (-1, "", 0), "no reserve: 5 h"
+
+
+def test_length_just_above_the_charge_differs_from_its_limit() -> None:
+    lines = [place(8220.0 * (n % 2)) for n in range(3)]
+    _, reason, _ = fault_of(*lines, state=AutopilotState(home=HOME, charge=0.5))
+    assert reason.startswith("needs 3.51 h of the battery at cruise: must be at most 3.5 h (")
 
 
 def test_faster_than_cruise_needs_more_of_the_battery() -> None:
@@ -245,7 +251,7 @@ def test_low_battery_refuses_the_start_of_a_loaded_mission() -> None:
     harness.command(176, 1, float(modes.MISSION.number))
     harness.vehicle._battery = Battery(28.0, 1.0, 40.0, 0.17)
     (text,) = texts(harness.command(400, 1))
-    assert text.startswith("Not armed: mission item 1: needs 0.4 h of the battery")
+    assert text.startswith("Not armed: mission item 1: needs 0.407 h of the battery")
 
 
 def test_mission_without_home_is_accepted_until_the_start() -> None:

@@ -131,9 +131,12 @@ def live(
     InputError
         The key cannot be read, or the page's port cannot be used.
     """
-    stopped, state = Stopped(), PageState()
+    state = PageState()
     with open_signing(sign) as key:
         transport = open_transport(connect)
+        stopped = (
+            Stopped()
+        )  # until here Ctrl-C interrupts: a key may be a pipe, a server may be slow
         try:
             receiver = Receiver(transport, key)
             receiver.rates_hz = LISTENER_RATES_HZ if estimator else PICTURE_RATES_HZ

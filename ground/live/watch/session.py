@@ -59,10 +59,12 @@ def watch(
     Interrupted
         The user ended the program before a vehicle was received for a snapshot.
     """
-    stopped = Stopped()
     page = console()
     with open_signing(sign) as key:
         transport = open_transport(connect)
+        stopped = (
+            Stopped()
+        )  # until here Ctrl-C interrupts: a key may be a pipe, a server may be slow
         try:
             receiver = Receiver(transport, key)
             receiver.listener = listener

@@ -2,12 +2,14 @@
 
 import http.client
 import json
+import os
 import re
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -66,6 +68,22 @@ def test_live_shows_a_vehicle_and_ends_at_ctrl_c() -> None:
         _, errors = child.communicate()
         assert child.returncode == 0
         assert errors == ""
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("name", ["live", "watch"])
+def test_view_that_waits_for_its_key_ends_at_ctrl_c(name: str, tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    os.mkfifo(key, 0o600)
+    words = (name, "--connect", f"udpin:127.0.0.1:{free_port()}", "--sign", str(key))
+    with subprocess.Popen(command(*words), stderr=subprocess.PIPE, text=True) as child:
+        try:
+            with pytest.raises(subprocess.TimeoutExpired):
+                child.wait(5.0)
+            child.send_signal(signal.SIGINT)
+            assert child.wait(20.0) == 130
+        finally:
+            child.kill()
 
 
 @pytest.mark.process
