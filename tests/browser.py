@@ -193,10 +193,12 @@ def check_layout(page: Page) -> None:
 def check_print(page: Page) -> None:
     """Print a page from a dark window: each chart is on one white sheet with its heading.
 
-    A paragraph before a table or a chart stays with it.
+    A paragraph before a table or a chart stays with it, and no table is wider than the sheet.
     """
     page.emulate(media="print", scheme="dark")
     printed = page.run(_PRINTED)
+    page.resize(*map(int, SHEET_PX))
+    width_px = page.width()
     page.emulate(media="", scheme="light")
     assert {chart["key"] for chart in printed["charts"]} == set(page.charts())
     for chart in printed["charts"]:
@@ -205,6 +207,7 @@ def check_print(page: Page) -> None:
         assert chart["width"] <= SHEET_PX[0], chart
         assert chart["height"] <= SHEET_PX[1], chart
     assert printed["apart"] == []
+    assert width_px <= SHEET_PX[0]
     assert printed["color"] == "rgb(255, 255, 255)"
 
 

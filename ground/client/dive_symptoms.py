@@ -47,7 +47,8 @@ MIN_AFLOAT_S = 60.0
 STRONG_CURRENT_MPS = 0.3
 """Current from which the path over ground differs much from the heading: 13 deg at 1.3 m/s."""
 MIN_TURN_DEG = 15.0
-"""Difference of headings from which the current along the heading can be estimated."""
+"""Difference of the mean headings of two windows from which the current along the heading can be
+estimated."""
 WORST_SEVERITY = 3
 """Largest MAV_SEVERITY of texts that are listed: 3 is an error."""
 _OVER_GROUND = (VelocitySource.BOTTOM_TRACK, VelocitySource.ESTIMATE)
@@ -313,7 +314,9 @@ def _current(log: Log, windows: Sequence[SteadyWindow]) -> Iterator[Symptom]:
     psi = np.interp(velocity.time_s[inside], attitude.time_s, attitude.yaw_rad)
     drifts_rad = _means(windows, velocity.time_s[inside], np.arctan2(abeam, ahead))
     drift_deg = float(np.degrees(np.max(np.abs(drifts_rad))))
-    if np.degrees(np.ptp(psi)) < MIN_TURN_DEG:
+    headings_rad = _means(windows, velocity.time_s[inside], psi)
+    turns_rad = np.angle(np.exp(1j * (headings_rad - headings_rad[0])))  # without whole turns
+    if np.degrees(np.ptp(turns_rad)) < MIN_TURN_DEG:
         speed, where = abs(float(np.mean(abeam))), "across the heading"
     else:
         north = ahead * np.cos(psi) - abeam * np.sin(psi)

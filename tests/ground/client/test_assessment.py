@@ -263,6 +263,21 @@ def test_drift_over_ground_is_a_current(source: VelocitySource) -> None:
         assert "21 deg off the heading" in found[0].message  # atan(0.5 / 1.3)
 
 
+@pytest.mark.parametrize("turns", [0, 1])
+def test_sideslip_of_a_heading_that_swings_is_no_current(turns: int) -> None:
+    """With one mean heading the current along it is unknown, also after a whole turn."""
+    flown = dive(heading_error_deg=swing(10.0))
+    t, yaw = flown.attitude.time_s, flown.attitude.yaw_rad
+    sideslip_mps = -0.5 * np.sin(yaw - np.mean(yaw))
+    turned = yaw + 2.0 * math.pi * turns * (t > np.mean(t))
+    flown = replace(flown, attitude=replace(flown.attitude, yaw_rad=turned))
+    velocity = logs.Velocity(
+        t, np.full(t.size, 1.3), sideslip_mps, 0.0 * t, VelocitySource.BOTTOM_TRACK
+    )
+    found = assessment.assess_log(replace(flown, velocity=velocity)).symptoms
+    assert SymptomKind.CURRENT not in [symptom.kind for symptom in found]
+
+
 def test_failsafe_is_reported_before_errors_without_a_known_cause() -> None:
     event = logs.LogEvent(90.0, Failsafe(FailsafeCause.LEAK, "Failsafe: Leak -> SURFACE"))
     found = assessment.assess_log(replace(dive(depth_error_m=swing(1.0)), events=(event,)))
