@@ -18,6 +18,7 @@ from ground.campaign import refit
 from ground.client.dive_symptoms import Symptom, SymptomKind, find_symptoms, start_s
 from mavlink_io.errors import InputError
 from sysid.data.dataset import Log
+from sysid.data.events import TrimLearned
 from sysid.monitor import tracking_metrics
 from sysid.monitor.tracking_metrics import Array, Spread, SteadyWindow
 from sysid.planes import PLANES
@@ -415,7 +416,7 @@ def _explain(
         case ErrorCause.LATE:
             text = f"settled later than {tracking_metrics.SETTLING_S:g} s after the change"
             why = ", while the trims were still being learned" if was_learning else ""
-            remedy = "fly `trim` first" if why else "nothing to do, or a longer leg"
+            remedy = _trim_remedy(log) if why else "nothing to do, or a longer leg"
             return f"{text}{why}; good in the second half of the leg", remedy
         case ErrorCause.UNSETTLED:
             return "never settled, as the error still changed", "give the leg more time"
@@ -428,7 +429,7 @@ def _explain(
             learn = "set TRIM_AUTO_S to 10 and fly `trim`, which learns it"
             return f"the {name} trim is not set ({values})", f"set {value}, or {learn}"
         case ErrorCause.LEARNING:
-            remedy = f"fly `trim` first, or set {value}"
+            remedy = f"{_trim_remedy(log)}, or set {value}"
             return f"the {name} trim was still being learned", remedy
         case ErrorCause.INTEGRATOR:
             pitch = f"level flight takes {leg.pitch_deg:.1f} deg of pitch"
@@ -440,6 +441,13 @@ def _explain(
         case _:
             known = f"the {name} is near its trim, or its trim is not known"
             return f"the telemetry does not show the cause: {known}", "look at the time plots"
+
+
+def _trim_remedy(log: Log) -> str:
+    """Return what makes the next dive begin with its trims."""
+    if any(isinstance(event.value, TrimLearned) for event in log.events):
+        return "fly again with the trims that the vehicle has learned"
+    return "fly `trim` first"
 
 
 def _was_learning(log: Log, leg: AssessedLeg) -> bool:

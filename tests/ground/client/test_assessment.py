@@ -15,7 +15,7 @@ from ground.client.assessment import ErrorCause, Outcome
 from ground.client.dive_symptoms import SymptomKind
 from sysid.data import dataset as logs
 from sysid.data.dataset import Log, VelocitySource
-from sysid.data.events import Armed, Failsafe, FailsafeCause
+from sysid.data.events import Armed, Failsafe, FailsafeCause, TrimLearned
 from tests.helpers.synthetic_dive import EMPTY, constant, decay, dive, swing
 
 Array = NDArray[np.float64]
@@ -79,6 +79,17 @@ def test_trim_being_learned_is_not_called_unset() -> None:
     (finding,) = assessment.assess_log(flown).findings
     assert finding.cause == ErrorCause.LEARNING
     assert "fly `trim` first" in finding.message
+
+
+def test_learned_trims_are_for_the_next_dive() -> None:
+    """After `trim` itself, "fly `trim` first" would be no remedy."""
+    parameters = {"TRIM_AUTO_S": 10.0}
+    flown = dive(
+        length_s=40.0, heading_error_deg=constant(-8.0), rudder_deg=6.0, parameters=parameters
+    )
+    learned = logs.LogEvent(30.0, TrimLearned("TRIM_RUD_DEG 6.0"))
+    (finding,) = assessment.assess_log(replace(flown, events=(learned,))).findings
+    assert finding.remedy.startswith("fly again with the trims that the vehicle has learned")
 
 
 def test_short_dive_is_not_assessed() -> None:
