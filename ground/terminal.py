@@ -40,6 +40,11 @@ def console(
     )
 
 
+def is_redrawable(console: Console) -> bool:
+    """Return whether a console is a terminal that can move its cursor, unlike one of TERM=dumb."""
+    return console.is_terminal and not console.is_dumb_terminal
+
+
 def literal(text: object, style: str = "") -> Text:
     """Return a text for rich without markup, with control characters escaped."""
     return Text(printable(text), style=style)

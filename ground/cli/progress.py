@@ -21,7 +21,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from ground.terminal import Escaped, console, heading, literal
+from ground.terminal import Escaped, console, heading, is_redrawable, literal
 from mavlink_io.clock import Interval
 from sysid.data.events import TestEnded, TestStarted
 
@@ -41,7 +41,7 @@ class ProgressDisplay:
     def __init__(self, bars: Progress) -> None:
         self._bars = bars
         self._tasks: dict[str, TaskID] = {}
-        self._lines: dict[str, Interval] | None = None if bars.console.is_terminal else {}
+        self._lines: dict[str, Interval] | None = None if is_redrawable(bars.console) else {}
         """Time of the last line by task; None if a terminal shows the bars."""
         self._warnings: dict[str, str] = {}
         """Last warning by task."""
@@ -149,7 +149,7 @@ def display(name: str) -> Iterator[ProgressDisplay]:
     shown = ProgressDisplay(bars)
     shown.dive = name
     with ExitStack() as stack:
-        if page.is_terminal:
+        if is_redrawable(page):
             stack.enter_context(
                 Live(get_renderable=shown.picture, console=page, refresh_per_second=10.0)
             )

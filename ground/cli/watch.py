@@ -17,7 +17,8 @@ def watch(
     once: Annotated[
         bool,
         typer.Option(
-            "--once", help="Print the state once and exit; the default if stdout is no terminal."
+            "--once",
+            help="Print the state once and exit; the default if stdout is no (or a dumb) terminal.",
         ),
     ] = False,
     prior: Annotated[

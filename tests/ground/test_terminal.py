@@ -89,6 +89,15 @@ def test_printable_known_texts(text: str, safe: str) -> None:
     assert printable(text) == safe
 
 
+@pytest.mark.parametrize(("name", "redrawable"), [("xterm", True), ("dumb", False)])
+def test_dumb_terminal_is_not_redrawn(
+    name: str, redrawable: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERM", name)
+    page = Console(file=io.StringIO(), force_terminal=True)
+    assert terminal.is_redrawable(page) is redrawable
+
+
 def test_printable_lines_keeps_only_line_feeds() -> None:
     assert printable_lines("a\n  b\r\x85c") == "a\n  b\\r\\x85c"
 

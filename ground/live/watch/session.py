@@ -12,7 +12,7 @@ from ground.errors import INTERRUPTED, Interrupted
 from ground.live.listeners import Listeners
 from ground.live.watch import rows, view
 from ground.live.watch.receiver import Receiver
-from ground.terminal import console
+from ground.terminal import console, is_redrawable
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import OperationError
 from mavlink_io.parent_watch import on_end_signals
@@ -68,7 +68,7 @@ def watch(
         try:
             receiver = Receiver(transport, key)
             receiver.listener = listener
-            if once or json or not page.is_terminal:
+            if once or json or not is_redrawable(page):
                 _listen_once(receiver, stopped)
                 if json:
                     print_result(rows.as_json(receiver, wall_s()), "", json)

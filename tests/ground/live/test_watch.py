@@ -1,5 +1,6 @@
 """Live view of any MAVLink vehicle: content, stale values and missing vehicles."""
 
+import contextlib
 import io
 import json
 import math
@@ -317,6 +318,23 @@ def test_live_view_ends_without_error_at_ctrl_c(vehicle_address: str) -> None:
     os.close(master)
     assert child.returncode == 0
     assert b"Traceback" not in output
+
+
+@pytest.mark.process
+def test_terminal_that_cannot_be_redrawn_gets_one_snapshot(vehicle_address: str) -> None:
+    master, terminal = pty.openpty()
+    environment = {**os.environ, "TERM": "dumb", "COLUMNS": "100"}
+    with subprocess.Popen(
+        command("--connect", vehicle_address), stdout=terminal, stderr=terminal, env=environment
+    ) as child:
+        os.close(terminal)
+        output = b""
+        with contextlib.suppress(OSError):  # a pseudo-terminal reports a closed other end so
+            while part := os.read(master, 65_536):
+                output += part
+    os.close(master)
+    assert child.returncode == 0
+    assert b"HOLD" in output
 
 
 @pytest.mark.process
