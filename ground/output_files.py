@@ -1,8 +1,11 @@
 """Checks of the files that a command writes, before its work."""
 
+import errno
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from mavlink_io.errors import InputError
 
@@ -52,6 +55,38 @@ def new_file(path: Path) -> Path:
     if path.exists():
         raise InputError(f"{path}: exists; give a new name")
     return path
+
+
+@contextmanager
+def open_new(path: Path) -> Iterator[BinaryIO]:
+    """Open a new file to write it, and remove it again if the work fails.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Yields
+    ------
+    file object
+        The file, in binary mode.
+
+    Raises
+    ------
+    FileExistsError
+        The file exists already.
+    OSError
+        The file cannot be written; a full disk is reported with the name of the file.
+    """
+    file = path.open("xb")
+    try:
+        with file:
+            yield file
+    except BaseException as error:
+        path.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            error.filename = str(path)  # a failed write names no file
+        raise
 
 
 def _refuse_place(label: str, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Iterator, Mapping
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ground.client.file_names import safe_file_name
 from ground.log_tools import viewer_log
 from ground.log_tools.formats import ExportFormat
 from ground.log_tools.si_units import TIME, si_columns
+from ground.output_files import open_new
 from mavlink_io import dialect
 from mavlink_io.codec import encode_payload
 from mavlink_io.errors import InputError
@@ -190,7 +192,7 @@ def export_mat(path: Path, target: Path) -> None:
     if log is not None:
         content[STATE] = dict(state_table.state_table(log))
         content[PARAMETERS] = {_mat_name(k): v for k, v in sorted(log.parameters.items())}
-    with target.open("xb") as file:
+    with open_new(target) as file:
         savemat(file, content, long_field_names=True, do_compression=True, oned_as="column")
 
 
@@ -294,7 +296,7 @@ def _mat_values(values: NDArray[Any]) -> NDArray[Any]:
 
 def _write_csv(target: Path, columns: Mapping[str, list[Any]]) -> Path:
     """Write columns as a new CSV file, and return its path."""
-    with target.open("x", encoding="utf-8", newline="") as file:
+    with open_new(target) as data, TextIOWrapper(data, encoding="utf-8", newline="") as file:
         rows = zip(*columns.values(), strict=True)
         csv.writer(file, lineterminator="\n").writerows([list(columns), *rows])
     return target

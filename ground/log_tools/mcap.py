@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ground.output_files import open_new
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.logging import mcap_reader
 from mavlink_io.logging.mavlink_log import PROFILE
@@ -139,13 +140,9 @@ def recover(path: Path, out: Path) -> Recovered:
     FileExistsError
         `out` exists already.
     """
-    with _opened(path, unfinished=True) as reader, out.open("xb") as target:
+    with _opened(path, unfinished=True) as reader, open_new(out) as target:
         writer = McapWriter(target, PROFILE, "caribou recover")
-        try:
-            saved = copy(reader, writer)
-        except McapError:
-            out.unlink()
-            raise
+        saved = copy(reader, writer)
         writer.finish()
     return Recovered(saved, mcap_reader.damage_texts(reader))
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.log_tools import mcap
+from ground.output_files import open_new
 from mavlink_io import frames
 from mavlink_io.logging import foxglove, ros1
 from mavlink_io.logging.foxglove import ViewerTopic
@@ -196,7 +197,7 @@ def write(path: Path, log: Log, target: Path) -> None:
         `target` exists already.
     """
     is_mcap = readers.format_of(path) == "mcap"
-    with target.open("xb") as file:
+    with open_new(target) as file:
         writer = McapWriter(file, PROFILE, "caribou export")
         if is_mcap:
             with path.open("rb") as source:

@@ -1,5 +1,6 @@
 """Checks of output files before the work of a command."""
 
+import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +10,7 @@ from typer.testing import CliRunner
 
 from ground.campaign.campaign_folder import CAMPAIGN_FILE
 from ground.cli.main import app
-from ground.output_files import check_output
+from ground.output_files import check_output, open_new
 from mavlink_io.errors import InputError
 
 CONTENT = "the only copy"
@@ -219,3 +220,20 @@ def test_fly_refuses_truth_that_exists(input_file: Path) -> None:
     log = input_file.with_name("dive.mcap")
     message = run_refused("fly", "square", "--sitl", "--log", log, "--truth", input_file)
     assert message == f"{input_file}: exists; give a new name"
+
+
+def test_full_disk_is_reported_with_the_file_which_is_removed(tmp_path: Path) -> None:
+    """A write that fails names no file."""
+    file = tmp_path / "x.mat"
+    with pytest.raises(OSError, match="No space left") as raised, open_new(file):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert raised.value.filename == str(file)
+    assert not file.exists()
+
+
+def test_existing_file_is_not_opened_as_new(tmp_path: Path) -> None:
+    file = tmp_path / "x.mat"
+    file.write_text("mine")
+    with pytest.raises(FileExistsError), open_new(file):
+        pass
+    assert file.read_text() == "mine"
