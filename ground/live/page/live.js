@@ -223,6 +223,9 @@ find('dive').addEventListener('change', (event) => { followed = event.target.val
 find('window').addEventListener('change', draw);
 document.addEventListener('visibilitychange', draw);
 window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
+for (const [name, printed] of [['beforeprint', true], ['afterprint', false]]) {
+  window.addEventListener(name, () => { document.documentElement.classList.toggle('printed', printed); draw(); });
+}
 const resized = new ResizeObserver(() => draw());
 document.querySelectorAll('.chart').forEach((chart) => resized.observe(chart));
 connect();

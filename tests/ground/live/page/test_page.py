@@ -143,6 +143,17 @@ class LivePageTestCase:
         assert 5 < len(lefts) < 30
         assert all(after[0] > before[1] for before, after in pairwise(lefts))
 
+    def test_dark_page_is_printed_in_light_colours(self, shown: Page) -> None:
+        ink = "return getComputedStyle(document.documentElement).getPropertyValue('--ink').trim()"
+        light = shown.run(ink)
+        shown.emulate(media="", scheme="dark")
+        dark = shown.run(ink)
+        shown.run("dispatchEvent(new Event('beforeprint'))")
+        assert shown.run(ink) == light != dark
+        shown.run("dispatchEvent(new Event('afterprint'))")
+        assert shown.run(ink) == dark
+        shown.emulate(media="", scheme="light")
+
     def test_page_asks_its_own_server_only_and_logs_no_error(
         self, shown: Page, flight: Flight
     ) -> None:
