@@ -132,7 +132,7 @@ def _attitude(roll_rad: float, pitch_rad: float) -> Cell | None:
     """Return roll and pitch in degrees."""
     roll_deg, pitch_deg = math.degrees(roll_rad), math.degrees(pitch_rad)
     return _cell(
-        f"roll {_words(roll_deg, '+.1f')}, pitch {_words(pitch_deg, '+.1f')} deg",
+        f"roll {_words(roll_deg, '+z.1f')}, pitch {_words(pitch_deg, '+z.1f')} deg",
         roll_deg=roll_deg,
         pitch_deg=pitch_deg,
     )
@@ -202,7 +202,7 @@ def position(m: Any, context: RowContext) -> Cell | None:
 
 def offset(m: Any, context: RowContext) -> Cell | None:
     """Return the position north and east of the origin (m) of a LOCAL_POSITION_NED."""
-    text = f"{_words(m.x, '+.1f')} m north, {_words(m.y, '+.1f')} m east"
+    text = f"{_words(m.x, '+z.1f')} m north, {_words(m.y, '+z.1f')} m east"
     return _cell(text, north_m=m.x, east_m=m.y)
 
 

@@ -256,6 +256,12 @@ def test_unknown_or_impossible_value_is_not_shown(
     assert sea.rows()[label].cell is None
 
 
+def test_rounded_zero_has_no_minus(sea: Sea) -> None:
+    sea.heartbeat()
+    sea.send("ATTITUDE", roll=-0.0005, pitch=-0.1)
+    assert sea.text("attitude") == "roll +0.0, pitch -5.7 deg"
+
+
 def test_known_value_beside_an_unknown_one_is_shown(sea: Sea) -> None:
     sea.heartbeat()
     sea.send("VFR_HUD", airspeed=math.nan, groundspeed=0.5)
