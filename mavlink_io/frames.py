@@ -187,7 +187,7 @@ def offset_to_geodetic(
     Returns
     -------
     tuple of float
-        Latitude and longitude, in deg.
+        Latitude and longitude, in deg; the longitude is within 180 deg of zero.
 
     Notes
     -----
@@ -197,6 +197,8 @@ def offset_to_geodetic(
     lon = origin_lon_deg + math.degrees(
         east_m / (EARTH_RADIUS_M * math.cos(math.radians(origin_lat_deg)))
     )
+    if abs(lon) > 180.0:
+        lon -= math.copysign(360.0, lon)
     return lat, lon
 
 

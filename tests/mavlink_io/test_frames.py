@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -63,9 +63,12 @@ def test_wrap_pi_keeps_the_angle(angle: float) -> None:
     )
 
 
-@given(st.floats(-5e3, 5e3), st.floats(-5e3, 5e3), st.floats(-70, 70), st.floats(-179, 179))
+@given(st.floats(-5e3, 5e3), st.floats(-5e3, 5e3), st.floats(-70, 70), st.floats(-180, 180))
+@example(0.0, 200.0, 20.0, 179.9999)
+@example(0.0, -200.0, -20.0, -179.9999)
 def test_geodetic_and_offset_are_inverse(north: float, east: float, lat: float, lon: float) -> None:
     place = frames.offset_to_geodetic(north, east, lat, lon)
+    assert abs(place[1]) <= 180.0
     assert frames.geodetic_to_offset(*place, lat, lon) == pytest.approx((north, east), abs=1e-4)
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from autopilot.control.sensor_health.imu_checks import IMPLAUSIBLE
 from autopilot.control.sensor_health.types import Device, Fault, Health
 from autopilot.control.types import US_PER_S, Inputs
+from mavlink_io.frames import geodetic_to_offset
 from mavlink_io.jit import numeric
 from mavlink_io.records import Altimeter, Battery, Dvl, GpsFix
 
@@ -33,8 +34,6 @@ FIX_MAX_MPS = 30.0
 """Maximum plausible speed of a fix: the vehicle may be on its ship."""
 JUMP_WITHIN_US = 2 * US_PER_S
 """Maximum age of the last plausible record to which a change is compared."""
-_METRES_PER_DEG = 111_000.0
-"""Metres per degree of latitude."""
 _NEITHER, _NONE_OF_FOUR = (None,) * 2, (None,) * 4
 """Inputs without GPS and altimeter, and without DVL, battery, leak and duct."""
 
@@ -92,13 +91,13 @@ def add_fix(old: Device, fix: GpsFix, now_us: int) -> tuple[bool, Device]:
     """
     if not math.hypot(fix.velocity_north_mps, fix.velocity_east_mps) < FIX_MAX_MPS:
         return False, _reject(old, now_us)
+    plausible = abs(fix.lat_deg) <= 90.0 and abs(fix.lon_deg) <= 180.0
     if fix.fix_type >= 3 and _is_recent(old, now_us) and old.record.fix_type >= 3:
-        before, east_scale = old.record, math.cos(math.radians(fix.lat_deg))
-        north_m = _METRES_PER_DEG * (fix.lat_deg - before.lat_deg)
-        east_m = _METRES_PER_DEG * (fix.lon_deg - before.lon_deg) * east_scale
-        plausible = math.hypot(north_m, east_m) < FIX_JUMP_M
-    else:
-        plausible = abs(fix.lat_deg) <= 90.0 and abs(fix.lon_deg) <= 180.0
+        before = old.record
+        north_m, east_m = geodetic_to_offset(
+            before.lat_deg, before.lon_deg, fix.lat_deg, fix.lon_deg
+        )
+        plausible = plausible and math.hypot(north_m, east_m) < FIX_JUMP_M
     if not plausible:
         return False, _reject(old, now_us)
     same = (

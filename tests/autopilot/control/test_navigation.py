@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from autopilot.control import navigation
 from autopilot.control.navigation import MotionInput, NavSolution
 from autopilot.control.params import Config
+from autopilot.control.sensor_health.sensor_checks import add_fix
+from autopilot.control.sensor_health.types import Device
 from autopilot.control.types import Home, Inputs, NavCovariance, Navigation
 from mavlink_io.frames import offset_to_geodetic, quaternion_from_euler
 from mavlink_io.records import NO_FIX, NO_PING, Dvl, GpsFix
@@ -229,6 +231,14 @@ def test_fix_outlier_is_rejected_until_it_persists() -> None:
             assert abs(solution.position_m - true) < 3.0
             assert solution.memory.fixes_rejected == 10
     assert abs(solution.position_m - (true + 40.0)) < 10.0
+
+
+@pytest.mark.parametrize(("lon_deg", "plausible"), [(-179.99999, True), (181.0, False)])
+def test_fix_across_the_antimeridian_is_near_the_last_one(lon_deg: float, plausible: bool) -> None:
+    before = GpsFix(1_000_000, 3, -17.0, 179.99999, 0.0, 1.3, 0.0, 0.0, 10, 1.5)
+    _, device = add_fix(Device(), before, 1_000_000)
+    fix = before._replace(time_us=1_200_000, lon_deg=lon_deg)
+    assert add_fix(device, fix, 1_200_000)[0] == plausible
 
 
 @settings(max_examples=20)
