@@ -97,7 +97,18 @@ class SimulatedDive(NamedTuple):
 
 
 def limit_s(items: Sequence[MissionItem]) -> float:
-    """Return the time (s) after which a mission counts as unfinished."""
+    """Return the time after which a mission counts as unfinished.
+
+    Parameters
+    ----------
+    items : sequence of MissionItem
+        Mission.
+
+    Returns
+    -------
+    float
+        Time from the start (s).
+    """
     waypoints = sum(item.command == MavCmd.NAV_WAYPOINT for item in items)
     return planned_s(items) + (1 + waypoints) * EXTRA_TIME_S
 

@@ -13,4 +13,4 @@ def shown_on(page: io.StringIO) -> progress.ProgressDisplay:
     bars = Progress(
         *progress.columns(), BarColumn(20), console=terminal.console(file=page, width=10_000)
     )
-    return progress.ProgressDisplay(bars, quiet=False)
+    return progress.ProgressDisplay(bars)

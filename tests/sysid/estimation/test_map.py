@@ -402,5 +402,6 @@ def test_fit_with_wrong_but_uncertain_tailcone_finds_it(
     model = model_export.from_fit(fit.fit(campaign, prior), prior, "own")
     assert model.convergence.failures == ()
     found = model.vehicle.natural_frequency_radps
+    assert found.sd is not None
     assert found.value == pytest.approx(given.natural_frequency_radps, abs=3.0 * found.sd)
     assert found.value < 1.5 * given.natural_frequency_radps
