@@ -107,7 +107,7 @@ def measure(
     target: str | SimulatedVehicle,
     watch: Callable[[FlightProgress], None],
     key_file: Path | None = None,
-    on_wait: Callable[[str], None] | None = None,
+    on_remark: Callable[[str], None] | None = None,
 ) -> dict[AxisName, AxisBench]:
     """Run a bench test and return the identified actuator of each axis.
 
@@ -121,7 +121,7 @@ def measure(
         Called with the progress before each sine.
     key_file : Path, optional
         Key with which the link is signed.
-    on_wait : Callable, optional
+    on_remark : Callable, optional
         Receives what is awaited before the test: the vehicle, or its sensors.
 
     Raises
@@ -130,7 +130,7 @@ def measure(
         The vehicle was not found or refused, has no encoder, or the data allow no fit.
     """
     path = session.folder / "bench.mcap"
-    with flight.open_recorded_vehicle(target, path, key_file=key_file, on_wait=on_wait) as (
+    with flight.open_recorded_vehicle(target, path, key_file=key_file, on_remark=on_remark) as (
         vehicle,
         recorder,
     ):

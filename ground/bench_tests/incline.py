@@ -99,7 +99,7 @@ def measure(
     watch: Callable[[FlightProgress], None],
     announce: Callable[[str], None],
     key_file: Path | None = None,
-    on_wait: Callable[[str], None] | None = None,
+    on_remark: Callable[[str], None] | None = None,
 ) -> Inclining:
     """Run the test and return the height of the centre of mass.
 
@@ -113,7 +113,7 @@ def measure(
         Called with the progress, and with the instruction for each move.
     key_file : Path, optional
         Key with which the link is signed.
-    on_wait : Callable, optional
+    on_remark : Callable, optional
         Receives what is awaited before the test: the vehicle, or its sensors.
 
     Raises
@@ -122,7 +122,9 @@ def measure(
         The vehicle was not found or refused, or the data allow no estimate.
     """
     plan, vehicle_file = session.plan, refit.read_vehicle(session.prior)
-    with flight.open_recorded_vehicle(target, session.log, key_file=key_file, on_wait=on_wait) as (
+    with flight.open_recorded_vehicle(
+        target, session.log, key_file=key_file, on_remark=on_remark
+    ) as (
         vehicle,
         recorder,
     ):

@@ -66,7 +66,7 @@ def bench_test(
                 notify=display.print_line,
             )
             measured = procedure.measure(
-                session, target, display.watch, key_file=sign, on_wait=display.print_line
+                session, target, display.watch, key_file=sign, on_remark=display.print_line
             )
     except BaseException:
         with suppress(OSError):  # not empty: what was recorded is kept

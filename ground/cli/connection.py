@@ -19,6 +19,6 @@ def connected(
     from ground.client import vehicle as client
 
     with client.connected(
-        address, key_file=key_file, system=system, modem_s=modem_s, on_wait=remark
+        address, key_file=key_file, system=system, modem_s=modem_s, on_remark=remark
     ) as vehicle:
         yield vehicle

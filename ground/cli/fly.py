@@ -164,7 +164,7 @@ def fly(
                 on_text=display.show_text,
                 key_file=sign,
                 listener=listeners,
-                on_wait=display.print_line,
+                on_remark=display.print_line,
             )
     assessed = assessment.assess_dive(result.log, result.trims_learned)
     print_result(

@@ -70,7 +70,7 @@ def inclining_test(
             display.watch,
             display.announce,
             key_file=sign,
-            on_wait=display.print_line,
+            on_remark=display.print_line,
         )
     result = procedure.as_json(measured, prior, refit.read_vehicle(prior).linear.z_CM_m)
     print_result(result, procedure.format_text(result, log), json)

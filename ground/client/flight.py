@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+from ground.client import declination
 from ground.client.dive_clock import STALL_TIMEOUT_S, DiveClock
 from ground.client.recorder import Recorder
 from ground.client.signing import open_signing
@@ -36,6 +37,7 @@ RATES_HZ = {
 }
 """Message rates (vehicle time) that identification and reports need; other messages keep the rate
 of the vehicle."""
+_FIX_3D = constant("GPS_FIX_TYPE_3D_FIX")
 _MISSION_COMPLETE = constant("MISSION_STATE_COMPLETE")
 PROGRESS_PERIOD_S = 0.1
 """Wall time between reports of progress."""
@@ -159,7 +161,7 @@ def fly(
     on_text: TextCallback | None = None,
     key_file: Path | None = None,
     listener: TelemetryListener | None = None,
-    on_wait: Callable[[str], None] | None = None,
+    on_remark: Callable[[str], None] | None = None,
 ) -> FlightResult:
     """Fly the vehicle at an address and record the dive.
 
@@ -180,8 +182,9 @@ def fly(
         Key with which the link is signed.
     listener : TelemetryListener, optional
         Receives the telemetry.
-    on_wait : Callable, optional
-        Receives what is awaited before the dive: the vehicle, or its sensors.
+    on_remark : Callable, optional
+        Receives what is awaited before the dive, the vehicle or its sensors, and a declination of
+        another place.
 
     Returns
     -------
@@ -200,7 +203,7 @@ def fly(
         tlog=dive.tlog,
         key_file=key_file,
         system=dive.system,
-        on_wait=on_wait,
+        on_remark=on_remark,
     ) as (vehicle, recorder):
         try:
             return _fly(dive, vehicle, recorder, on_progress, on_text, listener)
@@ -255,7 +258,7 @@ def open_recorded_vehicle(
     tlog: Path | None = None,
     key_file: Path | None = None,
     system: int | None = None,
-    on_wait: Callable[[str], None] | None = None,
+    on_remark: Callable[[str], None] | None = None,
 ) -> Iterator[tuple[VehicleClient, Recorder]]:
     """Open a link to a vehicle and record all its frames; close both at the end.
 
@@ -272,8 +275,9 @@ def open_recorded_vehicle(
         Key with which the link is signed.
     system : int, optional
         System id of the vehicle, where several are on the link.
-    on_wait : Callable, optional
-        Receives what is awaited before the dive: the vehicle, or its sensors.
+    on_remark : Callable, optional
+        Receives what is awaited before the dive, the vehicle or its sensors, and a declination of
+        another place.
 
     Raises
     ------
@@ -293,7 +297,7 @@ def open_recorded_vehicle(
         vehicle = VehicleClient(
             transport, recorder, simulated.check if simulated else None, signature, system
         )
-        vehicle.on_wait = on_wait
+        vehicle.on_remark = on_remark
         try:
             yield vehicle, recorder
         except InputError:
@@ -370,6 +374,7 @@ def _fly(
         vehicle.on_frame = listener.on_frame
     vehicle.wait_until_started()
     parameters = prepare(vehicle, dive)
+    _remark_declination(vehicle, parameters)
     recorder.attach_parameters(parameters)
     if listener is not None:
         listener.begin(parameters)
@@ -392,6 +397,15 @@ def _fly(
             (event.text for event in vehicle.events() if isinstance(event, TrimLearned)), ""
         ),
     )
+
+
+def _remark_declination(vehicle: VehicleClient, parameters: Mapping[str, float]) -> None:
+    """Remark a declination of another place, if the vehicle has a position."""
+    fix = vehicle.latest("GPS_RAW_INT")
+    if vehicle.on_remark is None or fix is None or fix.fix_type < _FIX_3D:
+        return
+    if text := declination.remark(parameters, 1e-7 * fix.lat, 1e-7 * fix.lon):
+        vehicle.on_remark(text)
 
 
 def _failsafes(vehicle: VehicleClient) -> tuple[str, ...]:

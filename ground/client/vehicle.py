@@ -158,8 +158,9 @@ class VehicleClient:
         self.on_text: Callable[[StatusText], None] | None = None
         self.on_frame: Callable[[Frame], None] | None = None
         """Called with each frame that the autopilot itself sends."""
-        self.on_wait: Callable[[str], None] | None = None
-        """Called with what is awaited, when it has not come within `WAIT_NOTICE_S`."""
+        self.on_remark: Callable[[str], None] | None = None
+        """Called with what is awaited, when it has not come within `WAIT_NOTICE_S`, and with what
+        the user should know before a dive."""
         self.vehicle_id: MavlinkId | None = None
         """System and component of the autopilot; None until it is found."""
         self._status = 0
@@ -428,8 +429,8 @@ class VehicleClient:
 
     def _report_wait(self, subject: str, timeout_s: float) -> None:
         """Report what is awaited, and for how long at most."""
-        if self.on_wait is not None:
-            self.on_wait(f"waiting up to {timeout_s:g} s for {subject}")
+        if self.on_remark is not None:
+            self.on_remark(f"waiting up to {timeout_s:g} s for {subject}")
 
     def _wait_for_prearm(self, deadline_s: float) -> None:
         """Wait until the pre-arm checks pass; one period if the vehicle does not report them."""
@@ -644,7 +645,7 @@ def connected(
     key_file: Path | None = None,
     system: int | None = None,
     modem_s: float | None = None,
-    on_wait: Callable[[str], None] | None = None,
+    on_remark: Callable[[str], None] | None = None,
 ) -> Iterator[VehicleClient]:
     """Connect to the vehicle at an address, and close the link at the end.
 
@@ -658,7 +659,7 @@ def connected(
         System id of the vehicle, where several are on the link.
     modem_s : float, optional
         Time after which requests are repeated (s), for a link over a modem.
-    on_wait : Callable, optional
+    on_remark : Callable, optional
         Receives what is awaited, when it has not come within `WAIT_NOTICE_S`.
 
     Raises
@@ -670,7 +671,7 @@ def connected(
         vehicle = VehicleClient(
             open_transport(address), signing=signature, system=system, modem_s=modem_s
         )
-        vehicle.on_wait = on_wait
+        vehicle.on_remark = on_remark
         try:
             vehicle.connect()
             yield vehicle

@@ -45,5 +45,5 @@ def test_command_uses_every_option_of_its_link(
     (tmp_path / "gains.param").write_text("HDG_P,0.5\n")
     with pytest.raises(OperationError, match="recorded"):
         CliRunner().invoke(app, f"{command} {OPTIONS}".split(), catch_exceptions=False)
-    options = {"key_file": Path("radio.key"), "system": 2, "modem_s": 30.0, "on_wait": remark}
+    options = {"key_file": Path("radio.key"), "system": 2, "modem_s": 30.0, "on_remark": remark}
     assert links == [("memory:none", options)]

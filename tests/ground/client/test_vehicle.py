@@ -199,7 +199,7 @@ def test_long_waits_are_reported_once(meet: Meet, monkeypatch: pytest.MonkeyPatc
     fake, reports = meet(), list[str]()
     fake.ground_end.receive()
     vehicle = VehicleClient(fake.ground_end)
-    vehicle.on_wait = reports.append
+    vehicle.on_remark = reports.append
     with pytest.raises(VehicleClientError, match="no vehicle"):
         vehicle.connect(0.2)
     fake.heartbeat(status=BOOT)
