@@ -349,11 +349,11 @@ def _notes(fit: Fit, prior: Prior, measured: set[Plane]) -> tuple[str, ...]:
     ]
     if fit.at_bounds:
         notes.append(f"at a bound of four prior standard deviations: {', '.join(fit.at_bounds)}")
-    if fits.drag_at_bound(fit.z):
+    if shape := fits.nonlinear_at_bounds(fit.z):
         notes.append(
-            "axial_drag at a bound of four prior standard deviations: the loss of speed in turns is"
-            " not that of the prior's propeller, and slow motion (static gain, slow pole) may"
-            " differ by more than stated: log the speed through the water (docs/logs.md)"
+            f"{', '.join(shape)} at a bound of four prior standard deviations: large or slow motion"
+            " (loss of speed in turns, drag of drift, stall) is not the model's; the static gain"
+            " and the slow pole may differ by more than stated"
         )
     if fit.run_scatter.value > 0.0:
         notes.append(

@@ -78,11 +78,20 @@ MAY_BE_ZERO = ("backlash",)
 At four prior standard deviations the assumed backlash of 0.2 deg is 0.004 deg, less than any test
 shows.
 """
-DRAG = "axial_drag"
-"""Parameter that sets the loss of speed in a turn, a slow motion that hardly changes the crossover.
+NONLINEAR = (
+    "crossflow_cd",
+    "crossflow_slope",
+    "crossflow_ends",
+    "crossflow_uncoupled",
+    "rate_limit",
+    "axial_drag",
+    "lift_quadratic",
+    "stall_angle",
+)
+"""Parameters of large and of slow motion, which hardly change the response about the crossover.
 
-It ends at a bound where a propeller loses or keeps its thrust otherwise than the prior's: a note,
-while the tests decide whether the model is fit."""
+They end at a bound where the structure of the model is not the vehicle's: a note, while the tests
+decide whether the model is fit."""
 PASSES = 3
 """Outer iterations: noise from residuals, then parameters under that noise."""
 STARTS = 8
@@ -261,23 +270,23 @@ def at_bounds(z: Array) -> tuple[str, ...]:
     """Return the names of the parameters at a bound of the search that the data should not reach.
 
     The lower bound of a parameter of ``MAY_BE_ZERO`` is a result and does not count, and neither
-    does ``DRAG``.
+    do those of ``NONLINEAR``.
     """
     return tuple(
         name
-        for name, value in zip(NAMES, z, strict=True)
-        if _at_bound(value) and name != DRAG and not (name in MAY_BE_ZERO and value < 0.0)
+        for name in _reached_bounds(z)
+        if name not in NONLINEAR and not (name in MAY_BE_ZERO and z[NAMES.index(name)] < 0.0)
     )
 
 
-def drag_at_bound(z: Array) -> bool:
-    """Return whether ``DRAG`` is at a bound."""
-    return _at_bound(z[NAMES.index(DRAG)])
+def nonlinear_at_bounds(z: Array) -> tuple[str, ...]:
+    """Return the names of ``NONLINEAR`` that are at a bound of the search."""
+    return tuple(name for name in _reached_bounds(z) if name in NONLINEAR)
 
 
-def _at_bound(value: float) -> bool:
-    """Return whether a parameter is at a bound of the search."""
-    return bool(abs(value) > 0.99 * Z_LIMIT)
+def _reached_bounds(z: Array) -> list[str]:
+    """Return the names of all parameters at a bound of the search."""
+    return [name for name, value in zip(NAMES, z, strict=True) if abs(value) > 0.99 * Z_LIMIT]
 
 
 def _problem(

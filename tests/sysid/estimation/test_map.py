@@ -349,12 +349,13 @@ def test_at_bounds_backlash_of_none_is_a_result() -> None:
     assert fit.at_bounds(z) == ("Y_v", "backlash")
 
 
-def test_drag_at_a_bound_is_no_failure() -> None:
+@pytest.mark.parametrize("name", fit.NONLINEAR)
+def test_nonlinear_parameter_at_a_bound_is_no_failure(name: str) -> None:
     z = np.zeros(len(NAMES))
-    assert not fit.drag_at_bound(z)
-    z[NAMES.index("axial_drag")] = -4.0
-    assert fit.at_bounds(z) == ()
-    assert fit.drag_at_bound(z)
+    assert fit.nonlinear_at_bounds(z) == ()
+    z[NAMES.index(name)], z[NAMES.index("N_v")] = -4.0, 4.0
+    assert fit.at_bounds(z) == ("N_v",)
+    assert fit.nonlinear_at_bounds(z) == (name,)
 
 
 def test_fit_constant_command_is_reported_as_failure(
