@@ -141,7 +141,9 @@ def test_killed_scheduler_is_one_line_and_the_sweep_continues(folder: Path) -> N
         scheduler.kill()
         ended = study.finish()
     assert ended.status == 1
-    assert re.fullmatch(r"ground: --engine dask=\S+: the cluster ended .*\n", ended.stderr)
+    assert re.fullmatch(
+        r"(sweep: .* dives\n)*ground: --engine dask=\S+: the cluster ended .*\n", ended.stderr
+    )
     assert len(list(parts.glob("*.csv"))) < 160, "it was to be killed before its end"
     with started_cluster() as (address, _):
         chosen = engine.parse(f"dask={address}")
