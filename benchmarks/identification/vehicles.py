@@ -23,8 +23,6 @@ from sysid.planes import Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2
 from tests.sysid.sea import Hold
 
-BENCH_TEST_SD = 0.05
-"""Relative standard deviation of the lag: the tailcones of the study were on the bench."""
 MY_VEHICLE = str(Path(__file__).parents[2] / "docs" / "my_vehicle.toml")
 STRAY = 0.7
 """Rms difference of true vehicles from their files, in prior standard deviations."""
@@ -96,7 +94,9 @@ def case(name: str) -> Case:
 def _strayed(name: str, prior_file: str, hold: Hold, seed: int) -> Case:
     """Return a case whose true vehicle differs from its file by a random draw."""
     prior = _with_tailcone(
-        config.load(prior_file), step_deg=MOTOR_STEP_DEG, lag_relative_sd=BENCH_TEST_SD
+        config.load(prior_file),
+        step_deg=MOTOR_STEP_DEG,
+        lag_relative_sd=parameters.BENCH_TEST_SD,  # the tailcones of the study were on the bench
     )
     rng = np.random.default_rng(seed)
     away = np.linalg.cholesky(parameters.prior_covariance()) @ rng.standard_normal(len(NAMES))

@@ -55,8 +55,8 @@ def check_buoyancy(scenario: str, content: Mapping[str, Any], vehicle: Any) -> N
         raise InputError(
             f"--scenario {scenario}: water of {density_kgpm3:g} kg/m3 at the surface, in which"
             f" {vehicle.name} is {-lift_n:.3g} N too heavy and would not come up after a dive:"
-            f" expected ballast.net_buoyancy_n above {enough_n:.3g} in the"
-            " vehicle file, or another scenario"
+            f" expected ballast.net_buoyancy_n above {enough_n:.3g} in the vehicle"
+            " file, or another scenario"
         )
 
 

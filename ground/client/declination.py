@@ -9,7 +9,9 @@ from mavlink_io.frames import wrap_pi
 
 PARAMETER = "MAG_DECL_DEG"
 MAX_ERROR_DEG = 3.0
-"""Difference from which it is remarked; the table is within a degree away from the poles."""
+"""Error of the declination from which on it is remarked.
+
+The table of the earth's field is right within a degree, except near the poles."""
 
 
 def remark(parameters: Mapping[str, float], latitude_deg: float, longitude_deg: float) -> str:

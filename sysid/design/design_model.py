@@ -236,12 +236,13 @@ def sample_models(
     DesignModel
         Nothing is yielded for a model without covariance, nor without its vehicle file.
     """
-    if not np.any(model.joint.covariance) or not prediction.find_prior_vehicle(model, prior):
+    vehicle = prediction.find_prior_vehicle(model, prior)
+    if vehicle is None or not np.any(model.joint.covariance):
         return
     covariance = (
         np.array(model.joint.covariance)
         if drive_known
-        else uncertain_drive_covariance(model, prior)
+        else uncertain_drive_covariance(model, vehicle)
     )
     draws = np.random.default_rng(SEED).standard_normal((count, len(covariance)))
     for sample in feasible_samples(

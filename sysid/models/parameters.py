@@ -61,6 +61,8 @@ class ModelParameter(NamedTuple):
     """Part of the vehicle that it changes: forces on the body, actuator, or measured outputs."""
 
 
+BENCH_TEST_SD = 0.05
+"""Relative standard deviation of the tailcone's lag after a bench test."""
 _YAW: tuple[Plane, ...] = (Plane.YAW,)
 _PITCH: tuple[Plane, ...] = (Plane.PITCH,)
 _BOTH: tuple[Plane, ...] = tuple(Plane)
@@ -102,10 +104,14 @@ PARAMETERS: tuple[ModelParameter, ...] = (
     ModelParameter(name="crossflow_slope", planes=_BOTH, kind="offset", prior_sd=0.5),
     ModelParameter(name="crossflow_ends", planes=_BOTH, kind="offset", prior_sd=0.5),
     ModelParameter(
-        name="natural_frequency", planes=_BOTH, kind="ratio", prior_sd=0.05, part="tailcone"
+        name="natural_frequency",
+        planes=_BOTH,
+        kind="ratio",
+        prior_sd=BENCH_TEST_SD,
+        part="tailcone",
     ),
     ModelParameter(
-        name="damping_ratio", planes=_BOTH, kind="ratio", prior_sd=0.05, part="tailcone"
+        name="damping_ratio", planes=_BOTH, kind="ratio", prior_sd=BENCH_TEST_SD, part="tailcone"
     ),
     ModelParameter(
         name="elevator_frequency", planes=_PITCH, kind="ratio", prior_sd=0.1, part="tailcone"
@@ -240,7 +246,7 @@ def net_buoyancy_sd_n(prior: VehicleConfig) -> float:
 
 
 def prior_sd(prior: VehicleConfig, name: str) -> float:
-    """Return the prior standard deviation of a ratio for a vehicle.
+    """Return the prior standard deviation of a parameter for a vehicle.
 
     Parameters
     ----------
@@ -325,7 +331,7 @@ def _body(config: VehicleConfig, z: Array) -> VehicleModel:
 
 def _changed_config(prior: VehicleConfig, z: Array) -> VehicleConfig:
     """Return the vehicle file with the coefficients of the body at z."""
-    ratios, offsets = _ratios_and_offsets(z)
+    ratios, offsets = _ratios_and_offsets(prior, z)
     return msgspec.structs.replace(
         prior,
         linear=_coefficients(prior, ratios),
@@ -389,9 +395,8 @@ def actuators(
     prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array
 ) -> dict[Plane, Actuator]:
     """Return the two actuator axes at z; arguments as for ``candidate_vehicle``."""
-    ratios, offsets = _ratios_and_offsets(z)
+    ratios, offsets = _ratios_and_offsets(prior, z)
     tailcone = prior.tailcone
-    ratios |= {name: math.exp(prior_sd(prior, name) * float(z[i])) for i, name in _LAG}
 
     def actuator(plane: Plane) -> Actuator:
         """Return the actuator of a plane."""
@@ -429,22 +434,23 @@ _CROSSFLOW_SHAPE = tuple(
     NAMES.index(name) for name in ("crossflow_slope", "crossflow_ends", "crossflow_uncoupled")
 )
 _NET_BUOYANCY = NAMES.index("net_buoyancy")
-_LAG = tuple((NAMES.index(name), name) for name in ELEVATOR_RATIOS)
 _PRIOR_SDS = {parameter.name: parameter.prior_sd for parameter in PARAMETERS}
 _SENSOR_LAGS = tuple(NAMES.index(name) for name in ("angle_lag", "depth_lag"))
 _RATIOS, _OFFSETS = (
-    tuple((i, p.name, p.prior_sd) for i, p in enumerate(PARAMETERS) if p.kind == kind)
+    tuple((i, p.name) for i, p in enumerate(PARAMETERS) if p.kind == kind)
     for kind in ("ratio", "offset")
 )
-"""Index, name and prior standard deviation of the parameters of each kind."""
+"""Index and name of the parameters of each kind."""
 
 
-def _ratios_and_offsets(z: Array) -> tuple[dict[str, float], dict[str, float]]:
+def _ratios_and_offsets(
+    prior: VehicleConfig, z: Array
+) -> tuple[dict[str, float], dict[str, float]]:
     """Return (ratios, offsets in SI units) by name."""
     values = z.tolist()
     return (
-        {name: math.exp(sd * values[i]) for i, name, sd in _RATIOS},
-        {name: sd * values[i] for i, name, sd in _OFFSETS},
+        {name: math.exp(prior_sd(prior, name) * values[i]) for i, name in _RATIOS},
+        {name: prior_sd(prior, name) * values[i] for i, name in _OFFSETS},
     )
 
 

@@ -134,9 +134,8 @@ def live(
     state = PageState()
     with open_signing(sign) as key:
         transport = open_transport(connect)
-        stopped = (
-            Stopped()
-        )  # until here Ctrl-C interrupts: a key may be a pipe, a server may be slow
+        # until here Ctrl-C interrupts: a key may be a pipe, a server may be slow
+        stopped = Stopped()
         try:
             receiver = Receiver(transport, key)
             receiver.rates_hz = LISTENER_RATES_HZ if estimator else PICTURE_RATES_HZ

@@ -62,9 +62,8 @@ def watch(
     page = console()
     with open_signing(sign) as key:
         transport = open_transport(connect)
-        stopped = (
-            Stopped()
-        )  # until here Ctrl-C interrupts: a key may be a pipe, a server may be slow
+        # until here Ctrl-C interrupts: a key may be a pipe, a server may be slow
+        stopped = Stopped()
         try:
             receiver = Receiver(transport, key)
             receiver.listener = listener

@@ -25,7 +25,7 @@ from sysid.estimation.map import fit
 from sysid.models import linear_planes
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, SmallSignal
-from sysid.models.parameters import CandidateVehicle
+from sysid.models.parameters import BENCH_TEST_SD, CandidateVehicle
 from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ class LinearModelStructure(NamedTuple):
     """Travel of the duct to either side, rad."""
     rate_radps: float
     """Rate limit of the duct, rad/s."""
-    lag_relative_sd: float = 0.05
+    lag_relative_sd: float = BENCH_TEST_SD
     """Relative standard deviation of the tailcone's frequency and damping, as by a bench test.
 
     Tests in water hardly distinguish lag and delay. The estimators therefore use the bench test as

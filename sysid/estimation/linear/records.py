@@ -133,8 +133,7 @@ def linear_prior(prior: fit.Prior, plane: Plane) -> LinearPrior:
     covariance = slopes @ prior.covariance @ slopes.T
     if linear_model.OFFSETS[plane]:
         covariance[-1, -1] = LEVEL_SD_RAD**2
-    frame = model.frame._replace(lag_relative_sd=prior.config.tailcone.lag_relative_sd)
-    return with_bounds(model._replace(frame=frame), covariance)
+    return with_bounds(model, covariance)
 
 
 def with_bounds(model: LinearModel, covariance: Array) -> LinearPrior:
@@ -181,4 +180,5 @@ def values_at(prior: fit.Prior, z: Array, plane: Plane) -> LinearModel:
     values[linear_model.names(plane).index("bias_rad")] -= fit.level_surface_rad(vehicle, plane)
     if linear_model.OFFSETS[plane]:
         values[-1] = fit.level_pitch_rad(vehicle.config, vehicle.model)
-    return LinearModel(model.frame, values)
+    frame = model.frame._replace(lag_relative_sd=prior.config.tailcone.lag_relative_sd)
+    return LinearModel(frame, values)

@@ -89,8 +89,7 @@ def _remedy(at_bounds: Sequence[str]) -> str:
         ),
         "sensors": "check the time stamps of attitude and depth",
     }
-    advice = [text for part, text in remedies.items() if part in parts]
-    return "; ".join(advice)
+    return "; ".join(text for part, text in remedies.items() if part in parts)
 
 
 def _uninformed_numbers(plane: Plane, prior_covariance: Array, posterior_covariance: Array) -> str:

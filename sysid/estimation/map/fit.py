@@ -88,7 +88,7 @@ NONLINEAR = (
     "lift_quadratic",
     "stall_angle",
 )
-"""Parameters of large and of slow motion, which hardly change the response about the crossover.
+"""Parameters that act in large or slow motion, and hardly change the response about the crossover.
 
 They end at a bound where the structure of the model is not the vehicle's: a note, while the tests
 decide whether the model is fit."""
