@@ -59,7 +59,7 @@ def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[S
             excitation.no_deflection(run),
             excitation.feedback_only(run),
             rules.saturation(run, limits),
-            rules.unsteady_start(run, usual),
+            rules.unsteady_start(run, usual, limits),
             rules.disturbance(run, limits, roughness_radps[run.plane]),
             rules.thrust_change(run, limits),
             cross_plane(run, limits, before),

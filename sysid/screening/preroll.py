@@ -16,6 +16,13 @@ from sysid.signal_processing import fit_line
 
 WINDOW = int(STEADY_S * RATE_HZ)
 """Length of a window, samples."""
+MAX_SHARE_AT_STOPS = 0.2
+"""Share of a window with the surface at its stops above which the hold is unstable.
+
+A wave reaches them for a moment; a limit cycle spends most of its time there.
+"""
+STOP_TOLERANCE_RAD = 1e-4
+"""Distance to the travel at which a surface is at its stop: rounding of a logged angle."""
 MIN_WINDOWS = 6
 """Minimum number of windows of the other runs from which a spread is estimated."""
 MAD_TO_SD = 1.4826
@@ -52,6 +59,26 @@ def last_window(run: Run) -> PrerollWindow | None:
     if np.count_nonzero(before) < RATE_HZ:
         return None
     return _window(run.rate_radps[before], run.time_s[before], run.depth_m[before])
+
+
+def is_at_stops(run: Run, travel_rad: float) -> bool:
+    """Return whether the tested surface was at its stops in much of the window before the test.
+
+    Parameters
+    ----------
+    run : Run
+        A test.
+    travel_rad : float
+        Travel of the surface, rad.
+
+    Returns
+    -------
+    bool
+        Whether the loop that holds the vehicle between tests is at the limit of its surface.
+    """
+    before = run.approach
+    at_stops = np.abs(run.command_rad[before]) >= travel_rad - STOP_TOLERANCE_RAD
+    return bool(np.any(before)) and float(np.mean(at_stops)) > MAX_SHARE_AT_STOPS
 
 
 def usual_prerolls(runs: Sequence[Run], limits: ScreeningLimits) -> list[UsualPreroll]:

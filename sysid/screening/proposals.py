@@ -167,7 +167,7 @@ def _is_usable(run: Run) -> bool:
         rules.clock(run, limits),
         rules.no_depth(run),
         rules.saturation(run, limits),
-        rules.unsteady_start(run, quiet),
+        rules.unsteady_start(run, quiet, limits),
         rules.thrust_change(run, limits),
         rules.attitude_rate_mismatch(run, limits),
         rules.depth_pitch_mismatch(run, limits),

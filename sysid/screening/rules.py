@@ -10,7 +10,7 @@ from sysid.data.runs import Run
 from sysid.planes import PLANES
 from sysid.screening import preroll
 from sysid.screening.limits import ScreeningLimits
-from sysid.screening.preroll import UsualPreroll
+from sysid.screening.preroll import STOP_TOLERANCE_RAD, UsualPreroll
 
 RATIO_TOLERANCE = 0.2
 """Relative tolerance of the ratios of `MISMATCH_CAUSES`."""
@@ -79,13 +79,15 @@ def saturation(run: Run, limits: ScreeningLimits) -> str:
     A surface at its stops cannot control the other plane. In the tested plane the stops clip the
     command, which matters only if the command was meant to stay within the travel.
     """
-    travel_rad = run.travel_rad if limits.travel_deg is None else math.radians(limits.travel_deg)
+    travel_rad = _travel_rad(run, limits)
     other_surface_rad = run.in_plane(PLANES[run.plane].other).command_rad
     intended_rad = abs(run.trim_rad) + abs(math.radians(run.magnitude_deg))
     surfaces = (
         [other_surface_rad] if intended_rad >= travel_rad else [other_surface_rad, run.command_rad]
     )
-    share = max(float(np.mean(np.abs(surface) >= travel_rad - 1e-4)) for surface in surfaces)
+    share = max(
+        float(np.mean(np.abs(surface) >= travel_rad - STOP_TOLERANCE_RAD)) for surface in surfaces
+    )
     if share <= limits.saturated_share:
         return ""
     return (
@@ -94,11 +96,27 @@ def saturation(run: Run, limits: ScreeningLimits) -> str:
     )
 
 
-def unsteady_start(run: Run, usual: UsualPreroll) -> str:
-    """Reject a run whose mean motion before the test differs from the usual motion before tests."""
+def _travel_rad(run: Run, limits: ScreeningLimits) -> float:
+    """Return the travel of the surfaces, rad."""
+    return run.travel_rad if limits.travel_deg is None else math.radians(limits.travel_deg)
+
+
+def unsteady_start(run: Run, usual: UsualPreroll, limits: ScreeningLimits) -> str:
+    """Reject a run before which the vehicle was not held, or moved more than usually before tests.
+
+    The usual motion is that before the other tests.
+    """
     window = preroll.last_window(run)
     if window is None:
         return "unsteady start: less than 1 s of motion before the test"
+    travel_rad = _travel_rad(run, limits)
+    if preroll.is_at_stops(run, travel_rad):
+        surface = PLANES[run.plane].surface
+        return (
+            f"unsteady start: the {surface} was at its stops ({math.degrees(travel_rad):.3g} deg)"
+            " before the test; lower the gains that hold the vehicle between tests, or fly in a"
+            " calmer sea"
+        )
     rate_degps, allowed_degps = (
         math.degrees(abs(window.rate_radps - usual.rate_radps)),
         math.degrees(usual.rate_allowed_radps),

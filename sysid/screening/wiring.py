@@ -14,7 +14,7 @@ import numpy as np
 from sysid.data.dataset import Log
 from sysid.data.runs import Run
 from sysid.planes import PLANES, Plane
-from sysid.screening import rules
+from sysid.screening import preroll, rules
 from sysid.screening.control_effect import ControlEffect, control_effect, static_gain
 from sysid.screening.limits import ScreeningLimits
 
@@ -202,8 +202,12 @@ def _unit_hint(ratio: float) -> str:
 
 
 def _explained(runs: Sequence[Run]) -> list[Run]:
-    """Return the runs in which the surface explains enough of the rate to be compared."""
-    effects = [(run, control_effect([run], run.plane, run.plane)) for run in runs]
+    """Return the runs in which the surface explains enough of the rate to be compared.
+
+    After an unstable hold the vehicle is in a turn, where the surface has another effect.
+    """
+    held = [run for run in runs if not preroll.is_at_stops(run, run.travel_rad)]
+    effects = [(run, control_effect([run], run.plane, run.plane)) for run in held]
     return [run for run, effect in effects if effect and effect.share >= MIN_COMPARED_SHARE]
 
 

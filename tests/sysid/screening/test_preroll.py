@@ -10,6 +10,7 @@ from sitl.vehicle import config
 from sysid.data.runs import Run
 from sysid.planes import Plane
 from sysid.screening import screen
+from sysid.screening.limits import ScreeningLimits
 from sysid.screening.preroll import UsualPreroll
 from sysid.screening.rules import unsteady_start
 from tests.sysid import sea
@@ -73,6 +74,25 @@ def test_unsteady_start_reason_shows_excess_over_limit(calm: list[Run]) -> None:
     """Two decimals read as the limit."""
     sinking = replace(calm[0], depth_m=0.0512 * calm[0].time_s)
     usual = UsualPreroll(rate_radps=0.0, rate_allowed_radps=1.0, climb_allowed_mps=0.05)
-    assert unsteady_start(sinking, usual) == (
+    assert unsteady_start(sinking, usual, ScreeningLimits()) == (
         "unsteady start: depth changing at 0.0512 m/s, at most 0.05 in this sea"
     )
+
+
+def test_unsteady_start_names_loop_in_limit_cycle(calm: list[Run]) -> None:
+    """The heading loop of a hull with a slow servo drove its rudder from stop to stop."""
+    first = calm[0]
+    swing = first.travel_rad * np.sign(np.sin(first.time_s))
+    cycling = replace(first, rudder_rad=np.where(first.time_s < 0.0, swing, first.rudder_rad))
+    reasons = screen([cycling, *calm[1:]])[0].reasons
+    (reason,) = (reason for reason in reasons if reason.startswith("unsteady start"))
+    assert reason.startswith("unsteady start: the rudder was at its stops (15 deg) before the test")
+    assert "lower the gains" in reason
+
+
+def test_unsteady_start_accepts_moment_at_stops(calm: list[Run]) -> None:
+    """A wave takes the rudder to its stop for half a second."""
+    first = calm[0]
+    wave = np.where(np.abs(first.time_s + 2.0) < 0.25, first.travel_rad, first.rudder_rad)
+    (accepted, *_) = screen([replace(first, rudder_rad=wave), *calm[1:]])
+    assert accepted.reasons == ()
