@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid.estimation.map import bounds
 from sysid.estimation.map import fit as fits
 from sysid.estimation.map.convergence import DESIGN_NUMBERS, START_COST_TOLERANCE, failures
 from sysid.estimation.map.fit import Fit, Prior
@@ -349,12 +350,7 @@ def _notes(fit: Fit, prior: Prior, measured: set[Plane]) -> tuple[str, ...]:
     ]
     if fit.at_bounds:
         notes.append(f"at a bound of four prior standard deviations: {', '.join(fit.at_bounds)}")
-    if shape := fits.nonlinear_at_bounds(fit.z):
-        notes.append(
-            f"{', '.join(shape)} at a bound of four prior standard deviations: large or slow motion"
-            " (loss of speed in turns, drag of drift, stall) is not the model's; the static gain"
-            " and the slow pole may differ by more than stated"
-        )
+    notes += bounds.notes(fit.z, prior.config.tailcone.lag_relative_sd)
     if fit.run_scatter.value > 0.0:
         notes.append(
             f"the tests disagree by {fit.run_scatter.value:.2g} prior standard deviations beyond"

@@ -151,6 +151,12 @@ NAMES = tuple(parameter.name for parameter in PARAMETERS)
 """Names of the parameters, in the order of z."""
 INERTIAS = {"I_zz": "N_rdot", "I_yy": "M_qdot"}
 """Inertias and their added inertias. Motion shows only the sum; the ratio applies to the sum."""
+MIN_BODY_SHARE = 0.3
+"""Smallest share of its inertia that is left to the body; the added inertia takes the rest.
+
+The added inertia of a slender hull is 0.6 of the sum, so that a vehicle would be impossible below
+0.64 times the sum, two prior standard deviations from the prior.
+"""
 
 
 def prior_covariance() -> Array:
@@ -472,11 +478,17 @@ def _coefficients(prior: VehicleConfig, ratios: dict[str, float]) -> msgspec.Str
     """Return the linear coefficients times their ratios; see ``INERTIAS`` for inertias."""
     linear = prior.linear
     column, changed = to_table_1_column(linear), dict[str, float]()
-    for field in linear.__struct_fields__:
-        name, value = symbol(field), getattr(linear, field)
+    fields = {symbol(field): field for field in linear.__struct_fields__}
+    for name, field in fields.items():
+        value = getattr(linear, field)
         if name in INERTIAS:
             added = getattr(column, INERTIAS[name])
-            changed[field] = (value - added) * ratios[name] + added
+            total = (value - added) * ratios[name]
+            body = total + added
+            if body < MIN_BODY_SHARE * value:
+                body = MIN_BODY_SHARE * value
+                changed[fields[INERTIAS[name]]] = body - total
+            changed[field] = body
         elif name in ratios:
             changed[field] = value * ratios[name]
     return msgspec.structs.replace(linear, **changed)

@@ -85,7 +85,7 @@ def _remedy(at_bounds: Sequence[str]) -> str:
         "tailcone": (
             "measure the tailcone with `ground bench-test`, and give the result to `ground refit`"
             " (--bench-result) or its values in the vehicle file; if it cannot be measured, state"
-            " there how uncertain its lag is (tailcone.lag_relative_sd = 0.3)"
+            " there how uncertain its lag is (tailcone.lag_relative_sd, 0.3 for an assumed servo)"
         ),
         "sensors": "check the time stamps of attitude and depth",
     }

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.runs import RATE_HZ, Run
-from sysid.estimation.map import model_error
+from sysid.estimation.map import bounds, model_error
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import START_COST_TOLERANCE
 from sysid.estimation.map.datasets import (
@@ -72,26 +72,6 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 """Called with the present step and the completed share of the work, 0 to 1."""
 
-MAY_BE_ZERO = ("backlash",)
-"""Ratios to the prior whose true value may be zero, which a ratio only reaches at its lower bound.
-
-At four prior standard deviations the assumed backlash of 0.2 deg is 0.004 deg, less than any test
-shows.
-"""
-NONLINEAR = (
-    "crossflow_cd",
-    "crossflow_slope",
-    "crossflow_ends",
-    "crossflow_uncoupled",
-    "rate_limit",
-    "axial_drag",
-    "lift_quadratic",
-    "stall_angle",
-)
-"""Parameters that act in large or slow motion, and hardly change the response about the crossover.
-
-They end at a bound where the structure of the model is not the vehicle's: a note, while the tests
-decide whether the model is fit."""
 PASSES = 3
 """Outer iterations: noise from residuals, then parameters under that noise."""
 STARTS = 8
@@ -147,7 +127,7 @@ class Fit(NamedTuple):
     start_costs: tuple[float, ...]
     """Costs at which the searches from other starts ended."""
     at_bounds: tuple[str, ...]
-    """Names of the parameters at a bound, see `at_bounds`."""
+    """Names of the parameters at a bound, see `bounds.decisive`."""
     evaluations: int
     """Steps of all searches."""
     at_edge: tuple[str, ...] = ()
@@ -247,7 +227,7 @@ def fit(
         datasets=datasets,
         cost=optimum.score.cost,
         start_costs=tuple(optimum.score.cost * ratio for ratio in start_cost_ratios),
-        at_bounds=at_bounds(optimum.z),
+        at_bounds=bounds.decisive(optimum.z, prior.config.tailcone.lag_relative_sd),
         evaluations=steps + optimum.steps + restart_steps,
         at_edge=problems.at_edge(prior, optimum.z),
         run_scatter=run_scatter,
@@ -264,29 +244,6 @@ def last_problem(
     """Return the problem of the last pass, with noise filters about the motion of each run at z."""
     filters = manoeuvre_filters(problems.vehicle(prior, z), datasets, levels)
     return MapProblem(prior=prior, datasets=datasets, filters=filters, levels=levels, stride=STRIDE)
-
-
-def at_bounds(z: Array) -> tuple[str, ...]:
-    """Return the names of the parameters at a bound of the search that the data should not reach.
-
-    The lower bound of a parameter of ``MAY_BE_ZERO`` is a result and does not count, and neither
-    do those of ``NONLINEAR``.
-    """
-    return tuple(
-        name
-        for name in _reached_bounds(z)
-        if name not in NONLINEAR and not (name in MAY_BE_ZERO and z[NAMES.index(name)] < 0.0)
-    )
-
-
-def nonlinear_at_bounds(z: Array) -> tuple[str, ...]:
-    """Return the names of ``NONLINEAR`` that are at a bound of the search."""
-    return tuple(name for name in _reached_bounds(z) if name in NONLINEAR)
-
-
-def _reached_bounds(z: Array) -> list[str]:
-    """Return the names of all parameters at a bound of the search."""
-    return [name for name, value in zip(NAMES, z, strict=True) if abs(value) > 0.99 * Z_LIMIT]
 
 
 def _problem(

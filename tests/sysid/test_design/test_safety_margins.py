@@ -92,7 +92,7 @@ def test_sample_vehicles_impossible_ones_are_drawn_again(
     bench: DesignPrior, gains: dict[str, float]
 ) -> None:
     """A wide prior contains masses that are impossible for the hull."""
-    wide = bench._replace(covariance=9.0 * bench.covariance)
+    wide = bench._replace(covariance=25.0 * bench.covariance)
     drawn = (
         np.random.default_rng(0).standard_normal((40, bench.mean.size))
         @ np.linalg.cholesky(wide.covariance).T

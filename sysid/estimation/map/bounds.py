@@ -1,0 +1,116 @@
+"""Parameters at a bound of the search, and which of them are no failure of the fit.
+
+A bound lies four prior standard deviations from the prior. A parameter there means that the prior
+is wrong, or that the parameter makes up for an error of the model's structure.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.estimation.map.gauss_newton import Z_LIMIT
+from sysid.models.parameters import NAMES
+
+Array = NDArray[np.float64]
+
+MAY_BE_ZERO = ("backlash",)
+"""Ratios to the prior whose true value may be zero, which a ratio only reaches at its lower bound.
+
+At four prior standard deviations the assumed backlash of 0.2 deg is 0.004 deg, less than any test
+shows.
+"""
+NONLINEAR = (
+    "crossflow_cd",
+    "crossflow_slope",
+    "crossflow_ends",
+    "crossflow_uncoupled",
+    "rate_limit",
+    "axial_drag",
+    "lift_quadratic",
+    "stall_angle",
+)
+"""Parameters that act in large or slow motion, and hardly change the response about the crossover.
+
+They end at a bound where the structure of the model is not the vehicle's: a note, while the tests
+decide whether the model is fit."""
+MASS_ACROSS = ("Y_vdot", "Z_wdot")
+"""Added masses across the hull, which tests show only by a velocity that few logs hold.
+
+They end at a bound where they make up for another error of the model: a note as well."""
+LAG = "natural_frequency"
+"""Parameter of the bandwidth of the servo."""
+FAST_LAG_RATIO = 2.0
+"""Ratio of natural frequency to prior from which on the upper bound of the lag is a result.
+
+The servo is then faster than assumed; the lag that remains cannot be distinguished from a delay.
+"""
+_NOTES = {
+    NONLINEAR: "large or slow motion (loss of speed in turns, drag of drift, stall) is not the"
+    " model's; the static gain and the slow pole may differ by more than stated",
+    MASS_ACROSS: "the added mass across the hull makes up for another error of the model; the poles"
+    " may differ by more than stated",
+    (LAG,): "the servo is faster than the file assumes; for a more certain delay measure it with"
+    " `ground bench-test`",
+}
+"""Parameters whose bound does not decide whether a fit has failed, and the note about each."""
+
+
+def decisive(z: Array, lag_relative_sd: float) -> tuple[str, ...]:
+    """Return the names of the parameters at a bound that make a fit fail.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+        Estimate, in prior standard deviations from the prior and in the order of ``NAMES``.
+    lag_relative_sd : float
+        Relative standard deviation of the lag in the prior's file.
+
+    Returns
+    -------
+    tuple of str
+        Names in the order of ``NAMES``.
+    """
+    return tuple(
+        name
+        for name in _reached(z)
+        if not _is_noted(name, z, lag_relative_sd) and not _is_zero(name, z)
+    )
+
+
+def notes(z: Array, lag_relative_sd: float) -> Iterator[str]:
+    """Yield a sentence for each group of parameters at a bound that is no failure.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+        Estimate, in prior standard deviations from the prior and in the order of ``NAMES``.
+    lag_relative_sd : float
+        Relative standard deviation of the lag in the prior's file.
+
+    Yields
+    ------
+    str
+        Names, and what their bound means.
+    """
+    for group, meaning in _NOTES.items():
+        if names := [n for n in _reached(z) if n in group and _is_noted(n, z, lag_relative_sd)]:
+            yield f"{', '.join(names)} at a bound of four prior standard deviations: {meaning}"
+
+
+def _reached(z: Array) -> list[str]:
+    """Return the names of all parameters at a bound of the search."""
+    return [name for name, value in zip(NAMES, z, strict=True) if abs(value) > 0.99 * Z_LIMIT]
+
+
+def _is_zero(name: str, z: Array) -> bool:
+    """Return whether a bound stands for a value of zero."""
+    return name in MAY_BE_ZERO and bool(z[NAMES.index(name)] < 0.0)
+
+
+def _is_noted(name: str, z: Array, lag_relative_sd: float) -> bool:
+    """Return whether a parameter at a bound gives a note and no failure."""
+    if name == LAG:
+        return math.exp(lag_relative_sd * float(z[NAMES.index(name)])) >= FAST_LAG_RATIO
+    return name in NONLINEAR or name in MASS_ACROSS
