@@ -33,7 +33,7 @@ from sysid.prior_knowledge import PriorKnowledge, prior_knowledge, prior_of
 from sysid.prior_knowledge import RefitError as RefitError
 from sysid.reproduction import paper_method
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
-from sysid.screening import ScreeningLimits, log_consistency, screen
+from sysid.screening import log_consistency, screen
 from sysid.screening.outlier_tests import RunScreening
 from sysid.screening.refit_loop import RefitResult, refit_until_clean, shifts
 from sysid.validation.assess import with_assessment
@@ -61,8 +61,6 @@ class RefitRequest(NamedTuple):
     squares on the rate, linear, without prior."""
     alternative_methods: Sequence[Method] = ()
     """Further methods that are applied to the same runs, for comparison."""
-    limits: ScreeningLimits | None = None
-    """Limits of the screening rules; by default those of `ScreeningLimits`."""
     marks: Sequence[MarkedInterval] = ()
     """Time ranges (s) of tests that the logs do not mark."""
     outputs: ServoChannels | None = None
@@ -180,8 +178,8 @@ def _refit(
     tests = usable_runs.cut_logs(logs, request.marks)
     held_out_tests = usable_runs.cut_logs(held_out_logs, request.marks)
     usable_runs.refuse_miswired([*tests, *held_out_tests])
-    accepted_runs, screenings = usable_runs.select(tests, request.limits)
-    held_out_screenings = screen(usable_runs.runs_of(held_out_tests), request.limits)
+    accepted_runs, screenings = usable_runs.select(tests)
+    held_out_screenings = screen(usable_runs.runs_of(held_out_tests))
     held_out_runs = [s.run for s in held_out_screenings if s.accepted]
     with _fit_errors_named(knowledge.name):
         model, refitted = _identify(

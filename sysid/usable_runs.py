@@ -16,7 +16,7 @@ from sysid.models.model_file import AnomalyTest, ScreenedRun
 from sysid.planes import PLANES
 from sysid.prior_knowledge import PriorKnowledge, RefitError
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
-from sysid.screening import RunScreening, Screening, ScreeningLimits, proposals, screen, wiring
+from sysid.screening import RunScreening, Screening, proposals, screen, wiring
 from sysid.screening.excitation import NO_EXCITATION
 from sysid.screening.wiring import LogOfRuns
 
@@ -158,9 +158,7 @@ def _marks_of(log: Log, marks: Sequence[MarkedInterval]) -> list[MarkedInterval]
     return [mark for mark in marks if mark.log in ("", log.name)]
 
 
-def select(
-    logs: Sequence[LogOfRuns], limits: ScreeningLimits | None
-) -> tuple[list[Run], list[Screening]]:
+def select(logs: Sequence[LogOfRuns]) -> tuple[list[Run], list[Screening]]:
     """Screen the runs of the logs. Return the accepted runs and all screening results."""
     runs = runs_of(logs)
     names = ", ".join(log.name for log, _ in logs) or "no file"
@@ -168,7 +166,7 @@ def select(
         needed = "tests of rudder or elevator (SID_AXIS 12 or 11), or ranges that you mark"
         found = proposals.format_marks([mark for log, _ in logs for mark in proposals.propose(log)])
         raise RefitError(f"{names}: no test found; a log needs {needed} (--segment); {found}")
-    screenings = screen(runs, limits)
+    screenings = screen(runs)
     accepted_runs = [s.run for s in screenings if s.accepted]
     if not accepted_runs:
         rejections = "; ".join(f"{s.run.name} {s.reasons[0]}" for s in screenings)

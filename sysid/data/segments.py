@@ -23,7 +23,7 @@ MAX_GAP_S = 10.0
 """Longest time without attitude over which samples are interpolated, s.
 
 A longer one, such as a clock that jumps to UTC, has no samples; screening rejects a test much
-earlier (`sysid.screening.limits`).
+earlier (`sysid.screening.rules`).
 """
 MAX_VELOCITY_AGE_S = 1.0
 """Distance in time to the next sample of velocity or acceleration from which on it is unknown."""

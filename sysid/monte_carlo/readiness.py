@@ -11,6 +11,7 @@ section 7.5).
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -29,7 +30,7 @@ from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import samples, simulate
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea, SimulatedDive
 from sysid.planes import PLANES, Plane
-from sysid.screening import Screening, ScreeningLimits, screen
+from sysid.screening import Screening, screen
 from sysid.test_design import prior as design_priors
 from sysid.test_design import vehicle_scale
 from sysid.validation import crossover, frequency_response
@@ -105,7 +106,7 @@ class Readiness:
         self._vehicle, self._levels = vehicle, noise_levels(vehicle, moments)
         self._config = params.config({**gains, **samples.trims_deg(vehicle)})
         self._gains, self._seed = gains, seed
-        self._limits = ScreeningLimits(travel_deg=prior.tailcone.travel_deg)
+        self._travel_rad = math.radians(prior.tailcone.travel_deg)
         self._fly = lru_cache(KEPT_DIVES)(self._simulate)
 
     def fly(self, items: Items, disturbance: float = 1.0) -> SimulatedDive:
@@ -221,9 +222,7 @@ class Readiness:
         """
         sweeps_of = {name: _sweeps(dive) for name, dive in dives.items()}
         tested_missions = [
-            name
-            for name, response in sweeps_of.items()
-            if any(run.plane == plane for run in response)
+            name for name, sweeps in sweeps_of.items() if any(run.plane == plane for run in sweeps)
         ]
         loop = crossover.at_crossover(_uncertain_vehicle(self._vehicle), plane, self._gains)
         if not tested_missions or loop is None:
@@ -251,12 +250,13 @@ class Readiness:
         list of SimulatedTest
             One outcome per test that was begun, in the order of time.
         """
+        runs = [replace(r, travel_rad=self._travel_rad) for r in segments.cut_runs(dive.log)]
         return [
             SimulatedTest(
                 too_large=_ended_early(item.run) or _has_reason(item, SATURATION),
                 unsettled=_has_reason(item, UNSTEADY),
             )
-            for item in screen(segments.cut_runs(dive.log), self._limits)
+            for item in screen(runs)
         ]
 
     def describe_disturbance(self) -> str:

@@ -12,7 +12,6 @@ from sysid.data.runs import Run
 from sysid.planes import Plane
 from sysid.screening import excitation, preroll, rules
 from sysid.screening.cross_plane import COUPLING, cross_plane, preroll_motions
-from sysid.screening.limits import ScreeningLimits as ScreeningLimits
 from sysid.screening.outlier_tests import RunScreening as RunScreening
 from sysid.screening.outlier_tests import find_outliers as find_outliers
 
@@ -26,43 +25,40 @@ class Screening(NamedTuple):
     """Reasons of a rejection, each "rule: values"; empty for an accepted run."""
 
 
-def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[Screening]:
+def screen(runs: Sequence[Run]) -> list[Screening]:
     """Apply the screening rules to every run.
 
     Parameters
     ----------
     runs : sequence of Run
         All runs of a campaign: the motion before all tests gives the limits for each.
-    limits : ScreeningLimits, optional
-        Limits of the rules; by default those of `ScreeningLimits`.
 
     Returns
     -------
     list of Screening
         One result for each run, in the order of ``runs``.
     """
-    limits = limits or ScreeningLimits()
     roughness_radps = {
         plane: preroll.typical_roughness_radps([r for r in runs if r.plane == plane])
         for plane in Plane
     }
     before = preroll_motions(runs)
-    screenings, usual_prerolls = [], preroll.usual_prerolls(runs, limits)
+    screenings, usual_prerolls = [], preroll.usual_prerolls(runs)
     for run, usual in zip(runs, usual_prerolls, strict=True):
         findings = (
-            rules.gap(run, limits),
-            rules.clock(run, limits),
+            rules.gap(run),
+            rules.clock(run),
             rules.no_depth(run),
-            rules.too_short(run, limits),
-            rules.attitude_rate_mismatch(run, limits),
-            rules.depth_pitch_mismatch(run, limits),
+            rules.too_short(run),
+            rules.attitude_rate_mismatch(run),
+            rules.depth_pitch_mismatch(run),
             excitation.no_deflection(run),
             excitation.feedback_only(run),
-            rules.saturation(run, limits),
-            rules.unsteady_start(run, usual, limits),
-            rules.disturbance(run, limits, roughness_radps[run.plane]),
-            rules.thrust_change(run, limits),
-            cross_plane(run, limits, before),
+            rules.saturation(run),
+            rules.unsteady_start(run, usual),
+            rules.disturbance(run, roughness_radps[run.plane]),
+            rules.thrust_change(run),
+            cross_plane(run, before),
         )
         reasons = tuple(reason for reason in findings if reason)
         screenings.append(Screening(run, not reasons, reasons))

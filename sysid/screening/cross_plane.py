@@ -11,11 +11,20 @@ import numpy as np
 
 from sysid.data.runs import RATE_HZ, STEADY_S, Array, Run
 from sysid.planes import PLANES
-from sysid.screening.limits import ScreeningLimits
 from sysid.signal_processing import averaged_spectra
 
 COUPLING = "cross-plane coupling"
 """Beginning of the reasons of `cross_plane`."""
+MAX_ROLL_DEG = 20.0
+"""Largest roll during a run, deg."""
+PITCH_FLOOR_DEG, DEPTH_FLOOR_M = 3.0, 0.5
+"""Excursions of pitch (deg) and depth (m) during a rudder test that are always accepted."""
+HEADING_FLOOR_DEG = 5.0
+"""Heading excursion during an elevator test that is always accepted, deg."""
+COHERENCE_FLOOR = 0.3
+"""Coherence of the other plane's rate with the tested surface that is always accepted, 0 to 1."""
+RATE_SHARE_FLOOR = 0.2
+"""Coherent rate of the other plane that is always accepted, over the rate of the tested plane."""
 FALSE_ALARM = 0.01
 """Probability that a run without coupling is rejected by one of the statistics here."""
 SEGMENTS = 7
@@ -56,40 +65,34 @@ def preroll_motions(runs: Sequence[Run]) -> PrerollMotions:
     )
 
 
-def cross_plane(run: Run, limits: ScreeningLimits, before: PrerollMotions) -> str:
+def cross_plane(run: Run, before: PrerollMotions) -> str:
     """Reject a run whose other plane moved more than disturbances explain.
 
     A test of both surfaces moves both planes by intention; it is rejected only for roll.
     """
     if run.both:
-        return _roll_reason(run, limits)
-    return (
-        _roll_reason(run, limits)
-        or _excursion_reason(run, limits, before)
-        or _coherence_reason(run, limits)
-    )
+        return _roll_reason(run)
+    return _roll_reason(run) or _excursion_reason(run, before) or _coherence_reason(run)
 
 
-def _roll_reason(run: Run, limits: ScreeningLimits) -> str:
+def _roll_reason(run: Run) -> str:
     """Reject a run with a large roll angle."""
     roll = math.degrees(float(np.max(np.abs(run.roll_rad))))
-    return _reason(
-        f"roll reached {roll:.0f} deg, at most {limits.roll_deg:g}", roll > limits.roll_deg
-    )
+    return _reason(f"roll reached {roll:.0f} deg, at most {MAX_ROLL_DEG:g}", roll > MAX_ROLL_DEG)
 
 
-def _excursion_reason(run: Run, limits: ScreeningLimits, before: PrerollMotions) -> str:
+def _excursion_reason(run: Run, before: PrerollMotions) -> str:
     """Compare the excursion of the other plane with its limit for a run of this length."""
     if not PLANES[run.plane].is_yaw:
         moved_deg = math.degrees(_excursion(run, run.heading_rad))
-        allowed_deg = max(limits.cross_heading_deg, math.degrees(band(before.heading_rad, run)))
+        allowed_deg = max(HEADING_FLOOR_DEG, math.degrees(band(before.heading_rad, run)))
         return _reason(
             f"heading moved {moved_deg:.1f} deg, at most {allowed_deg:.1f}", moved_deg > allowed_deg
         )
     pitch_deg = math.degrees(_excursion(run, run.pitch_rad))
-    allowed_deg = max(limits.cross_pitch_deg, math.degrees(band(before.pitch_rad, run)))
+    allowed_deg = max(PITCH_FLOOR_DEG, math.degrees(band(before.pitch_rad, run)))
     depth_m = _excursion(run, run.depth_m)
-    allowed_m = max(limits.cross_depth_m, band(before.depth_m, run))
+    allowed_m = max(DEPTH_FLOOR_M, band(before.depth_m, run))
     return _reason(
         f"pitch moved {pitch_deg:.1f} deg, at most {allowed_deg:.1f}", pitch_deg > allowed_deg
     ) or _reason(f"depth moved {depth_m:.2f} m, at most {allowed_m:.2f}", depth_m > allowed_m)
@@ -137,12 +140,12 @@ def band(motion: StationaryMotion, run: Run) -> float:
     return motion.sd * math.sqrt(2.0 * math.log(max(crossings, 1.0) / FALSE_ALARM))
 
 
-def _coherence_reason(run: Run, limits: ScreeningLimits) -> str:
+def _coherence_reason(run: Run) -> str:
     """Compare the coherence of the other plane's rate with the tested surface with its limit."""
     other = PLANES[run.plane].other
     rate = run.in_plane(other).rate_radps
     largest_coherence, bins = coherence(run, rate)
-    allowed = max(limits.cross_coherence, significant(bins))
+    allowed = max(COHERENCE_FLOOR, significant(bins))
     relative_size = (
         math.sqrt(largest_coherence)
         * float(np.std(rate))
@@ -152,7 +155,7 @@ def _coherence_reason(run: Run, limits: ScreeningLimits) -> str:
         f"{other} rate follows the surface, coherence {largest_coherence:.2f},"
         f" at most {allowed:.2f}"
     )
-    return _reason(description, largest_coherence > allowed and relative_size > limits.cross_share)
+    return _reason(description, largest_coherence > allowed and relative_size > RATE_SHARE_FLOOR)
 
 
 def coherence(run: Run, rate_radps: Array) -> tuple[float, int]:

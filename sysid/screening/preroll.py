@@ -11,11 +11,12 @@ import numpy as np
 
 from sysid.data.runs import RATE_HZ, STEADY_S, Array, Run
 from sysid.planes import Plane
-from sysid.screening.limits import ScreeningLimits
 from sysid.signal_processing import fit_line
 
 WINDOW = int(STEADY_S * RATE_HZ)
 """Length of a window, samples."""
+MIN_WINDOWS = 6
+"""Minimum number of windows of the other runs from which a spread is estimated."""
 MAX_SHARE_AT_STOPS = 0.2
 """Share of a window with the surface at its stops above which the hold is unstable.
 
@@ -23,8 +24,16 @@ A wave reaches them for a moment; a limit cycle spends most of its time there.
 """
 STOP_TOLERANCE_RAD = 1e-4
 """Distance to the travel at which a surface is at its stop: rounding of a logged angle."""
-MIN_WINDOWS = 6
-"""Minimum number of windows of the other runs from which a spread is estimated."""
+MAX_SDS = 3.0
+"""Largest distance of the mean motion before a test from the median of the other runs.
+
+Unit: standard deviations of such means.
+"""
+RATE_FLOOR_DEGPS, DEPTH_RATE_FLOOR_MPS = 0.4, 0.05
+"""Mean rate (deg/s) and depth rate (m/s) before a test that are always accepted.
+
+They do not disturb the fit.
+"""
 MAD_TO_SD = 1.4826
 """Standard deviation of a normal variable over its median absolute deviation, 1 / 0.6745.
 
@@ -36,7 +45,7 @@ class PrerollWindow(NamedTuple):
     """Mean motion over STEADY_S before a test: rate (rad/s) and depth rate (m/s, positive down)."""
 
     rate_radps: float
-    climb_mps: float
+    depth_rate_mps: float
 
 
 class UsualPreroll(NamedTuple):
@@ -46,8 +55,14 @@ class UsualPreroll(NamedTuple):
     """Median rate of the windows, rad/s: an estimate of the gyro bias."""
     rate_allowed_radps: float
     """Largest accepted distance of a mean rate from ``rate_radps``, rad/s."""
-    climb_allowed_mps: float
+    depth_rate_allowed_mps: float
     """Largest accepted mean depth rate, m/s."""
+
+
+DEFAULT_PREROLL = UsualPreroll(
+    rate_radps=0.0, rate_allowed_radps=math.radians(1.0), depth_rate_allowed_mps=0.15
+)
+"""Usual motion that is assumed if there are too few other runs."""
 
 
 def last_window(run: Run) -> PrerollWindow | None:
@@ -61,15 +76,13 @@ def last_window(run: Run) -> PrerollWindow | None:
     return _window(run.rate_radps[before], run.time_s[before], run.depth_m[before])
 
 
-def is_at_stops(run: Run, travel_rad: float) -> bool:
+def is_at_stops(run: Run) -> bool:
     """Return whether the tested surface was at its stops in much of the window before the test.
 
     Parameters
     ----------
     run : Run
         A test.
-    travel_rad : float
-        Travel of the surface, rad.
 
     Returns
     -------
@@ -77,15 +90,15 @@ def is_at_stops(run: Run, travel_rad: float) -> bool:
         Whether the loop that holds the vehicle between tests is at the limit of its surface.
     """
     before = run.approach
-    at_stops = np.abs(run.command_rad[before]) >= travel_rad - STOP_TOLERANCE_RAD
+    at_stops = np.abs(run.command_rad[before]) >= run.travel_rad - STOP_TOLERANCE_RAD
     return bool(np.any(before)) and float(np.mean(at_stops)) > MAX_SHARE_AT_STOPS
 
 
-def usual_prerolls(runs: Sequence[Run], limits: ScreeningLimits) -> list[UsualPreroll]:
+def usual_prerolls(runs: Sequence[Run]) -> list[UsualPreroll]:
     """Estimate, for each run, the usual motion before a test from the pre-rolls of the other runs.
 
     With x the window means of the other runs of both planes and median m, the limit is
-    ``start_sds * 1.4826 * median(|x - m|)``, and not less than the floor in ``limits``.
+    ``MAX_SDS * MAD_TO_SD * median(|x - m|)``, and not less than the floor.
     """
     windows = {plane: [_windows(run, plane) for run in runs] for plane in Plane}
     return [
@@ -95,23 +108,22 @@ def usual_prerolls(runs: Sequence[Run], limits: ScreeningLimits) -> list[UsualPr
                 for other, group in enumerate(windows[run.plane])
                 if other != index
                 for window in group
-            ],
-            limits,
+            ]
         )
         for index, run in enumerate(runs)
     ]
 
 
-def _usual_preroll(windows: Sequence[PrerollWindow], limits: ScreeningLimits) -> UsualPreroll:
+def _usual_preroll(windows: Sequence[PrerollWindow]) -> UsualPreroll:
     """Return the usual motion from the windows of the other runs."""
     if len(windows) < MIN_WINDOWS:
-        return UsualPreroll(0.0, math.radians(limits.mean_rate_degps), limits.start_depth_rate_mps)
-    rates, climbs = (np.array(values) for values in zip(*windows, strict=True))
+        return DEFAULT_PREROLL
+    rates, depth_rates = (np.array(values) for values in zip(*windows, strict=True))
     # A window mean differs from the median by the disturbance and by the change of the gyro bias
     # from run to run.
-    rate = max(limits.start_sds * _spread(rates), math.radians(limits.rate_floor_degps))
-    climb = max(limits.start_sds * _spread(climbs), limits.depth_rate_floor_mps)
-    return UsualPreroll(float(np.median(rates)), rate, climb)
+    rate = max(MAX_SDS * _spread(rates), math.radians(RATE_FLOOR_DEGPS))
+    depth_rate = max(MAX_SDS * _spread(depth_rates), DEPTH_RATE_FLOOR_MPS)
+    return UsualPreroll(float(np.median(rates)), rate, depth_rate)
 
 
 def roughness_radps(run: Run) -> float:

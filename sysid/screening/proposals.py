@@ -20,8 +20,7 @@ from sysid.data.segments import MarkedInterval
 from sysid.planes import PLANES, Plane
 from sysid.screening import excitation, rules, screen
 from sysid.screening.control_effect import control_effect
-from sysid.screening.limits import ScreeningLimits
-from sysid.screening.preroll import UsualPreroll
+from sysid.screening.preroll import DEFAULT_PREROLL
 
 Array = NDArray[np.float64]
 
@@ -133,7 +132,7 @@ def _candidates(log: Log, plane: Plane) -> Iterator[MarkedInterval]:
 
 def _gaps_s(time_s: Array) -> list[float]:
     """Return the times at which gaps begin that a run must not contain."""
-    starts: list[float] = time_s[:-1][np.diff(time_s) > ScreeningLimits().gap_s].tolist()
+    starts: list[float] = time_s[:-1][np.diff(time_s) > rules.MAX_SAMPLE_GAP_S].tolist()
     return starts
 
 
@@ -160,17 +159,15 @@ def _clusters(times_s: Array) -> Iterator[tuple[float, float]]:
 
 def _is_usable(run: Run) -> bool:
     """Return whether a candidate passes the rules for a single run and excites its plane."""
-    limits = ScreeningLimits()
-    quiet = UsualPreroll(0.0, math.radians(limits.mean_rate_degps), limits.start_depth_rate_mps)
     reasons = (
-        rules.gap(run, limits),
-        rules.clock(run, limits),
+        rules.gap(run),
+        rules.clock(run),
         rules.no_depth(run),
-        rules.saturation(run, limits),
-        rules.unsteady_start(run, quiet, limits),
-        rules.thrust_change(run, limits),
-        rules.attitude_rate_mismatch(run, limits),
-        rules.depth_pitch_mismatch(run, limits),
+        rules.saturation(run),
+        rules.unsteady_start(run, DEFAULT_PREROLL),
+        rules.thrust_change(run),
+        rules.attitude_rate_mismatch(run),
+        rules.depth_pitch_mismatch(run),
         excitation.no_deflection(run),
         excitation.feedback_only(run),
     )

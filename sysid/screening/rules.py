@@ -9,9 +9,44 @@ from sysid.data.kinematics import AngleRateMismatch
 from sysid.data.runs import Run
 from sysid.planes import PLANES
 from sysid.screening import preroll
-from sysid.screening.limits import ScreeningLimits
 from sysid.screening.preroll import STOP_TOLERANCE_RAD, UsualPreroll
 
+MAX_SAMPLE_GAP_S, MAX_DEPTH_GAP_S = 0.2, 0.5
+"""Largest gap between samples of attitude or commands, and of depth, s.
+
+Depth is an integral and changes slowly.
+"""
+MIN_TEST_S = 3.0
+"""Minimum duration of a test, s.
+
+A shorter test holds only delay, actuator lag and the start of the response.
+"""
+MAX_SATURATED_SHARE = 0.05
+"""Largest share of a run with a surface at its stops."""
+MAX_THRUST_CHANGE = 0.03
+"""Largest change of thrust during a run, fraction of full thrust."""
+MAX_ROUGHNESS_RATIO = 3.0
+"""Largest rate standard deviation before a test, in units of the median over the plane's runs."""
+ROUGHNESS_FLOOR_DEGPS = 0.5
+"""Rate standard deviation before a test that is always accepted, deg/s."""
+MAX_CLOCK_DRIFT_S = 0.05
+"""Largest drift between log time and vehicle time during a run, s."""
+ANGLE_RMS_FLOOR_DEG = 1.0
+"""Difference of an angle and its integrated rate that is always accepted, deg rms.
+
+Noise and filter lag cause a fraction of it.
+"""
+MAX_ANGLE_SHARE = 0.05
+"""Accepted difference over the excursion of the angle, because filter lag grows with it."""
+MAX_RATE_BIAS_DEGPS = 1.0
+"""Largest mean difference of a rate and the derivative of its angle, deg/s."""
+DEPTH_RMS_FLOOR_M = 0.5
+"""Accepted difference of depth and the depth computed from speed and pitch, m rms."""
+MAX_DEPTH_SHARE = 0.25
+"""Accepted difference over the depth excursion.
+
+Speed falls and heave arises in a pitch manoeuvre.
+"""
 RATIO_TOLERANCE = 0.2
 """Relative tolerance of the ratios of `MISMATCH_CAUSES`."""
 MAX_SPEED_MPS = 60.0
@@ -30,27 +65,27 @@ STAMP_RESOLUTION_S = 2e-3
 """Rounding of two time stamps to whole milliseconds."""
 
 
-def gap(run: Run, limits: ScreeningLimits) -> str:
+def gap(run: Run) -> str:
     """Reject a run with a long gap between samples.
 
     However time stamps are rounded, rows at 5 Hz are too slow and depths at 2 Hz are not.
     """
-    if run.longest_gap_s > limits.gap_s - STAMP_RESOLUTION_S:
-        return f"gap: {run.longest_gap_s:.2f} s without data, less than {limits.gap_s:g} needed"
-    if run.longest_depth_gap_s > limits.depth_gap_s + STAMP_RESOLUTION_S:
-        return f"gap: {run.longest_depth_gap_s:.2f} s without depth, at most {limits.depth_gap_s:g}"
+    if run.longest_gap_s > MAX_SAMPLE_GAP_S - STAMP_RESOLUTION_S:
+        return f"gap: {run.longest_gap_s:.2f} s without data, less than {MAX_SAMPLE_GAP_S:g} needed"
+    if run.longest_depth_gap_s > MAX_DEPTH_GAP_S + STAMP_RESOLUTION_S:
+        return f"gap: {run.longest_depth_gap_s:.2f} s without depth, at most {MAX_DEPTH_GAP_S:g}"
     return ""
 
 
-def clock(run: Run, limits: ScreeningLimits) -> str:
+def clock(run: Run) -> str:
     """Reject a run whose clock jumps back or drifts against vehicle time."""
     if run.clock_back:
         return f"clock: {run.clock_back}"
-    if abs(run.clock_drift_s) <= limits.clock_drift_s:
+    if abs(run.clock_drift_s) <= MAX_CLOCK_DRIFT_S:
         return ""
     return (
         f"clock: the log's gained {run.clock_drift_s:+.2f} s on the vehicle's during the run, "
-        f"at most {limits.clock_drift_s:g}"
+        f"at most {MAX_CLOCK_DRIFT_S:g}"
     )
 
 
@@ -61,25 +96,25 @@ def no_depth(run: Run) -> str:
     return f"no depth: the log holds none, and a test of the {PLANES[run.plane].surface} needs it"
 
 
-def too_short(run: Run, limits: ScreeningLimits) -> str:
+def too_short(run: Run) -> str:
     """Reject a test that ended too soon."""
     lasted = float(run.time_s[-1])
-    if lasted >= limits.shortest_s:
+    if lasted >= MIN_TEST_S:
         return ""
     shown_s = math.floor(100.0 * lasted) / 100.0  # rounded, it may read as the limit
     return (
-        f"aborted too soon: {shown_s:g} s of at least {limits.shortest_s:g}"
+        f"aborted too soon: {shown_s:g} s of at least {MIN_TEST_S:g}"
         f" ({run.stop_detail or 'as planned'})"
     )
 
 
-def saturation(run: Run, limits: ScreeningLimits) -> str:
+def saturation(run: Run) -> str:
     """Reject a run with a surface at its stops for too long.
 
     A surface at its stops cannot control the other plane. In the tested plane the stops clip the
     command, which matters only if the command was meant to stay within the travel.
     """
-    travel_rad = _travel_rad(run, limits)
+    travel_rad = run.travel_rad
     other_surface_rad = run.in_plane(PLANES[run.plane].other).command_rad
     intended_rad = abs(run.trim_rad) + abs(math.radians(run.magnitude_deg))
     surfaces = (
@@ -88,20 +123,15 @@ def saturation(run: Run, limits: ScreeningLimits) -> str:
     share = max(
         float(np.mean(np.abs(surface) >= travel_rad - STOP_TOLERANCE_RAD)) for surface in surfaces
     )
-    if share <= limits.saturated_share:
+    if share <= MAX_SATURATED_SHARE:
         return ""
     return (
         f"saturation: a surface at its stops ({math.degrees(travel_rad):.3g} deg) in {share:.0%} of"
-        f" the run, at most {limits.saturated_share:.0%}"
+        f" the run, at most {MAX_SATURATED_SHARE:.0%}"
     )
 
 
-def _travel_rad(run: Run, limits: ScreeningLimits) -> float:
-    """Return the travel of the surfaces, rad."""
-    return run.travel_rad if limits.travel_deg is None else math.radians(limits.travel_deg)
-
-
-def unsteady_start(run: Run, usual: UsualPreroll, limits: ScreeningLimits) -> str:
+def unsteady_start(run: Run, usual: UsualPreroll) -> str:
     """Reject a run before which the vehicle was not held, or moved more than usually before tests.
 
     The usual motion is that before the other tests.
@@ -109,37 +139,34 @@ def unsteady_start(run: Run, usual: UsualPreroll, limits: ScreeningLimits) -> st
     window = preroll.last_window(run)
     if window is None:
         return "unsteady start: less than 1 s of motion before the test"
-    travel_rad = _travel_rad(run, limits)
-    if preroll.is_at_stops(run, travel_rad):
+    if preroll.is_at_stops(run):
         surface = PLANES[run.plane].surface
         return (
-            f"unsteady start: the {surface} was at its stops ({math.degrees(travel_rad):.3g} deg)"
-            " before the test; lower the gains that hold the vehicle between tests, or fly in a"
-            " calmer sea"
+            f"unsteady start: the {surface} was at its stops ({math.degrees(run.travel_rad):.3g}"
+            " deg) before the test; lower the gains that hold the vehicle between tests, or fly in"
+            " a calmer sea"
         )
-    rate_degps, allowed_degps = (
-        math.degrees(abs(window.rate_radps - usual.rate_radps)),
-        math.degrees(usual.rate_allowed_radps),
-    )
+    rate_degps = math.degrees(abs(window.rate_radps - usual.rate_radps))
+    allowed_degps = math.degrees(usual.rate_allowed_radps)
     if rate_degps > allowed_degps:
         return (
             f"unsteady start: mean rate {rate_degps:.2f} deg/s before the test, at most"
             f" {allowed_degps:.2f} in this sea"
         )
-    depth_rate_mps = abs(window.climb_mps)
-    if depth_rate_mps > usual.climb_allowed_mps:
+    depth_rate_mps = abs(window.depth_rate_mps)
+    if depth_rate_mps > usual.depth_rate_allowed_mps:
         return (
             f"unsteady start: depth changing at {depth_rate_mps:.3g} m/s, at most"
-            f" {usual.climb_allowed_mps:.3g} in this sea"
+            f" {usual.depth_rate_allowed_mps:.3g} in this sea"
         )
     return ""
 
 
-def disturbance(run: Run, limits: ScreeningLimits, typical_radps: float) -> str:
+def disturbance(run: Run, typical_radps: float) -> str:
     """Reject a run whose rate before the test is much rougher than in the plane's other runs."""
     roughness = preroll.roughness_radps(run)
-    floor_radps = math.radians(limits.rough_floor_degps)
-    if roughness <= max(limits.rough_factor * typical_radps, floor_radps):
+    floor_radps = math.radians(ROUGHNESS_FLOOR_DEGPS)
+    if roughness <= max(MAX_ROUGHNESS_RATIO * typical_radps, floor_radps):
         return ""
     return (
         f"disturbance: rate {math.degrees(roughness):.2f} deg/s rms before the test, "
@@ -147,45 +174,41 @@ def disturbance(run: Run, limits: ScreeningLimits, typical_radps: float) -> str:
     )
 
 
-def thrust_change(run: Run, limits: ScreeningLimits) -> str:
+def thrust_change(run: Run) -> str:
     """Reject a run with a change of thrust, which sets the speed.
 
     Thrust is logged; a change of speed at constant thrust is tested by the fit
     (`sysid.screening.anomaly_models`).
     """
     spread = float(np.ptp(run.thrust))
-    if spread <= limits.thrust_step:
+    if spread <= MAX_THRUST_CHANGE:
         return ""
     return (
         f"speed off: thrust changed by {100 * spread:.0f} % of full, at most"
-        f" {100 * limits.thrust_step:.0f}"
+        f" {100 * MAX_THRUST_CHANGE:.0f}"
     )
 
 
-def attitude_rate_mismatch(run: Run, limits: ScreeningLimits) -> str:
+def attitude_rate_mismatch(run: Run) -> str:
     """Reject a run whose heading or pitch is not the integral of the measured rate."""
     heading_error = kinematics.heading_mismatch(run)
-    reason = (
-        _mismatch_reason(heading_error, "heading and yaw rate", limits) if heading_error else ""
-    )
-    return reason or _mismatch_reason(
-        kinematics.pitch_mismatch(run), "pitch and pitch rate", limits
-    )
+    reason = _mismatch_reason(heading_error, "heading and yaw rate") if heading_error else ""
+    return reason or _mismatch_reason(kinematics.pitch_mismatch(run), "pitch and pitch rate")
 
 
-def _mismatch_reason(mismatch: AngleRateMismatch, description: str, limits: ScreeningLimits) -> str:
+def _mismatch_reason(mismatch: AngleRateMismatch, description: str) -> str:
     """Return the reason if an angle and its rate disagree by more than the limits."""
     rms, bias = math.degrees(mismatch.rms_rad), math.degrees(mismatch.bias_radps)
-    allowed = max(limits.angle_rms_deg, limits.angle_share * math.degrees(mismatch.excursion_rad))
+    allowed = max(ANGLE_RMS_FLOOR_DEG, MAX_ANGLE_SHARE * math.degrees(mismatch.excursion_rad))
     if rms > allowed:
         return (
             f"kinematics: {description} disagree by {rms:.1f} deg rms, at most {allowed:.1f}"
             f"{_mismatch_cause(mismatch)}"
         )
-    if abs(bias) > limits.rate_bias_degps:
+    if abs(bias) > MAX_RATE_BIAS_DEGPS:
         return (
             f"kinematics: {description} disagree by {bias:+.1f} deg/s,"
-            f" at most {limits.rate_bias_degps:g}"
+            f" at most {MAX_RATE_BIAS_DEGPS:g}"
         )
     return ""
 
@@ -200,12 +223,12 @@ def _mismatch_cause(mismatch: AngleRateMismatch) -> str:
     return ""
 
 
-def depth_pitch_mismatch(run: Run, limits: ScreeningLimits) -> str:
+def depth_pitch_mismatch(run: Run) -> str:
     """Reject a run whose depth is not what speed and pitch give."""
     mismatch = kinematics.depth_mismatch(run)
     if mismatch is None:
         return ""
-    allowed = max(limits.depth_rms_m, limits.depth_share * mismatch.excursion_m)
+    allowed = max(DEPTH_RMS_FLOOR_M, MAX_DEPTH_SHARE * mismatch.excursion_m)
     if mismatch.rms_m > allowed:
         return (
             f"kinematics: depth and pitch disagree by {mismatch.rms_m:.2f} m rms, at most"
@@ -213,7 +236,7 @@ def depth_pitch_mismatch(run: Run, limits: ScreeningLimits) -> str:
         )
     if cause := _speed_cause(mismatch.speed_mps, run):
         return f"kinematics: depth and pitch disagree{cause}"
-    if mismatch.speed_mps < 0.0 and mismatch.excursion_m > limits.depth_rms_m:
+    if mismatch.speed_mps < 0.0 and mismatch.excursion_m > DEPTH_RMS_FLOOR_M:
         return "kinematics: depth grows where the nose is up, or pitch has the wrong sign"
     return ""
 

@@ -16,7 +16,6 @@ from sysid.data.runs import Run
 from sysid.planes import PLANES, Plane
 from sysid.screening import preroll, rules
 from sysid.screening.control_effect import ControlEffect, control_effect, static_gain
-from sysid.screening.limits import ScreeningLimits
 
 REVERSED_SIGNIFICANCE = 4.0
 """Standard deviations below zero from which on an effect is reversed."""
@@ -97,12 +96,10 @@ def _runs_by_plane(runs: Iterable[Run]) -> Mapping[Plane, list[Run]]:
 
     Runs that begin in a turn are left out if the plane has others.
     """
-    limits = ScreeningLimits()
     consistent = [
         run
         for run in runs
-        if not rules.attitude_rate_mismatch(run, limits)
-        and not rules.depth_pitch_mismatch(run, limits)
+        if not rules.attitude_rate_mismatch(run) and not rules.depth_pitch_mismatch(run)
     ]
     by_plane = {plane: [run for run in consistent if run.plane == plane] for plane in Plane}
     return {
@@ -206,7 +203,7 @@ def _explained(runs: Sequence[Run]) -> list[Run]:
 
     After an unstable hold the vehicle is in a turn, where the surface has another effect.
     """
-    held = [run for run in runs if not preroll.is_at_stops(run, run.travel_rad)]
+    held = [run for run in runs if not preroll.is_at_stops(run)]
     effects = [(run, control_effect([run], run.plane, run.plane)) for run in held]
     return [run for run, effect in effects if effect and effect.share >= MIN_COMPARED_SHARE]
 

@@ -90,9 +90,7 @@ def identify(
     report = progress or (lambda what, share: None)
     planes = [plane for plane in Plane if any(run.plane == plane for run in runs)]
     if not planes:
-        raise ValueError(
-            "no run is left to fit; record rudder or elevator tests, or relax the screening"
-        )
+        raise ValueError("no run is left to fit; record rudder or elevator tests")
     plane_estimates: dict[Plane, PlaneEstimate] = {}
     for index, plane in enumerate(planes):
         report(f"fit, {plane}", index / len(planes))

@@ -171,9 +171,7 @@ def fit(
         There is no run.
     """
     if not runs:
-        raise ValueError(
-            "no run is left to fit; record rudder or elevator tests, or relax the screening"
-        )
+        raise ValueError("no run is left to fit; record rudder or elevator tests")
     # Cost: ``problem``. PASSES times: z by Gauss-Newton for given noise levels, then noise levels
     # (``noise.estimate``) for given z. Then z to the fine tolerance, and
     #     covariance = (information of the data + prior covariance^-1)^-1, widened by `model_error`.

@@ -10,7 +10,6 @@ from sitl.vehicle import config
 from sysid.data.runs import Run
 from sysid.planes import Plane
 from sysid.screening import screen
-from sysid.screening.limits import ScreeningLimits
 from sysid.screening.preroll import UsualPreroll
 from sysid.screening.rules import unsteady_start
 from tests.sysid import sea
@@ -73,8 +72,8 @@ def test_unsteady_start_limit_is_robust_to_one_run(calm: list[Run]) -> None:
 def test_unsteady_start_reason_shows_excess_over_limit(calm: list[Run]) -> None:
     """Two decimals read as the limit."""
     sinking = replace(calm[0], depth_m=0.0512 * calm[0].time_s)
-    usual = UsualPreroll(rate_radps=0.0, rate_allowed_radps=1.0, climb_allowed_mps=0.05)
-    assert unsteady_start(sinking, usual, ScreeningLimits()) == (
+    usual = UsualPreroll(rate_radps=0.0, rate_allowed_radps=1.0, depth_rate_allowed_mps=0.05)
+    assert unsteady_start(sinking, usual) == (
         "unsteady start: depth changing at 0.0512 m/s, at most 0.05 in this sea"
     )
 
