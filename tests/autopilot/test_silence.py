@@ -1,7 +1,5 @@
 """Loss of the sensors on a serial line: detected by the wall clock, as vehicle time stops."""
 
-from collections.abc import Iterator
-
 import pytest
 
 from autopilot import app
@@ -10,7 +8,7 @@ from autopilot.comms import hil
 from autopilot.control.sensor_health.monitor import RECOVERY_US
 from autopilot.onboard_log.recorder import OnboardLog
 from mavlink_io.records import LOCKSTEP_FLAG, SensorFrame
-from mavlink_io.transport import MemoryTransport, open_transport
+from mavlink_io.transport import MemoryTransport
 from sitl.backends.hil import HilClient
 from sitl.core.sensors import Sensors
 from tests.helpers.fake_hil import TICK_US, Harness, only, sensors, texts
@@ -65,16 +63,6 @@ class Rig:
 
     def arm(self) -> int:
         return int(only(self.harness.command(ARM, 1.0), "COMMAND_ACK").result)
-
-
-@pytest.fixture
-def ends(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[MemoryTransport, MemoryTransport]]:
-    near, far = open_transport("memory:silence"), open_transport("memory:silence")
-    assert isinstance(near, MemoryTransport)
-    assert isinstance(far, MemoryTransport)
-    yield near, far
-    near.close()
-    far.close()
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """Bad stamps and new time bases of the sensors: effect on arming, mission, answers and log."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from autopilot.control import modes, requests
 from autopilot.onboard_log.recorder import OnboardLog
 from mavlink_io import dialect
 from mavlink_io.records import GpsFix
-from mavlink_io.transport import MemoryTransport, open_transport
+from mavlink_io.transport import MemoryTransport
 from sitl.backends.hil import HilClient
 from sitl.core.sensors import Sensors
 from tests.helpers.fake_hil import TICK_US, Harness, sensors, texts
@@ -64,16 +63,6 @@ class Rig:
     @property
     def state(self) -> Any:
         return self.harness.vehicle.state
-
-
-@pytest.fixture
-def ends() -> Iterator[Ends]:
-    near, far = open_transport("memory:stamps"), open_transport("memory:stamps")
-    assert isinstance(near, MemoryTransport)
-    assert isinstance(far, MemoryTransport)
-    yield near, far
-    near.close()
-    far.close()
 
 
 def started(rig: Rig) -> Rig:

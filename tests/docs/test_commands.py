@@ -12,8 +12,6 @@ import re
 import shutil
 import signal
 import socket
-import subprocess
-import sys
 import urllib.request
 from collections.abc import Callable
 from functools import cache, partial
@@ -25,7 +23,7 @@ import pytest
 
 from tests.docs.test_site import COMMANDS, PROGRAMS, commands_of
 from tests.helpers.docs_blocks import DOCS, ROOT, blocks_of, python_of
-from tests.helpers.subprocesses import free_port, process, vehicle
+from tests.helpers.subprocesses import free_port, process, run_python, vehicle
 
 pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -124,15 +122,6 @@ def first_match(table: dict[str, str], command: str) -> str | None:
 def run(words: tuple[str, ...], folder: Path) -> None:
     """Run a command in a folder."""
     run_python("-m", *words, folder=folder)
-
-
-def run_python(*arguments: str, folder: Path) -> str:
-    """Run Python in a folder and return its output."""
-    done = subprocess.run(
-        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, (arguments, done.stdout[-2000:], done.stderr[-2000:])
-    return done.stdout
 
 
 def commands_of_tutorial(name: str) -> list[tuple[str, ...]]:

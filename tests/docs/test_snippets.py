@@ -3,13 +3,12 @@
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests import notebook
+from tests.helpers.subprocesses import run_python
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
@@ -22,15 +21,6 @@ def snippets(kind: str) -> str:
     blocks = re.findall(rf"^```python{kind}\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
     assert blocks
     return "\n".join(blocks)
-
-
-def run_python(*arguments: str, folder: Path) -> str:
-    """Run Python in a folder and return its output."""
-    done = subprocess.run(
-        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
 
 
 def test_snippets_of_the_python_page_run(tmp_path: Path) -> None:

@@ -35,6 +35,15 @@ def wait_for(condition: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
+def run_python(*arguments: str, folder: Path) -> str:
+    """Run Python in a folder and return its output."""
+    done = subprocess.run(
+        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, (arguments, done.stdout[-2000:], done.stderr[-2000:])
+    return done.stdout
+
+
 def is_running(pid: int) -> bool:
     """Return whether a process has not ended; one that nobody waited for has."""
     try:

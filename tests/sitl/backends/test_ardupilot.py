@@ -1,14 +1,13 @@
 """ArduPilot's servo frames, and answers to frames that arrive late or repeated."""
 
 import struct
-from collections.abc import Iterator
 from itertools import count
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_io.transport import Transport, open_transport
+from mavlink_io.transport import Transport
 from sitl import scenario
 from sitl.backends.ardupilot import (
     ArduPilot,
@@ -21,14 +20,6 @@ from sitl.backends.ardupilot import (
 from sitl.backends.servo_outputs import parse
 from sitl.core import plant
 from sitl.vehicle import config
-
-
-@pytest.fixture
-def ends() -> Iterator[tuple[Transport, Transport]]:
-    near, far = open_transport("memory:ardupilot"), open_transport("memory:ardupilot")
-    yield near, far
-    near.close()
-    far.close()
 
 
 def frame(number: int, rudder_us: int = 1500) -> bytes:

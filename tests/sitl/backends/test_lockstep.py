@@ -1,28 +1,18 @@
 """Timeouts of the lockstep without an autopilot, on a link inside the process."""
 
-from collections.abc import Iterator
-
 import pytest
 
-from mavlink_io.transport import Transport, open_transport
+from mavlink_io.transport import Transport
 from sitl.backends import lockstep
 from sitl.backends.hil import HilClient
 from sitl.backends.lockstep import AutopilotTimeoutError, Lockstep
-
-
-@pytest.fixture
-def ends() -> Iterator[tuple[Transport, Transport]]:
-    near, far = open_transport("memory:lockstep"), open_transport("memory:lockstep")
-    yield near, far
-    near.close()
-    far.close()
 
 
 def test_timeout_before_first_answer_is_reported(
     ends: tuple[Transport, Transport], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(lockstep, "FIRST_ANSWER_TIMEOUT_S", 0.1)
-    with pytest.raises(AutopilotTimeoutError, match="no autopilot has answered on memory:lockstep"):
+    with pytest.raises(AutopilotTimeoutError, match="no autopilot has answered on memory:backend"):
         Lockstep(HilClient(ends[0]), lambda: False).exchange(b"sensors", 0)
     assert ends[1].receive() == b"sensors"
     assert ends[1].receive() == b"sensors"

@@ -1,13 +1,11 @@
 """Without lockstep: load of the serial line, and the actuator watchdog of the tailcone."""
 
-from collections.abc import Iterator
-
 import pytest
 from msgspec.structs import replace
 
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.records import ActuatorFrame
-from mavlink_io.transport import AddressError, Transport, open_transport
+from mavlink_io.transport import AddressError, Transport
 from sitl import scenario
 from sitl.backends import factory
 from sitl.backends.factory import BackendError, BackendOptions
@@ -20,14 +18,6 @@ from sitl.vehicle import config
 
 AHEAD = ActuatorFrame(20_000, 0, (0.2, -0.1, 0.58, *(0.0,) * 13), 129)
 REST = (0.0, 0.0, 0.0)
-
-
-@pytest.fixture
-def ends() -> Iterator[tuple[Transport, Transport]]:
-    near, far = open_transport("memory:wall_clock"), open_transport("memory:wall_clock")
-    yield near, far
-    near.close()
-    far.close()
 
 
 @pytest.mark.parametrize(
