@@ -13,7 +13,7 @@ from ground.rendered import Rendered
 
 
 class FitMethod(StrEnum):
-    """FitMethod of identification."""
+    """Method of identification."""
 
     MAP = "map"
     PAPER = "paper"

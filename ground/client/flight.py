@@ -41,6 +41,8 @@ _FIX_3D = constant("GPS_FIX_TYPE_3D_FIX")
 _MISSION_COMPLETE = constant("MISSION_STATE_COMPLETE")
 PROGRESS_PERIOD_S = 0.1
 """Wall time between reports of progress."""
+PROCESS_END_S = 1.0
+"""Wall time after the loss of a link in which a simulation process may end."""
 
 
 class FlightProgress(NamedTuple):
@@ -306,16 +308,16 @@ def open_recorded_vehicle(
             raise
         except VehicleClientError:
             if simulated:
-                raise_process_error(simulated)
+                _raise_process_error(simulated)
             raise
 
 
-def raise_process_error(simulated: SimulatedVehicle, timeout_s: float = 1.0) -> None:
-    """Raise the error of a simulation process that ends within `timeout_s` (wall time).
+def _raise_process_error(simulated: SimulatedVehicle) -> None:
+    """Raise the error of a simulation process that ends within `PROCESS_END_S`.
 
     It replaces the less useful error of the link that was lost because the process ended.
     """
-    deadline_s = wall_s() + timeout_s
+    deadline_s = wall_s() + PROCESS_END_S
     while wall_s() < deadline_s:
         wait([], 0.05)
         simulated.check()
