@@ -19,7 +19,7 @@ from sysid.control_analysis.control_systems import LoopSystem
 from sysid.control_analysis.loop_transfer import Margins
 from sysid.design import design_model
 from sysid.design.lqg import LqgDesign, loop_analysis
-from sysid.design.lqg.controller import DiscreteController
+from sysid.design.lqg.controller import ContinuousController
 from sysid.design.specification import Design
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
@@ -139,7 +139,7 @@ def export_lqg(
     )
 
 
-def _controller(controller: DiscreteController, plane: LinearPlane) -> LoopSystem:
+def _controller(controller: ContinuousController, plane: LinearPlane) -> LoopSystem:
     """Return a controller from measurements (relative to the set-point) to the command."""
     outputs = control_systems.plant(plane, loop_transfer.Lag(0.0), {}).output_labels
     system = control.ss(
@@ -156,7 +156,7 @@ def _controller(controller: DiscreteController, plane: LinearPlane) -> LoopSyste
 def _lqg_loops(
     plane: LinearPlane,
     lag: loop_transfer.Lag,
-    controller: DiscreteController,
+    controller: ContinuousController,
     names: tuple[str, str],
 ) -> dict[str, LoopSystem]:
     """Return the loops opened at the surface and at the outer outputs, as `loop_analysis.cuts`."""

@@ -1,7 +1,4 @@
-"""Difference of measured and simulated rates.
-
-Theil's coefficient, and the floor from noise alone.
-"""
+"""Errors of simulated rates: Theil's coefficient, and the floor from noise alone."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -30,15 +27,7 @@ class NoiseFloor(NamedTuple):
 
 
 def theil(measured: Array, simulated: Array) -> Theil:
-    """Theil's inequality coefficient U and the shares of the mean squared error (Theil 1966, ch.
-
-    2).
-
-    With y measured, s simulated, and e^2 the mean of (y - s)^2::
-
-        U = e / (sqrt(mean y^2) + sqrt(mean s^2))
-        bias = (mean y - mean s)^2 / e^2,    variance = (sd y - sd s)^2 / e^2
-        covariance = 1 - bias - variance
+    """Return Theil's inequality coefficient and the shares of the mean squared error.
 
     Parameters
     ----------
@@ -51,6 +40,14 @@ def theil(measured: Array, simulated: Array) -> Theil:
     -------
     Theil
         Coefficient and shares, zero for equal series.
+
+    Notes
+    -----
+    With y measured, s simulated, and e^2 the mean of (y - s)^2 (Theil 1966, ch. 2)::
+
+        U = e / (sqrt(mean y^2) + sqrt(mean s^2))
+        bias = (mean y - mean s)^2 / e^2,    variance = (sd y - sd s)^2 / e^2
+        covariance = 1 - bias - variance
     """
     mean_square = float(np.mean((measured - simulated) ** 2))
     rms_sum = np.sqrt(np.mean(measured**2)) + np.sqrt(np.mean(simulated**2))

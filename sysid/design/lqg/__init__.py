@@ -28,9 +28,9 @@ from sysid.design.constraints import Bounds, ConstraintViolation, min_bounds
 from sysid.design.design_model import DesignModel
 from sysid.design.lqg import loop_analysis, synthesis
 from sysid.design.lqg import weights as tuning
-from sysid.design.lqg.controller import DiscreteController, discretise
+from sysid.design.lqg.controller import ContinuousController, discretise
 from sysid.design.lqg.weights import PlaneRequirements, Reference
-from sysid.design.pid import VEHICLES, check_robustness
+from sysid.design.pid import VEHICLES, check_robustness, check_unique
 from sysid.design.pid.plane_search import DAMPING_FACTORS, ROBUST_ENOUGH
 from sysid.design.robustness import RELAXED, summarise
 from sysid.design.specification import (
@@ -50,10 +50,10 @@ Array = NDArray[np.float64]
 
 
 class LqgDesign(NamedTuple):
-    """Continuous-time controllers of both planes and their predicted performance."""
+    """Controllers of both planes and their predicted performance."""
 
-    heading: DiscreteController
-    depth: DiscreteController
+    heading: ContinuousController
+    depth: ContinuousController
     weights: dict[Plane, dict[str, float]]
     planes: Planes
     speed_mps: float
@@ -96,14 +96,9 @@ def design_lqg(
         it.
     """
     spec = spec or Spec()
-    if not model.convergence.agreed:
-        raise DesignInfeasibleError(
-            "the fit's starts disagree, so the model is not unique; record more tests and refit"
-        )
-    vehicle, vehicles = (
-        design_model.from_model(model, prior, spec.operating_depth_m),
-        list(design_model.sample_models(model, VEHICLES, prior)),
-    )
+    check_unique(model)
+    vehicle = design_model.from_model(model, prior, spec.operating_depth_m)
+    vehicles = list(design_model.sample_models(model, VEHICLES, prior))
     in_waves = disturbance_response.assume_waves(vehicle, initial, spec)
     reference = _reference_errors(in_waves, initial)
     try:
@@ -133,7 +128,7 @@ class _TunedController(NamedTuple):
     """Weights and the controller that follows from them."""
 
     weights: dict[str, float]
-    controller: DiscreteController
+    controller: ContinuousController
 
 
 def _tune(
@@ -150,10 +145,8 @@ def _tune(
         reference=reference,
         spec=spec,
     )
-    measured_planes, bounds = (
-        [loop_analysis.measured_plane(sample, plane) for sample in vehicles],
-        constraints.nominal(spec),
-    )
+    measured_planes = [loop_analysis.measured_plane(sample, plane) for sample in vehicles]
+    bounds = constraints.nominal(spec)
     best: _TunedController | None = None
     best_fraction, starts = -1.0, tuning.starts(task)
     for factor in (1.0, *DAMPING_FACTORS):
@@ -186,7 +179,7 @@ def _reference_errors(vehicle: DesignModel, gains: Gains) -> Reference:
 
 
 def predict_response(
-    vehicle: DesignModel, heading: DiscreteController, depth: DiscreteController
+    vehicle: DesignModel, heading: ContinuousController, depth: ContinuousController
 ) -> Response:
     """Return the standard deviations in closed loop, by disturbance and gyro noise (deg, m)."""
     yaw = loop_analysis.disturbance_response(
@@ -206,8 +199,8 @@ def predict_response(
 
 def robustness(
     vehicles: Sequence[DesignModel],
-    heading: DiscreteController,
-    depth: DiscreteController,
+    heading: ContinuousController,
+    depth: ContinuousController,
     spec: Spec,
 ) -> DesignRobustness | None:
     """Return the shares of vehicles that meet the limits, or None without vehicles."""
@@ -221,13 +214,10 @@ def robustness(
 
 
 def violations(
-    vehicle: DesignModel, heading: DiscreteController, depth: DiscreteController, bounds: Bounds
+    vehicle: DesignModel, heading: ContinuousController, depth: ContinuousController, bounds: Bounds
 ) -> ConstraintViolation:
     """Return the constraint violations of both planes on one vehicle."""
-    yaw, pitch = (
-        loop_analysis.measured_plane(vehicle, Plane.YAW),
-        loop_analysis.measured_plane(vehicle, Plane.PITCH),
-    )
+    yaw, pitch = (loop_analysis.measured_plane(vehicle, plane) for plane in Plane)
     return {
         **loop_analysis.violations(yaw, heading, bounds),
         **loop_analysis.violations(pitch, depth, bounds),
@@ -247,20 +237,16 @@ def autopilot_controllers(design: LqgDesign) -> LqgControllers:
     LqgControllers
         Controllers of heading and depth, discrete in time with the period of the tick.
     """
-    heading, depth = (
-        tick_controllers(design.heading, design.planes.yaw),
-        tick_controllers(design.depth, design.planes.pitch),
-    )
     return LqgControllers(
         speed_mps=design.speed_mps,
-        heading=heading,
-        depth=depth,
+        heading=tick_controllers(design.heading, design.planes.yaw),
+        depth=tick_controllers(design.depth, design.planes.pitch),
         pitch_per_metre=synthesis.pitch_per_metre(design.depth),
     )
 
 
 def tick_controllers(
-    controller: DiscreteController, plane: LinearPlane
+    controller: ContinuousController, plane: LinearPlane
 ) -> state_space.LqgController:
     """Return the discrete-time controller of one plane.
 

@@ -12,11 +12,11 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-class DiscreteController(NamedTuple):
-    """Controller x' = A x + B u + L y, u = F x.
+class ContinuousController(NamedTuple):
+    """Controller x' = A x + B u + L y, u = F x in continuous time.
 
-    y is the measurement relative to the set-point, u the command relative to its trim (rad). The
-    observer receives the limited command, so it does not wind up at a limit.
+    The measurement y is relative to the set-point, the command u to its trim (rad). The observer
+    receives the limited command, so it does not wind up at a limit.
     """
 
     A: Array
@@ -32,7 +32,7 @@ class DiscreteController(NamedTuple):
 
 
 class SampledController(NamedTuple):
-    """Controller x[k] = A x[k-1] + B u[k-1] + L (y[k-1] + y[k]) / 2, u = F x."""
+    """Controller x[k] = A x[k-1] + B u[k-1] + L (y[k-1] + y[k]) / 2, u = F x in discrete time."""
 
     A: Array
     B: Array
@@ -40,7 +40,7 @@ class SampledController(NamedTuple):
     F: Array
 
 
-def discretise(controller: DiscreteController, dt_s: float) -> SampledController:
+def discretise(controller: ContinuousController, dt_s: float) -> SampledController:
     """Return the controller in discrete time.
 
     The step is exact for a command that is constant over a sample and a measurement that is equal
@@ -53,7 +53,7 @@ def discretise(controller: DiscreteController, dt_s: float) -> SampledController
     return SampledController(A=step[:n, :n], B=step[:n, n], L=step[:n, n + 1 :], F=controller.F)
 
 
-def response(controller: DiscreteController, frequencies_radps: Array) -> ComplexArray:
+def response(controller: ContinuousController, frequencies_radps: Array) -> ComplexArray:
     """Return the response from y to u, (frequencies, outputs).
 
     F (s I - A - B F)^-1 L is evaluated as a sum over the modes of `closed`.
@@ -66,7 +66,7 @@ def response(controller: DiscreteController, frequencies_radps: Array) -> Comple
     )
 
 
-def close(controller: DiscreteController, A: Array, B: Array, C: Array) -> ClosedLoop:
+def close(controller: ContinuousController, A: Array, B: Array, C: Array) -> ClosedLoop:
     """Return the closed loop with the plant x' = A x + B u, y = C x; plant states come first."""
     closed = np.block([[A, np.outer(B, controller.F)], [controller.L @ C, controller.closed]])
     return ClosedLoop(closed, np.zeros(len(closed)))

@@ -17,7 +17,7 @@ from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import DesignModel, outputs
 from sysid.design.disturbance_response import NOISE_STEP_S, DisturbanceSource, disturbances
 from sysid.design.lqg import controller as lqg_controller
-from sysid.design.lqg.controller import DiscreteController
+from sysid.design.lqg.controller import ContinuousController
 from sysid.design.specification import Spec
 from sysid.models.linear_planes import LinearPlane
 from sysid.planes import PLANES, Plane
@@ -106,14 +106,14 @@ class Cuts(NamedTuple):
     """Loop opened at the error of heading or depth, inner loops closed."""
 
 
-def cuts(plane: MeasuredPlane, controller: DiscreteController) -> Cuts:
+def cuts(plane: MeasuredPlane, controller: ContinuousController) -> Cuts:
     """Return the opened loops of a plane with a controller.
 
     Parameters
     ----------
     plane : MeasuredPlane
         Plane with its responses on GRID_RADPS.
-    controller : DiscreteController
+    controller : ContinuousController
         Controller of the plane.
 
     Returns
@@ -136,7 +136,7 @@ def cuts(plane: MeasuredPlane, controller: DiscreteController) -> Cuts:
 
 def violations(
     plane: MeasuredPlane,
-    controller: DiscreteController,
+    controller: ContinuousController,
     bounds: Bounds,
     finishing: Spec | None = None,
 ) -> ConstraintViolation:
@@ -146,7 +146,7 @@ def violations(
     ----------
     plane : MeasuredPlane
         Plane with its outputs.
-    controller : DiscreteController
+    controller : ContinuousController
         Controller.
     bounds : Bounds
         Stability bounds.
@@ -179,7 +179,7 @@ def violations(
     return violated
 
 
-def _close(plane: MeasuredPlane, controller: DiscreteController) -> loop_state_space.ClosedLoop:
+def _close(plane: MeasuredPlane, controller: ContinuousController) -> loop_state_space.ClosedLoop:
     """Return the closed loop with a Pade delay."""
     A, B = loop_state_space.plane_with_tailcone(plane.plane, plane.lag, PADE_ORDER)
     C = np.zeros((plane.command.shape[1], len(B)))
@@ -201,7 +201,7 @@ class DisturbanceResponse(NamedTuple):
 
 
 def disturbance_response(
-    plane: MeasuredPlane, controller: DiscreteController
+    plane: MeasuredPlane, controller: ContinuousController
 ) -> DisturbanceResponse:
     """Return the standard deviations under the model's disturbance.
 

@@ -18,7 +18,7 @@ from sysid.control_analysis import loop_state_space
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.design.design_model import outputs
 from sysid.design.disturbance_response import DEPTH_RATE_S, NOISE_STEP_S
-from sysid.design.lqg.controller import DiscreteController
+from sysid.design.lqg.controller import ContinuousController
 from sysid.models import noise
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.noise import Noise
@@ -85,7 +85,7 @@ class AugmentedModel(NamedTuple):
 
 def controller(
     plane: LinearPlane, lag: Lag, disturbance: Noise, weights: Weights
-) -> DiscreteController:
+) -> ContinuousController:
     """Return the LQG controller of one plane.
 
     Parameters
@@ -101,7 +101,7 @@ def controller(
 
     Returns
     -------
-    DiscreteController
+    ContinuousController
         Observer A - L C and feedback F.
 
     Raises
@@ -111,7 +111,7 @@ def controller(
     """
     model = build_model(plane, lag, disturbance, weights)
     L = filter_gains(model)
-    return DiscreteController(A=model.A - L @ model.C, B=model.B, L=L, F=feedback(model, weights))
+    return ContinuousController(A=model.A - L @ model.C, B=model.B, L=L, F=feedback(model, weights))
 
 
 def build_model(
@@ -224,6 +224,6 @@ def equilibrium(model: AugmentedModel, held_state: int) -> tuple[Array, Array]:
     return at_rest[:load], at_rest[load]
 
 
-def pitch_per_metre(controller: DiscreteController) -> float:
+def pitch_per_metre(controller: ContinuousController) -> float:
     """Return the pitch command per metre of depth error (rad/m): a ratio of feedback gains."""
     return abs(float(controller.F[3] / controller.F[2]))

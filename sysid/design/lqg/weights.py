@@ -8,7 +8,7 @@ from sysid.design import constrained_search
 from sysid.design.constrained_search import MAX_VIOLATION, ConstrainedProblem, CostAndConstraints
 from sysid.design.constraints import Bounds
 from sysid.design.lqg import loop_analysis, synthesis
-from sysid.design.lqg.controller import DiscreteController
+from sysid.design.lqg.controller import ContinuousController
 from sysid.design.lqg.loop_analysis import MeasuredPlane
 from sysid.design.lqg.synthesis import Weights
 from sysid.design.specification import Spec
@@ -88,7 +88,7 @@ def tune(
     return constrained_search.solve(ConstrainedProblem({}, first, evaluate_weights))
 
 
-def controller_of(task: PlaneRequirements, weights: Mapping[str, float]) -> DiscreteController:
+def controller_of(task: PlaneRequirements, weights: Mapping[str, float]) -> ContinuousController:
     """Return the controller of given weights."""
     return synthesis.controller(
         task.plane.plane, task.plane.lag, task.disturbance, Weights(**weights)
@@ -96,7 +96,7 @@ def controller_of(task: PlaneRequirements, weights: Mapping[str, float]) -> Disc
 
 
 def evaluate(
-    task: PlaneRequirements, controller: DiscreteController, bounds: Bounds
+    task: PlaneRequirements, controller: ContinuousController, bounds: Bounds
 ) -> CostAndConstraints:
     """Return the relative error and the constraint violations of a controller."""
     spec, errors = task.spec, loop_analysis.disturbance_response(task.plane, controller)

@@ -112,7 +112,7 @@ def redesign(
     waves, subject to `Spec`, and to the limits of sampled vehicles (`plane_search`).
     """
     spec = spec or Spec()
-    _check_unique(model)
+    check_unique(model)
     depth_m = spec.operating_depth_m
     vehicle, loads = design_model.from_model(model, prior, depth_m), constant_loads(model)
     sample = partial(design_model.sample_models, model, VEHICLES, prior, depth_m=depth_m)
@@ -173,7 +173,7 @@ def keep(
     DesignInfeasibleError
         The model is not usable, or the gains do not meet the margins of the specification.
     """
-    _check_unique(model)
+    check_unique(model)
     vehicle = design_model.from_model(model, prior, spec.operating_depth_m)
     gains = {name: parameters[name] for name in PARAMETERS if name in parameters}
     flown = _initial_values(vehicle, gains, spec)
@@ -188,7 +188,7 @@ def keep(
     return design._replace(reasons=dict.fromkeys(flown, "the gains of the first dives, kept"))
 
 
-def _check_unique(model: IdentifiedModel) -> None:
+def check_unique(model: IdentifiedModel) -> None:
     """Raise DesignInfeasibleError if the fit has several solutions."""
     if not model.convergence.agreed:
         raise DesignInfeasibleError(
@@ -296,10 +296,7 @@ def _recommended_test(model: IdentifiedModel, worst: str) -> str:
 
 def constant_loads(model: IdentifiedModel) -> Loads:
     """Return the constant loads of a model; biases include three standard deviations."""
-    yaw, pitch = (
-        model.planes[Plane.YAW].actuator_bias_deg,
-        model.planes[Plane.PITCH].actuator_bias_deg,
-    )
+    yaw, pitch = (model.planes[plane].actuator_bias_deg for plane in Plane)
     return Loads(
         level_pitch_rad=math.radians(model.vehicle.level_pitch_deg),
         rudder_rad=math.radians(abs(yaw.value) + 3.0 * (yaw.sd or 0.0)),

@@ -49,12 +49,12 @@ class _Prediction(NamedTuple):
 def predictor(
     frame: LinearModelStructure, records: Sequence[LinearRun], level: Noise, unit_filter: Filter
 ) -> Objective:
-    """Cost function of the one-step predictions: each candidate plane has its own noise filter.
+    """Return the cost function of the one-step predictions.
 
-    The innovations are scaled with the whiteners of the filter ``units``. The filter keeps the
-    state of a candidate near the measured motion, even if the candidate is unstable, so that this
-    cost function converges from far away. With fixed units its minimum is consistent without the
-    determinant of the likelihood (Ljung 1999, 7.2).
+    Each candidate plane has its own noise filter, which keeps its state near the measured motion
+    even if the candidate is unstable: the search converges from far away. The innovations of all
+    candidates are scaled with the whiteners of ``unit_filter``. With such fixed units the minimum
+    is consistent without the determinant of the likelihood (Ljung 1999, 7.2).
     """
     coefficient_count = len(NUMBERS[frame.plane])
     stored: dict[bytes, _Prediction] = {}
@@ -108,11 +108,11 @@ def predictor(
 def whiten_residuals(
     frame: LinearModelStructure, records: Sequence[LinearRun], by_filter: Filter
 ) -> Objective:
-    """Cost function of residuals that one fixed filter whitens: generalised least squares.
+    """Return the cost function of residuals that one fixed filter whitens.
 
-    Only the response to commands counts as information about the plane. The colour of the
-    disturbance also depends on the poles, but through the noise model; its information would make
-    the estimate appear too certain.
+    This is generalised least squares. Only the response to commands counts as information about the
+    plane. The colour of the disturbance also depends on the poles, but through the noise model; its
+    information would make the estimate appear too certain.
     """
 
     def residuals(values: Array) -> Array:

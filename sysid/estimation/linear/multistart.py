@@ -11,7 +11,7 @@ from mavlink_io.errors import ErrorCode, OperationError
 from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.objective import Objective
 from sysid.estimation.linear.records import LinearPrior
-from sysid.estimation.map.fit import START_COST_TOLERANCE
+from sysid.estimation.map.convergence import START_COST_TOLERANCE
 
 Array = NDArray[np.float64]
 
@@ -61,9 +61,7 @@ def search(
     ftol: float = FINE_TOLERANCE,
     max_evaluations: int = 60,
 ) -> SearchResult:
-    """Nonlinear least squares within the prior's bounds (trust region reflective, Branch et al.
-
-    1999).
+    """Minimise the objective within the prior's bounds.
 
     Parameters
     ----------
@@ -82,6 +80,10 @@ def search(
     -------
     SearchResult
         Values, cost and number of evaluations.
+
+    Notes
+    -----
+    Nonlinear least squares by the trust region reflective method (Branch et al. 1999).
     """
     scale, margin = prior.spread, 1e-6 * (prior.highest - prior.lowest)
     solution = least_squares(

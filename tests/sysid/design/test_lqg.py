@@ -18,7 +18,7 @@ from sysid.design import lqg as optimal
 from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel, build, outputs
 from sysid.design.lqg import controller as lqg_controller
 from sysid.design.lqg import loop_analysis, synthesis, weights
-from sysid.design.lqg.controller import DiscreteController
+from sysid.design.lqg.controller import ContinuousController
 from sysid.design.lqg.synthesis import AugmentedModel
 from sysid.design.specification import DesignInfeasibleError
 from sysid.models import noise
@@ -38,7 +38,7 @@ def vehicle() -> DesignModel:
     return build(planes, LAG, LAG, dict.fromkeys(PLANES, DEFAULT_DISTURBANCE))
 
 
-def designed(vehicle: DesignModel, plane: Plane) -> tuple[AugmentedModel, DiscreteController]:
+def designed(vehicle: DesignModel, plane: Plane) -> tuple[AugmentedModel, ContinuousController]:
     linear = vehicle.planes[PLANES[plane].index]
     return synthesis.build_model(linear, LAG, SEA, WEIGHTS[plane]), synthesis.controller(
         linear, LAG, SEA, WEIGHTS[plane]
@@ -174,7 +174,7 @@ def test_gain_margin_true_delay_is_the_stability_limit(vehicle: DesignModel) -> 
         assert (growth(vehicle, controller, factor) < 1.0) == stable
 
 
-def growth(vehicle: DesignModel, controller: DiscreteController, factor: float) -> float:
+def growth(vehicle: DesignModel, controller: ContinuousController, factor: float) -> float:
     """Return late over early amplitude of the heading; the observer receives its own command."""
     dt, plane, ticked = TICK_S, vehicle.planes.yaw, lqg_controller.discretise(controller, TICK_S)
     wn, zeta = LAG.natural_frequency_radps, LAG.damping_ratio
