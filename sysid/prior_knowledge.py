@@ -12,8 +12,8 @@ from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig, VehicleFileError
 from sysid.data.runs import Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import Prior
+from sysid.estimation.map import steady_state
+from sysid.estimation.map.problem import Prior
 from sysid.models import model_file as models
 from sysid.models import parameters, prediction
 from sysid.models.bench_priors import BenchMeasurement
@@ -65,7 +65,7 @@ def prior_of(
         Mean and covariance of z, in prior standard deviations, and actuator biases (rad).
     """
     if earlier is None:
-        biases = fit.trim_biases(prior, build_model.build(prior), runs)
+        biases = steady_state.trim_biases(prior, build_model.build(prior), runs)
         return Prior(
             config=prior,
             biases_rad=biases,

@@ -24,7 +24,8 @@ from sysid.data.segments import MarkedInterval
 from sysid.estimation.linear import report as linear
 from sysid.estimation.linear.multistart import NotUniqueError as NotUniqueError
 from sysid.estimation.map import fit, intervals
-from sysid.estimation.map.fit import Prior, Progress
+from sysid.estimation.map.fit import Progress
+from sysid.estimation.map.problem import Prior
 from sysid.models import bench_priors, model_export, parameters, prediction
 from sysid.models.bench_priors import BenchResultError as BenchResultError
 from sysid.models.model_file import AlternativeFit, DataFile, IdentifiedModel, Method

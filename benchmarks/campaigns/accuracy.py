@@ -27,7 +27,7 @@ from mavlink_io import toml_io
 from mavlink_io.errors import InputError
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models import linear_planes, model_file, prediction
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import Plane
@@ -113,7 +113,7 @@ def _plane_errors(
     truth: CandidateVehicle,
 ) -> PlaneErrors:
     """Return the errors of one plane."""
-    true_numbers = linear_planes.small_signal(fit.linear_plane(truth, plane))._asdict()
+    true_numbers = linear_planes.small_signal(steady_state.linear_plane(truth, plane))._asdict()
     at = model.validation[plane].crossover
     assert at is not None
     gain_db, phase_deg = crossover.errors_at(identified, truth, plane, at.crossover_radps)

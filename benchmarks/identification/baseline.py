@@ -21,7 +21,7 @@ from sysid.estimation.linear import response
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
 from sysid.estimation.linear.records import LinearPrior, LinearRun
 from sysid.estimation.linear.response import DT
-from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.map.datasets import STRIDE
 
 Array = NDArray[np.float64]
 Simulator = Callable[[LinearModel, LinearRun], Array]

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 
@@ -18,7 +18,7 @@ def response(vehicle: CandidateVehicle, plane: Plane, omega_radps: float) -> com
 
     G(s) = C (s I - A)^-1 B  wn^2 / (s^2 + 2 zeta wn s + wn^2)  exp(-s T).
     """
-    linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
+    linear, actuator = steady_state.linear_plane(vehicle, plane), vehicle.actuators[plane]
     s, wn = 1j * omega_radps, actuator.natural_frequency_radps
     states = np.linalg.solve(s * np.eye(len(linear.A)) - linear.A, linear.B)
     lag = wn**2 / (s**2 + 2.0 * actuator.damping_ratio * wn * s + wn**2)

@@ -16,8 +16,9 @@ from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from sitl.vehicle import build_model
 from sysid.data.runs import Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.map import fit, steady_state
+from sysid.estimation.map.fit import Fit
+from sysid.estimation.map.problem import Prior
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
 from sysid.test_design import plan, simulate
@@ -73,7 +74,7 @@ def fitted(case: Case, runs: Sequence[Run]) -> tuple[Prior, Fit]:
 
     Other starts are not searched: those of all 320 fits of the cell led to the same optimum.
     """
-    biases = fit.trim_biases(case.prior, build_model.build(case.prior), list(runs))
+    biases = steady_state.trim_biases(case.prior, build_model.build(case.prior), list(runs))
     prior = Prior(case.prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
     return prior, fit.fit(runs, prior, starts=0)
 

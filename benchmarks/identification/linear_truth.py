@@ -19,7 +19,7 @@ from sysid.estimation.linear import records, response
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.records import LinearPrior, LinearRun
 from sysid.estimation.linear.response import DT, SurfaceCommand
-from sysid.estimation.map import fit
+from sysid.estimation.map.problem import Prior
 from sysid.models import noise, parameters
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.noise import Noise
@@ -171,7 +171,7 @@ def true_plant(vehicle: str, plane: Plane) -> LinearModel:
 @cache
 def prior_belief(vehicle: str, plane: Plane) -> LinearPrior:
     """Return the prior of the vehicle file with zero bias and zero level pitch."""
-    prior = fit.Prior(
+    prior = Prior(
         vehicles.case(vehicle).prior,
         {Plane.YAW: 0.0, Plane.PITCH: 0.0},
         np.zeros(len(NAMES)),

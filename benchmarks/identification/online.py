@@ -12,8 +12,9 @@ from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
 from sitl.vehicle.config import VehicleFileError
 from sysid.data.runs import Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.map import fit, steady_state
+from sysid.estimation.map.fit import Fit
+from sysid.estimation.map.problem import Prior
 from sysid.estimation.recursive import (
     estimator,
     intervals,
@@ -77,7 +78,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     began_s = process_time()
     known = learn(estimator.prior_knowledge(prior), runs)
     spent_s = process_time() - began_s
-    together = prior._replace(biases_rad=fit.trim_biases(case.prior, first.model, runs))
+    together = prior._replace(biases_rad=steady_state.trim_biases(case.prior, first.model, runs))
     try:  # without other starts: those of all 800 fits of the cell led to the same optimum
         batch: Fit | None = fit.fit(runs, together, starts=0)
     except VehicleFileError:  # the batch search reached an impossible vehicle

@@ -19,8 +19,10 @@ from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
 from sysid import prior_knowledge
 from sysid.data.runs import RATE_HZ, Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.map import fit, steady_state
+from sysid.estimation.map.convergence import START_COST_TOLERANCE
+from sysid.estimation.map.fit import Fit
+from sysid.estimation.map.problem import Prior
 from sysid.models import linear_planes, model_export, parameters, prediction
 from sysid.models.parameters import NAMES, CandidateVehicle
 from sysid.planes import PLANES, Plane
@@ -192,7 +194,7 @@ def covered(campaign: Campaign) -> list[float]:
     held = []
     for plane in Plane:
         true = linear_planes.small_signal(
-            fit.linear_plane(vehicles.nominal(campaign.case.truth), plane)
+            steady_state.linear_plane(vehicles.nominal(campaign.case.truth), plane)
         )
         values = {**true._asdict(), "delay_s": campaign.case.truth.tailcone.delay_s}
         for name in DESIGN:
@@ -210,7 +212,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
         value for plane in Plane for value in crossover.errors(done.case, done.found.vehicle, plane)
     ]
     agreed = all(
-        abs(cost - done.found.cost) <= fit.START_COST_TOLERANCE * done.found.cost
+        abs(cost - done.found.cost) <= START_COST_TOLERANCE * done.found.cost
         for cost in done.found.start_costs
     )
     return [

@@ -20,9 +20,10 @@ from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
 from sitl.vehicle import build_model
 from sysid.data.runs import RATE_HZ, Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.datasets import with_coupling_inputs
-from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.map import fit, steady_state
+from sysid.estimation.map.datasets import dataset, with_coupling_inputs
+from sysid.estimation.map.fit import Fit
+from sysid.estimation.map.problem import Prior
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
@@ -102,7 +103,7 @@ def reference(vehicle: str, wave: Wave) -> tuple[Fit, Prior]:
     """Return the fit of a clean campaign, which all trials of a cell use."""
     case = vehicles.case(vehicle)
     runs = [flown(case, test, wave, REFERENCE_SEED + k) for k, test in enumerate(tests(case, wave))]
-    biases = fit.trim_biases(case.prior, build_model.build(case.prior), runs)
+    biases = steady_state.trim_biases(case.prior, build_model.build(case.prior), runs)
     prior = Prior(case.prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
     return fit.fit(runs, prior), prior
 
@@ -183,7 +184,7 @@ def _of(found: Fit, runs: Sequence[Run]) -> Fit:
     """Return the reference fit with the runs of a campaign."""
     datasets = {
         plane: tuple(
-            with_coupling_inputs(found.vehicle, fit.dataset(r)) for r in runs if r.plane == plane
+            with_coupling_inputs(found.vehicle, dataset(r)) for r in runs if r.plane == plane
         )
         for plane in Plane
     }

@@ -16,7 +16,7 @@ import numpy as np
 
 from sitl.vehicle import config
 from sitl.vehicle.config import VehicleConfig
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models import linear_planes, parameters
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
@@ -43,15 +43,14 @@ class Case(NamedTuple):
 
     def scale(self, plane: Plane) -> float:
         """Return the ratio of this vehicle's test size to Caribou's, inverse to effectiveness."""
-        return CARIBOU_TURN_PER_S2 / abs(
-            linear_planes.small_signal(fit.linear_plane(nominal(self.prior), plane)).b1_per_s2
-        )
+        linear = steady_state.linear_plane(nominal(self.prior), plane)
+        return CARIBOU_TURN_PER_S2 / abs(linear_planes.small_signal(linear).b1_per_s2)
 
     @property
     def trim_rad(self) -> tuple[float, float]:
         """Trims that a trim dive would measure, rounded to half a degree."""
         half = math.radians(0.5)
-        level = fit.level_elevator_rad(self.truth, nominal(self.truth).model)
+        level = steady_state.level_elevator_rad(self.truth, nominal(self.truth).model)
         wanted = (
             -math.radians(self.truth.tailcone.rudder_bias_deg),
             level - math.radians(self.truth.tailcone.elevator_bias_deg),

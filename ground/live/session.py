@@ -12,7 +12,7 @@ from ground.live.estimate import EstimateStatus, LiveEstimate
 from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 from mavlink_io.errors import InputError
-from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.map.datasets import STRIDE
 from sysid.estimation.recursive import estimator, intervals, prior, report
 from sysid.estimation.recursive.estimator import Knowledge
 from sysid.estimation.recursive.prediction import START_STEPS, TestSamples

@@ -13,7 +13,7 @@ from sysid.control_analysis.loop_transfer import Gains, Lag, Responses
 from sysid.control_analysis.margins import Analysis, Planes, analyse
 from sysid.design.specification import OPERATING_DEPTH_M
 from sysid.estimation.map import model_error
-from sysid.estimation.map.fit import linear_plane
+from sysid.estimation.map.steady_state import linear_plane
 from sysid.models import noise, parameters, prediction
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, pitch_plane, yaw_plane

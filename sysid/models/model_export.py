@@ -6,10 +6,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.estimation.map import bounds
-from sysid.estimation.map import fit as fits
+from sysid.estimation.map import bounds, steady_state
 from sysid.estimation.map.convergence import DESIGN_NUMBERS, START_COST_TOLERANCE, failures
-from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.map.fit import Fit
+from sysid.estimation.map.problem import Prior
 from sysid.models import delta_method, linear_planes, noise, parameters, prediction
 from sysid.models.linear_planes import SmallSignal
 from sysid.models.model_file import (
@@ -124,7 +124,7 @@ def _derived(vehicle: parameters.CandidateVehicle) -> Array:
     rows: list[float] = []
     for plane in Plane:
         actuator = vehicle.actuators[plane]
-        rows += linear_planes.small_signal(fits.linear_plane(vehicle, plane))
+        rows += linear_planes.small_signal(steady_state.linear_plane(vehicle, plane))
         rows += [actuator.delay_s, math.degrees(actuator.bias_rad)]
     return np.array(rows)
 
@@ -295,8 +295,8 @@ def _vehicle(fit: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
         crossflow_cd=ratio("crossflow_cd", config.damping.crossflow_cd),
         natural_frequency_radps=ratio("natural_frequency", tailcone.natural_frequency_radps),
         damping_ratio=ratio("damping_ratio", tailcone.damping_ratio),
-        level_elevator_deg=math.degrees(fits.level_elevator_rad(config, fit.vehicle.model)),
-        level_pitch_deg=math.degrees(fits.level_pitch_rad(config, fit.vehicle.model)),
+        level_elevator_deg=math.degrees(steady_state.level_elevator_rad(config, fit.vehicle.model)),
+        level_pitch_deg=math.degrees(steady_state.level_pitch_rad(config, fit.vehicle.model)),
         file=prior.config,
     )
 
@@ -446,8 +446,8 @@ def from_paper(plane_fits: dict[Plane, PlaneFit], prior: Prior, prior_name: str)
             crossflow_cd=ParameterEstimate(config.damping.crossflow_cd, 0.0),
             natural_frequency_radps=ParameterEstimate(config.tailcone.natural_frequency_radps, 0.0),
             damping_ratio=ParameterEstimate(config.tailcone.damping_ratio, 0.0),
-            level_elevator_deg=math.degrees(fits.level_elevator_rad(config, nominal.model)),
-            level_pitch_deg=math.degrees(fits.level_pitch_rad(config, nominal.model)),
+            level_elevator_deg=math.degrees(steady_state.level_elevator_rad(config, nominal.model)),
+            level_pitch_deg=math.degrees(steady_state.level_pitch_rad(config, nominal.model)),
             file=prior.config,
         ),
         noise={},

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid.data.runs import Run
-from sysid.estimation.map.fit import cruise_speed_mps
+from sysid.estimation.map.steady_state import cruise_speed_mps
 from sysid.models import greybox, parameters
 from sysid.models.model_file import IdentifiedModel, RunQuality
 from sysid.models.parameters import NAMES, CandidateVehicle

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mavlink_io.jit import entry_point
 from sysid.control_analysis.loop_transfer import TICK_S
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models import noise
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
@@ -40,7 +40,7 @@ class ShapingFilter(NamedTuple):
 
 def of_plane(vehicle: CandidateVehicle, plane: Plane, level: Noise) -> ShapingFilter:
     """Return the shaping filter of one plane at the autopilot's tick."""
-    linear = fit.linear_plane(vehicle, plane)
+    linear = steady_state.linear_plane(vehicle, plane)
     A, density, _, _, P0 = noise.system(linear, level)
     n = len(linear.states)
     disturbance_states = slice(n, n + 3)

@@ -7,7 +7,7 @@ import numpy as np
 from sitl.vehicle import build_model
 from sitl.vehicle.config import VehicleConfig
 from sysid.data.runs import Run
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
@@ -34,6 +34,6 @@ def adjust(runs: Sequence[Run], prior: VehicleConfig) -> dict[Plane, PlaneFit]:
         Fit of each plane with its error after each step.
     """
     steps = [run for run in runs if run.wave == "step" and abs(run.magnitude_deg) < MAX_STEP_DEG]
-    biases = fit.trim_biases(prior, build_model.build(prior), steps)
+    biases = steady_state.trim_biases(prior, build_model.build(prior), steps)
     nominal = parameters.candidate_vehicle(prior, biases, np.zeros(len(NAMES)))
     return paper_method.fit(steps, prior, nominal.actuators)

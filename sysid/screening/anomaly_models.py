@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import propeller
 from sysid.data.runs import RATE_HZ, Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import Dataset
+from sysid.estimation.map import steady_state
+from sysid.estimation.map.datasets import STRIDE, Dataset
 from sysid.models import greybox, linear_planes, noise
 from sysid.models.noise import Filter
 from sysid.models.parameters import CandidateVehicle
@@ -76,7 +76,7 @@ def signatures(
         Sizes are duct angles (deg), angular accelerations (deg/s^2) or relative errors (%).
     """
     run, actuator = dataset.run, vehicle.actuators[dataset.run.plane]
-    speed_mps = fit.cruise_speed_mps(vehicle, float(run.thrust[0]))
+    speed_mps = steady_state.cruise_speed_mps(vehicle, float(run.thrust[0]))
     duct = greybox.duct_along(run, run.plane, actuator)
     scaled_duct = greybox.duct_along(_scale_deflections(run), run.plane, actuator)
     first, faster_start = (
@@ -100,7 +100,7 @@ def signatures(
         by_track = np.moveaxis(noise.whiten_columns(outputs, noise_filter), -1, 0)
         return np.ascontiguousarray(by_track).reshape(len(tracks), -1) / size
 
-    slip_times_s, no_time = run.time_s[rows * fit.STRIDE], np.array([math.nan])
+    slip_times_s, no_time = run.time_s[rows * STRIDE], np.array([math.nan])
     per_degree, percents = white(slip_tracks, math.degrees(SMALL_RAD)), 100.0 * SMALL_SHARE
     return [
         Signature(kind="actuator slip", times_s=slip_times_s, white=per_degree, unit="deg"),
@@ -153,7 +153,7 @@ def sizes_of_test(vehicle: CandidateVehicle, run: Run) -> dict[Kind, float]:
 
 def _rows(seconds: float) -> int:
     """Return the number of fit samples in a time span."""
-    return round(seconds * RATE_HZ / fit.STRIDE)
+    return round(seconds * RATE_HZ / STRIDE)
 
 
 def _simulate_slip(
@@ -167,7 +167,7 @@ def _simulate_slip(
         vehicle,
         dataset,
         nominal_track[row],
-        duct_rad[row * fit.STRIDE :] + SMALL_RAD,
+        duct_rad[row * STRIDE :] + SMALL_RAD,
         first_row=row,
     )
     return np.vstack([nominal_track[:row], changed_track])
@@ -188,7 +188,7 @@ def _track(
     ``speed_ratio`` scales the shaft speed and a measured speed; ``first`` is the state at row
     ``first_row``.
     """
-    run, model, first_sample = dataset.run, vehicle.model, first_row * fit.STRIDE
+    run, model, first_sample = dataset.run, vehicle.model, first_row * STRIDE
     rps = speed_ratio * run.thrust[first_sample:] * propeller.rps(1.0, model)
     cross_plane_inputs = (
         None
@@ -199,7 +199,7 @@ def _track(
         first,
         duct_rad,
         rps,
-        fit.STRIDE,
+        STRIDE,
         1.0 / RATE_HZ,
         PLANES[run.plane].is_yaw,
         greybox.constraint(model, run.plane),
@@ -260,4 +260,4 @@ def _pulses(steps: Array) -> Array:
 
 def _push_per_s2(vehicle: CandidateVehicle, run: Run) -> float:
     """Angular acceleration per unit of duct angle, 1/s^2."""
-    return linear_planes.small_signal(fit.linear_plane(vehicle, run.plane)).b1_per_s2
+    return linear_planes.small_signal(steady_state.linear_plane(vehicle, run.plane)).b1_per_s2

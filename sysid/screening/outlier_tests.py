@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from sysid.data.runs import Run
-from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.map.fit import Fit
+from sysid.estimation.map.problem import Prior
 from sysid.planes import PLANES, Plane
 from sysid.screening import whitened_residuals
 from sysid.screening.anomaly_models import GUST_S, Kind

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import msgspec
 
 from sysid.data.runs import Run
-from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.map.fit import Fit
+from sysid.estimation.map.problem import Prior
 from sysid.models.model_file import IdentifiedModel, ParameterEstimate, Shift
 from sysid.screening.outlier_tests import RunScreening, find_outliers
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.map.datasets import STRIDE
 from sysid.screening.anomaly_models import departure_rad
 from sysid.screening.score_test import Scores, scores
 from sysid.screening.whitened_residuals import Residuals, RunResiduals

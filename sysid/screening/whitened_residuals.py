@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.fit import Dataset, Fit, Prior
+from sysid.estimation.map.datasets import Dataset
+from sysid.estimation.map.fit import Fit
 from sysid.estimation.map.intervals import problem_at_estimate
+from sysid.estimation.map.problem import Prior
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 from sysid.screening.anomaly_models import Kind, Signature, signatures, size_rad, sizes_of_test

@@ -17,7 +17,7 @@ from sysid.data.dataset import Log
 from sysid.data.runs import Run
 from sysid.design import pid
 from sysid.design.specification import Design, DesignInfeasibleError, Spec
-from sysid.estimation.map.fit import Prior
+from sysid.estimation.map.problem import Prior
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import samples, simulate

@@ -15,7 +15,7 @@ from scipy.linalg import expm
 from mavlink_io.jit import entry_point
 from sysid.control_analysis.loop_transfer import SAMPLING_S, Gains
 from sysid.data.runs import RATE_HZ
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models import noise
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
@@ -68,7 +68,7 @@ def of_vehicle(vehicle: CandidateVehicle, plane: Plane, gains: Gains, level: Noi
     Loop
         At the autopilot's tick; the transition is the matrix exponential over `DT`.
     """
-    linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
+    linear, actuator = steady_state.linear_plane(vehicle, plane), vehicle.actuators[plane]
     disturbance, density, _, _, P0 = noise.system(linear, level)
     n, m = linear.A.shape[0], disturbance.shape[0]
     wn_radps, zeta = actuator.natural_frequency_radps, actuator.damping_ratio

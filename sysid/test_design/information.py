@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.data.runs import RATE_HZ
-from sysid.estimation.map import fit
+from sysid.estimation.map import datasets, steady_state
+from sysid.estimation.map.datasets import STRIDE
 from sysid.models import linear_planes, noise
 from sysid.models.parameters import NAMES, PARAMETERS
 from sysid.planes import Plane
@@ -72,19 +73,19 @@ def sensitivities(prior: DesignPrior, manoeuvres: Sequence[Manoeuvre], gains: Ga
     base = prior.vehicle(prior.mean)
     trim = design_priors.level_flight(base, plane)
     loop = loops.of_vehicle(base, plane, gains, prior.noise[plane])
-    experiments = [fit.dataset(as_run(m, trim, _command_rad(m, loop))) for m in manoeuvres]
+    experiments = [datasets.dataset(as_run(m, trim, _command_rad(m, loop))) for m in manoeuvres]
     longest = max(len(e.measured) for e in experiments)
     whitening = noise.build(
-        fit.linear_plane(base, plane), prior.noise[plane], fit.STRIDE / RATE_HZ, longest
+        steady_state.linear_plane(base, plane), prior.noise[plane], STRIDE / RATE_HZ, longest
     )
-    residuals = fit.residuals(base, experiments)
+    residuals = datasets.residuals(base, experiments)
     jacobians = [np.zeros((*r.shape, len(NAMES))) for r in residuals]
     for i, parameter in enumerate(PARAMETERS):
         if plane not in parameter.planes:
             continue
         perturbed = prior.vehicle(prior.mean + STEP * np.eye(len(NAMES))[i])
         for jacobian, residual, perturbed_residual in zip(
-            jacobians, residuals, fit.residuals(perturbed, experiments), strict=True
+            jacobians, residuals, datasets.residuals(perturbed, experiments), strict=True
         ):
             jacobian[:, :, i] = noise.whiten_residual(
                 (perturbed_residual - residual) / STEP, whitening
@@ -134,7 +135,7 @@ def slopes(prior: DesignPrior, plane: Plane) -> Slopes:
     def transfer(z: Array) -> Array:
         """Return b1, b0, a1, a0 and the delay."""
         vehicle = prior.vehicle(z)
-        linear = fit.linear_plane(vehicle, plane)
+        linear = steady_state.linear_plane(vehicle, plane)
         A, B = linear.A[:2, :2], linear.B[:2]
         b0 = float(A[1, 0] * B[0] - A[0, 0] * B[1])
         return np.array(
@@ -148,7 +149,7 @@ def slopes(prior: DesignPrior, plane: Plane) -> Slopes:
     def reported(z: Array) -> Array:
         """Return the reported parameters."""
         vehicle = prior.vehicle(z)
-        small_signal = linear_planes.small_signal(fit.linear_plane(vehicle, plane))
+        small_signal = linear_planes.small_signal(steady_state.linear_plane(vehicle, plane))
         return np.array([*small_signal[:4], vehicle.actuators[plane].delay_s])
 
     sizes = np.abs(reported(prior.mean))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models import linear_planes
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2
@@ -203,7 +203,7 @@ def _plane_knowledge(prior: DesignPrior, plane: Plane, request: PlanRequest) -> 
 
 def scale(prior: DesignPrior, plane: Plane) -> float:
     """Return the surface angle that has the effect of one degree on Caribou (deg/deg)."""
-    linear = fit.linear_plane(prior.vehicle(prior.mean), plane)
+    linear = steady_state.linear_plane(prior.vehicle(prior.mean), plane)
     return CARIBOU_TURN_PER_S2 / abs(linear_planes.small_signal(linear).b1_per_s2)
 
 
@@ -213,7 +213,7 @@ def _max_duration_s(samples: list[VehicleSample], plane: Plane, quantile: float)
     It is `MAX_LOG_GROWTH` over this quantile of the samples' growth rates.
     """
     growth_rates = [
-        float(np.max(np.linalg.eigvals(fit.linear_plane(sample.vehicle, plane).A).real))
+        float(np.max(np.linalg.eigvals(steady_state.linear_plane(sample.vehicle, plane).A).real))
         for sample in samples
     ]
     return MAX_LOG_GROWTH / max(float(np.quantile(growth_rates, quantile)), 1e-3)

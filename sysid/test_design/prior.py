@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig
 from sysid import prior_knowledge, refit
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models import model_file as models
 from sysid.models import noise, parameters, prediction
 from sysid.models.model_file import IdentifiedModel
@@ -190,14 +190,14 @@ def level_flight(vehicle: CandidateVehicle, plane: Plane) -> SimulatedLevelFligh
         Trim of the surface (rad), thrust, speed (m/s) and pitch (rad).
     """
     thrust = vehicle.config.operating_point.thrust_fraction
-    speed_mps = fit.cruise_speed_mps(vehicle, thrust)
+    speed_mps = steady_state.cruise_speed_mps(vehicle, thrust)
     bias_rad = vehicle.actuators[plane].bias_rad
     is_yaw = PLANES[plane].is_yaw
     return SimulatedLevelFlight(
-        trim_rad=fit.level_surface_rad(vehicle, plane) - bias_rad,
+        trim_rad=steady_state.level_surface_rad(vehicle, plane) - bias_rad,
         thrust=thrust,
         speed_mps=speed_mps,
-        pitch_rad=0.0 if is_yaw else fit.level_pitch_rad(vehicle.config, vehicle.model),
+        pitch_rad=0.0 if is_yaw else steady_state.level_pitch_rad(vehicle.config, vehicle.model),
     )
 
 

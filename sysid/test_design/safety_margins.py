@@ -12,7 +12,8 @@ from scipy.special import ndtr
 from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.data.runs import RATE_HZ
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
+from sysid.estimation.map.datasets import STRIDE
 from sysid.models import greybox, noise
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle, feasible_samples
@@ -25,7 +26,7 @@ from sysid.test_design.simulate import Manoeuvre, SimulatedLevelFlight, as_run, 
 
 Array = NDArray[np.float64]
 
-DT = fit.STRIDE / RATE_HZ
+DT = STRIDE / RATE_HZ
 """Sample interval of motion (s)."""
 TRIM_SD_RAD = math.radians(0.15)
 """Standard deviation of a trim measured in flight (rad)."""
@@ -196,7 +197,7 @@ def _free_motion(
 
     x[k+1] = Phi x[k] + w[k] with the covariance Q of w from the noise model (Van Loan 1978).
     """
-    linear = fit.linear_plane(vehicle, plane)
+    linear = steady_state.linear_plane(vehicle, plane)
     A, density, _, _, P0 = noise.system(linear, level)
     transition, process = noise.discrete(A, density, DT)
     spread = np.sqrt(np.diag(P0))
@@ -220,7 +221,7 @@ def _held_motion(
     response = loops.simulate(loop, plane, np.zeros(len(kicks)), kicks)
     with np.errstate(over="ignore", invalid="ignore"):  # an unstable loop grows without limit
         command_2sd_rad = 2.0 * float(np.std(response.command_rad[settling:]))
-    return response.motion[settling :: fit.STRIDE], command_2sd_rad
+    return response.motion[settling::STRIDE], command_2sd_rad
 
 
 class TestResponse(NamedTuple):
@@ -263,9 +264,7 @@ def responses(manoeuvre: Manoeuvre, samples: Sequence[VehicleSample]) -> list[Te
 
 def _closed_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResponse:
     """Return the linear response with the loop on."""
-    answer = loops.simulate(sample.loop, manoeuvre.plane, signal_rad(manoeuvre)).motion[
-        :: fit.STRIDE
-    ]
+    answer = loops.simulate(sample.loop, manoeuvre.plane, signal_rad(manoeuvre)).motion[::STRIDE]
     level = np.array([0.0, sample.still.pitch_rad, 0.0])
     return TestResponse(answer, sample.held_motion[: len(answer)] + level)
 
@@ -281,7 +280,7 @@ def _open_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResp
     )
     actuator = sample.vehicle.actuators[manoeuvre.plane]
     simulated = greybox.simulate(
-        sample.vehicle.model, actuator, run, start, fit.STRIDE, sample.still.speed_mps
+        sample.vehicle.model, actuator, run, start, STRIDE, sample.still.speed_mps
     )
     depth_m = simulated.depth_m - start.depth_m
     track = np.column_stack([simulated.rate_radps, simulated.angle_rad, depth_m])

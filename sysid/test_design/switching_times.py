@@ -15,7 +15,7 @@ from scipy.optimize import differential_evolution
 
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.data.runs import RATE_HZ
-from sysid.estimation.map import fit
+from sysid.estimation.map.datasets import STRIDE
 from sysid.planes import Plane
 from sysid.test_design import information, safety_margins
 from sysid.test_design.prior import DesignPrior
@@ -30,7 +30,7 @@ GENERATIONS, POPULATION = 12, 3
 """Number of generations, and population per interval."""
 N_SAMPLES = 16
 """Number of vehicle samples in the search; the final size uses all of them."""
-STEP_HZ = RATE_HZ / fit.STRIDE
+STEP_HZ = RATE_HZ / STRIDE
 """Sample rate of the search (Hz)."""
 
 

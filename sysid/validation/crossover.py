@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains, Lag
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models import delta_method, linear_planes
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
@@ -73,7 +73,7 @@ def _responses(
         actuator.natural_frequency_radps,
         actuator.damping_ratio,
     )
-    return loop_transfer.responses(fit.linear_plane(vehicle, plane), lag, frequency_radps)
+    return loop_transfer.responses(steady_state.linear_plane(vehicle, plane), lag, frequency_radps)
 
 
 def loop(vehicle: CandidateVehicle, plane: Plane, gains: Gains) -> ComplexArray:
@@ -120,7 +120,8 @@ def gains_for(prior_vehicle: CandidateVehicle) -> dict[str, float]:
     """
     gains = dict(TABLE_3_INITIAL)
     for plane, traits in PLANES.items():
-        b1_per_s2 = linear_planes.small_signal(fit.linear_plane(prior_vehicle, plane)).b1_per_s2
+        linear = steady_state.linear_plane(prior_vehicle, plane)
+        b1_per_s2 = linear_planes.small_signal(linear).b1_per_s2
         speed_ratio = highest_feasible_radps(prior_vehicle, plane) / CARIBOU_FEASIBLE_RADPS[plane]
         for term, power in (("D", 1), ("P", 2), ("I", 3)):
             gains[f"{traits.gain_prefix}_{term}"] *= (

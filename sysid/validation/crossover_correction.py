@@ -15,9 +15,9 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.data.runs import Run
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.datasets import datasets_of, max_leads_s
-from sysid.estimation.map.fit import Prior, last_problem
+from sysid.estimation.map.fit import last_problem
 from sysid.estimation.map.gauss_newton import descend
-from sysid.estimation.map.problem import MapProblem
+from sysid.estimation.map.problem import MapProblem, Prior
 from sysid.models import delta_method, noise, parameters, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.planes import Plane

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.runs import RATE_HZ
-from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.map.datasets import STRIDE
 from sysid.signal_processing import record_spectra
 from sysid.validation.results import FrequencyComparison
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from sitl.vehicle.config import VehicleConfig
 from sysid.data.runs import Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.map import steady_state
+from sysid.estimation.map.datasets import STRIDE
 from sysid.models import delta_method, noise, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation import noise_floor
@@ -65,7 +65,7 @@ def _noise_sd_radps(model: IdentifiedModel, run: Run, prior: VehicleConfig | Non
     if run.plane not in model.noise:
         return np.zeros(run.time_s.size)
     uncertain = uncertain_vehicle(model, prior)
-    linear = fit.linear_plane(uncertain.vehicle(uncertain.z), run.plane)
+    linear = steady_state.linear_plane(uncertain.vehicle(uncertain.z), run.plane)
     level = noise.from_model(model.noise[run.plane])
     steps = run.time_s.size // STRIDE + 1
     sd = np.sqrt(np.diag(noise_floor.rate_covariance(linear, level, DT_S, 0, steps)))
@@ -92,5 +92,5 @@ def innovations(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = 
     uncertain = uncertain_vehicle(model, prior)
     vehicle = uncertain.vehicle(uncertain.z)
     level, samples = noise.from_model(model.noise[run.plane]), run.time_s.size // STRIDE + 1
-    whitener = noise.build(fit.linear_plane(vehicle, run.plane), level, DT_S, samples)
+    whitener = noise.build(steady_state.linear_plane(vehicle, run.plane), level, DT_S, samples)
     return rate_innovations(vehicle, run, whitener)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Lag
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.planes import Plane
 from sysid.validation import arx, crossover, frequency_response
 from sysid.validation.arx import ArxFit, Record
@@ -203,7 +203,7 @@ def _by_python_control(reference: _Reference, uncertain: UncertainVehicle, plane
     vehicle = uncertain.vehicle(uncertain.z)
     actuator = vehicle.actuators[plane]
     lag = Lag(actuator.delay_s, actuator.natural_frequency_radps, actuator.damping_ratio)
-    system = control_systems.plant(fit.linear_plane(vehicle, plane), lag, {})
+    system = control_systems.plant(steady_state.linear_plane(vehicle, plane), lag, {})
     response = control.frequency_response(system, reference.frequency_radps)
     rate = np.asarray(response.complex).reshape(-1, reference.frequency_radps.size)[0]
     nominal = 10.0 ** (reference.gain_db / 20.0) * np.exp(1j * np.radians(reference.phase_deg))

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.runs import Run
-from sysid.estimation.map import fit, model_error
-from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.map import datasets, model_error, steady_state
+from sysid.estimation.map.datasets import STRIDE
 from sysid.models import delta_method, linear_planes, noise, parameters
 from sysid.models import prediction as predict
 from sysid.models.linear_planes import LinearPlane
@@ -166,7 +166,7 @@ def validate(
             continue
         noise_reference = None
         if level := model.noise.get(plane):
-            linear = fit.linear_plane(vehicle, plane)
+            linear = steady_state.linear_plane(vehicle, plane)
             noise_reference = _noise_reference(
                 linear, noise.from_model(level), [*fitted_runs, *held_out_runs]
             )
@@ -243,7 +243,7 @@ def _model_error(plane_model: _PlaneModel, loop: LoopAtCrossover | None) -> Stru
     uncertain = plane_model.uncertain
 
     def b1_per_s2(z: Array) -> float:
-        linear = fit.linear_plane(uncertain.vehicle(z), plane)
+        linear = steady_state.linear_plane(uncertain.vehicle(z), plane)
         return linear_planes.small_signal(linear).b1_per_s2
 
     slopes = delta_method.slopes(b1_per_s2, uncertain.z)
@@ -369,8 +369,8 @@ def rate_innovations(vehicle: CandidateVehicle, run: Run, whitener: Filter) -> A
     ndarray, (steps,)
         One every ``DT_S``; the filter settles before the test.
     """
-    data = fit.dataset(run, fit.max_lead_s(vehicle, run.plane))
-    (residual,) = fit.residuals(vehicle, [data])
+    data = datasets.dataset(run, datasets.max_lead_s(vehicle, run.plane))
+    (residual,) = datasets.residuals(vehicle, [data])
     white = noise.whiten_residual(residual, whitener)
     return np.asarray(white[int(np.count_nonzero(data.run.preroll)) // STRIDE :, 0], np.float64)
 

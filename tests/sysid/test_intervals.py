@@ -8,10 +8,11 @@ import pytest
 from sitl.vehicle import build_model, config
 from sysid.data.runs import Run
 from sysid.estimation import profile_likelihood
-from sysid.estimation.map import fit, intervals
+from sysid.estimation.map import fit, intervals, steady_state
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.map.fit import Fit
 from sysid.estimation.map.gauss_newton import Z_LIMIT
+from sysid.estimation.map.problem import Prior
 from sysid.models import delta_method, parameters
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
@@ -19,7 +20,7 @@ from sysid.planes import Plane
 
 @pytest.fixture(scope="module")
 def prior(campaign: list[Run], bench: config.VehicleConfig) -> Prior:
-    biases = fit.trim_biases(bench, build_model.build(bench), campaign[:1])
+    biases = steady_state.trim_biases(bench, build_model.build(bench), campaign[:1])
     return Prior(bench, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
 
 

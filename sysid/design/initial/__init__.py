@@ -31,7 +31,7 @@ from sysid.design.initial.paper_comparison import GainComparison
 from sysid.design.initial.prior import LoopMargins, LoopRobustness
 from sysid.design.initial.root_locus import LocusPoint, SearchLimits
 from sysid.design.pid import DesignInfeasibleError, Loads, Spec, reference_models
-from sysid.estimation.map import fit, steady_state
+from sysid.estimation.map import steady_state
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 __all__ = [
@@ -133,7 +133,8 @@ def design_initial_gains(vehicle_file: str | Path | VehicleConfig) -> InitialDes
     (vehicle, samples, points), limits = _design_within_limits(config)
     model, tailcone = build_model.build(config), config.tailcone
     spec = replace(limits, travel_deg=tailcone.travel_deg, rate_degps=tailcone.rate_degps)
-    loads = Loads(fit.level_pitch_rad(config, model), TRIM_UNCERTAINTY_RAD, TRIM_UNCERTAINTY_RAD)
+    level_pitch_rad = steady_state.level_pitch_rad(config, model)
+    loads = Loads(level_pitch_rad, TRIM_UNCERTAINTY_RAD, TRIM_UNCERTAINTY_RAD)
     gains = {**TABLE_3_INITIAL, **points["heading"].gains, **points["depth"].gains}
     gains |= _integrator_limits(loads, gains)
     gains |= reference_models.heading(

@@ -10,7 +10,7 @@ from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.linearise import linearise
 from sitl.vehicle.model import VehicleModel
 from sysid.design.constrained_search import within_range
-from sysid.estimation.map import fit, steady_state
+from sysid.estimation.map import steady_state
 from sysid.models import greybox
 from sysid.planes import Plane
 
@@ -68,7 +68,7 @@ def autopilot_parameters(
             "twice speed times the surge time constant",
         ),
         "TRIM_ELE_DEG": (
-            math.degrees(fit.level_elevator_rad(config, model)),
+            math.degrees(steady_state.level_elevator_rad(config, model)),
             "elevator of level flight",
         ),
         "SURF_BUOY_N": (config.ballast.net_buoyancy_n, "net buoyancy of the vehicle file"),
@@ -119,7 +119,7 @@ def _slow_response(config: VehicleConfig, model: VehicleModel) -> dict[str, tupl
     tail, cruise_mps = config.tailcone, config.operating_point.speed_mps
     transit_s = DIVE_TRANSITS * hull.length_m(config.hull) / cruise_mps
     travel_rad = math.radians(tail.travel_deg)
-    left_rad = ELEVATOR_UP * travel_rad - abs(fit.level_elevator_rad(config, model))
+    left_rad = ELEVATOR_UP * travel_rad - abs(steady_state.level_elevator_rad(config, model))
     per_rad = abs(float(linearise(model, cruise_mps).pitch.B[1, 0]))
     acceleration = per_rad * max(left_rad, MIN_ELEVATOR_LEFT * travel_rad)
     turn_s = math.sqrt(2.0 * NOSE_UP_RAD / acceleration) if acceleration else MAX_DIVE_S

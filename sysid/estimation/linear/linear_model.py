@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models import linear_planes
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, SmallSignal
@@ -129,7 +129,7 @@ def of_vehicle(vehicle: CandidateVehicle, plane: Plane) -> LinearModel:
         Structure and values.
     """
     return of_plane(
-        fit.straight_plane(vehicle, plane),
+        steady_state.straight_plane(vehicle, plane),
         vehicle.actuators[plane],
         vehicle.config.operating_point.speed_mps,
     )

@@ -9,7 +9,8 @@ from sysid.data.runs import Run
 from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
-from sysid.estimation.map import fit
+from sysid.estimation.map import datasets, steady_state
+from sysid.estimation.map.problem import Prior
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
@@ -90,7 +91,7 @@ def linear_run(run: Run, lead_s: float) -> LinearRun:
     LinearRun
         Command from the pre-roll on, so that the duct is simulated from there, and outputs.
     """
-    data = fit.dataset(run.since(-lead_s))
+    data = datasets.dataset(run.since(-lead_s))
     origin = data.measured[0].copy()
     origin[:-1] = 0.0
     return LinearRun(
@@ -100,7 +101,7 @@ def linear_run(run: Run, lead_s: float) -> LinearRun:
     )
 
 
-def linear_prior(prior: fit.Prior, plane: Plane) -> LinearPrior:
+def linear_prior(prior: Prior, plane: Plane) -> LinearPrior:
     """Return the prior of one plane's values: first-principles vehicle and its uncertainty.
 
     Parameters
@@ -172,13 +173,14 @@ def with_bounds(model: LinearModel, covariance: Array) -> LinearPrior:
     return LinearPrior(model=model, covariance=covariance, lowest=lowest, highest=highest)
 
 
-def values_at(prior: fit.Prior, z: Array, plane: Plane) -> LinearModel:
+def values_at(prior: Prior, z: Array, plane: Plane) -> LinearModel:
     """Return the plane of the vehicle at z, with bias and pitch of its own level flight."""
     vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
     model = linear_model.of_vehicle(vehicle, plane)
     values = model.values.copy()
-    values[linear_model.names(plane).index("bias_rad")] -= fit.level_surface_rad(vehicle, plane)
+    bias = linear_model.names(plane).index("bias_rad")
+    values[bias] -= steady_state.level_surface_rad(vehicle, plane)
     if linear_model.OFFSETS[plane]:
-        values[-1] = fit.level_pitch_rad(vehicle.config, vehicle.model)
+        values[-1] = steady_state.level_pitch_rad(vehicle.config, vehicle.model)
     frame = model.frame._replace(lag_relative_sd=prior.config.tailcone.lag_relative_sd)
     return LinearModel(frame, values)

@@ -25,7 +25,8 @@ from sysid.estimation.linear import linear_model, records
 from sysid.estimation.linear.estimate import Method, PlaneEstimate
 from sysid.estimation.linear.linear_model import LinearModelStructure
 from sysid.estimation.linear.multistart import DELAY
-from sysid.estimation.map.fit import Fit, Prior, Progress
+from sysid.estimation.map.fit import Fit, Progress
+from sysid.estimation.map.problem import Prior
 from sysid.estimation.profile_likelihood import LeastSquaresEstimate
 from sysid.models import model_export, parameters
 from sysid.models.model_file import (

@@ -22,7 +22,7 @@ from mavlink_io.jit import kernel
 from sysid.data.runs import RATE_HZ
 from sysid.estimation.linear import linear_model, tailcone
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
-from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.map.datasets import STRIDE
 
 Array = NDArray[np.float64]
 

@@ -19,54 +19,16 @@ from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import bounds, model_error
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import START_COST_TOLERANCE
-from sysid.estimation.map.datasets import (
-    STRIDE,
-    Dataset,
-    dataset,
-    datasets_of,
-    max_lead_s,
-    max_leads_s,
-    residuals,
-)
+from sysid.estimation.map.datasets import STRIDE, Dataset, datasets_of, max_leads_s, residuals
 from sysid.estimation.map.gauss_newton import Z_LIMIT, SearchEnd, descend
 from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
 from sysid.estimation.map.model_error import RunScatter
-from sysid.estimation.map.problem import DIFFERENCE, Linearisation, MapProblem, Prior
-from sysid.estimation.map.steady_state import (
-    cruise_speed_mps,
-    level_elevator_rad,
-    level_pitch_rad,
-    level_surface_rad,
-    linear_plane,
-    straight_plane,
-    trim_biases,
-)
+from sysid.estimation.map.problem import Linearisation, MapProblem, Prior
+from sysid.estimation.map.steady_state import linear_plane
 from sysid.models import noise, parameters
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES, CandidateVehicle
 from sysid.planes import Plane
-
-__all__ = [
-    "DIFFERENCE",
-    "START_COST_TOLERANCE",
-    "STRIDE",
-    "Z_LIMIT",
-    "Dataset",
-    "Fit",
-    "Prior",
-    "Progress",
-    "cruise_speed_mps",
-    "dataset",
-    "fit",
-    "level_elevator_rad",
-    "level_pitch_rad",
-    "level_surface_rad",
-    "linear_plane",
-    "max_lead_s",
-    "residuals",
-    "straight_plane",
-    "trim_biases",
-]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]

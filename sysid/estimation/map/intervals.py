@@ -25,9 +25,10 @@ from scipy.special import ndtri
 
 from sitl.vehicle.config import VehicleFileError
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.fit import Fit, last_problem, linear_plane
+from sysid.estimation.map.fit import Fit, last_problem
 from sysid.estimation.map.gauss_newton import Z_LIMIT, is_free, lower_bounds
 from sysid.estimation.map.problem import MapProblem, Prior
+from sysid.estimation.map.steady_state import linear_plane
 from sysid.models import delta_method, linear_planes, parameters
 from sysid.models.linear_planes import SmallSignal
 from sysid.planes import Plane

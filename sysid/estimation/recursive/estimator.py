@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import propeller
 from sitl.vehicle.config import VehicleFileError
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import DIFFERENCE, Z_LIMIT, Prior
-from sysid.estimation.map.problem import SPEED_PARAMETERS
+from sysid.estimation.map import steady_state
+from sysid.estimation.map.gauss_newton import Z_LIMIT
+from sysid.estimation.map.problem import DIFFERENCE, SPEED_PARAMETERS, Prior
 from sysid.estimation.recursive import prediction, square_root_information
 from sysid.estimation.recursive.prediction import (
     START_STEPS,
@@ -167,11 +167,11 @@ def begin(knowledge: Knowledge, plane: Plane, held_rad: float) -> TestState:
 def _with_trim(knowledge: Knowledge, plane: Plane, held_rad: float) -> Knowledge:
     """Add the actuator bias at which the prior vehicle is in trim.
 
-    `fit.trim_biases` uses all runs.
+    `steady_state.trim_biases` uses all runs.
     """
     prior = knowledge.prior
     nominal = parameters.candidate_vehicle(prior.config, prior.biases_rad, prior.mean)
-    level_rad = fit.level_surface_rad(nominal, plane)
+    level_rad = steady_state.level_surface_rad(nominal, plane)
     return knowledge._replace(
         prior=prior._replace(biases_rad={**prior.biases_rad, plane: level_rad - held_rad}),
         trimmed=knowledge.trimmed | {plane},
@@ -236,7 +236,7 @@ def with_new_noise(knowledge: Knowledge, plane: Plane) -> Knowledge:
     """Estimate the noise levels of a plane from its tests, and weight all its tests with them."""
     prior, z, previous_levels = knowledge.prior, knowledge.z, knowledge.noise[plane]
     vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
-    linear = fit.linear_plane(vehicle, plane)
+    linear = steady_state.linear_plane(vehicle, plane)
     noise_filter = noise.build(linear, previous_levels, STEP_S, FILTER_STEPS)
     residuals = [
         _free_residuals(vehicle, test, noise_filter, prediction.leak(linear))
@@ -265,9 +265,9 @@ def linearise(knowledge: Knowledge, plane: Plane, z: Array, thrust: float) -> Ca
     """Return the candidates of a test that begins at a thrust (fraction of full)."""
     prior, active = knowledge.prior, parameters.parameters_of_planes([plane])
     vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
-    nominal = _candidate(vehicle, plane, fit.cruise_speed_mps(vehicle, thrust))
+    nominal = _candidate(vehicle, plane, steady_state.cruise_speed_mps(vehicle, thrust))
     perturbed = tuple(_perturb(knowledge, plane, z, thrust, nominal, i) for i in active)
-    linear = fit.linear_plane(vehicle, plane)
+    linear = steady_state.linear_plane(vehicle, plane)
     noise_filter = noise.build(linear, knowledge.noise[plane], STEP_S, FILTER_STEPS)
     return CandidateSet(
         z=z,
@@ -296,7 +296,7 @@ def _perturb(
     return _candidate(
         vehicle,
         plane,
-        fit.cruise_speed_mps(vehicle, thrust) if changes_speed else nominal.speed_mps,
+        steady_state.cruise_speed_mps(vehicle, thrust) if changes_speed else nominal.speed_mps,
     )
 
 
@@ -386,7 +386,7 @@ def _free_residuals(
 ) -> Array:
     """Residuals of a free simulation of a test, (k, outputs)."""
     candidate = _candidate(
-        vehicle, test.plane, fit.cruise_speed_mps(vehicle, float(test.steps.thrust[0]))
+        vehicle, test.plane, steady_state.cruise_speed_mps(vehicle, float(test.steps.thrust[0]))
     )
     white = prediction.advance(
         candidate,

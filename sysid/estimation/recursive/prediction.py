@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from mavlink_io.jit import entry_point
 from sitl.vehicle.model import VehicleModel
 from sysid.data.runs import RATE_HZ, Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.map import datasets
+from sysid.estimation.map.datasets import STRIDE
 from sysid.models import greybox
 from sysid.models.greybox import SUBMERGED_Z_M, Actuator, integrate
 from sysid.models.linear_planes import LinearPlane
@@ -83,7 +83,7 @@ def steps(run: Run, first: int = 0) -> TestSamples:
     TestSamples
         Measurements, commands and thrust of each step; the last ends half a step before the run.
     """
-    data = fit.dataset(run)
+    data = datasets.dataset(run)
     measured, command_rad = data.measured[:-1], data.run.command_rad
     ticks = command_rad[: STRIDE * (len(measured) - 1)].reshape(-1, STRIDE)
     commands = np.concatenate([np.full((1, STRIDE), command_rad[0]), ticks])

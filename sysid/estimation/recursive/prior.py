@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.estimation.map.fit import Prior
+from sysid.estimation.map.problem import Prior
 from sysid.estimation.recursive import estimator
 from sysid.estimation.recursive.estimator import Knowledge
 from sysid.models import noise, parameters

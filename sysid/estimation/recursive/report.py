@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import DIFFERENCE, Prior
+from sysid.estimation.map import steady_state
+from sysid.estimation.map.problem import DIFFERENCE, Prior
 from sysid.estimation.recursive.intervals import Estimate
 from sysid.models import linear_planes, parameters
 from sysid.models.parameters import CandidateVehicle
@@ -173,7 +173,7 @@ def numbers(vehicle: CandidateVehicle, plane: Plane, crossover_radps: float) -> 
     The response is C (s I - A)^-1 B e^(-tau s) wn^2 / (s^2 + 2 zeta wn s + wn^2) at s = j
     ``crossover_radps``.
     """
-    linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
+    linear, actuator = steady_state.linear_plane(vehicle, plane), vehicle.actuators[plane]
     small_signal, s = linear_planes.small_signal(linear), 1j * crossover_radps
     rate = np.linalg.solve(s * np.eye(linear.A.shape[0]) - linear.A, linear.B)[1]
     wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio

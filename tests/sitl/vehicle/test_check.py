@@ -128,15 +128,15 @@ def test_caribou_nominal_periods_and_speeds() -> None:
 def test_level_trim_equals_identification_solver() -> None:
     """Reference: the solver of the identification for the same equations."""
     from sitl.vehicle import build_model
-    from sysid.estimation.map import fit
+    from sysid.estimation.map import steady_state
 
     vehicle = config.load("xfin_auv")
     model, found = build_model.build(vehicle), vehicle_check.check("xfin_auv")
     assert found.level_pitch_deg == pytest.approx(
-        fit.level_pitch_rad(vehicle, model) * 180 / pi, rel=1e-6
+        steady_state.level_pitch_rad(vehicle, model) * 180 / pi, rel=1e-6
     )
     assert found.level_elevator_deg == pytest.approx(
-        fit.level_elevator_rad(vehicle, model) * 180 / pi, rel=1e-6
+        steady_state.level_elevator_rad(vehicle, model) * 180 / pi, rel=1e-6
     )
 
 

@@ -10,13 +10,12 @@ from scipy.optimize import brentq
 
 from sitl.vehicle import build_model, config
 from sysid.data.runs import Run
-from sysid.estimation.map import fit
+from sysid.estimation.map import datasets, fit, steady_state
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.convergence import failures
+from sysid.estimation.map.convergence import START_COST_TOLERANCE, failures
 from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
-from sysid.estimation.map.fit import Prior
 from sysid.estimation.map.gauss_newton import MAX_STEPS, Z_LIMIT, SearchEnd, descend
-from sysid.estimation.map.problem import MapProblem
+from sysid.estimation.map.problem import MapProblem, Prior
 from sysid.models import greybox, noise, parameters, prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
@@ -28,7 +27,7 @@ TRIM = (math.radians(6.0), math.radians(1.0))
 
 
 def prior_of(vehicle: config.VehicleConfig, runs: Sequence[Run]) -> Prior:
-    biases = fit.trim_biases(vehicle, build_model.build(vehicle), runs)
+    biases = steady_state.trim_biases(vehicle, build_model.build(vehicle), runs)
     return Prior(vehicle, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
 
 
@@ -84,7 +83,7 @@ def test_cost_matches_residuals_of_simulations(problem: MapProblem, random_z: np
         total += sum(
             float(np.sum(noise.whiten_residual(r, noise_filter) ** 2))
             for r, noise_filter in zip(
-                fit.residuals(vehicle, group), problem.filters[plane], strict=True
+                datasets.residuals(vehicle, group), problem.filters[plane], strict=True
             )
         )
     away = np.linalg.solve(np.linalg.cholesky(problem.prior.covariance), random_z)
@@ -199,7 +198,7 @@ def test_start_misled_by_initial_parts_is_searched_on_whole_runs(
     assert rejected.score.cost == pytest.approx(cost_ratio * least.score.cost, rel=0.01)
     monkeypatch.setattr(fit, "_search_spans", lambda spans, start, paths: ([rejected], 1))
     ratios, better_z, _ = fit._search_other_starts(problem, least.z, 2, lambda share: None)
-    assert ratios == pytest.approx([1.0, 1.0], abs=fit.START_COST_TOLERANCE)
+    assert ratios == pytest.approx([1.0, 1.0], abs=START_COST_TOLERANCE)
     assert better_z is None
 
 
@@ -220,7 +219,7 @@ def test_noise_estimate_recovers_white_levels(few: list[Run], bench: config.Vehi
         problems.vehicle(prior_of(bench, few), np.zeros(len(NAMES))),
     )
     samples = [math.radians(0.3) * rng.standard_normal((600, 2)) for _ in range(3)]
-    levels = noise.estimate(fit.linear_plane(vehicle, Plane.YAW), samples, 0.1, Noise())
+    levels = noise.estimate(steady_state.linear_plane(vehicle, Plane.YAW), samples, 0.1, Noise())
     assert levels.rate_radps == pytest.approx(math.radians(0.3), rel=0.05)
     assert levels.angle_rad == pytest.approx(math.radians(0.3), rel=0.05)
     assert levels.slow_radps2 < 0.5 * Noise().slow_radps2
@@ -263,7 +262,7 @@ def test_coupling_inputs_reduce_error_of_dual_tests(
     mse = []
     for both in (False, True):
         data = with_coupling_inputs(vehicle, dataset(replace(run, both=both)))
-        (residual,) = fit.residuals(vehicle, [data])
+        (residual,) = datasets.residuals(vehicle, [data])
         mse.append(float(np.mean(np.degrees(residual[:, 0]) ** 2)))
     assert mse[1] < 0.3 * mse[0], mse
     assert mse[1] < 0.02
@@ -284,7 +283,8 @@ def test_heave_coupling_reduces_error_of_pitched_vehicle(
     vehicle = parameters.candidate_vehicle(
         field, {Plane.YAW: bias, Plane.PITCH: 0.0}, np.zeros(len(NAMES))
     )
-    speed, start = fit.cruise_speed_mps(vehicle, float(run.thrust[0])), greybox.initial_motion(run)
+    speed = steady_state.cruise_speed_mps(vehicle, float(run.thrust[0]))
+    start = greybox.initial_motion(run)
     still = np.zeros((run.time_s.size, greybox.N_COUPLING))
     known = prediction.simulate(vehicle, run)
     unknown = greybox.simulate(

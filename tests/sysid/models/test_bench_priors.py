@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from sitl.vehicle import config
-from sysid.estimation.map.fit import Prior
+from sysid.estimation.map.problem import Prior
 from sysid.models import bench_priors, parameters
 from sysid.models.parameters import NAMES, PARAMETERS
 from sysid.planes import PLANE_OF_SURFACE, PLANES, Plane

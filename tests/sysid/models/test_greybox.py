@@ -9,7 +9,8 @@ import pytest
 from sitl.core import tailcone
 from sitl.vehicle import build_model, config
 from sysid.data.runs import RATE_HZ
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
+from sysid.estimation.map.datasets import STRIDE
 from sysid.models import greybox, linear_planes, parameters
 from sysid.planes import PLANES, Plane
 from tests.sysid import sea
@@ -110,8 +111,8 @@ def test_fit_step_equals_fine_step(bench: config.VehicleConfig) -> None:
         greybox.initial_motion(run),
     )
     fine = greybox.simulate(model, actuator, run, start, 1, 1.3)
-    coarse = greybox.simulate(model, actuator, run, start, fit.STRIDE, 1.3)
-    assert np.max(np.abs(np.degrees(fine.rate_radps[:: fit.STRIDE] - coarse.rate_radps))) < 1e-3
+    coarse = greybox.simulate(model, actuator, run, start, STRIDE, 1.3)
+    assert np.max(np.abs(np.degrees(fine.rate_radps[::STRIDE] - coarse.rate_radps))) < 1e-3
 
 
 def test_linear_planes_are_derivatives_of_plane_model(bench: config.VehicleConfig) -> None:
@@ -123,7 +124,7 @@ def test_linear_planes_are_derivatives_of_plane_model(bench: config.VehicleConfi
     )
     rps = 0.58 * vehicle.model.propeller.full_rps
     for plane in PLANES:
-        linear = fit.straight_plane(vehicle, plane)
+        linear = steady_state.straight_plane(vehicle, plane)
 
         def rates(
             across: float, rate: float, angle: float, duct: float, plane: Plane = plane

@@ -11,8 +11,9 @@ from sitl.vehicle import config
 from sysid import prior_knowledge
 from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import fit
-from sysid.estimation.map.datasets import with_coupling_inputs
-from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.map.datasets import dataset, with_coupling_inputs
+from sysid.estimation.map.fit import Fit
+from sysid.estimation.map.problem import Prior
 from sysid.planes import Plane
 from sysid.screening import RunScreening
 from sysid.screening.outlier_tests import find_outliers
@@ -36,9 +37,7 @@ class Fitted(NamedTuple):
         planes = {run.plane for run in runs}
         datasets = {
             p: tuple(
-                with_coupling_inputs(self.fitted.vehicle, fit.dataset(r))
-                for r in runs
-                if r.plane == p
+                with_coupling_inputs(self.fitted.vehicle, dataset(r)) for r in runs if r.plane == p
             )
             for p in sorted(planes)
         }

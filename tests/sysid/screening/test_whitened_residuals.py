@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from sitl.vehicle import config
 from sysid import prior_knowledge
 from sysid.data.runs import Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.map import fit, steady_state
+from sysid.estimation.map.fit import Fit
+from sysid.estimation.map.problem import Prior
 from sysid.models import linear_planes
 from sysid.planes import Plane
 from sysid.screening.anomaly_models import Kind, size_rad, sizes_of_test
@@ -62,7 +63,7 @@ def test_sizes_of_test_are_deflection_and_its_acceleration(
 ) -> None:
     run = next(run for run in campaign if run.name == "rudder/2")  # step of 5 deg
     sizes = sizes_of_test(fitted.vehicle, run)
-    plane = fit.linear_plane(fitted.vehicle, Plane.YAW)
+    plane = steady_state.linear_plane(fitted.vehicle, Plane.YAW)
     assert sizes["actuator slip"] == sizes["actuator offset"] == pytest.approx(5.0, rel=0.02)
     assert sizes["gust"] == pytest.approx(
         sizes["actuator slip"] * abs(linear_planes.small_signal(plane).b1_per_s2)

@@ -7,7 +7,7 @@ import pytest
 from sysid.control_analysis import loop_state_space, loop_transfer
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.data.runs import RATE_HZ
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.planes import PLANES, Plane
 from sysid.test_design import closed_loop
 from sysid.test_design.prior import DesignPrior
@@ -18,7 +18,7 @@ def test_simulate_pulse_response_equals_python_control(
     bench: DesignPrior, gains: dict[str, float], plane: Plane
 ) -> None:
     vehicle = bench.vehicle(bench.mean)
-    linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
+    linear, actuator = steady_state.linear_plane(vehicle, plane), vehicle.actuators[plane]
     lag = Lag(
         actuator.delay_s + loop_transfer.SAMPLING_S,
         actuator.natural_frequency_radps,

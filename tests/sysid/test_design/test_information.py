@@ -5,8 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from sysid.data.runs import RATE_HZ
-from sysid.estimation.map import fit
+from sysid.estimation.map import datasets, steady_state
 from sysid.estimation.map import problem as problems
+from sysid.estimation.map.datasets import STRIDE
+from sysid.estimation.map.problem import Prior
 from sysid.models import noise
 from sysid.models.parameters import NAMES
 from sysid.planes import PLANES, Plane
@@ -25,12 +27,12 @@ def test_information_equals_that_of_the_fit(
     (ours,) = information.information_of(bench, [what], gains)
     base = bench.vehicle(bench.mean)
     run = as_run(what, beliefs.level_flight(base, plane), signal_rad(what))
-    experiments = {plane: (fit.dataset(run),)}
-    prior = fit.Prior(bench.config, bench.biases_rad, bench.mean, bench.covariance)
+    experiments = {plane: (datasets.dataset(run),)}
+    prior = Prior(bench.config, bench.biases_rad, bench.mean, bench.covariance)
     levels = {plane: bench.noise[plane]}
-    by = problems.filters(base, experiments, levels, fit.STRIDE)
+    by = problems.filters(base, experiments, levels, STRIDE)
     theirs = problems.score(
-        problems.MapProblem(prior, experiments, by, levels, fit.STRIDE), bench.mean
+        problems.MapProblem(prior, experiments, by, levels, STRIDE), bench.mean
     ).information
     seen = np.sqrt(np.diag(theirs)) > 0.05
     block = np.ix_(seen, seen)
@@ -92,7 +94,7 @@ def test_loop_disturbance_without_feedback_is_noise_model(
     nothing = dict.fromkeys(gains, 0.0)
     free = closed_loop.of_vehicle(vehicle, plane, nothing, level)
     rng = np.random.default_rng(3)
-    by = noise.build(fit.linear_plane(vehicle, plane), level, fit.STRIDE / RATE_HZ, 300)
+    by = noise.build(steady_state.linear_plane(vehicle, plane), level, STRIDE / RATE_HZ, 300)
     outputs = PLANES[plane].n_outputs
     sds = np.array([level.rate_radps, level.angle_rad, level.depth_m])[:outputs]
     whites = []
@@ -100,6 +102,6 @@ def test_loop_disturbance_without_feedback_is_noise_model(
         motion = closed_loop.simulate(
             free, plane, np.zeros(1500), rng.standard_normal((1500, free.feedback.size))
         ).motion
-        measured = motion[:: fit.STRIDE, :outputs] + sds * rng.standard_normal((300, outputs))
+        measured = motion[::STRIDE, :outputs] + sds * rng.standard_normal((300, outputs))
         whites.append(noise.whiten_residual(np.ascontiguousarray(measured), by)[50:])
     assert np.mean(np.square(whites), axis=(0, 1)) == pytest.approx(np.ones(outputs), abs=0.1)

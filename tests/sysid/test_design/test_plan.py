@@ -13,7 +13,7 @@ from ground.test_design import files, format
 from ground.test_design.files import TestDive
 from sitl.vehicle import config
 from sysid.design import initial
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.planes import PLANES, Plane
 from sysid.test_design import candidates, plan, prior
 from sysid.test_design.prior import DesignPrior
@@ -96,7 +96,8 @@ def test_tests_of_an_unstable_plane_are_shortened_until_they_fit() -> None:
     request = plan.PlanRequest(test_time_s=600.0, samples=60, gains=gains, held_out=False)
     tests = [one.manoeuvre for one in plan.plan(after_tests, request).tests]
     assert {test.plane for test in tests} == set(Plane)
-    pole = max(np.linalg.eigvals(fit.linear_plane(known.vehicle(known.mean), Plane.YAW).A).real)
+    linear = steady_state.linear_plane(known.vehicle(known.mean), Plane.YAW)
+    pole = max(np.linalg.eigvals(linear.A).real)
     in_yaw = [test for test in tests if test.plane == Plane.YAW]
     assert all(test.loop_on for test in in_yaw)
     assert max(pole * test.duration_s for test in in_yaw) < 1.3 * plan.MAX_LOG_GROWTH

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from sitl.vehicle import config
 from sysid.data.runs import RATE_HZ, Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.map import steady_state
+from sysid.estimation.map.datasets import STRIDE
 from sysid.models import parameters, prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
@@ -90,7 +90,7 @@ def test_noise_floor_matches_perfect_model(
     runs = [sea.fly(bench, plane, signal, seed=seed, sensors=SENSORS) for seed in range(60)]
     errors = [_mean_square(vehicle, run) for run in runs]
     samples = int(np.count_nonzero(~runs[0].preroll)) // STRIDE
-    linear = fit.linear_plane(vehicle, plane)
+    linear = steady_state.linear_plane(vehicle, plane)
     floor = noise_floor.noise_floor_of(
         noise_floor.rate_covariance(
             linear, KNOWN_SEA, DT_S, round(prediction.LEAD_S / DT_S), samples

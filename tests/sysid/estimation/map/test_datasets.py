@@ -11,7 +11,8 @@ from sitl.vehicle import config
 from sysid import prior_knowledge
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.runs import Run
-from sysid.estimation.map import datasets, fit
+from sysid.estimation.map import datasets, fit, steady_state
+from sysid.estimation.map.datasets import dataset, max_lead_s
 from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import perturbed_vehicle
 from sysid.planes import Plane
@@ -31,19 +32,19 @@ def nominal(vehicle: config.VehicleConfig) -> CandidateVehicle:
 def test_run_of_stable_vehicle_begins_when_duct_is_known(
     campaign: list[Run], bench: config.VehicleConfig
 ) -> None:
-    lead_s = fit.max_lead_s(nominal(bench), Plane.YAW)
-    data = fit.dataset(campaign[0], lead_s)
+    lead_s = max_lead_s(nominal(bench), Plane.YAW)
+    data = dataset(campaign[0], lead_s)
     assert data.run.time_s[0] == pytest.approx(-sea.PREROLL_S + datasets.DUCT_SETTLING_S)
 
 
 def test_run_of_unstable_vehicle_begins_when_errors_grow_little(campaign: list[Run]) -> None:
     vehicle = nominal(config.load(UNSTABLE))
-    lead_s = fit.max_lead_s(vehicle, Plane.YAW)
-    poles = np.linalg.eigvals(fit.linear_plane(vehicle, Plane.YAW).A)
+    lead_s = max_lead_s(vehicle, Plane.YAW)
+    poles = np.linalg.eigvals(steady_state.linear_plane(vehicle, Plane.YAW).A)
     assert math.exp(max(poles.real) * lead_s) == pytest.approx(math.exp(0.5))
-    data = fit.dataset(campaign[0], lead_s)
+    data = dataset(campaign[0], lead_s)
     assert data.run.time_s[0] == pytest.approx(-lead_s, abs=0.02)
-    assert fit.dataset(campaign[0], 0.1).run.time_s[0] == pytest.approx(datasets.MAX_START_S)
+    assert dataset(campaign[0], 0.1).run.time_s[0] == pytest.approx(datasets.MAX_START_S)
 
 
 @pytest.mark.slow

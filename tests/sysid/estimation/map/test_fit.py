@@ -9,7 +9,7 @@ import pytest
 from sitl.vehicle import build_model, config
 from sysid import refit
 from sysid.data.runs import Run
-from sysid.estimation.map import fit
+from sysid.estimation.map import steady_state
 from sysid.models import json_record, linear_planes, parameters, prediction
 from sysid.models import model_file as models
 from sysid.models.model_file import IdentifiedModel
@@ -64,7 +64,7 @@ def test_fit_design_numbers_within_three_sd(
     vehicle = parameters.CandidateVehicle(field, build_model.build(field), {})
     for plane in PLANES:
         true_signal, plane_model = (
-            linear_planes.small_signal(fit.linear_plane(vehicle, plane)),
+            linear_planes.small_signal(steady_state.linear_plane(vehicle, plane)),
             model.planes[plane],
         )
         for name in ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s"):
@@ -114,7 +114,8 @@ def test_scaled_equation_has_the_same_motion(bench: config.VehicleConfig) -> Non
         z[NAMES.index(name)] = math.log(1.2) / PARAMETERS[NAMES.index(name)].prior_sd
     scaled = parameters.candidate_vehicle(bench, dict.fromkeys(PLANES, 0.0), z)
     before, after = (
-        linear_planes.small_signal(fit.straight_plane(v, Plane.YAW)) for v in (vehicle, scaled)
+        linear_planes.small_signal(steady_state.straight_plane(v, Plane.YAW))
+        for v in (vehicle, scaled)
     )
     np.testing.assert_allclose(after, before, rtol=1e-9)
 

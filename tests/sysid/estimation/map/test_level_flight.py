@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sitl.vehicle import config
-from sysid.estimation.map import fit, steady_state
+from sysid.estimation.map.steady_state import level_flight, linear_plane, straight_plane
 from sysid.models import greybox, parameters
 from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle
 from sysid.planes import PLANES, Plane
@@ -24,7 +24,7 @@ def candidate(vehicle: config.VehicleConfig, **z: float) -> CandidateVehicle:
 
 def test_level_flight_has_no_acceleration_and_no_climb(bench: config.VehicleConfig) -> None:
     vehicle = candidate(bench)
-    flight = steady_state.level_flight(vehicle)
+    flight = level_flight(vehicle)
     state = np.array([flight.speed_mps, flight.heave_mps, 0.0, flight.pitch_rad, -50.0])
     rps = 0.58 * vehicle.model.propeller.full_rps
     slopes = greybox.accelerations(vehicle.model, Plane.PITCH, state, flight.elevator_rad, rps)
@@ -35,12 +35,10 @@ def test_level_flight_has_no_acceleration_and_no_climb(bench: config.VehicleConf
 def test_buoyancy_adds_crossflow_damping(bench: config.VehicleConfig) -> None:
     """To first order 2 c |w| in heave and c |w| in sway, c the sum of the strips, N s2/m2."""
     vehicle = candidate(bench)
-    w = abs(steady_state.level_flight(vehicle).heave_mps)
+    w = abs(level_flight(vehicle).heave_mps)
     c = float(np.sum(vehicle.model.stations.drag_kgpm))
     for plane, times, mass_kg in ((Plane.YAW, 1.0, 1272.0), (Plane.PITCH, 2.0, 1272.0)):
-        added = (
-            fit.linear_plane(vehicle, plane).A[0, 0] - fit.straight_plane(vehicle, plane).A[0, 0]
-        )
+        added = linear_plane(vehicle, plane).A[0, 0] - straight_plane(vehicle, plane).A[0, 0]
         assert added == pytest.approx(-times * c * w / mass_kg, rel=0.1)
 
 
@@ -51,7 +49,7 @@ def test_neutral_vehicle_has_the_straight_plane(bench: config.VehicleConfig, pla
         bench, ballast=msgspec.structs.replace(bench.ballast, net_buoyancy_n=0.0)
     )
     vehicle = candidate(neutral)
-    level, straight = fit.linear_plane(vehicle, plane), fit.straight_plane(vehicle, plane)
+    level, straight = linear_plane(vehicle, plane), straight_plane(vehicle, plane)
     np.testing.assert_allclose(level.A, straight.A, rtol=5e-3, atol=5e-4)
     np.testing.assert_allclose(level.B, straight.B, rtol=5e-3, atol=5e-4)
 

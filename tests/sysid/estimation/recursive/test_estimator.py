@@ -11,8 +11,8 @@ from msgspec import structs
 
 from sitl.vehicle import config
 from sysid.data.runs import Run
-from sysid.estimation.map import fit
-from sysid.estimation.map.fit import Prior
+from sysid.estimation.map import datasets, fit, steady_state
+from sysid.estimation.map.problem import Prior
 from sysid.estimation.recursive import (
     estimator,
     intervals,
@@ -74,7 +74,7 @@ def part(steps: TestSamples, first: int, last: int) -> TestSamples:
 def test_finish_all_tests_matches_batch_estimate(flown: list[Run], prior: Prior) -> None:
     knowledge = learn(estimator.prior_knowledge(prior), flown)
     model = parameters.candidate_vehicle(prior.config, prior.biases_rad, prior.mean).model
-    batch_prior = prior._replace(biases_rad=fit.trim_biases(prior.config, model, flown))
+    batch_prior = prior._replace(biases_rad=steady_state.trim_biases(prior.config, model, flown))
     batch = fit.fit(flown, batch_prior)
     for plane in PLANES:
         recursive_report = report.read(knowledge.prior, intervals.estimate(knowledge), plane, 0.8)
@@ -133,9 +133,10 @@ def test_advance_stable_plane_matches_whitened_simulation(flown: list[Run], prio
         knowledge.prior.config, knowledge.prior.biases_rad, knowledge.z
     )
     noise_filter = noise.build(
-        fit.linear_plane(vehicle, Plane.YAW), noise.Noise(), STEP_S, len(white) + 1
+        steady_state.linear_plane(vehicle, Plane.YAW), noise.Noise(), STEP_S, len(white) + 1
     )
-    expected = noise.whiten_residual(fit.residuals(vehicle, [fit.dataset(run)])[0], noise_filter)
+    (residual,) = datasets.residuals(vehicle, [datasets.dataset(run)])
+    expected = noise.whiten_residual(residual, noise_filter)
     np.testing.assert_allclose(
         white, expected[: len(white)], atol=0.1
     )  # the two begin a sample's noise apart
@@ -168,7 +169,7 @@ def test_finish_unstable_plane_is_recovered() -> None:
     ]
     assert (
         prediction.leak(
-            fit.linear_plane(
+            steady_state.linear_plane(
                 parameters.candidate_vehicle(remus, prior.biases_rad, prior.mean), Plane.YAW
             )
         )

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import config
 from sysid.estimation.map import model_error
-from sysid.estimation.map.fit import Prior
+from sysid.estimation.map.problem import Prior
 from sysid.estimation.recursive import estimator, intervals, prediction, square_root_information
 from sysid.estimation.recursive.estimator import FinishedTest, Knowledge
 from sysid.models import parameters
