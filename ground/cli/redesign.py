@@ -12,9 +12,11 @@ from ground.cli.options import (
     Force,
     Json,
     ModelFile,
+    Modem,
     Prior,
     Sign,
     SpecFile,
+    VehicleId,
     print_result,
     refuse_empty,
 )
@@ -102,6 +104,8 @@ def redesign(
     ] = None,
     force: Force = False,
     sign: Sign = None,
+    vehicle_id: VehicleId = None,
+    modem: Modem = None,
     json: Json = False,
 ) -> None:
     """Design gains or an LQG controller for a model; fail with the reason if none is good enough.
@@ -117,6 +121,10 @@ def redesign(
             "--upload: sets parameters, an LQG controller is a file; "
             "give it to `autopilot --controller`"
         )
+    link = {"--sign": sign, "--vehicle-id": vehicle_id, "--modem": modem}
+    for option, value in link.items():
+        if value is not None and not upload:
+            raise InputError(f"{option}: is for the link of --upload, which is not given")
     identified = refit.read_model(model)
     limits = {
         "damping": damping,
@@ -137,15 +145,21 @@ def redesign(
         )
     else:
         result, text = _redesign_pid(
-            identified,
-            limit_spec,
-            prior,
-            target,
-            force=force,
-            upload=upload,
-            sign=sign,
-            export=export,
+            identified, limit_spec, prior, target, force=force, export=export
         )
+        if upload:
+            changes = params.upload(
+                upload,
+                sign,
+                result.gains,
+                source=str(target),
+                model_sha256=result.model_sha256,
+                system=vehicle_id,
+                modem_s=modem,
+            )
+            text = "\n".join(
+                [text, f"{upload}, {params.UNDO}:", *params.format_changes(changes, {})]
+            )
     print_result(result, text, json)
 
 
@@ -166,11 +180,9 @@ def _redesign_pid(
     out: Path,
     *,
     force: bool,
-    upload: str | None,
-    sign: Path | None,
     export: Path | None,
 ) -> "tuple[DesignSummary, str]":
-    """Design gains, write them and upload them on request; return the result as JSON and text."""
+    """Design gains and write them; return the result as JSON and text."""
     from ground.campaign import refit, summary
     from sysid.design import loop_export
 
@@ -178,15 +190,6 @@ def _redesign_pid(
     loops = loop_export.export_pid(model, design, refit.read_vehicle(prior))
     design.write_params(out)
     text = "\n".join([summary.format_design(design, out), *_format_loops(loops, export)])
-    if upload:
-        changes = params.upload(
-            upload,
-            sign,
-            design.gains,
-            source=str(out),
-            model_sha256=design.baseline.model_sha256,
-        )
-        text = "\n".join([text, f"{upload}, {params.UNDO}:", *params.format_changes(changes, {})])
     return summary.summarise_design(design), text
 
 

@@ -50,6 +50,8 @@ delay near zero, or of a pole near zero, is large without effect on a loop.
 """
 OTHER_NUMBERS = ("static_gain_per_s", "p_fast_per_s", "p_slow_per_s", "delay_s")
 """Numbers whose precision is reported and not required."""
+NEAR_ZERO_UNITS = {"delay_s": "s", "p_slow_per_s": "1/s"}
+"""Units of the numbers that may be near zero, where a percentage of the value means nothing."""
 WAVE_FOR_DYNAMICS, WAVE_FOR_GAIN, WAVE_TO_HOLD_OUT = "chirp", "step", "3211"
 """Recommended signals: for dynamics about crossover, for slow numbers, for a held-out run."""
 SLOW_NUMBERS = ("static gain", "p slow")
@@ -268,7 +270,7 @@ def _of_plane(
     fitted = sum(not run.held_out for run in validation.runs) if validation else 0
     yield _check(FITTED_CHECK, plane, float(fitted), "at least", 1.0)
     if validation and fitted:
-        yield from _precision(model, plane)
+        yield from _precision(model, plane, validation)
         yield from _response(plane, validation)
     held_out = len(validation.runs) - fitted if validation else 0
     yield _check("runs held out", plane, float(held_out), "at least", 1.0)
@@ -291,15 +293,19 @@ def _response(plane: Plane, validation: PlaneValidation) -> Iterator[AcceptanceC
     yield _check("mismatch of the response", plane, cost, "at most", MISMATCH)
 
 
-def _precision(model: IdentifiedModel, plane: Plane) -> Iterator[AcceptanceCheck]:
+def _precision(
+    model: IdentifiedModel, plane: Plane, validation: PlaneValidation
+) -> Iterator[AcceptanceCheck]:
     """Criteria of the standard deviations of the plane's numbers."""
     plane_model = model.planes[plane]
     for name in (DECISIVE_NUMBER, *OTHER_NUMBERS):
-        label = (name.rpartition("_per_")[0] or name.removesuffix("_s")).replace("_", " ")
+        if name in NEAR_ZERO_UNITS:
+            yield _absolute_precision(plane_model, plane, name, validation)
+            continue
         sd_percent = _cramer_rao_percent(plane_model, name)
         is_decisive = name == DECISIVE_NUMBER
         yield _check(
-            f"{label}, 1 sd",
+            f"{_label(name)}, 1 sd",
             plane,
             sd_percent,
             "at most",
@@ -310,13 +316,37 @@ def _precision(model: IdentifiedModel, plane: Plane) -> Iterator[AcceptanceCheck
         if is_decisive:
             insensitivity = _insensitivity_percent(model, plane, name)
             yield _check(
-                f"{label}, insensitivity",
+                f"{_label(name)}, insensitivity",
                 plane,
                 insensitivity,
                 "at most",
                 INSENSITIVITY_PERCENT,
                 "%",
             )
+
+
+def _label(name: str) -> str:
+    """Return the name of a number without its unit."""
+    return (name.rpartition("_per_")[0] or name.removesuffix("_s")).replace("_", " ")
+
+
+def _absolute_precision(
+    plane_model: PlaneModel, plane: Plane, name: str, validation: PlaneValidation
+) -> AcceptanceCheck:
+    """Return the criterion of a number that may be near zero, in the unit of the number.
+
+    The limit is 20 % of the value, and at least the standard deviation that changes the phase at
+    the crossover w (rad/s) by `PHASE_DEG` = phi: a delay changes it by sd w, a slow pole by sd / w.
+    """
+    estimate = getattr(plane_model, name)
+    limit = CRAMER_RAO_PERCENT / 100.0 * abs(estimate.value)
+    if validation.crossover:
+        crossover_radps = validation.crossover.crossover_radps
+        scale = crossover_radps if name == "p_slow_per_s" else 1.0 / crossover_radps
+        limit = max(limit, math.radians(PHASE_DEG) * scale)
+    unit = NEAR_ZERO_UNITS[name]
+    label = f"{_label(name)}, 1 sd"
+    return _check(label, plane, estimate.sd, "at most", limit, unit, required=False)
 
 
 def _cramer_rao_percent(plane_model: PlaneModel, name: str) -> float | None:

@@ -244,6 +244,25 @@ def test_assess_unknown_value_fails(good_model: IdentifiedModel) -> None:
     assert assessment.reasons == ("yaw: b1, 1 sd not known, at most 20 %",)
 
 
+@pytest.mark.parametrize(("name", "unit"), [("delay_s", "s"), ("p_slow_per_s", "1/s")])
+def test_assess_number_near_zero_has_limit_in_its_unit(
+    name: str, unit: str, good_model: IdentifiedModel
+) -> None:
+    """A campaign recommended its next test for "delay, 1 sd 3.43e+04 %, at most 20 %"."""
+    crossover = good_model.validation[Plane.YAW].crossover
+    assert crossover is not None
+    phase_rad, w = np.radians(5.0), crossover.crossover_radps
+    limit = phase_rad * w if unit == "1/s" else phase_rad / w
+    for sd, passes in ((0.9 * limit, True), (1.1 * limit, False)):
+        changed = planes(**{name: ParameterEstimate(1e-6, sd)})(good_model)
+        checks = assess(changed, changed.validation).checks
+        label = f"{name.rpartition('_per_')[0] or 'delay'}, 1 sd".replace("_", " ")
+        check = next(c for c in checks if (c.name, c.plane) == (label, Plane.YAW))
+        assert (check.value, check.unit, check.passed) == (sd, unit, passes)
+        assert check.limit == pytest.approx(limit)
+        assert not check.required
+
+
 def test_assess_next_test_is_not_for_whiteness(good_model: IdentifiedModel) -> None:
     """Another test does not make innovations white; a campaign flew three, all for nothing."""
     changed = within_yaw("held_out", whiteness_p=1e-9)(good_model)
