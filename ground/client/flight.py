@@ -370,7 +370,8 @@ def _fly(
 ) -> FlightResult:
     """Fly a dive with an open link."""
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
-    recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
+    plan = plans.write_plan(dive.items, dive.plan.fence, dive.plan.rally)
+    recorder.attach("mission.plan", plan.encode(), "application/json")
     vehicle.connect()
     if listener is not None:
         vehicle.on_frame = listener.on_frame

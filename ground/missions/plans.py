@@ -254,8 +254,12 @@ def read_wpl(text: str, where: str) -> tuple[MissionItem, ...]:
     return _renumber(items)
 
 
-def write_plan(items: Sequence[MissionItem]) -> str:
-    """Return a mission in the format of QGroundControl's plan file."""
+def write_plan(
+    items: Sequence[MissionItem],
+    fence: Sequence[MissionItem] = (),
+    rally: Sequence[MissionItem] = (),
+) -> str:
+    """Return mission, geofence and rally points in the format of QGroundControl's plan file."""
     mission = {
         "cruiseSpeed": 1.3,
         "firmwareType": GENERIC,
@@ -267,13 +271,36 @@ def write_plan(items: Sequence[MissionItem]) -> str:
     }
     plan = {
         "fileType": "Plan",
-        "geoFence": {"circles": [], "polygons": [], "version": 2},
+        "geoFence": _plan_fence(fence),
         "groundStation": "Caribou",
         "mission": mission,
-        "rallyPoints": {"points": [], "version": 2},
+        "rallyPoints": {"points": [[*_degrees(item), 0.0] for item in rally], "version": 2},
         "version": 1,
     }
     return json.dumps(plan, indent=2) + "\n"
+
+
+def _plan_fence(fence: Sequence[MissionItem]) -> dict[str, Any]:
+    """Return a geofence as a plan file stores it; `read_fence` is the inverse."""
+    polygons: list[dict[str, Any]] = []
+    circles: list[dict[str, Any]] = []
+    vertices: list[tuple[float, float]] = []
+    for item in fence:
+        inclusion = item.command in (_INCLUSION, _CIRCLE_INCLUSION)
+        zone: dict[str, Any] = {"inclusion": inclusion, "version": 1}
+        if item.command in (_CIRCLE_INCLUSION, _CIRCLE_EXCLUSION):
+            circles.append(zone | {"circle": {"center": _degrees(item), "radius": item.p1}})
+            continue
+        vertices.append(_degrees(item))
+        if len(vertices) >= item.p1:
+            polygons.append(zone | {"polygon": vertices})
+            vertices = []
+    return {"circles": circles, "polygons": polygons, "version": 2}
+
+
+def _degrees(item: MissionItem) -> tuple[float, float]:
+    """Return latitude and longitude of an item (deg)."""
+    return item.x / GLOBAL_SCALE, item.y / GLOBAL_SCALE
 
 
 def read_plan(text: str, where: str) -> tuple[MissionItem, ...]:

@@ -9,8 +9,10 @@ import pytest
 
 from autopilot.control import modes, requests
 from autopilot.control.types import ACCEPTED, Home, ItemReached
+from ground.client import flight
 from ground.client.flight import Dive, prepare
-from ground.client.vehicle import VehicleClient
+from ground.client.recorder import Recorder
+from ground.client.vehicle import VehicleClient, VehicleClientError
 from ground.missions import plans
 from ground.missions.script import ScriptError
 from mavlink_io.mission_items import FENCE_TYPE, MISSION_TYPE, RALLY_TYPE, MavCmd, MissionItem
@@ -51,12 +53,29 @@ def test_dive_of_a_plan_uploads_mission_fence_and_rally(tmp_path: Path) -> None:
     assert uploaded == {FENCE_TYPE: read.fence, RALLY_TYPE: read.rally, MISSION_TYPE: read.items}
 
 
+def test_log_of_a_dive_holds_fence_and_rally(tmp_path: Path) -> None:
+    """The plan in a log was without them: a dive flown with it had no fence."""
+    path = tmp_path / "area.plan"
+    path.write_text(json.dumps(plan(HOME)))
+    dive = Dive.load(str(path), tmp_path / "dive.mcap")
+    vehicle = create_autospec(VehicleClient, instance=True)
+    vehicle.connect.side_effect = VehicleClientError("no vehicle")
+    recorder = create_autospec(Recorder, instance=True)
+    with pytest.raises(VehicleClientError):
+        flight._fly(dive, vehicle, recorder, None, None, None)
+    name, content, _ = recorder.attach.call_args.args
+    assert name == "mission.plan"
+    stored = tmp_path / "stored.plan"
+    stored.write_bytes(content)
+    assert plans.load(str(stored)) == dive.plan
+
+
 def test_plan_is_flown_whole(tmp_path: Path) -> None:
     """Every waypoint is reached, those of the jump twice; RTL ends at the rally point."""
     read = load(tmp_path, plan(HOME))
-    flight = Flight()
-    flight.step()
-    flight.state = flight.state._replace(home=HOME)
+    dive = Flight()
+    dive.step()
+    dive.state = dive.state._replace(home=HOME)
     for request in (
         requests.LoadFence(read.fence),
         requests.LoadRally(read.rally),
@@ -64,12 +83,12 @@ def test_plan_is_flown_whole(tmp_path: Path) -> None:
         requests.SetMode(modes.MISSION.number),
         requests.Arm(),
     ):
-        assert flight.ask(request) == ACCEPTED, (request, flight.texts())
-    flight.run_until(lambda state: state.mode == modes.SURFACE.number, 600.0)
-    reached = [event.sequence for event in flight.events if isinstance(event, ItemReached)]
+        assert dive.ask(request) == ACCEPTED, (request, dive.texts())
+    dive.run_until(lambda state: state.mode == modes.SURFACE.number, 600.0)
+    reached = [event.sequence for event in dive.events if isinstance(event, ItemReached)]
     assert reached == list(REACHED)
-    assert "RTL: return point reached" in flight.texts()
-    estimate = flight.state.estimate
+    assert "RTL: return point reached" in dive.texts()
+    estimate = dive.state.estimate
     assert abs(complex(estimate.north_m, estimate.east_m) - complex(*RALLY_M)) < 15.0
 
 
