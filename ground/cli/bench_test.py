@@ -14,12 +14,14 @@ from ground.cli.options import (
     Speed,
     VehicleName,
     print_result,
+    refuse_unused_of_bench,
     to_json,
 )
 from mavlink_io.errors import InputError
 
 
 def bench_test(
+    context: typer.Context,
     connect: BenchAddress = None,
     sign: Sign = None,
     vehicle: VehicleName = "caribou_truth",
@@ -56,6 +58,7 @@ def bench_test(
         frequencies_hz=tuple(frequency or procedure.FREQUENCIES_HZ),
     )
     procedure.check(session)
+    refuse_unused_of_bench(context, connect)
     if connect is None:
         prototype.check_flown(vehicle)
     out.mkdir()

@@ -20,10 +20,10 @@ from ground.cli.options import (
     VehicleName,
     print_result,
     refuse_empty,
+    refuse_given,
 )
 from ground.errors import UnsuccessfulError
 from ground.output_files import new_file, refuse_same_file
-from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MavCmd
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 
 def fly(
+    context: typer.Context,
     mission: Annotated[
         str, typer.Argument(help="A shipped mission's name, a .toml, .plan or QGC WPL 110 file.")
     ],
@@ -106,15 +107,17 @@ def fly(
     from ground.live.listeners import Listeners
     from ground.simulation.processes import SimulatedVehicle, Simulation
 
-    if sitl and sign:
-        raise InputError(
-            "--sign: is for --connect; the link to a vehicle of --sitl stays on this machine"
+    if sitl:
+        refuse_given(
+            context,
+            "--connect --sign --vehicle-id",
+            "is for the link to a real vehicle; --sitl starts one vehicle on this machine",
         )
-    if sitl and vehicle_id is not None:
-        raise InputError(f"--vehicle-id {vehicle_id}: is for --connect; --sitl has one vehicle")
-    if truth and not sitl:
-        raise InputError(
-            f"--truth {truth}: needs --sitl; the true state of a real vehicle is unknown"
+    else:
+        refuse_given(
+            context,
+            "--vehicle --scenario --seed --speed --truth",
+            "is for a simulated vehicle; add --sitl, or leave it out",
         )
     log_file = new_file(log or Path(Path(mission).stem + ".mcap"))
     if tlog is not None:
@@ -131,6 +134,12 @@ def fly(
         tlog=tlog,
         system=vehicle_id,
     )
+    if not _has_tests(dive):
+        refuse_given(
+            context,
+            "--prior",
+            f"is for the live estimate during identification tests; {mission} has none",
+        )
     if sitl and not (params or gains or _has_tests(dive)):
         dive = _with_trim_learning(dive, vehicle)
     with (

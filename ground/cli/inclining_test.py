@@ -14,11 +14,13 @@ from ground.cli.options import (
     VehicleName,
     print_result,
     refuse_empty,
+    refuse_unused_of_bench,
 )
 from ground.output_files import new_file
 
 
 def inclining_test(
+    context: typer.Context,
     connect: BenchAddress = None,
     sign: Sign = None,
     vehicle: VehicleName = "caribou_truth",
@@ -54,6 +56,7 @@ def inclining_test(
     from ground.simulation.processes import SimulatedVehicle, Simulation
 
     plan = procedure.load(moves)
+    refuse_unused_of_bench(context, connect)
     if connect is None:
         prototype.check_flown(vehicle)
     if prior is None:

@@ -123,6 +123,41 @@ GROUND_LINK = "udpin:127.0.0.1:14550"
 """Default address of the link to the vehicle."""
 
 
+def refuse_given(context: typer.Context, options: str, reason: str) -> None:
+    """Refuse options that have no effect beside the others. Raises InputError for the first.
+
+    Parameters
+    ----------
+    context : typer.Context
+        Call of the command.
+    options : str
+        Names of the options, as `--seed --speed`.
+    reason : str
+        Why they have no effect, and what would be right.
+    """
+    for parameter in context.command.params:
+        # typer has its own copy of click, whose enumeration is another object
+        source = context.get_parameter_source(parameter.name or "")
+        is_given = source is not None and source.name == "COMMANDLINE"
+        if is_given and parameter.opts[0] in options.split():
+            raise InputError(f"{parameter.opts[0]}: {reason}")
+
+
+def refuse_unused_of_bench(context: typer.Context, connect: str | None) -> None:
+    """Refuse the options of a simulated vehicle beside --connect, and those of a link without it.
+
+    Raises InputError.
+    """
+    if connect:
+        refuse_given(
+            context,
+            "--vehicle --seed --speed",
+            "is for a simulated vehicle; leave it out, or leave out --connect",
+        )
+    else:
+        refuse_given(context, "--sign", "is for the link of --connect, which is not given")
+
+
 class CommandGroup(TyperGroup):
     """A group whose help shows the first sentence of each command, on as many lines as needed."""
 

@@ -19,6 +19,7 @@ from ground.cli.options import (
     VehicleId,
     print_result,
     refuse_empty,
+    refuse_given,
 )
 from ground.output_files import check_output
 from mavlink_io.errors import InputError
@@ -43,6 +44,7 @@ DEFAULT_OUT = {DesignMethod.PID: Path("gains.param"), DesignMethod.LQG: Path("co
 
 
 def redesign(
+    context: typer.Context,
     model: ModelFile,
     out: Annotated[
         Path | None,
@@ -121,10 +123,12 @@ def redesign(
             "--upload: sets parameters, an LQG controller is a file; "
             "give it to `autopilot --controller`"
         )
-    link = {"--sign": sign, "--vehicle-id": vehicle_id, "--modem": modem}
-    for option, value in link.items():
-        if value is not None and not upload:
-            raise InputError(f"{option}: is for the link of --upload, which is not given")
+    if not upload:
+        refuse_given(
+            context,
+            "--sign --vehicle-id --modem",
+            "is for the link of --upload, which is not given",
+        )
     identified = refit.read_model(model)
     limits = {
         "damping": damping,

@@ -3,15 +3,15 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from ground.bench_tests import bench, incline
-from ground.cli.bench_test import bench_test
-from ground.cli.inclining_test import inclining_test
+from ground.cli.main import app
 from ground.client import flight
 from ground.client import vehicle as client
 from ground.client.recorder import Recorder
@@ -27,6 +27,11 @@ def ground(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         command, cwd=folder, capture_output=True, text=True, timeout=200, check=False
     )
+
+
+def run(*arguments: object) -> None:
+    """Run a command in this process; its exception is raised."""
+    CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
 
 
 def beyond(found: dict[str, Any], expected: float) -> float:
@@ -158,21 +163,16 @@ def test_bench_test_above_the_travel_leaves_no_folder(
     fake.send_text("ready")
     monkeypatch.setattr(flight, "open_transport", lambda _: fake.ground_end)
     with pytest.raises(InputError, match="--amplitude 100: this duct's travel is 30 deg"):
-        bench_test("memory:fake", amplitude=[100.0], out=tmp_path / "bench")
+        run("bench-test", "--connect", "memory:fake", "--amplitude", "100", "--out", tmp_path / "b")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("command", "files"),
-    [(bench_test, {"out": Path("bench")}), (inclining_test, {"log": Path("incline.mcap")})],
+    "command",
+    ["bench-test", "inclining-test"],
 )
 def test_long_wait_for_the_sensors_is_reported(
-    command: Callable[..., None],
-    files: dict[str, Path],
-    fake: FakeVehicle,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: str, fake: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(flight, "open_transport", lambda _: fake.ground_end)
@@ -180,9 +180,10 @@ def test_long_wait_for_the_sensors_is_reported(
     monkeypatch.setattr(client, "READY_TIMEOUT_S", 0.2)
     fake.answers[MavCmd.COMPONENT_ARM_DISARM] = [DENIED]
     fake.after[MavCmd.DO_SET_MODE] = lambda: fake.heartbeat(status=1)  # MAV_STATE_BOOT
-    with pytest.raises(VehicleClientError, match="denied"):
-        command("memory:fake", **files)
-    assert "waiting up to 0.2 s for the vehicle to read its sensors\n" in capsys.readouterr().err
+    done = CliRunner().invoke(app, [command, "--connect", "memory:fake"])
+    assert isinstance(done.exception, VehicleClientError)
+    assert "denied" in str(done.exception)
+    assert "waiting up to 0.2 s for the vehicle to read its sensors\n" in done.stderr
 
 
 def test_inclining_test_parameters_alone_are_no_log(
@@ -198,15 +199,15 @@ def test_inclining_test_parameters_alone_are_no_log(
 
 
 @pytest.mark.parametrize(
-    ("vehicle", "connect", "prior"),
+    ("option", "prior"),
     [
-        ("remus100", None, "remus100"),
-        ("caribou_truth", None, "caribou_nominal"),
-        ("caribou_truth", "memory:fake", "caribou_nominal"),
+        ("--vehicle=remus100", "remus100"),
+        ("--vehicle=caribou_truth", "caribou_nominal"),
+        ("--connect=memory:fake", "caribou_nominal"),
     ],
 )
 def test_inclining_test_takes_the_mass_of_the_simulated_vehicle(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, vehicle: str, connect: str | None, prior: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: str, prior: str
 ) -> None:
     priors = list[str]()
 
@@ -217,7 +218,7 @@ def test_inclining_test_takes_the_mass_of_the_simulated_vehicle(
     monkeypatch.setattr(incline, "measure", measure)
     monkeypatch.setattr(processes, "SimulatedVehicle", lambda _, **__: "memory:simulated")
     with pytest.raises(OperationError, match="measured"):
-        inclining_test(connect, vehicle=vehicle, log=tmp_path / "incline.mcap")
+        run("inclining-test", option, "--log", tmp_path / "incline.mcap")
     assert priors == [prior]
 
 

@@ -43,6 +43,37 @@ def test_empty_option_is_refused(
         CliRunner().invoke(app, [*arguments.split(), ""], catch_exceptions=False)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ("fly square --vehicle remus100", "is for a simulated vehicle; add --sitl"),
+        ("fly square --scenario calm", "is for a simulated vehicle; add --sitl"),
+        ("fly square --seed 3", "is for a simulated vehicle; add --sitl"),
+        ("fly square --speed 2", "is for a simulated vehicle; add --sitl"),
+        ("fly square --truth t.mcap", "is for a simulated vehicle; add --sitl"),
+        ("fly square --sitl --sign k", "is for the link to a real vehicle"),
+        ("fly square --sitl --vehicle-id 2", "is for the link to a real vehicle"),
+        ("fly square --sitl --connect udpin:0.0.0.0:14550", "is for the link to a real vehicle"),
+        ("fly straight_run --sitl --prior caribou_nominal", "is for the live estimate"),
+        ("bench-test --sign k", "is for the link of --connect"),
+        ("bench-test --connect tcp:localhost:1 --seed 2", "is for a simulated vehicle"),
+        ("inclining-test --connect tcp:localhost:1 --vehicle remus100", "is for a simulated"),
+        ("redesign m.json --sign k", "is for the link of --upload"),
+        ("redesign m.json --vehicle-id 2", "is for the link of --upload"),
+        ("redesign m.json --modem 30", "is for the link of --upload"),
+    ],
+)
+def test_option_without_effect_is_refused(
+    arguments: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`ground fly MISSION --vehicle remus100` flew the vehicle on the link."""
+    monkeypatch.chdir(tmp_path)
+    option = arguments.split()[-2]
+    with pytest.raises(InputError, match=f"^{option}: {reason}"):
+        CliRunner().invoke(app, arguments.split(), catch_exceptions=False)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("option", ["--min-depth", "--water-depth", "--min-altitude"])
 def test_option_without_limits_refuses_nan(option: str) -> None:
     with pytest.raises(InputError, match=f"^{option} nan: give a number"):

@@ -21,13 +21,6 @@ def test_lqg_upload_is_refused() -> None:
     assert "autopilot --controller" in str(done.exception)
 
 
-@pytest.mark.parametrize("option", ["--vehicle-id 2", "--modem 30", "--sign key"])
-def test_link_option_without_upload_is_refused(option: str) -> None:
-    done = CliRunner().invoke(app, ["redesign", "model.json", *option.split()])
-    assert isinstance(done.exception, InputError)
-    assert str(done.exception).startswith(f"{option.split()[0]}: is for the link of --upload")
-
-
 def test_upload_sets_the_gains_of_the_named_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without --vehicle-id the gains went to the first vehicle on the link."""
     uploads: list[tuple[Any, Any]] = []
