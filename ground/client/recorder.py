@@ -71,7 +71,7 @@ class Recorder:
         self._clocks: dict[int, _Clock] = {}
         self._file = open_output(path, "xb")
         try:
-            self._tlog = TelemetryLog(tlog) if tlog else None
+            self._tlog = TelemetryLog(open_output(tlog, "xb")) if tlog else None
         except OSError:
             self._file.close()
             path.unlink(missing_ok=True)

@@ -219,14 +219,8 @@ def export_tlog(path: Path, target: Path) -> None:
             " MAVLink messages in MCAP channels"
         )
     readers.load(path)  # refuses an unfinished or damaged log
-    if target.exists():
-        raise FileExistsError(17, "File exists", str(target))
-    log = TelemetryLog(target)
-    try:
-        with path.open("rb") as file:
-            _copy_frames(McapReader(file, _is_mavlink), log)
-    finally:
-        log.close()
+    with open_new(target) as output, path.open("rb") as file:
+        _copy_frames(McapReader(file, _is_mavlink), TelemetryLog(output))
 
 
 def _copy_frames(reader: McapReader, log: TelemetryLog) -> None:

@@ -8,14 +8,12 @@ import itertools
 import struct
 from collections.abc import Callable, Sequence
 from functools import cache
-from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 from mavlink_io import dialect
 from mavlink_io.codec import MAGIC_V1, MAGIC_V2, MAX_FRAME_BYTES, Framer, is_intact
 from mavlink_io.dialect import MessageType
 from mavlink_io.logging.ros1 import vehicle_time_reader
-from mavlink_io.user_data_dir import open_output
 from mavlink_io.vehicle_clock import unwrap_us
 
 _STAMP = struct.Struct(">Q")
@@ -34,17 +32,12 @@ class TelemetryLog:
 
     Parameters
     ----------
-    path : Path
-        New file.
-
-    Raises
-    ------
-    OSError
-        The file exists or cannot be opened.
+    file : BinaryIO
+        New file, opened in binary mode.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._file = open_output(path, "xb")
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
         self._time_us = 0
 
     def write(self, time_us: int, raw: bytes) -> None:

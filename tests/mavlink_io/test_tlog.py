@@ -24,7 +24,7 @@ def frame(boot_ms: int, flags: int = 0) -> bytes:
 
 def test_tlog_is_read_by_pymavlink(tmp_path: Path) -> None:
     path = tmp_path / "dive.tlog"
-    log = TelemetryLog(path)
+    log = TelemetryLog(path.open("xb"))
     log.write(START_US, frame(1))
     log.write(START_US + 20_000, Signing(bytes(32), 1, Timestamp()).sign(frame(2, SIGNED_FLAG)))
     log.write(START_US + 10_000, frame(3))
@@ -42,7 +42,7 @@ def test_tlog_is_read_by_pymavlink(tmp_path: Path) -> None:
 def test_tlog_time_never_decreases(times_us: list[int]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "dive.tlog"
-        log = TelemetryLog(path)
+        log = TelemetryLog(path.open("xb"))
         for time_us in times_us:
             log.write(time_us, b"x")
         log.close()

@@ -1,6 +1,8 @@
 """Exports of logs, read by readers that this project did not write."""
 
+import errno
 import json
+import os
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -156,6 +158,22 @@ def test_tlog_export_holds_the_same_messages(log: Path, tmp_path: Path) -> None:
             assert np.array_equal(again[topic].columns[name], values)
     with pytest.raises(InputError, match=r"dive\.tlog: --format tlog is for MCAP logs"):
         export.export_tlog(target, tmp_path / "second.tlog")
+
+
+def test_tlog_export_on_a_full_disk_leaves_no_file(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The part stayed, and the next attempt ended with "File exists"."""
+
+    def write(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("mavlink_io.logging.tlog.TelemetryLog.write", write)
+    target = tmp_path / "dive.tlog"
+    with pytest.raises(OSError, match="No space left") as raised:
+        export.export(log, target, ExportFormat.TLOG)
+    assert raised.value.filename == str(target)
+    assert not target.exists()
 
 
 def test_view_holds_the_whole_log_with_state_and_scene(log: Path, view: Path) -> None:
