@@ -6,6 +6,7 @@ from typing import Any
 from mavlink_io import dialect
 from mavlink_io.codec import SIGNED_FLAG, Frame, Framer, encode_payload
 from mavlink_io.fixed_frame import SENDER, SEQUENCE, FixedFrame
+from mavlink_io.frame_loss import FrameLoss
 from mavlink_io.signing import Signing
 from mavlink_io.transport import (
     SPIN_S,
@@ -49,12 +50,10 @@ class Endpoint:
         self._lockstep = transport if isinstance(transport, LockstepTransport) else None
         self.signing = signing
         self._sequence = 0
-        self._expected: dict[tuple[int, int], int] = {}
+        self._losses: dict[tuple[int, int], FrameLoss] = {}
         self._unread = b""
         """Datagram that ``put_back`` has returned."""
-        self._framer = Framer(self._expected if accept_unknown else ())
-        self.lost_frames = 0
-        """Number of frames of other participants that did not arrive, by sequence numbers."""
+        self._framer = Framer(self._losses if accept_unknown else ())
 
     def send(self, name: str, **fields: Any) -> None:
         """Send one message.
@@ -270,7 +269,7 @@ class Endpoint:
             data = pieces[0][1]
             decoded = expected.decode(data)
             if decoded is not None:
-                self._count(decoded[SENDER], decoded[SEQUENCE])
+                self._loss_of(decoded[SENDER]).count(decoded[SEQUENCE])
                 return decoded, data, []
         return None, b"", self._frames(pieces)
 
@@ -328,7 +327,8 @@ class Endpoint:
         if self.signing is not None:
             frames = [frame for frame in frames if self.signing.accepts(frame)]
         for frame in frames:
-            self._count((frame.system, frame.component), frame.sequence)
+            loss = self._loss_of((frame.system, frame.component))
+            loss.count(frame.sequence, frame.message_id, frame.payload)
         return frames
 
     @property
@@ -346,9 +346,14 @@ class Endpoint:
         """Number of received bytes that belonged to no frame."""
         return self._framer.skipped_bytes
 
-    def _count(self, sender: tuple[int, int], sequence: int) -> None:
-        """Add the frames of a sender that are missing before this one to ``lost_frames``."""
-        expected = self._expected.get(sender)
-        if expected is not None:
-            self.lost_frames += (sequence - expected) & 0xFF
-        self._expected[sender] = (sequence + 1) & 0xFF
+    @property
+    def lost_frames(self) -> int:
+        """Number of frames of other participants that did not arrive, by sequence numbers."""
+        return sum(loss.lost for loss in self._losses.values())
+
+    def _loss_of(self, sender: tuple[int, int]) -> FrameLoss:
+        """Return the count of a sender; it is new at its first frame."""
+        loss = self._losses.get(sender)
+        if loss is None:
+            loss = self._losses[sender] = FrameLoss()
+        return loss

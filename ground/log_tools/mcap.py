@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ground.output_files import open_new
+from mavlink_io import dialect
 from mavlink_io.errors import ErrorCode, InputError
+from mavlink_io.frame_loss import FrameLoss
 from mavlink_io.logging import mcap_reader
 from mavlink_io.logging.mavlink_log import PROFILE
 from mavlink_io.logging.mcap import McapWriter
@@ -55,7 +57,8 @@ def info(path: Path) -> dict[str, Any]:
     attachments: list[str] = []
     metadata: dict[str, dict[str, str]] = {}
     silences: list[tuple[int, int]] = []
-    gaps = _Gaps()
+    losses: dict[str, FrameLoss] = {}
+    counters: dict[int, tuple[FrameLoss, int | None]] = {}
     with _opened(path) as reader:
         names: dict[int, str] = {}
         for item in reader.items():
@@ -67,9 +70,15 @@ def info(path: Path) -> dict[str, Any]:
                         silences.append((last_ns, item.time_ns))
                     first_ns = item.time_ns if first_ns is None else min(first_ns, item.time_ns)
                     last_ns = max(last_ns, item.time_ns)
-                    gaps.count(topic, item.sequence)
+                    if item.channel in counters:
+                        loss, number = counters[item.channel]
+                        loss.count(item.sequence & 0xFF, number, item.data)
                 case McapChannel():
                     names[item.number] = item.topic
+                    if item.topic.startswith("/mavlink/"):
+                        sender = item.topic.rpartition("/")[0]
+                        loss = losses.setdefault(sender, FrameLoss())
+                        counters[item.number] = loss, _message_id(item.topic)
                 case McapAttachment():
                     attachments.append(item.name)
                 case McapMetadata():
@@ -79,7 +88,7 @@ def info(path: Path) -> dict[str, Any]:
         "bytes": path.stat().st_size,
         "vehicle_s": 0.0 if first_ns is None else (last_ns - first_ns) / 1e9,
         "messages": sum(topics.values()),
-        "lost_frames": gaps.lost,
+        "lost_frames": sum(loss.lost for loss in losses.values()),
         "topics": dict(sorted(topics.items())),
         "attachments": attachments,
         "metadata": metadata,
@@ -191,22 +200,10 @@ def copy(
     return saved
 
 
-class _Gaps:
-    """Counter of lost frames, from gaps in the sequence numbers of each sender."""
-
-    def __init__(self) -> None:
-        self.lost = 0
-        self._expected: dict[str, int] = {}
-
-    def count(self, topic: str, sequence: int) -> None:
-        """Add the frames that are missing before the sequence number of a sender's message."""
-        if not topic.startswith("/mavlink/"):
-            return
-        sender = topic.rsplit("/", 1)[0]
-        expected = self._expected.get(sender)
-        if expected is not None:
-            self.lost += (sequence - expected) & 0xFF
-        self._expected[sender] = (sequence + 1) & 0xFF
+def _message_id(topic: str) -> int | None:
+    """Return the number of the message of a topic; None if the dialect does not define it."""
+    name = topic.rpartition("/")[2]
+    return dialect.by_name(name).message_id if name in dialect.names() else None
 
 
 @contextmanager

@@ -8,7 +8,9 @@ and every ROS reader can decode them.
 
 import struct
 from collections.abc import Callable
+from functools import cache
 
+from mavlink_io import dialect
 from mavlink_io.dialect import MessageField, MessageType
 
 SCHEMA_ENCODING = "ros1msg"
@@ -93,6 +95,24 @@ def vehicle_time_reader(message: MessageType) -> Callable[[bytes], int | None] |
             return _reader(struct.Struct(f"<{kind}"), offset, scale)
         offset += struct.calcsize(kind) * max(1, field.array_length)
     return None
+
+
+@cache
+def time_reader(message_id: int) -> Callable[[bytes], int | None] | None:
+    """Return the function of `vehicle_time_reader` for the number of a message.
+
+    Parameters
+    ----------
+    message_id : int
+        Number of the message.
+
+    Returns
+    -------
+    callable or None
+        As of `vehicle_time_reader`; None also if the dialect does not define the message.
+    """
+    message = dialect.by_id(message_id)
+    return vehicle_time_reader(message) if message else None
 
 
 def _reader(number: struct.Struct, offset: int, scale: int) -> Callable[[bytes], int | None]:

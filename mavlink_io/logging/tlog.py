@@ -6,14 +6,13 @@ Planner, MAVProxy (``mav.tlog``) and pymavlink's tools use the same format.
 
 import itertools
 import struct
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Sequence
 from typing import BinaryIO, NamedTuple
 
 from mavlink_io import dialect
 from mavlink_io.codec import MAGIC_V1, MAGIC_V2, MAX_FRAME_BYTES, Framer, is_intact
 from mavlink_io.dialect import MessageType
-from mavlink_io.logging.ros1 import vehicle_time_reader
+from mavlink_io.logging.ros1 import time_reader
 from mavlink_io.vehicle_clock import unwrap_us
 
 _STAMP = struct.Struct(">Q")
@@ -111,7 +110,7 @@ def read(data: bytes) -> list[MessageSeries]:
             ),
         )
         payload = frame.payload[: message.struct.size].ljust(message.struct.size, b"\0")
-        read_time_us = _time_reader(frame.message_id)
+        read_time_us = time_reader(frame.message_id)
         senders.setdefault(key[:2], []).append(
             _Arrival(
                 series,
@@ -216,10 +215,3 @@ def _is_frame_sequence(data: bytes, offset: int) -> bool:
         if position is None or position == len(data):
             return position is not None
     return True
-
-
-@cache
-def _time_reader(message_id: int) -> Callable[[bytes], int | None] | None:
-    """Return the function that reads the vehicle time of a message, None if it has none."""
-    message = dialect.by_id(message_id)
-    return vehicle_time_reader(message) if message else None

@@ -27,6 +27,7 @@ from ground.live.page.dive import LinkCounts
 from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import by_name
+from mavlink_io.frame_loss import FrameLoss
 from mavlink_io.mission_items import MissionItem
 
 SEND_PERIOD_S = 0.1
@@ -180,8 +181,8 @@ class DiveFeed:
         self._sampled_ms, self._sample_ms = -SAMPLE_MS, SAMPLE_MS
         self._texts: deque[StatusText] = deque(maxlen=MAX_TEXTS)
         self._travel_deg = 0.0
-        self._messages = self._bytes = self._lost = 0
-        self._sequence: int | None = None
+        self._messages = self._bytes = 0
+        self._loss = FrameLoss()
 
     def begin(self, parameters: Mapping[str, float]) -> None:
         """Take the travel of the surfaces from the parameters."""
@@ -192,9 +193,7 @@ class DiveFeed:
         number = frame.message_id
         self._messages += 1
         self._bytes += len(frame.raw)
-        if self._sequence is not None:
-            self._lost += (frame.sequence - self._sequence - 1) & 0xFF
-        self._sequence = frame.sequence
+        self._loss.count(frame.sequence, number, frame.payload)
         if number == _ATTITUDE:
             time_ms = int.from_bytes(frame.payload[:4], "little")
             if not 0 <= time_ms - self._sampled_ms < self._sample_ms:
@@ -223,7 +222,7 @@ class DiveFeed:
                 dive=self._name,
                 frames=[(f.system, f.component, f.message_id, f.payload) for f in frames],
                 texts=list(self._texts),
-                counts=LinkCounts(self._messages, self._bytes, self._lost),
+                counts=LinkCounts(self._messages, self._bytes, self._loss.lost),
                 travel_deg=self._travel_deg,
                 items=self._items,
                 estimate=self._estimate() if self._estimate else None,
