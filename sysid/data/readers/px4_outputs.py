@@ -2,17 +2,24 @@
 
 ``PWM_MAIN_FUNCn`` is 101 to 112 for a motor and 201 to 208 for a control surface, whose kind is
 ``CA_SV_CSk_TYPE``. Versions before 1.13 have the pulses only (PX4 parameter reference).
+
+A half of a V-tail is what its torques say: PX4 solves torque = sum of ``CA_SV_CSk_TRQ_*`` times
+output (``ActuatorEffectivenessControlSurfaces.cpp``). With a positive pitch torque, the half whose
+yaw torque is positive, too, is ArduPilot's left one (elevator + rudder); the other one is its right
+one (elevator - rudder). With a negative pitch torque both are reversed.
 """
 
 import math
 from collections.abc import Iterator, Mapping
 
-from sysid.data.readers.servo_channels import MAX_OUTPUTS
+from sysid.data.readers.servo_channels import MAX_OUTPUTS, UNKNOWN_HALF, V_TAIL
 
 _FIRST_MOTOR, _FIRST_SURFACE, _COUNT = 101, 201, 12
 """PWM_MAIN_FUNCn of the first motor and of the first control surface; number of each."""
-_SURFACES = {3: 19, 4: 21, 5: 77, 6: 78, 7: 79, 8: 80}
-"""SERVOn_FUNCTION of elevator, rudder, elevons and V-tail, by CA_SV_CSk_TYPE."""
+_SURFACES = {3: 19, 4: 21, 5: 77, 6: 78}
+"""SERVOn_FUNCTION of elevator, rudder and elevons, by CA_SV_CSk_TYPE."""
+_HALVES = (7, 8, 13, 14)
+"""CA_SV_CSk_TYPE of the halves of V-tails and A-tails."""
 _THROTTLE = 70
 """SERVOn_FUNCTION of the throttle."""
 SERVOS = 8
@@ -45,7 +52,7 @@ def servo_parameters(parameters: Mapping[str, float]) -> dict[str, float]:
 
 
 def surface_parameters(parameters: Mapping[str, float]) -> dict[str, float]:
-    """Return SERVOn_FUNCTION of the values of ``actuator_servos``, and of the first motor.
+    """Return SERVOn_FUNCTION and REVERSED of ``actuator_servos``, and of the first motor.
 
     Parameters
     ----------
@@ -57,18 +64,42 @@ def surface_parameters(parameters: Mapping[str, float]) -> dict[str, float]:
     dict of str to float
         Those that follow from the parameters.
     """
-    functions = [_function(parameters, _FIRST_SURFACE + k) for k in range(SERVOS)]
+    codes = (*range(_FIRST_SURFACE, _FIRST_SURFACE + SERVOS), _FIRST_MOTOR)
     return {
-        f"SERVO{number}_FUNCTION": function
-        for number, function in enumerate((*functions, _THROTTLE), start=1)
-        if function is not None
+        f"SERVO{number}_{name}": value
+        for number, code in enumerate(codes, start=1)
+        for name, value in _surface(parameters, code)
+    }
+
+
+def simulated_parameters(parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return SERVOn_FUNCTION and REVERSED of ``actuator_outputs_sim``, which has no pulses.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        Parameters of PX4. A flight controller that flies with a simulator has HIL_ACT_FUNCn; PX4's
+        own simulation uses PWM_MAIN_FUNCn (`PWMSim.hpp`).
+
+    Returns
+    -------
+    dict of str to float
+        Those that follow from the parameters.
+    """
+    is_controller = any(name.startswith("HIL_ACT_FUNC") for name in parameters)
+    prefix = "HIL_ACT" if is_controller else "PWM_MAIN"
+    return {
+        f"SERVO{number}_{name}": value
+        for number in range(1, MAX_OUTPUTS + 1)
+        for name, value in _surface(parameters, _whole(parameters, f"{prefix}_FUNC{number}"))
     }
 
 
 def _output(parameters: Mapping[str, float], number: int) -> Iterator[tuple[str, float]]:
     """Yield name and value of the parameters of one output, counted from 1."""
     code = _whole(parameters, f"PWM_MAIN_FUNC{number}")
-    function = _function(parameters, code)
+    surface = dict(_surface(parameters, code))
+    function = surface.get("FUNCTION")
     if function is not None:
         yield "FUNCTION", function
     low, high = (_pulse(parameters, name, number) for name in ("MIN", "MAX"))
@@ -79,14 +110,23 @@ def _output(parameters: Mapping[str, float], number: int) -> Iterator[tuple[str,
         yield from (("MIN", low), ("MAX", high))
         yield "TRIM", low if is_forward_only else (low + high) / 2.0
     mask = _whole(parameters, "PWM_MAIN_REV")
-    yield "REVERSED", parameters.get(f"PWM_MAIN_REV{number}", mask >> (number - 1) & 1)
+    is_reversed = parameters.get(f"PWM_MAIN_REV{number}", mask >> (number - 1) & 1) == 1.0
+    yield "REVERSED", float(is_reversed != (surface.get("REVERSED") == 1.0))
 
 
-def _function(parameters: Mapping[str, float], code: int) -> float | None:
-    """Return the SERVOn_FUNCTION of a PWM_MAIN_FUNCn; None if it has none."""
+def _surface(parameters: Mapping[str, float], code: int) -> Iterator[tuple[str, float]]:
+    """Yield FUNCTION of a PWM_MAIN_FUNCn, and for half a V-tail REVERSED; nothing of others."""
+    index = code - _FIRST_SURFACE
+    kind = _whole(parameters, f"CA_SV_CS{index}_TYPE")
     if _FIRST_MOTOR <= code < _FIRST_MOTOR + _COUNT:
-        return _THROTTLE
-    return _SURFACES.get(_whole(parameters, f"CA_SV_CS{code - _FIRST_SURFACE}_TYPE"))
+        yield "FUNCTION", _THROTTLE
+    elif kind in _SURFACES:
+        yield "FUNCTION", _SURFACES[kind]
+    elif kind in _HALVES:
+        pitch, yaw = (parameters.get(f"CA_SV_CS{index}_TRQ_{axis}", math.nan) for axis in "PY")
+        is_known = math.isfinite(pitch * yaw) and pitch * yaw != 0.0
+        yield "FUNCTION", V_TAIL[pitch * yaw < 0.0] if is_known else UNKNOWN_HALF
+        yield "REVERSED", float(pitch < 0.0)
 
 
 def _whole(parameters: Mapping[str, float], name: str) -> int:

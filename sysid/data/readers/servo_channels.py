@@ -42,9 +42,17 @@ FIRST_THREE = ServoChannels(1, 2, 3)
 _FUNCTIONS = ((21, 26), (19,), (70, 73))
 """SERVOn_FUNCTION of rudder (rudder, ground steering), elevator and thrust (throttle, throttle
 left), the preferred first (ArduPilot, SRV_Channel.h)."""
-_V_TAIL = (79, 80)
+V_TAIL = (79, 80)
 """SERVOn_FUNCTION of the left and right half of a V-tail."""
-_MIXED = {77.0: "an elevon", 78.0: "an elevon", 79.0: "a V-tail", 80.0: "a V-tail"}
+UNKNOWN_HALF = -1
+"""In place of SERVOn_FUNCTION: half of a V-tail of PX4 that may be the left or the right one."""
+_MIXED = {
+    77.0: "an elevon",
+    78.0: "an elevon",
+    79.0: "a V-tail",
+    80.0: "a V-tail",
+    UNKNOWN_HALF: "half of a V-tail whose CA_SV_CSk_TRQ_P or CA_SV_CSk_TRQ_Y is missing or 0",
+}
 """SERVOn_FUNCTION of surfaces that act in both planes."""
 
 MAX_OUTPUTS = 16
@@ -139,7 +147,7 @@ def find_v_tail(parameters: Mapping[str, float]) -> ServoChannels | None:
     Parameters
     ----------
     parameters : mapping of str to float
-        ArduPilot's parameters.
+        ArduPilot's parameters, or those that `px4_outputs` makes of PX4's.
 
     Returns
     -------
@@ -150,10 +158,10 @@ def find_v_tail(parameters: Mapping[str, float]) -> ServoChannels | None:
     of_mixed = [f for f in _functions(parameters).values() if f in _MIXED]
     rudder, elevator, thrust = _numbers(parameters)
     others = rudder is not None or elevator is not None
-    if sorted(of_mixed) != [*_V_TAIL] or others or thrust is None:
+    if sorted(of_mixed) != [*V_TAIL] or others or thrust is None:
         return None
     left, right = (
-        next(n for n, f in _functions(parameters).items() if f == half) for half in _V_TAIL
+        next(n for n, f in _functions(parameters).items() if f == half) for half in V_TAIL
     )
     return _signed(ServoChannels(left, right, thrust), parameters)
 
@@ -196,13 +204,15 @@ def mixed_surfaces(parameters: Mapping[str, float]) -> str:
     Returns
     -------
     str
-        Name, value and meaning of each SERVOn_FUNCTION.
+        Name, value and meaning of each SERVOn_FUNCTION; the number of an output of PX4.
     """
-    names = [f"SERVO{number}_FUNCTION" for number in range(1, MAX_OUTPUTS + 1)]
+    functions = {n: parameters.get(f"SERVO{n}_FUNCTION") for n in range(1, MAX_OUTPUTS + 1)}
     return ", ".join(
-        f"{name} = {function:g} ({_MIXED[function]})"
-        for name in names
-        if (function := parameters.get(name)) in _MIXED
+        f"output {number} ({_MIXED[function]})"
+        if function == UNKNOWN_HALF
+        else f"SERVO{number}_FUNCTION = {function:g} ({_MIXED[function]})"
+        for number, function in functions.items()
+        if function in _MIXED
     )
 
 
@@ -288,7 +298,7 @@ def actuator_commands(
     others, assumed, mixed = set[int](), dict[str, None](), dict[str, None]()
     for rows, own_parameters in history.epochs(time_s, _OUTPUT_PARAMETERS):
         parameters = own_parameters | convert(own_parameters)
-        v_tail = None if options.channels else find_v_tail(own_parameters)
+        v_tail = None if options.channels else find_v_tail(parameters)
         channels = options.channels or v_tail or find_channels(parameters, usual)
         commands[:, rows] = _fractions(values[rows], channels, parameters, where)
         if v_tail:

@@ -64,10 +64,11 @@ _OUTPUTS = (
 """Topics of the outputs, the preferred first: fractions to the simulator, pulses to the servos,
 fractions to servos (PX4 1.14), fractions of the mixer (before 1.14)."""
 _CONVERT = {
+    "actuator_outputs_sim": px4_outputs.simulated_parameters,
     "actuator_outputs": px4_outputs.servo_parameters,
     "actuator_servos": px4_outputs.surface_parameters,
 }
-"""Parameters of the outputs by topic; the others have no pulses."""
+"""Parameters of the outputs by topic; the others are commands of rudder and elevator."""
 _MOTORS = "actuator_motors"
 """Topic whose controls count as outputs 9 and following where actuator_servos is read."""
 SERVOS_AND_MOTOR = ServoChannels(1, 2, SERVOS + 1)

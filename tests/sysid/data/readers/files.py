@@ -284,6 +284,15 @@ def _depth(variant: DataflashVariant, us: int, s: Sample) -> bytes:
             return estimate + _record("XKF1", us, 1, 7.0, 7.0, 7.0, 77.0)
 
 
+Surfaces = Callable[[Sample], tuple[float, float]]
+"""Returns outputs 1 and 2, as fractions of the travel."""
+
+
+def rudder_and_elevator(s: Sample) -> tuple[float, float]:
+    """Return the outputs of a vehicle with a rudder and an elevator."""
+    return s.rudder, s.elevator
+
+
 def dataflash(
     path: Path,
     ending: str = "SystemID Finished",
@@ -292,7 +301,7 @@ def dataflash(
     variant: str = "ArduSub",
     every: int = 1,
     last_parameters: dict[str, float] | None = None,
-    surfaces: Callable[[Sample], tuple[float, float]] = lambda s: (s.rudder, s.elevator),
+    surfaces: Surfaces = rudder_and_elevator,
 ) -> Path:
     """Write a .bin; ``ending`` is the text that ends the test, or MODE for a change of mode.
 
@@ -399,6 +408,7 @@ _ULOG: dict[str, tuple[int, str, str]] = {
     ),
     "vehicle_air_data": (6, "Qf", "uint64_t timestamp;float baro_alt_meter;"),
     "vehicle_global_position": (7, "Qf", "uint64_t timestamp;float alt;"),
+    "actuator_outputs_sim": (11, "Q16f", "uint64_t timestamp;float[16] output;"),
     "actuator_servos": (8, "Q8f", "uint64_t timestamp;float[8] control;"),
     "actuator_motors": (9, "Q12f", "uint64_t timestamp;float[12] control;"),
     "actuator_controls_0": (10, "Q8f", "uint64_t timestamp;float[8] control;"),
@@ -425,12 +435,13 @@ ULOG_VARIANTS = {
     "from 1.14": UlogVariant(
         depth="vehicle_global_position", outputs=("actuator_servos", "actuator_motors")
     ),
+    "simulated": UlogVariant(outputs=("actuator_outputs_sim",)),
 }
 """Topics that versions of PX4 log."""
 
 
 def _ulog_topics(
-    variant: UlogVariant, s: Sample, k: int, pulse_of: Callable[[float], int]
+    variant: UlogVariant, s: Sample, k: int, pulse_of: Callable[[float], int], surfaces: Surfaces
 ) -> bytes:
     us, late = round(1e6 * s.time_s), round(1e6 * (s.time_s + LATENCY_S))
     quaternion = _quaternion(s.pitch_rad, s.yaw_rad)
@@ -444,7 +455,9 @@ def _ulog_topics(
         data += _topic(variant.rates, us, 0.0, 0.0, s.yaw_rate_radps, *force)
     elif variant.rates:
         data += _topic(variant.rates, late, us, 0.0, 0.0, s.yaw_rate_radps)
-    data += b"".join(_outputs(name, us, s, pulse_of) for name in reversed(variant.outputs))
+    data += b"".join(
+        _outputs(name, us, s, pulse_of, surfaces) for name in reversed(variant.outputs)
+    )
     if k % 5 == 0 and variant.depth == "vehicle_local_position":
         data += _topic(variant.depth, us, s.depth_m, *velocity_ned_mps(s))
     elif k % 5 == 0:
@@ -452,11 +465,15 @@ def _ulog_topics(
     return data
 
 
-def _outputs(name: str, us: int, s: Sample, pulse_of: Callable[[float], int]) -> bytes:
-    fractions = (s.rudder, s.elevator, s.thrust)
+def _outputs(
+    name: str, us: int, s: Sample, pulse_of: Callable[[float], int], surfaces: Surfaces
+) -> bytes:
+    fractions = (*surfaces(s), s.thrust)
     match name:
         case "actuator_outputs":
             return _topic(name, us, *(float(pulse_of(v)) for v in fractions), *[0.0] * 13)
+        case "actuator_outputs_sim":
+            return _topic(name, us, *fractions, *[0.0] * 13)
         case "actuator_servos":
             return _topic(name, us, *fractions[:2], *[math.nan] * 6)
         case "actuator_motors":
@@ -472,6 +489,7 @@ def ulog(
     parameters: dict[str, float] | None = None,
     pulse_of: Callable[[float], int] = pulse,
     last_parameters: dict[str, float] | None = None,
+    surfaces: Surfaces = rudder_and_elevator,
 ) -> Path:
     """Write the dive as PX4 logs it; ``pulse_of`` makes the pulse of a fraction of the travel.
 
@@ -490,7 +508,7 @@ def ulog(
         data += _block("A", body)
     for k, s in enumerate(samples()):
         us = round(1e6 * s.time_s)
-        data += _ulog_topics(topics, s, k, pulse_of)
+        data += _ulog_topics(topics, s, k, pulse_of, surfaces)
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[0]):
             data += _block("L", struct.pack("<BQ", ord("6"), us) + b"SystemID Starting: axis=12")
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[1]):

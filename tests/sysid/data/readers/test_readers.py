@@ -562,6 +562,69 @@ def test_v_tail_gives_the_same_run(tmp_path: Path, is_reversed: bool) -> None:
     assert servo_channels.names_surfaces(V_TAIL)
 
 
+PX4_OUTPUTS = {"PWM_MAIN_FUNC1": 201.0, "PWM_MAIN_FUNC2": 202.0, "PWM_MAIN_FUNC3": 101.0}
+
+
+def px4_halves(
+    *torques: tuple[float, float, float],
+) -> tuple[dict[str, float], files.Surfaces]:
+    """Return parameters and outputs of halves with a type, a pitch and a yaw torque each.
+
+    PX4 sets outputs whose torques add up to the commanded ones.
+    """
+    parameters = dict(PX4_OUTPUTS)
+    for k, (kind, pitch, yaw) in enumerate(torques):
+        parameters[f"CA_SV_CS{k}_TYPE"] = kind
+        parameters[f"CA_SV_CS{k}_TRQ_P"], parameters[f"CA_SV_CS{k}_TRQ_Y"] = pitch, yaw
+    matrix = np.array([(yaw, pitch) for _, pitch, yaw in torques])
+
+    def surfaces(s: files.Sample) -> tuple[float, float]:
+        first, second = np.linalg.solve(matrix.T, (s.rudder, s.elevator))
+        return float(first), float(second)
+
+    return parameters, surfaces
+
+
+@pytest.mark.parametrize("variant", ["1.10 to 1.13", "from 1.14", "simulated"])
+@pytest.mark.parametrize(
+    "torques",
+    [
+        ((7.0, 0.5, 0.5), (8.0, 0.5, -0.5)),
+        ((13.0, 0.5, -0.5), (14.0, 0.5, 0.5)),
+        ((7.0, -0.5, 0.5), (8.0, -0.5, -0.5)),
+    ],
+)
+def test_v_tail_of_px4_gives_the_same_run(
+    tmp_path: Path, variant: str, torques: tuple[tuple[float, float, float], ...]
+) -> None:
+    """Defaults of PX4, an A-tail, and servos that turn down for a positive output."""
+    parameters, surfaces = px4_halves(*torques)
+    path = files.ulog(
+        tmp_path / "vtail.ulg", variant=variant, parameters=parameters, surfaces=surfaces
+    )
+    check_run(the_run(path))
+    usable_runs.refuse_miswired(usable_runs.cut_logs([readers.read(path)], []))
+
+
+def test_v_tail_of_px4_with_a_reversed_servo_gives_the_same_run(tmp_path: Path) -> None:
+    parameters, surfaces = px4_halves((7.0, 0.5, 0.5), (8.0, 0.5, -0.5))
+
+    def turned(s: files.Sample) -> tuple[float, float]:
+        left, right = surfaces(s)
+        return left, -right
+
+    parameters["PWM_MAIN_REV"] = 0b10
+    check_run(the_run(files.ulog(tmp_path / "a.ulg", parameters=parameters, surfaces=turned)))
+
+
+def test_v_tail_of_px4_without_torques_is_refused(tmp_path: Path) -> None:
+    parameters, surfaces = px4_halves((7.0, 0.5, 0.5), (8.0, 0.5, -0.5))
+    del parameters["CA_SV_CS1_TRQ_Y"]
+    path = files.ulog(tmp_path / "a.ulg", parameters=parameters, surfaces=surfaces)
+    with pytest.raises(RefitError, match=r"output 2 \(half of a V-tail whose CA_SV_CSk_TRQ_P or"):
+        usable_runs.refuse_miswired(usable_runs.cut_logs([readers.read(path)], []))
+
+
 @pytest.mark.parametrize(
     ("functions", "reason"),
     [
