@@ -29,10 +29,12 @@ def bench_test(
         list[str] | None, typer.Option(help="rudder or elevator; repeatable. Default: both.")
     ] = None,
     amplitude: Annotated[
-        list[float] | None, typer.Option(help="Amplitude, deg peak to peak; repeatable.")
+        list[float] | None,
+        typer.Option(help="Amplitude, deg peak to peak; repeatable. Default: 5, 10, 20, 30."),
     ] = None,
     frequency: Annotated[
-        list[float] | None, typer.Option(help="Frequency, Hz; repeatable.")
+        list[float] | None,
+        typer.Option(help="Frequency, Hz; repeatable. Default: ten from 0.05 to 1.5."),
     ] = None,
     seed: Seed = 1,
     speed: Speed = "max",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import Json, Seed, print_result, refuse_empty, refuse_nan
+from ground.cli.options import Json, Seed, print_result, refuse_empty, refuse_given, refuse_nan
 from ground.output_files import new_file
 from mavlink_io.errors import InputError
 
@@ -19,6 +19,7 @@ MIN_DURATION_MIN, MAX_DURATION_MIN = 5.0, 600.0
 
 
 def design_test(
+    context: typer.Context,
     model: Annotated[
         Path | None, typer.Argument(metavar="MODEL.json", help="Model of an earlier refit.")
     ] = None,
@@ -26,8 +27,8 @@ def design_test(
         str | None,
         typer.Option(
             callback=refuse_empty,
-            help="Vehicle file, with a model in place of the one in it. Default without a model:"
-            " caribou_nominal.",
+            metavar="NAME|FILE",
+            help="Vehicle file. Default: the one in MODEL.json; without a model caribou_nominal.",
         ),
     ] = None,
     duration: Annotated[
@@ -121,6 +122,8 @@ def design_test(
     from ground.test_design.files import TestDive
     from sysid.test_design.plan import PlanRequest
 
+    if water_depth is None:
+        refuse_given(context, "--min-altitude", "needs --water-depth, the depth of the water")
     if out.suffix != ".toml":
         raise InputError(f"--out {out}: must end in .toml, as missions do")
     if criterion not in CRITERIA:

@@ -199,7 +199,10 @@ def layout(
         Viewer, typer.Argument(help="Foxglove and Lichtblick share a layout.")
     ] = Viewer.FOXGLOVE,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Default: the usual name.")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Default: caribou.foxglove.json or caribou.plotjuggler.xml."
+        ),
     ] = None,
     json: Json = False,
 ) -> None:

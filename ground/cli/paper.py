@@ -7,12 +7,13 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import Jobs, Json, Seed, print_result, to_json
+from ground.cli.options import Jobs, Json, Seed, print_result, refuse_given, to_json
 from ground.errors import UnsuccessfulError
 from mavlink_io.errors import InputError
 
 
 def paper(
+    context: typer.Context,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -50,8 +51,8 @@ def paper(
     from sysid.trials import usable_cores
 
     _check_folder(out)
-    if no_flights and campaign is not None:
-        raise InputError("--no-flights: cannot be combined with --campaign")
+    if no_flights:
+        refuse_given(context, "--campaign --seed --jobs", "cannot be combined with --no-flights")
     with ExitStack() as stack:
         display = stack.enter_context(progress.display("paper"))
         if no_flights:

@@ -28,10 +28,13 @@ def refit(
     ],
     held_out: Annotated[
         list[Path] | None,
-        typer.Option(help="A log that is predicted but not fitted; repeatable."),
+        typer.Option(metavar="LOG", help="A log that is predicted but not fitted; repeatable."),
     ] = None,
     prior: Annotated[
-        str, typer.Option(help="caribou_nominal, a vehicle file, or a model.json.")
+        str,
+        typer.Option(
+            metavar="NAME|FILE|MODEL.json", help="caribou_nominal, a vehicle file, or a model.json."
+        ),
     ] = "caribou_nominal",
     method: Annotated[
         FitMethod,
@@ -52,7 +55,7 @@ def refit(
         typer.Option(
             metavar="RUDDER,ELEVATOR,THRUST",
             help="Servo outputs, counted from 1, as in `sitl --outputs`. Default: found in the log"
-            " by SERVOn_FUNCTION, else 1,2,3.",
+            " by SERVOn_FUNCTION or PWM_MAIN_FUNCn, else 1,2,3.",
         ),
     ] = None,
     compare_method: Annotated[

@@ -28,7 +28,7 @@ def replay(
         str,
         typer.Option(
             metavar="NAME|FILE|MODEL.json",
-            help="Vehicle: caribou_nominal, a vehicle file, or a model.json, which is closest.",
+            help="Vehicle: caribou_nominal, a vehicle file, or a model.json, which fits best.",
         ),
     ] = "caribou_nominal",
     prior: Prior = None,

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import say
+from ground.cli.options import refuse_given, say
 from ground.output_files import check_output
 from mavlink_io.errors import InputError
 
@@ -19,6 +19,7 @@ class Subject(StrEnum):
 
 
 def report(
+    context: typer.Context,
     paths: Annotated[
         list[Path],
         typer.Argument(
@@ -50,6 +51,8 @@ def report(
     ] = Subject.RESULT,
 ) -> None:
     """Write the report of a campaign, of one dive, or of several dives side by side."""
+    if picture is None:
+        refuse_given(context, "--of", "is for --picture, which is not given")
     folders = [path for path in paths if path.is_dir()]
     if folders and len(paths) > 1:
         raise InputError(f"{folders[0]}: is a folder; give one campaign, or logs of dives")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import CommandGroup, Json, print_result, say
+from ground.cli.options import CommandGroup, Json, print_result, refuse_given, say
 from ground.output_files import new_file
 from mavlink_io.errors import BAD_INPUT, InputError, OperationError
 
@@ -24,6 +24,7 @@ Vehicle = Annotated[
 
 @app.command()
 def new(
+    context: typer.Context,
     out: Annotated[
         Path, typer.Option(metavar="FILE.toml", help="Vehicle file to write; must not exist.")
     ],
@@ -41,6 +42,8 @@ def new(
     diameter_m: Annotated[float | None, typer.Option(help="Diameter with --hull, m.")] = None,
 ) -> None:
     """Write a complete vehicle file from geometry, with formula and source of each coefficient."""
+    if geometry:
+        refuse_given(context, "--tail", "is for --hull; the steering is in GEOMETRY.toml")
     arguments = [str(geometry)] if geometry else []
     arguments += ["--out", str(out), "--tail", tail]
     for option, value in (("--hull", hull), ("--length-m", length_m), ("--diameter-m", diameter_m)):

@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Sign, refuse_empty
+from ground.cli.options import GROUND_LINK, Address, Json, Sign, refuse_empty, refuse_given
 
 if TYPE_CHECKING:
     from ground.live.listeners import Listeners
 
 
 def watch(
+    context: typer.Context,
     connect: Address = GROUND_LINK,
     sign: Sign = None,
     once: Annotated[
@@ -48,6 +49,8 @@ def watch(
 
     --json prints the state once.
     """
+    if once or json:
+        refuse_given(context, "--prior --gains", "is for the live display, not for one state")
     from ground.live.watch import session
 
     session.watch(connect, sign, once=once, json=json, listener=_listeners(prior, gains))
