@@ -13,8 +13,7 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 # As in the ``ground`` command: one thread of linear algebra, and no traceback of Ctrl-C during the
@@ -24,28 +23,25 @@ if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 from ground.campaign import prototype, refit
+from ground.campaign.campaign_folder import CampaignFolder
+from ground.campaign.dives import CampaignDives
 from ground.campaign.preparation import PreparationRequest, prepare
-from ground.campaign.request import CampaignRequest, dive_seed
-from ground.client.flight import Dive, fly_simulated
+from ground.campaign.request import CampaignRequest
 from ground.errors import INTERRUPTED
-from ground.simulation.processes import SimulatedVehicle, Simulation
-from ground.simulation.subprocesses import ForkedProcess, stop_loading_fork_server
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import CaribouError
 from sysid.refit import RefitRequest
 
 TESTS = ("rudder_sweeps", "elevator_sweeps")
 """Shortest test mission of each plane."""
+STAGE = "prototype"
+"""Folder of the logs: that of dives before a refit."""
 STEADY = "straight_run"
 """Mission with steady windows, whose performance is compared with the predicted one."""
 OTHER_VEHICLE = "xfin_auv"
 """Vehicle whose missions are simulated without processes; those of Caribou are not."""
 MISSIONS = ("shallow_1m", "rudder_sweeps")
 """Missions of that simulation: the shortest one, and the shortest with tests."""
-
-
-STOP_PERIOD_S = 0.2
-"""Wall time after which dives that still run are stopped again: one may have started meanwhile."""
 
 
 def compile_kernels(folder: Path) -> None:
@@ -62,14 +58,8 @@ def compile_kernels(folder: Path) -> None:
         A step fails.
     """
     request = CampaignRequest(folder)
-    simulated: list[SimulatedVehicle] = []
-    with ThreadPoolExecutor(len(TESTS)) as pool:
-        dives = [pool.submit(_fly, request, mission, simulated) for mission in (*TESTS, STEADY)]
-        try:
-            *logs, steady_log = [dive.result() for dive in dives]
-        except BaseException:
-            _stop(dives, simulated)
-            raise
+    logs = _fly(request)
+    steady_log = logs.pop()
     prior = prototype.prior_file_of(request.vehicle)
     prepare(
         PreparationRequest(
@@ -88,29 +78,22 @@ def compile_kernels(folder: Path) -> None:
     refit.monitor_log(refit.read_log(steady_log), design.baseline)
 
 
-def _fly(request: CampaignRequest, mission: str, simulated: list[SimulatedVehicle]) -> Path:
-    """Fly a mission with the vehicle and the scenario of a campaign; return the log.
-
-    The vehicle is added to `simulated`.
-    """
-    simulation = Simulation(
-        vehicle=request.vehicle, scenario=request.scenario, seed=dive_seed(request.seed, mission)
-    )
+def _fly(request: CampaignRequest) -> list[Path]:
+    """Fly the test missions and the steady one as a campaign does; return their logs."""
+    dives = CampaignDives(request, watch=lambda *_: None, announce=lambda _: None)
+    dives.open_records()
     parameters = {**refit.initial_gains(), **prototype.trim_learning_for(request.vehicle)}
-    dive = Dive.load(mission, request.out / f"{mission}.mcap", parameters=parameters)
-    vehicle = SimulatedVehicle(simulation, start=ForkedProcess)
-    simulated.append(vehicle)
-    return fly_simulated(dive, vehicle).log
-
-
-def _stop(dives: Sequence[Future[Path]], simulated: Sequence[SimulatedVehicle]) -> None:
-    """Stop the dives, also those whose start waits for the compilation of the simulator."""
-    for dive in dives:
-        dive.cancel()
-    while wait(dives, timeout=STOP_PERIOD_S).not_done:
-        stop_loading_fork_server()
-        for vehicle in simulated:
-            vehicle.stop()
+    missions = *TESTS, STEADY
+    with ThreadPoolExecutor(len(TESTS)) as pool:
+        flown = [pool.submit(dives.fly, STAGE, mission, parameters) for mission in missions]
+        try:
+            for dive in flown:
+                dive.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            dives.stop_all()
+            raise
+    return [CampaignFolder(request.out).log_path(STAGE, mission) for mission in missions]
 
 
 def main() -> None:
