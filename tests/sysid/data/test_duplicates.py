@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
+from scipy.signal import lfilter
 
 from sysid import refit
 from sysid.data import duplicates, readers, segments, state_table
@@ -136,6 +137,58 @@ def test_two_dives_of_the_same_test_are_accepted(folder: Path) -> None:
     one, other = found([folder / "dive.mcap", folder / "other.mcap"])
     assert len(one.samples) == len(other.samples) == 501
     assert one.samples & other.samples == frozenset()
+    assert duplicates.refusal([one], [other]) == ""
+
+
+def disturbed_dive(seed: int) -> list[Entry]:
+    """Return the noisy dive in a sea that turns the vehicle by 0.4 deg/s rms within 0.5 s."""
+    white = np.random.default_rng(seed).normal(0.0, 1.0, (2000, 2))
+    sea = lfilter([0.04], [1.0, -0.96], white, axis=0) * 0.05
+    entries = []
+    for time_s, message in noisy_dive(seed):
+        if message.msgname == "ATTITUDE":
+            q, r = sea[round(50 * time_s)]
+            message.pitchspeed, message.yawspeed = message.pitchspeed + q, message.yawspeed + r
+        entries.append((time_s, message))
+    return entries
+
+
+def resampled(entries: list[Entry], rate_hz: float, by_s: float) -> list[Entry]:
+    """Return a dive with interpolated attitude, by a clock that is ahead by a given time."""
+    names = ("pitch", "yaw", "pitchspeed", "yawspeed")
+    attitude = [(t, m) for t, m in entries if m.msgname == "ATTITUDE"]
+    times_s = [t for t, _ in attitude]
+    new_s = np.arange(times_s[0] + 0.007, times_s[-1], 1.0 / rate_hz)
+    columns = [np.interp(new_s, times_s, [getattr(m, name) for _, m in attitude]) for name in names]
+    messages = [
+        (t, mavlink.MAVLink_attitude_message(round(1e3 * t), 0.0, pitch, yaw, 0.0, q, r))
+        for t, pitch, yaw, q, r in zip(new_s.tolist(), *columns, strict=True)
+    ]
+    others = [entry for entry in entries if entry[1].msgname != "ATTITUDE"]
+    return shifted(sorted([*others, *messages], key=lambda entry: entry[0]), by_s)
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 12.5, 50.0])
+def test_resampled_copy_is_rejected(rate_hz: float, tmp_path: Path) -> None:
+    """It has no sample of the dive, and passed as held out."""
+    path = mcap(tmp_path / "dive.mcap", disturbed_dive(1))
+    copy = mcap(tmp_path / "copy.mcap", resampled(disturbed_dive(1), rate_hz, 12.34))
+    one, other = found([path, copy])
+    assert not one.samples & other.samples
+    assert duplicates.refusal([one], [other]).startswith(
+        f"{copy}, held out, holds the same motion as {path}, which is fitted"
+    )
+    assert duplicates.refusal([one, other], []).startswith(
+        f"{path} and {copy} hold the same motion"
+    )
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 12.5, 50.0])
+def test_repetition_of_a_test_at_another_rate_is_accepted(rate_hz: float, tmp_path: Path) -> None:
+    """It has the same commands, in another sea."""
+    path = mcap(tmp_path / "dive.mcap", disturbed_dive(1))
+    again = mcap(tmp_path / "again.mcap", resampled(disturbed_dive(2), rate_hz, 12.34))
+    one, other = found([path, again])
     assert duplicates.refusal([one], [other]) == ""
 
 
