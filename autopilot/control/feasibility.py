@@ -22,7 +22,7 @@ _NO_TIME = frozenset((MavCmd.DO_CHANGE_ALTITUDE, MavCmd.CONDITION_YAW))
 _PLACE_PARAMETER, _DEPTH_PARAMETER, _TIME_PARAMETER, _RADIUS_PARAMETER = 5, 7, 1, 3
 """Numbers of the parameters with these quantities in MAV_MISSION_RESULT."""
 _ALTITUDE_PARAMETER = 1
-"""The same for the altitude of DO_CHANGE_ALTITUDE."""
+"""Number of the parameter of DO_CHANGE_ALTITUDE with the altitude."""
 
 
 class MissionStart(NamedTuple):

@@ -88,7 +88,7 @@ class LogSession:
         self.file.close()
 
     def _describe(self, version: str) -> None:
-        """Write vehicle, software version, parameters and mission at the start of the log."""
+        """Write vehicle, software version, parameters and plans at the start of the log."""
         now_ns, params = self._now_ns(), self._vehicle.params
         self._log.annotate(
             "vehicle", {"system": str(self._system), "autopilot": f"caribou {version}"}
@@ -99,7 +99,8 @@ class LogSession:
         self._log.annotate("trace", channels.trace_names())
         self._log.attach_parameters(now_ns, {name: params.get(name) for name in params.names()})
         item_message = dialect.by_name("MISSION_ITEM_INT")
-        for item in self._vehicle.state.mission.items:
+        state = self._vehicle.state
+        for item in (*state.mission.items, *state.fence.items, *state.rally.items):
             self.message(item_message, item_message.values(**item_fields(item, MavlinkId(0, 0))))
 
     def _write(self, system: int, component: int, message: MessageType, payload: bytes) -> None:

@@ -27,7 +27,7 @@ from autopilot.vehicle import Vehicle
 from ground.log_tools import mcap
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MavCmd, MissionItem
 from mavlink_io.vehicle_modes import VehicleMode
 from sysid.data import readers as identification
 from sysid.data.events import Armed, ModeChanged
@@ -171,6 +171,20 @@ def test_log_contains_commands_and_their_results(tmp_path: Path) -> None:
     assert [(m.command, m.result) for m in messages(path, "COMMAND_ACK")] == [(400, 0)]
     assert [m.param1 for m in messages(path, "MISSION_ITEM_INT")] == [5.0, 6.0, 7.0]
     assert not messages(path, "PING", "255/190")
+
+
+def test_log_contains_fence_and_rally(tmp_path: Path) -> None:
+    """It held the mission only; the fence of a dive that ended by a breach was unknown."""
+    boat = Rig(tmp_path)
+    circle = MissionItem(0, 3, MavCmd.NAV_FENCE_CIRCLE_INCLUSION, p1=900.0, mission_type=FENCE_TYPE)
+    rally = MissionItem(0, 3, MavCmd.NAV_RALLY_POINT, mission_type=RALLY_TYPE)
+    for request in (requests.LoadFence((circle,)), requests.LoadRally((rally,))):
+        assert boat.vehicle.handle_request(request).result == 0
+    boat.arm()
+    boat.tick(10)
+    (path,) = boat.end()
+    items = messages(path, "MISSION_ITEM_INT")
+    assert [(m.command, m.mission_type) for m in items] == [(5003, FENCE_TYPE), (5100, RALLY_TYPE)]
 
 
 def test_log_excludes_simulated_truth() -> None:
