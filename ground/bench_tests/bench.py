@@ -107,6 +107,7 @@ def measure(
     target: str | SimulatedVehicle,
     watch: Callable[[FlightProgress], None],
     key_file: Path | None = None,
+    system: int | None = None,
     on_remark: Callable[[str], None] | None = None,
 ) -> dict[AxisName, AxisBench]:
     """Run a bench test and return the identified actuator of each axis.
@@ -121,6 +122,8 @@ def measure(
         Called with the progress before each sine.
     key_file : Path, optional
         Key with which the link is signed.
+    system : int, optional
+        System id of the vehicle, where several are on the link.
     on_remark : Callable, optional
         Receives what is awaited before the test: the vehicle, or its sensors.
 
@@ -130,7 +133,9 @@ def measure(
         The vehicle was not found or refused, has no encoder, or the data allow no fit.
     """
     path = session.folder / "bench.mcap"
-    with flight.open_recorded_vehicle(target, path, key_file=key_file, on_remark=on_remark) as (
+    with flight.open_recorded_vehicle(
+        target, path, key_file=key_file, system=system, on_remark=on_remark
+    ) as (
         vehicle,
         recorder,
     ):

@@ -99,6 +99,7 @@ def measure(
     watch: Callable[[FlightProgress], None],
     announce: Callable[[str], None],
     key_file: Path | None = None,
+    system: int | None = None,
     on_remark: Callable[[str], None] | None = None,
 ) -> Inclining:
     """Run the test and return the height of the centre of mass.
@@ -113,6 +114,8 @@ def measure(
         Called with the progress, and with the instruction for each move.
     key_file : Path, optional
         Key with which the link is signed.
+    system : int, optional
+        System id of the vehicle, where several are on the link.
     on_remark : Callable, optional
         Receives what is awaited before the test: the vehicle, or its sensors.
 
@@ -123,7 +126,7 @@ def measure(
     """
     plan, vehicle_file = session.plan, refit.read_vehicle(session.prior)
     with flight.open_recorded_vehicle(
-        target, session.log, key_file=key_file, on_remark=on_remark
+        target, session.log, key_file=key_file, system=system, on_remark=on_remark
     ) as (
         vehicle,
         recorder,

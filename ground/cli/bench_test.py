@@ -12,6 +12,7 @@ from ground.cli.options import (
     Seed,
     Sign,
     Speed,
+    VehicleId,
     VehicleName,
     print_result,
     refuse_unused_of_bench,
@@ -24,6 +25,7 @@ def bench_test(
     context: typer.Context,
     connect: BenchAddress = None,
     sign: Sign = None,
+    vehicle_id: VehicleId = None,
     vehicle: VehicleName = "caribou_truth",
     axis: Annotated[
         list[str] | None, typer.Option(help="rudder or elevator; repeatable. Default: both.")
@@ -71,7 +73,12 @@ def bench_test(
                 notify=display.print_line,
             )
             measured = procedure.measure(
-                session, target, display.watch, key_file=sign, on_remark=display.print_line
+                session,
+                target,
+                display.watch,
+                key_file=sign,
+                system=vehicle_id,
+                on_remark=display.print_line,
             )
     except BaseException:
         with suppress(OSError):  # not empty: what was recorded is kept

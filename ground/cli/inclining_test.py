@@ -11,6 +11,7 @@ from ground.cli.options import (
     Seed,
     Sign,
     Speed,
+    VehicleId,
     VehicleName,
     print_result,
     refuse_empty,
@@ -23,6 +24,7 @@ def inclining_test(
     context: typer.Context,
     connect: BenchAddress = None,
     sign: Sign = None,
+    vehicle_id: VehicleId = None,
     vehicle: VehicleName = "caribou_truth",
     moves: Annotated[
         Path | None,
@@ -73,6 +75,7 @@ def inclining_test(
             display.watch,
             display.announce,
             key_file=sign,
+            system=vehicle_id,
             on_remark=display.print_line,
         )
     result = procedure.as_json(measured, prior, refit.read_vehicle(prior).linear.z_CM_m)

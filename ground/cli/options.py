@@ -155,7 +155,9 @@ def refuse_unused_of_bench(context: typer.Context, connect: str | None) -> None:
             "is for a simulated vehicle; leave it out, or leave out --connect",
         )
     else:
-        refuse_given(context, "--sign", "is for the link of --connect, which is not given")
+        refuse_given(
+            context, "--sign --vehicle-id", "is for the link of --connect, which is not given"
+        )
 
 
 class CommandGroup(TyperGroup):

@@ -167,10 +167,25 @@ def test_bench_test_above_the_travel_leaves_no_folder(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    "command",
-    ["bench-test", "inclining-test"],
-)
+@pytest.mark.parametrize("command", ["bench-test", "inclining-test"])
+def test_bench_test_is_of_the_named_vehicle(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without --vehicle-id it moved the duct of the first vehicle on the link."""
+    systems = list[int | None]()
+
+    def opened(*_: object, system: int | None, **__: object) -> None:
+        systems.append(system)
+        raise OperationError("opened")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(flight, "open_recorded_vehicle", opened)
+    with pytest.raises(OperationError, match="opened"):
+        run(command, "--connect", "memory:fake", "--vehicle-id", "7")
+    assert systems == [7]
+
+
+@pytest.mark.parametrize("command", ["bench-test", "inclining-test"])
 def test_long_wait_for_the_sensors_is_reported(
     command: str, fake: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

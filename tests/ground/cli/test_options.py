@@ -56,6 +56,7 @@ def test_empty_option_is_refused(
         ("fly square --sitl --connect udpin:0.0.0.0:14550", "is for the link to a real vehicle"),
         ("fly straight_run --sitl --prior caribou_nominal", "is for the live estimate"),
         ("bench-test --sign k", "is for the link of --connect"),
+        ("inclining-test --vehicle-id 2", "is for the link of --connect"),
         ("bench-test --connect tcp:localhost:1 --seed 2", "is for a simulated vehicle"),
         ("inclining-test --connect tcp:localhost:1 --vehicle remus100", "is for a simulated"),
         ("watch --once --prior caribou_nominal", "is for the live display"),
