@@ -3,6 +3,7 @@
 import contextlib
 import io
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -154,7 +155,7 @@ def read(path: Path, options: OutputOptions) -> Log:
         path, [*_TOPICS, *_OUTPUTS, *_SETPOINTS, _SATELLITE, *(name for name, _ in _ACCELEROMETERS)]
     )
     tables = _tables(log)
-    topic_tables, spikes = drop_contradicted(tables, _PLAUSIBLE)
+    topic_tables, spikes = drop_contradicted(_lowest_instances(tables), _PLAUSIBLE)
     damage = damage._replace(
         contradicted_s=spikes.contradicted_s, impossible_names=_damaged_names(log, tables)
     )
@@ -241,16 +242,36 @@ def _damaged_names(log: Any, tables: Tables) -> int:
 
 
 def _tables(log: Any) -> Tables:
-    """Return the topics; times are ``timestamp_sample`` if present, else ``timestamp``."""
-    topic_tables = {}
-    for topic in log.data_list:
+    """Return the topics; times are ``timestamp_sample`` if present, else ``timestamp``.
+
+    An instance that was subscribed more than once has the samples of all its subscriptions.
+    """
+    parts = defaultdict[str, list[MessageColumns]](list)
+    for topic in sorted(log.data_list, key=lambda t: (t.name, t.multi_id, t.msg_id)):
         sampled = topic.data.get("timestamp_sample")
         if sampled is None and "timestamp" not in topic.data:
             continue  # in a damaged file the format of the topic, and so its time, can be missing
         stamps = sampled if sampled is not None and np.all(sampled > 0) else topic.data["timestamp"]
         name = f"{topic.name}.{topic.multi_id}" if topic.multi_id else topic.name
-        topic_tables[name] = MessageColumns(stamps * 1e-6, topic.data)
-    return topic_tables
+        parts[name].append(MessageColumns(stamps * 1e-6, topic.data))
+    return {name: _joined(tables) for name, tables in parts.items()}
+
+
+def _joined(tables: list[MessageColumns]) -> MessageColumns:
+    """Return the rows of all tables, in their order, with the columns that each of them has."""
+    common = [name for name in tables[0].columns if all(name in t.columns for t in tables)]
+    return MessageColumns(
+        np.concatenate([table.time_s for table in tables]),
+        {name: np.concatenate([table.columns[name] for table in tables]) for name in common},
+    )
+
+
+def _lowest_instances(tables: Tables) -> Tables:
+    """Return the lowest instance of each topic that the log holds, under the topic's name."""
+    lowest = Tables()
+    for name in sorted(tables, key=lambda name: int(name.partition(".")[2] or 0)):
+        lowest.setdefault(name.partition(".")[0], tables[name])
+    return lowest
 
 
 def _table(path: Path, topic_tables: Tables, name: str, *columns: str) -> MessageColumns:

@@ -490,10 +490,13 @@ def ulog(
     pulse_of: Callable[[float], int] = pulse,
     last_parameters: dict[str, float] | None = None,
     surfaces: Surfaces = rudder_and_elevator,
+    instance: int = 0,
+    subscribe_again: bool = False,
 ) -> Path:
     """Write the dive as PX4 logs it; ``pulse_of`` makes the pulse of a fraction of the travel.
 
-    ``last_parameters`` are set after the dive.
+    ``last_parameters`` are set after the dive. With ``subscribe_again`` the topics have other
+    numbers from the middle of the test on.
     """
     topics = ULOG_VARIANTS[variant]
     names = [n for n in (topics.attitude, topics.rates, topics.depth, *topics.outputs) if n]
@@ -503,12 +506,14 @@ def ulog(
         data += _block("F", f"{name.partition('/')[0]}:{_ULOG[name][2]}".encode())
     for name, value in ({"ACT_TRAVEL_DEG": 12.0} | (parameters or {})).items():
         data += _parameter(name, value)
-    for name in names:
-        body = struct.pack("<BH", 0, _ULOG[name][0]) + name.partition("/")[0].encode()
-        data += _block("A", body)
+    data += _subscriptions(names, instance)
+    first_number = 0
     for k, s in enumerate(samples()):
         us = round(1e6 * s.time_s)
-        data += _ulog_topics(topics, s, k, pulse_of, surfaces)
+        if subscribe_again and math.isclose(s.time_s, BOOTED_S + sum(TEST) / 2):
+            first_number = 100
+            data += _subscriptions(names, instance, first_number)
+        data += _renumbered(_ulog_topics(topics, s, k, pulse_of, surfaces), first_number)
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[0]):
             data += _block("L", struct.pack("<BQ", ord("6"), us) + b"SystemID Starting: axis=12")
         if texts and math.isclose(s.time_s, BOOTED_S + TEST[1]):
@@ -517,6 +522,23 @@ def ulog(
         data += _parameter(name, value)
     path.write_bytes(data)
     return path
+
+
+def _subscriptions(names: list[str], instance: int, first_number: int = 0) -> bytes:
+    numbers = {name: first_number + _ULOG[name][0] for name in names}
+    return b"".join(
+        _block("A", struct.pack("<BH", instance, number) + name.partition("/")[0].encode())
+        for name, number in numbers.items()
+    )
+
+
+def _renumbered(samples: bytes, first_number: int) -> bytes:
+    data, offset = bytearray(samples), 0
+    while offset < len(data):
+        (length,), (number,) = (struct.unpack_from("<H", data, offset + at) for at in (0, 3))
+        struct.pack_into("<H", data, offset + 3, number + first_number)
+        offset += 3 + length
+    return bytes(data)
 
 
 def _parameter(name: str, value: float) -> bytes:

@@ -90,6 +90,19 @@ def test_ulog_uses_time_of_sample(written: dict[str, Path]) -> None:
     assert turning == pytest.approx(files.BOOTED_S + files.TEST[0], abs=1e-6)
 
 
+def test_ulog_with_a_second_instance_only_gives_the_same_run(tmp_path: Path) -> None:
+    """As in a .bin, the lowest instance that the log holds is read, whatever its number."""
+    check_run(the_run(files.ulog(tmp_path / "second.ulg", instance=1)))
+
+
+def test_ulog_topics_subscribed_again_are_read_whole(tmp_path: Path) -> None:
+    """A subscription with another number continues the samples of the one before."""
+    path = files.ulog(tmp_path / "again.ulg", subscribe_again=True)
+    check_run(the_run(path))
+    (longest,) = {table.time_s.size for table in readers.load(path).tables.values()} - {400}
+    assert longest == files.SECONDS * files.RATE_HZ
+
+
 def test_format_is_detected_from_content(written: dict[str, Path], tmp_path: Path) -> None:
     for suffix, path in written.items():
         renamed = tmp_path / f"{suffix}.log"
