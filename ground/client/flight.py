@@ -1,7 +1,7 @@
 """Fly one dive: set parameters, upload the mission, arm, record until the vehicle has disarmed."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +21,7 @@ from mavlink_io.clock import Interval, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.errors import InputError, OperationError
-from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MissionItem
+from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MavCmd, MissionItem
 from mavlink_io.transport import open_transport, wait
 from sysid.data.events import Failsafe, TrimLearned
 
@@ -39,6 +39,8 @@ RATES_HZ = {
 of the vehicle."""
 _FIX_3D = constant("GPS_FIX_TYPE_3D_FIX")
 _MISSION_COMPLETE = constant("MISSION_STATE_COMPLETE")
+_LEAVING_MISSION = MavCmd.NAV_LAND, MavCmd.NAV_RETURN_TO_LAUNCH
+"""Steps at which the vehicle leaves mode MISSION, for SURFACE and for RTL."""
 PROGRESS_PERIOD_S = 0.1
 """Wall time between reports of progress."""
 PROCESS_END_S = 1.0
@@ -395,7 +397,7 @@ def _fly(
         messages=recorder.message_count,
         lost_frames=vehicle.lost_frames,
         texts=tuple(text.text for text in vehicle.texts),
-        failsafes=_failsafes(vehicle),
+        failsafes=_failsafes(vehicle, dive.items),
         trims_learned=next(
             (event.text for event in vehicle.events() if isinstance(event, TrimLearned)), ""
         ),
@@ -411,15 +413,19 @@ def _remark_declination(vehicle: VehicleClient, parameters: Mapping[str, float])
         vehicle.on_remark(text)
 
 
-def _failsafes(vehicle: VehicleClient) -> tuple[str, ...]:
+def _failsafes(vehicle: VehicleClient, items: Sequence[MissionItem]) -> tuple[str, ...]:
     """Return the texts of the failsafes.
 
-    If the text was lost: a vehicle in a critical state that left the mission before its end.
+    If the text was lost: a vehicle in a critical state that left the mission before its end. A
+    vehicle with a faulty sensor reports that state too, and leaves mode MISSION at the last step.
     """
     texts = tuple(event.text for event in vehicle.events() if isinstance(event, Failsafe))
     progress = vehicle.latest("MISSION_CURRENT")
-    is_complete = progress is not None and progress.mission_state == _MISSION_COMPLETE
-    if texts or is_complete or not vehicle.critical_mode:
+    ended = progress is not None and (
+        progress.mission_state == _MISSION_COMPLETE
+        or any(item.command in _LEAVING_MISSION for item in items if item.sequence == progress.seq)
+    )
+    if texts or ended or not vehicle.critical_mode:
         return texts
     return (f"mission left for mode {vehicle.critical_mode} in a critical state",)
 

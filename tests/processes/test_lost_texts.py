@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ground.bench_tests import bench, incline
@@ -11,6 +12,7 @@ from ground.client import connection_diagnosis, flight
 from ground.client.connection_diagnosis import Arrived
 from ground.client.flight import Dive, FlightResult
 from ground.simulation.processes import SimulatedVehicle, Simulation
+from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
 from sysid.data import readers
 from sysid.data.segments import intervals_of_tests
@@ -43,11 +45,11 @@ def lost_texts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection_diagnosis, "receive_all", without_texts)
 
 
-def flown(folder: Path, **parameters: float) -> FlightResult:
+def flown(folder: Path, scenario: str = "calm", **parameters: float) -> FlightResult:
     mission = folder / "mission.toml"
     mission.write_text(MISSION)
     dive = Dive.load(str(mission), folder / "dive.mcap", parameters=parameters)
-    return flight.fly_simulated(dive, SimulatedVehicle(Simulation()))
+    return flight.fly_simulated(dive, SimulatedVehicle(Simulation(scenario=scenario)))
 
 
 def test_bench_test_without_texts_identifies_the_tailcone(tmp_path: Path) -> None:
@@ -82,3 +84,14 @@ def test_dive_without_texts_ends_and_gives_trims(tmp_path: Path) -> None:
 def test_failsafe_without_text_is_reported(tmp_path: Path) -> None:
     result = flown(tmp_path, FS_TIME_S=20.0)
     assert result.failsafes == ("mission left for mode SURFACE in a critical state",)
+
+
+def test_dive_with_a_faulty_altimeter_has_no_failsafe(tmp_path: Path) -> None:
+    """The fault is reported only: MAV_STATE_CRITICAL, also in the SURFACE that ends the mission."""
+    scenario = tmp_path / "faulty.toml"
+    scenario.write_text('[[fault]]\nat_s = 10.0\nunit = "altimeter"\nkind = "garbage"\n')
+    result = flown(tmp_path, str(scenario))
+    tables = readers.load(result.log).tables
+    status = tables["/mavlink/1/1/HEARTBEAT"].columns["system_status"]
+    assert np.any(status == constant("MAV_STATE_CRITICAL"))
+    assert result.failsafes == ()
