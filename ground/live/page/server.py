@@ -68,6 +68,10 @@ def listen(host: str = LOOPBACK, port: int | None = None) -> socket.socket:
     InputError
         The host is no address of this machine, or the port cannot be used.
     """
+    if not _is_host_name(host):
+        raise InputError(
+            f"--host {host!r}: no address; give an address of this machine, or 0.0.0.0 for all"
+        )
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     for number in (PORT, 0) if port is None else (port,):
         try:
@@ -80,6 +84,14 @@ def listen(host: str = LOOPBACK, port: int | None = None) -> socket.socket:
                     " a free port"
                 ) from None
     raise AssertionError
+
+
+def _is_host_name(host: str) -> bool:
+    """Return whether a text can be an address or a name; to a socket, none is every interface."""
+    try:
+        return bool(host.encode("idna"))
+    except UnicodeError:
+        return False
 
 
 def url(listener: socket.socket) -> str:

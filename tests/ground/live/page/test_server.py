@@ -117,6 +117,13 @@ def test_port_in_use_is_an_input_error(port: int) -> None:
         server.listen(port=port)
 
 
+@pytest.mark.parametrize("host", ["", "ü..x", "256.0.0.1"])
+def test_host_that_is_none_is_an_input_error(host: str) -> None:
+    """An empty one, as of a variable that is not set, would show the page to the network."""
+    with pytest.raises(InputError, match=f"--host '?{host}.*give an address of this machine"):
+        server.listen(host, 0)
+
+
 def test_default_port_in_use_gives_another() -> None:
     with server.listen() as first, server.listen() as second:
         assert first.getsockname()[1] != second.getsockname()[1]
