@@ -209,6 +209,20 @@ def test_constant_samples_do_not_count_as_copy(tmp_path: Path) -> None:
     assert duplicates.refusal([one], [other]) == ""
 
 
+@pytest.mark.parametrize(("shared", "refused"), [(65, False), (100, True)])
+def test_tests_of_a_simulator_without_noise_are_no_copies(
+    shared: int, refused: bool, tmp_path: Path
+) -> None:
+    """All tests begin alike: of 2833 samples 65 were equal to those of another dive."""
+    paths = [mcap(tmp_path / f"{k}.mcap", noisy_dive(k)) for k in (1, 2)]
+    numbers = range(2833), range(2833 - shared, 2 * 2833 - shared)
+    one, other = (
+        log._replace(samples=frozenset(str(k).encode() for k in part))
+        for log, part in zip(found(paths), numbers, strict=True)
+    )
+    assert bool(duplicates.refusal([one], [other])) is refused
+
+
 def test_log_of_prior_fit_is_rejected(folder: Path) -> None:
     (one,) = found([folder / "dive.mcap"])
     said = duplicates.refusal([], [one], [DataFile("first.mcap", one.log.sha256)])
