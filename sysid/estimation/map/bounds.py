@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.map.gauss_newton import Z_LIMIT
-from sysid.models.parameters import NAMES
+from sysid.models.parameters import ELEVATOR_RATIOS, NAMES
 
 Array = NDArray[np.float64]
 
@@ -41,10 +41,13 @@ MASS_ACROSS = ("Y_vdot", "Z_wdot")
 They end at a bound where they make up for another error of the model: a note as well."""
 LAG = "natural_frequency"
 """Parameter of the bandwidth of the servo."""
-FAST_LAG_RATIO = 2.0
-"""Ratio of natural frequency to prior from which on the upper bound of the lag is a result.
+DRIVE_RATIOS = tuple(ELEVATOR_RATIOS.values())
+"""Parameters by which the drive of the elevator differs from that of the rudder."""
+ASSUMED_LAG_RATIO = 2.0
+"""Ratio of the bounds of the natural frequency to its prior from which on the lag is an assumption.
 
-The servo is then faster than assumed; the lag that remains cannot be distinguished from a delay.
+At its upper bound the servo is faster than assumed, and the lag that remains cannot be
+distinguished from a delay. The two drives may differ more than those of a known tailcone.
 """
 _NOTES = {
     NONLINEAR: "large or slow motion (loss of speed in turns, drag of drift, stall) is not the"
@@ -53,6 +56,8 @@ _NOTES = {
     " may differ by more than stated",
     (LAG,): "the servo is faster than the file assumes; for a more certain delay measure it with"
     " `ground bench-test`",
+    DRIVE_RATIOS: "the drives of rudder and elevator differ, or are limited in rate; measure them"
+    " with `ground bench-test`",
 }
 """Parameters whose bound does not decide whether a fit has failed, and the note about each."""
 
@@ -111,6 +116,7 @@ def _is_zero(name: str, z: Array) -> bool:
 
 def _is_noted(name: str, z: Array, lag_relative_sd: float) -> bool:
     """Return whether a parameter at a bound gives a note and no failure."""
-    if name == LAG:
-        return math.exp(lag_relative_sd * float(z[NAMES.index(name)])) >= FAST_LAG_RATIO
+    if name == LAG or name in DRIVE_RATIOS:
+        is_assumed = math.exp(lag_relative_sd * Z_LIMIT) >= ASSUMED_LAG_RATIO
+        return is_assumed and (name in DRIVE_RATIOS or bool(z[NAMES.index(name)] > 0.0))
     return name in NONLINEAR or name in MASS_ACROSS

@@ -44,6 +44,16 @@ def test_servo_faster_than_assumed_is_a_note() -> None:
     assert "faster than the file assumes" in note
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("name", bounds.DRIVE_RATIOS)
+def test_drives_of_assumed_lag_may_differ(name: str, sign: int) -> None:
+    z = z_at(**{name: sign})
+    assert bounds.decisive(z, ASSUMED_SD) == ()
+    (note,) = bounds.notes(z, ASSUMED_SD)
+    assert "rudder and elevator differ" in note
+    assert bounds.decisive(z, BENCH_TEST_SD) == (name,)
+
+
 @pytest.mark.parametrize(("sign", "lag_sd"), [(-1, ASSUMED_SD), (1, BENCH_TEST_SD), (-1, 0.05)])
 def test_servo_slower_or_against_bench_test_fails(sign: int, lag_sd: float) -> None:
     z = z_at(natural_frequency=sign)
