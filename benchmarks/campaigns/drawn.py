@@ -13,13 +13,15 @@ NAME = "drawn_"
 GRAVITY_MPS2, DENSITY_KGPM3 = 9.81, 1025.0
 
 
-def text(number: int) -> str:
+def text(number: int, *, is_tailcone_known: bool = True) -> str:
     """Return the vehicle file of a number, always the same.
 
     Parameters
     ----------
     number : int
         Number of the vehicle, which is the seed of its dimensions.
+    is_tailcone_known : bool
+        Whether the file states the servo; without it the file has the travel only.
 
     Returns
     -------
@@ -32,7 +34,7 @@ def text(number: int) -> str:
     speed_mps = 0.55 * rng.uniform(0.35, 0.7) * math.sqrt(GRAVITY_MPS2 * length_m)
     volume_m3 = 0.9 * math.pi / 4.0 * diameter_m**2 * length_m
     buoyancy = 0.004 * rng.uniform(0.3, 1.2)
-    return f"""name = "{NAME}{number}"
+    hull = f"""name = "{NAME}{number}"
 
 [hull]
 shape = "cylinder"
@@ -54,8 +56,11 @@ speed_mps = {speed_mps:.2f}
 
 [tailcone]
 travel_deg = {rng.uniform(12.0, 30.0):.1f}
+"""
+    servo = f"""\
 natural_frequency_radps = {speed_mps / length_m * rng.uniform(3.0, 8.0):.2f}
 damping_ratio = {rng.uniform(0.5, 1.0):.2f}
 delay_s = {rng.uniform(0.03, 0.2):.3f}
 rate_degps = {rng.uniform(12.0, 90.0):.1f}
 """
+    return hull + servo if is_tailcone_known else hull

@@ -9,6 +9,7 @@ from benchmarks.identification.linear_time import TIME as LINEAR_TIME
 from benchmarks.identification.online import ONLINE
 from benchmarks.identification.online_outside import ONLINE_OUTSIDE
 from benchmarks.identification.outside import OUTSIDE
+from benchmarks.identification.outside_drawn import OUTSIDE_DRAWN
 from benchmarks.identification.prediction import PREDICTION
 from benchmarks.identification.verdicts import VERDICTS
 from benchmarks.study import Cell
@@ -17,6 +18,7 @@ CELLS: dict[str, Cell] = {
     cell.name: cell
     for cell in (
         OUTSIDE,
+        OUTSIDE_DRAWN,
         VERDICTS,
         *efficiency.CELLS,
         CONVERGENCE,

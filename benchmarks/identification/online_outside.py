@@ -30,7 +30,7 @@ def trial(name: str, seed: int) -> list[float]:
         fitted, _ = logs.campaign(
             Path(folder),
             plant,
-            scales=(case.scale(Plane.YAW), case.scale(Plane.PITCH)),
+            scalings=outside.scalings_of(case),
             gains=Gains(*case.hold),
             seed=seed,
         )

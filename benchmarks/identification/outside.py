@@ -25,6 +25,7 @@ from benchmarks.identification.vehicles import Case
 from benchmarks.plants import catalogue, logs, small_signal
 from benchmarks.plants.catalogue import Plant
 from benchmarks.plants.flight import Gains
+from benchmarks.plants.logs import TestScaling
 from benchmarks.study import Cell, Figure
 from mavlink_io.errors import CaribouError
 from sysid import refit
@@ -59,6 +60,12 @@ LABELS = tuple(
 )
 """Quantities in the order of a trial's errors."""
 QUANTILE = 1.96
+
+
+def scalings_of(case: Case, size: float = 1.0) -> tuple[TestScaling, TestScaling]:
+    """Return the scaling of rudder and elevator tests; ``size`` is relative to a sound campaign."""
+    yaw, pitch = (size * case.scale(plane) for plane in Plane)
+    return TestScaling(yaw, yaw), TestScaling(pitch, pitch)
 
 
 class Truth(NamedTuple):
@@ -179,10 +186,7 @@ def identified(name: str, seed: int, conditions: Conditions) -> IdentifiedModel:
         fitted, held_out = logs.campaign(
             Path(folder),
             catalogue.plant(name, seed),
-            scales=(
-                conditions.size * case.scale(Plane.YAW),
-                conditions.size * case.scale(Plane.PITCH),
-            ),
+            scalings=scalings_of(case, conditions.size),
             gains=Gains(*case.hold),
             seed=seed,
             level=conditions.level,
@@ -209,7 +213,19 @@ def trial(name: str, seed: int) -> list[float]:
 
 
 def judge(name: str, rows: Array) -> list[Figure]:
-    """Return coverage, errors at crossover, and width of the intervals over the scatter."""
+    """Return the figures of `accuracy`, the share of models that pass, and the time of a refit."""
+    return [
+        *accuracy(rows),
+        Figure("models that pass", 100.0 * float(np.mean(rows[:, -2])), unit="%"),
+        Figure("CPU time of a refit, median", float(np.median(rows[:, -1])), unit="s"),
+    ]
+
+
+def accuracy(rows: Array) -> list[Figure]:
+    """Return coverage, errors at crossover, and width of the intervals over the scatter.
+
+    A row begins with the errors and the standard deviations of LABELS.
+    """
     count = len(LABELS)
     wrong, sds = rows[:, :count], rows[:, count : 2 * count]
     known = np.isfinite(sds) & (sds > 0.0)
@@ -240,11 +256,7 @@ def judge(name: str, rows: Array) -> list[Figure]:
         Figure(f"{label}: width over scatter", float(ratio[column]))
         for column, label in enumerate(LABELS)
     ]
-    return [
-        *figures,
-        Figure("models that pass", 100.0 * float(np.mean(rows[:, -2])), unit="%"),
-        Figure("CPU time of a refit, median", float(np.median(rows[:, -1])), unit="s"),
-    ]
+    return figures
 
 
 def _rms(values: Array) -> Array:

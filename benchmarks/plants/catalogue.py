@@ -14,6 +14,7 @@ from benchmarks.plants.forces import GRAVITY, LUMPED, RACE, STALL, VORTEX, Body
 from benchmarks.plants.small_signal import Trim
 
 Array = NDArray[np.float64]
+_deg = math.radians
 
 Rows = tuple[tuple[float, float], tuple[float, float]]
 
@@ -51,7 +52,7 @@ class Specification(NamedTuple):
     x_tail_m: float
     restoring_per_s2: float
     net_buoyancy_n: float
-    stall_deg: float
+    stall_rad: float
     crossflow_kgpm: float
     turn_drag: float
     thrust_n: float
@@ -83,9 +84,6 @@ class Plant(NamedTuple):
         return round(wanted[0] / half) * half, round(wanted[1] / half) * half
 
 
-_deg = math.radians
-
-
 STICKING = Axis(
     FIRST_ORDER,
     delay_s=0.1,
@@ -110,7 +108,7 @@ SPECIFICATIONS: dict[str, Specification] = {
         x_tail_m=-1.70,
         restoring_per_s2=-0.11,
         net_buoyancy_n=24.0,
-        stall_deg=20.0,
+        stall_rad=_deg(20.0),
         crossflow_kgpm=800.0,
         turn_drag=1.0,
         thrust_n=28.0,
@@ -132,7 +130,7 @@ SPECIFICATIONS: dict[str, Specification] = {
         x_tail_m=-2.0,
         restoring_per_s2=-0.075,
         net_buoyancy_n=28.0,
-        stall_deg=17.0,
+        stall_rad=_deg(17.0),
         crossflow_kgpm=1690.0,
         turn_drag=1.0,
         thrust_n=90.0,
@@ -154,7 +152,7 @@ SPECIFICATIONS: dict[str, Specification] = {
         x_tail_m=-0.6,
         restoring_per_s2=-0.65,
         net_buoyancy_n=3.3,
-        stall_deg=19.0,
+        stall_rad=_deg(19.0),
         crossflow_kgpm=160.0,
         turn_drag=1.0,
         thrust_n=9.25,
@@ -180,7 +178,7 @@ SPECIFICATIONS: dict[str, Specification] = {
         x_tail_m=-0.85,
         restoring_per_s2=-0.155,
         net_buoyancy_n=3.0,
-        stall_deg=18.0,
+        stall_rad=_deg(18.0),
         crossflow_kgpm=260.0,
         turn_drag=1.0,
         thrust_n=11.7,
@@ -206,13 +204,34 @@ def plant(name: str, seed: int) -> Plant:
     def factor(sd: float) -> float:
         return math.exp(sd * float(draws.standard_normal()))
 
-    def rows(matrix: Rows) -> Array:
-        return np.array(matrix) * np.exp(0.08 * draws.standard_normal((2, 2)))
+    def rows(matrix: Rows) -> Rows:
+        (a, b), (c, d) = np.array(matrix) * np.exp(0.08 * draws.standard_normal((2, 2)))
+        return (float(a), float(b)), (float(c), float(d))
 
-    yaw, pitch = rows(spec.yaw), rows(spec.pitch)
+    varied = spec._replace(
+        yaw=rows(spec.yaw),
+        pitch=rows(spec.pitch),
+        b1_per_s2=spec.b1_per_s2 * factor(0.1),
+        x_tail_m=spec.x_tail_m * factor(0.03),
+        restoring_per_s2=-abs(spec.restoring_per_s2) * factor(0.08),
+        net_buoyancy_n=spec.net_buoyancy_n * factor(0.1),
+        stall_rad=spec.stall_rad * factor(0.1),
+        crossflow_kgpm=spec.crossflow_kgpm * factor(0.2),
+        turn_drag=spec.turn_drag * factor(0.25),
+    )
+    late = 0.02 * draws.standard_normal()
+    return assemble(
+        name,
+        varied._replace(
+            rudder=spec.rudder._replace(delay_s=spec.rudder.delay_s + late),
+            elevator=spec.elevator._replace(delay_s=spec.elevator.delay_s + late),
+        ),
+    )
+
+
+def assemble(name: str, spec: Specification) -> Plant:
+    """Return the plant that has the small-signal behaviour of a specification."""
     length, width, mass = spec.size
-    b1, x_tail = spec.b1_per_s2 * factor(0.1), spec.x_tail_m * factor(0.03)
-    restoring = abs(spec.restoring_per_s2) * factor(0.08)
     body = Body(
         kind=spec.kind,
         length_m=length,
@@ -220,26 +239,25 @@ def plant(name: str, seed: int) -> Plant:
         mass_kg=mass,
         m_kg=spec.m_kg,
         j_kgm2=spec.j_kgm2,
-        net_buoyancy_n=spec.net_buoyancy_n * factor(0.1),
-        z_g_m=restoring * spec.j_kgm2[1] / (mass * GRAVITY),
-        x_tail_m=x_tail,
-        tail_kgpm=b1 * spec.j_kgm2[2] / (abs(x_tail) * spec.speed_mps**2),
-        stall_rad=math.radians(spec.stall_deg) * factor(0.1),
-        crossflow_kgpm=spec.crossflow_kgpm * factor(0.2),
+        net_buoyancy_n=spec.net_buoyancy_n,
+        z_g_m=abs(spec.restoring_per_s2) * spec.j_kgm2[1] / (mass * GRAVITY),
+        x_tail_m=spec.x_tail_m,
+        tail_kgpm=spec.b1_per_s2 * spec.j_kgm2[2] / (abs(spec.x_tail_m) * spec.speed_mps**2),
+        stall_rad=spec.stall_rad,
+        crossflow_kgpm=spec.crossflow_kgpm,
         surge_drag_kgpm=spec.thrust_n / spec.speed_mps**2,
-        turn_drag=spec.turn_drag * factor(0.25),
+        turn_drag=spec.turn_drag,
         thrust_n=spec.thrust_n,
         design_speed_mps=spec.speed_mps,
         hull_yaw=(0.0, 0.0, 0.0, 0.0),
         hull_pitch=(0.0, 0.0, 0.0, 0.0),
     )
-    body = small_signal.calibrate(body, yaw, pitch, b1)
-    late = 0.02 * draws.standard_normal()
+    body = small_signal.calibrate(body, np.array(spec.yaw), np.array(spec.pitch), spec.b1_per_s2)
     return Plant(
         name=name,
         body=body,
-        rudder=spec.rudder._replace(delay_s=spec.rudder.delay_s + late),
-        elevator=spec.elevator._replace(delay_s=spec.elevator.delay_s + late),
+        rudder=spec.rudder,
+        elevator=spec.elevator,
         sensors=spec.sensors,
         travel_rad=math.radians(spec.travel_deg),
         thrust_pct=spec.thrust_pct,

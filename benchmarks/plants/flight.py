@@ -48,6 +48,8 @@ class Gains(NamedTuple):
     pitch_d: float
     depth_p: float
     depth_i: float
+    max_heading_error_rad: float = math.inf
+    """Largest heading error on which the loop acts, as behind a reference of limited rate."""
 
 
 class Test(NamedTuple):
@@ -174,6 +176,7 @@ def _dive(
             over = True
         under[k] = 0 if over else wanted[k]
         psi = seen[5] - 2.0 * math.pi * math.floor(seen[5] / (2.0 * math.pi) + 0.5)
+        psi = min(max(psi, -gains.max_heading_error_rad), gains.max_heading_error_rad)
         if under[k] == 1:
             commands[0] = trim[0] + signals[k]
         else:

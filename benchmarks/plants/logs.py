@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,19 +72,34 @@ DEPTH_HZ = 10.0
 """Rate of the depth sensor's samples."""
 
 
-def signal_rad(planned: Planned, rudder: bool, scale: float) -> Array:
-    """Return the signal of a test at 50 Hz; ``scale`` is the ratio of its size to Caribou's."""
+class TestScaling(NamedTuple):
+    """Ratios of the tests of a surface to Caribou's."""
+
+    step_size: float
+    sweep_size: float
+    """Size of chirps, doublets and 3-2-1-1."""
+    time: float = 1.0
+    """Duration of steps."""
+    frequency: float = 1.0
+    """Frequencies of the other tests, and inverse of their duration."""
+
+
+def signal_rad(planned: Planned, rudder: bool, scaling: TestScaling, max_deg: float) -> Array:
+    """Return the signal of a test at 50 Hz, of at most ``max_deg``."""
     kind, degrees, seconds = planned
-    size = math.radians(degrees) * scale
+    is_step = kind == "step"
+    degrees *= scaling.step_size if is_step else scaling.sweep_size
+    size = math.radians(min(max(degrees, -max_deg), max_deg))
+    seconds *= scaling.time if is_step else 1.0 / scaling.frequency
     time_s = TICK_S * np.arange(int(seconds / TICK_S))
-    if kind == "step":
+    if is_step:
         return np.full(time_s.size, size)
     if kind == "doublet":
         return np.where(time_s < 0.5 * seconds, size, -size)
     if kind == "3211":
         unit = 7.0 * time_s / seconds
         return np.asarray(size * np.where((unit < 3.0) | ((unit >= 5.0) & (unit < 6.0)), 1.0, -1.0))
-    low, high = CHIRP_HZ[rudder]
+    low, high = (scaling.frequency * limit for limit in CHIRP_HZ[rudder])
     growth = math.log(high / low) / seconds
     return np.asarray(size * np.sin(2.0 * math.pi * low * np.expm1(growth * time_s) / growth))
 
@@ -93,7 +109,7 @@ def fly(
     mission: str,
     rudder: bool,
     *,
-    scale: float,
+    scaling: TestScaling,
     gains: Gains,
     rng: np.random.Generator,
     level: float = 1.0,
@@ -101,11 +117,11 @@ def fly(
 ) -> Recorded:
     """Fly one mission; test sizes are limited to 60 % of the travel."""
     now_s, tests = SETTLE_S, []
-    most = 0.6 * math.degrees(plant.travel_rad)
-    for kind, degrees, seconds in MISSIONS[mission][rudder]:
-        size = min(max(degrees * scale, -most), most) / scale
-        tests.append(Test(rudder, now_s, signal_rad((kind, size, seconds), rudder, scale)))
-        now_s += seconds + RECOVERY_S[mission]
+    most_deg = 0.6 * math.degrees(plant.travel_rad)
+    for planned in MISSIONS[mission][rudder]:
+        signal = signal_rad(planned, rudder, scaling, most_deg)
+        tests.append(Test(rudder, now_s, signal))
+        now_s += TICK_S * signal.size + RECOVERY_S[mission] * max(1.0, scaling.time)
     return flight.dive(plant, tests, now_s, gains, rng, level, grip)
 
 
@@ -164,7 +180,7 @@ def campaign(
     folder: Path,
     plant: Plant,
     *,
-    scales: tuple[float, float],
+    scalings: tuple[TestScaling, TestScaling],
     gains: Gains,
     seed: int,
     level: float = 1.0,
@@ -172,8 +188,8 @@ def campaign(
 ) -> tuple[list[Path], list[Path]]:
     """Fly and record the standard campaign; return the logs to fit and those held out.
 
-    ``scales`` are the ratios of rudder and elevator tests to Caribou's; ``level`` and ``grip`` are
-    those of ``flight.dive``.
+    ``scalings`` are those of rudder and elevator tests; ``level`` and ``grip`` are those of
+    ``flight.dive``.
     """
     fitted, held_out = list[Path](), list[Path]()
     for number, (mission, rudder) in enumerate(
@@ -184,7 +200,7 @@ def campaign(
             plant,
             mission,
             rudder,
-            scale=scales[0 if rudder else 1],
+            scaling=scalings[0 if rudder else 1],
             gains=gains,
             rng=rng,
             level=level,

@@ -12,10 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.identification import outside
+from benchmarks.campaigns import drawn as drawn_hulls
+from benchmarks.identification import drawn_plants, outside, vehicles
 from benchmarks.plants import catalogue, flight, logs, small_signal
 from benchmarks.plants.actuators import Axis
 from benchmarks.plants.flight import Gains
+from benchmarks.plants.logs import TestScaling
+from sitl.vehicle import config
 from sysid.data import readers, segments
 from sysid.planes import PLANES, Plane
 
@@ -98,7 +101,7 @@ def test_log_of_a_plant_holds_its_tests(tmp_path: Path) -> None:
     case, plant = outside.case_of("vortex"), catalogue.plant("vortex", 1)
     rng = np.random.default_rng(1)
     gains = Gains(*case.hold)
-    recorded = logs.fly(plant, "sweeps", True, scale=0.2, gains=gains, rng=rng)
+    recorded = logs.fly(plant, "sweeps", True, scaling=TestScaling(0.2, 0.2), gains=gains, rng=rng)
     path = tmp_path / "rudder_sweeps.csv"
     logs.write_csv(path, plant, recorded, gains, rng)
     log = readers.read(path)
@@ -106,3 +109,23 @@ def test_log_of_a_plant_holds_its_tests(tmp_path: Path) -> None:
     assert [round(float(run.time_s[-1])) for run in runs] == [28, 28, 24, 24]
     assert {run.plane for run in runs} == {Plane.YAW}
     assert log.parameters["ACT_TRAVEL_DEG"] == pytest.approx(15.0)
+
+
+@pytest.mark.parametrize("kind", catalogue.SPECIFICATIONS)
+def test_drawn_plant_differs_from_its_file_as_specified(kind: str, tmp_path: Path) -> None:
+    """The linearised plant has the drawn numbers, and the file another servo than the plant."""
+    path = tmp_path / "vehicle.toml"
+    path.write_text(drawn_hulls.text(7, is_tailcone_known=False), encoding="utf-8")
+    file = config.load(str(path))
+    nominal = vehicles.nominal(file)
+    spec = drawn_plants.specification(catalogue.SPECIFICATIONS[kind].kind, 7, file, nominal)
+    plant = catalogue.assemble(kind, spec)
+    small = small_signal.numbers(plant.body, plant.trim, yaw=True)
+    assert small.b1_per_s2 == pytest.approx(spec.b1_per_s2, rel=1e-3)
+    assert sorted((small.p_fast_per_s, small.p_slow_per_s)) == pytest.approx(
+        sorted(np.linalg.eigvals(np.array(spec.yaw)).real), rel=1e-2
+    )
+    assert file.tailcone.lag_relative_sd == 0.3
+    assert plant.rudder.omega_radps != file.tailcone.natural_frequency_radps
+    again = drawn_plants.specification(catalogue.SPECIFICATIONS[kind].kind, 7, file, nominal)
+    assert again == spec

@@ -152,7 +152,7 @@ def test_logs_of_one_unstable_vehicle_are_accepted(seed: int, tmp_path: Path) ->
     fitted, held_out = plant_logs.campaign(
         tmp_path,
         catalogue.plant("stall", seed),
-        scales=(case.scale(Plane.YAW), case.scale(Plane.PITCH)),
+        scalings=outside.scalings_of(case),
         gains=Gains(*case.hold),
         seed=seed,
     )
