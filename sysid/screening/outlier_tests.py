@@ -98,6 +98,22 @@ class _TestedRun(NamedTuple):
     partners: tuple[str, ...]
     """Names of the other runs of the same test."""
 
+    @property
+    def tests(self) -> tuple[Scores, ...]:
+        """Tests that count.
+
+        The comparison with runs of the same test counts only with two or more partners; with one
+        partner it is unknown which of the two is the outlier.
+        """
+        if self.repeat is None or len(self.partners) < 2:
+            return (self.scores,)
+        return self.scores, self.repeat
+
+    @property
+    def decisive(self) -> Scores:
+        """Test with the smallest p value."""
+        return min(self.tests, key=lambda test: test.p_value)
+
 
 class _Others(NamedTuple):
     """Runs with which a run is compared."""
@@ -150,11 +166,8 @@ def find_outliers_among(
         Result for each run, and the errors of the model structure.
     """
     all_runs = all_runs or [run.dataset.run for run in linearised_runs]
-    remaining, outliers, ambiguous = (
-        list(linearised_runs),
-        dict[str, RunScreening](),
-        dict[str, RunScreening](),
-    )
+    remaining = list(linearised_runs)
+    outliers, ambiguous = dict[str, RunScreening](), dict[str, RunScreening]()
     while True:
         optimum = whitened_residuals.update_parameters(remaining, fit, prior)
         tested = _check_runs(remaining, optimum)
@@ -226,7 +239,7 @@ def _select_outlier(
             return None
         others = _remaining(candidate, tested, fit, prior)
         if (
-            _is_relevant(_anomaly_of(candidate), candidate.residuals)
+            _is_relevant(candidate.decisive.anomalies[0], candidate.residuals)
             and not _could_be_structure(candidate, others)
             and _can_be_dropped(candidate, tested, all_runs)
         ):
@@ -244,32 +257,8 @@ def _remaining(
 
 
 def _p_value(subject: _TestedRun) -> float:
-    """Return the combined p value of both tests (Bonferroni).
-
-    The comparison with runs of the same test counts only with two or more partners; with one
-    partner it is unknown which of the two is the outlier.
-    """
-    if subject.repeat is None or len(subject.partners) < 2:
-        return subject.scores.p_value
-    return min(1.0, 2.0 * min(subject.scores.p_value, subject.repeat.p_value))
-
-
-def _anomaly_of(subject: _TestedRun) -> Anomaly:
-    """Most likely anomaly by the test with the smaller p value."""
-    return (
-        subject.scores.anomalies[0]
-        if _by_scores(subject) or subject.repeat is None
-        else subject.repeat.anomalies[0]
-    )
-
-
-def _by_scores(subject: _TestedRun) -> bool:
-    """Return whether the score test decides, and not the comparison with runs of the same test."""
-    return (
-        subject.repeat is None
-        or len(subject.partners) < 2
-        or subject.scores.p_value <= subject.repeat.p_value
-    )
+    """Return the combined p value of the tests of a run (Bonferroni)."""
+    return min(1.0, len(subject.tests) * subject.decisive.p_value)
 
 
 def _is_relevant(anomaly: Anomaly, run: RunResiduals) -> bool:
@@ -283,7 +272,7 @@ def _could_be_structure(subject: _TestedRun, others: _Others) -> bool:
     An error of the structure grows with the size of the test and appears in all large tests; an
     anomaly appears in one run.
     """
-    return _by_scores(subject) and (
+    return subject.decisive is subject.scores and (
         not any(other.scores.p_value > FALSE_ALARM for other in _similar_size(subject, others))
         or _is_within_growth(subject, others)
     )
@@ -298,10 +287,8 @@ def _is_within_growth(subject: _TestedRun, others: _Others) -> bool:
 
 def _similar_size(subject: _TestedRun, others: _Others) -> list[_TestedRun]:
     """Return the other runs of the plane that are about as large or larger."""
-    plane, min_size_rad = (
-        subject.residuals.dataset.run.plane,
-        SIMILAR_SIZE * subject.residuals.size_rad,
-    )
+    plane = subject.residuals.dataset.run.plane
+    min_size_rad = SIMILAR_SIZE * subject.residuals.size_rad
     return [
         other
         for other in others.tested
@@ -325,10 +312,8 @@ def _alternatives(outlier: _TestedRun, tested: Sequence[_TestedRun]) -> list[_Te
     If two similar runs differ, each looks anomalous against the other. Without further runs the
     choice between them is arbitrary.
     """
-    plane, outlier_statistic = (
-        outlier.residuals.dataset.run.plane,
-        outlier.scores.anomalies[0].statistic ** 2,
-    )
+    plane = outlier.residuals.dataset.run.plane
+    outlier_statistic = outlier.scores.anomalies[0].statistic ** 2
     return [
         candidate
         for candidate in tested
@@ -358,18 +343,13 @@ def _warn_alternative(alternative: _TestedRun, left_out: str) -> RunScreening:
 
 def _reason(outlier: _TestedRun, alternatives: Sequence[_TestedRun]) -> str:
     """Return the reason to leave a run out, with the runs that may be the outlier instead."""
-    explanation = _explain(
-        outlier.scores if _by_scores(outlier) or outlier.repeat is None else outlier.repeat,
-        outlier.residuals.dataset.run.plane,
-    )
+    explanation = _explain(outlier.decisive, outlier.residuals.dataset.run.plane)
     if alternatives:
         names = " or ".join(_name(alternative.residuals) for alternative in alternatives)
         explanation += f"; or it is {names}: fly both again"
-    return (
-        explanation
-        if _by_scores(outlier)
-        else f"non-repeatability: unlike {', '.join(outlier.partners)}, as if by {explanation}"
-    )
+    if outlier.decisive is outlier.scores:
+        return explanation
+    return f"non-repeatability: unlike {', '.join(outlier.partners)}, as if by {explanation}"
 
 
 def _keep(subject: _TestedRun, others: _Others) -> RunScreening:
