@@ -15,6 +15,8 @@ from mavlink_io.jit import entry_point
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+MAD_TO_SD = 1.4826
+"""Standard deviation of a normal variable over its median absolute deviation, 1 / 0.6745."""
 SPIKE_WINDOW = 5
 """Samples around each sample whose median a spike is compared with."""
 SPIKE_SDS = 6.0
@@ -78,7 +80,7 @@ def without_spikes(values: Array) -> Array:
     Notes
     -----
     Hampel 1974: a sample is wrong if it differs from the median of SPIKE_WINDOW samples by more
-    than SPIKE_SDS standard deviations of this difference, which are 1.4826 times its median over
+    than SPIKE_SDS standard deviations of this difference, which are MAD_TO_SD times its median over
     the signal. A step of the signal is no spike.
     """
     if values.size < SPIKE_WINDOW:
@@ -86,7 +88,7 @@ def without_spikes(values: Array) -> Array:
     padded = np.pad(values, SPIKE_WINDOW // 2, mode="symmetric")
     medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, SPIKE_WINDOW), axis=1)
     difference = np.abs(values - medians)
-    return np.where(difference > SPIKE_SDS * 1.4826 * np.median(difference), medians, values)
+    return np.where(difference > SPIKE_SDS * MAD_TO_SD * np.median(difference), medians, values)
 
 
 class StraightLine(NamedTuple):
@@ -261,7 +263,7 @@ def record_spectra(x: Array, y: Array, rate_hz: float, padded: int) -> SignalSpe
     Returns
     -------
     SignalSpectra
-        SignalSpectra without average and without window.
+        Spectra of the whole records, neither averaged nor windowed.
     """
     X, Y = (np.fft.rfft(signal - np.mean(signal), padded) for signal in (x, y))
     scale = _one_sided(padded) / (rate_hz * x.size)

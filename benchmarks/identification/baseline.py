@@ -20,8 +20,7 @@ from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import response
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
 from sysid.estimation.linear.records import LinearPrior, LinearRun
-from sysid.estimation.linear.response import DT
-from sysid.estimation.map.datasets import STRIDE
+from sysid.estimation.map.datasets import STEP_S, STRIDE
 
 Array = NDArray[np.float64]
 Simulator = Callable[[LinearModel, LinearRun], Array]
@@ -43,7 +42,8 @@ def estimate(
     simulate = simulator or simulate_compiled
     first, free = prior.model, _free(prior)
     measured = [
-        record.measured - np.mean(record.measured[: int(REST_S / DT)], axis=0) for record in records
+        record.measured - np.mean(record.measured[: int(REST_S / STEP_S)], axis=0)
+        for record in records
     ]
     sds = np.ones(measured[0].shape[1])
 
@@ -75,7 +75,7 @@ def estimate(
 def simulate_lsim(plant: LinearModel, record: LinearRun) -> Array:
     """Return the outputs of one run from rest by `scipy.signal.lsim`, shape (steps, outputs)."""
     A, B, C, angles = _system(plant, record)
-    time_s, D = DT * np.arange(angles.size), np.zeros((len(C), 1))
+    time_s, D = STEP_S * np.arange(angles.size), np.zeros((len(C), 1))
     return np.asarray(signal.lsim((A, B, C, D), angles, time_s)[1]).reshape(-1, len(C))
 
 
@@ -90,7 +90,7 @@ def simulate_compiled(plant: LinearModel, record: LinearRun) -> Array:
     A, B, C, angles = _system(plant, record)
     n = len(A)
     block = np.zeros((n + 2, n + 2))
-    block[:n, :n], block[:n, n : n + 1], block[n, n + 1] = A * DT, B * DT, 1.0
+    block[:n, :n], block[:n, n : n + 1], block[n, n + 1] = A * STEP_S, B * STEP_S, 1.0
     transition = expm(block)[:n]
     late = np.ascontiguousarray(transition[:, n + 1])
     early = transition[:, n] - late

@@ -18,7 +18,8 @@ from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import records, response
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.records import LinearPrior, LinearRun
-from sysid.estimation.linear.response import DT, SurfaceCommand
+from sysid.estimation.linear.response import SurfaceCommand
+from sysid.estimation.map.datasets import STEP_S
 from sysid.estimation.map.problem import Prior
 from sysid.models import noise, parameters
 from sysid.models.linear_planes import LinearPlane
@@ -119,7 +120,7 @@ def _drawn(
     A, density, C, R, P0 = noise.system(linear, level)
     if not drifts:
         C[1, 3:] = 0.0  # the angle is state 2
-    Phi, Q = noise.discrete(A, density, DT)
+    Phi, Q = noise.discrete(A, density, STEP_S)
     runs, n = len(steps), len(A)
     values, vectors = np.linalg.eigh(Q)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -138,13 +139,13 @@ def _swell(linear: LinearPlane, steps: int, rng: np.random.Generator) -> Array:
     """Return rate, angle and depth (zero in yaw) due to eight wave tones, shape (steps, 3)."""
     tones = 2.0 * math.pi * rng.uniform(0.1, 0.2) * rng.uniform(0.7, 1.3, 8)
     sizes, phases = rng.rayleigh(1.0, 8) / 4.0, rng.uniform(0.0, 2.0 * math.pi, (2, 8))
-    time_s = DT * np.arange(steps)[:, None]
+    time_s = STEP_S * np.arange(steps)[:, None]
     moment = COLOURED.wave_radps2 * (sizes * np.sin(tones * time_s + phases[0])).sum(axis=1)
     force = SWELL_MPS2 * (sizes * np.sin(tones * time_s + phases[1])).sum(axis=1)
     n = len(linear.A)
     pushed = np.zeros((n + 2, n + 2))
-    pushed[:n, :n], pushed[:n, n] = linear.A * DT, linear.moment * DT
-    pushed[0, n + 1] = DT
+    pushed[:n, :n], pushed[:n, n] = linear.A * STEP_S, linear.moment * STEP_S
+    pushed[0, n + 1] = STEP_S
     over = expm(pushed)[:n]
     x = np.zeros((steps, n))
     for k in range(steps - 1):

@@ -10,11 +10,11 @@ from ground.campaign.campaign_folder import CampaignFolder
 from ground.report.figures import Curve, Figure, Panel
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.runs import Run
+from sysid.estimation.map.datasets import STEP_S
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.prediction import predict, vehicles
 from sysid.planes import PLANES, Plane
 from sysid.validation import crossover
-from sysid.validation.frequency_response import DT_S
 from sysid.validation.prediction_bands import innovations, rate_band
 from sysid.validation.validate import uncertain_vehicle
 from sysid.validation.whiteness import cumulative_periodogram
@@ -195,11 +195,9 @@ def _whiteness(model: IdentifiedModel, plane: Plane, runs: Sequence[Run], prior:
         [i - np.mean(i) for i in (innovations(model, run, prior) for run in runs)]
     )
     cumulative_power = cumulative_periodogram(residuals)
-    hz = np.linspace(0.0, 0.5 / DT_S, cumulative_power.size)
-    diagonal, half_width = (
-        np.linspace(0.0, 1.0, cumulative_power.size),
-        KOLMOGOROV / np.sqrt(cumulative_power.size),
-    )
+    hz = np.linspace(0.0, 0.5 / STEP_S, cumulative_power.size)
+    diagonal = np.linspace(0.0, 1.0, cumulative_power.size)
+    half_width = KOLMOGOROV / np.sqrt(cumulative_power.size)
     return Figure(
         key=f"whiteness-{plane}",
         title=f"Residuals of held-out {PLANES[plane].surface} tests",

@@ -18,12 +18,11 @@ from sysid.design.design_model import DesignModel, outputs
 from sysid.design.disturbance_response import DEPTH_RATE_S, NOISE_STEP_S
 from sysid.design.specification import MinimumVariance, Response
 from sysid.models import noise
+from sysid.models.noise import DISTURBANCE_STATES
 from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
-SEA_STATES = 3
-"""Number of disturbance states: slow moment, waves and their rate."""
 MIN_WEIGHT, MAX_WEIGHT = 1e-8, 1e4
 """Weights of the command: that of the bound, and the largest (rad^2 or m^2 per rad^2)."""
 BISECTIONS = 20
@@ -95,7 +94,7 @@ def _sampled_plane(vehicle: DesignModel, plane: Plane) -> _SampledPlane:
     linear, lag = vehicle.planes[index], (vehicle.yaw_lag, vehicle.pitch_lag)[index]
     levels = noise.from_model(vehicle.disturbance[plane])
     sea_A, sea_density, *_ = noise.system(linear, levels)
-    known, duct = len(linear.B), len(linear.B) + SEA_STATES
+    known, duct = len(linear.B), len(linear.B) + DISTURBANCE_STATES
     size, delay = duct + 2, max(1, round(lag.delay_s / TICK_S))
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
     A, density, B = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)

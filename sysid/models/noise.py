@@ -40,6 +40,9 @@ from sysid.planes import Plane
 
 Array = NDArray[np.float64]
 
+DISTURBANCE_STATES = 3
+"""Number of states of the disturbance: slow moment, wave moment and its rate."""
+
 
 class Noise(NamedTuple):
     """Noise levels of one plane; each level is one standard deviation."""

@@ -36,6 +36,9 @@ MAX_DAMPING = 0.99
 
 The step response at 0.99 is practically that of an overdamped lag."""
 
+MAX_DRAWS_PER_SAMPLE = 10
+"""Maximum number of draws per requested vehicle; impossible vehicles are drawn again."""
+
 ASYMMETRY = 0.07
 """Standard deviation of the log ratio of yaw and pitch coefficients of a body of revolution."""
 CARIBOU_MASS_KG, CARIBOU_NET_BUOYANCY_N = 640.0, 22.24
@@ -462,10 +465,8 @@ def _ratios_and_offsets(
 
 def _wing(wing: Wing, ratios: dict[str, float], offsets: dict[str, float]) -> Wing:
     """Return duct or fins with changed quadratic lift and stall angle."""
-    stall, quadratic_lift = (
-        ratios["stall_angle"],
-        offsets["lift_quadratic"] * wing.lift_slope_per_rad,
-    )
+    stall = ratios["stall_angle"]
+    quadratic_lift = offsets["lift_quadratic"] * wing.lift_slope_per_rad
     return msgspec.structs.replace(
         wing,
         lift_quadratic_per_rad2=wing.lift_quadratic_per_rad2 + quadratic_lift,

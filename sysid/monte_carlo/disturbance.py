@@ -43,7 +43,7 @@ def of_plane(vehicle: CandidateVehicle, plane: Plane, level: Noise) -> ShapingFi
     linear = steady_state.linear_plane(vehicle, plane)
     A, density, _, _, P0 = noise.system(linear, level)
     n = len(linear.states)
-    disturbance_states = slice(n, n + 3)
+    disturbance_states = slice(n, n + noise.DISTURBANCE_STATES)
     transition, process = noise.discrete(
         A[disturbance_states, disturbance_states],
         density[disturbance_states, disturbance_states],

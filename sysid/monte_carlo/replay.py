@@ -27,6 +27,7 @@ from sysid.data.events import Armed, ModeChanged
 from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import dynamics, instruments
 from sysid.monte_carlo import simulate as simulation
+from sysid.monte_carlo.disturbance import BLOCK
 from sysid.monte_carlo.dynamics import DEPTH, N_OBSERVED, RATES, SimulatedVehicleState
 from sysid.monte_carlo.simulate import ComplexArray, NavigationRecord, SimulatedDive
 
@@ -40,8 +41,6 @@ DEPTH_GAIN_PER_S = 0.5
 """Correction of the depth by its rate."""
 MIN_DIVE_S = 10.0
 """Minimum duration of a dive that can be replayed (s)."""
-BLOCK = 1024
-"""Number of ticks that are handed over at a time."""
 
 _USED = (
     "depth_m",

@@ -10,15 +10,12 @@ from mavlink_io.errors import ErrorCode, InputError
 from sitl.vehicle.config import VehicleConfig
 from sysid.models import model_file as models
 from sysid.models import prediction
-from sysid.models.parameters import NAMES, CandidateVehicle, feasible_samples
+from sysid.models.parameters import MAX_DRAWS_PER_SAMPLE, NAMES, CandidateVehicle, feasible_samples
 from sysid.planes import Plane
 from sysid.test_design import prior as design_priors
 from sysid.test_design.prior import DesignPrior
 
 Array = NDArray[np.float64]
-
-MAX_DRAWS_PER_SAMPLE = 10
-"""Maximum number of draws per requested vehicle; impossible vehicles are drawn again."""
 
 
 class NoCovarianceError(InputError):

@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.data.runs import RATE_HZ, STEADY_S, Array, Run
 from sysid.planes import Plane
-from sysid.signal_processing import fit_line
+from sysid.signal_processing import MAD_TO_SD, fit_line
 
 WINDOW = int(STEADY_S * RATE_HZ)
 """Length of a window, samples."""
@@ -33,11 +33,6 @@ RATE_FLOOR_DEGPS, DEPTH_RATE_FLOOR_MPS = 0.4, 0.05
 """Mean rate (deg/s) and depth rate (m/s) before a test that are always accepted.
 
 They do not disturb the fit.
-"""
-MAD_TO_SD = 1.4826
-"""Standard deviation of a normal variable over its median absolute deviation, 1 / 0.6745.
-
-This estimate of the spread is robust: a single bad run hardly changes it.
 """
 
 
@@ -132,7 +127,7 @@ def roughness_radps(run: Run) -> float:
 
 
 def typical_roughness_radps(runs: Sequence[Run]) -> float:
-    """Median of `roughness_radps` over the runs, rad/s; zero without runs."""
+    """Return the median of `roughness_radps` over the runs, rad/s; zero without runs."""
     return float(np.median([roughness_radps(run) for run in runs])) if runs else 0.0
 
 
@@ -145,10 +140,10 @@ def _windows(run: Run, plane: Plane) -> list[PrerollWindow]:
 
 
 def _window(rate_radps: Array, time_s: Array, depth_m: Array) -> PrerollWindow:
-    """Mean rate, and depth rate as the slope of a straight line."""
+    """Return the mean rate, and depth rate as the slope of a straight line."""
     return PrerollWindow(float(np.mean(rate_radps)), fit_line(time_s, depth_m).slope)
 
 
 def _spread(values: Array) -> float:
-    """Robust standard deviation: scaled median absolute deviation."""
+    """Return the robust standard deviation: scaled median absolute deviation."""
     return MAD_TO_SD * float(np.median(np.abs(values - np.median(values))))

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from autopilot.control.params import Config
 from mavlink_io.errors import ErrorCode, OperationError
 from sitl.vehicle.config import VehicleFileError
-from sysid.models.parameters import NAMES, CandidateVehicle
+from sysid.models.parameters import MAX_DRAWS_PER_SAMPLE, NAMES, CandidateVehicle
 from sysid.monte_carlo import metrics, simulate
 from sysid.monte_carlo.metrics import DiveMetrics
-from sysid.monte_carlo.samples import MAX_DRAWS_PER_SAMPLE, NoCovarianceError
+from sysid.monte_carlo.samples import NoCovarianceError
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea
 from sysid.planes import Plane
 from sysid.sweep import campaigns

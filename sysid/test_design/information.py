@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import Gains
-from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import datasets, steady_state
-from sysid.estimation.map.datasets import STRIDE
+from sysid.estimation.map.datasets import STEP_S
 from sysid.models import linear_planes, noise
 from sysid.models.parameters import NAMES, PARAMETERS
 from sysid.planes import Plane
@@ -76,7 +75,7 @@ def sensitivities(prior: DesignPrior, manoeuvres: Sequence[Manoeuvre], gains: Ga
     experiments = [datasets.dataset(as_run(m, trim, _command_rad(m, loop))) for m in manoeuvres]
     longest = max(len(e.measured) for e in experiments)
     whitening = noise.build(
-        steady_state.linear_plane(base, plane), prior.noise[plane], STRIDE / RATE_HZ, longest
+        steady_state.linear_plane(base, plane), prior.noise[plane], STEP_S, longest
     )
     residuals = datasets.residuals(base, experiments)
     jacobians = [np.zeros((*r.shape, len(NAMES))) for r in residuals]

@@ -18,16 +18,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.runs import RATE_HZ
-from sysid.estimation.map.datasets import STRIDE
+from sysid.estimation.map.datasets import STEP_S, STRIDE
 from sysid.signal_processing import record_spectra
 from sysid.validation.results import FrequencyComparison
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-DT_S = STRIDE / RATE_HZ
-"""Step of the spectra and of the innovations, s."""
 POINTS = 20
 """Number of frequencies, in a geometric series; the mismatch cost is defined for 20."""
 BAND = 0.3, 3.0
@@ -106,12 +103,12 @@ def spectra(pairs: Sequence[Pair], frequency_radps: Array) -> Spectra:
     total, seconds = np.zeros((3, _PADDED // 2 + 1), dtype=np.complex128), 0.0
     for pair in pairs:
         simulated, measured = _decimate(pair.simulated_radps), _decimate(pair.measured_radps)
-        seconds += measured.size * DT_S
-        spectra_of_record = record_spectra(simulated, measured, 1.0 / DT_S, _PADDED)
+        seconds += measured.size * STEP_S
+        spectra_of_record = record_spectra(simulated, measured, 1.0 / STEP_S, _PADDED)
         total += measured.size * np.array(
             [spectra_of_record.x, spectra_of_record.y, spectra_of_record.cross]
         )
-    grid_hz = np.fft.rfftfreq(_PADDED, DT_S)
+    grid_hz = np.fft.rfftfreq(_PADDED, STEP_S)
     centre_hz = frequency_radps / (2.0 * math.pi)
     half_width_hz = np.maximum(SMOOTHING_HALF_WIDTH * centre_hz, MIN_HALF_WIDTH_HZ)
     averaged = np.array(
@@ -131,7 +128,7 @@ def spectra(pairs: Sequence[Pair], frequency_radps: Array) -> Spectra:
 
 
 def _decimate(values: Array) -> Array:
-    """Means of STRIDE samples."""
+    """Return the means of STRIDE samples."""
     whole = values.size // STRIDE * STRIDE
     return np.asarray(values[:whole].reshape(-1, STRIDE).mean(axis=1))
 
@@ -205,7 +202,7 @@ def mismatch_cost(estimated: Spectra) -> float | None:
 
 
 def _db(response: ComplexArray) -> Array:
-    """Magnitude in dB."""
+    """Return the magnitude in dB."""
     return np.asarray(20.0 * np.log10(np.abs(response)))
 
 

@@ -64,12 +64,13 @@ def theil(measured: Array, simulated: Array) -> Theil:
 
 
 def rate_covariance(plane: LinearPlane, level: Noise, dt: float, lead: int, samples: int) -> Array:
-    """Covariance of the rate error of a perfect model over a test: disturbance and sensor noise.
+    """Return the covariance of the rate error of a perfect model over a test.
 
-    A run is simulated from its measured start, ``lead`` samples before the test. The simulation
-    contains no disturbance, so that the moments on the plane have their stationary variances; the
-    start is known as well as a settled Kalman filter knows it. With P_k the state covariance, Phi
-    the transition, Q the process noise, c the rate's row of the output matrix::
+    The error is that by disturbance and sensor noise. A run is simulated from its measured start,
+    ``lead`` samples before the test. The simulation contains no disturbance, so that the moments on
+    the plane have their stationary variances; the other states at the start have the variances of a
+    settled Kalman filter. With P_k the state covariance, Phi the transition, Q the process noise, c
+    the rate's row of the output matrix::
 
         P_{k+1} = Phi P_k Phi' + Q,    C_ij = c Phi^(j-i) P_i c'   (j >= i),    C_ii += R_rate
 
@@ -97,7 +98,8 @@ def rate_covariance(plane: LinearPlane, level: Noise, dt: float, lead: int, samp
     A, density, output, sensor_covariance, initial_covariance = noise.system(plane, level)
     transition, process = noise.discrete(A, density, dt)
     P = _steady_covariance(transition, process, output, sensor_covariance, initial_covariance)
-    moment_states = slice(plane.A.shape[0], plane.A.shape[0] + 3)
+    n = plane.A.shape[0]
+    moment_states = slice(n, n + noise.DISTURBANCE_STATES)
     P[moment_states, :] = P[:, moment_states] = 0.0
     P[moment_states, moment_states] = initial_covariance[moment_states, moment_states]
     rate_row = output[0]
@@ -116,7 +118,7 @@ def rate_covariance(plane: LinearPlane, level: Noise, dt: float, lead: int, samp
 
 
 def noise_floor_of(covariance: Array) -> NoiseFloor:
-    """Mean and standard deviation of the mean square over a test, from its covariance C (n, n).
+    """Return mean and standard deviation of the mean square of errors with covariance C (n, n).
 
     The mean is trace(C) / n. For Gaussian noise the variance of the mean square is 2 sum(C_ij^2) /
     n^2.
@@ -129,7 +131,7 @@ def noise_floor_of(covariance: Array) -> NoiseFloor:
 def _steady_covariance(
     transition: Array, process: Array, output: Array, sensors: Array, P: Array
 ) -> Array:
-    """Covariance of a settled Kalman filter after a measurement.
+    """Return the covariance of a settled Kalman filter after a measurement.
 
     P <- Phi P Phi' + Q; K = P H' (H P H' + R)^-1; P <- P - K H P.
     """
@@ -142,7 +144,7 @@ def _steady_covariance(
 
 
 def floor_from_repeats_deg2ps2(runs: Sequence[Run]) -> float | None:
-    """Noise floor without a model, (deg/s)^2.
+    """Return the noise floor without a model, (deg/s)^2.
 
     Half the mean squared difference of runs of the same test.
 

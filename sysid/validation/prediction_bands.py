@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from sitl.vehicle.config import VehicleConfig
 from sysid.data.runs import Run
 from sysid.estimation.map import steady_state
-from sysid.estimation.map.datasets import STRIDE
+from sysid.estimation.map.datasets import STEP_S, STRIDE
 from sysid.models import delta_method, noise, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation import noise_floor
-from sysid.validation.frequency_response import DT_S
 from sysid.validation.validate import rate_innovations, uncertain_vehicle
 
 Array = NDArray[np.float64]
@@ -68,12 +67,12 @@ def _noise_sd_radps(model: IdentifiedModel, run: Run, prior: VehicleConfig | Non
     linear = steady_state.linear_plane(uncertain.vehicle(uncertain.z), run.plane)
     level = noise.from_model(model.noise[run.plane])
     steps = run.time_s.size // STRIDE + 1
-    sd = np.sqrt(np.diag(noise_floor.rate_covariance(linear, level, DT_S, 0, steps)))
+    sd = np.sqrt(np.diag(noise_floor.rate_covariance(linear, level, STEP_S, 0, steps)))
     return np.interp(np.arange(run.time_s.size), STRIDE * np.arange(steps), sd)
 
 
 def innovations(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None) -> Array:
-    """Return the normalised innovations of the rate during a test, every ``DT_S``.
+    """Return the normalised innovations of the rate during a test, every ``STEP_S``.
 
     Parameters
     ----------
@@ -92,5 +91,5 @@ def innovations(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = 
     uncertain = uncertain_vehicle(model, prior)
     vehicle = uncertain.vehicle(uncertain.z)
     level, samples = noise.from_model(model.noise[run.plane]), run.time_s.size // STRIDE + 1
-    whitener = noise.build(steady_state.linear_plane(vehicle, run.plane), level, DT_S, samples)
+    whitener = noise.build(steady_state.linear_plane(vehicle, run.plane), level, STEP_S, samples)
     return rate_innovations(vehicle, run, whitener)

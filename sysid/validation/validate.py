@@ -13,7 +13,7 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.runs import Run
 from sysid.estimation.map import datasets, model_error, steady_state
-from sysid.estimation.map.datasets import STRIDE
+from sysid.estimation.map.datasets import STEP_S, STRIDE
 from sysid.models import delta_method, linear_planes, noise, parameters
 from sysid.models import prediction as predict
 from sysid.models.linear_planes import LinearPlane
@@ -24,7 +24,7 @@ from sysid.planes import Plane
 from sysid.validation import crossover, frequency_response, noise_floor, second_opinion
 from sysid.validation.crossover import LoopAtCrossover, UncertainVehicle
 from sysid.validation.crossover_correction import corrections
-from sysid.validation.frequency_response import DT_S, NARROWBAND_WAVES, Pair
+from sysid.validation.frequency_response import NARROWBAND_WAVES, Pair
 from sysid.validation.noise_floor import NoiseFloor
 from sysid.validation.results import (
     Excess,
@@ -114,7 +114,7 @@ def uncertain_vehicle(
 
 
 def _with_coefficients(model: IdentifiedModel, prior_vehicle: CandidateVehicle) -> CandidateVehicle:
-    """Prior vehicle with the coefficients of a model that is not described by z."""
+    """Return the prior vehicle with the coefficients of a model that is not described by z."""
     linear = prior_vehicle.config.linear
     values = {
         field: model.coefficients[parameters.symbol(field)].value
@@ -284,16 +284,14 @@ def _second_opinion(
 def _noise_reference(linear: LinearPlane, level: Noise, runs: Sequence[Run]) -> _NoiseReference:
     """Compute rate covariance and noise filter for the longest test and run."""
     test_steps = [int(np.count_nonzero(~run.preroll)) // STRIDE for run in runs]
-    lead_steps, max_steps = (
-        round(predict.LEAD_S / DT_S),
-        max(run.time_s.size // STRIDE + 1 for run in runs),
-    )
-    covariance = noise_floor.rate_covariance(linear, level, DT_S, lead_steps, max(1, *test_steps))
-    return _NoiseReference(level, covariance, noise.build(linear, level, DT_S, max_steps))
+    lead_steps = round(predict.LEAD_S / STEP_S)
+    max_steps = max(run.time_s.size // STRIDE + 1 for run in runs)
+    covariance = noise_floor.rate_covariance(linear, level, STEP_S, lead_steps, max(1, *test_steps))
+    return _NoiseReference(level, covariance, noise.build(linear, level, STEP_S, max_steps))
 
 
 def _coherence(comparison: FrequencyComparison, crossover_radps: float) -> float:
-    """Smallest coherence in the octave band about the crossover."""
+    """Return the smallest coherence in the octave band about the crossover."""
     low, high = (share * crossover_radps for share in OCTAVE)
     return min(
         value
@@ -333,7 +331,7 @@ def _compare(plane_model: _PlaneModel, run: Run, *, held_out: bool, new_type: bo
 
 
 def _floor(noise_reference: _NoiseReference, run: Run) -> NoiseFloor:
-    """Noise floor of a run.
+    """Return the noise floor of a run.
 
     A 50 Hz sample has STRIDE times the white noise variance of the fit's means.
     """
@@ -348,8 +346,8 @@ def _floor(noise_reference: _NoiseReference, run: Run) -> NoiseFloor:
 def _whiteness(
     vehicle: CandidateVehicle, noise_reference: _NoiseReference, run: Run
 ) -> Whiteness | None:
-    """Whiteness of the rate's innovations during the test; the filter settles before it."""
-    return whiteness(rate_innovations(vehicle, run, noise_reference.whitener), DT_S)
+    """Return the whiteness of the rate's innovations during the test."""
+    return whiteness(rate_innovations(vehicle, run, noise_reference.whitener), STEP_S)
 
 
 def rate_innovations(vehicle: CandidateVehicle, run: Run, whitener: Filter) -> Array:
@@ -367,7 +365,7 @@ def rate_innovations(vehicle: CandidateVehicle, run: Run, whitener: Filter) -> A
     Returns
     -------
     ndarray, (steps,)
-        One every ``DT_S``; the filter settles before the test.
+        One every ``STEP_S``; the filter settles before the test.
     """
     data = datasets.dataset(run, datasets.max_lead_s(vehicle, run.plane))
     (residual,) = datasets.residuals(vehicle, [data])

@@ -23,6 +23,7 @@ from sysid.data.readers.samples import (
     MessageColumns,
     ahead_of_others,
 )
+from sysid.signal_processing import MAD_TO_SD
 
 NOISE_RATIO = 8.0
 """Smallest spike in standard deviations of the noise: 1e-15 of Gaussian samples are beyond."""
@@ -37,8 +38,6 @@ END_SAMPLES = 5
 MIN_DISPLACEMENT_S = 0.025
 """Smallest displacement of a time that is reported. In five logs of PX4 (pyulog's test files) it
 leaves out 1 of 64,000 sound samples."""
-_MAD_TO_SD = 1.4826
-"""Standard deviation of Gaussian noise per median absolute deviation."""
 
 
 class Plausible(NamedTuple):
@@ -133,7 +132,7 @@ def contradicted(values: Array, plausible: Plausible) -> NDArray[np.bool_]:
     across = _wrapped(values[2:] - values[:-2], plausible.period)
     second = np.abs(before + after)
     second = second[np.isfinite(second)]
-    noise_sd = _MAD_TO_SD * float(np.median(second)) / math.sqrt(6.0) if second.size else 0.0
+    noise_sd = MAD_TO_SD * float(np.median(second)) / math.sqrt(6.0) if second.size else 0.0
     spike = np.minimum(np.abs(before), np.abs(after))
     limit = max(plausible.floor, NOISE_RATIO * noise_sd)
     mask[1:-1] = (

@@ -21,7 +21,7 @@ from sysid.design.disturbance_response import DEPTH_RATE_S, NOISE_STEP_S
 from sysid.design.lqg.controller import ContinuousController
 from sysid.models import noise
 from sysid.models.linear_planes import LinearPlane
-from sysid.models.noise import Noise
+from sysid.models.noise import DISTURBANCE_STATES, Noise
 
 Array = NDArray[np.float64]
 
@@ -34,8 +34,6 @@ The identified one is that from sample to sample, and may be some thousandths of
 that trusts it differentiates the angle in place of the gyro, and an error of 0.2 degrees that the
 model does not explain commands full deflection.
 """
-SEA_STATES = 3
-"""Number of disturbance states: slow moment, waves and their rate, as in ``noise.system``."""
 
 
 class Weights(NamedTuple):
@@ -132,26 +130,20 @@ def build_model(
     sd^2 `NOISE_STEP_S`.
     """
     A_plane, B_plane = loop_state_space.plane_with_tailcone(plane, lag, PADE_ORDER)
-    n, load = len(plane.B), len(B_plane) + SEA_STATES
+    n, load = len(plane.B), len(B_plane) + DISTURBANCE_STATES
     size = load + count_loads(plane)
     A, B, process = np.zeros((size, size)), np.zeros(size), np.zeros((size, size))
     shaping, density, *_ = noise.system(
         plane, disturbance._replace(wave_radps2=disturbance.wave_radps2 * weights.wave)
     )
-    disturbance_in, disturbance_states = slice(n, n + SEA_STATES), slice(len(B_plane), load)
-    A[: len(B_plane), : len(B_plane)], A[: len(B_plane), load], B[: len(B_plane)] = (
-        A_plane,
-        B_plane,
-        B_plane,
-    )
-    A[:n, disturbance_states], A[disturbance_states, disturbance_states] = (
-        shaping[:n, disturbance_in],
-        shaping[disturbance_in, disturbance_in],
-    )
-    process[:n, :n], process[disturbance_states, disturbance_states] = (
-        density[:n, :n],
-        density[disturbance_in, disturbance_in],
-    )
+    disturbance_in, disturbance_states = slice(n, n + DISTURBANCE_STATES), slice(len(B_plane), load)
+    A[: len(B_plane), : len(B_plane)] = A_plane
+    A[: len(B_plane), load] = B_plane
+    B[: len(B_plane)] = B_plane
+    A[:n, disturbance_states] = shaping[:n, disturbance_in]
+    A[disturbance_states, disturbance_states] = shaping[disturbance_in, disturbance_in]
+    process[:n, :n] = density[:n, :n]
+    process[disturbance_states, disturbance_states] = density[disturbance_in, disturbance_in]
     process[load, load] = weights.load**2
     process += weights.recovery**2 * np.outer(B, B)
     C_plane = outputs(plane)
@@ -214,11 +206,9 @@ def equilibrium(model: AugmentedModel, held_state: int) -> tuple[Array, Array]:
     """
     load, loads = model.load, len(model.B) - model.load
     balance = np.zeros((load + 1, load + 1))
-    balance[:load, :load], balance[:load, load], balance[load, held_state] = (
-        model.A[:load, :load],
-        model.B[:load],
-        1.0,
-    )
+    balance[:load, :load] = model.A[:load, :load]
+    balance[:load, load] = model.B[:load]
+    balance[load, held_state] = 1.0
     load_inputs = np.vstack([-model.A[:load, load:], np.zeros((1, loads))])
     at_rest = np.asarray(np.linalg.solve(balance, load_inputs), dtype=np.float64)
     return at_rest[:load], at_rest[load]

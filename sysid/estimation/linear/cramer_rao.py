@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from sysid.estimation.linear import linear_model, response
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
+from sysid.estimation.map.datasets import STEP_S
 from sysid.models import noise
 from sysid.models.noise import Noise
 from sysid.planes import PLANES
@@ -61,7 +62,7 @@ def bound_coloured(model: LinearModel, commands: Sequence[SurfaceCommand], level
     """
     discrete, output_count = response.discretise(model), PLANES[model.frame.plane].n_outputs
     noise_filter = noise.build(
-        linear_model.linear_plane(model), level, response.DT, _max_steps(commands)
+        linear_model.linear_plane(model), level, STEP_S, _max_steps(commands)
     )
     information = bench_information(model)
     for command in commands:
@@ -132,7 +133,7 @@ def sensor_sds(level: Noise) -> Array:
 
 
 def bench_information(model: LinearModel) -> Array:
-    """Information of the tailcone's bench test about its lag, (p, p)."""
+    """Return the information of the tailcone's bench test about its lag, (p, p)."""
     lag = linear_model.lag(model.frame.plane)
     information = np.zeros((model.values.size, model.values.size))
     information[lag, lag] = np.diag(1.0 / (model.frame.lag_relative_sd * model.values[lag]) ** 2)

@@ -20,6 +20,7 @@ from sysid.estimation.linear import linear_model, response
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel, LinearModelStructure
 from sysid.estimation.linear.objective import Objective
 from sysid.estimation.linear.records import LinearRun
+from sysid.estimation.map.datasets import STEP_S
 from sysid.models import noise
 from sysid.models.noise import Filter, Noise
 
@@ -32,7 +33,7 @@ DIFFERENCE, MIN_NUMBER = 1e-5, 0.03
 def build_filter(model: LinearModel, records: Sequence[LinearRun], level: Noise) -> Filter:
     """Build the filter that whitens the residuals of ``model``."""
     return noise.build(
-        linear_model.linear_plane(model), level, response.DT, max(len(r.measured) for r in records)
+        linear_model.linear_plane(model), level, STEP_S, max(len(r.measured) for r in records)
     )
 
 
@@ -164,7 +165,7 @@ def _residuals_to_ducts(
 def levels(model: LinearModel, records: Sequence[LinearRun], start: Noise) -> Noise:
     """Estimate the noise levels from the residuals of ``model``."""
     return noise.estimate(
-        linear_model.linear_plane(model), plane_residuals(model, records), response.DT, start
+        linear_model.linear_plane(model), plane_residuals(model, records), STEP_S, start
     )
 
 

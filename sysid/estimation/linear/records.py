@@ -29,8 +29,6 @@ COEFFICIENT_BOUND_SD, LAG_BOUND_SD = 12.0, 9.0
 """Bounds of the coefficients and of the actuator lag, in prior sd from the mean."""
 MAX_DELAY_S, MAX_ANGLE_RAD = 1.5, float(np.radians(20.0))
 """Bounds of the delay (s), and of bias and level pitch (rad, either sign)."""
-MAX_DAMPING = 0.99
-"""Bound of the damping ratio of the actuator lag."""
 
 
 class LinearRun(NamedTuple):
@@ -154,22 +152,18 @@ def with_bounds(model: LinearModel, covariance: Array) -> LinearPrior:
     """
     plane, spread = model.frame.plane, np.sqrt(np.diag(covariance))
     names = linear_model.names(plane)
-    lowest, highest = (
-        model.values - COEFFICIENT_BOUND_SD * spread,
-        model.values + COEFFICIENT_BOUND_SD * spread,
-    )
+    lowest = model.values - COEFFICIENT_BOUND_SD * spread
+    highest = model.values + COEFFICIENT_BOUND_SD * spread
     for i, name in enumerate(names):
         if name == "delay_s":
             lowest[i], highest[i] = 0.0, MAX_DELAY_S
         elif name in ("bias_rad", *linear_model.OFFSETS[plane]):
             lowest[i], highest[i] = -MAX_ANGLE_RAD, MAX_ANGLE_RAD
         elif name in ("natural_frequency_radps", "damping_ratio"):
-            lowest[i], highest[i] = (
-                model.values[i] - LAG_BOUND_SD * spread[i],
-                model.values[i] + LAG_BOUND_SD * spread[i],
-            )
+            lowest[i] = model.values[i] - LAG_BOUND_SD * spread[i]
+            highest[i] = model.values[i] + LAG_BOUND_SD * spread[i]
     damping = names.index("damping_ratio")
-    highest[damping] = min(highest[damping], MAX_DAMPING)
+    highest[damping] = min(highest[damping], parameters.MAX_DAMPING)
     return LinearPrior(model=model, covariance=covariance, lowest=lowest, highest=highest)
 
 

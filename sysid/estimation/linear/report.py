@@ -11,7 +11,7 @@ by Gauss-Newton steps.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import msgspec
 import numpy as np
@@ -26,6 +26,7 @@ from sysid.estimation.linear.estimate import Method, PlaneEstimate
 from sysid.estimation.linear.linear_model import LinearModelStructure
 from sysid.estimation.linear.multistart import DELAY
 from sysid.estimation.map.fit import Fit, Progress
+from sysid.estimation.map.intervals import WIDE_RELATIVE_SD, ParameterInterval
 from sysid.estimation.map.problem import Prior
 from sysid.estimation.profile_likelihood import LeastSquaresEstimate
 from sysid.models import model_export, parameters
@@ -48,8 +49,6 @@ STEPS = 20
 """Maximum number of Gauss-Newton steps."""
 STEP_Z = 1e-3
 """Difference step of a plane's values by z, in prior standard deviations."""
-WIDE_RELATIVE_SD = 0.25
-"""Relative standard deviation above which a symmetric interval is not valid."""
 MISFIT_SD = 1.0
 """Distance of the vehicle from an estimate, in the estimate's sd, from which on it is reported."""
 
@@ -143,7 +142,11 @@ def of_estimates(
             *model.notes,
             *_zero_delay_notes(plane_estimates),
             *_misfit_notes(plane_estimates, prior, nearest.z),
-            *_wide_interval_notes(plane_estimates),
+            *(
+                str(interval)
+                for plane, estimate in plane_estimates.items()
+                for interval in _wide_intervals(plane, estimate)
+            ),
         ),
     )
 
@@ -195,7 +198,7 @@ def _start_costs(plane_estimates: dict[Plane, PlaneEstimate]) -> tuple[float, ..
 
 
 def _plane_weights(plane: Plane, covariance: Array) -> Array:
-    """Weights that hold a plane's values.
+    """Return the weights that hold a plane's values.
 
     The lag keeps its own weight: both planes estimate the same lag.
     """
@@ -247,7 +250,7 @@ def _reported_numbers(plane: Plane, estimate: PlaneEstimate, nearest: Fit) -> tu
 
 
 def _names(plane: Plane) -> tuple[str, ...]:
-    """Names of the reported numbers."""
+    """Return the names of the reported numbers."""
     return (*linear_model.derived_names(plane)[:-1], "actuator_bias_deg")
 
 
@@ -305,34 +308,20 @@ def _misfit_notes(plane_estimates: dict[Plane, PlaneEstimate], prior: Prior, z: 
     return notes
 
 
-def _wide_interval_notes(plane_estimates: dict[Plane, PlaneEstimate]) -> list[str]:
-    """Report intervals of numbers with a large standard deviation."""
-    return [
-        f"{plane}: {name} lies in {low:.3g} to {high:.3g} (95 %, profile likelihood)"
-        for plane, estimate in plane_estimates.items()
-        for name, low, high in _wide_intervals(estimate)
-    ]
-
-
-def _wide_intervals(estimate: PlaneEstimate) -> list[tuple[str, float, float]]:
-    """Return (name, low, high) at 95 % of the derived numbers with a large relative sd.
-
-    The bias is left out. The limit is WIDE_RELATIVE_SD.
-    """
+def _wide_intervals(plane: Plane, estimate: PlaneEstimate) -> Iterator[ParameterInterval]:
+    """Yield the intervals of the derived numbers with a large relative sd, without the bias."""
     frame, values = estimate.model
     derived = linear_model.derived(frame, values)
     sds = np.sqrt(np.diag(linear_model.propagate(frame, values, estimate.covariance)))
     problem = LeastSquaresEstimate(*estimate.objective, estimate.lowest, estimate.highest)
-    wide = []
     for i, name in enumerate(linear_model.derived_names(frame.plane)[:-1]):
         if name == DELAY and derived[i] == 0.0:
             continue
         if sds[i] > WIDE_RELATIVE_SD * abs(derived[i]):
-            interval = profile_likelihood.interval(
+            low, high = profile_likelihood.interval(
                 problem, values, _derived_number(frame, i), float(sds[i])
             )
-            wide.append((name, *interval))
-    return wide
+            yield ParameterInterval(plane=plane, name=name, low=low, high=high)
 
 
 def _derived_number(frame: LinearModelStructure, index: int) -> Callable[[Array], float]:

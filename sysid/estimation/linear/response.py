@@ -26,8 +26,6 @@ from sysid.estimation.map.datasets import STRIDE
 
 Array = NDArray[np.float64]
 
-DT = STRIDE / RATE_HZ
-"""Output step, s."""
 TERMS = 22
 """Terms of the power series of the exponential.
 
@@ -100,7 +98,7 @@ def discretise(model: LinearModel) -> Discrete:
 
 
 def _exponential(M: Array, slopes: Array) -> tuple[Array, Array]:
-    """exp(M), (m, m), and its derivatives along ``slopes`` (count, m, m), by the power series.
+    """Return exp(M) and its derivatives along ``slopes`` (count, m, m), by the power series.
 
     Terms T_k = T_{k-1} M / k and dT_k = (dT_{k-1} M + T_{k-1} dM) / k.
     """
@@ -149,7 +147,7 @@ def _combine_steps(sample_map: Array, slopes: Array) -> Discrete:
 
 @kernel
 def _advance(transition: Array, taps: Array, angles: Array, x0: Array) -> Array:
-    """States at every output step, (steps, n): the recursion of the module docstring."""
+    """Return the states at every output step, (steps, n): the recursion of the module docstring."""
     n, width = taps.shape
     steps = (angles.size - 1) // (width - 1) + 1
     x = np.empty((steps, n))

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 STRIDE = 5
 """Samples of the 50 Hz grid per step of the fit: 10 Hz, five times the bandwidth of the vehicle."""
+STEP_S = STRIDE / RATE_HZ
+"""Step of the fit."""
 
 DUCT_SETTLING_S, MAX_START_S = 3.0, -1.0
 """Start of the fitted part of a run: s after the first sample, but not later than MAX_START_S.
@@ -175,7 +177,7 @@ def datasets_of(
 
 
 def _decimate(values: Array) -> Array:
-    """Centred means of STRIDE samples at every STRIDE-th sample.
+    """Return the centred means of STRIDE samples at every STRIDE-th sample.
 
     The end samples are repeated outwards.
     """
@@ -222,7 +224,7 @@ def cruise_speeds_mps(vehicle: CandidateVehicle, datasets: Iterable[Dataset]) ->
 
 
 def _residual(vehicle: CandidateVehicle, data: Dataset, speed_mps: float) -> Array:
-    """Residual of one run."""
+    """Return the residual of one run."""
     actuator = vehicle.actuators[data.run.plane]
     motion = greybox.simulate(
         vehicle.model, actuator, data.run, data.start, STRIDE, speed_mps, data.cross_plane_inputs

@@ -15,11 +15,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.data.runs import RATE_HZ, Run
+from sysid.data.runs import Run
 from sysid.estimation.map import bounds, model_error
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import START_COST_TOLERANCE
-from sysid.estimation.map.datasets import STRIDE, Dataset, datasets_of, max_leads_s, residuals
+from sysid.estimation.map.datasets import (
+    STEP_S,
+    STRIDE,
+    Dataset,
+    datasets_of,
+    max_leads_s,
+    residuals,
+)
 from sysid.estimation.map.gauss_newton import Z_LIMIT, SearchEnd, descend
 from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
 from sysid.estimation.map.model_error import RunScatter
@@ -227,7 +234,7 @@ def _noise(
     vehicle = problems.vehicle(prior, z)
     return {
         plane: noise.estimate(
-            linear_plane(vehicle, plane), residuals(vehicle, group), STRIDE / RATE_HZ, levels[plane]
+            linear_plane(vehicle, plane), residuals(vehicle, group), STEP_S, levels[plane]
         )
         for plane, group in datasets.items()
     }

@@ -10,8 +10,9 @@ The square root of the growth is nearly linear in v, so that a secant finds an e
 of a few Gauss-Newton steps each. `sysid.estimation.profile_likelihood` does the same for estimates
 whose residuals are cheap to compute.
 
-The likelihood knows sensors and sea, not errors of the model structure. A number that only these
-make uncertain (`model_error`) has no such interval: it would be narrower than the stated sd.
+The likelihood accounts for sensors and sea, not for errors of the model structure. A number that
+only these make uncertain (`model_error`) has no such interval: it would be narrower than the stated
+standard deviation.
 """
 
 import math
@@ -108,10 +109,8 @@ def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float
     """Return the end below (``sign`` = -1) or above (``sign`` = 1) the estimate."""
     gradient, value = delta_method.slopes(number, estimate.z), number(estimate.z)
     covariance = _covariance(estimate, problem.prior)
-    sd, least_cost = (
-        math.sqrt(gradient @ covariance @ gradient),
-        problems.cost(problem, estimate.z),
-    )
+    sd = math.sqrt(gradient @ covariance @ gradient)
+    least_cost = problems.cost(problem, estimate.z)
     quantile = float(ndtri(0.5 + 0.5 * LEVEL))
     distance_sd, z = quantile, estimate.z + covariance @ gradient / sd * sign * quantile
     for _ in range(SEARCHES):
@@ -124,10 +123,8 @@ def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float
         ):
             break
         next_distance_sd = distance_sd * min(2.0, quantile / max(root_growth, 1e-9))
-        z, distance_sd = (
-            estimate.z + (z - estimate.z) * next_distance_sd / distance_sd,
-            next_distance_sd,
-        )
+        z = estimate.z + (z - estimate.z) * next_distance_sd / distance_sd
+        distance_sd = next_distance_sd
         if distance_sd > MAX_SD:
             return IntervalEnd(sign * math.inf, z)
     return IntervalEnd(number(z), z)

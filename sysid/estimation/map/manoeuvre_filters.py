@@ -13,7 +13,7 @@ import numpy as np
 
 from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import sensitivity
-from sysid.estimation.map.datasets import STRIDE, Dataset, cruise_speeds_mps
+from sysid.estimation.map.datasets import STEP_S, STRIDE, Dataset, cruise_speeds_mps
 from sysid.estimation.map.sensitivity import Trajectory
 from sysid.estimation.map.steady_state import linear_plane
 from sysid.models import greybox, noise
@@ -57,7 +57,7 @@ def manoeuvre_filters(
             noise.build_along(
                 _planes_along(vehicle, plane, level, trajectory, hold),
                 levels[plane],
-                STRIDE / RATE_HZ,
+                STEP_S,
                 len(trajectory.track),
                 hold,
             )

@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from sitl.vehicle import propeller
 from sitl.vehicle.config import VehicleFileError
 from sysid.estimation.map import steady_state
+from sysid.estimation.map.datasets import STEP_S
 from sysid.estimation.map.gauss_newton import Z_LIMIT
 from sysid.estimation.map.problem import DIFFERENCE, SPEED_PARAMETERS, Prior
 from sysid.estimation.recursive import prediction, square_root_information
 from sysid.estimation.recursive.prediction import (
     START_STEPS,
-    STEP_S,
     Candidate,
     CandidateState,
     TestSamples,
@@ -193,11 +193,9 @@ def update(state: TestState, steps: TestSamples) -> TestState:
     TestState
         State after the steps.
     """
-    done, samples, tracking = (
-        len(state.steps.thrust),
-        prediction.concatenate(state.steps, steps),
-        state.tracking,
-    )
+    done = len(state.steps.thrust)
+    samples = prediction.concatenate(state.steps, steps)
+    tracking = state.tracking
     if tracking is not None:
         tracking = _absorb(tracking, samples, done)
     elif len(samples.thrust) > START_STEPS:
@@ -281,7 +279,7 @@ def linearise(knowledge: Knowledge, plane: Plane, z: Array, thrust: float) -> Ca
 def _perturb(
     knowledge: Knowledge, plane: Plane, z: Array, thrust: float, nominal: Candidate, i: int
 ) -> Candidate:
-    """Candidate perturbed along parameter ``i``.
+    """Return the candidate perturbed along parameter ``i``.
 
     Unchanged quantities are copied from ``nominal``.
     """
@@ -384,7 +382,7 @@ def _limited_step(prior: Prior, z: Array, target: Array) -> Array:
 def _free_residuals(
     vehicle: CandidateVehicle, test: FinishedTest, noise_filter: Filter, leak_share: float
 ) -> Array:
-    """Residuals of a free simulation of a test, (k, outputs)."""
+    """Return the residuals of a free simulation of a test, (k, outputs)."""
     candidate = _candidate(
         vehicle, test.plane, steady_state.cruise_speed_mps(vehicle, float(test.steps.thrust[0]))
     )

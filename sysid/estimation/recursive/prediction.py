@@ -27,7 +27,7 @@ from mavlink_io.jit import entry_point
 from sitl.vehicle.model import VehicleModel
 from sysid.data.runs import RATE_HZ, Run
 from sysid.estimation.map import datasets
-from sysid.estimation.map.datasets import STRIDE
+from sysid.estimation.map.datasets import STEP_S, STRIDE
 from sysid.models import greybox
 from sysid.models.greybox import SUBMERGED_Z_M, Actuator, integrate
 from sysid.models.linear_planes import LinearPlane
@@ -36,8 +36,6 @@ from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
-STEP_S = STRIDE / RATE_HZ
-"""Step of the fit, s."""
 TICK_S = 1.0 / RATE_HZ
 """Step of the 50 Hz grid, s."""
 MIN_GROWTH_PER_S = 1e-3
@@ -147,9 +145,9 @@ def start(candidate: Candidate, steps: TestSamples, noise_filter: Filter) -> Can
 
 
 def leak(plane: LinearPlane) -> float:
-    """Share of the filter's plane states that an unstable plane takes over per step.
+    """Return the share of the filter's plane states that moves to the plane per step.
 
-    0 if it is stable.
+    It is 0 for a stable plane.
     """
     growth_per_s = float(np.max(np.linalg.eigvals(plane.A).real))
     return 1.0 - math.exp(-2.0 * growth_per_s * STEP_S) if growth_per_s > MIN_GROWTH_PER_S else 0.0

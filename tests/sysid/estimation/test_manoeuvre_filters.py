@@ -5,10 +5,10 @@ import pytest
 
 from sitl.vehicle import config
 from sysid import prior_knowledge
-from sysid.data.runs import RATE_HZ, Run
+from sysid.data.runs import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
+from sysid.estimation.map.datasets import STEP_S, STRIDE, dataset, with_coupling_inputs
 from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
 from sysid.estimation.map.problem import MapProblem
 from sysid.estimation.map.steady_state import linear_plane
@@ -35,7 +35,7 @@ def test_manoeuvre_filters_straight_run_is_level_flight(
     """Tolerance: pitch and heave are measured, with noise, or settle in the simulation."""
     data = with_coupling_inputs(vehicle, dataset(flown(bench, plane, 0.0)))
     (along,) = manoeuvre_filters(vehicle, {plane: [data]}, {plane: Noise()})[plane]
-    level = noise.build(linear_plane(vehicle, plane), Noise(), STRIDE / RATE_HZ, len(data.measured))
+    level = noise.build(linear_plane(vehicle, plane), Noise(), STEP_S, len(data.measured))
     np.testing.assert_allclose(along.transitions[0], level.transitions[0], atol=2e-3)
 
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import datasets, steady_state
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.datasets import STRIDE
+from sysid.estimation.map.datasets import STEP_S, STRIDE
 from sysid.estimation.map.problem import Prior
 from sysid.models import noise
 from sysid.models.parameters import NAMES
@@ -94,7 +93,7 @@ def test_loop_disturbance_without_feedback_is_noise_model(
     nothing = dict.fromkeys(gains, 0.0)
     free = closed_loop.of_vehicle(vehicle, plane, nothing, level)
     rng = np.random.default_rng(3)
-    by = noise.build(steady_state.linear_plane(vehicle, plane), level, STRIDE / RATE_HZ, 300)
+    by = noise.build(steady_state.linear_plane(vehicle, plane), level, STEP_S, 300)
     outputs = PLANES[plane].n_outputs
     sds = np.array([level.rate_radps, level.angle_rad, level.depth_m])[:outputs]
     whites = []

@@ -9,17 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.vehicle import config
-from sysid.data.runs import RATE_HZ, Run
+from sysid.data.runs import Run
 from sysid.estimation.map import steady_state
-from sysid.estimation.map.datasets import STRIDE
+from sysid.estimation.map.datasets import STEP_S, STRIDE
 from sysid.models import parameters, prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
 from sysid.planes import PLANES, Plane
 from sysid.validation import noise_floor
 from tests.sysid import sea
-
-DT_S = STRIDE / RATE_HZ
 
 
 class TheilTestCase:
@@ -93,7 +91,7 @@ def test_noise_floor_matches_perfect_model(
     linear = steady_state.linear_plane(vehicle, plane)
     floor = noise_floor.noise_floor_of(
         noise_floor.rate_covariance(
-            linear, KNOWN_SEA, DT_S, round(prediction.LEAD_S / DT_S), samples
+            linear, KNOWN_SEA, STEP_S, round(prediction.LEAD_S / STEP_S), samples
         )
     )
     assert np.mean(errors) == pytest.approx(floor.mean_deg2ps2, rel=0.25)

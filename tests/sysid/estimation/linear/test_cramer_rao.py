@@ -8,6 +8,7 @@ import pytest
 from sysid.estimation.linear import cramer_rao, linear_model, response
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
+from sysid.estimation.map.datasets import STEP_S
 from sysid.models import noise
 from sysid.models.noise import Noise
 from sysid.planes import PLANES, Plane
@@ -44,7 +45,7 @@ def test_bound_coloured_matches_full_covariance(plane: Plane) -> None:
     """Reference: J' S^-1 J, with S the covariance of a short run's outputs from the noise model."""
     truth, command = true_model(plane), SurfaceCommand(commands()[0].angle_rad[:500])
     A, density, C, R, P = noise.system(linear_model.linear_plane(truth), LEVEL)
-    Phi, Q = noise.discrete(A, density, response.DT)
+    Phi, Q = noise.discrete(A, density, STEP_S)
     steps, count = response.steps(command), len(C)
     covariances = [P]
     for _ in range(steps):
@@ -96,10 +97,8 @@ def test_bound_white_matches_joint_information(plane: Plane) -> None:
 
 def test_bound_coloured_repeated_tests_double_information(plane: Plane) -> None:
     truth, surface_commands = true_model(plane), commands()
-    once, twice = (
-        cramer_rao.bound_coloured(truth, surface_commands, LEVEL),
-        cramer_rao.bound_coloured(truth, surface_commands * 2, LEVEL),
-    )
+    once = cramer_rao.bound_coloured(truth, surface_commands, LEVEL)
+    twice = cramer_rao.bound_coloured(truth, surface_commands * 2, LEVEL)
     bench = cramer_rao.bench_information(truth)
     np.testing.assert_allclose(
         twice.information - bench, 2.0 * (once.information - bench), rtol=1e-9, atol=1e-9

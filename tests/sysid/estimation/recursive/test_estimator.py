@@ -12,6 +12,7 @@ from msgspec import structs
 from sitl.vehicle import config
 from sysid.data.runs import Run
 from sysid.estimation.map import datasets, fit, steady_state
+from sysid.estimation.map.datasets import STEP_S
 from sysid.estimation.map.problem import Prior
 from sysid.estimation.recursive import (
     estimator,
@@ -21,7 +22,7 @@ from sysid.estimation.recursive import (
 )
 from sysid.estimation.recursive.estimator import Knowledge
 from sysid.estimation.recursive.intervals import Estimate
-from sysid.estimation.recursive.prediction import STEP_S, TestSamples
+from sysid.estimation.recursive.prediction import TestSamples
 from sysid.models import noise, parameters
 from sysid.models.parameters import NAMES
 from sysid.planes import PLANES, Plane
