@@ -72,10 +72,9 @@ def prior_of(
             mean=np.zeros(len(NAMES)),
             covariance=parameters.prior_covariance(),
         )
-    biases = {plane: float(np.radians(b)) for plane, b in earlier.vehicle.prior_biases_deg.items()}
     return Prior(
         config=prior,
-        biases_rad=biases,
+        biases_rad=earlier.vehicle.prior_biases_rad,
         mean=np.array(earlier.joint.z),
         covariance=np.array(earlier.joint.covariance),
     )

@@ -14,13 +14,11 @@ import numpy as np
 
 from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
-from sitl.vehicle import build_model
 from sysid.data.runs import Run
-from sysid.estimation.map import fit, steady_state
+from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit
 from sysid.estimation.map.problem import Prior
-from sysid.models import parameters
-from sysid.models.parameters import NAMES
+from sysid.prior_knowledge import prior_of
 from sysid.test_design import plan, simulate
 from sysid.test_design import prior as beliefs
 from sysid.test_design.plan import PlanRequest
@@ -74,8 +72,7 @@ def fitted(case: Case, runs: Sequence[Run]) -> tuple[Prior, Fit]:
 
     Other starts are not searched: those of all 320 fits of the cell led to the same optimum.
     """
-    biases = steady_state.trim_biases(case.prior, build_model.build(case.prior), list(runs))
-    prior = Prior(case.prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
+    prior = prior_of(runs, case.prior)
     return prior, fit.fit(runs, prior, starts=0)
 
 

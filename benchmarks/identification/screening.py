@@ -18,15 +18,13 @@ from numpy.typing import NDArray
 from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sitl.vehicle import build_model
 from sysid.data.runs import RATE_HZ, Run
-from sysid.estimation.map import fit, steady_state
+from sysid.estimation.map import fit
 from sysid.estimation.map.datasets import dataset, with_coupling_inputs
 from sysid.estimation.map.fit import Fit
 from sysid.estimation.map.problem import Prior
-from sysid.models import parameters
-from sysid.models.parameters import NAMES
 from sysid.planes import Plane
+from sysid.prior_knowledge import prior_of
 from sysid.screening.anomaly_models import Kind
 from sysid.screening.outlier_tests import FALSE_ALARM, RunScreening, find_outliers_among
 from sysid.screening.score_test import scores
@@ -103,8 +101,7 @@ def reference(vehicle: str, wave: Wave) -> tuple[Fit, Prior]:
     """Return the fit of a clean campaign, which all trials of a cell use."""
     case = vehicles.case(vehicle)
     runs = [flown(case, test, wave, REFERENCE_SEED + k) for k, test in enumerate(tests(case, wave))]
-    biases = steady_state.trim_biases(case.prior, build_model.build(case.prior), runs)
-    prior = Prior(case.prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
+    prior = prior_of(runs, case.prior)
     return fit.fit(runs, prior), prior
 
 

@@ -8,6 +8,7 @@ the data is ``null`` or has the status ``prior``.
 """
 
 import hashlib
+import math
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
@@ -283,6 +284,11 @@ class VehicleRecord(JsonRecord, frozen=True):
     """Pitch of level motion, positive nose up."""
     file: VehicleConfig | None = None
     """Content of the prior vehicle file; null in models of earlier versions."""
+
+    @property
+    def prior_biases_rad(self) -> dict[Plane, float]:
+        """Prior mean of the actuator bias."""
+        return {plane: math.radians(bias) for plane, bias in self.prior_biases_deg.items()}
 
 
 class AlternativeFit(JsonRecord, frozen=True):

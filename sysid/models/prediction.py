@@ -1,6 +1,5 @@
 """Simulation of runs with an identified model and with its prior, and the rate errors of both."""
 
-import math
 from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
@@ -143,12 +142,11 @@ def perturb(
         Vehicle at ``z``.
     """
     config = prior_vehicle(model, prior)
-    biases: dict[Plane, float] = {
-        plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()
-    }
     z_by_name = dict(zip(model.joint.names, z.tolist(), strict=True))
     return parameters.candidate_vehicle(
-        config, biases, np.array([z_by_name.get(name, 0.0) for name in NAMES])
+        config,
+        model.vehicle.prior_biases_rad,
+        np.array([z_by_name.get(name, 0.0) for name in NAMES]),
     )
 
 

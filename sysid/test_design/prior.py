@@ -135,9 +135,6 @@ def from_model(
     DesignPrior
         Mean and covariance of the model.
     """
-    biases: dict[Plane, float] = {
-        plane: math.radians(bias_deg) for plane, bias_deg in model.vehicle.prior_biases_deg.items()
-    }
     disturbance: dict[Plane, Noise] = {Plane.YAW: Noise(), Plane.PITCH: Noise()}
     disturbance |= {
         plane: noise.from_model(model_noise) for plane, model_noise in model.noise.items()
@@ -145,7 +142,7 @@ def from_model(
     return DesignPrior(
         name=name,
         config=config,
-        biases_rad=biases,
+        biases_rad=model.vehicle.prior_biases_rad,
         mean=np.array(model.joint.z),
         covariance=np.array(model.joint.covariance),
         noise=disturbance,

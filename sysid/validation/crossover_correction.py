@@ -5,7 +5,6 @@ of the prior before any test. The change of gain and phase at crossover is the e
 far as unseen data determine it; its standard deviation shows how few runs there are.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -73,13 +72,11 @@ def corrections(
 
 
 def _original_prior(model: IdentifiedModel, prior: VehicleConfig | None) -> Prior:
-    """Prior with the model's estimate as the mean and the covariance before any test."""
+    """Return the prior with the model's estimate as the mean and the covariance before any test."""
     estimates = dict(zip(model.joint.names, model.joint.z, strict=True))
     return Prior(
         config=prediction.prior_vehicle(model, prior),
-        biases_rad={
-            plane: math.radians(bias) for plane, bias in model.vehicle.prior_biases_deg.items()
-        },
+        biases_rad=model.vehicle.prior_biases_rad,
         mean=np.array([estimates.get(name, 0.0) for name in parameters.NAMES]),
         covariance=parameters.prior_covariance(),
     )

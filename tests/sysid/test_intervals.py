@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from sitl.vehicle import build_model, config
+from sitl.vehicle import config
 from sysid.data.runs import Run
 from sysid.estimation import profile_likelihood
-from sysid.estimation.map import fit, intervals, steady_state
+from sysid.estimation.map import fit, intervals
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import Fit
 from sysid.estimation.map.gauss_newton import Z_LIMIT
@@ -16,12 +16,12 @@ from sysid.estimation.map.problem import Prior
 from sysid.models import delta_method, parameters
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
+from sysid.prior_knowledge import prior_of
 
 
 @pytest.fixture(scope="module")
 def prior(campaign: list[Run], bench: config.VehicleConfig) -> Prior:
-    biases = steady_state.trim_biases(bench, build_model.build(bench), campaign[:1])
-    return Prior(bench, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
+    return prior_of(campaign[:1], bench)
 
 
 @pytest.fixture(scope="module")
@@ -49,10 +49,8 @@ def test_wide_intervals_model_error_does_not_change_them(step_fit: Fit, prior: P
 
 def test_interval_end_cost_grows_by_quantile(step_fit: Fit, prior: Prior) -> None:
     """A generic constrained search on the residuals finds no lower cost at the ends."""
-    problem, number = (
-        intervals.problem_at_estimate(step_fit, prior),
-        intervals._number(prior, Plane.YAW, "p_slow_per_s"),
-    )
+    problem = intervals.problem_at_estimate(step_fit, prior)
+    number = intervals._number(prior, Plane.YAW, "p_slow_per_s")
     least_cost = problems.cost(problem, step_fit.z)
     root = np.linalg.inv(np.linalg.cholesky(prior.covariance))
 

@@ -1,6 +1,5 @@
 """Prior of the recursive estimator from a vehicle file or an earlier model."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from sysid.models import noise, parameters
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
-from sysid.prior_knowledge import PriorKnowledge, prior_knowledge
+from sysid.prior_knowledge import PriorKnowledge, prior_knowledge, prior_of
 
 
 def knowledge(prior: str | Path) -> Knowledge:
@@ -42,7 +41,7 @@ def knowledge(prior: str | Path) -> Knowledge:
 
 
 def _of_vehicle(known_vehicle: PriorKnowledge) -> Knowledge:
-    """Knowledge from a vehicle file: parameters at zero, actuator biases unknown."""
+    """Return the knowledge from a vehicle file: parameters at zero, actuator biases unknown."""
     prior = Prior(
         config=known_vehicle.config,
         biases_rad={Plane.YAW: 0.0, Plane.PITCH: 0.0},
@@ -53,18 +52,7 @@ def _of_vehicle(known_vehicle: PriorKnowledge) -> Knowledge:
 
 
 def _of_model(known_vehicle: PriorKnowledge, model: IdentifiedModel) -> Knowledge:
-    """Knowledge from an earlier model.
-
-    Its estimate, covariance, noise levels and actuator biases.
-    """
-    biases = {
-        plane: math.radians(degrees) for plane, degrees in model.vehicle.prior_biases_deg.items()
-    }
-    prior = Prior(
-        config=known_vehicle.config,
-        biases_rad=biases,
-        mean=np.array(model.joint.z),
-        covariance=np.array(model.joint.covariance),
-    )
+    """Return the knowledge from estimate, covariance, noise levels and biases of a model."""
+    prior = prior_of((), known_vehicle.config, model)
     levels = {plane: noise.from_model(level) for plane, level in model.noise.items()}
-    return estimator.prior_knowledge(prior, levels)._replace(trimmed=frozenset(biases))
+    return estimator.prior_knowledge(prior, levels)._replace(trimmed=frozenset(prior.biases_rad))

@@ -8,31 +8,27 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from sitl.vehicle import build_model, config
+from sitl.vehicle import config
 from sysid.data.runs import Run
 from sysid.estimation.map import datasets, fit, steady_state
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import START_COST_TOLERANCE, failures
 from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
 from sysid.estimation.map.gauss_newton import MAX_STEPS, Z_LIMIT, SearchEnd, descend
-from sysid.estimation.map.problem import MapProblem, Prior
+from sysid.estimation.map.problem import MapProblem
 from sysid.models import greybox, noise, parameters, prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
 from sysid.planes import PLANES, Plane
+from sysid.prior_knowledge import prior_of
 from tests.sysid import sea
 
 QUIET = sea.Sensors(0.0, 0.0, 0.0, 0.0)
 TRIM = (math.radians(6.0), math.radians(1.0))
 
 
-def prior_of(vehicle: config.VehicleConfig, runs: Sequence[Run]) -> Prior:
-    biases = steady_state.trim_biases(vehicle, build_model.build(vehicle), runs)
-    return Prior(vehicle, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
-
-
 def problem_of(vehicle: config.VehicleConfig, runs: Sequence[Run], at: np.ndarray) -> MapProblem:
-    prior = prior_of(vehicle, runs)
+    prior = prior_of(runs, vehicle)
     first = problems.vehicle(prior, prior.mean)
     planes = [plane for plane in Plane if any(run.plane == plane for run in runs)]
     groups = {
@@ -65,10 +61,8 @@ def test_score_slope_matches_differences_of_cost(
     problem: MapProblem, random_z: np.ndarray, name: str
 ) -> None:
     """Reference: differences of the cost from two simulations of every run."""
-    score, step = (
-        problems.score(problem, random_z),
-        1e-3 * (np.arange(len(NAMES)) == NAMES.index(name)),
-    )
+    score = problems.score(problem, random_z)
+    step = 1e-3 * (np.arange(len(NAMES)) == NAMES.index(name))
     by_difference = (
         problems.cost(problem, random_z + step) - problems.cost(problem, random_z - step)
     ) / 2e-3
@@ -214,10 +208,8 @@ def test_descend_stays_within_bounds(few: list[Run], bench: config.VehicleConfig
 
 def test_noise_estimate_recovers_white_levels(few: list[Run], bench: config.VehicleConfig) -> None:
     """White noise of one level on a plane without disturbance."""
-    rng, vehicle = (
-        np.random.default_rng(5),
-        problems.vehicle(prior_of(bench, few), np.zeros(len(NAMES))),
-    )
+    rng = np.random.default_rng(5)
+    vehicle = problems.vehicle(prior_of(few, bench), np.zeros(len(NAMES)))
     samples = [math.radians(0.3) * rng.standard_normal((600, 2)) for _ in range(3)]
     levels = noise.estimate(steady_state.linear_plane(vehicle, Plane.YAW), samples, 0.1, Noise())
     assert levels.rate_radps == pytest.approx(math.radians(0.3), rel=0.05)
@@ -344,7 +336,7 @@ def test_fit_constant_command_is_reported_as_failure(
     from sysid.models import model_export
 
     run = sea.fly(field, Plane.YAW, sea.step(0.0, 6.0), trim_rad=TRIM).since(-4.0)
-    prior = prior_of(bench, [run])
+    prior = prior_of([run], bench)
     reasons = model_export.from_fit(
         fit.fit([run], prior), prior, "caribou_nominal"
     ).convergence.failures
@@ -358,7 +350,7 @@ def test_fit_with_wrong_tailcone_names_it(campaign: list[Run], bench: config.Veh
 
     tail = msgspec.structs.replace(bench.tailcone, natural_frequency_radps=9.0, delay_s=0.02)
     fast = msgspec.structs.replace(bench, tailcone=tail)
-    prior = prior_of(fast, campaign)
+    prior = prior_of(campaign, fast)
     convergence = model_export.from_fit(fit.fit(campaign, prior), prior, "own").convergence
     assert convergence.at_bounds
     (reason,) = (reason for reason in convergence.failures if "`ground bench-test`" in reason)
@@ -378,7 +370,7 @@ def test_fit_with_wrong_but_uncertain_tailcone_finds_it(
         natural_frequency_radps=2.0 * given.natural_frequency_radps,
         lag_relative_sd=0.3,
     )
-    prior = prior_of(msgspec.structs.replace(bench, tailcone=tail), campaign)
+    prior = prior_of(campaign, msgspec.structs.replace(bench, tailcone=tail))
     model = model_export.from_fit(fit.fit(campaign, prior), prior, "own")
     assert model.convergence.failures == ()
     found = model.vehicle.natural_frequency_radps
