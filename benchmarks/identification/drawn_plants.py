@@ -72,7 +72,8 @@ def specification(
     servo = _servo(draws)
     return Specification(
         kind=kind,
-        size=(length_m, width_m, nominal.model.inertia.mass_kg),
+        length_m=length_m,
+        mass_kg=nominal.model.inertia.mass_kg,
         m_kg=(float(mass_matrix[0, 0]), across_kg, across_kg * _factor(draws, 0.03)),
         j_kgm2=(float(mass_matrix[3, 3]), inertia_kgm2, inertia_kgm2 * _factor(draws, 0.03)),
         yaw=_rows(draws, yaw),

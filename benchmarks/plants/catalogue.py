@@ -39,8 +39,8 @@ class Specification(NamedTuple):
     """Nominal plant: what the calibration turns into a body."""
 
     kind: int
-    size: tuple[float, float, float]
-    """Length, width (m), mass (kg)."""
+    length_m: float
+    mass_kg: float
     m_kg: tuple[float, float, float]
     j_kgm2: tuple[float, float, float]
     yaw: Rows
@@ -99,7 +99,8 @@ STICKING = Axis(
 SPECIFICATIONS: dict[str, Specification] = {
     "race": Specification(
         kind=RACE,
-        size=(3.5, 0.5, 640.0),
+        length_m=3.5,
+        mass_kg=640.0,
         m_kg=(660.0, 1262.0, 1285.0),
         j_kgm2=(21.0, 1000.0, 985.0),
         yaw=((-0.38, -0.40), (-0.19, -0.53)),
@@ -121,7 +122,8 @@ SPECIFICATIONS: dict[str, Specification] = {
     ),
     "stall": Specification(
         kind=STALL,
-        size=(5.0, 0.69, 1580.0),
+        length_m=5.0,
+        mass_kg=1580.0,
         m_kg=(1640.0, 3500.0, 3560.0),
         j_kgm2=(150.0, 6600.0, 6500.0),
         yaw=((-0.37, -0.16), (-0.13, -0.42)),
@@ -143,7 +145,8 @@ SPECIFICATIONS: dict[str, Specification] = {
     ),
     "lumped": Specification(
         kind=LUMPED,
-        size=(1.33, 0.19, 30.5),
+        length_m=1.33,
+        mass_kg=30.5,
         m_kg=(31.4, 64.0, 66.0),
         j_kgm2=(0.143, 8.4, 8.2),
         yaw=((-1.00, -0.36), (-2.6, -1.45)),
@@ -169,7 +172,8 @@ SPECIFICATIONS: dict[str, Specification] = {
     ),
     "vortex": Specification(
         kind=VORTEX,
-        size=(2.0, 0.2, 58.2),
+        length_m=2.0,
+        mass_kg=58.2,
         m_kg=(59.0, 122.0, 126.0),
         j_kgm2=(0.38, 39.5, 38.5),
         yaw=((-0.92, -0.22), (-0.85, -1.08)),
@@ -231,16 +235,14 @@ def plant(name: str, seed: int) -> Plant:
 
 def assemble(name: str, spec: Specification) -> Plant:
     """Return the plant that has the small-signal behaviour of a specification."""
-    length, width, mass = spec.size
     body = Body(
         kind=spec.kind,
-        length_m=length,
-        width_m=width,
-        mass_kg=mass,
+        length_m=spec.length_m,
+        mass_kg=spec.mass_kg,
         m_kg=spec.m_kg,
         j_kgm2=spec.j_kgm2,
         net_buoyancy_n=spec.net_buoyancy_n,
-        z_g_m=abs(spec.restoring_per_s2) * spec.j_kgm2[1] / (mass * GRAVITY),
+        z_g_m=abs(spec.restoring_per_s2) * spec.j_kgm2[1] / (spec.mass_kg * GRAVITY),
         x_tail_m=spec.x_tail_m,
         tail_kgpm=spec.b1_per_s2 * spec.j_kgm2[2] / (abs(spec.x_tail_m) * spec.speed_mps**2),
         stall_rad=spec.stall_rad,

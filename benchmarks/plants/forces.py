@@ -40,7 +40,6 @@ class Body(NamedTuple):
 
     kind: int
     length_m: float
-    width_m: float
     mass_kg: float
     m_kg: tuple[float, float, float]
     """Body and added mass along x, y, z."""
