@@ -1,7 +1,6 @@
 """`ground simulate`: JSON output, failures and invalid input."""
 
 import json
-import math
 from pathlib import Path
 
 import pytest
@@ -20,20 +19,7 @@ from sysid.monte_carlo import samples, study
 from sysid.monte_carlo.simulate import Sea
 from sysid.monte_carlo.study import LegSummary, ResultRange, SimulationSummary
 from sysid.test_design import prior
-from tests.sysid.monte_carlo.files import model_of
-
-SHORT = """
-name = "short"
-
-[[step]]
-depth_m = 2.0
-heading_deg = 10.0
-thrust_pct = 58.0
-duration_s = 42.0
-
-[[step]]
-surface = true
-"""
+from tests.sysid.monte_carlo.files import SHORT_MISSION, model_of, write_known_model
 
 PLACE = MissionItem(0, 3, MavCmd.NAV_WAYPOINT, x=423_505_000, y=-710_000_000, z=-3.0)
 
@@ -41,15 +27,10 @@ PLACE = MissionItem(0, 3, MavCmd.NAV_WAYPOINT, x=423_505_000, y=-710_000_000, z=
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A model, two sets of gains and a mission."""
-    known = prior.with_trim(
-        prior.from_file(config.load("caribou_nominal")), math.radians(6.0), math.radians(0.4)
-    )
-    models.write(
-        model_of(known._replace(covariance=0.01 * known.covariance)), tmp_path / "model.json"
-    )
+    write_known_model(tmp_path / "model.json")
     (tmp_path / "held.param").write_text("HDG_P,0.6\nHDG_D,1.5\n")
     (tmp_path / "wild.param").write_text("HDG_P,4.0\nHDG_D,1.5\n")
-    (tmp_path / "short.toml").write_text(SHORT)
+    (tmp_path / "short.toml").write_text(SHORT_MISSION)
     (tmp_path / "place.plan").write_text(plans.write_plan([PLACE]))
     return tmp_path
 

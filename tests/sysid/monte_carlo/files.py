@@ -1,11 +1,29 @@
-"""Models for simulation that are made from a prior instead of a fit."""
+"""Models for simulation that are made from a prior instead of a fit, and a mission."""
+
+import math
+from pathlib import Path
 
 import msgspec
 
+from sitl.vehicle import config
 from sysid.estimation.map.problem import Prior
-from sysid.models import model_export, prediction
+from sysid.models import model_export, model_file, prediction
 from sysid.models.model_file import IdentifiedModel, ParameterEstimate
+from sysid.test_design import prior as design_priors
 from sysid.test_design.prior import DesignPrior
+
+SHORT_MISSION = """
+name = "short"
+
+[[step]]
+depth_m = 2.0
+heading_deg = 10.0
+thrust_pct = 58.0
+duration_s = 42.0
+
+[[step]]
+surface = true
+"""
 
 
 def model_of(prior: DesignPrior) -> IdentifiedModel:
@@ -18,6 +36,16 @@ def model_of(prior: DesignPrior) -> IdentifiedModel:
     covariance = tuple(tuple(row) for row in prior.covariance.tolist())
     joint = msgspec.structs.replace(bare.joint, z=tuple(prior.mean.tolist()), covariance=covariance)
     return with_planes_of_vehicle(msgspec.structs.replace(bare, method="map", joint=joint))
+
+
+def write_known_model(path: Path) -> None:
+    """Write a model of Caribou with known trims and a tenth of the prior standard deviations."""
+    known = design_priors.with_trim(
+        design_priors.from_file(config.load("caribou_nominal")),
+        math.radians(6.0),
+        math.radians(0.4),
+    )
+    model_file.write(model_of(known._replace(covariance=0.01 * known.covariance)), path)
 
 
 def with_planes_of_vehicle(model: IdentifiedModel) -> IdentifiedModel:
