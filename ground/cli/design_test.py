@@ -156,12 +156,8 @@ def design_test(
     dive = TestDive(depth, 100.0 * design_prior.config.operating_point.thrust_fraction)
     about = f"Tests designed on {design_prior.name} for a test time of {duration:g} min"
     parameters = files.envelope(plan, limits, dive) | session.trims(design_prior) | vehicle_gains
-    paths.tests.write_text(
-        files.mission(plan.tests, dive, request, out.stem, about), encoding="utf-8"
-    )
-    held_out = files.mission(
-        plan.held_out, dive, request, paths.held_out.stem, f"{about}: not to be fitted"
-    )
+    paths.tests.write_text(files.mission(plan.tests, dive, out.stem, about), encoding="utf-8")
+    held_out = files.mission(plan.held_out, dive, paths.held_out.stem, f"{about}: not to be fitted")
     paths.held_out.write_text(held_out, encoding="utf-8")
     paths.envelope.write_text(files.parameter_file(parameters, out), encoding="utf-8")
     written = {name: str(path) for name, path in paths._asdict().items()}

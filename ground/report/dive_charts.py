@@ -159,8 +159,8 @@ def _track(dive: ReportedDive, number: int, points: int) -> dict[str, Any]:
     keep = np.unique(np.linspace(0, track.time_s.size - 1, points).astype(int))
     at_s = track.time_s[keep] + dive.start_s
 
-    def degrees(time_s: Array, values: Array, digits: int = 1) -> list[float]:
-        return _list(np.degrees(np.interp(at_s, time_s, values)), digits)
+    def degrees(time_s: Array, values: Array) -> list[float]:
+        return _list(np.degrees(np.interp(at_s, time_s, values)), 1)
 
     attitude, commands = log.attitude, log.actuators
     known = 1.0 if dive.names_surfaces else 0.0  # else the duct is drawn straight

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sysid.planes import PLANES, Plane
-from sysid.test_design.plan import SETTLING_S, Planned, PlanRequest, TestPlan, recovery_s
+from sysid.test_design.plan import SETTLING_S, Planned, TestPlan, recovery_s
 from sysid.test_design.safety_margins import Excursion, ExcursionLimits
 from sysid.test_design.simulate import Manoeuvre
 
@@ -35,14 +35,12 @@ def paths_beside(tests: Path) -> Files:
     return Files(tests, tests.with_name(f"{tests.stem}_heldout.toml"), tests.with_suffix(".param"))
 
 
-def mission(
-    planned: Sequence[Planned], dive: TestDive, request: PlanRequest, name: str, about: str
-) -> str:
+def mission(planned: Sequence[Planned], dive: TestDive, name: str, about: str) -> str:
     """Return a mission script: a settling leg, each test with its recovery leg, then surfacing."""
     blocks = [f'name = "{name}"\nabout = "{about}"', _leg(dive, SETTLING_S, first=True)]
     for number, test in enumerate(planned, start=1):
         blocks.append(f"{_comment(number, test)}\n[[step]]\ntest = {_test(test.manoeuvre)}")
-        blocks.append(_leg(dive, recovery_s(test.manoeuvre, request)))
+        blocks.append(_leg(dive, recovery_s(test.manoeuvre)))
     return "\n\n".join([*blocks, "[[step]]\nsurface = true"]) + "\n"
 
 

@@ -65,7 +65,6 @@ class PlanRequest(NamedTuple):
     gains: Gains | None = None
     """Current gains of the vehicle by name; None for Caribou's initial ones, scaled."""
     lengths: Lengths = Lengths()
-    recovery_s: float = RECOVERY_S
     held_out: bool = True
     """Whether to add validation tests in a second dive."""
 
@@ -371,28 +370,26 @@ def _size_all(
             manoeuvre=manoeuvre,
             excursion=excursion,
             information=matrix,
-            test_time_s=manoeuvre.duration_s + recovery_s(manoeuvre, request),
+            test_time_s=manoeuvre.duration_s + recovery_s(manoeuvre),
         )
         for (manoeuvre, excursion), matrix in zip(accepted, matrices, strict=True)
     ]
 
 
-def recovery_s(manoeuvre: Manoeuvre, request: PlanRequest) -> float:
+def recovery_s(manoeuvre: Manoeuvre) -> float:
     """Return the length of the leg after a test.
 
     Parameters
     ----------
     manoeuvre : Manoeuvre
         Test.
-    request : PlanRequest
-        Request with the recovery time of tests with the loop off.
 
     Returns
     -------
     float
         Length (s).
     """
-    return min(HELD_RECOVERY_S, request.recovery_s) if manoeuvre.loop_on else request.recovery_s
+    return HELD_RECOVERY_S if manoeuvre.loop_on else RECOVERY_S
 
 
 def _check_time(

@@ -13,21 +13,19 @@ from mavlink_io.errors import ErrorCode, OperationError
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.data.runs import RATE_HZ
 from sysid.estimation.map import steady_state
-from sysid.estimation.map.datasets import STRIDE
+from sysid.estimation.map.datasets import STEP_S, STRIDE
 from sysid.models import greybox, noise
 from sysid.models.noise import Noise
-from sysid.models.parameters import CandidateVehicle, feasible_samples
+from sysid.models.parameters import MAX_DRAWS_PER_SAMPLE, CandidateVehicle, feasible_samples
 from sysid.planes import PLANES, Plane
 from sysid.test_design import closed_loop as loops
 from sysid.test_design import prior as design_priors
 from sysid.test_design.closed_loop import Loop
 from sysid.test_design.prior import DesignPrior
-from sysid.test_design.simulate import Manoeuvre, SimulatedLevelFlight, as_run, signal_rad
+from sysid.test_design.simulate import DEPTH_M, Manoeuvre, SimulatedLevelFlight, as_run, signal_rad
 
 Array = NDArray[np.float64]
 
-DT = STRIDE / RATE_HZ
-"""Sample interval of motion (s)."""
 TRIM_SD_RAD = math.radians(0.15)
 """Standard deviation of a trim measured in flight (rad)."""
 HELD_MOTION_SHARE = 0.3
@@ -38,6 +36,8 @@ WATCHED_SAMPLES = 8
 """Number of samples for which surface rate and travel are checked."""
 SHRINK = 0.95
 """Factor of size reduction per iteration."""
+MAX_PROBABILITY = 0.01
+"""Maximum probability that a test exceeds any excursion limit."""
 MIN_SIZE_DEG = 0.1
 """Minimum size of a test (deg); below it, play and motor steps of the tailcone dominate."""
 
@@ -55,8 +55,6 @@ class ExcursionLimits(NamedTuple):
     """Maximum share of a test in which the surface moves at its maximum rate."""
     stopped: float = 0.03
     """Maximum share of a test in which the surface is at a stop."""
-    probability: float = 0.01
-    """Maximum probability that a test exceeds any excursion limit."""
 
     def motion(self, plane: Plane) -> tuple[float, float, float, float]:
         """Return the limits of rate (rad/s), angle (rad), and depth up and down (m) in a plane.
@@ -86,8 +84,6 @@ HOLDING_LIMITS = ExcursionLimits(
     down_m=1.0,
 )
 """Limits within which a vehicle counts as held straight and level."""
-MAX_DRAWS_PER_SAMPLE = 10
-"""Maximum number of draws per requested sample."""
 
 
 class UnstableLoopError(OperationError):
@@ -199,11 +195,11 @@ def _free_motion(
     """
     linear = steady_state.linear_plane(vehicle, plane)
     A, density, _, _, P0 = noise.system(linear, level)
-    transition, process = noise.discrete(A, density, DT)
+    transition, process = noise.discrete(A, density, STEP_S)
     spread = np.sqrt(np.diag(P0))
     spread[: len(linear.states)] *= HELD_MOTION_SHARE
     x = spread * rng.standard_normal(len(spread))
-    kicks = rng.standard_normal((int(longest_s / DT) + 1, len(spread))) @ noise.root(process).T
+    kicks = rng.standard_normal((int(longest_s / STEP_S) + 1, len(spread))) @ noise.root(process).T
     motion = np.zeros((len(kicks), 3))
     n_outputs = len(linear.states) - 1
     for k in range(len(kicks)):
@@ -275,7 +271,7 @@ def _open_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResp
     start = greybox.InitialMotion(
         rate_radps=0.0,
         angle_rad=sample.still.pitch_rad,
-        depth_m=sample.still.depth_m,
+        depth_m=DEPTH_M,
         depth_rate_mps=0.0,
     )
     actuator = sample.vehicle.actuators[manoeuvre.plane]
@@ -333,10 +329,8 @@ def _shares(
     actuator = sample.vehicle.actuators[manoeuvre.plane]
     command, busy_rad = signal_rad(manoeuvre), 0.0
     if manoeuvre.loop_on:
-        command, busy_rad = (
-            loops.simulate(sample.loop, manoeuvre.plane, command).command_rad,
-            sample.command_2sd_rad,
-        )
+        command = loops.simulate(sample.loop, manoeuvre.plane, command).command_rad
+        busy_rad = sample.command_2sd_rad
     duct_rate_radps = (
         np.abs(np.diff(greybox.duct_angles(command, actuator, 1.0 / RATE_HZ))) * RATE_HZ
     )
@@ -386,7 +380,7 @@ def max_size_within_limits(
                 _responses_at_size(candidate, manoeuvre.size_deg, test_responses, samples),
                 limits,
             )
-            if found_excursion.probability <= limits.probability:
+            if found_excursion.probability <= MAX_PROBABILITY:
                 return candidate, found_excursion
         size *= SHRINK
     return None
@@ -419,7 +413,7 @@ def _growth_factor(
                 [factor * response + background for response, background in test_responses],
                 limits,
             )
-            - limits.probability
+            - MAX_PROBABILITY
         )
 
     min_log_factor, max_log_factor = math.log(1e-2), math.log(10.0)

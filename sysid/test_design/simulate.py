@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 LEAD_S = 5.0
 """Length of straight flight before a test in a simulated run (s)."""
+DEPTH_M = 10.0
+"""Depth of simulated tests."""
 Wave = Literal["step", "doublet", "3211", "chirp", "multisine", "prbs", "square"]
 """Test signals by the names in missions and logs."""
 
@@ -75,7 +77,6 @@ class SimulatedLevelFlight(NamedTuple):
     thrust: float
     speed_mps: float
     pitch_rad: float
-    depth_m: float = 10.0
 
 
 def signal_rad(manoeuvre: Manoeuvre) -> Array:
@@ -163,7 +164,7 @@ def as_run(manoeuvre: Manoeuvre, trim: SimulatedLevelFlight, command_from_trim_r
         roll_rad=zeros,
         pitch_rad=np.full(samples, trim.pitch_rad),
         heading_rad=zeros,
-        depth_m=np.full(samples, trim.depth_m),
+        depth_m=np.full(samples, DEPTH_M),
         stop_reason=StopReason.COMPLETE,
         longest_gap_s=1.0 / RATE_HZ,
         rudder_trim_rad=trims_rad[Plane.YAW],

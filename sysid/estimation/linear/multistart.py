@@ -24,6 +24,8 @@ About 0.001 standard deviations for a thousand samples.
 """
 COARSE_TOLERANCE = 1e-4
 """Relative cost change that ends a search whose end is only compared."""
+MAX_EVALUATIONS = 60
+"""Maximum number of evaluations of a search."""
 SINGULAR_EIGENVALUE = 1e-10
 """Smallest eigenvalue of the information, scaled to a unit diagonal.
 
@@ -59,7 +61,6 @@ def search(
     prior: LinearPrior,
     start: Array,
     ftol: float = FINE_TOLERANCE,
-    max_evaluations: int = 60,
 ) -> SearchResult:
     """Minimise the objective within the prior's bounds.
 
@@ -73,8 +74,6 @@ def search(
         Initial values.
     ftol : float
         Relative cost change that ends the search.
-    max_evaluations : int
-        Maximum number of evaluations.
 
     Returns
     -------
@@ -93,7 +92,7 @@ def search(
         bounds=(prior.lowest / scale, prior.highest / scale),
         ftol=ftol,
         xtol=1e-6,
-        max_nfev=max_evaluations,
+        max_nfev=MAX_EVALUATIONS,
     )
     return SearchResult(scale * solution.x, float(solution.cost), int(solution.nfev))
 

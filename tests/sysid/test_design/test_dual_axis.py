@@ -11,6 +11,7 @@ from sysid.planes import PLANES, Plane
 from sysid.test_design import candidates, plan
 from sysid.test_design.candidates import Lengths
 from sysid.test_design.prior import DesignPrior
+from sysid.test_design.safety_margins import ExcursionLimits
 from sysid.test_design.simulate import Manoeuvre
 
 DIVE = TestDive(6.0, 58.0)
@@ -52,13 +53,12 @@ def test_plan_dual_axis_gives_more_information(together: plan.TestPlan) -> None:
 
 
 def test_mission_dual_axis_sets_elevator_share(together: plan.TestPlan) -> None:
-    request = plan.PlanRequest(test_time_s=500.0)
-    text = files.mission(together.tests, DIVE, request, "tests", "about")
+    text = files.mission(together.tests, DIVE, "tests", "about")
     tests = [step.test for step in script.parse(text, "tests.toml").step if step.test]
     flown = [one.manoeuvre for one in together.tests]
     assert [(t.axis, t.magnitude_deg) for t in tests] == [(m.surface, m.size_deg) for m in flown]
     (shape,) = {m for m in flown if m.elevator_deg > 0.0}
-    share = files.envelope(together, request.limits, DIVE)["SID_ELE_PCT"]
+    share = files.envelope(together, ExcursionLimits(), DIVE)["SID_ELE_PCT"]
     assert shape.elevator_deg == pytest.approx(share / 100.0 * shape.size_deg)
     assert text.count("stay within pitch") == sum("pitch" in m.planes for m in flown)
     assert tomllib.loads(text)["step"]

@@ -15,7 +15,7 @@ from sitl.vehicle import config
 from sysid.design import initial
 from sysid.estimation.map import steady_state
 from sysid.planes import PLANES, Plane
-from sysid.test_design import candidates, plan, prior
+from sysid.test_design import candidates, plan, prior, safety_margins
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.simulate import Manoeuvre
 from tests.sysid.test_design.conftest import SHORT
@@ -27,9 +27,7 @@ UNSTABLE = Path(__file__).parents[3] / "benchmarks/campaigns/vehicles/unstable_y
 @pytest.mark.slow
 def test_plan_same_seed_gives_same_bytes(bench: DesignPrior, few: plan.TestPlan) -> None:
     again = plan.plan(bench, SHORT)
-    assert files.mission(again.tests, DIVE, SHORT, "a", "b") == files.mission(
-        few.tests, DIVE, SHORT, "a", "b"
-    )
+    assert files.mission(again.tests, DIVE, "a", "b") == files.mission(few.tests, DIVE, "a", "b")
     assert format.as_json(again, {}, {}) == format.as_json(few, {}, {})
 
 
@@ -53,11 +51,11 @@ def test_plan_planes_have_opposite_pair_and_held_out_test(
 def test_plan_stays_within_time_and_limits(few: plan.TestPlan) -> None:
     assert few.test_time_s <= SHORT.test_time_s
     for one in (*few.tests, *few.held_out):
-        assert one.excursion.probability <= SHORT.limits.probability
+        assert one.excursion.probability <= safety_margins.MAX_PROBABILITY
 
 
 def test_plan_mission_contains_planned_tests(few: plan.TestPlan) -> None:
-    text = files.mission(few.tests, DIVE, SHORT, "tests", "about")
+    text = files.mission(few.tests, DIVE, "tests", "about")
     flown = script.parse(text, "tests.toml")
     tests = [step.test for step in flown.step if step.test]
     assert [(t.signal, t.axis, t.magnitude_deg, t.duration_s, t.loop_on) for t in tests] == [
@@ -65,9 +63,7 @@ def test_plan_mission_contains_planned_tests(few: plan.TestPlan) -> None:
         for m in (one.manoeuvre for one in few.tests)
     ]
     assert script.compile_items(flown)
-    held_out = script.parse(
-        files.mission(few.held_out, DIVE, SHORT, "tests", "about"), "held_out.toml"
-    )
+    held_out = script.parse(files.mission(few.held_out, DIVE, "tests", "about"), "held_out.toml")
     assert script.duration_s(flown) + script.duration_s(held_out) == pytest.approx(few.test_time_s)
     assert tomllib.loads(text)["step"][0]["thrust_pct"] == 58
 

@@ -52,7 +52,7 @@ def test_size_increased_by_half_exceeds_limits(
     beyond = safety_margins.excursion(
         what.plane, safety_margins.responses(grown, samples[what.plane]), limits
     ).probability
-    assert beyond > limits.probability
+    assert beyond > safety_margins.MAX_PROBABILITY
 
 
 def test_size_tighter_limits_is_smaller(samples: dict[Plane, list[VehicleSample]]) -> None:

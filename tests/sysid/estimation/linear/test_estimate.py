@@ -5,14 +5,11 @@ import re
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from sysid.estimation.linear import estimate, linear_model, multistart, records
 from sysid.estimation.linear.estimate import Method, PassResult
 from sysid.estimation.linear.linear_model import NUMBERS
-from sysid.estimation.linear.multistart import NotUniqueError, SearchResult
-from sysid.estimation.linear.objective import Objective
-from sysid.estimation.linear.records import LinearPrior
+from sysid.estimation.linear.multistart import NotUniqueError
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.planes import Plane
 from tests.sysid import sea
@@ -82,24 +79,13 @@ def test_estimate_value_at_bound_is_a_failure() -> None:
 def test_estimate_disagreeing_starts_are_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches from other starts end after one evaluation, far above the lowest cost."""
     runs = simulate_runs(true_model(Plane.YAW), commands(), SDS, np.random.default_rng(6))
-    search = multistart.search
-
-    def impatient(
-        objective: Objective,
-        prior: LinearPrior,
-        start: NDArray[np.float64],
-        ftol: float = 1e-8,
-        most: int = 60,
-    ) -> SearchResult:
-        return search(objective, prior, start, ftol, 1)
-
     passes = estimate._passes("output-error")
     monkeypatch.setattr(
         estimate, "_passes", lambda method: lambda *arguments: stop_early(passes(*arguments))
     )
 
     def stop_early(result: PassResult) -> PassResult:
-        monkeypatch.setattr(multistart, "search", impatient)
+        monkeypatch.setattr(multistart, "MAX_EVALUATIONS", 1)
         return result
 
     (failure,) = estimate.estimate(runs, wide_prior(Plane.YAW), "output-error", others=3).failures
