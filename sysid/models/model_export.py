@@ -1,6 +1,7 @@
 """Make the model file from an estimate: derived quantities, standard deviations, and status."""
 
 import math
+from collections.abc import Collection
 
 import msgspec
 import numpy as np
@@ -232,10 +233,8 @@ def _coefficients(fit: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coe
     """Return Table 1's coefficients with their standard deviations and status."""
     # Ratio: sd(value) = |value - added| prior_sd sd(z), where added is the added inertia of I_zz
     # or I_yy, and 0 for the others. sd_ratio = posterior over prior sd of z.
-    before, after = (
-        parameters.to_table_1_column(prior.config.linear),
-        parameters.to_table_1_column(fit.vehicle.config.linear),
-    )
+    before = parameters.to_table_1_column(prior.config.linear)
+    after = parameters.to_table_1_column(fit.vehicle.config.linear)
     report = {}
     for name in Table1Column._fields:
         value, first, unit = getattr(after, name), getattr(before, name), str(getattr(UNITS, name))
@@ -403,41 +402,21 @@ def from_paper(plane_fits: dict[Plane, PlaneFit], prior: Prior, prior_name: str)
     free = [name for plane in plane_fits for name in FREE[plane]]
     rank = sum(f.rank for f in plane_fits.values())
     mass, speed = config.ballast.mass_kg, config.operating_point.speed_mps
-    numbers = {
-        plane: linear_planes.small_signal(linear_planes.linear_plane(plane, after, speed, mass))
-        for plane in Plane
-    }
     return IdentifiedModel(
         format=FORMAT,
         method="paper",
         speed_mps=speed,
         thrust_fraction=config.operating_point.thrust_fraction,
         planes={
-            plane: PlaneModel(
-                static_gain_per_s=ParameterEstimate(numbers[plane].static_gain_per_s, None),
-                b1_per_s2=ParameterEstimate(numbers[plane].b1_per_s2, None),
-                p_fast_per_s=ParameterEstimate(numbers[plane].p_fast_per_s, None),
-                p_slow_per_s=ParameterEstimate(numbers[plane].p_slow_per_s, None),
-                restoring_per_s2=ParameterEstimate(numbers[plane].restoring_per_s2, None)
-                if "restoring_per_s2" in linear_planes.small_signal_names(plane)
-                else None,
-                delay_s=ParameterEstimate(nominal.actuators[plane].delay_s, 0.0),
-                actuator_bias_deg=ParameterEstimate(math.degrees(prior.biases_rad[plane]), None),
+            plane: _plane_of_paper(
+                plane,
+                linear_planes.small_signal(linear_planes.linear_plane(plane, after, speed, mass)),
+                nominal.actuators[plane].delay_s,
+                prior.biases_rad[plane],
             )
             for plane in Plane
         },
-        coefficients={
-            name: Coefficient(
-                value=getattr(after, name),
-                sd=None,
-                prior=getattr(before, name),
-                prior_sd=0.0,
-                posterior_to_prior_sd=None,
-                status="unidentifiable" if name in free or name in INERTIAS else "prior",
-                unit=str(getattr(UNITS, name)),
-            )
-            for name in Table1Column._fields
-        },
+        coefficients=_coefficients_of_paper(before, after, free),
         vehicle=VehicleRecord(
             prior=prior_name,
             mass_kg=mass,
@@ -473,3 +452,39 @@ def from_paper(plane_fits: dict[Plane, PlaneFit], prior: Prior, prior_name: str)
             for plane, f in plane_fits.items()
         ),
     )
+
+
+def _plane_of_paper(
+    plane: Plane, numbers: SmallSignal, delay_s: float, bias_rad: float
+) -> PlaneModel:
+    """Return the numbers of a plane, with the delay and bias of the prior's actuator."""
+    has_restoring = "restoring_per_s2" in linear_planes.small_signal_names(plane)
+    return PlaneModel(
+        static_gain_per_s=ParameterEstimate(numbers.static_gain_per_s, None),
+        b1_per_s2=ParameterEstimate(numbers.b1_per_s2, None),
+        p_fast_per_s=ParameterEstimate(numbers.p_fast_per_s, None),
+        p_slow_per_s=ParameterEstimate(numbers.p_slow_per_s, None),
+        restoring_per_s2=ParameterEstimate(numbers.restoring_per_s2, None)
+        if has_restoring
+        else None,
+        delay_s=ParameterEstimate(delay_s, 0.0),
+        actuator_bias_deg=ParameterEstimate(math.degrees(bias_rad), None),
+    )
+
+
+def _coefficients_of_paper(
+    before: Table1Column, after: Table1Column, free: Collection[str]
+) -> dict[str, Coefficient]:
+    """Return Table 1's coefficients; the fit determines none of the ``free`` ones uniquely."""
+    return {
+        name: Coefficient(
+            value=getattr(after, name),
+            sd=None,
+            prior=getattr(before, name),
+            prior_sd=0.0,
+            posterior_to_prior_sd=None,
+            status="unidentifiable" if name in free or name in INERTIAS else "prior",
+            unit=str(getattr(UNITS, name)),
+        )
+        for name in Table1Column._fields
+    }
