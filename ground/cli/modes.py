@@ -73,10 +73,8 @@ def export_mavproxy(
     Names that are in the file already are kept.
     """
     with connected(connect, sign, vehicle_id, modem) as vehicle:
-        offered, kind = (
-            {printable(name): number for name, number in vehicle.modes().items()},
-            vehicle.kind,
-        )
+        offered = {printable(name): number for name, number in vehicle.modes().items()}
+        kind = vehicle.kind
     _extend(path, kind, offered, dry_run=dry_run, json=json)
 
 

@@ -152,8 +152,8 @@ def load_items(name_or_path: str) -> tuple[MissionItem, ...]:
 def check_limits(where: str, plan: Plan, limits: MissionLimits) -> None:
     """Check depths, distances and speeds of a mission against the limits of a vehicle.
 
-    Positions in latitude and longitude are not checked here: the vehicle checks them, as it knows
-    its home position.
+    Positions in latitude and longitude are not checked here: that is left to the vehicle,
+    which has its home position.
 
     Parameters
     ----------

@@ -61,8 +61,8 @@ class SimulatedVehicle:
     start : ProcessFactory
         Starts one process.
     notify : callable, optional
-        Receives the line by which the simulator says that it compiles its physics. Its other lines
-        are the reasons why it ends.
+        Receives the simulator's line that its physics are being compiled. Its other lines are the
+        reasons why it ends.
     """
 
     def __init__(

@@ -113,12 +113,10 @@ def _with_lead(A: Array, B: Array, lead: Lead) -> tuple[Array, Array]:
     n, lag_radps, lead_radps = len(B), lead.lag_radps, lead.lead_radps
     A_lead, B_lead = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
     stiffness, drag = -(lead_radps**2), -2.0 * lead.lead_damping * lead_radps
-    A_lead[:n, :n], A_lead[n, n + 1], A_lead[n + 1, n:], B_lead[n + 1] = (
-        A,
-        1.0,
-        (stiffness, drag),
-        lead_radps**2,
-    )
+    A_lead[:n, :n] = A
+    A_lead[n, n + 1] = 1.0
+    A_lead[n + 1, n:] = (stiffness, drag)
+    B_lead[n + 1] = lead_radps**2
     # command = angle + 2 z/w rate + acceleration/w^2 of the lead's own motion.
     A_lead[:n, n] = B * (1.0 + stiffness / lag_radps**2)
     A_lead[:n, n + 1] = B * (2.0 * lead.lag_damping / lag_radps + drag / lag_radps**2)
@@ -293,10 +291,8 @@ def _close(
     """
     active = [i for i in integrators if i[1] != 0.0 or np.any(i[0])]
     n_states, n_integrators = A.shape[0], len(active)
-    closed, reference = (
-        np.zeros((n_states + n_integrators, n_states + n_integrators)),
-        np.zeros(n_states + n_integrators),
-    )
+    closed = np.zeros((n_states + n_integrators, n_states + n_integrators))
+    reference = np.zeros(n_states + n_integrators)
     closed[:n_states, :n_states] = A + np.outer(B, feedback)
     reference[:n_states] = B * forward
     for number, (row, gain, weight) in enumerate(active):

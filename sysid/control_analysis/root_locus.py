@@ -106,11 +106,9 @@ def _system(opened: OpenLoop) -> Any:
 
 def _open(closed: ClosedLoop, state: int, rows: slice) -> OpenLoop:
     """Remove the action of `state` on the states in `rows`."""
-    A, input_vector, output_vector = (
-        closed.A.copy(),
-        np.zeros(len(closed.A)),
-        np.zeros(len(closed.A)),
-    )
+    A = closed.A.copy()
+    input_vector = np.zeros(len(closed.A))
+    output_vector = np.zeros(len(closed.A))
     input_vector[rows], output_vector[state] = closed.A[rows, state], 1.0
     A[rows, state] = 0.0
     return OpenLoop(A, input_vector, output_vector)

@@ -166,7 +166,7 @@ def _axis(record: BenchRecord, tests: list[TestInterval]) -> AxisBench:
 
 
 def _amplitudes(points: tuple[FrequencyPoint, ...]) -> set[float]:
-    """Peak-to-peak amplitudes of the measured points and of the paper, deg."""
+    """Return the peak-to-peak amplitudes of the measured points and of the paper, deg."""
     return {point.amplitude_deg for point in points} | set(PAPER_LIMITS_HZ)
 
 
@@ -208,10 +208,8 @@ def _point(
     first_s = (
         last_s - max(1, math.floor((last_s - test.start_s - TRANSIENT_S) * frequency)) / frequency
     )
-    in_test, in_duct = (
-        _in_interval(command_s, first_s, last_s),
-        _in_interval(record.time_s, first_s, last_s),
-    )
+    in_test = _in_interval(command_s, first_s, last_s)
+    in_duct = _in_interval(record.time_s, first_s, last_s)
     # The command is held over its sample: its effective time is half a sample later.
     command_phasor, _ = _first_harmonic(
         command_s[in_test] + 0.5 / RATE_HZ, record.command_rad[in_test], frequency
@@ -234,12 +232,12 @@ def _point(
 
 
 def _in_interval(time_s: Array, first_s: float, last_s: float) -> NDArray[np.bool_]:
-    """Mask of the times in (first_s, last_s]."""
+    """Return the mask of the times in (first_s, last_s]."""
     return (time_s > first_s) & (time_s <= last_s)
 
 
 def _phase_deg(response: complex, hz: float, axis: AxisParameters, nominal: complex) -> float:
-    """Phase continuous from zero frequency: the branch nearest to the phase of the linear model."""
+    """Return the phase, continuous from zero frequency: the branch nearest the linear model's."""
     wn, w = axis.natural_frequency_radps, 2.0 * math.pi * hz
     lag_phase = -math.atan2(2.0 * axis.damping_ratio * w / wn, 1.0 - (w / wn) ** 2)
     expected = lag_phase - axis.delay_s * w
@@ -247,7 +245,7 @@ def _phase_deg(response: complex, hz: float, axis: AxisParameters, nominal: comp
 
 
 def frequency_hz(time_s: Array, signal: Array) -> float:
-    """Frequency of the sinusoid in a signal, Hz: peak of the spectrum, refined by least squares."""
+    """Return the frequency of the sinusoid in a signal, Hz."""
     # Peak of the discrete Fourier transform, padded eight times; then the f of least residual
     # |signal - a - b cos(2 pi f t) - c sin(2 pi f t)|^2 within one bin of it.
     grid_s = np.arange(time_s[0], time_s[-1], 1.0 / RATE_HZ)
@@ -271,7 +269,7 @@ def frequency_hz(time_s: Array, signal: Array) -> float:
 
 
 def _fit_sinusoid(time_s: Array, signal: Array, hz: float) -> tuple[Array, Array]:
-    """Least-squares coefficients of (1, cos, sin), and the residual."""
+    """Return the least-squares coefficients of (1, cos, sin), and the residual."""
     phase = 2.0 * math.pi * hz * time_s
     basis = np.column_stack([np.ones_like(phase), np.cos(phase), np.sin(phase)])
     coefficients = np.linalg.lstsq(basis, signal, rcond=None)[0]
@@ -279,9 +277,9 @@ def _fit_sinusoid(time_s: Array, signal: Array, hz: float) -> tuple[Array, Array
 
 
 def _first_harmonic(time_s: Array, signal: Array, hz: float) -> tuple[complex, float]:
-    """First harmonic of a signal as a phasor, and the standard deviation of each of its parts.
+    """Return the first harmonic of a signal as a phasor, and the standard deviation of its parts.
 
-    For n samples with residual variance s^2 it is sqrt(2 s^2 / n).
+    For n samples with residual variance s^2 the latter is sqrt(2 s^2 / n).
     """
     (_, cosine, sine), residual = _fit_sinusoid(time_s, signal, hz)
     variance = float(np.sum(residual**2)) / max(1, residual.size - 3)
@@ -289,7 +287,7 @@ def _first_harmonic(time_s: Array, signal: Array, hz: float) -> tuple[complex, f
 
 
 def _limit(points: tuple[FrequencyPoint, ...], model: ActuatorFit, amplitude_deg: float) -> Limit:
-    """Frequency limits at one peak-to-peak amplitude."""
+    """Return the frequency limits at one peak-to-peak amplitude."""
     rate_degps, peak_to_peak = math.degrees(model.rate_radps.value), amplitude_deg
     sd = None if model.rate_radps.sd is None else math.degrees(model.rate_radps.sd)
     triangle, sine = (
@@ -307,9 +305,9 @@ def _limit(points: tuple[FrequencyPoint, ...], model: ActuatorFit, amplitude_deg
 
 
 def half_power_hz(points: list[FrequencyPoint]) -> float | None:
-    """Frequency at which the gain falls below -3 dB, Hz, interpolated on logarithmic scales.
+    """Return the frequency (Hz) at which the gain falls below -3 dB; None if it never does.
 
-    None if it never does.
+    It is interpolated on logarithmic scales.
     """
     ordered = sorted(points, key=lambda point: point.frequency_hz)
     for low, high in pairwise(ordered):

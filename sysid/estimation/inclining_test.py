@@ -147,7 +147,7 @@ def analyse(log: Log, moves: Sequence[WeightPeriod], vehicle: VehicleConfig) -> 
 
 
 def _heel_rad(log: Log, armed_s: float, period: WeightPeriod) -> float:
-    """Mean heel over the last part of a period, rad."""
+    """Return the mean heel over the last part of a period, rad."""
     time_s = log.attitude.time_s - armed_s
     average_from_s = period.until_s - AVERAGED_SHARE * (period.until_s - period.from_s)
     roll = log.attitude.roll_rad[(time_s >= average_from_s) & (time_s < period.until_s)]

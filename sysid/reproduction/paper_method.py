@@ -144,11 +144,9 @@ def states(over: DiscretePlane, delta: Array) -> Array:
 
 def simulate(plane: LinearPlane, actuator: Actuator, run: Run) -> PlaneTrajectory:
     """Simulate the linear plane under a run's commands."""
-    n, states_over_run, start = (
-        plane.A.shape[0],
-        states(step(plane), departure(actuator, run)),
-        greybox.initial_motion(run),
-    )
+    n = plane.A.shape[0]
+    states_over_run = states(step(plane), departure(actuator, run))
+    start = greybox.initial_motion(run)
     depth = start.depth_m + (states_over_run[:, 3] if n > 3 else 0.0 * states_over_run[:, 0])
     return PlaneTrajectory(
         rate_radps=states_over_run[:, 1],

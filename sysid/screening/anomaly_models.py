@@ -226,7 +226,7 @@ def departure_rad(run: Run) -> Array:
 
 
 def _held_deflection_rad(run: Run, plane: Plane) -> float:
-    """Mean command of a surface before the test, rad; the trim command if there is no pre-roll."""
+    """Return the mean command before the test, rad; without a pre-roll the trim command."""
     if not run.preroll.any():
         return run.in_plane(plane).trim_rad
     return float(np.mean(run.in_plane(plane).command_rad[run.preroll]))
@@ -259,5 +259,5 @@ def _pulses(steps: Array) -> Array:
 
 
 def _push_per_s2(vehicle: CandidateVehicle, run: Run) -> float:
-    """Angular acceleration per unit of duct angle, 1/s^2."""
+    """Return the angular acceleration per unit of duct angle, 1/s^2."""
     return linear_planes.small_signal(steady_state.linear_plane(vehicle, run.plane)).b1_per_s2

@@ -104,7 +104,7 @@ def _reason(description: str, is_exceeded: bool) -> str:
 
 
 def _excursion(run: Run, values: Array) -> float:
-    """Largest distance from the mean before the test."""
+    """Return the largest distance from the mean before the test."""
     before = values[run.approach]
     return float(np.max(np.abs(values - (np.mean(before) if before.size else values[0]))))
 
@@ -124,7 +124,7 @@ def stationary_motion(prerolls: Sequence[Array]) -> StationaryMotion:
 
 
 def band(motion: StationaryMotion, run: Run) -> float:
-    """Level that a stationary Gaussian x exceeds during ``run`` with the probability FALSE_ALARM.
+    """Return the level that a Gaussian x exceeds during ``run`` with the probability FALSE_ALARM.
 
     Rice (1945): x with standard deviation s, whose derivative has the standard deviation s',
     crosses the levels +c and -c upwards and downwards at the mean rate of::
@@ -159,10 +159,9 @@ def _coherence_reason(run: Run) -> str:
 
 
 def coherence(run: Run, rate_radps: Array) -> tuple[float, int]:
-    """Largest coherence of a rate with the tested surface at excited frequencies, and their number.
+    """Return the largest coherence of rate and surface, and the number of excited frequencies.
 
-    Magnitude squared coherence |S_xy|^2 / (S_xx S_yy) of spectra by Welch's method (Welch 1967), 0
-    to 1.
+    The coherence is |S_xy|^2 / (S_xx S_yy), 0 to 1, of spectra by Welch's method (Welch 1967).
     """
     test = run.time_s >= -STEADY_S
     surface, rate = run.command_rad[test], rate_radps[test]
@@ -181,7 +180,7 @@ def coherence(run: Run, rate_radps: Array) -> tuple[float, int]:
 
 
 def significant(bins: int) -> float:
-    """Largest of ``bins`` coherences of unrelated signals, exceeded with probability FALSE_ALARM.
+    """Return what the largest of ``bins`` unrelated coherences exceeds with FALSE_ALARM.
 
     With n independent segments, one frequency exceeds c with the probability (1 - c)^(n - 1)
     (Carter 1987, equation 24).

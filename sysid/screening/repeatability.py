@@ -39,7 +39,7 @@ def _match(a: RunResiduals, b: RunResiduals) -> bool:
 
 
 def repeatability(subject: RunResiduals, residuals: Residuals) -> Scores | None:
-    """Score tests of the difference between a run and the mean of the other runs of the same test.
+    """Test the difference between a run and the mean of the other runs of the same test.
 
     With e the whitened residual, J its slopes by the parameters, s = +1 or -1 the direction of a
     test and n the number of partners::
@@ -54,17 +54,13 @@ def repeatability(subject: RunResiduals, residuals: Residuals) -> Scores | None:
     rows_before = min(_before(run) for run in (subject, *partners))
     rows_after = min(_samples(run) - _before(run) for run in (subject, *partners))
     rows = _rows(subject, rows_before, rows_after)
-    difference, slope_difference = (
-        residuals.residual_at_optimum(subject)[rows],
-        subject.slopes[rows],
-    )
+    difference = residuals.residual_at_optimum(subject)[rows]
+    slope_difference = subject.slopes[rows]
     for partner in partners:
         weight = _direction(subject) * _direction(partner) / len(partners)
         partner_rows = _rows(partner, rows_before, rows_after)
-        difference, slope_difference = (
-            difference - weight * residuals.residual_at_optimum(partner)[partner_rows],
-            slope_difference - weight * partner.slopes[partner_rows],
-        )
+        difference = difference - weight * residuals.residual_at_optimum(partner)[partner_rows]
+        slope_difference = slope_difference - weight * partner.slopes[partner_rows]
     signature_rows = [
         signature._replace(white=signature.white[:, rows]) for signature in subject.signatures
     ]
@@ -88,13 +84,13 @@ def _samples(run: RunResiduals) -> int:
 
 
 def _rows(run: RunResiduals, before: int, after: int) -> slice:
-    """Slice of the flat residual: ``before`` and ``after`` samples about the start of the test."""
+    """Return the rows of ``before`` and ``after`` samples about the start of the test."""
     outputs, start = run.dataset.measured.shape[1], _before(run)
     return slice((start - before) * outputs, (start + after) * outputs)
 
 
 def _direction(run: RunResiduals) -> float:
-    """Sign of the first deflection of a test that exceeds half of its largest."""
+    """Return the sign of the first deflection of a test that exceeds half of its largest."""
     deflection_rad = departure_rad(run.dataset.run)
     first = int(np.argmax(np.abs(deflection_rad) > 0.5 * np.max(np.abs(deflection_rad))))
     return float(np.sign(deflection_rad[first]))

@@ -186,7 +186,7 @@ def _scale(course: StatisticOverTime, variance: float) -> StatisticOverTime:
 
 
 def _false_alarm_bound(family: Sequence[StatisticOverTime]) -> float:
-    """Bound on the probability that a clean run shows an anomaly of this family as clearly."""
+    """Return a bound on the probability that a clean run shows such an anomaly as clearly."""
     highest = max(float(np.max(np.abs(statistics.statistic))) for statistics in family)
     return sum(exceedance(highest, statistics.correlation) for statistics in family)
 
@@ -194,7 +194,7 @@ def _false_alarm_bound(family: Sequence[StatisticOverTime]) -> float:
 def _statistic_over_time(
     signature: Signature, residual: Array, slopes: Array, covariance: Array, spread: float
 ) -> StatisticOverTime:
-    """Efficient score, its variance and the correlation of neighbouring times, for every time.
+    """Return efficient score, variance and correlation of neighbouring times, for every time.
 
     v_k = spread a_k'a_k - (a_k'J) P (a_k'J)'; the correlation of times k and k+1 is (spread
     a_k'a_{k+1} - (a_k'J) P (a_{k+1}'J)') / sqrt(v_k v_{k+1}).
@@ -204,12 +204,10 @@ def _statistic_over_time(
     projected_covariance = projected @ covariance
     variance = spread * np.sum(white**2, axis=1) - np.sum(projected_covariance * projected, axis=1)
     informative = np.flatnonzero(variance > MIN_INFORMATION * np.max(variance))
-    white, variance, projected, projected_covariance = (
-        white[informative],
-        variance[informative],
-        projected[informative],
-        projected_covariance[informative],
-    )
+    white = white[informative]
+    variance = variance[informative]
+    projected = projected[informative]
+    projected_covariance = projected_covariance[informative]
     neighbour_covariance = spread * np.sum(white[1:] * white[:-1], axis=1) - np.sum(
         projected_covariance[1:] * projected[:-1], axis=1
     )
@@ -242,7 +240,7 @@ def _most_likely(statistics: StatisticOverTime) -> Anomaly:
 
 
 def exceedance(level: float, correlation: Array) -> float:
-    """Bound on the probability that |T| exceeds ``level`` at any time, for standard normal T.
+    """Return a bound on the probability that |T| exceeds ``level`` at any time, T standard normal.
 
     Davies (1987, equation 3.4; Hotelling 1939): on a smooth path it is the probability at one end
     plus that of a crossing, exp(-c^2/2)/pi times the arc length, sum arccos(correlation). If two

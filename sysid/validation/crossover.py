@@ -66,7 +66,7 @@ def _responses(
     additional_delay_s: float,
     frequency_radps: Array = GRID_RADPS,
 ) -> loop_transfer.Responses:
-    """Responses of a plane with an additional delay (s)."""
+    """Return the responses of a plane with an additional delay (s)."""
     actuator = vehicle.actuators[plane]
     lag = Lag(
         actuator.delay_s + additional_delay_s,

@@ -3,7 +3,7 @@
 * Frequency response: measured over simulated rate of the sweeps, times the model's response, with
   the coherence (`frequency_response`).
 * ARX: the same least-squares estimate on measured and on simulated rates; their quotient, times the
-  model's response. The estimate knows neither the model's structure nor its prior. Its standard
+  model's response. The estimate uses neither the model's structure nor its prior. Its standard
   deviation is the scatter between tests (jackknife): the residuals are not white.
 * python-control: the model's linear plane behind its tailcone, evaluated by python-control.
 """

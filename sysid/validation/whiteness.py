@@ -73,7 +73,7 @@ def cumulative_periodogram(centred: Array) -> Array:
 
 
 def _cumulative_periodogram(centred: Array) -> tuple[float, float]:
-    """Largest distance from the diagonal and its p value (Kolmogorov)."""
+    """Return the largest distance from the diagonal and its p value (Kolmogorov)."""
     shares = cumulative_periodogram(centred)
     diagonal = np.arange(shares.size + 1) / shares.size
     distance = float(max(np.max(diagonal[1:] - shares), np.max(shares - diagonal[:-1])))
@@ -141,7 +141,7 @@ def combined_p(p_values: Sequence[float]) -> float:
 
 
 def _ljung_box(centred: Array, lags: int) -> float:
-    """P value of the autocorrelations up to ``lags`` (Ljung and Box 1978)."""
+    """Return the p value of the autocorrelations up to ``lags`` (Ljung and Box 1978)."""
     samples = centred.size
     lags = min(lags, samples // 4)
     power = float(centred @ centred)

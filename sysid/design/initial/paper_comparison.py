@@ -87,10 +87,8 @@ def _explain_difference(
         **point.gains,
         **{gain: paper[gain] for gain in point.shape.free if not gain.endswith("_I")},
     }
-    paper_margins, delay_s = (
-        prior.loop_margins(point.shape, gains, vehicle),
-        _lag(vehicle, point).delay_s,
-    )
+    paper_margins = prior.loop_margins(point.shape, gains, vehicle)
+    delay_s = _lag(vehicle, point).delay_s
     return (
         f"{difference}: Table 3's would leave damping {paper_margins.damping:.2f},"
         f" {paper_margins.gm_db:.1f} dB and {paper_margins.pm_deg:.0f} deg behind {delay_s:.2f} s"

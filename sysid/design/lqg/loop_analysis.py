@@ -215,10 +215,8 @@ def disturbance_response(
     The variances of all disturbances add. Gyro noise enters at the first output; above the grid the
     loop is taken as open.
     """
-    feedback, feedback_above_grid = (
-        lqg_controller.response(controller, GRID_RADPS),
-        lqg_controller.response(controller, HIGH_GRID_RADPS),
-    )
+    feedback = lqg_controller.response(controller, GRID_RADPS)
+    feedback_above_grid = lqg_controller.response(controller, HIGH_GRID_RADPS)
     sensitivity = 1.0 / (1.0 - (feedback * plane.command).sum(axis=1))
     powers = []
     for disturbance in plane.disturbances:

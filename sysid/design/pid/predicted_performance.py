@@ -131,10 +131,8 @@ def _yaw_quantities(
 ) -> dict[str, _MeasuredQuantity]:
     """Return heading, its resonance band and rudder."""
     heading, rudder = heading_responses(vehicle, gains)
-    disturbance, noise = (
-        spectrum(vehicle.disturbance[Plane.YAW]),
-        vehicle.disturbance[Plane.YAW].angle_noise_deg,
-    )
+    disturbance = spectrum(vehicle.disturbance[Plane.YAW])
+    noise = vehicle.disturbance[Plane.YAW].angle_noise_deg
     psd = _psd_deg2(heading, disturbance) + _sampled_noise_psd(noise)
     bias = model.planes[Plane.YAW].actuator_bias_deg
     return {

@@ -26,10 +26,8 @@ def explain(
             f" {name}"
         )
 
-    rudder_bias_deg, level_pitch_deg = (
-        model.planes[Plane.YAW].actuator_bias_deg.value,
-        model.vehicle.level_pitch_deg,
-    )
+    rudder_bias_deg = model.planes[Plane.YAW].actuator_bias_deg.value
+    level_pitch_deg = model.vehicle.level_pitch_deg
     integral_reason = (
         f"a constant load leaves {100 * spec.integral_residual:.0f} % of its largest error after"
         f" {spec.integral_settling_s:g} s"

@@ -190,7 +190,7 @@ def actuator(model: LinearModel) -> Actuator:
 
 
 def level_rad(model: LinearModel) -> float:
-    """Pitch of level flight, rad; zero in yaw."""
+    """Return the pitch of level flight, rad; zero in yaw."""
     return float(model.values[-1]) if OFFSETS[model.frame.plane] else 0.0
 
 

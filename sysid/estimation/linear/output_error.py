@@ -48,7 +48,7 @@ class _RunResiduals(NamedTuple):
 
 
 def objective(frame: LinearModelStructure, records: Sequence[LinearRun], sds: Array) -> Objective:
-    """Projected residuals in units of the outputs' standard deviations ``sds``."""
+    """Return the projected residuals in units of the outputs' standard deviations ``sds``."""
 
     def projected(values: Array, columns: Callable[[_RunResiduals], Array]) -> Array:
         """Return columns of all runs without their part in the span of the nuisances."""
@@ -69,7 +69,7 @@ def objective(frame: LinearModelStructure, records: Sequence[LinearRun], sds: Ar
 def reduce_by_qr(
     frame: LinearModelStructure, records: Sequence[LinearRun], sds: Array
 ) -> Objective:
-    """Cost function with p + 1 residuals, and cost, gradient and information as `objective`.
+    """Return p + 1 residuals that have cost, gradient and information of those of `objective`.
 
     The residuals are the triangular factor of (J, e), of each run and then of all runs (Golub and
     Van Loan 2013, section 5.3). A search uses only cost, gradient and information, so that it need
@@ -78,7 +78,7 @@ def reduce_by_qr(
     stored: dict[bytes, Array] = {}
 
     def factor(values: Array) -> Array:
-        """Triangular factor at ``values``.
+        """Return the triangular factor at ``values``.
 
         The last one is stored, since residuals and slopes are both needed.
         """
@@ -104,7 +104,7 @@ def _factor(part: _RunResiduals) -> Array:
 
 
 def _triangle(columns: Array) -> Array:
-    """Upper triangular factor R of the QR decomposition."""
+    """Return the upper triangular factor R of the QR decomposition."""
     return np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
 
 
@@ -131,7 +131,7 @@ def frame_states(frame: LinearModelStructure) -> int:
 def _all_run_residuals(
     model: LinearModel, records: Sequence[LinearRun], sds: Array
 ) -> list[_RunResiduals]:
-    """Residuals of all runs; runs of equal length share their nuisance projection."""
+    """Return the residuals of all runs; runs of equal length share their nuisance projection."""
     discrete = response.discretise(model)
     lengths = {len(record.measured) for record in records}
     all_columns = response.nuisances(discrete, max(lengths), sds.size) / sds[:, None]
@@ -145,7 +145,7 @@ def _all_run_residuals(
 
 
 def _nuisance_projection(columns: Array) -> _NuisanceProjection:
-    """QR factors of the nuisance columns, which do not depend on the command."""
+    """Return the QR factors of the nuisance columns, which do not depend on the command."""
     return _NuisanceProjection(columns, *np.linalg.qr(columns))
 
 
@@ -156,11 +156,9 @@ def _run_residuals(
     sds: Array,
     nuisances: _NuisanceProjection,
 ) -> _RunResiduals:
-    """Residual of one run from a state of zero."""
-    duct, zero_state = (
-        response.duct_motion(model, record.command),
-        np.zeros(len(discrete.transition)),
-    )
+    """Return the residual of one run from a state of zero."""
+    duct = response.duct_motion(model, record.command)
+    zero_state = np.zeros(len(discrete.transition))
     error = (
         record.measured
         - response.outputs_to_duct(model, discrete, duct.angle_rad, zero_state, sds.size)

@@ -50,7 +50,7 @@ class TailconeSensitivity(NamedTuple):
 
 
 def angles(command_rad: Array, actuator: Actuator) -> Array:
-    """Duct angle (samples,) on the 50 Hz grid, rad."""
+    """Return the duct angle (samples,) on the 50 Hz grid, rad."""
     duct_rad: Array = greybox.duct_angles(command_rad, actuator, DT)
     return duct_rad
 
@@ -80,7 +80,7 @@ def angle_sensitivity(command_rad: Array, actuator: Actuator) -> TailconeSensiti
 
 
 def _lag(wn: complex, zeta: complex) -> NDArray[np.complex128]:
-    """(4,): factors of angle error and rate over a sample, for the error and for the rate."""
+    """Return the factors of angle error and rate over a sample: two each for error and rate."""
     return np.array(lag_transition(wn, zeta, DT))
 
 
@@ -92,7 +92,7 @@ def _delay(command: Array, delay_s: float) -> Array:
 
 
 def _shift(command: Array, samples: int) -> Array:
-    """Command delayed by whole samples; the first value is repeated."""
+    """Return the command delayed by whole samples; the first value is repeated."""
     shift = min(samples, command.size)
     return np.concatenate([np.full(shift, command[0]), command[: command.size - shift]])
 

@@ -44,10 +44,8 @@ def cross_plane_inputs(run: Run, other: LinearPlane, actuator: Actuator, speed_m
     The mean of heave depends on buoyancy; it is computed from pitch and depth instead.
     """
     other_plane = PLANES[run.plane].other
-    duct, rate = (
-        greybox.duct_along(run, other_plane, actuator),
-        run.in_plane(other_plane).rate_radps,
-    )
+    duct = greybox.duct_along(run, other_plane, actuator)
+    rate = run.in_plane(other_plane).rate_radps
     across, pitch = cross_speed_mps(other, rate, duct), 0.0 * rate
     known = greybox.known_inputs(run, speed_mps)
     if PLANES[run.plane].is_yaw:
@@ -58,7 +56,7 @@ def cross_plane_inputs(run: Run, other: LinearPlane, actuator: Actuator, speed_m
 
 
 def cross_speed_mps(plane: LinearPlane, rate_radps: Array, duct_rad: Array) -> Array:
-    """Sway or heave of a plane for a measured rate and duct angle, m/s, in MAVLink's axes.
+    """Return sway or heave of a plane for a measured rate and duct angle, m/s, in MAVLink's axes.
 
     v' = A00 v + u with u = A01 r + B0 delta held over a sample h = 1 / RATE_HZ, from its
     equilibrium::

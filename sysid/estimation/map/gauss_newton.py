@@ -95,11 +95,9 @@ def descend(
             # Before the derivatives: they take most of the time.
             if (joined := _joined(known, precision, candidate, steps)) is not None:
                 return joined
-            z, current, damping = (
-                candidate,
-                problems.score(problem, candidate, evaluation),
-                damping * DAMPING_DECREASE,
-            )
+            z = candidate
+            current = problems.score(problem, candidate, evaluation)
+            damping *= DAMPING_DECREASE
         else:
             damping *= DAMPING_INCREASE
     return SearchEnd(z, current, steps)

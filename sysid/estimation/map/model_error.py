@@ -1,16 +1,16 @@
 """Covariance that covers errors of the model structure: scatter of runs, conflict with the prior.
 
-The likelihood knows sensors and sea. Where the structure of the model is wrong, each run asks for
-other parameters. With the whitened sensitivities J_k and residuals e_k of run k at the estimate,
-H_k = J_k' J_k and s_k = J_k' e_k, and parameters of run k that deviate by N(0, t^2 P0) from the
-common ones::
+The likelihood accounts for sensors and sea. Where the structure of the model is wrong, other
+parameters explain each run best. With the whitened sensitivities J_k and residuals e_k of run k at
+the estimate, H_k = J_k' J_k and s_k = J_k' e_k, and parameters of run k that deviate by N(0, t^2
+P0) from the common ones::
 
     s_k ~ N(0, H_k + t^2 H_k P0 H_k)
 
 (random effects; DerSimonian and Laird 1986; P0 prior covariance). t is its maximum likelihood
 estimate, zero unless twice the log-likelihood ratio exceeds the chi-square quantile. The scatter is
 the visible part of the error. A part is common to all runs, because all tests are larger than the
-motion that control design asks about, and no scatter shows it. But parameters that take up an error
+motion for which control is designed, and no scatter shows it. But parameters that take up an error
 of the structure lie further from the prior than it allows (prior predictive check; Box 1980). With
 the estimate z, mean m and covariance P of the prior, and H = sum_k H_k::
 

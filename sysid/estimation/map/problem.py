@@ -129,7 +129,7 @@ def filters(
 
 
 def cost(problem: MapProblem, z: Array) -> float:
-    """Cost at z; infinite if no such vehicle is possible."""
+    """Return the cost at z; infinite if no such vehicle is possible."""
     evaluation = evaluate(problem, z)
     return evaluation.cost if evaluation else math.inf
 

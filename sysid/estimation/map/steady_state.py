@@ -223,7 +223,7 @@ def trim_biases(
 
 
 def _median_command_rad(runs: Sequence[Run], plane: Plane) -> float:
-    """Median over the runs of the mean command of a surface in the pre-roll, rad."""
+    """Return the median over the runs of the mean command of a surface in the pre-roll, rad."""
     means = [
         float(np.mean(run.in_plane(plane).command_rad[run.preroll]))
         for run in runs
@@ -276,7 +276,7 @@ def level_pitch_rad(config: VehicleConfig, model: VehicleModel) -> float:
 
 
 def _level_flight(config: VehicleConfig, model: VehicleModel) -> Array:
-    """Pitch (nose up) and elevator of level flight, rad: roots of heave force and pitch moment."""
+    """Return pitch (nose up) and elevator of level flight, rad: no heave force, no pitch moment."""
     speed = config.operating_point.speed_mps
     rps = config.operating_point.thrust_fraction * model.propeller.full_rps
 

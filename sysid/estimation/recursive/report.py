@@ -134,7 +134,7 @@ def _with_sds(
 
 
 def _derived(prior: Prior, z: Array, plane: Plane, crossover_radps: float) -> tuple[Array, Array]:
-    """Values of NAMES, gain (dB) and phase (deg) at a frequency, and their gradients by z."""
+    """Return NAMES, gain (dB) and phase (deg) at a frequency, and their gradients by z."""
     values = numbers(
         parameters.candidate_vehicle(prior.config, prior.biases_rad, z), plane, crossover_radps
     )
