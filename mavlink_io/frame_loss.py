@@ -16,9 +16,12 @@ class FrameLoss:
         self.lost = 0
         """Number of lost frames."""
         self._expected: int | None = None
-        self._clock = VehicleClock()
+        self._timed: tuple[int, bytes] | None = None
+        """Message and payload of the latest frame with a time."""
         self._unconfirmed = 0
-        """Number of lost frames since the latest frame whose time continued the time before."""
+        """Number of lost frames since this frame, while the next time is awaited."""
+        self._clock = VehicleClock()
+        """Times since this frame, while there are unconfirmed frames."""
 
     def count(self, sequence: int, message_id: int | None = None, payload: bytes = b"") -> None:
         """Add the frames that are missing before a frame.
@@ -32,12 +35,29 @@ class FrameLoss:
         payload : bytes
             Its payload.
         """
-        if self._expected is not None:
-            gap = (sequence - self._expected) & 0xFF
-            self.lost += gap
-            self._unconfirmed += gap
+        gap = 0 if self._expected is None else (sequence - self._expected) & 0xFF
         self._expected = (sequence + 1) & 0xFF
-        time_us = None if message_id is None else _vehicle_time_us(message_id, payload)
+        if gap:
+            self._add(gap)
+        if message_id is None or time_reader(message_id) is None:
+            return
+        if self._unconfirmed:
+            self._confirm(_vehicle_time_us(message_id, payload))
+        if not self._unconfirmed:
+            self._timed = message_id, payload
+
+    def _add(self, gap: int) -> None:
+        """Add lost frames, unconfirmed until the time of the next frames is known."""
+        if not self._unconfirmed:
+            self._clock = VehicleClock()
+            latest_us = _vehicle_time_us(*self._timed) if self._timed else None
+            if latest_us is not None:
+                self._clock.read(latest_us)
+        self.lost += gap
+        self._unconfirmed += gap
+
+    def _confirm(self, time_us: int | None) -> None:
+        """Take unconfirmed frames back if the clock has begun again; keep them if it goes on."""
         if time_us is None:
             return
         reading = self._clock.read(time_us)

@@ -80,7 +80,7 @@ def export_mavproxy(
 
 @app.command()
 def install(path: MapFile = None, dry_run: DryRun = False, json: Json = False) -> None:
-    """Add the names of Caribou's modes to the same file, without a vehicle.
+    """Add the names of Caribou's modes to the mode map of MAVProxy, without a vehicle.
 
     Names that are in the file already are kept.
     """

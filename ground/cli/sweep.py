@@ -21,7 +21,7 @@ class _RunByDefault(CommandGroup):
 app = typer.Typer(
     cls=_RunByDefault,
     no_args_is_help=True,
-    help="Simulate dives over vehicles, gains, missions, seas, faults: `ground sweep PLAN.toml`.",
+    help="Simulate dives over vehicles, gains, missions, seas and faults: `ground sweep PLAN`.",
 )
 
 
