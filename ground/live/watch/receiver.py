@@ -113,10 +113,14 @@ class Receiver:
 
     def rates(self, now_s: float) -> tuple[float, float]:
         """Return the recent data rate in bytes/s and messages/s."""
-        while self._arrivals and now_s - self._arrivals[0][0] > RATE_WINDOW_S:
-            self._arrivals.popleft()
+        self._drop_old_arrivals(now_s)
         span_s = max(1.0, min(RATE_WINDOW_S, now_s - self.began_s))
         return sum(size for _, size in self._arrivals) / span_s, len(self._arrivals) / span_s
+
+    def _drop_old_arrivals(self, now_s: float) -> None:
+        """Drop the arrivals that the data rates no longer count."""
+        while self._arrivals and now_s - self._arrivals[0][0] > RATE_WINDOW_S:
+            self._arrivals.popleft()
 
     def diagnosis(self) -> str:
         """Return the likely reason why no vehicle was found."""
@@ -194,6 +198,7 @@ class Receiver:
         """Store a frame of the vehicle; the first heartbeat of a vehicle selects it."""
         sender = MavlinkId(frame.system, frame.component)
         self._senders.add(sender)
+        self._drop_old_arrivals(now_s)  # `ground live` does not ask for the rates
         self._arrivals.append((now_s, len(frame.raw)))
         self.frames += 1
         self.received_bytes += len(frame.raw)
