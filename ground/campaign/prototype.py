@@ -150,6 +150,11 @@ def design(vehicle: Any) -> InitialDesign:
     vehicle : str or VehicleConfig
         Name or path of the vehicle file, or its content.
 
+    Returns
+    -------
+    InitialDesign
+        Gains and the other parameters of a first dive, with reasons.
+
     Raises
     ------
     InputError
