@@ -35,10 +35,11 @@ NONLINEAR = (
 
 They end at a bound where the structure of the model is not the vehicle's: a note, while the tests
 decide whether the model is fit."""
-MASS_ACROSS = ("Y_vdot", "Z_wdot")
-"""Added masses across the hull, which tests show only by a velocity that few logs hold.
+ACROSS = ("Y_dr", "Y_vdot", "Z_wdot")
+"""Side force of the rudder and added masses, which move the vehicle across its axis.
 
-They end at a bound where they make up for another error of the model: a note as well."""
+Tests show them only by a velocity that few logs hold. They end at a bound where they make up for
+another error of the model: a note as well."""
 LAG = "natural_frequency"
 """Parameter of the bandwidth of the servo."""
 DRIVE_RATIOS = tuple(ELEVATOR_RATIOS.values())
@@ -52,8 +53,8 @@ distinguished from a delay. The two drives may differ more than those of a known
 _NOTES = {
     NONLINEAR: "large or slow motion (loss of speed in turns, drag of drift, stall) is not the"
     " model's; the static gain and the slow pole may differ by more than stated",
-    MASS_ACROSS: "the added mass across the hull makes up for another error of the model; the poles"
-    " may differ by more than stated",
+    ACROSS: "motion across the axis, which the tests do not show, makes up for another error of the"
+    " model; the poles may differ by more than stated",
     (LAG,): "the servo is faster than the file assumes; for a more certain delay measure it with"
     " `ground bench-test`",
     DRIVE_RATIOS: "the drives of rudder and elevator differ, or are limited in rate; measure them"
@@ -119,4 +120,4 @@ def _is_noted(name: str, z: Array, lag_relative_sd: float) -> bool:
     if name == LAG or name in DRIVE_RATIOS:
         is_assumed = math.exp(lag_relative_sd * Z_LIMIT) >= ASSUMED_LAG_RATIO
         return is_assumed and (name in DRIVE_RATIOS or bool(z[NAMES.index(name)] > 0.0))
-    return name in NONLINEAR or name in MASS_ACROSS
+    return name in NONLINEAR or name in ACROSS

@@ -29,7 +29,7 @@ def test_backlash_of_none_is_a_result() -> None:
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-@pytest.mark.parametrize("name", [*bounds.NONLINEAR, *bounds.MASS_ACROSS])
+@pytest.mark.parametrize("name", [*bounds.NONLINEAR, *bounds.ACROSS])
 def test_parameter_off_the_crossover_is_a_note(name: str, sign: int) -> None:
     z = z_at(N_v=1, **{name: sign})
     assert bounds.decisive(z, BENCH_TEST_SD) == ("N_v",)
