@@ -110,11 +110,9 @@ def test_square_mission_in_current_tracks_legs_and_returns() -> None:
 def test_station_in_current_circles_the_requested_position() -> None:
     voyage = under_way()
     voyage.ask(requests.SetMode(modes.STATION.number))
-    centre, depth_m, start_index = (
-        complex(voyage["north_m"][-1], voyage["east_m"][-1]),
-        voyage["depth_m"][-1],
-        len(voyage),
-    )
+    centre = complex(voyage["north_m"][-1], voyage["east_m"][-1])
+    depth_m = voyage["depth_m"][-1]
+    start_index = len(voyage)
     voyage.sail(240.0)
     radius = np.abs(voyage["north_m"] + 1j * voyage["east_m"] - centre)[start_index + 900 :]
     assert radius.min() > 17.0

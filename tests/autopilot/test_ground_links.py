@@ -220,11 +220,9 @@ def test_routing_can_be_disabled() -> None:
 def sign(station: Station, key: bytes = KEY, timestamp: int = NOW) -> None:
     """Let a station sign its messages and accept only signed ones."""
     for end in (station._mavlink, station._reader):
-        end.signing.secret_key, end.signing.timestamp, end.signing.sign_outgoing = (
-            key,
-            timestamp,
-            True,
-        )
+        end.signing.secret_key = key
+        end.signing.timestamp = timestamp
+        end.signing.sign_outgoing = True
     station._reader.robust_parsing = True
 
 

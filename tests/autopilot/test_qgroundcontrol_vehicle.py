@@ -71,11 +71,9 @@ def test_battery_is_unknown_without_gauge(qgc: Connection) -> None:
         -1,
     )
     vehicle = qgc.harness.vehicle
-    vehicle._battery, vehicle._leak, vehicle._altimeter = (
-        Battery(29.6, 4.0, 1.0, 0.9),
-        Leak(False),
-        Altimeter(0, 9.0, 0.3, 30.0),
-    )
+    vehicle._battery = Battery(29.6, 4.0, 1.0, 0.9)
+    vehicle._leak = Leak(False)
+    vehicle._altimeter = Altimeter(0, 9.0, 0.3, 30.0)
     reported = streams(qgc)["BATTERY_STATUS"]
     assert (reported.voltages[0], reported.battery_remaining) == (29_600, 90)
     assert reported.charge_state == mavlink.MAV_BATTERY_CHARGE_STATE_OK

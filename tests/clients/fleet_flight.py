@@ -49,11 +49,9 @@ async def insist(attempt: Any) -> None:
 
 async def fly(system: Any, depth_m: float) -> dict[str, Any]:
     """Fly one vehicle to a depth, and surface."""
-    missions, action, telemetry = (
-        MissionRawAsync(system),
-        ActionAsync(system),
-        TelemetryAsync(system),
-    )
+    missions = MissionRawAsync(system)
+    action = ActionAsync(system)
+    telemetry = TelemetryAsync(system)
     await insist(lambda: missions.upload_mission(mission(depth_m)))
     await insist(action.arm)
     await insist(missions.start_mission)

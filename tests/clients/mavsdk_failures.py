@@ -119,11 +119,9 @@ async def main(address: str, plan: str) -> dict[str, Any]:
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await mavsdk.add_any_connection(address)
     system = await mavsdk.first_autopilot(timeout_s=TIMEOUT_S)
-    failure, params, receiver = (
-        FailureAsync(system),
-        ParamAsync(system),
-        Receiver(TelemetryAsync(system)),
-    )
+    failure = FailureAsync(system)
+    params = ParamAsync(system)
+    receiver = Receiver(TelemetryAsync(system))
     if plan == "listen":
         print("listening", flush=True)
         seen: dict[str, Any] = {

@@ -47,11 +47,9 @@ class Client:
 
     def __init__(self, mavsdk: Any, system: Any, *, speed: float, slow: bool) -> None:
         self.mavsdk, self.system, self.speed, self.slow = mavsdk, system, speed, slow
-        self.params, self.telemetry, self.action = (
-            ParamAsync(system),
-            TelemetryAsync(system),
-            ActionAsync(system),
-        )
+        self.params = ParamAsync(system)
+        self.telemetry = TelemetryAsync(system)
+        self.action = ActionAsync(system)
         self.missions, self.plans = MissionRawAsync(system), MissionAsync(system)
         self.info, self.logs, self.ftp = InfoAsync(system), LogFilesAsync(system), FtpAsync(system)
         self._direct = MavlinkDirectAsync(system)

@@ -67,6 +67,7 @@ def test_gain_and_phase_are_those_of_the_sensitivity(drawn: loop_charts.LoopChar
 
 
 def test_designed_poles_lie_on_the_root_locus(drawn: loop_charts.LoopCharts) -> None:
+    assert drawn.loci
     for key in drawn.loci:
         branches, poles = (
             np.array(each["x"]) + 1j * np.array(each["y"])

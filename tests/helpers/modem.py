@@ -71,12 +71,10 @@ class ModemChannel:
     def __init__(
         self, seed: int, *, delay_s: float = 3.0, loss: float = 0.3, bit_per_s: float = 1200.0
     ) -> None:
-        self.rng, self.delay_s, self.loss, self.bit_per_s = (
-            random.Random(seed),
-            delay_s,
-            loss,
-            bit_per_s,
-        )
+        self.rng = random.Random(seed)
+        self.delay_s = delay_s
+        self.loss = loss
+        self.bit_per_s = bit_per_s
         self.now_s = 0.0
         self.vehicle, self.ground = ModemEnd(self, "modem"), ModemEnd(self, "ground")
 

@@ -38,10 +38,8 @@ def water(
     name: str, north_mps: float = 0.0, east_mps: float = 0.0, rms_mps: float = 0.0
 ) -> scenario.Scenario:
     """Return a shipped scenario with a current."""
-    speed, towards = (
-        float(np.hypot(north_mps, east_mps)),
-        float(np.degrees(np.arctan2(east_mps, north_mps))),
-    )
+    speed = float(np.hypot(north_mps, east_mps))
+    towards = float(np.degrees(np.arctan2(east_mps, north_mps)))
     current = CurrentConfig(
         speed_mps=speed,
         towards_deg=towards,
@@ -128,12 +126,10 @@ class Voyage:
 
     def _keep(self) -> None:
         """Positions relative to the scenario's origin, which is only near home."""
-        truth, estimated, home, site = (
-            self.body.truth,
-            self.state.estimate,
-            self.state.home,
-            self._plant.sea,
-        )
+        truth = self.body.truth
+        estimated = self.state.estimate
+        home = self.state.home
+        site = self._plant.sea
         north, east = 0.0, 0.0
         if home.known:
             north, east = geodetic_to_offset(

@@ -121,11 +121,9 @@ class _Way:
         received = bytearray()
         for byte in data:
             dropped = self.loss.is_dropped(byte)
-            drop, flip, bit = (
-                self._random.random(),
-                self._random.random(),
-                self._random.randrange(8),
-            )
+            drop = self._random.random()
+            flip = self._random.random()
+            bit = self._random.randrange(8)
             if drop >= self._noise.drop and not dropped:
                 received.append(byte ^ (1 << bit if flip < self._noise.flip else 0))
             self.spoilt += dropped or drop < self._noise.drop or flip < self._noise.flip
@@ -214,11 +212,9 @@ class Line:
         with self._lock:
             wait_s = IDLE_S
             for end, other in (ENDS, ENDS[::-1]):
-                direction, source, target = (
-                    self._ways[end],
-                    self._ports[end].master,
-                    self._ports[other].master,
-                )
+                direction = self._ways[end]
+                source = self._ports[end].master
+                target = self._ports[other].master
                 due_s = direction.due_s()
                 if due_s is not None and due_s <= time.monotonic():
                     direction.deliver(target)

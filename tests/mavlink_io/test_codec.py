@@ -141,11 +141,9 @@ def test_framer_mavlink_1_frames_are_decoded() -> None:
 
 def test_framer_signed_frame_has_correct_length() -> None:
     other = peer()
-    other.signing.secret_key, other.signing.link_id, other.signing.sign_outgoing = (
-        bytes(32),
-        1,
-        True,
-    )
+    other.signing.secret_key = bytes(32)
+    other.signing.link_id = 1
+    other.signing.sign_outgoing = True
     other.signing.timestamp = 1
     raw = mavlink.MAVLink_heartbeat_message(12, 0, 1, 0, 3, 3).pack(other)
     plain = encode(dialect.by_name("HEARTBEAT"), (0, 12, 0, 1, 3, 3), 1, 1, 1)

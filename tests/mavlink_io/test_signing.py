@@ -37,11 +37,9 @@ def peer(key: bytes = KEY, timestamp: int = NOW, link_id: int = 3) -> Any:
     """Return pymavlink's end of a signed link, as system 7."""
     other = mavlink.MAVLink(None, srcSystem=7, srcComponent=9)
     other.robust_parsing = True
-    other.signing.secret_key, other.signing.link_id, other.signing.timestamp = (
-        key,
-        link_id,
-        timestamp,
-    )
+    other.signing.secret_key = key
+    other.signing.link_id = link_id
+    other.signing.timestamp = timestamp
     other.signing.sign_outgoing = True
     return other
 

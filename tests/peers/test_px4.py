@@ -283,10 +283,8 @@ def test_assigned_outputs_control_the_vehicle(deep_port: int) -> None:
     assert upwards.sensor.xacc > straight.sensor.xacc + 0.3, (
         "with the nose up gravity acts aft and thrust forward"
     )
-    moving, adrift = (
-        straight.find("HIL_STATE_QUATERNION"),
-        steered(deep_port).find("HIL_STATE_QUATERNION"),
-    )
+    moving = straight.find("HIL_STATE_QUATERNION")
+    adrift = steered(deep_port).find("HIL_STATE_QUATERNION")
     assert moving is not None
     assert adrift is not None
     assert moving.vy > 100, "cm/s, eastward"
@@ -304,13 +302,11 @@ def test_default_pressure_gives_depth_in_px4(deep_port: int) -> None:
         100.0
         * [tick.sensor for tick in instants if tick.sensor.fields_updated & 0x1A00][-1].abs_pressure
     )
-    lapse, air_constant, gravity, sea_level_k, sea_level_pa = (
-        -0.0065,
-        287.1,
-        9.80665,
-        288.15,
-        101_325.0,
-    )
+    lapse = -0.0065
+    air_constant = 287.1
+    gravity = 9.80665
+    sea_level_k = 288.15
+    sea_level_pa = 101_325.0
     exponent = -lapse * air_constant / gravity
     altitude_m = ((pressure_pa / sea_level_pa) ** exponent * sea_level_k - sea_level_k) / lapse
     assert altitude_m == pytest.approx(-5.0, abs=0.1)

@@ -19,12 +19,10 @@ from tests.reference.vehicles import random_vehicles
 from tests.sitl.vehicle import flight
 
 VEHICLE = random_vehicles()
-SPEED, RATE, ANGLE, THRUST = (
-    st.floats(-3, 3),
-    st.floats(-2, 2),
-    st.floats(-0.3, 0.3),
-    st.floats(-1, 1),
-)
+SPEED = st.floats(-3, 3)
+RATE = st.floats(-2, 2)
+ANGLE = st.floats(-0.3, 0.3)
+THRUST = st.floats(-1, 1)
 MOTION = st.tuples(SPEED, SPEED, SPEED, RATE, RATE, RATE).map(np.array)
 ATTITUDE = (
     st.tuples(*[st.floats(-1, 1)] * 4).map(np.array).filter(lambda q: np.linalg.norm(q) > 0.1)

@@ -37,10 +37,8 @@ def rudder(estimate: VehicleEstimate, config: Config, asked: Setpoint = LEFT) ->
 
 def test_step_equals_matrix_equations() -> None:
     matrix, feedback, start = np.array(TURNS.rows), np.array(TURNS.feedback), np.array(TURNS.start)
-    target, rng = (
-        STILL._replace(wanted=(0.01, 0.05), feedforward_rad=0.02),
-        np.random.default_rng(1),
-    )
+    target = STILL._replace(wanted=(0.01, 0.05), feedforward_rad=0.02)
+    rng = np.random.default_rng(1)
     observer, states, before, command = None, np.empty(0), np.empty(0), 0.0
     for measured in rng.standard_normal((20, 2)):
         u, observer = lqg.step(TURNS, observer, tuple(measured.tolist()), target)
@@ -107,10 +105,8 @@ def test_lqg_without_the_gyro_pid_is_used() -> None:
 
 
 def test_lqg_disabled_by_parameter_pid_is_used() -> None:
-    table, seen = (
-        ParamTable(lqg_controllers=CONTROLLERS),
-        VehicleEstimate(speed_mps=1.3, r_radps=0.01),
-    )
+    table = ParamTable(lqg_controllers=CONTROLLERS)
+    seen = VehicleEstimate(speed_mps=1.3, r_radps=0.01)
     by_law = rudder(seen, table.config)
     table.set("LQG_ENABLE", 0.0)
     assert rudder(seen, table.config) == rudder(seen, Config()) != by_law
@@ -149,10 +145,8 @@ def test_full_command_is_confirmed_with_the_gain_of_the_controller(
 
 
 def test_depth_error_is_limited_by_pitch_limit() -> None:
-    config, seen = (
-        Config(lqg_controllers=CONTROLLERS, pitch_limit_deg=20.0),
-        VehicleEstimate(speed_mps=1.3),
-    )
+    config = Config(lqg_controllers=CONTROLLERS, pitch_limit_deg=20.0)
+    seen = VehicleEstimate(speed_mps=1.3)
     metres = math.radians(20.0) / CONTROLLERS.pitch_per_metre
 
     def elevator(depth_m: float) -> float:

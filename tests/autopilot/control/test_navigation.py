@@ -158,12 +158,10 @@ def drive(
     Returns the solution, the true position and the time.
     """
     ahead = cmath.rect(1.3, heading_rad)
-    true_mps, now_us, solution, true = (
-        ahead * water + current,
-        start_us,
-        NavSolution(place, 0j, memory),
-        place,
-    )
+    true_mps = ahead * water + current
+    now_us = start_us
+    solution = NavSolution(place, 0j, memory)
+    true = place
     attitude = quaternion_from_euler(0.0, 0.0, heading_rad)
     for tick in range(round(seconds * 50)):
         now_us += TICK_US

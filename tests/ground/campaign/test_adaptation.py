@@ -88,10 +88,8 @@ def test_adapt_fine_mission_is_unchanged() -> None:
 
 
 def test_adapt_large_tests_become_smaller() -> None:
-    before, after = (
-        sizes_deg(script.load("rudder_steps")),
-        sizes_deg(adapt(FakeCheck(6.0), "rudder_steps")),
-    )
+    before = sizes_deg(script.load("rudder_steps"))
+    after = sizes_deg(adapt(FakeCheck(6.0), "rudder_steps"))
     assert max(after) <= 6.0
     assert [new for new, old in zip(after, before, strict=True) if old <= 6.0] == [
         old for old in before if old <= 6.0

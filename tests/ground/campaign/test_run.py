@@ -163,6 +163,7 @@ class CampaignTestCase:
         self, flown: Path, summary: CampaignSummary
     ) -> None:
         written = param_file.load(flown / "gains.param")
+        assert written
         for name, value in written.items():
             assert summary.gains["redesigned"][name] == pytest.approx(value, rel=1e-5)
         flown_gains = CampaignFolder(flown).log("verification", "straight_run").parameters

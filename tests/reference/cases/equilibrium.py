@@ -43,10 +43,8 @@ def checks() -> Iterator[Check]:
     )
     for name in config.SHIPPED:
         model, point = flight.model(name), config.load(name).operating_point
-        state, shaft_rps = (
-            flight.cruising(point.speed_mps),
-            point.thrust_fraction * model.propeller.full_rps,
-        )
+        state = flight.cruising(point.speed_mps)
+        shaft_rps = point.thrust_fraction * model.propeller.full_rps
         thrust = thrust_n(shaft_rps, point.speed_mps, model.propeller)
         surge = flight.rate(model, state, shaft_rps=shaft_rps)[7] * model.inertia.M[0, 0]
         yield Check(

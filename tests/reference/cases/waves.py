@@ -176,10 +176,8 @@ def _statistics(spectrum: Spectrum) -> Iterator[Check]:
 
 def _suction_n(sea: Array) -> float:
     """Mean upward force on a neutral cylinder held where it lies, over a period."""
-    body, state = (
-        bodies.cylinder(LENGTH_M, DIAMETER_M, 0.0),
-        dynamics.state_at_rest(-SUBMERGED_M),
-    )
+    body = bodies.cylinder(LENGTH_M, DIAMETER_M, 0.0)
+    state = dynamics.state_at_rest(-SUBMERGED_M)
     water = WaterField(
         sea=sea,
         profile=current.profile(CurrentConfig()),

@@ -33,10 +33,8 @@ def test_repeated_frames_get_one_answer(ends: tuple[Transport, Transport]) -> No
     far.send(frame(0))
     steps = backend.wait_for_autopilot()
     assert steps is not None
-    sea, rng = (
-        plant.build(config.load("caribou_truth"), scenario.load("calm"), steps),
-        plant.random_streams(1),
-    )
+    sea = plant.build(config.load("caribou_truth"), scenario.load("calm"), steps)
+    rng = plant.random_streams(1)
     state, sensors = plant.initial_state(sea, rng)
     actuators = backend.exchange(sea, state, sensors)
     assert actuators is not None

@@ -49,11 +49,9 @@ def test_datagram_contains_due_messages_sensors_last(
         "SYS_STATUS",
         "HIL_SENSOR",
     ]
-    sensor, gps, altimeter = (
-        messages["HIL_SENSOR"],
-        messages["HIL_GPS"],
-        messages["DISTANCE_SENSOR"],
-    )
+    sensor = messages["HIL_SENSOR"]
+    gps = messages["HIL_GPS"]
+    altimeter = messages["DISTANCE_SENSOR"]
     assert (sensor.time_usec, sensor.fields_updated) == (0, SENSORS_ALL)
     assert sensor.zacc == pytest.approx(-9.8, abs=0.05)
     assert sensor.abs_pressure == pytest.approx(

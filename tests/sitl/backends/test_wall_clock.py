@@ -70,10 +70,8 @@ def test_watchdog_times_out_and_reports_once() -> None:
 def test_newest_actuators_are_applied(ends: tuple[Transport, Transport]) -> None:
     backend = WallClock(ends[0], lambda: False)
     autopilot = Endpoint(ends[1], 1, 1)
-    sea, rng = (
-        plant.build(config.load("caribou_nominal"), scenario.load("calm")),
-        plant.random_streams(1),
-    )
+    sea = plant.build(config.load("caribou_nominal"), scenario.load("calm"))
+    rng = plant.random_streams(1)
     state, said = plant.initial_state(sea, rng)
     asked = backend.exchange(sea, state, said)
     assert asked is not None

@@ -118,10 +118,8 @@ def test_wall_suction_has_zero_power(
 def spring_j(model: VehicleModel, track: Vector, floor_m: float, normal: Vector) -> Vector:
     """Return the energy in the contact springs of both ends, J."""
     h = model.hydrostatics
-    arm, stiffness = (
-        h.half_length_m - h.radius_m,
-        0.5 * h.weight_n / h.gravity_mps2 * boundary.CONTACT_STIFFNESS_PER_S2,
-    )
+    arm = h.half_length_m - h.radius_m
+    stiffness = 0.5 * h.weight_n / h.gravity_mps2 * boundary.CONTACT_STIFFNESS_PER_S2
     stored = np.zeros(len(track))
     for i, state in enumerate(track):
         forward = flight.rotation(state)[:, 0]

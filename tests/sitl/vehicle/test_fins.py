@@ -57,10 +57,8 @@ def test_fins_damp_roll(name: str) -> None:
 
 def test_fin_angle_limited_to_travel() -> None:
     full = radians(15.0)
-    both, more = (
-        wrench("xfin_auv", rudder=full, elevator=full),
-        wrench("xfin_auv", rudder=2 * full, elevator=2 * full),
-    )
+    both = wrench("xfin_auv", rudder=full, elevator=full)
+    more = wrench("xfin_auv", rudder=2 * full, elevator=2 * full)
     assert more == pytest.approx(both, rel=1e-12)
     assert wrench("xfin_auv", rudder=full)[1] > wrench("xfin_auv", rudder=0.99 * full / 2**0.5)[1]
 

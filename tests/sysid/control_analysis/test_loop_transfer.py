@@ -130,10 +130,8 @@ def test_actuator_lead_known_tailcone_gives_faster_lag() -> None:
     gains = {**TABLE_3_INITIAL, "ACT_LAG_W": 3.0, "ACT_LAG_Z": 0.6, "ACT_LEAD_W": 8.0}
     faster = LAG._replace(natural_frequency_radps=8.0, damping_ratio=loop_transfer.LEAD_DAMPING)
     for plane, cuts in ((YAW, loop_transfer.heading_loops), (PITCH, loop_transfer.depth_loops)):
-        undone, fast = (
-            cuts(loop_transfer.responses(plane, LAG), gains),
-            cuts(loop_transfer.responses(plane, faster), TABLE_3_INITIAL),
-        )
+        undone = cuts(loop_transfer.responses(plane, LAG), gains)
+        fast = cuts(loop_transfer.responses(plane, faster), TABLE_3_INITIAL)
         for name, loop in fast.items():
             np.testing.assert_allclose(undone[name], loop, rtol=1e-9)
     undone_poles = loop_state_space.poles(loop_state_space.close_heading(YAW, LAG, gains))

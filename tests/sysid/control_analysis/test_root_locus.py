@@ -15,10 +15,8 @@ YAW, PITCH = linear_planes.yaw_plane(TABLE_1_INITIAL), linear_planes.pitch_plane
 
 
 def test_locus_unit_gain_gives_closed_loop_poles() -> None:
-    heading, depth = (
-        loop_state_space.close_heading(YAW, LAG, TABLE_3_INITIAL),
-        loop_state_space.close_depth(PITCH, LAG, TABLE_3_INITIAL),
-    )
+    heading = loop_state_space.close_heading(YAW, LAG, TABLE_3_INITIAL)
+    depth = loop_state_space.close_depth(PITCH, LAG, TABLE_3_INITIAL)
     opened = (
         (heading, root_locus.open_at_duct(heading, 3)),
         (depth, root_locus.open_at_duct(depth, 4)),

@@ -185,9 +185,9 @@ def test_bandwidth_without_delay_is_natural_frequency() -> None:
 def test_initial_gains_shipped_vehicles_are_feasible(name: str) -> None:
     known = config.load(name)
     vehicle, drawn = prior.nominal_model(known), list(prior.sample_models(known, 20))
-    heading, (pitch, depth) = (
-        root_locus.heading(vehicle, SearchLimits(BOUNDS, drawn)),
-        root_locus.depth(vehicle, SearchLimits(BOUNDS, drawn), STEEPEST_RAD, min_pitch_gain=0.0),
+    heading = root_locus.heading(vehicle, SearchLimits(BOUNDS, drawn))
+    pitch, depth = root_locus.depth(
+        vehicle, SearchLimits(BOUNDS, drawn), STEEPEST_RAD, min_pitch_gain=0.0
     )
     assert max(heading.violations.values()) < 0.01
     assert 0.05 < depth.gains["DPT_P"] <= STEEPEST_RAD

@@ -64,6 +64,7 @@ def test_model_of_a_vehicle_file_is_exported_with_that_file(
 
 
 def test_closed_loops_are_stable(exported: LoopExport) -> None:
+    assert exported.loops
     for name, loop in exported.loops.items():
         closed = control.feedback(control.ss(*loop[:4]), 1)
         assert np.max(control.poles(closed).real) < -1e-3, name

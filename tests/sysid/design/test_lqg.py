@@ -184,13 +184,11 @@ def growth(vehicle: DesignModel, controller: ContinuousController, factor: float
     step = expm(block * dt)
     # Half a tick of hold is what sampling has here: nothing is late by its computing.
     queue = [0.0] * round(LAG.delay_s / dt)
-    x, belief, before, u, sizes = (
-        np.array([0.0, 0.0, 0.1, 0.0, 0.0]),
-        np.zeros(len(controller.B)),
-        np.zeros(2),
-        0.0,
-        [],
-    )
+    x = np.array([0.0, 0.0, 0.1, 0.0, 0.0])
+    belief = np.zeros(len(controller.B))
+    before = np.zeros(2)
+    u = 0.0
+    sizes = []
     for _ in range(round(120.0 / dt)):
         measured = x[1:3]
         belief = ticked.A @ belief + ticked.B * u + ticked.L @ (0.5 * (before + measured))

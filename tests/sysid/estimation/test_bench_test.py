@@ -68,12 +68,10 @@ def session(
             events.append(LogEvent(start_s + duration_s, TestEnded(StopReason.COMPLETE)))
     command = np.concatenate(commands)
     time_s = np.arange(command.size) / RATE_HZ
-    state, substeps, angles, rng = (
-        tailcone.at_rest(axis),
-        np.empty(4),
-        [],
-        np.random.default_rng(seed),
-    )
+    state = tailcone.at_rest(axis)
+    substeps = np.empty(4)
+    angles = []
+    rng = np.random.default_rng(seed)
     for value in command:
         angles.append(tailcone.duct_angle_rad(axis, state))
         losses = rng.random(4) if axis.lost_step_chance > 0.0 else None

@@ -87,11 +87,9 @@ def test_measured_speed_replaces_the_simulated_speed(bench: config.VehicleConfig
     Tolerance: the measured speed is smoothed over 2 s (0.1 deg/s of 6 deg/s).
     """
     run = sea.fly(bench, Plane.YAW, sea.step(9.0), level=sea.CALM, sensors=QUIET)
-    model, actuator, start = (
-        build_model.build(bench),
-        nominal(bench, Plane.YAW),
-        greybox.initial_motion(run),
-    )
+    model = build_model.build(bench)
+    actuator = nominal(bench, Plane.YAW)
+    start = greybox.initial_motion(run)
     motion = greybox.simulate(model, actuator, run, start, 1, 1.3)
     assert motion.speed_mps[-1] < 1.25
     scaled = 1.1 * motion.speed_mps
@@ -105,11 +103,9 @@ def test_measured_speed_replaces_the_simulated_speed(bench: config.VehicleConfig
 
 def test_fit_step_equals_fine_step(bench: config.VehicleConfig) -> None:
     run = sea.fly(bench, Plane.YAW, sea.step(9.0), level=sea.CALM, sensors=QUIET)
-    model, actuator, start = (
-        build_model.build(bench),
-        nominal(bench, Plane.YAW),
-        greybox.initial_motion(run),
-    )
+    model = build_model.build(bench)
+    actuator = nominal(bench, Plane.YAW)
+    start = greybox.initial_motion(run)
     fine = greybox.simulate(model, actuator, run, start, 1, 1.3)
     coarse = greybox.simulate(model, actuator, run, start, STRIDE, 1.3)
     assert np.max(np.abs(np.degrees(fine.rate_radps[::STRIDE] - coarse.rate_radps))) < 1e-3

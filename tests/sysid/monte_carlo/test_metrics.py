@@ -25,11 +25,9 @@ def dive_metrics(
     settling_s: float = 25.0,
 ) -> DiveMetrics:
     """Return a dive of one minute at 3 m with heading 0 unless a course is given."""
-    none, heading, depth = (
-        np.zeros_like(TIME_S),
-        np.radians(heading_deg) + 0.0 * TIME_S,
-        depth_m + 0.0 * TIME_S,
-    )
+    none = np.zeros_like(TIME_S)
+    heading = np.radians(heading_deg) + 0.0 * TIME_S
+    depth = depth_m + 0.0 * TIME_S
     log = Log(
         "dive",
         "",

@@ -175,10 +175,8 @@ def test_corrections_match_model_errors(
             prediction.vehicles(candidate)[0], plane
         )
         index = np.searchsorted(GRID_RADPS, CROSSOVER_RADPS)
-        gain_db, phase_deg = (
-            20.0 * math.log10(abs(ratio[index])),
-            math.degrees(np.angle(ratio[index])),
-        )
+        gain_db = 20.0 * math.log10(abs(ratio[index]))
+        phase_deg = math.degrees(np.angle(ratio[index]))
         assert abs(correction.gain_db - gain_db) < 3.0 * correction.gain_sd_db, plane
         assert abs(correction.phase_deg - phase_deg) < 3.0 * correction.phase_sd_deg, plane
         assert correction.gain_sd_db < 0.4

@@ -68,10 +68,8 @@ def test_acceleration_is_material_derivative(north: float, west: float, depth_m:
     v = velocity(sea, point, 3.0)
     _, acceleration, _ = field.flow(sea, tuple(point), 3.0, tuple(VARIATION), tuple(VARIATION_RATE))
     bend = 0.5 * h * h * np.array(acceleration)
-    later, earlier = (
-        velocity(sea, point + h * v + bend, 3.0 + h),
-        velocity(sea, point - h * v + bend, 3.0 - h),
-    )
+    later = velocity(sea, point + h * v + bend, 3.0 + h)
+    earlier = velocity(sea, point - h * v + bend, 3.0 - h)
     np.testing.assert_allclose(acceleration, (later - earlier) / (2 * h), atol=1e-5)
 
 
@@ -91,10 +89,8 @@ def test_pitched_hull_in_shear_has_velocity_slope() -> None:
     layers = tuple(
         CurrentLayer(depth_m=z, speed_mps=v, towards_deg=0.0) for z, v in ((0.0, 0.5), (10.0, 0.0))
     )
-    sea, body = (
-        sea_of(Scenario(current=CurrentConfig(layer=layers)), 1.7),
-        dynamics.state_at_rest(-4.0),
-    )
+    sea = sea_of(Scenario(current=CurrentConfig(layer=layers)), 1.7)
+    body = dynamics.state_at_rest(-4.0)
     body[3:7] = math.cos(math.radians(10.0)), 0.0, -math.sin(math.radians(10.0)), 0.0
     water, _ = field.sample(sea, body, 0.0, 0.0, NOTHING, NOTHING)
     assert water.velocity_mps == pytest.approx((0.3, 0.0, 0.0))
@@ -142,10 +138,8 @@ def test_wave_pressure_gradient_matches_acceleration() -> None:
 @pytest.mark.parametrize("heading", [0.0, 90.0, 200.0])
 def test_waves_cause_mean_upward_acceleration(heading: float) -> None:
     """Mean Dv/Dt is k omega^2 a^2 exp(-2 k h) upwards for a short hull (Ogilvie 1963)."""
-    sea, body = (
-        sea_of(Scenario(waves=LONG_WAVE, floor=FloorTable(depth_m=500.0)), 0.5),
-        dynamics.state_at_rest(-1.5),
-    )
+    sea = sea_of(Scenario(waves=LONG_WAVE, floor=FloorTable(depth_m=500.0)), 0.5)
+    body = dynamics.state_at_rest(-1.5)
     body[3], body[6] = math.cos(math.radians(heading) / 2), -math.sin(math.radians(heading) / 2)
     _, _, k, omega, a, _, _ = sea.sea[0]
     times = np.arange(64) / 64 * 2.0 * math.pi / omega
@@ -160,11 +154,9 @@ def test_neutral_sphere_follows_fluid_particle() -> None:
     The particle's drift is a^2 omega k exp(-2 k h) (Stokes 1847).
     """
     sea = sea_of(Scenario(waves=LONG_WAVE, floor=FloorTable(depth_m=500.0)), 0.05)
-    body, state, particle = (
-        bodies.spheroid(0.1, 0.1),
-        dynamics.state_at_rest(-4.0),
-        np.array([0.0, 0.0, -4.0]),
-    )
+    body = bodies.spheroid(0.1, 0.1)
+    state = dynamics.state_at_rest(-4.0)
+    particle = np.array([0.0, 0.0, -4.0])
     work, push, tick = dynamics.work_array(), np.zeros(6), 0.01
     state[7:10] = field.flow(sea, (0.0, 0.0, -4.0), 0.0, NOTHING, NOTHING)[0]
     for n in range(12_000):
@@ -259,10 +251,8 @@ def test_buoyancy_scales_with_water_density(density_kgpm3: float, sinks: bool) -
     what = Scenario(start=StartTable(depth_m=8.0), water=WaterTable(density_kgpm3=density_kgpm3))
     vehicle = plant.build(config.load("caribou_nominal"), what)
     state, _ = plant.initial_state(vehicle, plant.random_streams(1))
-    h, inertia = (
-        flight.model("caribou_nominal").hydrostatics,
-        flight.model("caribou_nominal").inertia,
-    )
+    h = flight.model("caribou_nominal").hydrostatics
+    inertia = flight.model("caribou_nominal").inertia
     force = np.array(state.truth.specific_force_mps2)
     net = density_kgpm3 / 1025.0 * h.buoyancy_n - h.weight_n
     sinking = force[2] + h.gravity_mps2

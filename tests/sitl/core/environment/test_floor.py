@@ -59,10 +59,8 @@ def test_slope_deepens_in_given_direction() -> None:
 @given(st.floats(0.0, 45.0), st.floats(0.0, 360.0), st.floats(-0.9, 0.9), st.floats(-0.9, 0.9))
 def test_beam_ends_on_slope(slope: float, towards: float, north: float, west: float) -> None:
     ground = floor.build(FloorTable(depth_m=20.0, slope_deg=slope, deepens_towards_deg=towards))
-    origin, along = (
-        np.array([1.0, 2.0, -5.0]),
-        np.array([north, west, -1.0]) / math.hypot(north, west, 1.0),
-    )
+    origin = np.array([1.0, 2.0, -5.0])
+    along = np.array([north, west, -1.0]) / math.hypot(north, west, 1.0)
     distance = floor.range_m(ground, tuple(origin), tuple(along))
     if math.isfinite(distance):
         end = origin + distance * along
@@ -77,10 +75,8 @@ def test_beam_ends_at_first_hit_on_grid(
     tmp_path_factory: pytest.TempPathFactory, x: float, y: float, north: float, west: float
 ) -> None:
     ground = gridded(tmp_path_factory.mktemp("grid"), HEADER + "-10 -18 -11\n-20 -12 -24\n")
-    origin, along = (
-        np.array([x, y, -2.0]),
-        np.array([north, west, -1.0]) / math.hypot(north, west, 1.0),
-    )
+    origin = np.array([x, y, -2.0])
+    along = np.array([north, west, -1.0]) / math.hypot(north, west, 1.0)
     distance = floor.range_m(ground, tuple(origin), tuple(along))
     ends = origin + np.linspace(0.0, 1.0, 50)[:, None] * distance * along
     above = [end[2] - floor.height_and_slope(ground, end[0], end[1])[0] for end in ends]

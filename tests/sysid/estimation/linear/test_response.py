@@ -57,10 +57,8 @@ def test_slopes_match_differences_of_outputs(plane: Plane, away: list[float], st
     values = truth.values.copy()
     values[:count_of_numbers] *= 1.0 + np.array(away[:count_of_numbers])
     values[count_of_numbers] = 0.311
-    model, command = (
-        LinearModel(truth.frame, values),
-        SurfaceCommand(commands()[2].angle_rad, lead=30),
-    )
+    model = LinearModel(truth.frame, values)
+    command = SurfaceCommand(commands()[2].angle_rad, lead=30)
     discrete, count = response.discretise(model), PLANES[plane].n_outputs
     x0 = np.full(len(discrete.transition), start)
     slopes = response.slopes(model, discrete, response.duct_motion(model, command), x0, count)

@@ -22,10 +22,8 @@ TRIM = (math.radians(6.0), math.radians(1.0))
 
 def true_z(truth: config.VehicleConfig, prior: config.VehicleConfig) -> dict[str, float]:
     """Parameters of the truth in the coordinates of the estimate, where vehicle files hold them."""
-    true_column, prior_column = (
-        parameters.to_table_1_column(truth.linear)._asdict(),
-        parameters.to_table_1_column(prior.linear)._asdict(),
-    )
+    true_column = parameters.to_table_1_column(truth.linear)._asdict()
+    prior_column = parameters.to_table_1_column(prior.linear)._asdict()
     z = {}
     for parameter in PARAMETERS:
         name = parameter.name
@@ -63,10 +61,8 @@ def test_fit_design_numbers_within_three_sd(
 ) -> None:
     vehicle = parameters.CandidateVehicle(field, build_model.build(field), {})
     for plane in PLANES:
-        true_signal, plane_model = (
-            linear_planes.small_signal(steady_state.linear_plane(vehicle, plane)),
-            model.planes[plane],
-        )
+        true_signal = linear_planes.small_signal(steady_state.linear_plane(vehicle, plane))
+        plane_model = model.planes[plane]
         for name in ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s"):
             estimate = getattr(plane_model, name)
             assert abs(estimate.value - getattr(true_signal, name)) < 3 * estimate.sd, (plane, name)
