@@ -11,7 +11,6 @@ section 7.5).
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -106,7 +105,6 @@ class Readiness:
         self._vehicle, self._levels = vehicle, noise_levels(vehicle, moments)
         self._config = params.config({**gains, **samples.trims_deg(vehicle)})
         self._gains, self._seed = gains, seed
-        self._travel_rad = math.radians(prior.tailcone.travel_deg)
         self._fly = lru_cache(KEPT_DIVES)(self._simulate)
 
     def fly(self, items: Items, disturbance: float = 1.0) -> SimulatedDive:
@@ -250,13 +248,12 @@ class Readiness:
         list of SimulatedTest
             One outcome per test that was begun, in the order of time.
         """
-        runs = [replace(r, travel_rad=self._travel_rad) for r in segments.cut_runs(dive.log)]
         return [
             SimulatedTest(
                 too_large=_ended_early(item.run) or _has_reason(item, SATURATION),
                 unsettled=_has_reason(item, UNSTEADY),
             )
-            for item in screen(runs)
+            for item in screen(segments.cut_runs(dive.log))
         ]
 
     def describe_disturbance(self) -> str:

@@ -408,7 +408,7 @@ class _Dive:
         rows = np.concatenate(self._rows) if self._rows else self._sample()
         columns = dict(zip(COLUMNS, rows.T if len(rows) else self._sample().T, strict=True))
         return SimulatedDive(
-            log=_log(columns, self._messages),
+            log=_log(columns, self._messages, self._config.travel_rad),
             true_depth_m=columns["true_depth_m"],
             failsafe=state.failsafe,
             finished=state.mode != modes.MISSION.number and not state.failsafe,
@@ -422,8 +422,8 @@ def _with_bias_shift(vehicle: CandidateVehicle, shift_rad: float) -> CandidateVe
     return vehicle._replace(actuators={**vehicle.actuators, Plane.YAW: bent})
 
 
-def _log(columns: dict[str, Array], messages: Sequence[LogEvent]) -> Log:
-    """Return the columns as a log."""
+def _log(columns: dict[str, Array], messages: Sequence[LogEvent], travel_rad: float) -> Log:
+    """Return the columns as a log of a vehicle with surfaces of this travel, rad."""
     time_s = columns["time_s"]
     return Log(
         name="rehearsal",
@@ -442,6 +442,7 @@ def _log(columns: dict[str, Array], messages: Sequence[LogEvent]) -> Log:
             rudder_rad=columns["rudder_rad"],
             elevator_rad=columns["elevator_rad"],
             thrust=columns["thrust"],
+            travel_rad=travel_rad,
         ),
         depth=Depth(time_s, columns["depth_m"], columns["depth_rate_mps"]),
         setpoints=Setpoints(

@@ -71,6 +71,13 @@ def test_fly_rudder_bias_is_compensated_by_integrator(known: DesignPrior) -> Non
     assert rudder[1] - rudder[0] == pytest.approx(3.0, abs=0.3)
 
 
+@pytest.mark.parametrize("travel_deg", [12.0, 20.0])
+def test_fly_log_has_travel_of_autopilot(known: DesignPrior, travel_deg: float) -> None:
+    """Screening judges saturation by it."""
+    done = simulated(known, Sea(0.0), duration_s=1.0, ACT_TRAVEL_DEG=travel_deg)
+    assert math.degrees(done.log.actuators.travel_rad) == pytest.approx(travel_deg)
+
+
 def test_fly_failsafe_ends_dive_and_is_named(known: DesignPrior) -> None:
     result = simulated(known, Sea(0.0), FS_TIME_S=20.0)
     assert result.failsafe.startswith("armed")
