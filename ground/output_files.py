@@ -9,6 +9,9 @@ from typing import BinaryIO
 
 from mavlink_io.errors import InputError
 
+_NO_ROOM = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
+"""Errors of a write that name no file."""
+
 
 def check_output(option: str, path: Path, used: Iterable[Path | str | None] = ()) -> Path:
     """Check a file that a command writes at the end of its work.
@@ -76,7 +79,8 @@ def open_new(path: Path) -> Iterator[BinaryIO]:
     FileExistsError
         The file exists already.
     OSError
-        The file cannot be written; a full disk is reported with the name of the file.
+        The file cannot be written; a full disk, or a limit of the size that the file exceeds, is
+        reported with the name of the file.
     """
     file = path.open("xb")
     try:
@@ -84,7 +88,7 @@ def open_new(path: Path) -> Iterator[BinaryIO]:
             yield file
     except BaseException as error:
         path.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
             error.filename = str(path)  # a failed write names no file
         raise
 

@@ -20,6 +20,7 @@ from ground.campaign.retest import Retest
 from ground.campaign.summary_file import CampaignSummary, DesignSummary
 from ground.missions import script
 from mavlink_io.errors import InputError
+from mavlink_io.user_data_dir import write_output
 from sysid.monitor import performance_spec
 from sysid.refit import RefitRequest
 from sysid.validation.results import ModelAssessment, NextTest
@@ -135,7 +136,7 @@ def add_parameters(
         reasons={**summary.reasons, **reasons},
     )
     text = performance_spec.encode(folder.baseline, limited.gains, limited.reasons)
-    (out / "gains.param").write_text(text, encoding="utf-8")
+    write_output(out / "gains.param", text)
     folder.forget_logs(STAGES.values())
     return limited
 

@@ -17,6 +17,7 @@ from ground.client.flight import FlightResult
 from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.text_files import read_text
+from mavlink_io.user_data_dir import errors_named
 
 RECORDS_FILE = "dives.json"
 """File of the records in the folder of a campaign."""
@@ -104,8 +105,9 @@ class DiveRecords:
 def write_whole(path: Path, text: str) -> None:
     """Write a text file so that a kill leaves the old or the new content."""
     temporary = path.with_name(temporary_name(path.name))
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
+    with errors_named(path):
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
 
 
 def temporary_name(name: str) -> str:

@@ -19,6 +19,7 @@ from ground.cli.options import (
     to_json,
 )
 from mavlink_io.errors import InputError
+from mavlink_io.user_data_dir import write_output
 
 
 def bench_test(
@@ -85,7 +86,7 @@ def bench_test(
             out.rmdir()
         raise
     result = procedure.as_json(measured)
-    (out / "bench.json").write_text(to_json(result), encoding="utf-8")
+    write_output(out / "bench.json", to_json(result))
 
     from ground.report import bode
 

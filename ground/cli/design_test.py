@@ -10,6 +10,7 @@ import typer
 from ground.cli.options import Json, Seed, print_result, refuse_empty, refuse_given, refuse_nan
 from ground.output_files import new_file
 from mavlink_io.errors import InputError
+from mavlink_io.user_data_dir import write_output
 
 if TYPE_CHECKING:
     from sysid.test_design.safety_margins import ExcursionLimits
@@ -156,10 +157,10 @@ def design_test(
     dive = TestDive(depth, 100.0 * design_prior.config.operating_point.thrust_fraction)
     about = f"Tests designed on {design_prior.name} for a test time of {duration:g} min"
     parameters = files.envelope(plan, limits, dive) | session.trims(design_prior) | vehicle_gains
-    paths.tests.write_text(files.mission(plan.tests, dive, out.stem, about), encoding="utf-8")
+    write_output(paths.tests, files.mission(plan.tests, dive, out.stem, about))
     held_out = files.mission(plan.held_out, dive, paths.held_out.stem, f"{about}: not to be fitted")
-    paths.held_out.write_text(held_out, encoding="utf-8")
-    paths.envelope.write_text(files.parameter_file(parameters, out), encoding="utf-8")
+    write_output(paths.held_out, held_out)
+    write_output(paths.envelope, files.parameter_file(parameters, out))
     written = {name: str(path) for name, path in paths._asdict().items()}
     notes = [
         f"{plan.test_time_s / 60.0:.1f} min of test time in two dives",

@@ -19,6 +19,7 @@ from ground.cli.options import (
 from ground.log_tools.formats import ExportFormat, Viewer
 from ground.output_files import new_file
 from mavlink_io.printable import printable
+from mavlink_io.user_data_dir import write_output
 
 if TYPE_CHECKING:
     from ground.client.log_download import Download
@@ -210,7 +211,7 @@ def layout(
     from ground.log_tools import layouts
 
     target = new_file(out or Path(viewer.file_name))
-    target.write_text(layouts.read(viewer), encoding="utf-8")
+    write_output(target, layouts.read(viewer))
     print_result({"file": str(target)}, str(target), json)
 
 

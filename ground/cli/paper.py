@@ -10,6 +10,7 @@ import typer
 from ground.cli.options import Jobs, Json, Seed, print_result, refuse_given, to_json
 from ground.errors import UnsuccessfulError
 from mavlink_io.errors import InputError
+from mavlink_io.user_data_dir import write_output
 
 
 def paper(
@@ -70,7 +71,7 @@ def paper(
         from ground.report import poles
 
         out.mkdir(parents=True, exist_ok=True)
-        (out / "paper.json").write_text(to_json(content), encoding="utf-8")
+        write_output(out / "paper.json", to_json(content))
         poles.draw(result.poles, out)
         page.write(result, curves, out / "paper.html")
     print_result(content, reproduction.format_text(result), json)

@@ -9,6 +9,7 @@ from ground.paper import reproduction
 from ground.paper.reproduction import ITEMS, Reproduction
 from ground.report import charts, page, tables
 from ground.report.figures import Figure
+from mavlink_io.user_data_dir import write_output
 from sysid.reproduction.comparison import PublishedComparison, Verdict
 
 TITLE = "Caribou: the paper, rebuilt"
@@ -53,7 +54,7 @@ def write(result: Reproduction, drawn: Sequence[Figure], target: Path) -> Path:
     }
     shown = {figure.key: charts.figure_chart(figure) for figure in drawn}
     template = files("ground.paper") / "page.html"
-    target.write_text(page.render(parts, shown, template), encoding="utf-8")
+    write_output(target, page.render(parts, shown, template))
     return target
 
 

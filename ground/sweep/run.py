@@ -11,6 +11,7 @@ from typing import Any
 
 from mavlink_io.errors import InputError
 from mavlink_io.text_files import parse_json, read_text
+from mavlink_io.user_data_dir import errors_named
 from sysid.sweep import dives, parts
 from sysid.sweep.dives import COLUMNS, Part
 from sysid.sweep.points import ParameterRange
@@ -165,8 +166,9 @@ def _prepare(folder: Path, description: dict[str, Any]) -> None:
 def _write(folder: Path, description: dict[str, Any]) -> None:
     """Write the description of a sweep in one step."""
     unfinished = folder / _UNFINISHED
-    unfinished.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
-    unfinished.replace(folder / DESCRIPTION)
+    with errors_named(folder / DESCRIPTION):
+        unfinished.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
+        unfinished.replace(folder / DESCRIPTION)
 
 
 def read_description(folder: Path) -> dict[str, Any]:

@@ -6,6 +6,8 @@ The initial geometry follows from length and diameter, with the usual proportion
 from __future__ import annotations
 
 import json
+import os
+import shlex
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -13,6 +15,7 @@ import typer
 
 from mavlink_io.errors import CaribouError, exit_with_error
 from mavlink_io.printable import printable, printable_lines
+from mavlink_io.user_data_dir import write_output
 from sitl import vehicle_check
 from sitl.vehicle import check as checks
 from sitl.vehicle import config
@@ -78,13 +81,14 @@ def new(
     )
     text = write(described)
     config.parse(text, str(out))
+    if os.path.lexists(out):
+        raise VehicleFileError(f"{out}: exists; give a new name")
     try:
-        with out.open("x", encoding="utf-8") as file:
-            file.write(text)
+        write_output(out, text)
     except OSError as error:
-        reason = "exists; give a new name" if isinstance(error, FileExistsError) else error.strerror
-        raise VehicleFileError(f"{out}: {reason}") from None
-    message = f"{out}: {len(described.steps)} numbers derived; next: ground vehicle check {out}"
+        raise VehicleFileError(f"{out}: {error.strerror}") from None
+    check = shlex.join(["ground", "vehicle", "check", str(out)])
+    message = f"{out}: {len(described.steps)} numbers derived; next: {check}"
     print(printable(message))
 
 

@@ -2,7 +2,11 @@
 
 import errno
 import os
+import resource
+import subprocess
+import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,8 +16,10 @@ from ground.campaign.campaign_folder import CAMPAIGN_FILE
 from ground.cli.main import app
 from ground.output_files import check_output, open_new
 from mavlink_io.errors import InputError
+from tests.helpers.docs_blocks import DOCS
 
 CONTENT = "the only copy"
+VEHICLE = str(DOCS / "my_vehicle.toml")
 
 
 def run_refused(*arguments: str | Path) -> str:
@@ -229,6 +235,28 @@ def test_full_disk_is_reported_with_the_file_which_is_removed(tmp_path: Path) ->
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert raised.value.filename == str(file)
     assert not file.exists()
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    "command",
+    [["log", "layout", "foxglove", "--out"], ["vehicle", "new", VEHICLE, "--out"]],
+    ids=["layout", "vehicle new"],
+)
+def test_file_without_room_is_named_and_not_left(command: list[str], tmp_path: Path) -> None:
+    """A limit of the size of files stands for a full disk."""
+    out = tmp_path / "out"
+    no_room = (0, resource.getrlimit(resource.RLIMIT_FSIZE)[1])
+    done = subprocess.run(
+        [sys.executable, "-m", "ground", *command, out],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=partial(resource.setrlimit, resource.RLIMIT_FSIZE, no_room),
+    )
+    assert done.returncode != 0
+    assert done.stderr == f"ground: {out}: File too large\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_existing_file_is_not_opened_as_new(tmp_path: Path) -> None:
