@@ -28,6 +28,7 @@ import numpy as np
 
 from mavlink_io.errors import ErrorCode, InputError, OperationError
 from mavlink_io.parent_watch import end_with_parent, start_fork_server
+from mavlink_io.text_files import open_regular
 from mavlink_io.user_data_dir import errors_named
 
 T = TypeVar("T")
@@ -252,7 +253,8 @@ class KeptResults(Generic[R]):
 def _read(path: Path) -> bytes:
     """Return the content of a file. Raises InputError."""
     try:
-        return path.read_bytes()
+        with open_regular(path) as file:
+            return file.read()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; give a file") from None
 

@@ -141,6 +141,14 @@ def test_other_file_is_refused_and_unchanged(tmp_path: Path) -> None:
     assert gains.read_text(encoding="utf-8") == "HDG_P,1.0\n"
 
 
+def test_pipe_is_no_file_to_keep_results_in(tmp_path: Path) -> None:
+    """It is not read: a pipe may wait for ever, and /dev/full has no end."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(InputError, match=r"pipe: is no regular file .*; give a file"):
+        map_trials(point, [1], Point, keep=pipe)
+
+
 def test_dead_process_is_replaced(tmp_path: Path, runs: Path) -> None:
     trial = partial(deadly, runs)
     found = map_trials(trial, range(6), list[float], jobs=2, keep=tmp_path / "kept")
