@@ -116,22 +116,23 @@ def export_csv(path: Path, out: Path) -> list[Path]:
     """
     tables = _message_tables(path)
     out.mkdir(parents=True, exist_ok=True)
-    written = [
-        _write_csv(out / _csv_name(name), dict(_flatten(columns)))
-        for name, columns in sorted(tables.items())
-    ]
-    log = _state_log(path)
-    if log is None:
-        return written
-    parameters: dict[str, list[Any]] = {
-        "name": list(log.parameters),
-        "value": list(log.parameters.values()),
-    }
-    return [
-        *written,
-        write_state(log, out / f"{STATE}.csv"),
-        _write_csv(out / f"{PARAMETERS}.csv", parameters),
-    ]
+    written = list[Path]()
+    try:
+        for name, columns in sorted(tables.items()):
+            written.append(_write_csv(out / _csv_name(name), dict(_flatten(columns))))
+        log = _state_log(path)
+        if log is not None:
+            parameters: dict[str, list[Any]] = {
+                "name": list(log.parameters),
+                "value": list(log.parameters.values()),
+            }
+            written.append(write_state(log, out / f"{STATE}.csv"))
+            written.append(_write_csv(out / f"{PARAMETERS}.csv", parameters))
+    except BaseException:  # the next attempt would refuse them as existing
+        for file in written:
+            file.unlink()
+        raise
+    return written
 
 
 def write_state(log: Log, target: Path) -> Path:

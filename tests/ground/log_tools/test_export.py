@@ -160,6 +160,16 @@ def test_tlog_export_holds_the_same_messages(log: Path, tmp_path: Path) -> None:
         export.export_tlog(target, tmp_path / "second.tlog")
 
 
+def test_csv_export_that_fails_leaves_only_what_was_there(log: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "csv"
+    folder.mkdir()
+    (folder / "parameters.csv").write_text("mine")  # written last
+    with pytest.raises(FileExistsError):
+        export.export_csv(log, folder)
+    assert [file.name for file in folder.iterdir()] == ["parameters.csv"]
+    assert (folder / "parameters.csv").read_text() == "mine"
+
+
 def test_tlog_export_on_a_full_disk_leaves_no_file(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
