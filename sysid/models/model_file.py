@@ -257,7 +257,7 @@ class Convergence(JsonRecord, frozen=True):
     start_costs: tuple[float, ...]
     """Final costs of the other starts."""
     agreed: bool
-    """True if all starts reached the same cost."""
+    """True if at least half of the other starts reached the same cost."""
     at_bounds: tuple[str, ...]
     """Names of the parameters at a bound."""
     failures: tuple[str, ...] = ()

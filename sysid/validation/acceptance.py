@@ -13,7 +13,11 @@ from typing import Literal
 import numpy as np
 
 from sysid.data.events import TestWave
-from sysid.estimation.map.convergence import MENDED_BY_TESTS
+from sysid.estimation.map.convergence import (
+    MAX_SHARE_ELSEWHERE,
+    MENDED_BY_TESTS,
+    ends_elsewhere,
+)
 from sysid.models.model_file import IdentifiedModel, PlaneModel
 from sysid.planes import PLANES, Plane
 from sysid.validation.results import (
@@ -34,8 +38,6 @@ GAIN_DB, PHASE_DEG = 1.0, 5.0
 """Largest error of gain (dB) and phase (deg) at crossover, one standard deviation."""
 THEIL, COHERENCE, MISMATCH = 0.25, 0.6, 100.0
 """Largest Theil coefficient, smallest coherence about crossover, largest mismatch cost."""
-START_COSTS_PERCENT = 1.0
-"""Largest cost difference of the searches from other starts, in percent."""
 WHITE_P = 0.01
 """Smallest p value of the whiteness test of held-out innovations."""
 MAX_EXCESS_OVER_FLOOR = 0.2
@@ -243,17 +245,15 @@ def _check(
 def _of_fit(model: IdentifiedModel) -> Iterator[AcceptanceCheck]:
     """Criteria of the fit as a whole."""
     convergence = model.convergence
-    cost_differences = (
-        [abs(cost / convergence.cost - 1.0) for cost in convergence.start_costs]
-        if convergence.cost > 0.0
-        else []
-    )
+    start_costs = convergence.start_costs
     yield _check(
-        "costs of other starts apart by",
+        "other starts that end elsewhere",
         None,
-        100.0 * max(cost_differences) if cost_differences else None,
+        100.0 * ends_elsewhere(convergence.cost, start_costs) / len(start_costs)
+        if start_costs
+        else None,
         "at most",
-        START_COSTS_PERCENT,
+        100.0 * MAX_SHARE_ELSEWHERE,
         "%",
     )
     yield _check("values at a bound", None, float(len(convergence.at_bounds)), "at most", 0.0)

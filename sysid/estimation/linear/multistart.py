@@ -11,7 +11,11 @@ from mavlink_io.errors import ErrorCode, OperationError
 from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.objective import Objective
 from sysid.estimation.linear.records import LinearPrior
-from sysid.estimation.map.convergence import START_COST_TOLERANCE
+from sysid.estimation.map.convergence import (
+    START_COST_TOLERANCE,
+    describe_other_ends,
+    is_unique,
+)
 
 Array = NDArray[np.float64]
 
@@ -160,13 +164,9 @@ def uniqueness_failures(
             failures.append(
                 f"{plane}: {name} = {value:.4g} is at its bound, {low:.4g} to {high:.4g}"
             )
-    worst_cost = max(costs, default=best.cost)
-    if worst_cost > best.cost * (1.0 + START_COST_TOLERANCE):
-        other_minima = sum(cost > best.cost * (1.0 + START_COST_TOLERANCE) for cost in costs)
+    if not is_unique(best.cost, costs):
         failures.append(
-            f"{plane}: {other_minima} of {len(costs)} starts ended up to"
-            f" {worst_cost / best.cost - 1.0:.0%} above the least cost;"
-            " the tests allow more than one model"
+            f"{plane}: {describe_other_ends(best.cost, costs)}: the tests allow more than one model"
         )
     return tuple(failures)
 

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from sitl.vehicle import config
 from sysid.data.runs import Run
-from sysid.estimation.map import datasets, fit, steady_state
+from sysid.estimation.map import convergence, datasets, fit, steady_state
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import START_COST_TOLERANCE, failures
 from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
@@ -300,7 +300,8 @@ def test_duct_along_cut_run_keeps_its_history(campaign: list[Run]) -> None:
     ("starts", "bounds", "sd_ratio", "expected"),
     [
         ((100.0, 100.5), (), 0.5, ""),
-        ((100.0, 103.0), (), 0.5, "1 of 2 other starts end elsewhere"),
+        ((100.0, 103.0), (), 0.5, ""),
+        ((100.0, 103.0, 102.0), (), 0.5, "2 of 3 other starts end elsewhere"),
         ((100.0,), ("N_v",), 0.5, "N_v at a bound"),
         ((100.0,), ("N_v",), 0.5, "the prior is wrong: give the vehicle's own file (--prior, or"),
         ((100.0,), ("rate_limit",), 0.5, "wrong: measure the tailcone with `ground bench-test`"),
@@ -314,6 +315,15 @@ def test_failures_name_the_reason(
     reasons = failures(100.0, starts, bounds, {Plane.YAW: (np.eye(5), after)})
     assert len(reasons) == bool(expected)
     assert expected in "".join(reasons)
+
+
+@pytest.mark.parametrize(("elsewhere", "unique"), [(0, True), (4, True), (5, False), (8, False)])
+def test_minimum_that_half_of_the_starts_find_is_unique(elsewhere: int, unique: bool) -> None:
+    costs = [100.5] * (8 - elsewhere) + [103.0] * elsewhere
+    assert convergence.is_unique(100.0, costs) is unique
+    assert convergence.describe_other_ends(100.0, costs).startswith(
+        f"{elsewhere} of 8 other starts end elsewhere, their costs up to"
+    )
 
 
 def test_failures_name_the_edge_of_possible_vehicles() -> None:

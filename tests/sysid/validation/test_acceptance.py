@@ -107,7 +107,7 @@ def without_runs(kind: bool) -> ModelChange:
 
 
 CHANGES: dict[str, ModelChange] = {
-    "costs of other starts": lambda m: replace(
+    "other starts that end elsewhere": lambda m: replace(
         m, convergence=replace(m.convergence, start_costs=(m.convergence.cost * 1.02,))
     ),
     "values at a bound": lambda m: replace(
@@ -294,10 +294,10 @@ def test_assess_failure_that_tests_mend_is_the_reason_of_the_test(
     assert assessment.obstacle == ""
     assert assessment.next_test is not None
     assert assessment.next_test.reason == ADMIT_TWO
-    dispersed = CHANGES["costs of other starts"](good_model)
+    dispersed = CHANGES["other starts that end elsewhere"](good_model)
     next_test = assess(dispersed, dispersed.validation).next_test
     assert next_test is not None
-    assert next_test.reason == "costs of other starts apart by 2 %, at most 1 %"
+    assert next_test.reason == "other starts that end elsewhere 100 %, at most 50 %"
 
 
 def test_assess_next_test_addresses_worst_criterion(good_model: IdentifiedModel) -> None:

@@ -89,7 +89,7 @@ def test_estimate_disagreeing_starts_are_a_failure(monkeypatch: pytest.MonkeyPat
         return result
 
     (failure,) = estimate.estimate(runs, wide_prior(Plane.YAW), "output-error", others=3).failures
-    assert re.match(r"yaw: 3 of 3 starts ended up to .* above the least cost", failure)
+    assert re.match(r"yaw: 3 of 3 other starts end elsewhere, their costs up to .* away", failure)
 
 
 def test_estimate_without_runs_is_rejected() -> None:
