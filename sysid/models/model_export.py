@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.estimation.map import bounds, convergence, steady_state
-from sysid.estimation.map.convergence import DESIGN_NUMBERS, failures
+from sysid.estimation.map import bounds, steady_state
+from sysid.estimation.map.convergence import DESIGN_NUMBERS, SearchCosts, failures
 from sysid.estimation.map.fit import Fit
 from sysid.estimation.map.problem import Prior
 from sysid.models import delta_method, linear_planes, noise, parameters, prediction
@@ -94,7 +94,7 @@ def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         convergence=Convergence(
             cost=fit.cost,
             start_costs=fit.start_costs,
-            agreed=convergence.is_unique(fit.cost, fit.start_costs),
+            agreed=SearchCosts(fit.cost, fit.start_costs).is_unique,
             at_bounds=fit.at_bounds,
             failures=failures(
                 fit.cost, fit.start_costs, fit.at_bounds, design_covariances, fit.at_edge
@@ -347,12 +347,10 @@ def _notes(fit: Fit, prior: Prior, measured: set[Plane]) -> tuple[str, ...]:
     ]
     if fit.at_bounds:
         notes.append(f"at a bound of four prior standard deviations: {', '.join(fit.at_bounds)}")
-    if fit.start_costs and convergence.ends_elsewhere(fit.cost, fit.start_costs):
-        notes.append(
-            f"{convergence.describe_other_ends(fit.cost, fit.start_costs)}: minima that the data"
-            " reject"
-        )
-    notes += bounds.notes(fit.z, prior.config.tailcone.lag_relative_sd)
+    costs = SearchCosts(fit.cost, fit.start_costs)
+    if costs.elsewhere and costs.is_unique:
+        notes.append(f"{costs.description}: minima that the data reject")
+    notes += bounds.reached(fit.z, prior.config.tailcone.lag_relative_sd).notes
     if fit.run_scatter.value > 0.0:
         notes.append(
             f"the tests disagree by {fit.run_scatter.value:.2g} prior standard deviations beyond"

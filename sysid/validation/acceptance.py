@@ -13,11 +13,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.data.events import TestWave
-from sysid.estimation.map.convergence import (
-    MAX_SHARE_ELSEWHERE,
-    MENDED_BY_TESTS,
-    ends_elsewhere,
-)
+from sysid.estimation.map.convergence import MAX_SHARE_ELSEWHERE, MENDED_BY_TESTS, SearchCosts
 from sysid.models.model_file import IdentifiedModel, PlaneModel
 from sysid.planes import PLANES, Plane
 from sysid.validation.results import (
@@ -245,13 +241,11 @@ def _check(
 def _of_fit(model: IdentifiedModel) -> Iterator[AcceptanceCheck]:
     """Criteria of the fit as a whole."""
     convergence = model.convergence
-    start_costs = convergence.start_costs
+    costs = SearchCosts(convergence.cost, convergence.start_costs)
     yield _check(
         "other starts that end elsewhere",
         None,
-        100.0 * ends_elsewhere(convergence.cost, start_costs) / len(start_costs)
-        if start_costs
-        else None,
+        100.0 * costs.elsewhere / len(costs.others) if costs.others else None,
         "at most",
         100.0 * MAX_SHARE_ELSEWHERE,
         "%",

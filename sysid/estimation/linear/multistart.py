@@ -11,11 +11,7 @@ from mavlink_io.errors import ErrorCode, OperationError
 from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.objective import Objective
 from sysid.estimation.linear.records import LinearPrior
-from sysid.estimation.map.convergence import (
-    START_COST_TOLERANCE,
-    describe_other_ends,
-    is_unique,
-)
+from sysid.estimation.map.convergence import START_COST_TOLERANCE, SearchCosts
 
 Array = NDArray[np.float64]
 
@@ -164,10 +160,9 @@ def uniqueness_failures(
             failures.append(
                 f"{plane}: {name} = {value:.4g} is at its bound, {low:.4g} to {high:.4g}"
             )
-    if not is_unique(best.cost, costs):
-        failures.append(
-            f"{plane}: {describe_other_ends(best.cost, costs)}: the tests allow more than one model"
-        )
+    ends = SearchCosts(best.cost, costs)
+    if not ends.is_unique:
+        failures.append(f"{plane}: {ends.description}: the tests allow more than one model")
     return tuple(failures)
 
 

@@ -5,7 +5,7 @@ is wrong, or that the parameter makes up for an error of the model's structure.
 """
 
 import math
-from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,8 +63,17 @@ _NOTES = {
 """Parameters whose bound does not decide whether a fit has failed, and the note about each."""
 
 
-def decisive(z: Array, lag_relative_sd: float) -> tuple[str, ...]:
-    """Return the names of the parameters at a bound that make a fit fail.
+class ReachedBounds(NamedTuple):
+    """Parameters at a bound of the search."""
+
+    decisive: tuple[str, ...]
+    """Names of those that make a fit fail, in the order of ``NAMES``."""
+    notes: tuple[str, ...]
+    """Names and meaning of the others, one sentence for each group."""
+
+
+def reached(z: Array, lag_relative_sd: float) -> ReachedBounds:
+    """Return the parameters at a bound of the search.
 
     Parameters
     ----------
@@ -75,39 +84,23 @@ def decisive(z: Array, lag_relative_sd: float) -> tuple[str, ...]:
 
     Returns
     -------
-    tuple of str
-        Names in the order of ``NAMES``.
+    ReachedBounds
+        Without those whose bound stands for a value of zero.
     """
-    return tuple(
+    at_bound = [
         name
-        for name in _reached(z)
-        if not _is_noted(name, z, lag_relative_sd) and not _is_zero(name, z)
+        for name, value in zip(NAMES, z, strict=True)
+        if abs(value) > 0.99 * Z_LIMIT and not _is_zero(name, z)
+    ]
+    noted = [name for name in at_bound if _is_noted(name, z, lag_relative_sd)]
+    return ReachedBounds(
+        decisive=tuple(name for name in at_bound if name not in noted),
+        notes=tuple(
+            f"{', '.join(names)} at a bound of four prior standard deviations: {meaning}"
+            for group, meaning in _NOTES.items()
+            if (names := [name for name in noted if name in group])
+        ),
     )
-
-
-def notes(z: Array, lag_relative_sd: float) -> Iterator[str]:
-    """Yield a sentence for each group of parameters at a bound that is no failure.
-
-    Parameters
-    ----------
-    z : ndarray, shape (n,)
-        Estimate, in prior standard deviations from the prior and in the order of ``NAMES``.
-    lag_relative_sd : float
-        Relative standard deviation of the lag in the prior's file.
-
-    Yields
-    ------
-    str
-        Names, and what their bound means.
-    """
-    for group, meaning in _NOTES.items():
-        if names := [n for n in _reached(z) if n in group and _is_noted(n, z, lag_relative_sd)]:
-            yield f"{', '.join(names)} at a bound of four prior standard deviations: {meaning}"
-
-
-def _reached(z: Array) -> list[str]:
-    """Return the names of all parameters at a bound of the search."""
-    return [name for name, value in zip(NAMES, z, strict=True) if abs(value) > 0.99 * Z_LIMIT]
 
 
 def _is_zero(name: str, z: Array) -> bool:

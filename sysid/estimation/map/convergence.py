@@ -1,6 +1,7 @@
 """Criteria by which a fit has failed; the numbers of a failed fit must not be used."""
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,34 @@ MENDED_BY_TESTS = (MORE_THAN_ONE, PRIOR_UNCERTAINTY)
 logs."""
 DESIGN_NUMBERS = ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s", "delay_s")
 """Numbers of a plane that control design uses, by their names in ``model.json``."""
+
+
+class SearchCosts(NamedTuple):
+    """Costs at which the searches of a fit ended."""
+
+    cost: float
+    """Cost of the fit."""
+    others: Sequence[float]
+    """Costs of the searches from other starts."""
+
+    @property
+    def elsewhere(self) -> int:
+        """Number of other searches whose cost differs by more than ``START_COST_TOLERANCE``."""
+        return sum(abs(c - self.cost) > START_COST_TOLERANCE * self.cost for c in self.others)
+
+    @property
+    def is_unique(self) -> bool:
+        """Whether at most ``MAX_SHARE_ELSEWHERE`` of the other searches ended elsewhere."""
+        return self.elsewhere <= MAX_SHARE_ELSEWHERE * len(self.others)
+
+    @property
+    def description(self) -> str:
+        """Number of searches that ended elsewhere, and the largest difference, as text."""
+        largest = max(abs(c / self.cost - 1.0) for c in self.others)
+        return (
+            f"{self.elsewhere} of {len(self.others)} other starts end elsewhere, their costs up to"
+            f" {largest:.1%} away"
+        )
 
 
 def failures(
@@ -57,8 +86,9 @@ def failures(
         One sentence for each failure.
     """
     reasons = []
-    if not is_unique(cost, start_costs):
-        reasons.append(f"{describe_other_ends(cost, start_costs)}: {MORE_THAN_ONE}")
+    costs = SearchCosts(cost, start_costs)
+    if not costs.is_unique:
+        reasons.append(f"{costs.description}: {MORE_THAN_ONE}")
     if at_edge:
         reasons.append(
             f"the fit ended at the edge of the possible vehicles ({', '.join(at_edge)}); the logs"
@@ -75,64 +105,6 @@ def failures(
         if (reason := _uninformed_numbers(plane, prior_covariance, posterior_covariance))
     ]
     return tuple(reasons)
-
-
-def ends_elsewhere(cost: float, start_costs: Sequence[float]) -> int:
-    """Return how many searches from other starts ended at another cost than the fit.
-
-    Parameters
-    ----------
-    cost : float
-        Cost of the fit.
-    start_costs : sequence of float
-        Costs at which the searches from other starts ended.
-
-    Returns
-    -------
-    int
-        Number of costs that differ by more than ``START_COST_TOLERANCE``.
-    """
-    return sum(abs(start_cost - cost) > START_COST_TOLERANCE * cost for start_cost in start_costs)
-
-
-def is_unique(cost: float, start_costs: Sequence[float]) -> bool:
-    """Return whether enough of the searches from other starts ended at the cost of the fit.
-
-    Parameters
-    ----------
-    cost : float
-        Cost of the fit.
-    start_costs : sequence of float
-        Costs at which the searches from other starts ended.
-
-    Returns
-    -------
-    bool
-        Whether at most ``MAX_SHARE_ELSEWHERE`` of them ended elsewhere.
-    """
-    return ends_elsewhere(cost, start_costs) <= MAX_SHARE_ELSEWHERE * len(start_costs)
-
-
-def describe_other_ends(cost: float, start_costs: Sequence[float]) -> str:
-    """Return how many searches ended elsewhere, and the largest difference of their costs.
-
-    Parameters
-    ----------
-    cost : float
-        Cost of the fit.
-    start_costs : sequence of float
-        Costs at which the searches from other starts ended; at least one.
-
-    Returns
-    -------
-    str
-        Text without a full stop.
-    """
-    largest = max(abs(start_cost / cost - 1.0) for start_cost in start_costs)
-    return (
-        f"{ends_elsewhere(cost, start_costs)} of {len(start_costs)} other starts end elsewhere,"
-        f" their costs up to {largest:.1%} away"
-    )
 
 
 def _remedy(at_bounds: Sequence[str]) -> str:

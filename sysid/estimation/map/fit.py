@@ -96,7 +96,7 @@ class Fit(NamedTuple):
     start_costs: tuple[float, ...]
     """Costs at which the searches from other starts ended."""
     at_bounds: tuple[str, ...]
-    """Names of the parameters at a bound, see `bounds.decisive`."""
+    """Names of the parameters at a bound, see `bounds.ReachedBounds`."""
     evaluations: int
     """Steps of all searches."""
     at_edge: tuple[str, ...] = ()
@@ -194,7 +194,7 @@ def fit(
         datasets=datasets,
         cost=optimum.score.cost,
         start_costs=tuple(optimum.score.cost * ratio for ratio in start_cost_ratios),
-        at_bounds=bounds.decisive(optimum.z, prior.config.tailcone.lag_relative_sd),
+        at_bounds=bounds.reached(optimum.z, prior.config.tailcone.lag_relative_sd).decisive,
         evaluations=steps + optimum.steps + restart_steps,
         at_edge=problems.at_edge(prior, optimum.z),
         run_scatter=run_scatter,

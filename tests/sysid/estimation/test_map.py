@@ -10,9 +10,9 @@ from scipy.optimize import brentq
 
 from sitl.vehicle import config
 from sysid.data.runs import Run
-from sysid.estimation.map import convergence, datasets, fit, steady_state
+from sysid.estimation.map import datasets, fit, steady_state
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.convergence import START_COST_TOLERANCE, failures
+from sysid.estimation.map.convergence import START_COST_TOLERANCE, SearchCosts, failures
 from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
 from sysid.estimation.map.gauss_newton import MAX_STEPS, Z_LIMIT, SearchEnd, descend
 from sysid.estimation.map.problem import MapProblem
@@ -320,8 +320,9 @@ def test_failures_name_the_reason(
 @pytest.mark.parametrize(("elsewhere", "unique"), [(0, True), (4, True), (5, False), (8, False)])
 def test_minimum_that_half_of_the_starts_find_is_unique(elsewhere: int, unique: bool) -> None:
     costs = [100.5] * (8 - elsewhere) + [103.0] * elsewhere
-    assert convergence.is_unique(100.0, costs) is unique
-    assert convergence.describe_other_ends(100.0, costs).startswith(
+    ends = SearchCosts(100.0, costs)
+    assert ends.is_unique is unique
+    assert ends.description.startswith(
         f"{elsewhere} of 8 other starts end elsewhere, their costs up to"
     )
 
@@ -337,6 +338,22 @@ def test_failures_number_without_variance_is_ignored() -> None:
     before, after = np.diag([1.0, 1.0, 1.0, 1.0, 0.0]), np.diag([0.25, 0.25, 0.25, 0.25, 0.0])
     with np.errstate(all="raise"):
         assert failures(100.0, (100.0,), (), {Plane.YAW: (before, after)}) == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("elsewhere", "noted"), [(0, False), (4, True), (5, False)])
+def test_other_ends_are_noted_where_the_minimum_is_unique(
+    campaign: list[Run], bench: config.VehicleConfig, elsewhere: int, noted: bool
+) -> None:
+    """A failed fit names them as its failure, and must not say that the data reject them."""
+    from sysid.models import model_export
+
+    prior = prior_of(campaign, bench)
+    found = fit.fit(campaign, prior, starts=0)
+    costs = tuple([found.cost] * (8 - elsewhere) + [1.02 * found.cost] * elsewhere)
+    model = model_export.from_fit(found._replace(start_costs=costs), prior, "own")
+    assert any("the data reject" in note for note in model.notes) is noted
+    assert any("other starts" in reason for reason in model.convergence.failures) is (elsewhere > 4)
 
 
 def test_fit_constant_command_is_reported_as_failure(

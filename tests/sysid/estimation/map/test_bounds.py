@@ -23,24 +23,24 @@ def test_backlash_of_none_is_a_result() -> None:
 
     A tailcone without backlash is at its lower bound, 0.004 deg.
     """
-    assert bounds.decisive(z_at(backlash=-1), BENCH_TEST_SD) == ()
-    assert not list(bounds.notes(z_at(backlash=-1), BENCH_TEST_SD))
-    assert bounds.decisive(z_at(Y_v=-1, backlash=1), BENCH_TEST_SD) == ("Y_v", "backlash")
+    assert bounds.reached(z_at(backlash=-1), BENCH_TEST_SD).decisive == ()
+    assert not bounds.reached(z_at(backlash=-1), BENCH_TEST_SD).notes
+    assert bounds.reached(z_at(Y_v=-1, backlash=1), BENCH_TEST_SD).decisive == ("Y_v", "backlash")
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("name", [*bounds.NONLINEAR, *bounds.ACROSS])
 def test_parameter_off_the_crossover_is_a_note(name: str, sign: int) -> None:
     z = z_at(N_v=1, **{name: sign})
-    assert bounds.decisive(z, BENCH_TEST_SD) == ("N_v",)
-    (note,) = bounds.notes(z, BENCH_TEST_SD)
+    assert bounds.reached(z, BENCH_TEST_SD).decisive == ("N_v",)
+    (note,) = bounds.reached(z, BENCH_TEST_SD).notes
     assert note.startswith(f"{name} at a bound")
 
 
 def test_servo_faster_than_assumed_is_a_note() -> None:
     z = z_at(natural_frequency=1)
-    assert bounds.decisive(z, ASSUMED_SD) == ()
-    (note,) = bounds.notes(z, ASSUMED_SD)
+    assert bounds.reached(z, ASSUMED_SD).decisive == ()
+    (note,) = bounds.reached(z, ASSUMED_SD).notes
     assert "faster than the file assumes" in note
 
 
@@ -48,20 +48,20 @@ def test_servo_faster_than_assumed_is_a_note() -> None:
 @pytest.mark.parametrize("name", bounds.DRIVE_RATIOS)
 def test_drives_of_assumed_lag_may_differ(name: str, sign: int) -> None:
     z = z_at(**{name: sign})
-    assert bounds.decisive(z, ASSUMED_SD) == ()
-    (note,) = bounds.notes(z, ASSUMED_SD)
+    assert bounds.reached(z, ASSUMED_SD).decisive == ()
+    (note,) = bounds.reached(z, ASSUMED_SD).notes
     assert "rudder and elevator differ" in note
-    assert bounds.decisive(z, BENCH_TEST_SD) == (name,)
+    assert bounds.reached(z, BENCH_TEST_SD).decisive == (name,)
 
 
 @pytest.mark.parametrize(("sign", "lag_sd"), [(-1, ASSUMED_SD), (1, BENCH_TEST_SD), (-1, 0.05)])
 def test_servo_slower_or_against_bench_test_fails(sign: int, lag_sd: float) -> None:
     z = z_at(natural_frequency=sign)
-    assert bounds.decisive(z, lag_sd) == ("natural_frequency",)
-    assert not list(bounds.notes(z, lag_sd))
+    assert bounds.reached(z, lag_sd).decisive == ("natural_frequency",)
+    assert not bounds.reached(z, lag_sd).notes
 
 
 def test_parameters_inside_their_bounds_are_not_mentioned() -> None:
     z = 0.9 * z_at(**dict.fromkeys(NAMES, 1))
-    assert bounds.decisive(z, ASSUMED_SD) == ()
-    assert not list(bounds.notes(z, ASSUMED_SD))
+    assert bounds.reached(z, ASSUMED_SD).decisive == ()
+    assert not bounds.reached(z, ASSUMED_SD).notes
