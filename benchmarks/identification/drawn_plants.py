@@ -59,11 +59,9 @@ def specification(
     hydrostatics = nominal.model.hydrostatics
     length_m, width_m = 2.0 * hydrostatics.half_length_m, 2.0 * hydrostatics.radius_m
     speed_mps = file.operating_point.speed_mps
-    pressure_pa = 0.5 * file.water.density_kgpm3 * speed_mps**2
+    half_density_kgpm3 = 0.5 * file.water.density_kgpm3
+    pressure_pa = half_density_kgpm3 * speed_mps**2
     yaw, pitch = (steady_state.linear_plane(nominal, plane) for plane in Plane)
-    small = {
-        plane: linear_planes.small_signal(p) for plane, p in zip(Plane, (yaw, pitch), strict=True)
-    }
     # Lever of the surface: moment over side force, in the units of the state matrix.
     lever_m = abs(yaw.B[1] * mass_matrix[5, 5] / (yaw.B[0] * mass_matrix[1, 1]))
     across_kg = mass_matrix[1, 1] * _factor(draws, 0.07)
@@ -78,14 +76,14 @@ def specification(
         j_kgm2=(float(mass_matrix[3, 3]), inertia_kgm2, inertia_kgm2 * _factor(draws, 0.03)),
         yaw=_rows(draws, yaw),
         pitch=_rows(draws, pitch),
-        b1_per_s2=small[Plane.YAW].b1_per_s2 * _factor(draws, EFFECT_SD),
+        b1_per_s2=linear_planes.small_signal(yaw).b1_per_s2 * _factor(draws, EFFECT_SD),
         x_tail_m=-min(lever_m * _factor(draws, 0.05), 0.5 * length_m),
-        restoring_per_s2=small[Plane.PITCH].restoring_per_s2 * _factor(draws, INERTIA_SD),
+        restoring_per_s2=linear_planes.small_signal(pitch).restoring_per_s2
+        * _factor(draws, INERTIA_SD),
         net_buoyancy_n=file.ballast.net_buoyancy_n * _factor(draws, INERTIA_SD),
         stall_rad=math.radians(draws.uniform(15.0, 22.0)),
         crossflow_kgpm=CROSSFLOW_COEFFICIENT
-        * 0.5
-        * file.water.density_kgpm3
+        * half_density_kgpm3
         * length_m
         * width_m
         * _factor(draws, 0.25),

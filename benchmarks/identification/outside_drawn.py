@@ -29,14 +29,12 @@ from sitl.vehicle import config
 from sysid import refit
 from sysid.models.model_file import IdentifiedModel
 from sysid.planes import Plane
-from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, TABLE_3_INITIAL
+from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2
 from sysid.test_design.vehicle_scale import vehicle_scale
 from tests.sysid.sea import Hold
 
 Array = NDArray[np.float64]
 
-HOLD_GAINS = ("HDG_P", "HDG_D", "HDG_I", "PTCH_P", "PTCH_D", "DPT_P", "DPT_I")
-"""Parameters of the autopilot in the order of ``Hold``."""
 LEVELS = 0.4, 1.5
 """Range of the size of the disturbance (log-uniform), relative to the other plants' sea."""
 MAX_HEADING_ERROR_RAD = 0.2
@@ -48,8 +46,6 @@ class Flown(NamedTuple):
 
     plant: Plant
     case: Case
-    first: dict[str, float]
-    """Gains of the first dives under the autopilot's names."""
     level: float
     """Size of the disturbance."""
 
@@ -68,11 +64,10 @@ def draw(kind: str, number: int, folder: Path) -> Flown:
     low, high = LEVELS
     level = low * (high / low) ** np.random.default_rng([number, 60_000]).random()
     designed = prototype.design(str(path)).parameters
-    hold = Hold(*(designed[name] for name in HOLD_GAINS))
+    hold = Hold(*(designed[name] for name in verdicts.HOLD_GAINS))
     return Flown(
         plant=catalogue.assemble(kind, spec),
         case=Case("drawn", str(path), file, file, hold),
-        first={**TABLE_3_INITIAL, **dict(zip(HOLD_GAINS, hold, strict=True))},
         level=level * min(1.0, spec.b1_per_s2 / CARIBOU_TURN_PER_S2),
     )
 
@@ -115,7 +110,8 @@ def trial(kind: str, number: int) -> list[float]:
     wrong, sds = outside.errors(model, flown.case, flown.plant)
     if model.assessment is None or not model.assessment.fit_for_redesign:
         return [*wrong.tolist(), *sds.tolist(), 0.0, math.nan]
-    gains = verdicts.redesigned(model, flown.case.prior, flown.first)
+    first = verdicts.first_gains(flown.case.hold)
+    gains = verdicts.redesigned(model, flown.case.prior, first)
     held = math.nan if gains is None else float(verdicts.holds(flown.plant, gains))
     return [*wrong.tolist(), *sds.tolist(), 1.0, held]
 

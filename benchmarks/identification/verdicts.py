@@ -27,10 +27,13 @@ from sysid.design.specification import RELAXED_LIMITS, DesignInfeasibleError, Sp
 from sysid.models.model_file import IdentifiedModel
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
+from tests.sysid.sea import Hold
 
 Array = NDArray[np.float64]
 
 GM_DB, PM_DEG = 6.0, 45.0
+HOLD_GAINS = ("HDG_P", "HDG_D", "HDG_I", "PTCH_P", "PTCH_D", "DPT_P", "DPT_I")
+"""Parameters of the autopilot in the order of ``Hold``."""
 KINDS = ("wrong prior", "slipping tail", "too little excitation", "rough sea")
 """Kinds of unsound campaigns."""
 GRIP, SMALL, ROUGH = 0.5, 0.1, 4.0
@@ -97,19 +100,9 @@ def redesigned(model: IdentifiedModel, prior: VehicleConfig, flown: Gains) -> Ga
     return None
 
 
-def first_gains(name: str) -> Gains:
+def first_gains(hold: Hold) -> Gains:
     """Return the gains of the first dives under the autopilot's names."""
-    hold = outside.case_of(name).hold
-    return {
-        **TABLE_3_INITIAL,
-        "HDG_P": hold.heading_p,
-        "HDG_D": hold.heading_d,
-        "HDG_I": hold.heading_i,
-        "PTCH_P": hold.pitch_p,
-        "PTCH_D": hold.pitch_d,
-        "DPT_P": hold.depth_p,
-        "DPT_I": hold.depth_i,
-    }
+    return {**TABLE_3_INITIAL, **dict(zip(HOLD_GAINS, hold, strict=True))}
 
 
 def verdict(name: str, seed: int, conditions: Conditions) -> list[float]:
@@ -123,7 +116,7 @@ def verdict(name: str, seed: int, conditions: Conditions) -> list[float]:
         return [0.0, np.nan]
     prior = outside.case_of(conditions.prior_of or name).prior
     passed = model.assessment is not None and model.assessment.fit_for_redesign
-    gains = redesigned(model, prior, first_gains(name)) if passed else None
+    gains = redesigned(model, prior, first_gains(outside.case_of(name).hold)) if passed else None
     if gains is None:
         return [0.0, np.nan]
     return [1.0, float(holds(catalogue.plant(name, seed), gains))]
