@@ -180,9 +180,9 @@ def coherence(run: Run, rate_radps: Array) -> tuple[float, int]:
 
 
 def significant(bins: int) -> float:
-    """Return what the largest of ``bins`` unrelated coherences exceeds with FALSE_ALARM.
+    """Return the limit that the largest of ``bins`` unrelated coherences exceeds by chance.
 
     With n independent segments, one frequency exceeds c with the probability (1 - c)^(n - 1)
-    (Carter 1987, equation 24).
+    (Carter 1987, equation 24); any of them exceeds the limit with the probability FALSE_ALARM.
     """
     return 1.0 - float((FALSE_ALARM / bins) ** (1.0 / (EQUIVALENT_SEGMENTS - 1.0)))
