@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sysid.estimation.map import bounds, steady_state
 from sysid.estimation.map.convergence import DESIGN_NUMBERS, SearchCosts, failures
 from sysid.estimation.map.fit import Fit
+from sysid.estimation.map.gauss_newton import Z_LIMIT
 from sysid.estimation.map.problem import Prior
 from sysid.models import delta_method, linear_planes, noise, parameters, prediction
 from sysid.models.linear_planes import SmallSignal
@@ -346,7 +347,9 @@ def _notes(fit: Fit, prior: Prior, measured: set[Plane]) -> tuple[str, ...]:
         for plane in unseen
     ]
     if fit.at_bounds:
-        notes.append(f"at a bound of four prior standard deviations: {', '.join(fit.at_bounds)}")
+        notes.append(
+            f"at a bound of {Z_LIMIT:g} prior standard deviations: {', '.join(fit.at_bounds)}"
+        )
     costs = SearchCosts(fit.cost, fit.start_costs)
     if costs.elsewhere and costs.is_unique:
         notes.append(f"{costs.description}: minima that the data reject")

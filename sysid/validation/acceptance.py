@@ -18,7 +18,6 @@ from sysid.models.model_file import IdentifiedModel, PlaneModel
 from sysid.planes import PLANES, Plane
 from sysid.validation.results import (
     AcceptanceCheck,
-    Correction,
     Excess,
     ModelAssessment,
     NextTest,
@@ -38,6 +37,8 @@ WHITE_P = 0.01
 """Smallest p value of the whiteness test of held-out innovations."""
 MAX_EXCESS_OVER_FLOOR = 0.2
 """Largest excess of the held-out mean squared error over the noise floor, over the floor."""
+AGREEMENT_SD = 1.96
+"""Largest difference of two estimates that agree, in its standard deviations (95 %)."""
 CONFIDENCE_SD = 1.645
 """Standard deviations added to a limit, so that a value at the limit passes with 95 %."""
 DECISIVE_NUMBER = "b1_per_s2"
@@ -389,7 +390,7 @@ def _held_out(
     random_share = CONFIDENCE_SD * (excess.excess_sd_deg2ps2 or 0.0) / excess.prior_mse_deg2ps2
     yield _check(RATIO_CHECK, plane, error_ratio, "at most", 1.0 + random_share)
     yield _check(THEIL_CHECK, plane, excess.theil.coefficient, "at most", THEIL)
-    yield from _by_held_out(plane, validation.correction)
+    yield from _by_held_out(plane, validation)
     excess_ratio, limit = None, MAX_EXCESS_OVER_FLOOR
     if excess.floor_deg2ps2 and excess.model_excess_deg2ps2 is not None:
         excess_ratio = excess.model_excess_deg2ps2 / excess.floor_deg2ps2
@@ -417,20 +418,60 @@ def _held_out(
         )
 
 
-def _by_held_out(plane: Plane, correction: Correction | None) -> Iterator[AcceptanceCheck]:
-    """Criteria of the correction of gain and phase at crossover by the held-out runs.
-
-    With a standard deviation of at most half the limit, a model with an error of twice the limit
-    passes in 2.5 % of cases.
-    """
-    gain, gain_sd = (abs(correction.gain_db), correction.gain_sd_db) if correction else (None, None)
-    phase, phase_sd = (
-        (abs(correction.phase_deg), correction.phase_sd_deg) if correction else (None, None)
+def _by_held_out(plane: Plane, validation: PlaneValidation) -> Iterator[AcceptanceCheck]:
+    """Criteria of the correction of gain and phase at crossover by the held-out runs."""
+    found, own, structure = validation.correction, validation.crossover, validation.model_error
+    gains = (
+        None if found is None else abs(found.gain_db),
+        None if found is None else found.gain_sd_db,
+        None if own is None else own.gain_sd_db,
+        None if structure is None else structure.gain_db,
     )
-    yield _check(f"{GAIN_CHECK}{OFF_BY}", plane, gain, "at most", GAIN_DB, "dB")
-    yield _check(f"{GAIN_CHECK}1 sd", plane, gain_sd, "at most", 0.5 * GAIN_DB, "dB")
-    yield _check(f"{PHASE_CHECK}{OFF_BY}", plane, phase, "at most", PHASE_DEG, "deg")
-    yield _check(f"{PHASE_CHECK}1 sd", plane, phase_sd, "at most", 0.5 * PHASE_DEG, "deg")
+    phases = (
+        None if found is None else abs(found.phase_deg),
+        None if found is None else found.phase_sd_deg,
+        None if own is None else own.phase_sd_deg,
+        None if structure is None else structure.phase_deg,
+    )
+    for name, limit, unit, (change, sd, own_sd, structure_sd) in (
+        (GAIN_CHECK, GAIN_DB, "dB", gains),
+        (PHASE_CHECK, PHASE_DEG, "deg", phases),
+    ):
+        largest = _max_change(limit, sd or 0.0, own_sd or 0.0, structure_sd or 0.0)
+        yield _check(f"{name}{OFF_BY}", plane, change, "at most", largest, unit)
+        yield _check(f"{name}1 sd", plane, sd, "at most", 0.5 * limit, unit)
+
+
+def _max_change(limit: float, sd: float, own_sd: float, structure_sd: float) -> float:
+    """Return the largest correction by held-out runs that leaves the model's error within a limit.
+
+    Parameters
+    ----------
+    limit : float
+        Largest error of the model.
+    sd : float
+        Standard deviation of the correction h by noise.
+    own_sd : float
+        Standard deviation s_m of the model's response, by its own intervals.
+    structure_sd : float
+        That by the error of the structure alone, which the fit of the held-out runs has as well.
+
+    Returns
+    -------
+    float
+        Largest magnitude of the correction, at least ``limit``.
+
+    Notes
+    -----
+    With s the standard deviation of the correction by noise and structure, the two estimates agree
+    while |h| < 1.96 sqrt(s^2 + s_m^2); the most likely error is then h s_m^2 / (s^2 + s_m^2).
+    Beyond, the model's intervals are wrong, and the error is h.
+    """
+    if not own_sd:
+        return limit
+    correction_sd = math.hypot(sd, structure_sd)
+    agreeing = AGREEMENT_SD * math.hypot(correction_sd, own_sd)
+    return max(limit, min(agreeing, limit * (1.0 + (correction_sd / own_sd) ** 2)))
 
 
 def _next_test(

@@ -1,7 +1,7 @@
 """Parameters at a bound of the search, and which of them are no failure of the fit.
 
-A bound lies four prior standard deviations from the prior. A parameter there means that the prior
-is wrong, or that the parameter makes up for an error of the model's structure.
+A bound lies `Z_LIMIT` prior standard deviations from the prior. A parameter there means that the
+prior is wrong, or that the parameter makes up for an error of the model's structure.
 """
 
 import math
@@ -18,8 +18,7 @@ Array = NDArray[np.float64]
 MAY_BE_ZERO = ("backlash",)
 """Ratios to the prior whose true value may be zero, which a ratio only reaches at its lower bound.
 
-At four prior standard deviations the assumed backlash of 0.2 deg is 0.004 deg, less than any test
-shows.
+At its lower bound the assumed backlash of 0.2 deg is 0.0013 deg, less than any test shows.
 """
 NONLINEAR = (
     "crossflow_cd",
@@ -96,7 +95,7 @@ def reached(z: Array, lag_relative_sd: float) -> ReachedBounds:
     return ReachedBounds(
         decisive=tuple(name for name in at_bound if name not in noted),
         notes=tuple(
-            f"{', '.join(names)} at a bound of four prior standard deviations: {meaning}"
+            f"{', '.join(names)} at a bound of {Z_LIMIT:g} prior standard deviations: {meaning}"
             for group, meaning in _NOTES.items()
             if (names := [name for name in noted if name in group])
         ),

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid.estimation.map.gauss_newton import Z_LIMIT
 from sysid.models.parameters import NAMES, PARAMETERS
 from sysid.planes import Plane
 
@@ -96,8 +97,8 @@ def failures(
         )
     if at_bounds:
         reasons.append(
-            f"{', '.join(at_bounds)} at a bound, four prior standard deviations away: the prior is"
-            f" wrong: {_remedy(at_bounds)}"
+            f"{', '.join(at_bounds)} at a bound, {Z_LIMIT:g} prior standard deviations away:"
+            f" the prior is wrong: {_remedy(at_bounds)}"
         )
     reasons += [
         reason

@@ -17,7 +17,7 @@ from sysid.models.model_file import (
     ScreenedRun,
 )
 from sysid.planes import PLANES, Plane
-from sysid.validation.acceptance import assess, format_check
+from sysid.validation.acceptance import OFF_BY, PHASE_CHECK, PHASE_DEG, assess, format_check
 from sysid.validation.assess import with_assessment
 from sysid.validation.results import (
     AcceptanceCheck,
@@ -164,6 +164,38 @@ def test_assess_each_criterion_can_fail(name: str, good_model: IdentifiedModel) 
     assert any(name in reason for reason in assessment.reasons)
 
 
+@pytest.mark.parametrize(
+    ("phase_deg", "own_sd_deg", "structure_deg", "passes"),
+    [
+        (5.5, 0.5, 0.4, False),  # the model claims an error of 0.5 deg, and the tests show more
+        (5.5, 2.2, 2.0, True),  # most likely error 2.7 deg
+        (8.0, 2.2, 2.0, False),  # beyond 1.96 standard deviations of the difference
+        (5.5, 2.2, 0.0, False),  # noise explains a difference of 4.7 deg
+        (9.0, 4.9, 4.8, True),  # most likely error 4.5 deg
+        (11.0, 4.9, 4.8, False),  # it agrees, but the most likely error is 5.5 deg
+    ],
+)
+def test_correction_is_judged_with_the_uncertainty_of_both_fits(
+    phase_deg: float,
+    own_sd_deg: float,
+    structure_deg: float,
+    passes: bool,
+    good_model: IdentifiedModel,
+) -> None:
+    changed = within_yaw("crossover", phase_sd_deg=own_sd_deg)(good_model)
+    changed = of_yaw(
+        correction=Correction(0.0, 0.2, -phase_deg, 1.0),
+        model_error=StructureError(b1_percent=1.0, gain_db=0.1, phase_deg=structure_deg),
+    )(changed)
+    (check,) = (
+        check
+        for check in assess(changed, changed.validation).checks
+        if (check.name, check.plane) == (f"{PHASE_CHECK}{OFF_BY}", Plane.YAW)
+    )
+    assert check.passed == passes
+    assert check.limit >= PHASE_DEG
+
+
 def test_assess_delay_without_variance_is_held_fixed(good_model: IdentifiedModel) -> None:
     """A delay at its limit of zero has no variance; the insensitivity of b1 holds it fixed.
 
@@ -271,7 +303,7 @@ def test_assess_next_test_is_not_for_whiteness(good_model: IdentifiedModel) -> N
     assert "whiteness" not in next_test.reason
 
 
-PRIOR_IS_WRONG = "N_v at a bound, four prior standard deviations away: the prior is wrong"
+PRIOR_IS_WRONG = "N_v at a bound, 5 prior standard deviations away: the prior is wrong"
 ADMIT_TWO = "1 of 2 other starts end elsewhere: the tests admit more than one vehicle"
 
 

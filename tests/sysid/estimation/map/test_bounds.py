@@ -21,7 +21,7 @@ def z_at(**values: float) -> np.ndarray:
 def test_backlash_of_none_is_a_result() -> None:
     """Backlash is a ratio to the prior.
 
-    A tailcone without backlash is at its lower bound, 0.004 deg.
+    A tailcone without backlash is at its lower bound, 0.0013 deg.
     """
     assert bounds.reached(z_at(backlash=-1), BENCH_TEST_SD).decisive == ()
     assert not bounds.reached(z_at(backlash=-1), BENCH_TEST_SD).notes
