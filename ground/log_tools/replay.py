@@ -11,7 +11,7 @@ from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MissionItem
 from sysid.data import readers
 from sysid.monte_carlo import replay
-from sysid.monte_carlo.replay import Deviation, Replayed
+from sysid.monte_carlo.replay import Deviation, DivePlan, Replayed
 from sysid.test_design.prior import DesignPrior
 
 MISSION = "mission.plan"
@@ -53,27 +53,29 @@ def replay_log(request: ReplayRequest, prior: DesignPrior) -> Replayed:
     InputError
         The log, the mission or a parameter cannot be used.
     """
-    items = _items(request)
+    plan = _plan(request)
     log = readers.read(request.log)
     controllers = replay.load_controllers(request.controller, request.new_controller)
-    return replay.replay(log, prior.vehicle(prior.mean), items, request.parameters, controllers)
+    return replay.replay(log, prior.vehicle(prior.mean), plan, request.parameters, controllers)
 
 
-def _items(request: ReplayRequest) -> tuple[MissionItem, ...]:
-    """Return the mission of the dive; a given one must be that in the log, if it has one."""
+def _plan(request: ReplayRequest) -> DivePlan:
+    """Return the plan of the dive; a given mission must be that in the log, if it has one."""
     path = request.log
-    plan = mcap.attachment(path, MISSION) if readers.format_of(path) == "mcap" else None
-    if plan is None and request.mission is None:
+    stored = mcap.attachment(path, MISSION) if readers.format_of(path) == "mcap" else None
+    if stored is None and request.mission is None:
         raise InputError(f"{path}: holds no mission; give that of the dive with --mission")
-    if plan is None:
-        return plans.load_items(request.mission or "")
-    recorded = plans.read_plan(plan.decode("utf-8", "replace"), f"{path}: {MISSION}")
+    if stored is None:
+        given = plans.load(request.mission or "")
+        return DivePlan(given.items, given.fence, given.rally)
+    text, where = stored.decode("utf-8", "replace"), f"{path}: {MISSION}"
+    recorded = plans.read_plan(text, where)
     if request.mission and not _is_same(plans.load_items(request.mission), recorded):
         raise InputError(
             f"--mission {request.mission}: {path} holds another mission; a replay flies that of the"
             " dive: leave out --mission, or use `ground simulate` for another one"
         )
-    return recorded
+    return DivePlan(recorded, plans.read_fence(text, where), plans.read_rally(text, where))
 
 
 def _is_same(one: Sequence[MissionItem], other: Sequence[MissionItem]) -> bool:

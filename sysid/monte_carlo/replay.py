@@ -65,6 +65,17 @@ class Deviation(NamedTuple):
     elevator_deg: float
 
 
+class DivePlan(NamedTuple):
+    """What the vehicle of a recorded dive flew."""
+
+    items: tuple[MissionItem, ...]
+    """Mission."""
+    fence: tuple[MissionItem, ...] = ()
+    """Geofence."""
+    rally: tuple[MissionItem, ...] = ()
+    """Rally points."""
+
+
 class Replayed(NamedTuple):
     """Result of a replay."""
 
@@ -120,7 +131,7 @@ def load_controllers(recorded: Path | None, changed: Path | None) -> Controllers
 def replay(
     log: Log,
     vehicle: CandidateVehicle,
-    items: tuple[MissionItem, ...],
+    plan: DivePlan,
     parameters: Mapping[str, float],
     controllers: Controllers = PID_LOOPS,
 ) -> Replayed:
@@ -132,8 +143,8 @@ def replay(
         Recorded dive with its parameters.
     vehicle : CandidateVehicle
         Vehicle of a fitted model.
-    items : tuple of MissionItem
-        The mission of the dive.
+    plan : DivePlan
+        Mission, geofence and rally points of the dive.
     parameters : mapping
         Parameters that replace recorded ones.
     controllers : Controllers
@@ -147,7 +158,7 @@ def replay(
     Raises
     ------
     LogError
-        The log has no dive from arming on, or no parameters.
+        The log has no dive from arming on, no parameters, or no position for a geofence.
     ParamError, MissionRejectedError
         The autopilot rejects a parameter or the mission.
     """
@@ -163,12 +174,19 @@ def replay(
     table = _at_ticks(log)
     wrenches, through_water_m = disturbance(vehicle, table)
     navigation = _navigation(log, table, through_water_m)
+    if navigation:
+        navigation = navigation._replace(fence=plan.fence, rally=plan.rally)
+    if plan.fence and not (navigation and navigation.home.known):
+        raise LogError(
+            f"{log.name}: has no LOCAL_POSITION_NED or no HOME_POSITION; the replay of a dive with"
+            " a geofence needs both"
+        )
 
     def fly(values: Mapping[str, float], lqg: LqgControllers | None) -> SimulatedDive:
         config = replace(params.config(values), lqg_controllers=lqg)
         craft = _craft(vehicle, float(table["heading_rad"][0]), instruments.field_nwu(config))
         return simulation.fly_with(
-            craft, _continued(wrenches), _no_errors(), items, config, navigation
+            craft, _continued(wrenches), _no_errors(), plan.items, config, navigation
         )
 
     unchanged = fly(own, controllers.recorded)

@@ -57,6 +57,10 @@ class NavigationRecord(NamedTuple):
     """Estimated position minus that of the vehicle through the water, per tick from arming on."""
     current_mps: ComplexArray
     """Estimated current per tick."""
+    fence: tuple[MissionItem, ...] = ()
+    """Geofence of the dive."""
+    rally: tuple[MissionItem, ...] = ()
+    """Rally points of the dive."""
 
     def locate(
         self, estimate: VehicleEstimate, tick: int, through_water_m: complex
@@ -326,8 +330,11 @@ class _Dive:
             self.state = self.state._replace(estimate=estimate)
 
     def arm_in_mission(self, items: tuple[MissionItem, ...]) -> None:
-        """Load the mission, set mode MISSION and arm. Raises MissionRejectedError."""
+        """Load the plans, set mode MISSION and arm. Raises MissionRejectedError."""
+        recorded = self._navigation
         for request in (
+            requests.LoadFence(recorded.fence if recorded else ()),
+            requests.LoadRally(recorded.rally if recorded else ()),
             requests.LoadMission(items),
             requests.SetMode(modes.MISSION.number),
             requests.Arm(),

@@ -1,10 +1,12 @@
 """A replay flies the mission of its dive."""
 
+import json
 from pathlib import Path
 
 import pytest
 
 from autopilot.control.params import ParamError
+from autopilot.control.types import Home
 from ground.cli.replay import replay
 from ground.client.recorder import Recorder
 from ground.log_tools import replay as replays
@@ -13,6 +15,7 @@ from ground.missions import plans
 from mavlink_io.errors import InputError
 from sysid.data.dataset import LogError
 from sysid.test_design import prior
+from tests.helpers import qgroundcontrol_plan
 
 
 def test_replay_of_another_mission_is_refused(tmp_path: Path) -> None:
@@ -25,6 +28,21 @@ def test_replay_of_another_mission_is_refused(tmp_path: Path) -> None:
         replay_log(ReplayRequest(log, {}, "combined"), model)
     with pytest.raises(LogError, match="no ATTITUDE"):  # the mission is that of the dive
         replay_log(ReplayRequest(log, {}, "straight_run"), model)
+
+
+def test_replay_has_geofence_and_rally_points_of_the_log(tmp_path: Path) -> None:
+    source = tmp_path / "survey.plan"
+    source.write_text(json.dumps(qgroundcontrol_plan.plan(Home(42.3, -71.1, known=True))))
+    dive, log = plans.load(str(source)), tmp_path / "dive.mcap"
+    recorder = Recorder(log)
+    plan = plans.write_plan(dive.items, dive.fence, dive.rally)
+    recorder.attach("mission.plan", plan.encode(), "application/json")
+    recorder.finish()
+    flown = replays._plan(ReplayRequest(log, {}))
+    assert flown == (dive.items, dive.fence, dive.rally)
+    empty = tmp_path / "empty.mcap"
+    Recorder(empty).finish()
+    assert replays._plan(ReplayRequest(empty, {}, str(source))) == flown
 
 
 def test_replay_refused_parameter_names_the_file(

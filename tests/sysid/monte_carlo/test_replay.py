@@ -10,8 +10,9 @@ from autopilot.control import params
 from autopilot.control.lqg import LqgControllers
 from autopilot.control.types import Home, VehicleEstimate
 from ground.missions import plans
+from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MavCmd, MissionItem
 from sysid.control_analysis.loop_transfer import TICK_S
-from sysid.data.dataset import Log, LogError, LogEvent
+from sysid.data.dataset import Log, LogError, LogEvent, Position
 from sysid.data.events import Armed
 from sysid.monte_carlo import instruments, replay, samples, simulate
 from sysid.monte_carlo.simulate import Sea, SimulatedDive
@@ -21,6 +22,7 @@ from tests.helpers.lqg import lqg_controllers
 PRIOR = priors.read("caribou_nominal")
 MODEL = PRIOR.vehicle(PRIOR.mean)
 ITEMS = plans.load_items("combined")
+PLAN = replay.DivePlan(ITEMS)
 CHANGE = {"DPT_P": 0.065, "HDG_P": 0.4}
 """Half the depth gain and two thirds of the heading gain."""
 OTHER_Z = PRIOR.mean + np.array([0.5, -0.5, 0.5, *[0.0] * (PRIOR.mean.size - 3)])
@@ -46,7 +48,7 @@ def recorded(dive: SimulatedDive) -> Log:
 @pytest.mark.slow
 def test_unchanged_parameters_reproduce_the_dive() -> None:
     log = recorded(fly({}, seed=4))
-    again = replay.replay(log, MODEL, ITEMS, {})
+    again = replay.replay(log, MODEL, PLAN, {})
     # Without the recorded disturbance the replay is no copy: the same dive in a calm sea.
     calm = replay._deviation(replay._at_ticks(log), replay._of(fly({}, seed=5)))
     assert again.fidelity.heading_deg < 0.3 * calm.heading_deg
@@ -59,7 +61,7 @@ def test_unchanged_parameters_reproduce_the_dive() -> None:
 @pytest.mark.slow
 def test_changed_parameters_have_the_effect_of_a_true_dive() -> None:
     before, after = fly({}, seed=4), fly(CHANGE, seed=4)
-    again = replay.replay(recorded(before), MODEL, ITEMS, CHANGE)
+    again = replay.replay(recorded(before), MODEL, PLAN, CHANGE)
     truth = replay._deviation(replay._of(before), replay._of(after))
     for predicted, true in zip(again.effect[:3], truth[:3], strict=True):
         assert predicted == pytest.approx(true, rel=0.3)
@@ -72,7 +74,7 @@ def test_changed_parameters_have_the_effect_of_a_true_dive() -> None:
 def test_lqg_dive_is_reproduced_with_its_controllers_only() -> None:
     controllers = lqg_controllers()
     log = recorded(fly({}, seed=4, controllers=controllers))
-    again = replay.replay(log, MODEL, ITEMS, {}, replay.Controllers(controllers, None))
+    again = replay.replay(log, MODEL, PLAN, {}, replay.Controllers(controllers, None))
     assert again.fidelity.depth_m < 0.05
     assert again.fidelity.heading_deg < 0.5
     # The PID loops of the other replay fly another path.
@@ -108,12 +110,35 @@ def test_heading_of_a_vehicle_is_that_of_the_log() -> None:
 def test_log_without_parameters_or_arming_is_refused() -> None:
     log = recorded(fly({}, seed=4))
     with pytest.raises(LogError, match="rehearsal: has no parameters"):
-        replay.replay(replace(log, parameters={}), MODEL, ITEMS, {})
+        replay.replay(replace(log, parameters={}), MODEL, PLAN, {})
     with pytest.raises(LogError, match="rehearsal: the vehicle was not armed"):
-        replay.replay(replace(log, events=()), MODEL, ITEMS, {})
+        replay.replay(replace(log, events=()), MODEL, PLAN, {})
     short = replace(log.attitude, **{k: v[:40] for k, v in vars(log.attitude).items()})
     with pytest.raises(LogError, match=r"rehearsal: 4\.0 s from arming"):
-        replay.replay(replace(log, attitude=short), MODEL, ITEMS, {})
+        replay.replay(replace(log, attitude=short), MODEL, PLAN, {})
+
+
+def test_replay_ends_at_the_geofence_of_the_dive() -> None:
+    """A dive to the north from home, in a circle of 60 m."""
+    log = recorded(fly({}, seed=4))
+    time_s = log.attitude.time_s
+    position = Position(time_s, 1.2 * time_s, np.zeros(time_s.size))
+    fence, rally = (
+        (MissionItem(0, 3, command, p1=p1, x=420_000_000, y=-710_000_000, mission_type=kind),)
+        for command, p1, kind in (
+            (MavCmd.NAV_FENCE_CIRCLE_INCLUSION, 60.0, FENCE_TYPE),
+            (MavCmd.NAV_RALLY_POINT, 0.0, RALLY_TYPE),
+        )
+    )
+    plan = replay.DivePlan(ITEMS, fence, rally)
+    again = replay.replay(
+        replace(log, position=position, home_deg=(42.0, -71.0)), MODEL, plan, {"FENCE_ACTION": 0}
+    )
+    assert again.unchanged.failsafe == "geofence"
+    assert again.unchanged.seconds == pytest.approx(60.0 / 1.2, abs=10.0)  # FS_LOOK_S before it
+    assert again.changed.finished  # reported only
+    with pytest.raises(LogError, match="rehearsal: has no LOCAL_POSITION_NED or no HOME_POSITION"):
+        replay.replay(log, MODEL, plan, {})
 
 
 def test_recorded_drift_is_added_and_continues_after_the_dive() -> None:
