@@ -410,7 +410,7 @@ def mission_progress(state: AutopilotState, config: Config) -> MissionProgress:
         stage = NO_MISSION
     elif mission_state.current >= total:
         stage = COMPLETE
-    elif in_mission_mode and state.armed:
+    elif state.armed and (in_mission_mode or mission.is_ending(state)):
         stage = ACTIVE
     else:
         stage = PAUSED if mission_state.reached >= 0 else NOT_STARTED

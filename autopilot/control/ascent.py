@@ -31,7 +31,7 @@ SURFACE ends in one of four ways, each with disarming:
 
 import math
 
-from autopilot.control import failsafe, modes
+from autopilot.control import failsafe, mission, modes
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor, sensor_checks
 from autopilot.control.sensor_health.cross_checks import MIN_DEPTH_M
@@ -41,6 +41,7 @@ from autopilot.control.types import (
     AscentStage,
     AutopilotState,
     Event,
+    ItemReached,
     Rest,
     Severity,
     VehicleEstimate,
@@ -80,7 +81,7 @@ MAX_ATTEMPTS = 3
 NOT_RISING = "not rising"
 """Cause of the failsafe of a vehicle that does not rise."""
 
-Events = tuple[Event, ...]
+Events = tuple[Event | ItemReached, ...]
 
 
 def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState, Events]:
@@ -93,7 +94,8 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
     if surfaced := _reached_surface(state, ascent, blind, config):
         # a depth that contradicts the satellites must not move the fins of a vehicle on deck
         rest = Rest() if state.estimate.depth_m < config.surfaced_depth_m else None
-        return modes.disarm(state)._replace(rest=rest), (surfaced,)
+        state, mission_events = mission.end_at_surface(state)
+        return modes.disarm(state)._replace(rest=rest), (*mission_events, surfaced)
     still_s = (state.time_us - ascent.risen_us) / US_PER_S
     stage, reason = _next_stage(state, ascent, blind, config)
     events: Events = ()

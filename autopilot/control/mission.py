@@ -71,6 +71,8 @@ CIRCLE_COMMANDS = frozenset(
     (MavCmd.NAV_LOITER_UNLIM, MavCmd.NAV_LOITER_TURNS, MavCmd.NAV_LOITER_TIME)
 )
 """Commands that circle their position with the radius of p3."""
+_END_COMMANDS = frozenset((MavCmd.NAV_LAND, MavCmd.NAV_RETURN_TO_LAUNCH))
+"""Commands that leave mode MISSION: the vehicle surfaces and disarms."""
 _DEPTH_COMMANDS = POSITION_COMMANDS | {MavCmd.CONDITION_CHANGE_ALT}
 """Commands whose z is a depth or an altitude."""
 
@@ -340,14 +342,43 @@ def step(state: AutopilotState, config: Config) -> StepResult:
             state, start_events = begin_item(item, state, config)
             events += start_events
         state = _start_waypoint_orbit(item, state, config)
-        if state.mode != modes.MISSION.number or not item_done(item, state, config):
-            break
-        if item.command == MavCmd.NAV_LAND:
+        is_done = state.mode == modes.MISSION.number and item_done(item, state, config)
+        if is_done and item.command == MavCmd.NAV_LAND:
             state, mode_events = modes.enter(state, modes.SURFACE)
-            return state, (*events, *mode_events)
+            events += mode_events
+        if state.mode != modes.MISSION.number:
+            left = state.mission._replace(reached=item.sequence)
+            return state._replace(mission=left), tuple(events)
+        if not is_done:
+            break
         state = _advance_item(item, state)
         events.append(ItemReached(item.sequence))
     return state, tuple(events)
+
+
+def is_ending(state: AutopilotState) -> bool:
+    """Return whether an item of the mission has commanded the present SURFACE or RTL."""
+    mission = state.mission
+    if mission.current >= len(mission.items):
+        return False
+    item = mission.items[mission.current]
+    return (
+        item.command in _END_COMMANDS
+        and mission.reached == item.sequence
+        and state.mode in (modes.SURFACE.number, modes.RTL.number)
+    )
+
+
+def end_at_surface(state: AutopilotState) -> StepResult:
+    """Complete a mission that has commanded the present SURFACE or RTL.
+
+    Its next start is at its first item. Until the vehicle has surfaced its current item stays, so
+    that MISSION after HOLD continues the ascent.
+    """
+    if not is_ending(state):
+        return state, ()
+    mission = state.mission._replace(current=len(state.mission.items), entered_us=None)
+    return state._replace(mission=mission), (ItemReached(mission.reached),)
 
 
 def begin_item(item: MissionItem, state: AutopilotState, config: Config) -> StepResult:

@@ -168,17 +168,15 @@ def disarm(
     """Disarm the vehicle; while submerged only in MANUAL or if ``force`` is set."""
     if not state.armed:
         return state._replace(rest=None), Answer(ACCEPTED), ()
-    if (
-        not force
-        and state.estimate.depth_m > config.surfaced_depth_m
-        and state.mode != modes.MANUAL.number
-    ):
+    submerged = state.estimate.depth_m > config.surfaced_depth_m
+    if submerged and not force and state.mode != modes.MANUAL.number:
         return (
             state,
             Answer(TEMPORARILY_REJECTED, "Not disarmed: under water; use SURFACE, or force"),
             (),
         )
-    return modes.disarm(state), Answer(ACCEPTED), (Event(Severity.INFO, "Disarmed"),)
+    ended, events = (state, ()) if submerged else mission.end_at_surface(state)
+    return modes.disarm(ended), Answer(ACCEPTED), (*events, Event(Severity.INFO, "Disarmed"))
 
 
 def set_mode(

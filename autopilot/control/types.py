@@ -288,7 +288,8 @@ class MissionState(NamedTuple):
     jumps: tuple[tuple[int, int], ...] = ()
     """Pairs (sequence, number of times taken) of the DO_JUMP items, sorted."""
     reached: int = -1
-    """Sequence of the last item that was completed; -1 before the first."""
+    """Sequence of the last item that was completed; -1 before the first. Of a SURFACE or RTL from
+    the change of the mode on."""
     paused_setpoint: Setpoint | None = None
     """Set-points to restore when the mission resumes; None if it was not interrupted."""
     previous_waypoint_m: complex | None = None

@@ -14,10 +14,13 @@ from autopilot.control.types import (
     FAILED,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
+    Home,
     ItemReached,
     MissionState,
 )
+from autopilot.vehicle import ACTIVE, COMPLETE, PAUSED, mission_progress
 from mavlink_io.mission_items import MavCmd, MissionItem
+from mavlink_io.records import Leak
 from tests.helpers.missions import Flight, excitation_item, leg, under_way
 
 
@@ -81,6 +84,89 @@ def test_mission_flies_legs_then_surfaces_and_disarms() -> None:
     assert flight.depth_m < 0.6
     assert [e.sequence for e in flight.events if isinstance(e, ItemReached)] == list(range(8))
     assert flight.texts()[-1] == "Surfaced: disarmed"
+
+
+def fly_mission(*items: MissionItem) -> Flight:
+    """Return a flight armed in a mission, with home at its start."""
+    flight = Flight()
+    flight.step()
+    flight.state = flight.state._replace(home=Home(42.0, -71.0, known=True))
+    for request in (
+        requests.LoadMission(items),
+        requests.SetMode(modes.MISSION.number),
+        requests.Arm(),
+    ):
+        assert flight.ask(request) == ACCEPTED, flight.texts()
+    return flight
+
+
+def stage_of(flight: Flight) -> int:
+    """Return MISSION_CURRENT.mission_state."""
+    return mission_progress(flight.state, flight.config).mission_state
+
+
+END_ITEMS = {
+    "SURFACE": MissionItem(4, 2, MavCmd.NAV_LAND),
+    "SURFACE at a place": MissionItem(4, 1, MavCmd.NAV_LAND, x=1_000_000),
+    "RTL": MissionItem(4, 2, MavCmd.NAV_RETURN_TO_LAUNCH),
+}
+
+
+@pytest.mark.parametrize("name", END_ITEMS)
+def test_mission_that_surfaces_itself_is_complete_at_the_surface(name: str) -> None:
+    """A ground station showed it as paused, and the next dive surfaced at once."""
+    flight = fly_mission(*leg(depth_m=4, heading_deg=0, duration_s=20), END_ITEMS[name])
+    assert stage_of(flight) == ACTIVE
+    flight.run_until(lambda s: s.mode == modes.SURFACE.number, 300.0)
+    assert stage_of(flight) == ACTIVE
+    flight.run_until(lambda s: not s.armed, 60.0)
+    assert stage_of(flight) == COMPLETE
+    assert [e.sequence for e in flight.events if isinstance(e, ItemReached)] == list(range(5))
+    flight.ask(requests.SetMode(modes.MISSION.number))
+    assert flight.ask(requests.Arm()) == ACCEPTED
+    flight.step()
+    assert (flight.state.mode, flight.state.mission.current) == (modes.MISSION.number, 3)
+
+
+def test_mission_is_complete_when_disarmed_at_the_surface() -> None:
+    flight = fly_mission(*leg(depth_m=4, heading_deg=0, duration_s=20), END_ITEMS["SURFACE"])
+    flight.run_until(lambda s: s.mode == modes.SURFACE.number, 60.0)
+    flight.run_until(lambda s: s.estimate.depth_m < flight.config.surfaced_depth_m, 60.0)
+    assert flight.ask(requests.Disarm()) == ACCEPTED
+    assert stage_of(flight) == COMPLETE
+
+
+@pytest.mark.parametrize("mode", [modes.SURFACE, modes.RTL])
+def test_mission_that_is_left_on_the_way_to_its_surface_place_is_paused(mode: modes.Mode) -> None:
+    items = *leg(depth_m=4, heading_deg=0, duration_s=20), END_ITEMS["SURFACE at a place"]
+    flight = fly_mission(*items)
+    flight.run_until(lambda s: s.mission.current == 4, 60.0)
+    flight.step()
+    flight.ask(requests.SetMode(mode.number))
+    assert stage_of(flight) == PAUSED
+    flight.run_until(lambda s: not s.armed, 300.0)
+    assert stage_of(flight) == PAUSED
+
+
+def test_mission_that_is_left_by_a_failsafe_is_paused() -> None:
+    items = *leg(depth_m=4, heading_deg=0, duration_s=20), END_ITEMS["SURFACE at a place"]
+    flight = fly_mission(*items)
+    flight.run_until(lambda s: s.mission.current == 4, 60.0)
+    flight.more["leak"] = Leak(True)
+    flight.run_until(lambda s: bool(s.failsafe), 60.0)
+    assert stage_of(flight) == PAUSED
+    flight.run_until(lambda s: not s.armed, 60.0)
+    assert stage_of(flight) == PAUSED
+
+
+def test_ascent_of_a_mission_goes_on_after_hold() -> None:
+    flight = fly_mission(*leg(depth_m=4, heading_deg=0, duration_s=20), END_ITEMS["SURFACE"])
+    flight.run_until(lambda s: s.mode == modes.SURFACE.number, 60.0)
+    flight.ask(requests.SetMode(modes.HOLD.number))
+    assert stage_of(flight) == PAUSED
+    flight.ask(requests.SetMode(modes.MISSION.number))
+    flight.step()
+    assert flight.state.mode == modes.SURFACE.number
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,8 @@ SURVEY_DEPTH_M = 3.0
 KEEP_OUT_M = ((-50.0, 30.0), (-50.0, 60.0), (-80.0, 30.0))
 """Corners of the exclusion polygon, away from every line."""
 RALLY_M = (10.0, -20.0)
-REACHED = (0, 1, 2, 3, 4, 1, 2, 3, 4)
-"""Items that are reached, in order: the jump repeats the survey once; RTL does not end."""
+REACHED = (0, 1, 2, 3, 4, 1, 2, 3, 4, 5)
+"""Items that are reached, in order: the jump repeats the survey once; RTL ends at the surface."""
 
 
 def degrees(home: Home, north_m: float, east_m: float) -> list[float]:

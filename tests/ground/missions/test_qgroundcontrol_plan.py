@@ -85,11 +85,12 @@ def test_plan_is_flown_whole(tmp_path: Path) -> None:
     ):
         assert dive.ask(request) == ACCEPTED, (request, dive.texts())
     dive.run_until(lambda state: state.mode == modes.SURFACE.number, 600.0)
-    reached = [event.sequence for event in dive.events if isinstance(event, ItemReached)]
-    assert reached == list(REACHED)
     assert "RTL: return point reached" in dive.texts()
     estimate = dive.state.estimate
     assert abs(complex(estimate.north_m, estimate.east_m) - complex(*RALLY_M)) < 15.0
+    dive.run_until(lambda state: not state.armed, 60.0)
+    reached = [event.sequence for event in dive.events if isinstance(event, ItemReached)]
+    assert reached == list(REACHED)
 
 
 @pytest.mark.parametrize(
