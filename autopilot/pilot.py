@@ -1,11 +1,11 @@
 """The tick of a vehicle: ``core.tick``, and compiled steady ticks in simulated flights."""
 
 from autopilot.control import core, estimator
-from autopilot.control.core import Events
 from autopilot.control.params import Config
 from autopilot.control.setpoints import Path, Setpoint
 from autopilot.control.types import (
     AutopilotState,
+    Events,
     Home,
     Inputs,
     Motion,

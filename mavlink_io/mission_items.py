@@ -23,6 +23,13 @@ LOCAL_SCALE, GLOBAL_SCALE = 10**4, 10**7
 NOT_GIVEN = (1 << 31) - 1
 """Value of a latitude or longitude that is not given, in an item or a COMMAND_INT."""
 
+LENGTH_ROUNDING_M, SPEED_ROUNDING_MPS = 1e-3, 1e-3
+"""Tolerances of limits for the rounding of items and parameters to float32, which has steps of
+0.5 mm at the maximum of FS_DEPTH_M (6000 m)."""
+
+LOOP_ON = 100
+"""Offset of the axis of USER_1 (SID_AXIS) with closed loop: the signal is added to its command."""
+
 
 class MissionItem(NamedTuple):
     """One item of a mission, with the fields of MISSION_ITEM_INT."""

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH = 0x07, 0x38, 0x1C0, 0x1A00
 """Bits of HIL_SENSOR.fields_updated per instrument, set in a tick with a new reading of it."""
+ATTITUDE_FRESH = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH
+"""Sensor groups that show the attitude without the gyro."""
 SENSORS_ALL = ACCELEROMETER_FRESH | GYRO_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
 """HIL_SENSOR.fields_updated with every accelerometer, gyro, magnetometer and barometer bit."""
 

@@ -41,7 +41,7 @@ from autopilot.control.types import (
     AscentStage,
     AutopilotState,
     Event,
-    ItemReached,
+    Events,
     Rest,
     Severity,
     VehicleEstimate,
@@ -80,8 +80,6 @@ MAX_ATTEMPTS = 3
 """Maximum number of times that the propeller is stopped."""
 NOT_RISING = "not rising"
 """Cause of the failsafe of a vehicle that does not rise."""
-
-Events = tuple[Event | ItemReached, ...]
 
 
 def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState, Events]:

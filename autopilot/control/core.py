@@ -25,9 +25,9 @@ from autopilot.control.types import (
     US_PER_S,
     AutopilotState,
     Event,
+    Events,
     Home,
     Inputs,
-    ItemReached,
     LoopMemory,
     Severity,
     Stick,
@@ -50,8 +50,6 @@ _NEUTRAL = (0.0,) * 16
 _UNUSED_CHANNELS = (0.0,) * 12
 ARMED_MODE = CUSTOM_MODE_FLAG | ARMED_FLAG
 """HIL_ACTUATOR_CONTROLS.mode of an armed vehicle."""
-
-Events = tuple[Event | ItemReached, ...]
 
 
 def initial_state() -> AutopilotState:

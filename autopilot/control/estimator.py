@@ -44,6 +44,7 @@ from mavlink_io.frames import (
 from mavlink_io.jit import numeric
 from mavlink_io.records import (
     ACCELEROMETER_FRESH,
+    ATTITUDE_FRESH,
     GYRO_FRESH,
     MAGNETOMETER_FRESH,
     NO_FIX,
@@ -55,11 +56,9 @@ from mavlink_io.records import (
     SensorFrame,
 )
 
-REQUIRED_FIELDS = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
+REQUIRED_FIELDS = ATTITUDE_FRESH | PRESSURE_FRESH
 """Sensor groups that the first estimate needs."""
 
-_ATTITUDE_FIELDS = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH
-"""Sensor groups that show the attitude without the gyro."""
 _UNKNOWN: Vector = (math.nan, math.nan, math.nan)
 """Attitude error without one of the sensors that measure it."""
 ALTIMETER_STALE_US = 1_000_000
@@ -377,7 +376,7 @@ def _attitude(
         _clip_bias(bz - kb * (ez + mz) * dt_s),
     )
     error = ex + mx, ey + my, ez + mz
-    if sensors.fields_updated & _ATTITUDE_FIELDS != _ATTITUDE_FIELDS:
+    if sensors.fields_updated & ATTITUDE_FRESH != ATTITUDE_FRESH:
         error = _UNKNOWN
     return attitude, (p, q, r), bias, error
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from autopilot.control import requests, waveforms
 from autopilot.control.params import Config
 from autopilot.control.types import AutopilotState, Excitation
+from mavlink_io.mission_items import LOOP_ON
 
 
 class ExcitationAxis(NamedTuple):
@@ -23,8 +24,6 @@ class ExcitationAxis(NamedTuple):
 ELEVATOR_AXIS, RUDDER_AXIS, THRUST_AXIS = 11, 12, 13
 """Values of SID_AXIS: mixer pitch, mixer yaw and mixer thrust, as in ArduPilot."""
 BOTH_AXIS = ELEVATOR_AXIS + RUDDER_AXIS
-LOOP_ON = 100
-"""Offset of an axis with closed loop: the signal is added to the command of the loop."""
 
 AXES = {
     ELEVATOR_AXIS: ExcitationAxis("elevator", elevator=True, opens_depth=True),

@@ -13,7 +13,7 @@ from autopilot.control.jumps import Jumps
 from autopilot.control.mission import MissionFault
 from autopilot.control.params import Config
 from autopilot.control.types import AutopilotState, Home, MissionState
-from mavlink_io.mission_items import MavCmd, MissionItem
+from mavlink_io.mission_items import LENGTH_ROUNDING_M, MavCmd, MissionItem
 
 MAX_ITEMS = 10_000
 """Maximum number of items that are followed, those that a jump repeats included."""
@@ -107,9 +107,9 @@ def find_fence_fault(
         if (depth_m := mission.wanted_depth_m(item)) is not None:
             parameter = _depth_parameter(item)
             limit = ""
-            if 0.0 < config.fence_max_m < depth_m - mission.LENGTH_ROUNDING_M:
+            if 0.0 < config.fence_max_m < depth_m - LENGTH_ROUNDING_M:
                 limit = f"at most FENCE_DPT_MAX = {config.fence_max_m:g} m"
-            elif depth_m + mission.LENGTH_ROUNDING_M < config.fence_min_m:
+            elif depth_m + LENGTH_ROUNDING_M < config.fence_min_m:
                 limit = f"at least FENCE_DPT_MIN = {config.fence_min_m:g} m"
             if limit:
                 reason = f"depth {depth_m:g} m: must be {limit}"

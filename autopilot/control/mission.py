@@ -14,6 +14,7 @@ from autopilot.control.types import (
     US_PER_S,
     AutopilotState,
     Event,
+    Events,
     Excitation,
     Home,
     ItemReached,
@@ -24,6 +25,8 @@ from mavlink_io.frames import wrap_pi
 from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
     GLOBAL_FRAMES,
+    LENGTH_ROUNDING_M,
+    SPEED_ROUNDING_MPS,
     MavCmd,
     MissionItem,
     place_fault,
@@ -50,9 +53,6 @@ COMMANDS = frozenset(
 
 DEPTH_REACHED_M = 0.3
 """Maximum depth error at which CHANGE_ALTITUDE_WAIT is done."""
-LENGTH_ROUNDING_M = 1e-3
-"""Tolerance of limits of depth and radius: a float32 at the maximum of FS_DEPTH_M (6000 m) has
-steps of 0.5 mm."""
 ITEMS_PER_TICK = 10
 """Maximum number of items, jumps included, completed in one tick; the next tick continues. Without
 it an endless loop of jumps would block the tick."""
@@ -76,7 +76,7 @@ _END_COMMANDS = frozenset((MavCmd.NAV_LAND, MavCmd.NAV_RETURN_TO_LAUNCH))
 _DEPTH_COMMANDS = POSITION_COMMANDS | {MavCmd.CONDITION_CHANGE_ALT}
 """Commands whose z is a depth or an altitude."""
 
-StepResult = tuple[AutopilotState, tuple[Event | ItemReached, ...]]
+StepResult = tuple[AutopilotState, Events]
 
 
 _FIELDS = {"p1": 1, "p2": 2, "p3": 3, "p4": 4, "z": 7}
@@ -212,8 +212,6 @@ _RANGES: dict[int, tuple[_Range, ...]] = {
     MavCmd.DO_JUMP: (_Range("p2", "number of jumps", 0.0, special=(-1.0,)),),
 }
 """Valid values of parameters, where a command has limits."""
-SPEED_ROUNDING_MPS = 1e-3
-"""Tolerance of the speed limit for numbers in float32."""
 
 
 def _range_fault(item: MissionItem, config: Config) -> ItemFault:

@@ -28,15 +28,13 @@ from autopilot.control.types import (
     Answer,
     AutopilotState,
     Event,
+    Events,
     Home,
-    ItemReached,
     LoopMemory,
     MissionState,
     Severity,
 )
 from mavlink_io.mission_items import GLOBAL_FRAMES, MavCmd, MissionItem
-
-Events = tuple[Event | ItemReached, ...]
 
 
 def handle_request(

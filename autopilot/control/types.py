@@ -51,6 +51,10 @@ class ItemReached(NamedTuple):
     sequence: int
 
 
+Events = tuple[Event | ItemReached, ...]
+"""What a tick or a request reports, in order."""
+
+
 class Inputs(NamedTuple):
     """Inputs of one tick.
 

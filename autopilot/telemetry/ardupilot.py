@@ -14,10 +14,8 @@ from autopilot.telemetry.encoding import boot_ms, int16, time_us
 from autopilot.telemetry.streams import STREAMS, TelemetryStream, stream
 from autopilot.telemetry.tick_messages import position_dege7
 from mavlink_io.dialect import Values, constant
-from mavlink_io.frames import euler_from_quaternion
+from mavlink_io.frames import STANDARD_GRAVITY_MPS2, euler_from_quaternion
 
-_GRAVITY_MPS2 = 9.80665
-"""Standard gravity."""
 _CHANNELS = 18
 """Number of channels of RC_CHANNELS."""
 _NO_CHANNEL = 65_535
@@ -69,7 +67,7 @@ def _inertial(s: Snapshot) -> tuple[int, ...]:
         return (0,) * 9
     acceleration, rates, field = s.sensors[1:4], s.sensors[4:7], s.sensors[7:10]
     return (
-        *(int16(a / _GRAVITY_MPS2 * 1e3) for a in acceleration),
+        *(int16(a / STANDARD_GRAVITY_MPS2 * 1e3) for a in acceleration),
         *(int16(value * 1e3) for value in (*rates, *field)),
     )
 

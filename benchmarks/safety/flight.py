@@ -8,9 +8,8 @@ import msgspec
 import numpy as np
 
 from autopilot.control import core, modes, params, request_handler, requests
-from autopilot.control.core import Events
 from autopilot.control.params import Config, ParamError
-from autopilot.control.types import Event, Inputs, Severity
+from autopilot.control.types import Event, Events, Inputs, Severity
 from autopilot.pilot import Pilot
 from autopilot.steady_ticks import is_compiled
 from benchmarks.safety.cases import Case, vehicle_config

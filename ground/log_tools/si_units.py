@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from mavlink_io import dialect
 from mavlink_io.dialect import MessageField
+from mavlink_io.frames import STANDARD_GRAVITY_MPS2
 
 Column = NDArray[Any]
 
 TIME = "time_s"
 """Column with the time of each message; a field of this name becomes ``field_time_s``."""
 
-_GRAVITY_MPS2 = 9.80665
 _DEG, _RPM = math.radians(1.0), 2 * math.pi / 60.0
 
 
@@ -48,7 +48,7 @@ _SI_UNITS = {
     "cm/s": _SiUnit("mps", 0.01),
     "mm/s": _SiUnit("mps", 1e-3),
     "m/s/s": _SiUnit("mps2", 1.0),
-    "mG": _SiUnit("mps2", 1e-3 * _GRAVITY_MPS2),
+    "mG": _SiUnit("mps2", 1e-3 * STANDARD_GRAVITY_MPS2),
     "rad": _SiUnit("rad", 1.0),
     "deg": _SiUnit("rad", _DEG),
     "deg/2": _SiUnit("rad", 2 * _DEG),

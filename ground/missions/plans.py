@@ -16,9 +16,11 @@ from mavlink_io.mission_items import (
     FRAME_MISSION,
     GLOBAL_FRAMES,
     GLOBAL_SCALE,
+    LENGTH_ROUNDING_M,
     LOCAL_SCALE,
     NOT_GIVEN,
     RALLY_TYPE,
+    SPEED_ROUNDING_MPS,
     MavCmd,
     MissionItem,
     place_fault,
@@ -75,12 +77,6 @@ class MissionLimits(NamedTuple):
             parameters.get("MIS_DIST_MAX", 0.0) or math.inf,  # 0 means no limit
             100.0 * cruise_mps / thrust_pct if thrust_pct > 0.0 else math.inf,
         )
-
-
-DEPTH_ROUNDING_M = 1e-3
-"""Tolerance for the rounding of depths up to 6000 m to float32."""
-SPEED_ROUNDING_MPS = 1e-3
-"""Tolerance for the rounding of speeds and parameters to float32."""
 
 
 def load(name_or_path: str) -> Plan:
@@ -171,7 +167,7 @@ def check_limits(where: str, plan: Plan, limits: MissionLimits) -> None:
     """
     for item, label in zip(plan.items, plan.labels, strict=True):
         depth_m = _depth_m(item)
-        if depth_m > limits.depth_m + DEPTH_ROUNDING_M:
+        if depth_m > limits.depth_m + LENGTH_ROUNDING_M:
             bounds = f"must be 0 to {limits.depth_m:g}, the vehicle's FS_DEPTH_M"
             raise ScriptError(f"{where}: {label}: depth_m = {depth_m:g}: {bounds}")
         if (

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from ground.errors import out_of_range
+from mavlink_io.mission_items import LOOP_ON
 
 SIGNALS = {"chirp": 0, "step": 1, "doublet": 2, "prbs": 3, "multisine": 4, "3211": 5, "square": 6}
 """Value of SID_WAVE by name of the signal."""
@@ -13,8 +14,6 @@ AXES = {"rudder": 12, "elevator": 11}
 """Value of SID_AXIS by surface: the yaw and pitch inputs of the mixer."""
 _MORE_AXES = {"thrust": 13, "both": 23}
 """Value of SID_AXIS for thrust, and for rudder and elevator at the same time."""
-LOOP_ON = 100
-"""Added to SID_AXIS: the control loop stays on, and the signal is added to its command."""
 MAX_HZ = 25.0
 """Half of the autopilot's control rate of 50 Hz."""
 MAX_TRAVEL_DEG = 45.0

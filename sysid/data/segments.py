@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mavlink_io.mission_items import LOOP_ON
 from sysid.data.dataset import Log, LogError, VelocitySource
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
 from sysid.data.runs import RATE_HZ, STEADY_S, Array, Run
@@ -46,8 +47,6 @@ MAX_HOLD_STEPS = 0.75
 """Largest interval of a log's commands, in steps of the grid, that shows how long they are held."""
 SAME_THRUST = 0.01
 """Difference of thrust, as a fraction of full thrust, up to which the speed is the same."""
-LOOP_ON = 100
-"""Offset of the axes with the loop closed."""
 
 
 class Hold(NamedTuple):

@@ -13,6 +13,7 @@ from mavlink_io.jit import Native, entry_point, kernel, native
 from sitl.core import tailcone
 from sitl.core.body import Body, integrate, is_clear, step_axes
 from sitl.vehicle import dynamics
+from sitl.vehicle.vectors import Vector3
 from sitl.vehicle.water import Water
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.models import greybox
@@ -20,7 +21,6 @@ from sysid.models.parameters import CandidateVehicle
 from sysid.planes import Plane
 
 Array = NDArray[np.float64]
-Vector3 = tuple[float, float, float]
 
 SUBSTEPS = 4
 SUBSTEP_S = TICK_S / SUBSTEPS

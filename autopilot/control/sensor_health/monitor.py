@@ -41,8 +41,8 @@ from autopilot.control.types import (
 from mavlink_io.jit import numeric
 from mavlink_io.records import (
     ACCELEROMETER_FRESH,
+    ATTITUDE_FRESH,
     GYRO_FRESH,
-    MAGNETOMETER_FRESH,
     PRESSURE_FRESH,
     SensorFrame,
 )
@@ -113,7 +113,6 @@ class Debounce(NamedTuple):
     """Minimum time since the fault was first detected."""
 
 
-_ATTITUDE_FIELDS = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH
 _VERTICAL_FIELDS = ACCELEROMETER_FRESH | PRESSURE_FRESH
 _IMMEDIATE = Debounce(1, 0)
 _DEBOUNCE = {
@@ -471,7 +470,7 @@ def _cross_checks(
         found.append(ACCELEROMETER)
     elif (
         ACCELEROMETER not in known
-        and raw.fields_updated & _ATTITUDE_FIELDS == _ATTITUDE_FIELDS
+        and raw.fields_updated & ATTITUDE_FRESH == ATTITUDE_FRESH
         and cross_checks.field_differs(raw, *health.field_gauss)
     ):
         found.append(MAGNETOMETER)

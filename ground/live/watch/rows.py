@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 from ground.client.commands import readable_name
 from ground.live.watch import mode_names
 from ground.live.watch.receiver import LatestMessage, Receiver
+from mavlink_io.device_messages import UNKNOWN_U16
 from mavlink_io.dialect import constant, enum_names
 from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.records import ARMED_FLAG
@@ -22,7 +23,6 @@ _CRITICAL = constant("MAV_STATE_CRITICAL")
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _EXTENSION_USED = constant("MAV_SYS_STATUS_EXTENSION_USED")
 _GEOFENCE, _PREARM = constant("MAV_SYS_STATUS_GEOFENCE"), constant("MAV_SYS_STATUS_PREARM_CHECK")
-_UNKNOWN_U16 = 65_535
 _FIX_3D = 3
 
 
@@ -226,7 +226,7 @@ def bottom(m: Any, context: RowContext) -> Cell | None:
 
 def battery(m: Any, context: RowContext) -> Cell | None:
     """Return voltage (V), current (A) and charge (%) of a BATTERY_STATUS; None if unknown."""
-    cells_mv = [mv for mv in (*m.voltages, *m.voltages_ext) if mv not in (0, _UNKNOWN_U16)]
+    cells_mv = [mv for mv in (*m.voltages, *m.voltages_ext) if mv not in (0, UNKNOWN_U16)]
     return _battery(
         sum(cells_mv) / 1e3 if cells_mv else None, m.current_battery, m.battery_remaining
     )
@@ -234,7 +234,7 @@ def battery(m: Any, context: RowContext) -> Cell | None:
 
 def battery_of_status(m: Any, context: RowContext) -> Cell | None:
     """Return voltage (V), current (A) and charge (%) of a SYS_STATUS; None if unknown."""
-    volts = None if m.voltage_battery == _UNKNOWN_U16 else m.voltage_battery / 1e3
+    volts = None if m.voltage_battery == UNKNOWN_U16 else m.voltage_battery / 1e3
     return _battery(volts, m.current_battery, m.battery_remaining)
 
 
@@ -263,7 +263,7 @@ def mission(m: Any, context: RowContext) -> Cell | None:
     if not math.isfinite(m.seq):
         return None
     stage = readable_name(m.mission_state, "MISSION_STATE") if m.mission_state else ""
-    total = m.total if m.total not in (0, _UNKNOWN_U16) else None
+    total = m.total if m.total not in (0, UNKNOWN_U16) else None
     words = (
         f"item {m.seq + 1} of {total}"
         if total

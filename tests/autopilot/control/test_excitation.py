@@ -11,7 +11,6 @@ from autopilot.control.excitation import (
     AXES,
     BOTH_AXIS,
     ELEVATOR_AXIS,
-    LOOP_ON,
     RUDDER_AXIS,
     THRUST_AXIS,
     WAVES,
@@ -26,6 +25,7 @@ from autopilot.control.excitation import (
 )
 from autopilot.control.params import Config
 from autopilot.control.types import AutopilotState, Excitation
+from mavlink_io.mission_items import LOOP_ON
 
 SIZE_DEG = 6.0
 SIZE_RAD = math.radians(SIZE_DEG)
