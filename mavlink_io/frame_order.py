@@ -14,15 +14,15 @@ MAX_FRAMES_LATE = 32
 A gap of more than 255 minus this number of frames looks the same: then one frame too many is
 ignored, which its protocol repeats."""
 MAX_LATE_S = 2.0
-"""Wall time after the newest frame within which a lower number is late; later the sender may have
-started again."""
+"""Largest delay of a frame on a link, wall time. A lower number that would have taken longer is
+that of a sender that has started again."""
 
 
 class FrameOrder:
-    """Newest sequence number of one sender on one link."""
+    """Newest sequence numbers of one sender on one link, with their times of arrival."""
 
     def __init__(self) -> None:
-        self._newest, self._newest_s = 0, float("-inf")
+        self._newest: list[tuple[int, float]] = []
 
     def is_late(self, sequence: int, now_s: float) -> bool:
         """Return whether a frame is older than the newest one, and note it otherwise.
@@ -40,11 +40,28 @@ class FrameOrder:
         bool
             Whether a newer frame of the sender has arrived before.
         """
-        frames_late = self._newest - sequence & 0xFF
-        if now_s - self._newest_s < MAX_LATE_S and 0 < frames_late <= MAX_FRAMES_LATE:
-            return True
-        self._newest, self._newest_s = sequence, now_s
+        for newer, arrived_s in self._newest:
+            if 0 < newer - sequence & 0xFF <= MAX_FRAMES_LATE:
+                # the first of those that were sent after it: it is late by more than this time
+                if now_s - arrived_s < MAX_LATE_S:
+                    return True
+                self.restart(sequence, now_s)
+                return False
+        recent = [one for one in self._newest if 0 < sequence - one[0] & 0xFF <= MAX_FRAMES_LATE]
+        self._newest = [*recent, (sequence, now_s)]
         return False
+
+    def restart(self, sequence: int, now_s: float) -> None:
+        """Forget all frames before one, the first of a sender that has started again.
+
+        Parameters
+        ----------
+        sequence : int
+            Sequence number of the frame, modulo 256.
+        now_s : float
+            Wall clock, in seconds.
+        """
+        self._newest = [(sequence, now_s)]
 
 
 class FrameCounter:
@@ -74,7 +91,7 @@ class FrameCounter:
 
 
 class FrameOrders:
-    """Newest sequence numbers of the clients of a server."""
+    """Newest sequence numbers of the clients of a server, as in `FrameOrder`."""
 
     def __init__(self) -> None:
         self._orders: dict[Hashable, FrameOrder] = {}
@@ -96,8 +113,26 @@ class FrameOrders:
         bool
             Whether a newer frame of the client has arrived before.
         """
+        return self._order(client).is_late(sequence, now_s)
+
+    def restart(self, client: Hashable, sequence: int, now_s: float) -> None:
+        """Forget all frames of a client before one; see `FrameOrder`.
+
+        Parameters
+        ----------
+        client : Hashable
+            The client.
+        sequence : int
+            Sequence number of the frame, modulo 256.
+        now_s : float
+            Wall clock, in seconds.
+        """
+        self._order(client).restart(sequence, now_s)
+
+    def _order(self, client: Hashable) -> FrameOrder:
+        """Return the order of a client."""
         if client not in self._orders:
             while len(self._orders) >= MAX_CLIENTS:
                 del self._orders[next(iter(self._orders))]
             self._orders[client] = FrameOrder()
-        return self._orders[client].is_late(sequence, now_s)
+        return self._orders[client]

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import has_location
-from mavlink_io.frame_order import FrameOrders
+from mavlink_io.frame_order import MAX_FRAMES_LATE, FrameOrders
 from mavlink_io.mission_items import (
     ALL_TYPES,
     FRAME_LOCAL_NED,
@@ -39,6 +39,8 @@ RE_REQUEST_S = 1.5
 RE_REQUESTS = 5
 """Number of repeated requests for one item before the upload is abandoned."""
 
+_BEGINNINGS = "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST"
+"""Messages that begin an upload."""
 OLD_REQUESTS = 2
 """Number of the last requests for the first item that are sent as MISSION_REQUEST."""
 GO_TO, CHANGE_DEPTH = 2, 3
@@ -106,6 +108,8 @@ class _UploadSession:
     """An upload in progress: its sender and the items received so far."""
 
     client: Client
+    frame_sequence: int
+    """Sequence number of the frame that began the upload."""
     first: int
     """Number of the first item of the upload; 0 for a whole mission."""
     stop: int
@@ -191,7 +195,7 @@ class MissionServer:
         self._plans: dict[int, StoredPlan] = {MISSION_TYPE: store, **(plans or {})}
         self._session: _UploadSession | None = None
         self._finished: tuple[_UploadSession, int] | None = None
-        self._orders = FrameOrders()
+        self._orders, self._frame_sequence = FrameOrders(), 0
         self._handlers = {
             "MISSION_COUNT": self._count,
             "MISSION_ITEM_INT": self._item,
@@ -225,8 +229,27 @@ class MissionServer:
         if handler is None:
             return
         client = Client(MavlinkId(frame.system, frame.component), send)
-        if not self._orders.is_late(client, frame.sequence, now_s):
-            handler(frame.decode(), client, now_s)
+        if self._orders.is_late(client, frame.sequence, now_s):
+            if not self._begins_again(frame, client):
+                return
+            self._orders.restart(client, frame.sequence, now_s)
+        self._frame_sequence = frame.sequence
+        handler(frame.decode(), client, now_s)
+
+    def _begins_again(self, frame: Frame, client: Client) -> bool:
+        """Return whether a late frame begins the upload in progress again.
+
+        Its number is that of the frame that began the upload, or a later one: a frame of an earlier
+        upload has a lower number. Either the link has repeated the beginning, or the client has
+        started again and counts from 0.
+        """
+        session = self._session
+        return (
+            session is not None
+            and session.client == client
+            and frame.name in _BEGINNINGS
+            and frame.sequence - session.frame_sequence & 0xFF <= MAX_FRAMES_LATE
+        )
 
     def poll(self, now_s: float) -> None:
         """Request a missing item again, or abandon an upload whose sender is silent.
@@ -261,6 +284,7 @@ class MissionServer:
         else:
             session = _UploadSession(
                 client=client,
+                frame_sequence=self._frame_sequence,
                 first=0,
                 stop=message.count,
                 due_s=now_s,
@@ -284,6 +308,7 @@ class MissionServer:
         else:
             session = _UploadSession(
                 client=client,
+                frame_sequence=self._frame_sequence,
                 first=first,
                 stop=last + 1,
                 due_s=now_s,

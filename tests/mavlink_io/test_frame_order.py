@@ -25,6 +25,22 @@ def test_sender_that_starts_again_is_accepted_after_a_while() -> None:
     assert late([MAX_FRAMES_LATE, 0], step_s=MAX_LATE_S) == [False, False]
 
 
+def test_sender_that_starts_again_is_recognised_though_it_sent_until_now() -> None:
+    """Before, each frame of a long exchange put off the time from which a new start counts."""
+    numbers = [*range(MAX_FRAMES_LATE), 0, 1, 2]
+    assert late(numbers, step_s=MAX_LATE_S / 16) == [False] * len(numbers)
+
+
+def test_frame_is_late_until_the_first_that_overtook_it_is_too_old() -> None:
+    order = FrameOrder()
+    assert [order.is_late(number, now_s) for number, now_s in ((7, 0.0), (9, 1.5), (8, 3.4))] == [
+        False,
+        False,
+        True,  # 9 came 1.9 s before
+    ]
+    assert not order.is_late(8, 3.5)
+
+
 def test_positions_follow_the_order_of_sending_across_the_wrap() -> None:
     counter = FrameCounter()
     positions = [counter.position(number) for number in (254, 255, 1, 0, 100, 220, 120)]

@@ -372,7 +372,7 @@ def upload_frames(items: list[MissionItem], first: int) -> list[Frame]:
     frames = list[Frame]()
     for number, (name, fields) in enumerate(messages, first):
         message = dialect.by_name(name)
-        frames += framer.feed(encode(message, message.values(**fields), number, *GROUND))
+        frames += framer.feed(encode(message, message.values(**fields), number & 0xFF, *GROUND))
     return frames
 
 
@@ -386,6 +386,30 @@ def test_mission_late_frames_on_one_link_leave_the_new_mission() -> None:
     for frame in (*early, now[0], *early, now[1], *early, now[2], *early):
         server.feed(frame, send, 0.0)
     assert store.items == tuple(second)
+
+
+@pytest.mark.parametrize(("first", "again"), [(1, 1), (1, 2), (254, 0)])
+def test_mission_upload_of_a_ground_station_that_restarts_is_a_new_one(
+    first: int, again: int
+) -> None:
+    """It counts from 0 again: before, its MISSION_COUNT was ignored as a late one."""
+    store, send = Store(), Wire(VEHICLE).send
+    server = MissionServer(store)
+    old = upload_frames([MissionItem(n, 2, 93, p1=1.0) for n in range(4)], first)
+    new = upload_frames([MissionItem(n, 2, 93, p1=2.0) for n in range(3)], again)
+    for frame in (*old[:4], *new):
+        server.feed(frame, send, 0.0)
+    assert store.items == tuple(MissionItem(n, 2, 93, p1=2.0) for n in range(3))
+
+
+def test_mission_late_count_of_a_complete_upload_begins_no_other() -> None:
+    store, down = Store(), Wire(VEHICLE)
+    server = MissionServer(store)
+    frames = upload_frames([MissionItem(n, 2, 93, p1=1.0) for n in range(2)], 1)
+    for frame in (*frames, frames[0]):
+        server.feed(frame, down.send, 0.0)
+    server.poll(60.0)
+    assert down.names == ["MISSION_REQUEST_INT", "MISSION_REQUEST_INT", "MISSION_ACK"]
 
 
 def test_mission_acknowledged_with_fewer_items_is_sent_again() -> None:
