@@ -21,6 +21,7 @@ from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from ground.live.page.connections import PageConnection
 from ground.live.page.page_state import Browser, PageState
 from mavlink_io.errors import InputError
 
@@ -134,7 +135,7 @@ class PageServer:
             server_header=False,
             timeout_graceful_shutdown=int(CLOSE_TIMEOUT_S),
             ws="none",
-            http="h11",
+            http=PageConnection,
             loop="asyncio",
         )
         self._server = uvicorn.Server(config)

@@ -1,21 +1,24 @@
 """Server of the live page: names, headers, and browsers that do not read."""
 
+import contextlib
 import http.client
 import json
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import closing
 
 import pytest
 
-from ground.live.page import server
+from ground.live.page import connections, server
 from ground.live.page.page_state import PageState
 from ground.live.page.server import PageServer
 from mavlink_io.errors import InputError
 from tests.ground.live.page.telemetry import frame, heartbeat, motion
 
 START_S, LAST_S = 400.0, 430.0
+WHOLE_REQUEST = b"GET /icon.svg HTTP/1.1\r\nHost: localhost\r\n\r\n"
 BUFFER_BYTES = 8192
 """Size of the buffers in the kernel: the history of `START_S` does not fit into them."""
 
@@ -110,6 +113,74 @@ def test_stopped_browser_does_not_delay_another(port: int, state: PageState) -> 
         flight.join()
         stopped.close()
     assert times_s == sorted(set(times_s))
+
+
+def is_closed(connection: socket.socket) -> bool:
+    """Return whether the server has closed a connection within two seconds."""
+    connection.settimeout(2.0)
+    try:
+        return connection.recv(1) == b""
+    except ConnectionError:
+        return True
+    except TimeoutError:
+        return False
+
+
+@pytest.mark.parametrize("request_part", [b"", b"GET / HTTP/1.1\r\nHost: ", WHOLE_REQUEST])
+def test_connection_without_a_request_is_closed(
+    port: int, monkeypatch: pytest.MonkeyPatch, request_part: bytes
+) -> None:
+    """Before, it stayed open for ever, and so did one whose next request came in small parts."""
+    monkeypatch.setattr(connections, "REQUEST_TIMEOUT_S", 0.3)
+    with socket.create_connection(("127.0.0.1", port)) as idle:
+        idle.sendall(request_part)
+        with contextlib.suppress(ConnectionError):
+            for _ in range(6):
+                idle.sendall(b"x")
+                time.sleep(0.1)
+        idle.settimeout(2.0)
+        with contextlib.suppress(ConnectionError):
+            while idle.recv(65536):
+                pass
+
+
+def test_stream_of_events_outlives_the_time_limit(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "REQUEST_TIMEOUT_S", 0.1)
+    with socket.create_connection(("127.0.0.1", port)) as stream:
+        stream.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        time.sleep(0.5)
+        stream.settimeout(0.0)
+        with contextlib.suppress(BlockingIOError):
+            while stream.recv(65536):
+                pass
+        assert stream.send(b"x") == 1
+        assert not is_closed(stream)
+
+
+def test_many_idle_connections_give_way_to_a_browser(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 4)
+    with contextlib.ExitStack() as opened:
+        streams = [
+            opened.enter_context(socket.create_connection(("127.0.0.1", port))) for _ in range(3)
+        ]
+        for stream in streams:
+            stream.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            assert stream.recv(12) == b"HTTP/1.1 200"
+        idle = [
+            opened.enter_context(socket.create_connection(("127.0.0.1", port))) for _ in range(3)
+        ]
+        assert [is_closed(one) for one in idle[:2]] == [True, True]
+        assert get(port, "/").status == 200
+        assert is_closed(idle[2])
+        fourth = opened.enter_context(socket.create_connection(("127.0.0.1", port)))
+        fourth.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert fourth.recv(12) == b"HTTP/1.1 200"
+        refused = opened.enter_context(socket.create_connection(("127.0.0.1", port)))
+        assert is_closed(refused)
 
 
 def test_port_in_use_is_an_input_error(port: int) -> None:
