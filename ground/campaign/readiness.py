@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from ground.missions.script import Script
 from mavlink_io.errors import BAD_INPUT, InputError, OperationError
@@ -43,21 +43,35 @@ def check_scenario(
         )
 
 
-def check_buoyancy(scenario: str, content: Mapping[str, Any], vehicle: Any) -> None:
-    """Raise InputError if the vehicle is heavier than the water of the scenario at the surface."""
+class Heaviness(NamedTuple):
+    """A vehicle that is heavier than the water at the surface."""
+
+    cause: str
+    remedy: str
+
+
+def find_heaviness(content: Mapping[str, Any], vehicle: Any) -> Heaviness | None:
+    """Return why a vehicle does not stay afloat without power; None if it floats."""
     layers = content["density"]["layer"]
     density_kgpm3 = (layers[0] if layers else content["water"])["density_kgpm3"]
     ballast, water = vehicle.ballast, vehicle.water
     weight_n = ballast.mass_kg * water.gravity_mps2
     lift_n = (weight_n + ballast.net_buoyancy_n) * density_kgpm3 / water.density_kgpm3 - weight_n
     enough_n = weight_n * (water.density_kgpm3 / density_kgpm3 - 1.0)
-    if lift_n <= 0.0:
-        raise InputError(
-            f"--scenario {scenario}: water of {density_kgpm3:g} kg/m3 at the surface, in which"
-            f" {vehicle.name} is {-lift_n:.3g} N too heavy and would not come up after a dive:"
-            f" expected ballast.net_buoyancy_n above {enough_n:.3g} in the vehicle"
-            " file, or another scenario"
-        )
+    if lift_n > 0.0:
+        return None
+    return Heaviness(
+        f"water of {density_kgpm3:g} kg/m3 at the surface, in which {vehicle.name} is"
+        f" {-lift_n:.3g} N too heavy: it sinks without power",
+        f"give the vehicle file a ballast.net_buoyancy_n above {enough_n:.3g}, or choose another"
+        " scenario",
+    )
+
+
+def check_buoyancy(scenario: str, content: Mapping[str, Any], vehicle: Any) -> None:
+    """Raise InputError if the vehicle is heavier than the water of the scenario at the surface."""
+    if heavy := find_heaviness(content, vehicle):
+        raise InputError(f"--scenario {scenario}: {heavy.cause}; {heavy.remedy}")
 
 
 def moments(content: Mapping[str, Any]) -> Moments:

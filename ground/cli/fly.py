@@ -28,6 +28,7 @@ from mavlink_io.mission_items import MavCmd
 
 if TYPE_CHECKING:
     from ground.cli.progress import ProgressDisplay
+    from ground.client.dive_symptoms import Symptom
     from ground.client.flight import Dive
     from ground.live.page.feed import DiveFeed, PageProcess
     from ground.live.performance_monitor import PerformanceMonitor
@@ -124,8 +125,7 @@ def fly(
         refuse_same_file("--tlog", new_file(tlog), [log_file])
     if truth is not None:
         refuse_same_file("--truth", new_file(truth), [log_file, tlog])
-    if sitl:
-        _check_flown(vehicle)
+    heaviness = _check_simulation(vehicle, scenario) if sitl else None
     parameters = _parameters(params, gains, vehicle if sitl else None)
     dive = Dive.load(
         mission,
@@ -153,6 +153,8 @@ def fly(
         listeners = Listeners(
             [listener for listener in (estimate, monitor, feed) if listener], display.show
         )
+        if heaviness:
+            display.print_line(heaviness.message)
         if sitl:
             simulated = SimulatedVehicle(
                 Simulation(vehicle=vehicle, scenario=scenario, seed=seed, speed=speed, truth=truth),
@@ -176,6 +178,8 @@ def fly(
                 on_remark=display.print_line,
             )
     assessed = assessment.assess_dive(result.log, result.trims_learned)
+    if heaviness:
+        assessed = assessed._replace(symptoms=(heaviness, *assessed.symptoms))
     print_result(
         {
             **result._asdict(),
@@ -193,11 +197,20 @@ def fly(
         raise UnsuccessfulError("; ".join(result.failsafes))
 
 
-def _check_flown(vehicle: str) -> None:
-    """Raise InputError if a simulated vehicle cannot be flown."""
-    from ground.campaign import prototype
+def _check_simulation(vehicle: str, scenario: str) -> "Symptom | None":
+    """Return the symptom of a vehicle that does not float in the scenario.
+
+    The telemetry does not show it: the dive ends with disarming. Raises InputError if vehicle or
+    scenario cannot be simulated.
+    """
+    from ground.campaign import prototype, readiness
+    from ground.client.dive_symptoms import Symptom, SymptomKind
+    from sysid import prior_knowledge
 
     prototype.check_flown(vehicle)
+    known = prior_knowledge.vehicle_file(prototype.prior_file_of(vehicle))
+    heavy = readiness.find_heaviness(readiness.scenario_content(scenario), known)
+    return heavy and Symptom(SymptomKind.HEAVY, "", heavy.cause, heavy.remedy)
 
 
 def _parameters(
