@@ -16,6 +16,7 @@ from ground.cli.options import (
     Sign,
     VehicleId,
     print_result,
+    refuse_given,
 )
 from mavlink_io.printable import printable
 
@@ -36,7 +37,13 @@ def modes(
     json: Json = False,
 ) -> None:
     """List each mode that the vehicle reports, with its number (custom_mode)."""
-    if context.invoked_subcommand is not None:
+    if (command := context.invoked_subcommand) is not None:
+        refuse_given(
+            context,
+            "--connect --sign --vehicle-id --modem --json",
+            f"stands before `{command}` and has no effect; give it after that word if"
+            f" `ground modes {command} --help` lists it, or leave it out",
+        )
         return
     with connected(connect, sign, vehicle_id, modem) as vehicle:
         offered = vehicle.modes()

@@ -83,6 +83,15 @@ def test_option_without_effect_is_refused(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("option", ["--connect tcp:localhost:1", "--vehicle-id 2", "--json"])
+@pytest.mark.parametrize("command", ["install", "export-mavproxy"])
+def test_option_before_a_subcommand_is_refused(option: str, command: str) -> None:
+    """`ground modes --connect ADDRESS install` ignored the address."""
+    reason = f"^{option.split()[0]}: stands before `{command}` and has no effect"
+    with pytest.raises(InputError, match=reason):
+        CliRunner().invoke(app, ["modes", *option.split(), command], catch_exceptions=False)
+
+
 @pytest.mark.parametrize("option", ["--min-depth", "--water-depth", "--min-altitude"])
 def test_option_without_limits_refuses_nan(option: str) -> None:
     with pytest.raises(InputError, match=f"^{option} nan: give a number"):
