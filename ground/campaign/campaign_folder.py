@@ -93,10 +93,9 @@ class CampaignFolder:
     def prior_config(self) -> Any:
         """Content of the vehicle file from which the model was fitted. Raises InputError.
 
-        It is in the model: the file itself may be gone or changed since. A model of an earlier
-        version does not contain it; then the file `prior` is read.
+        It is in the model: the file itself may be gone or changed since.
         """
-        return self.model.vehicle.file or refit.read_vehicle(self.prior)
+        return self.model.vehicle.file
 
     def log_path(self, stage: str, mission: str) -> Path:
         """Return the path of the log of a dive."""

@@ -98,7 +98,7 @@ def _robustness_rows(design: DesignSummary) -> Iterator[LimitRow]:
             limit="vehicles that meet it",
             asked="",
             reached="",
-            where=f"not known: needs the vehicle file (--prior); {limits}",
+            where=f"not known: the model has no covariance; {limits}",
         )
         return
     most = f"; most others miss the {robustness.worst}" if robustness.worst else ""

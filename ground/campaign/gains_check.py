@@ -9,7 +9,7 @@ from mavlink_io.errors import ErrorCode, InputError, OperationError
 from sysid.design import design_model, robustness
 from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
 from sysid.design.constraints import Bounds
-from sysid.models import model_file, prediction
+from sysid.models import model_file
 
 MODEL_FILE = "model.json"
 """Name of a model beside the gains file."""
@@ -41,8 +41,8 @@ def check_gains(
     Returns
     -------
     str
-        Why the gains were not checked, or not on the whole model; empty if they were, or if the
-        file holds no gains of a design.
+        Why the gains were not checked; empty if they were, or if the file holds no gains of a
+        design.
 
     Raises
     ------
@@ -78,18 +78,12 @@ def check_gains(
     if missing := [name for name in _LOOP_GAINS if name not in values]:
         raise UnsafeGainsError(f"{file}: lacks {missing[0]}, so that no margin can be computed")
     bounds = _bounds(header.specification)
-    given = refit.read_vehicle(prior)
-    vehicle = design_model.from_model(identified, given)
+    vehicle = design_model.from_model(identified, refit.read_vehicle(prior))
     violations = robustness.violations(vehicle, values, bounds)
     worst = max(violations, key=lambda name: violations[name])
     if violations[worst] > CONSTRAINT_TOLERANCE:
         raise UnsafeGainsError(
             f"{file}: on {path} {_describe(worst, violations[worst], bounds)}; redesign"
-        )
-    if identified.method == "map" and prediction.find_prior_vehicle(identified, given) is None:
-        return (
-            f"{file}: checked on the coefficients of {path} alone; for level flight give --prior"
-            f" with the vehicle file {identified.vehicle.prior}"
         )
     return ""
 

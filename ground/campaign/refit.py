@@ -310,22 +310,19 @@ def specification(model: IdentifiedModel, prior: str | None = None) -> Spec:
 
     Raises InputError if the vehicle file cannot be used.
     """
-    vehicle = _vehicle_of(model, prior)
-    if vehicle is None:
-        return Spec()
-    tail = vehicle.tailcone
+    tail = _vehicle_of(model, prior).tailcone
     return Spec(travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
 
 
 def _vehicle_of(model: IdentifiedModel, prior: str | None) -> Any:
-    """Return the vehicle file of a model; None if it is not known."""
-    return prediction.find_prior_vehicle(model, read_vehicle(prior))
+    """Return the vehicle file of a model, or the given one."""
+    return prediction.prior_vehicle(model, read_vehicle(prior))
 
 
 def _initial_gains_of(model: IdentifiedModel, prior: str | None) -> dict[str, float]:
     """Return the gains of the first dive: Table 3 for Caribou, else a prototype design."""
     vehicle, table_3 = _vehicle_of(model, prior), initial_gains()
-    if vehicle is None or prototype.is_caribou(vehicle):
+    if prototype.is_caribou(vehicle):
         return table_3
     first = prototype.design(vehicle).parameters
     return {name: first[name] for name in table_3}

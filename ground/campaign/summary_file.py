@@ -123,7 +123,7 @@ class DesignSummary(JsonRecord, frozen=True):
     """Reason for each parameter."""
     specification: Spec
     robustness: DesignRobustness | None
-    """Null for a model without covariance or without its vehicle file."""
+    """Null for a model without covariance."""
     predicted: dict[str, PredictedError]
     """Predicted performance by quantity."""
     minimum_variance: MinimumVariance | None

@@ -106,8 +106,7 @@ Prior = Annotated[
     typer.Option(
         callback=refuse_empty,
         metavar="FILE",
-        help="Vehicle file of the refit, in place of the one in the model; needed for a model of an"
-        " earlier version whose vehicle is not shipped.",
+        help="Vehicle file of the refit, in place of the one in the model.",
     ),
 ]
 SpecFile = Annotated[

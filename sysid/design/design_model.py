@@ -189,7 +189,7 @@ def from_model(
         Both planes with their actuator lags, which include the delay of the sampled control, and
         the identified disturbance.
     """
-    if model.method == "map" and prediction.find_prior_vehicle(model, prior) is not None:
+    if model.method == "map":
         return from_vehicle(prediction.vehicles(model, prior)[0], _disturbance_of(model, depth_m))
     coefficients = Table1Column(
         **{name: coefficient.value for name, coefficient in model.coefficients.items()}
@@ -234,15 +234,14 @@ def sample_models(
     Yields
     ------
     DesignModel
-        Nothing is yielded for a model without covariance, nor without its vehicle file.
+        Nothing is yielded for a model without covariance.
     """
-    vehicle = prediction.find_prior_vehicle(model, prior)
-    if vehicle is None or not np.any(model.joint.covariance):
+    if not np.any(model.joint.covariance):
         return
     covariance = (
         np.array(model.joint.covariance)
         if drive_known
-        else uncertain_drive_covariance(model, vehicle)
+        else uncertain_drive_covariance(model, prediction.prior_vehicle(model, prior))
     )
     draws = np.random.default_rng(SEED).standard_normal((count, len(covariance)))
     for sample in feasible_samples(

@@ -282,8 +282,8 @@ class VehicleRecord(JsonRecord, frozen=True):
     """Elevator angle of level motion."""
     level_pitch_deg: Angle
     """Pitch of level motion, positive nose up."""
-    file: VehicleConfig | None = None
-    """Content of the prior vehicle file; null in models of earlier versions."""
+    file: VehicleConfig
+    """Content of the prior vehicle file."""
 
     @property
     def prior_biases_rad(self) -> dict[Plane, float]:
@@ -442,9 +442,8 @@ def read(path: str | Path) -> IdentifiedModel:
         model = decode(text, IdentifiedModel)
         if reason := _contradiction(model):
             raise ModelError(f"{path}: {reason}; give a model.json that `ground refit` wrote")
-        if model.vehicle.file is not None:
-            vehicle_files.check(model.vehicle.file, f"{path}: vehicle.file")
-            vehicle_check.check_config(model.vehicle.file, f"{path}: vehicle.file")
+        vehicle_files.check(model.vehicle.file, f"{path}: vehicle.file")
+        vehicle_check.check_config(model.vehicle.file, f"{path}: vehicle.file")
         return model
     except OSError as error:
         raise ModelError(
@@ -452,7 +451,9 @@ def read(path: str | Path) -> IdentifiedModel:
         ) from None
     except msgspec.MsgspecError as error:
         reason = explain(text, IdentifiedModel) or str(error)
-        raise ModelError(f"{path}: {reason}; give a model.json that `ground refit` wrote") from None
+        raise ModelError(
+            f"{path}: {reason}; give a model.json that `ground refit` wrote, or refit its logs"
+        ) from None
 
 
 def _contradiction(model: IdentifiedModel) -> str:

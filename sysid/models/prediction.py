@@ -1,13 +1,11 @@
 """Simulation of runs with an identified model and with its prior, and the rate errors of both."""
 
 from collections.abc import Sequence
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid.data.runs import Run
 from sysid.estimation.map.steady_state import cruise_speed_mps
@@ -165,46 +163,8 @@ def prior_vehicle(model: IdentifiedModel, prior: VehicleConfig | None = None) ->
     VehicleConfig
         The prior vehicle.
 
-    Raises
-    ------
-    VehicleFileError
-        The model is of an earlier version, without its vehicle file, and this is not shipped.
     """
-    known = find_prior_vehicle(model, prior)
-    if known is None:
-        raise vehicle_files.VehicleFileError(
-            f"model: vehicle.file is missing, and vehicle.prior = {model.vehicle.prior!r} is not"
-            " shipped; give this file (--prior)"
-        )
-    return known
-
-
-def find_prior_vehicle(
-    model: IdentifiedModel, prior: VehicleConfig | None = None
-) -> VehicleConfig | None:
-    """Return the prior vehicle of a model as `prior_vehicle` does; None where that raises.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-        The identified model.
-    prior : VehicleConfig, optional
-        The prior vehicle; by default the vehicle file in the model.
-
-    Returns
-    -------
-    VehicleConfig or None
-        The prior vehicle, if it is known.
-    """
-    name = model.vehicle.prior
-    shipped = _shipped(name) if name in vehicle_files.SHIPPED else None
-    return prior or model.vehicle.file or shipped
-
-
-@cache
-def _shipped(name: str) -> VehicleConfig:
-    """Return a shipped vehicle, cached because hundreds of vehicles are sampled from a model."""
-    return vehicle_files.load(name)
+    return prior or model.vehicle.file
 
 
 def simulate_model(

@@ -98,7 +98,7 @@ def test_page_marks_margins_that_differ() -> None:
 def test_rows_unknown_robustness_is_reported() -> None:
     *_, last = design_summary.rows(design(robustness=None))
     assert last.reached == ""
-    assert "--prior" in last.where
+    assert "the model has no covariance" in last.where
 
 
 def test_page_escapes_text(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -83,10 +83,6 @@ def test_vehicle_that_is_not_shipped_is_checked_on_its_file(tmp_path: Path) -> N
     path, file = tmp_path / "model.json", tmp_path / "gains.param"
     model_file.write(replace(fitted, method="map", vehicle=own), path)
     assert check_gains(file, param_file.load(gains_file(path, {})), None) == ""
-    model_file.write(replace(fitted, method="map", vehicle=replace(own, file=None)), path)
-    values = param_file.load(gains_file(path, {}))
-    assert "give --prior with the vehicle file own.toml" in check_gains(file, values, None)
-    assert check_gains(file, values, None, "caribou_nominal") == ""
 
 
 def test_gains_of_another_model_are_refused(model: Path, tmp_path: Path) -> None:

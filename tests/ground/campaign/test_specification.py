@@ -68,30 +68,19 @@ def test_read_error_names_an_option_of_two_words() -> None:
 
 
 class RefittedVehicle(NamedTuple):
-    prior: str
-    file: VehicleConfig | None = None
+    file: VehicleConfig
 
 
 class Refitted(NamedTuple):
-    """Stand-in for a model; it names its vehicle."""
+    """Stand-in for a model; it holds its vehicle file."""
 
     vehicle: RefittedVehicle
 
 
-def of(prior: str, file: VehicleConfig | None = None) -> Any:
-    return Refitted(RefittedVehicle(prior, file))
-
-
 def test_specification_takes_limits_of_tailcone() -> None:
-    tail = config.load("remus100").tailcone
-    found = refit.specification(of("remus100"))
-    assert found == Spec(travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
-    assert found != Spec()
-
-
-def test_specification_of_an_unshipped_vehicle() -> None:
-    assert refit.specification(of("mine.toml")) == Spec()
-    mine = config.load("docs/my_vehicle.toml")
-    expected = Spec(travel_deg=mine.tailcone.travel_deg, rate_degps=mine.tailcone.rate_degps)
-    assert refit.specification(of("mine.toml", mine)) == expected
-    assert refit.specification(of("mine.toml"), "docs/my_vehicle.toml") == expected
+    remus, mine = config.load("remus100"), config.load("docs/my_vehicle.toml")
+    model: Any = Refitted(RefittedVehicle(remus))
+    for prior, tail in ((None, remus.tailcone), ("docs/my_vehicle.toml", mine.tailcone)):
+        found = refit.specification(model, prior)
+        assert found == Spec(travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
+        assert found != Spec()

@@ -2,6 +2,7 @@
 
 import codecs
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -91,16 +92,23 @@ def test_model_is_a_prior_where_its_vehicle_file_is_missing(
     assert (knowledge.config, knowledge.name) == (config, "mine.toml")
 
 
-def test_model_without_its_vehicle_file_names_what_is_missing(model: IdentifiedModel) -> None:
-    """Models of earlier versions do not contain it."""
-    shipped = _with_vehicle(model, prior="xfin_auv", file=None)
-    assert prediction.prior_vehicle(shipped) == vehicle_files.load("xfin_auv")
-    mine = _with_vehicle(model, prior="mine.toml", file=None)
-    assert prediction.find_prior_vehicle(mine) is None
-    with pytest.raises(VehicleFileError, match=r"vehicle\.prior = 'mine\.toml'.*--prior"):
-        prediction.prior_vehicle(mine)
-    given = vehicle_files.load("remus100")
-    assert prediction.prior_vehicle(mine, given) == given
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda vehicle: vehicle.pop("file"), "vehicle: object missing required field file"),
+        (lambda vehicle: vehicle.update(file=None), "vehicle.file = None: expected object"),
+    ],
+)
+def test_model_without_its_vehicle_file_is_refused(
+    model: IdentifiedModel, tmp_path: Path, change: Callable[[Any], None], reason: str
+) -> None:
+    path = tmp_path / "model.json"
+    models.write(model, path)
+    content = json.loads(path.read_text())
+    change(content["vehicle"])
+    path.write_text(json.dumps(content))
+    with pytest.raises(ModelError, match=f"model.json: {reason}.*, or refit its logs"):
+        models.read(path)
 
 
 def test_impossible_vehicle_file_in_a_model_is_refused(
