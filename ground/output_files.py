@@ -1,4 +1,4 @@
-"""Checks of the files that a command writes, before its work."""
+"""Files that a command writes: checks before its work, and writing in one step."""
 
 import errno
 import os
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mavlink_io.errors import InputError
+from mavlink_io.user_data_dir import errors_named
 
 _NO_ROOM = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
 """Errors of a write that name no file."""
@@ -91,6 +92,33 @@ def open_new(path: Path) -> Iterator[BinaryIO]:
         if isinstance(error, OSError) and error.errno in _NO_ROOM:
             error.filename = str(path)  # a failed write names no file
         raise
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file so that a kill leaves the old or the new content.
+
+    Parameters
+    ----------
+    path : Path
+        The file. `temporary_name` is that of the part that a kill leaves; the next write replaces
+        it.
+    text : str
+        New content.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written. ``filename`` is that of `path`.
+    """
+    temporary = path.with_name(temporary_name(path.name))
+    with errors_named(path):
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+
+
+def temporary_name(name: str) -> str:
+    """Return the name of a file while `write_whole` writes it."""
+    return f".{name}.new"
 
 
 def _refuse_place(label: str, path: Path) -> None:

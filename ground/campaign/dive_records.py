@@ -14,10 +14,10 @@ from threading import Lock
 import msgspec
 
 from ground.client.flight import FlightResult
+from ground.output_files import write_whole
 from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.text_files import read_text
-from mavlink_io.user_data_dir import errors_named
 
 RECORDS_FILE = "dives.json"
 """File of the records in the folder of a campaign."""
@@ -100,19 +100,6 @@ class DiveRecords:
     def remove(self) -> None:
         """Remove the file: the campaign is finished."""
         self._path.unlink(missing_ok=True)
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file so that a kill leaves the old or the new content."""
-    temporary = path.with_name(temporary_name(path.name))
-    with errors_named(path):
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-
-
-def temporary_name(name: str) -> str:
-    """Return the name of a file while it is being written."""
-    return f".{name}.new"
 
 
 def _sha256(path: Path) -> str:

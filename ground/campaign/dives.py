@@ -22,7 +22,6 @@ from ground.campaign.dive_records import (
     DiveRecord,
     DiveRecords,
     digest_request,
-    write_whole,
 )
 from ground.campaign.failsafe_limits import (
     MAX_REPETITIONS,
@@ -42,6 +41,7 @@ from ground.client.assessment import assess_log
 from ground.client.dive_symptoms import Symptom, SymptomKind
 from ground.client.flight import Dive, FlightProgress, TelemetryListener, fly_simulated
 from ground.missions import scaling, script
+from ground.output_files import write_whole
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess, stop_loading_fork_server
 from mavlink_io.errors import CaribouError, OperationError

@@ -22,7 +22,7 @@ from ground.campaign.campaign_folder import (
     CampaignFolder,
 )
 from ground.campaign.computations import FITTED, HELD_OUT, MISSIONS, RETESTS
-from ground.campaign.dive_records import RECORDS_FILE, temporary_name, write_whole
+from ground.campaign.dive_records import RECORDS_FILE
 from ground.campaign.request import (
     ALL_MISSIONS,
     IDENTIFICATION,
@@ -30,7 +30,7 @@ from ground.campaign.request import (
     CampaignRequest,
     dive_seed,
 )
-from ground.output_files import is_same_file
+from ground.output_files import is_same_file, temporary_name, write_whole
 from mavlink_io.errors import InputError
 
 DIVES = {

@@ -18,7 +18,6 @@ import msgspec
 from ground.campaign import computations, prototype, refit, summary, summary_file
 from ground.campaign.campaign_folder import MISSIONS_FOLDER, STAGES, CampaignFolder
 from ground.campaign.computations import MISSIONS, RETESTS, RetestRecord
-from ground.campaign.dive_records import write_whole
 from ground.campaign.dives import (
     AnnounceCallback,
     CampaignDives,
@@ -43,6 +42,7 @@ from ground.campaign.preparation import Preparation, PreparationRequest, flown_f
 from ground.campaign.request import ALL_MISSIONS, IDENTIFICATION, TRIM_MISSION, CampaignRequest
 from ground.campaign.summary_file import CampaignSummary, DesignSummary, RetestSummary
 from ground.campaign.worker import Worker
+from ground.output_files import write_whole
 from ground.simulation.subprocesses import start_fork_server
 from mavlink_io.clock import wall_s
 from mavlink_io.errors import InputError

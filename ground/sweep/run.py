@@ -9,9 +9,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from ground.output_files import temporary_name, write_whole
 from mavlink_io.errors import InputError
 from mavlink_io.text_files import parse_json, read_text
-from mavlink_io.user_data_dir import errors_named
 from sysid.sweep import dives, parts
 from sysid.sweep.dives import COLUMNS, Part
 from sysid.sweep.points import ParameterRange
@@ -20,7 +20,6 @@ from sysid.trials import Engine, map_trials, source_hash
 
 DESCRIPTION = "sweep.json"
 """File in the folder of a sweep: what was flown with which versions."""
-_UNFINISHED = f"{DESCRIPTION}.tmp"
 MAX_DIVES = 999_999_999
 """Largest number of dives, for nine digits in the names of parts."""
 Report = Callable[[int, int], None]
@@ -157,7 +156,7 @@ def _description(request: SweepRequest, chunks: Chunks) -> dict[str, Any]:
 def _prepare(folder: Path, description: dict[str, Any]) -> None:
     """Make the folder and write its description. Raises InputError."""
     folder.mkdir(parents=True, exist_ok=True)
-    names = {path.name for path in folder.iterdir()} - {_UNFINISHED}
+    names = {path.name for path in folder.iterdir()} - {temporary_name(DESCRIPTION)}
     if names and DESCRIPTION not in names:
         raise InputError(f"--out {folder}: is not the folder of a sweep; give a new one")
     _write(folder, description)
@@ -165,10 +164,7 @@ def _prepare(folder: Path, description: dict[str, Any]) -> None:
 
 def _write(folder: Path, description: dict[str, Any]) -> None:
     """Write the description of a sweep in one step."""
-    unfinished = folder / _UNFINISHED
-    with errors_named(folder / DESCRIPTION):
-        unfinished.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
-        unfinished.replace(folder / DESCRIPTION)
+    write_whole(folder / DESCRIPTION, json.dumps(description, indent=1) + "\n")
 
 
 def read_description(folder: Path) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from ground import output_files
 from ground.campaign import (
     computations,
     dive_records,
@@ -47,7 +48,7 @@ KILLED_DIVES = (
 """Dives at whose begin, middle, end and record a campaign is killed."""
 LARGEST_DEG = {"identification/elevator_sweeps": 2.5, "identification/retest_1": 4.0}
 """Largest tests (deg) of dives that end with a failsafe otherwise, so that they are repeated."""
-WRITE_WHOLE = dive_records.write_whole
+WRITE_WHOLE = output_files.write_whole
 FLYING = "flying "
 """Begin of the name of a stage that exists only while a dive is flown."""
 
@@ -148,7 +149,7 @@ def run_campaign(out: Path, kill_at: str = "") -> None:
 
     def write(path: Path, text: str) -> None:
         name = f"{path.relative_to(out)}{text.count('log_sha256')}"
-        path.with_name(dive_records.temporary_name(path.name)).write_text(text[: len(text) // 2])
+        path.with_name(output_files.temporary_name(path.name)).write_text(text[: len(text) // 2])
         stages.reach(f"half of {name}")
         WRITE_WHOLE(path, text)
         stages.reach(f"end of {name}")
