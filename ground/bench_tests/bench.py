@@ -27,7 +27,8 @@ from sysid.data.dataset import LogError
 from sysid.data.events import StopReason, TestAxis, TestWave
 from sysid.data.segments import TestInterval, intervals_of_tests
 from sysid.estimation import bench_test
-from sysid.estimation.bench_test import AxisBench, AxisName
+from sysid.estimation.bench_test import AxisBench
+from sysid.models.bench_priors import AxisName
 
 AMPLITUDES_DEG = (5.0, 10.0, 20.0, 30.0)
 """Amplitudes, peak to peak. The paper fitted its model at 10 deg and gives limits at 10 and 30."""

@@ -5,7 +5,7 @@ A bench test gives Figure 4, and a dive with rudder steps about the bias Figure 
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from ground.bench_tests import bench
 from ground.campaign import refit
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
+from ground.campaign.dives import AnnounceCallback, WatchCallback
 from ground.campaign.request import CampaignRequest
 from ground.campaign.run import Campaign
 from ground.client import flight
-from ground.client.flight import Dive, FlightProgress
+from ground.client.flight import Dive
 from ground.report import figures
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from mavlink_io.errors import InputError, OperationError
@@ -81,10 +82,6 @@ class PaperFlights(NamedTuple):
         log = self.campaign.log(STAGES[role], mission)
         start_s = max(steady_flight.settling_s(loop) for loop in loops)
         return tracking_metrics.window(log, start_s, figures.end_s(log))
-
-
-WatchCallback = Callable[[str, FlightProgress], None]
-AnnounceCallback = Callable[[str], None]
 
 
 def fly(request: PaperRequest, watch: WatchCallback, announce: AnnounceCallback) -> PaperFlights:

@@ -9,8 +9,9 @@ import numpy as np
 
 from ground.report import mpl_canvas
 from sysid.estimation import bench_test
-from sysid.estimation.bench_test import AxisBench, AxisName, FrequencyPoint
+from sysid.estimation.bench_test import AxisBench, FrequencyPoint
 from sysid.models import actuator
+from sysid.models.bench_priors import AxisName
 
 COLORS = ("#0f6e84", "#c2542d", "#7a8b2f", "#7b4b94", "#b08a1e")
 GREY = "#4b4f55"

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.client.assessment import MAX_ERROR, UNIT, AssessedLeg
+from ground.report.charts import Chart
 from ground.report.dive_data import ReportedDive
 from sysid.data.dataset import Log
 from sysid.data.events import Armed
 
 Array = NDArray[np.float64]
-Chart = dict[str, Any]
 
 MAX_POINTS = 4000
 """Points per curve of all dives together: about two per pixel of a wide screen."""

@@ -6,9 +6,8 @@ from sysid.design.initial import design_on_root_loci
 from sysid.reproduction import paper_poles
 from sysid.reproduction.paper_poles import Case, PoleRow, SinglePoleCondition, TransferReading
 from sysid.reproduction.paper_tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
+from sysid.reproduction.table_comparisons import NOMINAL_VEHICLE
 
-NOMINAL_VEHICLE = "caribou_nominal"
-"""The first-principles vehicle."""
 CONTROLLERS = {
     "I": "Table 3's initial gains",
     "A": "Table 3's improved gains",

@@ -7,7 +7,7 @@ amplitude, one axis at a time. The duct angle is measured from outside or by its
 import math
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,10 @@ from sysid.data.runs import RATE_HZ
 from sysid.data.segments import TestInterval, intervals_of_tests
 from sysid.models import actuator
 from sysid.models.actuator import ActuatorFit, AxisParameters, BenchRecord
+from sysid.models.bench_priors import AxisName
 from sysid.models.model_file import ParameterEstimate
 
 Array = NDArray[np.float64]
-AxisName = Literal["rudder", "elevator"]
 
 AXES: dict[TestAxis, AxisName] = {TestAxis.RUDDER: "rudder", TestAxis.ELEVATOR: "elevator"}
 """Name by axis of the test."""

@@ -11,6 +11,7 @@ from sysid.estimation.map import bounds, steady_state
 from sysid.estimation.map.convergence import DESIGN_NUMBERS, SearchCosts, failures
 from sysid.estimation.map.fit import Fit
 from sysid.estimation.map.gauss_newton import Z_LIMIT
+from sysid.estimation.map.model_error import RANK_TOLERANCE
 from sysid.estimation.map.problem import Prior
 from sysid.models import delta_method, linear_planes, noise, parameters, prediction
 from sysid.models.linear_planes import SmallSignal
@@ -35,8 +36,6 @@ from sysid.reproduction.paper_tables import UNITS, Table1Column
 
 Array = NDArray[np.float64]
 
-RANK_TOLERANCE = 1e-6
-"""Relative eigenvalue of the information matrix below which a direction counts as unobserved."""
 MAX_ROUNDING = 1e-4
 """Relative difference of a number in a model file that versions of libraries may cause."""
 

@@ -49,7 +49,7 @@ DISPERSION = 60.0
 SIGNIFICANT = 3.84
 """Quantile of chi-square with one degree of freedom, 95 %."""
 RANK_TOLERANCE = 1e-6
-"""Relative eigenvalue of a run's information below which a direction is unobserved."""
+"""Relative eigenvalue of an information matrix below which a direction is unobserved."""
 SCATTER = np.geomspace(1e-3, 2.0, 60)
 """Values of the scatter t that are compared, in prior standard deviations."""
 
