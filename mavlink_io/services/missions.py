@@ -132,7 +132,8 @@ class MissionClient:
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         self._participants = send, own, peer
         self._order = FrameOrder()
-        """Order of the vehicle's frames over all uploads: an answer to an earlier one is late."""
+        """Order of the vehicle's frames over all uploads and downloads: an answer to an earlier one
+        is late."""
         self._last_upload: _Upload | None = None
 
     def upload(
@@ -175,7 +176,7 @@ class MissionClient:
         Exchange
             Its result is the tuple of items.
         """
-        return _PlanDownload(*self._participants, mission_type)
+        return _PlanDownload(*self._participants, self._order, mission_type)
 
     def clear(self) -> Exchange[None]:
         """Remove all items of the vehicle's mission.
@@ -292,10 +293,18 @@ class _PlanDownload(Exchange[tuple[MissionItem, ...]]):
     """Request the number of items, then each item in order."""
 
     message_names = frozenset(("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"))
+    in_order = True
 
-    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, mission_type: int) -> None:
+    def __init__(
+        self,
+        send: Send,
+        own: MavlinkId,
+        peer: MavlinkId,
+        order: FrameOrder,
+        mission_type: int,
+    ) -> None:
         super().__init__(send, own, peer)
-        self._type = mission_type
+        self._order, self._type = order, mission_type
         self._count: int | None = None
         self._items: list[MissionItem] = []
 

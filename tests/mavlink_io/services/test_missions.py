@@ -428,6 +428,31 @@ def test_mission_acknowledged_with_fewer_items_is_sent_again() -> None:
     assert sent == ["MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_COUNT"]
 
 
+def test_mission_download_ignores_the_late_count_of_an_earlier_exchange() -> None:
+    """The vehicle had no mission before the upload, and a late answer said so after it."""
+    client, wire = MissionClient(lambda *_, **__: None, GROUND, VEHICLE), Wire(VEHICLE)
+    target = {"target_system": GROUND.system, "target_component": GROUND.component}
+    wire.send("MISSION_COUNT", count=0, **target)
+    wire.send("MISSION_REQUEST_INT", seq=0, **target)
+    wire.send("MISSION_ACK", type=missions.ACCEPTED, **target)
+    wire.send("MISSION_COUNT", count=1, **target)
+    wire.send("MISSION_ITEM_INT", **missions.item_fields(leg(1)[0], GROUND))
+    frames = [frame._replace(sequence=number) for number, frame in enumerate(wire.take())]
+    late, *answers, count, item = frames
+    upload = client.upload(leg(1))
+    upload.poll(0.0)
+    for frame in answers:
+        upload.feed(frame)
+    assert upload.done
+    download = client.download()
+    download.poll(0.1)
+    download.feed(late)
+    assert not download.done
+    download.feed(count)
+    download.feed(item)
+    assert download.result() == tuple(leg(1))
+
+
 def test_mission_upload_after_failed_one_ignores_its_late_count() -> None:
     """Before, the vehicle loaded as many items of the second upload as the first one had."""
     sea = Sea()
