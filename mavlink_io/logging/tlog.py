@@ -20,6 +20,9 @@ _OVERHEAD = {MAGIC_V2: 12, MAGIC_V1: 8}
 """Bytes of a frame besides its payload, by its first byte."""
 _SIGNED, _SIGNATURE_LENGTH = 1, 13
 """Flag of a signed frame, and length of its signature."""
+_OUTPUTS = dialect.by_name("SERVO_OUTPUT_RAW").message_id
+_OUTPUTS_TIME = struct.Struct("<I")
+"""Field ``time_usec`` of SERVO_OUTPUT_RAW, which wraps after 72 minutes; 0 if it is not filled."""
 _RESYNC_FRAMES = 3
 """Number of consecutive frames required after damage, so that a chance match is unlikely."""
 
@@ -71,7 +74,8 @@ class MessageSeries(NamedTuple):
     """Vehicle time of each message, in microseconds.
 
     A message without a time field has the latest earlier time of its sender, plus the time since
-    that message was received."""
+    that message was received. If the sender gives no other time, its first SERVO_OUTPUT_RAW gives
+    the time at which that was received."""
     payloads: list[bytes]
     """Payloads at full length."""
 
@@ -122,8 +126,8 @@ def read(data: bytes) -> list[MessageSeries]:
     everything = itertools.chain.from_iterable(senders.values())
     timed = next((a for a in everything if a.own_us is not None), None)
     for arrivals in senders.values():
-        first = next((a for a in arrivals if a.own_us is not None), timed or arrivals[0])
-        _set_times(arrivals, first)
+        first = next((a for a in arrivals if a.own_us is not None), None)
+        _set_times(arrivals, first or _first_outputs(arrivals) or timed or arrivals[0])
     return list(all_series.values())
 
 
@@ -133,6 +137,15 @@ class _Arrival(NamedTuple):
     series: MessageSeries
     received_us: int
     own_us: int | None
+
+
+def _first_outputs(arrivals: Sequence[_Arrival]) -> _Arrival | None:
+    """Return the first SERVO_OUTPUT_RAW that has a time, with this time; None without any."""
+    outputs = [a for a in arrivals if a.series.message.message_id == _OUTPUTS]
+    payloads = outputs[0].series.payloads if outputs else []
+    times = (_OUTPUTS_TIME.unpack_from(payload)[0] for payload in payloads)
+    timed = (a._replace(own_us=us) for a, us in zip(outputs, times, strict=True) if us)
+    return next(timed, None)
 
 
 def _set_times(arrivals: Sequence[_Arrival], first: _Arrival) -> None:

@@ -443,6 +443,25 @@ def test_late_servo_pulses_have_their_own_time(tmp_path: Path) -> None:
     assert starts[0] == pytest.approx(starts[1], abs=0.002)
 
 
+@pytest.mark.parametrize("lead_s", [0.0, 1.5])
+def test_servo_pulses_with_the_only_time_keep_the_delay(tmp_path: Path, lead_s: float) -> None:
+    """SERVO_OUTPUT_RAW gives the time of AHRS2, wherever its clock stands at the first message."""
+
+    def booted(s: files.Sample) -> object:
+        message = files.servo_pulses(s)
+        assert isinstance(message, mavlink.MAVLink_servo_output_raw_message)
+        message.time_usec = round(1e6 * (s.time_s - files.BOOTED_S + lead_s))
+        return message
+
+    path = files.tlog(
+        tmp_path / "rx.tlog", booted, attitude=files.ahrs2, position=files.ahrs2, clock=False
+    )
+    log = readers.read(path, OutputOptions(channels=ServoChannels(3, -1, 2)))
+    commanded_s = log.actuators.time_s[np.argmax(log.actuators.rudder_rad > 0.01)]
+    turned_s = log.attitude.time_s[np.argmax(log.attitude.r_radps > 0.02)]
+    assert turned_s == pytest.approx(commanded_s, abs=1.1 / files.RATE_HZ)
+
+
 def test_tlog_without_any_time_has_that_of_reception(tmp_path: Path) -> None:
     path = files.tlog(tmp_path / "rx.tlog", attitude=files.ahrs2, position=files.ahrs2, clock=False)
     log = readers.read(path)
