@@ -45,13 +45,14 @@ from sysid.data.readers.samples import (
     MessageColumns,
     accelerometer,
     ahead_of_others,
+    attitude_of_angles,
+    attitude_with_rates,
     body_velocity,
     clock_steps,
     foreign_log,
     format_damage,
     ground_speed,
     is_parameter_name,
-    sample_nearest,
     strictly_increasing,
     usable,
     zero_depth,
@@ -70,11 +71,12 @@ _FMT = 0x80
 _format = struct.Struct("<BB4s16s64s")
 """Body of an FMT message: number, length, name, field codes and columns of a message type."""
 _REQUIRED_MESSAGES = (
-    "ATT or AHR2, RATE, IMU or GYR, RCOU, and for tests of the elevator the altitude in CTUN, POS,"
-    " BARO, XKF1, NKF1 or AHR2"
+    "ATT or AHR2, RCOU, and for tests of the elevator the altitude in CTUN, POS, BARO, XKF1, NKF1"
+    " or AHR2"
 )
 _ATTITUDES = ("ATT", "AHR2")
 """Messages with Roll, Pitch and Yaw in degrees, the best source first."""
+_ANGLES = ("Roll", "Pitch", "Yaw")
 _RATES = (
     ("RATE", ("R", "P", "Y"), math.radians(1.0)),
     ("IMU", ("GyrX", "GyrY", "GyrZ"), 1.0),
@@ -459,31 +461,21 @@ def _first_instance(table: MessageColumns) -> MessageColumns:
 
 
 def _attitude(path: Path, message_tables: Tables) -> Attitude:
-    """Return attitude from one of _ATTITUDES and rates from one of _RATES."""
+    """Return attitude from one of _ATTITUDES and rates from one of _RATES, else by differences."""
     name = next((name for name in _ATTITUDES if name in message_tables), _ATTITUDES[0])
-    time_s, angles = _table(path, message_tables, name, "Roll", "Pitch", "Yaw")
-    source, columns, factor = next((r for r in _RATES if r[0] in message_tables), _RATES[1])
-    rates = _table(path, message_tables, source, *columns)
-    rates_radps = [factor * rates.columns[column].astype(np.float64) for column in columns]
-    known = usable(rates.time_s, *rates_radps)
-    rates_s, rates_radps = rates.time_s[known], [values[known] for values in rates_radps]
-    near = sample_nearest(time_s, rates_s, rates_radps[0])[0]
-    near &= usable(time_s, *(angles[name] for name in ("Roll", "Pitch", "Yaw")))
-    p, q, r = (sample_nearest(time_s, rates_s, values)[1][near] for values in rates_radps)
-    roll, pitch, yaw = (
-        np.radians(angles[name][near].astype(np.float64)) for name in ("Roll", "Pitch", "Yaw")
-    )
-    if not near.any():
+    time_s, columns = _table(path, message_tables, name, *_ANGLES)
+    known = usable(time_s, *(columns[angle] for angle in _ANGLES))
+    angles_rad = [np.radians(columns[angle][known].astype(np.float64)) for angle in _ANGLES]
+    rates = next((r for r in _RATES if r[0] in message_tables), None)
+    if rates is None:
+        return attitude_of_angles(time_s[known], angles_rad)
+    source, fields, factor = rates
+    rates_s, rate_columns = _table(path, message_tables, source, *fields)
+    rates_radps = [factor * rate_columns[field].astype(np.float64) for field in fields]
+    attitude = attitude_with_rates(time_s[known], angles_rad, rates_s, rates_radps)
+    if not attitude.time_s.size:
         raise LogError(f"{path}: {name} and {source} were never logged at the same time")
-    return Attitude(
-        time_s=time_s[near],
-        roll_rad=roll,
-        pitch_rad=pitch,
-        yaw_rad=np.unwrap(yaw),
-        p_radps=p,
-        q_radps=q,
-        r_radps=r,
-    )
+    return attitude
 
 
 def _actuators(

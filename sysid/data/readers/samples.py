@@ -361,6 +361,38 @@ def zero_depth(time_s: Array) -> Depth:
     return Depth(time_s, np.zeros(time_s.size), np.zeros(time_s.size))
 
 
+def attitude_of_angles(time_s: Array, angles_rad: Sequence[Array]) -> Attitude:
+    """Return roll, pitch and yaw with the rates by their differences, for a log without rates."""
+    roll, pitch, yaw = angles_rad
+    return _attitude(time_s, angles_rad, body_rates(time_s, roll, pitch, np.unwrap(yaw)))
+
+
+def attitude_with_rates(
+    time_s: Array, angles_rad: Sequence[Array], rates_s: Array, rates_radps: Sequence[Array]
+) -> Attitude:
+    """Return roll, pitch and yaw at the times that have body rates; empty without any."""
+    known = usable(rates_s, *rates_radps)
+    nearest = [sample_nearest(time_s, rates_s[known], rate[known]) for rate in rates_radps]
+    near = nearest[0][0]
+    angles = [angle[near] for angle in angles_rad]
+    return _attitude(time_s[near], angles, [rate[near] for _, rate in nearest])
+
+
+def _attitude(time_s: Array, angles_rad: Sequence[Array], rates_radps: Sequence[Array]) -> Attitude:
+    """Return the record of roll, pitch, yaw and body rates, with the yaw unwrapped."""
+    roll, pitch, yaw = angles_rad
+    p, q, r = rates_radps
+    return Attitude(
+        time_s=time_s,
+        roll_rad=roll,
+        pitch_rad=pitch,
+        yaw_rad=np.unwrap(yaw),
+        p_radps=p,
+        q_radps=q,
+        r_radps=r,
+    )
+
+
 def body_rates(time_s: Array, roll: Array, pitch: Array, yaw: Array) -> tuple[Array, Array, Array]:
     """Return body rates p, q, r (rad/s) from angles (rad, yaw unwrapped).
 

@@ -33,6 +33,8 @@ from sysid.data.readers.samples import (
     FileDamage,
     MessageColumns,
     accelerometer,
+    attitude_of_angles,
+    attitude_with_rates,
     body_velocity,
     clock_steps,
     derivative,
@@ -41,7 +43,6 @@ from sysid.data.readers.samples import (
     format_damage,
     ground_speed,
     is_parameter_name,
-    sample_nearest,
     strictly_increasing,
     usable,
     zero_depth,
@@ -101,10 +102,7 @@ _ACCELEROMETERS = (
 _TOPICS = tuple(
     dict.fromkeys(("vehicle_attitude", *(topic for topic, *_ in (*_RATES, *_DEPTHS)), _MOTORS))
 )
-_NEEDED = (
-    "vehicle_attitude, vehicle_angular_velocity, actuator_outputs, and for tests of the elevator"
-    " vehicle_local_position"
-)
+_NEEDED = "vehicle_attitude, actuator_outputs, and for tests of the elevator vehicle_local_position"
 _SETPOINTS = ("vehicle_attitude_setpoint", "vehicle_local_position_setpoint")
 _FRACTIONS = {
     f"{field}[{n}]": Plausible(floor=0.05) for field in ("control", "output") for n in range(16)
@@ -289,32 +287,21 @@ def _table(path: Path, topic_tables: Tables, name: str, *columns: str) -> Messag
 
 
 def _attitude(path: Path, topic_tables: Tables) -> Attitude:
-    """Return attitude and body rates."""
-    time_s, columns = _table(
-        path, topic_tables, "vehicle_attitude", *(f"q{part}" for part in _QUATERNION)
-    )
-    source, fields = next((r for r in _RATES if _has(topic_tables, r[0], r[1][0])), _RATES[0])
-    rates = _table(path, topic_tables, source, *fields)
-    rates_radps = [rates.columns[field].astype(np.float64) for field in fields]
-    known = usable(rates.time_s, *rates_radps)
-    rates_s, rates_radps = rates.time_s[known], [values[known] for values in rates_radps]
-    near = sample_nearest(time_s, rates_s, rates_radps[0])[0]
-    near &= usable(time_s, *(columns[f"q{part}"] for part in _QUATERNION))
-    if not near.any():
+    """Return attitude and body rates from one of _RATES, else by differences."""
+    parts = [f"q{part}" for part in _QUATERNION]
+    time_s, columns = _table(path, topic_tables, "vehicle_attitude", *parts)
+    known = usable(time_s, *(columns[part] for part in parts))
+    angles_rad = euler_rad(*(columns[part][known].astype(np.float64) for part in parts))
+    rates = next((r for r in _RATES if _has(topic_tables, r[0], r[1][0])), None)
+    if rates is None:
+        return attitude_of_angles(time_s[known], angles_rad)
+    source, fields = rates
+    rates_s, rate_columns = _table(path, topic_tables, source, *fields)
+    rates_radps = [rate_columns[field].astype(np.float64) for field in fields]
+    attitude = attitude_with_rates(time_s[known], angles_rad, rates_s, rates_radps)
+    if not attitude.time_s.size:
         raise LogError(f"{path}: vehicle_attitude and {source} were never logged at the same time")
-    p, q, r = (sample_nearest(time_s, rates_s, values)[1][near] for values in rates_radps)
-    roll, pitch, yaw = euler_rad(
-        *(columns[f"q{part}"][near].astype(np.float64) for part in _QUATERNION)
-    )
-    return Attitude(
-        time_s=time_s[near],
-        roll_rad=roll,
-        pitch_rad=pitch,
-        yaw_rad=np.unwrap(yaw),
-        p_radps=p,
-        q_radps=q,
-        r_radps=r,
-    )
+    return attitude
 
 
 def _actuators(

@@ -242,7 +242,7 @@ _DATAFLASH_CODES = {
 
 
 class DataflashVariant(NamedTuple):
-    """Message and values of the rates, and message and values of the depth."""
+    """Messages of the rates (empty for none), of the depth and of the outputs."""
 
     rates: str = "RATE"
     depth: str = "CTUN"
@@ -260,6 +260,8 @@ VARIANTS = {
 
 
 def _rates(variant: DataflashVariant, us: int, rate_radps: float) -> bytes:
+    if not variant.rates:
+        return b""
     if variant.rates == "RATE":
         return _record("RATE", us, 0.0, 0.0, 0.0, 0.0, 0.0, math.degrees(rate_radps))
     # The second instance measures something else and must not be read.

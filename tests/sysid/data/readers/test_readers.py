@@ -160,7 +160,8 @@ def test_ardupilot_mode_change_ends_test(tmp_path: Path) -> None:
     ("suffix", "lost", "named"),
     [
         ("bin", b"RCOU", "RCOU"),
-        ("bin", b"RATE", "IMU"),
+        ("bin", b"ATT\0", "ATT"),
+        ("ulg", b"vehicle_attitude", "vehicle_attitude"),
         ("ulg", b"actuator_outputs", "actuator_outputs"),
     ],
 )
@@ -540,6 +541,25 @@ def test_ardupilot_log_with_milliseconds_gives_the_same_run(tmp_path: Path) -> N
 def test_px4_versions_give_the_same_run(tmp_path: Path, variant: str) -> None:
     """From 1.14 the thrust is a motor, which is output 9."""
     check_run(the_run(files.ulog(tmp_path / "dive.ulg", variant=variant)))
+
+
+@pytest.mark.parametrize("suffix", ["bin", "ulg"])
+def test_logs_without_rates_have_those_of_the_angles(
+    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """ATT has steps of 0.01 deg, so that a difference over two samples is off by 0.25 deg/s."""
+    monkeypatch.setitem(files.VARIANTS, "angles", files.DataflashVariant(rates=""))
+    monkeypatch.setitem(files.ULOG_VARIANTS, "angles", files.UlogVariant(rates=""))
+    path = tmp_path / f"angles.{suffix}"
+    if suffix == "bin":
+        run = the_run(files.dataflash(path, variant="angles"))
+    else:
+        run = the_run(files.ulog(path, variant="angles"))
+    testing = (run.time_s >= 0.05) & (run.time_s < 9.9)
+    np.testing.assert_allclose(np.degrees(run.r_radps[testing]), 3.0, atol=0.26)
+    assert np.degrees(np.mean(run.r_radps[testing])) == pytest.approx(3.0, abs=0.01)
+    (screening,) = screen([run])
+    assert screening.reasons == ()
 
 
 def test_px4_pulses_have_the_range_of_its_parameters(tmp_path: Path) -> None:
