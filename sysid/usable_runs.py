@@ -169,10 +169,18 @@ def select(logs: Sequence[LogOfRuns]) -> tuple[list[Run], list[Screening]]:
     screenings = screen(runs)
     accepted_runs = [s.run for s in screenings if s.accepted]
     if not accepted_runs:
-        rejections = "; ".join(f"{s.run.name} {s.reasons[0]}" for s in screenings)
+        rejections = _format_rejections(screenings)
         moving = _moving_outputs(logs) if all(map(_is_held, screenings)) else ""
         raise RefitError(f"{names}: every test was screened out: {rejections}{moving}")
     return accepted_runs, screenings
+
+
+def _format_rejections(screenings: Sequence[Screening]) -> str:
+    """Return the first reason of each rejected run; runs with the same reason are listed once."""
+    names: dict[str, list[str]] = {}
+    for screening in screenings:
+        names.setdefault(screening.reasons[0], []).append(screening.run.name)
+    return "; ".join(f"{', '.join(runs)} {reason}" for reason, runs in names.items())
 
 
 def _is_held(screening: Screening) -> bool:
