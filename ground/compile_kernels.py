@@ -68,7 +68,8 @@ def compile_kernels(folder: Path) -> None:
             truth=OTHER_VEHICLE,
             seed=request.seed,
             missions=MISSIONS,
-        )
+        ),
+        announce=lambda _: None,
     )
     # Two logs may be too few for the checks of a campaign, which have no kernels: use force.
     model = refit.refit(

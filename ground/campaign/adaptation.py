@@ -6,7 +6,7 @@ settled before a test, in the sea and in calm water: the motion of the sea alone
 vehicle that does not leave the surface begins with a descent at full thrust.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from ground.missions import scaling
@@ -38,7 +38,10 @@ class AdaptedMissions(NamedTuple):
 
 
 def adapt(
-    check: Readiness, scripts: Mapping[str, Script], max_deg: Mapping[str, float]
+    check: Readiness,
+    scripts: Mapping[str, Script],
+    max_deg: Mapping[str, float],
+    announce: Callable[[str], None],
 ) -> AdaptedMissions:
     """Return missions with adapted sizes and waits.
 
@@ -50,6 +53,8 @@ def adapt(
         Missions by name.
     max_deg : Mapping
         Largest size of a test by surface (deg).
+    announce : callable
+        Called with each mission and surface before its simulated dives.
 
     Returns
     -------
@@ -57,18 +62,18 @@ def adapt(
         Missions by name; a mission that cannot be completed remains, and `readiness.find_obstacle`
         gives the reason.
     """
-    adapted = {
-        name: _fit_envelope(check, _leave_surface(check, script), max_deg)
-        if _tests(script)
-        else script
-        for name, script in scripts.items()
-    }
+    adapted = dict(scripts)
+    for name, script in scripts.items():
+        if _tests(script):
+            announce(f"adapting {name} in simulation")
+            adapted[name] = _fit_envelope(check, _leave_surface(check, script), max_deg)
     notes = [
         f"{name}: tests made smaller, or legs longer, in simulation"
         for name, script in adapted.items()
         if script not in (scripts[name], scaling.descend_at_full_thrust(scripts[name]))
     ]
     for plane in Plane:
+        announce(f"adapting the {PLANES[plane].surface} sweeps in simulation")
         larger = _raise_sweeps(check, adapted, max_deg, plane)
         if larger != adapted:
             notes.append(f"{PLANES[plane].surface} sweeps made larger in simulation")

@@ -65,13 +65,15 @@ class PreparationRequest(NamedTuple):
     missions: tuple[str, ...]
 
 
-def prepare(request: PreparationRequest) -> Preparation:
+def prepare(request: PreparationRequest, announce: Callable[[str], None]) -> Preparation:
     """Return parameters and files of a campaign.
 
     Parameters
     ----------
     request : PreparationRequest
         Vehicle, sea and missions.
+    announce : callable
+        Called with each step that takes long.
 
     Returns
     -------
@@ -113,7 +115,7 @@ def prepare(request: PreparationRequest) -> Preparation:
     max_deg: dict[str, float] = {
         PLANES[plane].surface: part.max_size_deg for plane, part in scale.planes.items()
     }
-    adapted = adaptation.adapt(check, scripts, max_deg)
+    adapted = adaptation.adapt(check, scripts, max_deg, announce)
     flown, obstacle = _completable(check, adapted.scripts)
     if obstacle:
         raise _refusal(request, obstacle)

@@ -196,7 +196,7 @@ class Campaign:
                     "--include-paper-gains: the paper's gains are for Caribou; "
                     f"leave it out for {r.vehicle}"
                 )
-            self.announce("designing the first gains; adapting the missions in simulation")
+            self.announce("designing the first gains")
         asked = PreparationRequest(
             vehicle=r.vehicle,
             scenario=r.scenario,
@@ -204,7 +204,7 @@ class Campaign:
             seed=r.seed,
             missions=ALL_MISSIONS,
         )
-        preparation = prepare(asked)
+        preparation = prepare(asked, self.announce)
         self._write_folder(preparation)
         for note in preparation.notes:
             self.announce(note)

@@ -72,7 +72,7 @@ class FakeCheck:
 
 
 def adapt(check: FakeCheck, name: str) -> Script:
-    adapted = adaptation.adapt(check, {name: script.load(name)}, LIMITS)  # type: ignore[arg-type]
+    adapted = adaptation.adapt(check, {name: script.load(name)}, LIMITS, print)  # type: ignore[arg-type]
     return adapted.scripts[name]
 
 
@@ -82,7 +82,10 @@ def sizes_deg(mission: Script) -> list[float]:
 
 
 def test_adapt_fine_mission_is_unchanged() -> None:
-    adapted = adaptation.adapt(FakeCheck(), {"combined": script.load("combined")}, LIMITS)  # type: ignore[arg-type]
+    steps: list[str] = []
+    missions = {"combined": script.load("combined")}
+    adapted = adaptation.adapt(FakeCheck(), missions, LIMITS, steps.append)  # type: ignore[arg-type]
+    assert steps[-1] == "adapting the elevator sweeps in simulation"
     assert adapted.scripts == {"combined": script.load("combined")}
     assert adapted.notes == ()
 
