@@ -120,7 +120,8 @@ MAX_REPEATED = 0.2
 MAX_DEPTH_JUMP_M = 0.5
 """Largest noise of a depth in metres; that of a depth in mm is 1000 times as large."""
 MIN_TEST_RANGE_DEG = 0.5
-"""Smallest range of a surface in its tests: a command in rad has less, one in deg has more."""
+"""Smallest range of a surface in its tests: a command in rad has less, or a test that is too small.
+"""
 MIN_WRAPS, MAX_WRAP_ERROR = 2, 0.02
 """Number of wraps of a heading that show its unit, and largest change of the heading in one row, in
 turns. Radians in a column in degrees wrap by 6.28, span no more, and change by less than 0.13
@@ -382,7 +383,7 @@ def _median_jump_m(depth_m: Array) -> float:
 
 
 def _check_tested_surfaces(path: Path, table: _Table) -> None:
-    """Raise LogError for a test whose surface has no column, or one in radians named degrees."""
+    """Raise LogError for a tested surface without a column, too small, or in rad named deg."""
     tests = np.array(table.tests)
     for surface in ("rudder", "elevator"):
         tested = (tests == surface) | (tests == "both")
@@ -398,8 +399,9 @@ def _check_tested_surfaces(path: Path, table: _Table) -> None:
         range_deg = float(np.ptp(known)) if known.size else 0.0
         if math.radians(1.0) < range_deg < MIN_TEST_RANGE_DEG:
             raise LogError(
-                f"{path}: the {surface} changes by {range_deg:.2g} deg in its tests; if these are"
-                f" rad ({math.degrees(range_deg):.2g} deg), name the column {surface}_rad"
+                f"{path}: the {surface} changes by {range_deg:.2g} deg in its tests, at least"
+                f" {MIN_TEST_RANGE_DEG:g} needed: fly larger tests, or, if these are rad"
+                f" ({math.degrees(range_deg):.2g} deg), name the column {surface}_rad"
             )
 
 

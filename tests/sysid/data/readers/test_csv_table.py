@@ -438,12 +438,16 @@ def test_depth_in_millimetres_is_named(tmp_path: Path) -> None:
         readers.read(path)
 
 
-def test_tested_surface_in_radians_is_named(tmp_path: Path) -> None:
+def test_tested_surface_in_radians_or_too_small_is_named(tmp_path: Path) -> None:
     lines = [line.split(",") for line in rows()]
     for k, cells in enumerate(lines):
         cells[5] = f"{math.radians(float(cells[5]) * (-1) ** (k // 50)):.5f}"
     path = write(tmp_path / "rad.csv", lines=[",".join(cells) for cells in lines])
-    with pytest.raises(LogError, match=r"the rudder changes by 0\.14 deg .* column rudder_rad"):
+    expected = (
+        r"the rudder changes by 0\.14 deg in its tests, at least 0\.5 needed: fly larger tests, or,"
+        r" if these are rad \(8 deg\), name the column rudder_rad"
+    )
+    with pytest.raises(LogError, match=expected):
         readers.read(path)
 
 
