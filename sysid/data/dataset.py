@@ -56,6 +56,8 @@ class Actuators:
     """Numbers of further outputs that move, counted from 1."""
     assumed_pulses: str = ""
     """Pulses that were taken for the range of an output, because the log does not contain it."""
+    has_elevator: bool = True
+    """False if no output is an elevator, whose command is zero then."""
     mixed_surfaces: str = ""
     """Outputs whose surfaces act in both planes, with the parameters that say so."""
 

@@ -93,6 +93,8 @@ class Run:
     """Reason of an early end with value and limit; empty for a complete test."""
     travel_rad: float = math.radians(DEFAULT_TRAVEL_DEG)
     """Travel of a surface to either side."""
+    has_elevator: bool = True
+    """False if no output is an elevator."""
     longest_depth_gap_s: float = 0.0
     """Largest interval between two received samples of depth."""
     forward_mps: Array = field(default_factory=lambda: np.empty(0))

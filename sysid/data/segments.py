@@ -330,6 +330,7 @@ def _run(log: Log, span: TestInterval, name: str, hold: Hold) -> Run:
         both=span.both,
         stop_detail=span.stop_detail,
         travel_rad=actuators.travel_rad,
+        has_elevator=actuators.has_elevator,
         velocity_source=log.velocity.source,
         delay_sd_s=math.hypot(0.5 * hold.sd_s, _command_time_sd_s(actuators.time_s)),
     )

@@ -59,7 +59,13 @@ MIN_SPREAD_RAD = math.radians(0.02)
 
 
 def no_deflection(run: Run) -> str:
-    """Reject a run whose tested surface was held."""
+    """Reject a run whose tested surface was held, or has no output."""
+    if run.plane == Plane.PITCH and not run.has_elevator:
+        return (
+            f"{NO_EXCITATION}: no output has the function of an elevator (SERVOn_FUNCTION = 19,"
+            " or PX4's CA_SV_CSk_TYPE); set it, or give the outputs of rudder, elevator and thrust"
+            " with --servo-channels"
+        )
     own_deg, other_deg = (_deflection_deg(run, plane) for plane in (run.plane, _other(run.plane)))
     if own_deg >= MIN_DEFLECTION_DEG:
         return ""

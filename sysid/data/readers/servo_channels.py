@@ -296,6 +296,7 @@ def actuator_commands(
     """
     commands = np.zeros((3, time_s.size))
     others, assumed, mixed = set[int](), dict[str, None](), dict[str, None]()
+    has_elevator = False
     for rows, own_parameters in history.epochs(time_s, _OUTPUT_PARAMETERS):
         parameters = own_parameters | convert(own_parameters)
         v_tail = None if options.channels else find_v_tail(parameters)
@@ -308,6 +309,7 @@ def actuator_commands(
         mixed["" if options.channels or v_tail else mixed_surfaces(parameters)] = None
         travel = travel_rad(parameters, options)
         commands[:2, rows] *= travel
+        has_elevator = has_elevator or channels.elevator != 0
     return Actuators(
         time_s=time_s,
         rudder_rad=commands[0],
@@ -315,6 +317,7 @@ def actuator_commands(
         thrust=commands[2],
         travel_rad=travel,
         other_outputs=tuple(sorted(others)),
+        has_elevator=has_elevator,
         assumed_pulses="; ".join(filter(None, assumed)),
         mixed_surfaces="; ".join(filter(None, mixed)),
     )

@@ -762,6 +762,21 @@ def test_boat_without_elevator(tmp_path: Path) -> None:
     assert servo_channels.parse("1,0,3") == ServoChannels(1, 0, 3)
 
 
+def test_elevator_test_without_elevator_function_names_it(tmp_path: Path) -> None:
+    """Two outputs have the function of the rudder, the elevator's one included."""
+    parameters = {"SERVO1_FUNCTION": 21.0, "SERVO2_FUNCTION": 21.0, "SERVO3_FUNCTION": 70.0}
+    path = files.dataflash(tmp_path / "two.bin", parameters=parameters)
+    missing = "no excitation: no output has the function of an elevator (SERVOn_FUNCTION = 19"
+
+    def is_missing(run: Run) -> bool:
+        return any(reason.startswith(missing) for reason in screen([run])[0].reasons)
+
+    rudder_test, chosen = the_run(path), the_run(path, chosen=ServoChannels(1, 2, 3))
+    assert not is_missing(rudder_test)
+    assert is_missing(replace(rudder_test, plane=Plane.PITCH))
+    assert not is_missing(replace(chosen, plane=Plane.PITCH))
+
+
 def test_samples_that_are_not_finite_are_a_gap(tmp_path: Path) -> None:
     """The estimator of the vehicle fails for one second within the test."""
 
