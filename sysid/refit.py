@@ -179,8 +179,10 @@ def _refit(
     tests = usable_runs.cut_logs(logs, request.marks)
     held_out_tests = usable_runs.cut_logs(held_out_logs, request.marks)
     usable_runs.refuse_miswired([*tests, *held_out_tests])
-    accepted_runs, screenings = usable_runs.select(tests)
-    held_out_screenings = screen(usable_runs.runs_of(held_out_tests))
+    point = knowledge.config.operating_point
+    full_speed_mps = point.speed_mps / point.thrust_fraction
+    accepted_runs, screenings = usable_runs.select(tests, full_speed_mps)
+    held_out_screenings = screen(usable_runs.runs_of(held_out_tests), full_speed_mps)
     held_out_runs = [s.run for s in held_out_screenings if s.accepted]
     with _fit_errors_named(knowledge.name):
         model, refitted = _identify(

@@ -158,7 +158,7 @@ def _marks_of(log: Log, marks: Sequence[MarkedInterval]) -> list[MarkedInterval]
     return [mark for mark in marks if mark.log in ("", log.name)]
 
 
-def select(logs: Sequence[LogOfRuns]) -> tuple[list[Run], list[Screening]]:
+def select(logs: Sequence[LogOfRuns], full_speed_mps: float) -> tuple[list[Run], list[Screening]]:
     """Screen the runs of the logs. Return the accepted runs and all screening results."""
     runs = runs_of(logs)
     names = ", ".join(log.name for log, _ in logs) or "no file"
@@ -166,7 +166,7 @@ def select(logs: Sequence[LogOfRuns]) -> tuple[list[Run], list[Screening]]:
         needed = "tests of rudder or elevator (SID_AXIS 12 or 11), or ranges that you mark"
         found = proposals.format_marks([mark for log, _ in logs for mark in proposals.propose(log)])
         raise RefitError(f"{names}: no test found; a log needs {needed} (--segment); {found}")
-    screenings = screen(runs)
+    screenings = screen(runs, full_speed_mps)
     accepted_runs = [s.run for s in screenings if s.accepted]
     if not accepted_runs:
         rejections = _format_rejections(screenings)

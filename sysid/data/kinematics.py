@@ -49,6 +49,12 @@ class DepthPitchMismatch(NamedTuple):
     """Speed with the best agreement; negative if depth changes in the wrong direction."""
     excursion_m: float
     """Range of depth."""
+    depth_rms_m: float
+    """Root mean square of depth about a straight line."""
+    sine_rms_s: float
+    """Root mean square, about a straight line, of the depth change by pitch at 1 m/s."""
+    sine_range_s: float
+    """Range of the same."""
 
 
 def heading_mismatch(run: Run) -> AngleRateMismatch | None:
@@ -79,7 +85,12 @@ def depth_mismatch(run: Run) -> DepthPitchMismatch | None:
         return None
     speed_mps = float(sine_rest_s @ depth_rest_m) / float(sine_rest_s @ sine_rest_s)
     return DepthPitchMismatch(
-        _rms(depth_rest_m - speed_mps * sine_rest_s), speed_mps, float(np.ptp(run.depth_m))
+        rms_m=_rms(depth_rest_m - speed_mps * sine_rest_s),
+        speed_mps=speed_mps,
+        excursion_m=float(np.ptp(run.depth_m)),
+        depth_rms_m=_rms(depth_rest_m),
+        sine_rms_s=_rms(sine_rest_s),
+        sine_range_s=float(np.ptp(sine_rest_s)),
     )
 
 

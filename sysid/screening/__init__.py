@@ -5,6 +5,7 @@ the motion before and during a test, before any fit. `find_outliers` tests the f
 runs for anomalies of single runs. `refit_loop.refit_until_clean` repeats fit and test.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -25,13 +26,15 @@ class Screening(NamedTuple):
     """Reasons of a rejection, each "rule: values"; empty for an accepted run."""
 
 
-def screen(runs: Sequence[Run]) -> list[Screening]:
+def screen(runs: Sequence[Run], full_speed_mps: float = math.nan) -> list[Screening]:
     """Apply the screening rules to every run.
 
     Parameters
     ----------
     runs : sequence of Run
         All runs of a campaign: the motion before all tests gives the limits for each.
+    full_speed_mps : float
+        Speed of the vehicle with full thrust; NaN if it is not known.
 
     Returns
     -------
@@ -52,6 +55,7 @@ def screen(runs: Sequence[Run]) -> list[Screening]:
             rules.too_short(run),
             rules.attitude_rate_mismatch(run),
             rules.depth_pitch_mismatch(run),
+            rules.depth_without_pitch(run, full_speed_mps),
             excitation.no_deflection(run),
             excitation.feedback_only(run),
             rules.saturation(run),

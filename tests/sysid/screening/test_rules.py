@@ -10,7 +10,7 @@ from sitl.vehicle import config
 from sysid.data.events import StopReason
 from sysid.data.runs import Run
 from sysid.planes import Plane
-from sysid.screening import screen
+from sysid.screening import rules, screen
 from tests.sysid import sea
 
 
@@ -123,3 +123,20 @@ def test_saturation_uses_travel_of_the_vehicle(yaw: Run) -> None:
     assert any(
         reason.startswith("saturation: a surface at its stops (9 deg)") for reason in reasons(short)
     )
+
+
+def test_depth_that_does_not_follow_pitch_is_rejected(field: config.VehicleConfig) -> None:
+    """A barometer measures the air in the hull. The vehicle has 1.3 m/s, slower ones less."""
+    turned = (math.radians(6.0), 0.0)
+    pitch = sea.fly(field, Plane.PITCH, sea.step(4.0, 20.0), level=sea.CALM, trim_rad=turned)
+    thrust = float(np.mean(pitch.thrust))
+    in_air = replace(pitch, depth_m=0.3 + 0.05 * np.sin(pitch.time_s / 5.0))
+    reason = rules.depth_without_pitch(in_air, 1.3 / thrust)
+    assert reason.startswith("kinematics: depth does not follow pitch: they give ")
+    assert "and the vehicle has 1.30 m/s by its file;" in reason
+    (screening,) = screen([in_air], 1.3 / thrust)
+    assert reason in screening.reasons
+    for speed_mps in (1.3, 3.0):
+        assert rules.depth_without_pitch(pitch, speed_mps / thrust) == ""
+    for speed_mps in (0.1, math.nan):  # the change of depth is within its noise, or not known
+        assert rules.depth_without_pitch(in_air, speed_mps / thrust) == ""
