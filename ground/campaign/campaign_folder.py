@@ -1,10 +1,9 @@
-"""Reader of a campaign folder, which reads each log once."""
+"""Reader of a campaign folder, which reads each log once, and again if its dive is repeated."""
 
 import tomllib
-from collections.abc import Collection
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 from ground.campaign import prototype, refit, summary_file
 from ground.campaign.summary_file import CampaignSummary
@@ -24,12 +23,29 @@ SCENARIO_FILE, TRUTH_FILE, MISSIONS_FOLDER = "scenario.toml", "truth.toml", "mis
 """Scenario, flown vehicle and folder of missions, if they are not the shipped ones."""
 
 
+class _FileVersion(NamedTuple):
+    """Content of a file, as far as its status identifies it; zeros if it is missing."""
+
+    inode: int
+    modified_ns: int
+    size: int
+
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        """Return the version of a file at present."""
+        try:
+            status = path.stat()
+        except OSError:
+            return cls(0, 0, 0)
+        return cls(status.st_ino, status.st_mtime_ns, status.st_size)
+
+
 class CampaignFolder:
     """The files of a campaign. Methods raise InputError if a file is missing or invalid."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._logs: dict[tuple[str, str], Log] = {}
+        self._logs: dict[Path, tuple[_FileVersion, Log]] = {}
 
     @cached_property
     def summary(self) -> CampaignSummary:
@@ -44,11 +60,6 @@ class CampaignFolder:
     def forget_model(self) -> None:
         """Read `model.json` again when it is needed next."""
         self.__dict__.pop("model", None)
-
-    def forget_logs(self, stages: Collection[str]) -> None:
-        """Read the logs of dives of some stages again when they are needed next."""
-        for key in [key for key in self._logs if key[0] in stages]:
-            del self._logs[key]
 
     @cached_property
     def baseline(self) -> PerformanceBaseline:
@@ -112,10 +123,11 @@ class CampaignFolder:
 
     def log(self, stage: str, mission: str) -> Log:
         """Return the log of a dive."""
-        key = stage, mission
-        if key not in self._logs:
-            self._logs[key] = refit.read_log(self.log_path(stage, mission))
-        return self._logs[key]
+        path = self.log_path(stage, mission)
+        version = _FileVersion.of(path)  # before it is read: it may be written meanwhile
+        if path not in self._logs or self._logs[path][0] != version:
+            self._logs[path] = version, refit.read_log(path)
+        return self._logs[path][1]
 
     def runs(self, mission: str) -> list[Run]:
         """Return the tests of an identification dive."""

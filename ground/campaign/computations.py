@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from msgspec.structs import replace
 
 from ground.campaign import refit, retest, summary
-from ground.campaign.campaign_folder import STAGES, CampaignFolder
+from ground.campaign.campaign_folder import CampaignFolder
 from ground.campaign.retest import Retest
 from ground.campaign.summary_file import CampaignSummary, DesignSummary
 from ground.missions import script
@@ -125,10 +125,7 @@ def design(out: Path, first: Mapping[str, float]) -> DesignSummary:
 def add_parameters(
     out: Path, summary: DesignSummary, limits: Mapping[str, float], reasons: Mapping[str, str]
 ) -> DesignSummary:
-    """Add the parameters that failsafes have limited to a design and to `gains.param`.
-
-    The logs of the missions are read again, because the missions were repeated with them.
-    """
+    """Add the parameters that failsafes have limited to a design and to `gains.param`."""
     folder = _folder(out)
     limited = replace(
         summary,
@@ -137,7 +134,6 @@ def add_parameters(
     )
     text = performance_spec.encode(folder.baseline, limited.gains, limited.reasons)
     write_output(out / "gains.param", text)
-    folder.forget_logs(STAGES.values())
     return limited
 
 

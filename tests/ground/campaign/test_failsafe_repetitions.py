@@ -12,6 +12,7 @@ from ground.campaign import (
     dives,
     failsafe_limits,
     folder_setup,
+    refit,
 )
 from ground.campaign.campaign_folder import CampaignFolder
 from ground.campaign.dive_records import DiveRecords
@@ -305,6 +306,27 @@ def test_vehicle_that_stays_afloat_at_full_thrust_ends_the_campaign(
     with pytest.raises(AfloatError, match="add ballast; a descent at full thrust is not"):
         campaign.dives.fly("prototype", "trim", {})
     assert len(flown) == 2
+
+
+def test_log_of_a_repeated_dive_is_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The worker reads each log when its dive ends; the missions may be flown again after that."""
+    reads: list[bytes] = []
+
+    def read(path: Path) -> bytes:
+        reads.append(path.read_bytes())
+        return reads[-1]
+
+    monkeypatch.setattr(refit, "read_log", read)
+    folder = CampaignFolder(tmp_path)
+    log = folder.log_path("verification", "combined")
+    log.parent.mkdir()
+    for content in (b"afloat", b"dived below"):
+        log.write_bytes(content)
+        for _ in range(2):
+            folder.log("verification", "combined")
+    assert reads == [b"afloat", b"dived below"]
 
 
 def test_pitch_limit_of_repeated_tests_is_kept_for_all_gains(
